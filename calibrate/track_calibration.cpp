@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Alternates between a calibration (calibrate()) and the estimation of clock offsets until they
+// converge, or six times. The offset of a camera is the weighted median, over its points, of the
+// reprojection error along the motion of the target divided by its speed in the picture (weight:
+// speed squared). Inputs: tracks per camera, pixels and ns. Cost: one bundle adjustment per round.
 #include "calibrate/track_calibration.h"
 
 #include <fmt/format.h>
@@ -13,9 +17,9 @@ using Eigen::Vector2d;
 
 constexpr int kMostRounds = 6;
 
-/// One camera's evidence: where the light was against where it should have been.
+/// Estimate of a camera's clock offset from one point.
 struct Lag {
-  double seconds = 0;  // by which the times are ahead, as this point tells
+  double seconds = 0;  // by which the camera's times are ahead
   double weight = 0;   // pixels per second, squared
 };
 
@@ -32,7 +36,7 @@ double weighted_median(std::vector<Lag> lags) {
 
 std::vector<std::vector<Lag>> lags_of(const ArrayModel& model, const InterpolatedTracks& points,
                                       const PointTracks& tracks) {
-  constexpr double kMostOff = 30;     // pixels: beyond it is another light
+  constexpr double kMostOff = 30;     // pixels; larger errors are another light
   constexpr double kLeastSpeed = 10;  // pixels per second
   const std::vector<CameraModel> lenses = make_camera_models(model);
   std::vector<std::vector<Lag>> lags(tracks.size());
@@ -51,7 +55,8 @@ std::vector<std::vector<Lag>> lags_of(const ArrayModel& model, const Interpolate
   return lags;
 }
 
-/// Seconds by which each camera's times are still ahead; mean 0 over those that tell.
+/// Returns the seconds by which each camera's times are ahead; mean 0 over the cameras with enough
+/// points.
 std::vector<double> remaining_offsets(const ArrayModel& model, const InterpolatedTracks& points,
                                       const PointTracks& tracks) {
   constexpr std::size_t kLeast = 10;  // points
@@ -71,7 +76,7 @@ std::vector<double> remaining_offsets(const ArrayModel& model, const Interpolate
   return offsets;
 }
 
-/// Speed of the light in the pictures, pixels per second, in the median.
+/// Returns the median speed of the light in the pictures, pixels per second.
 double median_speed(const PointTracks& tracks) {
   std::vector<double> speeds;
   for (const auto& of_camera : tracks) {
@@ -94,7 +99,7 @@ double median_speed(const PointTracks& tracks) {
   return *middle;
 }
 
-/// To go on from what was found: poses and lenses as a first guess.
+/// Returns settings that start from the poses and lenses of a calibration.
 CalibrationSettings continued(const CalibrationSettings& settings, const Calibration& found) {
   CalibrationSettings next = settings;
   if (settings.start) return next;
@@ -144,9 +149,10 @@ std::string format_clock_offsets(const TrackCalibration& found,
   const auto most = std::ranges::max_element(found.clock_offsets, {},
                                              [](Nanoseconds offset) { return std::abs(offset); });
   if (most == found.clock_offsets.end()) return {};
-  return fmt::format("Clocks     set by the light's motion, {} by most: {:.2f} ms\n",
-                     cameras[static_cast<std::size_t>(most - found.clock_offsets.begin())].id,
-                     static_cast<double>(*most) / kNsPerMs);
+  return fmt::format(
+      "Clocks     set from the motion of the light; largest offset: {} by {:.2f} ms\n",
+      cameras[static_cast<std::size_t>(most - found.clock_offsets.begin())].id,
+      static_cast<double>(*most) / kNsPerMs);
 }
 
 }  // namespace raystage

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "calibrate/detect/point_tracks.h"
+#include "calibrate/detect/track_interpolation.h"
 #include "calibrate/geometry/calibration.h"
 
 namespace raystage {
@@ -23,21 +23,21 @@ struct TrackCalibrationSettings {
 };
 
 struct TrackCalibration {
-  InterpolatedTracks points;  ///< with the clocks set
+  InterpolatedTracks points;  ///< with corrected clocks
   Calibration calibration;
-  /// Estimated clock offset of each camera, ns, positive: ahead of the others; mean 0; 0 if
+  /// Estimated clock offset of each camera, ns; positive: ahead of the others; mean 0; 0 if
   /// unknown.
   std::vector<Nanoseconds> clock_offsets;
 };
 
-/// Calibrates an array together with its clocks. A camera with clock offset d observes a light of
-/// velocity v (pixels per second) at a distance v d behind its projection. After each solve, d is
-/// estimated from all points of a camera and the times are corrected, until no correction exceeds
-/// the time of a fiftieth of a pixel. Throws Error as calibrate().
+/// Calibrates an array and the clock offsets of its cameras. A camera with clock offset d observes
+/// a light of velocity v (pixels per second) at a distance v d behind its projection. After each
+/// solve d is estimated from all points of a camera and the times are corrected, until every
+/// correction is below the time of a fiftieth of a pixel. Throws Error as calibrate().
 TrackCalibration calibrate_from_tracks(const RecordedTracks& light,
                                        const TrackCalibrationSettings& settings);
 
-/// Returns "Clocks     set by up to 4.3 ms".
+/// Returns a line about the largest clock offset, for example "Clocks     set by up to 4.3 ms".
 std::string format_clock_offsets(const TrackCalibration& found,
                                  const std::vector<DetectionsDocument::Camera>& cameras);
 

@@ -8,7 +8,7 @@
 
 namespace raystage {
 
-/// One chart as inline SVG; colours and type come from the page's style sheet by class.
+/// One chart as inline SVG; the page's style sheet sets colours and fonts by class.
 class SvgChart {
  public:
   struct Axis {
@@ -17,14 +17,16 @@ class SvgChart {
     bool ticks = true;
     bool logarithmic = false;  ///< x axis only; `low` must be above 0
   };
+  /// `description`: text for screen readers.
   SvgChart(std::string description, Axis x, Axis y);
 
   struct Point {
     double x, y;
   };
+  /// Adds a polyline, in the axes' units.
   void line(std::span<const Point> points, std::string_view css_class);
-  /// A dot with a name next to it: always if `named`, otherwise only if there is space. `title` is
-  /// the tooltip.
+  /// A dot with its name next to it: always if `named`, otherwise only if there is space. `title`
+  /// is the tooltip.
   struct Dot {
     double x = 0, y = 0;
     std::string css_class, name, title;
@@ -34,11 +36,13 @@ class SvgChart {
   /// Adds a bar from (x0, y0) to (x1, y1) in the axes' units.
   void bar(double x0, double x1, double y0, double y1, std::string_view css_class,
            std::string_view title = "");
+  /// Adds a labelled line across the chart.
   void horizontal(double y, std::string_view label);
   void vertical(double x, std::string_view label);
   /// Adds a label below the x axis, rotated if `turned` (for many labels).
   void x_label(double x, std::string_view label, bool turned);
 
+  /// Returns the chart as an SVG element.
   std::string str() const;
 
  private:

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// raystage bench: what every way of rendering costs, and how wrong it is.
-#include "render/evaluation/bench.h"
+// raystage bench: cost and error of each method and setting.
+#include "evaluation/bench.h"
 
 #include <fmt/format.h>
 
@@ -31,54 +31,54 @@ void declare(CLI::App& app, Options& options) {
   BenchPlan& plan = options.plan;
   app.add_option("TAKE", options.take, "Folder of the take")->required();
   app.add_option("VIEWS", options.views,
-                 "Views documents (raystage/views/1) with truth images; may be left out with "
-                 "--leave-out");
+                 "Views documents (raystage/views/1) with truth images; can be omitted with "
+                 "--exclude-cameras");
   app.add_option("-o,--output", options.output,
                  "Folder for trade.csv, trade.json and the page trade.html (default: not written)")
       ->type_name("DIR");
   app.add_option("--setting", options.settings,
-                 "A way of rendering, LABEL:METHOD:NAME=VALUE,... or METHOD alone; may be repeated "
+                 "Method and options, LABEL:METHOD:NAME=VALUE,... or METHOD alone; repeatable "
                  "(default: every method, with each of its presets)")
       ->allow_extra_args(false)
       ->type_name("SETTING");
   app.add_option("--settings", options.settings_file,
-                 "A document of settings (raystage/bench/1), instead or in addition")
+                 "Document of settings (raystage/bench/1), instead or in addition")
       ->type_name("FILE");
   app.add_option("--focal-depth", options.focal_depth,
                  "Focal plane parallel to the array, metres in front of it; 'best': eq. 2.2 from "
                  "the take's depth range")
       ->capture_default_str();
-  app.add_option("--leave-out", plan.common.excluded_camera_ids,
-                 "Cameras (ids, comma separated) to take out and use as truth")
+  app.add_option("--exclude-cameras", plan.common.excluded_camera_ids,
+                 "Cameras (ids, comma separated) to exclude and use as truth")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->type_name("ID,...");
   app.add_option("--camera-step", plan.camera_steps,
-                 "Use every n-th row and column of the grid only, for each n given: error against "
+                 "Use only every n-th row and column of the grid, for each n: error against "
                  "camera spacing (default: 1)")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::PositiveNumber)
       ->type_name("N,...");
   app.add_option("-j,--threads", options.threads,
-                 "Threads, for each number given: time against threads (default: 0, as many as CPU "
+                 "Threads, for each number: time against threads (default: 0, as many as CPU "
                  "affinity and control group grant)")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::Range(0, 1024))
       ->type_name("N,...");
-  app.add_option("--views-step", plan.common.view_step, "Render every n-th view only")
+  app.add_option("--view-step", plan.common.view_step, "Render every n-th view only")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
   plan.common.repeat = 3;
   app.add_option("--repeat", plan.common.repeat,
-                 "Renderings of each view that are timed after its first, at most as many as take "
-                 "2 s; their median counts")
+                 "Timed renderings of each view after the first, at most as many as take "
+                 "2 s; the median is reported")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000));
   app.add_flag("--count-pixels", options.count_pixels,
                "Count pixels decoded per pixel needed: renders each view once more");
-  app.add_option("--pictures", plan.pictures,
+  app.add_option("--images", plan.pictures,
                  "Views shown on the page, spread evenly; pictures take at most 12 MiB in all")
       ->capture_default_str()
       ->check(CLI::Range(0, 1000));
@@ -88,7 +88,7 @@ void declare(CLI::App& app, Options& options) {
       "Scale on which the cameras' samples are averaged: perceptual (sRGB's curve) or linear "
       "(default: perceptual)");
   app.add_option("--memory", options.memory_gb,
-                 "Memory for decoded source frames, what the method keeps and what it works with, "
+                 "Memory for decoded source frames, the method's caches and working buffers, "
                  "GB = 10^9 bytes")
       ->capture_default_str()
       ->check(CLI::Range(0.001, 1e5));
@@ -100,20 +100,20 @@ void declare(CLI::App& app, Options& options) {
       "settings finished until then are in the files.");
 }
 
-/// Several documents as one: their paths relative to where the command runs.
+/// Merges several documents; paths become relative to the working directory.
 ViewsDocument views_in(const std::vector<std::string>& files) {
   ViewsDocument all;
   std::set<std::string> ids;
   for (const std::string& file : files) {
     ViewsDocument views = read_views(file);
     if (!all.views.empty() && views.color_space != all.color_space) {
-      throw Error::bad_input("its colour space is not that of " + files.front(), file,
-                             "Measure views of one colour space at a time");
+      throw Error::bad_input("the colour space differs from that of " + files.front(), file,
+                             "Measure views of different colour spaces separately");
     }
     all.color_space = views.color_space;
     for (ViewsDocument::View& view : views.views) {
       if (!ids.insert(view.geometry.id).second) {
-        throw Error::bad_input("the view '" + view.geometry.id + "' comes twice", file,
+        throw Error::bad_input("the view '" + view.geometry.id + "' exists twice", file,
                                "Give each view its own id");
       }
       const auto folder = std::filesystem::path(file).parent_path();
@@ -170,7 +170,7 @@ ExitCode bench(const Options& options, std::stop_token stop) {
     progress.say(fmt::format("{}: {}", row.setting.label, row.failure));
   }
   if (!trade.complete) return ExitCode::kFailed;
-  // A method that the take has nothing for is no failure where nobody asked for it.
+  // A method without the required data of the take is a failure only if it was requested.
   return failed && asked_for ? ExitCode::kSomeFramesFailed : ExitCode::kSuccess;
 }
 
@@ -179,11 +179,13 @@ ExitCode bench(const Options& options, std::stop_token stop) {
 
 int main(int argc, char** argv) {
   using namespace raystage;
-  CLI::App app(
-      "Measures methods and their settings in views whose truth is known: error against time.",
-      "raystage bench");
+  CLI::App app("Measures methods and their settings on views with known truth: error against time.",
+               "raystage bench");
   Options options;
   declare(app, options);
   return parse_and_run(app, argc, argv, "bench",
-                       [&](std::stop_token stop) { return bench(options, stop); });
+                       [&](std::stop_token stop) { return bench(options, stop); }, OnSignal::kAbort,
+                       {{"--leave-out", "--exclude-cameras"},
+                        {"--views-step", "--view-step"},
+                        {"--pictures", "--images"}});
 }

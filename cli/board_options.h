@@ -11,7 +11,7 @@
 
 namespace raystage {
 
-/// A board as users describe it.
+/// Options that describe a calibration board.
 struct BoardOptions {
   std::string squares, dictionary;  ///< "10x7"; empty: none
   double square_mm = 0, marker = 0.75;
@@ -19,11 +19,11 @@ struct BoardOptions {
 };
 
 inline void add_board_options(CLI::App& app, BoardOptions& o) {
-  const char* group = "The board";
-  auto* board =
-      app.add_option("--board", o.squares, "All squares of the board, across and down, e.g. 10x7")
-          ->type_name("COLUMNSxROWS")
-          ->group(group);
+  const char* group = "Board";
+  auto* board = app.add_option("--board", o.squares,
+                               "Number of all squares of the board, across and down, e.g. 10x7")
+                    ->type_name("COLUMNSxROWS")
+                    ->group(group);
   app.add_option("--square-mm", o.square_mm, "Side of a square, millimetres")
       ->check(CLI::Range(0.1, 1e5).description(""))
       ->needs(board)
@@ -34,7 +34,7 @@ inline void add_board_options(CLI::App& app, BoardOptions& o) {
       ->type_name("DICTIONARY")
       ->needs(board)
       ->group(group);
-  app.add_option("--marker", o.marker, "Side of a ChArUco marker by its square's, 0-1")
+  app.add_option("--marker", o.marker, "Side of a ChArUco marker relative to its square, 0-1")
       ->capture_default_str()
       ->needs(board)
       ->group(group);
@@ -43,7 +43,7 @@ inline void add_board_options(CLI::App& app, BoardOptions& o) {
       ->group(group);
 }
 
-/// Throws Error (bad input) for what is no board; see check_board().
+/// Throws Error (bad input) for an invalid board; see check_board().
 inline Board make_board(const BoardOptions& options, bool unique_corners) {
   Board board;
   const std::string& text = options.squares;
@@ -58,7 +58,7 @@ inline Board make_board(const BoardOptions& options, bool unique_corners) {
   }
   if (!is_read) {
     throw Error::bad_input("found \"" + text + "\", allowed: COLUMNSxROWS, e.g. 10x7", "--board",
-                           "Count all squares, across and down");
+                           "State the number of all squares, across and down");
   }
   board.square = options.square_mm / 1000;
   board.dictionary = options.dictionary;

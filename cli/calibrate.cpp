@@ -19,12 +19,28 @@ int main(int argc, char** argv) {
       "Exit codes: 0 all asked for is written; 1 failed, or a rejected result was\n"
       "not written; 2 bad usage or input.");
   for (const CalibrateCommand& command : commands) command.app->get_formatter()->column_width(34);
-  return parse_and_run(app, argc, argv, "calibrate", [&](std::stop_token stop) {
-    for (const CalibrateCommand& command : commands) {
-      if (!command.app->parsed()) continue;
-      reject_non_finite(*command.app);
-      return command.body(stop);
-    }
-    return ExitCode::kBadInput;
-  });
+  return parse_and_run(app, argc, argv, "calibrate",
+                       [&](std::stop_token stop) {
+                         for (const CalibrateCommand& command : commands) {
+                           if (!command.app->parsed()) continue;
+                           reject_non_finite(*command.app);
+                           return command.body(stop);
+                         }
+                         return ExitCode::kBadInput;
+                       },
+                       OnSignal::kAbort,
+                       {{"--at", "--time"},
+                        {"--fov", "--fov-deg"},
+                        {"--hold", "--fix"},
+                        {"--max-rms", "--max-rms-px"},
+                        {"--one-kind", "--shared-lens-prior"},
+                        {"--points", "--max-points"},
+                        {"--published", "--reference-values"},
+                        {"--second-light", "--ambiguity-ratio"},
+                        {"--sheet", "--contact-sheet"},
+                        {"--sheet-of", "--contact-sheet-take"},
+                        {"--start", "--initial-rig"},
+                        {"--trust-clocks", "--no-clock-estimation"},
+                        {"--views", "--max-views"},
+                        {"--whole-lens-model", "--full-lens-model"}});
 }

@@ -8,8 +8,8 @@
 
 namespace raystage {
 
-/// One way to calibrate: a subcommand with its options, and what runs it. The body refers to
-/// options that live as long as it.
+/// A subcommand of `raystage calibrate` with its options and body. The body refers to options,
+/// which must outlive it.
 struct CalibrateCommand {
   CLI::App* app = nullptr;
   CommandBody body;

@@ -3,20 +3,16 @@
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
-#include <string>
-#include <vector>
+
+#include "calibrate/color_from_takes.h"
 
 namespace raystage {
 
-/// What users tell `raystage calibrate color`.
+/// The options of `raystage calibrate color`.
 struct CalibrateColorOptions {
-  std::vector<std::filesystem::path> takes;
-  std::filesystem::path chart, scene, output, start, dark, sheet, sheet_of;
-  std::string reference;
-  std::vector<double> exposures;
-  double focal_depth = 0, near = 0, far = 0;  // metres; 0: not given
-  bool neutral = false, vignetting = false, flat_field = false, force = false, json = false,
-       quiet = false, use_published_values = false;
+  ColorFromTakesSettings settings;
+  std::filesystem::path output, start, sheet, sheet_of;
+  bool force = false, json = false, quiet = false;
   int threads = 0;
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// raystage camera: a shot's virtual camera as a file for other programs.
+// raystage camera: exports a shot's virtual camera.
 #include <fmt/format.h>
 
 #include <filesystem>
@@ -38,7 +38,7 @@ void declare(CLI::App& app, Options& options) {
       ->type_name("ORDER");
   add_choice<Eye>(app, "--eye", options.eye,
                   {{"left", Eye::kLeft}, {"right", Eye::kRight}, {"middle", Eye::kBoth}},
-                  "of a stereo shot: which camera; middle = between the eyes (default: middle)");
+                  "camera of a stereo shot; middle = between the eyes (default: middle)");
   app.footer("Exit codes: 0 written; 1 failed; 2 bad usage or input.");
 }
 
@@ -55,7 +55,7 @@ ExitCode write_camera(const Options& options) {
   const ShotCamera camera(shot, options.shot);
   if (options.eye != Eye::kBoth && !camera.is_stereo()) {
     throw Error::bad_input("the shot is not stereo: it has no left and right eye", options.shot,
-                           "Leave --eye out, or add \"stereo\" to the shot's camera");
+                           "Omit --eye, or add \"stereo\" to the shot's camera");
   }
   const std::vector<int> frames = frames_of(shot, options.frames);
   std::string text;
@@ -68,14 +68,15 @@ ExitCode write_camera(const Options& options) {
         shot.name.empty() ? std::filesystem::path(options.shot).stem().string() : shot.name;
     text = camera_to_gltf(camera, shot, frames, options.eye, name);
   } else {
-    throw Error::bad_input("cameras are written as .chan or .gltf", options.output,
-                           "Write FILE.chan or FILE.gltf");
+    throw Error::bad_input("the camera can only be written as .chan or .gltf", options.output,
+                           "Name the output FILE.chan or FILE.gltf");
   }
   write_file_atomically(output, text);
   fmt::print("{}: {} frames, {}\n", options.output, frames.size(), format_frame_range(frames));
   if (options.eye != Eye::kBoth && shot.camera.stereo && shot.camera.stereo->convergence_m) {
-    fmt::print("the eye's lens is shifted to converge at {} m; the file cannot say so\n",
-               *shot.camera.stereo->convergence_m);
+    fmt::print(
+        "the eye's lens is shifted to converge at {} m; the file format cannot store the shift\n",
+        *shot.camera.stereo->convergence_m);
   }
   return ExitCode::kSuccess;
 }
@@ -85,7 +86,7 @@ ExitCode write_camera(const Options& options) {
 
 int main(int argc, char** argv) {
   using namespace raystage;
-  CLI::App app{"Writes a shot's virtual camera for other programs.", "raystage camera"};
+  CLI::App app{"Exports a shot's virtual camera for other programs.", "raystage camera"};
   Options options;
   declare(app, options);
   return parse_and_run(app, argc, argv, "camera",

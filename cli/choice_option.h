@@ -8,7 +8,8 @@
 
 namespace raystage {
 
-/// An option with a closed list of words; CLI11's own transformer would show users our numbers.
+/// Adds an option with a closed list of words. CLI11's own transformer would show users the
+/// enumerators' numbers.
 template <class T>
 CLI::Option* add_choice(CLI::App& app, const std::string& name, T& value,
                         const std::map<std::string, T>& choices, const std::string& help) {

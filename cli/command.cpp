@@ -18,8 +18,8 @@
 namespace raystage {
 namespace {
 
-// A signal handler can reach nothing but statics; this one only writes the number to a pipe, and a
-// thread turns it into a stop request.
+// A signal handler may only access static data: it writes the number to a pipe, and a thread turns
+// it into a stop request.
 std::array<int, 2> signal_pipe{-1, -1};
 
 void on_signal(int number) {
@@ -27,7 +27,7 @@ void on_signal(int number) {
   [[maybe_unused]] const ssize_t written = write(signal_pipe[1], &byte, 1);
 }
 
-// fmt's own print throws where it cannot write: no reason to end a render.
+// fmt::print throws if it cannot write, which is no reason to end a render.
 void print_error(const std::string& text) { std::fputs(text.c_str(), stderr); }
 
 class SignalWatch {
@@ -47,7 +47,7 @@ class SignalWatch {
     sigaction(SIGINT, &action, nullptr);
     sigaction(SIGTERM, &action, nullptr);
     std::signal(SIGPIPE, SIG_IGN);
-    std::signal(SIGXFSZ, SIG_IGN);  // a limit on file sizes is an error of write(), not the end
+    std::signal(SIGXFSZ, SIG_IGN);  // a file size limit becomes an error of write()
   }
   ~SignalWatch() {
     if (!thread_.joinable()) return;
@@ -70,7 +70,7 @@ class SignalWatch {
   std::thread thread_;
 };
 
-/// Text with control characters as \xNN: names from documents must not drive a terminal.
+/// Escapes control characters as \xNN: names from documents must not control a terminal.
 std::string printable(std::string_view text) {
   std::string safe;
   for (const char c : text) {
@@ -88,16 +88,17 @@ int run_command(std::string_view name, const CommandBody& body, OnSignal on_sign
     print_error(fmt::format("raystage {}: {}\n", name, printable(text)));
     std::fflush(stderr);
   };
-  // Frames of tens of megabytes come and go: keep their pages instead of faulting them in again.
+  // Frames of tens of megabytes are allocated often: keep their pages instead of faulting them in
+  // again.
   mallopt(M_TRIM_THRESHOLD, 1 << 30);
-  mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the most that glibc takes
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the maximum of glibc
   SignalWatch watch;
   int code = static_cast<int>(ExitCode::kFailed);
   try {
     code = static_cast<int>(body(watch.token()));
     if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
       throw Error::from_errno("the result cannot be written", "standard output",
-                              "Check the room on the disk it goes to");
+                              "Check the free space of the output disk");
     }
   } catch (const Error& error) {
     if (watch.signal() == 0 || on_signal == OnSignal::kEnd) complain(error.what());
@@ -105,13 +106,13 @@ int run_command(std::string_view name, const CommandBody& body, OnSignal on_sign
   } catch (const std::bad_alloc&) {
     complain("out of memory. Use fewer threads or a smaller --memory.");
     code = kOutOfMemoryCode;
-  } catch (const std::system_error& error) {  // fmt's, where it cannot print
-    complain(fmt::format("{}. Check the room on the disk that the output goes to.", error.what()));
+  } catch (const std::system_error& error) {  // from fmt, if it cannot print
+    complain(fmt::format("{}. Check the free space of the output disk.", error.what()));
   } catch (const std::exception& error) {
     complain(fmt::format("unexpected: {}. Please report this.", error.what()));
   }
   if (watch.signal() != 0 && code != 0 && on_signal == OnSignal::kAbort) {
-    complain("stopped; nothing half-written was left");
+    complain("stopped; no partial files remain");
     return 128 + watch.signal();
   }
   return code;

@@ -12,32 +12,32 @@
 
 namespace raystage {
 
-/// A command's body: works on parsed options; `stop` is requested by SIGINT and SIGTERM.
+/// Body of a command, called after parsing; SIGINT and SIGTERM request `stop`.
 using CommandBody = std::function<ExitCode(std::stop_token stop)>;
 
-/// What a signal asks for.
+/// Effect of a signal.
 enum class OnSignal {
-  kAbort,  ///< to give up: exit code 128 + the signal's number, unless all was done all the same
-  kEnd     ///< the command's proper end: the body's exit code
+  kAbort,  ///< gives up: exit code 128 + the signal's number, unless all work was done nevertheless
+  kEnd     ///< normal end of the command: the body's exit code
 };
 
-/// Runs a command to its exit code. Errors and unexpected exceptions become one line on stderr
-/// ("raystage NAME: where: what. What to do."). After a signal the body has its time to stop.
+/// Runs a command and returns its exit code. Errors and unexpected exceptions become one line on
+/// stderr ("raystage NAME: where: what. What to do."). After a signal the body has time to stop.
 int run_command(std::string_view name, const CommandBody& body,
                 OnSignal on_signal = OnSignal::kAbort);
 
-/// How progress is shown on stderr.
+/// Style of progress on stderr.
 enum class ProgressStyle {
-  kAuto,    ///< a bar where a terminal watches, otherwise kPlain
+  kAuto,    ///< a bar on a terminal, otherwise kPlain
   kPlain,   ///< lines "Progress: 42%", at most two a second and the last
   kOpenJd,  ///< lines "openjd_progress: 42" (Open Job Description)
   kNone
 };
 
-/// The exit code that render managers agree on for "try again with more memory".
+/// Exit code by which render managers try again with more memory.
 inline constexpr int kOutOfMemoryCode = 33;
 
-/// Progress on stderr: flushed, only rising. Thread-safe.
+/// Progress on stderr, flushed and never decreasing. Thread-safe.
 class Progress {
  public:
   explicit Progress(bool enabled = true)
@@ -45,7 +45,7 @@ class Progress {
   explicit Progress(ProgressStyle style);
   /// `done` in [0, 1].
   void report(double done);
-  /// A line of text on stderr that does not run into the bar.
+  /// Prints a line of text on stderr without overwriting the bar.
   void say(std::string_view line);
 
  private:

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/command_line_parsing.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "cli/version.h"
 
@@ -35,6 +39,23 @@ Error with_options(const Error& error, const CLI::App& app) {
              : Error::failed(error.what_happened(), error.where(), advice);
 }
 
+/// Returns the arguments in CLI11's order (last first), with former names replaced.
+std::vector<std::string> current_arguments(std::span<char*> arguments, std::string_view command,
+                                           std::span<const FormerOption> former) {
+  std::vector<std::string> result(arguments.begin(), arguments.end());
+  for (std::string& argument : result) {
+    if (argument == "--") break;
+    const std::string given = argument.substr(0, argument.find('='));
+    const auto alias = std::ranges::find(former, given, &FormerOption::former);
+    if (alias == former.end()) continue;
+    argument = std::string(alias->name) + argument.substr(given.size());
+    fmt::print(stderr, "raystage {}: {} is deprecated and will be removed; use {}\n", command,
+               given, alias->name);
+  }
+  std::ranges::reverse(result);
+  return result;
+}
+
 }  // namespace
 
 void reject_non_finite(const CLI::App& app) {
@@ -52,11 +73,14 @@ void reject_non_finite(const CLI::App& app) {
 }
 
 int parse_and_run(CLI::App& app, int argc, char** argv, std::string_view name,
-                  const CommandBody& body, OnSignal on_signal) {
+                  const CommandBody& body, OnSignal on_signal,
+                  std::initializer_list<FormerOption> former) {
   app.set_version_flag("--version", version_text, "Print version, kernels and libraries");
   app.get_formatter()->column_width(34);
   try {
-    app.parse(argc, argv);
+    const std::span arguments(argv, static_cast<std::size_t>(argc));
+    app.parse(current_arguments(arguments.subspan(std::min<std::size_t>(1, arguments.size())), name,
+                                {former.begin(), former.size()}));
     reject_non_finite(app);
   } catch (const CLI::ParseError& error) {
     const bool asked_for = error.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success);

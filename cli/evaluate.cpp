@@ -12,7 +12,7 @@
 #include "cli/command_line_parsing.h"
 #include "cli/focal_depth.h"
 #include "cli/threads.h"
-#include "render/evaluation/evaluation.h"
+#include "evaluation/evaluation.h"
 #include "render/methods.h"
 #include "schemas/views_document.h"
 
@@ -30,7 +30,7 @@ struct Options {
   bool quiet = false;
 };
 
-/// Appends a row under one heading; the table is rewritten whole, never half.
+/// Appends a row under one heading; the table is replaced atomically.
 void append_row(const std::filesystem::path& file, const Evaluation& evaluation,
                 const std::string& label) {
   const std::string before =
@@ -65,17 +65,16 @@ ExitCode evaluate(const Options& options, std::stop_token stop) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app("Renders views whose truth is known, each at its time, and measures error and time.",
+  CLI::App app("Renders views with known truth, each at its time, and measures error and time.",
                "raystage evaluate");
   Options options;
   app.add_option("TAKE", options.take, "Folder of the take")->required();
   app.add_option("VIEWS", options.views,
-                 "Views document (raystage/views/1) with truth images; may be left out with "
-                 "--leave-out");
+                 "Views document (raystage/views/1) with truth images; can be omitted with "
+                 "--exclude-cameras");
   app.add_option("--method", options.settings.method, "Reconstruction method:" + describe_methods())
       ->capture_default_str();
-  app.add_option("--option", options.method_options,
-                 "An option of the method, NAME=VALUE; may be repeated")
+  app.add_option("--option", options.method_options, "Option of the method, NAME=VALUE; repeatable")
       ->allow_extra_args(false)
       ->type_name("NAME=VALUE");
   app.add_option(
@@ -83,8 +82,8 @@ int main(int argc, char** argv) {
          "Focal plane parallel to the array, metres in front of it; 'best': eq. 2.2 from the "
          "take's depth range")
       ->capture_default_str();
-  app.add_option("--leave-out", options.settings.excluded_camera_ids,
-                 "Cameras (ids, comma separated) to take out and use as truth")
+  app.add_option("--exclude-cameras", options.settings.excluded_camera_ids,
+                 "Cameras (ids, comma separated) to exclude and use as truth")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->type_name("ID,...");
@@ -93,34 +92,39 @@ int main(int argc, char** argv) {
       {{"perceptual", BlendSpace::kPerceptual}, {"linear", BlendSpace::kLinear}},
       "Scale on which the cameras' samples are averaged: perceptual (sRGB's curve) or linear "
       "(default: perceptual)");
-  add_choice<HoleFill>(app, "--fill", options.settings.fill,
-                       {{"none", HoleFill::kNone}, {"push-pull", HoleFill::kPushPull}},
-                       "Rays that no camera saw: none (left out of the measures) or push-pull "
-                       "(coloured from what was "
-                       "seen around them, and measured) (default: none)");
+  add_choice<HoleFill>(
+      app, "--fill", options.settings.fill,
+      {{"none", HoleFill::kNone}, {"push-pull", HoleFill::kPushPull}},
+      "Rays that no camera recorded: none (excluded from the measures) or push-pull "
+      "(filled from their surroundings, and measured) (default: none)");
   app.add_option("--camera-step", options.settings.camera_step,
-                 "Use every n-th row and column of the grid only")
+                 "Use only every n-th row and column of the grid")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
-  app.add_option("--views-step", options.settings.view_step, "Render every n-th view only")
+  app.add_option("--view-step", options.settings.view_step, "Render every n-th view only")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
-  app.add_flag("!--no-count", options.settings.count_needed_pixels,
-               "Do not count which source pixels each view needs: no decoded/needed, in half the "
-               "time");
+  app.add_flag(
+      "!--no-pixel-counts", options.settings.count_needed_pixels,
+      "Do not count the source pixels that each view needs: no decoded/needed, in half the "
+      "time");
   app.add_option("--out", options.settings.image_folder,
                  "Folder for the rendered views, DIR/<view id>.png (default: not written)");
   app.add_option("--json", options.json, "Write the results as JSON to this file");
   app.add_option("--table", options.table,
-                 "Append the mean as a row to this Markdown table (made if missing)");
+                 "Append the mean as a row to this Markdown table (created if missing)");
   app.add_option("--label", options.label, "First column of that row (default: the method)");
   add_threads_option(app, options.threads);
   app.add_option("--memory", options.memory_gb,
-                 "Memory for decoded source frames, what the method keeps and what it works with, "
+                 "Memory for decoded source frames, the method's caches and working buffers, "
                  "GB = 10^9 bytes")
       ->capture_default_str()
       ->check(CLI::Range(0.001, 1e5));
   app.add_flag("-q,--quiet", options.quiet, "No progress on stderr");
   return parse_and_run(app, argc, argv, "evaluate",
-                       [&](std::stop_token stop) { return evaluate(options, stop); });
+                       [&](std::stop_token stop) { return evaluate(options, stop); },
+                       OnSignal::kAbort,
+                       {{"--leave-out", "--exclude-cameras"},
+                        {"--views-step", "--view-step"},
+                        {"--no-count", "--no-pixel-counts"}});
 }

@@ -9,7 +9,7 @@
 
 namespace raystage {
 
-/// A sub-command of `raystage farm`: its options, and what it does with them.
+/// A subcommand of `raystage farm`: its options and body.
 struct FarmCommand {
   CLI::App* app = nullptr;
   CommandBody body;
@@ -25,10 +25,10 @@ FarmCommand declare_farm_doctor(CLI::App& farm);
 FarmCommand declare_farm_estimate(CLI::App& farm);
 FarmCommand declare_farm_task(CLI::App& farm);
 
-/// To standard output, where run_command() notices what cannot be written.
+/// Prints to standard output; run_command() reports write errors.
 inline void print(const std::string& text) { std::fputs(text.c_str(), stdout); }
 
-/// The positional JOB of most of them.
+/// Adds the positional JOB.
 inline void add_job_argument(CLI::App& app, std::string& job) {
   app.add_option("JOB", job,
                  "job folder (OUT/NAME.farm/job-0001), or the output (OUT/NAME.####.exr) for its "

@@ -11,6 +11,7 @@
 #include "cli/farm.h"
 #include "cli/threads.h"
 #include "farm/cost_model.h"
+#include "farm/cost_page.h"
 #include "farm/doctor.h"
 #include "farm/task.h"
 

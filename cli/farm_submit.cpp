@@ -148,7 +148,7 @@ void declare_resources(CLI::App& app, Options& options) {
       ->type_name("FROM=TO")
       ->take_all()
       ->allow_extra_args(false);
-  app.add_option("--wrap", submission.command_prefix,
+  app.add_option("--command-prefix", submission.command_prefix,
                  "words before the command of a task, e.g. \"apptainer exec /net/raystage.sif\"")
       ->type_name("COMMAND");
   app.add_option("--program", submission.program,

@@ -80,7 +80,7 @@ TEST_F(FixityCommands, ARottenFrameIsFoundAndPutOnRecord) {
   const test::CommandResult repair = run("repair -q " + quoted);
   EXPECT_EQ(repair.exit_code, 3) << repair.output;
   EXPECT_THAT(repair.output, HasSubstr("frames lost, rotten: 1"));
-  EXPECT_THAT(repair.output, HasSubstr("at 0.200000000 s: a frame is rotten"));
+  EXPECT_THAT(repair.output, HasSubstr("at 0.200000000 s: a frame is corrupt"));
   EXPECT_THAT(repair.output, HasSubstr("kept as c1.mkv.damaged"));
   EXPECT_EQ(test::bytes_of(take / "archive/c1.mkv.damaged"), before);
   EXPECT_EQ(run("verify -q " + quoted).exit_code, 0);
@@ -94,7 +94,7 @@ TEST_F(FixityCommands, LossesOfOneKindAreOneLine) {
   EXPECT_THAT(repair.output, HasSubstr("frames lost, rotten: 7"));
   EXPECT_THAT(repair.output,
               HasSubstr("at 0.050000000 s, 0.100000000 s, 0.150000000 s, 0.200000000 s and 3 more: "
-                        "a frame is rotten"));
+                        "a frame is corrupt"));
   const std::size_t line = repair.output.find("lost or in doubt");
   EXPECT_EQ(repair.output.find("lost or in doubt", line + 1), std::string::npos) << repair.output;
 }
@@ -114,7 +114,7 @@ TEST_F(FixityCommands, RepairIsAdvisedWhereItHelps) {
   test::overwrite(take / "recording/one.json", std::as_bytes(std::span("{}")));
   verify = run("verify -q " + quoted);
   EXPECT_EQ(verify.exit_code, 1);
-  EXPECT_THAT(verify.output, HasSubstr("no frame depends on this account"));
+  EXPECT_THAT(verify.output, HasSubstr("no frame depends on this report"));
   EXPECT_THAT(verify.output, HasSubstr("restore it from a copy"));
   EXPECT_THAT(verify.output, Not(HasSubstr("raystage repair")));
 
@@ -125,10 +125,11 @@ TEST_F(FixityCommands, RepairIsAdvisedWhereItHelps) {
 TEST_F(FixityCommands, WhatIsNoTakeIsCalledThat) {
   for (const char* command : {"verify -q", "repair -q", "info", "sync -q"}) {
     const std::string name = std::string(command) + " '" + take.string();
-    EXPECT_THAT(run(name + "/take.json'").output, HasSubstr("this is no take: it is a file"));
+    EXPECT_THAT(run(name + "/take.json'").output, HasSubstr("this is not a take: it is a file"));
     EXPECT_THAT(run(name + "/archive'").output,
-                HasSubstr("this is no take: it holds no take.json"));
-    EXPECT_THAT(run(name + "/none'").output, HasSubstr("this is no take: there is no such folder"));
+                HasSubstr("this is not a take: it has no take.json"));
+    EXPECT_THAT(run(name + "/none'").output,
+                HasSubstr("this is not a take: the folder does not exist"));
   }
 }
 

@@ -8,7 +8,7 @@
 
 namespace raystage {
 
-/// --focal-depth: "best" (nullopt) or metres. Throws Error (bad input).
+/// Parses --focal-depth: "best" (nullopt) or metres. Throws Error (bad input).
 inline std::optional<double> parse_focal_depth(const std::string& text) {
   if (text == "best") return std::nullopt;
   std::size_t used = 0;

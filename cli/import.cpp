@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `raystage import`: images or movies with cameras become a take.
+// `raystage import`: makes a take of images or movies with cameras.
 #include <fmt/format.h>
 
 #include <charconv>
@@ -28,12 +28,12 @@ constexpr const char* kDescription =
     "                       poses, and image files with times or a movie with times_ns\n"
     "  a NeRF model         transforms.json with its images; each image is a camera at time 0\n"
     "  a COLMAP text model  cameras.txt and images.txt; each image is a camera at time 0\n"
-    "or a folder that holds one of them.\n\n"
+    "or a folder with one of them.\n\n"
     "JPEG files and Motion JPEG movies are stored byte for byte. Other images and movies are\n"
     "encoded once. 16-bit images are rounded to 8 bits. Images of linear light (float, or "
     "manifest\n"
     "with color_space lin_rec709_scene) are clipped to [0, 1] and stored as sRGB codes;\n"
-    "floating-point images without that color_space are refused.";
+    "floating-point images without that color_space are rejected.";
 
 struct Options {
   std::filesystem::path manifest, take;
@@ -56,7 +56,7 @@ void declare(CLI::App& app, Options& options) {
                  "or the model's folder)")
       ->type_name("DIR");
   app.add_flag("--restart-markers{default}", options.restart_markers,
-               "Rewrite JPEG input with restart markers, so that rectangles decode alone; "
+               "Rewrite JPEG input with restart markers, so that rectangles can be decoded; "
                "--restart-markers=MCUS sets the MCUs between two (default: as many as make up to "
                "32 pixels, 16 in frames narrower than 640). Pixels stay identical. Without it JPEG "
                "input is stored as it is")
@@ -80,7 +80,7 @@ void declare(CLI::App& app, Options& options) {
   app.add_flag("-q,--quiet", options.quiet, "No progress on stderr");
 }
 
-/// -1 for "default". As text, for CLI11 takes a flag's =0 for "not at all".
+/// Returns -1 for "default". The option is text because CLI11 takes a flag's =0 for "not set".
 int restart_interval_from(const std::string& text) {
   constexpr int kDefault = -1, kMost = 65535;  // the DRI marker has 16 bits
   if (text == "default") return kDefault;
@@ -90,7 +90,7 @@ int restart_interval_from(const std::string& text) {
   if (error != std::errc() || used != end || interval < 1 || interval > kMost) {
     throw raystage::Error::bad_input(
         "found " + text + " MCUs between markers, allowed: 1 to " + std::to_string(kMost),
-        "--restart-markers", "Leave the number out for the default");
+        "--restart-markers", "Omit the number for the default");
   }
   return interval;
 }
@@ -124,7 +124,7 @@ ExitCode run(const Options& options, std::stop_token stop) {
       raystage::import_take(source.manifest, source.base, options.take, settings, stop);
   constexpr double kMegabyte = 1e6;
   fmt::print(
-      "{}: {} cameras, {} frames, {:.1f} MB ({} stored as they were, {} rewritten, {} encoded)\n",
+      "{}: {} cameras, {} frames, {:.1f} MB ({} stored unchanged, {} rewritten, {} encoded)\n",
       options.take.string(), summary.cameras, summary.frames,
       static_cast<double>(summary.jpeg_bytes) / kMegabyte, summary.copied, summary.rewritten,
       summary.encoded);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// raystage info: what a take holds and what it lacks.
+// raystage info: contents of a take and missing frames.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,6 +14,7 @@
 
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "schemas/former_names.h"
 #include "store/take_summary.h"
 
 namespace raystage {
@@ -28,7 +29,7 @@ double seconds(Nanoseconds time) { return static_cast<double>(time) / kNsPerS; }
 
 double megabytes_per_second(const TakeSummary& summary) {
   if (summary.duration <= 0) return 0;
-  return static_cast<double>(summary.bytes_of_archives) / kBytesPerMb / seconds(summary.duration);
+  return static_cast<double>(summary.archive_bytes) / kBytesPerMb / seconds(summary.duration);
 }
 
 template <typename Keep>
@@ -51,7 +52,7 @@ long count_of(const TakeSummary& summary, Keep keep) {
 
 void line(std::string_view name, const std::string& text) { fmt::print("{:<12}{}\n", name, text); }
 
-/// "3 dropped, 45 start_up"; empty where nothing is missing.
+/// Returns "3 dropped, 45 start_up"; empty if nothing is missing.
 std::string by_reason(const std::array<int, kFrameStatusCount>& by_status) {
   std::string text;
   for (std::size_t s = 1; s < by_status.size(); ++s) {
@@ -66,7 +67,7 @@ int missing_of(const Camera& camera) {
   return std::reduce(camera.by_status.begin() + 1, camera.by_status.end());
 }
 
-/// In a large array only the cameras that miss most; --json has them all.
+/// Of a large array, prints only the cameras that miss most; --json lists all.
 void print_missing(const TakeSummary& summary) {
   constexpr std::size_t kMost = 8;
   std::array<int, kFrameStatusCount> all{};
@@ -76,7 +77,7 @@ void print_missing(const TakeSummary& summary) {
     if (missing_of(camera) > 0) lacking.push_back(&camera);
   }
   if (lacking.empty()) {
-    line("Missing", "nothing that was recorded as missing");
+    line("Missing", "no frames recorded as missing");
     return;
   }
   line("Missing", fmt::format("{} frames in {} cameras: {}", std::reduce(all.begin(), all.end()),
@@ -100,11 +101,11 @@ void print_archives(const TakeSummary& summary, const std::string& folder) {
        not_closed == 0
            ? fmt::format("{}, all closed",
                          count_of(summary, [](const Camera& c) { return c.error.empty(); }))
-           : fmt::format("{} not closed (cut short, or still recording): {}", not_closed,
+           : fmt::format("{} not closed (interrupted, or still recording): {}", not_closed,
                          ids_of(summary, open)));
   if (not_closed > 0) {
     fmt::print(
-        "  cut short? `raystage record CONFIG --resume -o {0}` goes on with it, `raystage repair "
+        "  if interrupted: `raystage record CONFIG --resume -o {0}` continues it, `raystage repair "
         "{0}` closes it\n",
         folder);
   }
@@ -123,8 +124,8 @@ std::string restart_markers(const TakeSummary& summary) {
   const long without =
       count_of(summary, [](const Camera& c) { return c.restart_markers == false; });
   if (with + without == 0) return "unknown";
-  if (without == 0) return "restart markers: rectangles decode alone";
-  if (with == 0) return "no restart markers: frames decode whole";
+  if (without == 0) return "restart markers: parts of frames can be decoded";
+  if (with == 0) return "no restart markers: frames are decoded as a whole";
   return fmt::format("restart markers in {} of {} cameras", with, with + without);
 }
 
@@ -169,15 +170,14 @@ void print_text(const Take& take, const TakeSummary& summary) {
     line("On disk", fmt::format("{:.1f} MB", megabytes));
   }
   for (const Nanoseconds restart : summary.restarts) {
-    line("Resumed",
-         fmt::format("at {:.3f} s, after recording was stopped or killed", seconds(restart)));
+    line("Resumed", fmt::format("at {:.3f} s, after the recording had stopped", seconds(restart)));
   }
   for (const auto& [node, late] : summary.late_nodes) {
     line("Late", fmt::format("node {} began {:.3f} s after its --start-at", node, seconds(late)));
   }
   if (!summary.restarts_error.empty()) line("Resumed", summary.restarts_error);
   line("Colour", document.color_space);
-  line("Clock", fmt::format("{}; a time marks: {}", document.clock, document.timestamp_event));
+  line("Clock", fmt::format("{}; time stamps mark {}", document.clock, document.timestamp_event));
   line("JPEG", restart_markers(summary));
   if (document.depth_range) {
     const DepthRange range = *document.depth_range;
@@ -185,9 +185,9 @@ void print_text(const Take& take, const TakeSummary& summary) {
                       ? fmt::format("{:.4g} to {:.4g} {}", range.near, range.far, unit)
                       : fmt::format("{:.4g} {} to infinity", range.near, unit));
   }
-  if (summary.calibrated && summary.alias_free_distance > 0) {
+  if (summary.calibrated && summary.min_alias_free_distance > 0) {
     line("Alias-free",
-         fmt::format("beyond {:.4g} {} (thesis eq. 4.3)", summary.alias_free_distance, unit));
+         fmt::format("beyond {:.4g} {} (thesis eq. 4.3)", summary.min_alias_free_distance, unit));
   }
   print_archives(summary, take.folder().string());
   print_missing(summary);
@@ -240,7 +240,7 @@ void print_json(const Take& take, const TakeSummary& summary) {
                                                    : Json()},
             {"color_space", document.color_space},
             {"clock", document.clock},
-            {"time_marks", document.timestamp_event},
+            {"timestamp_event", document.timestamp_event},
             {"scale", document.arbitrary_scale ? "arbitrary" : "metres"},
             {"nominal_fps", document.nominal_fps},
             {"fps", summary.fps},
@@ -252,8 +252,8 @@ void print_json(const Take& take, const TakeSummary& summary) {
             {"bytes_on_disk", summary.bytes_on_disk},
             {"megabytes_per_second", megabytes_per_second(summary)},
             {"calibrated", summary.calibrated},
-            {"spacing_m", measured(summary.spacing)},
-            {"alias_free_distance_m", measured(summary.alias_free_distance)}};
+            {"median_baseline_m", measured(summary.spacing)},
+            {"min_alias_free_distance_m", measured(summary.min_alias_free_distance)}};
   if (document.depth_range) {
     const double far = document.depth_range->far;
     json["depth_range_m"] = {document.depth_range->near, std::isfinite(far) ? Json(far) : Json()};
@@ -271,12 +271,16 @@ void print_json(const Take& take, const TakeSummary& summary) {
         {"absent_total", std::reduce(statistics.absent.begin(), statistics.absent.end())}};
   }
   json["cameras"] = cameras;
+  constexpr FormerName kFormerNames[] = {{"timestamp_event", "time_marks"},
+                                         {"median_baseline_m", "spacing_m"},
+                                         {"min_alias_free_distance_m", "alias_free_distance_m"}};
+  add_former_names(json, kFormerNames);
   fmt::print("{}\n", json.dump(2));
 }
 
 ExitCode info(const std::string& folder, bool json) {
   const Take take(folder);
-  const TakeSummary summary = summarise(take);
+  const TakeSummary summary = summarise_take(take);
   (json ? print_json : print_text)(take, summary);
   return summary.whole() ? ExitCode::kSuccess : ExitCode::kBadInput;
 }

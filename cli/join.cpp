@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// raystage join: one take of the parts that several nodes recorded.
+// raystage join: joins the recordings of several nodes to one take.
 #include <fmt/format.h>
 
 #include <cstdio>
@@ -27,10 +27,10 @@ int main(int argc, char** argv) {
   app.add_option("-o,--output", output, "Folder of the new take; must not exist")
       ->required()
       ->type_name("TAKE");
-  app.add_flag(
-      "--documents-only", documents_only,
-      "Leave the archives where they are: the take gets take.json, rig.json, journals and "
-      "the\nnodes' accounts, for `raystage sync` and distributed rendering (docs/farm.md)");
+  app.add_flag("--documents-only", documents_only,
+               "Leave the archives in place: the take gets take.json, rig.json, journals and "
+               "the\nsession records of the nodes, for `raystage sync` and distributed rendering "
+               "(docs/farm.md)");
   app.add_flag("-q,--quiet", quiet, "No progress on stderr");
   return parse_and_run(app, argc, argv, "join", [&](std::stop_token stop) {
     Progress progress(!quiet);

@@ -38,22 +38,22 @@ void declare(CLI::App& app, Options& options, char** argv) {
   app.add_option("SHOT", options.shot, "the shot (shot.json)")->required();
   app.add_option(
          "--frames", options.frames,
-         "frames whose data is wanted, e.g. 1-48, 1-48x2 (every second), 1,5,10-20; frames\n"
-         "outside the shot are left out (default: all of the shot)")
+         "frames whose data is derived, e.g. 1-48, 1-48x2 (every second), 1,5,10-20; frames\n"
+         "outside the shot are ignored (default: all of the shot)")
       ->type_name("RANGE");
   app.add_option("--instants", options.instants,
-                 "of what the frames need only these ticks of layers, both counted from 0, as "
-                 "--list prints\nthem, e.g. 0:12,0:13,2:5 (default: all)")
+                 "restrict to these ticks of layers, both counted from 0, as --list prints them, "
+                 "e.g.\n0:12,0:13,2:5 (default: all that the frames need)")
       ->type_name("LAYER:TICK,...");
   add_missing_option(app, options.missing);
   add_relative_to_option(app, options.relative_to);
   add_cache_option(app, options.cache_folder);
   app.add_option("--pin", options.pin,
-                 "keep the data from eviction for 30 days: writes a file pin.NAME into each folder "
-                 "that holds\nsome; delete that file to unpin it")
+                 "keep the data from eviction for 30 days: writes a file pin.NAME to each folder "
+                 "with\ndata; delete that file to unpin it")
       ->type_name("NAME");
   app.add_option("--memory", options.memory_gb,
-                 "memory for decoded source frames and what the method works with, GB = 10^9 bytes "
+                 "memory for decoded source frames and the method's buffers, GB = 10^9 bytes "
                  "(default:\nhalf of the machine's or control group's, at most 4 GiB for each)")
       ->check(CLI::Range(kLeastMemoryGb, kMostMemoryGb))
       ->type_name("GB");
@@ -73,7 +73,7 @@ void declare(CLI::App& app, Options& options, char** argv) {
       "is stored; 33 out of memory; 128+n stopped by signal n.");
 }
 
-/// Throws Error (bad input) with the text that is no LAYER:TICK.
+/// Throws Error (bad input), which quotes the text that is not LAYER:TICK.
 std::vector<LayerTick> parse_instants(const std::string& text) {
   std::vector<LayerTick> instants;
   for (std::size_t begin = 0; begin <= text.size();) {
@@ -85,8 +85,8 @@ std::vector<LayerTick> parse_instants(const std::string& text) {
     const auto tick = std::from_chars(has_colon ? layer.ptr + 1 : last, last, instant.tick);
     if (!has_colon || tick.ec != std::errc() || tick.ptr != last || instant.tick < 0) {
       throw Error::bad_input(
-          fmt::format("\"{}\" is no LAYER:TICK", text.substr(begin, end - begin)), "--instants",
-          "Give two numbers from 0 on, e.g. 0:12");
+          fmt::format("\"{}\" is not LAYER:TICK", text.substr(begin, end - begin)), "--instants",
+          "Use two numbers from 0, e.g. 0:12");
     }
     instants.push_back(instant);
     begin = end + 1;

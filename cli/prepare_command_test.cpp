@@ -78,7 +78,7 @@ TEST_F(PrepareCommand, RefusesWhatIsNoInstantOrNotNeeded) {
   for (const char* wrong : {"0", "0:", ":1", "0:x", "0:1,", "0:-1", "0:1:2", "0:1 ", "x:0"}) {
     const test::CommandResult result = run("prepare", "--instants '" + std::string(wrong) + "'");
     EXPECT_EQ(result.exit_code, 2) << wrong;
-    EXPECT_THAT(result.output, HasSubstr("is no LAYER:TICK")) << wrong;
+    EXPECT_THAT(result.output, HasSubstr("is not LAYER:TICK")) << wrong;
   }
   EXPECT_THAT(run("prepare", "--instants 0:6").output, HasSubstr("tick 6 of layer 0"));
   EXPECT_EQ(run("prepare", "--frames 101 --instants 0:1").exit_code, 2);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// raystage preview: an EXR sequence as a movie and a contact sheet.
+// raystage preview: encodes an EXR sequence as a movie and a contact sheet.
 #include "compose/preview/preview.h"
 
 #include <fmt/format.h>
@@ -30,23 +30,24 @@ int main(int argc, char** argv) {
                "contact sheet)");
   app.add_option("--contact-sheet", options.contact_sheet, "picture to write, .png")
       ->type_name("PNG");
-  app.add_option("--columns", options.sheet_columns, "pictures side by side on it (default: 4)")
+  app.add_option("--columns", options.sheet_columns, "columns of the contact sheet (default: 4)")
       ->check(CLI::Range(1, 100))
       ->type_name("N");
   app.add_option("--sheet-frames", options.sheet_frames,
-                 "frames on it, spread evenly over the sequence (default: 16)")
+                 "frames of the contact sheet, spread evenly over the sequence (default: 16)")
       ->check(CLI::Range(1, 10000))
       ->type_name("N");
   app.add_option("--thumbnail", options.thumbnail_width,
-                 "width of a picture on it, pixels, at most that of the frames (default: 400)")
+                 "width of a picture of the contact sheet, pixels, at most that of the frames "
+                 "(default: 400)")
       ->check(CLI::Range(16, 8192))
       ->type_name("PIXELS");
-  app.add_option("--frames", frames, "frames to show, e.g. 1-48x2 (default: all there are)")
+  app.add_option("--frames", frames, "frames to show, e.g. 1-48x2 (default: all that exist)")
       ->type_name("RANGE");
   app.add_option(
          "--fps", fps,
-         "frames per second of a movie (default: as the files say; a sequence of every n-th frame\n"
-         "plays at its own speed)")
+         "frames per second of a movie (default: from the files; a sequence of every n-th frame\n"
+         "plays at its original speed)")
       ->check(CLI::Range(0.1, 1000.0))
       ->type_name("FPS");
   app.add_option("--exposure", options.display.exposure,
@@ -54,24 +55,25 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(-32.0, 32.0))
       ->type_name("STOPS");
   app.add_option("--ocio", color_config,
-                 "OpenColorIO config whose displays and views are meant (default: a built-in one; "
-                 "$OCIO is\nnot looked at)")
+                 "OpenColorIO config with the displays and views (default: a built-in one; $OCIO "
+                 "is\nignored)")
       ->type_name("CONFIG");
   app.add_option("--rec709-space", rec709_space,
-                 "what that config calls linear Rec.709 (default: found by usual names)")
+                 "name of linear Rec.709 in that config (default: found by common names)")
       ->type_name("SPACE");
   app.add_option("--display", options.display.monitor,
-                 "what the pictures are for: sRGB, Rec.1886, P3-D65 or the config's "
+                 "display of the pictures: sRGB, Rec.1886, P3-D65 or one of the config "
                  "(default: the first)");
-  app.add_option("--view", options.display.view,
-                 "how: Plain = as it is; \"ACES 1.0 SDR\" = rolled off as film is; or the config's "
-                 "(default:\nthe first)");
+  app.add_option(
+      "--view", options.display.view,
+      "view transform: Plain = none; \"ACES 1.0 SDR\" = with a film curve; or one of the config "
+      "(default:\nthe first)");
   app.add_option("--space", options.display.space,
-                 "colour space of the frames, lin_rec709_scene, lin_ap1_scene or the config's "
-                 "(default: as they\nsay, else lin_rec709_scene)");
-  app.add_flag("--black", black, "show what is not opaque over black (default: over a checker)");
+                 "colour space of the frames, lin_rec709_scene, lin_ap1_scene or one of the config "
+                 "(default:\nfrom the files, else lin_rec709_scene)");
+  app.add_flag("--black", black, "composite over black (default: over a checkerboard)");
   app.add_option("--missing", missing,
-                 "frames that are not there: error = refuse; hold = show the one before\n"
+                 "missing frames: error = stop; hold = repeat the one before\n"
                  "(default: error)")
       ->check(CLI::IsMember({"error", "hold"}).description(""))
       ->type_name("error|hold");
@@ -79,15 +81,14 @@ int main(int argc, char** argv) {
   return parse_and_run(app, argc, argv, "preview", [&](std::stop_token stop) {
     if (output.empty() && options.contact_sheet.empty()) {
       throw Error::bad_input("nothing to write", "",
-                             "Give -o MOVIE or PNGS, --contact-sheet PNG or both");
+                             "Add -o MOVIE or PNGS, --contact-sheet PNG or both");
     }
     if (output.empty() && options.burn_in) {
-      throw Error::bad_input("--burn-in is for the movie or the pictures, and there is neither", "",
-                             "Give -o MOVIE or -o DIR/NAME.####.png");
+      throw Error::bad_input("--burn-in needs a movie or pictures", "",
+                             "Add -o MOVIE or -o DIR/NAME.####.png");
     }
     if (color_config.empty() && !rec709_space.empty()) {
-      throw Error::bad_input("--rec709-space is a name of a config, and there is none", "",
-                             "Give --ocio CONFIG, too");
+      throw Error::bad_input("--rec709-space needs a config", "", "Add --ocio CONFIG");
     }
     if (std::filesystem::path(output).extension() == ".png") {
       options.pictures = output;

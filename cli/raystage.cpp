@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `raystage COMMAND ...` runs the executable raystage-COMMAND beside itself, so that each command
-// loads only the libraries it uses.
+// `raystage COMMAND ...` runs the executable raystage-COMMAND next to itself, so that each command
+// loads only the libraries that it uses.
 #include <unistd.h>
 
 #include <cerrno>
@@ -24,7 +24,7 @@ constexpr Command kCommands[] = {
      "import images or movies as a take: a manifest, a COLMAP model, a NeRF transforms.json"},
     {"record", "record the cameras of one ingest node"},
     {"join", "join the recordings of several nodes to one take"},
-    {"simulate", "simulate a take with known truth"},
+    {"simulate", "simulate a take with ground truth"},
     {"sync", "resynchronise the free-running cameras of a take"},
     {"calibrate", "calibrate geometry and colour of an array, compare rigs"},
     {"info", "show the contents of a take and what is missing"},
@@ -34,7 +34,7 @@ constexpr Command kCommands[] = {
     {"render", "render a shot as an EXR sequence"},
     {"farm", "render a shot as jobs on Slurm, or as the same tasks on this machine"},
     {"camera", "export the virtual camera of a shot: .chan, .gltf"},
-    {"evaluate", "measure the error of views whose truth is known, and the time"},
+    {"evaluate", "measure error and time on views with known truth"},
     {"bench", "compare methods: error against time, as an HTML page"},
     {"preview", "turn an EXR sequence into a movie and a contact sheet"},
 };
@@ -52,12 +52,13 @@ void print_help(std::FILE* stream) {
       "\nOptions:\n"
       "  -h, --help     print this\n"
       "  --version      print version, kernels and libraries\n\n"
-      "Exit codes: 0 everything asked for exists whole, 1 failed, 2 bad usage or input,\n"
+      "Exit codes: 0 all requested output is complete, 1 failed, 2 bad usage or input,\n"
       "3 some frames failed, 33 out of memory, 128+n stopped by signal n.\n",
       stream);
 }
 
-/// What the kernels need at least (cmake/House.cmake) and this processor has not; null: it has all.
+/// Returns the instruction set that the kernels require (cmake/House.cmake) and this processor
+/// lacks, or null.
 const char* missing_instructions() {
 #if defined(__x86_64__)
   if (!__builtin_cpu_supports("sse4.2")) return "SSE4.2";
@@ -67,8 +68,8 @@ const char* missing_instructions() {
   return nullptr;
 }
 
-/// Whether the command is one rank of several that mpirun started. Another program does it then, so
-/// that the usual one loads no MPI.
+/// Returns whether the command is one rank of several that mpirun started. A separate program runs
+/// ranks, so that the usual one loads no MPI.
 bool is_one_of_ranks(std::string_view command) {
   const char* ranks = std::getenv("OMPI_COMM_WORLD_SIZE");  // NOLINT(concurrency-mt-unsafe)
   return command == "render" && ranks != nullptr && std::atoi(ranks) > 1;
@@ -94,7 +95,7 @@ int main(int argc, char** argv) {
     if (known.name != command) continue;
     if (const char* missing = missing_instructions()) {
       std::fprintf(stderr,
-                   "raystage: this processor has no %s. Use one of 2011 or later (Intel Westmere, "
+                   "raystage: this processor lacks %s. Use one of 2011 or later (Intel Westmere, "
                    "AMD Bulldozer, or newer).\n",
                    missing);
       return 1;

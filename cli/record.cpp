@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// raystage record: one ingest node.
+// raystage record: records the cameras of one ingest node.
 #include <fmt/format.h>
 #include <malloc.h>
 #include <unistd.h>
@@ -32,34 +32,35 @@ struct Options {
 };
 
 void declare(CLI::App& app, Options& options) {
-  app.add_option("CONFIG", options.config, "What to record, and how (record.json)")->required();
+  app.add_option("CONFIG", options.config, "Configuration of the recording (record.json)")
+      ->required();
   app.add_option("-o,--output", options.take,
-                 "Folder of the take; must not exist, but for --resume")
+                 "Folder of the take; must not exist, except with --resume")
       ->required()
       ->type_name("TAKE");
   app.add_option("--node", options.node,
-                 "Name of this node (default: as the configuration says, else the host's name)")
+                 "Name of this node (default: from the configuration, else the host's name)")
       ->type_name("NAME");
   app.add_option("--duration", options.duration,
-                 "Stop after so many seconds (default: at Ctrl-C, SIGTERM or the sources' end)")
+                 "Stop after this many seconds (default: at Ctrl-C, SIGTERM or the sources' end)")
       ->check(CLI::Range(0.001, 1e7))
       ->type_name("S");
   app.add_option("--start-at", options.start_at,
-                 "Frames count from this time on, UTC, e.g. 2026-01-01T12:00:00Z; nodes that are "
-                 "given the same time start together (default: at once)")
+                 "Record frames from this time on, UTC, e.g. 2026-01-01T12:00:00Z; nodes with the "
+                 "same time start together (default: now)")
       ->type_name("UTC");
-  app.add_flag("--hold", options.hold,
-               "Keep all frames in memory and write them at the end; says before it starts how "
+  app.add_flag("--buffer-in-memory", options.hold,
+               "Keep all frames in memory and write them at the end; prints before the start how "
                "long the memory lasts");
   app.add_option("--memory", options.memory_mb,
-                 "Memory for all frames of all cameras, MB = 10^6 bytes (default: as the "
-                 "configuration says, else 1024); what it takes beside is said at the start")
+                 "Memory for all frames of all cameras, MB = 10^6 bytes (default: from the "
+                 "configuration, else 1024); further memory is reported at the start")
       ->check(CLI::Range(1.0, 1e8))
       ->type_name("MB");
-  app.add_flag("--resume", options.resume, "Go on with a take, after a crash or a stop");
+  app.add_flag("--resume", options.resume, "Continue a take after a crash or a stop");
   app.add_option("--status", options.status,
-                 "auto = a line on stderr that is kept up to date, or one every 10 s where no "
-                 "terminal is watching; json = a line of JSON a second on stdout; none "
+                 "auto = an updated line on stderr, or one every 10 s if no "
+                 "terminal is attached; json = a line of JSON per second on stdout; none "
                  "(default: auto)")
       ->check(CLI::IsMember({"auto", "json", "none"}).description(""))
       ->type_name("auto|json|none");
@@ -68,16 +69,16 @@ void declare(CLI::App& app, Options& options) {
       ->excludes("--status");
   add_threads_option(app, options.threads);
   app.footer(
-      "Exit codes: 0 every frame seen is stored; 1 failed, or frames are unaccounted for; 2 bad "
-      "usage\n"
-      "or input; 3 frames were dropped, or a camera was lost or gave none, and the take says "
-      "which.\n"
+      "Exit codes: 0 every received frame is stored; 1 failed, or frames are unaccounted for; 2 "
+      "bad\n"
+      "usage or input; 3 frames were dropped, or a camera was lost or sent none; the take lists "
+      "them.\n"
       "CONFIG names each camera and its source, \"ffmpeg\", \"aravis\" or \"simulated\":\n"
       "  {\"schema\": \"raystage/record/1\", \"name\": \"take one\", \"memory_mb\": 4000,\n"
-      "   \"when_full\": \"drop_newest\" (default) or \"drop_oldest\": which frame goes when "
+      "   \"when_full\": \"drop_newest\" (default) or \"drop_oldest\": frame to drop when "
       "memory is full,\n"
-      "   \"when_lost\": \"continue\" (default), \"reconnect\" or \"stop\": what a lost camera "
-      "does,\n"
+      "   \"when_lost\": \"continue\" (default), \"reconnect\" or \"stop\": action when a camera "
+      "is lost,\n"
       "   \"cameras\": [{\"id\": \"r0c0\", \"ffmpeg\": {\"url\": \"v4l2:/dev/video0\"}}]}\n"
       "All settings: docs/recording.md and docs/formats/documents.md.");
 }
@@ -87,7 +88,7 @@ std::string host_name() {
   return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "node";
 }
 
-/// Shows how a recording stands.
+/// Prints the status of a recording.
 class StatusPrinter {
  public:
   explicit StatusPrinter(const std::string& style)
@@ -136,23 +137,23 @@ RecordingTake open_take(const Options& options, const RecordConfig& config,
       make_recording_rig(config, options.config.parent_path(), cameras), node);
 }
 
-/// Before cameras are opened, which can take long.
+/// Called before cameras are opened, which can take long.
 void check_there_is_a_take(const std::filesystem::path& take) {
   if (std::filesystem::exists(take / "take.json")) return;
-  throw Error::bad_input("there is no take to go on with", take.string(),
-                         "Leave out --resume to begin a new take, or give the one to go on with");
+  throw Error::bad_input("there is no take to continue", take.string(),
+                         "Omit --resume to begin a new take, or name the take to continue");
 }
 
-/// A time that has passed is a slip, unless it is a node that comes up a little late.
+/// Rejects a start time in the past, except for a node that starts a little late.
 void check_start(Nanoseconds start, std::optional<double> duration_s) {
   constexpr double kALittle = 60;  // seconds
   const double late = static_cast<double>(host_utc_now() - start) / 1e9;
   if (late <= kALittle && (!duration_s || late < *duration_s)) return;
   throw Error::bad_input(fmt::format("found a time {:.0f} s ago", late), "--start-at",
-                         "Give a time to come, UTC; without it recording starts at once");
+                         "Use a future time, UTC; without it recording starts at once");
 }
 
-/// How far the start lies behind or ahead, once the sources are open, which may have taken long.
+/// Reports the distance to the start time after the sources are open, which may have taken long.
 void say_when_it_starts(Nanoseconds start, bool given) {
   const double ahead = static_cast<double>(start - host_utc_now()) / 1e9;
   if (given && ahead < 0) {
@@ -160,27 +161,27 @@ void say_when_it_starts(Nanoseconds start, bool given) {
                "raystage record: --start-at was {:.1f} s ago: the frames since are missing\n",
                -ahead);
   } else if (ahead > 0) {
-    fmt::print(stderr, "Frames count from {} on, in {}\n", format_utc(start),
+    fmt::print(stderr, "Recording starts at {}, in {}\n", format_utc(start),
                format_duration(ahead));
   }
 }
 
-/// What it will take of this machine's RAM, which had `free_before` bytes when it began.
+/// Prints the memory plan for this machine, which had `free_before` bytes when the program began.
 void say_what_memory_it_takes(const RecordingMemoryPlan& plan, std::size_t free_before) {
   fmt::print(stderr, "{}\n", format_memory_plan(plan));
   const std::string warning = memory_warning(plan, free_before);
   if (!warning.empty()) fmt::print(stderr, "raystage record: {}\n", warning);
 }
 
-/// `rate`: bytes a second, where it could be measured.
+/// `rate`: bytes per second, if it could be measured.
 void say_how_long_memory_lasts(std::size_t bytes, std::optional<double> rate) {
   const double memory = static_cast<double>(bytes);
   const std::string text =
       rate && *rate > 0
-          ? fmt::format("{:.0f} MB of memory hold {} of this ({:.1f} MB/s)\n", memory / 1e6,
+          ? fmt::format("{:.0f} MB of memory hold {} at {:.1f} MB/s\n", memory / 1e6,
                         format_duration(memory / *rate), *rate / 1e6)
-          : fmt::format("How long {:.0f} MB of memory last is not known before {}\n", memory / 1e6,
-                        rate ? "frames come" : "files and pipes are read");
+          : fmt::format("The duration of {:.0f} MB of memory is unknown until {}\n", memory / 1e6,
+                        rate ? "frames arrive" : "files and pipes are read");
   std::fputs(text.c_str(), stderr);
 }
 
@@ -201,7 +202,7 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   if (settings.start_utc) check_start(*settings.start_utc, settings.duration_s);
 
   const std::filesystem::path folder = options.config.parent_path();
-  const auto check_stop = [&] {  // opening takes its time
+  const auto check_stop = [&] {  // opening takes long
     if (!stop.stop_requested()) return;
     throw Error::failed("stopped before the recording began", options.take.string(),
                         "Start it again; nothing was recorded");
@@ -251,13 +252,13 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
 
 int main(int argc, char** argv) {
   using namespace raystage;
-  // Frames are allocated by the cameras' threads and freed by others. With an arena for each thread
-  // the C library keeps much of what was freed: half as much again as the frames may take.
+  // Frames are allocated by the cameras' threads and freed by others. With an arena per thread the
+  // C library keeps much freed memory: half as much again as the frames may take.
   mallopt(M_ARENA_MAX, 1);
   CLI::App app("Records the cameras of one ingest node into a take.", "raystage record");
   Options options;
   declare(app, options);
-  return parse_and_run(
-      app, argc, argv, "record", [&](const std::stop_token& stop) { return record(options, stop); },
-      OnSignal::kEnd);
+  return parse_and_run(app, argc, argv, "record",
+                       [&](const std::stop_token& stop) { return record(options, stop); },
+                       OnSignal::kEnd, {{"--hold", "--buffer-in-memory"}});
 }

@@ -10,9 +10,9 @@ namespace raystage {
 namespace {
 
 constexpr double kMegabyte = 1e6;
-constexpr std::size_t kFew = 4;    // cameras that are named each
-constexpr std::size_t kNamed = 3;  // of many, the worst
-constexpr double kLagging = 0.9;   // of the median rate
+constexpr std::size_t kFew = 4;    // largest number of cameras that are listed each
+constexpr std::size_t kNamed = 3;  // number of listed cameras of many, the worst
+constexpr double kLagging = 0.9;   // relative to the median rate
 
 const char* word_of(CameraCounters::State state) {
   switch (state) {
@@ -35,7 +35,7 @@ std::string camera_text(const RecorderStatus::Camera& camera) {
   return text;
 }
 
-/// The rate of most cameras, and those that need looking at.
+/// Returns the median rate and the cameras that need attention.
 std::string many_cameras_text(const std::vector<RecorderStatus::Camera>& cameras) {
   std::vector<double> rates;
   for (const auto& camera : cameras) rates.push_back(camera.fps);
@@ -133,25 +133,26 @@ std::string format_session_summary(const RecordingDocument::Session& session) {
     if (camera.skipped_by_source > 0) {
       reasons += fmt::format(", {} skipped by the source", camera.skipped_by_source);
     }
-    if (camera.arrived == 0) reasons += ", gave no frame";
+    if (camera.arrived == 0) reasons += ", sent no frame";
     if (reasons.empty() && camera.events.empty() && camera.arrived > 0) continue;
-    cameras += fmt::format("  {:<10}{} seen, {} stored{}\n", camera.id, camera.arrived,
+    cameras += fmt::format("  {:<10}{} received, {} stored{}\n", camera.id, camera.arrived,
                            camera.stored, reasons);
     for (const RecordingDocument::Event& event : camera.events) {
       cameras += fmt::format("            {}: {}\n", format_utc(event.time_utc), event.what);
     }
   }
-  std::string text = fmt::format("{} cameras: {} frames seen = {} stored", session.cameras.size(),
-                                 arrived, stored);
+  std::string text = fmt::format("{} cameras: {} frames received = {} stored",
+                                 session.cameras.size(), arrived, stored);
   for (const auto& [reason, count] : dropped) text += fmt::format(" + {} {}", count, reason);
   text += skipped > 0 ? fmt::format("; {} more skipped by the sources\n", skipped) : "\n";
   if (const Nanoseconds late = session.late(); late > 0) {
-    text += fmt::format("Too late for --start-at by {:.1f} s: frames of that time are missing.\n",
-                        static_cast<double>(late) * 1e-9);
+    text +=
+        fmt::format("Recording started {:.1f} s after --start-at: the frames before are missing.\n",
+                    static_cast<double>(late) * 1e-9);
   }
   text += cameras;
   if (session.audit) {
-    text += session.audit->holds ? "The audit holds.\n" : "THE AUDIT FAILS:\n";
+    text += session.audit->holds ? "The audit passed.\n" : "THE AUDIT FAILED:\n";
     for (const std::string& complaint : session.audit->problems) {
       text += "  " + complaint + "\n";
     }

@@ -8,14 +8,14 @@
 
 namespace raystage {
 
-/// One line for a person: rates, drops, memory, disk, time left. Cameras are named one by one where
-/// they are few; of many, those that lag behind or drop.
+/// Returns one line of text: rates, drops, memory, disk, time left. Few cameras are listed each; of
+/// many, those that are slow or drop frames.
 std::string status_line(const RecorderStatus& status);
-/// One line of JSON with everything, for programs.
+/// Returns one line of JSON with all values.
 std::string status_json(const RecorderStatus& status);
-/// The account at the end, for a person.
+/// Returns the summary at the end as text.
 std::string format_session_summary(const RecordingDocument::Session& session);
-/// "2 h 05 min", "3 min 20 s", "12 s".
+/// Returns a duration as "2 h 05 min", "3 min 20 s" or "12 s".
 std::string format_duration(double seconds);
 
 }  // namespace raystage

@@ -15,7 +15,7 @@
 
 namespace raystage {
 
-/// What the command line of `raystage render` says.
+/// Options of `raystage render`.
 struct RenderOptions {
   std::string shot, output, frames, simd;
   int threads = 0, frames_in_flight = 0;
@@ -28,7 +28,7 @@ struct RenderOptions {
   std::optional<HoleFill> fill;
   double target_error = 0, target_time = 0;
   ProgressStyle progress = ProgressStyle::kAuto;
-  // Of several hosts, see docs/farm.md.
+  // For several hosts, see docs/farm.md.
   std::vector<std::string> take_folders;
   bool missing_archives = false;
   std::string fragments;
@@ -38,8 +38,7 @@ struct RenderOptions {
 
 void declare_render_options(CLI::App& app, RenderOptions& options, char** argv);
 
-/// Renders the shot. `hosts`: as SequenceOptions; `hosts_description`: for the first line that is
-/// said.
+/// Renders the shot. `hosts`: as SequenceOptions; `hosts_description`: part of the first log line.
 ExitCode render(const RenderOptions& options, Progress& progress, DistributedTakes* hosts,
                 std::string_view hosts_description, std::stop_token stop);
 

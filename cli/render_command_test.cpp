@@ -70,7 +70,7 @@ TEST_F(RenderCommand, TakesPathsFromAnotherFolder) {
   const std::string there = command + "--relative-to " + quoted("") + " --existing ";
   const CommandResult skipped = run_raystage(there + "skip");
   EXPECT_EQ(skipped.exit_code, 0) << skipped.output;
-  EXPECT_THAT(skipped.output, HasSubstr("0 of 2 frames rendered, 2 were there already"));
+  EXPECT_THAT(skipped.output, HasSubstr("0 of 2 frames rendered, 2 existed already"));
   ASSERT_EQ(run_raystage(there + "overwrite").exit_code, 0);
   EXPECT_TRUE(files_under(path("out")) == before);
 }

@@ -36,13 +36,13 @@ std::string times_text(const std::vector<Nanoseconds>& times) {
 }
 
 /// A line for each kind of loss, however many frames share it.
-void print_losses(const std::vector<Salvage::Loss>& losses) {
+void print_losses(const std::vector<SalvageResult::Loss>& losses) {
   struct Kind {
     std::string what;
     std::vector<Nanoseconds> times;
   };
   std::vector<Kind> kinds;
-  for (const Salvage::Loss& loss : losses) {
+  for (const SalvageResult::Loss& loss : losses) {
     auto kind = std::ranges::find(kinds, loss.what, &Kind::what);
     if (kind == kinds.end()) kind = kinds.insert(kinds.end(), Kind{loss.what, {}});
     if (loss.time_ns != kUnknownTime) kind->times.push_back(loss.time_ns);
@@ -59,17 +59,17 @@ void print_camera(const RepairReport::Camera& camera, bool dry_run) {
     fmt::print("{}: cannot be repaired: {}\n", camera.id, camera.error);
     return;
   }
-  const Salvage& s = camera.salvage;
+  const SalvageResult& s = camera.salvage;
   fmt::print("{}: {}, {} frames\n", camera.id, dry_run ? "would be written anew" : "written anew",
              s.frames);
   const auto count = [](std::int64_t number, std::string_view what) {
     if (number > 0) fmt::print("  {}: {}\n", what, number);
   };
-  count(s.mended_records, "records of the journal with one flipped bit, flipped back");
-  count(s.relisted_frames - s.unproven_frames, "frames put back into the journal, proven whole");
-  count(s.unproven_frames, "frames put back into the journal, without proof that they are whole");
-  count(s.rotten_frames, "frames lost, rotten");
-  count(s.cut_off_frames, "frames lost, cut off");
+  count(s.corrected_records, "records of the journal with one flipped bit, flipped back");
+  count(s.reindexed_frames - s.unverified_frames, "frames put back into the journal, proven whole");
+  count(s.unverified_frames, "frames put back into the journal, without proof that they are whole");
+  count(s.corrupt_frames, "frames lost, rotten");
+  count(s.truncated_frames, "frames lost, cut off");
   print_losses(s.losses);
   for (const std::string& name : camera.kept) fmt::print("  the original is kept as {}\n", name);
 }
@@ -84,16 +84,16 @@ ExitCode repair(const Options& options, const std::stop_token& stop) {
   const RepairReport report = repair_take(options.take, how);
   long whole = 0;
   for (const auto& camera : report.cameras) {
-    whole += camera.was_whole ? 1 : 0;
-    if (!camera.was_whole && !camera.id.empty()) print_camera(camera, options.dry_run);
+    whole += camera.was_intact ? 1 : 0;
+    if (!camera.was_intact && !camera.id.empty()) print_camera(camera, options.dry_run);
   }
   fmt::print("{} of {} cameras were whole and stay as they are\n", whole, report.cameras.size());
-  if (!report.old_timeline.empty()) {
+  if (!report.renamed_timeline.empty()) {
     fmt::print("The timeline does not fit and is kept as {}: run `raystage sync`\n",
-               report.old_timeline);
+               report.renamed_timeline);
   }
   if (report.failed() || report.stopped) return ExitCode::kFailed;
-  return report.lost_anything() ? ExitCode::kSomeFramesFailed : ExitCode::kSuccess;
+  return report.has_losses() ? ExitCode::kSomeFramesFailed : ExitCode::kSuccess;
 }
 
 }  // namespace

@@ -10,10 +10,9 @@
 
 namespace raystage {
 
-/// Options that commands share which work through the frames of a shot. Variables must outlive
-/// `app`.
+/// Options of all commands that process the frames of a shot. Variables must outlive `app`.
 
-/// --relative-to
+/// Adds --relative-to.
 inline void add_relative_to_option(CLI::App& app, std::filesystem::path& folder) {
   app.add_option("--relative-to", folder,
                  "folder that the paths in the shot are relative to, for a copy of the shot "
@@ -22,7 +21,7 @@ inline void add_relative_to_option(CLI::App& app, std::filesystem::path& folder)
       ->type_name("DIR");
 }
 
-/// --cache
+/// Adds --cache.
 inline void add_cache_option(CLI::App& app, std::filesystem::path& folder) {
   app.add_option("--cache", folder,
                  "folder for data derived from takes (DIR/depth/...), read from and stored there; "
@@ -30,7 +29,7 @@ inline void add_cache_option(CLI::App& app, std::filesystem::path& folder) {
       ->type_name("DIR");
 }
 
-/// --missing
+/// Adds --missing.
 inline void add_missing_option(CLI::App& app, MissingFrames& missing) {
   add_choice<MissingFrames>(app, "--missing", missing,
                             {{"error", MissingFrames::kError},
@@ -40,7 +39,7 @@ inline void add_missing_option(CLI::App& app, MissingFrames& missing) {
                             "the nearest\ninstant; black = empty frames (default: error)");
 }
 
-/// --progress and --quiet
+/// Adds --progress and --quiet.
 inline void add_progress_option(CLI::App& app, ProgressStyle& style) {
   add_choice<ProgressStyle>(
       app, "--progress", style,

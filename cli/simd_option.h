@@ -14,8 +14,8 @@
 
 namespace raystage {
 
-/// Pins the level, and starts the program anew, once, where its C library would compute otherwise.
-/// Throws CLI::ValidationError where the processor lacks the level.
+/// Selects the level, and restarts the program once if its C library would compute differently.
+/// Throws CLI::ValidationError if the processor lacks the level.
 inline void apply_simd_level(const std::string& name, char** argv) {
   try {
     const SimdLevel level = name.empty() ? best_simd_level() : parse_simd_level(name);
@@ -23,12 +23,12 @@ inline void apply_simd_level(const std::string& name, char** argv) {
     const std::optional<std::string> tunables = libm_tunables(level);
     if (!tunables) return;
     const char* before = std::getenv("GLIBC_TUNABLES");
-    // Where the same has been asked for already, this C library does not know how to.
+    // The program was restarted already: this C library ignores the setting.
     if (before == nullptr || std::strstr(before, "-AVX2,-FMA,-FMA4") == nullptr) {
       setenv("GLIBC_TUNABLES", tunables->c_str(), 1);
       execv("/proc/self/exe", argv);
     }
-    throw CLI::ValidationError("--simd", "the C library cannot be held to " +
+    throw CLI::ValidationError("--simd", "the C library cannot be restricted to " +
                                              std::string(simd_level_name(level)) +
                                              ". Use a higher level");
   } catch (const Error& error) {
@@ -36,8 +36,7 @@ inline void apply_simd_level(const std::string& name, char** argv) {
   }
 }
 
-/// --simd LEVEL: the same in every command that renders. Takes effect at the end of parsing, before
-/// any thread is started.
+/// Adds --simd LEVEL. Takes effect at the end of parsing, before any thread starts.
 inline void add_simd_option(CLI::App& app, std::string& level, char** argv) {
   app.add_option("--simd", level,
                  "instruction set of the kernels: the same one gives the same bytes on every "

@@ -34,7 +34,7 @@ void add_array_options(CLI::App& app, Options& o) {
       ->delimiter(',')
       ->type_name("X,Y,Z")
       ->group(group);
-  app.add_option("--turn-deg", s.turn_deg,
+  app.add_option("--rotation-deg", s.turn_deg,
                  "Turn of the array about the vertical, counter-clockwise from above, degrees, "
                  "-360 to 360; 0: it looks down -z")
       ->group(group);
@@ -187,5 +187,6 @@ int main(int argc, char** argv) {
   add_time_options(app, o);
   add_picture_options(app, o);
   return raystage::parse_and_run(app, argc, argv, "simulate",
-                                 [&](std::stop_token stop) { return run(o, stop); });
+                                 [&](std::stop_token stop) { return run(o, stop); },
+                                 raystage::OnSignal::kAbort, {{"--turn-deg", "--rotation-deg"}});
 }

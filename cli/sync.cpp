@@ -16,13 +16,14 @@
 #include "cli/command_line_parsing.h"
 #include "cli/threads.h"
 #include "raystage_version.h"
+#include "schemas/former_names.h"
 #include "store/journal_archives.h"
 #include "store/processing/retime/retime_take.h"
 #include "store/processing/sync/flash.h"
 #include "store/processing/sync/luminance.h"
 #include "store/processing/sync/node_offsets.h"
 #include "store/processing/sync/resync.h"
-#include "store/processing/sync/verdict.h"
+#include "store/processing/sync/resync_report.h"
 
 namespace raystage {
 namespace {
@@ -41,9 +42,9 @@ Nanoseconds from_ms(double milliseconds) {
   return static_cast<Nanoseconds>(std::llround(milliseconds * kNsPerMs));
 }
 
-void print_text(const Resync& resync, const std::vector<std::string>& verdict) {
+void print_text(const ResyncResult& resync, const std::vector<std::string>& verdict) {
   const Timeline& timeline = resync.timeline;
-  const TimelineStatistics statistics = statistics_of(timeline);
+  const TimelineStatistics statistics = timeline_statistics(timeline);
   const long absent = std::reduce(statistics.absent.begin(), statistics.absent.end(), 0L);
   const auto all = static_cast<double>(statistics.absent.size() * timeline.ticks.size());
   for (const std::string& sentence : verdict) fmt::print("{}\n", sentence);
@@ -63,10 +64,10 @@ void print_text(const Resync& resync, const std::vector<std::string>& verdict) {
   fmt::print("\n");
 }
 
-FlashOffsets find_flashes(const Take& take, const std::vector<CameraStamps>& cameras,
+FlashOffsets find_flashes(const Take& take, const std::vector<CameraTimestamps>& cameras,
                           const ResyncSettings& settings, const Options& options,
                           std::stop_token stop) {
-  const Resync resync = resynchronise(cameras, settings, options.take);
+  const ResyncResult resync = resynchronise(cameras, settings, options.take);
   Nanoseconds begin = std::numeric_limits<Nanoseconds>::min() + 1;
   Nanoseconds end = std::numeric_limits<Nanoseconds>::max();
   if (!options.flash_window.empty()) {
@@ -74,23 +75,23 @@ FlashOffsets find_flashes(const Take& take, const std::vector<CameraStamps>& cam
     end = from_ms(options.flash_window[1] * 1e3);
   }
   Progress progress(!options.quiet);
-  const auto luminance = luminance_of(
+  const auto luminance = measure_luminance(
       take, resync.times, begin, end, [&](double done) { progress.report(done); }, stop);
-  std::vector<std::vector<LightJump>> jumps;
+  std::vector<std::vector<FlashOnset>> jumps;
   std::vector<std::string> group;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
-    jumps.push_back(find_light_jumps(resync.times[c], luminance[c]));
+    jumps.push_back(find_flash_onsets(resync.times[c], luminance[c]));
     const bool by_node = options.flash_per == "node" && !cameras[c].node.empty();
     group.push_back(by_node ? cameras[c].node : cameras[c].id);
   }
   return offsets_from_flashes(jumps, group, options.take);
 }
 
-RetimeReport retime(const Take& take, const Resync& resync, const Options& options,
+RetimeReport retime(const Take& take, const ResyncResult& resync, const Options& options,
                     const std::stop_token& stop) {
   RetimeSettings settings;
   settings.method = options.retime;
-  settings.longest_gap = from_ms(options.longest_gap_ms);
+  settings.max_gap = from_ms(options.longest_gap_ms);
   settings.quality = options.quality;
   Progress progress(!options.quiet);
   return retime_take(
@@ -100,21 +101,25 @@ RetimeReport retime(const Take& take, const Resync& resync, const Options& optio
 
 void print_text(const RetimeReport& report, const std::string& output) {
   fmt::print("Retimed    {}: {} frames moved to their ticks, {} as they were, {} missing\n", output,
-             report.moved, report.as_were, report.missing);
-  const TimelineStatistics there = statistics_of(read_timeline(Take(output)));
+             report.moved, report.unchanged, report.missing);
+  const TimelineStatistics there = timeline_statistics(read_timeline(Take(output)));
   fmt::print("Spread     there mean {:.3f} ms, at most {:.3f} ms\n",
              there.mean_spread_ns / kNsPerMs, static_cast<double>(there.max_spread) / kNsPerMs);
-  if (report.moved > 0) fmt::print("Moving     {:.1f} ms a frame\n", report.ms_per_moved);
+  if (report.moved > 0) fmt::print("Moving     {:.1f} ms a frame\n", report.ms_per_interpolated);
 }
 
-void print_json(const Resync& resync, const std::optional<FlashOffsets>& flash,
+void print_json(const ResyncResult& resync, const std::optional<FlashOffsets>& flash,
                 const std::optional<RetimeReport>& retimed) {
-  auto json = nlohmann::ordered_json::parse(json_of(resync, flash));
+  auto json = nlohmann::ordered_json::parse(resync_report_json(resync, flash));
   if (retimed) {
-    json["retimed"] = {{"moved", retimed->moved},
-                       {"as_they_were", retimed->as_were},
+    json["retimed"] = {{"interpolated", retimed->moved},
+                       {"unchanged", retimed->unchanged},
                        {"missing", retimed->missing},
-                       {"ms_per_moved", retimed->ms_per_moved}};
+                       {"ms_per_interpolated", retimed->ms_per_interpolated}};
+    constexpr FormerName kFormerNames[] = {{"interpolated", "moved"},
+                                           {"unchanged", "as_they_were"},
+                                           {"ms_per_interpolated", "ms_per_moved"}};
+    add_former_names(json["retimed"], kFormerNames);
   }
   fmt::print("{}\n", json.dump(2));
 }
@@ -145,14 +150,15 @@ ExitCode sync(const Options& options, std::stop_token stop) {
                            "Choose another name, or remove it");
   }
   const ThreadLimit limit(options.threads);
-  const Take take(options.take, journals_for_archives(options.take));
+  const Take take(options.take, make_journal_archives(options.take));
   say_what_is_elsewhere(take);
-  const std::vector<CameraStamps> cameras = stamps_of(take);
+  const std::vector<CameraTimestamps> cameras = camera_timestamps(take);
   ResyncSettings settings;
   settings.fps = options.fps;
   settings.tolerance = from_ms(options.tolerance_ms);
-  settings.exact_stamps =
-      options.stamps == "exact" || (options.stamps == "auto" && !marks_arrivals(take.document()));
+  settings.trust_timestamps =
+      options.stamps == "exact" ||
+      (options.stamps == "auto" && !has_arrival_timestamps(take.document()));
   settings.keep_start_up = options.keep_start_up;
   if (options.tick_at) settings.tick_at = from_ms(*options.tick_at * 1e3);
   settings.nominal_fps = take.document().nominal_fps;
@@ -165,17 +171,17 @@ ExitCode sync(const Options& options, std::stop_token stop) {
     if (stop.stop_requested()) return ExitCode::kFailed;
     add_offsets(*flash, options.flash_per == "node", cameras, settings.offsets);
   }
-  const Resync resync = resynchronise(cameras, settings, options.take);
+  const ResyncResult resync = resynchronise(cameras, settings, options.take);
   if (options.output.empty()) write_timeline(resync.timeline, take);
   if (!options.report.empty()) {
-    write_file_atomically(options.report, report_html(resync, flash, take.document().name));
+    write_file_atomically(options.report, resync_report_html(resync, flash, take.document().name));
   }
   std::optional<RetimeReport> retimed;
   if (!options.output.empty()) retimed = retime(take, resync, options, stop);
   if (options.json) {
     print_json(resync, flash, retimed);
   } else {
-    print_text(resync, verdict_of(resync, flash));
+    print_text(resync, resync_findings(resync, flash));
     if (retimed) print_text(*retimed, options.output);
   }
   return ExitCode::kSuccess;
@@ -195,7 +201,7 @@ void add_retime_options(CLI::App& app, Options& options) {
                      "New take with the retimed frames and the timeline (TAKE is only read)")
           ->type_name("NEWTAKE");
   app.add_option(
-         "--longest-gap", options.longest_gap_ms,
+         "--max-gap", options.longest_gap_ms,
          "Frames further apart get nothing made between them, ms (default: 2.5 ticks, which "
          "bridges one lost frame)")
       ->check(CLI::Range(1e-6, 1e9).description(""))
@@ -221,7 +227,7 @@ void add_options(CLI::App& app, Options& options) {
          "A tick falls on this time, s since the take's epoch (default: where the frames lie "
          "best)")
       ->check(CLI::Range(-1e7, 1e7).description(""));
-  app.add_option("--stamps", options.stamps,
+  app.add_option("--timestamps", options.stamps,
                  "Whether stamps are exposures' own (exact) or came late (jittered), so that a "
                  "camera's rhythm says better when it exposed; auto (default): jittered where "
                  "take.json says that times mark arrivals")
@@ -237,7 +243,7 @@ void add_options(CLI::App& app, Options& options) {
       app.add_flag("--flash", options.flash,
                    "Find clock offsets from flashes of light that all cameras see: reads pictures");
   flash->excludes(given);
-  app.add_option("--flash-per", options.flash_per,
+  app.add_option("--flash-clock", options.flash_per,
                  "Whose clock: one offset per node (default) or camera")
       ->check(CLI::IsMember({"node", "camera"}).description(""))
       ->needs(flash);
@@ -269,5 +275,8 @@ int main(int argc, char** argv) {
   Options options;
   add_options(app, options);
   return parse_and_run(app, argc, argv, "sync",
-                       [&](std::stop_token stop) { return sync(options, stop); });
+                       [&](std::stop_token stop) { return sync(options, stop); }, OnSignal::kAbort,
+                       {{"--flash-per", "--flash-clock"},
+                        {"--longest-gap", "--max-gap"},
+                        {"--stamps", "--timestamps"}});
 }

@@ -79,8 +79,12 @@ TEST_F(SyncCommand, GivenOffsetsAndReport) {
 
 TEST_F(SyncCommand, RefusesWhatMakesNoSense) {
   EXPECT_EQ(run("--flash --node-offsets x.json " + quoted).exit_code, 2);
-  EXPECT_EQ(run("--flash-per camera " + quoted).exit_code, 2);
-  EXPECT_EQ(run("--stamps never " + quoted).exit_code, 2);
+  EXPECT_EQ(run("--flash-clock camera " + quoted).exit_code, 2);
+  EXPECT_EQ(run("--timestamps never " + quoted).exit_code, 2);
+  const auto former = run("--stamps=never " + quoted);
+  EXPECT_EQ(former.exit_code, 2);
+  EXPECT_THAT(former.output,
+              HasSubstr("--stamps is deprecated and will be removed; use --timestamps"));
   const auto [exit_code, output] = run("-q --flash --flash-window 2 2.5 " + quoted);
   EXPECT_EQ(exit_code, 2);
   EXPECT_THAT(output, HasSubstr("no flash was seen"));
@@ -119,14 +123,14 @@ TEST_F(SyncCommand, RetimingNeedsANewFolder) {
   EXPECT_THAT(existing.output, HasSubstr("exists already"));
   const auto inside = run("-o '" + (take / "new").string() + "' " + quoted);
   EXPECT_EQ(inside.exit_code, 2);
-  EXPECT_THAT(inside.output, HasSubstr("would lie within"));
+  EXPECT_THAT(inside.output, HasSubstr("would be inside of"));
   EXPECT_FALSE(std::filesystem::exists(take / "new"));
   const auto unknown = run("--retime fast -o x " + quoted);
   EXPECT_EQ(unknown.exit_code, 2);
   EXPECT_THAT(unknown.output, HasSubstr("fast not in {blend,flow,nearest}"));
   EXPECT_EQ(run("--flash --flash-window 2 1 " + quoted).exit_code, 2);
   EXPECT_NE(run("--quality 200 -o x " + quoted).exit_code, 0);
-  EXPECT_NE(run("--longest-gap 100 " + quoted).exit_code, 0);  // of nothing
+  EXPECT_NE(run("--max-gap 100 " + quoted).exit_code, 0);  // of nothing
 }
 
 TEST_F(SyncCommand, ATickFallsWhereItIsAskedFor) {

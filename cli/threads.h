@@ -10,7 +10,7 @@
 
 namespace raystage {
 
-/// -j, --threads N: the same in every command; 0, the default, takes what this process may use.
+/// Adds -j, --threads N; 0, the default, is the number that this process may use.
 inline void add_threads_option(CLI::App& app, int& threads) {
   app.add_option("-j,--threads", threads,
                  "Threads (default: 0, as many as CPU affinity and control group grant)")
@@ -22,7 +22,7 @@ inline int thread_count(int threads_option) {
   return threads_option > 0 ? threads_option : available_threads();
 }
 
-/// Holds TBB to that many threads while it lives.
+/// Limits TBB to this number of threads during its lifetime.
 class ThreadLimit {
  public:
   explicit ThreadLimit(int threads_option)

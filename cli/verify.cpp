@@ -13,6 +13,7 @@
 #include "base/atomic_file.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "schemas/former_names.h"
 
 namespace raystage {
 namespace {
@@ -41,16 +42,16 @@ std::string frames_text(const std::vector<AffectedFrame>& frames) {
   return text.empty() ? "" : " [" + text + "]";
 }
 
-void print_problem(const Problem& problem) {
+void print_problem(const FixityProblem& problem) {
   fmt::print("  {} @{}: {}{}\n", problem.file, problem.offset, problem.what,
              frames_text(problem.frames));
 }
 
 /// What helps the cameras; other problems say it themselves.
-void print_advice(const std::string& take, const TakeReport& report) {
+void print_advice(const std::string& take, const TakeFixityReport& report) {
   bool not_closed = false, damaged = false;
-  for (const TakeReport::Camera& camera : report.cameras) {
-    for (const Problem& problem : camera.report.problems) {
+  for (const TakeFixityReport::Camera& camera : report.cameras) {
+    for (const FixityProblem& problem : camera.report.problems) {
       (problem.not_closed ? not_closed : damaged) = true;
     }
   }
@@ -64,10 +65,10 @@ void print_advice(const std::string& take, const TakeReport& report) {
   }
 }
 
-void print_text(const Options& options, const TakeReport& report) {
+void print_text(const Options& options, const TakeFixityReport& report) {
   long whole = 0, damaged = 0;
   for (const auto& camera : report.cameras) {
-    const bool only_open = std::ranges::all_of(camera.report.problems, &Problem::not_closed);
+    const bool only_open = std::ranges::all_of(camera.report.problems, &FixityProblem::not_closed);
     whole += camera.error.empty() && camera.report.whole() ? 1 : 0;
     damaged += !camera.error.empty() || !only_open ? 1 : 0;
   }
@@ -75,12 +76,12 @@ void print_text(const Options& options, const TakeReport& report) {
   fmt::print("{} cameras: {} whole, {} not closed, {} damaged (depth: {}{})\n", cameras, whole,
              cameras - whole - damaged, damaged, options.depth,
              options.decode ? ", every frame decoded" : "");
-  for (const Problem& problem : report.problems) print_problem(problem);
+  for (const FixityProblem& problem : report.problems) print_problem(problem);
   for (const auto& camera : report.cameras) {
     if (!camera.error.empty()) fmt::print("  {}\n", camera.error);
-    for (const Problem& problem : camera.report.problems) print_problem(problem);
-    if (camera.report.more_problems > 0) {
-      fmt::print("  {}: {} problems more\n", camera.id, camera.report.more_problems);
+    for (const FixityProblem& problem : camera.report.problems) print_problem(problem);
+    if (camera.report.omitted_problems > 0) {
+      fmt::print("  {}: {} problems more\n", camera.id, camera.report.omitted_problems);
     }
   }
   const double megabytes = static_cast<double>(report.bytes()) / kBytesPerMb;
@@ -89,44 +90,49 @@ void print_text(const Options& options, const TakeReport& report) {
   print_advice(options.take, report);
 }
 
-Json json_of(const Problem& problem) {
+Json json_of(const FixityProblem& problem) {
   Json frames = Json::array();
   for (const AffectedFrame& frame : problem.frames) {
     frames.push_back({{"frame", frame.number}, {"time_ns", frame.time_ns}});
   }
   return {{"file", problem.file},
           {"offset", problem.offset},
-          {"what", problem.what},
+          {"description", problem.what},
           {"not_closed", problem.not_closed},
           {"frames", frames}};
 }
 
-Json json_of(const std::vector<Problem>& problems) {
+Json json_of(const std::vector<FixityProblem>& problems) {
   Json json = Json::array();
-  for (const Problem& problem : problems) json.push_back(json_of(problem));
+  for (const FixityProblem& problem : problems) json.push_back(json_of(problem));
   return json;
 }
 
-Json json_of(const Options& options, const TakeReport& report) {
+Json json_of(const Options& options, const TakeFixityReport& report) {
   Json cameras = Json::array();
   for (const auto& camera : report.cameras) {
     Json json{{"id", camera.id},
-              {"whole", camera.error.empty() && camera.report.whole()},
+              {"intact", camera.error.empty() && camera.report.whole()},
               {"bytes", camera.bytes}};
     if (options.depth != "sizes") json["frames"] = camera.report.frames;
     json["problems"] = json_of(camera.report.problems);
-    if (camera.report.more_problems > 0) json["more_problems"] = camera.report.more_problems;
+    if (camera.report.omitted_problems > 0)
+      json["omitted_problems"] = camera.report.omitted_problems;
     if (!camera.error.empty()) json["error"] = camera.error;
     cameras.push_back(std::move(json));
   }
-  return {{"take", options.take},
-          {"depth", options.depth},
-          {"decoded", options.decode},
-          {"whole", report.whole()},
-          {"bytes", report.bytes()},
-          {"seconds", report.seconds},
-          {"problems", json_of(report.problems)},
-          {"cameras", cameras}};
+  Json json{{"take", options.take},
+            {"depth", options.depth},
+            {"decoded", options.decode},
+            {"intact", report.whole()},
+            {"bytes", report.bytes()},
+            {"seconds", report.seconds},
+            {"problems", json_of(report.problems)},
+            {"cameras", cameras}};
+  constexpr FormerName kFormerNames[] = {
+      {"description", "what"}, {"intact", "whole"}, {"omitted_problems", "more_problems"}};
+  add_former_names(json, kFormerNames);
+  return json;
 }
 
 ExitCode verify(const Options& options, const std::stop_token& stop) {
@@ -140,7 +146,7 @@ ExitCode verify(const Options& options, const std::stop_token& stop) {
   deep.decode = options.decode;
   deep.progress = [&](double share) { progress.report(share); };
   deep.stop = stop;
-  const TakeReport report = verify_take(options.take, deep);
+  const TakeFixityReport report = verify_take(options.take, deep);
   if (report.stopped) return ExitCode::kFailed;
   if (!options.json.empty()) {
     const std::string text = json_of(options, report).dump(2) + "\n";

@@ -6,7 +6,7 @@
 
 namespace raystage {
 
-/// Highway's targets (HWY_AVX2 ...) that kernels are compiled for, one bit each.
+/// Highway targets (HWY_AVX2 ...) for which kernels are compiled, one bit each.
 extern const std::int64_t kCompiledKernelTargets;
 
 /// Returns what --version prints: "raystage VERSION" on the first line, then the kernels that this

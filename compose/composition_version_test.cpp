@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What kReconstructionVersion stands for beside the methods: meshes, lights, shadows, textures,
-// merging.
+// Pixels that kReconstructionVersion covers: meshes, lights, shadows, textures, merging.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rendered deep files, flattened by OpenImageIO, beside our own flat ones.
+// Compares rendered deep files, flattened by OpenImageIO, with our flat files.
 #include <OpenImageIO/imagebuf.h>
 #include <OpenImageIO/imagebufalgo.h>
 #include <gtest/gtest.h>

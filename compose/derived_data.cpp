@@ -21,10 +21,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMostByDefault = std::size_t{4} << 30;
+constexpr std::size_t kMaxByDefault = std::size_t{4} << 30;
 
-/// As what a light field's renderer is asked for its file. Methods that store something for views
-/// store the same for rays; plane_sweep stores depths for rays alone.
+/// Returns the kind of query for which a method stores data. Methods that store data for views
+/// store the same for rays; plane_sweep stores depths for rays only.
 QueryKind storing_use(const ReconstructionSettings& reconstruction) {
   return method_named(reconstruction.method).stores_data() ? QueryKind::kViews : QueryKind::kRays;
 }
@@ -49,7 +49,7 @@ bool is_light(const ShotPlan& plan, std::size_t layer) {
                              });
 }
 
-/// Whether a frame may ask the layer for what storing_use() says.
+/// Returns whether a frame may need the layer for queries of kind storing_use().
 bool is_used(const ShotPlan& plan, std::size_t layer, int frame) {
   const bool as_light = is_light(plan, layer) && shows_geometry(plan, frame);
   const ReconstructionSettings& reconstruction = plan.light_field(layer)->reconstruction();
@@ -57,7 +57,7 @@ bool is_used(const ShotPlan& plan, std::size_t layer, int frame) {
   return as_light || plan.is_visible(layer, frame);
 }
 
-/// The tick shown, and those before and after where the method looks at them.
+/// Returns the shown tick, and the adjacent ones if the method reads them.
 std::vector<int> ticks_read(const LightFieldLayer& light_field, int shown) {
   if (!reads_adjacent_frames(light_field.reconstruction())) return {shown};
   const auto& ticks = light_field.timeline().ticks;
@@ -69,7 +69,7 @@ std::vector<int> ticks_read(const LightFieldLayer& light_field, int shown) {
   return read;
 }
 
-/// Without files, by the first frame that needs them.
+/// Returns the needed data without file names, ordered by the first frame that needs it.
 std::vector<DerivedFrameData> needed_instants(const ShotPlan& plan,
                                               std::span<const PlannedFrame> frames) {
   std::vector<DerivedFrameData> needed;
@@ -89,7 +89,7 @@ std::vector<DerivedFrameData> needed_instants(const ShotPlan& plan,
   return needed;
 }
 
-/// Without the layer's matte: depths are those of the frames as they were taken.
+/// Returns a renderer without the layer's matte: depths are computed from the recorded frames.
 std::unique_ptr<const LightFieldRenderer> renderer_of(const ShotPlan& plan, std::size_t layer,
                                                       std::size_t cache_bytes,
                                                       std::size_t working_bytes) {
@@ -122,7 +122,7 @@ void name_files(const ShotPlan& plan, std::vector<DerivedFrameData>& instants) {
   });
 }
 
-/// Each file once, with the frames of all that need it; nothing that has none.
+/// Returns each file once, with all frames that need it. Entries without a file are omitted.
 std::vector<DerivedFrameData> each_file_once(std::vector<DerivedFrameData> instants) {
   std::vector<DerivedFrameData> files;
   std::map<fs::path, std::size_t> known;
@@ -170,9 +170,9 @@ std::vector<DerivedFrameData> list_derived_data(const ShotPlan& plan,
   });
   if (!missing.empty()) {
     throw Error::bad_input(
-        fmt::format("no frame asked for needs stored data of tick {} of layer {}",
+        fmt::format("no requested frame needs stored data of tick {} of layer {}",
                     missing.begin()->tick, missing.begin()->layer),
-        "", "Ask for ticks that the frames need, counted from 0 as the layers are");
+        "", "Request ticks that the frames need; ticks and layers count from 0");
   }
   name_files(plan, instants);
   return each_file_once(std::move(instants));
@@ -180,7 +180,7 @@ std::vector<DerivedFrameData> list_derived_data(const ShotPlan& plan,
 
 ExitCode PrepareReport::exit_code() const {
   const int stored = stored_before + derived;
-  if (stored == asked) return ExitCode::kSuccess;
+  if (stored == requested) return ExitCode::kSuccess;
   if (stopped) return ExitCode::kFailed;
   if (stored > 0) return ExitCode::kSomeFramesFailed;
   return std::ranges::all_of(failures, &Failure::is_bad_input) ? ExitCode::kBadInput
@@ -191,9 +191,9 @@ PrepareReport prepare_derived_data(const ShotPlan& plan, std::span<const Derived
                                    const PrepareOptions& options, std::stop_token stop) {
   const bool by_default = options.memory_bytes == 0;
   const std::size_t half = (by_default ? available_memory() / 2 : options.memory_bytes) / 2;
-  const std::size_t share = by_default ? std::min(half, kMostByDefault) : half;
+  const std::size_t share = by_default ? std::min(half, kMaxByDefault) : half;
   PrepareReport report;
-  report.asked = static_cast<int>(instants.size());
+  report.requested = static_cast<int>(instants.size());
   options.progress(0);
   for (std::size_t i = 0; i < instants.size(); ++i) {
     if (stop.stop_requested()) {
@@ -208,7 +208,7 @@ PrepareReport prepare_derived_data(const ShotPlan& plan, std::span<const Derived
     };
     try {
       const ReconstructionSettings& how = plan.light_field(instant.layer)->reconstruction();
-      // Its decoded frames go with it: no other light field frame has them.
+      // A renderer for each: light field frames share no decoded frames.
       const auto renderer = renderer_of(plan, instant.layer, share, share);
       StoreResult result = renderer->store(frames_at(plan, instant), how, storing_use(how));
       if (!result.failure_reason.empty()) {
@@ -217,7 +217,7 @@ PrepareReport prepare_derived_data(const ShotPlan& plan, std::span<const Derived
         ++(result.was_already_stored ? report.stored_before : report.derived);
       }
     } catch (const std::bad_alloc&) {
-      throw;  // a farm retries with more memory; the others would fare no better
+      throw;  // the others would fail, too; a farm retries with more memory
     } catch (const std::exception& error) {
       const auto* known = dynamic_cast<const Error*>(&error);
       fail(error.what(), known != nullptr && known->exit_code() == ExitCode::kBadInput);

@@ -64,7 +64,7 @@ struct PrepareReport {
     std::string what;
     bool is_bad_input = false;  ///< another attempt would fail, too
   };
-  int asked = 0, stored_before = 0, derived = 0;
+  int requested = 0, stored_before = 0, derived = 0;
   bool stopped = false;           ///< stopped on request before the last one
   std::vector<Failure> failures;  ///< in the order of the request
 
@@ -80,9 +80,8 @@ struct PrepareReport {
 PrepareReport prepare_derived_data(const ShotPlan& plan, std::span<const DerivedFrameData> instants,
                                    const PrepareOptions& options, std::stop_token stop);
 
-/// Protects the folders of these files from eviction until they are unpinned: writes a file
-/// `pin.JOB` to each folder, which is created if missing. Pins expire after 30 days. Throws Error
-/// as pin_depth_set().
+/// Protects the folders of these files from eviction until they are unpinned, at most 30 days:
+/// writes a file `pin.JOB` to each folder, creating it if needed. Throws Error as pin_depth_set().
 void pin_derived_data(std::span<const std::filesystem::path> files, std::string_view job);
 /// Removes these pins. A missing pin is no error.
 void unpin_derived_data(std::span<const std::filesystem::path> files, std::string_view job);

@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 using ::testing::ElementsAre;
 using testing::kTicks;
 
-/// The bytes of all files below a folder, by path in it; folders have none.
+/// Returns the bytes of all files below a folder, by relative path; folders have none.
 std::map<std::string, std::string> contents(const fs::path& folder) {
   std::map<std::string, std::string> files;
   std::error_code none;
@@ -40,7 +40,7 @@ class Preparation : public testing::SequenceTest {
   }
   fs::path cache(const std::string& name) const { return folder_.path() / name; }
 
-  /// The plan of the shot, and what all of its frames need.
+  /// The plan of the shot, and the derived data of all frames.
   struct Needed {
     std::unique_ptr<const ShotPlan> plan;
     std::vector<PlannedFrame> frames;
@@ -63,7 +63,7 @@ class Preparation : public testing::SequenceTest {
     const Needed all = needed(cache_folder);
     return prepare_derived_data(*all.plan, all.instants, {}, std::move(stop));
   }
-  /// A prepare run stores what rendering stores; then rendering solves nothing.
+  /// Prepared data is what rendering would store; rendering then estimates nothing.
   void expect_prepared(int solved) {
     const PrepareReport prepared = prepare(cache("prepared"));
     EXPECT_EQ(prepared.derived, solved);
@@ -75,12 +75,12 @@ class Preparation : public testing::SequenceTest {
 
     options_.cache_folder = cache("prepared");
     const SequenceReport after = run();
-    EXPECT_EQ(after.rendered, after.asked);
+    EXPECT_EQ(after.rendered, after.requested);
     EXPECT_EQ(after.light_field_frames_estimated, 0);
     EXPECT_EQ(after.light_field_frames_loaded, solved);
     EXPECT_TRUE(contents(cache("prepared")) == stored);
   }
-  /// An actor before a blue screen, 3 x 3 cameras.
+  /// An actor in front of a blue screen, 3 x 3 cameras.
   void write_actor_take(double spacing = 0.07) {
     SimulationSettings simulation;
     simulation.scene = "blue_screen";
@@ -96,7 +96,7 @@ class Preparation : public testing::SequenceTest {
     write_timeline(build_timeline(Take(folder_.path() / "actor"), simulation.fps, 0),
                    folder_.path() / "actor");
   }
-  /// A mesh before the camera, so that light fields may light it.
+  /// A mesh in front of the camera, which light fields may light.
   ShotDocument::Layer mesh() const {
     std::ofstream(folder_.path() / "square.obj")
         << "v -0.5 -0.5 0\nv 0.5 -0.5 0\nv 0.5 0.5 0\nv -0.5 0.5 0\nf 1 2 3 4\n";
@@ -110,8 +110,7 @@ class Preparation : public testing::SequenceTest {
 
 TEST_F(Preparation, StoresTheFilesThatRenderingStores) { expect_prepared(kTicks); }
 
-/// The wall is of one grey, where no depth is known: an actor before a blue screen, keyed, has
-/// depths.
+/// The grey wall has no depths; a keyed actor has.
 TEST_F(Preparation, StoresTheSameDepthsOfAKeyedSceneWithLittleMemoryAndOneThread) {
   write_actor_take();
   shot_.layers.front().take = "actor";
@@ -186,10 +185,10 @@ TEST_F(Preparation, StoresWhatALightIsAskedFor) {
 TEST_F(Preparation, MethodsThatStoreNothingNeedNothing) {
   shot_.layers.front().method = "focal_plane";
   const PrepareReport report = prepare(cache("prepared"));
-  EXPECT_EQ(report.asked, 0);
+  EXPECT_EQ(report.requested, 0);
   EXPECT_EQ(report.exit_code(), ExitCode::kSuccess);
   shot_.layers.front().method = "depth";
-  shot_.layers.front().options = {{"keep", false}};
+  shot_.layers.front().options = {{"store_depths", false}};
   EXPECT_TRUE(needed(cache("prepared")).instants.empty());
 }
 
@@ -238,12 +237,12 @@ TEST_F(Preparation, WhatCannotBeStoredIsAFailure) {
 
 TEST_F(Preparation, ExitCodesTellRetriesFromBadInput) {
   PrepareReport report;
-  report.asked = 1;
+  report.requested = 1;
   report.failures = {{0, 3, "disk full"}};
   EXPECT_EQ(report.exit_code(), ExitCode::kFailed);
   report.failures[0].is_bad_input = true;
   EXPECT_EQ(report.exit_code(), ExitCode::kBadInput);
-  report.asked = 3;
+  report.requested = 3;
   report.derived = 2;
   EXPECT_EQ(report.exit_code(), ExitCode::kSomeFramesFailed);
   report.stopped = true;

@@ -64,7 +64,7 @@ TEST(FileWriter, HoldsNobodyUpUntilItsQueueIsFull) {
   std::promise<void> disk_answers;
   const std::shared_future<void> answered = disk_answers.get_future().share();
   FileWriter writer(1);
-  // The first one is stuck in its account, as on a disk that does not answer.
+  // The first callback blocks, as a disk that does not respond.
   std::promise<void> stuck;
   writer.write({{folder.path() / "a", bytes_of("a")}}, [&](const FileWriter::WriteResult&) {
     stuck.set_value();

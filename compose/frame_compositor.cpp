@@ -19,21 +19,21 @@
 namespace raystage {
 namespace {
 
-bool hides_all(const LayerImage& image) {
+bool is_opaque(const LayerImage& image) {
   for (std::size_t i = 3; i < image.rgba.size(); i += 4) {
     if (image.rgba[i] < 1) return false;
   }
   return true;
 }
 
-void add_up(const RenderStatistics& from, RenderStatistics& to) {
+void add_statistics(const RenderStatistics& from, RenderStatistics& to) {
   to.plan_ms += from.plan_ms;
   to.decode_ms += from.decode_ms;
   to.render_ms += from.render_ms;
   to.pixels_decoded += from.pixels_decoded;
 }
 
-/// Since it was made.
+/// Measures the time since its construction.
 class Stopwatch {
  public:
   double ms() const {
@@ -92,7 +92,7 @@ EnvironmentRadiance FrameCompositor::environment_of(const PlannedFrame& frame,
                                                     const ExrCamera& camera,
                                                     const Lights& behind) const {
   EnvironmentRadiance seen_behind = behind.environment_radiance;
-  // The first light is asked first: it lies in front.
+  // The first light is in front: it is queried first.
   for (std::size_t l = plan_.light_field_lights().size(); l-- > 0;) {
     const ShotPlan::LightFieldLight& light = plan_.light_field_lights()[l];
     seen_behind =
@@ -146,8 +146,7 @@ LayerImage FrameCompositor::render_layer(std::size_t layer, const PlannedFrame& 
   const std::vector<float> ids = cryptomatte_ids(layer);
   const LayerView view = layer_view(layer, frame, camera, geometry, ids);
   LayerImage image;
-  // Isolated: while this thread waits for its frame's tiles it must not begin another frame,
-  // which would keep this one waiting.
+  // Isolated: while this thread waits for tiles of its frame, it must not start another frame.
   tbb::this_task_arena::isolate([&] { image = renderers_[layer]->render(view); });
   if (plan_.layer(layer)->is_in_scene_space()) convert_to_working_space(image);
   remove_unrequested_aovs(image);
@@ -189,15 +188,15 @@ LayerImage FrameCompositor::render_volume(std::size_t foremost, std::size_t coun
     if (holds[i]) render(i);
   }
   blend();
-  // The others are asked only where those that face the rays left something open.
+  // The other takes are rendered only if the first ones left gaps.
   const bool others = std::ranges::find(holds, false) != holds.end();
-  if (others && !hides_all(result)) {
+  if (others && !is_opaque(result)) {
     for (std::size_t i = 0; i < layers.size(); ++i) {
       if (!holds[i]) render(i);
     }
     blend();
   }
-  for (const LayerImage& image : images) add_up(image.statistics, result.statistics);
+  for (const LayerImage& image : images) add_statistics(image.statistics, result.statistics);
   return result;
 }
 
@@ -210,8 +209,8 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
   std::vector<bool> is_holdout;
   RenderStatistics statistics;
   const Geometry geometry = geometry_in_frame(frame, camera);
-  times.geometry_ms = total.ms();  // the first frame builds trees
-  const bool stated = plan_.shot().merge == ShotDocument::Merge::kLayerOrder;
+  times.geometry_ms = total.ms();  // includes BVHs, which the first frame builds
+  const bool in_layer_order = plan_.shot().merge == ShotDocument::Merge::kLayerOrder;
   for (std::size_t i = plan_.layers(); i-- > 0 && !stop.stop_requested();) {
     const std::size_t of_picture = plan_.volume_layer_count(i);
     const bool is_volume = !plan_.shot().layers[i].volume.empty();
@@ -220,7 +219,7 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
     if (!is_volume && !plan_.is_visible(i, frame.frame)) continue;
     const ShotDocument::Layer& document = plan_.shot().layers[i];
     if (is_volume && document.opacity <= 0) continue;
-    const Layer* opened = plan_.layer(i);  // of a volume another layer may be visible
+    const Layer* opened = plan_.layer(i);  // null is possible in a volume
     if (!is_volume &&
         (opened == nullptr || !renderers_[i]->may_show(layer_view(i, frame, camera, geometry)))) {
       continue;
@@ -232,7 +231,7 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
     if (plan_.shot().output.cryptomatte && image.ids.empty()) {
       assign_object_id(image, cryptomatte_ids(i).front());
     }
-    add_up(image.statistics, statistics);
+    add_statistics(image.statistics, statistics);
     uncovered_share[i] = uncovered_share_of_layer(i, image);
     if (!is_volume) {
       tbb::this_task_arena::isolate([&] { apply(plan_.clips(i), camera.view, image); });
@@ -242,7 +241,7 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
     }
     front_first.push_back(std::move(image));
     is_holdout.push_back(document.holdout);
-    if (stated && hides_all(front_first.back())) break;
+    if (in_layer_order && is_opaque(front_first.back())) break;
   }
   if (front_first.empty()) {
     front_first.push_back(transparent_layer_image(camera.view.width, camera.view.height));
@@ -257,8 +256,9 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
   if (front_first.size() == 1 && !is_holdout[0]) {
     result = std::move(front_first[0]);
   } else {
-    tbb::this_task_arena::isolate(
-        [&] { result = merge(rear_first, stated ? MergeOrder::kLayerOrder : MergeOrder::kDepth); });
+    tbb::this_task_arena::isolate([&] {
+      result = merge(rear_first, in_layer_order ? MergeOrder::kLayerOrder : MergeOrder::kDepth);
+    });
   }
   result.statistics = statistics;
   convert_to_output_space(result, deep);
@@ -301,8 +301,8 @@ void FrameCompositor::add_missing_aovs(LayerImage& image) const {
   const auto& layers = plan_.shot().layers;
   std::vector<Aov> wanted;
   const auto want = [&](const char* layer, const std::vector<std::string>& channels,
-                        bool is_colour = false, float nothing = 0) {
-    Aov aov{layer, channels, is_colour, nothing, {}};
+                        bool is_colour = false, float empty_value = 0) {
+    Aov aov{layer, channels, is_colour, empty_value, {}};
     const bool is_one_of_many = aov.layer == "lf";
     if (plan_.writes_aov(is_one_of_many ? "lf." + channels.front() : aov.layer)) {
       wanted.push_back(std::move(aov));
@@ -319,7 +319,7 @@ void FrameCompositor::add_missing_aovs(LayerImage& image) const {
     want("N", {"X", "Y", "Z"});
     want("albedo", {"R", "G", "B"}, true);
   }
-  // In one order, whichever layer was in front.
+  // The same order in all frames.
   std::vector<Aov> all;
   for (Aov& aov : wanted) {
     const auto own = std::ranges::find_if(image.aovs, [&](const Aov& of_image) {
@@ -329,7 +329,7 @@ void FrameCompositor::add_missing_aovs(LayerImage& image) const {
       all.push_back(std::move(*own));
       continue;
     }
-    aov.values.assign(image.pixels() * aov.channels.size(), aov.nothing);
+    aov.values.assign(image.pixels() * aov.channels.size(), aov.empty_value);
     all.push_back(std::move(aov));
   }
   image.aovs = std::move(all);

@@ -14,7 +14,7 @@
 
 namespace raystage {
 
-/// Wall-clock time of a view by stage, in the thread of its frame; others help.
+/// Wall-clock time of a view by stage, measured in the thread of its frame.
 struct CompositingTimes {
   double light_fields_ms = 0, geometry_ms = 0;
   double merge_ms = 0;  ///< and everything else: plates, clips, colours
@@ -33,8 +33,7 @@ struct CompositedView {
   std::vector<double> uncovered_share = {};
 };
 
-/// Renders the layers of a frame, applies clips and opacity, and merges them. Thread-safe. `plan`:
-/// referred to.
+/// Renders, clips and merges the layers of frames. Thread-safe. Keeps a reference to the plan.
 class FrameCompositor {
  public:
   FrameCompositor(const ShotPlan& plan, const SequenceMemoryPlan& memory);
@@ -68,11 +67,10 @@ class FrameCompositor {
                                      const Lights& behind) const;
   LayerImage render_layer(std::size_t layer, const PlannedFrame& frame, const ExrCamera& camera,
                           const Geometry& geometry) const;
-  /// Renders the visible ones of `count` layers up to `foremost`, which surround one volume.
+  /// Renders the visible layers of the `count` up to `foremost`, which surround one volume.
   LayerImage render_volume(std::size_t foremost, std::size_t count, const PlannedFrame& frame,
                            const ExrCamera& camera, const Geometry& geometry) const;
-  /// Returns the radiance of a light made of one layer, or of several around a volume, in front of
-  /// `behind`.
+  /// Returns the radiance of a light of one layer, or several around a volume, over `behind`.
   EnvironmentRadiance layer_light_radiance(const ShotPlan::LightFieldLight& light,
                                            const PlannedFrame& frame, const ExrCamera& camera,
                                            EnvironmentRadiance behind,

@@ -13,7 +13,7 @@
 namespace raystage {
 namespace {
 
-// A typing error such as 1-1000000000 should be a message, not a machine out of memory.
+// A typing error such as 1-1000000000 must not exhaust the memory.
 constexpr std::int64_t kMaxFrames = 1'000'000;
 constexpr std::int64_t kMaxFrameNumber = 99'999'999;
 
@@ -46,12 +46,12 @@ class Parser {
       }
     }
     if (last < first) {
-      fail(fmt::format("the range {}-{} runs backwards", first, last),
-           fmt::format("Write {}-{}; frames are rendered in rising order", last, first));
+      fail(fmt::format("the range {}-{} is descending", first, last),
+           fmt::format("Write {}-{}; frames are rendered in ascending order", last, first));
     }
     const std::int64_t count = (last - first) / step + 1;
     if (static_cast<std::int64_t>(frames.size()) + count > kMaxFrames) {
-      fail(fmt::format("more than {} frames", kMaxFrames), "Ask for fewer frames at a time");
+      fail(fmt::format("there are more than {} frames", kMaxFrames), "Request fewer frames");
     }
     for (std::int64_t frame = first; frame <= last; frame += step) {
       frames.push_back(static_cast<int>(frame));
@@ -93,7 +93,7 @@ class Parser {
     if (text_[at_] == 'y') {
       fail("'y' (all frames but every n-th) is not supported", "List the ranges that remain");
     }
-    fail(fmt::format("'{}' has no place here", text_[at_]),
+    fail(fmt::format("'{}' is not allowed here", text_[at_]),
          "Write for example 1-48, 1-48x2, 1,5,10-20x2 or -5--1");
   }
 

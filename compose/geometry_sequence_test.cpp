@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shots with geometry in them.
 #include <OpenEXR/ImfMultiPartInputFile.h>
 #include <OpenEXR/ImfStringAttribute.h>
 #include <gmock/gmock.h>
@@ -16,7 +15,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-/// The wall's take, and a white square of 1 m in front of the camera.
+/// The wall's take and a white square of 1 m in front of the camera.
 class GeometrySequence : public testing::SequenceTest {
  protected:
   void SetUp() override {
@@ -57,7 +56,7 @@ TEST_F(GeometrySequence, StandsInTheLightFieldByDepth) {
   EXPECT_NEAR(value("R", 1, 1), grey(0), 0.005);
   EXPECT_NEAR(value("lf.coverage", 1, 1), 1, 1e-3);
   EXPECT_EQ(value("N.Z", 1, 1), 0);
-  // The light field is looked up 3 m before the array.
+  // The focal plane is 3 m in front of the array.
   shot_.layers[1] = square(-3.5);
   run();
   EXPECT_NEAR(value("R", 20, 15), grey(0), 0.005);
@@ -69,7 +68,7 @@ TEST_F(GeometrySequence, StandsInTheLightFieldByDepth) {
 }
 
 TEST_F(GeometrySequence, ThrowsShadowsOnALightFieldThatReceivesThem) {
-  // Light from behind the camera; the wall is looked up 3 m before the array, a metre behind.
+  // Light from behind the camera; the focal plane of the wall is 1 m behind the square.
   shot_.merge = ShotDocument::Merge::kDepth;
   shot_.lights = {{.direction = {{0.5, 0, -1}}, .color = {1, 1, 1}}};
   run();
@@ -92,7 +91,6 @@ TEST_F(GeometrySequence, ThrowsShadowsOnALightFieldThatReceivesThem) {
   }
   EXPECT_GT(shadowed, 2);
   EXPECT_EQ(with[1], without[1]);
-  // What receives them does so in files, and files know.
   options_.existing = ExistingFiles::kSkip;
   shot_.layers[0].shadows->strength = 0.5;
   EXPECT_EQ(run().rendered, 1);
@@ -119,7 +117,7 @@ TEST_F(GeometrySequence, BehindASolidItIsStillInMirrorsBeforeIt) {
   shot_.lights = {{.ambient = {{1, 1, 1}}}};
   run();
   EXPECT_NEAR(value("R", 20, 15), 0.6, 1e-3);
-  // Out of view it is no layer of its own, and in the mirror all the same.
+  // Out of view it is not rendered, but it still appears in the mirror.
   shot_.layers = {solid, seen, mirror};
   run();
   EXPECT_NEAR(value("R", 20, 15), 0.6, 1e-3);
@@ -150,7 +148,7 @@ TEST_F(GeometrySequence, NamesItsObjectsInACryptomatte) {
     EXPECT_EQ(value("CryptoObject00.R", 20, 15), object_id("square/sign"));
     EXPECT_NEAR(value("CryptoObject00.G", 20, 15), 1, 1e-5);
     EXPECT_EQ(value("CryptoObject00.R", 1, 1), object_id("wall"));
-    // The square's edge: half of the pixel's samples hit it.
+    // At the square's edge half of the samples hit it.
     int shared = 0;
     for (int x = 0; x < 40; ++x) {
       const float first = value("CryptoObject00.G", x, 15),
@@ -166,17 +164,17 @@ TEST_F(GeometrySequence, NamesItsObjectsInACryptomatte) {
 }
 
 TEST_F(GeometrySequence, AMirrorShowsTheLightField) {
-  // The square stands behind the camera's back of the wall: it looks back at it through a mirror.
+  // The square is a mirror through which the camera looks back.
   shot_.layers[0].name = "wall";
   shot_.layers[0].opacity = 0;  // a light only
   shot_.layers[1] = square(-2, "mirror");
-  // Turned by 135 degrees about x its reflections go on towards the wall, downwards.
+  // Rotated by 135 degrees about x, it reflects rays downwards to the wall.
   shot_.layers[1].geometry->keys[0].orientation = {{0.7934, -0.6088, 0, 0}};
   shot_.lights = {{.ambient = {{0.01, 0.02, 0.03}}}, {.light_field = "wall"}};
   run();
   EXPECT_NEAR(value("R", 20, 15), grey(0), 0.01);
   EXPECT_EQ(value("R", 1, 1), 0);
-  // At 45 degrees they leave upwards, where no camera looked.
+  // At 45 degrees the rays go upwards, where no camera looked.
   shot_.layers[1].geometry->keys[0].orientation = {{0.9239, -0.3827, 0, 0}};
   run();
   EXPECT_NEAR(value("R", 20, 15), 0.01, 1e-3);
@@ -208,26 +206,26 @@ TEST_F(GeometrySequence, KnowsWhatMakesAFileOutOfDate) {
 
 TEST_F(GeometrySequence, SaysWhatIsWrongBeforeAnythingIsRendered) {
   shot_.layers[1].geometry->file = "none.obj";
-  EXPECT_THAT(refusal(), HasSubstr("there is no such mesh"));
-  shot_.layers[1].first_frame = 102;  // not asked for
+  EXPECT_THAT(refusal(), HasSubstr("the mesh file does not exist"));
+  shot_.layers[1].first_frame = 102;  // not requested
   EXPECT_EQ(run().rendered, 1);
   shot_.layers[1] = square(-2);
   shot_.layers[1].geometry->material->texture = "none.png";
-  EXPECT_THAT(refusal(), HasSubstr("there is no such texture"));
+  EXPECT_THAT(refusal(), HasSubstr("the texture file does not exist"));
   shot_.layers[1] = square(-2);
   shot_.lights = {{.light_field = "nobody"}};
-  EXPECT_THAT(refusal(), HasSubstr("shot.json#/lights/0: the light is to be the layer \"nobody\""));
+  EXPECT_THAT(refusal(), HasSubstr("shot.json#/lights/0: the light uses the layer \"nobody\""));
   shot_.lights = {{.light_field = "square"}};
   EXPECT_THAT(refusal(), HasSubstr("has no take"));
   shot_.lights = {{.environment = "none.exr"}};
-  EXPECT_THAT(refusal(), HasSubstr("there is no such texture"));
+  EXPECT_THAT(refusal(), HasSubstr("the texture file does not exist"));
   shot_.lights.clear();
   shot_.layers[1].geometry->keys[0].orientation = {{0, 0, 0, 0}};
   EXPECT_THAT(refusal(), HasSubstr("shot.json#/layers/1/geometry/keys/0"));
 }
 
 TEST_F(GeometrySequence, IsCountedInMemory) {
-  options_.memory_bytes = std::size_t{200} << 20;  // less than what textures may take
+  options_.memory_bytes = std::size_t{200} << 20;  // less than the textures' budget
   EXPECT_EQ(run().rendered, 1);
   std::ofstream(folder_.path() / "red.ppm") << "P3 1 1 255 255 0 0";
   shot_.layers[1].geometry->material->texture = "red.ppm";

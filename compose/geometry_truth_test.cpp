@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene that is all geometry, and the same with half of it replaced by its own light field.
+// Compares a scene of geometry with one whose back half is replaced by its light field.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -15,7 +15,7 @@ namespace {
 
 using testing::TracedScene;
 
-/// Once for all tests: pictures of the half that becomes a light field, as a take.
+/// Shared by all tests: a take of the half that becomes a light field.
 class GeometryTruth : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -30,7 +30,7 @@ class GeometryTruth : public ::testing::Test {
   static std::filesystem::path path(const std::string& name) { return scene_->path(name); }
   static TracedScene::Picture render(const ShotDocument& shot) { return scene_->render(shot); }
 
-  /// What becomes the light field, and what stays geometry.
+  /// The meshes that become the light field, and those that stay geometry.
   static std::vector<ShotDocument::Layer> set() {
     return {TracedScene::mesh("backdrop", "plane.obj", {0, 0, -6}, 6),
             TracedScene::mesh("left", "ball.obj", {-0.7, 0.1, -3.6}, 0.5)};
@@ -93,18 +93,18 @@ TEST_F(GeometryTruth, HalfOfItAsALightFieldLooksTheSame) {
 }
 
 TEST_F(GeometryTruth, ReflectionsByLightFieldAreNearerThanByEnvironmentMap) {
-  // A mirror for a floor, in which the backdrop and the left ball are seen.
+  // The floor is a mirror that reflects the backdrop and the left ball.
   ShotDocument::Layer floor = TracedScene::mesh("floor", "plane.obj", {0, -0.75, -3.6}, 2);
   floor.geometry->material = ShotDocument::Material{.kind = "mirror", .color = {{0.9, 0.9, 0.9}}};
   const double half = std::sqrt(0.5);
-  floor.geometry->keys[0].orientation = {{half, -half, 0, 0}};  // looks up
+  floor.geometry->keys[0].orientation = {{half, -half, 0, 0}};  // faces up
   ShotDocument shot = shot_from({0.05, 0.03, -0.1}, 44, 240, 180);
   shot.output.cryptomatte = true;
   shot.layers = set();
   shot.layers.push_back(floor);
   const TracedScene::Picture truth = render(shot);
 
-  // The environment as one camera in the middle of the array sees it: what it does not see, grey.
+  // An environment map as the centre camera sees it, grey outside its view.
   ShotDocument around = shot_from({0, 0, 0}, 120, 512, 512);
   around.layers = set();
   const ExrImage view = render(around).image;

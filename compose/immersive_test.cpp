@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A room, and the same as four light fields that look out of a volume in its middle.
+// Compares a room with four light fields that look outwards from a volume at its centre.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -15,13 +15,13 @@ namespace {
 
 using testing::TracedScene;
 
-/// Of a turn about the y axis, counter-clockwise from above.
+/// Rotation about the y axis, counter-clockwise from above.
 std::array<double, 4> turned(double degrees) {
   const double half = degrees * std::numbers::pi / 360;
   return {std::cos(half), 0, std::sin(half), 0};
 }
 
-/// Once for all tests: takes of the room, ahead, to the left, behind and to the right.
+/// Shared by all tests: takes of the room to the front, left, back and right.
 class Immersive : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -60,7 +60,7 @@ class Immersive : public ::testing::Test {
             "f 2/1 6/2 8/3 4/4\nf 5/1 6/2 2/3 1/4\nf 3/1 4/2 8/3 7/4\n";
   }
 
-  /// From within the volume.
+  /// A view from within the volume.
   static ShotDocument shot_looking(double degrees) {
     ShotDocument shot;
     shot.width = 240;
@@ -128,8 +128,8 @@ TEST_F(Immersive, TheSeamIsNotSeen) {
   const double rest = TracedScene::psnr(truth.image, room.image,
                                         [&](std::size_t pixel) { return !in_seam(pixel); });
   printf("in the seam %.2f dB, elsewhere %.2f dB\n", seam, rest);
-  EXPECT_GT(seam, 34);  // the ball's edges are there, all of them
-  // One take after the other instead, each where it saw anything, is what a volume is better than.
+  EXPECT_GT(seam, 34);  // all of the ball's edges are visible
+  // For comparison: the takes as separate layers.
   for (ShotDocument::Layer& layer : shot.layers) layer.volume.clear();
   shot.merge = ShotDocument::Merge::kLayerOrder;
   EXPECT_LT(everywhere(truth, room_->render(shot)), everywhere(truth, room));
@@ -149,7 +149,7 @@ TEST_F(Immersive, AMirrorReflectsTheWholeRoom) {
   const TracedScene::Picture by_room = room_->render(shot);
   shot.lights.back() = {.light_field = "side2"};
   const TracedScene::Picture by_one = room_->render(shot);
-  // Where it reflects what the takes saw, neither floor nor ceiling.
+  // Only where it reflects rays that the takes saw: neither floor nor ceiling.
   const auto on_ball = [&](std::size_t pixel) {
     const int row = static_cast<int>(pixel / static_cast<std::size_t>(shot.width));
     return std::abs(row - shot.height / 2) < 25 && truth.front[pixel] == object_id("mirror/ball");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// An actor before a blue screen, keyed in every camera, seen by a camera that was not there:
-// against the traced figure over the same background.
+// Compares a new view of an actor, keyed from a blue screen in every camera, with the traced figure
+// over the same background.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -46,7 +46,7 @@ class KeyedLightField : public ::testing::Test {
     shot_.layers = {background, actor};
   }
 
-  /// The frame, and the instant of the take that it shows.
+  /// The frame and the tick that it shows.
   ExrImage render() {
     write_shot(shot_, folder_.path() / "shot.json");
     SequenceOptions options;
@@ -56,7 +56,7 @@ class KeyedLightField : public ::testing::Test {
     return read_exr(options.output);
   }
 
-  /// The picture, and how much of each pixel the figure covers.
+  /// The picture and the figure's coverage of each pixel.
   std::pair<LinearImage, std::vector<double>> traced(const std::string& scene_name,
                                                      const VirtualCamera& view, double seconds) {
     const Scene scene = make_scene(scene_name);
@@ -88,7 +88,7 @@ TEST_F(KeyedLightField, AnActorStandsBeforeAnythingAsIfTakenThere) {
   for (std::size_t i = 0; i < alpha.size(); ++i) {
     double square = 0;
     for (std::size_t c = 0; c < 3; ++c) {
-      // The screen's light taken out of the picture, the colour put in its place.
+      // Replaces the screen's light by the background colour.
       const auto channel = static_cast<int>(c);
       const double truth =
           static_cast<double>(with.light[i][channel]) +

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shots of several layers.
 #include <OpenEXR/ImfDeepFrameBuffer.h>
 #include <OpenEXR/ImfDeepScanLineInputPart.h>
 #include <OpenEXR/ImfFloatAttribute.h>
@@ -21,7 +20,7 @@ namespace {
 using ::testing::Contains;
 using ::testing::HasSubstr;
 
-/// The wall's take, and a second one of the same wall whose frames come two ticks later.
+/// The wall's take, and a second take of the wall that is two ticks later.
 class LayeredSequence : public testing::SequenceTest {
  protected:
   LayeredSequence() { options_.frames = {101}; }
@@ -57,7 +56,6 @@ TEST_F(LayeredSequence, TwoTakesShareAPictureWithoutASeam) {
   EXPECT_NEAR(at(20, 15)[0], grey(2), 0.005F);
   for (int x = 0; x < 40; ++x) EXPECT_NEAR(at(x, 15)[1], 1, 1e-3F) << x;
 
-  // Fading over, each pixel lies between the two.
   shot_.layers[1].clips[0].feather = 0.5;
   options_.existing = ExistingFiles::kOverwrite;
   run();
@@ -65,7 +63,7 @@ TEST_F(LayeredSequence, TwoTakesShareAPictureWithoutASeam) {
   for (int x = 0; x < 40; ++x) EXPECT_NEAR(at(x, 15)[1], 1, 1e-3F) << x;
 }
 
-/// All of the data window, which read_exr() cuts to the picture.
+/// Reads all of the data window, which read_exr() crops to the display window.
 std::vector<float> red_of_data_window(const std::filesystem::path& file, Imath::Box2i& window) {
   Imf::MultiPartInputFile input(file.c_str());
   Imf::InputPart part(input, 0);
@@ -97,14 +95,14 @@ TEST_F(LayeredSequence, OverscanLiesBeyondThePicture) {
   shot_.output.overscan = {6, 4};
   options_.existing = ExistingFiles::kSkip;
   EXPECT_EQ(run().rendered, 1);
-  // The picture and its camera are as they were.
+  // The display window and its camera are unchanged.
   const ExrImage picture = read_exr(file(101));
   ASSERT_EQ(picture.rgba.size(), plain.rgba.size());
   for (std::size_t i = 0; i < plain.rgba.size(); ++i) {
     EXPECT_NEAR(picture.rgba[i], plain.rgba[i], 2e-3F) << i;
   }
   EXPECT_EQ(matrices(), before);
-  // What lies beyond is there: wall on the left, solid on the right.
+  // The overscan has the wall on the left, the solid on the right.
   Imath::Box2i window;
   const std::vector<float> red = red_of_data_window(file(101), window);
   EXPECT_EQ(window, Imath::Box2i({-6, -4}, {40 + 5, 30 + 3}));
@@ -123,7 +121,7 @@ TEST_F(LayeredSequence, OverscanLiesBeyondThePicture) {
 TEST_F(LayeredSequence, FilesMayBeInOtherPrimaries) {
   shot_.layers = {solid(0, 1)};
   shot_.layers[0].solid->color = {1, 0, 0};
-  shot_.output.color.space = "lin_ap1_scene";
+  shot_.output.color.color_space = "lin_ap1_scene";
   run();
   const ExrImage acescg = read_exr(file(101));
   EXPECT_NEAR(acescg.rgba[0], 0.6131F, 5e-4F);
@@ -138,17 +136,16 @@ TEST_F(LayeredSequence, FilesMayBeInOtherPrimaries) {
   EXPECT_EQ(text("lf:colorSpace"), "lin_ap1_scene");
   EXPECT_THAT(text("lf:colorConfig"), HasSubstr("raystage-1 built in"));
 
-  // Other colours are another picture.
   options_.existing = ExistingFiles::kSkip;
   EXPECT_EQ(run().skipped, 1);
-  shot_.output.color.space = "lin_rec709_scene";
+  shot_.output.color.color_space = "lin_rec709_scene";
   EXPECT_EQ(run().rendered, 1);
   EXPECT_EQ(text("colorInteropID"), "lin_rec709_scene");
   EXPECT_EQ(text("lf:colorConfig"), "");
 
-  shot_.output.color.space = "srgb_texture";
+  shot_.output.color.color_space = "srgb_texture";
   EXPECT_THAT(refusal(), HasSubstr("not linear light"));
-  shot_.output.color.space = "ARRI LogC";
+  shot_.output.color.color_space = "ARRI LogC";
   EXPECT_THAT(refusal(), HasSubstr("Use one of lin_ap0_scene, lin_ap1_scene"));
   shot_.output.color.config = "nowhere.ocio";
   EXPECT_THAT(refusal(), HasSubstr("nowhere.ocio"));
@@ -169,9 +166,9 @@ TEST_F(LayeredSequence, DeepFilesHoldWhatThePictureIsMadeOf) {
                                            sizeof(unsigned int), sizeof(unsigned int) * 40));
   part.setFrameBuffer(buffer);
   part.readPixelSampleCounts(0, 29);
-  for (const unsigned int count : counts) EXPECT_EQ(count, 2U);  // the wall, and glass before it
+  for (const unsigned int count : counts) EXPECT_EQ(count, 2U);  // the wall, and glass in front
 
-  // What is there is kept only with the deep file.
+  // Existing files are skipped only together with the deep file.
   options_.existing = ExistingFiles::kSkip;
   EXPECT_EQ(run().skipped, 1);
   std::filesystem::remove(deep_file);
@@ -179,7 +176,7 @@ TEST_F(LayeredSequence, DeepFilesHoldWhatThePictureIsMadeOf) {
   EXPECT_TRUE(std::filesystem::exists(deep_file));
 
   shot_.merge = ShotDocument::Merge::kLayerOrder;
-  EXPECT_THAT(refusal(), HasSubstr("deep files put layers together by depth"));
+  EXPECT_THAT(refusal(), HasSubstr("deep files merge layers by depth"));
 }
 
 TEST_F(LayeredSequence, ASolidLiesWhereItIsStatedOrWhereItIsDeep) {
@@ -187,7 +184,7 @@ TEST_F(LayeredSequence, ASolidLiesWhereItIsStatedOrWhereItIsDeep) {
   run();
   EXPECT_NEAR(at(20, 15)[0], 0.5F * 0.75F + 0.5F * grey(0), 0.005F);
   EXPECT_FLOAT_EQ(at(20, 15)[2], 2) << "half of it";
-  // The light field is looked up on the best plane, 3 m before the array.
+  // The light field is on the best focal plane, 3 m in front of the array.
   shot_.merge = ShotDocument::Merge::kDepth;
   shot_.layers[1].solid->depth_m = 5;
   options_.existing = ExistingFiles::kSkip;
@@ -263,7 +260,7 @@ TEST_F(LayeredSequence, EachLayersMissingFramesAreNamed) {
   ShotDocument::Layer layer = later();
   layer.start_seconds = 100;
   shot_.layers.push_back(layer);
-  EXPECT_THAT(refusal(), HasSubstr("shot.json#/layers/1: the take has nothing to show"));
+  EXPECT_THAT(refusal(), HasSubstr("shot.json#/layers/1: the take has no instant for"));
   options_.missing = MissingFrames::kBlack;
   EXPECT_EQ(run().rendered, 1);
   EXPECT_THAT(messages_, Contains(HasSubstr("layer 1: 1 frames are empty")));
@@ -272,7 +269,7 @@ TEST_F(LayeredSequence, EachLayersMissingFramesAreNamed) {
 
 TEST_F(LayeredSequence, FocusesWhereTheCameraDoes) {
   shot_.layers[0].focal_plane.kind = ShotDocument::FocalPlane::Kind::kCamera;
-  EXPECT_THAT(refusal(), HasSubstr("shot.json#/layers/0: the focal plane is to be the camera's"));
+  EXPECT_THAT(refusal(), HasSubstr("shot.json#/layers/0: the focal plane follows the camera"));
   shot_.camera.keys[0].focus_m = 2;
   shot_.camera.keys[1].focus_m = 4.5;
   options_.frames = {101, 106};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What files tell, and in which colours layers are put together.
+// AOVs, metadata, working and output colour spaces, focus pulls.
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfMultiPartInputFile.h>
 #include <OpenEXR/ImfStringAttribute.h>
@@ -21,7 +21,7 @@ namespace {
 
 using ::testing::ElementsAre;
 
-/// The wall's light field, and before its middle a square mesh from frame 102 on.
+/// The wall's light field, with a square mesh in front of its centre from frame 102 on.
 class OutputSequence : public testing::SequenceTest {
  protected:
   void SetUp() override {
@@ -83,11 +83,11 @@ TEST_F(OutputSequence, TellsTheAovsThatAreAskedFor) {
   EXPECT_FALSE(channels(101).contains("lf.cameras"));
 }
 
-/// Light times colour is another product in other primaries.
+/// Products of light and colour depend on the primaries.
 TEST_F(OutputSequence, LightsAndMergesInTheWorkingSpace) {
   options_.frames = {101, 102};
-  shot_.output.color.working = "lin_ap1_scene";
-  shot_.output.color.space = "lin_ap1_scene";
+  shot_.output.color.working_space = "lin_ap1_scene";
+  shot_.output.color.color_space = "lin_ap1_scene";
   run();
   {
     const Imf::MultiPartInputFile input(file(102).c_str());
@@ -103,7 +103,7 @@ TEST_F(OutputSequence, LightsAndMergesInTheWorkingSpace) {
   const std::array<float, 4> wall_ap1 = pixel(101, 2, 15);
   for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(wall_ap1[c], grey(0), 0.005F) << "grey stays";
 
-  shot_.output.color.space = "lin_rec709_scene";
+  shot_.output.color.color_space = "lin_rec709_scene";
   run();
   // lin_ap1_scene to Rec.709 (ASWF's ColorInterop, Bradford).
   Eigen::Matrix3f rec709_from_ap1;
@@ -115,16 +115,16 @@ TEST_F(OutputSequence, LightsAndMergesInTheWorkingSpace) {
     EXPECT_NEAR(in_rec709[c], expected(static_cast<Eigen::Index>(c)), 1e-3F);
   }
   const std::array<float, 4> wall = pixel(101, 2, 15);
-  shot_.output.color.working = "lin_rec709_scene";
+  shot_.output.color.working_space = "lin_rec709_scene";
   options_.existing = ExistingFiles::kSkip;
   EXPECT_EQ(run().rendered, 2);
   for (std::size_t c = 0; c < 4; ++c) EXPECT_NEAR(pixel(101, 2, 15)[c], wall[c], 1e-3F);
   EXPECT_GT(std::abs(pixel(102, 20, 15)[0] - in_rec709[0]), 0.01F);
 }
 
-/// Unlit, or in white light, no colour depends on where layers are put together.
+/// Without lights or in white light, no colour depends on the working space.
 TEST_F(OutputSequence, WhatComesFromElsewhereIsTurnedIntoTheWorkingSpace) {
-  // A light field of a saturated colour, a texture, and a plate of pure red.
+  // A light field of saturated colour, a texture, a plate of pure red.
   RigDocument rig = read_rig(folder_.path() / "take" / "rig.json");
   for (auto& camera : rig.cameras) camera.photometric.contrast = {1, 0.1, 0.3};
   write_rig(rig, folder_.path() / "take" / "rig.json");
@@ -173,15 +173,15 @@ TEST_F(OutputSequence, WhatComesFromElsewhereIsTurnedIntoTheWorkingSpace) {
   for (std::size_t i = 0; i < pictures.size(); ++i) {
     shot_.layers = pictures[i];
     shot_.lights = {{.ambient = {{1, 1, 1}}}};
-    if (i == 3) {  // from behind the array a mirror shows what is before it
+    if (i == 3) {  // a mirror behind the array reflects the scene in front of it
       shot_.lights = {{.light_field = "wall"}};
       shot_.layers[1].geometry->keys[0].position = {{0, 0, 2}};
       shot_.camera.keys.resize(1);
       shot_.camera.keys[0].orientation = {{0, 0, 1, 0}};
     }
     const auto rendered = [&](const char* working, const char* space) {
-      shot_.output.color.working = working;
-      shot_.output.color.space = space;
+      shot_.output.color.working_space = working;
+      shot_.output.color.color_space = space;
       EXPECT_EQ(run().rendered, 1);
       const std::array<float, 4> rgba = pixel(101, 20, 15);
       return Eigen::Vector3f(rgba[0], rgba[1], rgba[2]);
@@ -226,13 +226,14 @@ TEST_F(OutputSequence, TellsWhatAViewDoesNotSeeAndAFocusDoesNotDo) {
                                  .keys = {{101, 2}, {105, 4}}};
   shot_.layers[0].method = "plane_sweep";
   run();
-  EXPECT_THAT(messages_, Contains(HasSubstr("pays no heed to the focal plane")));
+  EXPECT_THAT(messages_, Contains(HasSubstr("ignores the focal plane")));
   shot_.layers[0].method = "focal_plane";
   shot_.merge = ShotDocument::Merge::kDepth;
   shot_.layers.push_back(shot_.layers[0]);
   run();
-  EXPECT_THAT(messages_,
-              Contains(HasSubstr("layer 1: all of the light field stands at its focal")));
+  EXPECT_THAT(
+      messages_,
+      Contains(HasSubstr("layer 1: the whole light field has the depth of its focal plane")));
 }
 
 TEST_F(OutputSequence, ALayersFocusIsPulledByItsKeys) {
@@ -244,7 +245,7 @@ TEST_F(OutputSequence, ALayersFocusIsPulledByItsKeys) {
   for (const auto& [frame, depth] : {std::pair{101, 2.0F}, {103, 3.0F}, {105, 4.0F}, {106, 4.0F}}) {
     EXPECT_NEAR(read_exr_channels(file(frame), z, "").values[2], depth, 1e-4F) << frame;
   }
-  // Only the keys that a frame lies between are its own.
+  // A frame depends only on its adjacent keys.
   options_.existing = ExistingFiles::kSkip;
   EXPECT_EQ(run().skipped, 4);
   shot_.layers[0].focal_plane.keys[1].depth = 5;

@@ -35,10 +35,10 @@ bool is_named(const std::filesystem::path& path, std::initializer_list<const cha
   return std::ranges::find(extensions, extension) != extensions.end();
 }
 
-/// What codes mean: sRGB's light, or shares of full scale that a colour space turns into light.
-using LightOfCode = std::array<float, 256>;
-LightOfCode light_of_codes(bool by_srgb) {
-  LightOfCode light{};
+/// Light of 8-bit codes: linear light of sRGB, or shares of full scale for other colour spaces.
+using CodeToLight = std::array<float, 256>;
+CodeToLight make_code_to_light(bool by_srgb) {
+  CodeToLight light{};
   for (std::size_t code = 0; code < light.size(); ++code) {
     const double share = static_cast<double>(code) / 255;
     light[code] = static_cast<float>(by_srgb ? linear_from_srgb(share) : share);
@@ -46,18 +46,18 @@ LightOfCode light_of_codes(bool by_srgb) {
   return light;
 }
 
-/// Other renderers write what nothing can be put over: light without an end, and none at all.
+/// Clamps infinite values and NaN, which other renderers may write and "over" cannot handle.
 void make_finite(LayerImage& image) {
-  constexpr float kMost = 65504;  // of a half
+  constexpr float kMax = 65504;  // of half
   for (float& value : image.rgba) {
-    value = std::isnan(value) ? 0.0F : std::clamp(value, -kMost, kMost);
+    value = std::isnan(value) ? 0.0F : std::clamp(value, -kMax, kMax);
   }
   for (float& z : image.z) {
     if (std::isnan(z)) z = kInfinity;
   }
 }
 
-LayerImage read_jpeg_plate(const std::filesystem::path& path, const LightOfCode& light) {
+LayerImage read_jpeg_plate(const std::filesystem::path& path, const CodeToLight& light) {
   const std::string bytes = read_file(path);
   const RgbImage codes = JpegDecoder().decode(std::as_bytes(std::span(bytes)), path.string());
   LayerImage image = transparent_layer_image(codes.width, codes.height);
@@ -70,10 +70,10 @@ LayerImage read_jpeg_plate(const std::filesystem::path& path, const LightOfCode&
 
 Error bad_png(const std::string& why, const std::filesystem::path& path) {
   return Error::bad_input("the plate cannot be read: " + why, path.string(),
-                          "Write it again, as PNG of 8 bits or as EXR");
+                          "Save it as PNG with 8 bits or as EXR");
 }
 
-/// Of a file of a kind that is read, without reading its pixels.
+/// Returns the size of a plate of a supported format, without reading its pixels.
 std::array<int, 2> size_of(const std::filesystem::path& path) {
   if (is_named(path, {".exr"})) return check_exr_channels(path, kPicture, kFlatExr);
   if (!is_named(path, {".png"})) {
@@ -91,8 +91,8 @@ std::array<int, 2> size_of(const std::filesystem::path& path) {
   return {static_cast<int>(png.width), static_cast<int>(png.height)};
 }
 
-/// By sRGB's curve: libpng's own way to linear light is a power of 2.2.
-LayerImage read_png_plate(const std::filesystem::path& path, const LightOfCode& light) {
+/// Reads a PNG with the given code values: libpng itself would use a power of 2.2.
+LayerImage read_png_plate(const std::filesystem::path& path, const CodeToLight& light) {
   png_image png{};
   png.version = PNG_IMAGE_VERSION;
   const auto refuse = [&](const std::string& why) {
@@ -125,7 +125,7 @@ PlateLayer::PlateLayer(const ShotDocument& shot, std::size_t index,
       height_(shot.height),
       name_((folder / document_.file).lexically_normal().string()),
       config_(std::move(config)) {
-  if (!document_.space.empty()) colors().from_space(document_.space);  // there is one
+  if (!document_.space.empty()) colors().from_space(document_.space);  // throws if unknown
 }
 
 ColorConfig PlateLayer::colors() const { return config_ ? *config_ : ColorConfig::built_in(); }
@@ -137,12 +137,12 @@ std::filesystem::path PlateLayer::file(int frame) const {
 void PlateLayer::check_file(int frame) const {
   const std::filesystem::path path = file(frame);
   if (!is_named(path, {".exr", ".png", ".jpg", ".jpeg"})) {
-    throw Error::bad_input("plates are EXR, PNG or JPEG", path.string(),
-                           "Turn it into EXR, e.g. by oiiotool IN -o OUT.exr");
+    throw Error::bad_input("the plate is not EXR, PNG or JPEG", path.string(),
+                           "Convert it to EXR, e.g. with oiiotool IN -o OUT.exr");
   }
   if (!std::filesystem::exists(path)) {
-    throw Error::bad_input(fmt::format("frame {} needs a plate that is not there", frame),
-                           path.string(), "Put it there, or mend the layer's file or frame_offset");
+    throw Error::bad_input(fmt::format("the plate of frame {} is missing", frame), path.string(),
+                           "Add it, or correct the layer's file or frame_offset");
   }
   check_size(size_of(path), path);
 }
@@ -157,8 +157,8 @@ void PlateLayer::check_size(const std::array<int, 2>& size,
 
 LayerImage PlateLayer::read(const std::filesystem::path& path) const {
   const bool by_srgb = document_.space.empty();
-  if (is_named(path, {".png"})) return read_png_plate(path, light_of_codes(by_srgb));
-  if (is_named(path, {".jpg", ".jpeg"})) return read_jpeg_plate(path, light_of_codes(by_srgb));
+  if (is_named(path, {".png"})) return read_png_plate(path, make_code_to_light(by_srgb));
+  if (is_named(path, {".jpg", ".jpeg"})) return read_jpeg_plate(path, make_code_to_light(by_srgb));
   constexpr ExrChannel kDepth[] = {{"Z", kInfinity}};
   const ExrChannelData pixels = read_exr_channels(path, kPicture, kFlatExr);
   LayerImage image = transparent_layer_image(pixels.width, pixels.height);

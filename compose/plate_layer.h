@@ -14,8 +14,7 @@
 
 namespace raystage {
 
-/// A layer of given pictures of the shot's size: EXR (with its Z, unless the layer has a depth),
-/// PNG or JPEG.
+/// A layer of images of the shot's size: EXR (with Z, unless the layer has a depth), PNG or JPEG.
 class PlateLayer final : public Layer {
  public:
   /// `folder`: what the path is relative to. `config`: OpenColorIO config for plates that are
@@ -24,8 +23,7 @@ class PlateLayer final : public Layer {
              std::optional<ColorConfig> config);
 
   std::filesystem::path file(int frame) const;
-  /// Throws Error (bad input) if the file of the frame is missing, of an unsupported format, or not
-  /// of the shot's size.
+  /// Throws Error (bad input) if the file is missing, not supported, or not of the shot's size.
   void check_file(int frame) const;
   /// Returns the picture in kSceneSpace; the overscan is transparent. Throws Error (bad input) if
   /// the file cannot be read or is not of the shot's size.

@@ -22,7 +22,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-/// Frame 101 of the wall, which other shots then have as a plate.
+/// Frame 101 of the wall as a plate of other shots.
 class Plates : public testing::SequenceTest {
  protected:
   void SetUp() override {
@@ -41,7 +41,7 @@ class Plates : public testing::SequenceTest {
     std::copy_n(&image.rgba[4 * static_cast<std::size_t>(y * 40 + x)], 4, pixel.begin());
     return pixel;
   }
-  /// Renders the wall to plate.0101.exr, and goes on with a shot of nothing.
+  /// Renders the wall to plate.0101.exr, and continues with a shot without layers.
   void render_plate() {
     const std::string output = options_.output;
     options_.output = (folder_.path() / "plate.####.exr").string();
@@ -58,9 +58,9 @@ TEST_F(Plates, AnExrComesBackAsItIs) {
   ASSERT_EQ(run().rendered, 1);
   const ExrImage again = read_exr(file(101));
   EXPECT_EQ(again.rgba, read_exr(folder_.path() / "plate.0101.exr").rgba);
-  // Pictures of another number, and beyond the picture nothing.
+  // Plates of other frame numbers, and transparent overscan.
   shot_.layers[0].plate->frame_offset = 3;
-  EXPECT_THAT(refusal(), HasSubstr("frame 101 needs a plate that is not there"));
+  EXPECT_THAT(refusal(), HasSubstr("the plate of frame 101 is missing"));
   shot_.layers[0].plate->file = "plate.0101.exr";
   shot_.output.overscan = {2, 2};
   EXPECT_EQ(run().rendered, 1);
@@ -68,12 +68,12 @@ TEST_F(Plates, AnExrComesBackAsItIs) {
 }
 
 TEST_F(Plates, OtherPrimariesBecomeTheScenes) {
-  shot_.output.color.space = "lin_ap1_scene";
+  shot_.output.color.color_space = "lin_ap1_scene";
   render_plate();
   shot_.layers = {plate("plate.####.exr")};
   ASSERT_EQ(run().rendered, 1);
   EXPECT_NEAR(rgba_at(20, 15)[0], grey(0), 0.003F);
-  shot_.layers[0].plate->space = "lin_rec709_scene";  // which is wrong, but said
+  shot_.layers[0].plate->space = "lin_rec709_scene";  // deliberately wrong
   ASSERT_EQ(run().rendered, 1);
   EXPECT_NEAR(rgba_at(20, 15)[3], 1, 1e-3F);
   shot_.layers[0].plate->space = "nowhere";
@@ -81,7 +81,7 @@ TEST_F(Plates, OtherPrimariesBecomeTheScenes) {
 }
 
 TEST_F(Plates, WithAnOldColourAttributeAreStillTheScenes) {
-  shot_.output.color.space = "lin_ap1_scene";
+  shot_.output.color.color_space = "lin_ap1_scene";
   options_.chromaticities = true;
   render_plate();
   options_.chromaticities = false;
@@ -128,7 +128,7 @@ TEST_F(Plates, StandWhereTheirDepthSays) {
   glass.solid = ShotDocument::Solid{{1, 0, 0}, 1, 3.5};
   shot_.layers = {glass, plate("plate.####.exr")};
   ASSERT_EQ(run().rendered, 1);
-  const float wall_depth = 3;  // best focal plane of 2 to 6 m, where the take was looked up
+  const float wall_depth = 3;  // best focal plane of 2 to 6 m
   EXPECT_NEAR(rgba_at(20, 15)[0], grey(0), 0.003F) << "at " << wall_depth;
   shot_.layers[1].plate->depth_m = 4;
   ASSERT_EQ(run().rendered, 1);
@@ -165,7 +165,7 @@ TEST_F(Plates, PngAndJpegAreCodesOfSrgb) {
   ASSERT_EQ(run().rendered, 1);
   EXPECT_NEAR(rgba_at(20, 15)[0], light(200) * 128 / 255, 0.002F);
   EXPECT_NEAR(rgba_at(20, 15)[3], 128.0F / 255, 0.002F);
-  // The same said in words is the same; another space is another light.
+  // Naming the default space changes nothing; another space changes the light.
   shot_.layers[0].plate->space = "srgb_texture";
   ASSERT_EQ(run().rendered, 1);
   EXPECT_NEAR(rgba_at(20, 15)[0], light(200) * 128 / 255, 0.002F);
@@ -177,7 +177,7 @@ TEST_F(Plates, PngAndJpegAreCodesOfSrgb) {
 TEST_F(Plates, WhatIsWrongIsSaid) {
   render_plate();
   shot_.layers = {plate("plate.tif")};
-  EXPECT_THAT(refusal(), HasSubstr("plates are EXR, PNG or JPEG"));
+  EXPECT_THAT(refusal(), HasSubstr("the plate is not EXR, PNG or JPEG"));
   shot_.layers = {plate("plate.####.exr")};
   shot_.width = 60;
   EXPECT_THAT(refusal(), HasSubstr("40 x 30 pixels, the shot 60 x 30"));

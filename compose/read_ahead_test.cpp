@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The disk works for the frames of a shot that come next.
+// Reading source frames of the next shot frames ahead.
 #include <gtest/gtest.h>
 
 #include "testing/compose/sequence_test_data.h"
@@ -32,15 +32,15 @@ class ReadAhead : public testing::SequenceTest {
 
 constexpr int kFramesOfTake = kCameras * kTicks - 1;  // one was dropped
 
-/// Frames that are decoded already are not asked for: those that count were not.
+/// Frames that are already decoded are not requested.
 TEST_F(ReadAhead, AsksForAllFramesOfLaterViewsBeforeTheyAreDecoded) {
   const SequenceReport report = run_with(1);
   EXPECT_EQ(report.rendered, kTicks);
-  EXPECT_EQ(report.frames_read_ahead, kFramesOfTake - kCameras);  // nothing comes before 101
+  EXPECT_EQ(report.frames_read_ahead, kFramesOfTake - kCameras);  // none for the first frame, 101
 }
 
 TEST_F(ReadAhead, LooksAsFarAheadAsFramesAreInFlight) {
-  // Of the last alone; who of its cameras is looked through the others may know in part.
+  // Only of the last frame; some of its cameras may be known from the others.
   const int of_last = run_with(kTicks - 1).frames_read_ahead;
   EXPECT_GE(of_last, 1);
   EXPECT_LE(of_last, kCameras);
@@ -54,7 +54,7 @@ TEST_F(ReadAhead, AsksForNothingMoreOfAnInstantThatIsLookedAt) {
 }
 
 TEST_F(ReadAhead, AsksForAnInstantOnce) {
-  shot_.layers.front().speed = 0.33;  // three frames see the same
+  shot_.layers.front().speed = 0.33;  // three frames show one tick
   shot_.last_frame = 101 + 3 * kTicks - 2;
   for (const int frames_in_flight : {1, 3, 4}) {
     const SequenceReport report = run_with(frames_in_flight);
@@ -72,7 +72,7 @@ TEST_F(ReadAhead, LeavesOutFramesThatAreThereAlready) {
   EXPECT_EQ(again.frames_read_ahead, 0);
 }
 
-/// A shot that is taken up again knows no more of its cameras than one that begins.
+/// A resumed sequence knows no more of its cameras than a new one.
 TEST_F(ReadAhead, OfAShotTakenUpAgainAsksForCamerasThatItLooksThrough) {
   look_through_the_first();
   options_.existing = ExistingFiles::kSkip;
@@ -80,7 +80,7 @@ TEST_F(ReadAhead, OfAShotTakenUpAgainAsksForCamerasThatItLooksThrough) {
   for (const int frame : {103, 104, 105, 106}) std::filesystem::remove(file(frame));
   const SequenceReport report = run_with(1);
   EXPECT_EQ(report.skipped, kTicks - 4);
-  EXPECT_EQ(report.frames_read_ahead, 3);  // 103 comes before anything was looked through
+  EXPECT_EQ(report.frames_read_ahead, 3);  // the first frame, 103, is not read ahead
 }
 
 TEST_F(ReadAhead, LeavesOutCamerasThatAShotDoesNotLookThrough) {
@@ -104,7 +104,7 @@ TEST_F(ReadAhead, LeavesMemoryWithinWhatIsGranted) {
   EXPECT_LE(little.decoded_bytes_cached, options_.memory_bytes);
   EXPECT_GT(static_cast<double>(little.decoded_bytes_cached), 0.4 * kDecoded);
   EXPECT_EQ(little.frames_read_ahead, kFramesOfTake - kCameras);
-  EXPECT_EQ(little.pixels_decoded, plenty.pixels_decoded);  // nothing twice
+  EXPECT_EQ(little.pixels_decoded, plenty.pixels_decoded);  // no frame twice
 }
 
 }  // namespace

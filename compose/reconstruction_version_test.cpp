@@ -17,7 +17,7 @@ namespace {
 
 constexpr int kWidth = 96, kHeight = 64;
 
-/// A checkered board, 1 m wide, 2.5 m away, before the painted plane.
+/// A checkerboard, 1 m wide, 2.5 m away, in front of the painted plane.
 std::array<double, 3> board_before_plane(const Eigen::Vector3d& eye, const Eigen::Vector3d& ray) {
   const Eigen::Vector3d near = eye - ray * ((2.5 + eye.z()) / ray.z());
   if (std::abs(near.x()) < 0.5 && std::abs(near.y()) < 0.4) {
@@ -28,8 +28,8 @@ std::array<double, 3> board_before_plane(const Eigen::Vector3d& eye, const Eigen
   return testing::painted_plane(far.x(), far.y());
 }
 
-/// What a picture comes down to: a change of more than a few codes here and there moves some of
-/// these. Channels are treated alike, so that one of them is enough.
+/// Statistics of a picture that change if more than a few codes change. All channels are treated
+/// alike, so that one is enough.
 struct Signature {
   double red = 0, across = 0, down = 0, alpha = 0, coverage = 0, nearness = 0;
 };
@@ -102,7 +102,7 @@ TEST(ReconstructionVersion, FiveHasThesePixels) {
         view, select_frames(take, 0, kNanosecondsPerSecond),
         {.method = name, .focal_plane = fronto_parallel_plane(take.rig(), 3), .options = {}}));
     const auto entry = known.find(name);
-    // Between processors the last digits differ.
+    // The last digits depend on the processor.
     constexpr double kSame = 5e-5;
     const Signature s = entry == known.end() ? Signature{} : entry->second;
     EXPECT_TRUE(std::abs(found.red - s.red) < kSame && std::abs(found.across - s.across) < kSame &&

@@ -13,8 +13,8 @@ namespace {
 
 using ::testing::HasSubstr;
 
-/// A take, a plate, a mesh, a camera's file and a colour config, all beside the shot; the shot
-/// itself is also in a folder of its own, as a job's snapshot.
+/// A take, plate, mesh, camera file and colour config next to a shot, with a copy of the shot in
+/// another folder, as in a job's snapshot.
 class RelativeShot : public testing::SequenceTest {
  protected:
   void SetUp() override {

@@ -32,7 +32,7 @@ const char* view_name(Eye eye) {
   return eye == Eye::kLeft ? "left" : eye == Eye::kRight ? "right" : "";
 }
 
-/// Of the light fields, "depth" or "depth and focal_plane".
+/// Returns the methods of the light fields, such as "depth and focal_plane".
 std::string methods_text(const ShotPlan& plan) {
   std::set<std::string> names;
   for (std::size_t i = 0; i < plan.layers(); ++i) {
@@ -41,7 +41,7 @@ std::string methods_text(const ShotPlan& plan) {
   return fmt::format("{}", fmt::join(names, " and "));
 }
 
-/// One run over the frames; its members are what the frames in flight share.
+/// Renders the frames of a sequence. Members are shared by the frames in flight.
 class SequenceRun {
  public:
   SequenceRun(const ShotPlan& plan, const SequenceName& name, std::span<const PlannedFrame> frames,
@@ -66,10 +66,10 @@ class SequenceRun {
         });
     writer_.finish();
     if (out_of_memory_) throw std::bad_alloc();
-    say_what_was_unseen();
+    report_uncovered_views();
     report_.seconds = ms_since(start) / 1e3;
     report_.frames_in_flight = frames_in_flight;
-    report_.asked = static_cast<int>(frames_.size());
+    report_.requested = static_cast<int>(frames_.size());
     report_.frames_read_ahead = compositor_.frames_read_ahead();
     report_.decoding = compositor_.decode_costs();
     report_.light_field_frames_estimated = compositor_.stored_data().derived;
@@ -83,12 +83,12 @@ class SequenceRun {
   }
 
  private:
-  // Reading, sampling and writing in tenths of a frame, so that a heavy frame shows progress.
+  // Progress counts tenths of a frame.
   static constexpr int kPartsOfFrame = 10, kPartsOfRender = 8;
-  static constexpr double kTellUnseen = 0.02;  // of a view
+  static constexpr double kReportedUncoveredShare = 0.02;  // of a view
 
-  /// The frames in flight keep the processors busy; the disk works for the one that comes next. To
-  /// know whether a file that is there will be kept takes reading it all; most are.
+  /// Requests the source frames of a later frame from the disk, unless its file exists and may be
+  /// kept, which only reading it would show.
   void read_ahead(std::size_t index) {
     if (index >= frames_.size()) return;
     std::error_code ignored;
@@ -104,7 +104,7 @@ class SequenceRun {
     try {
       process_or_throw(frame, parts_left);
     } catch (const std::bad_alloc&) {
-      throw;  // a farm retries with more memory; the other frames would fare no better
+      throw;  // other frames would fail, too; a farm retries with more memory
     } catch (const std::exception& error) {
       fail(frame.frame, error);
     }
@@ -119,7 +119,7 @@ class SequenceRun {
     report_.failures.push_back({frame, error.what(), is_bad_input});
   }
 
-  /// What is left of `parts_left` is done. Its files are with the writer then, who does the rest.
+  /// Renders a frame and queues its files. `parts_left`: progress that remains after an exception.
   void process_or_throw(const PlannedFrame& frame, int& parts_left) {
     const std::filesystem::path file = name_.path(frame.frame);
     const std::string fingerprint = plan_.fingerprint(frame, options_.chromaticities);
@@ -146,7 +146,7 @@ class SequenceRun {
                                               options_.deep ? &deep[painted.size()] : nullptr));
       if (stop_.stop_requested()) return;
     }
-    // Of the finished list: views refer to its pictures.
+    // After the loop, because views keep references to elements of `painted`.
     for (std::size_t i = 0; i < eyes.size(); ++i) {
       views.push_back(exr_view(painted[i].picture, view_name(eyes[i])));
       add_new(painted[i].picture.notes, metadata.notes);
@@ -183,8 +183,8 @@ class SequenceRun {
     ms.encode += encode_ms;
     for (const CompositedView& view : painted) {
       for (std::size_t i = 0; i < view.uncovered_share.size(); ++i) {
-        if (view.uncovered_share[i] < kTellUnseen) continue;
-        auto& [frames, most] = unseen_[i];
+        if (view.uncovered_share[i] < kReportedUncoveredShare) continue;
+        auto& [frames, most] = uncovered_[i];
         frames.insert(metadata.frame);
         most = std::max(most, view.uncovered_share[i]);
       }
@@ -195,7 +195,7 @@ class SequenceRun {
     }
   }
 
-  /// On the writer's thread, which no exception may leave.
+  /// Runs on the writer's thread, which must not throw.
   void wrote(int frame, const FileWriter::WriteResult& written, int parts) noexcept {
     try {
       if (written.error) {
@@ -236,9 +236,9 @@ class SequenceRun {
     return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
   }
 
-  /// A view may leave the array without anybody's noticing: what is transparent looks black.
-  void say_what_was_unseen() const {
-    for (const auto& [layer, uncovered_share] : unseen_) {
+  /// Reports views that leave the array: their transparent pixels look black and are easily missed.
+  void report_uncovered_views() const {
+    for (const auto& [layer, uncovered_share] : uncovered_) {
       options_.on_message(
           fmt::format("{}up to {:.0f} % of the view is seen by no camera, in frames {}",
                       layer_label(plan_, layer), 100 * uncovered_share.second,
@@ -270,10 +270,10 @@ class SequenceRun {
   std::atomic<bool> out_of_memory_ = false;  ///< on the writer's thread
   std::mutex mutex_;                         ///< of what follows
   SequenceReport report_;
-  std::set<std::string> notes_;  ///< said already
-  /// Of layers: in which frames, and how much at most.
-  std::map<std::size_t, std::pair<std::set<int>, double>> unseen_;
-  FileWriter writer_{kMaxQueuedFrames};  ///< last: it is done before the others go
+  std::set<std::string> notes_;  ///< already reported
+  /// For each layer: frames with uncovered pixels, and their largest share.
+  std::map<std::size_t, std::pair<std::set<int>, double>> uncovered_;
+  FileWriter writer_{kMaxQueuedFrames};  ///< last member: finishes before the others are destroyed
 };
 
 void write_fingerprints(const CheckedSequence& checked, const SequenceOptions& options) {
@@ -289,26 +289,24 @@ void write_fingerprints(const CheckedSequence& checked, const SequenceOptions& o
 }  // namespace
 
 std::vector<int> frames_to_render(const ShotDocument& shot,
-                                  const std::optional<std::vector<int>>& asked,
+                                  const std::optional<std::vector<int>>& requested,
                                   const std::function<void(std::string_view)>& say) {
   std::vector<int> frames;
-  if (!asked) {
+  if (!requested) {
     for (int frame = shot.first_frame; frame <= shot.last_frame; ++frame) frames.push_back(frame);
     return frames;
   }
-  std::copy_if(asked->begin(), asked->end(), std::back_inserter(frames),
+  std::copy_if(requested->begin(), requested->end(), std::back_inserter(frames),
                [&](int frame) { return frame >= shot.first_frame && frame <= shot.last_frame; });
   const std::string range = fmt::format("{}-{}", shot.first_frame, shot.last_frame);
   if (frames.empty()) {
-    throw Error::bad_input(fmt::format("none of the frames {} is in the shot, which has {}",
-                                       format_frame_range(*asked), range),
-                           "", "Ask for frames of the shot");
+    throw Error::bad_input(fmt::format("none of the frames {} is in the shot, which has frames {}",
+                                       format_frame_range(*requested), range),
+                           "", "Request frames of the shot");
   }
-  if (frames.size() < asked->size()) {
-    say(
-        fmt::format("the shot has frames {}; {} of the frames asked for lie outside and "
-                    "are left out",
-                    range, asked->size() - frames.size()));
+  if (frames.size() < requested->size()) {
+    say(fmt::format("the shot has frames {}; {} requested frames are outside and are ignored",
+                    range, requested->size() - frames.size()));
   }
   return frames;
 }
@@ -317,7 +315,7 @@ std::string default_output(const std::filesystem::path& shot_file, const ShotDoc
   const std::string shot_name = shot.name.empty() ? shot_file.stem().string() : shot.name;
   const std::string& layer = shot.layers.front().name;
   std::string name = layer.empty() ? shot_name : shot_name + "_" + layer;
-  // The names are free text; a path or a frame token in them must not take effect.
+  // Names are free text and must not add a path or a frame token.
   for (char& c : name) {
     if (c == '/' || c == '#' || c == '@' || c == '%' || c == ' ') c = '_';
   }
@@ -366,10 +364,11 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
       fmt::format("writing {} frames to {}, {} in flight, {} of cache", checked.frames.size(),
                   checked.name.pattern(), memory.frames_in_flight,
                   format_byte_size(static_cast<double>(memory.cache)));
-  if (memory.kept + memory.working > 0) {
-    plan_text += fmt::format(", {} for what {} keep, {} for each frame to work with",
-                             format_byte_size(static_cast<double>(memory.kept)), methods_text(plan),
-                             format_byte_size(static_cast<double>(memory.working)));
+  if (memory.result_cache + memory.working > 0) {
+    plan_text +=
+        fmt::format(", {} for results of {}, {} of working memory for each frame",
+                    format_byte_size(static_cast<double>(memory.result_cache)), methods_text(plan),
+                    format_byte_size(static_cast<double>(memory.working)));
   }
   options.on_message(plan_text);
   if (!memory.note.empty()) options.on_message(memory.note);

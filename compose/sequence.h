@@ -19,11 +19,11 @@
 
 namespace raystage {
 
-/// How frames are handled whose file exists.
+/// What to do with frames whose file exists.
 enum class ExistingFiles {
-  kError,     ///< an error before anything is rendered
-  kSkip,      ///< files that are whole and have the current fingerprint stay; others are rendered
-  kOverwrite  ///< all frames are rendered
+  kError,     ///< fail before anything is rendered
+  kSkip,      ///< keep complete files with the current fingerprint; render the others
+  kOverwrite  ///< render all frames
 };
 
 struct SequenceOptions {
@@ -51,7 +51,7 @@ struct SequenceOptions {
   std::string program_version;
   /// Called with values that rise from 0 to 1, from many threads.
   std::function<void(double)> progress = [](double) {};
-  /// Called with one line for the log (clamped, held, skipped or failed), from many threads.
+  /// Called with one line for the log (clamped, held, skipped, failed), from many threads.
   std::function<void(std::string_view)> on_message = [](std::string_view) {};
 };
 
@@ -72,7 +72,7 @@ struct SequenceReport {
     std::string what;
     bool is_bad_input = false;  ///< another attempt would fail, too
   };
-  int asked = 0, rendered = 0, skipped = 0;
+  int requested = 0, rendered = 0, skipped = 0;
   bool stopped = false;           ///< stopped on request before the last frame
   std::vector<Failure> failures;  ///< by frame
   double seconds = 0;             ///< wall-clock, of the frames
@@ -110,16 +110,15 @@ CheckedSequence check_sequence(const std::filesystem::path& shot_file,
 
 /// Renders the frames of a shot to EXR files, several frames in flight. Calls check_sequence()
 /// first; a frame that fails later is reported, and the others continue. Each file is written whole
-/// or not at all. A requested `stop` drops the frames in flight. Uses the current TBB arena; the
-/// bytes do not depend on its size. Throws Error if nothing can be rendered, std::bad_alloc when
-/// memory runs out.
+/// or not at all. `stop` drops the frames in flight. Uses the current TBB arena; the bytes do not
+/// depend on its size. Throws Error if nothing can be rendered, std::bad_alloc if out of memory.
 SequenceReport render_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options, std::stop_token stop);
 
 /// Returns the requested frames that belong to the shot, sorted; all frames of the shot if none are
 /// requested. Reports the number of others by `say`. Throws Error (bad input) if no frame is left.
 std::vector<int> frames_to_render(const ShotDocument& shot,
-                                  const std::optional<std::vector<int>>& asked,
+                                  const std::optional<std::vector<int>>& requested,
                                   const std::function<void(std::string_view)>& say);
 
 /// Returns "renders/SHOT_LAYER.####.exr" in the folder of the shot.

@@ -20,7 +20,7 @@ namespace raystage {
 
 namespace {
 
-/// Leaves nothing. Throws Error where the disk refuses.
+/// Writes and removes a file. Throws Error if that fails.
 void write_probe(const std::filesystem::path& path) {
   const TemporaryFile probe(path);
   errno = 0;
@@ -33,12 +33,12 @@ void write_probe(const std::filesystem::path& path) {
 
 void check_output_folder(const std::filesystem::path& folder) {
   create_folder(folder);
-  // Asking the permissions is not enough: a disk may be mounted read-only or be full.
+  // Permissions are not enough: a disk may be full or mounted read-only.
   try {
     write_probe(folder / "probe");
   } catch (const Error& error) {
     throw Error::failed("the output folder cannot be written to: " + error.what_happened(),
-                        folder.string(), "Check its permissions and the room on the disk");
+                        folder.string(), "Check its permissions and the free disk space");
   }
 }
 
@@ -49,27 +49,27 @@ void check_disk_space(const std::filesystem::path& folder, const ShotPlan& plan,
   if (error || space.available == std::numeric_limits<std::uintmax_t>::max()) return;
   const double raw = static_cast<double>(uncompressed_file_bytes(plan, options.deep)) *
                      static_cast<double>(frames);
-  // Lossless compression rarely gains more than a factor of four on pictures.
+  // Lossless compression of images rarely exceeds a factor of four.
   const double least = plan.shot().output.compression == "none" ? raw : raw / 4;
   const double available = static_cast<double>(space.available);
-  const std::string text = fmt::format("the disk has room for {} and the {} frames need {} to {}",
-                                       format_byte_size(available), frames, format_byte_size(least),
-                                       format_byte_size(raw));
+  const std::string text =
+      fmt::format("the disk has {} free, the {} frames need {} to {}", format_byte_size(available),
+                  frames, format_byte_size(least), format_byte_size(raw));
   if (available < least)
-    throw Error::failed(text, folder.string(), "Make room or render elsewhere");
+    throw Error::failed(text, folder.string(), "Free disk space or choose another folder");
   if (available < raw) options.on_message("warning: " + text);
 }
 
 void check_existing_files(const SequenceName& name, std::span<const int> frames) {
-  std::vector<int> there;
+  std::vector<int> existing;
   std::error_code ignored;
-  std::copy_if(frames.begin(), frames.end(), std::back_inserter(there),
+  std::copy_if(frames.begin(), frames.end(), std::back_inserter(existing),
                [&](int frame) { return std::filesystem::exists(name.path(frame), ignored); });
-  if (there.empty()) return;
-  throw Error::bad_input(fmt::format("{} of {} frames are there already ({})", there.size(),
-                                     frames.size(), format_frame_range(there)),
+  if (existing.empty()) return;
+  throw Error::bad_input(fmt::format("{} of {} frames exist already ({})", existing.size(),
+                                     frames.size(), format_frame_range(existing)),
                          name.pattern(),
-                         "Choose to skip those that are whole and up to date, or to overwrite")
+                         "Choose to skip complete and current files, or to overwrite")
       .concerning({"existing"});
 }
 
@@ -77,22 +77,22 @@ void check_plates_not_overwritten(const ShotPlan& plan, const SequenceName& name
                                   const std::filesystem::path& shot_file) {
   const ShotDocument& shot = plan.shot();
   std::error_code ignored;
-  const auto place_of = [&](const std::filesystem::path& path) {
+  const auto canonical = [&](const std::filesystem::path& path) {
     return std::filesystem::weakly_canonical(path, ignored);
   };
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     if (plan.layer(i) == nullptr || !plan.layer(i)->input_file(shot.first_frame)) continue;
     std::set<std::filesystem::path> written;
     for (int frame = shot.first_frame; frame <= shot.last_frame; ++frame) {
-      written.insert(place_of(name.path(frame)));
+      written.insert(canonical(name.path(frame)));
     }
     for (int frame = shot.first_frame; frame <= shot.last_frame; ++frame) {
       const std::filesystem::path file = *plan.layer(i)->input_file(frame);
-      if (!plan.is_visible(i, frame) || !written.contains(place_of(file))) continue;
-      throw Error::bad_input(
-          fmt::format("frame {} shows {}, which rendering this shot writes", frame, file.string()),
-          fmt::format("{}#/layers/{}/plate", shot_file.string(), i),
-          "Choose another output, or another plate")
+      if (!plan.is_visible(i, frame) || !written.contains(canonical(file))) continue;
+      throw Error::bad_input(fmt::format("frame {} shows {}, which this sequence would overwrite",
+                                         frame, file.string()),
+                             fmt::format("{}#/layers/{}/plate", shot_file.string(), i),
+                             "Choose another output, or another plate")
           .concerning({"output"});
     }
   }
@@ -105,7 +105,8 @@ SequenceName checked_output_name(const SequenceOptions& options, std::size_t fra
                            options.output, "Write NAME.####.exr");
   }
   if (std::filesystem::path(options.output).extension() != ".exr") {
-    throw Error::bad_input("only EXR files are written", options.output, "Write NAME.####.exr");
+    throw Error::bad_input("the extension of the output is not .exr", options.output,
+                           "Write NAME.####.exr");
   }
   return name;
 }
@@ -126,8 +127,8 @@ void check_requested_aovs(const ShotPlan& plan, const std::filesystem::path& sho
 void check_distributed_archives(const ShotPlan& plan, const std::filesystem::path& shot_file) {
   const auto refuse = [&](std::size_t layer, const char* member, const std::string& what) {
     throw Error::bad_input(what, fmt::format("{}#/layers/{}{}", shot_file.string(), layer, member),
-                           "Gather the archives in one take and render that (docs/farm.md lists "
-                           "what is rendered from several hosts)");
+                           "Gather the archives in one take (docs/farm.md lists what is supported "
+                           "for several hosts)");
   };
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     const LightFieldLayer* light_field = plan.light_field(i);
@@ -152,7 +153,7 @@ void check_distributed_archives(const ShotPlan& plan, const std::filesystem::pat
     }
     for (const ShotPlan::LightFieldLight& light : plan.light_field_lights()) {
       if (std::ranges::find(light.layers, i) == light.layers.end()) continue;
-      refuse(i, "", "a light field that is a light cannot be on several hosts");
+      refuse(i, "", "a light field that is used as a light cannot be on several hosts");
     }
   }
   if (plan.writes_aov("lf.confidence")) {
@@ -164,12 +165,12 @@ void check_distributed_archives(const ShotPlan& plan, const std::filesystem::pat
 }
 
 void check_deep_output(const ShotPlan& plan, const std::filesystem::path& shot_file) {
-  std::size_t pictures = 0;  // layers around one volume are one
+  std::size_t pictures = 0;  // layers around one volume count as one
   for (std::size_t i = plan.layers(); i > 0; i -= plan.volume_layer_count(i - 1)) ++pictures;
   if (pictures == 1 || plan.shot().merge == ShotDocument::Merge::kDepth) return;
-  throw Error::bad_input("deep files put layers together by depth, this shot in a stated order",
-                         shot_file.string() + "#/merge",
-                         "Write \"merge\": \"depth\", or do without deep files")
+  throw Error::bad_input(
+      "deep files merge layers by depth, but this shot merges them in layer order",
+      shot_file.string() + "#/merge", "Set merge to \"depth\", or write no deep files")
       .concerning({"deep"});
 }
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Used within compose/ only: checks before the first frame. All throw Error: bad input, or failed
-// for the disk.
+// Internal to compose/: checks before the first frame. Throw Error: bad input, or failed (disk).
 #pragma once
 
 #include <cstddef>
@@ -14,7 +13,7 @@ namespace raystage {
 
 /// Creates the folder and checks that files can be written to it.
 void check_output_folder(const std::filesystem::path& folder);
-/// Reports by SequenceOptions::say if free disk space may not suffice.
+/// Warns by SequenceOptions::on_message if the free disk space may not suffice.
 void check_disk_space(const std::filesystem::path& folder, const ShotPlan& plan, std::size_t frames,
                       const SequenceOptions& options);
 /// Throws Error if a file of the frames exists.
@@ -22,8 +21,7 @@ void check_existing_files(const SequenceName& name, std::span<const int> frames)
 /// Throws Error if the sequence would overwrite a plate of the shot, at any frame of the shot.
 void check_plates_not_overwritten(const ShotPlan& plan, const SequenceName& name,
                                   const std::filesystem::path& shot_file);
-/// Returns the name of the output files. Throws Error if all frames would get one name, or if it
-/// does not end in .exr.
+/// Returns the output name. Throws Error if frames would share a name or it does not end in .exr.
 SequenceName checked_output_name(const SequenceOptions& options, std::size_t frames);
 /// Throws Error if the shot uses anything that cannot be rendered from archives on several hosts.
 void check_distributed_archives(const ShotPlan& plan, const std::filesystem::path& shot_file);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is rendered anew where there are files already.
+// Which existing files are rendered again.
 #include <OpenEXR/ImfInputFile.h>
 #include <OpenEXR/ImfStringAttribute.h>
 #include <OpenEXR/ImfStringVectorAttribute.h>
@@ -22,7 +22,7 @@ TEST_F(SequenceExisting, ExistingFilesStopTheRunUnlessToldOtherwise) {
   options_.frames = {101, 102};
   run();
   const auto time = std::filesystem::last_write_time(file(101));
-  EXPECT_THAT(refusal(), HasSubstr("2 of 2 frames are there already (101-102)"));
+  EXPECT_THAT(refusal(), HasSubstr("2 of 2 frames exist already (101-102)"));
   options_.existing = ExistingFiles::kSkip;
   const SequenceReport report = run();
   EXPECT_EQ(report.skipped, 2);
@@ -36,10 +36,10 @@ TEST_F(SequenceExisting, ExistingFilesStopTheRunUnlessToldOtherwise) {
 TEST_F(SequenceExisting, SkipTrustsOnlyWholeFilesOfTheSameInputs) {
   run();
   options_.existing = ExistingFiles::kSkip;
-  // A torn copy.
+  // A truncated copy.
   std::filesystem::resize_file(file(103), std::filesystem::file_size(file(103)) - 7);
   EXPECT_EQ(run().rendered, 1);
-  // The last key moves: the first frame's camera stays as it was, the others change.
+  // A change of the last key changes all frames but the first.
   (*shot_.camera.keys[1].position)[0] += 0.001;
   EXPECT_EQ(run().rendered, 5);
   shot_.layers[0].focal_plane = {ShotDocument::FocalPlane::Kind::kDepth, 3.5, {}};
@@ -53,7 +53,7 @@ TEST_F(SequenceExisting, SkipTrustsOnlyWholeFilesOfTheSameInputs) {
   write_rig(document, rig);
   EXPECT_EQ(run().rendered, 6);
   EXPECT_EQ(run().skipped, 6);
-  // A new synchronisation with the same outcome changes nothing.
+  // A new resynchronisation with the same result changes nothing.
   const Take take(folder_.path() / "take");
   write_timeline(build_timeline(take, 10, 0), take.folder());
   EXPECT_EQ(run().skipped, 6);
@@ -69,7 +69,7 @@ TEST_F(SequenceExisting, SkipSurvivesAMoveOfTheProject) {
 }
 
 TEST_F(SequenceExisting, FillColoursWhatNobodySawAndTheFingerprintKnows) {
-  for (auto& key : shot_.camera.keys) (*key.position)[2] = 0.5;  // sees past the array
+  for (auto& key : shot_.camera.keys) (*key.position)[2] = 0.5;  // sees beyond the array
   options_.frames = {101};
   const auto transparent = [&] {
     const ExrImage image = read_exr(file(101));

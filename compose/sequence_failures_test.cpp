@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a sequence refuses before it begins, and what becomes of frames that fail.
+// Errors before a sequence starts, and frames that fail.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -26,7 +26,7 @@ using testing::kWidth;
 
 class SequenceFailures : public testing::SequenceTest {};
 
-/// A camera's frames anew: noise, of which a JPEG takes several pages.
+/// Replaces a camera's frames by noise, whose JPEG files are larger than a page.
 void make_noisy(const std::filesystem::path& take_folder) {
   const std::filesystem::path archive = take_folder / "archive" / "c0.mkv";
   const std::filesystem::path journal = take_folder / "archive" / "c0.journal";
@@ -62,7 +62,7 @@ TEST_F(SequenceFailures, AnArchiveThatIsCutMeanwhileCostsTheFramesThatAreLost) {
     const SequenceReport report = run();
     EXPECT_EQ(report.exit_code(), ExitCode::kSomeFramesFailed) << method;
     ASSERT_EQ(report.failures.size(), 4U) << method;
-    EXPECT_EQ(report.failures.front().frame, 103);  // the one that is cut
+    EXPECT_EQ(report.failures.front().frame, 103);  // the truncated one
     EXPECT_THAT(report.failures.back().what, HasSubstr("frame 5 cannot be read"));
   }
 }
@@ -71,7 +71,7 @@ TEST_F(SequenceFailures, ADamagedFrameFailsAloneAndIsNamed) {
   {
     const Take take(folder_.path() / "take");
     for (int camera = 0; camera < kCameras; ++camera) {
-      // By time: camera 3 lacks one.
+      // By time, because camera 3 dropped a frame.
       const auto index = take.archive(camera).nearest_frame(kInterval * 4);
       const FrameRecord record =
           take.archive(camera).frames()[static_cast<std::size_t>(index.value())];
@@ -95,7 +95,7 @@ TEST_F(SequenceFailures, ADamagedFrameFailsAloneAndIsNamed) {
 }
 
 TEST_F(SequenceFailures, FramesThatAllFailByBadInputNeedNoRetry) {
-  // The folder is there, and no frame's matte.
+  // The folder exists, without mattes.
   std::filesystem::create_directories(folder_.path() / "take" / "mattes");
   shot_.layers[0].method = "visual_hull";
   const SequenceReport report = run();
@@ -111,12 +111,14 @@ TEST_F(SequenceFailures, ChecksTheMethodsOptionsFirst) {
     const char* said;
   } cases[] = {
       {"aperture", {{"radius", 0.5}, {"f_number", 2.0}}, "both options radius and f_number"},
-      {"aperture", {{"depth_map", std::string("none.exr")}}, "frame 101 needs a file"},
+      {"aperture",
+       {{"depth_map", std::string("none.exr")}},
+       "a file that frame 101 needs is missing"},
       {"focal_plane", {{"objects", std::string("none.json")}}, "none.json"},
       {"plane_sweep", {{"p1", 50.0}, {"p2", 10.0}}, "p2 is less than p1"},
-      {"plane_sweep", {{"near", 5.0}, {"far", 2.0}}, "far is nearer than near"},
-      {"depth", {{"near", 5.0}, {"far", 2.0}}, "far is nearer than near"},
-      {"lumigraph", {{"proxy", std::string("mesh")}}, "none is given"},
+      {"plane_sweep", {{"near", 5.0}, {"far", 2.0}}, "far is less than near"},
+      {"depth", {{"near", 5.0}, {"far", 2.0}}, "far is less than near"},
+      {"lumigraph", {{"proxy", std::string("mesh")}}, "the option mesh is empty"},
       {"lumigraph", {{"proxy", std::string("mesh")}, {"mesh", std::string("no.ply")}}, "no.ply"},
       {"visual_hull", {}, "has no mattes"},
   };
@@ -132,7 +134,7 @@ TEST_F(SequenceFailures, ChecksEverythingFirst) {
   options_.output = (folder_.path() / "still.exr").string();
   EXPECT_THAT(refusal(), HasSubstr("same name"));
   options_.output = (folder_.path() / "a.####.png").string();
-  EXPECT_THAT(refusal(), HasSubstr("only EXR"));
+  EXPECT_THAT(refusal(), HasSubstr("output is not .exr"));
   options_.output = (shot_file() / "a.####.exr").string();
   EXPECT_NE(refusal(ExitCode::kFailed), "no error") << "a file where the folder should be";
   options_.output = (folder_.path() / "out" / "a.####.exr").string();
@@ -163,7 +165,7 @@ TEST_F(SequenceFailures, MemoryIsWhatTheHeaviestFrameTakesWhereverItIs) {
   };
   shot_.camera.keys.insert(shot_.camera.keys.begin() + 1,
                            {zoom(50, 10), zoom(51, 100), zoom(52, 10)});
-  // 4 x 4 samples of 24 bytes on top.
+  // In addition 4 x 4 samples of 24 bytes.
   EXPECT_THAT(refusal(), HasSubstr("one frame needs 67.7 MB"));
 }
 

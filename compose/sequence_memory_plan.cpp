@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Divides the memory budget of a sequence: fixed shares for meshes, textures, mattes and queued
+// files; then as many frames in flight as fit with the decoded source frames that their views use
+// at once; the rest in equal parts for the light fields. A frame is estimated in bytes per pixel of
+// each stage. Cost: frames x views x layers.
 #include "compose/sequence_memory_plan.h"
 
 #include <fmt/format.h>
@@ -17,24 +21,22 @@ namespace {
 constexpr int kMaxFramesInFlight = 16;
 constexpr std::size_t kMiB = std::size_t{1} << 20;
 constexpr std::size_t kMinCache = 64 * kMiB;
-constexpr std::size_t kDefaultCache = 4096 * kMiB, kDefaultKept = 1024 * kMiB;
-/// Beside the view (24 at least): its EXR samples (16), the file being built (16) and the
-/// renderer's own tables.
-constexpr std::size_t kViewBytesPerPixel = 24, kBytesPerPixelBesideView = 72;
-/// The coverage measures on top: for the file, in it.
-constexpr std::size_t kMeasuresBytesPerPixelBesideView = 16, kConfidenceBytesPerPixelBesideView = 8;
+constexpr std::size_t kDefaultCache = 4096 * kMiB, kDefaultResultCache = 1024 * kMiB;
+/// A view (at least 24); in addition its EXR samples (16), the file (16) and the renderer's tables.
+constexpr std::size_t kViewBytesPerPixel = 24, kExtraBytesPerPixel = 72;
+/// Additional coverage measures: EXR samples, and in the file.
+constexpr std::size_t kMeasuresBytesPerPixel = 16, kConfidenceBytesPerPixel = 8;
 
-/// A layer's picture that waits to be merged, and what merging writes.
+/// A layer's image that waits to be merged, and its part of the result.
 constexpr std::size_t kLayerBytesPerPixel = 28;
 
-/// AOVs in the merged picture, with their EXR samples, for each byte that they take in a layer's.
+/// Bytes of AOVs in the merged image with EXR samples, for each byte in a layer's image.
 constexpr std::size_t kMergedAovFactor = 2;
 
-/// Six ids and shares: of a layer, and of the picture with its channels and their EXR samples.
+/// Six ids and shares: of a layer, and of the merged image with its channels and EXR samples.
 constexpr std::size_t kIdBytesPerPixel = 48, kIdBytesPerPixelMerged = 144;
 
-/// Where a pixel's samples stand, for us and for OpenEXR; a sample, in lists that grow by
-/// doubling, its halves and its place in the file.
+/// Per pixel: indices of samples, ours and OpenEXR's. Per sample: growing lists, halves, file.
 constexpr std::size_t kDeepBytesPerPixel = 48, kDeepBytesPerSample = 76;
 
 std::size_t pixels_of(const ShotDocument& shot) {
@@ -43,9 +45,9 @@ std::size_t pixels_of(const ShotDocument& shot) {
          static_cast<std::size_t>(shot.height + 2 * y);
 }
 
-/// What the views of the frames take at most. Every one is looked at: of a zoom a single frame may
-/// be the one that is supersampled most.
-std::size_t most_view_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames) {
+/// Returns the most memory that a view of the frames takes, bytes. Checks all frames, because a
+/// single frame of a zoom may need the most supersampling.
+std::size_t max_view_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames) {
   std::size_t most = pixels_of(plan.shot()) * kViewBytesPerPixel;
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     const LightFieldLayer* light_field = plan.light_field(i);
@@ -83,21 +85,21 @@ std::size_t aov_bytes_per_pixel(const ShotPlan& plan) {
   return bytes;
 }
 
-/// What a frame takes beside what is shared: its views, both eyes of which make one file.
+/// Returns the memory of a frame without shared data, bytes: its views, for stereo of both eyes.
 std::size_t frame_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                         const MemoryRequest& request) {
-  const std::size_t beside =
-      kBytesPerPixelBesideView +
+  const std::size_t per_pixel =
+      kExtraBytesPerPixel +
       (request.deep ? kDeepBytesPerPixel + plan.layers() * kDeepBytesPerSample : 0) +
-      (plan.measures_coverage() ? kMeasuresBytesPerPixelBesideView : 0) +
-      (plan.writes_aov("lf.confidence") ? kConfidenceBytesPerPixelBesideView : 0) +
+      (plan.measures_coverage() ? kMeasuresBytesPerPixel : 0) +
+      (plan.writes_aov("lf.confidence") ? kConfidenceBytesPerPixel : 0) +
       (plan.layers() > 1 ? plan.layers() * kLayerBytesPerPixel : 0) + aov_bytes_per_pixel(plan);
-  return plan.eyes().size() * (pixels_of(plan.shot()) * beside + most_view_bytes(plan, frames));
+  return plan.eyes().size() * (pixels_of(plan.shot()) * per_pixel + max_view_bytes(plan, frames));
 }
 
-/// Frames of one instant share what is decoded of it.
-std::size_t decoded_at_once(const ShotPlan& plan, std::span<const PlannedFrame> frames,
-                            std::size_t frames_in_flight) {
+/// Returns the memory of decoded source frames, which shot frames of one instant share, bytes.
+std::size_t decoded_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames,
+                          std::size_t frames_in_flight) {
   std::size_t bytes = 0;
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     if (plan.light_field(i) == nullptr) continue;
@@ -110,34 +112,34 @@ std::size_t decoded_at_once(const ShotPlan& plan, std::span<const PlannedFrame> 
   return bytes;
 }
 
-/// Of one light field's part of what is left beside the frames.
-LightFieldMemory share_out(const LightFieldLayer& light_field, std::size_t bytes,
-                           std::size_t frames_in_flight, bool by_default) {
+/// Divides the `bytes` of one light field.
+LightFieldMemory divide_budget(const LightFieldLayer& light_field, std::size_t bytes,
+                               std::size_t frames_in_flight, bool by_default) {
   MemoryBudgets shares = split_memory_budget(bytes, light_field.reconstruction());
   if (by_default) {
-    shares.kept = std::min(shares.kept, kDefaultKept);
-    shares.working = std::min(shares.working, kDefaultKept);
+    shares.result_cache = std::min(shares.result_cache, kDefaultResultCache);
+    shares.working = std::min(shares.working, kDefaultResultCache);
   }
   LightFieldMemory memory;
-  memory.kept = shares.kept;
+  memory.result_cache = shares.result_cache;
   memory.working = shares.working / frames_in_flight;
-  memory.cache = bytes - memory.kept - memory.working * frames_in_flight;
+  memory.cache = bytes - memory.result_cache - memory.working * frames_in_flight;
   if (by_default) memory.cache = std::min(memory.cache, kDefaultCache);
   return memory;
 }
 
-std::string short_of_cache(const LightFieldLayer& light_field, std::size_t cache) {
+/// Returns a note if one view may need more decoded frames than `cache` holds, or "".
+std::string cache_note(const LightFieldLayer& light_field, std::size_t cache) {
   const std::size_t instant = light_field.decoded_frame_bytes();
   if (cache >= instant) return "";
   return fmt::format(
-      "a view that looks through all {} cameras holds {} of decoded frames, and {} are left for "
-      "them: it takes what it needs all the same",
+      "a view that uses all {} cameras needs {} of decoded frames, but their budget is {}: it "
+      "exceeds the budget",
       light_field.take().camera_count(), format_byte_size(static_cast<double>(instant)),
       format_byte_size(static_cast<double>(cache)));
 }
 
-/// Bytes of a value in a file.
-constexpr std::size_t kHalf = 2, kFloat = 4;
+constexpr std::size_t kHalf = 2, kFloat = 4;  // bytes
 
 }  // namespace
 
@@ -168,8 +170,8 @@ std::size_t uncompressed_file_bytes(const ShotPlan& plan, bool deep) {
 
 namespace {
 
-/// What is shared by all frames in flight, and the files on their way to the disk.
-std::size_t held_bytes(const ShotPlan& plan, bool deep) {
+/// Returns the memory that all frames share and that of queued files, bytes.
+std::size_t shared_and_queued_bytes(const ShotPlan& plan, bool deep) {
   return plan.shared_bytes() + (1 + kMaxQueuedFrames) * uncompressed_file_bytes(plan, deep);
 }
 
@@ -179,18 +181,19 @@ std::size_t required_memory(const ShotPlan& plan, std::span<const PlannedFrame> 
                             std::size_t frames_in_flight, bool deep) {
   MemoryRequest request;
   request.deep = deep;
-  return held_bytes(plan, deep) + frames_in_flight * frame_bytes(plan, frames, request) +
-         std::max(kMinCache, decoded_at_once(plan, frames, frames_in_flight));
+  return shared_and_queued_bytes(plan, deep) +
+         frames_in_flight * frame_bytes(plan, frames, request) +
+         std::max(kMinCache, decoded_bytes(plan, frames, frames_in_flight));
 }
 
 SequenceMemoryPlan plan_sequence_memory(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                                         const MemoryRequest& request) {
   const std::size_t per_frame = frame_bytes(plan, frames, request);
   const std::size_t granted = request.bytes > 0 ? request.bytes : available_memory() / 2;
-  const std::size_t held = held_bytes(plan, request.deep);
+  const std::size_t held = shared_and_queued_bytes(plan, request.deep);
   const std::size_t least = held + per_frame + kMinCache;
   if (granted < least) {
-    throw Error::bad_input(fmt::format("one frame needs {} of memory and {} are granted",
+    throw Error::bad_input(fmt::format("one frame needs {} of memory, but the budget is {}",
                                        format_byte_size(static_cast<double>(least)),
                                        format_byte_size(static_cast<double>(granted))),
                            "", "Raise the memory budget")
@@ -199,7 +202,7 @@ SequenceMemoryPlan plan_sequence_memory(const ShotPlan& plan, std::span<const Pl
   const std::size_t budget = granted - held;
   const auto fits = [&](std::size_t frames_in_flight) {
     return frames_in_flight * per_frame +
-               std::max(kMinCache, decoded_at_once(plan, frames, frames_in_flight)) <=
+               std::max(kMinCache, decoded_bytes(plan, frames, frames_in_flight)) <=
            budget;
   };
   SequenceMemoryPlan result;
@@ -217,12 +220,13 @@ SequenceMemoryPlan plan_sequence_memory(const ShotPlan& plan, std::span<const Pl
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     if (plan.light_field(i) == nullptr) continue;
     LightFieldMemory& share = result.per_layer[i];
-    share = share_out(*plan.light_field(i), (budget - frames_in_flight * per_frame) / light_fields,
+    share =
+        divide_budget(*plan.light_field(i), (budget - frames_in_flight * per_frame) / light_fields,
                       frames_in_flight, request.bytes == 0);
-    result.kept += share.kept;
+    result.result_cache += share.result_cache;
     result.working += share.working;
     result.cache += share.cache;
-    if (result.note.empty()) result.note = short_of_cache(*plan.light_field(i), share.cache);
+    if (result.note.empty()) result.note = cache_note(*plan.light_field(i), share.cache);
   }
   return result;
 }

@@ -10,39 +10,37 @@
 
 namespace raystage {
 
-/// "12.3 MB" or "1.23 GB", of 10^6 and 10^9 bytes.
+/// Returns "12.3 MB" or "1.23 GB" (10^6 and 10^9 bytes).
 std::string format_byte_size(double bytes);
 
-/// What the files of a frame take if nothing in them is compressed, bytes; both eyes of one that
-/// has two.
+/// Returns the size of a frame's files without compression, bytes; with both eyes of stereo shots.
 std::size_t uncompressed_file_bytes(const ShotPlan& plan, bool deep);
 
-/// Finished frames that wait for the disk at most, beside the one that is being written.
+/// Largest number of finished frames that wait for the disk, besides the one being written.
 inline constexpr std::size_t kMaxQueuedFrames = 1;
 
-/// What is granted, and for what.
+/// Memory budget of a sequence and what it is for.
 struct MemoryRequest {
-  std::size_t bytes = 0;     ///< 0: half of available_memory(), at most 4 GiB of them for the cache
+  std::size_t bytes = 0;     ///< 0: half of available_memory(), at most 4 GiB of it for the cache
   int frames_in_flight = 0;  ///< 0: one per thread of the TBB arena, at most 16
   bool deep = false;         ///< as SequenceOptions
 };
 
-/// How a sequence shares its memory out, bytes.
-struct SequenceMemoryPlan : LightFieldMemory {  ///< of all light fields together
+/// Memory budgets of a sequence, bytes. Those of the base are the sums over all light fields.
+struct SequenceMemoryPlan : LightFieldMemory {
   int frames_in_flight = 1;
-  std::vector<LightFieldMemory> per_layer;  ///< 0 where a layer is no light field, or shows nothing
-  /// For people: where a view may need more than is there; empty: nowhere.
-  std::string note;
+  std::vector<LightFieldMemory> per_layer;  ///< 0 for layers without a visible light field
+  std::string note;  ///< for the log: why a view may exceed the budget; empty: none may
 };
 
-/// What so many frames in flight take, with all decoded frames that they may look through at once,
-/// bytes; beside what methods keep and work in.
+/// Returns the memory of `frames_in_flight` frames with all decoded source frames that they may use
+/// at once, bytes; without the methods' result caches and working memory.
 std::size_t required_memory(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                             std::size_t frames_in_flight, bool deep);
 
-/// So many frames in flight as there is room for, with the decoded frames that a view may look
-/// through at once; what is left in equal parts for the light fields, each by
-/// split_memory_budget(). Throws Error (bad input) where not one frame fits.
+/// Returns as many frames in flight as fit, with the decoded source frames that their views may use
+/// at once. The rest is divided equally among the light fields, each part by split_memory_budget().
+/// Throws Error (bad input) if not even one frame fits.
 SequenceMemoryPlan plan_sequence_memory(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                                         const MemoryRequest& request);
 

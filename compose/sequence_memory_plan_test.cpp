@@ -56,9 +56,9 @@ TEST_F(Memory, IsSharedOutAndNoMore) {
     for (const std::size_t megabytes : {130, 200, 400, 4000}) {
       const SequenceMemoryPlan plan = planned(megabytes);
       const auto frames_in_flight = static_cast<std::size_t>(plan.frames_in_flight);
-      EXPECT_LE(frames_in_flight * (kView + plan.working) + kFiles + plan.kept + plan.cache,
+      EXPECT_LE(frames_in_flight * (kView + plan.working) + kFiles + plan.result_cache + plan.cache,
                 megabytes * 1'000'000);
-      EXPECT_EQ(plan.kept == 0, std::string(method) == "focal_plane");
+      EXPECT_EQ(plan.result_cache == 0, std::string(method) == "focal_plane");
     }
     EXPECT_EQ(planned(4000).frames_in_flight, 4);
     EXPECT_EQ(planned(4000).note, "");
@@ -67,9 +67,9 @@ TEST_F(Memory, IsSharedOutAndNoMore) {
 
 TEST_F(Memory, IsThereForADepthMapAlthoughApertureWorksInLittle) {
   shot_.layers[0].method = "aperture";
-  EXPECT_EQ(planned(400).kept, 0);
+  EXPECT_EQ(planned(400).result_cache, 0);
   shot_.layers[0].options = {{"depth_map", std::string("z.exr")}};
-  EXPECT_GE(planned(400).kept, sizeof(float) * 640 * 480);
+  EXPECT_GE(planned(400).result_cache, sizeof(float) * 640 * 480);
 }
 
 TEST_F(Memory, HasRoomForTheFramesThatViewsLookThrough) {
@@ -84,7 +84,7 @@ TEST_F(Memory, HasRoomForTheFramesThatViewsLookThrough) {
 
 TEST_F(Memory, SaysWhereAViewMayTakeMore) {
   shot_.layers[0].method = "depth";
-  EXPECT_THAT(planned(120).note, ::testing::HasSubstr("all 25 cameras holds 61.4 MB"));
+  EXPECT_THAT(planned(120).note, ::testing::HasSubstr("all 25 cameras needs 61.4 MB"));
   EXPECT_THROW(planned(100), Error);
 }
 

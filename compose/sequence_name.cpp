@@ -19,7 +19,7 @@ struct Token {
   int padding = 0;
 };
 
-/// The token that starts at `at`, nullopt if none does.
+/// Returns the token that starts at `at`, or nullopt.
 std::optional<Token> token_at(std::string_view text, std::size_t at) {
   const char c = text[at];
   std::size_t end = at;
@@ -55,12 +55,12 @@ SequenceName::SequenceName(std::string_view pattern) : pattern_(pattern), before
     const auto token = token_at(pattern, at);
     if (!token) continue;
     if (has_token_) {
-      throw Error::bad_input("the frame number has two places", pattern_,
+      throw Error::bad_input("the name has two frame tokens", pattern_,
                              "Keep one of #### and %04d");
     }
     if (token->padding > kMaxPadding) {
-      throw Error::bad_input(fmt::format("more than {} digits", kMaxPadding), pattern_,
-                             "Write #### for four digits");
+      throw Error::bad_input(fmt::format("the frame token has more than {} digits", kMaxPadding),
+                             pattern_, "Write #### for four digits");
     }
     has_token_ = true;
     padding_ = token->padding;
@@ -68,11 +68,11 @@ SequenceName::SequenceName(std::string_view pattern) : pattern_(pattern), before
     after_ = pattern.substr(token->end);
     at = token->end - 1;
   }
-  // Only what could be meant as a token: '@' and '%' alone do occur in folders' names.
+  // Folder names may contain '@' and '%'.
   const std::string_view folders = pattern.substr(0, name_begin);
   if (!has_token_ && (folders.find("##") != std::string_view::npos)) {
-    throw Error::bad_input("the frame number stands in a folder's name", pattern_,
-                           "Put #### into the file's name");
+    throw Error::bad_input("a folder name has the frame token", pattern_,
+                           "Put #### into the file name");
   }
 }
 

@@ -11,7 +11,7 @@
 namespace raystage {
 
 ExitCode SequenceReport::exit_code() const {
-  if (rendered + skipped == asked && asked > 0) return ExitCode::kSuccess;
+  if (rendered + skipped == requested && requested > 0) return ExitCode::kSuccess;
   if (stopped) return ExitCode::kFailed;
   if (rendered + skipped == 0) {
     const bool is_bad_input =
@@ -22,8 +22,8 @@ ExitCode SequenceReport::exit_code() const {
 }
 
 std::string SequenceReport::summary() const {
-  std::string text = fmt::format("{} of {} frames rendered", rendered, asked);
-  if (skipped > 0) text += fmt::format(", {} were there already", skipped);
+  std::string text = fmt::format("{} of {} frames rendered", rendered, requested);
+  if (skipped > 0) text += fmt::format(", {} existed already", skipped);
   if (!failures.empty()) {
     std::vector<int> frames;
     for (const Failure& failure : failures) frames.push_back(failure.frame);
@@ -49,7 +49,7 @@ std::string SequenceReport::stages() const {
       of_frame(ms.encode), of_frame(ms.write), of_frame(1e3 * decoding.seconds),
       of_frame(1e-6 * static_cast<double>(decoding.jpeg_bytes)));
   if (of_frame(ms.write_wait) >= 10) {
-    text += fmt::format("; the disk held frames up for {:.0f}", of_frame(ms.write_wait));
+    text += fmt::format("; frames waited {:.0f} for the disk", of_frame(ms.write_wait));
   }
   return text;
 }

@@ -38,7 +38,7 @@ TEST_F(StereoSequence, BothEyesAreInOneFile) {
   const float apart =
       Imf::worldToCamera(input.header(0))[3][0] - Imf::worldToCamera(input.header(1))[3][0];
   EXPECT_NEAR(apart, 0.02F, 1e-6F);
-  // Each lens is shifted towards the other's side, by the same.
+  // Opposite lens shifts of the same size, towards the other eye.
   EXPECT_NEAR(input.header(0).screenWindowCenter().x, -input.header(1).screenWindowCenter().x,
               1e-7F);
   EXPECT_NE(input.header(0).screenWindowCenter().x, 0);
@@ -80,7 +80,7 @@ TEST_F(StereoSequence, ACameraThatIsNowhereIsRefusedBeforeTheFirstFrame) {
   shot_.camera.keys.back().position = {{0.03, -0.03, -2}};
   shot_.camera.keys.back().frame = 104;
   options_.frames = {101, 102, 103};
-  EXPECT_THAT(refusal(), HasSubstr("at frame 103 vertigo's target lies beside or behind"));
+  EXPECT_THAT(refusal(), HasSubstr("at frame 103 the target of dolly_zoom is not in front"));
   EXPECT_EQ(files(), 0);
 }
 

@@ -52,7 +52,7 @@ TEST_F(Sequence, FramesOutsideTheShotAreLeftOutAndSaid) {
   options_.frames = {95, 102, 104, 106, 110};
   EXPECT_EQ(run().rendered, 3);
   EXPECT_EQ(files(), 3);
-  EXPECT_THAT(messages_, Contains(HasSubstr("2 of the frames asked for")));
+  EXPECT_THAT(messages_, Contains(HasSubstr("2 requested frames are outside")));
   options_.frames = {1, 2};
   EXPECT_THAT(refusal(), HasSubstr("none of the frames 1-2"));
 }
@@ -73,7 +73,7 @@ TEST_F(Sequence, WhatTheTakeLacksIsAnErrorHeldOrBlack) {
   options_.missing = MissingFrames::kHold;
   EXPECT_EQ(run().exit_code(), ExitCode::kSuccess);
   EXPECT_NEAR(middle(108).first, grey(5), 0.005F);
-  EXPECT_THAT(messages_, Contains(HasSubstr("2 frames hold")));
+  EXPECT_THAT(messages_, Contains(HasSubstr("2 frames show the nearest instant")));
   options_.missing = MissingFrames::kBlack;
   options_.existing = ExistingFiles::kSkip;
   EXPECT_EQ(run().rendered, 2) << "the fingerprint knows the difference";

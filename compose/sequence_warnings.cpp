@@ -11,8 +11,8 @@
 namespace raystage {
 namespace {
 
-/// What people do not expect of a focus that moves.
-void say_what_focus_means(const ShotPlan& plan, std::size_t layer, const SequenceOptions& options) {
+/// Reports unexpected effects of a focus pull.
+void report_focus_pull(const ShotPlan& plan, std::size_t layer, const SequenceOptions& options) {
   using Kind = ShotDocument::FocalPlane::Kind;
   const LightFieldLayer& light_field = *plan.light_field(layer);
   const Kind kind = plan.shot().layers[layer].focal_plane.kind;
@@ -20,14 +20,14 @@ void say_what_focus_means(const ShotPlan& plan, std::size_t layer, const Sequenc
   const Method& method = method_named(light_field.reconstruction().method);
   if (!method.uses_focal_plane()) {
     options.on_message(
-        fmt::format("{}the method {} finds the scene's depth and pays no heed to the focal "
-                    "plane: nothing is pulled",
+        fmt::format("{}method {} estimates depth and ignores the focal plane: the focus pull has "
+                    "no effect",
                     layer_label(plan, layer), method.name()));
   } else if (plan.shot().merge == ShotDocument::Merge::kDepth && plan.layers() > 1) {
-    options.on_message(
-        fmt::format("{}all of the light field stands at its focal plane, and moves with it before "
-                    "and behind other layers",
-                    layer_label(plan, layer)));
+    options.on_message(fmt::format(
+        "{}the whole light field has the depth of its focal plane, and moves with it in "
+        "front of and behind other layers",
+        layer_label(plan, layer)));
   }
 }
 
@@ -46,12 +46,12 @@ void report_sequence_warnings(const ShotPlan& plan, std::span<const PlannedFrame
     const LightFieldLayer* light_field = plan.light_field(i);
     if (light_field == nullptr) continue;
     const std::string of_layer = layer_label(plan, i);
-    say_what_focus_means(plan, i, options);
+    report_focus_pull(plan, i, options);
     if (!is_calibrated(read_rig(light_field->take().folder() / "rig.json"))) {
       options.on_message(
           "warning: " + of_layer +
-          "the rig is not calibrated: places and lenses of the cameras are guessed, and "
-          "the frames are as wrong as that");
+          "the rig is not calibrated: camera poses and lenses are guesses, and the frames have "
+          "the same errors");
     }
     const auto held = std::ranges::count_if(
         frames, [&](const PlannedFrame& frame) { return frame.shown[i].held; });
@@ -59,12 +59,12 @@ void report_sequence_warnings(const ShotPlan& plan, std::span<const PlannedFrame
       return plan.is_visible(i, frame.frame) && !frame.shown[i].tick;
     });
     if (held > 0) {
-      options.on_message(
-          fmt::format("{}{} frames hold another instant of the take", of_layer, held));
+      options.on_message(fmt::format("{}{} frames show the nearest instant of the take that exists",
+                                     of_layer, held));
     }
     if (black > 0) {
       options.on_message(
-          fmt::format("{}{} frames are empty: the take has nothing there", of_layer, black));
+          fmt::format("{}{} frames are empty: the take has no instant for them", of_layer, black));
     }
   }
 }

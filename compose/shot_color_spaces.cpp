@@ -28,26 +28,26 @@ ShotColorSpaces make_shot_color_spaces(const ShotDocument& shot,
   const ShotDocument::Color& color = shot.output.color;
   const bool has_config = !config_file.empty() || !color.config.empty();
   ShotColorSpaces result;
-  const bool works_in_scene = color.working == kSceneSpace;
-  if (!has_config && color.space == kSceneSpace && works_in_scene) return result;
+  const bool works_in_scene = color.working_space == kSceneSpace;
+  if (!has_config && color.color_space == kSceneSpace && works_in_scene) return result;
   const ColorConfig config =
       has_config ? ColorConfig::from_file(config_file.empty() ? folder / color.config : config_file,
                                           color.rec709_space)
                  : ColorConfig::built_in();
   if (has_config) result.studio = config;
   if (!works_in_scene) {
-    result.working_from_scene = config.to_space(color.working);
+    result.working_from_scene = config.to_space(color.working_space);
     result.working_from_scene_matrix = matrix_of(*result.working_from_scene);
   }
-  const ColorTransform transform = config.between(color.working, color.space);
+  const ColorTransform transform = config.between(color.working_space, color.color_space);
   if (!transform.is_linear()) {
-    throw Error::bad_input("the colour space \"" + color.space + "\" is not linear light",
+    throw Error::bad_input("the colour space \"" + color.color_space + "\" is not linear light",
                            shot_file.string() + "#/output/color/space",
-                           "EXR files hold light: choose a linear space");
+                           "Choose a linear space for EXR files");
   }
   if (!transform.is_no_op()) result.file_from_working = transform;
-  result.interop_id = config.interop_id(color.space);
-  result.space = color.space;
+  result.interop_id = config.interop_id(color.color_space);
+  result.space = color.color_space;
   result.config = config.description();
   return result;
 }

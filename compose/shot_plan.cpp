@@ -16,22 +16,22 @@
 namespace raystage {
 namespace {
 
-/// What textures may take; they are loaded in tiles, in the detail that is looked at.
+/// Budget of textures, which are loaded as tiles of the needed MIP levels.
 constexpr std::size_t kTextureBytes = std::size_t{256} << 20;
 
 ShotDocument shot_with(ShotDocument shot, const ShotPlanOptions& options) {
   if (!options.layout.empty()) shot.output.layout = options.layout;
   auto& aovs = shot.output.aovs;
   aovs.insert(aovs.end(), options.aovs.begin(), options.aovs.end());
-  std::ranges::sort(aovs);  // in whatever order they are named
+  std::ranges::sort(aovs);  // the order in the shot does not matter
   aovs.erase(std::unique(aovs.begin(), aovs.end()), aovs.end());
   return shot;
 }
 
-/// Shares of the picture become those of the picture with its overscan.
+/// Converts shares of the picture to shares of the picture with overscan.
 ScreenClip screen_clip_from(const ShotDocument::Clip& document, const ShotDocument& shot) {
   const auto share_of = [](double share, int size, int overscan) {
-    // The border of the picture is none of what lies beyond it.
+    // An edge at the picture's border also keeps the overscan.
     if (share <= 0 || share >= 1) return share;
     return (share * size + overscan) / (size + 2.0 * overscan);
   };
@@ -97,7 +97,7 @@ std::unique_ptr<const Layer> ShotPlan::open_layer(std::size_t layer,
 
 std::unique_ptr<const Layer> ShotPlan::open_light_field(std::size_t layer,
                                                         const ShotPlanOptions& options) {
-  // A target is one for views; a light is asked for rays.
+  // A target is for views only; lights need rays.
   auto opened = std::make_unique<const LightFieldLayer>(
       shot_, layer, shot_file_, folder_, options.fill,
       is_light(layer) ? OptionValues{} : options.target, options.hosts);
@@ -124,30 +124,30 @@ void ShotPlan::find_light_field_lights() {
   for (std::size_t i = 0; i < shot_.lights.size(); ++i) {
     const ShotDocument::Light& light = shot_.lights[i];
     if (light.light_field.empty()) continue;
-    LightFieldLight asked{{}, light.strength};
+    LightFieldLight selected{{}, light.strength};
     for (std::size_t layer = 0; layer < layers(); ++layer) {
-      if (shot_.layers[layer].volume == light.light_field) asked.layers.push_back(layer);
+      if (shot_.layers[layer].volume == light.light_field) selected.layers.push_back(layer);
     }
     const auto layer =
         std::ranges::find(shot_.layers, light.light_field, &ShotDocument::Layer::name);
     const bool is_there = layer != shot_.layers.end();
-    if (asked.layers.empty() &&
+    if (selected.layers.empty() &&
         std::ranges::count(shot_.layers, light.light_field, &ShotDocument::Layer::name) > 1) {
       throw Error::bad_input(
-          fmt::format("the light is to be the layer \"{}\", and several are called so",
+          fmt::format("the light uses the layer \"{}\", but several have this name",
                       light.light_field),
           fmt::format("{}#/lights/{}", shot_file_.string(), i), "Give them different names");
     }
-    if (asked.layers.empty() && is_there && layer->is_light_field()) {
-      asked.layers = {static_cast<std::size_t>(layer - shot_.layers.begin())};
+    if (selected.layers.empty() && is_there && layer->is_light_field()) {
+      selected.layers = {static_cast<std::size_t>(layer - shot_.layers.begin())};
     }
-    if (asked.layers.empty()) {
+    if (selected.layers.empty()) {
       throw Error::bad_input(
-          fmt::format("the light is to be the layer \"{}\", {}", light.light_field,
-                      is_there ? "which has no take" : "which is not there"),
+          fmt::format("the light uses the layer \"{}\", which {}", light.light_field,
+                      is_there ? "has no take" : "does not exist"),
           fmt::format("{}#/lights/{}", shot_file_.string(), i), "Name a layer with a take");
     }
-    light_field_lights_.push_back(std::move(asked));
+    light_field_lights_.push_back(std::move(selected));
   }
 }
 
@@ -180,7 +180,7 @@ GeometryScene ShotPlan::geometry_at(int frame, std::vector<int>& mesh_indices) c
     const GeometryLayer* mesh = geometry(i);
     if (mesh == nullptr || !is_visible(i, frame)) continue;
     mesh_indices[i] = static_cast<int>(scene.meshes.size());
-    scene.meshes.push_back(mesh->placed(frame));
+    scene.meshes.push_back(mesh->instance_at(frame));
   }
   return scene;
 }
@@ -211,9 +211,9 @@ bool ShotPlan::is_occluded_by_solid(std::size_t layer, int frame) const {
   for (std::size_t i = layers(); --i > layer;) {
     const ShotDocument::Layer& front = shot_.layers[i];
     if (!is_shown(i, frame)) continue;
-    // What is hidden throws shadows all the same, and is seen in mirrors.
-    const bool knows_of_geometry = front.geometry || front.shadows;
-    if (knows_of_geometry && shot_.layers[layer].geometry) return false;
+    // Hidden geometry still casts shadows and appears in mirrors.
+    const bool shows_geometry = front.geometry || front.shadows;
+    if (shows_geometry && shot_.layers[layer].geometry) return false;
     if (front.solid && front.solid->alpha >= 1 && front.opacity >= 1 && front.clips.empty()) {
       return true;
     }
@@ -265,10 +265,10 @@ std::vector<PlannedFrame> ShotPlan::plan(std::span<const int> frames, MissingFra
     }
     if (policy != MissingFrames::kError || missing.empty()) continue;
     throw Error::bad_input(
-        fmt::format("the take has nothing to show at {} of {} frames ({}); {}", missing.size(),
+        fmt::format("the take has no instant for {} of {} frames ({}); {}", missing.size(),
                     frames.size(), format_frame_range(missing), take->take_duration_text()),
         layers() == 1 ? shot_file_.string() : fmt::format("{}#/layers/{}", shot_file_.string(), i),
-        "Change start_seconds, speed or the frame range, or let missing instants be held or black")
+        "Change start_seconds, speed or the frame range, or show missing frames as held or black")
         .concerning({"missing"});
   }
   return planned;
@@ -317,7 +317,7 @@ ExrMetadata ShotPlan::metadata(const PlannedFrame& frame) const {
   metadata.color_interop_id = colors_.interop_id;
   metadata.color_space = colors_.space;
   metadata.color_config = colors_.config;
-  if (colors_.working_from_scene) metadata.working_space = shot_.output.color.working;
+  if (colors_.working_from_scene) metadata.working_space = shot_.output.color.working_space;
   if (shot_.output.cryptomatte) {
     std::vector<std::string> names;
     for (std::size_t i = 0; i < layers(); ++i) {

@@ -121,7 +121,7 @@ class ShotPlan {
   /// Returns the hash of everything that determines the file of a frame: camera, layers, size and
   /// output of the shot, take.json and rig.json, time and XXH3 of each source frame (also those of
   /// adjacent ticks if the method reads them), kReconstructionVersion. Paths, threads and other
-  /// frames are not part of it.
+  /// frames are not included.
   std::string fingerprint(const PlannedFrame& frame, bool chromaticities) const;
   /// Returns the header of a frame. Take and method are those of the first visible light field.
   ExrMetadata metadata(const PlannedFrame& frame) const;

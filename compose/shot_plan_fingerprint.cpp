@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What determines the file of a frame.
+// Hashes the inputs that determine the file of a frame.
 #include "compose/shot_plan.h"
 
 namespace raystage {
@@ -21,7 +21,7 @@ void add_clip(const ShotDocument::Clip& clip, Fingerprint& print) {
   }
 }
 
-/// What is the same for every frame, but for what layers and colours bring.
+/// Adds the shot's settings that all frames share, except those of layers and colours.
 Fingerprint of_shot(const ShotDocument& shot) {
   Fingerprint print;
   print.integer("reconstruction", kReconstructionVersion);
@@ -51,7 +51,7 @@ void add_layer(const ShotDocument::Layer& layer, Fingerprint& print) {
   print.number("alpha", layer.solid->alpha).number("depth", layer.solid->depth_m.value_or(0));
 }
 
-/// All that the file says of the camera.
+/// Adds all camera properties that pixels or headers depend on.
 void add_camera(const ExrCamera& camera, Fingerprint& print) {
   const VirtualCamera& view = camera.view;
   for (const double value : view.pose.world_from_camera_rotation.reshaped()) {
@@ -73,7 +73,7 @@ std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities
   print.integer("chromaticities", chromaticities ? 1 : 0);
   if (!colors_.config.empty()) {
     print.text("color space", colors_.space).text("color config", colors_.config);
-    print.text("working space", shot_.output.color.working);
+    print.text("working space", shot_.output.color.working_space);
     print.text("called rec709", shot_.output.color.rec709_space);
   }
   print.integer("frame", frame.frame);

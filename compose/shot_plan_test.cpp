@@ -9,7 +9,7 @@
 #include <set>
 
 #include "base/atomic_file.h"
-#include "render/evaluation/evaluation_cases.h"
+#include "evaluation/evaluation_cases.h"
 #include "testing/compose/sequence_test_data.h"
 
 namespace raystage::shot_plan_test {
@@ -45,7 +45,7 @@ TEST_F(ShotPlans, AFrameThatLooksBesideDependsOnTheTicksThere) {
   EXPECT_EQ(beside_now[2], beside[2]);
 }
 
-/// `evaluate` and `bench` measure what `render` shows.
+/// `evaluate` and `bench` use the same settings as `render`.
 TEST_F(ShotPlans, EvaluationsShowTheInstantsThatAShotShows) {
   shot_.layers[0].start_seconds = -0.13;
   shot_.layers[0].speed = 0.37;

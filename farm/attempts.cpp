@@ -17,8 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A record's size on the disk; JSON ignores the spaces at its end. Long enough for every end with
-/// reasons of kLongestReason bytes, so that an end can be written over its start on a full disk.
+/// Size of a record on the disk, padded with spaces, which JSON ignores. It has room for every end
+/// with texts of kLongestText bytes, so that an end can overwrite its start on a full disk.
 constexpr std::size_t kRecordBytes = 8192;
 constexpr std::size_t kLongestText = 1500;
 
@@ -32,7 +32,7 @@ std::string padded(std::string text) {
   return text;
 }
 
-/// The longest start of a frame range that names no frame wrongly.
+/// Returns the longest prefix of a frame range that ends before a comma and fits kLongestText.
 std::string shortened_range(const std::string& frames) {
   if (frames.size() <= kLongestText) return frames;
   const std::size_t comma = frames.rfind(',', kLongestText);
@@ -59,7 +59,7 @@ bool write_all(int descriptor, const std::string& text) {
   return true;
 }
 
-/// "render.0003.02.json" as an attempt that says no more than that; none for other names.
+/// Returns the attempt that a file name such as "render.0003.02.json" identifies, or nothing.
 std::optional<FarmAttempt> attempt_from_name(const std::string& name) {
   const std::size_t first = name.find('.'), second = name.find('.', first + 1);
   if (first == std::string::npos || second == std::string::npos || !name.ends_with(".json") ||
@@ -100,8 +100,8 @@ void record_attempt_start(const JobFolder& folder, FarmAttempt& attempt) {
     if (descriptor >= 0) close(descriptor);
     if (written) return;
     errno = error;
-    throw Error::from_errno("the attempt cannot be recorded", file.string(),
-                            "Check the folder, its permissions and the room on the disk");
+    throw Error::from_errno("the start of the attempt cannot be recorded", file.string(),
+                            "Check the folder's permissions and the free space on the disk");
   }
 }
 
@@ -112,7 +112,7 @@ void record_attempt_end(const JobFolder& folder, const FarmAttempt& attempt) {
     write_file_atomically(file, text);
     return;
   } catch (const Error&) {
-    // Over the start's own blocks, then.
+    // On a full disk, overwrite the blocks of the start.
     const int descriptor = open(file.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
     if (descriptor < 0) throw;
     const bool written = write_all(descriptor, text);
@@ -131,7 +131,7 @@ TaskAttempts read_attempts(const JobFolder& folder) {
     if (const auto text = read_record(entry->path())) {
       try {
         attempt = parse_farm_attempt(*text, entry->path().string());
-      } catch (const Error&) {  // being written, or damaged: its name is all that is known
+      } catch (const Error&) {  // being written, or damaged: only its name is known
       }
     }
     tasks[{attempt->stage, attempt->index}].push_back(std::move(*attempt));

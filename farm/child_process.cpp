@@ -48,7 +48,7 @@ struct Pipe {
 Pipe make_pipe() {
   std::array<int, 2> ends{};
   if (pipe2(ends.data(), O_CLOEXEC) != 0) {
-    throw Error::from_errno("a program cannot be started", "",
+    throw Error::from_errno("no pipe for the output of a program could be opened", "",
                             "Close other programs and try again");
   }
   return {Descriptor(ends[0]), Descriptor(ends[1])};
@@ -65,7 +65,7 @@ pid_t start(const std::vector<std::string>& command, int in, int out) {
   posix_spawn_file_actions_adddup2(&actions, in, STDIN_FILENO);
   posix_spawn_file_actions_adddup2(&actions, out, STDOUT_FILENO);
   posix_spawn_file_actions_adddup2(&actions, out, STDERR_FILENO);
-  // Signals that this program ignores must not stay ignored there.
+  // The child must not inherit that this program ignores these signals.
   posix_spawnattr_t attributes;
   posix_spawnattr_init(&attributes);
   sigset_t defaults;
@@ -91,7 +91,7 @@ double seconds(const timeval& time) {
   return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
 }
 
-/// Splits a stream into complete lines.
+/// Splits a stream into lines.
 class Lines {
  public:
   explicit Lines(const std::function<void(std::string_view)>& line) : line_(line) {}
@@ -126,7 +126,7 @@ ChildResult run_child(const std::vector<std::string>& command, const ChildOption
   const Descriptor log(options.log.empty() ? -1
                                            : open(options.log.c_str(),
                                                   O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
-  // Of its own, as the child may print before it has read everything.
+  // A thread of its own, because the child may print before it has read all input.
   std::thread feeder([input = options.input, end = std::move(in.write)]() mutable {
     std::size_t done = 0;
     while (done < input.size()) {
@@ -168,7 +168,7 @@ ChildResult run_child(const std::vector<std::string>& command, const ChildOption
       open_stream = got < 0 && errno == EINTR;
     }
     if (!ended) ended = wait4(child, &status, open_stream ? WNOHANG : 0, &used) == child;
-    // A grandchild that outlives the child may hold the stream open: it is not waited for.
+    // Do not wait for a grandchild that outlives the child and keeps the stream open.
     if (ended && open_stream && poll(&poll_for, 1, 0) <= 0) open_stream = false;
   }
   lines.flush();

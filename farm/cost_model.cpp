@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// A bottleneck model (Denning and Buzen, "The operational analysis of queueing network models",
-// 1978, asymptotic bounds): throughput is that of the resource that saturates first.
+// Predicts the duration of a job on a number of nodes with a bottleneck model (Denning and Buzen,
+// "The operational analysis of queueing network models", 1978, asymptotic bounds): the throughput
+// is that of the resource that saturates first. Inputs: costs per frame and task in seconds and
+// bytes, measured from the records of a job, and the rates of a site. Cost: constant per
+// prediction; measured_costs() is linear in attempts and frames.
 #include "farm/cost_model.h"
 
 #include <fmt/format.h>
@@ -33,7 +36,7 @@ struct StageTime {
   }
 };
 
-/// `tasks` of `seconds` each on `slots` slots.
+/// Returns the time of `tasks` tasks of `seconds` each on `slots` slots.
 StageTime stage_time(int tasks, double seconds, int slots, const SiteParameters& site) {
   StageTime time;
   if (tasks == 0) return time;
@@ -65,8 +68,8 @@ double seconds_on(const JobCosts& job, const SiteParameters& site, int nodes,
   return result.prepare_s + result.render_s + result.serial_s;
 }
 
-/// Both times are by the node's own clock; clocks of different nodes are never compared.
-/// The mean, without those that are longer than three medians: the node did something else then.
+/// Returns the mean gap between tasks of a node in seconds, without gaps longer than three medians,
+/// in which the node did other work. Compares times of the same node's clock only.
 std::optional<double> mean_gap(const TaskAttempts& attempts) {
   constexpr double kLongest = 3;
   std::map<std::string, std::vector<std::pair<Nanoseconds, Nanoseconds>>> runs;  // by node
@@ -81,7 +84,7 @@ std::optional<double> mean_gap(const TaskAttempts& attempts) {
   for (auto& [node, times] : runs) {
     std::ranges::sort(times);
     for (std::size_t i = 1; i < times.size(); ++i) {
-      // Of nodes that run several tasks at once the gap is hidden: those count as none.
+      // Tasks that overlap on a node have no gap.
       gaps.push_back(
           std::max(0.0, 1e-9 * static_cast<double>(times[i].first - times[i - 1].second)));
     }
@@ -93,7 +96,7 @@ std::optional<double> mean_gap(const TaskAttempts& attempts) {
   return std::accumulate(gaps.begin(), gaps.end(), 0.0) / static_cast<double>(gaps.size());
 }
 
-/// Stages are seconds a frame in `from`, seconds of all frames in `to`.
+/// Adds stages in seconds per frame (`from`) to stages in seconds of all frames (`to`).
 void add_stages(const RenderStageCosts& from, RenderStageCosts& to) {
   const double frames = from.frames;
   to.frames += from.frames;
@@ -120,7 +123,7 @@ std::string stages_text(const JobCosts& job) {
   if (stages.frames == 0) return "";
   const double write_rate = stages.write_s > 0 ? job.frame_write_bytes / stages.write_s * 1e-6 : 0;
   return fmt::format(
-      "stages of a frame, s, {} at once: light fields {:.4f} (decoding {:.4f} of processors), "
+      "stages in s per frame, {} frames at once: light fields {:.4f} (decoding {:.4f} s CPU), "
       "geometry {:.4f},\nmerging {:.4f}, encoding {:.4f}, writing {:.4f} ({:.0f} MB/s)\n",
       stages.frames_in_flight, stages.light_fields_s, stages.decode_s, stages.geometry_s,
       stages.merge_s, stages.encode_s, stages.write_s, write_rate);
@@ -151,7 +154,7 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
   double cpu = 0, wall = 0, bytes = 0, solve = 0;
   int timed = 0, files = 0, solved = 0, tasks = 0;
   std::error_code error;
-  // Tasks that found all of their frames whole measure nothing.
+  // Ignore tasks that found all of their frames complete.
   const bool any_rendered = std::ranges::any_of(attempts, [](const auto& task) {
     return task.second.back().end && task.second.back().end->rendering;
   });
@@ -170,7 +173,7 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
     if (end.result != AttemptResult::kDone || (any_rendered && !end.rendering)) continue;
     cpu += end.cpu_seconds;
     wall += end.wall_seconds;
-    // Some may have been whole before: the measured one, or those of an earlier attempt.
+    // Some frames may have existed: the measured one, or those of an earlier attempt.
     timed += end.rendering ? end.rendering->frames : static_cast<int>(frames.size());
     ++tasks;
     if (end.rendering) add_stages(*end.rendering, costs.stages);
@@ -188,7 +191,7 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
   costs.frame_cpu_s = cpu / timed;
   costs.frame_s = wall / timed;
   if (costs.stages.frames == timed) {
-    // What the frames themselves took is known, and so is what a task takes besides.
+    // The logs state the time of the frames alone; the rest is overhead per task.
     costs.frame_s = costs.stages.seconds / timed;
     costs.task_s = (wall - costs.stages.seconds) / tasks;
   }
@@ -206,12 +209,12 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
 std::string cost_text(const JobCosts& job, const SiteParameters& site, std::span<const int> nodes) {
   std::string text = fmt::format(
       "{} frames in {} tasks of {} threads, {} instants to prepare\n"
-      "seconds: {:.3f} a frame ({:.3f} of processors), {:.3f} an instant, {:.3f} a task besides, "
-      "{:.2f} between tasks;\n{:.2f} MB read and {:.2f} MB written a frame\n{}\n"
+      "per frame {:.3f} s ({:.3f} s CPU), per instant {:.3f} s, overhead per task {:.3f} s, "
+      "start latency {:.2f} s;\nper frame {:.2f} MB read and {:.2f} MB written\n{}\n"
       "{:>6} {:>12} {:>12} {:>12} {:>12} {:>11}  {}\n",
       job.frames, job.chunks, job.threads, job.instants, job.frame_s, job.frame_cpu_s, job.solve_s,
       job.task_s, site.start_latency_s, job.frame_read_bytes * 1e-6, job.frame_write_bytes * 1e-6,
-      stages_text(job), "nodes", "prepare, s", "render, s", "serial, s", "in all, s", "efficiency",
+      stages_text(job), "nodes", "prepare, s", "render, s", "serial, s", "total, s", "efficiency",
       "limited by");
   for (const int count : nodes) {
     const ScalingPrediction p = predict_scaling(job, site, count);

@@ -65,10 +65,7 @@ ScalingPrediction predict_scaling(const JobCosts& job, const SiteParameters& sit
 /// Returns the costs of a job from its records, or nothing if no chunk is done.
 std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAttempts& attempts);
 
-/// Return the prediction as a text table, and as an HTML page with a chart of efficiency over
-/// nodes.
+/// Returns the prediction as a text table.
 std::string cost_text(const JobCosts& job, const SiteParameters& site, std::span<const int> nodes);
-std::string cost_page(const JobCosts& job, const SiteParameters& site, std::span<const int> nodes,
-                      std::string_view title);
 
 }  // namespace raystage::farm

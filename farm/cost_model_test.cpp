@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "farm/cost_page.h"
 #include "testing/farm/test_job.h"
 
 namespace raystage::farm {

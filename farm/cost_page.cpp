@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "farm/cost_page.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -6,7 +8,6 @@
 
 #include "charts/html_page.h"
 #include "charts/svg_chart.h"
-#include "farm/cost_model.h"
 
 namespace raystage::farm {
 namespace {
@@ -21,7 +22,7 @@ pre{overflow-x:auto})";
 std::string chart(const JobCosts& job, const SiteParameters& site, std::span<const int> nodes) {
   const double most = std::max(10, *std::ranges::max_element(nodes));
   SvgChart chart("Efficiency over the number of nodes", {1, most, "nodes", true, true},
-                 {0, 100, "efficiency against one node, %"});
+                 {0, 100, "efficiency relative to one node, %"});
   std::vector<SvgChart::Point> points;
   const int steps = static_cast<int>(std::log10(most) * kStepsPerDecade);
   for (int i = 0; i <= steps; ++i) {
@@ -53,8 +54,8 @@ std::string cost_page(const JobCosts& job, const SiteParameters& site, std::span
       html_section("Numbers", "", "<pre>" + escape_html(cost_text(job, site, nodes)) + "</pre>");
   return html_page(
       title,
-      fmt::format("{} cores a node, storage {:.0f} MB/s read, {:.0f} MB/s written, {:g} "
-                  "task starts a second, {:.2g} s latency",
+      fmt::format("{} cores per node, storage {:.0f} MB/s read, {:.0f} MB/s written, {:g} "
+                  "task starts per second, {:.2g} s latency",
                   site.cores_per_node, site.storage_read_bytes_per_s * 1e-6,
                   site.storage_write_bytes_per_s * 1e-6, site.starts_per_s, site.start_latency_s),
       body, kStyle);

@@ -28,9 +28,9 @@ namespace fs = std::filesystem;
 
 std::string doctor_script(const FarmJobDocument& job, const std::string& folder) {
   const std::string command_prefix = job.command_prefix.empty() ? "" : job.command_prefix + " ";
-  // The answer's name is the node's; where the folder is not there, no answer says so.
+  // A node writes its answer to a file with its name. Without the job folder it cannot answer.
   return fmt::format(
-      "#!/bin/sh\n# Asks one node whether it can carry out tasks of farm job {}.\n"
+      "#!/bin/sh\n# Checks whether one node can run tasks of farm job {}.\n"
       "#SBATCH --nodes=1 --ntasks=1 --cpus-per-task=1 --mem=300M --time=5\n"
       "#SBATCH --export=NONE --output=/dev/null --job-name={}\n"
       "cd {} || exit 1\n"
@@ -42,52 +42,52 @@ std::string doctor_script(const FarmJobDocument& job, const std::string& folder)
       shell_quote(job.program), folder, folder, folder, folder, folder, folder);
 }
 
-NodeReport silent(const std::string& node, const std::string& why) {
+NodeReport fault_report(const std::string& node, const std::string& why) {
   NodeReport report;
   report.node = node;
   report.fault = why;
   return report;
 }
 
-bool can_be_asked(const std::string& state) {
+bool is_usable(const std::string& state) {
   return state.starts_with("idle") || state.starts_with("mixed") || state.starts_with("alloc") ||
          state.starts_with("comp");
 }
 
-/// Empty: Slurm can give a task of stage render to a node of this size.
+/// Returns why the node is too small for a task of stage render, or nothing.
 std::string size_fault(const FarmJobDocument& job, const SlurmNode& node) {
   const FarmResources& needed = job.of(FarmStage::kRender);
   const int mebibytes = slurm_megabytes(needed, 1);
   if (node.processors < needed.threads) {
-    return fmt::format("Slurm has {} processors there, a task asks for {}", node.processors,
+    return fmt::format("Slurm offers {} processors there, a task needs {}", node.processors,
                        needed.threads);
   }
   if (node.memory_mebibytes < mebibytes) {
-    return fmt::format("Slurm has {:.0f} MiB there, a task asks for {} MiB", node.memory_mebibytes,
+    return fmt::format("Slurm offers {:.0f} MiB there, a task needs {} MiB", node.memory_mebibytes,
                        mebibytes);
   }
   return "";
 }
 
-/// What became of the questions without an answer: "PENDING" and so on, by Slurm's id.
-std::string fate_of(const std::string& id) {
-  const ChildResult asked = run_child({"squeue", "-h", "-j", id, "-o", "%T"});
-  return asked.exit_code == 0 ? asked.out : std::string();
+/// Returns the state of a Slurm job, e.g. "PENDING", or nothing if Slurm does not know it.
+std::string slurm_state_of(const std::string& id) {
+  const ChildResult result = run_child({"squeue", "-h", "-j", id, "-o", "%T"});
+  return result.exit_code == 0 ? result.out : std::string();
 }
 
-std::vector<NodeReport> ask_slurm(const JobFolder& folder, const FarmJobDocument& job,
-                                  const std::vector<std::string>& wanted, double timeout_seconds,
-                                  const std::stop_token& stop) {
+std::vector<NodeReport> check_slurm_nodes(const JobFolder& folder, const FarmJobDocument& job,
+                                          const std::vector<std::string>& wanted,
+                                          double timeout_seconds, const std::stop_token& stop) {
   std::map<std::string, NodeReport> reports;
-  std::map<std::string, std::string> asked, sizes;  // Slurm's id, and the fault, by node
+  std::map<std::string, std::string> checks, sizes;  // by node: id of the check; fault of its size
   const std::string answers = fmt::format("doctor.{:x}", static_cast<std::uint64_t>(utc_now()));
   create_folder(folder.path() / answers);
   write_file_atomically(folder.path() / "doctor.sbatch", doctor_script(job, answers));
   for (const SlurmNode& node : slurm_nodes(sbatch_partition(job.of(FarmStage::kRender).options))) {
     if (!wanted.empty() && std::ranges::find(wanted, node.name) == wanted.end()) continue;
     sizes[node.name] = size_fault(job, node);
-    if (!can_be_asked(node.state)) {
-      reports[node.name] = silent(node.name, "Slurm: " + node.state);
+    if (!is_usable(node.state)) {
+      reports[node.name] = fault_report(node.name, "Slurm: " + node.state);
       continue;
     }
     std::vector<std::string> command{"sbatch", "--parsable", "--nodelist=" + node.name};
@@ -96,21 +96,21 @@ std::vector<NodeReport> ask_slurm(const JobFolder& folder, const FarmJobDocument
     command.push_back((folder.path() / "doctor.sbatch").string());
     const ChildResult result = run_child(command);
     if (result.exit_code != 0) {
-      reports[node.name] = silent(node.name, "Slurm does not start a task there: " +
-                                                 result.out.substr(0, result.out.find('\n')));
+      reports[node.name] = fault_report(node.name, "Slurm rejected a task for this node: " +
+                                                       result.out.substr(0, result.out.find('\n')));
     } else {
-      asked[node.name] = result.out.substr(0, result.out.find_first_of(";\n"));
+      checks[node.name] = result.out.substr(0, result.out.find_first_of(";\n"));
     }
   }
   for (const std::string& node : wanted) {
-    if (!reports.contains(node) && !asked.contains(node)) {
-      reports[node] = silent(node, "Slurm knows no such node");
+    if (!reports.contains(node) && !checks.contains(node)) {
+      reports[node] = fault_report(node, "Slurm has no node of this name");
     }
   }
   const auto start = std::chrono::steady_clock::now();
-  while (!asked.empty() && !stop.stop_requested()) {
-    std::erase_if(asked, [&](const auto& question) {
-      const std::string& node = question.first;
+  while (!checks.empty() && !stop.stop_requested()) {
+    std::erase_if(checks, [&](const auto& check) {
+      const std::string& node = check.first;
       const auto text = read_record(folder.path() / answers / node);
       if (!text) return false;
       try {
@@ -118,7 +118,7 @@ std::vector<NodeReport> ask_slurm(const JobFolder& folder, const FarmJobDocument
         reports[node].node = node;
         if (reports[node].fault.empty()) reports[node].fault = sizes[node];
       } catch (const Error&) {
-        reports[node] = silent(node, text->substr(0, text->find('\n')));
+        reports[node] = fault_report(node, text->substr(0, text->find('\n')));
       }
       return true;
     });
@@ -127,17 +127,18 @@ std::vector<NodeReport> ask_slurm(const JobFolder& folder, const FarmJobDocument
     if (waited > timeout_seconds) break;
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
-  for (const auto& [node, id] : asked) {
-    if (fate_of(id).starts_with("PENDING")) {
-      reports[node] = silent(node, "");
+  for (const auto& [node, id] : checks) {
+    if (slurm_state_of(id).starts_with("PENDING")) {
+      reports[node] = fault_report(node, "");
       reports[node].is_pending = true;
     } else {
-      reports[node] = silent(node, fmt::format("no answer within {:.0f} s: the job folder is not "
-                                               "there, or the command of a task does not start",
-                                               timeout_seconds));
+      reports[node] =
+          fault_report(node, fmt::format("no answer within {:.0f} s: the job folder does not "
+                                         "exist, or the command of a task cannot be started",
+                                         timeout_seconds));
     }
   }
-  if (!asked.empty()) run_child({"scancel", "--quiet", "--name=" + slurm_job_name(job, "doctor")});
+  if (!checks.empty()) run_child({"scancel", "--quiet", "--name=" + slurm_job_name(job, "doctor")});
   std::error_code ignored;
   fs::remove_all(folder.path() / answers, ignored);
   std::vector<NodeReport> result;
@@ -189,14 +190,14 @@ NodeReport parse_node_report(std::string_view text, std::string_view name) {
       return json.is_object() ? json.value(key, otherwise) : otherwise;
     } catch (const nlohmann::json::exception&) {
       throw json_value_error(name, fmt::format("/{}", key), "the node's answer is damaged",
-                             "Ask again");
+                             "Run the check again");
     }
     return T{};
   };
   NodeReport report;
   report.node = value("node", std::string());
   if (report.node.empty())
-    throw json_value_error(name, "/node", "the answer names no node", "Ask again");
+    throw json_value_error(name, "/node", "the answer names no node", "Run the check again");
   report.answered = true;
   report.fault = value("fault", std::string());
   report.version = value("version", std::string());
@@ -214,7 +215,7 @@ std::vector<NodeReport> check_nodes(const JobFolder& folder, const std::vector<s
                                     double timeout_seconds, const std::stop_token& stop) {
   const FarmJobDocument job = folder.job();
   if (job.engine != FarmJobDocument::Engine::kSlurm) return {check_node(job, folder.path())};
-  return ask_slurm(folder, job, nodes, timeout_seconds, stop);
+  return check_slurm_nodes(folder, job, nodes, timeout_seconds, stop);
 }
 
 std::string doctor_text(const std::vector<NodeReport>& reports) {
@@ -223,7 +224,7 @@ std::string doctor_text(const std::vector<NodeReport>& reports) {
                   "simd", "threads", "memory", "output free", "verdict");
   for (const NodeReport& report : reports) {
     if (!report.answered) {
-      const std::string verdict = report.is_pending ? "not examined: busy" : report.fault;
+      const std::string verdict = report.is_pending ? "not checked: busy" : report.fault;
       text += fmt::format("{:<16} {:<9} {:<17} {:<7} {:>7} {:>10} {:>12}  {}\n", report.node, "-",
                           "-", "-", "-", "-", "-", verdict);
       continue;

@@ -33,7 +33,7 @@ std::string format_node_report(const NodeReport& report);
 NodeReport parse_node_report(std::string_view text, std::string_view name);
 
 /// Checks every node that Slurm could use for the job's tasks, by a task on each node; for engine
-/// local, checks this machine. Nodes that are down are not asked. A node that does not answer
+/// local, checks this machine. Nodes that are down are not checked. A node that does not answer
 /// within the timeout is reported as such. A node whose check is still queued is reported as busy,
 /// which is no fault. A node with fewer processors or less memory than a task needs has a fault.
 std::vector<NodeReport> check_nodes(const JobFolder& folder, const std::vector<std::string>& nodes,

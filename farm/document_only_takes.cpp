@@ -22,7 +22,7 @@ Take DocumentOnlyTakes::open(const std::filesystem::path& folder) {
 }
 
 void DocumentOnlyTakes::share(const Take& /*take*/, RendererSettings& /*settings*/) {
-  throw std::logic_error("a take without archives is to be rendered");
+  throw std::logic_error("a take without archives cannot be rendered");
 }
 
 }  // namespace raystage::farm

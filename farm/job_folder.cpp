@@ -39,7 +39,7 @@ std::optional<int> number_after(std::string_view prefix, std::string_view name) 
   return number;
 }
 
-/// Node names come from Slurm's configuration or the host; a file name must hold them.
+/// Returns a file name for a node, whose name may have any characters.
 std::string as_file_name(std::string_view node) {
   std::string name(node.substr(0, 200));
   for (char& c : name) {
@@ -48,7 +48,7 @@ std::string as_file_name(std::string_view node) {
   return name.empty() || name.front() == '.' ? "_" + name : name;
 }
 
-/// Whether two patterns name the same files; "s.####.exr" and "s.%04d.exr" do.
+/// Returns whether two patterns name the same files, as "s.####.exr" and "s.%04d.exr" do.
 bool is_same_sequence(const std::string& a, const std::string& b) {
   constexpr std::array kFrames{1, 12345};
   return std::ranges::all_of(kFrames, [&](int frame) {
@@ -86,7 +86,7 @@ fs::path JobFolder::round_file(int round) const {
 FarmJobDocument JobFolder::job() const {
   const auto text = read_record(job_file());
   if (!text) {
-    throw Error::bad_input("there is no farm job", path_.string(),
+    throw Error::bad_input("found no farm job", path_.string(),
                            "Name a job folder, the folder of an output's jobs, or the output");
   }
   return parse_farm_job(*text, job_file().string());
@@ -151,7 +151,7 @@ bool JobFolder::is_excluded(std::string_view node) const {
 
 void JobFolder::exclude(std::string_view node, std::string_view reason) const {
   const fs::path file = excluded() / as_file_name(node);
-  // The name counts, and a disk that is full may hold no more than that.
+  // The file's existence excludes the node; on a full disk the reason may be missing.
   const int descriptor = open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
   if (descriptor < 0) return;
   const std::string line = fmt::format("{}\n", reason);
@@ -210,7 +210,7 @@ std::optional<JobFolder> find_live_job(const std::string& output, const fs::path
     if (!before.empty() && folder.path().filename() == before.filename()) break;
     if (fs::exists(folder.end_file(), ignored)) continue;
     const auto text = read_record(folder.job_file());
-    // Without a document it is just being created: its output may be this one.
+    // A job without a document is being created, perhaps for this output.
     if (!text || is_same_sequence(folder.job().output, output)) {
       live = folder;
     }
@@ -233,7 +233,7 @@ JobFolder create_job_folder(const std::string& output) {
     }
     if (errno != EEXIST) {
       throw Error::from_errno("cannot create the job folder", folder.string(),
-                              "Check the folder, its permissions and the room on the disk");
+                              "Check the folder's permissions and the free space on the disk");
     }
   }
 }
@@ -252,12 +252,12 @@ JobFolder find_job(const fs::path& named) {
         return read_record(folder.job_file()) &&
                !is_same_sequence(folder.job().output, path.string());
       });
-    } catch (const Error&) {  // no name of a sequence
+    } catch (const Error&) {  // not a pattern of a sequence
       jobs.clear();
     }
   }
   if (jobs.empty()) {
-    throw Error::bad_input("there is no farm job", named.string(),
+    throw Error::bad_input("found no farm job", named.string(),
                            "Name a job folder (OUT/NAME.farm/job-0001), the folder of an output's "
                            "jobs, or the output (OUT/NAME.####.exr)");
   }
@@ -265,7 +265,7 @@ JobFolder find_job(const fs::path& named) {
 }
 
 std::string node_name() {
-  // Slurm sets it in every task; several nodes may share one host.
+  // Several nodes may share one host; Slurm sets the variable in every task.
   if (const char* slurm = std::getenv("SLURMD_NODENAME"); slurm != nullptr && *slurm != '\0') {
     return slurm;
   }

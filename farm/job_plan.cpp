@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Splits the frames of a job into chunks, groups chunks by the instants that they depend on, and
-// splits task indices into Slurm arrays. Inputs and outputs are frame numbers and task indices;
-// every frame is in exactly one chunk. At most kMostGroups groups are made.
+// splits task indices into Slurm arrays. Inputs and outputs are frame numbers and task indices.
+// Every frame is in one chunk; there are at most kMostGroups groups. Cost: n log n in chunks.
 #include "farm/job_plan.h"
 
 #include <algorithm>
@@ -88,7 +88,7 @@ std::vector<ChunkGroup> group_chunks(const FarmJobDocument& job, std::span<const
   }
   std::vector<ChunkGroup> result;
   for (auto& [instants, chunks] : groups) result.push_back({instants, chunks});
-  // In the order of their first chunks, so that previews stay first.
+  // Sort groups by their first chunk, so that previews stay first.
   std::ranges::sort(result, {}, [](const ChunkGroup& group) { return group.chunks.front(); });
   return merged(std::move(result));
 }

@@ -19,8 +19,8 @@
 namespace raystage::farm {
 namespace {
 
-/// Field 22 of /proc/PID/stat, which tells a process from a later one with its number. Empty: there
-/// is none.
+/// Returns the start time of a process (field 22 of /proc/PID/stat), which distinguishes it from
+/// later processes with its number, or nothing if it does not exist.
 std::string start_of_process(std::int64_t process) {
   std::ifstream file(fmt::format("/proc/{}/stat", process));
   std::string text;
@@ -33,7 +33,7 @@ std::string start_of_process(std::int64_t process) {
   return field;
 }
 
-/// The name of the machine, also within a task of Slurm.
+/// Returns the name of the machine, also within a Slurm task.
 std::string host_name() {
   std::array<char, 256> name{};
   return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "unknown";
@@ -59,7 +59,7 @@ class LocalRun {
     if (!end || end->state != FarmEnd::State::kDone) {
       if (end)
         options_.on_message(
-            fmt::format("frames {} are missing. {}", end->missing_frames, end->reason));
+            fmt::format("missing frames: {}. {}", end->missing_frames, end->reason));
       return end && end->missing_frames.empty() ? ExitCode::kFailed : ExitCode::kSomeFramesFailed;
     }
     options_.progress(1);
@@ -92,7 +92,7 @@ class LocalRun {
   ExitCode run_task_of(
       FarmStage stage, int index, int round, std::function<void(double)> progress = [](double) {}) {
     TaskRequest request{folder_, stage, index, round};
-    request.timeout_seconds = 0;  // this host has written the frames itself
+    request.timeout_seconds = 0;  // this host wrote the frames
     request.progress = std::move(progress);
     request.on_message = options_.on_message;
     return run_task(request, stop_);
@@ -127,7 +127,7 @@ void stop_local_job(const JobFolder& folder) {
     if (round.host.empty()) continue;
     for (int looks = 0; is_local_job_running(round) != false; ++looks) {
       if (!is_local_job_running(round) || looks == kMostLooks) {
-        throw Error::failed("the job's process runs on", round.host, "Stop it there first");
+        throw Error::failed("the job's process still runs", round.host, "Stop it on that host");
       }
       if (looks == 0) kill(static_cast<pid_t>(round.process), SIGTERM);
       std::this_thread::sleep_for(kBetweenLooks);

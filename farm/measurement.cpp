@@ -47,9 +47,9 @@ std::optional<FarmAttempt::End> measure_frame(const Measurement& measurement,
   if (child.exit_code == 0) return rendered ? std::optional(end) : std::nullopt;
   const std::string what =
       fmt::format("the first frame (frame {}) cannot be rendered: {}", measurement.frame, last);
-  const std::string mend = "Correct what it names, or submit without measuring";
-  throw child.exit_code == 2 ? Error::bad_input(what, measurement.shot.string(), mend)
-                             : Error::failed(what, measurement.shot.string(), mend);
+  const std::string advice = "Correct the cause, or submit without measuring the first frame";
+  throw child.exit_code == 2 ? Error::bad_input(what, measurement.shot.string(), advice)
+                             : Error::failed(what, measurement.shot.string(), advice);
 }
 
 }  // namespace raystage::farm

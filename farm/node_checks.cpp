@@ -28,8 +28,8 @@ namespace fs = std::filesystem;
 
 constexpr std::uintmax_t kProbeBytes = std::uintmax_t{1} << 20;
 
-/// Libraries that pixels and files depend on. Others come and go: what the system loads for user
-/// names, and what a texture makes the program load.
+/// Libraries that pixels and files depend on. Other libraries vary between runs of one build: the
+/// system loads some for user names, and textures may need more.
 constexpr std::array<std::string_view, 13> kLibraries{
     "libOpenEXR", "libImath",     "libIlmThread", "libOpenColorIO", "libembree",
     "libtbb.so",  "libturbojpeg", "libjpeg",      "libhwy",         "libpng",
@@ -38,7 +38,7 @@ constexpr std::array<std::string_view, 13> kLibraries{
 int add_library(dl_phdr_info* info, std::size_t /*size*/, void* names) {
   if (info->dlpi_name == nullptr || info->dlpi_name[0] != '/') return 0;
   std::error_code ignored;
-  // The link leads to the file whose name has the whole version.
+  // The name of the link's target has the full version.
   const std::string name = fs::canonical(info->dlpi_name, ignored).filename().string();
   if (std::ranges::any_of(kLibraries, [&](auto known) { return name.starts_with(known); })) {
     static_cast<std::vector<std::string>*>(names)->push_back(name);
@@ -59,7 +59,7 @@ std::uint64_t hash_of_file(const fs::path& file) {
   return hash;
 }
 
-/// What the file says; the first to ask writes its own.
+/// Returns the build in the file. The first node writes its own build there.
 std::string first_build(const fs::path& file) {
   const std::string own = build_id();
   const int created = open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
@@ -86,7 +86,7 @@ std::string build_id() {
 std::optional<std::string> write_fault(const fs::path& folder, std::uintmax_t bytes) {
   std::error_code error;
   if (!fs::is_directory(folder, error)) {
-    return fmt::format("{}: the folder is not there", folder.string());
+    return fmt::format("{}: the folder does not exist", folder.string());
   }
   const fs::space_info space = fs::space(folder, error);
   if (!error && space.available < bytes) {
@@ -95,7 +95,7 @@ std::optional<std::string> write_fault(const fs::path& folder, std::uintmax_t by
                        static_cast<double>(bytes) * 1e-6);
   }
   try {
-    // A disk may be mounted read-only, and quotas do not show in what the disk has left.
+    // Only a write detects quotas and disks that are mounted read-only.
     const TemporaryFile probe(folder / "probe");
     std::ofstream file(probe.path(), std::ios::binary);
     const std::vector<char> block(kProbeBytes, 'x');
@@ -103,7 +103,7 @@ std::optional<std::string> write_fault(const fs::path& folder, std::uintmax_t by
     file.write(block.data(), static_cast<std::streamsize>(block.size()));
     file.close();
     if (!file) {
-      return fmt::format("{}: cannot be written to: {}", folder.string(),
+      return fmt::format("{}: the folder cannot be written to: {}", folder.string(),
                          std::generic_category().message(errno));
     }
   } catch (const Error& refused) {
@@ -119,10 +119,11 @@ std::optional<std::string> node_fault(const FarmJobDocument& job, const fs::path
     return fmt::format("build {} is installed, the job was made with build {}", build, wanted);
   }
   if (const SimdLevel best = best_simd_level(); parse_simd_level(job.simd) > best) {
-    return fmt::format("the processor has {}, the job needs {}", simd_level_name(best), job.simd);
+    return fmt::format("the processor supports {}, the job needs {}", simd_level_name(best),
+                       job.simd);
   }
   if (!fs::is_directory(job.shot_folder, error)) {
-    return fmt::format("{}: the shot's folder is not there", job.shot_folder);
+    return fmt::format("{}: the shot's folder does not exist", job.shot_folder);
   }
   for (const std::string& input : job.inputs) {
     if (access(input.c_str(), R_OK) != 0) {

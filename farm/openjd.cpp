@@ -25,7 +25,7 @@ OrderedJson host_requirements(const FarmResources& resources) {
                                           {"anyOf", OrderedJson::array({"linux"})}}})}};
 }
 
-/// With `command_prefix`, a shell runs its words before the command: they are quoted for one.
+/// Returns the script of a step. A shell runs the command if it has a prefix, which is shell text.
 OrderedJson script(const std::string& command_prefix, FarmStage stage, const std::string& index,
                    const FarmResources& resources) {
   OrderedJson arguments = OrderedJson::array();
@@ -43,7 +43,7 @@ OrderedJson script(const std::string& command_prefix, FarmStage stage, const std
   OrderedJson on_run{
       {"command", command_prefix.empty() ? "{{Param.Raystage}}" : "sh"},
       {"args", std::move(arguments)},
-      // The command gets SIGTERM, and its time to drop the frames in flight.
+      // The command gets SIGTERM and time to abandon the frames in flight.
       {"cancelation", {{"mode", "NOTIFY_THEN_TERMINATE"}, {"notifyPeriodInSeconds", 90}}}};
   if (resources.minutes) on_run["timeout"] = *resources.minutes * 60;
   return {{"actions", {{"onRun", std::move(on_run)}}}};

@@ -66,7 +66,7 @@ TEST(OpenJd, EveryRuleIsChecked) {
       {"/name", "a\tb"},
       {"/colour", "blue"},
       {"/parameterDefinitions", json::array()},
-      {"/parameterDefinitions/0/name", "no identifier"},
+      {"/parameterDefinitions/0/name", "not an identifier"},
       {"/parameterDefinitions/0/dataFlow", "BOTH"},
       {"/parameterDefinitions/0/default", std::string(1025, '/')},
       {"/parameterDefinitions/1/name", "JobFolder"},

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rules of "Template Schemas [Version: 2023-09]" (openjd-specifications, wiki) for what our
-// templates use, without extensions. Section numbers are those of that page.
+// Checks the rules of "Template Schemas [Version: 2023-09]" (openjd-specifications, wiki) for the
+// elements that our templates use, without extensions. Section numbers are those of that page.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -88,17 +88,17 @@ class TemplateCheck {
     const bool known = object[key].is_string() && std::ranges::any_of(words, [&](const char* word) {
                          return object[key] == word;
                        });
-    if (!known) fault(pointer + "/" + key, "the value is not one of those allowed");
+    if (!known) fault(pointer + "/" + key, "the value is not allowed");
   }
 
   std::string check_identifier(const Json& object, const std::string& pointer) {
     if (!object.contains("name") || !object["name"].is_string()) return "";
     auto name = object["name"].get<std::string>();
-    if (!is_identifier(name)) fault(pointer + "/name", "it is no identifier (7.1)");
+    if (!is_identifier(name)) fault(pointer + "/name", "it is not an identifier (7.1)");
     return name;
   }
 
-  /// 2: STRING and PATH parameters.
+  /// Section 2: STRING and PATH parameters.
   void check_parameters(const Json& list) {
     if (!list.is_array() || list.empty() || list.size() > kParameters) {
       return fault("/parameterDefinitions", "1 to 50 elements are allowed (1.1)");
@@ -112,7 +112,7 @@ class TemplateCheck {
         continue;
       }
       const std::string name = check_identifier(parameter, pointer);
-      if (!scope_.insert("Param." + name).second) fault(pointer + "/name", "it comes twice");
+      if (!scope_.insert("Param." + name).second) fault(pointer + "/name", "it is not unique");
       scope_.insert("RawParam." + name);
       check_enum(parameter, pointer, "type", {"STRING", "PATH"});
       check_enum(parameter, pointer, "objectType", {"FILE", "DIRECTORY"});
@@ -134,9 +134,9 @@ class TemplateCheck {
       }
       check_text(steps[i], pointer, "name", kStepName, true);
       const auto name = steps[i].value("name", std::string());
-      // A step may depend on any other; ours come in order, which also excludes circles.
+      // Stricter than the rules, which exclude only cycles: our steps depend on earlier ones.
       check_dependencies(steps[i], pointer, names);
-      if (!names.insert(name).second) fault(pointer + "/name", "it comes twice (3)");
+      if (!names.insert(name).second) fault(pointer + "/name", "it is not unique (3)");
       if (steps[i].contains("hostRequirements")) {
         check_requirements(steps[i]["hostRequirements"], pointer + "/hostRequirements");
       }
@@ -162,17 +162,17 @@ class TemplateCheck {
       const bool known = dependency.is_object() && dependency.contains("dependsOn") &&
                          dependency["dependsOn"].is_string() &&
                          earlier.contains(dependency["dependsOn"].get<std::string>());
-      if (!known) fault(pointer + "/dependencies", "it names no earlier step (3.2)");
+      if (!known) fault(pointer + "/dependencies", "it does not name an earlier step (3.2)");
     }
   }
 
-  /// 3.3
+  /// Section 3.3.
   void check_requirements(const Json& requirements, const std::string& pointer) {
     if (!check_object(requirements, pointer, {}, {"amounts", "attributes"})) return;
     const Json amounts = requirements.value("amounts", Json::array());
     const Json attributes = requirements.value("attributes", Json::array());
     if (amounts.empty() && attributes.empty()) fault(pointer, "amounts or attributes are needed");
-    if (amounts.size() + attributes.size() > kRequirements) fault(pointer, "more than 50");
+    if (amounts.size() + attributes.size() > kRequirements) fault(pointer, "more than 50 elements");
     static const std::regex amount("([A-Za-z_]\\w*:)?amount\\.[A-Za-z_]\\w*(\\.[A-Za-z_]\\w*)*");
     static const std::regex attribute("([A-Za-z_]\\w*:)?attr\\.[A-Za-z_]\\w*(\\.[A-Za-z_]\\w*)*");
     const auto check_names = [&](const Json& list, const char* key, const std::regex& pattern) {
@@ -180,9 +180,9 @@ class TemplateCheck {
       for (const Json& item : list) {
         const auto name = item.value("name", std::string());
         if (name.size() > kCapability || !std::regex_match(name, pattern)) {
-          fault(pointer + "/" + key, "\"" + name + "\" is no capability");
+          fault(pointer + "/" + key, "\"" + name + "\" is not a capability");
         }
-        if (!names.insert(name).second) fault(pointer + "/" + key, "a name comes twice");
+        if (!names.insert(name).second) fault(pointer + "/" + key, "a name is not unique");
       }
     };
     check_names(amounts, "amounts", amount);
@@ -205,7 +205,7 @@ class TemplateCheck {
     }
   }
 
-  /// 3.4, INT parameters with range expressions.
+  /// Section 3.4: INT parameters with range expressions.
   void check_space(const Json& space, const std::string& pointer, std::set<std::string>& scope) {
     if (!check_object(space, pointer, {"taskParameterDefinitions"}, {"combination"})) return;
     const Json list = space.value("taskParameterDefinitions", Json::array());
@@ -224,11 +224,11 @@ class TemplateCheck {
       const bool is_list = values.is_array() && !values.empty() && values.size() <= kRangeList;
       const bool is_text = values.is_string() && values.get<std::string>().size() <= kRangeList &&
                            std::regex_match(values.get<std::string>(), range);
-      if (!is_list && !is_text) fault(pointer, "the range is no list and no range expression");
+      if (!is_list && !is_text) fault(pointer, "the range must be a list or a range expression");
     }
   }
 
-  /// 3.5, 5
+  /// Sections 3.5 and 5.
   void check_script(const Json& script, const std::string& pointer,
                     const std::set<std::string>& scope) {
     if (!check_object(script, pointer, {"actions"}, {"embeddedFiles"})) return;
@@ -259,11 +259,11 @@ class TemplateCheck {
     const Json notice = cancelation.value("notifyPeriodInSeconds", Json(1));
     if (!notice.is_number_integer() || notice.get<long long>() < 1 ||
         notice.get<long long>() > kLongestNotice) {
-      fault(place + "/cancelation", "the notice must be 1 to 600 seconds");
+      fault(place + "/cancelation", "notifyPeriodInSeconds must be 1 to 600");
     }
   }
 
-  /// 7.3: every {{reference}} is in scope.
+  /// Section 7.3: every {{reference}} is in scope.
   void check_format(const std::string& text, const std::string& pointer,
                     const std::set<std::string>& scope) {
     static const std::regex reference("\\{\\{\\s*([^{}]*?)\\s*\\}\\}");
@@ -286,7 +286,7 @@ std::vector<std::string> validate_openjd_template(std::string_view template_text
     return TemplateCheck().run(parse_json(template_text, "template"));
   } catch (const Error& error) {
     return {error.what()};
-  } catch (const Json::exception& error) {  // a value of another type than `value()` was given
+  } catch (const Json::exception& error) {  // a value has the wrong type
     return {std::string("/: ") + error.what()};
   }
 }

@@ -39,8 +39,8 @@ std::vector<PathMappingRule> read_path_mapping(const std::filesystem::path& file
   const nlohmann::json json = parse_json(read_file(file), file.string());
   const auto refuse = [&](const std::string& pointer) {
     return json_value_error(file.string(), pointer,
-                            "this is no path mapping of version pathmapping-1.0",
-                            "Give the file that the session names");
+                            "the file is not a path mapping of version pathmapping-1.0",
+                            "Use the file that the session names");
   };
   if (!json.is_object() || json.value("version", nlohmann::json()) != "pathmapping-1.0") {
     throw refuse("/version");

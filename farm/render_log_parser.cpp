@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The lines are those of SequenceReport::stages() and summary(), depths_line() and the renderer's
-// failures; render_log_parser_test.cpp compares them.
+// Parses the lines of SequenceReport::stages() and summary(), depths_line() and the renderer's
+// failures. render_log_parser_test.cpp checks that the texts match.
 #include "farm/render_log_parser.h"
 
 #include <charconv>
@@ -8,7 +8,7 @@
 namespace raystage::farm {
 namespace {
 
-/// The number that follows `label` in the line; 0 where there is none.
+/// Returns the number that follows `label` in the line, or 0 if there is none.
 double value_after(std::string_view line, std::string_view label) {
   double number = 0;
   const std::size_t at = line.find(label);
@@ -37,7 +37,7 @@ RenderStageCosts costs_of(std::string_view line) {
 void RenderLogParser::parse_line(std::string_view line) {
   if (line.starts_with("Progress: ")) return;
   last = line;
-  // As commands complain; what starts ranks says more after it.
+  // The error message of a command; mpirun prints more lines after it.
   constexpr std::string_view kCommand = "raystage ";
   const std::size_t colon = line.find(": ");
   if (line.starts_with(kCommand) && line.find(' ', kCommand.size()) == colon + 1)
@@ -47,7 +47,7 @@ void RenderLogParser::parse_line(std::string_view line) {
     read = static_cast<int>(value_after(line, "solved, of "));
   }
   if (line.starts_with("milliseconds a frame, ")) rendering = costs_of(line);
-  // "48 of 48 frames rendered; 2.5 s, ...": the last line of all.
+  // The last line: "48 of 48 frames rendered; 2.5 s, ...".
   if (rendering && line.find(" frames rendered") != std::string_view::npos) {
     rendering->frames = static_cast<int>(value_after(line, ""));
     rendering->seconds = value_after(line, "; ");

@@ -10,7 +10,7 @@ namespace {
 
 TEST(RenderLogParser, ReadsWhatTheRendererReports) {
   SequenceReport report;
-  report.asked = 12;
+  report.requested = 12;
   report.rendered = 10;
   report.failures = {{3, "x", false}, {4, "x", false}};
   report.seconds = 2.5;
@@ -50,7 +50,7 @@ TEST(RenderLogParser, FindsTheReasonAmongWhatMpirunSays) {
 
 TEST(RenderLogParser, KnowsNoCostsWhereNothingWasRendered) {
   SequenceReport report;
-  report.asked = report.skipped = 4;
+  report.requested = report.skipped = 4;
   RenderLogParser log;
   log.parse_line(report.stages());
   log.parse_line(report.summary());

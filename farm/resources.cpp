@@ -10,8 +10,7 @@ namespace raystage::farm {
 namespace {
 
 constexpr double kLeastGb = 0.25, kStep = 0.05;  // GB = 10^9 bytes
-/// Finding depths works in a quarter of what is granted (docs/performance.md#memory): this much a
-/// pixel of all cameras.
+/// Budget per pixel of all cameras; depth estimation uses a quarter (docs/performance.md#memory).
 constexpr double kSolveBytesPerPixel = 160;
 constexpr int kMostFramesInFlight = 16;
 constexpr double kLongerThanExpected = 4, kMoreThanMeasured = 1.3;
@@ -32,7 +31,7 @@ double camera_pixels(const ShotPlan& plan) {
   return most;
 }
 
-/// Twice the memory of the frames: methods with a result cache get half of the rest.
+/// Returns the memory in GB: twice that of the frames, as a result cache gets half of the rest.
 double render_gb(const ResourceRequest& request) {
   const auto frames_in_flight =
       static_cast<std::size_t>(std::clamp(request.threads, 1, kMostFramesInFlight));
@@ -66,7 +65,7 @@ FarmResources estimate_resources(FarmStage stage, const ResourceRequest& request
               ? request.memory_gb
               : rounded_up(std::max(render_gb(request),
                                     1e-9 * kSolveBytesPerPixel * camera_pixels(request.plan)));
-      // The measured frame may have found its depths stored.
+      // At least 10 minutes per instant: the measured frame may have found its depths stored.
       resources.minutes = minutes_for(std::max(frame_seconds, 600.0), request);
       break;
     case FarmStage::kRender:

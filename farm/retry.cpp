@@ -41,7 +41,7 @@ void check_not_live(const JobFolder& folder) {
                          folder.path().string(), "Wait for it, or cancel it first");
 }
 
-/// Two jobs would take each other's frames for wrong ones.
+/// Rejects two live jobs of one output: each would find the fingerprints of the other wrong.
 void check_no_other(const JobFolder& folder) {
   const std::string output = folder.local_job().output;
   const auto newest = find_live_job(output);
@@ -53,7 +53,7 @@ void check_no_other(const JobFolder& folder) {
   }
 }
 
-/// The instants of these chunks that are not stored.
+/// Returns the instants of these chunks whose derived data is not stored.
 std::vector<int> missing_instants(const FarmJobDocument& job, const std::vector<int>& chunks) {
   std::set<int> missing;
   std::error_code ignored;
@@ -75,8 +75,8 @@ void queue_round(const JobFolder& folder, const FarmRound& round) {
   } catch (const Error& error) {
     const FarmJobDocument job = folder.local_job();
     try {
-      cancel_slurm_job(job);  // what was accepted before
-    } catch (const Error&) {  // the first error says enough
+      cancel_slurm_job(job);  // the tasks that Slurm accepted
+    } catch (const Error&) {  // report the first error only
     }
     FarmEnd end;
     end.state = FarmEnd::State::kFailed;
@@ -106,17 +106,17 @@ FarmRound write_retry_round(const JobFolder& folder, const std::optional<std::ve
   }
   round.render = chunks_with_frames(job, wanted);
   if (round.render.empty()) {
-    throw frames ? Error::bad_input("the job has none of these frames, but " +
-                                        format_frame_range(job_frames(job)),
-                                    folder.path().string(), "Name frames of the job")
-                 : Error::bad_input("nothing is to be tried again: every frame is whole",
-                                    folder.path().string(),
-                                    "Name the frames that are to be rendered anew; a movie alone "
-                                    "is made by raystage preview");
+    throw frames
+        ? Error::bad_input("the job has none of these frames; its frames are " +
+                               format_frame_range(job_frames(job)),
+                           folder.path().string(), "Name frames of the job")
+        : Error::bad_input("nothing to retry: every frame is complete", folder.path().string(),
+                           "Name the frames to render again. To make only the movie, run "
+                           "raystage preview");
   }
   round.prepare = missing_instants(job, round.render);
   pin_derived_data(std::vector<fs::path>(job.pinned.begin(), job.pinned.end()), job.id);
-  // A node that was at fault may have been mended since.
+  // Faulty nodes may have been repaired since.
   std::error_code ignored;
   for (const auto& [node, reason] : folder.excluded_nodes()) {
     fs::remove(folder.excluded() / node, ignored);

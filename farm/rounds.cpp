@@ -28,8 +28,8 @@ struct TaskHistory {
   int failed = 0;         ///< ended by itself, without success
   int without_blame = 0;  ///< lost with a node, declined by one, or the node's fault
   int out_of_memory = 0;
-  bool stopped = false;    ///< the last one, by a signal
-  bool bad_input = false;  ///< the last one
+  bool stopped = false;    ///< a signal ended the last attempt
+  bool bad_input = false;  ///< the last attempt failed because of its inputs
   std::string reason;      ///< of the last failure
 };
 
@@ -48,7 +48,7 @@ TaskHistory history_of(const std::vector<FarmAttempt>& attempts, int first_round
     if (end.result == AttemptResult::kDeclined || end.node_fault) {
       ++history.without_blame;
     } else {
-      ++history.failed;  // also one that was done, and yet its frames are missing
+      ++history.failed;  // also a successful attempt, because its frames are missing
     }
     if (!end.reason.empty()) history.reason = end.reason;
   }
@@ -60,7 +60,7 @@ bool may_try_again(const FarmJobDocument& job, const TaskHistory& history) {
          history.without_blame < kMostLost;
 }
 
-/// Returns the instants of a chunk whose preparation failed once: they are prepared again.
+/// Adds the instants of a chunk that must be prepared again to the next round.
 void add_instants(const RoundOutcome& state, int chunk, FarmRound& next) {
   for (const int instant : state.job.chunks[static_cast<std::size_t>(chunk)].instants) {
     const auto found = state.attempts.find({"prepare", instant});
@@ -159,7 +159,7 @@ RoundDecision decide_next_round(const RoundOutcome& state) {
     std::ranges::sort(frames);
     verdict.end.reason += fmt::format("{}frames {}: {}", verdict.end.reason.empty() ? "" : "; ",
                                       format_frame_range(frames),
-                                      reason.empty() ? "no attempt left a reason" : reason);
+                                      reason.empty() ? "no attempt recorded a reason" : reason);
     if (verdict.end.reason.size() > kLongestReason) break;
   }
   if (verdict.no_node_left) {

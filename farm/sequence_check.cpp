@@ -20,8 +20,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 constexpr std::chrono::milliseconds kBetweenLooks{500};
 
-/// ENOENT and ESTALE pass with time on a network file system; a damaged file does not. The handle
-/// may be found stale when the file is opened, or not before it is read.
+/// Returns whether a later check may find the file: on a network file system ENOENT and ESTALE may
+/// pass with time. A stale handle may show when the file is opened or only when it is read.
 bool may_appear(const std::filesystem::path& file) {
   const int descriptor = open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (descriptor < 0) return errno == ENOENT || errno == ESTALE;
@@ -31,8 +31,8 @@ bool may_appear(const std::filesystem::path& file) {
   return is_stale;
 }
 
-/// Asks the server for the folder's entries: a client may remember that a name was not there.
-void look_again(const std::filesystem::path& folder) {
+/// Requests the folder's entries from the server: a client may have cached that a name is missing.
+void refresh_folder(const std::filesystem::path& folder) {
   std::error_code ignored;
   const std::filesystem::directory_iterator entries(folder, ignored);
   static_cast<void>(entries);
@@ -58,7 +58,7 @@ std::vector<int> missing_frames(const SequenceName& name, std::span<const Expect
     is_missing[i] = stop.stop_requested() || is_whole(frames[i]) ? 0 : 1;
     settings.progress(static_cast<double>(++done) / static_cast<double>(frames.size()));
   });
-  // The time counts from the end of the first look, however long that took.
+  // The timeout starts after the first check, however long that took.
   const Clock::time_point start = Clock::now();
   const auto time_left = [&] {
     return std::chrono::duration<double>(Clock::now() - start).count() < settings.timeout_seconds;
@@ -71,7 +71,7 @@ std::vector<int> missing_frames(const SequenceName& name, std::span<const Expect
     for (std::size_t i = 0; i < frames.size(); ++i) any = any || is_expected_on_disk(i);
     if (!any) break;
     std::this_thread::sleep_for(kBetweenLooks);
-    look_again(name.folder());
+    refresh_folder(name.folder());
     for (std::size_t i = 0; i < frames.size(); ++i) {
       if (is_missing[i] != 0 && is_whole(frames[i])) is_missing[i] = 0;
     }

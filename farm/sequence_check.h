@@ -16,15 +16,14 @@ namespace raystage::farm {
 struct ExpectedFrame {
   int frame = 0;
   std::string fingerprint;
-  bool is_expected_on_disk =
-      true;  ///< somebody says that it was written: it may take time to appear
+  bool is_expected_on_disk = true;  ///< its task reported success: the file may still appear
 };
 
 struct SequenceCheckSettings {
-  bool deep = false;  ///< the deep files count, too
-  /// How long an awaited frame that is missing, or whose handle is stale, is looked for: another
-  /// host's file may take so long to appear on a network file system. By this process' own steady
-  /// clock, never by times of files.
+  bool deep = false;  ///< check the deep files, too
+  /// Limit of the wait for an expected frame that is missing or whose handle is stale: the file of
+  /// another host may appear late on a network file system. Measured by this process' steady clock,
+  /// never by times of files.
   double timeout_seconds = 60;
   std::function<void(double)> progress = [](double) {};
 };

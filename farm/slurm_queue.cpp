@@ -23,11 +23,11 @@ constexpr std::array<std::string_view, 5> kStages{"prepare", "render", "verify",
 ChildResult ask(const std::vector<std::string>& command) {
   ChildOptions options;
   options.timeout_seconds = kPatience;
-  options.max_output_bytes = std::size_t{1} << 28;  // of the largest arrays, half a kilobyte a task
+  options.max_output_bytes = std::size_t{1} << 28;  // half a kilobyte per task of large arrays
   return run_child(command, options);
 }
 
-/// What a command printed, on one line.
+/// Returns a command's output as one line.
 std::string one_line(const std::string& text) {
   constexpr std::size_t kLongest = 600;
   std::string line = text.substr(0, kLongest);
@@ -41,8 +41,6 @@ Error unavailable(const ChildResult& result, const std::string& command) {
                        "Check `scontrol ping` and SLURM_CONF, or use engine local");
 }
 
-/// "123_[4-7%2]" is several tasks; squeue -r prints one line a task, so only "123_4" and "123"
-/// come.
 std::vector<std::string> words_of(const std::string& line, char separator) {
   std::vector<std::string> words;
   std::istringstream in(line);
@@ -59,10 +57,11 @@ std::optional<std::map<std::string, SlurmTask>> slurm_tasks(const FarmJobDocumen
   }
   ChildResult result;
   try {
+    // -r: one line per task ("123_4" or "123"), never several tasks as "123_[4-7%2]".
     result = ask({"squeue", "-h", "-r", "--states=all", "--name=" + names, "-O",
                   "JobArrayID:60|,Name:250|,State:30|,Reason:60|,NodeList:250|,RestartCnt:12|"});
   } catch (const Error&) {
-    return std::nullopt;  // there is no squeue here
+    return std::nullopt;  // this host has no squeue
   }
   if (result.exit_code != 0) return std::nullopt;
   std::map<std::string, SlurmTask> tasks;
@@ -136,7 +135,7 @@ std::vector<std::string> expand_node_list(const std::string& list) {
   for (const SlurmNode& node : slurm_nodes("")) known.insert(node.name);
   for (const std::string& node : nodes) {
     if (known.contains(node)) continue;
-    throw Error::bad_input("there is no node " + node, "nodes", "See sinfo -N");
+    throw Error::bad_input("there is no node " + node, "nodes", "Use names that sinfo -N prints");
   }
   return nodes;
 }
@@ -157,7 +156,7 @@ std::optional<int> slurm_max_minutes(const std::string& partition) {
 }
 
 std::optional<int> parse_slurm_minutes(std::string_view text) {
-  // [DAYS-]HOURS:MINUTES:SECONDS or MINUTES:SECONDS; "infinite" and the like are no number.
+  // [DAYS-]HOURS:MINUTES:SECONDS or MINUTES:SECONDS, otherwise a word such as "infinite".
   int days = 0;
   if (const std::size_t dash = text.find('-'); dash != std::string_view::npos) {
     if (std::from_chars(text.data(), text.data() + dash, days).ec != std::errc()) return {};
@@ -201,7 +200,7 @@ void test_batch_scripts(const JobFolder& folder, const FarmJobDocument& job) {
         fmt::format("Slurm would reject a task of stage {} ({} threads, {} MiB): {}",
                     farm_stage_name(stage), job.of(stage).threads,
                     slurm_megabytes(job.of(stage), 1), one_line(result.out)),
-        "sbatch", "Correct the option that it names, or give a task fewer threads or less memory");
+        "sbatch", "Correct the named option, or give tasks fewer threads or less memory");
   }
 }
 
@@ -210,7 +209,7 @@ void run_queue_script(const JobFolder& folder, const std::string& script) {
   if (result.exit_code == 0) return;
   throw Error::failed("sbatch rejected a task: " + one_line(result.out),
                       (folder.path() / script).string(),
-                      "Correct the option that it names and submit again");
+                      "Correct the named option and submit again");
 }
 
 void cancel_slurm_job(const FarmJobDocument& job) {

@@ -16,10 +16,10 @@
 namespace raystage::farm {
 namespace {
 
-/// Beside what the renderer accounts for: the program, its libraries, what the allocator keeps.
-constexpr double kMemoryFactor = 1.1, kMemoryBesideBytes = 400e6;
+/// Memory outside of the renderer's budget: the program, its libraries, the allocator's reserve.
+constexpr double kMemoryFactor = 1.1, kUnbudgetedBytes = 400e6;
 
-/// Nodes that the submission itself leaves out, e.g. "n[1-5]"; empty: none.
+/// Returns the nodes that the submission's options exclude, e.g. "n[1-5]"; empty: none.
 std::string given_exclusion(const std::vector<std::string>& options) {
   return sbatch_option_value(options, "--exclude=", "-x");
 }
@@ -33,7 +33,7 @@ bool is_on_all_nodes(const FarmJobDocument& job, FarmStage stage) {
   return job.distributed && stage == FarmStage::kRender;
 }
 
-/// On which nodes a task runs, and how often on each.
+/// Returns sbatch's options for the nodes of a task and the processes on each.
 std::string node_options(const FarmJobDocument& job, FarmStage stage) {
   if (!is_on_all_nodes(job, stage)) return "--nodes=1 --ntasks=1";
   const std::vector<std::string>& nodes = job.distributed->nodes;
@@ -62,7 +62,7 @@ std::string array_text(const std::vector<int>& indices) {
   return text;
 }
 
-/// Options that a later round changes, and the nodes that it leaves out.
+/// Returns sbatch's options that a later round changes, with the nodes that it excludes.
 std::string round_options(const FarmJobDocument& job, FarmStage stage, const FarmRound& round) {
   std::string options;
   const FarmResources& resources = job.of(stage);
@@ -79,19 +79,20 @@ std::string round_options(const FarmJobDocument& job, FarmStage stage, const Far
   return options;
 }
 
-/// One array of Slurm: its name in JOB/slurm and which tasks of the stage it holds.
+/// A Slurm array: its name in JOB/slurm and its tasks of the stage.
 struct QueuedArray {
   std::string name;
   ArrayPart part;
 };
 
-/// "prepare_1": the shell variable of its id.
+/// Returns the shell variable of the array's id, e.g. "prepare_1".
 std::string variable_of(const QueuedArray& array) {
   return "prepare_" + array.name.substr(array.name.rfind('.') + 1);
 }
 
-/// Sets $exclude: the nodes that the round and the submission leave out. An --exclude on the
-/// command line replaces that of the script. Where no node would be left, all are tried again.
+/// Returns lines that set $exclude to the nodes that the round and the submission exclude: an
+/// --exclude for sbatch replaces that of the script. If no node would remain, the round excludes
+/// none.
 std::string exclude_lines(const FarmJobDocument& job, const FarmRound& round) {
   if (round.exclude.empty()) return "";
   const std::vector<std::string>& options = job.of(FarmStage::kRender).options;
@@ -120,9 +121,9 @@ std::vector<QueuedArray> prepare_arrays(const FarmJobDocument& job, const FarmRo
   return arrays;
 }
 
-/// "afterany:ID_4:ID_5" as shell text. Tasks are named one by one: an array's own id is never
-/// satisfied where one of its tasks was tried again. afterany, because a chunk can do without: it
-/// derives what is missing itself.
+/// Returns a dependency on tasks as shell text, e.g. "afterany:ID_4:ID_5". It names each task,
+/// because a dependency on an array is never satisfied if one of its tasks was requeued. A chunk
+/// derives missing data itself, so afterany suffices.
 std::string dependency_on(const std::vector<int>& instants,
                           const std::vector<QueuedArray>& arrays) {
   std::string text = "afterany";
@@ -160,7 +161,7 @@ std::string slurm_job_name(const FarmJobDocument& job, std::string_view stage) {
 }
 
 int slurm_megabytes(const FarmResources& resources, double factor) {
-  const double bytes = resources.memory_gb * 1e9 * factor * kMemoryFactor + kMemoryBesideBytes;
+  const double bytes = resources.memory_gb * 1e9 * factor * kMemoryFactor + kUnbudgetedBytes;
   return static_cast<int>(std::ceil(bytes / (1 << 20)));
 }
 
@@ -168,7 +169,7 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
   const FarmResources& resources = job.of(stage);
   std::string text = fmt::format(
       "#!/bin/sh\n"
-      "# Stage {} of farm job {}. By hand: sh round-1.sh, or one task:\n"
+      "# Stage {} of farm job {}. To queue by hand: sh round-1.sh, or one task:\n"
       "#   sbatch --array=0 {}.sbatch 1 0\n"
       "#SBATCH --job-name={}\n"
       "#SBATCH {} --cpus-per-task={}\n"
@@ -177,8 +178,8 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
       slurm_job_name(job, farm_stage_name(stage)), node_options(job, stage), resources.threads,
       slurm_megabytes(resources, 1));
   if (resources.minutes) text += fmt::format("#SBATCH --time={}\n", *resources.minutes);
-  // Slurm itself opens the file of --output: where the job's folder is missing on a node, the
-  // script could not say so.
+  // Slurm opens the file of --output before the script starts, so the script could not report that
+  // a node lacks the job folder.
   text +=
       "#SBATCH --export=NONE\n"
       "#SBATCH --requeue\n"
@@ -198,7 +199,7 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
     return text;
   }
   text += kTrap;
-  // mpirun starts its daemons by srun, which would give them no environment, either.
+  // mpirun starts its daemons by srun, which would pass no environment on.
   if (is_on_all_nodes(job, stage)) text += "unset SLURM_EXPORT_ENV\n";
   text += task_command(job, stage) + "\n";
   if (stage == FarmStage::kPreview) return text;
@@ -209,8 +210,8 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
   text +=
       "requeue_verification\n"
       "[ \"$code\" -eq 0 ] || [ ! -e \"excluded/$SLURMD_NODENAME\" ] || exclude_node\n"
-      "exit 0  # what became of the task is in its record; a site may requeue what exits "
-      "otherwise\n";
+      "exit 0  # the result is in the task's record; a site may requeue tasks with other exit "
+      "codes\n";
   return text;
 }
 
@@ -221,7 +222,7 @@ std::string start_script(const FarmJobDocument& job, const std::string& job_befo
   }
   return fmt::format(
       "#!/bin/sh\n"
-      "# Starts farm job {} once job {} is over, whose folder ./after names.\n"
+      "# Starts farm job {} once job {} is over; ./after names the folder of the latter.\n"
       "#SBATCH --job-name={}\n"
       "#SBATCH --nodes=1 --ntasks=1 --cpus-per-task=1 --mem=100M\n"
       "#SBATCH --export=NONE\n#SBATCH --requeue\n#SBATCH --output=/dev/null\n"
@@ -234,9 +235,8 @@ std::string start_script(const FarmJobDocument& job, const std::string& job_befo
 std::string queue_start_script(const FarmJobDocument& job) {
   return fmt::format(
       "#!/bin/sh\n"
-      "# Queues start.sbatch of farm job {} behind the newest verification of the job that ./after "
-      "names.\n"
-      "# Usage: sh start.sh [SECONDS to wait at least [LOOKS that found that job idle]]\n"
+      "# Queues start.sbatch of farm job {} after the newest verification of the job in ./after.\n"
+      "# Usage: sh start.sh [MINIMUM-SECONDS-TO-WAIT [CHECKS-THAT-FOUND-THAT-JOB-IDLE]]\n"
       "set -eu\ncd \"$(dirname \"$0\")\"\n{}{}",
       job.id, kUnsetSlurmVariables.substr(1), kQueueStart.substr(1));
 }
@@ -247,7 +247,7 @@ std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
   std::string text = fmt::format(
       "#!/bin/sh\n"
       "# Round {} of farm job {}: {} to prepare, {} to render, then the verification.\n"
-      "# Usage: sh round-{}.sh   (queues nothing twice)\n"
+      "# Usage: sh round-{}.sh   (a second run queues nothing twice)\n"
       "set -eu\ncd \"$(dirname \"$0\")\"\n",
       round.round, job.id, round.prepare.size(), round.render.size(), round.round);
   text += "[ ! -e cancelled ] || { echo 'the job was cancelled' >&2; exit 1; }\n";
@@ -255,7 +255,7 @@ std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
   text += "unset_slurm_variables\n";
   text += kQueue.substr(1);
   text += exclude_lines(job, round);
-  // Held until everything is queued: a task that is over and forgotten is no dependency any more.
+  // Hold arrays until all are queued: a forgotten task that is over cannot be a dependency.
   for (const QueuedArray& array : prepare) {
     text +=
         fmt::format("queue {} --hold --array={}{} prepare.sbatch {} {} >/dev/null\n", array.name,

@@ -21,9 +21,9 @@ std::string slurm_job_name(const FarmJobDocument& job, std::string_view stage);
 /// and the index of the stage's task that is array index 0.
 std::string batch_script(const FarmJobDocument& job, FarmStage stage);
 
-/// "start.sbatch" queues round 1 once the job that JOB/after names is over; until then it runs
-/// "start.sh", which queues it anew. A job before it that stays unqueued for 20 looks ends this
-/// one.
+/// Return "start.sbatch" and "start.sh". start.sbatch queues round 1 once the job that JOB/after
+/// names is over; until then it runs start.sh, which queues start.sbatch again. If 20 checks in a
+/// row find nothing of the earlier job in the queue, this job fails.
 std::string start_script(const FarmJobDocument& job, const std::string& job_before);
 std::string queue_start_script(const FarmJobDocument& job);
 

@@ -3,27 +3,27 @@
 
 #include <string_view>
 
-/// The shell functions of a job's scripts, which slurm_scripts.h puts together. They run with the
-/// job folder as working directory, in any POSIX shell; every text begins with a line break.
+/// The shell functions of a job's scripts, which slurm_scripts.cpp joins. They run in any POSIX
+/// shell with the job folder as working directory. Every text begins with a line break.
 namespace raystage::farm {
 
-/// At its time limit, and when it is preempted, a task gets TERM and some seconds: the shell waits
-/// for the command, which records what happened.
+/// A task gets TERM some seconds before it is killed at its time limit or preempted. The shell
+/// survives TERM and waits for the command, which records what happened.
 inline constexpr std::string_view kTrap = "trap : TERM\n";
 
-/// Excludes this node for every task of the job that has not started, the verification included (so
-/// the exclusion outlives Slurm's memory of the tasks), and moves this task elsewhere: requeued, it
-/// is pending, and only pending tasks can be given nodes to avoid. Not where every node would be
-/// left, nor where more than three and a quarter of all would be.
+/// Excludes this node for all pending tasks of the job, including the verification, so that the
+/// exclusion outlives Slurm's memory of the tasks. Then requeues this task, because Slurm can
+/// exclude nodes only for pending tasks. Does nothing if no node would remain, or if more than
+/// three nodes and more than a quarter of all would be excluded.
 inline constexpr std::string_view kExcludeNode = R"sh(
-usable_nodes() {  # PARTITION: prints how many
+usable_nodes() {  # PARTITION: prints the number of its usable nodes
   sinfo -h -N ${1:+-p "$1"} -t idle,mix,alloc,comp -o %N | sort -u | wc -l
 }
 exclude_node() {
   task=${SLURM_ARRAY_JOB_ID:-$SLURM_JOB_ID}${SLURM_ARRAY_TASK_ID:+_$SLURM_ARRAY_TASK_ID}
   own=$(squeue -h -j "$task" -o %x | head -n 1)
   [ "$own" != '(null)' ] || own=
-  # Without the job folder only Slurm knows how many nodes were left before; this one counts, too.
+  # Without the job folder only Slurm knows the number of excluded nodes; this node counts, too.
   bad=$(ls excluded 2>/dev/null | wc -l)
   given=$([ -z "$EXCLUDED" ] || scontrol show hostnames "$EXCLUDED" | wc -l)  # by the submission
   left=$(($([ -z "$own" ] || scontrol show hostnames "$own" | wc -l) + 1 - ${given:-0}))
@@ -32,14 +32,14 @@ exclude_node() {
   [ "$bad" -lt "$all" ] && { [ "$bad" -le 3 ] || [ "$bad" -le $((all / 4)) ]; } || return 0
   squeue -h --me --states=PENDING --name="$JOB_ID.prepare,$JOB_ID.render,$JOB_ID.verify,$JOB_ID.start" -o '%A %x' |
     sort -u | while read -r id nodes; do exclude_for "$id" "$nodes"; done
-  trap '' TERM  # of the requeueing; KILL follows
+  trap '' TERM  # requeueing sends TERM, then KILL
   scontrol requeue "$task" || return 0
   nodes=$own
   for try in 1 2 3 4 5 6 7 8 9 10; do
     ! exclude_for "$task" "$nodes" || break
     sleep 0.3
   done
-  sleep 3600  # Slurm ends this task now; going on would speak for the next one
+  sleep 3600  # Slurm ends this task now; further commands would act for the requeued one
 }
 exclude_for() {  # JOB NODES-EXCLUDED-SO-FAR
   nodes=$2
@@ -49,13 +49,13 @@ exclude_for() {  # JOB NODES-EXCLUDED-SO-FAR
 }
 cd "$JOB" 2>/dev/null && [ -f job.json ] || {
   exclude_node
-  echo "$SLURMD_NODENAME: the job folder is not there: $JOB" >&2
+  echo "$SLURMD_NODENAME: the job folder does not exist: $JOB" >&2
   exit 1
 }
 )sh";
 
-/// sbatch passes SLURM_* variables on, whatever --export says: a task that was queued from within a
-/// task would take itself for that one.
+/// sbatch passes SLURM_* variables on whatever --export says: a task that another task queued would
+/// have the variables of that task.
 inline constexpr std::string_view kUnsetSlurmVariables = R"sh(
 unset_slurm_variables() {
   for variable in $(env | sed -n 's/^\(SLURM_[A-Za-z0-9_]*\)=.*/\1/p'); do
@@ -64,15 +64,15 @@ unset_slurm_variables() {
 }
 )sh";
 
-/// A controller that is killed forgets what it accepted in its last seconds. Where that was the
-/// verification, nothing would end the job: whichever task notices queues it anew, once a round.
+/// A killed controller forgets the tasks that it accepted in its last seconds. If the verification
+/// is lost, nothing ends the job: the first task that notices queues it again, once per round.
 inline constexpr std::string_view kRequeueVerification = R"sh(
 requeue_verification() {
   [ -s "slurm/verify.$ROUND" ] && [ ! -e ended.json ] && [ ! -e cancelled ] || return 0
   known=$(squeue -h --me --name="$JOB_ID.verify" -o %i) && [ -z "$known" ] || return 0
   mkdir "slurm/lost-verify.$ROUND" 2>/dev/null || return 0
-  echo 'the verification is no longer queued; it is queued anew'
-  own=$(squeue -h -j "$SLURM_JOB_ID" -o %x | head -n 1)  # nodes that this task was kept from
+  echo 'the verification is no longer queued; queueing it again'
+  own=$(squeue -h -j "$SLURM_JOB_ID" -o %x | head -n 1)  # nodes that this task excludes
   [ "$own" != '(null)' ] || own=
   id=$(
     unset_slurm_variables
@@ -82,10 +82,10 @@ requeue_verification() {
 }
 )sh";
 
-/// Prints an id once sbatch has accepted a script, and keeps it. A controller that does not answer
-/// is asked again for as long as PATIENCE says, seconds; one that rejects it is not.
+/// Submits a script once, stores its id in JOB/slurm and prints it. Tries again for PATIENCE
+/// seconds if the controller does not answer, but not if it rejects the script.
 inline constexpr std::string_view kQueue = R"sh(
-is_away() {  # whether sbatch failed because nobody answered, not because the task was rejected
+is_away() {  # whether sbatch failed without an answer, not because the task was rejected
   grep -qiE 'contact|connect|timed out|temporarily|transmi|communicat' slurm/said
 }
 queue() {  # NAME SBATCH-ARGUMENT... SCRIPT ROUND OFFSET
@@ -100,7 +100,7 @@ queue() {  # NAME SBATCH-ARGUMENT... SCRIPT ROUND OFFSET
       waited=$((waited + 10))
     done
     id=${id%%;*}
-    for offset; do :; done  # the last argument: which task of the stage is array index 0
+    for offset; do :; done  # the last argument: index of the task that is array index 0
     echo "$offset" >"slurm/offset.$id"
     echo "$id" >"slurm/$name.new" && mv "slurm/$name.new" "slurm/$name"
   fi
@@ -108,7 +108,7 @@ queue() {  # NAME SBATCH-ARGUMENT... SCRIPT ROUND OFFSET
 }
 )sh";
 
-/// Ends the job where the program that should do so cannot.
+/// Ends the job as failed if the program that should end it cannot run.
 inline constexpr std::string_view kFailJob = R"sh(
 fail_job() {  # REASON, without quotes
   [ ! -e ended.json ] || return 0
@@ -118,7 +118,7 @@ fail_job() {  # REASON, without quotes
 }
 )sh";
 
-/// 126 and 127: the shell found no such program; 255: a container runtime could not start it.
+/// 126 and 127: the shell could not start the program; 255: a container runtime could not.
 inline constexpr std::string_view kStartFailure = R"sh(
 case $code in 126 | 127 | 255)
   [ -e "excluded/$SLURMD_NODENAME" ] ||
@@ -126,13 +126,12 @@ case $code in 126 | 127 | 255)
 esac
 )sh";
 
-/// Follows the command of a verification: nodes that found no job folder could say so only to
-/// Slurm.
+/// Records nodes that are excluded only in Slurm's queue: those without the job folder.
 inline constexpr std::string_view kNoteExcluded = R"sh(
 given=$([ -z "$EXCLUDED" ] || scontrol show hostnames "$EXCLUDED")
 squeue -h -j "$SLURM_JOB_ID" -o '%x' | grep -v null | xargs -r scontrol show hostnames |
   grep -vxF "${given:--}" | while read -r node; do
-    [ -e "excluded/$node" ] || echo 'the job folder is not there' >"excluded/$node"
+    [ -e "excluded/$node" ] || echo 'the job folder does not exist on this node' >"excluded/$node"
   done
 )sh";
 inline constexpr std::string_view kAfterVerification = R"sh(
@@ -143,10 +142,10 @@ elif [ ! -e ended.json ] && [ "$code" -ne 143 ] && [ "$code" -ne 130 ]; then
   [ ! -e "excluded/$SLURMD_NODENAME" ] || exclude_node
   fail_job "the verification ended with exit code $code: see logs/slurm.verify.0.log"
 fi
-exit 0  # what became of the task is in its record; a site may requeue what exits otherwise
+exit 0  # the result is in the task's record; a site may requeue tasks with other exit codes
 )sh";
 
-/// Waits in Slurm's queue, not in a process: start.sh queues this script again, later.
+/// Waits in Slurm's queue, not in a process: start.sh queues this script again with a delay.
 inline constexpr std::string_view kStart = R"sh(
 exec >>logs/slurm.start.log 2>&1
 [ ! -e cancelled ] || exit 0
@@ -154,7 +153,7 @@ if [ -e "$(cat after)/ended.json" ]; then
   PATIENCE=3600 sh round-1.sh || fail_job 'round 1 could not be queued: see logs/slurm.start.log'
   exit
 fi
-# Its verification has queued another round, or nothing of it is queued any more.
+# The earlier job is in another round, or nothing of it is queued any more.
 idle=${1:-0}
 known=$(squeue -h --me --name="$BEFORE.prepare,$BEFORE.render,$BEFORE.verify,$BEFORE.start" -o %i) &&
   [ -z "$known" ] && idle=$((idle + 1)) || idle=0

@@ -44,8 +44,8 @@ bool is_over(const std::string& slurm_state) {
          slurm_state != "STOPPED";
 }
 
-/// Slurm's name of each task that was queued, by stage and index: ids in JOB/slurm are those of
-/// arrays, whose offsets the rounds determine.
+/// Finds Slurm's tasks by stage and index. An index is the array index plus the array's offset,
+/// which JOB/slurm has for each array id.
 class QueuedTasks {
  public:
   QueuedTasks(const JobFolder& folder, const SchedulerAnswer& answer) {
@@ -57,7 +57,7 @@ class QueuedTasks {
         std::from_chars(name.data() + underscore + 1, name.data() + name.size(), index);
         index += offset_of(folder, name.substr(0, underscore));
       }
-      // Of several, the one that is not over; else the newest.
+      // Prefer tasks that are not over, then the newest.
       const auto key = std::pair(task.stage, index);
       const auto [known, is_new] = tasks_.emplace(key, &task);
       if (!is_new && (is_over(known->second->state) || !is_over(task.state))) {
@@ -71,7 +71,7 @@ class QueuedTasks {
   }
 
  private:
-  /// Kept in JOB/slurm as "ID OFFSET" by the round's script.
+  /// Reads the offset of an array that the round's script wrote to JOB/slurm/offset.ID.
   int offset_of(const JobFolder& folder, const std::string& array) {
     const auto [known, is_new] = offsets_.emplace(array, 0);
     if (!is_new) return known->second;
@@ -91,7 +91,7 @@ int percent_of(const JobFolder& folder, const std::string& stage, int index) {
   return std::clamp(percent, 0, 100);
 }
 
-/// A task whose last attempt left no end, or that has none.
+/// Sets the state of a task without attempts, or whose last attempt has no end.
 void ask_scheduler(const SchedulerAnswer& answer, const SlurmTask* slurm, bool has_started,
                    bool job_is_over, FarmJobDocument::Engine engine, TaskStatus& task) {
   if (job_is_over) {
@@ -137,7 +137,7 @@ TaskStatus status_of(const JobFolder& folder, const SchedulerAnswer& answer,
   TaskStatus task;
   task.stage = stage;
   task.index = index;
-  if (stage == "preview" && is_done(folder)) job_is_over = false;  // it comes after the end
+  if (stage == "preview" && is_done(folder)) job_is_over = false;  // previews run after the end
   if (stage == "render") task.frames = job.chunks[static_cast<std::size_t>(index)].frames;
   if (const auto found = attempts.find({stage, index}); found != attempts.end()) {
     task.attempts = found->second;
@@ -148,7 +148,7 @@ TaskStatus status_of(const JobFolder& folder, const SchedulerAnswer& answer,
     task.reason = last->end->reason;
     task.state = last->end->result == AttemptResult::kDone ? TaskState::kDone : TaskState::kFailed;
     const SlurmTask* slurm = queued.find(stage, index);
-    // A task that is queued again waits, whatever its last attempt was.
+    // A task that is queued again waits, whatever the result of its last attempt.
     if (slurm != nullptr && !job_is_over && slurm->state == "PENDING") {
       task.state = TaskState::kWaiting;
     }
@@ -220,7 +220,7 @@ bool has_begun(const JobStatus& status) {
 
 JobState state_of_local_job(const SchedulerAnswer& answer, JobStatus& status) {
   if (!answer.is_local_job_running) {
-    status.reason = "it runs on another host: ask there";
+    status.reason = "it runs on another host: query its status there";
     return JobState::kUnknown;
   }
   if (*answer.is_local_job_running) return JobState::kRunning;
@@ -279,20 +279,20 @@ JobState state_of(const JobFolder& folder, const SchedulerAnswer& answer, JobSta
     case FarmJobDocument::Engine::kLocal:
       return state_of_local_job(answer, status);
     case FarmJobDocument::Engine::kOpenJd:
-      status.reason = "a render manager runs it: ask that what waits or runs";
+      status.reason = "a render manager runs it: query that for waiting and running tasks";
       return has_begun(status) ? JobState::kUnknown : JobState::kWaiting;
     case FarmJobDocument::Engine::kSlurm:
       break;
   }
   if (!answer.tasks) {
-    status.reason = "the Slurm controller does not answer; what is done is known from records";
+    status.reason = "the Slurm controller does not answer; only ended tasks are known";
     return JobState::kUnknown;
   }
   return state_of_queued_job(folder, *answer.tasks, status);
 }
 
-/// Frames that were done and are no longer there: deleted, or moved to be looked at.
-void look_for_frames(const JobFolder& folder, JobStatus& status) {
+/// Reports frames of a finished job that were deleted or moved since.
+void find_removed_frames(const JobFolder& folder, JobStatus& status) {
   if (status.state != JobState::kDone) return;
   const FarmJobDocument here = folder.local_job();
   const SequenceName name(here.output);
@@ -332,7 +332,7 @@ JobStatus job_status(const JobFolder& folder, const SchedulerAnswer& answer) {
   status.excluded_nodes = folder.excluded_nodes();
   status.rounds = static_cast<int>(folder.rounds().size());
   std::error_code ignored;
-  // Before the attempts: a job that ends meanwhile has all of them.
+  // Read before the attempts: if the job ends in between, its attempts are complete.
   const bool is_over = std::filesystem::exists(folder.end_file(), ignored);
   const TaskAttempts attempts = read_attempts(folder);
   const QueuedTasks queued(folder, answer);
@@ -348,9 +348,9 @@ JobStatus job_status(const JobFolder& folder, const SchedulerAnswer& answer) {
   add("verify", 1);
   if (status.job.preview) add("preview", 1);
   status.state = state_of(folder, answer, status);
-  look_for_frames(folder, status);
+  find_removed_frames(folder, status);
   count_frames(status);
-  if (!status.missing_frames.empty()) {  // the verification knows best
+  if (!status.missing_frames.empty()) {  // the verification overrides the tasks' reports
     const auto missing = static_cast<int>(parse_frame_range(status.missing_frames).size());
     status.frames_failed = status.state == JobState::kDone ? 0 : missing;  // else removed since
     status.frames_done = status.frames - missing;
@@ -362,13 +362,13 @@ JobStatus job_status(const JobFolder& folder) {
   SchedulerAnswer answer;
   const FarmJobDocument job = folder.job();
   const std::optional<FarmEnd> end = folder.end();
-  // A job that is done may still make its preview.
+  // A finished job may still make its preview.
   if (end && !(job.preview && end->state == FarmEnd::State::kDone)) {
     return job_status(folder, answer);
   }
   if (job.engine == FarmJobDocument::Engine::kSlurm) answer.tasks = slurm_tasks(job);
   if (job.engine == FarmJobDocument::Engine::kLocal) {
-    answer.is_local_job_running = false;  // where it was never started
+    answer.is_local_job_running = false;  // if it was never started
     for (const FarmRound& round : folder.rounds()) {
       if (!round.host.empty()) answer.is_local_job_running = is_local_job_running(round);
     }

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-// A job's status as text, JSON and a page.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,7 +23,7 @@ std::string time_text(double seconds) {
   return fmt::format("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60);
 }
 
-/// Tasks of one stage by state, e.g. "3 done, 1 running".
+/// Returns the number of a stage's tasks by state, e.g. "3 done, 1 running".
 std::string counts_text(const JobStatus& status, const std::string& stage) {
   std::map<TaskState, int> counts;
   for (const TaskStatus& task : status.tasks) {
@@ -62,7 +61,6 @@ bool deserves_a_line(const TaskStatus& task) {
 }
 
 OrderedJson json_from(const FarmAttempt& attempt) {
-  // As its record is documented.
   return OrderedJson::parse(format_farm_attempt(attempt));
 }
 
@@ -134,7 +132,7 @@ std::string status_text(const JobStatus& status, bool all_tasks) {
   }
   if (status.rounds > 1) text += fmt::format("round {}\n", status.rounds);
   for (const auto& [node, reason] : status.excluded_nodes) {
-    text += fmt::format("node {} is not used any more: {}\n", node, reason);
+    text += fmt::format("node {} is excluded: {}\n", node, reason);
   }
   for (const TaskStatus& task : status.tasks) {
     if (all_tasks || deserves_a_line(task)) text += "  " + task_line(task) + "\n";
@@ -154,7 +152,7 @@ std::string status_json(const JobStatus& status) {
                    {"missing_frames", status.missing_frames},
                    {"rounds", status.rounds},
                    {"cpu_seconds", status.cpu_seconds},
-                   {"instants_solved", status.light_field_frames_estimated}};
+                   {"light_field_frames_solved", status.light_field_frames_estimated}};
   if (status.seconds_left) json["seconds_left"] = *status.seconds_left;
   OrderedJson& excluded = json["excluded_nodes"] = OrderedJson::object();
   for (const auto& [node, reason] : status.excluded_nodes) excluded[node] = reason;
@@ -184,15 +182,15 @@ std::string status_html(const JobStatus& status, const JobFolder& folder) {
   }
   std::string summary = summary_text(status);
   if (!status.missing_frames.empty()) summary += "; missing: frames " + status.missing_frames;
-  std::string body = html_section("Progress", escape_html(summary), bars) +
-                     html_section("Tasks", "The newest attempt of each. Logs: raystage farm logs",
-                                  table_of(status));
+  std::string body =
+      html_section("Progress", escape_html(summary), bars) +
+      html_section("Tasks", "The last attempt of each. Logs: raystage farm logs", table_of(status));
   if (!status.excluded_nodes.empty()) {
     std::string nodes;
     for (const auto& [node, reason] : status.excluded_nodes) {
       nodes += fmt::format("<li>{}: {}</li>", escape_html(node), escape_html(reason));
     }
-    body += html_section("Nodes that are not used any more", "", "<ul>" + nodes + "</ul>");
+    body += html_section("Excluded nodes", "", "<ul>" + nodes + "</ul>");
   }
   const std::string subtitle =
       fmt::format("{}{} · {}", job_state_name(status.state),

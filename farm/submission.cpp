@@ -40,7 +40,7 @@ std::string user_name() {
   return user == nullptr ? std::to_string(geteuid()) : user->pw_name;
 }
 
-/// "shot-1a2b3c4d", of characters that file names and Slurm take.
+/// Returns a new id, e.g. "shot-1a2b3c4d", with characters that file names and Slurm accept.
 std::string new_job_id(const std::string& output) {
   std::string name = farm_folder(output).stem().string().substr(0, 100);
   for (char& c : name) {
@@ -54,7 +54,7 @@ std::string new_job_id(const std::string& output) {
 
 void check_not_live(const SubmissionOptions& options) {
   if (options.after && options.engine != Engine::kSlurm) {
-    throw Error::bad_input("only Slurm's jobs can wait for others", "",
+    throw Error::bad_input("only jobs of engine slurm can wait for other jobs", "engine",
                            "Use engine slurm, or submit once the other job is over");
   }
   const auto live = find_live_job(options.output);
@@ -66,13 +66,13 @@ void check_not_live(const SubmissionOptions& options) {
   }
   if (options.after && live->job().engine == Engine::kSlurm) return;
   if (options.after) {
-    throw Error::bad_input("only Slurm's jobs can be waited for", live->path().string(),
+    throw Error::bad_input("a job can wait only for a job of engine slurm", live->path().string(),
                            "Submit once that job is over");
   }
   throw Error::bad_input("a job of this output is not over: " + live->job().id,
                          live->path().string(),
-                         "Wait for it (raystage farm status), cancel it, or queue this one behind "
-                         "it (submit with waiting for live jobs enabled)");
+                         "Wait for it (raystage farm status), cancel it, or submit with waiting "
+                         "for live jobs enabled");
 }
 
 std::vector<int> numbers_of(const std::vector<PlannedFrame>& frames) {
@@ -81,7 +81,7 @@ std::vector<int> numbers_of(const std::vector<PlannedFrame>& frames) {
   return numbers;
 }
 
-/// Returns the indices of the instants that each frame waits for.
+/// Returns the indices of the instants that the frames wait for.
 std::vector<int> instants_for(const std::vector<int>& frames,
                               const std::vector<const DerivedFrameData*>& missing) {
   std::vector<int> indices;
@@ -97,8 +97,7 @@ std::string path_text(const fs::path& path) {
   return path.empty() ? "" : fs::absolute(path).lexically_normal().string();
 }
 
-/// Returns the inputs that a node must be able to read: takes and meshes, without plates, which may
-/// be thousands of files.
+/// Returns the inputs that a node must be able to read: take.json of all takes.
 std::vector<std::string> inputs_of(const ShotPlan& plan) {
   std::set<std::string> inputs;
   for (std::size_t i = 0; i < plan.layers(); ++i) {
@@ -117,7 +116,7 @@ FarmJobDocument new_job(const SubmissionOptions& options, const SubmissionCheckR
   job.submitted_by = user_name();
   job.submitted_on = node_name();
   job.program_version = RAYSTAGE_VERSION;
-  // In a container other libraries may be installed: the first task says which.
+  // A container may have other libraries: then the first task determines the build.
   if (options.command_prefix.empty()) job.build = build_id();
   const SimdLevel best = best_simd_level();
   job.simd =
@@ -151,9 +150,9 @@ FarmJobDocument new_job(const SubmissionOptions& options, const SubmissionCheckR
     const auto& of_render = options.sbatch[static_cast<std::size_t>(FarmStage::kRender)];
     job.max_minutes = slurm_max_minutes(sbatch_partition(of_render));
     if (job.max_minutes && options.minutes.value_or(0) > *job.max_minutes) {
-      throw Error::bad_input(fmt::format("found {} minutes for a task, the partition allows {}",
+      throw Error::bad_input(fmt::format("a task gets {} minutes, the partition allows {}",
                                          *options.minutes, *job.max_minutes),
-                             "sbatch", "Give tasks fewer frames and less time");
+                             "minutes", "Give tasks fewer frames and less time");
     }
   }
   return job;
@@ -172,7 +171,7 @@ int threads_of(const SubmissionOptions& options) {
   return most > 0 ? std::min(threads, most) : threads;
 }
 
-/// Tasks, and what each may use, once the frame is measured (or not).
+/// Adds the tasks and their resources to the job. `measured`: the first frame, if it was measured.
 void add_tasks(const SubmissionOptions& options, const SubmissionCheckResult& checked,
                const std::optional<FarmAttempt::End>& measured, FarmJobDocument& job) {
   const std::vector<int> frames = numbers_of(checked.sequence.frames);
@@ -186,7 +185,7 @@ void add_tasks(const SubmissionOptions& options, const SubmissionCheckResult& ch
     job.instants.push_back(
         {static_cast<int>(instant.layer), instant.tick, path_text(instant.file)});
   }
-  // Each task of a distributed job occupies all nodes: one for all frames.
+  // A task of a distributed job occupies all nodes, so one task renders all frames.
   const int per_chunk = options.chunk.value_or(
       options.distributed ? static_cast<int>(frames.size())
                           : automatic_chunk_size(frames.size(), job.seconds_per_frame));
@@ -220,7 +219,7 @@ bool wants_measure(const SubmissionOptions& options) {
   return options.measure && !options.distributed && options.engine != Engine::kLocal && !all_given;
 }
 
-/// The first frame of the job, rendered here and left in its place; the job's tasks keep it.
+/// Renders the first frame on this host to its output file, which the job's tasks keep.
 std::optional<FarmAttempt::End> measure_first_frame(const SubmissionOptions& options,
                                                     const SubmissionCheckResult& checked,
                                                     FarmJobDocument job, const JobFolder& folder,
@@ -231,14 +230,14 @@ std::optional<FarmAttempt::End> measure_first_frame(const SubmissionOptions& opt
   return measure_frame({folder, job, options.shot, first}, stop);
 }
 
-/// A job folder that goes again unless the submission is complete.
+/// A new job folder, which is removed unless the submission is complete.
 class NewFolder {
  public:
   explicit NewFolder(const std::string& output) : folder_(create_job_folder(output)) {}
   ~NewFolder() {
     std::error_code ignored;
     if (!complete_) fs::remove_all(folder_.path(), ignored);
-    if (!complete_) fs::remove(folder_.path().parent_path(), ignored);  // only where it is empty
+    if (!complete_) fs::remove(folder_.path().parent_path(), ignored);  // fails if not empty
   }
   NewFolder(const NewFolder&) = delete;
   NewFolder& operator=(const NewFolder&) = delete;
@@ -276,13 +275,13 @@ JobFolder write_submission(const SubmissionOptions& options, const std::stop_tok
   const auto live = find_live_job(options.output);
   NewFolder folder(options.output);
   job.folder = path_text(folder->path());
-  // Of two submissions at a time the one with the lower number stays.
+  // Of two simultaneous submissions the one with the lower number continues.
   if (const auto other = find_live_job(options.output, folder->path()); other && !options.after) {
     throw Error::bad_input("another job of this output is being submitted", other->path().string(),
                            "Wait for it, or submit with waiting for live jobs enabled");
   }
   if (job.engine == Engine::kSlurm) {
-    // Before anything is rendered, with what is known without a measured frame.
+    // Test before anything is rendered, with resources as if no frame were measured.
     FarmJobDocument draft = job;
     add_tasks(options, checked, std::nullopt, draft);
     write_batch_scripts(*folder, draft);
@@ -295,7 +294,7 @@ JobFolder write_submission(const SubmissionOptions& options, const std::stop_tok
   for (const DerivedFrameData& instant : checked.instants) derived.push_back(instant.file);
   pin_derived_data(derived, job.id);
   if (live && options.after) {
-    // By its place next to this folder, which is the same on every host.
+    // A relative path, which is the same on every host.
     write_file_atomically(folder->after_file(), "../" + live->path().filename().string() + "\n");
   }
   write_file_atomically(folder->shot_file(), map_shot_paths(read_file(options.shot),
@@ -309,7 +308,7 @@ JobFolder write_submission(const SubmissionOptions& options, const std::stop_tok
     }
   }
   write_round(*folder, job, first_round(job));
-  write_file_atomically(folder->job_file(), format_farm_job(job));  // last: now it is a job
+  write_file_atomically(folder->job_file(), format_farm_job(job));  // last: the job is complete
   return folder.release();
 }
 

@@ -25,8 +25,8 @@ struct SubmissionOptions {
   MissingFrames missing = MissingFrames::kError;
   FarmJobDocument::OutputOverrides picture = {};
   std::filesystem::path color_config = {};
-  std::filesystem::path cache =
-      {};  ///< empty: the takes, or next to the output where they are read-only
+  /// Empty: the takes, or a folder next to the output if a take is read-only.
+  std::filesystem::path cache = {};
   std::optional<int> chunk = {};  ///< frames per task; none: automatic_chunk_size()
   bool preview_first = false;     ///< every tenth frame first
   bool preview = true;
@@ -36,12 +36,13 @@ struct SubmissionOptions {
   bool measure = true;              ///< render the first frame here, to measure it
   int attempts = 3;
   std::string command_prefix = {};
-  std::string program = {};  ///< on the nodes; empty: as this one, with its path mapped
-  std::string simd = {};     ///< empty: avx2, or the best of this machine where it lacks that
+  std::string program = {};  ///< on the nodes; empty: the mapped path of this program
+  std::string simd = {};     ///< empty: avx2, or this machine's best level if it lacks avx2
   std::vector<PathMappingRule> paths = {};
   std::array<std::vector<std::string>, kFarmStages.size()> sbatch = {};  ///< options by stage
   bool after = false;  ///< wait for a live job of the same output
-  /// Archives are on these nodes; Slurm alone. The submitting host needs the takes' documents only.
+  /// Nodes that hold the archives; engine slurm only. The submitting host needs only the documents
+  /// of the takes.
   std::optional<FarmJobDocument::Distributed> distributed = {};
   std::function<void(std::string_view)> on_message = [](std::string_view) {};
 };

@@ -25,7 +25,7 @@ void check_sbatch_options(const SubmissionOptions& options) {
     for (const std::string& option : of_stage) {
       if (options.engine != Engine::kSlurm) {
         throw Error::bad_input("found \"" + option + "\" for a job that Slurm does not run",
-                               "sbatch", "Leave Slurm's options out, or use engine slurm");
+                               "sbatch", "Remove the options of sbatch, or use engine slurm");
       }
       const bool is_clean =
           std::ranges::none_of(option, [](char c) { return static_cast<unsigned char>(c) < ' '; });
@@ -43,7 +43,7 @@ void check_methods(const ShotPlan& plan, const fs::path& shot) {
     if (!method_named(plan.light_field(i)->reconstruction().method).chooses_by_measuring())
       continue;
     throw Error::bad_input(
-        "method auto chooses anew in every task, so tasks could differ",
+        "method auto chooses again in every task, so tasks could differ",
         fmt::format("{}#/layers/{}/method", shot.string(), i),
         "Render one frame locally and write the method that its log names into the shot");
   }
@@ -79,8 +79,8 @@ SequenceOptions sequence_options(const SubmissionOptions& options, const fs::pat
 void check_distributed(const SubmissionOptions& options) {
   if (!options.distributed) return;
   if (options.engine != Engine::kSlurm) {
-    throw Error::bad_input("archives on several nodes need Slurm", "distributed",
-                           "Use engine slurm, or gather the archives in one take");
+    throw Error::bad_input("archives on several nodes need engine slurm", "distributed",
+                           "Use engine slurm, or copy the archives into one take");
   }
   if (!options.command_prefix.empty()) {
     throw Error::bad_input("the ranks of a distributed job cannot run in a container",
@@ -118,7 +118,7 @@ SubmissionCheckResult check_submission(const SubmissionOptions& options) {
       options.cache};
   check_methods(*checked.sequence.plan, options.shot);
   check_memory(options, checked.sequence);
-  if (options.distributed) return checked;  // ranks keep the depths of their cameras to themselves
+  if (options.distributed) return checked;  // ranks store the depths of their own cameras
   checked.instants = list_derived_data(*checked.sequence.plan, checked.sequence.frames);
   if (checked.cache.empty() && !are_takes_writable(checked.instants)) {
     checked.cache = fs::absolute(farm_folder(options.output) / "cache");

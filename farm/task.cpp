@@ -27,7 +27,7 @@
 namespace raystage::farm {
 namespace {
 
-constexpr int kOutOfMemory = 33;  // the farms' agreed code
+constexpr int kOutOfMemory = 33;  // exit code, as render farms agreed on
 constexpr std::size_t kMostFailuresOfNode = 2;
 
 std::string environment(const char* name) {
@@ -41,7 +41,7 @@ int number_in(std::string_view text) {
   return number;
 }
 
-/// A task that a person runs by hand may belong to no round that was written.
+/// Returns the task's round. A task that is started by hand may have no written round.
 FarmRound round_of(const TaskRequest& request) {
   const std::filesystem::path file = request.folder.round_file(request.round);
   const auto text = read_record(file);
@@ -85,7 +85,7 @@ void check_index(const TaskRequest& request, const FarmJobDocument& job) {
   if (request.index >= 0 && static_cast<std::size_t>(request.index) < tasks) return;
   throw Error::bad_input(fmt::format("stage {} has {} tasks, there is no task {}",
                                      farm_stage_name(request.stage), tasks, request.index),
-                         request.folder.job_file().string(), "Name a task from 0 on");
+                         request.folder.job_file().string(), "Use an index from 0");
 }
 
 /// Writes the command's progress for `status` to a small file, at most once per percent.
@@ -116,7 +116,7 @@ AttemptResult result_of(const ChildResult& child, bool stopped) {
   if (child.exit_code == 0) return AttemptResult::kDone;
   if (stopped) return AttemptResult::kStopped;
   if (child.exit_code == 2) return AttemptResult::kBadInput;
-  // The kernel kills what exceeds its memory.
+  // The kernel kills processes that exceed their memory.
   if (child.exit_code == kOutOfMemory || child.signal == SIGKILL) {
     return AttemptResult::kOutOfMemory;
   }
@@ -138,8 +138,8 @@ std::string reason_of(AttemptResult result, const RenderLogParser& log, bool sto
   }
 }
 
-/// Returns the tasks that failed on this node by themselves. A task counts once, as one that fails
-/// repeatedly does not indicate a faulty node.
+/// Returns the number of tasks that failed by themselves on this node since the last retry. A task
+/// counts once: repeated failures of one task do not indicate a faulty node.
 std::size_t failures_on(const JobFolder& folder, const std::string& node) {
   std::set<std::pair<std::string, int>> failed_tasks;
   int first_round = 1;
@@ -170,7 +170,7 @@ std::vector<std::string> command_of(const TaskRequest& request, const MappedJob&
   }
 }
 
-/// One attempt from the record of its start on.
+/// One attempt at a task. The constructor records its start.
 class Attempt {
  public:
   Attempt(const TaskRequest& request, const MappedJob& mapped)
@@ -186,19 +186,19 @@ class Attempt {
     FarmAttempt::End end = declined_or_run(stop);
     end.ended_utc = utc_now();
     attempt_.end = end;
-    // The node first: whoever reads the record may rely on it.
+    // Exclude the node before the record is written, so that readers of the record see both.
     if (end.node_fault) request_.folder.exclude(attempt_.node, end.reason);
     record_attempt_end(request_.folder, attempt_);
     if (end.result == AttemptResult::kFailed && !end.node_fault &&
         request_.stage != FarmStage::kVerify &&
-        mapped_.job.engine != FarmJobDocument::Engine::kLocal &&  // which has no other node
-        !mapped_.job.distributed &&                               // nor has this
+        mapped_.job.engine != FarmJobDocument::Engine::kLocal &&  // these have no other node
+        !mapped_.job.distributed &&
         failures_on(request_.folder, attempt_.node) >= kMostFailuresOfNode) {
       request_.folder.exclude(attempt_.node, fmt::format("{} tasks failed here, the last: {}",
                                                          kMostFailuresOfNode, end.reason));
     }
     if (!end.reason.empty()) request_.on_message(end.reason);
-    // As the command's own, also 33 (out of memory) and 128 + n (signal n).
+    // The exit code of the command, including 33 (out of memory) and 128 + n (signal n).
     return static_cast<ExitCode>(end.exit_code);
   }
 
@@ -214,7 +214,7 @@ class Attempt {
     std::error_code ignored;
     if (std::filesystem::exists(request_.folder.cancel_file(), ignored)) {
       if (request_.stage == FarmStage::kVerify && !request_.folder.end()) {
-        // Whoever cancelled may not have reached the scheduler.
+        // The cancelling process may not have reached the scheduler.
         FarmEnd cancelled;
         cancelled.state = FarmEnd::State::kCancelled;
         cancelled.frames = static_cast<int>(job_frames(mapped_.job).size());
@@ -234,8 +234,8 @@ class Attempt {
     return request_.stage == FarmStage::kVerify ? verify(stop) : run_command(stop);
   }
 
-  /// Tasks that a node starts at once look one after the other: the first to find a fault excludes
-  /// the node, and is the only one that it costs an attempt.
+  /// Returns the end of the attempt if the node is excluded or has a fault. Simultaneous tasks
+  /// check the node in turn: the first one excludes it, and only that one loses an attempt.
   std::optional<FarmAttempt::End> declined_by_node() const {
     const NodeLock turn(request_.folder, attempt_.node);
     if (request_.folder.is_excluded(attempt_.node)) {
@@ -243,7 +243,7 @@ class Attempt {
     }
     std::optional<std::string> fault = node_fault(mapped_.job, request_.folder.path());
     if (!fault) return std::nullopt;
-    // Archives are where they are: no other node could do it.
+    // Only the job's nodes have the archives: no other node could run the task.
     if (mapped_.job.distributed) return ended(AttemptResult::kFailed, std::move(*fault));
     request_.folder.exclude(attempt_.node, *fault);
     FarmAttempt::End end = ended(AttemptResult::kDeclined, std::move(*fault));
@@ -251,7 +251,7 @@ class Attempt {
     return end;
   }
 
-  /// Whether the verification will have an instant of this chunk prepared once more.
+  /// Returns whether the next round will prepare an instant of this chunk again.
   bool lacks_an_instant() const {
     const auto& instants = mapped_.job.chunks[static_cast<std::size_t>(request_.index)].instants;
     if (instants.empty()) return false;
@@ -287,14 +287,14 @@ class Attempt {
       progress.parse_line(line);
       log.parse_line(line);
     };
-    // Whoever sends the signal may not wait for the frames in progress to end.
+    // Record the stop at once: the node may be killed before the frames in flight are complete.
     const std::stop_callback record_stop(stop, [&] {
       FarmAttempt stopped = attempt_;
       stopped.end = ended(AttemptResult::kStopped, reason_of(AttemptResult::kStopped, {}, true));
       stopped.end->ended_utc = utc_now();
       try {
         record_attempt_end(request_.folder, stopped);
-      } catch (const Error&) {  // the end of the command is recorded, too
+      } catch (const Error&) {  // the end of the command is recorded later
       }
     });
     const ChildResult child = run_child(command_of(request_, mapped_, round_, attempt_), options);
@@ -313,8 +313,7 @@ class Attempt {
     const bool may_be_the_node =
         end.result == AttemptResult::kFailed || end.result == AttemptResult::kBadInput;
     if (may_be_the_node && request_.stage != FarmStage::kPreview) {
-      // What the command met may be the node's fault: a disk that has filled up, a mount that is
-      // gone.
+      // The cause may be a fault of the node, e.g. a full disk or a lost mount.
       if (auto fault = node_fault(mapped_.job, request_.folder.path())) {
         end.result = AttemptResult::kFailed;
         end.reason = std::move(*fault);
@@ -338,7 +337,7 @@ MappedJob read_mapped_job(const JobFolder& folder, std::span<const PathMappingRu
   map_paths(mapped.job, rules);
   const std::string before = read_file(folder.shot_file());
   const std::string after = map_shot_paths(before, folder.shot_file().string(), rules);
-  // Under a name that its content gives: tasks with other rules do not meet.
+  // The name has a hash of the content, so that tasks with other rules use other files.
   mapped.shot =
       folder.path() / fmt::format("shot.{:016x}.json", XXH3_64bits(after.data(), after.size()));
   std::error_code ignored;

@@ -20,7 +20,7 @@ struct TaskRequest {
   int round = 1;
   std::string node = {};  ///< the scheduler's name of this node; empty: node_name()
   std::vector<PathMappingRule> paths = {};  ///< on top of those that the job was written with
-  /// Seconds that the verification looks for frames that another host has written.
+  /// Seconds that the verification waits for frames of another host to appear.
   double timeout_seconds = 60;
   std::function<void(double)> progress = [](double) {};
   std::function<void(std::string_view)> on_message = [](std::string_view) {};

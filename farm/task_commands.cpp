@@ -42,7 +42,7 @@ Command prepare_command(const FarmJobDocument& job, const std::filesystem::path&
 
 namespace {
 
-/// Ranks use all processors that Slurm gives to a task: mpirun would bind them to one.
+/// Returns the mpirun command. By default mpirun would bind each rank to a single processor.
 Command ranks_command(const FarmJobDocument& job, const std::filesystem::path& shot, int task) {
   const FarmJobDocument::Distributed& distributed = *job.distributed;
   Command command;
@@ -82,7 +82,6 @@ Command preview_command(const FarmJobDocument& job, const JobFolder& folder) {
   Command command{sibling_program("raystage-preview").string(), job.output,
                   "--frames=" + format_frame_range(job_frames(job)), "--contact-sheet",
                   (folder.path() / "contact-sheet.png").string()};
-  // A single frame is no movie.
   if (job_frames(job).size() > 1) add(command, {"-o", (folder.path() / "preview.mp4").string()});
   return command;
 }

@@ -24,7 +24,7 @@
 namespace raystage::farm {
 namespace {
 
-/// Returns the frames of tasks that reported frames that they did not write.
+/// Returns the frames of tasks whose last attempt ended without success.
 std::set<int> frames_of_failed_tasks(const VerificationRequest& request) {
   std::set<int> failed;
   for (const auto& [task, attempts] : read_attempts(request.folder)) {
@@ -42,7 +42,7 @@ std::set<int> frames_of_failed_tasks(const VerificationRequest& request) {
 std::vector<ExpectedFrame> expected_frames(const VerificationRequest& request) {
   const std::set<int> failed = frames_of_failed_tasks(request);
   if (request.job.distributed) {
-    // A frame that no task has named is not whole: no file has an empty fingerprint.
+    // A frame without a known fingerprint is incomplete: no file has an empty fingerprint.
     const std::map<int, std::string> known = read_fingerprints(request.folder.path());
     std::vector<ExpectedFrame> frames;
     for (const int frame : job_frames(request.job)) {
@@ -62,8 +62,8 @@ std::vector<ExpectedFrame> expected_frames(const VerificationRequest& request) {
   return frames;
 }
 
-/// Frames that are to be rendered anew, whole or not, and were not by any task that succeeded
-/// since.
+/// Returns the frames that must be replaced even if they are complete, and that no successful task
+/// has replaced since.
 std::set<int> frames_not_replaced(const VerificationRequest& request, int first_round) {
   std::optional<std::set<int>> named;
   for (const FarmRound& round : request.folder.rounds()) {
@@ -96,21 +96,21 @@ std::string reasons_of(const std::vector<std::pair<std::string, std::string>>& e
   std::map<std::string, std::vector<std::string>> nodes_by_reason;
   for (const auto& [node, reason] : excluded) nodes_by_reason[reason].push_back(node);
   std::string text;
-  std::size_t told = 0;
+  std::size_t listed = 0;
   for (const auto& [reason, nodes] : nodes_by_reason) {
-    if (++told > kMostReasons) break;
+    if (++listed > kMostReasons) break;
     text += fmt::format("{}{}: {}", text.empty() ? "" : "; ", fmt::join(nodes, ", "), reason);
   }
   return text;
 }
 
-/// Round N+1 or the preview, as a script that the verification's own batch script runs: sbatch is
-/// outside of a container that wraps the tasks.
+/// Writes the script that queues the next round or the preview. The verification's batch script
+/// runs it, because sbatch is not available in a container that wraps the tasks.
 void write_follower(const VerificationRequest& request, const std::string& script) {
   if (request.job.engine != FarmJobDocument::Engine::kSlurm) return;
   write_file_atomically(
       request.folder.path() / fmt::format("after-verify-{}.sh", request.round),
-      fmt::format("#!/bin/sh\n# What round {} is followed by.\ncd \"$(dirname \"$0\")\" && sh {}\n",
+      fmt::format("#!/bin/sh\n# Runs after round {}.\ncd \"$(dirname \"$0\")\" && sh {}\n",
                   request.round, script));
 }
 
@@ -136,7 +136,7 @@ FarmAttempt::End conclude(const VerificationRequest& request, const std::vector<
   end.failed_frames = format_frame_range(missing);
   if (!missing.empty()) {
     end.reason =
-        fmt::format("{} frames are not whole and true: {}", missing.size(), end.failed_frames);
+        fmt::format("{} frames are incomplete or outdated: {}", missing.size(), end.failed_frames);
   }
   if (verdict.next) {
     if (replaces) verdict.next->frames = format_frame_range(missing);
@@ -159,7 +159,7 @@ FarmAttempt::End conclude(const VerificationRequest& request, const std::vector<
 }  // namespace
 
 void end_job(const JobFolder& folder, const FarmJobDocument& job, FarmEnd end) {
-  // The end comes last: who reads it may rely on the rest.
+  // Written last, so that readers of the end can rely on the rest.
   const std::vector<std::filesystem::path> pinned(job.pinned.begin(), job.pinned.end());
   unpin_derived_data(pinned, job.id);
   end.ended_utc = utc_now();
@@ -188,7 +188,7 @@ FarmAttempt::End verify_job(const VerificationRequest& request, const std::stop_
       end = conclude(request, missing);
     }
   } catch (const Error& error) {
-    // The shot's take is gone or was changed: nothing that another round could mend.
+    // Another round cannot help: the shot's take was removed or changed.
     end.result = AttemptResult::kBadInput;
     end.exit_code = static_cast<int>(error.exit_code());
     end.reason = error.what();

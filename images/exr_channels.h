@@ -13,8 +13,8 @@ namespace raystage {
 /// A channel to read.
 struct ExrChannel {
   const char* name = "";
-  std::optional<float> fallback =
-      std::nullopt;  ///< value if the channel is absent; nullopt: required
+  /// Value if the channel is absent; nullopt: required.
+  std::optional<float> fallback = std::nullopt;
 };
 
 /// The channels and attributes read from a file.

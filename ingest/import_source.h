@@ -7,8 +7,7 @@
 
 namespace raystage {
 
-/// The manifest of a take and the folder to which its relative paths refer (empty: the current
-/// folder).
+/// The manifest of a take, and the folder of its relative paths (empty: the current folder).
 struct ImportSource {
   ImportManifest manifest;
   std::filesystem::path base;

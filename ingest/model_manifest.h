@@ -13,17 +13,18 @@ namespace raystage {
 
 /// Settings of a take that a COLMAP or NeRF model does not contain.
 struct ModelImportSettings {
-  std::optional<std::filesystem::path> images;  ///< folder of the images; looked for otherwise
+  std::optional<std::filesystem::path> images;  ///< folder of the images; searched if not given
   Nanoseconds epoch_utc = 0;                    ///< since 1970
   double nominal_fps = 24;
 };
 
-/// Returns a manifest without cameras, named after the folder of the model.
+/// Returns a manifest without cameras, named after the folder of the model file.
 ImportManifest make_model_manifest(const std::filesystem::path& file,
                                    const ModelImportSettings& settings);
 
-/// An id per image file name: the name without folder and extension, made safe as a file name;
-/// where that is not unique, folders stay in front, and a number is appended at last.
+/// Returns a camera id for each image file name: the name without folder and extension, reduced to
+/// characters that are safe in file names. Names that are not unique keep their folders as a
+/// prefix; if that is not enough, a number is appended.
 std::vector<std::string> make_camera_ids(std::span<const std::string> image_names);
 
 /// Returns the first of `folders` that contains `image`. Throws Error (bad input) if none does.

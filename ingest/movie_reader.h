@@ -10,26 +10,26 @@
 
 namespace raystage {
 
-/// One frame of a movie: the JPEG as it stands in the file, or else the decoded picture.
+/// One frame of a movie: its JPEG bytes as stored in the file, or else the decoded image.
 struct MovieFrame {
-  std::vector<std::byte> jpeg;  ///< not empty for a stream of Motion JPEG
+  std::vector<std::byte> jpeg;  ///< not empty if the stream is Motion JPEG
   RgbImage image;               ///< otherwise
 };
 
-/// Reads the frames of a movie's first video stream, in the order they are shown, through FFmpeg.
-/// Motion JPEG is handed out byte for byte. Anything else becomes 8-bit RGB by the stream's own
-/// matrix and range; where it names no matrix it is BT.601, as FFmpeg's and OpenCV's own tools read
-/// it. Only local files are opened. The picture is not turned by display matrices.
+/// Reads the frames of a movie's best video stream through FFmpeg, in presentation order. Motion
+/// JPEG is returned byte for byte. Other codecs are decoded to 8-bit RGB with the stream's colour
+/// matrix and range; without a matrix BT.601 is assumed, as FFmpeg's and OpenCV's own tools do.
+/// Opens local files only. Display matrices (rotation) are ignored.
 class MovieReader {
  public:
-  /// Throws Error (bad input): no such file, no movie, no video in it, no decoder.
+  /// Throws Error (bad input) if the file is missing, is not a movie, has no video, or has a codec
+  /// without decoder.
   explicit MovieReader(std::filesystem::path file);
   ~MovieReader();
   MovieReader(const MovieReader&) = delete;
   MovieReader& operator=(const MovieReader&) = delete;
 
-  /// Reads the next frame; returns false at the end. Throws Error (bad input) for a damaged frame;
-  /// no frame is skipped.
+  /// Reads the next frame; returns false at the end. Throws Error (bad input) if it is damaged.
   bool next(MovieFrame& frame);
   /// Skips the remaining frames and returns their number.
   int skip_rest();

@@ -22,10 +22,10 @@ namespace {
 using namespace confidence;  // NOLINT(google-build-using-namespace): of this file's own folder
 using Tile = BlendingField::Tile;
 
-/// Measures one view: finds source pixels, decodes, compares.
-class Asking {
+class ConfidenceMeasurement {
  public:
-  Asking(const VirtualCamera& view, const LightFieldFrame& instant, RenderedView& image)
+  ConfidenceMeasurement(const VirtualCamera& view, const LightFieldFrame& instant,
+                        RenderedView& image)
       : view_(view),
         instant_(instant),
         image_(image),
@@ -58,7 +58,7 @@ class Asking {
            static_cast<std::size_t>(x);
   }
 
-  /// From range_.farthest, where it has something; anything else.
+  /// Returns the inverse depth relative to range_.farthest; 0 for transparent pixels.
   float inverse_depth(std::size_t pixel) const {
     if (!(image_.rgba[4 * pixel + 3] > 0)) return 0;
     return static_cast<float>(inverse_depth_of(image_.z[pixel]) - range_.farthest);
@@ -155,14 +155,14 @@ class Asking {
   RenderedView& image_;
   const InverseDepthRange range_;
   const BlendingField field_;
-  std::vector<std::unique_ptr<Source>> sources_;  // per camera of the rig; null: not asked
+  std::vector<std::unique_ptr<Source>> sources_;  // per camera of the rig; null: not used
 };
 
 }  // namespace
 
 void measure_confidence(const VirtualCamera& view, const LightFieldFrame& instant,
                         RenderedView& image) {
-  Asking(view, instant, image).measure();
+  ConfidenceMeasurement(view, instant, image).measure();
 }
 
 }  // namespace raystage

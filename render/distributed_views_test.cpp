@@ -11,8 +11,8 @@
 #include <string>
 #include <thread>
 
+#include "base/large_buffer.h"
 #include "render/common/fragment_encoding.h"
-#include "render/common/large_buffer.h"
 #include "render/methods.h"
 #include "schemas/planes_document.h"
 #include "store/processing/frames/frame_cache.h"
@@ -218,7 +218,7 @@ TEST_F(DistributedViews, EqualItWithPlanesOfObjects) {
 
 TEST_F(DistributedViews, EqualItWithDepthsThatHostsFindTogether) {
   expect_all_same("depth", {});
-  expect_all_same("depth", {{"cameras", 3.0}, {"witnesses", 4.0}, {"neighbours", 3.0}});
+  expect_all_same("depth", {{"cameras", 3.0}, {"support_views", 4.0}, {"neighbours", 3.0}});
 }
 
 TEST_F(DistributedViews, EqualItWithDepthsWhereMemoryIsShortAndCamerasHaveNoFrame) {

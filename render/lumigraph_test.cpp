@@ -16,10 +16,13 @@
 #include "render/sampling/source_view.h"
 #include "testing/render/synthetic_take.h"
 #include "testing/render/test_poses.h"
+#include "testing/render/test_views.h"
 #include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
+
+using testing::mean_alpha;
 
 using Eigen::Vector3d;
 using testing::kDegree;
@@ -60,12 +63,6 @@ void expect_equal(const FastAndReference& pair) {
       ASSERT_NEAR(pair.fast.z[i] / pair.reference.z[i], 1, 1e-4) << "pixel " << i;
     }
   }
-}
-
-double mean_alpha(const RenderedView& view) {
-  double sum = 0;
-  for (std::size_t i = 3; i < view.rgba.size(); i += 4) sum += static_cast<double>(view.rgba[i]);
-  return sum / static_cast<double>(view.coverage.size());
 }
 
 class Lumigraph : public ::testing::Test {

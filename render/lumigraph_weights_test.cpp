@@ -56,7 +56,7 @@ void weigh_rays(const Rig& rig, const std::vector<WorldRay>& rays,
     fill_chunk(std::span(rays).subspan(begin, n), std::span(inverse_distance).subspan(begin, n),
                rig.centre(), chunk);
     compute_camera_weights(chunk, pointers,
-                           ChunkWeightSettings(weighing, max_neighbour_baseline(rig)), weights);
+                           ChunkWeightSettings(weighing, mean_nearest_baseline(rig)), weights);
     for (std::size_t i = 0; i < n; ++i) on_ray(weights, i);
   }
 }
@@ -81,7 +81,7 @@ std::vector<double> reference_weights(const Rig& rig, const WorldRay& ray, doubl
   std::vector<double> weights(rig.cameras.size());
   double seen = 0;
   const auto found = compute_camera_weights_reference(rig, all_cameras(rig), ray, inverse_distance,
-                                                      weighing, max_neighbour_baseline(rig));
+                                                      weighing, mean_nearest_baseline(rig));
   for (const WeightedCamera& camera : found) seen = std::max(seen, camera.seen);
   for (const WeightedCamera& camera : found) {
     weights[static_cast<std::size_t>(camera.camera)] = camera.weight * seen;
@@ -355,7 +355,7 @@ TEST(LumigraphWeights, ACoarserCameraCountsLess) {
 TEST(LumigraphWeights, LeavingOutCamerasThatCannotCountChangesNothing) {
   const Rig rig = grid_rig(9, 9, {-0.1, 0, 0, 0, 0});
   const std::vector<int> all = all_cameras(rig);
-  const double spacing = max_neighbour_baseline(rig);
+  const double spacing = mean_nearest_baseline(rig);
   const RayWeightSettings weighing;
   std::size_t chosen_in_total = 0;
   int bundles = 0;

@@ -136,11 +136,11 @@ INSTANTIATE_TEST_SUITE_P(
     ::testing::Values(Tried{"focal_plane", {}}, Tried{"nearest", {}},
                       Tried{"aperture", {{"radius", 0.15}}}, Tried{"lumigraph", {}},
                       Tried{"slabs", {}}, Tried{"plane_sweep", {{"step_px", 2.0}}},
-                      Tried{"plane_sweep", {{"step_px", 2.0}, {"left_out", 1.0}}},
+                      Tried{"plane_sweep", {{"step_px", 2.0}, {"outlier_cameras", 1.0}}},
                       Tried{"depth", {}}),
     [](const auto& test) {
       return std::string(test.param.method) +
-             (test.param.options.contains("left_out") ? "_fewer" : "");
+             (test.param.options.contains("outlier_cameras") ? "_fewer" : "");
     });
 
 }  // namespace

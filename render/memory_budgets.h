@@ -12,8 +12,8 @@ bool caches_frames_only(const ReconstructionSettings& reconstruction);
 
 /// Memory budgets, bytes.
 struct MemoryBudgets {
-  std::size_t cache = 0;    ///< decoded source frames
-  std::size_t kept = 0;     ///< the result cache
+  std::size_t cache = 0;  ///< decoded source frames
+  std::size_t result_cache = 0;
   std::size_t working = 0;  ///< working memory of the method
 };
 

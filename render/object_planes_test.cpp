@@ -48,7 +48,7 @@ std::string refusal(const PlanesDocument::Plane& plane) {
 TEST(ObjectPlanes, WhatIsNoFlatConvexPolygonIsRefused) {
   PlanesDocument::Plane bent = card(0, 1, 0, 1, 3);
   bent.corners[2][2] = -3.3;
-  EXPECT_THAT(refusal(bent), HasSubstr("m off the plane"));
+  EXPECT_THAT(refusal(bent), HasSubstr("m from the plane"));
   EXPECT_THAT(refusal(bent), HasSubstr("planes.json#/planes/1/corners"));
   bent.corners[2][2] = -3.001;  // set by eye
   EXPECT_EQ(refusal(bent), "accepted");

@@ -64,8 +64,9 @@ TEST_F(PlaneSweep, LeavesOutTheCameraThatSeesSomethingElse) {
   const VirtualCamera view = default_view();
   const auto errors = [&](double left_out) {
     return measure_slanted_errors(
-        render(take, view,
-               {{"left_out", left_out}, {"cameras", 6.0}, {"aggregation", std::string("box")}}),
+        render(
+            take, view,
+            {{"outlier_cameras", left_out}, {"cameras", 6.0}, {"aggregation", std::string("box")}}),
         view);
   };
   const SlantedErrors all = errors(0), selected = errors(1);

@@ -21,12 +21,6 @@ using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-double mean_alpha(const RenderedView& view) {
-  double sum = 0;
-  for (std::size_t i = 3; i < view.rgba.size(); i += 4) sum += static_cast<double>(view.rgba[i]);
-  return sum / static_cast<double>(view.coverage.size());
-}
-
 /// Costs are rounded to whole numbers on either way, so where two planes are worth the same the
 /// choice may differ; nearly everywhere it must not.
 void expect_nearly_equal(const RenderedView& fast, const RenderedView& slow) {
@@ -47,9 +41,10 @@ TEST_F(PlaneSweep, AgreesWithTheReference) {
   RendererSettings slow;
   slow.reference = true;
   for (const OptionValues& options :
-       {OptionValues{}, OptionValues{{"aggregation", std::string("box")}, {"sub_plane", false}},
-        OptionValues{{"cameras", 7.0}, {"look_up", std::string("linear")}, {"step_px", 1.0}},
-        OptionValues{{"planes", 1.0}}, OptionValues{{"left_out", 1.0}},
+       {OptionValues{},
+        OptionValues{{"aggregation", std::string("box")}, {"subplane_refinement", false}},
+        OptionValues{{"cameras", 7.0}, {"interpolation", std::string("linear")}, {"step_px", 1.0}},
+        OptionValues{{"planes", 1.0}}, OptionValues{{"outlier_cameras", 1.0}},
         OptionValues{{"edge_scale", 8.0}, {"step_px", 1.0}},
         OptionValues{{"aggregation", std::string("none")}, {"truncation", 20.0}}}) {
     expect_nearly_equal(render(take, default_view(), options),
@@ -100,8 +95,9 @@ TEST_F(PlaneSweep, FindsASlantedPlaneBetweenItsPlanes) {
       RendererSettings settings;
       settings.reference = reference;
       const auto errors = [&](bool sub_plane) {
-        const OptionValues options{
-            {"step_px", 1.0}, {"aggregation", std::string(aggregation)}, {"sub_plane", sub_plane}};
+        const OptionValues options{{"step_px", 1.0},
+                                   {"aggregation", std::string(aggregation)},
+                                   {"subplane_refinement", sub_plane}};
         return measure_slanted_errors(render(take, view, options, settings), view);
       };
       const SlantedErrors between = errors(true), on_planes = errors(false);
@@ -115,7 +111,7 @@ TEST_F(PlaneSweep, FindsASlantedPlaneBetweenItsPlanes) {
 TEST_F(PlaneSweep, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
   const Take take = write(slanted(3, 3));
   for (const OptionValues& options :
-       {OptionValues{}, OptionValues{{"edge_scale", 8.0}, {"left_out", 1.0}}}) {
+       {OptionValues{}, OptionValues{{"edge_scale", 8.0}, {"outlier_cameras", 1.0}}}) {
     std::vector<RenderedView> images;
     for (const std::size_t threads : {1, 2, 5}) {
       const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
@@ -244,9 +240,9 @@ TEST_F(PlaneSweep, SaysWhereItTriesFewerPlanesThanDisparityAsksFor) {
   for (const RendererSettings& settings : {RendererSettings{}, slow}) {
     const RenderedView image = render(take, view, deep, settings);
     ASSERT_EQ(image.notes.size(), 1U);
-    EXPECT_THAT(image.notes[0], HasSubstr("0.5 pixels from plane to plane"));
+    EXPECT_THAT(image.notes[0], HasSubstr("0.5 px between planes"));
     EXPECT_THAT(image.notes[0], HasSubstr("up to 600 planes"));
-    EXPECT_THAT(image.notes[0], HasSubstr("512 are tried"));
+    EXPECT_THAT(image.notes[0], HasSubstr("only 512 are used"));
   }
   EXPECT_TRUE(render(take, view).notes.empty());
   // Who says how many knows.

@@ -176,7 +176,7 @@ TEST_F(RayQuery, MethodsThatChooseForViewsRefuseRaysAndSayWhy) {
     }
     return "";
   };
-  EXPECT_THAT(refused({"auto", {0, 0, 1, 4}}), HasSubstr("auto chooses for views"));
+  EXPECT_THAT(refused({"auto", {0, 0, 1, 4}}), HasSubstr("auto can only choose for views"));
   EXPECT_THAT(refused({"slabs", {0, 0, 1, 4}, {{"layout", std::string("box")}}}),
               HasSubstr("a plane per face"));
   EXPECT_EQ(refused({"slabs", {0, 0, 1, 4}}), "");

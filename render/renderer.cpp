@@ -13,8 +13,8 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/large_buffer.h"
 #include "render/common/footprint.h"
-#include "render/common/large_buffer.h"
 #include "render/common/light_field_frame.h"
 #include "render/common/push_pull.h"
 #include "render/confidence.h"
@@ -30,8 +30,9 @@ struct LightFieldRenderer::State {
       : take(of_take),
         settings(with_settings),
         cache(of_take, cache_bytes(with_settings), with_settings.blend_space, with_settings.matte),
-        kept(with_settings.kept ? with_settings.kept
-                                : std::make_shared<ResultCache>(with_settings.result_cache_bytes)) {
+        result_cache(with_settings.result_cache
+                         ? with_settings.result_cache
+                         : std::make_shared<ResultCache>(with_settings.result_cache_bytes)) {
     if (settings.matte) {
       opaque.emplace(take, settings.cache_bytes - cache_bytes(settings), settings.blend_space);
     }
@@ -45,7 +46,7 @@ struct LightFieldRenderer::State {
   RendererSettings settings;
   FrameCache cache;
   std::optional<FrameCache> opaque;  // the frames without their matte
-  std::shared_ptr<ResultCache> kept;
+  std::shared_ptr<ResultCache> result_cache;
   BufferPool buffers;
   std::vector<int> included_cameras;  // cameras that are not excluded
   std::mutex mutex;
@@ -79,7 +80,7 @@ struct LightFieldRenderer::State {
     return beside;
   }
 
-  /// Returns it without topologies where no camera is present.
+  /// Returns the light field frame, without topologies where no camera is present.
   LightFieldFrame instant(const FrameSelection& frames) {
     LightFieldFrame instant;
     instant.take = &take;
@@ -87,7 +88,7 @@ struct LightFieldRenderer::State {
     instant.rig = &take.rig();
     instant.cache = &cache;
     instant.opaque = opaque ? &*opaque : nullptr;
-    instant.look = cache.new_look();
+    instant.fetch_group = cache.new_fetch_group();
     instant.frame_of_camera = frames_of_members(frames);
     instant.adjacent_frames = adjacent_frames(frames.time_ns);
     instant.included_cameras = included_cameras;
@@ -142,7 +143,7 @@ struct LightFieldRenderer::State {
                          own,
                          request.focal_plane,
                          request.options,
-                         request.kept,
+                         request.result_cache,
                          request.working_bytes,
                          request.buffers,
                          request.count_needed_pixels,
@@ -187,8 +188,8 @@ std::size_t pixels_of(const VirtualCamera& view) {
   return static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
 }
 
-/// Samples along each axis of a pixel that covers `ratio` pixels of the cameras: steps of up to one
-/// and a half of them lie within the two pixels that linear interpolation takes in anyway.
+/// Returns the samples per axis for a pixel that covers `ratio` pixels of the cameras. Steps of up
+/// to 1.5 camera pixels are allowed, because linear interpolation reads two pixels anyway.
 int wanted_supersampling(double ratio) {
   return std::max(1, static_cast<int>(std::min(ratio, 64.0) + 0.5));
 }
@@ -203,7 +204,7 @@ struct Sampling {
   int factor = 1, rows = 0;
 };
 
-/// Limits count only what every view has, because requested measures must not change pixels.
+/// The limit ignores requested measures, because they must not change pixels.
 Sampling sampling_of(double ratio, const VirtualCamera& view, const RendererSettings& settings,
                      bool rows_alone) {
   int factor = std::min(wanted_supersampling(ratio), std::clamp(settings.max_supersampling, 1, 64));
@@ -214,7 +215,7 @@ Sampling sampling_of(double ratio, const VirtualCamera& view, const RendererSett
   const std::size_t most = settings.supersampling_bytes;
   if (rows_alone && factor > 1) {
     std::size_t rows = std::max<std::size_t>(1, most / row_bytes());
-    // Keeps the rows between which weights are interpolated.
+    // Bands consist of whole tiles, between whose corners weights are interpolated.
     const auto tile =
         static_cast<std::size_t>(kBlendingTileSize / std::gcd(kBlendingTileSize, factor));
     if (rows > tile) rows -= rows % tile;
@@ -225,8 +226,8 @@ Sampling sampling_of(double ratio, const VirtualCamera& view, const RendererSett
   return {factor, view.height};
 }
 
-/// source_pixels_per_pixel() where the method looks rays up: on the focal plane, or, for those that
-/// find the scene themselves, on eq. 2.2's. Where that is not in view, at infinity.
+/// Returns source_pixels_per_pixel() on the focal plane, or on the plane of eq. 2.2 for methods
+/// that estimate depth. At infinity where that plane is not in view.
 double filtered_pixels(const VirtualCamera& view, const LightFieldFrame& instant,
                        const Method& method, const Eigen::Vector4d& focal_plane) {
   Eigen::Vector4d plane = focal_plane;
@@ -249,7 +250,7 @@ ChosenMethod chosen_by(const ReconstructionSettings& reconstruction) {
   return {method, {method.options(), reconstruction.options, "method " + reconstruction.method}};
 }
 
-/// The method that answers single rays.
+/// Returns the method that answers single rays.
 ChosenMethod chosen_for_rays(const ReconstructionSettings& reconstruction) {
   ChosenMethod chosen = chosen_by(reconstruction);
   const RayDelegate stand_in = chosen.method.ray_delegate(chosen.options);
@@ -258,7 +259,7 @@ ChosenMethod chosen_for_rays(const ReconstructionSettings& reconstruction) {
   return {method, {method.options(), stand_in.options, "method " + reconstruction.method}};
 }
 
-/// The method whose stored data a light field needs.
+/// Returns the method whose stored data a query of this kind needs.
 ChosenMethod storing(const ReconstructionSettings& reconstruction, QueryKind as) {
   return as == QueryKind::kViews ? chosen_by(reconstruction) : chosen_for_rays(reconstruction);
 }
@@ -293,8 +294,8 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   const Method& method = chosen.method;
   const MethodOptions& options = chosen.options;
   if (state_->settings.measure_coverage && !method.measures_coverage()) {
-    throw Error::bad_input("method " + reconstruction.method + " does not measure its coverage",
-                           "method", "Do not measure the coverage, or choose another method")
+    throw Error::bad_input("method " + reconstruction.method + " does not support coverage",
+                           "method", "Do not request coverage, or choose another method")
         .concerning({"coverage"});
   }
   const LightFieldFrame instant = state_->instant(frames);
@@ -320,7 +321,7 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
                               instant,
                               reconstruction.focal_plane,
                               options,
-                              *state_->kept,
+                              *state_->result_cache,
                               state_->settings.working_bytes,
                               state_->buffers,
                               state_->settings.count_needed_pixels,
@@ -348,8 +349,8 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   }
   if (distorted) {
     image.notes.emplace_back(
-        "the view's lens distorts: every ray is computed separately by the slow reference; "
-        "times do not apply to other views");
+        "the view's lens distorts: each ray was computed by the slow reference; the times do not "
+        "apply to other views");
   }
   if (reconstruction.fill == HoleFill::kPushPull) {
     const auto fill = state_->settings.reference ? fill_push_pull_reference : fill_push_pull;
@@ -358,16 +359,15 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   image.statistics.source_pixels_per_pixel = ratio;
   image.statistics.supersampling = factor;
   if (factor < wanted_supersampling(ratio)) {  // the limit is the same for every frame of a shot
-    image.notes.push_back(
-        fmt::format("the view is coarser than the cameras and has {} per pixel along each axis, "
-                    "fewer than needed: fine patterns may alias; render it larger and "
-                    "scale it down",
-                    factor == 1 ? "1 sample" : fmt::format("{} samples", factor)));
+    image.notes.push_back(fmt::format(
+        "the view has less resolution than the cameras and {} per pixel and axis, fewer "
+        "than needed: fine patterns may alias. Render it larger and scale it down",
+        factor == 1 ? "1 sample" : fmt::format("{} samples", factor)));
   }
   if (const double halves = std::floor(2 / ratio); ratio > 0 && halves >= 3) {
     image.notes.push_back(
-        fmt::format("the view asks for more resolution than the light field has: a pixel of the "
-                    "cameras is at least {:g} pixels of the view wide",
+        fmt::format("the view has more resolution than the light field: a pixel of the cameras "
+                    "covers at least {:g} pixels of the view along each axis",
                     halves / 2));
   }
   return image;
@@ -382,7 +382,7 @@ Contribution LightFieldRenderer::contribute(const DistributedViewRequest& view,
   instant.rank_of_camera = state_->settings.rank_of_camera;
   instant.this_rank = state_->settings.this_rank;
   if (!instant.present) throw std::logic_error("a view without cameras");
-  return method.contribute({view.view, instant, view.focal_plane, options, *state_->kept,
+  return method.contribute({view.view, instant, view.focal_plane, options, *state_->result_cache,
                             state_->settings.working_bytes, state_->buffers, false, false,
                             state_->settings.use_take_folder, view.supersampling, view.first_row,
                             view.full_height, group});
@@ -402,7 +402,7 @@ std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view, const Fram
   const VirtualCamera fine = supersampled(crop_rows(view, 0, sampling.rows), sampling.factor);
   const std::size_t part =
       sampling.rows < view.height ? pixels_of(crop_rows(view, 0, sampling.rows)) : 0;
-  return bytes + (pixels_of(fine) + part) * of_pixel;  // the samples, and their mean
+  return bytes + (pixels_of(fine) + part) * of_pixel;  // samples and their mean
 }
 
 void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelection& frames,
@@ -413,9 +413,10 @@ void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelect
   const auto& [method, options] = chosen_for_rays(reconstruction);
   std::fill(samples.begin(), samples.end(), RaySample{});
   if (!instant.present) return;
-  const RaySurface surface = method.surface(
-      {options, instant, reconstruction.focal_plane, *state_->kept, state_->settings.working_bytes,
-       state_->settings.use_take_folder, state_->settings.reference});
+  const RaySurface surface =
+      method.surface({options, instant, reconstruction.focal_plane, *state_->result_cache,
+                      state_->settings.working_bytes, state_->settings.use_take_folder,
+                      state_->settings.reference});
   const RayWeightSettings weighing =
       ray_weight_settings(method.has_ray_weights() ? options
                                                    : MethodOptions(lumigraph_method().options(), {},

@@ -43,7 +43,7 @@ struct RendererSettings {
   std::size_t result_cache_bytes = std::size_t{1} << 30;  ///< budget of the result cache
   /// The result cache, shared with other renderers of the same take and cameras. Null: the renderer
   /// creates its own, of `result_cache_bytes`.
-  std::shared_ptr<ResultCache> kept = nullptr;
+  std::shared_ptr<ResultCache> result_cache = nullptr;
   std::size_t working_bytes = std::size_t{1} << 30;  ///< working memory of a method for one view
   std::vector<int> excluded_cameras;  ///< indices of cameras that must not contribute
   /// The take's timeline, by increasing time, for methods that use temporal neighbours: the ticks
@@ -124,7 +124,7 @@ class LightFieldRenderer {
   /// options. Of every other method only the surface is used, on which rays are blended as by
   /// lumigraph's defaults; options other than the following are validated and ignored:
   ///   depth        its surface, by `near`, `far`, `plane_px`, `neighbours`,
-  ///                `witnesses`, `temporal` and `keep`
+  ///                `support_views`, `temporal` and `store_depths`
   ///   plane_sweep  the surface of depth with default options, between its `near` and `far`; depths
   ///                are stored in the take unless RendererSettings::use_take_folder is off
   ///   all others   `reconstruction`'s focal plane, also for aperture: its own plane is

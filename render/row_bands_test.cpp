@@ -7,8 +7,8 @@
 #include <numbers>
 
 #include "base/atomic_file.h"
+#include "base/large_buffer.h"
 #include "render/common/footprint.h"
-#include "render/common/large_buffer.h"
 #include "render/common/memory_overrun_note.h"
 #include "render/methods.h"
 #include "render/renderer.h"

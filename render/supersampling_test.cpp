@@ -109,7 +109,7 @@ TEST_F(Filtering, MemoryBoundsTheFactor) {
   const RenderedView image = render(20, "depth", little);
   EXPECT_NEAR(image.statistics.source_pixels_per_pixel, 6, 0.5);
   EXPECT_EQ(image.statistics.supersampling, 2);
-  EXPECT_THAT(image.notes, ElementsAre(HasSubstr("has 2 samples per pixel along each axis")));
+  EXPECT_THAT(image.notes, ElementsAre(HasSubstr("2 samples per pixel and axis")));
   // What it works in has no say in the pixels.
   RendererSettings no_room;
   no_room.working_bytes = 0;
@@ -121,11 +121,11 @@ TEST_F(Filtering, SaysWhereMoreSamplesAreCalledFor) {
   const RenderedView image = render(10, "focal_plane");
   EXPECT_GT(image.statistics.source_pixels_per_pixel, 10);
   EXPECT_EQ(image.statistics.supersampling, 8);
-  EXPECT_THAT(image.notes, ElementsAre(HasSubstr("has 8 samples per pixel along each axis")));
+  EXPECT_THAT(image.notes, ElementsAre(HasSubstr("8 samples per pixel and axis")));
   RendererSettings never;
   never.max_supersampling = 1;
   EXPECT_THAT(render(10, "slabs", never).notes,
-              ElementsAre(HasSubstr("has 1 sample per pixel along each axis")));
+              ElementsAre(HasSubstr("1 sample per pixel and axis")));
 }
 
 TEST_F(Filtering, MemoryOfAViewIsWhatItsValuesTake) {

@@ -332,7 +332,7 @@ TEST_F(VisualHull, MattesThatAreNoneAreRefused) {
   // What, where, and what to do.
   const auto names = [&](const std::string& what) {
     return AllOf(HasSubstr(what), HasSubstr(file.string()),
-                 HasSubstr("Write a PNG of 160x120 pixels, 8 bits, grey"));
+                 HasSubstr("Write an 8-bit grey PNG of 160x120 pixels"));
   };
   write_matte("c3", 80, 60, std::vector<std::uint8_t>(80 * 60, 255));
   EXPECT_THAT(refusal(), names("the matte has 80x60 pixels, its camera 160x120"));

@@ -4,17 +4,18 @@
 #include <string>
 #include <vector>
 
-#include "render/evaluation/bench.h"
+#include "evaluation/bench.h"
 
 namespace raystage {
 
-/// A colour for each method, in the order in which a trade names them: classes c0 to c8 of the
-/// page's style, then again from c0.
+/// Assigns a CSS class to each method, in the order of the results: c0 to c8 of the page's style,
+/// then again from c0.
 class MethodColours {
  public:
   explicit MethodColours(const BenchResult& trade);
+  /// Returns the class of a method.
   std::string of(const std::string& method) const;
-  /// HTML: every method beside its colour.
+  /// Returns the legend as HTML.
   std::string key() const;
 
  private:
@@ -23,14 +24,14 @@ class MethodColours {
 
 enum class QualityMeasure { kPsnr, kSsim };
 
-/// HTML: a chart of every setting by error and seconds per frame, the Pareto front marked, with the
-/// cameras asked for first and on the most threads. Dots are of class "rowN", N the row whose
-/// pictures show them.
+/// Returns a chart as HTML: quality against seconds per frame of every setting, with the Pareto
+/// front, for the first camera step and the most threads. Dots have the class "rowN"; N is the row
+/// whose pictures show the setting.
 std::string bench_chart(const BenchResult& trade, QualityMeasure measure,
                         const MethodColours& colours);
 
-/// HTML: error against camera spacing, and what eq. 2.1 says of each; empty where only one spacing
-/// was measured.
+/// Returns a section as HTML: PSNR against camera spacing, and the prediction of eq. 2.1 for each.
+/// Returns an empty text if only one spacing was measured.
 std::string spacing_section(const BenchResult& trade, const MethodColours& colours);
 
 }  // namespace raystage

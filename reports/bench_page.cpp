@@ -8,9 +8,9 @@
 #include <string_view>
 
 #include "charts/html_page.h"
+#include "evaluation/bench.h"
+#include "evaluation/number_format.h"
 #include "render/common/method_options.h"
-#include "render/evaluation/bench.h"
-#include "render/evaluation/number_format.h"
 #include "reports/bench_charts.h"
 #include "reports/bench_viewer.h"
 

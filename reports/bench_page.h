@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "render/evaluation/bench.h"
+#include "evaluation/bench.h"
 
 namespace raystage {
 

@@ -9,7 +9,7 @@
 
 #include "base/base64.h"
 #include "charts/html_page.h"
-#include "render/evaluation/number_format.h"
+#include "evaluation/number_format.h"
 
 namespace raystage {
 namespace {

@@ -3,12 +3,12 @@
 
 #include <string>
 
-#include "render/evaluation/bench.h"
+#include "evaluation/bench.h"
 
 namespace raystage {
 
-/// HTML: pictures, truth and differences of a trade to flip between, with the script that does it;
-/// empty where there are none.
+/// Returns a viewer as HTML with its script, which switches between images, truth and differences
+/// of the results. Returns an empty text without pictures.
 std::string images_section(const BenchResult& trade);
 
 }  // namespace raystage

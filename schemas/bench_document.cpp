@@ -17,7 +17,8 @@ BenchDocument parse_bench(std::string_view text, std::string_view name) {
     BenchDocument::Setting setting;
     setting.label = object.at("label").get<std::string>();
     if (!seen.insert(setting.label).second) {
-      throw object.at("label").input_error("found " + found(object.at("label").value) +
+      throw object.at("label").input_error("found " +
+                                               describe_json_value(object.at("label").value) +
                                                ", which is used already, allowed: a unique label",
                                            "Give every setting a different label");
     }

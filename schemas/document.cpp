@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "schemas/embedded_schemas.h"
+#include "schemas/former_names.h"
 #include "schemas/validator.h"
 
 namespace raystage {
@@ -50,7 +51,7 @@ int version_of(std::string_view kind, const json& document, std::string_view nam
   if (!document.is_object()) {
     throw json_value_error(name, "",
                            fmt::format("found {}, allowed: an object with \"schema\": \"{}\"",
-                                       found(document), expected),
+                                       describe_json_value(document), expected),
                            "Check that this is the right file");
   }
   const auto schema = document.find("schema");
@@ -78,9 +79,10 @@ int version_of(std::string_view kind, const json& document, std::string_view nam
     // One spelling only: not "raystage/shot/01".
     if (version >= 1 && text == fmt::format("{}{}", prefix, version)) return version;
   }
-  throw json_value_error(name, "/schema",
-                         fmt::format("found {}, allowed: \"{}\"", found(*schema), expected),
-                         "Check that this is the right file");
+  throw json_value_error(
+      name, "/schema",
+      fmt::format("found {}, allowed: \"{}\"", describe_json_value(*schema), expected),
+      "Check that this is the right file");
 }
 
 }  // namespace
@@ -98,8 +100,10 @@ VersionedDocument parse_versioned_document(std::string_view kind, std::string_vi
   VersionedDocument document{parse_json(text, name), 0};
   document.version = version_of(kind, document.json, name);
   const bool newest = document.version == newest_version(kind);
-  validator_of(newest ? std::string(kind) : fmt::format("{}-{}", kind, document.version))
-      .validate(document.json, name);
+  const SchemaValidator& validator =
+      validator_of(newest ? std::string(kind) : fmt::format("{}-{}", kind, document.version));
+  replace_former_names(validator.schema(), document.json, name);
+  validator.validate(document.json, name);
   return document;
 }
 
@@ -126,7 +130,7 @@ std::string path_from(const JsonNode& text) {
   for (const char c : path) {
     if (static_cast<unsigned char>(c) < ' ') {
       throw text.input_error(
-          fmt::format("found {}, a path with a control character", found(text.value)),
+          fmt::format("found {}, a path with a control character", describe_json_value(text.value)),
           "Rename the file");
     }
   }
@@ -140,7 +144,7 @@ std::string relative_path_from(const JsonNode& text) {
   for (const auto& part : parts) inside = inside && part != "..";
   if (!inside) {
     throw text.input_error(
-        fmt::format("found {}, allowed: a path inside the take", found(text.value)),
+        fmt::format("found {}, allowed: a path inside the take", describe_json_value(text.value)),
         "Move the file into the take's folder");
   }
   return path;
@@ -192,7 +196,8 @@ OptionValues options_from(const JsonNode& object) {
       options[name] = value.get<std::string>();
     } else {
       throw object.at(name).input_error(
-          fmt::format("found {}, allowed: a number, text, true or false", found(value)),
+          fmt::format("found {}, allowed: a number, text, true or false",
+                      describe_json_value(value)),
           "docs/artist.md says which options a method has");
     }
   }

@@ -58,7 +58,7 @@ json good(const std::string& kind) {
         {{"label", "one plane"}, {"method", "focal_plane"}, {"focal_depth_m", 8.69}},
         {{"label", "sweep"},
          {"method", "plane_sweep"},
-         {"options", {{"planes", 96}, {"aggregation", "box"}, {"sub_plane", true}}}}};
+         {"options", {{"planes", 96}, {"aggregation", "box"}, {"subplane_refinement", true}}}}};
     return document;
   }
   if (kind == "planes") {
@@ -83,7 +83,7 @@ json good(const std::string& kind) {
         {"vignetting", {{"cx", 3.5}, {"cy", 2}, {"a", {0.3, 0.1, 0}}}},
         {"gain_map", {{"columns", 2}, {"rows", 2}, {"gain", std::vector<Rgb>(4, {1, 1.5, 2})}}},
         {"matrix", {{1.5, -0.5, 0}, {0, 1, 0}, {0, 0, 1}}},
-        {"dark_pixels", {{1, 0, 0.5, 0, 0}, {0, 1, 0.25, 0, 0}}}};
+        {"hot_pixels", {{1, 0, 0.5, 0, 0}, {0, 1, 0.25, 0, 0}}}};
     return document;
   }
   document.update({{"epoch_utc", "2026-01-01T00:00:00Z"},
@@ -274,10 +274,10 @@ TEST(Documents, PhotometricDamageIsToldWhereItIs) {
                 R"({"columns": 2, "rows": 3, "gain": [[1,1,1],[1,1,1],[1,1,1],[1,1,1]]})", "/gain",
                 "columns * rows = 6"},
            Case{"matrix", "[[1, 0, 0], [0, 1, 0]]", "", "array of 2"},
-           Case{"dark_pixels", "[[1, 1, 0, 0, 0], [70000, 0, 0, 0, 0]]", "/1/0", "65535"},
-           Case{"dark_pixels", "[[60000, 0, 0, 0, 0]]", "/0", "in the picture"},
-           Case{"dark_pixels", "[[0.5, 0, 0, 0, 0]]", "/0", "whole numbers"},
-           Case{"dark_pixels", "[[1, 0, 0, 0, 0], [1, 0, 1, 1, 1]]", "/1", "does not come after"},
+           Case{"hot_pixels", "[[1, 1, 0, 0, 0], [70000, 0, 0, 0, 0]]", "/1/0", "65535"},
+           Case{"hot_pixels", "[[60000, 0, 0, 0, 0]]", "/0", "in the picture"},
+           Case{"hot_pixels", "[[0.5, 0, 0, 0, 0]]", "/0", "whole numbers"},
+           Case{"hot_pixels", "[[1, 0, 0, 0, 0], [1, 0, 1, 1, 1]]", "/1", "does not come after"},
        }) {
     json rig = good("rig");
     rig["cameras"][0]["photometric"] = {{"contrast", {1, 1, 1}}, {"brightness", {0, 0, 0}}};
@@ -300,7 +300,7 @@ INSTANTIATE_TEST_SUITE_P(
         Damage{"take", "/epoch_utc", "2026-13-01T00:00:00Z", "/epoch_utc", "no such date"},
         Damage{"take", "/color_space", "sRGB", "/color_space", "allowed: \"srgb_texture\""},
         Damage{"take", "/clock", "ptp", "/clock", "\"host\" or \"device\""},
-        Damage{"take", "/time_marks", "middle", "/time_marks", "\"exposure_middle\""},
+        Damage{"take", "/timestamp_event", "middle", "/timestamp_event", "\"exposure_middle\""},
         Damage{"take", "/cameras/1/id", "a", "/cameras/1/id", "comes twice"},
         Damage{"take", "/cameras/1/archive", "/etc/passwd", "/cameras/1/archive",
                "inside the take"},
@@ -479,12 +479,13 @@ TEST(Documents, BenchSettingsAreRead) {
   const BenchDocument bench = parse_bench(good("bench").dump(), "f");
   ASSERT_EQ(bench.settings.size(), 2U);
   EXPECT_EQ(bench.settings[0].focal_depth, 8.69);
-  EXPECT_EQ(bench.settings[1],
-            (BenchDocument::Setting{
-                "sweep",
-                "plane_sweep",
-                {{"planes", 96.0}, {"aggregation", std::string("box")}, {"sub_plane", true}},
-                {}}));
+  EXPECT_EQ(
+      bench.settings[1],
+      (BenchDocument::Setting{
+          "sweep",
+          "plane_sweep",
+          {{"planes", 96.0}, {"aggregation", std::string("box")}, {"subplane_refinement", true}},
+          {}}));
   json document = good("bench");
   document["settings"][1]["label"] = "one plane";
   EXPECT_THAT(refusal("bench", document),

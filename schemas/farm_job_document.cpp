@@ -18,14 +18,14 @@ FarmResources resources_from(const JsonNode& object) {
   FarmResources resources;
   resources.threads = object.at("threads").get<int>();
   resources.memory_gb = object.at("memory_gb").get<double>();
-  resources.minutes = object.get_if<int>("minutes");
+  resources.minutes = object.get_if<int>("time_limit_minutes");
   resources.options = object.get<std::vector<std::string>>("options", {});
   return resources;
 }
 
 Json json_from(const FarmResources& resources) {
   Json output{{"threads", resources.threads}, {"memory_gb", resources.memory_gb}};
-  add_optional(output, "minutes", resources.minutes);
+  add_optional(output, "time_limit_minutes", resources.minutes);
   if (!resources.options.empty()) output["options"] = resources.options;
   return output;
 }
@@ -54,8 +54,8 @@ std::string path_if_any(const JsonNode& document, std::string_view key) {
 
 std::vector<FarmJobDocument::PrepareTask> instants_from(const JsonNode& document) {
   std::vector<FarmJobDocument::PrepareTask> instants;
-  if (!document.has("instants")) return instants;
-  const JsonNode list = document.at("instants");
+  if (!document.has("prepare_tasks")) return instants;
+  const JsonNode list = document.at("prepare_tasks");
   for (std::size_t i = 0; i < list.size(); ++i) {
     const JsonNode object = list.at(i);
     instants.push_back({object.at("layer").get<int>(), object.at("tick").get<int>(),
@@ -70,14 +70,14 @@ std::vector<FarmJobDocument::Chunk> chunks_from(const JsonNode& document, std::s
   for (std::size_t i = 0; i < list.size(); ++i) {
     const JsonNode object = list.at(i);
     FarmJobDocument::Chunk chunk{path_from(object.at("frames")), {}};
-    if (object.has("instants")) {
-      const JsonNode needed = object.at("instants");
+    if (object.has("prepare_tasks")) {
+      const JsonNode needed = object.at("prepare_tasks");
       for (std::size_t j = 0; j < needed.size(); ++j) {
         chunk.instants.push_back(needed.at(j).get<int>());
         if (static_cast<std::size_t>(chunk.instants.back()) >= instants) {
-          throw needed.at(j).input_error(
-              "found " + found(needed.at(j).value) + ", but the job has fewer instants",
-              "Submit the shot again");
+          throw needed.at(j).input_error("found " + describe_json_value(needed.at(j).value) +
+                                             ", but the job has fewer instants",
+                                         "Submit the shot again");
         }
       }
     }
@@ -88,8 +88,8 @@ std::vector<FarmJobDocument::Chunk> chunks_from(const JsonNode& document, std::s
 
 std::vector<FarmJobDocument::PathMappingRule> paths_from(const JsonNode& document) {
   std::vector<FarmJobDocument::PathMappingRule> rules;
-  if (!document.has("paths")) return rules;
-  const JsonNode list = document.at("paths");
+  if (!document.has("path_mapping_rules")) return rules;
+  const JsonNode list = document.at("path_mapping_rules");
   for (std::size_t i = 0; i < list.size(); ++i) {
     const JsonNode rule = list.at(i);
     rules.push_back({path_from(rule.at("from")), path_from(rule.at("to"))});
@@ -145,13 +145,13 @@ FarmJobDocument parse_farm_job(std::string_view text, std::string_view name) {
   }
   job.submitted_utc = utc_from(document.at("submitted_utc"));
   job.submitted_by = document.get<std::string>("submitted_by", "");
-  job.submitted_on = document.get<std::string>("submitted_on", "");
+  job.submitted_on = document.get<std::string>("submit_host", "");
   job.program_version = document.at("program_version").get<std::string>();
   job.build = document.get<std::string>("build", "");
   job.simd = document.at("simd").get<std::string>();
   job.umask = document.get_if<int>("umask");
   job.program = path_from(document.at("program"));
-  job.command_prefix = path_if_any(document, "wrap");
+  job.command_prefix = path_if_any(document, "command_prefix");
   job.folder = path_from(document.at("folder"));
   job.shot = path_from(document.at("shot"));
   job.shot_folder = path_from(document.at("shot_folder"));
@@ -167,7 +167,7 @@ FarmJobDocument parse_farm_job(std::string_view text, std::string_view name) {
   }
   job.attempts = document.at("attempts").get<int>();
   job.preview = document.get("preview", true);
-  job.max_array_size = document.get("max_array", job.max_array_size);
+  job.max_array_size = document.get("max_array_size", job.max_array_size);
   job.max_minutes = document.get_if<int>("max_minutes");
   job.seconds_per_frame = document.get_if<double>("seconds_per_frame");
   job.frame_bytes = document.get("frame_bytes", 0.0);
@@ -186,13 +186,13 @@ std::string format_farm_job(const FarmJobDocument& job) {
   output["engine"] = farm_engine_name(job.engine);
   output["submitted_utc"] = format_utc(job.submitted_utc);
   output["submitted_by"] = job.submitted_by;
-  output["submitted_on"] = job.submitted_on;
+  output["submit_host"] = job.submitted_on;
   output["program_version"] = job.program_version;
   output["build"] = job.build;
   output["simd"] = job.simd;
   add_optional(output, "umask", job.umask);
   output["program"] = job.program;
-  if (!job.command_prefix.empty()) output["wrap"] = job.command_prefix;
+  if (!job.command_prefix.empty()) output["command_prefix"] = job.command_prefix;
   output["folder"] = job.folder;
   output["shot"] = job.shot;
   output["shot_folder"] = job.shot_folder;
@@ -207,25 +207,25 @@ std::string format_farm_job(const FarmJobDocument& job) {
   }
   output["attempts"] = job.attempts;
   output["preview"] = job.preview;
-  output["max_array"] = job.max_array_size;
+  output["max_array_size"] = job.max_array_size;
   add_optional(output, "max_minutes", job.max_minutes);
   add_optional(output, "seconds_per_frame", job.seconds_per_frame);
   if (job.distributed) output["distributed"] = json_from(*job.distributed);
   output["frame_bytes"] = job.frame_bytes;
-  Json& instants = output["instants"] = Json::array();
+  Json& instants = output["prepare_tasks"] = Json::array();
   for (const FarmJobDocument::PrepareTask& instant : job.instants) {
     instants.push_back({{"layer", instant.layer}, {"tick", instant.tick}, {"file", instant.file}});
   }
   Json& chunks = output["chunks"] = Json::array();
   for (const FarmJobDocument::Chunk& chunk : job.chunks) {
     Json object{{"frames", chunk.frames}};
-    if (!chunk.instants.empty()) object["instants"] = chunk.instants;
+    if (!chunk.instants.empty()) object["prepare_tasks"] = chunk.instants;
     chunks.push_back(std::move(object));
   }
   if (!job.inputs.empty()) output["inputs"] = job.inputs;
   if (!job.pinned.empty()) output["pinned"] = job.pinned;
   for (const FarmJobDocument::PathMappingRule& rule : job.paths) {
-    output["paths"].push_back({{"from", rule.from}, {"to", rule.to}});
+    output["path_mapping_rules"].push_back({{"from", rule.from}, {"to", rule.to}});
   }
   return format_json(output);
 }

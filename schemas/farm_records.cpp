@@ -31,7 +31,7 @@ std::string as_utf8(const std::string& text) {
 RenderStageCosts rendering_from(const JsonNode& object) {
   RenderStageCosts costs;
   costs.frames = object.at("frames").get<int>();
-  costs.frames_in_flight = object.get("at_once", 1);
+  costs.frames_in_flight = object.get("frames_in_flight", 1);
   costs.seconds = object.get("seconds", 0.0);
   costs.light_fields_s = object.get("light_fields_s", 0.0);
   costs.geometry_s = object.get("geometry_s", 0.0);
@@ -44,7 +44,7 @@ RenderStageCosts rendering_from(const JsonNode& object) {
 }
 
 Json json_from(const RenderStageCosts& costs) {
-  return {{"frames", costs.frames},         {"at_once", costs.frames_in_flight},
+  return {{"frames", costs.frames},         {"frames_in_flight", costs.frames_in_flight},
           {"seconds", costs.seconds},       {"light_fields_s", costs.light_fields_s},
           {"geometry_s", costs.geometry_s}, {"merge_s", costs.merge_s},
           {"encode_s", costs.encode_s},     {"write_s", costs.write_s},
@@ -61,8 +61,8 @@ FarmAttempt::End end_from(const JsonNode& object) {
   end.wall_seconds = object.get("wall_seconds", 0.0);
   end.cpu_seconds = object.get("cpu_seconds", 0.0);
   end.peak_memory_bytes = object.get("peak_memory_bytes", 0.0);
-  end.light_field_frames_estimated = object.get("instants_solved", 0);
-  end.light_field_frames_loaded = object.get("instants_read", 0);
+  end.light_field_frames_estimated = object.get("light_field_frames_solved", 0);
+  end.light_field_frames_loaded = object.get("light_field_frames_loaded", 0);
   if (object.has("rendering")) end.rendering = rendering_from(object.at("rendering"));
   if (object.has("ended_utc")) end.ended_utc = utc_from(object.at("ended_utc"));
   return end;
@@ -76,8 +76,8 @@ Json json_from(const FarmAttempt::End& end) {
   output["wall_seconds"] = end.wall_seconds;
   output["cpu_seconds"] = end.cpu_seconds;
   output["peak_memory_bytes"] = end.peak_memory_bytes;
-  output["instants_solved"] = end.light_field_frames_estimated;
-  output["instants_read"] = end.light_field_frames_loaded;
+  output["light_field_frames_solved"] = end.light_field_frames_estimated;
+  output["light_field_frames_loaded"] = end.light_field_frames_loaded;
   if (end.rendering) output["rendering"] = json_from(*end.rendering);
   if (end.ended_utc) output["ended_utc"] = format_utc(*end.ended_utc);
   return output;
@@ -138,7 +138,7 @@ FarmRound parse_farm_round(std::string_view text, std::string_view name) {
   round.time_factor = document.get("time_factor", 1.0);
   round.exclude = document.get<std::vector<std::string>>("exclude", {});
   round.frames = document.get<std::string>("frames", "");
-  round.fresh = document.get("fresh", false);
+  round.fresh = document.get("resets_attempts", false);
   round.host = document.get<std::string>("host", "");
   round.process = document.get<std::int64_t>("process", 0);
   round.process_start = document.get<std::string>("process_start", "");
@@ -154,7 +154,7 @@ std::string format_farm_round(const FarmRound& round) {
   output["time_factor"] = round.time_factor;
   if (!round.exclude.empty()) output["exclude"] = round.exclude;
   if (!round.frames.empty()) output["frames"] = round.frames;
-  if (round.fresh) output["fresh"] = true;
+  if (round.fresh) output["resets_attempts"] = true;
   if (!round.host.empty()) {
     output["host"] = round.host;
     output["process"] = round.process;

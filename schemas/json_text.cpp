@@ -206,7 +206,7 @@ Error json_value_error(std::string_view name, std::string_view pointer, std::str
                           std::move(what_to_do));
 }
 
-std::string found(const nlohmann::json& value) {
+std::string describe_json_value(const nlohmann::json& value) {
   if (value.is_object()) return "an object";
   if (value.is_array()) return fmt::format("an array of {}", value.size());
   constexpr std::size_t kLongest = 80;

@@ -28,6 +28,6 @@ Error json_value_error(std::string_view name, std::string_view pointer, std::str
                        std::string what_to_do);
 
 /// Returns a description of a value that is short enough for an error message.
-std::string found(const nlohmann::json& value);
+std::string describe_json_value(const nlohmann::json& value);
 
 }  // namespace raystage

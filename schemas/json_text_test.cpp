@@ -89,9 +89,9 @@ TEST(JsonText, FormatBreaksLongLists) {
 }
 
 TEST(JsonText, FoundIsShort) {
-  EXPECT_EQ(found("abc"), "\"abc\"");
-  EXPECT_EQ(found(std::vector<int>{1, 2}), "an array of 2");
-  EXPECT_LE(found(std::string(1000, 'x')).size(), 90u);
+  EXPECT_EQ(describe_json_value("abc"), "\"abc\"");
+  EXPECT_EQ(describe_json_value(std::vector<int>{1, 2}), "an array of 2");
+  EXPECT_LE(describe_json_value(std::string(1000, 'x')).size(), 90u);
 }
 
 }  // namespace

@@ -57,7 +57,8 @@ std::string plain_text(const JsonNode& object, std::string_view key) {
   for (const char c : result) {
     if (static_cast<unsigned char>(c) < ' ') {
       throw text.input_error(
-          fmt::format("found {}, text with a control character", found(text.value)), "Remove it");
+          fmt::format("found {}, text with a control character", describe_json_value(text.value)),
+          "Remove it");
     }
   }
   return result;
@@ -82,7 +83,7 @@ RecordConfig::FfmpegSource ffmpeg_from(const JsonNode& object) {
   for (const auto& [key, value] : options.value.items()) {
     if (key.empty() || !value.is_string()) {
       throw options.at(key).input_error(
-          fmt::format("found {}, allowed: an option's value as text", found(value)),
+          fmt::format("found {}, allowed: an option's value as text", describe_json_value(value)),
           "Write it as a string, as on FFmpeg's command line");
     }
     source.options.emplace(key, plain_text(options, key));
@@ -192,7 +193,7 @@ RecordConfig parse_record_config(std::string_view text, std::string_view name) {
   config.nominal_fps = document.get("nominal_fps", config.nominal_fps);
   config.color_space = document.get("color_space", config.color_space);
   config.memory_mb = document.get("memory_mb", config.memory_mb);
-  config.hold = document.get("hold", config.hold);
+  config.hold = document.get("buffer_in_memory", config.hold);
   read_word(document, "when_full", kWhenFull, config.when_full);
   read_word(document, "when_lost", kWhenLost, config.when_lost);
   config.lost_after_seconds = document.get("lost_after_seconds", config.lost_after_seconds);
@@ -220,7 +221,7 @@ std::string format_record_config(const RecordConfig& config) {
   if (config.nominal_fps > 0) json["nominal_fps"] = config.nominal_fps;
   json["color_space"] = config.color_space;
   json["memory_mb"] = config.memory_mb;
-  json["hold"] = config.hold;
+  json["buffer_in_memory"] = config.hold;
   json["when_full"] = word_of(config.when_full, kWhenFull);
   json["when_lost"] = word_of(config.when_lost, kWhenLost);
   json["lost_after_seconds"] = config.lost_after_seconds;

@@ -21,7 +21,7 @@ using ::testing::StartsWith;
 json full() {
   return json::parse(R"({
     "schema": "raystage/record/1", "name": "rehearsal", "node": "left", "rig": "rig.json",
-    "nominal_fps": 29.97, "color_space": "srgb_texture", "memory_mb": 512.5, "hold": true,
+    "nominal_fps": 29.97, "color_space": "srgb_texture", "memory_mb": 512.5, "buffer_in_memory": true,
     "when_full": "drop_oldest", "when_lost": "reconnect", "lost_after_seconds": 2.5,
     "jpeg": {"quality": 80, "chroma": "422", "restart_interval": 4},
     "cameras": [
@@ -156,7 +156,7 @@ INSTANTIATE_TEST_SUITE_P(
     Values, DamagedRecordConfig,
     ::testing::Values(
         Damage{"/memory_mb", 0, "/memory_mb", "found 0"},
-        Damage{"/hold", "yes", "/hold", "allowed: a boolean"},
+        Damage{"/buffer_in_memory", "yes", "/buffer_in_memory", "allowed: a boolean"},
         Damage{"/when_full", "block", "/when_full", "\"drop_newest\" or \"drop_oldest\""},
         Damage{"/when_lost", "retry", "/when_lost", "\"continue\" or \"reconnect\" or \"stop\""},
         Damage{"/lost_after_seconds", 0, "/lost_after_seconds", "greater than 0"},

@@ -28,14 +28,14 @@ RecordedCamera camera_from_session(const JsonNode& object,
   camera.id = unique_id_from(object, seen);
   camera.source = object.at("source").get<std::string>();
   camera.clock = object.at("clock").get<std::string>();
-  camera.timestamp_event = object.at("time_marks").get<std::string>();
+  camera.timestamp_event = object.at("timestamp_event").get<std::string>();
   camera.arrived = object.get<std::uint64_t>("arrived", 0);
   camera.stored = object.get<std::uint64_t>("stored", 0);
   if (object.has("dropped")) {
     camera.dropped = object.at("dropped").get<std::map<std::string, std::uint64_t>>();
   }
   camera.skipped_by_source = object.get<std::uint64_t>("skipped_by_source", 0);
-  camera.corrected_timestamps = object.get<std::uint64_t>("corrected_times", 0);
+  camera.corrected_timestamps = object.get<std::uint64_t>("corrected_timestamps", 0);
   camera.events = events_from(object);
   return camera;
 }
@@ -46,10 +46,10 @@ Session session_from(const JsonNode& object) {
   session.started_utc = utc_from(object.at("started_utc"));
   if (object.has("start_at_utc")) session.start_at_utc = utc_from(object.at("start_at_utc"));
   if (object.has("stopped_utc")) session.stopped_utc = utc_from(object.at("stopped_utc"));
-  session.stop_reason = object.get<std::string>("why_stopped", "");
+  session.stop_reason = object.get<std::string>("stop_reason", "");
   session.memory_bytes = object.at("memory_bytes").get<std::uint64_t>();
   session.memory_peak_bytes = object.get<std::uint64_t>("memory_peak_bytes", 0);
-  session.held = object.at("held").get<bool>();
+  session.held = object.at("buffered_in_memory").get<bool>();
   const JsonNode clock = object.at("clock");
   session.clock.source = clock.at("source").get<std::string>();
   if (clock.has("offset_s")) session.clock.offset_s = clock.at("offset_s").get<double>();
@@ -61,8 +61,8 @@ Session session_from(const JsonNode& object) {
   }
   if (object.has("audit")) {
     const JsonNode audit = object.at("audit");
-    session.audit = {audit.at("holds").get<bool>(),
-                     audit.at("complaints").get<std::vector<std::string>>()};
+    session.audit = {audit.at("passed").get<bool>(),
+                     audit.at("problems").get<std::vector<std::string>>()};
   }
   return session;
 }
@@ -71,12 +71,12 @@ Json json_from(const RecordedCamera& camera) {
   Json output{{"id", camera.id},
               {"source", camera.source},
               {"clock", camera.clock},
-              {"time_marks", camera.timestamp_event},
+              {"timestamp_event", camera.timestamp_event},
               {"arrived", camera.arrived},
               {"stored", camera.stored},
               {"dropped", Json::object()},
               {"skipped_by_source", camera.skipped_by_source},
-              {"corrected_times", camera.corrected_timestamps},
+              {"corrected_timestamps", camera.corrected_timestamps},
               {"events", Json::array()}};
   for (const auto& [reason, count] : camera.dropped) output["dropped"][reason] = count;
   for (const RecordingDocument::Event& event : camera.events) {
@@ -89,10 +89,10 @@ Json json_from(const Session& session) {
   Json output{{"program", session.program}, {"started_utc", format_utc(session.started_utc)}};
   if (session.start_at_utc) output["start_at_utc"] = format_utc(*session.start_at_utc);
   if (session.stopped_utc) output["stopped_utc"] = format_utc(*session.stopped_utc);
-  if (!session.stop_reason.empty()) output["why_stopped"] = session.stop_reason;
+  if (!session.stop_reason.empty()) output["stop_reason"] = session.stop_reason;
   output["memory_bytes"] = session.memory_bytes;
   output["memory_peak_bytes"] = session.memory_peak_bytes;
-  output["held"] = session.held;
+  output["buffered_in_memory"] = session.held;
   output["clock"] = {{"source", session.clock.source}};
   if (session.clock.offset_s) output["clock"]["offset_s"] = *session.clock.offset_s;
   if (session.clock.max_error_s) output["clock"]["max_error_s"] = *session.clock.max_error_s;
@@ -100,7 +100,7 @@ Json json_from(const Session& session) {
   for (const RecordedCamera& camera : session.cameras)
     output["cameras"].push_back(json_from(camera));
   if (session.audit) {
-    output["audit"] = {{"holds", session.audit->holds}, {"complaints", session.audit->problems}};
+    output["audit"] = {{"passed", session.audit->holds}, {"problems", session.audit->problems}};
   }
   return output;
 }

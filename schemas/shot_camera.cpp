@@ -57,7 +57,7 @@ std::vector<CameraKey> keys_from(const JsonNode& list) {
     if (!keys.empty() && key.frame <= keys.back().frame) {
       const JsonNode frame = list.at(i).at("frame");
       throw frame.input_error(fmt::format("found {} after {}, allowed: increasing frames",
-                                          found(frame.value), keys.back().frame),
+                                          describe_json_value(frame.value), keys.back().frame),
                               "Sort the keys by frame, and keep one key per frame");
     }
     keys.push_back(key);
@@ -119,8 +119,8 @@ Camera shot_camera_from(const JsonNode& json, int version) {
   if (json.has("keys")) camera.keys = keys_from(json.at("keys"));
   if (json.has("file")) camera.file = file_from(json.at("file"));
   if (json.has("orbit")) camera.orbit = orbit_from(json.at("orbit"));
-  if (json.has("vertigo")) {
-    const JsonNode dolly_zoom = json.at("vertigo");
+  if (json.has("dolly_zoom")) {
+    const JsonNode dolly_zoom = json.at("dolly_zoom");
     camera.dolly_zoom = {.target = dolly_zoom.at("target").get<Point>(),
                          .frame = dolly_zoom.get_if<double>("frame")};
   }
@@ -145,8 +145,8 @@ ordered_json json_from(const Camera& camera) {
     object["orbit"] = {{"center", camera.orbit->center}, {"axis", camera.orbit->axis}};
   }
   if (camera.dolly_zoom) {
-    object["vertigo"] = {{"target", camera.dolly_zoom->target}};
-    add_optional(object["vertigo"], "frame", camera.dolly_zoom->frame);
+    object["dolly_zoom"] = {{"target", camera.dolly_zoom->target}};
+    add_optional(object["dolly_zoom"], "frame", camera.dolly_zoom->frame);
   }
   if (camera.stereo) {
     object["stereo"] = {{"interaxial_m", camera.stereo->interaxial_m}};

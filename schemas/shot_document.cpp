@@ -24,7 +24,7 @@ FrameRate frame_rate_at(const JsonNode& fps) {
   throw fps.input_error(
       fmt::format("found {}, allowed: a number with up to six decimals, or a ratio as "
                   "text, greater than 0 and up to 1000",
-                  found(fps.value)),
+                  describe_json_value(fps.value)),
       "Write the exact ratio, for example \"24000/1001\"");
 }
 
@@ -89,10 +89,10 @@ ShotDocument parse_shot(std::string_view text, std::string_view name) {
     shot.output.aovs = output.get("aovs", shot.output.aovs);
     if (output.has("color")) {
       const JsonNode color = output.at("color");
-      shot.output.color.space = color.get("space", shot.output.color.space);
+      shot.output.color.color_space = color.get("color_space", shot.output.color.color_space);
       if (color.has("config")) shot.output.color.config = path_from(color.at("config"));
       shot.output.color.rec709_space = color.get("rec709_space", shot.output.color.rec709_space);
-      shot.output.color.working = color.get("working", shot.output.color.working);
+      shot.output.color.working_space = color.get("working_space", shot.output.color.working_space);
     }
   }
   return shot;
@@ -127,10 +127,10 @@ std::string format_shot(const ShotDocument& shot) {
   if (shot.output.overscan != std::array{0, 0}) output["overscan"] = shot.output.overscan;
   output["aovs"] = shot.output.aovs;
   const ShotDocument::Color& color = shot.output.color;
-  output["color"] = {{"space", color.space}};
+  output["color"] = {{"color_space", color.color_space}};
   if (!color.config.empty()) output["color"]["config"] = color.config;
   if (!color.rec709_space.empty()) output["color"]["rec709_space"] = color.rec709_space;
-  output["color"]["working"] = color.working;
+  output["color"]["working_space"] = color.working_space;
   return format_json(json);
 }
 

@@ -164,13 +164,13 @@ struct ShotDocument {
     std::optional<ReceivedShadows> shadows = {};  ///< of geometry; nullopt: no shadows are received
   };
   struct Color {
-    std::string space = "lin_rec709_scene";  ///< colour space of the output files: linear light
-    std::string config = {};                 ///< OpenColorIO config, relative to the shot's folder;
-                                             ///< empty: the built-in one
+    std::string color_space = "lin_rec709_scene";  ///< of the output files: linear light
+    /// OpenColorIO config, relative to the shot's folder; empty: the built-in one.
+    std::string config = {};
     std::string rec709_space = {};  ///< the config's name of linear Rec.709; empty: searched
     /// Colour space in which layers are merged and in which the shot's colours are given:
     /// lin_rec709_scene or lin_ap1_scene.
-    std::string working = "lin_rec709_scene";
+    std::string working_space = "lin_rec709_scene";
   };
   struct Output {
     std::string compression = "piz";  ///< none | rle | zips | zip | piz

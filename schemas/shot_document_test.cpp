@@ -38,7 +38,7 @@ json shot_of_today() {
             {"film_back_mm", 24.5},
             {"file", {{"path", "move.glb"}, {"camera_name", "main"}, {"frame_offset", 12}}},
             {"orbit", {{"center", {0, 1, -5}}, {"axis", {0, 2, 0}}}},
-            {"vertigo", {{"target", {0, 1, -5}}, {"frame", 20}}},
+            {"dolly_zoom", {{"target", {0, 1, -5}}, {"frame", 20}}},
             {"stereo", {{"interaxial_m", 0.06}, {"convergence_m", 5}}}}},
           {"layers", {{{"take", "take"}}}}};
 }
@@ -78,12 +78,13 @@ TEST(ShotOutputDocument, ReadsAovsWorkingSpaceAndFocusKeys) {
   json shot = shot_of_today();
   EXPECT_EQ(parse_shot(shot.dump(), "f").output.aovs,
             (std::vector<std::string>{"lf.coverage", "P", "N", "albedo"}));
-  shot["output"] = {{"aovs", {"N", "lf.confidence"}}, {"color", {{"working", "lin_ap1_scene"}}}};
+  shot["output"] = {{"aovs", {"N", "lf.confidence"}},
+                    {"color", {{"working_space", "lin_ap1_scene"}}}};
   shot["layers"][0]["focal_plane"] = {
       {"keys", {{{"frame", 1}, {"depth_m", 2}}, {{"frame", 9.5}, {"depth_m", 3}}}}};
   const ShotDocument read = parse_shot(shot.dump(), "f");
   EXPECT_EQ(read.output.aovs, (std::vector<std::string>{"N", "lf.confidence"}));
-  EXPECT_EQ(read.output.color.working, "lin_ap1_scene");
+  EXPECT_EQ(read.output.color.working_space, "lin_ap1_scene");
   ASSERT_EQ(read.layers[0].focal_plane.keys.size(), 2U);
   EXPECT_EQ(read.layers[0].focal_plane.keys[1].frame, 9.5);
   EXPECT_EQ(read.layers[0].focal_plane.keys[1].depth, 3);
@@ -99,7 +100,7 @@ TEST(ShotOutputDocument, ReadsAovsWorkingSpaceAndFocusKeys) {
   shot["layers"][0].erase("clips");
   shot["output"]["aovs"] = {"velocity"};
   EXPECT_THAT(refusal(shot), HasSubstr("#/output/aovs/0"));
-  shot["output"] = {{"color", {{"working", "srgb_texture"}}}};
+  shot["output"] = {{"color", {{"working_space", "srgb_texture"}}}};
   EXPECT_THAT(refusal(shot), HasSubstr("#/output/color/working"));
 }
 
@@ -109,7 +110,7 @@ TEST(ShotCameraDocument, ComesBackAsItWas) {
   const json again = json::parse(once);
   EXPECT_EQ(again["camera"]["keys"], shot_of_today()["camera"]["keys"]);
   EXPECT_EQ(again["camera"]["stereo"], shot_of_today()["camera"]["stereo"]);
-  EXPECT_EQ(again["camera"]["vertigo"], shot_of_today()["camera"]["vertigo"]);
+  EXPECT_EQ(again["camera"]["dolly_zoom"], shot_of_today()["camera"]["dolly_zoom"]);
 }
 
 TEST(ShotCameraDocument, VersionOneIsReadAndWrittenAsVersionTwo) {
@@ -167,10 +168,13 @@ TEST(ShotLayerDocument, LayersOfEveryKindComeBack) {
        {"last_frame", 9}},
       {{"take", "b"},
        {"holdout", true},
-       {"receives_shadows", {{"strength", 0.5}, {"reach_m", 2}, {"rays", 0}}}},
+       {"receives_shadows", {{"strength", 0.5}, {"occlusion_distance_m", 2}, {"rays", 0}}}},
       {{"plate",
-        {{"file", "p.####.exr"}, {"frame_offset", -3}, {"depth_m", 7}, {"space", "ACEScg"}}}}};
-  shot["output"] = {{"overscan", {16, 9}}, {"color", {{"space", "lin_ap1_scene"}}}};
+        {{"file", "p.####.exr"},
+         {"frame_offset", -3},
+         {"depth_m", 7},
+         {"color_space", "ACEScg"}}}}};
+  shot["output"] = {{"overscan", {16, 9}}, {"color", {{"color_space", "lin_ap1_scene"}}}};
   const ShotDocument document = parse_shot(shot.dump(), "f");
   EXPECT_EQ(document.merge, ShotDocument::Merge::kDepth);
   EXPECT_FALSE(document.layers[0].is_light_field());
@@ -190,7 +194,7 @@ TEST(ShotLayerDocument, LayersOfEveryKindComeBack) {
   EXPECT_EQ(document.layers[3].plate->frame_offset, -3);
   EXPECT_EQ(document.layers[3].plate->depth_m, 7);
   EXPECT_EQ(document.output.overscan, (std::array{16, 9}));
-  EXPECT_EQ(document.output.color.space, "lin_ap1_scene");
+  EXPECT_EQ(document.output.color.color_space, "lin_ap1_scene");
   const std::string once = format_shot(document);
   EXPECT_EQ(format_shot(parse_shot(once, "f")), once);
 }
@@ -255,8 +259,8 @@ TEST(ShotMatteDocument, EveryKindComesBack) {
              {"white", 0.8},
              {"keep", {box, box}},
              {"garbage", {box}}},
-        json{{"kind", "green_screen"}, {"empty_take", "empty"}},
-        json{{"kind", "difference"}, {"empty_take", "e"}, {"low", 4}, {"high", 9}},
+        json{{"kind", "green_screen"}, {"clean_plate_take", "empty"}},
+        json{{"kind", "difference"}, {"clean_plate_take", "e"}, {"low", 4}, {"high", 9}},
         json{{"kind", "files"}}}) {
     const ShotDocument document = parse_shot(shot_with_matte(matte).dump(), "f");
     ASSERT_TRUE(document.layers[0].matte);
@@ -271,14 +275,15 @@ TEST(ShotMatteDocument, EveryKindComesBack) {
 TEST(ShotMatteDocument, RefusesWhatMeansNothing) {
   const auto of = [](const json& matte) { return refusal(shot_with_matte(matte)); };
   EXPECT_THAT(of({{"kind", "luma"}}), HasSubstr("#/layers/0/matte/kind"));
-  EXPECT_THAT(of({{"kind", "difference"}}), HasSubstr("needs \"empty_take\""));
+  EXPECT_THAT(of({{"kind", "difference"}}), HasSubstr("needs \"clean_plate_take\""));
   EXPECT_THAT(of({{"kind", "files"}, {"despill", 1}}), HasSubstr("/matte/despill: only"));
-  EXPECT_THAT(of({{"kind", "files"}, {"empty_take", "e"}}), HasSubstr("/matte/empty_take: only"));
+  EXPECT_THAT(of({{"kind", "files"}, {"clean_plate_take", "e"}}),
+              HasSubstr("/matte/clean_plate_take: only"));
   EXPECT_THAT(of({{"kind", "blue_screen"}, {"low", 1}}), HasSubstr("/matte/low: only"));
   EXPECT_THAT(of({{"kind", "blue_screen"}, {"white", 0.02}}), HasSubstr("allowed: above 0.05"));
   EXPECT_THAT(of({{"kind", "green_screen"}, {"screen_color", {0, 0, 1}}}),
               HasSubstr("the screen is not green"));
-  EXPECT_THAT(of({{"kind", "blue_screen"}, {"screen_color", {0, 0, 1}}, {"empty_take", "e"}}),
+  EXPECT_THAT(of({{"kind", "blue_screen"}, {"screen_color", {0, 0, 1}}, {"clean_plate_take", "e"}}),
               HasSubstr("found both"));
   EXPECT_THAT(of({{"kind", "blue_screen"}, {"keep", {{{0, 0, 0}, {1, 0, 1}}}}}),
               HasSubstr("#/layers/0/matte/keep/0: found a box without an inside"));
@@ -304,7 +309,7 @@ json shot_with_geometry() {
                          {{"frame", 48}, {"orientation", {1, 0, 0, 0}}}}}}}}};
   shot["lights"] = {{{"ambient", {0.1, 0.1, 0.2}}},
                     {{"direction", {0, -1, 0}}, {"color", {2, 2, 1}}, {"shadows", false}},
-                    {{"environment", "sky.exr"}, {"turn_deg", 90}, {"rays", 4}},
+                    {{"environment", "sky.exr"}, {"rotation_deg", 90}, {"rays", 4}},
                     {{"light_field", "room"}, {"strength", 0.5}}};
   return shot;
 }

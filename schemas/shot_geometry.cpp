@@ -105,7 +105,7 @@ Light shot_light_from(const JsonNode& object) {
     }
   };
   only({"direction"}, {"color", "shadows"});
-  only({"environment"}, {"turn_deg"});
+  only({"environment"}, {"rotation_deg"});
   only({"environment", "light_field"}, {"strength", "rays"});
   Light light;
   light.ambient = object.get_if<Three>("ambient");
@@ -117,7 +117,7 @@ Light shot_light_from(const JsonNode& object) {
   light.color = object.get("color", light.color);
   light.shadows = object.get("shadows", light.shadows);
   if (object.has("environment")) light.environment = path_from(object.at("environment"));
-  light.rotation_deg = object.get("turn_deg", light.rotation_deg);
+  light.rotation_deg = object.get("rotation_deg", light.rotation_deg);
   light.light_field = object.get("light_field", light.light_field);
   light.strength = object.get("strength", light.strength);
   light.rays = object.get("rays", light.rays);
@@ -133,7 +133,7 @@ ordered_json json_from(const Light& light) {
     return {{"light_field", light.light_field}, {"strength", light.strength}, {"rays", light.rays}};
   }
   return {{"environment", light.environment},
-          {"turn_deg", light.rotation_deg},
+          {"rotation_deg", light.rotation_deg},
           {"strength", light.strength},
           {"rays", light.rays}};
 }

@@ -92,7 +92,7 @@ ShotDocument::Plate plate_from(const JsonNode& object) {
   ShotDocument::Plate plate{.file = path_from(object.at("file"))};
   plate.frame_offset = object.get("frame_offset", plate.frame_offset);
   plate.depth_m = object.get_if<double>("depth_m");
-  plate.space = object.get("space", plate.space);
+  plate.space = object.get("color_space", plate.space);
   return plate;
 }
 
@@ -100,7 +100,7 @@ ordered_json json_from(const ShotDocument::Plate& plate) {
   ordered_json object{{"file", plate.file}};
   if (plate.frame_offset != 0) object["frame_offset"] = plate.frame_offset;
   add_optional(object, "depth_m", plate.depth_m);
-  if (!plate.space.empty()) object["space"] = plate.space;
+  if (!plate.space.empty()) object["color_space"] = plate.space;
   return object;
 }
 
@@ -172,7 +172,7 @@ void read_light_field(const JsonNode& object, Layer& layer) {
     const JsonNode from = object.at("receives_shadows");
     ShotDocument::ReceivedShadows shadows;
     shadows.strength = from.get("strength", shadows.strength);
-    shadows.occlusion_distance_m = from.get("reach_m", shadows.occlusion_distance_m);
+    shadows.occlusion_distance_m = from.get("occlusion_distance_m", shadows.occlusion_distance_m);
     shadows.rays = from.get("rays", shadows.rays);
     layer.shadows = shadows;
   }
@@ -248,7 +248,7 @@ ordered_json json_from(const Layer& layer) {
     if (!layer.volume.empty()) object["volume"] = layer.volume;
     if (layer.shadows) {
       object["receives_shadows"] = {{"strength", layer.shadows->strength},
-                                    {"reach_m", layer.shadows->occlusion_distance_m},
+                                    {"occlusion_distance_m", layer.shadows->occlusion_distance_m},
                                     {"rays", layer.shadows->rays}};
     }
     if (layer.matte) object["matte"] = json_from(*layer.matte);

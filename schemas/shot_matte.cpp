@@ -60,16 +60,17 @@ MatteSettings matte_settings_from(const JsonNode& object) {
   }
   if (matte.kind != Kind::kDifference) refuse_words(object, {"low", "high"}, "a difference matte");
   if (matte.kind == Kind::kFiles) {
-    refuse_words(object, {"empty_take"}, "a matte that is made from pictures");
+    refuse_words(object, {"clean_plate_take"}, "a matte that is made from pictures");
   }
-  if (matte.kind == Kind::kDifference && !object.has("empty_take")) {
-    throw object.input_error("a difference matte needs \"empty_take\"",
+  if (matte.kind == Kind::kDifference && !object.has("clean_plate_take")) {
+    throw object.input_error("a difference matte needs \"clean_plate_take\"",
                              "Name a take of the same array without the subject");
   }
   matte.screen_color = object.get_if<std::array<double, 3>>("screen_color");
-  if (object.has("empty_take")) matte.clean_plate_take = path_from(object.at("empty_take"));
+  if (object.has("clean_plate_take"))
+    matte.clean_plate_take = path_from(object.at("clean_plate_take"));
   if (matte.screen_color && !matte.clean_plate_take.empty()) {
-    throw object.input_error("found both \"screen_color\" and \"empty_take\"",
+    throw object.input_error("found both \"screen_color\" and \"clean_plate_take\"",
                              "Remove one of them");
   }
   if (matte.screen_color) {
@@ -96,7 +97,7 @@ MatteSettings matte_settings_from(const JsonNode& object) {
 
 ordered_json json_from(const MatteSettings& matte) {
   ordered_json object{{"kind", kKindNames[static_cast<std::size_t>(matte.kind)]}};
-  if (!matte.clean_plate_take.empty()) object["empty_take"] = matte.clean_plate_take;
+  if (!matte.clean_plate_take.empty()) object["clean_plate_take"] = matte.clean_plate_take;
   if (matte.kind == Kind::kBlueScreen || matte.kind == Kind::kGreenScreen) {
     add_optional(object, "screen_color", matte.screen_color);
     object["balance"] = matte.balance;
@@ -111,7 +112,5 @@ ordered_json json_from(const MatteSettings& matte) {
   if (!matte.garbage.empty()) object["garbage"] = matte.garbage;
   return object;
 }
-
-std::string format_matte(const MatteSettings& matte) { return json_from(matte).dump(); }
 
 }  // namespace raystage

@@ -21,7 +21,7 @@ TakeDocument parse_take(std::string_view text, std::string_view name) {
   take.nominal_fps = document.at("nominal_fps").get<double>();
   take.color_space = document.at("color_space").get<std::string>();
   take.clock = document.get("clock", take.clock);
-  take.timestamp_event = document.get("time_marks", take.timestamp_event);
+  take.timestamp_event = document.get("timestamp_event", take.timestamp_event);
   take.arbitrary_scale = document.get<std::string>("scale", "metres") == "arbitrary";
   take.depth_range = depth_range_from(document);
   const JsonNode cameras = document.at("cameras");
@@ -50,7 +50,7 @@ std::string format_take(const TakeDocument& take) {
   json["nominal_fps"] = take.nominal_fps;
   json["color_space"] = take.color_space;
   json["clock"] = take.clock;
-  json["time_marks"] = take.timestamp_event;
+  json["timestamp_event"] = take.timestamp_event;
   if (take.arbitrary_scale) json["scale"] = "arbitrary";
   add_depth_range(take.depth_range, json);
   auto& cameras = json["cameras"] = nlohmann::ordered_json::array();

@@ -35,6 +35,7 @@ constexpr std::string_view kUnderstood[] = {"$schema",
                                             "maxLength",
                                             "pattern",
                                             "patternDescription",
+                                            "formerly",
                                             "exclusiveMaximum",
                                             "items",
                                             "minItems",
@@ -99,8 +100,8 @@ std::string unknown_property(std::string_view key, const json& properties) {
       guess = fmt::format(", perhaps \"{}\" is meant", name);
     }
   }
-  return fmt::format("found the unknown property {}{}; allowed: \"{}\"", found(json(key)), guess,
-                     fmt::join(names, "\", \""));
+  return fmt::format("found the unknown property {}{}; allowed: \"{}\"",
+                     describe_json_value(json(key)), guess, fmt::join(names, "\", \""));
 }
 
 }  // namespace
@@ -131,6 +132,9 @@ void SchemaValidator::adopt(const Json& schema) {
     } else if (keyword == "pattern") {
       if (schema.value("maxLength", kLongestForPattern + 1) > kLongestForPattern) {
         throw std::logic_error("schema: a pattern needs a maxLength of at most 1000");
+      }
+      if (!schema.contains("patternDescription")) {
+        throw std::logic_error("schema: a pattern needs a patternDescription for the user");
       }
       patterns_.try_emplace(rule.get<std::string>(), rule.get<std::string>());
     } else if (keyword == "additionalProperties" && rule != Json(false)) {
@@ -212,9 +216,10 @@ void SchemaValidator::check_plain(const Json& schema, const Json& value, const P
     good = good && std::find(rule->begin(), rule->end(), value) != rule->end();
   }
   if (good) return;
-  throw json_value_error(place.name, place.pointer,
-                         fmt::format("found {}, allowed: {}", found(value), allowed(schema)),
-                         "Correct the value");
+  throw json_value_error(
+      place.name, place.pointer,
+      fmt::format("found {}, allowed: {}", describe_json_value(value), allowed(schema)),
+      "Correct the value");
 }
 
 void SchemaValidator::check_array(const Json& schema, const Json& value, const Place& place) const {
@@ -281,9 +286,10 @@ void SchemaValidator::check_choice(const Json& schema, const Json& branches, boo
       nearest->what_happened().find("unknown property") == std::string::npos) {
     throw Error(*nearest);
   }
-  throw json_value_error(place.name, place.pointer,
-                         fmt::format("found {}, allowed: {}", found(value), allowed(schema)),
-                         "Correct the value");
+  throw json_value_error(
+      place.name, place.pointer,
+      fmt::format("found {}, allowed: {}", describe_json_value(value), allowed(schema)),
+      "Correct the value");
 }
 
 std::string SchemaValidator::allowed(const Json& unresolved) const {
@@ -310,9 +316,7 @@ std::string SchemaValidator::allowed(const Json& unresolved) const {
   append("exclusiveMinimum", "greater than");
   append("maximum", "up to");
   append("exclusiveMaximum", "less than");
-  // In words: users need not read regular expressions.
   const auto described = schema.find("patternDescription");
-  if (described == schema.end()) append("pattern", "that matches");
   if (type == "string" && schema.contains("maxLength")) {
     text +=
         fmt::format(" of {} to {} bytes", schema.value("minLength", 0), schema["maxLength"].dump());

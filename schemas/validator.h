@@ -13,7 +13,8 @@ namespace raystage {
 /// Validates documents with a subset of JSON Schema, draft 2020-12: type, const, enum, minimum,
 /// exclusiveMinimum, maximum, exclusiveMaximum, minLength, maxLength (bytes), pattern, items,
 /// minItems, maxItems, properties, patternProperties ("^prefix" only, any value),
-/// additionalProperties (false only), required, oneOf, anyOf and $ref to "#/$defs/NAME".
+/// additionalProperties (false only), required, oneOf, anyOf and $ref to "#/$defs/NAME"; and of our
+/// own "patternDescription" (a pattern in words) and "formerly" (former_names.h).
 class SchemaValidator {
  public:
   /// Throws std::logic_error for a schema with any other keyword, so that no rule is silently
@@ -22,6 +23,7 @@ class SchemaValidator {
 
   /// Throws Error (bad input) at "NAME#/json/pointer" with the value found and what is allowed.
   void validate(const nlohmann::json& document, std::string_view name) const;
+  const nlohmann::json& schema() const { return schema_; }
 
  private:
   struct Place {

@@ -76,7 +76,8 @@ TEST(Validator, UnknownRulesAreRefused) {
        {R"({"multipleOf": 2})", R"({"properties": {"a": {"not": {}}}})",
         R"({"items": {"uniqueItems": true}})", R"({"$ref": "#/$defs/none", "$defs": {}})",
         R"({"additionalProperties": {"type": "null"}})", R"({"type": ["null", "number"]})",
-        R"({"patternProperties": {"a.*": true}})", R"({"pattern": "a"})", "true"}) {
+        R"({"patternProperties": {"a.*": true}})", R"({"pattern": "a"})",
+        R"({"type": "string", "maxLength": 9, "pattern": "^[a-z]+$"})", "true"}) {
     EXPECT_THROW(SchemaValidator{json::parse(schema)}, std::logic_error) << schema;
   }
 }
@@ -108,8 +109,6 @@ INSTANTIATE_TEST_SUITE_P(
         Case{R"({"type": "integer", "minimum": 0})", "18446744073709551615", "-1", "found -1"},
         Case{R"({"type": "string", "minLength": 1, "maxLength": 2})", R"("ab")", R"("abc")",
              "a string of 1 to 2 bytes"},
-        Case{R"({"type": "string", "maxLength": 9, "pattern": "^[a-z]+$"})", R"("ab")", R"("a1")",
-             "that matches \"^[a-z]+$\""},
         Case{
             R"({"type": "string", "maxLength": 9, "pattern": "^[a-z]+$", "patternDescription": "letters"})",
             R"("ab")", R"("a1")", "a string of 0 to 9 bytes: letters."},

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A figure before a screen to be keyed out: hair thinner than a pixel, hands that swing, cloth with
-// stripes; the screen's light falls off to its borders, as it does.
+// A figure in front of a keying screen, with hair thinner than a pixel, moving hands and striped
+// cloth. The screen is darker towards its borders, as real ones are.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -15,8 +15,8 @@ namespace {
 using Eigen::Isometry3f;
 using Eigen::Vector3f;
 
-constexpr float kStands = -3.4F;  // z
-constexpr float kScreen = -6;
+constexpr float kFigureZ = -3.4F;
+constexpr float kScreenZ = -6;
 
 Isometry3f moved(float x, float y, float z) {
   Isometry3f placement = Isometry3f::Identity();
@@ -24,7 +24,7 @@ Isometry3f moved(float x, float y, float z) {
   return placement;
 }
 
-/// A head's hair, around its centre: curved strands away from it, but not over the face.
+/// Returns hair around the centre of a head: curved strands that leave the face free.
 SceneMesh make_hair(float head_radius) {
   constexpr int kStrands = 90;
   constexpr float kRadius = 0.0022F;
@@ -55,7 +55,7 @@ void add_figure(Scene& scene) {
   scene.textures.emplace_back(512, 256, paint_beach_ball);
   const int cloth = static_cast<int>(scene.textures.size()) - 2, stripes = cloth + 1;
   scene.motions.push_back([](double seconds) {
-    Isometry3f placement = moved(0, -0.1F, kStands);
+    Isometry3f placement = moved(0, -0.1F, kFigureZ);
     placement.rotate(
         Eigen::AngleAxisf(0.5F * std::sin(1.1F * static_cast<float>(seconds)), Vector3f::UnitY()));
     return placement;
@@ -94,8 +94,8 @@ void add_figure(Scene& scene) {
 Scene make_screen_scene(const Vector3f& screen_colour, bool with_figure) {
   Scene scene;
   scene.name = "screen";
-  scene.focus = -kStands;
-  // High, so that the figure's shadow falls below what the array sees.
+  scene.focus = -kFigureZ;
+  // High, so that the figure's shadow is below the array's field of view.
   scene.light_position = Vector3f(-2.5F, 11, 1);
   scene.light_colour = Vector3f(1.3F, 1.22F, 1.1F);
   scene.sky_colour = Vector3f(0.55F, 0.56F, 0.6F);
@@ -105,7 +105,7 @@ Scene make_screen_scene(const Vector3f& screen_colour, bool with_figure) {
     return Vector3f(Vector3f::Constant(1 - 0.35F * x * x - 0.25F * y * y + 0.08F * x));
   });
   scene.parts.push_back({"screen",
-                         make_quad({-8, 7, kScreen}, {16, 0, 0}, {0, -14, 0}, {0.999F, 0.999F}, 8),
+                         make_quad({-8, 7, kScreenZ}, {16, 0, 0}, {0, -14, 0}, {0.999F, 0.999F}, 8),
                          {.texture = 0, .colour = screen_colour}});
   if (with_figure) add_figure(scene);
   return scene;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Mattes pulled from a simulated blue screen, against what the figure truly covers.
+// Compares mattes keyed from a simulated blue screen with the true coverage of the figure.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is recorded to calibrate an array: a light carried about in the dark.
+// The scenes that calibrate an array: a moving light, flat fields, a colour chart, a checkerboard.
 #include <algorithm>
 #include <cmath>
 
@@ -19,7 +19,7 @@ Scene make_moving_light_scene() {
   scene.ground_colour = Vector3f::Constant(0.003F);
   scene.background = Vector3f::Constant(0.001F);
 
-  // Near and far, and into the corners of every camera's picture; no rate is a multiple of another.
+  // Covers near and far depths and the corners of every picture; no frequency divides another.
   scene.motions.push_back([](double seconds) {
     const double distance = 1.7 + 0.85 * std::sin(0.47 * seconds + 0.4);
     Isometry3f placement = Isometry3f::Identity();
@@ -33,7 +33,7 @@ Scene make_moving_light_scene() {
   scene.parts.push_back(
       {"light", make_sphere(kBulb, 24), {.colour = {0.9F, 0.86F, 0.8F}, .emission = 0.9F}, 0});
 
-  // What must not be taken for it: a window pane that mirrors it, and a lamp of some machine.
+  // Distractors: a window pane that reflects the light, and the lamp of a machine.
   scene.parts.push_back({"pane",
                          make_quad({1.5F, 1.2F, -1.2F}, {0, 0, -2.4F}, {0, -2.4F, 0}),
                          {.colour = {0.25F, 0.25F, 0.25F}, .mirror = true}});
@@ -109,7 +109,7 @@ Scene make_checkerboard_scene() {
     const bool is_black = inside && (static_cast<int>(x) + static_cast<int>(y)) % 2 == 0;
     return Vector3f::Constant(is_black ? 0.03F : 0.9F);
   });
-  // Carried about, near enough to fill a third of the picture, and tilted to every side.
+  // Moves near enough to fill a third of the picture, with tilts to every side.
   scene.motions.push_back([](double seconds) {
     Isometry3f placement = Isometry3f::Identity();
     placement.translation() =

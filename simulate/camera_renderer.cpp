@@ -24,13 +24,12 @@ using Eigen::Vector3f;
 constexpr int kTile = 16;
 constexpr std::size_t kBatch = 256;
 
-// Whether two neighbouring pixels may hide an edge between them.
+// Returns whether there may be an edge between two neighbouring pixels.
 bool differ(const LightSample& a, const LightSample& b) {
   if (a.part != b.part || a.reflected_part != b.reflected_part || a.lit != b.lit) return true;
   if (a.part < 0) return false;
   if (a.normal.dot(b.normal) < 0.7F) return true;
   const float nearer = std::min(a.distance, b.distance), farther = std::max(a.distance, b.distance);
-  // The cosine tells a fold from a surface seen at a grazing angle only roughly, which is enough.
   return farther - nearer > 0.02F * nearer;
 }
 
@@ -56,7 +55,7 @@ bool PixelRays::has_ray(int column, int row) const { return !std::isnan(ideal(co
 
 Ray PixelRays::ray(int column, int row, float x, float y) const {
   Vector2f point = ideal(column, row);
-  // Between pixel centres by the slope there: within 1e-3 px for any lens that is a lens.
+  // Interpolates with the slope between pixel centres. The error is below 1e-3 px for real lenses.
   const auto step = [&](const Vector2f& before, const Vector2f& after) -> Vector2f {
     if (std::isnan(before.x())) return after - point;
     if (std::isnan(after.x())) return point - before;
@@ -126,7 +125,7 @@ void CameraRenderer::make_batch(const PixelRays& rays, std::span<const Pixel> gr
   batch_.clear();
   for (const Pixel& pixel : group) {
     for (int i = 0; i < samples; ++i) {
-      // A lattice sheared both ways: no two samples in one row or column of the pixel.
+      // A lattice sheared in both directions: no two samples share a row or column.
       const int column = i % side, row = i / side;
       const auto a = static_cast<float>(column), b = static_cast<float>(row);
       const auto n = static_cast<float>(side);
@@ -136,7 +135,7 @@ void CameraRenderer::make_batch(const PixelRays& rays, std::span<const Pixel> gr
   }
 }
 
-// Fills static_ for the rays in batch_: from the cache where it has a pixel's samples.
+// Fills static_ for the rays in batch_, from the cache for the pixels that it contains.
 void CameraRenderer::find_static(const World& world, std::span<const Pixel> group, float footprint,
                                  StaticSampleCache* cache) {
   const std::size_t per_pixel = batch_.size() / group.size();
@@ -155,14 +154,14 @@ void CameraRenderer::find_static(const World& world, std::span<const Pixel> grou
     const auto found = std::span(found_).subspan(m * per_pixel, per_pixel);
     for (std::size_t i = 0; i < per_pixel; ++i) static_[missing_[m] * per_pixel + i] = &found[i];
     if (cache == nullptr ||
-        (cache->blocks_.size() + per_pixel) * sizeof(StaticSample) > cache->most_bytes_) {
+        (cache->blocks_.size() + per_pixel) * sizeof(StaticSample) > cache->max_bytes_) {
       continue;
     }
     cache->block_of_[group[missing_[m]].index] =
         static_cast<std::int32_t>(cache->blocks_.size() / per_pixel);
     cache->blocks_.insert(cache->blocks_.end(), found.begin(), found.end());
   }
-  // Only now: the cache may have moved in memory.
+  // Not earlier: inserting may have reallocated the cache.
   for (std::size_t i = 0; i < static_.size(); ++i) {
     if (static_[i] != nullptr) continue;
     const std::int32_t block = cache->block_of_[group[i / per_pixel].index];
@@ -184,7 +183,7 @@ void CameraRenderer::supersample(const World& world, const PixelRays& rays,
     radiance_.sample(world, batch_, footprint, static_, samples_);
     for (std::size_t p = 0; p < group.size(); ++p) {
       Vector3f sum = Vector3f::Zero();
-      // Light above full scale is cut per sample, as a highlight's edge would else stay jagged.
+      // Clips each sample, not the mean: otherwise the edge of a highlight stays jagged.
       for (std::size_t i = 0; i < per_pixel; ++i) {
         sum += samples_[p * per_pixel + i].light.cwiseMin(1);
       }
@@ -214,8 +213,7 @@ void CameraRenderer::supersample_static(const World& world, const PixelRays& ray
   }
 }
 
-// Edge pixels: those with something that moves around them in pixels_, the others in
-// static_pixels_.
+// Collects edge pixels: those next to a moving part in pixels_, the others in static_pixels_.
 void CameraRenderer::find_edges(const LinearImage& image, const PixelRays& rays) {
   const auto width = static_cast<std::size_t>(image.width);
   const auto height = static_cast<std::size_t>(image.height);
@@ -239,7 +237,7 @@ void CameraRenderer::find_edges(const LinearImage& image, const PixelRays& rays)
   };
   pixels_.clear();
   static_pixels_.clear();
-  // In small tiles, so that rays that are traced together are neighbours.
+  // In small tiles, so that rays traced together are close to each other.
   constexpr std::size_t kBlock = 8;
   for (std::size_t top = 0; top < height; top += kBlock) {
     for (std::size_t left = 0; left < width; left += kBlock) {

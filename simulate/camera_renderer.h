@@ -12,20 +12,20 @@
 
 namespace raystage {
 
-/// The rays of a camera's pixels, worked out once.
+/// Computes the ray of every pixel of a camera once. Coordinates: world, metres.
 class PixelRays {
  public:
   explicit PixelRays(const CameraModel& model, const Pose& pose);
 
   int width() const { return width_; }
   int height() const { return height_; }
-  /// Whether the lens sees anything at this pixel (see CameraModel's fold).
+  /// Returns false where the distortion model maps no ray to the pixel (see CameraModel's fold).
   bool has_ray(int column, int row) const;
-  /// Ray through a place in the pixel, each coordinate in [0, 1), 0.5 the middle. World.
+  /// Returns the ray through position (x, y) of the pixel, each in [0, 1); the centre is 0.5.
   Ray ray(int column, int row, float x, float y) const;
-  /// Width of a pixel at 1 m, metres.
+  /// Returns the width of a pixel at a distance of 1 m, in metres.
   float footprint() const { return footprint_; }
-  /// Metres in front of the camera per metre along the ray.
+  /// Returns the ratio of a point's depth to its distance along the ray.
   float depth_per_distance(const Ray& ray) const { return forward_.dot(ray.direction); }
 
  private:
@@ -38,44 +38,43 @@ class PixelRays {
   float footprint_;
   Eigen::Matrix3f world_from_camera_;
   Eigen::Vector3f position_, forward_;
-  std::vector<Eigen::Vector2f> ideal_;  ///< of pixel centres, with a border of one; NaN: none
+  std::vector<Eigen::Vector2f> ideal_;  ///< at pixel centres, border of 1 pixel; NaN: no ray
 };
 
-/// A picture in linear light, full scale 1, and what its pixel centres see.
+/// An image in linear light (full scale 1), and the sample at each pixel centre; row by row.
 struct LinearImage {
   int width = 0, height = 0;
   std::vector<Eigen::Vector3f> light;
   std::vector<LightSample> centre;
 };
 
-/// What one camera sees of the still parts, kept from frame to frame. Changes no picture, only how
-/// long it takes.
+/// Keeps a camera's samples of static parts between frames. Saves time and changes no image.
 class StaticSampleCache {
  public:
-  /// `max_bytes`: of what is kept beyond one sample a pixel.
+  /// `max_bytes` limits the samples that are kept in addition to one per pixel.
   explicit StaticSampleCache(std::size_t max_bytes = std::size_t{256} << 20U)
-      : most_bytes_(max_bytes) {}
+      : max_bytes_(max_bytes) {}
 
  private:
   friend class CameraRenderer;
-  std::size_t most_bytes_;
-  std::vector<Ray> rays_;              ///< through the pixel centres, tile by tile
-  std::vector<StaticSample> centres_;  ///< of those
-  /// Per pixel: light over several samples where nothing moves in sight; NaN: not known yet.
+  std::size_t max_bytes_;
+  std::vector<Ray> rays_;              ///< through the pixel centres, in the order of tiles
+  std::vector<StaticSample> centres_;  ///< of rays_
+  /// Per pixel: mean light of its samples if they see no moving part; NaN: not computed yet.
   std::vector<Eigen::Vector3f> supersampled_;
-  std::vector<std::int32_t> block_of_;  ///< per pixel: its samples in blocks_, -1: none yet
-  std::vector<StaticSample> blocks_;    ///< several samples per pixel
+  std::vector<std::int32_t> block_of_;  ///< per pixel: index of its samples in blocks_; -1: none
+  std::vector<StaticSample> blocks_;    ///< `edge_samples` per block
 };
 
-/// Renders pictures. Keeps scratch memory: one per thread.
+/// Renders images of a world. Has scratch memory: use one object per thread.
 class CameraRenderer {
  public:
-  /// `edge_samples` (a square number) where neighbouring pixels see different surfaces or shadows,
-  /// one sample elsewhere: textures are filtered anyway. Moving parts are found by the pixel
-  /// centres. `cache`: of these rays and this number, empty at first.
+  /// Takes `edge_samples` (a square number) samples in pixels whose neighbours see different
+  /// surfaces or shadows, and one elsewhere, as textures are filtered. Detects moving parts at the
+  /// pixel centres. `cache` belongs to these rays and this number of samples; it is empty at first.
   void render(const World& world, const PixelRays& rays, int edge_samples, StaticSampleCache& cache,
               LinearImage& image);
-  /// `samples` (a square number) everywhere.
+  /// Takes `samples` (a square number) samples in every pixel.
   void render_supersampled(const World& world, const PixelRays& rays, int samples,
                            LinearImage& image);
 
@@ -84,8 +83,7 @@ class CameraRenderer {
     int column, row;
     std::size_t index;  ///< in the image
   };
-  /// Fills `image` with one sample a pixel and is_dynamic_ with whether something that moves is
-  /// seen or shades it.
+  /// Takes one sample per pixel. Sets is_dynamic_ where a moving part or its shadow is seen.
   void render_centres(const World& world, const PixelRays& rays, StaticSampleCache& cache,
                       LinearImage& image);
   void find_edges(const LinearImage& image, const PixelRays& rays);

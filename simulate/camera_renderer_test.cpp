@@ -16,7 +16,7 @@
 namespace raystage {
 namespace {
 
-// A camera with distortion and mounting errors, and what it sees.
+// A camera with distortion and mounting errors, and its image.
 struct Shoot {
   Shoot(const std::string& scene_name, int width, int height)
       : scene(make_scene(scene_name)), geometry(scene), world(geometry) {
@@ -76,7 +76,7 @@ TEST(CameraImage, PixelsSeeWhatTheCameraModelProjectsThere) {
           Eigen::Vector3d(column + 0.5, row + 0.5, 1);
     }
   }
-  // Known places in the scene, by the model's own projection.
+  // Projects known positions of the scene with the camera model.
   const Eigen::Vector3d centres[] = {
       {-0.5, 0.3, -2}, {0.6, 0.4, -2.5}, {-0.7, -0.4, -3}, {0.4, -0.3, -2.2}};
   for (int ball = 0; ball < 4; ++ball) {
@@ -107,7 +107,7 @@ TEST(CameraImage, RaysBetweenPixelCentresFollowTheModelToo) {
 
 class StageImage : public ::testing::Test {
  protected:
-  // Painting the set takes a moment: once for all.
+  // Once for all tests, as painting the textures takes time.
   static void SetUpTestSuite() { shoot_ = std::make_unique<Shoot>("stage", 320, 240); }
   static void TearDownTestSuite() { shoot_.reset(); }
   static inline std::unique_ptr<Shoot> shoot_;
@@ -152,7 +152,7 @@ TEST_F(StageImage, MirrorFollowsTheLawOfReflection) {
       const LightSample& sample =
           image.centre[static_cast<std::size_t>(row * image.width + column)];
       if (sample.reflected_part != shoot.part("floor")) continue;
-      // As if the camera stood behind the mirror: its ray goes straight on to the floor.
+      // Equivalent: a camera behind the mirror whose ray continues straight to the floor.
       Ray ray = rays.ray(column, row, 0.5F, 0.5F);
       const auto flip = [&](const Eigen::Vector3f& v, float offset) -> Eigen::Vector3f {
         return v - 2 * (v.dot(normal) - offset) * normal;
@@ -214,13 +214,13 @@ TEST(Texture, AveragesWhatIsFinerThanThePixel) {
     const bool light = (static_cast<int>(u * 32) + static_cast<int>(v * 32)) % 2 == 0;
     return Eigen::Vector3f::Constant(light ? 1.0F : 0.0F);
   });
-  // A pixel as wide as eight checks sees their mean, wherever it lies.
+  // A pixel as wide as eight squares shows their mean at any position.
   for (const float u : {0.1F, 0.33F, 0.6F}) {
     EXPECT_NEAR(checks.sample({u, 0.4F}, {0.25F, 0}, {0, 0.25F}).x(), 0.5F, 0.01F);
   }
-  // A pixel much finer than a check sees the check.
+  // A pixel much smaller than a square shows the square.
   EXPECT_NEAR(checks.sample({0.5F / 32, 0.5F / 32}, {0.001F, 0}, {0, 0.001F}).x(), 1, 1e-5F);
-  // Stretched along one axis only, it averages along that one.
+  // Stretched along one axis, it averages along that axis only.
   const Texture stripes(64, 64, [](float u, float) -> Eigen::Vector3f {
     return Eigen::Vector3f::Constant(u < 0.5F ? 1.0F : 0.0F);
   });

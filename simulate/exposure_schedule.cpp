@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Simulates free-running cameras (thesis chapter 4): a random phase and period per camera, normal
+// jitter (clipped at 5 sigma) per frame, a clock offset per node. Frames during start-up are lost,
+// later ones are dropped at random. Times are in nanoseconds. Cost: linear in the frames.
 #include "simulate/exposure_schedule.h"
 
 #include <algorithm>
@@ -24,7 +28,7 @@ ExposureSchedule make_exposure_schedule(const SimulationSettings& s) {
     HashRandom random{s.seed, kNodeSalt, static_cast<std::uint64_t>(node)};
     schedule.clock_offset.push_back(nanoseconds(random.uniform(-s.clock_offset, s.clock_offset)));
   }
-  // Room at the start, so that no stamp lies before the epoch.
+  // Keeps every time stamp after the epoch.
   const double lead = s.clock_offset + 5 * s.jitter;
   for (int index = 0; index < s.camera_count(); ++index) {
     const auto salt = static_cast<std::uint64_t>(index);

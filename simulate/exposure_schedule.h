@@ -10,20 +10,20 @@
 namespace raystage {
 
 /// The exposure times of each camera, their time stamps by the clock of its node, and the status of
-/// each frame.
+/// each frame. Times are in nanoseconds since the take's epoch.
 struct ExposureSchedule {
   struct Frame {
-    Nanoseconds true_time = 0;     ///< middle of the exposure, since the take's epoch
+    Nanoseconds true_time = 0;     ///< middle of the exposure
     Nanoseconds stamped_time = 0;  ///< by the clock of the camera's node
     FrameStatus status = FrameStatus::kStored;
   };
   struct Camera {
     int node = 0;
-    Nanoseconds phase = 0;  ///< true time of frame 0, jitter aside
-    double period_ns = 0;   ///< between its exposures, true
+    Nanoseconds phase = 0;  ///< true time of frame 0 without jitter
+    double period_ns = 0;   ///< true time between its exposures
     std::vector<Frame> frames;
   };
-  std::vector<Nanoseconds> clock_offset;  ///< per node: stamped - true
+  std::vector<Nanoseconds> clock_offset;  ///< per node: stamped time - true time
   std::vector<Camera> cameras;
 };
 

@@ -17,7 +17,7 @@ struct MeshPoint {
   Vector2f uv;
 };
 
-// A lattice of (columns + 1) x (rows + 1) points of a surface over [0, 1]^2.
+// Samples `surface`, a function on [0, 1]^2, at (columns + 1) x (rows + 1) points.
 SceneMesh make_surface(int columns, int rows,
                        const std::function<MeshPoint(float, float)>& surface) {
   SceneMesh mesh;
@@ -75,7 +75,7 @@ SceneMesh make_box(const Vector3f& size) {
   SceneMesh mesh;
   for (int axis = 0; axis < 3; ++axis) {
     for (const float side : {-0.5F, 0.5F}) {
-      // Two horizontal axes and the vertical one, so that pictures stand upright on the walls.
+      // Textures are upright on the side faces.
       const int up = axis == 1 ? 2 : 1;
       const int across = 3 - axis - up;
       Vector3f corner = Vector3f::Zero(), u = Vector3f::Zero(), v = Vector3f::Zero();
@@ -133,7 +133,7 @@ SceneMesh make_curtain(float width, float height, float depth, int folds) {
   const float rate = 2 * std::numbers::pi_v<float> * static_cast<float>(folds) / width;
   return make_surface(folds * 16, 8, [&](float u, float v) {
     const float x = u * width;
-    // Two waves, so that no fold is like the next.
+    // The sum of two waves makes all folds different.
     const float z = depth * (std::sin(rate * x) + 0.35F * std::sin(0.37F * rate * x + 1));
     const float slope =
         depth * rate * (std::cos(rate * x) + 0.35F * 0.37F * std::cos(0.37F * rate * x + 1));
@@ -148,7 +148,7 @@ SceneMesh make_wheel(float radius, float spoke_radius, int spokes) {
   for (int i = 0; i < spokes; ++i) {
     const float angle =
         2 * std::numbers::pi_v<float> * static_cast<float>(i) / static_cast<float>(spokes);
-    // Spokes leave the hub beside its axis, as on a bicycle, to alternating sides.
+    // Spokes are tangential to the hub on alternating sides, as on a bicycle.
     const float turn = angle + (i % 2 == 0 ? 0.9F : -0.9F);
     const float side = i % 2 == 0 ? 0.03F : -0.03F;
     mesh.add(make_rod(0.08F * radius * Vector3f(std::cos(turn), std::sin(turn), side / 0.08F),

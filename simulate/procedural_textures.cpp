@@ -10,7 +10,7 @@ namespace {
 
 using Eigen::Vector3f;
 
-// Falling where from > to.
+// Smooth step from 0 at `from` to 1 at `to`.
 float smooth(float from, float to, float x) {
   const float t = std::clamp((x - from) / (to - from), 0.0F, 1.0F);
   return t * t * (3 - 2 * t);
@@ -18,16 +18,16 @@ float smooth(float from, float to, float x) {
 
 Vector3f mix(const Vector3f& a, const Vector3f& b, float t) { return a + (b - a) * t; }
 
-// 0 to 1, a number per lattice cell.
+// Returns a random number in [0, 1) for a lattice cell.
 float cell_value(int x, int y, unsigned salt) {
   std::uint32_t h = static_cast<std::uint32_t>(x) * 0x9E3779B1U +
                     static_cast<std::uint32_t>(y) * 0x85EBCA77U + salt * 0xC2B2AE3DU;
-  h = (h ^ (h >> 15U)) * 0x2C1B3C6DU;  // lowbias32 (C. Wellons), its middle
+  h = (h ^ (h >> 15U)) * 0x2C1B3C6DU;  // the middle of lowbias32 (C. Wellons)
   h = (h ^ (h >> 12U)) * 0x297A2D39U;
   return static_cast<float>((h ^ (h >> 15U)) >> 8U) * 0x1p-24F;
 }
 
-// std::floor is a call on plain x86-64, and painting calls it most of all.
+// Replaces std::floor, which is a function call on baseline x86-64 and dominates the time.
 int floor_index(float x) {
   const int truncated = static_cast<int>(x);
   return truncated - (x < static_cast<float>(truncated) ? 1 : 0);
@@ -35,7 +35,7 @@ int floor_index(float x) {
 
 float fraction(float x) { return x - static_cast<float>(floor_index(x)); }
 
-// Value noise, 0 to 1, repeating after `period` lattice cells.
+// Returns value noise in [0, 1], periodic after `period_x` x `period_y` lattice cells.
 float noise(float x, float y, int period_x, int period_y, unsigned salt) {
   const int left = floor_index(x), top = floor_index(y);
   const auto wrap = [](int i, int period) {
@@ -52,7 +52,7 @@ float noise(float x, float y, int period_x, int period_y, unsigned salt) {
   return upper + (lower - upper) * ty;
 }
 
-// Octaves of noise over the unit square, 0 to 1; the coarsest has `cells_x` x `cells_y` cells.
+// Sums octaves of noise in [0, 1]; the coarsest has `cells_x` x `cells_y` cells in all.
 float octaves(float u, float v, int cells_x, int cells_y, int count, unsigned salt) {
   float sum = 0, weight = 0.5F, total = 0;
   for (int i = 0; i < count; ++i) {
@@ -66,10 +66,10 @@ float octaves(float u, float v, int cells_x, int cells_y, int count, unsigned sa
   return sum / total;
 }
 
-// A house with a roof and lit windows, standing on `ground`; returns whether (x, y) is on it.
+// Sets the colour of a house on `ground` at (x, y), y up; returns whether (x, y) is on it.
 bool paint_house(float x, float y, float left, float width, float ground, float height,
                  Vector3f& colour) {
-  const float u = (x - left) / width, h = (y - ground) / height;  // y grows upwards here
+  const float u = (x - left) / width, h = (y - ground) / height;
   if (h < 0 || h > 1.5F || u < -0.08F || u > 1.08F) return false;
   if (h > 1) {
     if (std::abs(u - 0.5F) > 0.58F * (1.5F - h) / 0.5F) return false;
@@ -88,7 +88,7 @@ bool paint_house(float x, float y, float left, float width, float ground, float 
 
 Vector3f paint_backdrop(float u, float v) {
   const float brush = octaves(u, v, 40, 60, 4, 1) - 0.5F;
-  // Sky: from deep blue down to a warm horizon, with a sun in rings and long clouds.
+  // Sky: blue at the top, warm at the horizon, with a sun in rings and clouds.
   Vector3f colour = mix({0.05F, 0.13F, 0.36F}, {0.85F, 0.46F, 0.22F}, smooth(0, 0.72F, v));
   const float sun = std::hypot((u - 0.6F) * 1.92F, v - 0.42F);
   colour =
@@ -97,7 +97,7 @@ Vector3f paint_backdrop(float u, float v) {
   const float cloud = v > 0.75F ? 0 : octaves(u, v + 0.05F * brush, 5, 14, 5, 11);
   colour = mix(colour, {0.90F, 0.74F, 0.66F},
                0.85F * smooth(0.52F, 0.68F, cloud) * smooth(0.75F, 0.5F, v));
-  // Ridges, nearer ones lower and darker.
+  // Ridges: nearer ones are lower and darker.
   const float height = 1 - v;
   for (int ridge = 0; ridge < 3; ++ridge) {
     const auto i = static_cast<float>(ridge);
@@ -110,7 +110,7 @@ Vector3f paint_backdrop(float u, float v) {
     const Vector3f far(0.34F, 0.30F, 0.42F), near(0.06F, 0.17F, 0.08F);
     colour = mix(far, near, i / 2) * shade;
   }
-  // The field with its furrows, and trees and houses on its edge.
+  // A field with furrows, and trees and houses on its edge.
   const float edge = 0.29F + 0.02F * std::sin(u * 9);
   if (height < edge) {
     const float furrow = std::sin((u - 0.5F) * 160 / (0.12F + (edge - height)) * 0.16F);
@@ -180,8 +180,8 @@ Vector3f paint_poster(float u, float v) {
   if (u < 0.08F || u > 0.92F || v < 0.04F || x > 1 || y > 1) return cream;
   const int row = static_cast<int>(line), column = static_cast<int>(letter);
   const int salt = heading ? 7 : 0;
-  if (cell_value(column + salt, row, 101) < 0.15F) return cream;  // a space between words
-  // Letters of 3 x 5 dots, strokes more often than gaps.
+  if (cell_value(column + salt, row, 101) < 0.15F) return cream;  // a space
+  // Letters of 3 x 5 dots, most of them ink.
   const bool ink = cell_value(column * 3 + static_cast<int>(x * 3),
                               row * 5 + static_cast<int>(y * 5) + salt, 102) < 0.58F;
   if (!ink) return cream;
@@ -193,7 +193,7 @@ Vector3f paint_beach_ball(float u, float v) {
                               {0.88F, 0.84F, 0.76F}, {0.04F, 0.20F, 0.62F}, {0.88F, 0.84F, 0.76F}};
   if (v < 0.08F || v > 0.92F) return colours[1];
   const Vector3f& colour = colours[static_cast<int>(u * 6) % 6];
-  // Fine rings, so that there is something to match within a segment.
+  // Fine rings give stereo matching some texture within a segment.
   return colour * (fraction(v * 24) < 0.12F ? 0.6F : 1.0F) *
          (0.85F + 0.3F * octaves(u, v, 16, 8, 3, 110));
 }

@@ -17,7 +17,7 @@ namespace {
 using Eigen::Vector2f;
 using Eigen::Vector3f;
 
-// Shadow rays start this far off the surface, metres: nothing in a scene is thinner.
+// Distance in metres between a surface and the start of its shadow rays: no part is thinner.
 constexpr float kShadowOffset = 1e-3F;
 
 struct SurfacePoint {
@@ -27,8 +27,8 @@ struct SurfacePoint {
   Vector3f albedo;
 };
 
-// Where a ray meets a triangle, and the texture filtered over the ray's footprint there.
-// `travelled`: metres since the camera, mirror included.
+// Returns the point where a ray hits a triangle, with its filtered texture. `travelled`: metres
+// from the camera, including the path to a mirror.
 SurfacePoint surface_at(const World& world, const Ray& ray, const Hit& hit, float travelled,
                         float footprint) {
   const Scene& scene = world.geometry().scene();
@@ -48,8 +48,7 @@ SurfacePoint surface_at(const World& world, const Ray& ray, const Hit& hit, floa
   if (shape.smooth) {
     normal = (shape.normal[0] * w + shape.normal[1] * hit.u + shape.normal[2] * hit.v).normalized();
     if (normal.dot(flat) < 0) normal = -normal;
-    // Up to the smooth surface that the triangles stand for, else it shadows itself along the
-    // border between light and shade (Hanika, "Hacking the shadow terminator", 2021).
+    // On the smooth surface, as triangles shadow each other at the terminator (Hanika 2021).
     const float weight[3] = {w, hit.u, hit.v};
     for (int i = 0; i < 3; ++i) {
       const Vector3f outward =
@@ -69,7 +68,7 @@ SurfacePoint surface_at(const World& world, const Ray& ray, const Hit& hit, floa
   if (part.material.texture >= 0) {
     const Texture& texture = scene.textures[static_cast<std::size_t>(part.material.texture)];
     const Vector2f uv = shape.uv[0] * w + shape.uv[1] * hit.u + shape.uv[2] * hit.v;
-    // The footprint is a disc across the ray; on the surface it is stretched along the ray.
+    // The footprint is a disc perpendicular to the ray; its projection is stretched by 1 / cosine.
     const float width = footprint * travelled;
     const float cosine = std::max(0.05F, -direction_in_part.dot(flat));
     const Vector3f along = direction_in_part + flat * cosine;
@@ -86,8 +85,8 @@ SurfacePoint surface_at(const World& world, const Ray& ray, const Hit& hit, floa
   return point;
 }
 
-// What a surface sends along a ray: always, and in addition where the lamp reaches it (0 where it
-// faces away).
+// The light that a surface sends along a ray: `unlit` always, and `lamp` where the lamp is visible
+// (0 where the surface faces away).
 struct Shade {
   Vector3f unlit, lamp, shadow_origin, normal;
 };
@@ -109,7 +108,7 @@ Shade shade(const World& world, const Ray& ray, const Hit& hit, float travelled,
   if (material.specular > 0) {
     const Vector3f half = (direction - ray.direction).normalized();
     float power = std::max(0.0F, half.dot(point.normal));
-    for (int doubling = 0; doubling < 5; ++doubling) power *= power;  // to the 32nd
+    for (int doubling = 0; doubling < 5; ++doubling) power *= power;  // 32nd power
     reflectance += tint * (material.specular * 0.5F * power);
   }
   result.lamp = reflectance.cwiseProduct(scene.light_colour) * facing;
@@ -118,7 +117,7 @@ Shade shade(const World& world, const Ray& ray, const Hit& hit, float travelled,
 
 }  // namespace
 
-// Replaces the hits on mirrors by what is seen in them.
+// Replaces hits on mirrors by the hits of the reflected rays.
 void RadianceSampler::reflect(const World& world, std::span<const Ray> rays,
                               std::span<StaticSample> samples) {
   const Scene& scene = world.geometry().scene();
@@ -207,7 +206,7 @@ void RadianceSampler::add_moving_surface(const World& world, const Ray& ray, con
   }
 }
 
-// Moving parts seen in the mirror: marks what it finds in hits_, as seen first.
+// Adds moving parts that mirrors show. Stores their hits in hits_.
 void RadianceSampler::trace_reflections(const World& world, float footprint,
                                         std::span<const StaticSample* const> still,
                                         std::span<LightSample> samples) {
@@ -266,7 +265,7 @@ void RadianceSampler::sample(const World& world, std::span<const Ray> rays, floa
   }
   trace_reflections(world, footprint, still, samples);
 
-  // Moving surfaces may stand in still shadow; of still ones that is known.
+  // Only moving surfaces need this test: `lamp` of static ones includes static shadows.
   occluded_.assign(shadow_.size(), 0);
   world.occlude_static(shadow_, shadow_limits_, occluded_);
   for (std::size_t i = 0; i < rays.size(); ++i) {

@@ -11,25 +11,24 @@
 
 namespace raystage {
 
-/// The light that a camera receives along a ray, and the surface seen.
+/// The light that a camera receives along a ray, and the surface that the ray shows.
 struct LightSample {
   Eigen::Vector3f light = Eigen::Vector3f::Zero();  ///< linear, Rec.709 primaries; full scale 1
-  /// Of the surface seen (in the mirror, if there is one), towards the ray; world.
+  /// Unit normal of the surface seen (behind a mirror: of the reflected one), world.
   Eigen::Vector3f normal = Eigen::Vector3f::UnitZ();
-  float distance = std::numeric_limits<float>::infinity();  ///< along the ray to the first surface
-  int part = -1;                                            ///< first surface; -1: none
-  int reflected_part = -1;       ///< surface seen in it where it is a mirror
-  float reflected_distance = 0;  ///< from the mirror to that
-  bool lit = false;              ///< the light reaches the surface seen
+  float distance = std::numeric_limits<float>::infinity();  ///< to the first surface, metres
+  int part = -1;                                            ///< of the first surface; -1: none
+  int reflected_part = -1;       ///< the surface that a mirror shows; -1: none
+  float reflected_distance = 0;  ///< from the mirror to that surface, metres
+  bool lit = false;              ///< the lamp illuminates the surface seen
 };
 
-/// What a ray would bring back if nothing moved, and what is needed to put in what moves: a camera
-/// that stands still works this out once for all its frames.
+/// The light along a ray without the moving parts, and the data to add them at any time.
 struct StaticSample {
-  Eigen::Vector3f unlit = Eigen::Vector3f::Zero();  ///< light without the lamp's own
-  Eigen::Vector3f lamp = Eigen::Vector3f::Zero();   ///< what the lamp adds; 0 in still shadow
-  Ray shadow{};            ///< to the lamp; of no meaning where `lamp` is 0
-  float shadow_limit = 0;  ///< how far that is, metres
+  Eigen::Vector3f unlit = Eigen::Vector3f::Zero();  ///< light without the lamp
+  Eigen::Vector3f lamp = Eigen::Vector3f::Zero();   ///< light of the lamp; 0 in static shadow
+  Ray shadow{};            ///< ray to the lamp; undefined where `lamp` is 0
+  float shadow_limit = 0;  ///< distance of the lamp, metres
   Eigen::Vector3f normal = Eigen::Vector3f::UnitZ();
   float distance = std::numeric_limits<float>::infinity();
   int part = -1;
@@ -39,21 +38,21 @@ struct StaticSample {
   int reflected_part = -1;
 };
 
-/// Computes the light along rays through a world. Keeps scratch memory: use one per thread.
+/// Computes the light along rays through a world. Has scratch memory: use one object per thread.
 class RadianceSampler {
  public:
-  /// `footprint`: width of a sample at 1 m, metres.
+  /// Traces the static parts. `footprint`: width of a sample at 1 m, metres.
   void sample_static(const World& world, std::span<const Ray> rays, float footprint,
                      std::span<StaticSample> samples);
-  /// At the world's time. `still`: what sample_static() found for the same rays.
+  /// Adds the moving parts at the world's time. `still`: results of sample_static() for the rays.
   void sample(const World& world, std::span<const Ray> rays, float footprint,
               std::span<const StaticSample* const> still, std::span<LightSample> samples);
 
  private:
-  /// A surface that the lamp may light, waiting for its shadow ray.
+  /// A surface that the lamp illuminates if its shadow ray is free.
   struct PendingShadowRay {
     std::size_t sample = 0;
-    Eigen::Vector3f lamp;  ///< what it then adds
+    Eigen::Vector3f lamp;  ///< the lamp's light on it
   };
 
   void reflect(const World& world, std::span<const Ray> rays, std::span<StaticSample> samples);
@@ -63,7 +62,6 @@ class RadianceSampler {
   void add_moving_surface(const World& world, const Ray& ray, const Hit& hit, float travelled,
                           float footprint, const Eigen::Vector3f& tint, std::size_t index,
                           LightSample& sample);
-  /// Puts a shadow ray from `origin` in the queue.
   void queue_shadow_ray(const Scene& scene, std::size_t index, const Eigen::Vector3f& origin,
                         const Eigen::Vector3f& lamp);
 

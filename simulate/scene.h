@@ -12,31 +12,31 @@
 
 namespace raystage {
 
-/// How a surface answers light. Linear light, Rec.709 primaries.
+/// The reflection model of a surface, in linear light with Rec.709 primaries.
 struct SceneMaterial {
-  int texture = -1;  ///< in Scene::textures; -1: colour alone
-  Eigen::Vector3f colour = Eigen::Vector3f(0.8F, 0.8F, 0.8F);  ///< times the texture
+  int texture = -1;  ///< index into Scene::textures; -1: none
+  Eigen::Vector3f colour = Eigen::Vector3f(0.8F, 0.8F, 0.8F);  ///< multiplied by the texture
   float specular = 0;   ///< strength of the highlight, 0 to 1
-  float emission = 0;   ///< light given off, times `colour`
-  bool mirror = false;  ///< reflects `colour` times what it sees, once
+  float emission = 0;   ///< emitted light, multiplied by `colour`
+  bool mirror = false;  ///< reflects once, multiplied by `colour`
 };
 
-/// World placement of a part at a time, seconds since the take's epoch.
+/// Returns the world_from_part transform at a time in seconds since the take's epoch.
 using Motion = std::function<Eigen::Isometry3f(double seconds)>;
 
 struct ScenePart {
   std::string name;
   SceneMesh mesh;
   SceneMaterial material;
-  int motion = -1;  ///< in Scene::motions; -1: stands in world coordinates and never moves
+  int motion = -1;  ///< index into Scene::motions; -1: static, in world coordinates
 };
 
-/// A stage set: what stands and moves in it, and its light. World: metres, y up; the array looks
-/// down -z from the origin. Light comes from a point with a hard shadow, does not fall off, and is
-/// filled up by a sky and a ground without shadow.
+/// A scene with its static and moving parts and its light. World: metres, y up; the array is at the
+/// origin and looks along -z. A point light without falloff casts hard shadows. Light of sky and
+/// ground is added without shadows.
 struct Scene {
   std::string name;
-  double focus = 5;  ///< where the virtual camera's shot is sharp, metres in front of the array
+  double focus = 5;  ///< focal plane of the shot, metres in front of the array
   std::vector<Texture> textures;
   std::vector<Motion> motions;
   std::vector<ScenePart> parts;
@@ -44,31 +44,31 @@ struct Scene {
   Eigen::Vector3f light_colour = Eigen::Vector3f(1, 0.94F, 0.84F);
   Eigen::Vector3f sky_colour = Eigen::Vector3f(0.34F, 0.37F, 0.44F);
   Eigen::Vector3f ground_colour = Eigen::Vector3f(0.20F, 0.17F, 0.14F);
-  Eigen::Vector3f background = Eigen::Vector3f(0.02F, 0.02F, 0.03F);  ///< where nothing stands
+  Eigen::Vector3f background = Eigen::Vector3f(0.02F, 0.02F, 0.03F);  ///< of rays without a hit
 };
 
-/// Names that make_scene() knows, and what they are.
+/// A name that make_scene() accepts, and a summary of its scene.
 struct SceneName {
   std::string_view name, summary;
 };
 std::vector<SceneName> scene_names();
 
-/// Throws Error (bad input) naming the scenes there are.
+/// Returns the scene of this name. Throws Error (bad input) that lists the names if there is none.
 Scene make_scene(std::string_view name);
 
 Scene make_stage_scene(bool moving);
 Scene make_chart_scene();
-/// A target that fills every picture and is everywhere as bright, a little warm; 0: lens caps.
+/// Returns a uniform, slightly warm target that fills every picture. `light` = 0: lens caps.
 Scene make_flat_field_scene(float light);
-/// A ColorChecker of 0.45 x 0.3 m, as bright everywhere, held still at 0.9 m.
+/// Returns an evenly lit, static ColorChecker of 0.45 x 0.3 m at a distance of 0.9 m.
 Scene make_color_chart_scene();
-/// A checkerboard, black squares first, that is carried about: so many squares, metres each.
+/// Returns a moving checkerboard of the squares (m) below; its top left square is black.
 Scene make_checkerboard_scene();
 inline constexpr int kSimulatedBoardColumns = 10, kSimulatedBoardRows = 7;
 inline constexpr float kSimulatedSquareSize = 0.03F;
-/// The light's part is called "light".
+/// Returns a small light that moves in the dark; the name of its part is "light".
 Scene make_moving_light_scene();
-/// The screen's part is called "screen".
+/// Returns a coloured screen; the name of its part is "screen".
 Scene make_screen_scene(const Eigen::Vector3f& screen_colour, bool with_figure);
 
 }  // namespace raystage

@@ -25,7 +25,7 @@ std::vector<std::uint8_t> codes_by(const std::vector<double>& curve) {
   return codes;
 }
 
-// Nearly normal, mean 0, standard deviation 1: four 16-bit numbers added up.
+// Approximates the normal distribution (mean 0, deviation 1) by a sum of four 16-bit numbers.
 float quick_normal(std::uint64_t bits) {
   const auto part = [&](unsigned shift) { return static_cast<float>((bits >> shift) & 0xFFFFU); };
   return (part(0) + part(16) + part(32) + part(48) - 131070.0F) * (1.7320508F / 65536);
@@ -59,7 +59,7 @@ SensorModel::SensorModel(const PhotometricResponse& response, PictureSize size, 
 RgbImage SensorModel::develop(const LinearImage& image, std::uint64_t noise_seed) const {
   static const std::vector<std::uint8_t> srgb_codes = codes_by({});
   RgbImage result{image.width, image.height, std::vector<std::uint8_t>(image.light.size() * 3)};
-  auto dark = hot_pixels_.begin();
+  auto hot = hot_pixels_.begin();
   for (std::size_t i = 0; i < image.light.size(); ++i) {
     std::array<float, 3> light{image.light[i].x(), image.light[i].y(), image.light[i].z()};
     if (mixes_) {
@@ -69,14 +69,14 @@ RgbImage SensorModel::develop(const LinearImage& image, std::uint64_t noise_seed
         light[c] = row[0] * r + row[1] * g + row[2] * b;
       }
     }
-    const bool is_dark =
-        dark != hot_pixels_.end() &&
-        i == static_cast<std::size_t>(dark->y) * static_cast<std::size_t>(image.width) +
-                 static_cast<std::size_t>(dark->x);
+    const bool is_hot =
+        hot != hot_pixels_.end() &&
+        i == static_cast<std::size_t>(hot->y) * static_cast<std::size_t>(image.width) +
+                 static_cast<std::size_t>(hot->x);
     for (std::size_t c = 0; c < 3; ++c) {
       if (!vignetting_.empty()) light[c] *= vignetting_[3 * i + c];
       float shown = light[c] * gain_[c] + offset_[c];
-      if (is_dark) shown += static_cast<float>(dark->light[c]);
+      if (is_hot) shown += static_cast<float>(hot->light[c]);
       if (noise_ > 0) {
         shown += noise_ * std::sqrt(std::max(shown, 0.0F)) *
                  quick_normal(splitmix64(noise_seed + 3 * i + c));
@@ -85,7 +85,7 @@ RgbImage SensorModel::develop(const LinearImage& image, std::uint64_t noise_seed
       const std::vector<std::uint8_t>& codes = codes_[c].empty() ? srgb_codes : codes_[c];
       result.pixels[3 * i + c] = codes[static_cast<std::size_t>(scaled)];
     }
-    if (is_dark) ++dark;
+    if (is_hot) ++hot;
   }
   return result;
 }

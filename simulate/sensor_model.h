@@ -11,13 +11,13 @@
 
 namespace raystage {
 
-/// Converts light to the 8-bit sRGB codes of a camera: the inverse of `response`.
+/// Converts light (full scale 1) to the 8-bit codes of a camera: the inverse of `response`.
 class SensorModel {
  public:
-  /// `noise`: standard deviation at full scale; falls with the root of the light.
+  /// `noise`: standard deviation at full scale, proportional to the square root of the light.
   SensorModel(const PhotometricResponse& response, PictureSize size, double noise);
 
-  /// The picture's size is that given above. Noise is a function of its seed.
+  /// The image must have the size given above. Noise depends on its seed only.
   RgbImage develop(const LinearImage& image, std::uint64_t noise_seed = 0) const;
 
  private:
@@ -25,13 +25,13 @@ class SensorModel {
   float noise_;
   bool mixes_;
   std::array<std::array<float, 3>, 3> sensor_from_light_{};
-  std::vector<float> vignetting_;  ///< what is left of light, R, G, B per pixel; empty: all
+  std::vector<float> vignetting_;  ///< factor, R, G, B per pixel; empty: 1
   std::vector<HotPixel> hot_pixels_;
-  /// Codes of 65536 levels of shown light, per channel; empty: sRGB's.
+  /// Codes of 65536 light levels, per channel; empty: those of sRGB.
   std::array<std::vector<std::uint8_t>, 3> codes_;
 };
 
-/// As a camera without faults shows it.
+/// Converts light to the codes of an ideal camera (sRGB, no noise).
 RgbImage develop(const LinearImage& image);
 
 }  // namespace raystage

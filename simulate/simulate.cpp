@@ -27,12 +27,12 @@ namespace raystage {
 namespace {
 
 constexpr std::uint64_t kNoiseSalt = 21;
-// 2026-01-01T00:00:00Z: a simulation has no date, and the same settings must give the same bytes.
+// 2026-01-01T00:00:00Z. A constant, as the same settings must give the same bytes.
 constexpr Nanoseconds kEpoch = 1'767'225'600 * kNanosecondsPerSecond;
 
 double seconds_of(Nanoseconds time) { return static_cast<double>(time) * 1e-9; }
 
-// What one thread needs to render.
+// The state of one rendering thread.
 struct Worker {
   explicit Worker(const SceneGeometry& geometry) : world(geometry) {}
   World world;
@@ -40,7 +40,7 @@ struct Worker {
   LinearImage image;
 };
 
-// Lends out workers: as many are made as are in use at once.
+// Lends workers to threads and creates one if none is idle.
 class WorkerPool {
  public:
   explicit WorkerPool(const SceneGeometry& geometry) : geometry_(geometry) {}
@@ -95,7 +95,7 @@ class Simulation {
         schedule_(make_exposure_schedule(settings)),
         path_(make_simulated_shot(settings, schedule_, scene_.focus)),
         true_rig_(rig_from_document(array_.truth)) {
-    // A truth image costs about what half its samples cost in frames.
+    // Costs are in frames: a truth image takes about as long as half its samples in frames.
     truth_cost_ = std::max(1.0, settings.truth_samples / 2.0) * settings.view_width() *
                   settings.view_height() / settings.width / settings.height;
     total_cost_ = settings.truth_views * truth_cost_ +
@@ -103,7 +103,7 @@ class Simulation {
   }
 
   SimulationReport run(const std::filesystem::path& folder, const std::string& created_by) {
-    // Refuses a folder that cannot be written before anything is rendered.
+    // Before rendering, so that an unwritable folder is reported at once.
     TakeWriter writer(folder, take_document(created_by),
                       settings_.nominal_calibration ? array_.nominal : array_.truth);
     SimulationReport report;
@@ -129,11 +129,11 @@ class Simulation {
   }
 
  private:
-  // Also when another camera failed, and the work at hand is for nothing.
+  // Also stops after the failure of another camera.
   void check_stop(const ParallelLoop& loop) const {
     if (stop_.stop_requested() || loop.failed()) {
       throw Error::failed("the simulation was stopped", settings_.scene,
-                          "Start it again to have the take");
+                          "Start it again to write the take");
     }
   }
 
@@ -163,8 +163,8 @@ class Simulation {
     return take;
   }
 
-  // Nearest and farthest surface that the corner cameras and the middle one see in the course of
-  // the take, rounded outwards to a centimetre.
+  // Returns the depths of the nearest and farthest surface that the corner and middle cameras see
+  // during the take, rounded outwards to a centimetre.
   std::optional<DepthRange> visible_depths() {
     const int last_row = settings_.rows - 1, last_column = settings_.columns - 1;
     const std::vector<int> cameras{0, last_column, last_row * settings_.columns,
@@ -175,7 +175,7 @@ class Simulation {
     const Eigen::Vector3f forward = true_rig_.mean_viewing_direction().cast<float>();
     std::mutex mutex;
     float nearest = std::numeric_limits<float>::infinity(), farthest = 0;
-    const auto look = [&](std::size_t index, const ParallelLoop& loop) {
+    const auto trace_camera = [&](std::size_t index, const ParallelLoop& loop) {
       const Rig::Camera& camera = true_rig_.cameras[static_cast<std::size_t>(cameras[index])];
       const PixelRays pixels(camera.model, camera.pose);
       const auto worker = workers_.borrow();
@@ -203,13 +203,13 @@ class Simulation {
         }
       }
     };
-    raystage::parallel_for(std::size_t{0}, cameras.size(), look);
+    raystage::parallel_for(std::size_t{0}, cameras.size(), trace_camera);
     if (!(nearest > 0 && farthest >= nearest)) return std::nullopt;
     return DepthRange{std::max(0.01, std::floor(static_cast<double>(nearest) * 100) / 100),
                       std::ceil(static_cast<double>(farthest) * 100) / 100};
   }
 
-  // All frames of one camera, in the order of time.
+  // Writes all frames of one camera in temporal order.
   void record(TakeWriter& writer, int index, const ParallelLoop& loop) {
     const Rig::Camera& camera = true_rig_.cameras[static_cast<std::size_t>(index)];
     const ExposureSchedule::Camera& times = schedule_.cameras[static_cast<std::size_t>(index)];

@@ -10,19 +10,18 @@
 
 namespace raystage {
 
-/// What a simulation wrote.
+/// Counts of the data that a simulation wrote.
 struct SimulationReport {
   int cameras = 0;
   int frames_stored = 0, frames_missing = 0;
   int truth_views = 0;
 };
 
-/// Renders the scene through every camera at its own time and writes the take: archives, take.json,
-/// rig.json, truth.json (docs/simulation.md), views.json with images in truth/, shot.json. The
-/// bytes depend on the settings alone, not on the number of threads (those of the TBB arena it is
-/// called in). `created_by`: program and version. `progress` gets 0 to 1, from any thread.
-/// Throws Error: bad input for settings, failed for the disk or when `stop` was requested; the
-/// folder is then not there.
+/// Renders the scene for every camera at its own exposure times and writes the take: archives,
+/// take.json, rig.json, truth.json (docs/simulation.md), views.json with images in truth/, and
+/// shot.json. The bytes depend on the settings only, not on the number of threads (those of the
+/// caller's TBB arena). `created_by`: program and version. `progress` gets 0 to 1, from any thread.
+/// If it throws Error (bad input for settings; failed for the disk or `stop`), no folder remains.
 SimulationReport simulate(const SimulationSettings& settings, const std::filesystem::path& folder,
                           const std::string& created_by,
                           const std::function<void(double)>& progress = {},

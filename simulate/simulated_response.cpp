@@ -31,7 +31,7 @@ Vignetting random_vignetting(const SimulationSettings& s, HashRandom& random) {
           {kSquareShare * gain, (1 - kSquareShare) * gain, 0}};
 }
 
-/// What mends a sensor whose channels each see some of the others' light; white stays white.
+/// Returns the matrix that corrects the crosstalk of a random sensor; white stays white.
 ColorMatrix random_matrix(double mix, HashRandom& random) {
   ColorMatrix sensor = kIdentityColorMatrix;
   for (std::size_t row = 0; row < 3; ++row) {

@@ -16,7 +16,7 @@ namespace {
 
 constexpr std::uint64_t kPlaceSalt = 1, kLensSalt = 2;
 
-// Evenly distributed over the ball of radius 1.
+// Returns a point that is uniformly distributed in the unit ball.
 Eigen::Vector3d in_ball(HashRandom& random) {
   for (;;) {
     const double x = random.uniform(-1, 1), y = random.uniform(-1, 1), z = random.uniform(-1, 1);

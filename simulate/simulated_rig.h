@@ -7,15 +7,16 @@
 
 namespace raystage {
 
-/// The simulated array: as it was designed, and as it was built. Cameras are named "rRcC", row 0 on
-/// top, column 0 on the left as seen from behind.
+/// The simulated array as designed (`nominal`) and as built (`truth`). Cameras are named "rRcC":
+/// row 0 is the top row, column 0 is on the left as seen from behind.
 struct SimulatedRig {
   RigDocument nominal, truth;
 };
 
-/// From the array as if it looked down -z from the origin.
+/// Returns the pose of the array's middle in the world; without rotation the array looks along -z.
 Pose simulated_rig_pose(const SimulationSettings& settings);
 
+/// Returns an array whose deviations are functions of the settings and their seed.
 SimulatedRig make_simulated_rig(const SimulationSettings& settings);
 
 }  // namespace raystage

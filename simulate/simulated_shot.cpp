@@ -18,16 +18,16 @@ namespace raystage {
 namespace {
 
 constexpr double kDegrees = std::numbers::pi / 180;
-constexpr int kFewestKeys = 8;
+constexpr int kMinKeys = 8;
 
-// `u`: 0 at the first frame, 1 at the last.
+// Returns the camera key at `u`, from 0 at the first frame to 1 at the last.
 ShotDocument::CameraKey key_at(const SimulationSettings& s, double frame, double u) {
   constexpr double kTurn = 2 * std::numbers::pi;
-  // Narrower than the cameras, and never out of the frame that all of them see.
+  // Narrower than the cameras, so that the view stays within their common field of view.
   const double widest = std::min(s.horizontal_fov_deg, 120.0);
   const double fov = widest * (0.71 + 0.05 * std::cos(kTurn * u));
   const double half_x = s.spacing * (s.columns - 1) / 2, half_y = s.spacing * (s.rows - 1) / 2;
-  // Forth and back as far as the corner rays still pass between the outer cameras.
+  // Moves along the axis as far as the corner rays still pass between the outer cameras.
   const double slope = std::tan(fov / 2 * kDegrees);
   const double depth = 0.35 * std::min(half_x, half_y * s.view_width() / s.view_height()) / slope;
   const double yaw = 0.03 * widest * std::sin(kTurn * u) * kDegrees;
@@ -72,7 +72,7 @@ struct Span {
   double seconds = 0;
 };
 
-// What the take's timeline covers.
+// Returns the first tick and the duration of the take's timeline.
 Span usable_span(const SimulationSettings& s, const ExposureSchedule& schedule) {
   std::vector<std::vector<Nanoseconds>> times;
   bool any = false;
@@ -106,7 +106,7 @@ SimulatedShot make_simulated_shot(const SimulationSettings& s, const ExposureSch
   shot.last_frame = s.shot_frames;
   const int steps = s.shot_frames - 1;
 
-  // At its own speed where the take is long enough, in its middle; slowed down otherwise.
+  // Centred in the take, at normal speed if the take is long enough, otherwise slowed down.
   const Span usable = usable_span(s, schedule);
   const double duration = steps / rate.fps();
   ShotDocument::Layer layer;
@@ -128,7 +128,7 @@ SimulatedShot make_simulated_shot(const SimulationSettings& s, const ExposureSch
     return key_at(s, frame, steps > 0 ? static_cast<double>(frame - shot.first_frame) / steps : 0);
   };
   std::set<int> key_frames;
-  for (int i = 0; i < kFewestKeys; ++i) key_frames.insert(frame_of(i, kFewestKeys));
+  for (int i = 0; i < kMinKeys; ++i) key_frames.insert(frame_of(i, kMinKeys));
   path.views.color_space = "srgb_texture";
   for (int i = 0; i < s.truth_views; ++i) {
     const int frame = frame_of(i, s.truth_views);

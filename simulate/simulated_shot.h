@@ -10,16 +10,16 @@
 
 namespace raystage {
 
-/// A camera move within the array's range of motion (thesis 5.2): across, up and down, forth and
-/// back, with a little pan and zoom. As a shot of the take it lies in, and as the views on its way
-/// whose truth is rendered: each at a whole frame of the shot that is also a key of its camera.
+/// A camera move within the array's range of motion (thesis 5.2) along all axes, with a small pan
+/// and zoom. `shot` renders it from the take. `views` are the views with a ground-truth image, each
+/// at a whole frame that is also a camera key of the shot.
 struct SimulatedShot {
   ShotDocument shot;
   ViewsDocument views;
 };
 
-/// Times follow the timeline that `raystage sync` builds of the take by default. `focus`: distance
-/// of the shot's focal plane in front of the array, metres.
+/// Times refer to the timeline that `raystage sync` builds by default. `focus`: distance of the
+/// shot's focal plane from the array, metres.
 SimulatedShot make_simulated_shot(const SimulationSettings& settings,
                                   const ExposureSchedule& schedule, double focus);
 

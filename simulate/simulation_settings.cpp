@@ -13,7 +13,7 @@ namespace {
 
 template <typename Number>
 void check_range(const char* name, Number value, Number low, Number high) {
-  // Written so that a value that is not a number is refused.
+  // In this form, the condition also rejects NaN.
   if (value >= low && value <= high) return;
   throw Error::bad_input(fmt::format("{} is {}, allowed: {} to {}", name, value, low, high),
                          "settings", "Give a value within that range");

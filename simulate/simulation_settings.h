@@ -9,54 +9,54 @@
 
 namespace raystage {
 
-/// How cameras show colours wrong, each in its own way.
+/// Limits of the random colour errors of each camera.
 struct ColorErrors {
-  double gain = 0;           ///< of a camera: 1 +- this at most
-  double white_balance = 0;  ///< of red and blue beside green: 1 +- this at most
-  double offset = 0;         ///< of a channel, light with full scale 1: this at most
-  double vignetting = 0;     ///< share of light lost in the corner, at most
-  double crosstalk = 0;      ///< of each other channel's light in a channel, at most
-  double curve = 0;          ///< codes are raised to the power of 1 +- this at most
-  int hot_pixels = 0;        ///< per camera, which show light in the dark
+  double gain = 0;           ///< factor of a camera: 1 +- at most this
+  double white_balance = 0;  ///< factor of red and blue relative to green: 1 +- at most this
+  double offset = 0;         ///< of a channel, full scale 1: at most this
+  double vignetting = 0;     ///< largest share of light lost in a corner
+  double crosstalk = 0;      ///< largest share of each other channel in a channel
+  double curve = 0;          ///< exponent applied to the codes: 1 +- at most this
+  int hot_pixels = 0;        ///< per camera
 };
 
-/// What to simulate. The defaults are the thesis' array (chapter 4) with free-running cameras.
+/// Settings of a simulation. The defaults are the thesis' array (chapter 4), free-running.
 struct SimulationSettings {
   std::string scene = "stage";
   std::uint64_t seed = 1;
 
-  // The array as designed: wall-eyed, in a plane around `position`, looking down -z where nothing
-  // turns it.
-  std::array<double, 3> position{0, 0, 0};  ///< of its middle, world, metres
-  double turn_deg = 0;                      ///< about the y axis, counter-clockwise from above
+  // The array as designed: parallel cameras in a plane around `position`; they look along -z if
+  // `turn_deg` is 0.
+  std::array<double, 3> position{0, 0, 0};  ///< of its centre, world, metres
+  double turn_deg = 0;                      ///< about the y axis, counter-clockwise seen from above
   int rows = 8, columns = 8;
   double spacing = 0.06;           ///< between neighbours, metres
-  double horizontal_fov_deg = 62;  ///< of the lens without its distortion, full angle
+  double horizontal_fov_deg = 62;  ///< without distortion, full angle
   int width = 320, height = 240;   ///< pixels
-  double k1 = -0.2, k2 = 0.05;     ///< radial distortion of the lens type
+  double k1 = -0.2, k2 = 0.05;     ///< radial distortion (Brown-Conrady)
 
   // How the cameras differ from the design and from each other.
-  double lens_deviation = 1;         ///< 1: focal length 0.3 %, principal point 0.6 % of the width,
-                                     ///< k1 and k2 0.01 (standard deviations); scales them all
-  double mounting_error = 0.003;     ///< at most, metres from the designed place
-  double mounting_error_deg = 0.6;   ///< at most, turned about any axis
+  double lens_deviation = 1;         ///< scale of the standard deviations; 1: focal length 0.3 %,
+                                     ///< principal point 0.6 % of the width, k1 and k2 0.01
+  double mounting_error = 0.003;     ///< largest distance from the design, metres
+  double mounting_error_deg = 0.6;   ///< largest rotation about any axis
   double photometric_deviation = 0;  ///< standard deviation of the contrast per channel;
-                                     ///< brightness has a twentieth of it
-  ColorErrors color_errors;          ///< besides
-  bool nominal_calibration = false;  ///< rig.json holds the design instead of the truth
+                                     ///< that of the brightness is a twentieth
+  ColorErrors color_errors;          ///< in addition
+  bool nominal_calibration = false;  ///< rig.json contains the design, not the truth
 
   // Time.
   double fps = 15;
   double seconds = 3.8;
-  double period_error_ppm = 50;  ///< standard deviation of a camera's own rate
-  double jitter = 0.0002;        ///< standard deviation of an exposure's time, seconds
+  double period_error_ppm = 50;  ///< standard deviation of a camera's frame period
+  double jitter = 0.0002;        ///< standard deviation of exposure times, seconds
   double clock_offset = 0.005;   ///< largest error of a node's clock, seconds
   int cameras_per_node = 16;
-  double startup_loss_s = 0.5;     ///< frames before this are lost, seconds
-  double drop_probability = 0.01;  ///< of a frame afterwards
+  double startup_loss_s = 0.5;     ///< frames before this time are lost
+  double drop_probability = 0.01;  ///< of a later frame
 
   // Pictures.
-  double noise = 0.005;  ///< standard deviation at full scale; falls with the root of the light
+  double noise = 0.005;  ///< standard deviation at full scale; scales with sqrt(light)
   int edge_samples = 4;  ///< per pixel at edges: a square number
   JpegEncodeSettings jpeg;
 

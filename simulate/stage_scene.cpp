@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The built-in stage: everything between 2 m and 8 m in front of the array, chosen for what is hard
-// to reconstruct: thin wires and spokes, a fence, a mirror, folds that hide each other, motion.
+// The built-in stage, 2 m to 8 m in front of the array. Its parts are difficult to reconstruct:
+// thin wires and spokes, a fence, a mirror, folds that occlude each other, motion.
 #include <cmath>
 
 #include "simulate/procedural_textures.h"
@@ -82,7 +82,7 @@ class StageBuilder {
     scene_.parts.push_back({name, std::move(mesh), material});
   }
   int motion(Motion world_from_part) {
-    // The still set shows an instant of the moving one.
+    // The static set is the moving one at 1.7 s.
     if (!moving_) world_from_part = [world_from_part](double) { return world_from_part(1.7); };
     scene_.motions.push_back(std::move(world_from_part));
     return static_cast<int>(scene_.motions.size()) - 1;
@@ -137,7 +137,7 @@ class StageBuilder {
     easel.add(make_rod({-1.45F, kFloor, -6.0F}, {-1.8F, 1.15F, -6.25F}, 0.022F));
     still("easel", std::move(easel), {.colour = {0.30F, 0.17F, 0.08F}});
 
-    // A wire fence before the backdrop: bars about a pixel wide.
+    // A wire fence in front of the backdrop, with bars about a pixel wide.
     SceneMesh fence;
     for (int i = 0; i <= 16; ++i) {
       const float x = -1.15F + 0.19F * static_cast<float>(i);
@@ -177,7 +177,7 @@ class StageBuilder {
   }
 
   void add_mirror() {
-    // Turned towards the stage, so that it shows the balls and the far curtain.
+    // Rotated towards the stage, so that it shows the balls and the far curtain.
     const Isometry3f placement = turned(at(2.05F, -0.12F, -5.0F), -0.50F, Vector3f::UnitY());
     constexpr float kWidth = 1.15F, kHeight = 1.9F;
     SceneMesh glass = placed(
@@ -196,7 +196,6 @@ class StageBuilder {
   }
 
   void add_lamp(const char* name, float x, float z, float y, float phase) {
-    // Hangs from the ceiling and swings a little.
     const float length = kCeiling - y;
     const int swing = motion([=](double seconds) {
       const float angle = 0.035F * std::sin(1.9F * static_cast<float>(seconds) + phase);

@@ -11,9 +11,9 @@
 namespace raystage {
 namespace {
 
-constexpr float kMostTaps = 4;
+constexpr float kMaxTaps = 4;
 
-// std::floor is a call on plain x86-64.
+// Replaces std::floor, which is a function call on baseline x86-64.
 int floor_to_int(float x) {
   const int truncated = static_cast<int>(x);
   return truncated - (x < static_cast<float>(truncated) ? 1 : 0);
@@ -29,7 +29,7 @@ Texture::Texture(int width, int height, const ProceduralTexture& painter) {
   painted.texels.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   raystage::parallel_for(0, height, [&](int row) {
     for (int column = 0; column < width; ++column) {
-      // Two samples on the diagonal; the pyramid averages further.
+      // Two samples on the diagonal suffice: the mip levels average further.
       const auto at = [&](float x, float y) {
         return painter((static_cast<float>(column) + x) / static_cast<float>(width),
                        (static_cast<float>(row) + y) / static_cast<float>(height));
@@ -89,9 +89,8 @@ Eigen::Vector3f Texture::sample(const Eigen::Vector2f& uv, const Eigen::Vector2f
     std::swap(longer, shorter);
     axis = minor;
   }
-  // Bilinear lookup is itself a filter of about a texel: two thirds of the footprint are left to
-  // the pyramid.
-  const float width = std::max(shorter, longer / kMostTaps) * 0.67F;
+  // Bilinear interpolation filters about a texel: mip levels cover 2/3 of the footprint.
+  const float width = std::max(shorter, longer / kMaxTaps) * 0.67F;
   const float finest = std::max(width, 1.0F);
   const auto last = static_cast<float>(levels_.size() - 1);
   const float level = std::min(std::log2(finest), last);
@@ -100,7 +99,7 @@ Eigen::Vector3f Texture::sample(const Eigen::Vector2f& uv, const Eigen::Vector2f
   const float blend = level - static_cast<float>(lower);
   const int taps =
       std::clamp(static_cast<int>(longer / std::max(shorter, 1e-6F) + 0.5F), 1,
-                 std::max(1, std::min(static_cast<int>(kMostTaps), static_cast<int>(longer) + 1)));
+                 std::max(1, std::min(static_cast<int>(kMaxTaps), static_cast<int>(longer) + 1)));
   Texel sum = Texel::Zero();
   for (int tap = 0; tap < taps; ++tap) {
     const float shift = (static_cast<float>(tap) + 0.5F) / static_cast<float>(taps) - 0.5F;

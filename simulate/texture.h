@@ -7,17 +7,17 @@
 
 namespace raystage {
 
-/// Linear light R, G, B at (u, v), each in [0, 1); v runs down the picture.
+/// Returns linear light R, G, B at (u, v), each in [0, 1); v runs downwards.
 using ProceduralTexture = std::function<Eigen::Vector3f(float u, float v)>;
 
-/// A picture with its pyramid of halved sizes, repeated over the plane. Sampling filters over the
-/// footprint that a pixel has on the surface, so that nothing finer than a pixel remains.
+/// A periodic texture with its mip levels. Sampling filters over the footprint of a pixel on the
+/// surface (anisotropic, at most 4 taps), so that no detail finer than a pixel remains.
 class Texture {
  public:
-  /// Paints `width` x `height` texels (powers of two).
+  /// Evaluates `painter` for `width` x `height` texels (powers of two).
   Texture(int width, int height, const ProceduralTexture& painter);
 
-  /// `major`, `minor`: the axes of the pixel's footprint in (u, v), full lengths.
+  /// Returns linear light. `major`, `minor`: axes of the footprint in (u, v), full lengths.
   Eigen::Vector3f sample(const Eigen::Vector2f& uv, const Eigen::Vector2f& major,
                          const Eigen::Vector2f& minor) const;
 

@@ -63,7 +63,7 @@ ordered_json times_json(const ExposureSchedule::Camera& camera, const std::strin
           {"status", std::move(status)}};
 }
 
-// `"key": [`, one element a line, `]`.
+// Returns a JSON array property with one element per line.
 std::string lines(const char* key, const std::vector<ordered_json>& elements) {
   std::string text = std::string("  \"") + key + "\": [\n";
   for (std::size_t i = 0; i < elements.size(); ++i) {

@@ -9,8 +9,8 @@
 
 namespace raystage {
 
-/// TAKE/truth.json, schema "raystage/simulation-truth/1": settings, true calibration, true times
-/// and clock errors. Layout in docs/simulation.md.
+/// Returns the text of TAKE/truth.json (schema "raystage/simulation-truth/1"): settings, true
+/// calibration, true times and clock errors. docs/simulation.md describes its layout.
 std::string format_truth_document(const SimulationSettings& settings, const SimulatedRig& array,
                                   const ExposureSchedule& schedule);
 

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Finds first hits and occlusions of rays (world, metres) with Embree 3, in packets of 16. Static
+// parts are one Embree scene; groups of moving parts are instances whose transforms are set for
+// each time. Cost: linear in the rays, logarithmic in the triangles.
 #include "simulate/world.h"
 
 #include <tbb/task_arena.h>
@@ -23,7 +27,7 @@ void check(RTCDevice device) {
   }
 }
 
-// Embree builds with TBB: while it waits, this thread must not take up another camera's work.
+// Embree builds with TBB. While this thread waits, it must not start work of another camera.
 void commit(RTCScene scene) {
   tbb::this_task_arena::isolate([&] { rtcCommitScene(scene); });
 }
@@ -41,7 +45,7 @@ TriangleShape shape_of(const SceneMesh& mesh, const std::array<unsigned, 3>& cor
   const float squared = cross.squaredNorm();
   shape.smooth = (shape.normal[0] - shape.normal[1]).norm() > 1e-4F ||
                  (shape.normal[0] - shape.normal[2]).norm() > 1e-4F;
-  // A triangle without area, as at a sphere's pole, is never hit.
+  // Rays never hit a triangle without area, as at the pole of a sphere.
   if (!(squared > 0)) {
     shape.gradient_u = shape.gradient_v = Eigen::Vector3f::Zero();
     shape.flat_normal = shape.normal[0];
@@ -55,7 +59,7 @@ TriangleShape shape_of(const SceneMesh& mesh, const std::array<unsigned, 3>& cor
   return shape;
 }
 
-// The ray's part of Embree's packets, which rays and ray-hits share.
+// Sets one ray of an Embree packet (RTCRay16, or the ray of RTCRayHit16).
 template <typename Packet>
 void set_ray(Packet& packet, std::size_t lane, const Ray& ray, float limit) {
   packet.org_x[lane] = ray.origin.x();
@@ -71,15 +75,14 @@ void set_ray(Packet& packet, std::size_t lane, const Ray& ray, float limit) {
   packet.flags[lane] = 0;
 }
 
-// RTC_INTERSECT_CONTEXT_FLAG_COHERENT is faster, but Embree 3.13.5 may then never return from a
-// packet that meets instances.
+// Not RTC_INTERSECT_CONTEXT_FLAG_COHERENT: Embree 3.13.5 may loop forever if it meets instances.
 RTCIntersectContext context_for_packets() {
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
   return context;
 }
 
-// Calls found(ray, instance, geometry, hit) for every ray. Without limits rays do not end.
+// Calls found(ray, instance, geometry, hit) for every ray. Without limits, rays are infinite.
 template <typename Found>
 void trace(RTCScene scene, std::span<const Ray> rays, std::span<const float> limits,
            const Found& found) {
@@ -110,8 +113,8 @@ void trace(RTCScene scene, std::span<const Ray> rays, std::span<const float> lim
   }
 }
 
-void block(RTCScene scene, std::span<const Ray> rays, std::span<const float> limits,
-           std::span<std::uint8_t> occluded) {
+void test_occlusion(RTCScene scene, std::span<const Ray> rays, std::span<const float> limits,
+                    std::span<std::uint8_t> occluded) {
   RTCIntersectContext context = context_for_packets();
   alignas(64) std::array<int, kPacket> valid{};
   RTCRay16 packet{};
@@ -131,7 +134,7 @@ void block(RTCScene scene, std::span<const Ray> rays, std::span<const float> lim
 
 }  // namespace
 
-// Not "threads=1": Embree would hold all of TBB, and with it every camera, to that one thread.
+// Not with "threads=1": Embree would limit all of TBB, and thus all cameras, to one thread.
 SceneGeometry::SceneGeometry(const Scene& scene) : scene_(scene), device_(rtcNewDevice(nullptr)) {
   if (!device_) {
     throw Error::failed("Embree cannot start on this processor", "scene",
@@ -233,12 +236,12 @@ void World::trace_moving(std::span<const Ray> rays, std::span<const float> limit
 
 void World::occlude_static(std::span<const Ray> rays, std::span<const float> limits,
                            std::span<std::uint8_t> occluded) const {
-  block(geometry_.static_scene_.get(), rays, limits, occluded);
+  test_occlusion(geometry_.static_scene_.get(), rays, limits, occluded);
 }
 
 void World::occlude_moving(std::span<const Ray> rays, std::span<const float> limits,
                            std::span<std::uint8_t> occluded) const {
-  block(moving_.get(), rays, limits, occluded);
+  test_occlusion(moving_.get(), rays, limits, occluded);
 }
 
 }  // namespace raystage

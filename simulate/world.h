@@ -16,7 +16,7 @@
 namespace raystage {
 
 struct Ray {
-  Eigen::Vector3f origin = Eigen::Vector3f::Zero();
+  Eigen::Vector3f origin = Eigen::Vector3f::Zero();       ///< world, metres
   Eigen::Vector3f direction = -Eigen::Vector3f::UnitZ();  ///< unit
 };
 
@@ -28,16 +28,16 @@ struct Hit {
   float u = 0, v = 0;  ///< barycentric coordinates of the second and third corner
 };
 
-/// What shading needs to know of a triangle; coordinates of the part.
+/// The data of a triangle for shading, in coordinates of its part.
 struct TriangleShape {
   Eigen::Vector3f corner[3], normal[3];
   Eigen::Vector2f uv[3];
-  Eigen::Vector3f gradient_u, gradient_v;  ///< of the texture coordinates, in the triangle's plane
+  Eigen::Vector3f gradient_u, gradient_v;  ///< of u and v, in the triangle's plane
   Eigen::Vector3f flat_normal;
   bool smooth = false;  ///< the corners' normals differ
 };
 
-/// A scene's triangles in Embree, made once and shared by all worlds. Mirrors must not move.
+/// A scene's triangles in Embree, shared by all worlds. Mirrors must be static.
 class SceneGeometry {
  public:
   explicit SceneGeometry(const Scene& scene);
@@ -62,35 +62,35 @@ class SceneGeometry {
   const Scene& scene_;
   Owned<RTCDevice> device_;
   std::vector<int> static_;               ///< parts of static_scene_, by geometry id
-  std::vector<std::vector<int>> moving_;  ///< parts that move as one, by geometry id
+  std::vector<std::vector<int>> moving_;  ///< groups of parts with one motion, by geometry id
   Owned<RTCScene> static_scene_;
   std::vector<Owned<RTCScene>> moving_scenes_;
   std::vector<std::vector<TriangleShape>> triangles_;  ///< per part
 };
 
-/// The scene at one instant: what stands still, and what moves. One per thread: moving to another
-/// instant takes microseconds. Rays that are neighbours in a span should be neighbours in space.
+/// The scene at one time. Use one object per thread: setting the time takes microseconds. Tracing
+/// is faster if successive rays are close to each other.
 class World {
  public:
   explicit World(const SceneGeometry& geometry);
 
   const SceneGeometry& geometry() const { return geometry_; }
   void set_time(double seconds);
-  /// World placement of a part at the time set.
+  /// Returns the transform of a part at the time set.
   const Eigen::Isometry3f& world_from_part(int part) const {
     return world_from_part_[static_cast<std::size_t>(part)];
   }
 
-  /// First hit of each ray among the still parts.
+  /// Finds the first hit of each ray on a static part.
   void trace_static(std::span<const Ray> rays, std::span<Hit> hits) const;
-  /// First hit of each ray among the moving parts nearer than `limits`, metres along the ray.
+  /// Finds the first hit of each ray on a moving part nearer than `limits`, metres along the ray.
   void trace_moving(std::span<const Ray> rays, std::span<const float> limits,
                     std::span<Hit> hits) const;
-  /// Sets `occluded` where a still part stands between a ray's origin and its limit; entries that
-  /// are set already are left alone.
+  /// Sets `occluded` to 1 where a static part is between a ray's origin and its limit. Skips rays
+  /// whose entry is already set.
   void occlude_static(std::span<const Ray> rays, std::span<const float> limits,
                       std::span<std::uint8_t> occluded) const;
-  /// Likewise for the moving parts.
+  /// Does the same for the moving parts.
   void occlude_moving(std::span<const Ray> rays, std::span<const float> limits,
                       std::span<std::uint8_t> occluded) const;
 

@@ -158,7 +158,7 @@ class ArchiveReader {
   /// Returns whether the frames are on another host.
   bool is_remote() const;
   /// Adds `by` to the times of all records, for an archive with another epoch than its take.
-  void move_times(Nanoseconds by);
+  void shift_times(Nanoseconds by);
   /// Hints to the kernel to read frame i from the disk in the background.
   void read_ahead(int frame) const;
   /// Returns whether the bytes of frame i have the journal's XXH3; false if the journal has none.

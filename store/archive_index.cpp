@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Merges a journal with its archive: uses each record that is consistent, and scans the Matroska
+// clusters in the gaps between records and after the last. Input: the bytes of both files; output:
+// the records and stored frames. Cost: linear in the records, and in the bytes of the gaps.
 #include "store/archive_index.h"
 
 #include <xxhash.h>
@@ -20,7 +23,8 @@ FrameRecord without_frame(const FrameRecord& record, FrameStatus status) {
   return {record.time_ns, 0, 0, status, 0, record.arrival_ns, record.sequence};
 }
 
-// Takes records in file order: no time falls, those of stored ones rise, and so do their offsets.
+// Merges journal records, in file order, with frames found by scanning. Times must not decrease;
+// times and offsets of stored frames must increase.
 class Merger {
  public:
   Merger(Bytes archive, std::size_t first_cluster, ArchiveIndex& index)
@@ -50,7 +54,7 @@ class Merger {
       return;
     }
     const auto offset = static_cast<std::size_t>(record.offset);
-    // Clusters lie back to back: a gap holds frames whose records are lost.
+    // Clusters are contiguous: a gap holds frames whose records are lost.
     if (offset > cursor_ + kHeader) recover(offset - kHeader, record.time_ns);
     accept(record);
     last_stored_time_ = record.time_ns;
@@ -59,9 +63,9 @@ class Merger {
 
   void finish() {
     recover(archive_.size(), matroska::kMaxTime + 1);
-    // Recovered frames fall between records of missing ones; otherwise the order is the journal's.
+    // Recovered frames go between records of missing ones; the rest is in the journal's order.
     std::ranges::stable_sort(index_.records, {}, &FrameRecord::time_ns);
-    // What was cut off is missing, unless it was found after all.
+    // Truncated frames are missing, unless the scan found them.
     std::erase_if(cut_off_, [&](const FrameRecord& record) {
       auto other =
           std::ranges::lower_bound(index_.records, record.time_ns, {}, &FrameRecord::time_ns);
@@ -81,17 +85,17 @@ class Merger {
     const auto found = matroska::scan_clusters(archive_, cursor_, end);
     for (std::size_t i = 0; i < found.size(); ++i) {
       const auto& frame = found[i];
-      // With a gap's own end: a frame that reaches into the next one is no frame.
+      // A frame that extends beyond the gap is not a frame.
       if (frame.time <= last_stored_time_ || frame.time >= before ||
           frame.offset + frame.size > end) {
         continue;
       }
-      // A rotten time stamp must not hide all the frames behind it.
+      // A damaged time stamp must not hide all later frames.
       if (i + 1 < found.size() && found[i + 1].time <= frame.time &&
           found[i + 1].time > last_stored_time_) {
         continue;
       }
-      // Its hash is unknown: 0 says so.
+      // Hash 0: unknown.
       accept({frame.time, frame.offset, static_cast<std::uint32_t>(frame.size),
               FrameStatus::kStored, 0});
       last_stored_time_ = frame.time;
@@ -111,8 +115,8 @@ class Merger {
   ArchiveIndex& index_;
 };
 
-// After a power loss an unclosed archive may end in blocks that were never written, though its size
-// and the journal say otherwise. Frames that fail their hash at the very end are torn.
+// After a power loss an unclosed archive may end in blocks that were never written, although its
+// size and the journal include them. Frames at the very end whose hash differs are torn.
 void drop_unwritten_tail(Bytes archive, ArchiveIndex& index) {
   for (auto record = index.records.rbegin(); record != index.records.rend(); ++record) {
     if (record->status != FrameStatus::kStored) continue;
@@ -138,15 +142,16 @@ ArchiveIndex index_archive(Bytes archive, std::optional<Bytes> journal,
 
   if (contents.header && preamble.first_cluster &&
       (contents.header->epoch_utc != index.description.epoch_utc ||
-       contents.header->camera_hash != journal::hash_of_camera(index.description.camera_id))) {
-    throw Error::bad_input("this is the journal of another archive than " +
-                               std::string(archive_name) + ": camera or epoch differ",
-                           std::string(journal_name) + " @16",
-                           "Put the right journal there, or remove this one: the archive can be "
-                           "read without, but the record of missing frames is lost then");
+       contents.header->camera_hash != journal::hash_camera_id(index.description.camera_id))) {
+    throw Error::bad_input(
+        "the journal belongs to another archive than " + std::string(archive_name) +
+            ": the camera or epoch differs",
+        std::string(journal_name) + " @16",
+        "Replace it with the archive's journal, or remove it: the archive can be "
+        "read without it, but the records of missing frames are then lost");
   }
-  // With a damaged header the clusters may be whole all the same; with a cut one there are none,
-  // but the journal still says what there was.
+  // With a damaged header the clusters may still be whole. A truncated header leaves no clusters,
+  // but the journal still lists the frames.
   Merger merger(archive, preamble.first_cluster.value_or(0), index);
   for (const FrameRecord& record : contents.records) merger.add(record);
   merger.finish();

@@ -26,7 +26,7 @@ struct ArchiveReader::State {
   }
 
   std::filesystem::path path;
-  std::optional<MappedFile> file;  // none: on another host
+  std::optional<MappedFile> file;  // nullopt: on another host
   std::shared_ptr<const RemoteFrames> remote;
   ArchiveIndex index;
 };
@@ -46,7 +46,7 @@ ArchiveIndex index_files(const MappedFile& archive, const std::optional<MappedFi
 
 ArchiveReader::ArchiveReader(const std::filesystem::path& archive,
                              const std::filesystem::path& journal) {
-  // The journal before the archive: while a recording runs every record then finds its frame.
+  // Read the journal first: during a recording each of its records then has its frame.
   std::optional<MappedFile> journal_file;
   if (std::filesystem::exists(journal)) journal_file.emplace(journal);
   state_ = std::make_unique<State>(archive);
@@ -82,7 +82,7 @@ std::optional<int> ArchiveReader::nearest_frame(Nanoseconds time) const {
   const auto index = static_cast<int>(after - frames.begin());
   if (after == frames.begin()) return 0;
   if (after == frames.end()) return index - 1;
-  // Unsigned: the asked time may be anything.
+  // Unsigned, as `time` may have any value.
   const auto ahead = static_cast<std::uint64_t>(after->time_ns) - static_cast<std::uint64_t>(time);
   const auto behind =
       static_cast<std::uint64_t>(time) - static_cast<std::uint64_t>(std::prev(after)->time_ns);
@@ -112,7 +112,7 @@ FrameBytes ArchiveReader::jpeg_part(int frame, const JpegLayout& layout,
 
 bool ArchiveReader::is_remote() const { return !state_->file.has_value(); }
 
-void ArchiveReader::move_times(Nanoseconds by) {
+void ArchiveReader::shift_times(Nanoseconds by) {
   for (auto* records : {&state_->index.records, &state_->index.frames}) {
     for (FrameRecord& record : *records) {
       record.time_ns += by;

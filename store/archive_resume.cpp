@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "base/atomic_file.h"
-#include "store/archive_files.h"
 #include "store/archive_index.h"
+#include "store/archive_writer_files.h"
 #include "store/journal.h"
 
 namespace raystage {
@@ -23,12 +23,11 @@ void check_header(Bytes file, const matroska::Header& header, const Description&
       (found.camera_id != wanted.camera_id || found.width != wanted.width ||
        found.height != wanted.height || found.epoch_utc != wanted.epoch_utc)) {
     throw Error::bad_input(
-        "this is the archive of camera \"" + found.camera_id + "\", " +
-            std::to_string(found.width) + " x " + std::to_string(found.height) + " pixels, from " +
-            format_utc(found.epoch_utc) + ", where \"" + wanted.camera_id + "\", " +
-            std::to_string(wanted.width) + " x " + std::to_string(wanted.height) + ", " +
-            format_utc(wanted.epoch_utc) + " is to go on",
-        path.string(), "Go on with the camera's own archive, or begin a new take");
+        "the archive is of camera \"" + found.camera_id + "\", " + std::to_string(found.width) +
+            " x " + std::to_string(found.height) + " pixels, epoch " + format_utc(found.epoch_utc) +
+            ", but camera \"" + wanted.camera_id + "\", " + std::to_string(wanted.width) + " x " +
+            std::to_string(wanted.height) + ", " + format_utc(wanted.epoch_utc) + " is expected",
+        path.string(), "Resume the archive of that camera, or begin a new take");
   }
   throw Error::bad_input("the archive's header is damaged", path.string() + " @0",
                          "Run `raystage repair` on the take");
@@ -36,7 +35,7 @@ void check_header(Bytes file, const matroska::Header& header, const Description&
 
 struct Found {
   ArchiveIndex index;
-  std::vector<std::byte> journal;  ///< as it should be
+  std::vector<std::byte> journal;  ///< its expected bytes
   bool journal_is_right = false, header_is_whole = false;
 };
 
@@ -80,8 +79,8 @@ ArchiveWriter ArchiveWriter::resume(const std::filesystem::path& archive,
                                     const Description& description) {
   check_description(description, archive);
   if (!std::filesystem::exists(archive)) {
-    throw Error::bad_input("there is no archive to go on with", archive.string(),
-                           "Begin a new one");
+    throw Error::bad_input("the archive to resume does not exist", archive.string(),
+                           "Begin a new recording");
   }
   auto files = std::make_unique<Files>(Files::Existing{}, archive, description);
   const matroska::Header& header = files->header;
@@ -96,16 +95,16 @@ ArchiveWriter ArchiveWriter::resume(const std::filesystem::path& archive,
 
   const auto check = [&](bool done) {
     if (!done) {
-      throw Error::from_errno("the archive cannot be opened again", archive.string(),
-                              "Check the disk and the room on it");
+      throw Error::from_errno("the archive cannot be reopened", archive.string(),
+                              "Check the disk and its free space");
     }
   };
   const auto put_back = [&](std::size_t offset, std::size_t size) {
     check(files->archive.write_at(offset, Bytes(header.bytes).subspan(offset, size)));
   };
   if (found.header_is_whole) {
-    // What close() did, backwards: first the size that says "closed", then what points to the Cues,
-    // and the Cues only when the disk has all that. Every state in between can be read.
+    // Undo close() in reverse: first the size that marks the file as closed, then the references to
+    // the Cues. Remove the Cues only after these are on disk. Every state in between can be read.
     put_back(header.segment_size_offset, header.segment_data_offset - header.segment_size_offset);
     put_back(header.seek_head_offset, matroska::kSeekHeadBytes);
     put_back(header.duration_offset, matroska::kDurationBytes);

@@ -243,7 +243,7 @@ TEST_F(Resume, RefusesWhatIsNotItsOwn) {
     }
     return "went on";
   };
-  EXPECT_THAT(refused(description()), HasSubstr("no archive to go on with"));
+  EXPECT_THAT(refused(description()), HasSubstr("archive to resume does not exist"));
   {
     ArchiveWriter out = writer();
     out.append(jpeg(0), time(0));
@@ -264,7 +264,7 @@ TEST_F(Resume, RefusesWhatIsNotItsOwn) {
   EXPECT_THAT(refused(other), HasSubstr("641 x 480"));
   other = description();
   other.epoch_utc += 1;
-  EXPECT_THAT(refused(other), HasSubstr("is to go on"));
+  EXPECT_THAT(refused(other), HasSubstr("is expected"));
   auto damaged = whole;
   damaged[20] ^= std::byte{1};
   test::overwrite(mkv, damaged);

@@ -183,7 +183,7 @@ TEST_F(Archive, NeverTakesTheNameOfAnother) {
 TEST_F(Archive, MissingOrForeignFilesAreBadInput) {
   EXPECT_EQ(error_of([&] { reader(); }).exit_code(), ExitCode::kBadInput);
   test::overwrite(mkv, std::as_bytes(std::span("RIFF....AVI ")));
-  EXPECT_THAT(error_of([&] { reader(); }).what(), HasSubstr("no Matroska file"));
+  EXPECT_THAT(error_of([&] { reader(); }).what(), HasSubstr("not a Matroska file"));
 }
 
 TEST_F(Archive, FutureJournalIsRefused) {
@@ -197,7 +197,7 @@ TEST_F(Archive, FutureJournalIsRefused) {
   // An intact header of version 7 carries a check over what it says.
   store_little_endian(
       header, 56,
-      journal::hash_of_camera(std::string_view(reinterpret_cast<const char*>(header.data()), 56)));
+      journal::hash_camera_id(std::string_view(reinterpret_cast<const char*>(header.data()), 56)));
   std::ranges::copy(header, bytes.begin());
   test::overwrite(journal, bytes);
   const Error error = error_of([&] { reader(); });

@@ -10,13 +10,13 @@
 #include <vector>
 
 #include "base/error.h"
-#include "store/archive_files.h"
+#include "store/archive_writer_files.h"
 #include "store/journal.h"
 
 namespace raystage {
 namespace {
 
-constexpr const char* kMakeRoom = "Make room on the disk or choose another one";
+constexpr const char* kMakeRoom = "Free space on the disk or choose another one";
 
 }  // namespace
 
@@ -95,7 +95,7 @@ void ArchiveWriter::Files::check(std::span<const NewFrame> frames) const {
       throw Error::bad_input(
           "a frame of " + std::to_string(frame.jpeg.size()) + " bytes cannot be stored",
           archive.path().string(),
-          "Record what is missing as missing; a frame has 1 byte to 4 GiB");
+          "Store frames of 1 byte to 4 GiB; record missing frames as missing");
     }
     last = time;
     if (stored) last_stored = time;
@@ -109,7 +109,7 @@ Error ArchiveWriter::Files::roll_back(const OutputFile& failed) {
       "writing failed: " + reason +
           (clean ? "; the archive ends with its last whole frame, number " +
                        std::to_string(cues.size())
-                 : std::string("; a torn frame may stand at the archive's end, readers skip it")),
+                 : std::string("; the archive may end with a torn frame, which readers skip")),
       failed.path().string(), kMakeRoom);
 }
 
@@ -138,11 +138,11 @@ void ArchiveWriter::Files::append(std::span<const NewFrame> frames) {
     const auto line = journal::encode_record(record);
     lines.insert(lines.end(), line.begin(), line.end());
   }
-  // Memory first: once the bytes are on disk nothing may fail but the disk.
+  // Allocate first: after the bytes are on disk only the disk may fail.
   if (cues.capacity() - cues.size() < points.size()) {
     cues.reserve(std::max(2 * cues.capacity(), cues.size() + points.size()));
   }
-  // The archive first: a journal record then always has its frame.
+  // Write the archive first, so that each journal record has its frame.
   if (!archive.write_parts_at(archive_end, parts)) throw roll_back(archive);
   if (!journal->write_at(journal_end, lines)) throw roll_back(*journal);
   journal_end += lines.size();
@@ -153,9 +153,9 @@ void ArchiveWriter::Files::append(std::span<const NewFrame> frames) {
 }
 
 void ArchiveWriter::Files::close() {
-  // Every state on the way is readable: Cues behind the clusters, then what points to them, the
-  // Segment's size (which says "closed") last.
-  const auto closing = matroska::make_closing(cues, header, archive_end);
+  // Every intermediate state is readable: first the Cues after the clusters, then the references to
+  // them, last the size of the Segment, which marks the file as closed.
+  const auto closing = matroska::make_trailer(cues, header, archive_end);
   const auto put = [&](std::uint64_t offset, std::span<const std::byte> bytes) {
     if (!archive.write_at(offset, bytes)) throw roll_back(archive);
   };
@@ -169,14 +169,14 @@ void ArchiveWriter::Files::close() {
 void ArchiveWriter::Files::flush() {
   const auto bring = [](const OutputFile& file) {
     if (file.sync()) return;
-    throw Error::from_errno("the data cannot be brought to the disk", file.path().string(),
+    throw Error::from_errno("the data cannot be synced to the disk", file.path().string(),
                             "Check the disk");
   };
   bring(archive);
   archive.uncache();
   bring(*journal);
-  // Once: the files' names, or a power loss leaves files that no folder lists.
-  if (!names_are_safe.exchange(true)) {
+  // Sync the folder once: otherwise a power loss may leave files that no folder lists.
+  if (!directory_is_synced.exchange(true)) {
     sync_folder(archive.path().parent_path());
     sync_folder(journal->path().parent_path());
   }
@@ -191,7 +191,7 @@ void check_description(const ArchiveWriter::Description& description,
     throw refuse("a camera of " + std::to_string(description.width) + " x " +
                  std::to_string(description.height) + " pixels cannot be recorded");
   }
-  if (description.epoch_utc < 0) throw refuse("the epoch lies before 1970");
+  if (description.epoch_utc < 0) throw refuse("the epoch is before 1970");
 }
 
 ArchiveWriter::ArchiveWriter(const std::filesystem::path& archive,
@@ -205,7 +205,7 @@ ArchiveWriter::ArchiveWriter(std::unique_ptr<Files> files) : files_(std::move(fi
 ArchiveWriter::~ArchiveWriter() {
   try {
     close();
-  } catch (const Error&) {  // The frames are on disk all the same; see close().
+  } catch (const Error&) {  // The frames are on disk anyway; see close().
   }
 }
 
@@ -218,7 +218,7 @@ ArchiveWriter& ArchiveWriter::operator=(ArchiveWriter&& other) noexcept {
 }
 
 ArchiveWriter::Files& ArchiveWriter::open_files() const {
-  if (!files_) throw Error::failed("a frame came after the archive was closed", "", "");
+  if (!files_) throw Error::failed("a frame was appended after the archive was closed", "", "");
   return *files_;
 }
 
@@ -231,9 +231,9 @@ void ArchiveWriter::append(std::span<const std::byte> jpeg, Nanoseconds time, Fr
 
 void ArchiveWriter::append_missing(FrameStatus status, Nanoseconds time, FrameOrigin origin) {
   if (status == FrameStatus::kStored) {
-    throw Error::bad_input("a missing frame needs the reason why it is missing",
+    throw Error::bad_input("a missing frame has the status of a stored one",
                            open_files().journal->path().string(),
-                           "Give another status than stored");
+                           "Give the reason why it is missing as its status");
   }
   const NewFrame frame{time, {}, status, origin};
   append(std::span(&frame, 1));
@@ -244,7 +244,7 @@ Nanoseconds ArchiveWriter::last_time() const { return open_files().last_time; }
 void ArchiveWriter::flush() { open_files().flush(); }
 
 void ArchiveWriter::close() {
-  // Closed even if that fails: trying again would not get further.
+  // Closed even if that fails: a second try would fail too.
   if (const auto files = std::exchange(files_, nullptr)) files->close();
 }
 

@@ -14,7 +14,7 @@ std::uint8_t at(std::span<const std::byte> bytes, std::size_t offset) {
   return std::to_integer<std::uint8_t>(bytes[offset]);
 }
 
-// Length of a variable-size integer by its first byte; 9 where the byte is 0.
+// Returns the length of a variable-size integer from its first byte; 9 if the byte is 0.
 std::size_t vint_length(std::uint8_t first) {
   return static_cast<std::size_t>(std::countl_zero(first)) + 1;
 }
@@ -122,7 +122,7 @@ std::optional<std::int64_t> read_int(std::span<const std::byte> bytes, const Ele
 
 std::string_view read_string(std::span<const std::byte> bytes, const Element& element) {
   const auto data = bytes.subspan(element.data_offset, static_cast<std::size_t>(element.size));
-  // Byte and character may alias, and EBML strings may be padded with zeros.
+  // char may alias std::byte. EBML strings may be padded with zeros.
   const std::string_view text(reinterpret_cast<const char*>(data.data()), data.size());
   return text.substr(0, text.find('\0'));
 }

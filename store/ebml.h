@@ -10,8 +10,8 @@
 
 namespace raystage::ebml {
 
-/// Bytes of a size field whose value is filled in later: the fixed width allows patching in place
-/// (RFC 8794 section 6).
+/// Bytes of a size field that is filled in later. The fixed width allows patching in place (RFC
+/// 8794 section 6).
 inline constexpr std::size_t kSizeBytes = 8;
 /// The eight-byte size field for an unknown size: the element ends with its parent.
 inline constexpr std::uint64_t kUnknownSize = 0x00FF'FFFF'FFFF'FFFF;
@@ -21,7 +21,7 @@ inline constexpr std::uint64_t kUnknownSize = 0x00FF'FFFF'FFFF'FFFF;
 class Writer {
  public:
   void put_id(std::uint32_t id);
-  /// An eight-byte size field; kUnknownSize for unknown.
+  /// Appends an eight-byte size field; `size` may be kUnknownSize.
   void put_size(std::uint64_t size);
   void put_raw(std::span<const std::byte> bytes);
   void put_big_endian(std::uint64_t value, std::size_t bytes);
@@ -31,7 +31,7 @@ class Writer {
   void put_float(std::uint32_t id, double value);        ///< eight bytes of data
   void put_string(std::uint32_t id, std::string_view text);
   void put_master(std::uint32_t id, const Writer& children);
-  /// A Void element of `total` bytes, its own header included; 9 at least.
+  /// Appends a Void element of `total` bytes (at least 9), its header included.
   void put_void(std::size_t total);
 
   std::size_t size() const { return bytes_.size(); }
@@ -48,7 +48,8 @@ struct Element {
   std::size_t data_offset = 0;
   std::uint64_t size = 0;  ///< of the data; meaningless if unknown_size
   bool unknown_size = false;
-  /// One past the data. Only for known sizes that read_whole_element has checked.
+  /// Returns the offset one past the data. Only for known sizes that read_whole_element has
+  /// checked.
   std::size_t end() const { return data_offset + static_cast<std::size_t>(size); }
 };
 
@@ -60,8 +61,8 @@ std::optional<Element> read_element(std::span<const std::byte> bytes, std::size_
 /// the bytes.
 std::optional<Element> read_whole_element(std::span<const std::byte> bytes, std::size_t offset);
 
-/// Calls `visit(const Element&)` for the whole elements that lie one after the other in `parent`,
-/// itself whole, up to the first that is not.
+/// Calls `visit(const Element&)` for the consecutive whole children of `parent`, which must be
+/// whole itself. Stops at the first child that is not whole.
 template <typename Visit>
 void for_each_child(std::span<const std::byte> bytes, const Element& parent, Visit&& visit) {
   const auto inside = bytes.first(parent.end());
@@ -72,7 +73,8 @@ void for_each_child(std::span<const std::byte> bytes, const Element& parent, Vis
   }
 }
 
-/// The data of a whole element as a number, big-endian; nullopt when longer than eight bytes.
+/// Returns the data of a whole element as a big-endian number, or nullopt if it has more than eight
+/// bytes.
 std::optional<std::uint64_t> read_uint(std::span<const std::byte> bytes, const Element& element);
 std::optional<std::int64_t> read_int(std::span<const std::byte> bytes, const Element& element);
 std::string_view read_string(std::span<const std::byte> bytes, const Element& element);

@@ -21,8 +21,7 @@ constexpr std::size_t kTimeAt = 0, kOffsetAt = 8, kSizeAt = 16, kStatusAt = 20, 
 constexpr std::uint32_t kStatusMask = 0xFF;
 constexpr auto kLastStatus = static_cast<std::uint32_t>(kFrameStatusCount - 1);
 
-// CRC-24 of OpenPGP (RFC 9580, section 6.1): finds every one, two or three flipped bits in a
-// record.
+// CRC-24 of OpenPGP (RFC 9580, section 6.1): detects one, two or three flipped bits in a record.
 constexpr std::uint32_t kCrcPolynomial = 0x864CFB, kCrcStart = 0xB704CE, kCrcTop = 0x800000;
 
 constexpr std::array<std::uint32_t, 256> kCrcTable = [] {
@@ -44,8 +43,8 @@ std::uint32_t crc24(std::span<const std::byte> bytes) {
   return crc;
 }
 
-// 24 bits over the record with the check's own bits 0: one rotten record must not pass for another
-// frame, and must not take the rest of the journal with it.
+// The 24-bit check of a record, computed with the check's own bits 0. A damaged record must not
+// pass as another frame, and must not invalidate the rest of the journal.
 std::uint32_t check_of(std::span<const std::byte> record) {
   std::array<std::byte, kRecordBytes> plain{};
   std::ranges::copy(record, plain.begin());
@@ -94,7 +93,7 @@ std::optional<FrameRecord> decode_record(std::span<const std::byte> bytes, std::
   return record;
 }
 
-std::uint64_t hash_of_camera(std::string_view camera_id) {
+std::uint64_t hash_camera_id(std::string_view camera_id) {
   return XXH3_64bits(camera_id.data(), camera_id.size());
 }
 
@@ -105,7 +104,7 @@ std::array<std::byte, kHeaderBytes> encode_header(const ArchiveWriter::Descripti
   store_little_endian(bytes, kVersionAt, version);
   store_little_endian(bytes, kRecordSizeAt, static_cast<std::uint32_t>(record_bytes(version)));
   store_little_endian(bytes, kEpochAt, description.epoch_utc);
-  store_little_endian(bytes, kCameraAt, hash_of_camera(description.camera_id));
+  store_little_endian(bytes, kCameraAt, hash_camera_id(description.camera_id));
   store_little_endian(bytes, kHeaderCheckAt,
                       static_cast<std::uint64_t>(XXH3_64bits(bytes.data(), kHeaderCheckAt)));
   return bytes;
@@ -137,7 +136,7 @@ std::optional<Header> decode_header(std::span<const std::byte> file, std::string
   if (version < 1 || version > kVersion || record_size != record_bytes(version)) {
     throw Error::bad_input(
         "the journal has format version " + std::to_string(version) + " with " +
-            std::to_string(record_size) + " bytes a record, this program reads versions 1 to " +
+            std::to_string(record_size) + " bytes per record; this program reads versions 1 to " +
             std::to_string(kVersion) + " with " + std::to_string(kRecordBytesV1) + " and " +
             std::to_string(kRecordBytes),
         std::string(name) + " @" + std::to_string(kVersionAt), "Use a newer Raystage");

@@ -22,8 +22,8 @@ class FramesElsewhere : public RemoteFrames {
 
  private:
   Error elsewhere() const {
-    return Error::bad_input("the archive is not here: only its journal is", archive_,
-                            "Do this on the host that holds the archive");
+    return Error::bad_input("the archive is not on this host, only its journal", archive_,
+                            "Run this on the host that has the archive");
   }
   std::string archive_;
 };
@@ -40,14 +40,14 @@ class JournalArchives : public RemoteArchives {
     const MappedFile file(journal);
     const journal::Contents contents = journal::decode(file.bytes(), journal.string());
     const Nanoseconds epoch = entry.archive_epoch_utc.value_or(document_.epoch_utc);
-    if (!contents.header || contents.header->camera_hash != journal::hash_of_camera(entry.id) ||
+    if (!contents.header || contents.header->camera_hash != journal::hash_camera_id(entry.id) ||
         contents.header->epoch_utc != epoch) {
-      throw Error::bad_input("this is not the journal of camera \"" + entry.id + "\", or damaged",
-                             journal.string(), "Copy it from the host that holds the archive");
+      throw Error::bad_input("the journal is damaged or not of camera \"" + entry.id + "\"",
+                             journal.string(), "Copy it from the host that has the archive");
     }
     ArchiveReader reader({entry.id, 0, 0, epoch}, contents.records,
                          std::make_shared<const FramesElsewhere>(archive.string()));
-    reader.move_times(epoch - document_.epoch_utc);
+    reader.shift_times(epoch - document_.epoch_utc);
     return reader;
   }
 
@@ -60,8 +60,8 @@ class JournalArchives : public RemoteArchives {
 
 }  // namespace
 
-std::shared_ptr<const RemoteArchives> journals_for_archives(const fs::path& take_folder) {
-  if (!fs::exists(take_folder / "take.json")) return nullptr;  // Take says what is wrong
+std::shared_ptr<const RemoteArchives> make_journal_archives(const fs::path& take_folder) {
+  if (!fs::exists(take_folder / "take.json")) return nullptr;  // Take reports the error
   return std::make_shared<const JournalArchives>(take_folder);
 }
 

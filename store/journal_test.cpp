@@ -170,7 +170,7 @@ TEST_F(Journal, ArrivalsAreNoPartOfWhatATimelineStandsOn) {
     TakeWriter out(folder.path() / name, test::take_document(1), test::rig_document(1));
     out.archive(0).append(fake_jpeg(seed), 10, origin);
     out.commit();
-    return fingerprint_of(Take(folder.path() / name));
+    return take_fingerprint(Take(folder.path() / name));
   };
   EXPECT_EQ(fingerprint("a", {}, 1), fingerprint("b", {5, 6}, 1));
   EXPECT_NE(fingerprint("c", {}, 1), fingerprint("d", {}, 2));

@@ -36,8 +36,8 @@ constexpr std::uint32_t kCues = 0x1C53BB6B, kCuePoint = 0xBB, kCueTime = 0xB3,
 constexpr std::uint32_t kVoid = 0xEC, kCrc32 = 0xBF, kTags = 0x1254C367, kChapters = 0x1043A770,
                         kAttachments = 0x1941A469;
 
-// What may stand among the clusters. Anything else is taken for damage: the size of an element
-// whose identifier is rotten cannot be trusted to lead to the next one.
+// Elements that may be between clusters. Anything else counts as damage: the size of an element
+// with a damaged identifier may not lead to the next one.
 constexpr std::array kSkipped{kVoid, kCrc32,    kSeekHead, kInfo,       kTracks,
                               kCues, kChapters, kTags,     kAttachments};
 
@@ -46,7 +46,7 @@ constexpr std::array kClusterIdBytes{std::byte{0x1F}, std::byte{0x43}, std::byte
 constexpr std::array kEbmlIdBytes{std::byte{0x1A}, std::byte{0x45}, std::byte{0xDF},
                                   std::byte{0xA3}};
 
-// 2001-01-01T00:00:00Z, from which Matroska counts dates, in nanoseconds since 1970.
+// 2001-01-01T00:00:00Z, the epoch of Matroska dates, in nanoseconds since 1970.
 constexpr Nanoseconds kMatroskaEpoch = 978'307'200 * kNanosecondsPerSecond;
 constexpr std::size_t kBlockHeaderBytes = 4;  // track, two bytes of relative time, flags
 
@@ -87,13 +87,14 @@ void read_info(Bytes file, const Element& info, std::string_view name,
   });
   if (scale != 1) {
     throw Error::bad_input(
-        "the Matroska time scale is " + std::to_string(scale) + " ns where an archive has 1 ns",
+        "the Matroska time scale is " + std::to_string(scale) +
+            " ns instead of the 1 ns of an archive",
         std::string(name) + " @" + std::to_string(info.offset),
-        "Use an archive written by Raystage; other movies come in through `raystage import`");
+        "Use an archive written by Raystage; convert other movies with `raystage import`");
   }
 }
 
-// The cluster at `offset`, if it is whole and holds one unlaced frame as our writer makes it.
+// Returns the cluster at `offset` if it is whole and has one unlaced frame, as our writer makes it.
 std::optional<FoundFrame> read_cluster(Bytes file, std::size_t offset, std::size_t& end) {
   const auto cluster = ebml::read_whole_element(file, offset);
   if (!cluster || cluster->id != kCluster) return std::nullopt;
@@ -139,7 +140,7 @@ Header make_header(const ArchiveWriter::Description& description) {
   video.put_uint(kPixelHeight, static_cast<std::uint64_t>(description.height));
   ebml::Writer track;
   track.put_uint(kTrackNumber, 1);
-  // Not 0, and the same for the same camera: archives are reproducible.
+  // Not 0, and constant per camera: archives are reproducible.
   track.put_uint(kTrackUid,
                  XXH3_64bits(description.camera_id.data(), description.camera_id.size()) | 1);
   track.put_uint(kTrackType, 1);  // video
@@ -196,7 +197,7 @@ std::array<std::byte, kClusterHeaderBytes> make_cluster_header(Nanoseconds time,
   writer.put_id(kSimpleBlock);
   writer.put_size(kBlockHeaderBytes + size);
   writer.put_big_endian(0x81, 1);  // track 1
-  writer.put_big_endian(0, 2);     // at the cluster's time
+  writer.put_big_endian(0, 2);     // time relative to the cluster
   writer.put_big_endian(0x80, 1);  // key frame, no lacing
   assert(writer.size() == kClusterHeaderBytes);
   std::array<std::byte, kClusterHeaderBytes> bytes{};
@@ -252,8 +253,8 @@ std::vector<std::byte> make_segment_size(std::uint64_t size) {
   return {writer.bytes().begin(), writer.bytes().end()};
 }
 
-Closing make_closing(std::span<const CuePoint> points, const Header& header, std::uint64_t end) {
-  Closing closing;
+Trailer make_trailer(std::span<const CuePoint> points, const Header& header, std::uint64_t end) {
+  Trailer closing;
   if (!points.empty()) {
     closing.cues = make_cues(points, header);
     const Nanoseconds last = points.back().time;
@@ -268,7 +269,7 @@ Closing make_closing(std::span<const CuePoint> points, const Header& header, std
 Preamble read_preamble(Bytes file, std::string_view name) {
   const std::size_t magic = std::min(file.size(), kEbmlIdBytes.size());
   if (!std::ranges::equal(file.first(magic), Bytes(kEbmlIdBytes).first(magic))) {
-    throw Error::bad_input("this is no Matroska file", std::string(name) + " @0",
+    throw Error::bad_input("the file is not a Matroska file", std::string(name) + " @0",
                            "Restore the archive from a copy");
   }
   Preamble preamble;
@@ -292,7 +293,7 @@ Preamble read_preamble(Bytes file, std::string_view name) {
     if (element->id == kInfo) read_info(file, *element, name, preamble.description);
     if (element->id == kTracks) {
       read_tracks(file, *element, preamble.description);
-      // Whatever follows, even if it is damaged: our clusters begin here.
+      // Even if what follows is damaged: our clusters begin here.
       preamble.first_cluster = element->end();
       break;
     }
@@ -301,7 +302,7 @@ Preamble read_preamble(Bytes file, std::string_view name) {
   return preamble;
 }
 
-std::optional<FoundFrame> cluster_at(Bytes file, std::size_t offset) {
+std::optional<FoundFrame> parse_cluster(Bytes file, std::size_t offset) {
   std::size_t end = 0;
   const auto frame = read_cluster(file, offset, end);
   if (!frame || !std::ranges::equal(make_cluster_header(frame->time, frame->size),
@@ -318,7 +319,7 @@ std::vector<FoundFrame> find_clusters(Bytes file, std::size_t begin) {
                                    file.size() - begin);
     if (next == nullptr) break;
     begin = static_cast<std::size_t>(static_cast<const std::byte*>(next) - file.data());
-    if (const auto frame = cluster_at(file, begin)) frames.push_back(*frame);
+    if (const auto frame = parse_cluster(file, begin)) frames.push_back(*frame);
     ++begin;
   }
   return frames;

@@ -6,7 +6,7 @@
 
 namespace raystage {
 
-std::vector<RecordingDocument> recordings_of(const std::filesystem::path& take_folder) {
+std::vector<RecordingDocument> read_recordings(const std::filesystem::path& take_folder) {
   std::vector<std::filesystem::path> files;
   std::error_code none;
   for (const auto& file : std::filesystem::directory_iterator(take_folder / "recording", none)) {
@@ -20,7 +20,7 @@ std::vector<RecordingDocument> recordings_of(const std::filesystem::path& take_f
 
 std::vector<std::vector<Nanoseconds>> recorder_restarts(const Take& take) {
   std::vector<std::vector<Nanoseconds>> starts(static_cast<std::size_t>(take.camera_count()));
-  for (const RecordingDocument& recording : recordings_of(take.folder())) {
+  for (const RecordingDocument& recording : read_recordings(take.folder())) {
     for (const RecordingDocument::Session& session : recording.sessions) {
       for (const RecordingDocument::Camera& camera : session.cameras) {
         const int index = take.camera_index(camera.id);

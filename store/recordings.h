@@ -10,12 +10,12 @@
 
 namespace raystage {
 
-/// The accounts of the nodes that recorded a take, TAKE/recording/*.json, by file name; none of a
-/// take that was imported. Throws Error (bad input) for an account that cannot be read.
-std::vector<RecordingDocument> recordings_of(const std::filesystem::path& take_folder);
+/// Returns the recording reports of the nodes that recorded a take (TAKE/recording/*.json), by file
+/// name; empty for an imported take. Throws Error (bad input) if a report cannot be read.
+std::vector<RecordingDocument> read_recordings(const std::filesystem::path& take_folder);
 
-/// When `raystage record` started anew on each camera (`--resume`), ns since the take's epoch,
-/// increasing; its first start is none. Throws as recordings_of().
+/// Returns the times at which each camera's recorder was restarted (`raystage record --resume`), in
+/// ns since the take's epoch, increasing, without the first start. Throws as read_recordings().
 std::vector<std::vector<Nanoseconds>> recorder_restarts(const Take& take);
 
 }  // namespace raystage

@@ -12,17 +12,17 @@
 
 namespace raystage {
 
-/// Encoded bytes of a frame, and what keeps them in memory.
+/// The encoded bytes of a frame, owned or kept in memory by their owner.
 class FrameBytes {
  public:
   FrameBytes() = default;
-  /// Bytes that others keep, longer than this.
+  /// Refers to bytes that are owned elsewhere and outlive this object.
   explicit FrameBytes(std::span<const std::byte> bytes) : bytes_(bytes) {}
   explicit FrameBytes(std::shared_ptr<const std::vector<std::byte>> owned)
       : owned_(std::move(owned)), bytes_(*owned_) {}
 
   std::span<const std::byte> bytes() const { return bytes_; }
-  // As a span, which it stands for.
+  // Implicit: the class stands for a span.
   operator std::span<const std::byte>() const { return bytes_; }  // NOLINT(*-explicit-*)
   auto begin() const { return bytes_.begin(); }
   auto end() const { return bytes_.end(); }
@@ -34,8 +34,8 @@ class FrameBytes {
   std::span<const std::byte> bytes_;
 };
 
-/// The frames of a camera whose archive is on another host. Thread-safe. Members throw Error
-/// (failed or bad input) where the host does not answer or cannot read the frame.
+/// Reads the frames of a camera whose archive is on another host. Thread-safe. Members throw Error
+/// (failed or bad input) if the host does not answer or cannot read the frame.
 class RemoteFrames {
  public:
   virtual ~RemoteFrames() = default;
@@ -43,8 +43,8 @@ class RemoteFrames {
   virtual FrameBytes jpeg(int frame) const = 0;
   /// Returns the structure of a frame, without its bytes.
   virtual JpegLayout layout(int frame) const = 0;
-  /// Returns a frame of which the bytes before the scan and the segments that hold `wanted` MCUs
-  /// are there; all others are 0. `layout`: of the frame.
+  /// Returns a frame with only the bytes before the scan and the segments that hold `wanted` MCUs;
+  /// all other bytes are 0. `layout`: of the frame.
   virtual FrameBytes jpeg_part(int frame, const JpegLayout& layout,
                                const McuMask& wanted) const = 0;
 };

@@ -14,12 +14,12 @@ DepthRange scene_depth_range(const Take& of, const DepthRange& given, std::strin
   if (given.far > 0) scene.far = given.far;
   const std::string take = of.folder().string();
   if (!(scene.near > 0 && scene.far > 0)) {
-    throw Error::bad_input(std::string(what) + " does not know how deep the scene is", take,
+    throw Error::bad_input(std::string(what) + ": the depth range of the scene is unknown", take,
                            std::string(what_to_do));
   }
   if (scene.far < scene.near) {
-    throw Error::bad_input(std::string(what) + ": far is nearer than near", take,
-                           "Give near and far in metres, near first");
+    throw Error::bad_input(std::string(what) + ": far is less than near", take,
+                           "Set near and far in metres, near to the smaller depth");
   }
   return scene;
 }

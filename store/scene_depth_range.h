@@ -8,9 +8,9 @@
 
 namespace raystage {
 
-/// Between which depths the scene lies, metres in front of the array: as `given`; 0 in it: as the
-/// take says. Throws Error (bad input), naming `what` wants to know and `what_to_do`, where neither
-/// says, or far is nearer than near.
+/// Returns the depth range of the scene, in metres in front of the array: from `given`, with each 0
+/// replaced by the value in the take. Throws Error (bad input) if neither gives a depth, or far is
+/// less than near. `what` (who needs the range) and `what_to_do` stand in the error.
 DepthRange scene_depth_range(const Take& take, const DepthRange& given, std::string_view what,
                              std::string_view what_to_do);
 

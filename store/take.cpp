@@ -15,17 +15,17 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A path that is no take is said to be none, before some file of it is missed.
+/// Returns `folder` if it holds take.json; otherwise throws an error that says why it is not a
+/// take.
 const fs::path& checked_take(const fs::path& folder) {
-  std::error_code unknown;  // then reading says why
+  std::error_code unknown;  // reading reports it then
   if (fs::status(folder / "take.json", unknown).type() != fs::file_type::not_found) return folder;
   const auto type = fs::status(folder, unknown).type();
-  throw Error::bad_input(std::string("this is no take: ") +
-                             (type == fs::file_type::not_found   ? "there is no such folder"
-                              : type == fs::file_type::directory ? "it holds no take.json"
+  throw Error::bad_input(std::string("this is not a take: ") +
+                             (type == fs::file_type::not_found   ? "the folder does not exist"
+                              : type == fs::file_type::directory ? "it has no take.json"
                                                                  : "it is a file"),
-                         folder.string(),
-                         "Give the folder of a take, the one that holds take.json");
+                         folder.string(), "Give the folder of a take, which has take.json");
 }
 
 }  // namespace
@@ -48,7 +48,7 @@ struct Take::State {
   ArchiveReader open(std::size_t camera) const;
 
   std::filesystem::path folder;
-  std::shared_ptr<const RemoteArchives> remote;  // null: all archives are in the folder
+  std::shared_ptr<const RemoteArchives> remote;  // null: all are in the folder
   TakeDocument document;
   Rig rig;
   mutable std::vector<Slot> slots;
@@ -59,13 +59,13 @@ void Take::State::check_cameras() const {
   const std::string advice = "Restore both files from the same take";
   if (document.cameras.size() != rig.cameras.size()) {
     throw Error::bad_input("it lists " + std::to_string(document.cameras.size()) +
-                               " cameras where rig.json has " + std::to_string(rig.cameras.size()),
+                               " cameras, but rig.json has " + std::to_string(rig.cameras.size()),
                            where + "#/cameras", advice);
   }
   for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
     if (document.cameras[i].id == rig.cameras[i].id) continue;
-    throw Error::bad_input("the camera is \"" + document.cameras[i].id +
-                               "\" where rig.json has \"" + rig.cameras[i].id + "\"",
+    throw Error::bad_input("the camera is \"" + document.cameras[i].id + "\", but rig.json has \"" +
+                               rig.cameras[i].id + "\"",
                            where + "#/cameras/" + std::to_string(i) + "/id", advice);
   }
 }
@@ -76,16 +76,16 @@ ArchiveReader Take::State::open(std::size_t camera) const {
     if (auto elsewhere = remote->open(static_cast<int>(camera))) return std::move(*elsewhere);
   }
   ArchiveReader reader(folder / entry.archive, folder / entry.journal);
-  // An archive cut within its header has no name and no frames: nothing to mistake.
+  // An archive truncated within its header has neither id nor frames to check.
   const auto& found = reader.description();
   const auto& model = rig.cameras[camera].model;
   const auto refuse = [&](const std::string& what) {
     return Error::bad_input(what, (folder / entry.archive).string(),
-                            "Put the archive there that belongs to camera \"" + entry.id +
+                            "Replace it with the archive of camera \"" + entry.id +
                                 "\", or correct take.json and rig.json");
   };
   if (!found.camera_id.empty() && found.camera_id != entry.id) {
-    throw refuse("this is the archive of camera \"" + found.camera_id + "\"");
+    throw refuse("the archive is of camera \"" + found.camera_id + "\"");
   }
   if (found.width > 0 && (found.width != model.width() || found.height != model.height())) {
     throw refuse("its frames have " + std::to_string(found.width) + " x " +
@@ -97,7 +97,7 @@ ArchiveReader Take::State::open(std::size_t camera) const {
     throw refuse("its epoch is " + format_utc(found.epoch_utc) + ", take.json says " +
                  format_utc(epoch));
   }
-  reader.move_times(epoch - document.epoch_utc);
+  reader.shift_times(epoch - document.epoch_utc);
   return reader;
 }
 
@@ -114,13 +114,13 @@ const std::filesystem::path& Take::folder() const { return state_->folder; }
 const TakeDocument& Take::document() const { return state_->document; }
 const Rig& Take::rig() const { return state_->rig; }
 
-void Take::refuse_inside(const fs::path& folder) const {
-  std::error_code unknown;  // then making the folder says why
+void Take::check_not_inside(const fs::path& folder) const {
+  std::error_code unknown;  // creating the folder reports it then
   const fs::path way = fs::weakly_canonical(folder, unknown)
                            .lexically_relative(fs::weakly_canonical(state_->folder, unknown));
   if (way.empty() || way == "." || *way.begin() == "..") return;
-  throw Error::bad_input("the new take would lie within " + state_->folder.string(),
-                         folder.string(), "Give it a folder beside the other take");
+  throw Error::bad_input("the new take would be inside of " + state_->folder.string(),
+                         folder.string(), "Give a folder outside of that take");
 }
 
 int Take::camera_count() const { return static_cast<int>(state_->slots.size()); }
@@ -143,8 +143,8 @@ const ArchiveReader& Take::archive(int camera) const {
   assert(camera >= 0 && camera < camera_count());
   const auto index = static_cast<std::size_t>(camera);
   State::Slot& slot = state_->slots[index];
-  // Not std::call_once: thread sanitizers lock up when what it calls throws, and opening may. If it
-  // does, the next caller tries again.
+  // Not std::call_once: with thread sanitizers it locks up if its function throws, and opening may.
+  // After a failure the next caller tries again.
   if (!slot.ready.load(std::memory_order_acquire)) {
     const std::scoped_lock lock(slot.opening);
     if (!slot.ready.load(std::memory_order_relaxed)) {

@@ -13,25 +13,26 @@
 
 namespace raystage {
 
-/// The archives of a take that are not in its folder.
+/// Supplies the archives of a take that are not in its folder.
 class RemoteArchives {
  public:
   virtual ~RemoteArchives() = default;
-  /// Returns the archive of a camera that another host holds; nothing: it is in the take's folder.
+  /// Returns the archive of a camera if another host has it, or nullopt if it is in the take's
+  /// folder.
   virtual std::optional<ArchiveReader> open(int camera) const = 0;
-  /// Whether no host holds the camera's archive, and that is accepted: it has no frame then, at any
-  /// time (open() returns an archive without frames).
+  /// Returns whether no host has the camera's archive and this is accepted. The camera then has no
+  /// frames: open() returns an archive without frames.
   virtual bool is_missing(int camera) const = 0;
-  /// Whether nothing is known of any archive, so that the timeline must be taken as it is.
+  /// Returns whether no archive is known, so that the timeline must be used unchecked.
   virtual bool are_unknown() const { return false; }
 };
 
-/// A take on disk, opened for reading. Archives are opened when first asked for; const members may
-/// be called from many threads at once.
+/// A take on disk, opened for reading. Archives are opened on first use. Const members are
+/// thread-safe.
 class Take {
  public:
-  /// Throws Error (bad input) where the folder is no take, take.json or rig.json is wrong, or they
-  /// disagree.
+  /// Opens a take. Throws Error (bad input) if the folder is not a take, or take.json and rig.json
+  /// are invalid or contradict each other.
   explicit Take(std::filesystem::path folder,
                 std::shared_ptr<const RemoteArchives> remote = nullptr);
   ~Take();
@@ -41,15 +42,15 @@ class Take {
   const std::filesystem::path& folder() const;
   const TakeDocument& document() const;
   const Rig& rig() const;
-  /// Throws Error (bad input) where a new take in `folder` would lie within this one.
-  void refuse_inside(const std::filesystem::path& folder) const;
+  /// Throws Error (bad input) if a new take in `folder` would be inside of this one.
+  void check_not_inside(const std::filesystem::path& folder) const;
   int camera_count() const;
-  /// Index of a camera by id, -1 where there is none.
+  /// Returns the index of a camera by its id, or -1 if there is none.
   int camera_index(std::string_view id) const;
-  /// Throws Error (bad input) where the archive cannot be read, is of another camera, image size or
-  /// epoch than the documents say, or has another camera's journal.
+  /// Returns the archive of a camera. Throws Error (bad input) if it cannot be read, does not match
+  /// the documents in camera, image size or epoch, or has the journal of another camera.
   const ArchiveReader& archive(int camera) const;
-  /// Whether the camera's archive is missing everywhere: see RemoteArchives.
+  /// Returns whether no host has the camera's archive; see RemoteArchives.
   bool is_missing(int camera) const;
   /// See RemoteArchives::are_unknown().
   bool are_archives_unknown() const;
@@ -59,30 +60,30 @@ class Take {
   std::unique_ptr<State> state_;
 };
 
-/// Writes a new take: everything goes to a folder with a temporary name beside the target, which
-/// commit() renames, so a take is there whole or not at all.
+/// Writes a new take atomically: into a folder with a temporary name next to the target, which
+/// commit() renames.
 class TakeWriter {
  public:
-  /// Throws Error: bad input where `folder` exists already, failed where its parent cannot be
-  /// written to.
-  /// camera.archive and camera.journal of the document are filled in here (archive/ID.mkv); ids
-  /// that are no safe file names are refused (bad input).
+  /// Begins a take. Fills in camera.archive and camera.journal of the document (archive/ID.mkv).
+  /// Throws Error (bad input) if `folder` exists or a camera id is not a safe file name. Throws
+  /// Error (failed) if its parent folder is not writable.
   TakeWriter(const std::filesystem::path& folder, TakeDocument take, RigDocument rig);
   ~TakeWriter();  ///< removes what was not committed
   TakeWriter(const TakeWriter&) = delete;
   TakeWriter& operator=(const TakeWriter&) = delete;
 
-  /// Created when first asked for. Different cameras may be written from different threads. Close
-  /// each when it is done (commit does too): 64 open archives hold 128 file descriptors.
+  /// Returns the archive of a camera, created on first use. Different threads may write different
+  /// cameras. Close each one when it is complete (commit() closes the rest): 64 open archives use
+  /// 128 file descriptors.
   ArchiveWriter& archive(int camera);
-  /// The folder under its temporary name, for further files (truth images, views.json).
+  /// Returns the folder under its temporary name, for further files (truth images, views.json).
   const std::filesystem::path& working_folder() const;
-  /// Closes the archives and writes the documents: the working folder is a whole take then, and
-  /// what is derived from it may be added. commit() does it where it was not called.
+  /// Closes the archives and writes the documents. The working folder then is a whole take, and
+  /// derived files may be added. commit() calls this if needed.
   void finish();
-  /// The same without archives, which stay where they are (archive/ID.mkv of other folders).
+  /// Writes only the documents: the archives stay where they are (archive/ID.mkv of other folders).
   void finish_documents();
-  /// Finishes, renames the folder.
+  /// Calls finish() if needed, then renames the folder.
   void commit();
 
  private:

@@ -91,7 +91,7 @@ void add_times(const Take& take, TakeSummary& summary) {
     last = std::max(last, column.back());
     times.push_back(std::move(column));
   }
-  summary.fps = detect_rate(times);
+  summary.fps = detect_frame_rate(times);
   if (summary.fps == 0) summary.fps = take.document().nominal_fps;
   if (last < 0) return;
   summary.first = first;
@@ -108,7 +108,7 @@ void add_restarts(const Take& take, TakeSummary& summary) {
       all.insert(of_camera.begin(), of_camera.end());
     }
     summary.restarts.assign(all.begin(), all.end());
-    for (const RecordingDocument& recording : recordings_of(take.folder())) {
+    for (const RecordingDocument& recording : read_recordings(take.folder())) {
       for (const RecordingDocument::Session& session : recording.sessions) {
         if (session.late() > 0) summary.late_nodes.emplace_back(recording.node, session.late());
       }
@@ -130,16 +130,16 @@ bool TakeSummary::whole() const {
   return std::ranges::all_of(cameras, [](const Camera& camera) { return camera.error.empty(); });
 }
 
-double alias_free_distance(double spacing_m, double focal_length_px) {
+double min_alias_free_distance(double spacing_m, double focal_length_px) {
   return spacing_m * focal_length_px / 2;
 }
 
-TakeSummary summarise(const Take& take) {
+TakeSummary summarise_take(const Take& take) {
   TakeSummary summary;
   std::vector<double> focal_lengths;
   for (int camera = 0; camera < take.camera_count(); ++camera) {
     summary.cameras.push_back(summary_of(take, camera));
-    summary.bytes_of_archives += summary.cameras.back().bytes;
+    summary.archive_bytes += summary.cameras.back().bytes;
     focal_lengths.push_back(
         take.rig().cameras[static_cast<std::size_t>(camera)].model.intrinsics().fx);
   }
@@ -148,12 +148,12 @@ TakeSummary summarise(const Take& take) {
   add_restarts(take, summary);
   summary.calibrated = is_calibrated(read_rig(take.folder() / "rig.json"));
   summary.spacing = spacing_of(take.rig());
-  summary.alias_free_distance =
-      alias_free_distance(summary.spacing, median_of(std::move(focal_lengths)));
+  summary.min_alias_free_distance =
+      min_alias_free_distance(summary.spacing, median_of(std::move(focal_lengths)));
   try {
     const Timeline timeline = read_timeline(take);
     summary.timeline = {timeline.fps, static_cast<int>(timeline.ticks.size()),
-                        statistics_of(timeline)};
+                        timeline_statistics(timeline)};
   } catch (const Error& error) {
     summary.timeline_error = error.what_happened();
   }

@@ -13,7 +13,7 @@
 
 namespace raystage {
 
-/// What a take holds and what it lacks, for `raystage info`.
+/// The contents of a take and what it lacks, for `raystage info`.
 struct TakeSummary {
   struct Camera {
     std::string id;
@@ -23,45 +23,47 @@ struct TakeSummary {
     int recovered = 0, damaged_records = 0;  ///< see ArchiveReader
     bool closed = false;
     std::uint64_t bytes = 0;  ///< of the archive
-    /// Whether the first frame carries restart markers; nothing where there is no frame or it is no
+    /// Whether the first frame has restart markers; nullopt if there is no frame or it is not a
     /// JPEG.
     std::optional<bool> restart_markers;
-    std::string error;  ///< why the archive cannot be read; empty when it can
+    std::string error;  ///< why the archive cannot be read; empty if it can
   };
   std::vector<Camera> cameras;
 
-  std::uint64_t bytes_on_disk = 0;  ///< of everything below the take's folder
-  std::uint64_t bytes_of_archives = 0;
-  double fps = 0;                       ///< detected, else nominal; 0 where unknown
+  std::uint64_t bytes_on_disk = 0;  ///< of all files in the take's folder
+  std::uint64_t archive_bytes = 0;
+  double fps = 0;                       ///< detected, else nominal; 0 if unknown
   Nanoseconds first = 0, duration = 0;  ///< from the earliest frame to the end of the latest
-  /// When its recorders started anew after they were stopped or killed, each once; ns.
+  /// Times of all restarts of the recorders after a stop or crash, without duplicates; ns.
   std::vector<Nanoseconds> restarts;
-  /// Nodes that began later than they were told to, and by how much.
+  /// Nodes that started later than requested, and their delay in ns.
   std::vector<std::pair<std::string, Nanoseconds>> late_nodes;
-  std::string restarts_error;  ///< why neither is known; empty when it is
-  bool calibrated = true;      ///< false: spacing and lenses are guessed
-  /// Median distance of a camera to its nearest neighbour, metres; 0 for one camera.
+  std::string restarts_error;  ///< why neither is known; empty if they are
+  bool calibrated = true;      ///< false: spacing and lenses are estimates
+  /// Median distance from a camera to its nearest neighbour, metres; 0 for one camera.
   double spacing = 0;
-  /// Eq. 4.3: nothing nearer than this is free of aliasing, metres; 0 where it has no meaning.
-  double alias_free_distance = 0;
+  /// Distance from which the scene is free of aliasing (Eq. 4.3), metres; 0 if undefined.
+  double min_alias_free_distance = 0;
 
-  /// Of the timeline, where there is a valid one.
+  /// Summary of the timeline, if there is a valid one.
   struct TimelineSummary {
     double fps = 0;
     int ticks = 0;
     TimelineStatistics statistics;
   };
   std::optional<TimelineSummary> timeline;
-  std::string timeline_error;  ///< why there is none
+  std::string timeline_error;  ///< why there is no timeline
 
   std::uint64_t frames() const;
-  bool whole() const;  ///< every archive can be read
+  bool whole() const;  ///< whether every archive can be read
 };
 
-/// Opens every archive; one that cannot be read is reported in its camera's `error`.
-TakeSummary summarise(const Take& take);
+/// Returns the summary of a take. Opens every archive; reports one that cannot be read in its
+/// camera's `error`.
+TakeSummary summarise_take(const Take& take);
 
-/// Eq. 4.3: zmin = spacing * f / (2 dv), with f / dv the focal length in pixels.
-double alias_free_distance(double spacing_m, double focal_length_px);
+/// Returns the alias-free distance zmin = spacing * f / (2 dv) in metres (Eq. 4.3); f / dv is the
+/// focal length in pixels.
+double min_alias_free_distance(double spacing_m, double focal_length_px);
 
 }  // namespace raystage

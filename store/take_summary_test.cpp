@@ -18,7 +18,7 @@ using testing::HasSubstr;
 // The check value of the thesis' section 2.2.
 TEST(AliasFreeDistance, OfTheThesisArray) {
   const double focal_length_px = 160 / std::tan(31 * std::numbers::pi / 180);
-  EXPECT_NEAR(alias_free_distance(0.06, focal_length_px), 7.99, 0.005);
+  EXPECT_NEAR(min_alias_free_distance(0.06, focal_length_px), 7.99, 0.005);
 }
 
 TEST(TakeSummary, SaysWhatIsThereAndWhatIsNot) {
@@ -37,7 +37,7 @@ TEST(TakeSummary, SaysWhatIsThereAndWhatIsNot) {
     writer.archive(2).append_missing(FrameStatus::kStartUp, 0);
     writer.commit();
   }
-  TakeSummary summary = summarise(Take(path));
+  TakeSummary summary = summarise_take(Take(path));
   EXPECT_TRUE(summary.whole());
   ASSERT_EQ(summary.cameras.size(), 3u);
   EXPECT_EQ(summary.cameras[0].frames, 10);
@@ -52,13 +52,13 @@ TEST(TakeSummary, SaysWhatIsThereAndWhatIsNot) {
   EXPECT_NEAR(summary.fps, 20, 1e-6);
   EXPECT_EQ(summary.duration, 500'000'000);
   EXPECT_NEAR(summary.spacing, 0.06, 1e-12);
-  EXPECT_NEAR(summary.alias_free_distance, 7.99, 0.005);
-  EXPECT_GT(summary.bytes_on_disk, summary.bytes_of_archives);
+  EXPECT_NEAR(summary.min_alias_free_distance, 7.99, 0.005);
+  EXPECT_GT(summary.bytes_on_disk, summary.archive_bytes);
   EXPECT_FALSE(summary.timeline.has_value());
   EXPECT_THAT(summary.timeline_error, HasSubstr("no timeline"));
 
   write_timeline(build_timeline(Take(path), 0, 0), path);
-  summary = summarise(Take(path));
+  summary = summarise_take(Take(path));
   ASSERT_TRUE(summary.timeline.has_value());
   EXPECT_EQ(summary.timeline->ticks, 10);
   EXPECT_EQ(summary.timeline->statistics.absent, (std::vector<int>{0, 1, 10}));
@@ -69,7 +69,7 @@ TEST(TakeSummary, OneBadArchiveDoesNotHideTheOthers) {
   const auto path = folder.path() / "take";
   test::write_take(path, {{1, 2}, {1, 2}});
   std::filesystem::remove(path / "archive" / "c1.mkv");
-  const TakeSummary summary = summarise(Take(path));
+  const TakeSummary summary = summarise_take(Take(path));
   EXPECT_FALSE(summary.whole());
   EXPECT_EQ(summary.cameras[0].frames, 2);
   EXPECT_THAT(summary.cameras[1].error, HasSubstr("c1.mkv"));

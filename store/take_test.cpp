@@ -145,7 +145,8 @@ TEST_F(TakeFolder, RefusesBadDocumentsBeforeTheFirstFrame) {
 TEST_F(TakeFolder, RefusesDocumentsThatDisagree) {
   test::write_take(path, {{1}, {2}});
   write_rig(test::rig_document(3), path / "rig.json");
-  EXPECT_THAT(error_of([&] { Take take(path); }).what(), HasSubstr("2 cameras where rig.json"));
+  EXPECT_THAT(error_of([&] { Take take(path); }).what(),
+              HasSubstr("2 cameras, but rig.json has 3"));
   auto renamed = test::rig_document(2);
   renamed.cameras[1].geometry.id = "other";
   write_rig(renamed, path / "rig.json");
@@ -162,7 +163,7 @@ TEST_F(TakeFolder, RefusesArchivesOfOtherCameras) {
   std::filesystem::copy(archive("c1.mkv"), archive("c0.mkv"));
   std::filesystem::copy(archive("c1.journal"), archive("c0.journal"));
   const Take take(path);
-  EXPECT_THAT(error_of([&] { take.archive(0); }).what(), HasSubstr("archive of camera \"c1\""));
+  EXPECT_THAT(error_of([&] { take.archive(0); }).what(), HasSubstr("archive is of camera \"c1\""));
   EXPECT_NO_THROW(take.archive(1));
   // Put right, it opens: a failure is not remembered.
   std::filesystem::rename(archive("x.mkv"), archive("c0.mkv"));

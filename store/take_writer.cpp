@@ -23,14 +23,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// "out/take/" and "take" as "/.../out/take": with a name and a parent.
+// Returns "out/take/" and "take" as "/.../out/take": with a name and a parent.
 fs::path full_path(const fs::path& folder) {
   fs::path path = fs::absolute(folder).lexically_normal();
   return path.has_filename() ? path : path.parent_path();
 }
 
 fs::path temporary_folder_beside(const fs::path& folder) {
-  // A static: the counter makes the name unique within the process.
+  // Static: the counter makes the name unique within the process.
   static std::atomic<unsigned> counter{0};
   std::array<char, 256> host{};
   if (gethostname(host.data(), host.size() - 1) != 0) host = {'h', 'o', 's', 't'};
@@ -43,8 +43,8 @@ void check_ids(const TakeDocument& take, const RigDocument& rig) {
   const std::string where = "take \"" + take.name + "\"";
   if (take.cameras.empty() || take.cameras.size() != rig.cameras.size()) {
     throw Error::bad_input("the take has " + std::to_string(take.cameras.size()) +
-                               " cameras, its rig " + std::to_string(rig.cameras.size()),
-                           where, "Give both the same cameras, one at least");
+                               " cameras, but its rig has " + std::to_string(rig.cameras.size()),
+                           where, "Give both the same cameras, at least one");
   }
   for (std::size_t i = 0; i < take.cameras.size(); ++i) {
     const std::string& id = take.cameras[i].id;
@@ -59,17 +59,17 @@ void check_ids(const TakeDocument& take, const RigDocument& rig) {
                           "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz"
                           "0123456789._-") == std::string::npos;
     if (!safe) {
-      throw Error::bad_input("the camera id \"" + id + "\" is no safe file name", where,
-                             "Use up to 100 letters, digits, '.', '_' and '-', no '.' in front");
+      throw Error::bad_input("the camera id \"" + id + "\" is not a safe file name", where,
+                             "Use up to 100 letters, digits, '.', '_' and '-', no leading '.'");
     }
   }
 }
 
-// As rename, but never onto something that is there.
+// Renames, but never onto an existing file.
 int rename_to_new(const fs::path& from, const fs::path& to) {
   if (renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
   if (errno != EINVAL && errno != ENOSYS) return -1;
-  // A file system that cannot promise it: an empty folder is the worst that can be replaced.
+  // Not every file system supports this; otherwise at worst an empty folder is replaced.
   if (fs::exists(to)) {
     errno = EEXIST;
     return -1;
@@ -94,7 +94,7 @@ TakeWriter::TakeWriter(const fs::path& folder, TakeDocument take, RigDocument ri
     camera.archive = "archive/" + camera.id + ".mkv";
     camera.journal = "archive/" + camera.id + ".journal";
   }
-  // Documents that could not be read back are refused now, not after the last frame.
+  // Reject documents that could not be read back now, not after the last frame.
   parse_take(format_take(take), "take.json");
   parse_rig(format_rig(rig), "rig.json");
 
@@ -104,8 +104,8 @@ TakeWriter::TakeWriter(const fs::path& folder, TakeDocument take, RigDocument ri
   state_->take = std::move(take);
   state_->rig = std::move(rig);
   if (fs::exists(fs::symlink_status(state_->target))) {
-    throw Error::bad_input("there is something of this name already", state_->target.string(),
-                           "Choose a new name for the take, or remove what is there");
+    throw Error::bad_input("a file or folder of this name exists", state_->target.string(),
+                           "Choose another name for the take, or remove it");
   }
   try {
     create_folder(state_->working / "archive");
@@ -157,11 +157,12 @@ void TakeWriter::finish_documents() {
 void TakeWriter::commit() {
   assert(!state_->committed);
   if (!state_->finished) finish();
-  // A take that has its name must be whole after a power cut too.
+  // A take under its final name must be whole even after a power loss.
   sync_files_below(state_->working);
   if (rename_to_new(state_->working, state_->target) != 0) {
-    throw Error::from_errno("the finished take cannot be given its name", state_->target.string(),
-                            "Check that nothing of this name came up meanwhile");
+    throw Error::from_errno("the finished take cannot be renamed to its final name",
+                            state_->target.string(),
+                            "Check that no file of this name was created meanwhile");
   }
   state_->committed = true;
 }

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Detects the rate and the phase of the ticks of a timeline from frame times in ns. Rate: robust
+// mean interval relative to the median interval, O(frames). Phase: circular histogram of frame
+// phases with 1024 bins; every bin border is tried as the cut, O(frames + bins).
 #include "store/tick_phase.h"
 
 #include <algorithm>
@@ -10,11 +13,11 @@
 namespace raystage {
 namespace {
 
-// Longer gaps could be counted wrong when the median interval is off by a few per cent.
+// Longer gaps could be miscounted if the median interval is wrong by a few per cent.
 constexpr double kLongestGap = 8;
 
 constexpr std::size_t kBins = 1024;
-constexpr std::size_t kGuardBins = kBins / 64;  // to either side of the border: 1 ms at 15 Hz
+constexpr std::size_t kGuardBins = kBins / 64;  // on each side of the border: 1 ms at 15 Hz
 
 struct Bin {
   double count = 0, sum = 0, squares = 0;  // of phases in [0, 1)
@@ -28,7 +31,7 @@ double phase_of(Nanoseconds time, double period) {
 
 }  // namespace
 
-double detect_rate(const std::vector<std::vector<Nanoseconds>>& times) {
+double detect_frame_rate(const std::vector<std::vector<Nanoseconds>>& times) {
   std::vector<Nanoseconds> intervals;
   for (const auto& column : times) {
     for (std::size_t i = 1; i < column.size(); ++i) {
@@ -54,7 +57,7 @@ double best_tick_phase(const std::vector<std::vector<Nanoseconds>>& times, doubl
   Bin all;
   for (const auto& column : times) {
     for (const Nanoseconds time : column) {
-      if (time == std::numeric_limits<Nanoseconds>::min()) continue;  // not to be trusted
+      if (time == std::numeric_limits<Nanoseconds>::min()) continue;  // excluded
       const double phase = phase_of(time, period);
       Bin& bin = bins[std::min(static_cast<std::size_t>(phase * kBins), kBins - 1)];
       for (Bin* b : {&bin, &all}) {
@@ -66,14 +69,14 @@ double best_tick_phase(const std::vector<std::vector<Nanoseconds>>& times, doubl
   }
   if (all.count == 0) return 0;
 
-  // Cut the circle at the border b: phases below it count as one period later, and the tick lies
-  // half a period behind the border.
+  // Cut the circle at the border b: phases below it count as one period later, and the tick is half
+  // a period after the border.
   double near_border = 0;
   for (std::size_t i = 0; i < 2 * kGuardBins; ++i) {
     near_border += bins[(kBins - kGuardBins + i) % kBins].count;
   }
   double best_cost = 0, best_border = 0, best_mean = 0;
-  Bin below;  // of phases under the border
+  Bin below;  // of phases below the border
   for (std::size_t i = 0; i < kBins; ++i) {
     const double border = static_cast<double>(i) / kBins;
     const double sum = all.sum + below.count;
@@ -93,11 +96,11 @@ double best_tick_phase(const std::vector<std::vector<Nanoseconds>>& times, doubl
     near_border += bins[(i + kGuardBins) % kBins].count;
     near_border -= bins[(i + kBins - kGuardBins) % kBins].count;
   }
-  // The mean itself is the exact minimum where it lies within the bin.
+  // The mean is the exact minimum if it is within the bin.
   const double tick =
       std::clamp(best_mean, best_border + 0.5 - 1.0 / kBins, best_border + 0.5 + 1.0 / kBins);
   const double phase = (tick - std::floor(tick)) * period;
-  // Less than one nanosecond below the period is 0: a take that starts at 0 ticks at 0.
+  // A phase within one nanosecond of the period is 0: a take that starts at 0 has a tick at 0.
   return period - phase < 0.5 ? 0 : phase;
 }
 

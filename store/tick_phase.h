@@ -7,16 +7,16 @@
 
 namespace raystage {
 
-/// Frames per second of cameras that run at one rate, from the times of their frames (per camera,
-/// increasing); 0 where no camera has two frames. The median interval is taken for one frame; then
-/// every interval of a few frames counts with its number of frames, so that neither dropped frames
-/// nor time stamps in whole milliseconds shift the rate.
-double detect_rate(const std::vector<std::vector<Nanoseconds>>& times);
+/// Returns the frames per second of cameras that run at one rate, or 0 if no camera has two frames.
+/// `times`: of the frames, per camera, increasing. The median interval counts as one frame; every
+/// interval of a few frames then counts with its number of frames. So neither dropped frames nor
+/// time stamps in whole milliseconds bias the rate.
+double detect_frame_rate(const std::vector<std::vector<Nanoseconds>>& times);
 
-/// Time in [0, period), in nanoseconds, of a tick such that the frames lie best about the ticks:
-/// least mean squared difference, and few frames where jitter could throw them to the tick before
-/// or behind (free-running cameras lie all around the period; the border between two ticks then
-/// goes where the fewest are).
+/// Returns the tick phase, in [0, period) ns, that fits the frames best: least mean squared
+/// difference, and few frames near the border between two ticks, where jitter could move them to
+/// the adjacent tick. Phases of free-running cameras cover the whole period; the border then goes
+/// where the fewest frames are.
 double best_tick_phase(const std::vector<std::vector<Nanoseconds>>& times, double period);
 
 }  // namespace raystage

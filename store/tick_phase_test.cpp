@@ -23,23 +23,23 @@ double circular_distance(double a, double b, double period) {
 }
 
 TEST(DetectRate, ConstantRate) {
-  EXPECT_NEAR(detect_rate({frames(15, 0, 20), frames(15, 12'345'678, 20)}), 15, 1e-6);
-  EXPECT_NEAR(detect_rate({frames(30000.0 / 1001, 0, 200)}), 30000.0 / 1001, 1e-6);
+  EXPECT_NEAR(detect_frame_rate({frames(15, 0, 20), frames(15, 12'345'678, 20)}), 15, 1e-6);
+  EXPECT_NEAR(detect_frame_rate({frames(30000.0 / 1001, 0, 200)}), 30000.0 / 1001, 1e-6);
 }
 
 TEST(DetectRate, DropsDoNotMatter) {
   auto times = frames(15, 0, 100);
   for (const int i : {80, 50, 49, 48, 20, 3}) times.erase(times.begin() + i);
-  EXPECT_NEAR(detect_rate({times}), 15, 1e-6);
+  EXPECT_NEAR(detect_frame_rate({times}), 15, 1e-6);
   times.erase(times.begin() + 20, times.begin() + 70);  // a long break
-  EXPECT_NEAR(detect_rate({times}), 15, 1e-6);
+  EXPECT_NEAR(detect_frame_rate({times}), 15, 1e-6);
 }
 
 TEST(DetectRate, WholeMilliseconds) {
   auto times = frames(30, 0, 900);
   for (Nanoseconds& time : times) time = time / 1'000'000 * 1'000'000;
   // The median alone says 33 ms: 30.30.
-  EXPECT_NEAR(detect_rate({times}), 30, 2e-3);
+  EXPECT_NEAR(detect_frame_rate({times}), 30, 2e-3);
 }
 
 TEST(DetectRate, Jitter) {
@@ -50,12 +50,12 @@ TEST(DetectRate, Jitter) {
     times.push_back(frames(15, 4e6 * camera, 60));
     for (Nanoseconds& time : times.back()) time += std::llround(jitter(random));
   }
-  EXPECT_NEAR(detect_rate(times), 15, 0.01);
+  EXPECT_NEAR(detect_frame_rate(times), 15, 0.01);
 }
 
 TEST(DetectRate, TooFewFrames) {
-  EXPECT_EQ(detect_rate({}), 0);
-  EXPECT_EQ(detect_rate({{5}, {}, {7}}), 0);
+  EXPECT_EQ(detect_frame_rate({}), 0);
+  EXPECT_EQ(detect_frame_rate({{5}, {}, {7}}), 0);
 }
 
 TEST(BestTickPhase, SynchronousCamerasGiveTheirOwn) {

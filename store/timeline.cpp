@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Assigns the frames of all cameras to ticks of a constant rate: each frame goes to its nearest
+// tick within the tolerance. Inputs: frame times per camera, rate, tolerance and range in ns;
+// output: per tick and camera a frame index or -1. Cost: O(frames + ticks x cameras).
 #include "store/timeline.h"
 
 #include <algorithm>
@@ -12,7 +15,7 @@
 namespace raystage {
 namespace {
 
-constexpr double kMaxComputedTicks = 10'000'000;  // 92 hours at 30 frames a second
+constexpr double kMaxComputedTicks = 10'000'000;  // 92 hours at 30 frames per second
 
 std::vector<std::vector<Nanoseconds>> frame_times(const Take& take) {
   std::vector<std::vector<Nanoseconds>> times(static_cast<std::size_t>(take.camera_count()));
@@ -31,7 +34,7 @@ Nanoseconds median_of(std::vector<Nanoseconds> values) {
   return *middle;
 }
 
-// The instants of a constant rate, each rounded on its own: nothing accumulates.
+// The times of ticks at a constant rate, each rounded separately: no error accumulates.
 class Ticks {
  public:
   Ticks(double origin, double period) : origin_(origin), period_(period) {}
@@ -46,14 +49,14 @@ class Ticks {
   double origin_, period_;
 };
 
-/// Without overflow: times may be anything.
+/// Returns the distance of any two times without overflow.
 std::uint64_t apart(Nanoseconds a, Nanoseconds b) {
   const auto u = static_cast<std::uint64_t>(a), v = static_cast<std::uint64_t>(b);
   return a > b ? u - v : v - u;
 }
 
-// A still light field: the one instant that is fairest to all, or the middle camera's where they
-// lie too far apart for that.
+// Returns the instant of a still light field: the middle of all times, or their median if that is
+// not within `tolerance` of all.
 Nanoseconds still_instant(const std::vector<std::vector<Nanoseconds>>& times,
                           Nanoseconds tolerance) {
   std::vector<Nanoseconds> all;
@@ -72,13 +75,13 @@ void fill(Timeline& timeline, const std::vector<std::vector<Nanoseconds>>& times
   for (std::size_t camera = 0; camera < times.size(); ++camera) {
     for (std::size_t i = 0; i < times[camera].size(); ++i) {
       const Nanoseconds time = times[camera][i];
-      if (time == kNoTime) continue;
+      if (time == kExcludedTime) continue;
       const std::int64_t k = ticks.nearest(time) - first;
       if (k < 0 || k >= static_cast<std::int64_t>(timeline.ticks.size())) continue;
       FrameSelection& tick = timeline.ticks[static_cast<std::size_t>(k)];
       const Nanoseconds difference = time - tick.time_ns;
       if (std::abs(difference) > timeline.tolerance) continue;
-      // Of two frames at one tick the nearer, the earlier at a tie.
+      // Of two frames at one tick use the nearer, the earlier at a tie.
       if (tick.frame[camera] >= 0 && std::abs(tick.difference[camera]) <= std::abs(difference)) {
         continue;
       }
@@ -101,7 +104,7 @@ Nanoseconds CameraClock::corrected(Nanoseconds stamp) const {
 TimeRange running_range(const std::vector<std::vector<Nanoseconds>>& times) {
   std::vector<Nanoseconds> first, last;
   for (const auto& column : times) {
-    const auto trusted = [](Nanoseconds time) { return time != kNoTime; };
+    const auto trusted = [](Nanoseconds time) { return time != kExcludedTime; };
     const auto begin = std::ranges::find_if(column, trusted);
     if (begin == column.end()) continue;
     first.push_back(*begin);
@@ -146,7 +149,7 @@ FrameSelection select_frames(const Take& take, Nanoseconds time, Nanoseconds tol
   return selection;
 }
 
-Nanoseconds tolerance_of_stamps(double nominal_fps) {
+Nanoseconds default_frame_tolerance(double nominal_fps) {
   constexpr Nanoseconds kFarthest = std::numeric_limits<Nanoseconds>::max();
   if (!(nominal_fps > 0)) return kFarthest;
   const double half_a_period = static_cast<double>(kNanosecondsPerSecond) / nominal_fps / 2;
@@ -186,7 +189,7 @@ Timeline assign_ticks(const std::vector<std::vector<Nanoseconds>>& times, double
   const std::int64_t first = ticks.nearest(range.begin), last = ticks.nearest(range.end);
   if (static_cast<double>(last - first) >= kMaxComputedTicks) {
     throw Error::bad_input("the timeline would have " + std::to_string(last - first + 1) + " ticks",
-                           std::string(name), "Give the rate of the cameras, in frames a second");
+                           std::string(name), "Give the rate of the cameras in frames per second");
   }
   timeline.ticks.resize(static_cast<std::size_t>(last - first + 1));
   for (std::size_t k = 0; k < timeline.ticks.size(); ++k) {
@@ -196,11 +199,12 @@ Timeline assign_ticks(const std::vector<std::vector<Nanoseconds>>& times, double
   return timeline;
 }
 
-void check_settings(double fps, Nanoseconds tolerance, std::string_view name) {
+void check_timeline_settings(double fps, Nanoseconds tolerance, std::string_view name) {
   const std::string where(name);
   if (!std::isfinite(fps) || fps < 0 || fps > 1e6) {
-    throw Error::bad_input("a rate of " + std::to_string(fps) + " frames a second is not possible",
-                           where, "Give a rate above 0 and up to 1000000, or 0 to detect it");
+    throw Error::bad_input(
+        "a rate of " + std::to_string(fps) + " frames per second is not possible", where,
+        "Give a rate above 0 and up to 1000000, or 0 to detect it");
   }
   if (tolerance < 0) {
     throw Error::bad_input("the tolerance is negative", where,
@@ -210,19 +214,18 @@ void check_settings(double fps, Nanoseconds tolerance, std::string_view name) {
 
 Timeline build_timeline(const std::vector<std::vector<Nanoseconds>>& times, double nominal_fps,
                         double fps, Nanoseconds tolerance, std::string_view name) {
-  check_settings(fps, tolerance, name);
+  check_timeline_settings(fps, tolerance, name);
   if (std::ranges::all_of(times, [](const auto& column) { return column.empty(); })) {
-    throw Error::bad_input("the take holds no frame", std::string(name),
-                           "Record or import it again");
+    throw Error::bad_input("the take has no frame", std::string(name), "Record or import it again");
   }
   const bool still =
       std::ranges::all_of(times, [](const auto& column) { return column.size() < 2; });
 
   Timeline timeline;
   timeline.fps = fps;
-  if (timeline.fps == 0) timeline.fps = detect_rate(times);
+  if (timeline.fps == 0) timeline.fps = detect_frame_rate(times);
   if (timeline.fps == 0) timeline.fps = nominal_fps;
-  if (timeline.fps == 0) timeline.fps = 1;  // a still: any rate will do
+  if (timeline.fps == 0) timeline.fps = 1;  // a still: any rate
   const double period = static_cast<double>(kNanosecondsPerSecond) / timeline.fps;
   timeline.tolerance =
       tolerance > 0 ? tolerance : std::max<Nanoseconds>(std::llround(period / 2), 1);
@@ -236,7 +239,7 @@ Timeline build_timeline(const std::vector<std::vector<Nanoseconds>>& times, doub
   return assign_ticks(times, timeline.fps, timeline.tolerance, running_range(times), name);
 }
 
-TimelineStatistics statistics_of(const Timeline& timeline) {
+TimelineStatistics timeline_statistics(const Timeline& timeline) {
   TimelineStatistics result;
   if (timeline.ticks.empty()) return result;
   result.absent.assign(timeline.ticks[0].frame.size(), 0);

@@ -36,7 +36,7 @@ struct DecompressorDeleter {
   void operator()(ZSTD_DCtx* context) const { ZSTD_freeDCtx(context); }
 };
 
-// Pulls as many bytes as are asked for out of a zstd frame.
+// Decompresses a zstd frame in steps of the requested number of bytes.
 class Decompressor {
  public:
   explicit Decompressor(std::span<const std::byte> file)
@@ -44,7 +44,7 @@ class Decompressor {
     if (!context_) throw std::bad_alloc();
   }
 
-  /// Up to `count` bytes more; fewer at the end. False where the data is damaged.
+  /// Appends up to `count` bytes, fewer at the end. Returns false if the data are damaged.
   bool pull(std::size_t count, std::vector<std::byte>& bytes) {
     constexpr std::size_t kStep = std::size_t{1} << 20;
     while (count > 0 && !ended_) {
@@ -62,7 +62,7 @@ class Decompressor {
     }
     return true;
   }
-  /// Whether the frame ended, its checksum was right and nothing follows it.
+  /// Returns whether the frame ended with a correct checksum and nothing follows it.
   bool finished() {
     std::vector<std::byte> rest;
     return pull(1, rest) && rest.empty() && whole_ && input_.pos == input_.size;
@@ -92,15 +92,15 @@ void append_clock(const CameraClock& clock, std::vector<std::byte>& payload) {
   }
 }
 
-// Whether a frame with this stamp can be at this time: exactly, or within one period where times
-// are fitted.
+// Returns whether a frame with this time stamp can have this time: exactly, or within one period
+// with fitted times.
 bool agrees(const CameraClock& clock, Nanoseconds stamp, Nanoseconds time) {
   const Nanoseconds difference = clock.corrected(stamp) - time;
   return clock.fitted ? std::abs(static_cast<double>(difference)) <= clock.period_ns
                       : difference == 0;
 }
 
-// Nothing where the bytes are no clock.
+// Returns nullopt if the bytes are not a clock.
 std::optional<CameraClock> pull_clock(Decompressor& source) {
   std::vector<std::byte> bytes;
   if (!source.pull(kClockBytes, bytes) || bytes.size() != kClockBytes) return std::nullopt;
@@ -137,8 +137,8 @@ std::optional<CameraClock> pull_clock(Decompressor& source) {
 
 }  // namespace
 
-std::uint64_t fingerprint_of(const Take& take) {
-  // Chained hashes of fixed-size blocks: the same on any machine.
+std::uint64_t take_fingerprint(const Take& take) {
+  // Chained hashes of fixed-size blocks: the same on every machine.
   std::array<std::byte, 16> epoch{};
   store_little_endian(epoch, 0, take.document().epoch_utc);
   store_little_endian(epoch, 8, static_cast<std::int64_t>(take.camera_count()));
@@ -149,8 +149,8 @@ std::uint64_t fingerprint_of(const Take& take) {
     hash = XXH3_64bits_withSeed(id.data(), id.size(), hash);
     table.clear();
     for (const FrameRecord& frame : take.archive(camera).frames()) {
-      // The fields that say which frame it is: a journal of another version, or a better known
-      // arrival, leaves the timeline valid.
+      // Only fields that identify the frame: another journal version or a corrected arrival time
+      // leaves the timeline valid.
       const auto record = journal::encode_record_v1(frame);
       table.insert(table.end(), record.begin(), record.end());
     }
@@ -175,7 +175,7 @@ std::vector<std::byte> encode_timeline(const Timeline& timeline, std::uint64_t f
     store_little_endian(payload, at, tick.time_ns);
     at += 8;
   }
-  // One camera after the other: its frame numbers run on, which compresses well.
+  // Camera by camera: its frame numbers are consecutive, which compresses well.
   for (std::size_t camera = 0; camera < cameras; ++camera) {
     for (const FrameSelection& tick : timeline.ticks) {
       assert(tick.frame.size() == cameras && tick.difference.size() == cameras);
@@ -205,7 +205,7 @@ std::vector<std::byte> encode_timeline(const Timeline& timeline, std::uint64_t f
   std::vector<std::byte> file(ZSTD_compressBound(payload.size()));
   const std::size_t size =
       ZSTD_compress2(context.get(), file.data(), file.size(), payload.data(), payload.size());
-  if (ZSTD_isError(size)) throw std::bad_alloc();  // the only way: the room is enough
+  if (ZSTD_isError(size)) throw std::bad_alloc();  // the only error: the buffer is large enough
   file.resize(size);
   return file;
 }
@@ -226,11 +226,11 @@ Timeline decode_timeline(std::span<const std::byte> file, std::optional<std::uin
   const auto version = load_little_endian<std::uint32_t>(payload, kVersionAt);
   if (version < 1 || version > kVersion) {
     throw refuse("the timeline has format version " + std::to_string(version) +
-                 ", this program reads versions 1 to " + std::to_string(kVersion));
+                 "; this program reads versions 1 to " + std::to_string(kVersion));
   }
   if ((fingerprint && load_little_endian<std::uint64_t>(payload, kFingerprintAt) != *fingerprint) ||
       load_little_endian<std::uint32_t>(payload, kCamerasAt) != cameras) {
-    throw refuse("the timeline is not of this take, or frames have changed since it was made");
+    throw refuse("the timeline is of another take, or frames have changed since it was written");
   }
   Timeline timeline;
   timeline.fps = std::bit_cast<double>(load_little_endian<std::uint64_t>(payload, kFpsAt));
@@ -280,7 +280,7 @@ void write_timeline(const Timeline& timeline, const std::filesystem::path& take_
 
 void write_timeline(const Timeline& timeline, const Take& take) {
   write_file_atomically(take.folder() / kTimelineFile,
-                        encode_timeline(timeline, fingerprint_of(take)));
+                        encode_timeline(timeline, take_fingerprint(take)));
 }
 
 Timeline read_timeline(const Take& take) {
@@ -290,17 +290,17 @@ Timeline read_timeline(const Take& take) {
                            "Run `raystage sync` on the take");
   }
   const std::string bytes = read_file(path);
-  // The fingerprint is of all archives; what can be checked without one is checked below.
+  // The fingerprint covers all archives; the checks below need none.
   bool is_complete = !take.are_archives_unknown();
   for (int camera = 0; camera < take.camera_count(); ++camera) {
     is_complete = is_complete && !take.is_missing(camera);
   }
   Timeline timeline =
       decode_timeline(std::as_bytes(std::span(bytes)),
-                      is_complete ? std::optional(fingerprint_of(take)) : std::nullopt,
+                      is_complete ? std::optional(take_fingerprint(take)) : std::nullopt,
                       static_cast<std::size_t>(take.camera_count()), path.string());
   if (take.are_archives_unknown()) return timeline;
-  // With the fingerprint right, every entry must be a frame of this take at its time.
+  // With a matching fingerprint, every entry must be a frame of this take at its time.
   for (std::size_t camera = 0; camera < static_cast<std::size_t>(take.camera_count()); ++camera) {
     if (take.is_missing(static_cast<int>(camera))) {
       for (FrameSelection& tick : timeline.ticks) {
@@ -317,7 +317,7 @@ Timeline read_timeline(const Take& take) {
       if (static_cast<std::size_t>(frame) >= frames.size() ||
           !agrees(clock, frames[static_cast<std::size_t>(frame)].time_ns,
                   tick.time_ns + tick.difference[camera])) {
-        throw Error::bad_input("the timeline names a frame that the take does not hold",
+        throw Error::bad_input("the timeline refers to a frame that the take does not have",
                                path.string(), "Run `raystage sync` on the take");
       }
     }
@@ -325,7 +325,7 @@ Timeline read_timeline(const Take& take) {
   return timeline;
 }
 
-std::optional<Timeline> read_timeline_if_any(const Take& take) {
+std::optional<Timeline> read_timeline_if_present(const Take& take) {
   if (!std::filesystem::exists(take.folder() / kTimelineFile)) return std::nullopt;
   return read_timeline(take);
 }

@@ -14,17 +14,18 @@ namespace raystage {
 
 inline constexpr std::string_view kTimelineFile = "timeline.zst";
 
-/// What a timeline stands on: XXH3 over the epoch, and each camera's id and frame table. Renaming a
-/// take or editing its colour space leaves the timeline valid; another frame does not.
-std::uint64_t fingerprint_of(const Take& take);
+/// Returns the fingerprint of the inputs of a timeline: XXH3 over the epoch, and each camera's id
+/// and frame table. Renaming a take or editing its colour space leaves the timeline valid; a
+/// changed frame does not.
+std::uint64_t take_fingerprint(const Take& take);
 
-/// The file's bytes; layout in docs/formats/timeline.md.
+/// Returns the bytes of the file; layout in docs/formats/timeline.md.
 std::vector<std::byte> encode_timeline(const Timeline& timeline, std::uint64_t fingerprint);
 
-/// Reads any bytes; memory grows with what they really hold, not with what they claim. Throws Error
-/// (bad input): damaged, of a future version, of another take than the one with `fingerprint` and
-/// `cameras`; without a fingerprint that is not checked. Frame numbers are only checked to be -1 or
-/// above.
+/// Returns the timeline in `file`; accepts any bytes. Memory grows with the real contents, not with
+/// claimed sizes. Throws Error (bad input) if the file is damaged, of a future version, or does not
+/// match `fingerprint` and `cameras`. Without a fingerprint the take is not checked. Frame numbers
+/// are only checked to be -1 or above.
 Timeline decode_timeline(std::span<const std::byte> file, std::optional<std::uint64_t> fingerprint,
                          std::size_t cameras, std::string_view name);
 

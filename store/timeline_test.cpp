@@ -223,10 +223,10 @@ TEST(SelectFrames, WithinTolerance) {
 }
 
 TEST(SelectFrames, WithinHalfAPeriodOrHoweverFarWhereTheRateIsUnknown) {
-  EXPECT_EQ(tolerance_of_stamps(10), 50 * kMs);
+  EXPECT_EQ(default_frame_tolerance(10), 50 * kMs);
   constexpr Nanoseconds kFarthest = std::numeric_limits<Nanoseconds>::max();
-  for (const double fps : {0.0, 1e-11, 1e-300}) EXPECT_EQ(tolerance_of_stamps(fps), kFarthest);
-  EXPECT_EQ(tolerance_of_stamps(1), kNanosecondsPerSecond / 2);
+  for (const double fps : {0.0, 1e-11, 1e-300}) EXPECT_EQ(default_frame_tolerance(fps), kFarthest);
+  EXPECT_EQ(default_frame_tolerance(1), kNanosecondsPerSecond / 2);
 }
 
 TEST(NearestTick, WithinHalfATickTheEarlierAtATie) {
@@ -258,7 +258,7 @@ TEST(TimelineStatistics, CountsSpreadAndAbsence) {
   timeline.ticks[0] = {0, {0, 0}, {-2, 4}};
   timeline.ticks[1] = {100, {1, -1}, {1, 0}};
   timeline.ticks[2] = {200, {2, 1}, {0, 3}};
-  const auto statistics = statistics_of(timeline);
+  const auto statistics = timeline_statistics(timeline);
   EXPECT_EQ(statistics.absent, (std::vector<int>{0, 1}));
   EXPECT_EQ(statistics.max_spread, 6);
   EXPECT_EQ(statistics.median_spread, 3);
@@ -322,11 +322,11 @@ TEST_F(TimelineFile, KeepsEveryCamerasClock) {
   expect_same(read_timeline(take), timeline);
   timeline.ticks[10].difference[1] += 1;
   write_timeline(timeline, path);
-  EXPECT_THAT(refusal(), HasSubstr("names a frame"));
+  EXPECT_THAT(refusal(), HasSubstr("refers to a frame"));
   timeline.ticks[10].difference[1] -= 1;
   timeline.ticks[10].difference[0] += 70 * kMs;  // more than a period
   write_timeline(timeline, path);
-  EXPECT_THAT(refusal(), HasSubstr("names a frame"));
+  EXPECT_THAT(refusal(), HasSubstr("refers to a frame"));
 }
 
 TEST_F(TimelineFile, ReadsVersionOne) {
@@ -346,7 +346,7 @@ TEST_F(TimelineFile, OfAnotherTakeIsRefused) {
   test::write_take(folder.path() / "other", {frames(15, 0, 30), frames(15, 9 * kMs + 1, 25)});
   std::filesystem::rename(file, folder.path() / "other" / kTimelineFile);
   path = folder.path() / "other";
-  EXPECT_THAT(refusal(), HasSubstr("not of this take"));
+  EXPECT_THAT(refusal(), HasSubstr("is of another take"));
 }
 
 TEST_F(TimelineFile, StaysValidWhenTheTakeIsRenamed) {
@@ -360,7 +360,7 @@ TEST_F(TimelineFile, StaysValidWhenTheTakeIsRenamed) {
 TEST_F(TimelineFile, DamageIsRefused) {
   write_timeline(build_timeline(Take(path), 0, 0), path);
   const auto bytes = test::bytes_of(file);
-  const std::uint64_t fingerprint = fingerprint_of(Take(path));
+  const std::uint64_t fingerprint = take_fingerprint(Take(path));
   for (std::size_t size = 0; size < bytes.size(); ++size) {
     ASSERT_THROW(decode_timeline(std::span(bytes).first(size), fingerprint, 2, ""), Error) << size;
   }

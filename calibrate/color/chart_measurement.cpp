@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+// Detects a ColorChecker Classic with OpenCV's MCC detector, maps its outline to the grid of
+// patches by a homography and averages the linear light over the central half of each patch. A
+// detection is accepted if it correlates with the published colours. Output: 24 RGB means per
+// camera. Cost: pixels of at most `most_frames` frames per camera.
+#include "calibrate/color/chart_measurement.h"
+
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
@@ -7,20 +13,19 @@
 
 #include "base/error.h"
 #include "base/parallel.h"
-#include "calibrate/color/color_chart.h"
-#include "store/processing/frames/corrected_picture.h"
+#include "store/processing/frames/corrected_frame.h"
 
 namespace raystage {
 namespace {
 
-/// Places of the picture in a chart's own units: a patch is 1 wide, the first one's corner at (0,
-/// 0).
+/// Homography from the picture to chart units: a patch is 1 wide, the corner of the first one is
+/// (0, 0).
 using ChartFromPixel = cv::Matx33d;
 
 constexpr double kPatch = 2.5, kBetween = 0.25;  // of a ColorChecker
 constexpr double kPitch = (kPatch + kBetween) / kPatch;
 
-std::optional<ChartFromPixel> found_in(const CorrectedPicture& picture) {
+std::optional<ChartFromPixel> found_in(const CorrectedFrame& picture) {
   cv::Mat codes, bgr;
   const cv::Mat levels(picture.size.height, picture.size.width, CV_16UC4,
                        const_cast<std::uint16_t*>(picture.rgba.data()));
@@ -30,11 +35,11 @@ std::optional<ChartFromPixel> found_in(const CorrectedPicture& picture) {
   try {
     if (!detector->process(bgr, cv::mcc::MCC24, 1)) return std::nullopt;
   } catch (const cv::Exception&) {
-    return std::nullopt;  // it does not look at its candidates closely enough
+    return std::nullopt;  // the detector misses candidates
   }
   const std::vector<cv::Point2f> box = detector->getBestColorChecker()->getBox();
   if (box.size() != 4) return std::nullopt;
-  // The box is around the outermost patches and as much as is between two of them.
+  // The box encloses the outermost patches and a margin as wide as the gap between two patches.
   const float left = static_cast<float>(-kBetween / kPatch);
   const auto right = static_cast<float>(kChartColumns * kPitch);
   const auto bottom = static_cast<float>(kChartRows * kPitch);
@@ -48,14 +53,14 @@ struct Sums {
   std::array<double, kChartPatches> x{}, y{}, count{}, unexposed{};
 };
 
-/// The middle of every patch, half as wide and high.
-Sums sums_over(const CorrectedPicture& picture, const ChartFromPixel& chart_from_pixel,
+/// Means over the middle of every patch, half as wide and high.
+Sums sums_over(const CorrectedFrame& picture, const ChartFromPixel& chart_from_pixel,
                const std::array<std::uint16_t, 3>& black,
                const std::array<std::uint16_t, 3>& full) {
   Sums sums;
   for (int y = 0; y < picture.size.height; ++y) {
     for (int x = 0; x < picture.size.width; ++x) {
-      const cv::Vec3d at = chart_from_pixel * cv::Vec3d(x, y, 1);  // OpenCV's pixels
+      const cv::Vec3d at = chart_from_pixel * cv::Vec3d(x, y, 1);  // OpenCV's pixel coordinates
       const double u = at[0] / at[2] / kPitch, v = at[1] / at[2] / kPitch;
       const double column = std::floor(u), row = std::floor(v);
       if (!(column >= 0 && row >= 0 && column < kChartColumns && row < kChartRows)) continue;
@@ -82,7 +87,7 @@ Sums sums_over(const CorrectedPicture& picture, const ChartFromPixel& chart_from
   return sums;
 }
 
-/// Whether what was found has a chart's colours at all: correlation with them.
+/// Returns whether a detection has the colours of a chart, by correlation with them.
 bool looks_like_a_chart(const std::array<Rgb, kChartPatches>& light) {
   constexpr double kLeast = 0.8;
   const PatchColors known = color_checker_reference();
@@ -107,21 +112,22 @@ bool looks_like_a_chart(const std::array<Rgb, kChartPatches>& light) {
 
 ChartMeasurement measure_chart(const Take& take, int camera, const PhotometricResponse& of,
                                int most_frames) {
-  const PhotometricResponse response = as_shown(of);
+  const PhotometricResponse response = curve_and_hot_pixels_only(of);
   const CameraModel& model = take.rig().cameras[static_cast<std::size_t>(camera)].model;
   const PictureSize size{model.width(), model.height()};
   const auto frames = static_cast<int>(take.archive(camera).frames().size());
   const CodeScale linear{BlendSpace::kLinear, 1};
-  const auto black = level_of_code(take, response, linear, 1);  // above those that are cut off
-  const auto full = level_of_code(take, response, linear, kBrightestCode);
+  const auto black = levels_from_code(take, response, linear, 1);  // above clipped codes
+  const auto full = levels_from_code(take, response, linear, kMaxUnclippedCode);
   constexpr double kLeastPixels = 4, kMostUnexposed = 0.02;
   ChartMeasurement measurement;
   const int looked_at = std::min(frames, most_frames);
   for (int k = 0; k < looked_at; ++k) {
     const int frame = (2 * k + 1) * frames / (2 * looked_at);
-    const auto found = found_in(corrected_picture(take, camera, frame, size, response, {}));
+    const auto found = found_in(decode_corrected_frame(take, camera, frame, size, response, {}));
     if (!found) continue;
-    const CorrectedPicture picture = corrected_picture(take, camera, frame, size, response, linear);
+    const CorrectedFrame picture =
+        decode_corrected_frame(take, camera, frame, size, response, linear);
     const Sums sums = sums_over(picture, *found, black, full);
     if (std::ranges::min(sums.count) < kLeastPixels) continue;
     std::array<Rgb, kChartPatches> light = sums.light;
@@ -154,7 +160,7 @@ std::vector<ChartMeasurement> measure_charts(const Take& take,
   std::vector<ChartMeasurement> measurements(responses.size());
   parallel_for(std::size_t{0}, measurements.size(), [&](std::size_t camera) {
     if (stop.stop_requested()) {
-      throw Error::failed("the search for the chart was stopped", take.folder().string(),
+      throw Error::failed("the detection of the chart was stopped", take.folder().string(),
                           "Start it again");
     }
     measurements[camera] = measure_chart(take, static_cast<int>(camera), responses[camera]);

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Fits a 3x3 colour matrix per camera (thesis 4.3: colour target) so that its patches match those
+// of the reference camera or the published values: robust least squares (Ceres, Cauchy's loss) over
+// 24 patches and 3 channels; the brightness is a parameter if it is not known. Input: linear RGB
+// means, full scale 1. Cost: cameras times patches.
 #include "calibrate/color/color_chart.h"
 
 #include <ceres/ceres.h>
@@ -14,7 +18,7 @@
 namespace raystage {
 namespace {
 
-/// Light of a patch beside what it should be, in standard deviations.
+/// Residual: light of a patch minus its expected light, in standard deviations.
 struct PatchError {
   Rgb measured, gain, contrast, expected;
 
@@ -34,7 +38,7 @@ struct PatchError {
   }
 };
 
-/// The light of a patch by a camera's response.
+/// Returns the light of a patch according to a camera's response.
 Rgb light_of(const ChartMeasurement& measurement, std::size_t patch,
              const PhotometricResponse& response) {
   const ChartMeasurement::Patch& p = measurement.patches[patch];
@@ -46,7 +50,8 @@ bool counts(const ChartMeasurement& measurement, std::size_t patch) {
   return measurement.patches[patch].is_exposed;
 }
 
-/// As bright as the camera shows the greys: the slope of a line, as its black may not be known.
+/// Scales the expected colours to the brightness of the greys in the camera: the slope of a line,
+/// because the black level may be unknown.
 PatchColors published_by(const ChartMeasurement& reference, const PhotometricResponse& response) {
   PatchColors light = color_checker_reference();
   double count = 0, x = 0, y = 0, xx = 0, xy = 0;
@@ -67,7 +72,7 @@ PatchColors published_by(const ChartMeasurement& reference, const PhotometricRes
   return light;
 }
 
-/// Matrix, and brightness where it is not known.
+/// Fits the matrix, and the brightness if it is not known.
 void fit(const ChartMeasurement& measurement, const std::vector<bool>& used,
          const PatchColors& expected, bool finds_brightness, PhotometricResponse& response) {
   std::array<double, 9> matrix{1, 0, 0, 0, 1, 0, 0, 0, 1};
@@ -95,7 +100,7 @@ void fit(const ChartMeasurement& measurement, const std::vector<bool>& used,
   }
 }
 
-/// How far one camera's patches are from what they should be.
+/// Returns the residuals of one camera's patches.
 ColorFit fit_of(const ChartMeasurement& measurement, const PhotometricResponse& response,
                 const std::vector<bool>& used, const PatchColors& expected) {
   ColorFit fit;
@@ -170,7 +175,7 @@ ColorMatch match_charts(const std::vector<ChartMeasurement>& measurements,
   if (!blind.empty()) {
     match.reasons.push_back(
         "The chart was not found by " + abbreviate_list(blind) +
-        ": let every camera see all of it, upright, sharp, a fifth of the picture large or more.");
+        ": show the whole chart, upright and sharp, in at least a fifth of the picture.");
   }
   if (measurements[reference].frames == 0) {
     match.responses = responses;
@@ -201,7 +206,7 @@ ColorMatch match_charts(const std::vector<ChartMeasurement>& measurements,
   if (!overexposed.empty()) {
     match.reasons.push_back("The chart is overexposed or too dark in " +
                             abbreviate_list(overexposed) +
-                            ": expose so that white stays below full scale, and black above 0.");
+                            ": expose so that white is below full scale and black above 0.");
   }
   match.before = spread_of(measurements, responses, used, expected);
   for (std::size_t i = 0; i < measurements.size(); ++i) {
@@ -217,19 +222,20 @@ ColorMatch match_charts(const std::vector<ChartMeasurement>& measurements,
   }
   match.after = spread_of(measurements, match.responses, used, expected);
   match.fits = fits_of(measurements, match.responses, used, expected);
-  constexpr double kMostOff = 4;  // CIEDE2000; sensors that see other colours than an eye reach 2
+  // CIEDE2000; sensors whose sensitivities differ from the eye's reach 2
+  constexpr double kMostOff = 4;
   std::vector<std::string> wrong;
   for (std::size_t i = 0; i < measurements.size(); ++i) {
     if (is_usable[i] && !(match.fits[i].mean_difference <= kMostOff)) wrong.push_back(cameras[i]);
   }
   if (!wrong.empty()) {
     match.reasons.push_back(
-        "The chart's colours do not come out right even so in " + abbreviate_list(wrong) +
-        ": is it a ColorChecker Classic, evenly lit, and are the cameras' curves known?");
+        "The colours of the chart do not fit even so in " + abbreviate_list(wrong) +
+        ": use a ColorChecker Classic, light it evenly, and calibrate the response curves.");
   }
   const auto worst = std::ranges::max_element(match.fits, {}, &ColorFit::mean_difference);
   match.findings.push_back(
-      fmt::format("Worst      {}: CIEDE2000 {:.2f} in the mean over {} patches, {:.2f} at most",
+      fmt::format("Worst      {}: CIEDE2000 mean {:.2f} over {} patches, maximum {:.2f}",
                   cameras[static_cast<std::size_t>(worst - match.fits.begin())],
                   worst->mean_difference, worst->inliers, worst->max_difference));
   return match;

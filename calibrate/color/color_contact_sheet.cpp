@@ -6,7 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "base/error.h"
-#include "store/processing/frames/corrected_picture.h"
+#include "store/processing/frames/corrected_frame.h"
 
 namespace raystage {
 namespace {
@@ -33,7 +33,7 @@ std::vector<Place> places_of(const RigDocument& rig) {
   return places;
 }
 
-/// The camera's picture as it is recorded, and as it is corrected.
+/// A camera's frame as recorded and as corrected.
 struct Pair {
   cv::Mat before, after;
 };
@@ -44,10 +44,10 @@ Pair pictures_of(const Take& take, int camera, PictureSize size,
   const int frames = static_cast<int>(take.archive(camera).frames().size());
   if (frames == 0) {
     throw Error::bad_input("camera \"" + id + "\" has no frames", take.folder().string(),
-                           "Name a take in which every camera recorded");
+                           "Use a take in which every camera has frames");
   }
   const auto shown_by = [&](const PhotometricResponse& by) {
-    CorrectedPicture picture = corrected_picture(take, camera, frames / 2, size, by, {});
+    CorrectedFrame picture = decode_corrected_frame(take, camera, frames / 2, size, by, {});
     const cv::Mat whole(picture.size.height, picture.size.width, CV_16UC4, picture.rgba.data());
     cv::Mat codes, small;
     whole.convertTo(codes, CV_8UC4, 1 / 257.0);
@@ -75,7 +75,7 @@ RgbImage make_color_contact_sheet(const Take& take, const RigDocument& rig) {
     const int camera = take.camera_index(geometry.id);
     if (camera < 0) {
       throw Error::bad_input("the take has no camera \"" + geometry.id + "\" of the rig",
-                             take.folder().string(), "Name a take of the same cameras");
+                             take.folder().string(), "Use a take of the cameras of the rig");
     }
     const Pair pictures = pictures_of(take, camera, {geometry.width, geometry.height},
                                       rig.cameras[i].photometric, tile);

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Computes CIE L*a*b* from linear Rec.709 light (IEC 61966-2-1, CIE 15:2004) and the CIEDE2000
+// difference (Sharma, Wu and Dalal 2005). Cost: constant per colour.
 #include "calibrate/color/color_difference.h"
 
 #include <cmath>
@@ -14,14 +16,14 @@ double power7(double x) {
   return cube * cube * x;
 }
 
-/// Hue in [0, 360); 0 of what has none.
+/// Returns the hue in degrees, [0, 360); 0 for greys.
 double hue_of(double a, double b) {
   if (a == 0 && b == 0) return 0;
   const double hue = std::atan2(b, a) / kDegree;
   return hue < 0 ? hue + 360 : hue;
 }
 
-/// Difference of hues by the shorter way around; 0 where one has none.
+/// Returns the signed hue difference along the shorter arc, degrees; 0 if one is grey.
 double hue_difference(double from, double to, double chromas) {
   if (chromas == 0) return 0;
   const double difference = to - from;

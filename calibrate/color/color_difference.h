@@ -5,7 +5,7 @@
 
 namespace raystage {
 
-/// CIE L*a*b* for the white of Rec.709 (D65).
+/// CIE L*a*b* relative to the white of Rec.709 (D65).
 struct Lab {
   double l = 0, a = 0, b = 0;
 };
@@ -13,7 +13,8 @@ struct Lab {
 /// Converts linear light with Rec.709 primaries, full scale 1 (IEC 61966-2-1, CIE 15:2004).
 Lab lab_from_linear(const std::array<double, 3>& rgb);
 
-/// Returns CIEDE2000 with kL = kC = kH = 1 (Sharma, Wu and Dalal 2005); about 1 is just noticeable.
+/// Returns the CIEDE2000 difference with kL = kC = kH = 1 (Sharma, Wu and Dalal 2005); about 1 is
+/// just noticeable.
 double color_difference(const Lab& one, const Lab& other);
 
 }  // namespace raystage

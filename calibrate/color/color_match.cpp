@@ -7,14 +7,15 @@
 #include <cmath>
 
 #include "schemas/document.h"
+#include "schemas/former_names.h"
 
 namespace raystage {
 namespace {
 
 std::string spread_line(const char* when, const ColorSpread& spread) {
   return fmt::format(
-      "{:<10} cameras' means differ by {:.2f} % in red, {:.2f} in green, {:.2f} in blue (one "
-      "sigma); CIEDE2000 {:.2f} in the mean, {:.2f} at most\n",
+      "{:<10} camera means differ by {:.2f} % in red, {:.2f} in green, {:.2f} in blue (one "
+      "sigma); CIEDE2000 mean {:.2f}, maximum {:.2f}\n",
       when, 100 * spread.deviation[0], 100 * spread.deviation[1], 100 * spread.deviation[2],
       spread.mean_difference, spread.max_difference);
 }
@@ -22,15 +23,15 @@ std::string spread_line(const char* when, const ColorSpread& spread) {
 nlohmann::ordered_json spread_json(const ColorSpread& spread) {
   return {{"deviation", spread.deviation},
           {"mean_ciede2000", spread.mean_difference},
-          {"most_ciede2000", spread.max_difference}};
+          {"max_ciede2000", spread.max_difference}};
 }
 
 nlohmann::ordered_json fit_json(const ColorFit& fit, const std::string& id) {
   nlohmann::ordered_json json{{"id", id},
-                              {"seen", fit.observations},
-                              {"kept", fit.inliers},
+                              {"observations", fit.observations},
+                              {"inliers", fit.inliers},
                               {"mean_ciede2000", fit.mean_difference},
-                              {"most_ciede2000", fit.max_difference}};
+                              {"max_ciede2000", fit.max_difference}};
   if (fit.uncertainty > 0) json["uncertainty"] = fit.uncertainty;
   return json;
 }
@@ -54,8 +55,8 @@ std::string format_color_match(const std::vector<ColorMatch>& steps, const std::
     if (steps.size() > 1) text += fmt::format("By         {}\n", step.what);
     text += spread_line("Before", step.before) + spread_line("After", step.after);
     for (const std::string& finding : step.findings) text += finding + "\n";
-    for (const std::string& warning : step.warnings) text += "Weak       " + warning + "\n";
-    for (const std::string& reason : step.reasons) text += "Not sure   " + reason + "\n";
+    for (const std::string& warning : step.warnings) text += "Warning    " + warning + "\n";
+    for (const std::string& reason : step.reasons) text += "Rejected   " + reason + "\n";
   }
   return text;
 }
@@ -66,13 +67,12 @@ std::string color_match_json(const std::vector<ColorMatch>& steps, const std::st
   const bool is_accepted =
       std::ranges::all_of(steps, [](const ColorMatch& step) { return step.reasons.empty(); });
   json["accepted"] = is_accepted;
-  json["vouched_for"] = is_accepted;  // deprecated alias
   json["reference"] = reference;
   for (const ColorMatch& step : steps) {
     nlohmann::ordered_json fits = nlohmann::ordered_json::array();
     for (std::size_t i = 0; i < step.fits.size(); ++i)
       fits.push_back(fit_json(step.fits[i], cameras[i]));
-    json["steps"].push_back({{"by", step.what},
+    json["steps"].push_back({{"source", step.what},
                              {"before", spread_json(step.before)},
                              {"after", spread_json(step.after)},
                              {"cameras", fits},
@@ -84,6 +84,12 @@ std::string color_match_json(const std::vector<ColorMatch>& steps, const std::st
     json["cameras"].push_back(
         {{"id", cameras[i]}, {"photometric", json_from(steps.back().responses[i])}});
   }
+  constexpr FormerName kFormerNames[] = {{"accepted", "vouched_for"},
+                                         {"max_ciede2000", "most_ciede2000"},
+                                         {"observations", "seen"},
+                                         {"inliers", "kept"},
+                                         {"source", "by"}};
+  add_former_names(json, kFormerNames);
   return json.dump(1) + "\n";
 }
 

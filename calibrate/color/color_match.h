@@ -8,41 +8,44 @@
 
 namespace raystage {
 
-/// How well cameras agree about what they all show, before and after.
+/// Differences between the cameras in what all of them observe.
 struct ColorSpread {
-  Rgb deviation{};  ///< of the cameras' means about their mean, by it: the worst target's
-  double mean_difference = 0;  ///< CIEDE2000 from what it should be, over cameras and targets
+  Rgb deviation{};  ///< standard deviation over cameras relative to their mean, of the worst target
+  double mean_difference = 0;  ///< CIEDE2000 from the expected colour, over cameras and targets
   double max_difference = 0;
 };
 
-/// What one camera contributed, and how well it fits in the end.
+/// Observations of one camera and their residuals after the match.
 struct ColorFit {
-  int observations = 0, inliers = 0;               ///< targets, patches or places; those that count
+  /// targets, patches or points; those that are used
+  int observations = 0, inliers = 0;
   double mean_difference = 0, max_difference = 0;  ///< CIEDE2000, afterwards
-  /// Two standard deviations of the light that the camera is said to see, by it, at a tenth of full
-  /// scale or at half, whichever is worse; 0: not told.
+  /// Two standard deviations of the light that the camera measures, relative, at a tenth or at half
+  /// of full scale, whichever is worse; 0: not estimated.
   double uncertainty = 0;
 };
 
-/// Colour responses of an array's cameras, and whether they are accepted. Texts are sentences for
-/// reports.
+/// Photometric responses of an array's cameras, and whether they are accepted. Texts are sentences
+/// for reports.
 struct ColorMatch {
-  std::string what;                            ///< they all showed: "targets", "chart" or "scene"
+  /// what all cameras observed: "targets", "chart" or "scene"
+  std::string what;
   std::vector<PhotometricResponse> responses;  ///< of each camera
   ColorSpread before, after;
   std::vector<ColorFit> fits;         ///< of each camera
-  std::vector<std::string> findings;  ///< what else was found, a line each: a word, then what
+  std::vector<std::string> findings;  ///< further results, a line each: a word, then a text
   std::vector<std::string> reasons, warnings;  ///< why it is rejected; what is uncertain
 };
 
-/// Standard deviation of one channel over cameras, by the mean; 0 where there are none.
+/// Returns the standard deviation of one channel over cameras relative to the mean; 0 without
+/// cameras.
 double relative_deviation(const std::vector<Rgb>& of_cameras, std::size_t channel);
 
-/// For people at a terminal: what was found step by step, each on top of the one before.
-/// `reference`: the camera that the others are made alike to.
+/// Returns a text report of all steps, each of which starts from the result of the previous one.
+/// `reference`: the camera that the others are matched to.
 std::string format_color_match(const std::vector<ColorMatch>& steps, const std::string& reference);
 
-/// The same for programs, with each camera's response in the end as rig.json has it, in the order
+/// Returns the report as JSON, with the final response of each camera as in rig.json, in the order
 /// of `cameras`.
 std::string color_match_json(const std::vector<ColorMatch>& steps, const std::string& reference,
                              const std::vector<std::string>& cameras);

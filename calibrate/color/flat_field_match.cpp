@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Fits contrast and brightness per camera and channel (thesis 4.3, eq. 4.1: displayed = brightness
+// + contrast * intensity) by linear least squares over targets of different brightness. Vignetting
+// (vignetting.h) and gain maps (gain_map.h) depend on the black level and contrast on them, so the
+// fits alternate three times. Inputs: linear means per camera, target and cell, full scale 1. Cost:
+// cameras times targets, and cells with vignetting.
 #include "calibrate/color/flat_field_match.h"
 
 #include <fmt/format.h>
@@ -15,7 +20,7 @@
 namespace raystage {
 namespace {
 
-/// The target's light, by what a camera shows of it in the middle of its picture.
+/// Returns the target's light according to a camera's mean over the middle of its picture.
 Rgb target_light(const PhotometricResponse& response, const FlatFieldMeasurement& measurement) {
   const Rgb left = mean_centre_transmission(response, measurement.size);
   Rgb light{};
@@ -25,7 +30,7 @@ Rgb target_light(const PhotometricResponse& response, const FlatFieldMeasurement
   return light;
 }
 
-/// Shown by the reference = brightness + contrast * measured, of one channel.
+/// Line of one channel: light of the reference = brightness + contrast * measured.
 struct Line {
   double brightness = 0, contrast = 1;
 };
@@ -40,7 +45,7 @@ Line fitted(const std::vector<double>& measured, const std::vector<double>& refe
     xy += measured[i] * reference[i];
   }
   const double spread = xx - x * x / count;
-  constexpr double kApart = 1e-4;  // of light, squared: two targets that differ
+  constexpr double kApart = 1e-4;  // of light, squared: smallest difference of two targets
   if (spread < kApart) return {0, xx > 0 ? xy / xx : 1};
   const double contrast = (xy - x * y / count) / spread;
   return {(y - contrast * x) / count, contrast};
@@ -65,7 +70,8 @@ ColorSpread spread_of(const std::vector<FlatFieldMeasurements>& targets,
       ++count;
       spread.max_difference = std::max(spread.max_difference, difference);
     }
-    constexpr double kBright = 0.02;  // of a black target's means the spread by them says nothing
+    // the relative deviation of a black target's means is meaningless
+    constexpr double kBright = 0.02;
     for (std::size_t k = 0; k < 3; ++k) {
       if (mean[k] < kBright) continue;
       spread.deviation[k] = std::max(spread.deviation[k], relative_deviation(lights, k));
@@ -101,16 +107,16 @@ void judge(FlatFieldMatch& colors, const std::vector<FlatFieldMeasurements>& tar
   }
   if (!clipped.empty()) {
     colors.reasons.push_back("A target is overexposed in " + abbreviate_list(clipped) +
-                             ": expose less, so that white stays below full scale.");
+                             ": reduce the exposure until white is below full scale.");
   }
   if (!dark.empty()) {
     colors.reasons.push_back("No target is bright in " + abbreviate_list(dark) +
-                             ": light the white one, and expose for it.");
+                             ": light the white target and expose for it.");
   }
   if (!patterned.empty()) {
-    colors.reasons.push_back("What fills the middle of the picture is no flat target in " +
+    colors.reasons.push_back("The middle of the picture does not show a flat target in " +
                              abbreviate_list(patterned) +
-                             ": name takes of white, grey and lens caps.");
+                             ": record takes of white, grey and lens caps.");
   }
   constexpr double kDisagree = 0.05, kMore = 0.01;
   for (std::size_t k = 0; k < 3; ++k) {
@@ -123,34 +129,35 @@ void judge(FlatFieldMatch& colors, const std::vector<FlatFieldMeasurements>& tar
     break;
   }
   if (!uneven.empty()) {
-    colors.warnings.push_back("A target is not everywhere as bright in " + abbreviate_list(uneven) +
-                              ": let it fill the middle of every picture, without shadows, or "
+    colors.warnings.push_back("A target is unevenly lit in " + abbreviate_list(uneven) +
+                              ": fill the middle of every picture with it, without shadows, or "
                               "fit the vignetting if the lens is the cause.");
   }
-  constexpr double kUnevenCells = 0.02;  // that a gain map is not there to even out
+  constexpr double kUnevenCells = 0.02;  // residual without a gain map
   const bool is_lens_alone = !colors.responses.front().gain_map;
   if (is_lens_alone && colors.worst_vignetting > kUnevenCells) {
     colors.reasons.emplace_back(
-        "No vignetting of a lens explains the brightness of the target: let it fill every picture, "
+        "The vignetting model does not explain the brightness of the target: fill every picture "
+        "with it, "
         "evenly lit, or do not fit the vignetting.");
   }
   if (targets.size() < 2) {
     colors.warnings.emplace_back(
-        "One target tells the contrast alone: with lens caps or a grey target the brightness, "
-        "too.");
+        "One target determines the contrast only: record lens caps or a grey target to determine "
+        "the brightness.");
   }
 }
 
-constexpr double kDarker = 0.002;  // of full scale: no noise
-constexpr double kCutOff = 0.02;   // share of pixels at code 0 that makes a mean say too much
+constexpr double kDarker = 0.002;  // of full scale; above the noise
+constexpr double kCutOff = 0.02;   // share of pixels at code 0 above which a mean is too large
 
-/// What light the reference camera makes of the codes that it shows, per channel.
+/// Converts the reference camera's codes to light, per channel.
 struct Scale {
   Rgb black{};  ///< measured without light
   Rgb factor{1, 1, 1};
 };
 
-/// Contrast and brightness of a camera whose vignetting is in `response`.
+/// Fits contrast and brightness of a camera whose vignetting is in `response`.
 void match_camera(const std::vector<FlatFieldMeasurements>& targets, std::size_t camera,
                   std::size_t reference, const Scale& scale, const std::string& name,
                   PhotometricResponse& response) {
@@ -166,14 +173,14 @@ void match_camera(const std::vector<FlatFieldMeasurements>& targets, std::size_t
     constexpr double kLeast = 0.01, kMost = 100;
     if (!(line.contrast > kLeast && line.contrast < kMost)) {
       throw Error::bad_input("camera \"" + name + "\" or the reference camera shows no light", "",
-                             "Record a white target with every camera, lit and in focus");
+                             "Record a lit white target, in focus, with every camera");
     }
     response.contrast[k] = line.contrast;
     response.brightness[k] = line.brightness;
   }
 }
 
-/// The pixels that stand out of the dark, and whether it is dark.
+/// Stores the hot pixels of the dark frames; rejects the match if a camera saw light.
 void take_over_darkness(const FlatFieldMeasurements& dark, std::size_t reference,
                         const std::vector<std::string>& cameras, FlatFieldMatch& colors) {
   std::vector<std::string> lit;
@@ -187,12 +194,12 @@ void take_over_darkness(const FlatFieldMeasurements& dark, std::size_t reference
     }
   }
   if (!lit.empty()) {
-    colors.reasons.push_back("The dark is not dark in " + abbreviate_list(lit) +
+    colors.reasons.push_back("The dark target is not dark in " + abbreviate_list(lit) +
                              ": cap the lenses.");
   }
   if (std::ranges::max(dark[reference].black) > kCutOff) {
     colors.warnings.emplace_back(
-        "The reference camera's black is cut off at code 0, so that light may count from too low: "
+        "The reference camera's black level is clipped at code 0, so light may be too high: "
         "choose another reference camera.");
   }
 }
@@ -200,17 +207,16 @@ void take_over_darkness(const FlatFieldMeasurements& dark, std::size_t reference
 std::vector<std::string> findings_of(const FlatFieldMatch& colors) {
   std::vector<std::string> findings;
   if (colors.responses.front().vignetting) {
-    findings.push_back(fmt::format(
-        "Vignetting what is left of it makes a target uneven by {:.2f} % at most (one sigma)",
-        100 * colors.worst_vignetting));
+    findings.push_back(
+        fmt::format("Vignetting maximum residual unevenness of a target {:.2f} % (one sigma)",
+                    100 * colors.worst_vignetting));
   }
   std::size_t dark = 0;
   for (const PhotometricResponse& response : colors.responses) dark += response.hot_pixels.size();
   if (dark > 0) {
     findings.push_back(fmt::format(
-        "Dark       {} pixels show light in the dark, those included that JPEG lets show "
-        "their neighbours': {:.1f} of a camera",
-        dark, static_cast<double>(dark) / static_cast<double>(colors.responses.size())));
+        "Hot pixels {}, including neighbours affected by JPEG compression; {:.1f} per camera", dark,
+        static_cast<double>(dark) / static_cast<double>(colors.responses.size())));
   }
   return findings;
 }
@@ -225,7 +231,7 @@ FlatFieldMatch match_flat_fields(const std::vector<FlatFieldMeasurements>& targe
     return target[reference].mean[1];
   };
   const FlatFieldMeasurements& brightest = *std::ranges::max_element(targets, {}, light_of);
-  const FlatFieldMeasurements& darkest = targets.back();  // where settings.dark
+  const FlatFieldMeasurements& darkest = targets.back();  // with settings.dark
   FlatFieldMatch colors;
   colors.what = "targets";
   colors.responses = settings.curves;
@@ -240,7 +246,7 @@ FlatFieldMatch match_flat_fields(const std::vector<FlatFieldMeasurements>& targe
       balance[k] = (white[1] - black[1]) / (white[k] - black[k]);
     }
   }
-  // What a lens leaves depends on a camera's black, and contrast on what the lens leaves.
+  // Vignetting depends on a camera's black level, and contrast on the vignetting.
   const int rounds = settings.vignetting || settings.flat_field ? 3 : 1;
   for (int round = 0; round < rounds; ++round) {
     Scale scale{black, balance};
@@ -268,7 +274,8 @@ FlatFieldMatch match_flat_fields(const std::vector<FlatFieldMeasurements>& targe
   if (settings.dark &&
       light_of(*std::ranges::min_element(targets, {}, light_of)) < light_of(darkest) - kDarker) {
     colors.reasons.emplace_back(
-        "A target is darker than the dark: were all lenses capped, the reference camera's too?");
+        "A target is darker than the dark target: cap all lenses, including the reference "
+        "camera's.");
   }
   colors.before = spread_of(targets, std::vector<PhotometricResponse>(cameras.size()), reference);
   colors.after = spread_of(targets, colors.responses, reference);

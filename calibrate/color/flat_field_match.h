@@ -11,12 +11,12 @@ namespace raystage {
 
 struct FlatFieldMatchSettings {
   int reference = 0;     ///< camera that the others are matched to
-  bool neutral = false;  ///< makes the brightest target grey as well
+  bool neutral = false;  ///< also makes the brightest target grey
   bool vignetting =
       false;  ///< fits the vignetting: the brightest target fills every picture evenly
-  bool flat_field = false;  ///< likewise, and fits a gain map to what vignetting does not explain
+  bool flat_field = false;  ///< also fits a gain map to the residuals of the vignetting model
   std::vector<PhotometricResponse>
-      curves{};       ///< of each camera, whose curves the measurements went by
+      curves{};       ///< responses with the curves that were used in the measurements
   bool dark = false;  ///< the last target is dark: lens caps
 };
 
@@ -26,10 +26,10 @@ struct FlatFieldMatch : ColorMatch {
 
 /// Returns contrast and brightness of each camera and channel relative to a reference camera
 /// (thesis 4.3, eq. 4.1), by least squares over targets of different brightness (lens caps, grey,
-/// white); `targets` by take. Blacks that are clipped at code 0 are ignored. One target determines
-/// the contrast only. On request also vignetting and a gain map, from the brightest target; with a
-/// dark target the reference camera's black level and the hot pixels. Throws Error (bad input) if a
-/// camera sees no light.
+/// white). `targets`: one entry per take. Black levels that are clipped at code 0 are ignored. One
+/// target determines the contrast only. On request it fits vignetting and a gain map to the
+/// brightest target; a dark target gives the reference camera's black level and the hot pixels.
+/// Throws Error (bad input) if a camera sees no light.
 FlatFieldMatch match_flat_fields(const std::vector<FlatFieldMeasurements>& targets,
                                  const std::vector<std::string>& cameras,
                                  const FlatFieldMatchSettings& settings);

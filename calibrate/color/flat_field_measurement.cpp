@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Averages frames of an evenly lit target in linear light: means over the central half, over a grid
+// of cells, and per pixel. Hot pixels differ from the median of their 7x7 neighbourhood by more
+// than eight robust standard deviations. Output: see FlatFieldMeasurement. Cost: pixels times
+// frames.
 #include "calibrate/color/flat_field_measurement.h"
 
 #include <algorithm>
@@ -7,8 +11,8 @@
 
 #include "base/error.h"
 #include "base/parallel.h"
-#include "store/code_light.h"
 #include "store/jpeg/decode.h"
+#include "store/linear_from_frame_code.h"
 
 namespace raystage {
 namespace {
@@ -17,7 +21,7 @@ constexpr int kFullCode = 252;  // codes: JPEG leaves clipped areas a little bel
 
 using CodeLight = std::array<std::array<double, 256>, 3>;  // of each code, per channel
 
-/// Over frames, per pixel: R, G, B.
+/// Sums over frames per pixel: R, G, B.
 struct MeanPicture {
   PictureSize size;
   std::vector<std::array<float, 3>> light;
@@ -28,7 +32,7 @@ struct MeanPicture {
   }
 };
 
-/// The middle of a picture, half of its width and height.
+/// The central half of a picture in width and height.
 struct Middle {
   int left, top, right, bottom;
 };
@@ -37,7 +41,7 @@ Middle middle_of(PictureSize size) {
           size.height - size.height / 4};
 }
 
-/// Sums of one frame go into `measurement` and `sum`.
+/// Adds one frame to `measurement` and `sum`.
 void add_frame(const RgbImage& image, const CodeLight& light, FlatFieldMeasurement& measurement,
                Rgb& squares, MeanPicture& sum) {
   const Middle middle = middle_of(sum.size);
@@ -84,7 +88,7 @@ std::vector<FlatFieldCell> cells_of(const MeanPicture& picture) {
   return cells;
 }
 
-/// The median of a channel over the pixels around (x, y).
+/// Returns the median of a channel over the pixels around (x, y).
 float median_around(const MeanPicture& picture, int x, int y, std::size_t channel) {
   constexpr int kReach = 3;
   std::array<float, (2 * kReach + 1) * (2 * kReach + 1)> values{};
@@ -102,7 +106,7 @@ float median_around(const MeanPicture& picture, int x, int y, std::size_t channe
 std::vector<HotPixel> outstanding_pixels(const MeanPicture& picture) {
   const auto [width, height] = picture.size;
   std::vector<HotPixel> pixels;
-  std::vector<float> apart;  // of all pixels and channels
+  std::vector<float> apart;  // absolute differences of all pixels and channels
   std::vector<std::array<float, 3>> difference(picture.light.size());
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
@@ -117,7 +121,7 @@ std::vector<HotPixel> outstanding_pixels(const MeanPicture& picture) {
   const auto middle = apart.begin() + static_cast<std::ptrdiff_t>(apart.size() / 2);
   std::nth_element(apart.begin(), middle, apart.end());
   constexpr float kSigmas = 8, kSigmaOfMedian = 1.4826F;
-  constexpr float kLeast = 0.004F;  // of full scale: as dark greys differ by a code
+  constexpr float kLeast = 0.004F;  // of full scale: one code in dark greys
   const float most = std::max(kLeast, kSigmas * kSigmaOfMedian * *middle);
   for (std::size_t i = 0; i < difference.size(); ++i) {
     const auto& [r, g, b] = difference[i];
@@ -143,7 +147,7 @@ FlatFieldMeasurement measure_flat_field(const Take& take, int camera,
   CodeLight light{};
   for (std::size_t c = 0; c < 3; ++c) {
     for (int code = 0; code < 256; ++code) {
-      light[c][static_cast<std::size_t>(code)] = linear_of_code(
+      light[c][static_cast<std::size_t>(code)] = linear_from_frame_code(
           take.document(), 255 * evaluate_response_curve(response.curve[c], code / 255.0));
     }
   }
@@ -156,7 +160,7 @@ FlatFieldMeasurement measure_flat_field(const Take& take, int camera,
   for (int k = 0; k < looked_at; ++k) {
     const RgbImage image = decoder.decode(archive.jpeg((2 * k + 1) * frames / (2 * looked_at)), id);
     if (image.width != expected.width() || image.height != expected.height()) {
-      throw Error::bad_input("frames of camera \"" + id + "\" have another size than its rig says",
+      throw Error::bad_input("frames of camera \"" + id + "\" have another size than in the rig",
                              take.folder().string(), "Record the target again");
     }
     if (k == 0) {

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Fits gains at the nodes of a grid over the picture, bilinear in between, to the cells of an
+// evenly lit target: linear least squares per channel with a smoothness term on second differences
+// (normal equations, dense). Input: cell means, linear light. Output: gains, 1 in the centre. Cost:
+// cells plus nodes cubed.
 #include "calibrate/color/gain_map.h"
 
 #include <Eigen/Dense>
@@ -10,11 +14,11 @@
 namespace raystage {
 namespace {
 
-// As wide as two cells of a sight: finer ones would follow its noise.
+// Nodes are two cells apart: a finer grid would fit their noise.
 constexpr int kColumns = 17, kRows = 13, kNodes = kColumns * kRows;
-constexpr double kStiffness = 0.05;  // of a node between two, by a cell's
+constexpr double kStiffness = 0.05;  // weight of a second difference relative to a cell
 
-/// The nodes around a place and their shares.
+/// The nodes around a position and their bilinear weights.
 struct Around {
   std::array<int, 4> node{};
   std::array<double, 4> share{};
@@ -29,7 +33,7 @@ Around around(double x, double y, PictureSize size) {
           {(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down}};
 }
 
-/// The part of the normal equations that does not depend on what is seen: nodes lie on a line.
+/// Returns the smoothness part of the normal equations: nodes lie on a line.
 Eigen::MatrixXd smoothness() {
   Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(kNodes, kNodes);
   const auto add = [&](int before, int node, int after) {
@@ -70,14 +74,14 @@ GainMap fit_gain_map(std::span<const FlatFieldCell> cells, PictureSize size,
     in_middle += 1;
   }
   for (double& channel : level) channel /= std::max(1.0, in_middle);
-  constexpr double kLeast = 0.05;  // of the light in the middle
+  constexpr double kLeast = 0.05;  // of the light in the centre
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const Around at = around(cells[i].x, cells[i].y, size);
     for (std::size_t c = 0; c < 3; ++c) {
       if (!(lights[i][c] > kLeast * level[c])) {
-        throw Error::bad_input("part of camera \"" + camera + "\"'s picture shows no light",
+        throw Error::bad_input("part of the picture of camera \"" + camera + "\" has no light",
                                "flat field",
-                               "Let the brightest target fill the picture of every camera")
+                               "Fill the picture of every camera with the brightest target")
             .concerning({"flat_field"});
       }
     }
@@ -100,7 +104,7 @@ GainMap fit_gain_map(std::span<const FlatFieldCell> cells, PictureSize size,
     constexpr double kMost = 20;
     if (!(std::ranges::min(gain) > 1 / kMost && std::ranges::max(gain) < kMost)) {
       throw Error::bad_input("camera \"" + camera + "\" shows no evenly lit target", "flat field",
-                             "Let the brightest target fill the picture of every camera")
+                             "Fill the picture of every camera with the brightest target")
           .concerning({"flat_field"});
     }
   }

@@ -8,9 +8,9 @@
 
 namespace raystage {
 
-/// Returns the gains that, after `response`, make an evenly lit target even: per channel, by least
-/// squares with a smoothness term between nodes; 1 in the centre. Throws Error (bad input), which
-/// names the camera, if a part of the picture has no light.
+/// Returns the gains that, applied after `response`, flatten the picture of an evenly lit target:
+/// per channel, by least squares with a smoothness term between nodes; 1 in the centre. Throws
+/// Error (bad input), which names the camera, if a part of the picture has no light.
 GainMap fit_gain_map(std::span<const FlatFieldCell> cells, PictureSize size,
                      const PhotometricResponse& response, const std::string& camera);
 

@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+// Finds the depth of a small patch by a plane sweep: at each step of inverse depth the patch is
+// projected into the neighbouring cameras (corners exactly, pixels bilinear between) and compared
+// by normalised cross-correlation of the square root of luminance. The score is the mean of the
+// better half of the cameras, because the others may be occluded; a parabola refines the best step.
+// Output: the patch with the observations above `min_ncc`. Cost per patch: steps times cameras
+// times 81 pixels.
 #include "calibrate/color/patch_search.h"
 
 #include <algorithm>
@@ -6,7 +12,7 @@
 #include <numeric>
 
 #include "base/error.h"
-#include "store/processing/frames/corrected_picture.h"
+#include "store/processing/frames/corrected_frame.h"
 
 namespace raystage {
 namespace {
@@ -14,16 +20,16 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr int kReach = 4;  // pixels from a patch's middle to its border
+constexpr int kReach = 4;  // pixels from a patch's centre to its border
 constexpr int kSide = 2 * kReach + 1;
-constexpr int kSameHill = 3;  // steps from a patch's depth within which others look alike
-constexpr int kBeyond = 4;    // steps looked at nearer and farther than the scene's
+constexpr int kSameHill = 3;  // steps around the best depth that belong to its peak
+constexpr int kBeyond = 4;    // additional steps on both sides of the depth range
 constexpr int kMostSteps = 400;
 
-/// The corners of a patch by rows, then its middle, in one picture.
+/// The corners of a patch by rows, then its centre, in one picture.
 using Pixels = std::array<Vector2d, 5>;
 
-/// Where a patch's corners and its middle are, from its middle.
+/// Returns the offsets of a patch's corners and centre from its centre.
 std::array<Vector2d, 5> patch_offsets() {
   return {Vector2d(-kReach, -kReach), Vector2d(kReach, -kReach), Vector2d(-kReach, kReach),
           Vector2d(kReach, kReach), Vector2d(0, 0)};
@@ -60,11 +66,11 @@ std::array<float, 4> PatchSearchImage::at(const Vector2d& pixel) const {
 PatchSearchImage load_patch_search_image(const Take& take, const Rig& rig, int camera, int frame,
                                          const LevelTable& levels) {
   const Rig::Camera& of = rig.cameras[static_cast<std::size_t>(camera)];
-  const PhotometricResponse response = as_shown(of.photometric);
+  const PhotometricResponse response = curve_and_hot_pixels_only(of.photometric);
   const CodeScale scale{BlendSpace::kLinear, 1};
   const PictureSize size{of.model.width(), of.model.height()};
-  const CorrectedPicture picture =
-      corrected_picture(take, camera, frame, size, response, scale, levels);
+  const CorrectedFrame picture =
+      decode_corrected_frame(take, camera, frame, size, response, scale, levels);
   PatchSearchImage shown{camera, size, {}, {}, {}};
   constexpr float kScale = 1.0F / 65535;
   shown.light.resize(picture.rgba.size() / 4);
@@ -73,8 +79,8 @@ PatchSearchImage load_patch_search_image(const Take& take, const Rig& rig, int c
                 b = kScale * picture.rgba[4 * i + 2];
     shown.light[i] = {r, g, b, std::sqrt(0.2126F * r + 0.7152F * g + 0.0722F * b)};
   }
-  const auto black = level_of_code(take, response, scale, kDarkestCode);
-  const auto full = level_of_code(take, response, scale, kBrightestCode);
+  const auto black = levels_from_code(take, response, scale, kMinUnclippedCode);
+  const auto full = levels_from_code(take, response, scale, kMaxUnclippedCode);
   for (std::size_t c = 0; c < 3; ++c) {
     shown.darkest[c] = kScale * black[c];
     shown.brightest[c] = kScale * full[c];
@@ -85,12 +91,12 @@ PatchSearchImage load_patch_search_image(const Take& take, const Rig& rig, int c
 InverseDepthSteps::InverseDepthSteps(const Rig& rig, const DepthRange& range, int base,
                                      const std::vector<int>& others)
     : centre_(rig.centre()), forward_(rig.mean_viewing_direction()) {
-  constexpr double kNearlyOne = 0.01;  // depths that are all but the same still have pixels between
+  constexpr double kNearlyOne = 0.01;  // smallest range of inverse depths, relative
   farthest_ = 1 / range.far;
   const double width = 1 / range.near - farthest_;
   const double looked_at = std::max(width, kNearlyOne / range.near);
   const Rig::Camera& from = rig.cameras[static_cast<std::size_t>(base)];
-  double most = 0;  // pixels between the two depths
+  double most = 0;  // largest shift between the two depths, pixels
   for (const auto& [u, v] : {std::pair{0.5, 0.5}, {0.1, 0.1}, {0.9, 0.1}, {0.1, 0.9}, {0.9, 0.9}}) {
     const auto ray = from.model.unproject({u * from.model.width(), v * from.model.height()});
     if (!ray) continue;
@@ -104,11 +110,11 @@ InverseDepthSteps::InverseDepthSteps(const Rig& rig, const DepthRange& range, in
     }
   }
   count_ = 1;
-  if (!(most > 0)) return;  // nothing moves: depth does not matter
+  if (!(most > 0)) return;  // no parallax: depth does not matter
   const double by_pixels = looked_at * kStepPx / most;
   const int within = std::clamp(static_cast<int>(std::ceil(width / by_pixels)), 1, kMostSteps);
   step_ = within > 1 ? width / within : by_pixels;
-  // Nothing is farther than infinity.
+  // Inverse depth ends at 0 (infinity).
   const int beyond = std::min(kBeyond, static_cast<int>(farthest_ / step_));
   farthest_ -= beyond * step_;
   first_ = beyond;
@@ -124,7 +130,7 @@ std::optional<Vector3d> InverseDepthSteps::point(const Vector3d& origin, const V
 std::optional<Vector3d> InverseDepthSteps::point_at(const Vector3d& origin,
                                                     const Vector3d& direction,
                                                     double inverse_depth) const {
-  constexpr double kFar = 1e-9;  // 1 / metres: infinity, for every camera
+  constexpr double kFar = 1e-9;  // 1 / metres: infinity for every camera
   const double depth = 1 / std::max(kFar, inverse_depth);
   const double along = (depth - forward_.dot(origin - centre_)) / forward_.dot(direction);
   if (!(along > 0) || !std::isfinite(along)) return std::nullopt;
@@ -132,12 +138,12 @@ std::optional<Vector3d> InverseDepthSteps::point_at(const Vector3d& origin,
 }
 
 struct PatchSearch::Patch {
-  std::array<float, kSide * kSide> pattern;  // mean 0, squares sum up to 1
+  std::array<float, kSide * kSide> pattern;  // mean 0, norm 1
   float contrast = 0;
   Rgb mean{};
   bool is_exposed = true;
 
-  /// Where it lies in the picture: its pixels evenly between its corners.
+  /// Samples the patch in a picture, bilinear between its corners.
   static std::optional<Patch> at(const PatchSearchImage& shown, const Pixels& pixels);
 
   double likeness(const Patch& other) const {
@@ -184,7 +190,7 @@ std::optional<PatchSearch::Patch> PatchSearch::Patch::at(const PatchSearchImage&
   return patch;
 }
 
-/// Rays through the corners and the middle of a patch of the base camera.
+/// Rays through the corners and the centre of a patch of the base camera.
 struct PatchSearch::Rays {
   Vector3d origin;
   std::array<Vector3d, 5> direction;  // in the world
@@ -232,7 +238,7 @@ std::optional<ScenePatch> PatchSearch::find(const Vector2d& middle) const {
   return point_at(*patch, *rays, middle, *step);
 }
 
-/// Where most cameras agree, if it is one of the scene's depths and none apart from it is as good.
+/// Returns the best step; none if it is outside the scene's depths or another peak is as good.
 std::optional<double> PatchSearch::best_step(const Patch& patch, const Rays& rays) const {
   std::vector<double> score;
   for (int step = 0; step < steps_.count(); ++step) score.push_back(depth_score(patch, rays, step));
@@ -262,7 +268,7 @@ std::optional<PatchSearch::Patch> PatchSearch::match_patch(const PatchSearchImag
   return Patch::at(other, pixels);
 }
 
-/// Mean likeness of the better half of the cameras: the others may be kept from seeing it.
+/// Returns the mean NCC of the better half of the cameras: the others may be occluded.
 double PatchSearch::depth_score(const Patch& patch, const Rays& rays, double step) const {
   std::vector<double> alike;
   Vector2d middle;
@@ -290,7 +296,7 @@ std::optional<ScenePatch> PatchSearch::point_at(const Patch& patch, const Rays& 
     if (!found->is_exposed || patch.likeness(*found) < settings_.min_ncc) continue;
     point.observations.push_back({other.camera, there.x(), there.y(), found->mean});
   }
-  // One camera alone agrees by chance more easily than two do.
+  // A single camera matches by chance more easily than two.
   const std::size_t least = 1 + std::clamp<std::size_t>(visible, 1, 2);
   if (point.observations.size() < least) return std::nullopt;
   return point;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside calibrate only: how find_scene_patches() finds one patch.
+// Internal to calibrate: search of one patch for find_scene_patches().
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@ namespace raystage {
 struct PatchSearchImage {
   int camera = -1;
   PictureSize size;
-  std::vector<std::array<float, 4>> light;      ///< R, G, B and the root of their luminance
+  std::vector<std::array<float, 4>> light;      ///< R, G, B and the square root of the luminance
   std::array<float, 3> darkest{}, brightest{};  ///< limits of usable codes
 
   /// Returns the bilinear sample at (x, y), pixels from the top-left corner, at least half a pixel
@@ -29,8 +29,8 @@ struct PatchSearchImage {
 PatchSearchImage load_patch_search_image(const Take& take, const Rig& rig, int camera, int frame,
                                          const LevelTable& levels);
 
-/// Planes across the array's viewing direction, evenly spaced in inverse depth: between
-/// neighbouring planes a patch moves by at most three quarters of a pixel.
+/// Depth planes perpendicular to the array's viewing direction, evenly spaced in inverse depth:
+/// between adjacent planes a patch moves by at most three quarters of a pixel.
 class InverseDepthSteps {
  public:
   static constexpr double kStepPx = 0.75;
@@ -39,13 +39,12 @@ class InverseDepthSteps {
   InverseDepthSteps(const Rig& rig, const DepthRange& range, int base,
                     const std::vector<int>& others);
 
-  /// Steps are numbered [0, count()) from far to near; those of the scene are [first(), last()],
-  /// the others detect what lies beyond.
+  /// Steps are numbered [0, count()) from far to near. Those of the scene are [first(), last()];
+  /// the others detect patches beyond it.
   int count() const { return count_; }
   int first() const { return first_; }
   int last() const { return last_; }
-  /// Returns the point of a ray at a step's depth (or between two); none if the ray does not reach
-  /// it.
+  /// Returns the point of a ray at a (fractional) step's depth; none if the ray does not reach it.
   std::optional<Eigen::Vector3d> point(const Eigen::Vector3d& origin,
                                        const Eigen::Vector3d& direction, double step) const;
 

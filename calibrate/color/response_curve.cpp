@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Estimates a response curve at fixed knots (piecewise linear in the code) together with the light
+// of each location and, with samples of exposure 0, a dark level: non-linear robust least squares
+// (Ceres, Cauchy's loss) with a smoothness term, after Debevec and Malik (SIGGRAPH 1997). Output:
+// curve values at the knots, increasing, 0 at black and 1 at full scale. Cost: samples times knots
+// squared.
 #include "calibrate/color/response_curve.h"
 
 #include <ceres/ceres.h>
@@ -26,7 +31,8 @@ T light_of_straight(const T& code, bool is_linear) {
   return pow((code + 0.055) / 1.055, 2.4);
 }
 
-/// Light of the straightened code beside light that follows exposure, in standard deviations.
+/// Residual: light of the linearised code minus light proportional to exposure, in standard
+/// deviations.
 struct ExposureError {
   ResponseSample shown;
   bool is_linear;
@@ -43,7 +49,7 @@ struct ExposureError {
   }
 };
 
-/// Curves bend little, most near black.
+/// Smoothness term: second differences are small; they may be larger near black.
 struct Bend {
   int knot;
   template <typename T>
@@ -55,8 +61,8 @@ struct Bend {
   }
 };
 
-/// Black stays black and full scale full scale: what is shown tells neither, and contrast and
-/// brightness make up for both.
+/// Fixes black and full scale: exposures determine neither, and contrast and brightness account for
+/// both.
 struct Anchor {
   template <typename T>
   bool operator()(const T* curve, T* error) const {
@@ -70,7 +76,7 @@ double code_of_light(double light, bool is_linear) {
   return is_linear ? light : srgb_from_linear(light);
 }
 
-/// What a channel shows in some places of the picture.
+/// Samples of one channel at some locations of the picture.
 void add_places(const FlatFieldMeasurement& measurement, double exposure, std::size_t channel,
                 bool is_linear, std::vector<ResponseSample>& codes) {
   constexpr std::size_t kPlaces = 60;
@@ -97,14 +103,15 @@ std::vector<double> fit_response_curve(std::span<const ResponseSample> codes,
     places = std::max(places, shown.location + 1);
   }
   if (exposures.size() < 2) {
-    throw Error::bad_input("fewer than two exposures show the target", "exposures",
-                           "Give at least two different ones, neither black nor at full scale")
+    throw Error::bad_input("fewer than two exposures have usable codes", "exposures",
+                           "Record at least two different exposures in which the target is neither "
+                           "black nor at full scale")
         .concerning({"exposures"});
   }
   std::vector<double> curve;
   for (int knot = 0; knot < kKnots; ++knot) curve.push_back(knot * kStep);
   double black = 0;
-  // From the codes as they are.
+  // Initial values: the identity curve.
   std::vector<double> light(static_cast<std::size_t>(places), 0), weight(light);
   for (const ResponseSample& shown : codes) {
     const auto location = static_cast<std::size_t>(shown.location);
@@ -131,14 +138,14 @@ std::vector<double> fit_response_curve(std::span<const ResponseSample> codes,
                            curve.data());
   if (!has_dark) problem.SetParameterBlockConstant(&black);
   ceres::Solver::Options options;
-  options.num_threads = 1;  // the same result everywhere; cameras run beside each other
+  options.num_threads = 1;  // deterministic; cameras run in parallel
   options.logging_type = ceres::SILENT;
   options.linear_solver_type = ceres::DENSE_QR;
   options.max_num_iterations = 200;
   options.function_tolerance = 1e-10;
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
-  // What noise bends backwards, where nothing was shown.
+  // Makes the curve increasing where noise or missing samples made it fall.
   constexpr double kLeastRise = 1e-4;
   for (std::size_t knot = curve.size() - 1; knot > 0; --knot) {
     curve[knot - 1] = std::min(curve[knot - 1], curve[knot] - kLeastRise);

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Matches contrast and brightness of cameras by common scene points (thesis 4.3, eq. 4.1, without a
+// target). SceneFit solves the joint least squares; outliers (beyond four robust standard
+// deviations) are removed between solves with a decreasing loss scale. The uncertainty is the
+// larger of the one from the covariance and the difference between solutions of half of the points.
+// Cost: six solves over all observations.
 #include "calibrate/color/scene_color.h"
 
 #include <fmt/format.h>
@@ -16,7 +21,7 @@ namespace {
 using Observation = SceneFit::Observation;
 using CameraParameters = SceneFit::CameraParameters;
 
-/// Leaves observations out that do not fit, and points that are left with one observation.
+/// Marks outliers, and points with a single remaining observation, as not used.
 void leave_out_odd(SceneFit& fit) {
   constexpr double kSigmas = 4, kSigmaOfMedian = 1.4826, kLeast = 1;
   std::vector<double> off;
@@ -36,10 +41,10 @@ void leave_out_odd(SceneFit& fit) {
     observation.counts = observation.counts && left[observation.point] > 1;
 }
 
-/// What the cameras say of places, each beside what the others do in the mean.
+/// Differences of each camera from the mean of the other cameras at the same points.
 struct Comparison {
   ColorSpread spread;
-  std::vector<ColorFit> fits;  ///< differences alone
+  std::vector<ColorFit> fits;  ///< only differences are set
 };
 
 Comparison compared(const SceneFit& fit, const std::vector<CameraParameters>& cameras) {
@@ -86,7 +91,7 @@ Comparison compared(const SceneFit& fit, const std::vector<CameraParameters>& ca
   return result;
 }
 
-/// The most by which two solutions differ about what a camera shows, by its light.
+/// Returns the largest relative difference between two solutions in the light of a camera.
 double difference_of(const CameraParameters& one, const CameraParameters& other) {
   double most = 0;
   for (std::size_t c = 0; c < 3; ++c) {
@@ -98,7 +103,7 @@ double difference_of(const CameraParameters& one, const CameraParameters& other)
   return most;
 }
 
-/// Cameras that hang together with the reference camera by points that both see.
+/// Returns the cameras that are connected with the reference camera by common points.
 std::vector<bool> joined_to(std::size_t reference, const SceneFit& fit) {
   std::vector<std::vector<std::size_t>> seen_by(fit.points());
   for (const Observation& observation : fit.observations()) {
@@ -122,7 +127,7 @@ std::vector<bool> joined_to(std::size_t reference, const SceneFit& fit) {
 void judge(SceneColorMatch& colors, const Rig& rig, const std::vector<bool>& joined) {
   constexpr int kFew = 40;
   constexpr double kOdd = 0.35;
-  constexpr double kDisagree = 2;  // CIEDE2000; an eye can tell 1
+  constexpr double kDisagree = 2;  // CIEDE2000; 1 is just noticeable
   std::vector<std::string> few, apart, odd, disagree, uncertain;
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
     const ColorFit& fit = colors.fits[c];
@@ -134,29 +139,32 @@ void judge(SceneColorMatch& colors, const Rig& rig, const std::vector<bool>& joi
     if (fit.uncertainty > SceneColorMatch::kMaxUncertainty) uncertain.push_back(id);
   }
   if (!few.empty()) {
-    colors.reasons.push_back(fmt::format(
-        "Fewer than {} places are seen together with other cameras by {}: give the depths between "
-        "which the scene lies, a rig that fits, and a take with patterned surfaces.",
-        kFew, abbreviate_list(few)));
+    colors.reasons.push_back(
+        fmt::format("Fewer than {} points are seen together with other cameras by {}: specify the "
+                    "depth range of "
+                    "the scene, a matching rig, and a take with textured surfaces.",
+                    kFew, abbreviate_list(few)));
   }
   if (!apart.empty()) {
-    colors.reasons.push_back("Nothing joins the reference camera to " + abbreviate_list(apart) +
+    colors.reasons.push_back("No common points connect the reference camera to " +
+                             abbreviate_list(apart) +
                              ": choose another reference camera, or record a white target.");
   }
   if (!odd.empty()) {
-    colors.reasons.push_back(fmt::format(
-        "More than {:.0f} % of what is seen does not fit in {}: does the rig fit the take, and do "
-        "its depths?",
-        100 * kOdd, abbreviate_list(odd)));
+    colors.reasons.push_back(
+        fmt::format("More than {:.0f} % of the observations are outliers in {}: check that the rig "
+                    "and the depth "
+                    "range match the take.",
+                    100 * kOdd, abbreviate_list(odd)));
   }
   if (!disagree.empty()) {
-    colors.reasons.push_back("The others do not agree about the same places even so with " +
+    colors.reasons.push_back("The colours of common points still do not agree with the others in " +
                              abbreviate_list(disagree) +
-                             ": does the rig fit the take, and do its depths?");
+                             ": check that the rig and the depth range match the take.");
   }
   if (!uncertain.empty()) {
     colors.reasons.push_back(fmt::format(
-        "The light is uncertain by more than {:.0f} % in {}: take a scene with light and dark "
+        "The light is uncertain by more than {:.0f} % in {}: record a scene with light and dark "
         "surfaces, or record a white target.",
         100 * SceneColorMatch::kMaxUncertainty, abbreviate_list(uncertain)));
   }
@@ -184,10 +192,11 @@ SceneColorMatch match_scene_colors(std::span<const ScenePatch> points, const Rig
   for (std::size_t c = 0; c < uncertainty.size(); ++c) {
     colors.fits[c].uncertainty = uncertainty[c];
   }
-  // What errs alike in neighbouring places (shading, reflections) is no noise: halves tell.
+  // Errors of adjacent points are correlated (shading, reflections): two halves of the points show
+  // their effect.
   for (const std::size_t half : {0, 1}) {
     SceneFit part = fit;
-    constexpr std::size_t kTogether = 32;  // neighbours
+    constexpr std::size_t kTogether = 32;  // adjacent points in one block
     part.solve(
         kFine, [&](std::size_t point) { return point / kTogether % 2 == half; }, stop);
     for (std::size_t c = 0; c < uncertainty.size(); ++c) {
@@ -211,12 +220,11 @@ SceneColorMatch match_scene_colors(std::span<const ScenePatch> points, const Rig
   const double observations = std::max(1.0, static_cast<double>(fit.observations().size()));
   const auto most = std::ranges::max_element(colors.fits, {}, &ColorFit::uncertainty);
   colors.findings.push_back(fmt::format(
-      "Scene      {} places seen by {:.1f} cameras in the mean; {:.1f} % of the sights did not fit",
+      "Scene      {} points, {:.1f} cameras per point; {:.1f} % of the observations are outliers",
       points.size(), observations / std::max(1.0, static_cast<double>(points.size())),
       100 * (1 - inliers / observations)));
   colors.findings.push_back(
-      fmt::format("Sureness   the light is uncertain by {:.2f} % at most (two sigma, {})",
-                  100 * most->uncertainty,
+      fmt::format("Uncertain  light by at most {:.2f} % (two sigma, {})", 100 * most->uncertainty,
                   rig.cameras[static_cast<std::size_t>(most - colors.fits.begin())].id));
   judge(colors, rig, joined_to(static_cast<std::size_t>(reference), fit));
   return colors;

@@ -141,7 +141,8 @@ TEST(SceneColor, RefusesCamerasThatNothingJoins) {
     return point.observations.front().camera < 3 && point.observations.back().camera >= 3;
   });
   const SceneColorMatch found = match_scene_colors(points, unmatched(truth), 0, {});
-  EXPECT_THAT(found.reasons, Contains(HasSubstr("Nothing joins the reference camera to c3, c4")));
+  EXPECT_THAT(found.reasons,
+              Contains(HasSubstr("No common points connect the reference camera to c3, c4")));
 }
 
 TEST(SceneColor, RefusesAnEmptySceneAndOneWithoutSense) {

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Joint least squares over contrast and brightness of the cameras and the linear light of common
+// points (Ceres, Cauchy's loss, Schur complement over points). Measured codes: linear light, full
+// scale 1. The reference camera is held. uncertainty() inverts the reduced camera system with
+// points eliminated. Cost: observations per iteration; cameras cubed for the uncertainty.
 #include "calibrate/color/scene_fit.h"
 
 #include <ceres/ceres.h>
@@ -14,7 +18,7 @@
 namespace raystage {
 namespace {
 
-/// What a camera should show of a point's light beside what it does, in standard deviations.
+/// Residual: predicted minus measured light of a point in a camera, in standard deviations.
 struct ObservationError {
   Rgb measured, gain, deviation;
   ColorMatrix unmix;
@@ -30,8 +34,8 @@ struct ObservationError {
 };
 using ObservationCost = ceres::AutoDiffCostFunction<ObservationError, 3, 6, 3>;
 
-/// Scenes that are everywhere as bright leave brightness and contrast to be told apart: then the
-/// brightness stays small.
+/// Weak prior on a small brightness: a scene of uniform light cannot separate brightness and
+/// contrast.
 struct SmallBrightness {
   template <typename T>
   bool operator()(const T* camera, T* error) const {
@@ -41,7 +45,7 @@ struct SmallBrightness {
   }
 };
 
-/// How an observation's error moves with its camera and with its point, weighed as the solver did.
+/// Derivatives of an observation's error by camera and light, weighted as in the solver.
 struct Rows {
   Eigen::Matrix<double, 3, 6, Eigen::RowMajor> by_camera;
   Eigen::Matrix<double, 3, 3, Eigen::RowMajor> by_light;
@@ -61,7 +65,8 @@ Rows rows_of(const ObservationCost& cost, const SceneFit::CameraParameters& came
   return rows;
 }
 
-/// Two standard deviations of a camera's light by it, the worst of what is looked at.
+/// Returns two standard deviations of a camera's light, relative, the maximum over channels and
+/// test levels.
 double worst_light(const SceneFit::CameraParameters& camera,
                    const Eigen::Matrix<double, 6, 6>& covariance) {
   double worst = 0;
@@ -90,7 +95,7 @@ SceneFit::SceneFit(std::span<const ScenePatch> points, const Rig& rig, std::size
       const PictureSize size{of.model.width(), of.model.height()};
       Observation observation{
           p, camera, seen.measured, gain_at(of.photometric, size, seen.x, seen.y), {}, true};
-      // Steps of codes in the dark; surfaces that do not look alike from everywhere.
+      // Quantisation in the dark; surfaces whose light depends on the direction.
       constexpr double kInTheDark = 0.002, kByLight = 0.01;
       for (std::size_t c = 0; c < 3; ++c) {
         observation.deviation[c] = kInTheDark + kByLight * seen.measured[c];
@@ -167,7 +172,7 @@ void SceneFit::solve(double scale, const std::function<bool(std::size_t)>& count
   }
   problem.SetParameterBlockConstant(cameras_[reference_].data());
   ceres::Solver::Options options;
-  options.num_threads = 1;  // the same result everywhere
+  options.num_threads = 1;  // deterministic
   options.logging_type = ceres::SILENT;
   options.linear_solver_type = ceres::DENSE_SCHUR;
   options.linear_solver_ordering = ordering;
@@ -176,7 +181,7 @@ void SceneFit::solve(double scale, const std::function<bool(std::size_t)>& count
   CeresStopCallback stops(stop);
   options.callbacks.push_back(&stops);
   ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);  // where it fails, what is uncertain tells
+  ceres::Solve(options, &problem, &summary);  // if it fails, the uncertainty is large
   if (stop.stop_requested()) {
     throw Error::failed("the matching of colours was stopped", "", "Start it again");
   }
@@ -216,15 +221,16 @@ std::vector<double> SceneFit::uncertainty(double scale) const {
       }
     }
   }
-  // The reference camera's are known.
+  // The reference camera is known.
   information.middleRows<6>(first(reference_)).setZero();
   information.middleCols<6>(first(reference_)).setZero();
   information.block<6, 6>(first(reference_), first(reference_)).setIdentity();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
       (information + information.transpose()) / 2);
-  constexpr double kUnknown = 100;  // deviation of what nothing tells
+  constexpr double kUnknown = 100;  // deviation of undetermined parameters
   const double noise = squares / std::max(1.0, surplus);
-  const double least = 1e-12 * std::max(1.0, eigen.eigenvalues().maxCoeff());  // lost in rounding
+  // below rounding errors
+  const double least = 1e-12 * std::max(1.0, eigen.eigenvalues().maxCoeff());
   Eigen::VectorXd variances(size);
   for (Index k = 0; k < size; ++k) {
     const double value = eigen.eigenvalues()[k];

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside calibrate only: cameras' contrast and brightness, and the light of points, by each other.
+// Internal to calibrate: joint least squares over contrast and brightness of cameras and the light
+// of points.
 #pragma once
 
 #include <array>
@@ -15,7 +16,7 @@ namespace raystage {
 
 class SceneFit {
  public:
-  /// One camera's unknowns: 1 / contrast of R, G, B, then brightness.
+  /// Parameters of one camera: 1 / contrast of R, G, B, then brightness of R, G, B.
   using CameraParameters = std::array<double, 6>;
   struct Observation {
     std::size_t point = 0, camera = 0;
@@ -30,25 +31,24 @@ class SceneFit {
   const std::vector<Observation>& observations() const { return observations_; }
   std::size_t points() const { return light_.size(); }
   const std::vector<CameraParameters>& cameras() const { return cameras_; }
-  const std::vector<CameraParameters>& start() const { return start_; }  ///< as the rig has them
+  const std::vector<CameraParameters>& start() const { return start_; }  ///< those of the rig
 
-  /// The light that an observation stands for.
+  /// Returns the linear light (full scale 1) of the point that an observation implies.
   Rgb estimated_light(const Observation& observation, const CameraParameters& camera) const;
-  /// How far an observation is from what its camera should show, standard deviations, the worst
-  /// channel's.
+  /// Returns the largest residual of an observation over the channels, in standard deviations.
   double normalised_residual(const Observation& observation) const;
 
-  /// By the points of which `counts(point)`, and the observations that count. `scale`: in standard
-  /// deviations, beyond which an observation is told to be odd. Throws Error (failed) when a stop
-  /// is asked for.
+  /// Fits cameras and light to the observations that are used, of the points with `counts(point)`.
+  /// `scale`: scale of Cauchy's loss, in standard deviations. Throws Error (failed) if a stop is
+  /// requested.
   void solve(double scale, const std::function<bool(std::size_t)>& counts,
              const std::stop_token& stop);
 
-  /// Two standard deviations of the light that each camera is said to see, by it, the worst of its
-  /// channels and of a tenth and half of full scale: by the covariance of the solution, as noisy as
-  /// its residuals, points left as free as their observations leave them; the assumption about
-  /// small brightness tells nothing here. 0 for the reference camera, a large number for what
-  /// nothing tells. `scale`: as it was solved.
+  /// Returns two standard deviations of each camera's measured light, relative: the maximum over
+  /// its channels and over a tenth and half of full scale. Computed from the covariance of the
+  /// solution, with noise estimated from the residuals and points as free parameters. The prior on
+  /// small brightness is not included. 0 for the reference camera; a large number for undetermined
+  /// cameras. `scale`: as in solve().
   std::vector<double> uncertainty(double scale) const;
 
  private:

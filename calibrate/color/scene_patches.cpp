@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Finds patches of the scene that several cameras observe: a grid of patches per picture and
+// instant, each searched in the nearest cameras (patch_search.h). Input: take, rig, depth range in
+// metres. Output: at most `max_points` patches. Cost: instants times cameras times patches times
+// depth steps.
 #include "calibrate/color/scene_patches.h"
 
 #include <tbb/task_arena.h>
@@ -33,9 +37,10 @@ std::vector<int> nearest_cameras(const Rig& rig, const FrameSelection& frames, i
   return cameras;
 }
 
-/// As many as memory has room for: each holds a camera's picture and its neighbours'.
+/// Number of threads for which memory suffices: each holds the pictures of a camera and its
+/// neighbours.
 std::size_t searches_at_once(const Rig& rig, const PatchSearchSettings& settings) {
-  constexpr std::size_t kBytesPerPixel = 24;  // ready to be compared, and while it is decoded
+  constexpr std::size_t kBytesPerPixel = 24;  // prepared for comparison, and during decoding
   std::size_t most_pixels = 1;
   for (const Rig::Camera& camera : rig.cameras) {
     most_pixels = std::max(most_pixels, static_cast<std::size_t>(camera.model.width()) *
@@ -48,7 +53,7 @@ std::size_t searches_at_once(const Rig& rig, const PatchSearchSettings& settings
 }
 
 std::vector<FrameSelection> instants_of(const Take& take, int count) {
-  const auto known = read_timeline_if_any(take);
+  const auto known = read_timeline_if_present(take);
   const Timeline timeline = known ? *known : build_timeline(take, 0, 0);
   std::vector<FrameSelection> instants;
   const auto ticks = static_cast<int>(timeline.ticks.size());
@@ -75,7 +80,7 @@ std::vector<ScenePatch> find_scene_patches(const Take& take, const Rig& rig,
   parallel_for_in_order(
       found.size(), searches_at_once(rig, settings), never, [&](std::size_t task) {
         if (stop.stop_requested()) {
-          throw Error::failed("the search for surfaces was stopped", take.folder().string(),
+          throw Error::failed("the search for scene patches was stopped", take.folder().string(),
                               "Start it again");
         }
         const FrameSelection& instant = instants[task / cameras];

@@ -13,12 +13,12 @@ namespace raystage {
 struct PatchSearchSettings {
   DepthRange depths;             ///< of the scene, in front of the array
   int instants = 5;              ///< spread over the take
-  int columns = 40, rows = 30;   ///< patches of a picture that are searched in others
-  int neighbours = 6;            ///< number of cameras that are searched: the nearest
-  int max_points = 12000;        ///< largest number, chosen evenly
+  int columns = 40, rows = 30;   ///< grid of patches of a picture that are searched in others
+  int neighbours = 6;            ///< number of nearest cameras that are searched
+  int max_points = 12000;        ///< largest number; a larger one is thinned evenly
   double min_ncc = 0.92;         ///< normalised cross-correlation between two cameras, up to 1
-  double min_contrast = 0.02;    ///< of a patch: standard deviation of the root of its light
-  double min_ncc_margin = 0.05;  ///< of the score against any other depth
+  double min_contrast = 0.02;    ///< standard deviation of the square root of a patch's light
+  double min_ncc_margin = 0.05;  ///< margin of the score over any other depth
 };
 
 /// A small patch of a surface with its observations.
@@ -26,17 +26,16 @@ struct ScenePatch {
   struct Observation {
     int camera = 0;
     double x = 0, y = 0;  ///< its centre, pixels from the picture's top-left corner
-    Rgb measured{};       ///< its mean: linear light, full scale 1, by curve and dark pixels of the
-                          ///< camera
+    /// mean linear light, full scale 1, after correction of response curve and hot pixels
+    Rgb measured{};
   };
   std::vector<Observation> observations;  ///< at least two
 };
 
-/// Returns patches that several cameras observe: for each patch of a picture, the depth at which
-/// most neighbouring cameras show the same pattern by normalised cross-correlation. Patches without
-/// contrast, with ambiguous depth, hidden from most cameras, outside `depths`, black or at full
-/// scale are left out. Cameras are in the order of rig and take. Progress and errors as
-/// track_light().
+/// Returns patches that several cameras observe. The depth of a patch is the one at which most
+/// neighbouring cameras show the same pattern by normalised cross-correlation. Left out are patches
+/// without contrast, with ambiguous depth, hidden from most cameras, outside `depths`, black or at
+/// full scale. Cameras are in the order of rig and take. Progress and errors as track_light().
 std::vector<ScenePatch> find_scene_patches(const Take& take, const Rig& rig,
                                            const PatchSearchSettings& settings,
                                            const std::function<void(double)>& progress,

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Fits the vignetting model to the cells of an evenly lit target: centre, three coefficients and
+// the target's light, by robust non-linear least squares (Ceres, Cauchy's loss). Input: cell means,
+// linear light; positions relative to half of the diagonal. Cost: cells per iteration.
 #include "calibrate/color/vignetting.h"
 
 #include <ceres/ceres.h>
@@ -11,9 +14,9 @@
 namespace raystage {
 namespace {
 
-/// Light of a cell beside what the lens leaves of the target's, by it.
+/// Residual: light of a cell minus the model, relative to the model.
 struct CellError {
-  double x, y, light;  // halves of the diagonal, from the picture's middle
+  double x, y, light;  // in half diagonals from the picture's centre
 
   template <typename T>
   bool operator()(const T* level, const T* centre, const T* a, T* error) const {
@@ -48,13 +51,13 @@ VignettingFit fit_vignetting(std::span<const FlatFieldCell> cells, PictureSize s
                           (cell.y - size.height / 2.0) / half_diagonal, light}),
         new ceres::CauchyLoss(kAnOddCell), &level, centre.data(), a.data()));
   }
-  constexpr double kFarOff = 0.3;  // of half a diagonal: where nothing is lost, any centre would do
+  constexpr double kFarOff = 0.3;  // of half a diagonal: without vignetting any centre would fit
   for (int i = 0; i < 2; ++i) {
     problem.SetParameterLowerBound(centre.data(), i, -kFarOff);
     problem.SetParameterUpperBound(centre.data(), i, kFarOff);
   }
   ceres::Solver::Options options;
-  options.num_threads = 1;  // the same result everywhere; cameras run beside each other
+  options.num_threads = 1;  // deterministic; cameras run in parallel
   options.logging_type = ceres::SILENT;
   options.linear_solver_type = ceres::DENSE_QR;
   options.max_num_iterations = 200;

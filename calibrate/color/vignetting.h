@@ -12,9 +12,9 @@ struct VignettingFit {
   double residual = 0;  ///< RMS residual, relative to the light in the centre
 };
 
-/// Returns the vignetting that explains the picture of an evenly lit target, by robust non-linear
-/// least squares (Ceres) over the cells. `response`: contrast and brightness of the camera. Cells
-/// with dust or shadows get a low weight.
+/// Fits the vignetting model to the picture of an evenly lit target, by robust non-linear least
+/// squares (Ceres) over the cells. `response`: contrast and brightness of the camera. Cells with
+/// dust or shadows get a low weight.
 VignettingFit fit_vignetting(std::span<const FlatFieldCell> cells, PictureSize size,
                              const PhotometricResponse& response);
 

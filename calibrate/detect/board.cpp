@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Detects the corners of a checkerboard (OpenCV's sector-based detector) or of a ChArUco board
+// (markers, then corners) and refines them to subpixels. Output: corner indices and pixels, centres
+// at +0.5, y down. Cost: pixels of the picture.
 #include "calibrate/detect/board.h"
 
 #include <fmt/format.h>
@@ -44,7 +47,7 @@ const Dictionary* dictionary_named(std::string_view name) {
 }
 
 cv::Mat grey_of(const RgbImage& picture, bool inverted) {
-  // OpenCV reads only.
+  // OpenCV only reads the pixels.
   const cv::Mat rgb(picture.height, picture.width, CV_8UC3,
                     const_cast<std::uint8_t*>(picture.pixels.data()));  // NOLINT
   cv::Mat grey;
@@ -53,12 +56,12 @@ cv::Mat grey_of(const RgbImage& picture, bool inverted) {
   return grey;
 }
 
-/// OpenCV's pixel centres are at whole numbers.
+/// OpenCV's pixel centres are at integers.
 BoardCornerDetection corner_at(int index, const cv::Point2f& place) {
   return {index, {place.x + 0.5, place.y + 0.5}};
 }
 
-/// Half the side of the window in which a corner is refined, pixels: no other corner in sight.
+/// Half the side of the window for corner refinement, pixels: it must not contain another corner.
 int refining_window(const std::vector<cv::Point2f>& places, int across) {
   double least = 1e9;
   for (std::size_t i = 1; i < places.size(); ++i) {
@@ -97,7 +100,8 @@ std::vector<BoardCornerDetection> charuco_in(const cv::Mat& grey, const Board& b
       cv::aruco::CharucoBoard::create(board.columns, board.rows, static_cast<float>(board.square),
                                       static_cast<float>(board.square * board.marker), dictionary);
   const auto parameters = cv::aruco::DetectorParameters::create();
-  parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_NONE;  // as OpenCV asks for it
+  // required by OpenCV for ChArUco
+  parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_NONE;
   std::vector<std::vector<cv::Point2f>> markers;
   std::vector<int> ids;
   cv::aruco::detectMarkers(grey, dictionary, markers, ids, parameters);
@@ -106,7 +110,7 @@ std::vector<BoardCornerDetection> charuco_in(const cv::Mat& grey, const Board& b
   std::vector<int> indices;
   cv::aruco::interpolateCornersCharuco(markers, ids, grey, charuco, places, indices);
   if (places.empty()) return {};
-  // OpenCV leaves them half a pixel beside. A window must not reach the markers around.
+  // OpenCV returns corners shifted by half a pixel. A window must not reach the markers around.
   double side = 1e9;
   for (const auto& marker : markers) {
     side = std::min(side, cv::norm(marker[1] - marker[0]) / board.marker);
@@ -145,30 +149,30 @@ void check_board(const Board& board, bool unique_corners) {
   if (board.columns < 3 || board.rows < 3 || board.columns > 100 || board.rows > 100) {
     throw Error::bad_input(
         fmt::format("found {}x{} squares, allowed: 3x3 to 100x100", board.columns, board.rows),
-        "board", "Count all squares, across and down")
+        "board", "State the number of all squares, across and down")
         .concerning({"board"});
   }
   if (!(board.square > 0)) {
-    throw Error::bad_input("the squares have no size", "side of a square",
-                           "Measure it, in millimetres")
+    throw Error::bad_input("the side of a square must be greater than 0", "side of a square",
+                           "Measure it and state it in millimetres")
         .concerning({"square_mm"});
   }
   if (!board.dictionary.empty()) {
     if (dictionary_named(board.dictionary) == nullptr) {
-      throw Error::bad_input("there is no dictionary \"" + board.dictionary + "\"",
-                             "ChArUco dictionary", "Name the one that the board was printed with")
+      throw Error::bad_input("the dictionary \"" + board.dictionary + "\" is unknown",
+                             "ChArUco dictionary", "State the dictionary of the printed board")
           .concerning({"charuco"});
     }
     if (!(board.marker > 0 && board.marker < 1)) {
       throw Error::bad_input("a marker must be smaller than its square", "side of a marker",
-                             "Give its side by the square's, above 0 and below 1")
+                             "State its side relative to that of the square, above 0 and below 1")
           .concerning({"marker"});
     }
   } else if (unique_corners && (board.columns + board.rows) % 2 == 0) {
     throw Error::bad_input(
-        "a checkerboard with an even number of columns plus rows looks the same upside down",
+        "a checkerboard with an even number of columns plus rows is symmetric under a half turn",
         "board",
-        "Use a board with one row more or less, or a ChArUco board, so that all cameras agree on "
+        "Use a board with one row more or less, or a ChArUco board, so that cameras can identify "
         "its corners")
         .concerning({"board"});
   }

@@ -14,7 +14,7 @@ namespace {
 
 void check_stop(const std::stop_token& stop, const Take& take) {
   if (!stop.stop_requested()) return;
-  throw Error::failed("the search for the board was stopped", take.folder().string(),
+  throw Error::failed("the detection of the board was stopped", take.folder().string(),
                       "Start it again");
 }
 
@@ -25,7 +25,7 @@ std::vector<BoardCornerDetection> corners_in(const Take& take, int camera, int f
   return finder.find(decoder.decode(take.archive(camera).jpeg(frame), id));
 }
 
-/// Indices of at most `most` of `count` things, spread.
+/// Returns at most `most` of `count` indices, evenly spread.
 std::vector<int> spread(int count, int most) {
   std::vector<int> chosen;
   const int kept = std::min(count, most);
@@ -68,7 +68,7 @@ PointTracks track_board_corners(const Take& take,
   for (std::size_t c = 0; c < times.size(); ++c) {
     std::vector<std::pair<Nanoseconds, std::size_t>> in_order;
     for (std::size_t i = 0; i < times[c].size(); ++i) {
-      if (times[c][i] != kNoTime) in_order.emplace_back(times[c][i], i);
+      if (times[c][i] != kExcludedTime) in_order.emplace_back(times[c][i], i);
     }
     std::ranges::stable_sort(in_order);
     for (const auto& [time, frame] : in_order) {

@@ -14,7 +14,7 @@
 namespace raystage {
 
 /// Returns the views of a board in at most `most` frames of one camera, spread over the take. Calls
-/// `progress` with the share that is done, in [0, 1]. Throws Error (failed) if a stop is requested.
+/// `progress` with the completed share, in [0, 1]. Throws Error (failed) if a stop is requested.
 std::vector<BoardView> detect_board_views(const Take& take, int camera, const BoardDetector& finder,
                                           int most, const std::function<void(double)>& progress,
                                           const std::stop_token& stop);

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Matches SIFT features (Lowe 2004) between all pairs of pictures: ratio test in both directions,
+// then the fundamental matrix of the pair by RANSAC. A union-find joins matches to points; points
+// with two positions in one picture are removed. Output: detections, pixels. Cost: cameras squared
+// times features squared.
 #include "calibrate/detect/feature_matching.h"
 
 #include <algorithm>
@@ -37,7 +41,8 @@ Picture features_of(const Take& take, int camera, int frame, int most) {
   return picture;
 }
 
-/// Of each feature of the first its match in the second, -1 where none stands out.
+/// Returns for each feature of the first picture its match in the second, or -1 if none passes the
+/// ratio test.
 std::vector<int> nearest_matches(const Picture& from, const Picture& to, double max_ratio) {
   std::vector<int> matches(from.places.size(), -1);
   if (from.places.empty() || to.places.size() < 2) return matches;
@@ -53,7 +58,7 @@ std::vector<int> nearest_matches(const Picture& from, const Picture& to, double 
 
 using Matches = std::vector<std::pair<int, int>>;
 
-/// Matches that agree both ways and with one epipolar geometry.
+/// Returns the mutual matches that fit one epipolar geometry.
 Matches matches_between(const Picture& a, const Picture& b,
                         const FeatureMatchingSettings& settings) {
   const std::vector<int> there = nearest_matches(a, b, settings.max_ratio);
@@ -66,7 +71,7 @@ Matches matches_between(const Picture& a, const Picture& b,
     from.push_back(a.places[i].pt);
     to.push_back(b.places[static_cast<std::size_t>(there[i])].pt);
   }
-  constexpr std::size_t kLeast = 20;  // fewer agree with any geometry
+  constexpr std::size_t kLeast = 20;  // fewer fit any geometry
   if (matches.size() < kLeast) return {};
   cv::setRNGSeed(1);
   std::vector<unsigned char> agrees;
@@ -80,7 +85,7 @@ Matches matches_between(const Picture& a, const Picture& b,
   return kept;
 }
 
-/// Features of all pictures, joined where they match.
+/// Union-find over the features of all pictures.
 class Joined {
  public:
   explicit Joined(std::size_t count) : parent_(count) {
@@ -98,7 +103,7 @@ class Joined {
 
 using Point = std::vector<std::pair<int, int>>;  // camera, feature
 
-/// Points that are at one place in each picture, those that most cameras see first.
+/// Returns the points with one position per picture, those with the most cameras first.
 std::vector<Point> points_of(Joined& joined, const std::vector<Picture>& pictures,
                              const FeatureMatchingSettings& settings, int cameras) {
   std::map<std::size_t, Point> by_root;
@@ -132,7 +137,7 @@ Detections match_features(const Take& take, Nanoseconds time, Nanoseconds tolera
   if (frames.present() < 2) {
     throw Error::bad_input("fewer than two cameras have a frame at that time",
                            take.folder().string(), "Choose a time within the take")
-        .concerning({"at"});
+        .concerning({"time"});
   }
   const auto count = static_cast<std::size_t>(take.camera_count());
   std::vector<std::pair<std::size_t, std::size_t>> pairs;
@@ -142,7 +147,7 @@ Detections match_features(const Take& take, Nanoseconds time, Nanoseconds tolera
   std::atomic<std::size_t> done = 0;
   const auto step = [&] {
     if (stop.stop_requested()) {
-      throw Error::failed("the search for features was stopped", take.folder().string(),
+      throw Error::failed("the detection of features was stopped", take.folder().string(),
                           "Start it again");
     }
     progress(static_cast<double>(++done) / static_cast<double>(count + pairs.size()));
@@ -158,7 +163,7 @@ Detections match_features(const Take& take, Nanoseconds time, Nanoseconds tolera
     step();
     matches[k] = matches_between(pictures[pairs[k].first], pictures[pairs[k].second], settings);
   });
-  std::vector<std::size_t> first(count + 1, 0);  // number of each picture's first feature
+  std::vector<std::size_t> first(count + 1, 0);  // index of each picture's first feature
   for (std::size_t c = 0; c < count; ++c) first[c + 1] = first[c] + pictures[c].places.size();
   Joined joined(first[count]);
   for (std::size_t k = 0; k < pairs.size(); ++k) {
@@ -173,7 +178,7 @@ Detections match_features(const Take& take, Nanoseconds time, Nanoseconds tolera
     for (const auto& [camera, feature] : point) {
       const cv::Point2f& place =
           pictures[static_cast<std::size_t>(camera)].places[static_cast<std::size_t>(feature)].pt;
-      // OpenCV's pixel centres are at whole numbers.
+      // OpenCV's pixel centres are at integers.
       detections.detections.push_back({camera, number, {place.x + 0.5, place.y + 0.5}});
     }
     ++number;

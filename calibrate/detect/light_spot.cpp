@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Detects a point light in a picture: subtracts the background, finds connected components of
+// pixels above a quarter of the maximum, and takes the one with the most light. Its centre is the
+// mean position weighted by light. Input: RGB codes; output: pixels, centres at +0.5. Cost: pixels
+// of the picture.
 #include "calibrate/detect/light_spot.h"
 
 #include <algorithm>
@@ -8,15 +12,15 @@ namespace {
 
 constexpr std::uint8_t kFull = 250;  // codes: JPEG leaves clipped areas a little below 255
 
-/// A group of touching pixels.
+/// A connected component of pixels.
 struct Group {
   double light = 0;
-  std::size_t left = 0, right = 0, top = 0, bottom = 0;  // its outermost pixels
+  std::size_t left = 0, right = 0, top = 0, bottom = 0;  // its bounding box
   int area = 0, full = 0;
   bool at_border = false;
 };
 
-/// Everything that touches a pixel and is bright enough; marks what it took.
+/// Returns the connected component of a pixel above a threshold, and marks its pixels.
 Group group_at(std::size_t start, const std::vector<float>& light, const RgbImage& picture,
                float threshold, std::vector<std::uint8_t>& taken,
                std::vector<std::size_t>& waiting) {
@@ -52,11 +56,11 @@ Group group_at(std::size_t start, const std::vector<float>& light, const RgbImag
   return group;
 }
 
-/// Mean of the places in and around a group by their light: also of pixels that the light fills by
-/// less than a quarter, but not of noise.
+/// Returns the mean position weighted by light over a component and its border. The border includes
+/// pixels below a quarter of the maximum, but not noise.
 Eigen::Vector2d centre_of(const Group& group, const std::vector<float>& light, float brightest,
                           int width, int height) {
-  constexpr float kNoise = 0.02F;  // of the brightest
+  constexpr float kNoise = 0.02F;  // relative to the brightest pixel
   const auto columns = static_cast<std::size_t>(width), rows = static_cast<std::size_t>(height);
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
   double weight = 0;
@@ -110,7 +114,7 @@ LightSpot detect_light(const RgbImage& picture, const LightBackground& backgroun
   }
   LightSpot spot;
   if (brightest < settings.min_light) return spot;
-  constexpr float kGroup = 0.25F;  // of the brightest
+  constexpr float kGroup = 0.25F;  // relative to the brightest pixel
   const float threshold = kGroup * brightest;
   std::vector<std::uint8_t> taken(light.size(), 0);
   std::vector<std::size_t> waiting;
@@ -126,7 +130,7 @@ LightSpot detect_light(const RgbImage& picture, const LightBackground& backgroun
       second = std::max(second, group.light);
     }
   }
-  constexpr int kSmall = 12;  // pixels: a clipped light this small is still one of its size
+  constexpr int kSmall = 12;  // pixels: a clipped light of this size has not grown by blooming
   spot.centre = centre_of(first, light, brightest, picture.width, picture.height);
   spot.light = first.light;
   spot.area = first.area;

@@ -19,7 +19,7 @@ enum class LightDetectionStatus : std::uint8_t {
   kDark,       ///< nothing bright enough
   kAmbiguous,  ///< a second spot of similar brightness: a reflection or another light
   kTooLarge,   ///< blown out, out of focus, or a lamp that lights the room
-  kSaturated,  ///< clipped so widely that its centre is that of the clipped area
+  kSaturated,  ///< too large a part is clipped to locate its centre
   kAtBorder,   ///< cut off by the picture's border
   kUnsteady    ///< much dimmer than usual for this camera: blinking or half hidden
 };
@@ -29,8 +29,8 @@ std::string_view name_of(LightDetectionStatus result);
 struct LightDetectionSettings {
   double min_light = 0.05;  ///< linear light above the background, full scale 1
   double ambiguity_ratio =
-      0.4;  ///< light of the second spot by that of the first, from which on they are ambiguous
-  double max_area = 0.004;            ///< of the picture
+      0.4;  ///< smallest ratio of the second spot's light to the first's that makes them ambiguous
+  double max_area = 0.004;            ///< share of the picture
   double max_saturated_share = 0.75;  ///< share of its pixels at full scale, if these are many
 };
 

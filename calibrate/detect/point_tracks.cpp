@@ -10,15 +10,15 @@
 #include "base/error.h"
 #include "base/parallel.h"
 #include "calibrate/geometry/calibration_verdict.h"
-#include "store/code_light.h"
 #include "store/jpeg/decode.h"
+#include "store/linear_from_frame_code.h"
 #include "store/processing/sync/resync.h"
 #include "store/timeline.h"
 
 namespace raystage {
 namespace {
 
-/// A few pictures from all over the recording.
+/// Decodes a few pictures, spread over the recording.
 LightBackground background_of(const Take& take, const ArchiveReader& archive,
                               JpegDecoder& decoder) {
   constexpr std::size_t kPictures = 15;
@@ -32,7 +32,7 @@ LightBackground background_of(const Take& take, const ArchiveReader& archive,
   std::array<float, 256> linear_from_code{};
   for (std::size_t code = 0; code < linear_from_code.size(); ++code) {
     linear_from_code[code] =
-        static_cast<float>(linear_of_code(take.document(), static_cast<double>(code)));
+        static_cast<float>(linear_from_frame_code(take.document(), static_cast<double>(code)));
   }
   return {pictures, linear_from_code};
 }
@@ -46,7 +46,7 @@ void mark_unsteady(PointTrack& track) {
   if (light.empty()) return;
   const auto middle = light.begin() + static_cast<std::ptrdiff_t>(light.size() / 2);
   std::ranges::nth_element(light, middle);
-  constexpr double kSteady = 0.1;  // of the median: one three times as far is as dim
+  constexpr double kSteady = 0.1;  // of the median: a light three times as far appears as dim
   for (PointTrack::FrameDetection& detection : track.frame_detections) {
     if (detection.spot.result == LightDetectionStatus::kFound &&
         detection.spot.light < kSteady * *middle) {
@@ -65,11 +65,11 @@ PointTrack track_of(const Take& take, int camera, const std::vector<Nanoseconds>
   const LightBackground background = background_of(take, archive, decoder);
   for (std::size_t i = 0; i < times.size(); ++i) {
     if (stop.stop_requested()) {
-      throw Error::failed("the search for the light was stopped", take.folder().string(),
+      throw Error::failed("the detection of the light was stopped", take.folder().string(),
                           "Start it again");
     }
     frame_done();
-    if (times[i] == kNoTime) continue;
+    if (times[i] == kExcludedTime) continue;
     const RgbImage picture =
         decoder.decode(archive.jpeg(static_cast<int>(i)),
                        take.document().cameras[static_cast<std::size_t>(camera)].id);
@@ -86,16 +86,16 @@ PointTrack track_of(const Take& take, int camera, const std::vector<Nanoseconds>
 }  // namespace
 
 std::vector<std::vector<Nanoseconds>> synchronised_frame_times(const Take& take) {
-  const std::optional<Timeline> timeline = read_timeline_if_any(take);
+  const std::optional<Timeline> timeline = read_timeline_if_present(take);
   if (!timeline) {
     ResyncSettings settings;
     settings.nominal_fps = take.document().nominal_fps;
-    settings.exact_stamps = !marks_arrivals(take.document());
-    return resynchronise(stamps_of(take), settings, take.folder().string()).times;
+    settings.trust_timestamps = !has_arrival_timestamps(take.document());
+    return resynchronise(camera_timestamps(take), settings, take.folder().string()).times;
   }
   std::vector<std::vector<Nanoseconds>> times(static_cast<std::size_t>(take.camera_count()));
   for (std::size_t c = 0; c < times.size(); ++c) {
-    times[c].assign(take.archive(static_cast<int>(c)).frames().size(), kNoTime);
+    times[c].assign(take.archive(static_cast<int>(c)).frames().size(), kExcludedTime);
     for (const FrameSelection& tick : timeline->ticks) {
       if (tick.frame[c] < 0) continue;
       times[c][static_cast<std::size_t>(tick.frame[c])] = tick.time_ns + tick.difference[c];
@@ -143,7 +143,7 @@ std::string format_track_summary(const PointTracks& tracks,
                         name_of(static_cast<LightDetectionStatus>(k)));
   }
   text += "\n";
-  if (!few.empty()) text += "Light      seldom seen by " + abbreviate_list(few) + "\n";
+  if (!few.empty()) text += "Light      few detections in " + abbreviate_list(few) + "\n";
   return text;
 }
 
@@ -158,9 +158,10 @@ std::vector<DetectionsDocument::Camera> detection_cameras(const Take& take) {
 Nanoseconds median_frame_period(const std::vector<std::vector<Nanoseconds>>& times) {
   std::vector<Nanoseconds> intervals;
   for (const auto& of_camera : times) {
-    Nanoseconds before = kNoTime;
+    Nanoseconds before = kExcludedTime;
     for (const Nanoseconds time : of_camera) {
-      if (time != kNoTime && before != kNoTime && time > before) intervals.push_back(time - before);
+      if (time != kExcludedTime && before != kExcludedTime && time > before)
+        intervals.push_back(time - before);
       before = time;
     }
   }

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
+// Interpolates tracks of free-running cameras at common times: Newton's polynomial through up to
+// two detections on each side (cubic or parabola). A point is rejected if it differs from linear
+// interpolation by more than `max_curvature_px`. Instants are then thinned by motion and number.
+// Output: pixels per camera and tick. Cost: ticks times cameras times targets.
+#include "calibrate/detect/track_interpolation.h"
+
 #include <algorithm>
 #include <limits>
 #include <optional>
 #include <span>
-
-#include "calibrate/detect/point_tracks.h"
 
 namespace raystage {
 namespace {
@@ -16,7 +20,7 @@ bool is_found(const FrameDetection& detection) {
   return detection.spot.result == LightDetectionStatus::kFound;
 }
 
-/// Newton's interpolation through up to four frame_detections.
+/// Evaluates Newton's interpolation polynomial through up to four detections.
 Vector2d interpolated(std::span<const FrameDetection> frame_detections, Nanoseconds time,
                       double period) {
   std::array<Vector2d, 4> difference;
@@ -35,8 +39,8 @@ Vector2d interpolated(std::span<const FrameDetection> frame_detections, Nanoseco
   return value;
 }
 
-/// Where a camera saw the light at a time; none where it did not see it before and after, or its
-/// path bends too much between.
+/// Returns the interpolated position at a time; none without detections before and after it, or if
+/// the path is too curved.
 std::optional<Vector2d> seen_at(const std::vector<FrameDetection>& frame_detections,
                                 Nanoseconds time, Nanoseconds period, double max_curvature_px) {
   const auto after = std::ranges::lower_bound(frame_detections, time, {}, &FrameDetection::time);
@@ -60,7 +64,7 @@ std::optional<Vector2d> seen_at(const std::vector<FrameDetection>& frame_detecti
   const Vector2d on_line = interpolated(between(index - 1, index), time, scale);
   const std::ptrdiff_t first = bridged(index - 2) ? index - 2 : index - 1;
   const std::ptrdiff_t last = bridged(index) ? index + 1 : index;
-  // With one side only nothing checks the bend.
+  // Two detections alone cannot check the curvature.
   if (first == index - 1 && last == index) return std::nullopt;
   const Vector2d on_curve = interpolated(between(first, last), time, scale);
   if (!((on_curve - on_line).norm() <= max_curvature_px)) return std::nullopt;
@@ -84,7 +88,7 @@ int cameras_in(const Seen& seen, std::size_t targets) {
   return cameras;
 }
 
-/// Whether the light is elsewhere than it was, by the median of the cameras that saw both.
+/// Returns whether the light has moved, by the median over the cameras that see it at both times.
 bool has_moved(const Seen& before, const Seen& now, double least_px) {
   std::vector<double> steps;
   for (std::size_t c = 0; c < now.size(); ++c) {
@@ -101,7 +105,8 @@ struct Instant {
   Seen seen;
 };
 
-/// How far targets move until a time later, in the median, pixels; as many as tell it both times.
+/// Returns the median motion of the targets until a later time, pixels, over those with both
+/// positions.
 double median_step(const PointTracks& tracks, const Seen& now, Nanoseconds later,
                    Nanoseconds period) {
   std::vector<double> steps;
@@ -120,7 +125,7 @@ double median_step(const PointTracks& tracks, const Seen& now, Nanoseconds later
   return *middle;
 }
 
-/// The half at which targets move least.
+/// Returns the half of the instants at which targets move least.
 std::vector<Instant> at_rest(const std::vector<Instant>& all, const PointTracks& tracks,
                              const InterpolatedTracks& points) {
   std::vector<double> steps;
@@ -137,7 +142,7 @@ std::vector<Instant> at_rest(const std::vector<Instant>& all, const PointTracks&
   return slow;
 }
 
-/// Of each of `most` equal parts of the list, the instant at which most was seen.
+/// Returns, from each of `most` equal parts of the list, the instant with the most detections.
 std::vector<Instant> spread(std::vector<Instant> all, std::size_t most) {
   if (all.size() <= most) return all;
   std::vector<Instant> chosen;

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Least-squares similarity between two sets of poses after Umeyama (1991), extended by the
+// rotations: the covariance of the centres plus the weighted products of rotations is decomposed by
+// SVD. Cost: linear in the number of poses.
 #include "calibrate/geometry/alignment.h"
 
 #include <Eigen/SVD>
@@ -28,8 +31,8 @@ SimilarityTransform estimate_similarity(std::span<const Pose> from, std::span<co
     spread_from += a.squaredNorm();
     spread_to += b.squaredNorm();
   }
-  // A direction weighs as much as a centre as far out as the cameras are in the mean: it settles
-  // what centres on a line, or all but on one, leave open.
+  // A direction has the weight of a centre at the mean distance. It determines the rotation that
+  // centres on a line leave open.
   const double weight = std::sqrt(spread_from * spread_to) / static_cast<double>(from.size());
   Matrix3d with_directions = covariance;
   for (std::size_t i = 0; i < from.size(); ++i) {

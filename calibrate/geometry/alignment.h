@@ -8,7 +8,7 @@
 
 namespace raystage {
 
-/// A rotation, a scale and a translation: to = scale * rotation * from + translation.
+/// A similarity transform: to = scale * rotation * from + translation.
 struct SimilarityTransform {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   double scale = 1;
@@ -22,17 +22,17 @@ struct SimilarityTransform {
   }
 };
 
-/// The way back: camera_from_world of a world_from_camera.
+/// Returns the inverse pose: camera_from_world of a world_from_camera.
 inline Pose inverse(const Pose& pose) {
   return {pose.world_from_camera_rotation.transpose(), pose.camera_from_world({0, 0, 0})};
 }
 
-/// The similarity that brings poses nearest to others: by their centres (least squares, Umeyama
-/// 1991) and their directions, each of which weighs as a centre as far out as they are in the mean.
-/// As many of both, two at least.
+/// Returns the similarity that aligns `from` with `to`: least squares over the centres (Umeyama
+/// 1991) and the viewing directions. A direction has the weight of a centre at the mean distance of
+/// the centres from their mean. Both have the same size, at least two.
 SimilarityTransform estimate_similarity(std::span<const Pose> from, std::span<const Pose> to);
 
-/// All that is found, in another world.
+/// Transforms the poses and points of a model, as far as they are known.
 void apply(const SimilarityTransform& similarity, ArrayModel& model);
 
 }  // namespace raystage

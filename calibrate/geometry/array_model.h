@@ -13,60 +13,64 @@
 
 namespace raystage {
 
-/// What calibration knows of an array and of what it saw, while it finds out. The world's place,
-/// direction and scale are arbitrary until aligned (see alignment.h).
+/// State of a calibration: cameras, points and observations. The origin, rotation and scale of the
+/// world are arbitrary until it is aligned (see world_frame.h).
 struct ArrayModel {
   struct Camera {
     std::string id;
     int width = 0, height = 0;  ///< pixels
     Intrinsics intrinsics;
-    std::optional<Pose> pose;  ///< none: not found
+    std::optional<Pose> pose;  ///< none: not determined
   };
-  /// A detection, and whether it counts.
+  /// A detection that may be an outlier.
   struct Observation {
     int camera = 0, point = 0;  ///< indices into `cameras` and `points`
     Eigen::Vector2d pixel;
     bool is_outlier = false;
   };
-  /// Something rigid that points are part of: a board at one instant.
+  /// A rigid body that carries points: a board at one instant.
   struct RigidBody {
-    std::optional<Pose> pose;                          ///< world from body; none: not found
-    std::vector<int> points = {};                      ///< indices into `points`
-    std::vector<Eigen::Vector3d> points_in_body = {};  ///< where on it each of them is, metres
+    std::optional<Pose> pose;      ///< world from body; none: not determined
+    std::vector<int> points = {};  ///< indices into `points`
+    /// position of each point in the body, metres
+    std::vector<Eigen::Vector3d> points_in_body = {};
   };
   std::vector<Camera> cameras;
-  std::vector<RigidBody> bodies;  ///< empty: points are on their own; else each is of one of them
-  std::vector<std::optional<Eigen::Vector3d>> points;  ///< world; none: not found
-  std::vector<int> point_ids;                          ///< as the detections call them
+  /// empty: independent points; otherwise each point belongs to one body
+  std::vector<RigidBody> bodies;
+  std::vector<std::optional<Eigen::Vector3d>> points;  ///< world; none: not determined
+  std::vector<int> point_ids;                          ///< their numbers in the detections
   std::vector<Observation> observations;               ///< by point, then by camera
 
-  /// Whether an observation counts: of a camera and a point that are found, and no outlier.
+  /// Returns whether an observation is used: its camera and point are determined and it is an
+  /// inlier.
   bool counts(const Observation& observation) const {
     return !observation.is_outlier && cameras[static_cast<std::size_t>(observation.camera)].pose &&
            points[static_cast<std::size_t>(observation.point)];
   }
 };
 
-/// Puts the points of bodies that are found where these are, and takes away those of others.
+/// Computes the points of all bodies from their poses; points of bodies without a pose become
+/// undetermined.
 void update_body_points(ArrayModel& model);
 
-/// Nothing found yet; every camera with a lens of this horizontal field of view (radians), the
-/// principal point in the middle, no distortion.
+/// Returns a model without poses and points. Every camera has a lens of this horizontal field of
+/// view (radians), the principal point in the middle and no distortion.
 ArrayModel make_initial_model(const Detections& detections, double horizontal_fov);
 
-/// Of each camera. Throws Error (bad input) where a lens is none that CameraModel takes.
+/// Returns the model of each camera. Throws Error (bad input) if CameraModel rejects a lens.
 std::vector<CameraModel> make_camera_models(const ArrayModel& model);
 
-/// Pixels from where the camera would see the point to where it did; none where it cannot see it
-/// (behind it, or beyond the end of its lens model), or one of them is not found. `lenses`: the
-/// model's.
+/// Returns the observed minus the projected position of the point, pixels; none if the point is
+/// behind the camera, beyond the end of its lens model, or not determined. `lenses`: of
+/// make_camera_models().
 std::optional<Eigen::Vector2d> reprojection_residual(const ArrayModel& model,
                                                      const std::vector<CameraModel>& lenses,
                                                      const ArrayModel::Observation& observation);
 
-/// Root mean square of the lengths of the residuals that count, pixels; NaN where none does.
+/// Returns the RMS length of the residuals that are used, pixels; NaN if there are none.
 double rms_reprojection_error(const ArrayModel& model);
-/// The lengths of the residuals that count, pixels.
+/// Returns the lengths of the residuals that are used, pixels.
 std::vector<double> reprojection_errors(const ArrayModel& model);
 
 }  // namespace raystage

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Calibrates an array from views of a flat board (see board_array.h): lenses by Zhang's method,
+// board poses per view, cameras chained by common boards (the link with the lowest median error
+// first), then bundle adjustment with boards as rigid bodies. World units: metres. Cost: cameras
+// squared times boards for the chain, plus bundle adjustments.
 #include "calibrate/geometry/board_array.h"
 
 #include <algorithm>
@@ -21,13 +25,13 @@ constexpr double kFirstThreshold = 12;  // pixels
 /// Boards in camera, by instant.
 using Sightings = std::map<int, Pose>;
 
-/// a_from_c of a_from_b and b_from_c.
+/// Returns a_from_c, given a_from_b and b_from_c.
 Pose chained(const Pose& a_from_b, const Pose& b_from_c) {
   return {a_from_b.world_from_camera_rotation * b_from_c.world_from_camera_rotation,
           a_from_b.world_from_camera(b_from_c.position)};
 }
 
-/// Lenses that nobody gave, by the boards alone.
+/// Estimates the lenses that are not given, from the boards alone.
 void guess_lenses(ArrayModel& model, const std::vector<std::vector<BoardView>>& views,
                   bool for_each) {
   std::vector<BoardView> all;
@@ -46,7 +50,7 @@ void guess_lenses(ArrayModel& model, const std::vector<std::vector<BoardView>>& 
   }
 }
 
-/// The board's bodies, one per instant, and the points on them.
+/// Creates a rigid body per instant with the board's points.
 void add_bodies(ArrayModel& model, const BoardObjectPoints& corners) {
   const auto count = static_cast<int>(corners.size());
   std::map<int, std::size_t> body_of;
@@ -67,8 +71,8 @@ int instant_of(const ArrayModel& model, const ArrayModel::RigidBody& body,
          static_cast<int>(corners.size());
 }
 
-/// How far off a camera's corners are with boards where another camera sees them: the median over
-/// the boards that both see, pixels.
+/// Returns the error of a camera's corners with board poses from another camera: the median over
+/// the boards that both observe, pixels.
 double median_error(const std::vector<BoardView>& views, const CameraModel& lens,
                     const Pose& camera_from_other, const Sightings& other) {
   std::vector<double> errors;
@@ -96,8 +100,8 @@ struct Link {
   Pose from_camera;  // from_from_to
 };
 
-/// The best way from a placed camera to another: by that board of those they share with which the
-/// others agree best.
+/// Returns the best relative pose of two cameras: from the common board that has the lowest median
+/// error on the other boards.
 Link best_link(std::size_t from, std::size_t to, const std::vector<Sightings>& sightings,
                const std::vector<BoardView>& views, const CameraModel& lens) {
   Link best;
@@ -134,7 +138,7 @@ void place_by_boards(ArrayModel& model, const std::vector<std::vector<BoardView>
   }
 }
 
-/// Each board where the camera that sees most of its corners sees it.
+/// Takes each board's pose from the camera that observes most of its corners.
 void place_boards(ArrayModel& model, const BoardObjectPoints& corners,
                   const std::vector<std::vector<BoardView>>& views,
                   const std::vector<Sightings>& sightings) {
@@ -203,7 +207,7 @@ ArrayModel solve_boards(const Detections& detections, const BoardObjectPoints& c
   place_boards(model, corners, views, sightings);
   if (count_registered_cameras(model) < 2) {
     throw Error::bad_input("no two cameras see the board at the same time", "",
-                           "Show the board where several cameras see it at once");
+                           "Record the board where several cameras see it at once");
   }
   classify_outliers(model, 4 * kFirstThreshold);
   run_bundle_adjustment_steps(model, settings, report);

@@ -10,18 +10,20 @@
 
 namespace raystage {
 
-/// What a flat board's corners are: the same on every board that was seen.
+/// Corner positions on a flat board; all boards of a recording are equal.
 using BoardObjectPoints = std::vector<Eigen::Vector2d>;  ///< metres on the board; x right, y down
 
-/// Views of one camera: detections' points are numbered instant * corners.size() + corner.
+/// Returns the board views of one camera. Points of the detections are numbered instant *
+/// corners.size() + corner.
 std::vector<BoardView> collect_board_views(const Detections& detections, int camera,
                                            const BoardObjectPoints& corners);
 
-/// Finds an array from a board that several cameras saw at once: a lens for all, or for each, by
-/// Zhang's method where it is not given; each view's pose by its corners; cameras placed by the
-/// boards they share; then one bundle adjustment over cameras, lenses and boards, each of which
-/// moves as a whole. The world has metres. Throws Error (bad input) where no two cameras share a
-/// board. Cameras that share none with the others have no pose.
+/// Calibrates an array from a board that several cameras observe at once. Lenses that are not given
+/// come from Zhang's method (one for all, or one per camera). The pose of each view comes from its
+/// corners; cameras are placed by the boards that they share. One bundle adjustment over cameras,
+/// lenses and boards follows, in which each board moves as a rigid body. World units are metres.
+/// Throws Error (bad input) if no two cameras share a board. Cameras that share none with the
+/// others have no pose.
 ArrayModel solve_boards(const Detections& detections, const BoardObjectPoints& corners,
                         const SolveSettings& settings, SolveReport& report);
 

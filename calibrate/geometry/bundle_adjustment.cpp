@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Bundle adjustment (thesis 4.3: one large least squares over all poses, intrinsics and points)
+// with Ceres: Levenberg-Marquardt, dense Schur complement with points or boards eliminated,
+// Cauchy's loss. Residuals are reprojection errors in pixels plus weak priors on the lenses. Poses,
+// lenses and points of the model are updated in place. Cost per iteration: observations plus
+// cameras cubed.
 #include "calibrate/geometry/bundle_adjustment.h"
 
 #include <ceres/autodiff_cost_function.h>
@@ -35,7 +40,7 @@ struct Reprojection {
     const Eigen::Map<const Eigen::Quaternion<T>> camera_from_world(rotation);
     const Vector from_centre = Eigen::Map<const Vector>(point) - Eigen::Map<const Vector>(centre);
     const Vector in_camera = camera_from_world * from_centre;
-    if (!(in_camera.z() < T(0))) return false;  // behind: this step leads nowhere
+    if (!(in_camera.z() < T(0))) return false;  // behind the camera: the step is rejected
     const Eigen::Matrix<T, 2, 1> seen = project_to_pixel<T>(in_camera, lens, square_pixels);
     residual[0] = seen.x() - pixel.x();
     residual[1] = seen.y() - pixel.y();
@@ -43,7 +48,7 @@ struct Reprojection {
   }
 };
 
-/// The same of a point of a body, which moves as a whole.
+/// Reprojection error of a point that moves with a body.
 struct BodyReprojection {
   Reprojection of_point;
   Eigen::Vector3d points_in_body;
@@ -59,7 +64,7 @@ struct BodyReprojection {
   }
 };
 
-/// Holds what nothing else holds: an ordinary lens.
+/// Weak prior on an ordinary lens, for parameters that the observations leave open.
 struct OrdinaryLens {
   Eigen::Vector2d middle;
   double width;
@@ -77,7 +82,7 @@ struct OrdinaryLens {
   }
 };
 
-/// Lenses of one kind differ little but for where their middles are.
+/// Shared lens prior: lenses of one model differ little except for their principal points.
 struct OneKind {
   double focal_length, noise_px;
 
@@ -92,14 +97,14 @@ struct OneKind {
   }
 };
 
-/// The model as Ceres moves it.
+/// The model as parameter blocks of Ceres.
 struct Values {
   std::vector<Eigen::Quaterniond> rotations;  // camera_from_world
   std::vector<Eigen::Vector3d> centres, points;
-  /// Of each body the quaternion of body_from_world (x, y, z, w) and its place: one block, so that
-  /// bodies can be eliminated as points are.
+  /// For each body the quaternion of body_from_world (x, y, z, w) and its position: one block, so
+  /// that bodies can be eliminated like points.
   std::vector<std::array<double, 7>> bodies;
-  std::vector<LensParameters> lenses;  // one, or of each camera
+  std::vector<LensParameters> lenses;  // shared, or one per camera
 
   Values(const ArrayModel& model, bool shared_lens) {
     for (const ArrayModel::Camera& camera : model.cameras) {
@@ -141,8 +146,9 @@ struct Values {
   }
 };
 
-/// Place, direction and scale of the world are nobody's to find. Unless cameras are held, the first
-/// rests; unless two are, of the one farthest from it the coordinate in which they differ most.
+/// Fixes the gauge: translation, rotation and scale of the world. Unless cameras are held, the
+/// first camera is; unless two are, also the largest coordinate difference of the camera farthest
+/// from it.
 struct Gauge {
   std::size_t first = 0, other = 0;
   int axis = 0;
@@ -186,7 +192,7 @@ void drop_what_is_behind(ArrayModel& model) {
   }
 }
 
-/// Of each point: which body, and where on it. Empty where points are on their own.
+/// For each point its body and the position on it. Empty for independent points.
 struct PlaceInBody {
   std::size_t body = 0;
   Eigen::Vector3d points_in_body = Eigen::Vector3d::Zero();
@@ -203,7 +209,7 @@ std::vector<PlaceInBody> places_in_bodies(const ArrayModel& model) {
   return places;
 }
 
-/// Ceres tells which trial steps it repeats; what counts is in the report.
+/// Ceres logs rejected trial steps; the report contains what matters.
 void keep_ceres_quiet() { FLAGS_minloglevel = google::FATAL; }
 
 }  // namespace
@@ -228,7 +234,7 @@ BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
                                              const BundleAdjustmentSettings& settings) {
   keep_ceres_quiet();
   drop_what_is_behind(model);
-  // Lenses that rest stay each as it is.
+  // Held lenses keep their individual values.
   Values values(model, settings.shared_lens && settings.lens != LensRefinement::kNone);
   const bool square_pixels =
       settings.lens != LensRefinement::kNone && settings.lens != LensRefinement::kFullModel;
@@ -306,7 +312,7 @@ BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
       if (values.lenses.size() == 1) break;
     }
   }
-  LensParameters kind = values.lenses.front();  // to begin with
+  LensParameters kind = values.lenses.front();  // initial values
   const bool is_one_kind = settings.lens_prior_noise_px > 0 && !settings.shared_lens;
   for (std::size_t i = 0; is_one_kind && i < model.cameras.size(); ++i) {
     double* lens = values.lens(i).data();
@@ -323,7 +329,7 @@ BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
   options.linear_solver_type = ceres::DENSE_SCHUR;
   options.linear_solver_ordering = ordering;
   options.max_num_iterations = settings.max_iterations;
-  options.num_threads = 1;  // trials run at once instead (solve.cpp)
+  options.num_threads = 1;  // trials run in parallel instead (solve.cpp)
   options.function_tolerance = 1e-10;
   options.logging_type = ceres::SILENT;
   CeresStopCallback stops(settings.stop);

@@ -19,7 +19,7 @@ const RigDocument::Camera* camera_of(const RigDocument& rig, const std::string& 
   return found == rig.cameras.end() ? nullptr : &*found;
 }
 
-/// Lenses and poses of the rig to begin with, by the detections' cameras.
+/// Returns the lenses and poses of the initial rig for the cameras of the detections.
 std::vector<std::optional<Pose>> begin_with(const Detections& detections,
                                             const CalibrationSettings& settings,
                                             SolveSettings& solve) {
@@ -28,13 +28,13 @@ std::vector<std::optional<Pose>> begin_with(const Detections& detections,
   for (const auto& camera : detections.cameras) {
     const RigDocument::Camera* known = camera_of(start, camera.id);
     if (known == nullptr) {
-      throw Error::bad_input("the rig to begin with has no camera \"" + camera.id + "\"", "",
-                             "Begin with the rig of the same cameras");
+      throw Error::bad_input("the initial rig has no camera \"" + camera.id + "\"", "",
+                             "Start from a rig of the same cameras");
     }
     if (known->geometry.width != camera.width || known->geometry.height != camera.height) {
       throw Error::bad_input(
-          "the rig to begin with has pictures of another size for camera \"" + camera.id + "\"", "",
-          "Begin with a rig for the same frame size");
+          "the initial rig has another frame size for camera \"" + camera.id + "\"", "",
+          "Start from a rig with the same frame size");
     }
     solve.lenses.push_back(known->geometry.intrinsics);
     poses.emplace_back(pose_from_matrix(known->geometry.world_from_camera));
@@ -46,7 +46,7 @@ std::vector<std::optional<Pose>> begin_with(const Detections& detections,
   if (is_calibrated(start)) {
     solve.poses = poses;
   } else {
-    solve.lenses.clear();  // guesses only
+    solve.lenses.clear();  // initial values only
   }
   return poses;
 }
@@ -55,20 +55,20 @@ void check_held(const Detections& detections, const CalibrationSettings& setting
   for (const std::string& id : settings.fixed_cameras) {
     if (std::ranges::find(detections.cameras, id, &DetectionsDocument::Camera::id) ==
         detections.cameras.end()) {
-      throw Error::bad_input("there is no camera \"" + id + "\" to hold", "held cameras",
+      throw Error::bad_input("the camera \"" + id + "\" to hold is unknown", "held cameras",
                              "Name cameras of the rig, or \"lens\" or \"poses\"")
-          .concerning({"hold"});
+          .concerning({"fix"});
     }
   }
   const bool holds = !settings.fixed_cameras.empty() || settings.fixes_all_poses;
   if (holds && !(settings.start && is_calibrated(*settings.start))) {
-    throw Error::bad_input("poses are to be held, and no calibrated rig says what they are",
-                           "held cameras", "Give a rig to start from")
-        .concerning({"start"});
+    throw Error::bad_input("poses are to be held, but no calibrated rig defines them",
+                           "held cameras", "Start from a calibrated rig")
+        .concerning({"initial_rig"});
   }
 }
 
-/// With one camera held, the world may still have grown about it.
+/// With one camera held, the scale of the world is still free.
 void shrink_about(ArrayModel& model, const std::vector<std::optional<Pose>>& known,
                   const Eigen::Vector3d& held) {
   double found = 0, expected = 0;
@@ -87,7 +87,7 @@ void shrink_about(ArrayModel& model, const std::vector<std::optional<Pose>>& kno
   }
 }
 
-/// The world's place, turn and scale. Held cameras have settled them already.
+/// Sets the origin, rotation and scale of the world. Held cameras have determined them already.
 void settle_world(Calibration& calibration, const CalibrationSettings& settings,
                   const std::vector<std::optional<Pose>>& known, std::size_t held) {
   if (held >= 2) {
@@ -96,7 +96,7 @@ void settle_world(Calibration& calibration, const CalibrationSettings& settings,
     return;
   }
   const bool is_start = settings.start && is_calibrated(*settings.start);
-  if (!settings.board.empty()) {  // metres already
+  if (!settings.board.empty()) {  // in metres already
     if (!is_start || !align_to_poses(calibration.model, known, false)) {
       align_to_array(calibration.model);
     }
@@ -134,7 +134,7 @@ int merge_static_points(Detections& detections, double max_distance_px) {
     if (points.empty() || points.back().front().point != d.point) points.emplace_back();
     points.back().push_back(d);
   }
-  using Cell = std::tuple<int, long, long>;  // camera, and where in its picture
+  using Cell = std::tuple<int, long, long>;  // camera and cell of its picture
   std::map<Cell, std::vector<std::size_t>> by_cell;
   const auto cell_of = [&](const Detection& d, int dx, int dy) {
     return Cell{d.camera, std::lround(d.pixel.x() / max_distance_px) + dx,
@@ -201,8 +201,7 @@ Calibration calibrate(const Detections& all, const CalibrationSettings& settings
   if (solve.lens_is_known) {
     calibration.verdict.warnings.emplace_back(
         "Lenses are held: their errors affect all results and are not part of any deviation. If "
-        "the "
-        "cameras are rotated against each other, do not hold the lenses.");
+        "the cameras are rotated against each other, do not hold the lenses.");
   }
   return calibration;
 }
@@ -230,7 +229,7 @@ RigDocument make_rig_document(const Calibration& calibration,
     rig.cameras.push_back(std::move(out));
   }
   if (rig.cameras.empty()) {
-    throw Error::bad_input("no camera was found", "", "Record the light again");
+    throw Error::bad_input("no camera was calibrated", "", "Record the light again");
   }
   return rig;
 }

@@ -13,43 +13,44 @@
 namespace raystage {
 
 struct CalibrationSettings {
-  SolveSettings solve;  ///< lenses, poses and held cameras come from `start` where that is given
+  SolveSettings solve;  ///< lenses, poses and held cameras come from `start` if it is given
   ScaleSettings scale;
-  /// A rig to begin with: cameras are the detections' by id. Where nothing else tells it, the scale
-  /// is the rig's, too, and the world stays where the rig has it.
+  /// Initial rig, with cameras of the detections by id. Its scale is used if no other is given, and
+  /// its world frame is kept.
   std::optional<RigDocument> start = {};
-  /// Where the points are corners of a board: which (board_array.h); they tell the scale.
+  /// If the points are corners of a board: their positions (board_array.h), which determine the
+  /// scale.
   BoardObjectPoints board = {};
-  /// Cameras whose poses stay as `start` has them, by id.
+  /// Cameras whose poses are held at those of `start`, by id.
   std::vector<std::string> fixed_cameras = {};
   bool fixes_all_poses = false;
   AcceptanceLimits limits = {};
 };
 
-/// All that a calibration found, and how far it can be trusted.
+/// Result of a calibration with its verdict.
 struct Calibration {
   ArrayModel model;  ///< world: the array's axes, or the start's; metres where `scale_is_known`
   SolveReport solve;
   std::optional<Uncertainty> uncertainty;
   bool scale_is_known = false;
   std::string scale_source;  ///< "spacing", "distance", "board", "start", "held cameras" or empty
-  int merged_points = 0;     ///< the light stood still: counted once
+  int merged_points = 0;     ///< positions of a resting light that were merged
   std::optional<std::vector<std::optional<GridPosition>>> grid;
   CalibrationVerdict verdict;
 };
 
-/// From detections to a judged array. Throws Error (bad input) where nothing can be found at all,
-/// and for settings that name unknown cameras.
+/// Calibrates an array and judges the result. Throws Error (bad input) if no camera can be
+/// calibrated, or if the settings name unknown cameras.
 Calibration calibrate(const Detections& detections, const CalibrationSettings& settings);
 
-/// The cameras that were found, with photometric response and places in the grid as `start` has
-/// them, or as they were found. Throws Error (bad input) where none was.
+/// Returns the calibrated cameras. Photometric responses and grid positions come from `start`;
+/// without it, from the calibration. Throws Error (bad input) if no camera is calibrated.
 RigDocument make_rig_document(const Calibration& calibration,
                               const std::optional<RigDocument>& start, const std::string& name);
 
-/// Frames in which the light stood where it did in an earlier one, to `max_distance_px` in every
-/// camera that saw both, are one point: counted as many they would make everything look surer than
-/// it is. Returns how many went.
+/// Merges frames in which the light rests: those within `max_distance_px` of an earlier one in
+/// every camera that observes both become one point. Repeated positions would make the uncertainty
+/// too small. Returns the number of removed points.
 int merge_static_points(Detections& detections, double max_distance_px = 0.75);
 
 }  // namespace raystage

@@ -8,14 +8,14 @@
 
 namespace raystage {
 
-/// What a calibration found, for people at a terminal.
+/// Returns the report as text for a terminal.
 std::string format_calibration_report(const Calibration& calibration);
 
-/// All of it, for programs: places in metres, turns in degrees, everything else as it is named.
+/// Returns the report as JSON: positions in metres, rotations in degrees, other units in the names.
 std::string calibration_report_json(const Calibration& calibration);
 
-/// All of it on one page: how well each camera fits and where in its picture it does not, who saw
-/// what together, how sure each place and lens is.
+/// Returns the report as an HTML page: reprojection errors per camera and over its picture, shared
+/// observations of camera pairs, uncertainties of poses and lenses.
 std::string calibration_report_html(const Calibration& calibration, std::string_view name);
 
 }  // namespace raystage

@@ -54,17 +54,17 @@ std::string facts(const Calibration& calibration) {
   const auto fact = [&](const std::string& value, const char* what) {
     html += fmt::format("<div><b>{}</b>{}</div>", value, what);
   };
-  fact(fmt::format("{:.3f} px", rms_reprojection_error(model)), "RMS of what counts");
+  fact(fmt::format("{:.3f} px", rms_reprojection_error(model)), "RMS of the inliers");
   fact(fmt::format("{}", model.cameras.size()), "cameras");
   fact(fmt::format("{}", model.points.size()), "points");
   fact(fmt::format("{}", model.observations.size()), "detections");
   fact(fmt::format("{:.1f} %",
                    100.0 * static_cast<double>(outliers) /
                        static_cast<double>(std::max<std::size_t>(model.observations.size(), 1))),
-       "left out");
+       "outliers");
   fact(calibration.scale_is_known ? fmt::format("{:.1f} mm", 1000 * camera_spacing(model))
                                   : std::string("unknown"),
-       "from camera to camera");
+       "camera spacing");
   return html + "</div>";
 }
 
@@ -74,7 +74,7 @@ std::string fit_chart(const Calibration& calibration, const std::vector<CameraFi
     if (std::isfinite(fit.rms_px)) most = std::max(most, fit.rms_px);
   }
   const auto count = static_cast<double>(fits.size());
-  SvgChart chart("RMS of each camera", {-0.5, count - 0.5, "", false},
+  SvgChart chart("RMS reprojection error of each camera", {-0.5, count - 0.5, "", false},
                  {0, 1.15 * most, "RMS, px", true});
   for (std::size_t i = 0; i < fits.size(); ++i) {
     const auto x = static_cast<double>(i);
@@ -106,7 +106,7 @@ std::string points_chart(const Calibration& calibration, const std::vector<Camer
   return chart.str();
 }
 
-/// Residuals in one camera's picture, drawn `kDrawn` times as long.
+/// Draws the residuals in one camera's picture, enlarged `kDrawn` times.
 std::string residual_field(const Calibration& calibration, std::size_t index,
                            const std::vector<CameraModel>& lenses, const CameraFit& fit,
                            double drawn) {
@@ -151,11 +151,11 @@ std::string residual_fields(const Calibration& calibration, const std::vector<Ca
   }
   return html_section(
       "Residuals in the pictures",
-      fmt::format("From where a point was seen (dot), away from where the calibration expects it, "
-                  "{:.0f} times "
-                  "as long; red dots were left out. Arrows that point the same way side by side "
-                  "are an error of the lens or of the pose; arrows in all directions are noise.",
-                  drawn),
+      fmt::format(
+          "Residuals from the observation (dot), away from the projected point, enlarged "
+          "{:.0f} times; red dots are outliers. Arrows that point the same way side by "
+          "side are an error of the lens or of the pose; arrows in all directions are noise.",
+          drawn),
       fields + "</div>");
 }
 
@@ -195,7 +195,7 @@ std::string overlap_chart(const Calibration& calibration) {
       -0.18 * size - 1.5, 1.18 * size + 2, size + 2, 240 + 12 * count, cells, labels);
 }
 
-/// Seen from above and from behind.
+/// Draws the array from above or from behind.
 std::string array_chart(const Calibration& calibration, int up_axis, const char* up_name) {
   double low_x = 0, high_x = 0, low_y = 0, high_y = 0;
   for (const ArrayModel::Camera& camera : calibration.model.cameras) {
@@ -205,14 +205,14 @@ std::string array_chart(const Calibration& calibration, int up_axis, const char*
     low_y = std::min(low_y, y), high_y = std::max(high_y, y);
   }
   const double most = std::max({high_x - low_x, high_y - low_y, 1e-6});
-  // As far apart as they are, both ways: a chart is so much wider than high.
+  // Equal scale on both axes: a chart is wider than high.
   constexpr double kWider = 3.35, kMargin = 1.2;
   const double middle_x = (low_x + high_x) / 2, middle_y = (low_y + high_y) / 2;
   const double half =
       kMargin / 2 * std::max({(high_x - low_x) / kWider, high_y - low_y, most / 10});
   const char* unit = calibration.scale_is_known ? "m" : "units";
   SvgChart chart(
-      "Where the cameras stand",
+      "Camera positions",
       {middle_x - kWider * half, middle_x + kWider * half, fmt::format("x, {}", unit), true},
       {middle_y - half, middle_y + half, fmt::format("{}, {}", up_name, unit), true});
   for (const ArrayModel::Camera& camera : calibration.model.cameras) {
@@ -233,7 +233,7 @@ std::string deviations_table(const Calibration& calibration, const std::vector<C
   for (std::size_t i = 0; i < fits.size(); ++i) {
     const ArrayModel::Camera& camera = calibration.model.cameras[i];
     rows += fmt::format("<tr><td>{}</td><td>{}</td>", escape_html(camera.id),
-                        camera.pose ? "" : "not found");
+                        camera.pose ? "" : "no pose");
     rows += fmt::format("<td>{} / {}</td><td>{:.3f}</td><td>{:.0f} %</td>", fits[i].inliers,
                         fits[i].observations, fits[i].rms_px, 100 * fits[i].image_coverage);
     const auto& deviation = calibration.uncertainty ? calibration.uncertainty->cameras[i]
@@ -253,8 +253,8 @@ std::string deviations_table(const Calibration& calibration, const std::vector<C
     rows += "</tr>";
   }
   std::string heading = fmt::format(
-      "<tr><th>camera</th><th></th><th>points</th><th>RMS, px</th><th>covered</th><th>place x y z, "
-      "{}</th><th>turn x y z, degrees</th>",
+      "<tr><th>camera</th><th></th><th>points</th><th>RMS, px</th><th>coverage</th><th>position x "
+      "y z, {}</th><th>rotation x y z, degrees</th>",
       calibration.scale_is_known ? "mm" : "units");
   for (const std::string_view name : kLensParameterNames)
     heading += fmt::format("<th>{}</th>", name);
@@ -263,7 +263,7 @@ std::string deviations_table(const Calibration& calibration, const std::vector<C
 
 std::string steps_table(const Calibration& calibration) {
   std::string rows =
-      "<tr><th>step</th><th></th><th>RMS, px</th><th>count</th><th>left out</th></tr>";
+      "<tr><th>step</th><th></th><th>RMS, px</th><th>inliers</th><th>outliers</th></tr>";
   for (const SolveReport::Step& step : calibration.solve.steps) {
     rows += fmt::format("<tr><td>{}</td><td></td><td>{:.3f}</td><td>{}</td><td>{}</td></tr>",
                         escape_html(step.what), step.rms_px, step.observations, step.outliers);
@@ -277,26 +277,24 @@ std::string calibration_report_html(const Calibration& calibration, std::string_
   const std::vector<CameraFit> fits = camera_fits(calibration.model);
   std::string body = verdict_list(calibration.verdict) + facts(calibration);
   body +=
-      html_section("The array from behind", "Where the cameras stand; lines show where they look.",
+      html_section("The array from behind", "Camera positions; lines show the viewing directions.",
                    array_chart(calibration, 1, "y"));
-  body += html_section("The array from above", "They look down, towards smaller z.",
+  body += html_section("The array from above", "The cameras look down, towards smaller z.",
                        array_chart(calibration, 2, "z"));
-  body += html_section("How well each camera fits",
-                       "Root mean square of the distances from where points were seen to where "
-                       "they should be.",
+  body += html_section("Reprojection error of each camera",
+                       "RMS distance between observations and projected points.",
                        fit_chart(calibration, fits));
-  body += html_section("Points in each camera", "Red: seen, but left out.",
-                       points_chart(calibration, fits));
+  body += html_section("Points in each camera", "Red: outliers.", points_chart(calibration, fits));
   body += residual_fields(calibration, fits);
-  body += html_section("Who saw what together",
-                       "Points that two cameras share: the fuller the colour, the more; red: none. "
-                       "All cameras must hang together.",
+  body += html_section("Common points of cameras",
+                       "Points that two cameras share: a deeper colour means more; red: none. "
+                       "All cameras must be connected.",
                        overlap_chart(calibration));
-  body += html_section("How sure it is",
+  body += html_section("Uncertainty",
                        "One standard deviation, from the covariance of the last bundle adjustment; "
                        "lens values without one were held.",
                        deviations_table(calibration, fits));
-  body += html_section("Step by step", "What was released, one after the other.",
+  body += html_section("Steps", "The parameters that were refined, in order.",
                        steps_table(calibration));
   return html_page("Calibration", name, body, kStyle);
 }

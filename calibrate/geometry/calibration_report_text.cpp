@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "calibrate/geometry/calibration_report.h"
+#include "schemas/former_names.h"
 
 namespace raystage {
 namespace {
@@ -20,18 +21,18 @@ Json camera_json(const Calibration& calibration, std::size_t i, const CameraFit&
   const ArrayModel::Camera& camera = calibration.model.cameras[i];
   Json json{{"id", camera.id},
             {"found", camera.pose.has_value()},
-            {"points_seen", fit.observations},
-            {"points_kept", fit.inliers}};
+            {"observations", fit.observations},
+            {"inliers", fit.inliers}};
   json["rms_px"] = number(fit.rms_px);
-  json["picture_covered"] = fit.image_coverage;
+  json["image_coverage"] = fit.image_coverage;
   if (!camera.pose) return json;
-  json["place"] = json_of(camera.pose->position);
+  json["position"] = json_of(camera.pose->position);
   const LensParameters lens = lens_parameters(camera.intrinsics);
   for (std::size_t k = 0; k < lens.size(); ++k) json["lens"][kLensParameterNames[k]] = lens[k];
   if (!calibration.uncertainty || !calibration.uncertainty->cameras[i]) return json;
   const Uncertainty::Camera& deviation = *calibration.uncertainty->cameras[i];
-  json["place_deviation"] = json_of(deviation.position);
-  json["turn_deviation_deg"] = json_of(deviation.rotation_deg);
+  json["position_deviation"] = json_of(deviation.position);
+  json["rotation_deviation_deg"] = json_of(deviation.rotation_deg);
   for (std::size_t k = 0; k < lens.size(); ++k) {
     json["lens_deviation"][kLensParameterNames[k]] = deviation.lens[k];
   }
@@ -45,7 +46,6 @@ std::string calibration_report_json(const Calibration& calibration) {
   const std::vector<CameraFit> fits = camera_fits(model);
   const Overlap overlap = compute_overlap(model);
   Json json{{"accepted", calibration.verdict.is_accepted()},
-            {"vouched_for", calibration.verdict.is_accepted()},  // deprecated alias
             {"reasons", calibration.verdict.reasons},
             {"warnings", calibration.verdict.warnings},
             {"next_steps", calibration.verdict.next_steps}};
@@ -57,13 +57,13 @@ std::string calibration_report_json(const Calibration& calibration) {
   json["outliers"] =
       std::ranges::count_if(model.observations, [](const auto& o) { return o.is_outlier; });
   json["points"] = model.points.size();
-  json["points_merged"] = calibration.merged_points;
-  json["scale_from"] = calibration.scale_is_known ? Json(calibration.scale_source) : Json();
+  json["merged_points"] = calibration.merged_points;
+  json["scale_source"] = calibration.scale_is_known ? Json(calibration.scale_source) : Json();
   json["spacing"] = camera_spacing(model);
   json["seconds"] = calibration.solve.seconds;
   Json steps = Json::array(), cameras = Json::array(), pairs = Json::array(), weak = Json::array();
   for (const SolveReport::Step& step : calibration.solve.steps) {
-    steps.push_back({{"what", step.what},
+    steps.push_back({{"name", step.what},
                      {"rms_px", number(step.rms_px)},
                      {"detections", step.observations},
                      {"outliers", step.outliers}});
@@ -78,14 +78,26 @@ std::string calibration_report_json(const Calibration& calibration) {
   }
   if (calibration.uncertainty) {
     for (const Uncertainty::Direction& direction : calibration.uncertainty->weakest) {
-      weak.push_back(
-          {{"what", describe_direction(direction, model)}, {"tolerances", direction.deviation}});
+      weak.push_back({{"description", describe_direction(direction, model)},
+                      {"tolerances", direction.deviation}});
     }
   }
   json["steps"] = std::move(steps);
   json["cameras"] = std::move(cameras);
   json["weakest"] = std::move(weak);
   json["common_points"] = std::move(pairs);
+  constexpr FormerName kFormerNames[] = {{"accepted", "vouched_for"},
+                                         {"observations", "points_seen"},
+                                         {"inliers", "points_kept"},
+                                         {"image_coverage", "picture_covered"},
+                                         {"position", "place"},
+                                         {"position_deviation", "place_deviation"},
+                                         {"rotation_deviation_deg", "turn_deviation_deg"},
+                                         {"merged_points", "points_merged"},
+                                         {"scale_source", "scale_from"},
+                                         {"name", "what"},
+                                         {"description", "what"}};
+  add_former_names(json, kFormerNames);
   return json.dump(1) + "\n";
 }
 
@@ -96,12 +108,12 @@ std::string format_calibration_report(const Calibration& calibration) {
   const auto line = [&](const std::string& s) { text += s + "\n"; };
   const auto outliers =
       std::ranges::count_if(model.observations, [](const auto& o) { return o.is_outlier; });
-  line(fmt::format("Detections {} of {} points by {} cameras; {} left out ({:.1f} %)",
+  line(fmt::format("Detections {} of {} points by {} cameras; {} outliers ({:.1f} %)",
                    model.observations.size(), model.points.size(), model.cameras.size(), outliers,
                    100.0 * static_cast<double>(outliers) /
                        static_cast<double>(std::max<std::size_t>(model.observations.size(), 1))));
   if (calibration.merged_points > 0) {
-    line(fmt::format("           {} more in which the light stood where it had been",
+    line(fmt::format("           {} more positions of a resting light were merged",
                      calibration.merged_points));
   }
   for (const SolveReport::Step& step : calibration.solve.steps) {
@@ -122,10 +134,10 @@ std::string format_calibration_report(const Calibration& calibration) {
     focal = std::max(focal, camera->lens[0]);
   }
   if (calibration.uncertainty) {
-    line(
-        fmt::format("Deviations at most {:.2g} {} in place, {:.2g} degrees in direction, {:.2g} px "
-                    "in focal length (one sigma)",
-                    position, unit, turn, focal));
+    line(fmt::format(
+        "Deviations at most {:.2g} {} in position, {:.2g} degrees in rotation, {:.2g} px "
+        "in focal length (one sigma)",
+        position, unit, turn, focal));
   }
   const auto empty = compute_overlap(model).pairs_without_points();
   if (!empty.empty()) {
@@ -150,10 +162,10 @@ std::string format_calibration_report(const Calibration& calibration) {
   for (const std::size_t i : order) {
     line(fmt::format("Camera     {:<12} {:.3f} px RMS, {} of {} points{}", model.cameras[i].id,
                      fits[i].rms_px, fits[i].inliers, fits[i].observations,
-                     model.cameras[i].pose ? "" : ", not found"));
+                     model.cameras[i].pose ? "" : ", no pose"));
   }
-  for (const std::string& warning : calibration.verdict.warnings) line("Weak       " + warning);
-  for (const std::string& reason : calibration.verdict.reasons) line("Not sure   " + reason);
+  for (const std::string& warning : calibration.verdict.warnings) line("Warning    " + warning);
+  for (const std::string& reason : calibration.verdict.reasons) line("Rejected   " + reason);
   for (const std::string& step : calibration.verdict.next_steps) line("Next       " + step);
   if (calibration.verdict.is_accepted()) line("Verdict    accepted");
   return text;

@@ -14,11 +14,11 @@
 namespace raystage {
 namespace {
 
-constexpr int kJoined = 6;  // common points by which a camera can be placed
-constexpr int kCells = 4;   // of the picture, each way
+constexpr int kJoined = 6;  // common points that suffice for a relative pose
+constexpr int kCells = 4;   // of the picture, per axis
 constexpr const char* kMendFit =
-    "Look for cameras that moved or refocused while recording, and for times that do not fit "
-    "(raystage sync); a lens model for each camera may fit better.";
+    "Check for cameras that moved or refocused during the recording, and for wrong times "
+    "(raystage sync); try a lens model per camera.";
 
 std::vector<std::string> names_of(const std::vector<int>& cameras, const ArrayModel& model) {
   std::vector<std::string> names;
@@ -39,7 +39,7 @@ void judge_cameras(CalibrationVerdict& verdict, const ArrayModel& model,
     if (fits[i].observations == 0) {
       blind.push_back(id);
     } else if (!model.cameras[i].pose) {
-      not_found.push_back(fmt::format("{} (saw {})", id, fits[i].observations));
+      not_found.push_back(fmt::format("{} ({} observations)", id, fits[i].observations));
     } else if (fits[i].inliers < limits.min_points) {
       with_few.push_back(fmt::format("{} ({})", id, fits[i].inliers));
     } else if (!(fits[i].rms_px <= limits.max_rms_px)) {
@@ -51,23 +51,23 @@ void judge_cameras(CalibrationVerdict& verdict, const ArrayModel& model,
   if (!blind.empty()) {
     verdict.reasons.push_back(fmt::format("Nothing was seen by {}.", abbreviate_list(blind)));
     verdict.next_steps.push_back(
-        "Look at the pictures of the cameras that saw nothing: covered, out of focus, turned away, "
-        "or exposed too briefly for the light.");
+        "Check the pictures of the cameras without detections: they may be covered, out of focus, "
+        "turned away, or underexposed for the light.");
   }
   if (!not_found.empty()) {
     verdict.reasons.push_back(
-        fmt::format("No place was found for {}: too few points in common with the others.",
+        fmt::format("No pose was found for {}: too few common points with the others.",
                     abbreviate_list(not_found)));
     verdict.next_steps.push_back(
-        "Move the light through what these cameras share with their neighbours.");
+        "Move the light through the space that these cameras share with their neighbours.");
   }
   if (!with_few.empty()) {
-    verdict.reasons.push_back(fmt::format("Fewer than {} points count in {}.", limits.min_points,
-                                          abbreviate_list(with_few)));
-    verdict.next_steps.push_back("Record the light at more places in front of these cameras.");
+    verdict.reasons.push_back(
+        fmt::format("Fewer than {} inliers in {}.", limits.min_points, abbreviate_list(with_few)));
+    verdict.next_steps.push_back("Record the light at more positions in front of these cameras.");
   }
   if (!ill_fitting.empty()) {
-    verdict.reasons.push_back(fmt::format("Points do not fit to {:.2f} px in {}.",
+    verdict.reasons.push_back(fmt::format("The reprojection error exceeds {:.2f} px RMS in {}.",
                                           limits.max_rms_px, abbreviate_list(ill_fitting)));
     verdict.next_steps.emplace_back(kMendFit);
   }
@@ -89,7 +89,8 @@ void judge_groups(CalibrationVerdict& verdict, const ArrayModel& model) {
     verdict.reasons.push_back(fmt::format(
         "The cameras fall into {} groups that share no points: {} / {}.", groups.size(),
         abbreviate_list(names_of(groups[0], model)), abbreviate_list(names_of(groups[1], model))));
-    verdict.next_steps.push_back("Move the light where cameras of both groups see it at once.");
+    verdict.next_steps.push_back(
+        "Move the light through the space that cameras of both groups see.");
   }
 }
 
@@ -120,18 +121,18 @@ void judge_fit(CalibrationVerdict& verdict, const ArrayModel& model,
         fmt::format("{:.0f} % of the detections are outliers; at most {:.0f} % are accepted.",
                     100 * share, 100 * limits.max_outlier_ratio));
     verdict.next_steps.push_back(
-        "Darken the room, cover what reflects the light, and see whether frames are matched "
-        "rightly in time (raystage sync).");
+        "Darken the room, cover reflecting surfaces, and check the synchronisation (raystage "
+        "sync).");
   }
 }
 
-/// Two cameras explain points of one plane in two ways.
+/// A plane of points has two solutions with two cameras.
 void judge_flatness(CalibrationVerdict& verdict, const ArrayModel& model) {
   constexpr double kAllButAll = 0.9;
   if (!(planar_inlier_ratio(model) > kAllButAll)) return;
   verdict.reasons.emplace_back(
-      "All points lie near one plane, or far away, and two cameras explain such points in two "
-      "ways.");
+      "All points are near one plane, or far away: two cameras have two solutions for such "
+      "points.");
   verdict.next_steps.emplace_back("Record the light at different depths, or with a third camera.");
 }
 
@@ -139,20 +140,19 @@ void judge_direction(CalibrationVerdict& verdict, const Uncertainty::Direction& 
                      const ArrayModel& model) {
   const std::string times =
       direction.deviation > 1000
-          ? "not told by the recording at all"
-          : fmt::format("uncertain by {:.1f} times what is tolerated", direction.deviation);
+          ? "not determined by the recording"
+          : fmt::format("uncertain by {:.1f} times the tolerance", direction.deviation);
   say_once(verdict.reasons, fmt::format("{} {}.", describe_direction(direction, model), times));
   if (direction.focal_length + direction.principal_point + direction.distortion > 0.4) {
-    say_once(verdict.next_steps,
-             "Calibrate the lens with a board (raystage calibrate lens) and hold it: cameras with "
-             "nearly "
-             "parallel axes cannot distinguish a longer lens from a deeper scene. With other "
-             "arrays, more "
-             "of the light near, far and in the corners of the pictures helps, too.");
+    say_once(
+        verdict.next_steps,
+        "Calibrate the lens with a board (raystage calibrate lens) and hold it: cameras with "
+        "nearly parallel axes cannot distinguish a longer lens from a deeper scene. With other "
+        "arrays, record the light also near, far and in the corners of the pictures.");
   } else {
     say_once(verdict.next_steps,
-             "Record more of the light, nearer to the array (one to ten times its width) and at "
-             "different depths.");
+             "Record the light at more positions, nearer to the array (one to ten times its width) "
+             "and at different depths.");
   }
 }
 
@@ -277,7 +277,7 @@ CalibrationVerdict judge_calibration(const ArrayModel& model,
   constexpr double kAlike = 0.6, kSeen = 0.1;  // correlation; pixels
   if (uncertainty && uncertainty->correlation > kAlike && uncertainty->noise_px > kSeen) {
     verdict.warnings.push_back(fmt::format(
-        "What is left of {:.2f} px is not noise: points that follow each other err alike "
+        "The residuals of {:.2f} px are not noise: those of successive points are correlated "
         "(correlation {:.2f}).",
         uncertainty->noise_px, uncertainty->correlation));
     say_once(verdict.next_steps, kMendFit);
@@ -291,9 +291,9 @@ CalibrationVerdict judge_calibration(const ArrayModel& model,
   }
   if (!scale_is_known) {
     verdict.reasons.emplace_back(
-        "The scale is unknown: the path of a light looks the same at any scale.");
+        "The scale is unknown: the path of a light does not determine it.");
     verdict.next_steps.emplace_back(
-        "Give the distance between neighbouring cameras, or any measured distance between two.");
+        "State the distance between neighbouring cameras, or any measured distance between two.");
   }
   return verdict;
 }

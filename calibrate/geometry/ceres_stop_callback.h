@@ -8,7 +8,7 @@
 
 namespace raystage {
 
-/// Ends one of Ceres' solves between two of its steps. What is asked must outlive it.
+/// Stops a Ceres solve between two iterations. The token must outlive it.
 class CeresStopCallback : public ceres::IterationCallback {
  public:
   explicit CeresStopCallback(const std::stop_token& stop) : stop_(stop) {}

@@ -27,7 +27,7 @@ std::string_view trimmed(std::string_view text) {
   return text;
 }
 
-/// The first four fields; fewer: the rest is empty.
+/// Returns the first four fields; missing ones are empty.
 std::array<std::string_view, 4> fields_of(std::string_view line) {
   std::array<std::string_view, 4> fields{};
   for (std::string_view& field : fields) {
@@ -77,18 +77,18 @@ Detections parse_detections(std::string_view text, std::string_view name,
     const auto [id, frame, u, v] = fields_of(line);
     const auto camera = index_of.find(id);
     if (camera == index_of.end()) {
-      throw refuse(fmt::format("the camera \"{}\" is not among the cameras", id),
-                   "Add it to the document of the cameras, or remove the line");
+      throw refuse(fmt::format("the camera \"{}\" is not in the document of the cameras", id),
+                   "Add the camera to the document, or remove the line");
     }
     const auto point = number_from<int>(frame);
     const auto x = number_from<double>(u), y = number_from<double>(v);
     if (!point || *point < 0 || !x || !y || !std::isfinite(*x) || !std::isfinite(*y)) {
-      throw refuse("found no camera,frame,u,v with a frame number and two finite numbers",
+      throw refuse("the line is not camera,frame,u,v with a frame number and two finite numbers",
                    "Correct the line");
     }
     const auto& size = cameras.cameras[static_cast<std::size_t>(camera->second)];
     if (*x < -size.width || *x > 2 * size.width || *y < -size.height || *y > 2 * size.height) {
-      throw refuse(fmt::format("({}, {}) lies far outside the picture of {} x {} pixels", *x, *y,
+      throw refuse(fmt::format("({}, {}) is far outside the picture of {} x {} pixels", *x, *y,
                                size.width, size.height),
                    "Correct the line, or the size of the camera's pictures");
     }
@@ -101,7 +101,7 @@ Detections parse_detections(std::string_view text, std::string_view name,
     throw Error::bad_input(
         fmt::format("camera {} has two detections in frame {}",
                     cameras.cameras[static_cast<std::size_t>(twice->camera)].id, twice->point),
-        std::string(name), "Keep the better one, or none");
+        std::string(name), "Remove one of them");
   }
   return result;
 }

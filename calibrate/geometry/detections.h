@@ -11,25 +11,25 @@
 
 namespace raystage {
 
-/// Where cameras saw points of the world, each at most once: what calibration is made from.
+/// Detections of points of the world, each at most once per camera: the input of a calibration.
 struct Detections {
   struct Detection {
     int camera = 0;         ///< index into `cameras`
-    int point = 0;          ///< the same in all cameras: with a moving light, the frame number
+    int point = 0;          ///< common to all cameras: with a moving light, the frame number
     Eigen::Vector2d pixel;  ///< origin at the top-left corner, y down, pixel centres at +0.5
   };
   std::vector<DetectionsDocument::Camera> cameras;
   std::vector<Detection> detections;  ///< by point, then by camera
 };
 
-/// Reads a table `camera,frame,u,v` with a line for each detection, in any order, below that
-/// header; what stands after v is passed over. Throws Error (bad input), with file and line, for an
-/// unknown camera, what is no number, a position a picture's size or more outside the picture, and
-/// a camera that sees one point twice.
+/// Reads a table with the header `camera,frame,u,v` and a line per detection, in any order; further
+/// columns are ignored. Throws Error (bad input), with file and line, for an unknown camera, a
+/// value that is not a number, a position a picture's size or more outside the picture, and two
+/// detections of a point in one camera.
 Detections read_detections(const std::filesystem::path& table, const DetectionsDocument& cameras);
 void write_detections(const Detections& detections, const std::filesystem::path& table);
 
-/// The same in memory; `name` stands for the file in errors.
+/// Converts the table from and to text; `name` replaces the file in errors.
 Detections parse_detections(std::string_view text, std::string_view name,
                             const DetectionsDocument& cameras);
 std::string format_detections(const Detections& detections);

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Incremental structure from motion. The initial pair has the camera with the most observations and
+// the one with the best product of inliers (essential matrix, RANSAC) and median angle between
+// rays. Other cameras follow by perspective-n-point with RANSAC, the one with the most known points
+// first; bundle adjustments run whenever the array has grown by half. Inputs: pixels; output: poses
+// up to scale. Cost: cameras times points, plus bundle adjustments.
 #include "calibrate/geometry/initial_poses.h"
 
 #include <Eigen/Geometry>
@@ -11,6 +16,7 @@
 
 #include "calibrate/geometry/bundle_adjustment.h"
 #include "calibrate/geometry/opencv_pose.h"
+#include "calibrate/geometry/triangulation.h"
 #include "rig/camera_model.h"
 
 namespace raystage {
@@ -18,14 +24,14 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kLeastCommon = 12;  // points that two cameras must share to begin with
-constexpr int kLeastKnown = 6;    // points found that a camera must see to be placed
+constexpr int kLeastCommon = 12;  // common points of the initial pair
+constexpr int kLeastKnown = 6;    // known points that a camera must observe to be registered
 constexpr double kSure = 0.9999;
 
-/// Ours looks down -z with y up, OpenCV's along z with y down.
+/// Our cameras look along -z with y up, OpenCV's along z with y down.
 cv::Mat opencv_from_ours() { return cv::Mat::diag(cv::Mat(cv::Vec3d(1, -1, -1))); }
 
-/// Ideal image points of what a camera sees (y down), by point.
+/// Ideal image points of a camera's observations (y down), by point.
 using Sight = std::map<int, cv::Point2d>;
 
 std::vector<Sight> sights_of(const ArrayModel& model) {
@@ -39,14 +45,14 @@ std::vector<Sight> sights_of(const ArrayModel& model) {
   return sights;
 }
 
-/// A second camera as a first one sees it.
+/// A second camera relative to a first one.
 struct Pair {
   int first = -1, second = -1;
   Pose second_pose;
   double score = 0;
 };
 
-/// How well two cameras would begin: by the points that agree, and the angle between their rays.
+/// Rates two cameras as the initial pair: inliers times the angle between their rays.
 Pair judged_pair(const std::vector<Sight>& sights, int first, int second, double noise) {
   const Sight &a = sights[static_cast<std::size_t>(first)],
               &b = sights[static_cast<std::size_t>(second)];
@@ -76,13 +82,13 @@ Pair judged_pair(const std::vector<Sight>& sights, int first, int second, double
     angles.push_back(std::atan2(ahead.cross(other).norm(), ahead.dot(other)));
   }
   std::ranges::nth_element(angles, angles.begin() + static_cast<std::ptrdiff_t>(angles.size() / 2));
-  constexpr double kWideEnough = 0.3;  // radians; more makes nothing surer
+  constexpr double kWideEnough = 0.3;  // radians; a larger angle brings no more accuracy
   pair.score = agree * std::min(angles[angles.size() / 2], kWideEnough);
   return pair;
 }
 
 Pair best_pair(const std::vector<Sight>& sights, double noise) {
-  // The camera that sees most, and all others.
+  // Pairs of the camera with the most observations and every other.
   const auto most = std::ranges::max_element(sights, {}, &Sight::size);
   const int first = static_cast<int>(most - sights.begin());
   Pair best;
@@ -94,14 +100,14 @@ Pair best_pair(const std::vector<Sight>& sights, double noise) {
   return best;
 }
 
-/// A camera placed by the points that are found.
+/// A camera registered by known points.
 struct Placement {
   Pose pose;
-  double focal_factor = 1;  // of the focal length that was guessed
-  std::size_t agree = 0;    // points
+  double focal_factor = 1;  // relative to the initial focal length
+  std::size_t agree = 0;    // inliers
 };
 
-/// With ideal image points as a focal length `factor` times as long would have them.
+/// Rescales the ideal image points to a focal length `factor` times as long.
 Placement placed_by(const std::vector<cv::Point3d>& points, const std::vector<cv::Point2d>& seen,
                     double noise, double factor) {
   std::vector<cv::Point2d> scaled = seen;
@@ -117,13 +123,13 @@ Placement placed_by(const std::vector<cv::Point3d>& points, const std::vector<cv
                             cv::SOLVEPNP_SQPNP)) {
       return {};
     }
-  } catch (const cv::Exception&) {  // points that are all but one
+  } catch (const cv::Exception&) {  // points that almost coincide
     return {};
   }
   return {pose_from_opencv(turn, translation), factor, inliers.size()};
 }
 
-/// A camera's pose from the points that are found; none where too few agree.
+/// Returns a camera's pose from the known points; none with too few inliers.
 std::optional<Placement> placed(const ArrayModel& model, const Sight& sight, double noise,
                                 bool lens_differs) {
   std::vector<cv::Point3d> points;
@@ -146,7 +152,7 @@ std::optional<Placement> placed(const ArrayModel& model, const Sight& sight, dou
   return best;
 }
 
-/// Ideal image units of a pixel, of a middling camera.
+/// Returns ideal image units per pixel, of the first camera.
 double ideal_per_pixel(const ArrayModel& model) { return 1 / model.cameras.front().intrinsics.fx; }
 
 void refine(ArrayModel& model, const InitialPosesSettings& settings) {
@@ -186,7 +192,7 @@ void register_cameras(ArrayModel& model, const InitialPosesSettings& settings) {
       model.cameras, [](const ArrayModel::Camera& camera) { return camera.pose.has_value(); }));
   std::size_t refined_at = placed_cameras;
   while (placed_cameras < model.cameras.size()) {
-    // Those that see most of what is known come first; some fail now and not later.
+    // Cameras with the most known points come first; some succeed only later.
     std::vector<std::pair<std::ptrdiff_t, std::size_t>> next;
     for (std::size_t i = 0; i < model.cameras.size(); ++i) {
       if (!model.cameras[i].pose) next.emplace_back(known_of(sights[i]), i);

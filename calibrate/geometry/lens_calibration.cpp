@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Zhang's method ("A flexible new technique for camera calibration", 2000) by bundle adjustment:
+// each view is a board with its own pose in front of a camera at the origin. The initial focal
+// length comes from the homographies; parameters are released step by step and outliers removed. A
+// shared prior combines lenses of one model. Inputs: corners in pixels and metres; outputs:
+// intrinsics in pixels with standard deviations. Cost: views times corners per iteration.
 #include "calibrate/geometry/lens_calibration.h"
 
 #include <fmt/format.h>
@@ -20,12 +25,12 @@ namespace {
 
 constexpr std::size_t kLeastViews = 3, kMinLensCorners = 6;
 
-/// Cameras at rest, and every view a board of its own before its camera.
+/// Model with cameras at the origin and a board pose per view.
 struct Views {
   std::vector<const BoardView*> views;
-  std::vector<std::size_t> camera;  // of each view
+  std::vector<std::size_t> camera;  // camera of each view
 
-  /// Those with enough corners.
+  /// Returns the views with enough corners.
   explicit Views(std::span<const CameraBoardViews> cameras) {
     for (std::size_t c = 0; c < cameras.size(); ++c) {
       const std::size_t before = views.size();
@@ -36,10 +41,11 @@ struct Views {
       }
       if (views.size() - before >= kLeastViews) continue;
       throw Error::bad_input(
-          fmt::format("camera \"{}\" saw the board in {} frames; a lens needs {} at least",
+          fmt::format("camera \"{}\" has {} usable frames of the board; a lens needs at least {}",
                       cameras[c].id, views.size() - before, kLeastViews),
           "",
-          "Check the size of the board and of its squares; show it closer and in more orientations")
+          "Check the size of the board and of its squares; record it closer and in more "
+          "orientations")
           .concerning({"board", "square_mm"});
     }
   }
@@ -68,7 +74,8 @@ ArrayModel make_initial_model(const Views& views, std::span<const CameraBoardVie
   return model;
 }
 
-/// A first guess: the focal length by the boards' homographies, with the middle where it should be.
+/// Returns the initial lens: the focal length from the boards' homographies, the principal point in
+/// the middle.
 Intrinsics guessed_lens(const Views& views, int width, int height) {
   std::vector<std::vector<cv::Point3f>> boards;
   std::vector<std::vector<cv::Point2f>> pictures;
@@ -84,7 +91,7 @@ Intrinsics guessed_lens(const Views& views, int width, int height) {
   }
   const cv::Mat matrix = cv::initCameraMatrix2D(boards, pictures, {width, height}, 1);
   double focal = matrix.at<double>(0, 0);
-  const double likely = width;  // 53 degrees
+  const double likely = width;  // a field of view of 53 degrees
   if (!(focal > likely / 20) || !(focal < likely * 20)) focal = likely;
   return {focal, focal, width / 2.0, height / 2.0, {}};
 }
@@ -110,15 +117,15 @@ void judge(LensCalibration& found) {
   const double deviation = 2 * std::max(found.deviations[0], found.deviations[1]) / found.lens.fx;
   if (!(deviation <= kFocal)) {
     found.reasons.push_back(fmt::format(
-        "The focal length is known to {:.1f} % only (1 is tolerated).", 100 * deviation));
+        "The focal length is uncertain by {:.1f} %; at most 1 % is accepted.", 100 * deviation));
     found.next_steps.emplace_back(
-        "Show the board large in the picture, in more frames, tilted by 20 to 45 degrees to every "
-        "side: boards held flat tell nothing of the focal length.");
+        "Record the board large in the picture, in more frames, tilted by 20 to 45 degrees to "
+        "every "
+        "side: boards parallel to the picture do not determine the focal length.");
   }
   if (!(found.rms_px <= kRms)) {
     found.reasons.push_back(
-        fmt::format("Corners are {:.2f} px (RMS) from where they should be (1 "
-                    "is tolerated).",
+        fmt::format("The reprojection error of corners is {:.2f} px RMS; at most 1 px is accepted.",
                     found.rms_px));
     found.next_steps.emplace_back(
         "Check the board's squares and that it is flat, hold it still, or estimate the full lens "
@@ -126,17 +133,18 @@ void judge(LensCalibration& found) {
   }
   constexpr double kOdd = 0.1;
   if (found.outliers > kOdd * found.corners) {
-    found.reasons.push_back(fmt::format("{} of {} corners do not fit (a tenth is tolerated).",
+    found.reasons.push_back(fmt::format("{} of {} corners do not fit; at most a tenth is accepted.",
                                         found.outliers, found.corners));
-    found.next_steps.emplace_back("Check the board's squares, and that it is flat and sharp.");
+    found.next_steps.emplace_back(
+        "Check the size of the board's squares, and that it is flat and in focus.");
   }
   constexpr double kCovered = 0.5;
   if (found.image_coverage < kCovered) {
-    found.next_steps.emplace_back("Show the board in the corners of the picture, too.");
+    found.next_steps.emplace_back("Record the board in the corners of the picture, too.");
   }
 }
 
-/// Refines lenses and boards step by step, and leaves out what does not fit.
+/// Refines lenses and boards step by step, and removes outliers.
 void refine(ArrayModel& model, const Views& views, const LensCalibrationSettings& settings,
             BundleAdjustmentSettings& bundle) {
   bundle.fixed_cameras.assign(model.cameras.size(), true);
@@ -147,7 +155,7 @@ void refine(ArrayModel& model, const Views& views, const LensCalibrationSettings
         settings.full_lens_model ? LensRefinement::kFullModel : LensRefinement::kRadial}) {
     bundle.lens = lens;
     run_bundle_adjustment(model, bundle);
-    place_boards(model, views);  // a view that went astray with the first guess comes back
+    place_boards(model, views);  // recovers a view whose pose diverged with the initial lens
     mark_outliers(model, std::max(settings.max_error_px, 3 * rms_reprojection_error(model)));
     run_bundle_adjustment(model, bundle);
   }
@@ -155,7 +163,7 @@ void refine(ArrayModel& model, const Views& views, const LensCalibrationSettings
   run_bundle_adjustment(model, bundle);
 }
 
-/// What was found of each camera, but for the verdict.
+/// Returns the results of each camera without the verdict.
 std::vector<LensCalibration> described(const ArrayModel& model, const Views& views,
                                        const BundleAdjustmentSettings& bundle) {
   std::vector<LensCalibration> all(model.cameras.size());
@@ -183,8 +191,8 @@ std::vector<LensCalibration> described(const ArrayModel& model, const Views& vie
   return all;
 }
 
-/// What cameras of one kind know of each other's lenses, beyond what each knows of its own: what
-/// all of them do, and by how much lenses of a kind differ.
+/// Combines the estimates of lenses of one model: the mean over all cameras, with the deviation
+/// among lenses of a model.
 void share_deviations(std::vector<LensCalibration>& cameras) {
   for (std::size_t k = 0; k < kLensParameterCount; ++k) {
     if (k == 2 || k == 3) continue;  // principal points
@@ -201,7 +209,7 @@ void share_deviations(std::vector<LensCalibration>& cameras) {
   }
 }
 
-/// Cameras whose own focal length is not what the others' own ones tell.
+/// Rejects cameras whose own focal length contradicts that of the others.
 void tell_apart(const std::vector<LensCalibration>& alone, std::vector<LensCalibration>& found) {
   for (std::size_t c = 0; c < alone.size(); ++c) {
     const LensCalibration& own = alone[c];
@@ -219,10 +227,11 @@ void tell_apart(const std::vector<LensCalibration>& alone, std::vector<LensCalib
     const double deviation = std::hypot(own.deviations[0], kLensPriorDeviations[0] * own.lens.fx,
                                         1 / std::sqrt(information));
     if (std::abs(own.lens.fx - others) <= kSigmas * deviation) continue;
-    found[c].reasons.push_back(fmt::format(
-        "By itself its focal length is {:.1f} +- {:.1f}, the others' {:.1f}: not of one kind.",
-        own.lens.fx, own.deviations[0], others));
-    found[c].next_steps.emplace_back("Leave it out of the cameras with a shared lens prior.");
+    found[c].reasons.push_back(
+        fmt::format("Its own focal length is {:.1f} +- {:.1f} px, that of the others {:.1f} px: "
+                    "not of one kind.",
+                    own.lens.fx, own.deviations[0], others));
+    found[c].next_steps.emplace_back("Exclude it from the cameras with a shared lens prior.");
   }
 }
 
@@ -266,11 +275,10 @@ std::vector<LensCalibration> calibrate_lenses_with_shared_prior(
   double focal_length = 0, weights = 0, noise_px = 0;
   for (const CameraBoardViews& camera : cameras) {
     if (camera.width != cameras.front().width || camera.height != cameras.front().height) {
-      throw Error::bad_input("camera \"" + camera.id + "\" has pictures of another size than \"" +
-                                 cameras.front().id + "\"",
-                             "cameras with a shared lens prior",
-                             "Name cameras of one model, with equal frame sizes")
-          .concerning({"one_kind"});
+      throw Error::bad_input(
+          "camera \"" + camera.id + "\" has another frame size than \"" + cameras.front().id + "\"",
+          "cameras with a shared lens prior", "Name cameras of one model, with equal frame sizes")
+          .concerning({"shared_lens_prior"});
     }
     const LensCalibration& own = alone.emplace_back(calibrate_lens(camera, settings));
     lenses.push_back(own.lens);

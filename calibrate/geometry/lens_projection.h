@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside calibrate/geometry only: CameraModel's projection, for numbers with derivatives.
+// Internal to calibrate/geometry: CameraModel's projection as a template, for automatic
+// differentiation.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,7 +11,7 @@
 
 namespace raystage {
 
-/// A lens as solvers move it: fx, fy, cx, cy, k1, k2, p1, p2, k3.
+/// Lens parameters of the solvers: fx, fy, cx, cy, k1, k2, p1, p2, k3.
 constexpr int kLensParameterCount = 9;
 using LensParameters = std::array<double, kLensParameterCount>;
 constexpr std::array<std::string_view, kLensParameterCount> kLensParameterNames{
@@ -25,7 +26,8 @@ inline Intrinsics intrinsics_from_parameters(const LensParameters& v) {
   return {v[0], v[1], v[2], v[3], {v[4], v[5], v[6], v[7], v[8]}};
 }
 
-/// Pixel of a point in front of the camera (z < 0). The fold of the lens model is not looked at.
+/// Returns the pixel of a point in front of the camera (z < 0). Does not check the valid range of
+/// the lens model.
 template <class T>
 Eigen::Matrix<T, 2, 1> project_to_pixel(const Eigen::Matrix<T, 3, 1>& in_camera, const T* lens,
                                         bool square_pixels) {

@@ -6,7 +6,7 @@
 namespace raystage {
 
 Pose pose_from_opencv_matrix(const cv::Mat& rotation, const cv::Mat& translation) {
-  // Ours looks down -z with y up.
+  // Our cameras look along -z with y up.
   const Eigen::Matrix3d ours_from_opencv = Eigen::Vector3d(1, -1, -1).asDiagonal();
   Eigen::Matrix3d turned;
   for (int row = 0; row < 3; ++row) {

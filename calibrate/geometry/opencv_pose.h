@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside calibrate/geometry only: poses as OpenCV has them.
+// Internal to calibrate/geometry: conversion of OpenCV's poses.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -8,11 +8,11 @@
 
 namespace raystage {
 
-/// From OpenCV's x_in_camera = rotation(turn) x + translation, its camera looking along z with y
+/// Converts a pose of OpenCV, x_in_camera = rotation(turn) x + translation with z forwards and y
 /// down; `turn`: a rotation vector.
 Pose pose_from_opencv(const cv::Mat& turn, const cv::Mat& translation);
 
-/// The same with a rotation matrix.
+/// Converts a pose with a rotation matrix instead of a rotation vector.
 Pose pose_from_opencv_matrix(const cv::Mat& rotation, const cv::Mat& translation);
 
 }  // namespace raystage

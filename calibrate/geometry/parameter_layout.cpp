@@ -84,7 +84,7 @@ double max_effect(const VectorXd& direction, const ParameterLayout& layout) {
                       direction.segment<kPoseParameterCount>(layout.pose[i]).cwiseAbs().maxCoeff());
     }
     if (layout.lens[i] == kFixed) continue;
-    std::array<double, 4> radial{};  // at so many shares of the corner's distance
+    std::array<double, 4> radial{};  // at four fractions of the corner's distance
     for (std::size_t k = 0; k < layout.free_lens_parameters.size(); ++k) {
       const double value = direction[layout.lens[i] + static_cast<Index>(k)];
       const int which = layout.free_lens_parameters[k];
@@ -105,7 +105,8 @@ Uncertainty::Direction summarise_direction(const VectorXd& direction, double dev
   d.deviation = deviation;
   const double all = direction.squaredNorm();
   std::vector<double> of_camera(layout.pose.size(), 0);
-  std::vector<bool> told(static_cast<std::size_t>(layout.size), false);  // shared lenses once
+  // counts shared lenses once
+  std::vector<bool> told(static_cast<std::size_t>(layout.size), false);
   for (std::size_t i = 0; i < layout.pose.size(); ++i) {
     if (layout.pose[i] != kFixed) {
       const double turn = direction.segment<3>(layout.pose[i]).squaredNorm() / all;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside calibrate/geometry only: what a bundle adjustment was free to change, as one vector.
+// Internal to calibrate/geometry: the free parameters of a bundle adjustment as one vector.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,12 +9,12 @@
 
 namespace raystage {
 
-inline constexpr int kPoseParameterCount = 6;  ///< turn in the camera, position in the world
+inline constexpr int kPoseParameterCount = 6;  ///< rotation in the camera, position in the world
 inline constexpr Eigen::Index kFixed = -1;
 
-/// Where each camera's unknowns stand among all.
+/// Index of each camera's first parameters in the vector.
 struct ParameterLayout {
-  std::vector<Eigen::Index> pose, lens;   // kFixed: none
+  std::vector<Eigen::Index> pose, lens;   // kFixed: held
   std::vector<int> free_lens_parameters;  // which of LensParameters
   bool square_pixels = false;
   Eigen::Index size = 0;
@@ -23,15 +23,16 @@ struct ParameterLayout {
 ParameterLayout make_parameter_layout(const ArrayModel& model,
                                       const BundleAdjustmentSettings& free);
 
-/// What makes one tolerance of each unknown.
+/// Returns the size of one tolerance for each parameter.
 Eigen::VectorXd parameter_tolerances(const ArrayModel& model, const ParameterLayout& layout,
                                      const Tolerances& t);
 
-/// Largest change, in tolerances, of anything that a direction (itself in tolerances) moves. Terms
-/// of the distortion may cancel: what counts is what they do to the picture.
+/// Returns the largest effect of a direction (a change of all parameters, in tolerances) on any
+/// quantity, in tolerances. Distortion terms that compensate each other count by their joint effect
+/// on the picture.
 double max_effect(const Eigen::VectorXd& direction, const ParameterLayout& layout);
 
-/// What changes together in a direction, in tolerances, with this deviation.
+/// Returns what changes together in a direction, which is in tolerances and has this deviation.
 Uncertainty::Direction summarise_direction(const Eigen::VectorXd& direction, double deviation,
                                            const ParameterLayout& layout);
 

@@ -33,7 +33,7 @@ double planar_inlier_ratio(const ArrayModel& model) {
       to.push_back(place);
     }
   }
-  constexpr std::size_t kLeast = 5;  // four always agree
+  constexpr std::size_t kLeast = 5;  // four points always fit
   if (from.size() < kLeast) return 1;
   constexpr double kNear = 1.5;  // pixels
   cv::setRNGSeed(1);

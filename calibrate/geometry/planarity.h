@@ -5,9 +5,9 @@
 
 namespace raystage {
 
-/// Share of the points that count for which one plane, or distance, explains where two cameras saw
-/// them (a homography between the pictures, to a pixel and a half). 0 unless exactly two cameras
-/// are found: of more, a plane of points leaves nothing open (Ma et al. 2004, section 5.3).
+/// Returns the share of used points whose observations in two cameras one homography explains, to
+/// 1.5 pixels: they are in one plane or far away. 0 unless exactly two cameras have a pose: with
+/// more, a plane of points is no degenerate case (Ma et al. 2004, section 5.3).
 double planar_inlier_ratio(const ArrayModel& model);
 
 }  // namespace raystage

@@ -13,6 +13,7 @@
 #include "calibrate/geometry/alignment.h"
 #include "calibrate/geometry/uncertainty.h"
 #include "rig/camera_model.h"
+#include "schemas/former_names.h"
 
 namespace raystage {
 namespace {
@@ -31,7 +32,7 @@ double angle_between(const Pose& a, const Pose& b) {
   return std::abs(turn.angle()) * 180 / std::numbers::pi;
 }
 
-/// Fills in how far apart both would see the same points.
+/// Computes the pixel distances between the projections of common points.
 void compare_pictures(const Both& both, double nearest, RigComparison::Camera& out) {
   const CameraModel a(both.first->geometry), b(both.second->geometry);
   constexpr int kGrid = 9;
@@ -114,7 +115,7 @@ RigComparison compare_rigs(const RigDocument& first, const RigDocument& second, 
 
 std::string format_rig_comparison(const RigComparison& comparison) {
   std::string text = fmt::format("{:<12} {:>10} {:>10} {:>10} {:>10} {:>10}\n", "camera",
-                                 "place, mm", "turn, deg", "RMS, px", "most, px", "focal, %");
+                                 "shift, mm", "turn, deg", "RMS, px", "max, px", "focal, %");
   RigComparison::Camera most{"largest"};
   const auto row = [&](const RigComparison::Camera& c, double focal_percent) {
     text += fmt::format("{:<12} {:>10.3f} {:>10.4f} {:>10.3f} {:>10.3f} {:>+10.3f}\n", c.id,
@@ -132,7 +133,7 @@ std::string format_rig_comparison(const RigComparison& comparison) {
   }
   row(most, focal);
   text +=
-      fmt::format("scale: {:.6g} of the first's metres in one of the second's\n", comparison.scale);
+      fmt::format("scale: {:.6g} m of the first rig per metre of the second\n", comparison.scale);
   for (const std::string& id : comparison.only_in_first) text += "only in the first: " + id + "\n";
   for (const std::string& id : comparison.only_in_second) {
     text += "only in the second: " + id + "\n";
@@ -146,16 +147,21 @@ std::string rig_comparison_json(const RigComparison& comparison) {
   Json cameras = Json::array();
   for (const RigComparison::Camera& c : comparison.cameras) {
     cameras.push_back({{"id", c.id},
-                       {"place_m", c.position_m},
-                       {"turn_deg", c.rotation_deg},
+                       {"position_m", c.position_m},
+                       {"rotation_deg", c.rotation_deg},
                        {"rms_px", number(c.rms_px)},
-                       {"most_px", number(c.max_px)},
-                       {"focal_factor", c.focal_ratio}});
+                       {"max_px", number(c.max_px)},
+                       {"focal_ratio", c.focal_ratio}});
   }
-  const Json json{{"scale", comparison.scale},
-                  {"cameras", cameras},
-                  {"only_in_first", comparison.only_in_first},
-                  {"only_in_second", comparison.only_in_second}};
+  Json json{{"scale", comparison.scale},
+            {"cameras", cameras},
+            {"only_in_first", comparison.only_in_first},
+            {"only_in_second", comparison.only_in_second}};
+  constexpr FormerName kFormerNames[] = {{"position_m", "place_m"},
+                                         {"rotation_deg", "turn_deg"},
+                                         {"max_px", "most_px"},
+                                         {"focal_ratio", "focal_factor"}};
+  add_former_names(json, kFormerNames);
   return json.dump(1) + "\n";
 }
 

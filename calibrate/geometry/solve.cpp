@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Solves an array: initial poses for the given field of view, or for seven trial values on a subset
+// of the points, each with a tolerant and a strict inlier threshold in parallel; the best result
+// (most cameras, then most fitting observations) goes on to the bundle adjustment steps
+// (solve_steps.h). Input: detections, pixels; output: poses, lenses, points up to a similarity.
+// Cost: up to 16 initial solves plus the final bundle adjustments.
 #include "calibrate/geometry/solve.h"
 
 #include <algorithm>
@@ -11,14 +16,15 @@
 #include "calibrate/geometry/bundle_adjustment.h"
 #include "calibrate/geometry/initial_poses.h"
 #include "calibrate/geometry/solve_steps.h"
+#include "calibrate/geometry/triangulation.h"
 
 namespace raystage {
 namespace {
 
-constexpr double kFirstError = 12;  // pixels: as much may be wrong while lenses are guessed
-constexpr double kStrict = 3;       // pixels: what a bright spot's middle may be off by
+constexpr double kFirstError = 12;  // pixels: tolerance while lenses are unknown
+constexpr double kStrict = 3;       // pixels: possible error of a bright spot's centre
 
-/// The more cameras, then the more observations that fit, the better.
+/// Returns the score of a solve: number of cameras first, then fitting observations.
 double score_of(const ArrayModel& model) {
   constexpr double kGood = 2;  // pixels
   double sum = count_registered_cameras(model) * 1e6;
@@ -27,7 +33,7 @@ double score_of(const ArrayModel& model) {
   return sum;
 }
 
-/// From nothing, or from the poses that are known; observations within `max_error_px` count.
+/// Computes initial poses, or starts from known ones; inliers are within `max_error_px`.
 ArrayModel begun_once(const ArrayModel& empty, double max_error_px, const SolveSettings& settings) {
   ArrayModel model = empty;
   BundleAdjustmentSettings bundle;
@@ -55,8 +61,8 @@ ArrayModel begun_once(const ArrayModel& empty, double max_error_px, const SolveS
   return model;
 }
 
-/// Much may be wrong while lenses are guessed; but what is forgiven can hide a wrong beginning, so
-/// that for each field of view a strict one is tried, too. All at once: which is best does not
+/// A large tolerance is needed while lenses are unknown, but it can hide a wrong initialisation; so
+/// a strict one is tried, too, for each field of view. All run in parallel; the best one does not
 /// depend on their order.
 ArrayModel begun_with(const Detections& detections, const std::vector<double>& fovs,
                       const SolveSettings& settings) {
@@ -71,10 +77,10 @@ ArrayModel begun_with(const Detections& detections, const std::vector<double>& f
   return std::move(*std::ranges::max_element(begun, {}, score_of));
 }
 
-/// At most so many points, spread over all, seen by the cameras that see most.
+/// Returns at most `max_points` points, evenly spread, in the cameras with the most detections.
 Detections thinned(const Detections& all, std::size_t max_points, std::size_t most_cameras) {
   std::vector<int> points;
-  std::vector<std::pair<int, int>> sights;  // how many, of which camera
+  std::vector<std::pair<int, int>> sights;  // number of detections and camera
   for (std::size_t i = 0; i < all.cameras.size(); ++i) sights.emplace_back(0, static_cast<int>(i));
   for (const auto& d : all.detections) {
     if (points.empty() || points.back() != d.point) points.push_back(d.point);
@@ -97,11 +103,11 @@ Detections thinned(const Detections& all, std::size_t max_points, std::size_t mo
   return thin;
 }
 
-/// The given field of view, or that of several with which most cameras and points fit best.
+/// Returns the given field of view, or the trial value with which most cameras and points fit.
 double likely_fov(const Detections& detections, const SolveSettings& settings) {
   constexpr double kDegree = std::numbers::pi / 180;
   if (settings.horizontal_fov) return *settings.horizontal_fov;
-  if (!settings.lenses.empty()) return 60 * kDegree;  // not looked at
+  if (!settings.lenses.empty()) return 60 * kDegree;  // unused
   constexpr std::size_t kMostPoints = 150, kMostCameras = 9;
   const Detections thin = thinned(detections, kMostPoints, kMostCameras);
   std::vector<double> tried;
@@ -123,13 +129,13 @@ ArrayModel solve_array(const Detections& detections, const SolveSettings& settin
       std::ranges::find(settings.fixed_cameras, true) != settings.fixed_cameras.end();
   if (!settings.poses.empty() && !is_held &&
       2 * make_solve_step(model, "").observations < static_cast<int>(model.observations.size())) {
-    SolveSettings without_poses = settings;  // the array is no longer as it was
+    SolveSettings without_poses = settings;  // the array has changed
     without_poses.poses.clear();
     ArrayModel anew = begun_with(detections, {likely_fov(detections, settings)}, without_poses);
     if (score_of(anew) > score_of(model)) model = std::move(anew);
   }
   if (count_registered_cameras(model) < 2) {
-    throw Error::bad_input("no two cameras see enough of the same points in places that differ", "",
+    throw Error::bad_input("no two cameras see enough common points at different positions", "",
                            "Record the light where several cameras see it at once, near and far");
   }
   run_bundle_adjustment_steps(model, settings, report);

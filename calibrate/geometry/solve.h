@@ -12,7 +12,7 @@
 
 namespace raystage {
 
-/// What one step of a solve came to.
+/// State after one step of a solve.
 struct SolveStep {
   std::string what;  ///< "poses", "shared focal length" ...
   double rms_px = 0;
@@ -20,33 +20,32 @@ struct SolveStep {
 };
 
 struct SolveSettings {
-  /// Of all cameras, radians; none: not known, several are tried.
+  /// Horizontal field of view of all cameras, radians; none: several are tried.
   std::optional<double> horizontal_fov = {};
-  /// Of each camera: taken as a first guess for its lens, in place of the field of view.
+  /// Initial lens of each camera, in place of the field of view.
   std::vector<Intrinsics> lenses = {};
-  /// Of each camera, none where not known: where to begin, instead of from nothing. With two or
-  /// more, the world stays over them.
+  /// Initial pose of each camera, or none. With two or more, the world frame is theirs.
   std::vector<std::optional<Pose>> poses = {};
-  std::vector<bool> fixed_cameras = {};  ///< whose poses stay as they are; empty: none's
-  bool lens_is_known = false;            ///< lenses stay as they are
-  bool lens_per_camera = false;          ///< in the end each camera has a lens of its own
-  bool full_lens_model = false;          ///< k3 and tangential distortion, too
-  std::stop_token stop = {};             ///< asks to end it
-  std::function<void(const SolveStep&)> on_step = {};  ///< told of each, where given
+  std::vector<bool> fixed_cameras = {};                ///< whose poses are held; empty: none
+  bool lens_is_known = false;                          ///< lenses are held
+  bool lens_per_camera = false;                        ///< the last steps refine a lens per camera
+  bool full_lens_model = false;                        ///< also k3 and tangential distortion
+  std::stop_token stop = {};                           ///< stops it
+  std::function<void(const SolveStep&)> on_step = {};  ///< called after each step, if set
 };
 
-/// What became of a solve.
+/// Record of a solve.
 struct SolveReport {
   using Step = SolveStep;
   std::vector<Step> steps;
-  BundleAdjustmentSettings last;  ///< what was free in the end
+  BundleAdjustmentSettings last;  ///< settings of the last bundle adjustment
   double seconds = 0;
 };
 
-/// Finds an array from what it saw: first poses (or those it is to begin with), then one bundle
-/// adjustment after the other, with more and more of the lenses released, outliers sorted out after
-/// each. Throws Error (bad input) where no two cameras share enough points. Cameras that see too
-/// few have no pose. Throws Error (failed) when a stop is asked for.
+/// Calibrates an array from detections: initial poses (or those given), then bundle adjustments
+/// that refine more and more lens parameters, with outliers classified after each. Throws Error
+/// (bad input) if no two cameras share enough points, (failed) if a stop is requested. Cameras with
+/// too few points have no pose.
 ArrayModel solve_array(const Detections& detections, const SolveSettings& settings,
                        SolveReport& report);
 

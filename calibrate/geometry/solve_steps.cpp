@@ -7,6 +7,7 @@
 
 #include "calibrate/geometry/bundle_adjustment.h"
 #include "calibrate/geometry/initial_poses.h"
+#include "calibrate/geometry/triangulation.h"
 
 namespace raystage {
 namespace {
@@ -14,8 +15,8 @@ namespace {
 constexpr double kMostThreshold = 12;  // pixels
 constexpr double kLeastThreshold = 3;
 
-/// Pixels beyond which an observation is none of the others' kind: six times the deviation that
-/// their median tells (lengths of errors in two directions).
+/// Returns the outlier threshold, pixels: six times the standard deviation that the median error
+/// implies (errors are lengths in two dimensions).
 double outlier_threshold(const ArrayModel& model) {
   std::vector<double> errors = reprojection_errors(model);
   if (errors.empty()) return kMostThreshold;
@@ -25,8 +26,8 @@ double outlier_threshold(const ArrayModel& model) {
   return std::clamp(6 * deviation, kLeastThreshold, kMostThreshold);
 }
 
-/// Until observations stay on their side. `least_px`: what the lens as it is then may err by is no
-/// reason to drop one.
+/// Alternates bundle adjustment and outlier classification until few observations change.
+/// `least_px`: smallest threshold, the possible error of the current lens model.
 void settle(ArrayModel& model, const BundleAdjustmentSettings& settings, double least_px) {
   constexpr int kMostRounds = 6;
   for (int round = 0; round < kMostRounds; ++round) {
@@ -81,10 +82,10 @@ void run_bundle_adjustment_steps(ArrayModel& model, const SolveSettings& setting
     release(LensRefinement::kRadial, false, 4, "a lens for each camera");
   }
   if (frees && settings.full_lens_model) {
-    release(LensRefinement::kFullModel, !each, 4, "all of the lens model");
+    release(LensRefinement::kFullModel, !each, 4, "full lens model");
   }
   if (frees && (each || settings.full_lens_model)) {
-    release(bundle.lens, bundle.shared_lens, kLeastThreshold, "without what is still odd");
+    release(bundle.lens, bundle.shared_lens, kLeastThreshold, "without remaining outliers");
   }
   report.last = bundle;
 }

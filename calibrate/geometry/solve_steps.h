@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside calibrate/geometry only: how a solve goes on once cameras have first poses.
+// Internal to calibrate/geometry: the steps of a solve after the initial poses.
 #pragma once
 
 #include "calibrate/geometry/solve.h"
 
 namespace raystage {
 
-/// Cameras that are found.
+/// Returns the number of cameras with a pose.
 int count_registered_cameras(const ArrayModel& model);
 
-/// Bundle adjustments, one after the other, with more and more of the lenses released and outliers
-/// sorted out after each.
+/// Runs bundle adjustments that refine more and more lens parameters, and classifies outliers after
+/// each.
 void run_bundle_adjustment_steps(ArrayModel& model, const SolveSettings& settings,
                                  SolveReport& report);
 
-/// What the model is now, under a name.
+/// Returns the state of the model under a name.
 SolveReport::Step make_solve_step(const ArrayModel& model, std::string what);
 
 }  // namespace raystage

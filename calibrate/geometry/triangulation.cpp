@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+// Triangulates points as the least-squares intersection of rays: all rays first, then pairs of
+// rays, and keeps the position with the most inliers. Input: observed pixels and poses; output:
+// points, world units. Cost: rays squared per point.
+#include "calibrate/geometry/triangulation.h"
+
 #include <Eigen/Dense>
 #include <cmath>
 #include <vector>
 
-#include "calibrate/geometry/initial_poses.h"
 #include "rig/camera_model.h"
 
 namespace raystage {
@@ -16,7 +20,8 @@ struct Ray {
   Vector3d origin, direction;  // unit
 };
 
-/// Where the sum of squared distances from the rays is least; none where they are all but parallel.
+/// Returns the point with the least sum of squared distances from the rays; none if they are almost
+/// parallel.
 std::optional<Vector3d> nearest_point(const std::vector<Ray>& rays) {
   constexpr double kLeastAngle = 1e-3;  // radians between two of them
   bool differ = false;
@@ -53,7 +58,7 @@ void triangulate_points(ArrayModel& model, double max_error_px) {
     begin = end;
     auto& place = model.points[static_cast<std::size_t>(point)];
     if (place || rays.size() < 2) continue;
-    // All rays; where some of them lead elsewhere, the pair with which most others agree.
+    // All rays first; if some are outliers, the pair with the most inliers.
     std::vector<std::vector<Ray>> tries{rays};
     for (std::size_t a = 0; a < rays.size() && rays.size() > 2; ++a) {
       for (std::size_t b = a + 1; b < std::min(rays.size(), a + 4); ++b) {

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Covariance of a bundle adjustment as a free network (Triggs et al. 2000, section 9): the reduced
+// camera system with points or boards eliminated, the gauge directions of the world projected out,
+// scaled by tolerances and inverted by an eigendecomposition. The noise is estimated from the
+// residuals and enlarged for their correlation. Output: one standard deviation per parameter. Cost:
+// observations per point squared, plus parameters cubed.
 #include "calibrate/geometry/uncertainty.h"
 
 #include <ceres/jet.h>
@@ -20,9 +25,9 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kUnknown = 1e6;  // tolerances: the deviation of what nothing tells
+constexpr double kUnknown = 1e6;  // tolerances: deviation of undetermined directions
 
-/// How a pixel moves with the point in the camera (3) and with the lens (9).
+/// Jacobian of a pixel by the point in the camera (3) and the lens (9).
 using LensJacobian = Eigen::Matrix<double, 2, 3 + kLensParameterCount>;
 
 LensJacobian lens_jacobian(const Vector3d& in_camera, const Intrinsics& lens, bool square_pixels) {
@@ -46,7 +51,7 @@ Matrix3d cross_matrix(const Vector3d& v) {
   return m;
 }
 
-/// One observation's rows: which unknowns, and how it moves with them and with its point.
+/// Jacobian rows of one observation: its parameters, and the derivatives by them and by its point.
 struct Rows {
   std::vector<Index> unknowns;
   Eigen::Matrix<double, 2, Eigen::Dynamic> by_unknowns;
@@ -81,22 +86,22 @@ Rows rows_of(const ArrayModel& model, const ArrayModel::Observation& o,
   return rows;
 }
 
-/// Information about the unknowns after each point was left as free as its observations leave it
-/// (the reduced camera system), for noise of one pixel.
+/// Information matrix of the parameters after points are eliminated (reduced camera system), for
+/// noise of one pixel.
 struct Information {
   MatrixXd matrix;
-  int observations = 0, eliminated = 0;  // how many rows' pairs; how many unknowns are gone
+  int observations = 0, eliminated = 0;  // number of observations; number of eliminated parameters
   double squared_error = 0;
 };
 
-/// Of what rows have in common: a point, or all points of a body. `by_common`: how each row moves
-/// with it, under each other.
+/// Adds observations that share parameters to be eliminated: a point or a body. `by_common`:
+/// derivatives of all rows by these.
 void add_common(Information& sum, const std::vector<Rows>& rows, const MatrixXd& by_common) {
-  // It takes with it what its own motion explains: the space of its columns, whose basis is
-  // orthonormal however far away it is (its depth changes pixels by little, but changes them).
+  // Elimination removes the column space of the derivatives. The orthonormal basis is well
+  // conditioned even for distant points, whose depth moves pixels little.
   const Eigen::HouseholderQR<MatrixXd> qr(by_common);
   const MatrixXd basis = qr.householderQ() * MatrixXd::Identity(by_common.rows(), by_common.cols());
-  std::vector<MatrixXd> across;  // unknowns x basis
+  std::vector<MatrixXd> across;  // parameters x basis
   for (std::size_t k = 0; k < rows.size(); ++k) {
     across.emplace_back(rows[k].by_unknowns.transpose() *
                         basis.middleRows<2>(2 * static_cast<Index>(k)));
@@ -115,7 +120,7 @@ void add_common(Information& sum, const std::vector<Rows>& rows, const MatrixXd&
   }
 }
 
-/// Observations that stand or fall together: of one point, or of all points of one body.
+/// Groups observations by point, or by body.
 std::vector<std::vector<const ArrayModel::Observation*>> groups_of(const ArrayModel& model) {
   std::vector<std::size_t> group_of(model.points.size());
   for (std::size_t i = 0; i < group_of.size(); ++i) group_of[i] = i;
@@ -161,7 +166,8 @@ Information information_of(const ArrayModel& model, const ParameterLayout& layou
   return sum;
 }
 
-/// How poses move as the world drifts (3), turns (3) and grows (1): columns over all unknowns.
+/// Returns the motions of poses by translation (3), rotation (3) and scale (1) of the world:
+/// columns over all parameters.
 MatrixXd world_motions(const ArrayModel& model, const ParameterLayout& layout) {
   MatrixXd motions = MatrixXd::Zero(layout.size, 7);
   for (std::size_t i = 0; i < model.cameras.size(); ++i) {
@@ -176,8 +182,8 @@ MatrixXd world_motions(const ArrayModel& model, const ParameterLayout& layout) {
   return motions;
 }
 
-/// The part of the world's motions that held cameras leave free: none with two of them; with one
-/// the world still grows about it.
+/// Returns the motions of the world that held cameras leave free: none with two of them; the scale
+/// with one.
 MatrixXd free_motions(const ArrayModel& model, const ParameterLayout& layout) {
   MatrixXd motions = world_motions(model, layout);
   std::vector<Vector3d> rest;
@@ -193,8 +199,8 @@ MatrixXd free_motions(const ArrayModel& model, const ParameterLayout& layout) {
   return growth;
 }
 
-/// Correlation of residuals that follow each other in a camera, those of points in the order of
-/// their numbers; at least 0.
+/// Returns the correlation of successive residuals of a camera, in the order of the points'
+/// numbers; at least 0.
 double residual_correlation(const ArrayModel& model) {
   const std::vector<CameraModel> lenses = make_camera_models(model);
   std::vector<std::optional<Eigen::Vector2d>> before(model.cameras.size());
@@ -247,7 +253,7 @@ std::optional<Uncertainty> estimate_uncertainty(const ArrayModel& model,
   result.noise_px =
       std::max(std::sqrt(information.squared_error / std::max(surplus, 1.0)), min_noise_px);
 
-  // In tolerances, with the world's own motions made as sure as the surest.
+  // In tolerances, with the world's motions made as certain as the most certain direction.
   const VectorXd one = parameter_tolerances(model, layout, tolerances);
   MatrixXd scaled = one.asDiagonal() * information.matrix * one.asDiagonal();
   scaled = (scaled + scaled.transpose()).eval() / 2;
@@ -263,12 +269,12 @@ std::optional<Uncertainty> estimate_uncertainty(const ArrayModel& model,
   const double least = std::numeric_limits<double>::epsilon() * static_cast<double>(layout.size) *
                        std::max(eigen.eigenvalues().maxCoeff(), 1e-300);
   result.correlation = residual_correlation(model);
-  // As many independent ones would tell as much (first-order autoregression).
+  // Effective number of independent residuals (first-order autoregression).
   const double variance =
       result.noise_px * result.noise_px * (1 + result.correlation) / (1 - result.correlation);
   MatrixXd covariance = MatrixXd::Zero(layout.size, layout.size);
   for (Index k = 0; k < layout.size; ++k) {
-    // What is lost in rounding is not known, however small the noise is against it.
+    // Directions below rounding errors are undetermined, however small the noise is.
     const double value = eigen.eigenvalues()[k] > least
                              ? eigen.eigenvalues()[k]
                              : std::min(least, variance / (kUnknown * kUnknown));
@@ -276,7 +282,7 @@ std::optional<Uncertainty> estimate_uncertainty(const ArrayModel& model,
     const double of_world = world.cols() > 0 ? (world.transpose() * direction).squaredNorm() : 0;
     if (of_world > 0.5) continue;
     covariance += (variance / value) * direction * direction.transpose();
-    // Of what changes most in it: a world of many cameras is not less sure than one of few.
+    // By the largest effect in it: an array of many cameras is not less certain than one of few.
     const double deviation = 2 * std::sqrt(variance / value) * max_effect(direction, layout);
     if (k == 0 || deviation > 1) {
       result.weakest.push_back(summarise_direction(direction, deviation, layout));

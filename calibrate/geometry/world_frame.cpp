@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Determines the axes of an array from its positions (principal axes of a plane or line, direction
+// of rows from the steps between neighbours) and the mean viewing direction, assigns grid positions
+// by walking from neighbour to neighbour, fits a lattice by least squares, and scales or aligns the
+// world. Input: poses in world units. Cost: cameras squared.
 #include "calibrate/geometry/world_frame.h"
 
 #include <Eigen/Dense>
@@ -28,10 +32,10 @@ std::vector<std::size_t> found_in(const ArrayModel& model) {
   return found;
 }
 
-/// What cameras have in common, world axes.
+/// Means over the cameras, world axes.
 struct Means {
   Vector3d centre = Vector3d::Zero();
-  Matrix3d rotation = Matrix3d::Identity();  // nearest rotation to the mean
+  Matrix3d rotation = Matrix3d::Identity();  // rotation nearest to the mean
   double agreement = 0;                      // length of the mean viewing direction, 0 to 1
 };
 
@@ -54,7 +58,7 @@ Means means_of(const ArrayModel& model, const std::vector<std::size_t>& found) {
   return means;
 }
 
-/// Steps to near neighbours, in the plane of `axes`' first two columns.
+/// Returns the steps to near neighbours, in the plane of `axes`' first two columns.
 std::vector<Vector2d> neighbour_steps(const ArrayModel& model,
                                       const std::vector<std::size_t>& found, const Matrix3d& axes) {
   constexpr double kAsNear = 1.25;  // a grid's diagonal is 1.41 away
@@ -69,8 +73,8 @@ std::vector<Vector2d> neighbour_steps(const ArrayModel& model,
   return steps;
 }
 
-/// Turn of the rows against the first axis, radians, within an eighth of a circle; 0 where steps to
-/// neighbours do not lie along two directions across each other.
+/// Returns the angle of the rows to the first axis, radians, within 45 degrees; 0 if the steps to
+/// neighbours do not have two perpendicular directions.
 double turn_of_rows(const std::vector<Vector2d>& steps) {
   std::complex<double> sum = 0;
   for (const Vector2d& step : steps) sum += std::polar(1.0, 4 * std::atan2(step.y(), step.x()));
@@ -79,7 +83,7 @@ double turn_of_rows(const std::vector<Vector2d>& steps) {
   return std::arg(sum) / 4;
 }
 
-/// World axes of the array as columns x, y, z.
+/// Returns the world axes of the array as columns x, y, z.
 Matrix3d axes_of(const ArrayModel& model, const std::vector<std::size_t>& found,
                  const Means& means) {
   Matrix3d spread = Matrix3d::Zero();
@@ -91,11 +95,12 @@ Matrix3d axes_of(const ArrayModel& model, const std::vector<std::size_t>& found,
   const Vector3d sizes = eigen.eigenvalues().cwiseMax(0).cwiseSqrt();  // smallest first
   Matrix3d axes = means.rotation;
   if (!(sizes[2] > 0)) return axes;
-  constexpr double kThin = 0.15;    // of its breadth: a plane, or a line
-  constexpr double kFacing = 0.86;  // cosine of 30 degrees: a plane that its cameras look out of
+  constexpr double kThin = 0.15;  // thickness relative to breadth of a plane, or of a line
+  // cosine of 30 degrees: limit between a plane's normal and the viewing direction
+  constexpr double kFacing = 0.86;
   const bool is_line = sizes[1] < kThin * sizes[2];
   if (is_line) {
-    // Whichever of the cameras' axes the line is nearer to.
+    // The axis of the cameras that is nearer to the line.
     Vector3d along = eigen.eigenvectors().col(2);
     const Vector3d in_cameras = means.rotation.transpose() * along;
     const int axis = std::abs(in_cameras.y()) > std::abs(in_cameras.x()) ? 1 : 0;
@@ -122,7 +127,7 @@ Matrix3d axes_of(const ArrayModel& model, const std::vector<std::size_t>& found,
   return axes;
 }
 
-/// Grid places from steps between neighbours, from the first camera on; relative to it.
+/// Returns grid positions from steps between neighbours, relative to the first camera.
 std::vector<std::optional<GridPosition>> walked_places(const ArrayModel& model, double spacing,
                                                        const std::vector<std::size_t>& found) {
   std::vector<std::optional<GridPosition>> places(model.cameras.size());
@@ -149,7 +154,7 @@ std::vector<std::optional<GridPosition>> walked_places(const ArrayModel& model, 
   return places;
 }
 
-/// The grid that fits best: corner + column * along + row * down.
+/// Least-squares grid: corner + column * along + row * down.
 struct Lattice {
   Vector3d corner, along = Vector3d::Zero(), down = Vector3d::Zero();
   int rows = 0, columns = 0;
@@ -216,12 +221,13 @@ std::optional<Grid> grid_of(const ArrayModel& model) {
 std::size_t camera_named(const ArrayModel& model, const std::string& id) {
   const auto camera = std::ranges::find(model.cameras, id, &ArrayModel::Camera::id);
   if (camera == model.cameras.end()) {
-    throw Error::bad_input("there is no camera \"" + id + "\" to measure a distance from", "",
+    throw Error::bad_input("the camera \"" + id + "\" of the measured distance is unknown", "",
                            "Name two of the array's cameras");
   }
   if (!camera->pose) {
-    throw Error::bad_input("camera \"" + id + "\" was not found, so no distance from it is known",
-                           "", "Measure between two cameras that see the light");
+    throw Error::bad_input(
+        "camera \"" + id + "\" has no pose, so a distance from it cannot set the scale", "",
+        "Measure between two cameras that see the light");
   }
   return static_cast<std::size_t>(camera - model.cameras.begin());
 }
@@ -270,8 +276,8 @@ bool scale_world(ArrayModel& model, const ScaleSettings& settings) {
     return false;
   }
   if (!(found > 0)) {
-    throw Error::bad_input("two cameras stand at the same place, so nothing tells the scale", "",
-                           "Give the distance between cameras that are apart");
+    throw Error::bad_input("the two cameras of the measured distance are at the same position", "",
+                           "State the distance between two cameras at different positions");
   }
   grow(model, known / found);
   return true;

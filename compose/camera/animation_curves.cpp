@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Interpolates keys of numbers, positions and rotations. Numbers and positions: cubic Hermite
+// splines whose slopes follow the parabola through three keys, limited against overshoot (Fritsch
+// and Carlson, "Monotone piecewise cubic interpolation", 1980). Rotations: cumulative cubic Bezier
+// curves of unit quaternions (Kim, Kim and Shin, SIGGRAPH 1995), with the same rule for angular
+// velocities. Input: n keys; output: a value at a fractional frame. Cost: O(log n) per value.
 #include "compose/camera/animation_curves.h"
 
 #include <algorithm>
@@ -12,8 +17,8 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-// Above 1 so that keys unevenly placed on a steady move keep it steady; at 1.5 a quaternion or
-// position curve stays close to the chord. Monotone scalars would allow 3 (Fritsch and Carlson).
+// Above 1, so that unevenly spaced keys of a uniform motion keep it uniform; at 1.5, curves of
+// positions and quaternions stay close to the chord. Monotone numbers would allow 3.
 constexpr double kSlopeLimit = 1.5;
 
 double length(double v) { return std::abs(v); }
@@ -25,25 +30,24 @@ V limited(const V& slope, double limit) {
   return size > limit ? V(slope * (limit / size)) : slope;
 }
 
-/// Slope at a key between the means `before` over `h0` and `after` over `h1`.
+/// Returns the slope at a key between mean slopes `before` over `h0` frames, `after` over `h1`.
 template <class V>
 V inner_slope(const V& before, double h0, const V& after, double h1) {
   if constexpr (std::is_same_v<V, double>) {
-    // At a turning point any slope would overshoot: a focal length at worst below zero.
+    // At an extremum any slope would overshoot, for a focal length even below zero.
     if (before * after <= 0) return 0;
   }
   const V parabola = (before * h1 + after * h0) / (h0 + h1);
   return limited(parabola, kSlopeLimit * std::min(length(before), length(after)));
 }
 
-/// Slope at an end: no acceleration there.
+/// Returns the slope at an end that has no acceleration there.
 template <class V>
 V end_slope(const V& mean, const V& inner) {
-  const V straight = (mean * 3.0 - inner) * 0.5;
-  return limited(straight, kSlopeLimit * length(mean));
+  return limited(V((mean * 3.0 - inner) * 0.5), kSlopeLimit * length(mean));
 }
 
-/// Slopes at keys `h` frames apart (one fewer), between which the means are `means`.
+/// Returns the slopes at all keys from the lengths `h` (frames) and mean slopes of the intervals.
 template <class V>
 std::vector<V> slopes_of(const std::vector<V>& means, const std::vector<double>& h) {
   const std::size_t segments = means.size();
@@ -64,7 +68,7 @@ V hermite(const V& p0, const V& v0, const V& p1, const V& v1, double h, double u
   return p0 + (p1 - p0) * rise + v0 * (h * (u3 - 2 * u2 + u)) + v1 * (h * (u3 - u2));
 }
 
-/// The shorter way round: q and -q give the same.
+/// Returns the rotation vector of the smaller angle: q and -q give the same.
 Vector3d rotation_vector(Quaterniond q) {
   if (q.w() < 0) q.coeffs() = -q.coeffs();
   const double sine = q.vec().norm();
@@ -74,7 +78,7 @@ Vector3d rotation_vector(Quaterniond q) {
 
 Quaterniond from_rotation_vector(const Vector3d& v) {
   const double angle = v.norm();
-  // sin(x) / x without the division at 0.
+  // Series of sin(angle / 2) / angle near 0.
   const double scale = angle < 1e-6 ? 0.5 - angle * angle / 48 : std::sin(angle / 2) / angle;
   Quaterniond q;
   q.w() = std::cos(angle / 2);
@@ -124,7 +128,7 @@ RotationCurve::RotationCurve(const std::vector<CurveKey<Quaterniond>>& keys) {
   for (const CurveKey<Quaterniond>& key : keys) {
     if (!frames_.empty()) {
       h.push_back(key.frame - frames_.back());
-      // The axis of the rotation between two keys reads the same in both keys' own frames.
+      // The rotation axis between two keys has the same coordinates in the frames of both keys.
       means.push_back(rotation_vector(values_.back().conjugate() * key.value) / h.back());
     }
     frames_.push_back(key.frame);
@@ -137,7 +141,7 @@ Quaterniond RotationCurve::operator()(double frame) const {
   const auto [from, to, u] = find_key_interval(frames_, frame);
   if (u == 0) return values_[from];
   const double h = frames_[to] - frames_[from];
-  // Cumulative cubic Bezier: its first and last factors set the spin at the ends.
+  // The first and the last factor determine the angular velocities at the ends.
   const Quaterniond first = from_rotation_vector(angular_velocities_[from] * (h / 3));
   const Quaterniond last = from_rotation_vector(angular_velocities_[to] * (h / 3));
   const Vector3d middle = rotation_vector(first.conjugate() * values_[from].conjugate() *

@@ -34,7 +34,7 @@ Quaterniond unit_quaternion(const std::array<double, 4>& q, const std::string& w
   return Quaterniond(result.coeffs() / norm);
 }
 
-/// Focal length in half picture widths, if the key says one.
+/// Returns the focal length of a key in half image widths, or nullopt.
 std::optional<double> focal_of(const Key& key, double film_back_mm, const std::string& where) {
   if (key.horizontal_fov_deg && key.focal_length_mm) {
     refuse("a camera key has both a field of view and a focal length", where,
@@ -54,7 +54,7 @@ std::optional<double> focal_of(const Key& key, double film_back_mm, const std::s
   return focal;
 }
 
-/// What the keys say of one property, `value_of(key, where)` an optional.
+/// Returns the keys of one property; `value_of(key, where)` returns its value or nullopt.
 template <class V, class ValueOf>
 std::vector<CurveKey<V>> keys_of(const ShotDocument::Camera& camera, const std::string& where,
                                  const ValueOf& value_of) {
@@ -66,14 +66,14 @@ std::vector<CurveKey<V>> keys_of(const ShotDocument::Camera& camera, const std::
   return keys;
 }
 
-/// The curve of a number, times `unit`.
+/// Returns the curve of a number times `unit`, or null if no key has it.
 AnimationChannel<double> number(const ShotDocument::Camera& camera, const std::string& where,
                                 std::optional<double> Key::*property, double unit = 1) {
   const auto keys = keys_of<double>(
       camera, where, [&](const Key& key, const std::string& at) -> std::optional<double> {
         if (!(key.*property)) return std::nullopt;
         if (!std::isfinite(*(key.*property))) {
-          refuse("a camera key is not finite", at, "Correct the key");
+          refuse("a value of a camera key is not finite", at, "Correct the key");
         }
         return *(key.*property) * unit;
       });
@@ -87,8 +87,8 @@ AnimationChannel<Vector3d> point(const ShotDocument::Camera& camera, const std::
       camera, where, [&](const Key& key, const std::string& at) -> std::optional<Vector3d> {
         if (!(key.*property)) return std::nullopt;
         const Vector3d value = vector_of(*(key.*property));
-        if (!value.allFinite()) refuse("a camera key is not finite", at, "Correct the key");
-        return value;
+        if (value.allFinite()) return value;
+        refuse("a value of a camera key is not finite", at, "Correct the key");
       });
   if (keys.empty()) return nullptr;
   return Curve<Vector3d>(keys);
@@ -101,7 +101,8 @@ void check_frames(const ShotDocument::Camera& camera, const std::string& where) 
       refuse("a camera key's frame is not finite", at, "Correct the key");
     }
     if (i > 0 && !(camera.keys[i].frame > camera.keys[i - 1].frame)) {
-      refuse("camera keys do not rise in frame number", at, "Sort the keys and remove doubles");
+      refuse("the frames of the camera keys are not ascending", at,
+             "Sort the keys and remove duplicates");
     }
   }
 }
@@ -110,8 +111,8 @@ template <class V>
 void add(AnimationChannel<V>& first, const AnimationChannel<V>& second, const char* name,
          const std::string& where) {
   if (first && second) {
-    refuse(fmt::format("{} comes both from the file and from the keys", name), where,
-           "Remove it from the keys, or the file from the camera");
+    refuse(fmt::format("both the camera file and the keys give {}", name), where,
+           "Remove it from the keys, or remove the camera file");
   }
   if (!first) first = second;
 }

@@ -10,26 +10,26 @@
 
 namespace raystage {
 
-/// What moves a camera, each by itself; null: not given.
+/// The animated properties of a camera, each a curve of its own; null: not given.
 struct CameraChannels {
   AnimationChannel<Eigen::Vector3d> position;        ///< world, metres
   AnimationChannel<Eigen::Quaterniond> orientation;  ///< world_from_camera
-  AnimationChannel<Eigen::Vector3d>
-      target;                      ///< looked at, in place of an orientation; world, metres
-  AnimationChannel<double> roll;   ///< radians about the axis, clockwise for who looks through
-  AnimationChannel<double> focal;  ///< focal length in half picture widths: 1 / tan(fov / 2)
-  AnimationChannel<double> focus;  ///< metres along the axis
+  /// Point that the camera looks at, instead of an orientation; world, metres.
+  AnimationChannel<Eigen::Vector3d> target;
+  AnimationChannel<double> roll;   ///< radians about the optical axis, clockwise as the camera sees
+  AnimationChannel<double> focal;  ///< focal length in half image widths: 1 / tan(fov / 2)
+  AnimationChannel<double> focus;  ///< metres along the optical axis
   AnimationChannel<double> f_number, shutter;  ///< shutter: degrees
   AnimationChannel<double> orbit;              ///< radians about the shot's orbit axis
 };
 
-/// Each property a smooth curve through the keys that have it. Focal length is what is
-/// interpolated, not the angle: in a dolly zoom focal length and distance stay proportional, so the
-/// subject keeps its size. Throws Error (bad input), with `where` in it, for keys that do not rise,
-/// are not finite, or say the same thing twice.
+/// Returns curves through the keys that have each property. The focal length is interpolated, not
+/// the angle: in a dolly zoom, focal length and distance stay proportional, so that the subject
+/// keeps its size. `where`: named by errors. Throws Error (bad input) for frames that are not
+/// ascending, values that are not finite, or a property that is given twice.
 CameraChannels channels_from_keys(const ShotDocument::Camera& camera, const std::string& where);
 
-/// `first` with what it lacks from `second`. Throws Error (bad input) where both give the same.
+/// Returns the channels of both. Throws Error (bad input) if both have the same one.
 CameraChannels merge_channels(CameraChannels first, const CameraChannels& second,
                               const std::string& where);
 

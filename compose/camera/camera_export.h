@@ -9,11 +9,11 @@
 
 namespace raystage {
 
-/// One eye's camera at frames of its shot as a .chan file. A shifted lens is not told.
+/// Returns the camera of one eye at frames of its shot as a .chan file. Not supported: lens shift.
 std::string camera_to_chan(const ShotCamera& camera, std::span<const int> frames, Eye eye,
                            RotationOrder order);
 
-/// The same as a .gltf document called `name`; time 0 is the shot's first frame.
+/// Returns it as a .gltf document called `name`. Time 0 is the shot's first frame.
 std::string camera_to_gltf(const ShotCamera& camera, const ShotDocument& shot,
                            std::span<const int> frames, Eye eye, const std::string& name);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What moves a shot's camera beside its keys: targets, orbits, dolly_zoom, stereo, files.
+// Camera motion beyond keys: targets, orbits, dolly zoom, stereo, camera files.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -227,7 +227,7 @@ TEST_F(CameraMoves, AFileAndKeysAddUpButDoNotContradict) {
   EXPECT_EQ(refusal(), "none");
   EXPECT_EQ(camera().state(150).focus_m, 3);
   shot_.camera.keys[0].position = {{0, 0, 0}};
-  EXPECT_THAT(refusal(), HasSubstr("the position comes both from the file and from the keys"));
+  EXPECT_THAT(refusal(), HasSubstr("both the camera file and the keys give the position"));
 }
 
 TEST_F(CameraMoves, RefusesWhatCannotBe) {
@@ -235,16 +235,16 @@ TEST_F(CameraMoves, RefusesWhatCannotBe) {
   const Key key{.frame = 101, .position = {{0, 0, 0}}, .horizontal_fov_deg = 40};
   shot_.camera.keys = {key};
   shot_.camera.keys[0].orbit_deg = 10;
-  EXPECT_THAT(refusal(), HasSubstr("one of the two is missing"));
+  EXPECT_THAT(refusal(), HasSubstr("keys with orbit_deg; one is missing"));
   shot_.camera.keys = {key};
   shot_.camera.keys[0].target = {{0, 0, 0}};
-  EXPECT_THAT(refusal(), HasSubstr("at frame 101 the camera stands where it is to look"));
+  EXPECT_THAT(refusal(), HasSubstr("at frame 101 the camera is at its target"));
   shot_.camera.keys = {key};
   shot_.camera.dolly_zoom = ShotDocument::DollyZoom{.target = {0, 0, 1}};
   EXPECT_THAT(refusal(), HasSubstr("behind the camera"));
   shot_.camera.dolly_zoom->target = {0, 0, -1};
   shot_.camera.keys.push_back({.frame = 150, .position = {{0, 0, -2}}});
-  EXPECT_THAT(refusal(), HasSubstr("at frame 126 vertigo's target lies beside or behind"));
+  EXPECT_THAT(refusal(), HasSubstr("at frame 126 the target of dolly_zoom is not in front"));
   shot_.camera.dolly_zoom.reset();
   shot_.camera.file = {.path = "gone.chan"};
   EXPECT_THAT(refusal(), HasSubstr("gone.chan"));

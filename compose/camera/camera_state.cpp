@@ -16,7 +16,7 @@ CameraState stereo_eye_state(const CameraState& state, const StereoSettings& ste
   const double side = eye == Eye::kLeft ? -stereo.interaxial_m / 2 : stereo.interaxial_m / 2;
   result.pose.position += side * state.pose.world_from_camera_rotation.col(0);
   if (stereo.convergence_m) {
-    // A point on the common axis at that distance comes to lie in the picture's middle again.
+    // Moves a point on the common axis at that distance back to the image centre.
     result.shift -= side / *stereo.convergence_m * state.focal_length_mm / state.film_back_mm;
   }
   return result;
@@ -30,7 +30,7 @@ VirtualCamera make_virtual_camera(const CameraState& state, int width, int heigh
 Eigen::Matrix3d look_at_rotation(const Eigen::Vector3d& from, const Eigen::Vector3d& target) {
   const Eigen::Vector3d back = (from - target).normalized();
   const Eigen::Vector3d level = Eigen::Vector3d::UnitY().cross(back);
-  constexpr double kPole = 1e-9;  // radians beside straight up or down
+  constexpr double kPole = 1e-9;  // radians from straight up or down
   const Eigen::Vector3d right =
       level.norm() > kPole ? Eigen::Vector3d(level.normalized()) : Eigen::Vector3d::UnitX();
   Eigen::Matrix3d rotation;

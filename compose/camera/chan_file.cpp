@@ -29,7 +29,7 @@ constexpr std::array<std::pair<std::string_view, RotationOrder>, 6> kOrders{
      {"ZXY", RotationOrder::kZxy},
      {"ZYX", RotationOrder::kZyx}}};
 
-/// Axes (0 x, 1 y, 2 z), the first applied first.
+/// Returns the axes (0 x, 1 y, 2 z) in the order of application.
 std::array<int, 3> axes_of(RotationOrder order) {
   for (const auto& [name, known] : kOrders) {
     if (known == order) return {name[0] - 'X', name[1] - 'X', name[2] - 'X'};
@@ -49,7 +49,7 @@ std::vector<double> numbers_of(std::string_view text, std::string_view name, int
     if (begin == std::string_view::npos) return numbers;
     text.remove_prefix(begin);
     const std::string_view word = text.substr(0, text.find_first_of(kBlank));
-    // from_chars takes no plus sign, which some writers set.
+    // from_chars rejects a plus sign, which some programs write.
     const std::string_view digits = word.starts_with('+') ? word.substr(1) : word;
     double value = 0;
     const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
@@ -79,6 +79,7 @@ ChanLine line_from(const std::vector<double>& n, RotationOrder order, std::strin
   return result;
 }
 
+/// Returns the angle plus a multiple of a full turn that is nearest to `to`.
 double nearest_turn(double angle, double to) {
   constexpr double kTurn = 2 * std::numbers::pi;
   return angle + kTurn * std::round((to - angle) / kTurn);
@@ -105,7 +106,7 @@ Vector3d angles_from_rotation(const Quaterniond& rotation, RotationOrder order,
                               const Vector3d& before) {
   const auto [first, second, third] = axes_of(order);
   const Eigen::Matrix3d m = rotation.toRotationMatrix();
-  // m = R(third) R(second) R(first); the sign tells the orders that follow x y z x from the others.
+  // m = R(third) R(second) R(first). The sign is positive for cyclic orders (XYZ, YZX, ZXY).
   const double sign = (second - third + 3) % 3 == 1 ? 1 : -1;
   const double sine = std::clamp(sign * m(third, first), -1.0, 1.0);
   const double cosine = std::hypot(m(third, third), m(third, second));
@@ -116,14 +117,14 @@ Vector3d angles_from_rotation(const Quaterniond& rotation, RotationOrder order,
     angles[third] = std::atan2(-sign * m(second, first), m(first, first));
     angles[first] = std::atan2(-sign * m(third, second), m(third, third));
   } else {
-    // Gimbal lock: only the sum or the difference of the outer angles shows; one goes on as it was.
+    // Gimbal lock: only the sum or difference of the outer angles is defined; one is kept.
     angles[third] = before[third];
     const Quaterniond rest =
         Quaterniond(AngleAxisd(angles[second], Vector3d::Unit(second))).conjugate() *
         Quaterniond(AngleAxisd(angles[third], Vector3d::Unit(third))).conjugate() * rotation;
     angles[first] = 2 * std::atan2(rest.vec()[first], rest.w());
   }
-  Vector3d other = angles;  // the same rotation, the long way about the middle axis
+  Vector3d other = angles;  // the other angles of the same rotation
   other[first] += std::numbers::pi;
   other[second] = std::numbers::pi - other[second];
   other[third] += std::numbers::pi;
@@ -148,22 +149,21 @@ std::vector<ChanLine> parse_chan(std::string_view text, RotationOrder order,
       refuse(
           fmt::format("found {} numbers, allowed: 7, or 8 with the field of view", numbers.size()),
           name, number,
-          "Write \"frame tx ty tz rx ry rz\" and, if known, the vertical field "
-          "of view");
+          "Write \"frame tx ty tz rx ry rz\" and, if known, the vertical field of view");
     }
     if (!lines.empty() && numbers.size() != columns) {
-      refuse(fmt::format("found {} numbers after lines of {}", numbers.size(), columns), name,
+      refuse(fmt::format("found {} numbers, allowed: {} as before", numbers.size(), columns), name,
              number, "Give all lines a field of view, or none");
     }
     columns = numbers.size();
     if (!lines.empty() && !(numbers[0] > lines.back().frame)) {
-      refuse(fmt::format("found frame {} after {}, allowed: rising frames", numbers[0],
+      refuse(fmt::format("found frame {} after {}, allowed: ascending frames", numbers[0],
                          lines.back().frame),
              name, number, "Sort the lines by frame, and keep one per frame");
     }
     lines.push_back(line_from(numbers, order, name, number));
   }
-  if (lines.empty()) refuse("there is no line with a camera", name, 1, "Export it again");
+  if (lines.empty()) refuse("the file has no line with a camera", name, 1, "Export it again");
   return lines;
 }
 

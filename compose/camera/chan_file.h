@@ -12,14 +12,14 @@
 
 namespace raystage {
 
-/// In which order the three angles of a .chan file are applied: the first one first. Nuke's cameras
-/// have kZxy unless told.
+/// The order in which the three angles of a .chan file are applied, the first letter first. kZxy is
+/// the default of Nuke's cameras.
 enum class RotationOrder { kXyz, kXzy, kYxz, kYzx, kZxy, kZyx };
 
-/// "ZXY" and its like; none: no such order.
+/// Returns the order with a name such as "ZXY", or nullopt.
 std::optional<RotationOrder> parse_rotation_order(std::string_view name);
 
-/// A line of a .chan file: Nuke's camera at a frame, x right, y up, looking down -z.
+/// A line of a .chan file: Nuke's camera at a frame; x right, y up, looking down -z.
 struct ChanLine {
   double frame = 0;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
@@ -27,20 +27,20 @@ struct ChanLine {
   std::optional<double> vertical_fov;                               ///< full angle, radians
 };
 
-/// Reads lines of "frame tx ty tz rx ry rz [vertical field of view]", degrees, apart by spaces or
-/// tabs; lines that are empty or begin with # are passed over. `name` stands for the file in
-/// errors. Throws Error (bad input) with the line's number: frames that do not rise, other than 7
-/// or 8 numbers, the same number of them in all lines, something that is no finite number, a field
-/// of view outside (0, 180), no line at all.
+/// Reads lines of "frame tx ty tz rx ry rz [vertical field of view]", angles in degrees, separated
+/// by spaces or tabs. Ignores empty lines and lines that begin with #. `name`: of the file, for
+/// errors. Throws Error (bad input) with the line number if frames are not ascending, a line does
+/// not have 7 or 8 numbers or not as many as the others, a number is not finite, a field of view is
+/// outside (0, 180), or there is no line.
 std::vector<ChanLine> parse_chan(std::string_view text, RotationOrder order, std::string_view name);
 
-/// The same text for the same lines; angles go on from line to line without jumps of 360 degrees,
-/// and doubles come back to the last bits that sines and cosines leave.
+/// Returns the lines as text, deterministically. Angles have no jumps of 360 degrees between lines.
+/// Numbers are exact, except for the rounding of sines and cosines.
 std::string format_chan(const std::vector<ChanLine>& lines, RotationOrder order);
 
-/// Angles x, y, z in radians, applied in the order's order.
+/// Returns the rotation of angles about x, y and z (radians), applied in this order.
 Eigen::Quaterniond rotation_from_angles(const Eigen::Vector3d& angles, RotationOrder order);
-/// The angles of a rotation that are nearest to `before`.
+/// Returns those angles of a rotation (radians) that are nearest to `before`.
 Eigen::Vector3d angles_from_rotation(const Eigen::Quaterniond& rotation, RotationOrder order,
                                      const Eigen::Vector3d& before);
 

@@ -124,13 +124,14 @@ TEST(ChanFile, AnglesGoOnWithoutJumps) {
 TEST(ChanFile, SaysWhichLineIsWrong) {
   EXPECT_THAT(refusal("1 0 0 0 0 0 0\n2 0 0 zero 0 0 0"), HasSubstr("move.chan:2: found \"zero\""));
   EXPECT_THAT(refusal("1 0 0 0 0 0"), HasSubstr("found 6 numbers, allowed: 7, or 8"));
-  EXPECT_THAT(refusal("1 0 0 0 0 0 0 50\n2 0 0 0 0 0 0"), HasSubstr("7 numbers after lines of 8"));
+  EXPECT_THAT(refusal("1 0 0 0 0 0 0 50\n2 0 0 0 0 0 0"),
+              HasSubstr("7 numbers, allowed: 8 as before"));
   EXPECT_THAT(refusal("2 0 0 0 0 0 0\n2 0 0 0 0 0 0"), HasSubstr("frame 2 after 2"));
   EXPECT_THAT(refusal("1 0 0 nan 0 0 0"), HasSubstr("allowed: a finite number"));
   EXPECT_THAT(refusal("1 0 0 inf 0 0 0"), HasSubstr("allowed: a finite number"));
   EXPECT_THAT(refusal("1 0 0 0 0 0 0 180"), HasSubstr("field of view of 180"));
-  EXPECT_THAT(refusal("# nothing\n\n"), HasSubstr("there is no line with a camera"));
-  EXPECT_THAT(refusal(""), HasSubstr("there is no line with a camera"));
+  EXPECT_THAT(refusal("# nothing\n\n"), HasSubstr("the file has no line with a camera"));
+  EXPECT_THAT(refusal(""), HasSubstr("the file has no line with a camera"));
 }
 
 TEST(ChanFile, KnowsTheOrdersByName) {

@@ -27,9 +27,9 @@ using Eigen::Vector3d;
 using nlohmann::json;
 
 constexpr const char* kExportAgain = "Export the file again, or check it with a glTF validator";
-constexpr double kRigid = 1e-3;  // floats, through a few nodes
+constexpr double kRigid = 1e-3;  // rounding of float through a few nodes
 
-/// An animated property: `width` numbers a key.
+/// An animated property with `width` numbers per key.
 class Sampler {
  public:
   enum class Kind { kStep, kLinear, kCubic };
@@ -55,7 +55,7 @@ class Sampler {
   }
 
  private:
-  /// `part` of a CUBICSPLINE's triple: 0 in-tangent, 1 value, 2 out-tangent.
+  /// Returns a key. `part` of a CUBICSPLINE key: 0 in-tangent, 1 value, 2 out-tangent.
   std::vector<double> key(std::size_t i, std::size_t part = 1) const {
     const std::size_t begin = kind_ == Kind::kCubic ? (3 * i + part) * width_ : i * width_;
     const auto first = values_.begin() + static_cast<std::ptrdiff_t>(begin);
@@ -74,7 +74,7 @@ class Sampler {
     return {q.x(), q.y(), q.z(), q.w()};
   }
 
-  /// glTF 2.0, appendix C.5.
+  /// Cubic spline of glTF 2.0, appendix C.5.
   std::vector<double> spline(std::size_t from, std::size_t to, double u) const {
     const double h = times_[to] - times_[from], u2 = u * u, u3 = u2 * u;
     const std::vector<double> p0 = key(from), p1 = key(to), m0 = key(from, 2), m1 = key(to, 0);
@@ -92,7 +92,7 @@ class Sampler {
   bool rotation_;
 };
 
-using SamplerOf = std::map<std::string, Sampler>;  // "/nodes/3/rotation" and its like
+using SamplerOf = std::map<std::string, Sampler>;  // by target, such as "/nodes/3/rotation"
 
 std::vector<double> list_of(const GltfFile& file, const json& object, const char* key,
                             std::vector<double> otherwise, const std::string& where) {
@@ -105,11 +105,12 @@ std::vector<double> list_of(const GltfFile& file, const json& object, const char
     }
     if (numbers.size() == otherwise.size() && at->size() == otherwise.size()) return numbers;
   }
-  throw file.input_error(fmt::format("found {}, allowed: {} numbers", found(*at), otherwise.size()),
-                         where + "/" + key, kExportAgain);
+  throw file.input_error(
+      fmt::format("found {}, allowed: {} numbers", describe_json_value(*at), otherwise.size()),
+      where + "/" + key, kExportAgain);
 }
 
-/// A node's own transform; what is animated comes from samplers.
+/// The local transform of a node; samplers replace animated properties.
 struct Node {
   std::string path;  ///< "/nodes/3"
   std::vector<double> translation, rotation, scale;
@@ -140,12 +141,12 @@ Node node_from(const GltfFile& file, std::size_t index) {
   node.scale = list_of(file, object, "scale", {1, 1, 1}, node.path);
   if (object.contains("matrix")) {
     const auto m = list_of(file, object, "matrix", std::vector<double>(16), node.path);
-    node.matrix = Eigen::Map<const Matrix4d>(m.data());  // by columns, as Eigen's
+    node.matrix = Eigen::Map<const Matrix4d>(m.data());  // column-major, as Eigen
   }
   return node;
 }
 
-/// From the root down to the node, which stands last.
+/// Returns the node and its ancestors, from the root down.
 std::vector<Node> nodes_above(const GltfFile& file, std::size_t index) {
   const std::size_t count = file.count("nodes");
   std::vector<std::optional<std::size_t>> parent(count);
@@ -194,12 +195,12 @@ Sampler sampler_from(const GltfFile& file, const json& object, const std::string
                            where, kExportAgain);
   }
   if (std::ranges::adjacent_find(times, std::greater_equal<>()) != times.end()) {
-    throw file.input_error("the sampler's times do not rise", where, kExportAgain);
+    throw file.input_error("the sampler's times are not ascending", where, kExportAgain);
   }
   return {kind, std::move(times), std::move(values), width, rotation};
 }
 
-/// What an animation's channel moves, "/nodes/3/rotation" and its like; empty: nothing of ours.
+/// Returns the property that an animation channel changes, such as "/nodes/3/rotation", or "".
 std::string target_of(const json& channel) {
   if (!channel.is_object() || !channel.contains("target") || !channel["target"].is_object()) {
     return {};
@@ -214,7 +215,7 @@ std::string target_of(const json& channel) {
   return fmt::format("/nodes/{}/{}", target["node"].get<std::size_t>(), path);
 }
 
-/// Of the properties in `wanted` those that are animated.
+/// Returns the samplers of those properties in `wanted` that are animated.
 SamplerOf samplers_of(const GltfFile& file, const std::vector<std::string>& wanted) {
   SamplerOf samplers;
   for (std::size_t a = 0; a < file.count("animations"); ++a) {
@@ -240,20 +241,22 @@ SamplerOf samplers_of(const GltfFile& file, const std::vector<std::string>& want
   return samplers;
 }
 
-Pose rigid(const GltfFile& file, const Matrix4d& world_from_node, const std::string& path) {
+/// Returns the pose of a node's transform without its scale.
+Pose pose_without_scale(const GltfFile& file, const Matrix4d& world_from_node,
+                        const std::string& path) {
   Matrix3d axes = world_from_node.topLeftCorner<3, 3>();
   for (int i = 0; i < 3; ++i) {
     const double length = axes.col(i).norm();
     if (!(length > 0 && std::isfinite(length))) {
-      throw file.input_error("the node has a scale of 0 or without end", path,
-                             "Give it another scale");
+      throw file.input_error("the node's scale is 0 or not finite", path, "Give it another scale");
     }
     axes.col(i) /= length;
   }
   const bool skewed = !((axes.transpose() * axes - Matrix3d::Identity()).norm() <= kRigid);
   if (skewed || axes.determinant() < 0) {
-    throw file.input_error("the camera's node is mirrored or skewed by those above it", path,
-                           "Freeze its transform, or remove uneven scales above it");
+    throw file.input_error(
+        "the camera's node is mirrored or skewed by its ancestors", path,
+        "Freeze its transform, or remove the non-uniform scale of its ancestors");
   }
   return {Quaterniond(axes).normalized().toRotationMatrix(),
           world_from_node.topRightCorner<3, 1>()};
@@ -282,14 +285,14 @@ Found find_camera(const GltfFile& file, const std::string& name) {
   if (cameras.size() == 1) return cameras.front();
   if (cameras.empty()) {
     throw file.input_error(name.empty() || names.empty()
-                               ? std::string("there is no camera")
-                               : fmt::format("there is no camera \"{}\", only {}", name, names),
+                               ? std::string("the file has no camera")
+                               : fmt::format("the file has no camera \"{}\", only {}", name, names),
                            "/nodes", "Export the file with its camera, or correct the name");
   }
   throw file.input_error(name.empty()
-                             ? fmt::format("there are {} cameras: {}", cameras.size(), names)
+                             ? fmt::format("the file has {} cameras: {}", cameras.size(), names)
                              : fmt::format("{} cameras are called \"{}\"", cameras.size(), name),
-                         "/nodes", "Say which one by its name");
+                         "/nodes", "Give the unique name of one of them");
 }
 
 }  // namespace
@@ -307,14 +310,15 @@ GltfCamera parse_gltf_camera(std::string_view bytes, const std::filesystem::path
   const std::string camera_path = fmt::format("/cameras/{}", index.get<std::size_t>());
   if (text_of(camera, "type") != "perspective" || !camera.contains("perspective") ||
       !camera["perspective"].is_object()) {
-    throw file->input_error("the camera has no perspective", camera_path,
+    throw file->input_error("the camera is not a perspective camera", camera_path,
                             "Export a perspective camera");
   }
   const json yfov = camera["perspective"].value("yfov", json());
   const auto in_range = [](double v) { return v > 0 && v < std::numbers::pi; };
   if (!yfov.is_number() || !in_range(yfov.get<double>())) {
-    throw file->input_error(fmt::format("found {}, allowed: between 0 and pi", found(yfov)),
-                            camera_path + "/perspective/yfov", "Correct the field of view");
+    throw file->input_error(
+        fmt::format("found {}, allowed: between 0 and pi radians", describe_json_value(yfov)),
+        camera_path + "/perspective/yfov", "Correct the field of view");
   }
 
   const std::vector<Node> nodes = nodes_above(*file, chosen.node);
@@ -335,7 +339,7 @@ GltfCamera parse_gltf_camera(std::string_view bytes, const std::filesystem::path
   result.pose = [file, nodes, samplers](double seconds) {
     Matrix4d world_from_node = Matrix4d::Identity();
     for (const Node& node : nodes) world_from_node = world_from_node * node.at(seconds, *samplers);
-    return rigid(*file, world_from_node, nodes.back().path);
+    return pose_without_scale(*file, world_from_node, nodes.back().path);
   };
   result.vertical_fov = [file, samplers, fov_target, still = yfov.get<double>(),
                          in_range](double seconds) {
@@ -343,7 +347,7 @@ GltfCamera parse_gltf_camera(std::string_view bytes, const std::filesystem::path
     const double fov = sampler == samplers->end() ? still : sampler->second.at(seconds).front();
     if (!in_range(fov)) {
       throw file->input_error(
-          fmt::format("the field of view is {} at {} s, allowed: between 0 and pi", fov, seconds),
+          fmt::format("the field of view is {} radians at {} s, allowed: 0 to pi", fov, seconds),
           fov_target, "Correct its animation");
     }
     return fov;

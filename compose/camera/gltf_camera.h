@@ -14,37 +14,37 @@
 
 namespace raystage {
 
-/// A glTF camera with what moves it, as glTF 2.0 says: Y up, looking down -z, metres; time in
-/// seconds from the file's 0, held before the first and after the last key. Its own interpolation
-/// is kept: LINEAR (rotations by slerp), STEP or CUBICSPLINE.
+/// An animated glTF 2.0 camera: y up, looking down -z, metres; time in seconds from the file's 0,
+/// constant before the first and after the last key. Keys are interpolated as the file says: LINEAR
+/// (rotations by slerp), STEP or CUBICSPLINE.
 struct GltfCamera {
-  std::string name;                          ///< of the node that carries it, else of the camera
-  std::function<Pose(double seconds)> pose;  ///< of all nodes above it, too; scale left out
+  std::string name;                          ///< of the camera's node, or else of the camera
+  std::function<Pose(double seconds)> pose;  ///< in the world; without scale
   std::function<double(double seconds)> vertical_fov;  ///< full angle, radians
-  double last_seconds = 0;                             ///< of its keys; 0: it stands still
+  double last_seconds = 0;                             ///< time of the last key; 0: not animated
 };
 
-/// Reads one camera of a .gltf or .glb file: `name` is that of its node or of the camera; empty:
-/// the only one there is. Buffers beside the file, in it, or in data URIs. Animations of the
-/// camera's nodes and, by KHR_animation_pointer, of its field of view are followed. Throws Error
-/// (bad input): no such camera, an orthographic one, a node that mirrors or skews, two animations
-/// of the same thing, numbers that are not finite, a damaged file.
+/// Reads one camera of a .gltf or .glb file. `name`: of its node or of the camera; empty: the only
+/// camera. Buffers are read from files next to it, from the GLB, or from data URIs. Animations of
+/// the camera's nodes and, by KHR_animation_pointer, of its field of view are used. Throws Error
+/// (bad input) if there is no such camera, it is orthographic, a node mirrors or skews it, a
+/// property is animated twice, a number is not finite, or the file is damaged.
 GltfCamera read_gltf_camera(const std::filesystem::path& file, const std::string& name);
-/// The same of a file's bytes.
+/// As above, from the bytes of a file. `file`: finds its buffers, and is named by errors.
 GltfCamera parse_gltf_camera(std::string_view bytes, const std::filesystem::path& file,
                              const std::string& name);
 
-/// A camera at a moment.
+/// A camera at one time.
 struct GltfCameraKey {
   double seconds = 0;
   Pose pose;
   double vertical_fov = 1;  ///< full angle, radians
 };
 
-/// A .gltf document of one perspective camera with LINEAR keys: what moves is animated; the field
-/// of view by KHR_animation_pointer, which programs that do not know it pass over, with the first
-/// key's in place. `aspect`: width / height. Floats, as glTF keeps them. The text is the same for
-/// the same keys. `keys`: at least one, by rising time.
+/// Returns a .gltf document of one perspective camera with LINEAR keys of the properties that
+/// change. KHR_animation_pointer animates the field of view; programs that do not know it show that
+/// of the first key. `aspect`: width / height. `keys`: at least one, ascending times. Values are
+/// rounded to float. The text depends on the arguments only.
 std::string format_gltf_camera(const std::string& name, double aspect,
                                std::span<const GltfCameraKey> keys);
 

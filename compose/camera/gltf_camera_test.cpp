@@ -134,8 +134,7 @@ TEST_F(GltfCameras, StepsAndSplinesAreTheFilesOwn) {
   EXPECT_LT((camera.pose(1).position - (Vector3d(10, 0, 0) + half * Vector3d(0, 0, -3))).norm(),
             1e-6);
 
-  // y from 0 to 1 with tangents 0 at the start and 1 a second at the end: 1/2 - h / 8 in the
-  // middle.
+  // y from 0 to 1, tangents 0 at the start and 1 per second at the end: 1/2 - h / 8 halfway.
   const std::string bytes = bytes_of({0, 2, 0, 0, 0, 0,  0, -3, 0, 0, 0,  //
                                       0, 1, 0, 0, 1, -3, 0, 0,  0});
   document = boom();
@@ -176,24 +175,24 @@ TEST_F(GltfCameras, ScaleAboveIsLeftOut) {
 }
 
 TEST_F(GltfCameras, SaysWhatIsWrongAndWhere) {
-  EXPECT_THAT(refusal([](json& d) { d["asset"]["version"] = "1.0"; }), HasSubstr("no glTF 2.0"));
+  EXPECT_THAT(refusal([](json& d) { d["asset"]["version"] = "1.0"; }), HasSubstr("not glTF 2.0"));
   EXPECT_THAT(refusal([](json& d) { d["cameras"][0]["type"] = "orthographic"; }),
-              HasSubstr("#/cameras/0: the camera has no perspective"));
+              HasSubstr("#/cameras/0: the camera is not a perspective camera"));
   EXPECT_THAT(refusal([](json& d) { d["nodes"][1].erase("camera"); }),
-              HasSubstr("there is no camera"));
+              HasSubstr("the file has no camera"));
   EXPECT_THAT(refusal([](json& d) {
                 d["nodes"][0]["scale"] = {-1, 1, 1};
               }),
               HasSubstr("mirrored or skewed"));
   EXPECT_THAT(refusal([](json& d) { d["nodes"][1]["children"] = {0}; }), HasSubstr("own ancestor"));
   EXPECT_THAT(refusal([](json& d) { d["accessors"][2]["count"] = 3; }),
-              HasSubstr("#/accessors/2: the accessor reaches beyond its buffer"));
+              HasSubstr("#/accessors/2: the accessor exceeds its buffer"));
   EXPECT_THAT(refusal([](json& d) { d["bufferViews"][2]["byteLength"] = 1 << 30; }),
-              HasSubstr("beyond its buffer"));
+              HasSubstr("exceeds its buffer"));
   EXPECT_THAT(refusal([](json& d) { d["accessors"][2]["bufferView"] = 17; }),
-              HasSubstr("refers to 17 of the 3 in bufferViews"));
+              HasSubstr("an index is 17, but there are 3 bufferViews"));
   EXPECT_THAT(refusal([](json& d) { d["accessors"][1]["type"] = "VEC3"; }),
-              HasSubstr("not one of 4 numbers"));
+              HasSubstr("does not have 4 numbers"));
   EXPECT_THAT(refusal([](json& d) { d["buffers"][0]["uri"] = "data:;base64,@@"; }),
               HasSubstr("not base64"));
   EXPECT_THAT(refusal([](json& d) { d["buffers"][0]["uri"] = "gone.bin"; }), HasSubstr("gone.bin"));
@@ -205,7 +204,7 @@ TEST_F(GltfCameras, SaysWhatIsWrongAndWhere) {
   EXPECT_THAT(refusal([&](json& d) { d["buffers"][0]["uri"] = data_uri(bytes); }),
               HasSubstr("#/accessors/1: element 1 is not finite"));
   EXPECT_THAT(refusal([](json& d) { d["animations"][0]["samplers"][0]["input"] = 2; }),
-              HasSubstr("not one of 1 numbers"));
+              HasSubstr("does not have 1 numbers"));
 }
 
 TEST_F(GltfCameras, WhatIsWrittenComesBack) {

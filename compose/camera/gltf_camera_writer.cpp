@@ -17,10 +17,10 @@ using nlohmann::ordered_json;
 
 constexpr int kFloat = 5126;
 
-/// Collects accessors into one buffer of floats.
+/// Collects accessors in one buffer of floats.
 class Buffer {
  public:
-  /// `values`: `width` for each element. Returns the accessor's index.
+  /// Adds an accessor with `width` values per element. Returns its index.
   std::size_t add(const std::vector<float>& values, std::size_t width, bool with_range) {
     const std::size_t count = values.size() / width;
     views_.push_back({{"buffer", 0},
@@ -32,7 +32,7 @@ class Buffer {
                           {"type", width == 1   ? "SCALAR"
                                    : width == 3 ? "VEC3"
                                                 : "VEC4"}};
-    if (with_range) {  // glTF wants it of times
+    if (with_range) {  // glTF requires it for times
       accessor["min"] = {values.front()};
       accessor["max"] = {values.back()};
     }

@@ -26,11 +26,11 @@ constexpr std::size_t kMostNumbers = std::size_t{1} << 26;
 
 std::uint32_t word_at(std::string_view bytes, std::size_t offset) {
   std::uint32_t word = 0;
-  std::memcpy(&word, bytes.data() + offset, sizeof word);  // glTF is little-endian, as we are
+  std::memcpy(&word, bytes.data() + offset, sizeof word);  // glTF is little-endian, as is this host
   return word;
 }
 
-/// "my%20file.bin" as the file is called.
+/// Decodes percent-encoding: "my%20file.bin".
 std::string file_name_from_uri(std::string_view uri) {
   std::string name;
   const auto hex = [](char c) {
@@ -93,8 +93,8 @@ std::size_t width_of(const std::string& type) {
   return 0;
 }
 
-/// A whole number from 0 on, `otherwise` where it is not given; -1: something else stands there.
-std::int64_t whole(const json& object, const char* key, std::int64_t otherwise) {
+/// Returns a non-negative integer member, `otherwise` if it is missing, -1 for any other value.
+std::int64_t integer_member(const json& object, const char* key, std::int64_t otherwise) {
   const auto at = object.find(key);
   if (at == object.end()) return otherwise;
   if (!at->is_number_integer()) return -1;
@@ -114,7 +114,7 @@ GltfFile::GltfFile(std::string_view bytes, const std::filesystem::path& file) : 
   if (asset == nullptr || !asset->is_object() || !asset->contains("version") ||
       !(*asset)["version"].is_string() ||
       !(*asset)["version"].get_ref<const std::string&>().starts_with("2.")) {
-    throw input_error("this is no glTF 2.0 file", "/asset", "Export the camera as glTF 2.0");
+    throw input_error("the file is not glTF 2.0", "/asset", "Export the camera as glTF 2.0");
   }
   load_buffers();
 }
@@ -124,15 +124,14 @@ void GltfFile::load_glb(std::string_view bytes) {
   constexpr std::size_t kHeader = 12, kChunk = 8;
   if (bytes.size() < kHeader + kChunk || word_at(bytes, 4) != 2 ||
       word_at(bytes, 8) > bytes.size()) {
-    throw input_error("the file is cut off, or not of version 2", "", kExportFileAgain);
+    throw input_error("the GLB header is truncated or not of version 2", "", kExportFileAgain);
   }
   bytes = bytes.substr(0, word_at(bytes, 8));
   for (std::size_t at = kHeader; at + kChunk <= bytes.size();) {
     const std::size_t size = word_at(bytes, at);
     const std::uint32_t kind = word_at(bytes, at + 4);
     if (size > bytes.size() - at - kChunk) {
-      throw input_error("a chunk ends beyond the file", fmt::format("@byte {}", at),
-                        kExportFileAgain);
+      throw input_error("a chunk exceeds the file", fmt::format("@byte {}", at), kExportFileAgain);
     }
     const std::string_view chunk = bytes.substr(at + kChunk, size);
     if (kind == kJson && json_.is_null()) json_ = parse_json(chunk, file_.string());
@@ -146,12 +145,13 @@ void GltfFile::load_glb(std::string_view bytes) {
 
 std::string GltfFile::load_buffer(const json& buffer, std::size_t index) const {
   const std::string where = fmt::format("/buffers/{}", index);
-  if (!buffer.is_object()) throw input_error("found no object", where, kExportFileAgain);
+  if (!buffer.is_object()) throw input_error("this is not an object", where, kExportFileAgain);
   if (!buffer.contains("uri")) {
     if (index == 0 && has_embedded_) return embedded_;
-    throw input_error("the buffer's bytes are nowhere", where, kExportFileAgain);
+    throw input_error("the buffer has no data", where, kExportFileAgain);
   }
-  if (!buffer["uri"].is_string()) throw input_error("its uri is no text", where, kExportFileAgain);
+  if (!buffer["uri"].is_string())
+    throw input_error("the uri is not a string", where, kExportFileAgain);
   const std::string& uri = buffer["uri"].get_ref<const std::string&>();
   if (!uri.starts_with("data:")) {
     return read_file(file_.parent_path() / file_name_from_uri(uri));
@@ -160,7 +160,7 @@ std::string GltfFile::load_buffer(const json& buffer, std::size_t index) const {
   if (comma != std::string::npos && uri.substr(0, comma).ends_with(";base64")) {
     if (auto bytes = decode_base64(std::string_view(uri).substr(comma + 1))) return *bytes;
   }
-  throw input_error("its data URI is not base64", where, kExportFileAgain);
+  throw input_error("the data URI is not base64", where, kExportFileAgain);
 }
 
 void GltfFile::load_buffers() {
@@ -173,21 +173,21 @@ std::size_t GltfFile::count(const char* list) const {
   const auto at = json_.find(list);
   if (at == json_.end()) return 0;
   if (!at->is_array())
-    throw input_error("found no list", fmt::format("/{}", list), kExportFileAgain);
+    throw input_error("this is not an array", fmt::format("/{}", list), kExportFileAgain);
   return at->size();
 }
 
 const json& GltfFile::element(const char* list, const json& index) const {
   if (!index.is_number_integer() || index.get<std::int64_t>() < 0 ||
       index.get<std::uint64_t>() >= count(list)) {
-    throw input_error(
-        fmt::format("something refers to {} of the {} in {}", found(index), count(list), list),
-        fmt::format("/{}", list), kExportFileAgain);
+    throw input_error(fmt::format("an index is {}, but there are {} {}", describe_json_value(index),
+                                  count(list), list),
+                      fmt::format("/{}", list), kExportFileAgain);
   }
   const json& result = json_[list][index.get<std::size_t>()];
   if (!result.is_object()) {
-    throw input_error("found no object", fmt::format("/{}/{}", list, index.get<std::size_t>()),
-                      kExportFileAgain);
+    throw input_error("this is not an object",
+                      fmt::format("/{}/{}", list, index.get<std::size_t>()), kExportFileAgain);
   }
   return result;
 }
@@ -196,34 +196,34 @@ std::vector<double> GltfFile::numbers(const json& accessor_index, std::size_t wi
   const json& accessor = element("accessors", accessor_index);
   const std::string where = fmt::format("/accessors/{}", accessor_index.get<std::size_t>());
   if (accessor.contains("sparse")) {
-    throw input_error("the accessor is sparse, which is not read for cameras", where,
+    throw input_error("not supported for cameras: sparse accessors", where,
                       "Export it without sparse accessors");
   }
   const auto type = accessor.find("type");
-  const auto component = std::ranges::find(
-      kComponents, static_cast<int>(whole(accessor, "componentType", 0)), &Component::type);
+  const auto component =
+      std::ranges::find(kComponents, static_cast<int>(integer_member(accessor, "componentType", 0)),
+                        &Component::type);
   if (type == accessor.end() || !type->is_string() ||
       width_of(type->get_ref<const std::string&>()) != width || component == kComponents.end() ||
       !accessor.contains("bufferView")) {
-    throw input_error(fmt::format("the accessor is not one of {} numbers for each element", width),
+    throw input_error(fmt::format("the accessor does not have {} numbers per element", width),
                       where, kExportFileAgain);
   }
   const json& view = element("bufferViews", accessor["bufferView"]);
-  const std::int64_t buffer = whole(view, "buffer", -1);
-  const std::int64_t in_buffer = whole(view, "byteOffset", 0);
-  const std::int64_t length = whole(view, "byteLength", -1);
-  const std::int64_t in_view = whole(accessor, "byteOffset", 0);
-  const std::int64_t count = whole(accessor, "count", -1);
+  const std::int64_t buffer = integer_member(view, "buffer", -1);
+  const std::int64_t in_buffer = integer_member(view, "byteOffset", 0);
+  const std::int64_t length = integer_member(view, "byteLength", -1);
+  const std::int64_t in_view = integer_member(accessor, "byteOffset", 0);
+  const std::int64_t count = integer_member(accessor, "count", -1);
   const auto packed = static_cast<std::int64_t>(width * component->bytes);
-  const std::int64_t stride = whole(view, "byteStride", packed);
+  const std::int64_t stride = integer_member(view, "byteStride", packed);
   if (buffer < 0 || static_cast<std::size_t>(buffer) >= buffers_.size() || in_buffer < 0 ||
       length < 0 || in_view < 0 || count < 1 || stride < packed ||
       static_cast<std::size_t>(count) * width > kMostNumbers ||
       in_view + (count - 1) * stride + packed > length ||
       in_buffer + length >
           static_cast<std::int64_t>(buffers_[static_cast<std::size_t>(buffer)].size())) {
-    throw input_error("the accessor reaches beyond its buffer, or says no size", where,
-                      kExportFileAgain);
+    throw input_error("the accessor exceeds its buffer or has no size", where, kExportFileAgain);
   }
   const bool normalised = accessor.value("normalized", json(false)) == json(true);
   const char* begin = buffers_[static_cast<std::size_t>(buffer)].data() + in_buffer + in_view;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// For .cpp files only: shows nlohmann's types, which take a second to compile.
+// Include in .cpp files only: nlohmann/json takes a second to compile.
 #pragma once
 
 #include <cstddef>
@@ -13,25 +13,24 @@
 
 namespace raystage {
 
-/// A glTF 2.0 file: its JSON, and the numbers in its buffers.
+/// A glTF 2.0 file: its JSON and its buffers.
 class GltfFile {
  public:
-  /// .gltf or .glb, told apart by what they begin with. Throws Error (bad input).
-  /// `file`: what buffers beside it are found by, and what errors name.
+  /// Reads .gltf or .glb, which differ in their first bytes. `file`: buffer paths are relative to
+  /// it, and errors name it. Throws Error (bad input) if the file or a buffer cannot be used.
   GltfFile(std::string_view bytes, const std::filesystem::path& file);
 
   const nlohmann::json& document() const { return json_; }
 
-  /// Of a list at the top of the document, by index. Throws Error (bad input) where it is not
-  /// there.
+  /// Returns an element of a top-level array. Throws Error (bad input) if the index is invalid.
   const nlohmann::json& element(const char* list, const nlohmann::json& index) const;
   std::size_t count(const char* list) const;
 
-  /// The numbers of an accessor, `width` for each element, finite; normalised integers as -1 to 1
-  /// or 0 to 1. Throws Error (bad input): another shape, beyond its buffer, sparse.
+  /// Returns the finite numbers of an accessor, `width` per element; normalised integers as -1 to 1
+  /// or 0 to 1. Throws Error (bad input) if it is sparse, exceeds its buffer or has another width.
   std::vector<double> numbers(const nlohmann::json& accessor_index, std::size_t width) const;
 
-  /// Bad input in this file; `where` is what it is about, such as "/nodes/3".
+  /// Returns an Error (bad input) about this file. `where`: JSON pointer, such as "/nodes/3".
   Error input_error(std::string what_happened, std::string_view where,
                     std::string what_to_do) const;
 

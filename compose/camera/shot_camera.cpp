@@ -20,7 +20,7 @@ using Eigen::Vector3d;
 
 Vector3d eigen_vector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
 
-/// Focal length in half picture widths from a vertical angle.
+/// Returns the focal length in half image widths from a vertical field of view (radians).
 double focal_from_vertical(double fov, double height_by_width) {
   return height_by_width / std::tan(fov / 2);
 }
@@ -77,7 +77,7 @@ ShotCamera::ShotCamera(const ShotDocument& shot, const std::filesystem::path& sh
       where_(shot_file.string() + "#/camera"),
       channels_(channels_from_keys(shot.camera, where_)),
       orbit_(shot.camera.orbit),
-      vertigo_(shot.camera.dolly_zoom) {
+      dolly_zoom_(shot.camera.dolly_zoom) {
   const double height_by_width = static_cast<double>(height_) / width_;
   if (const auto& source = shot.camera.file) {
     const std::filesystem::path base = folder.empty() ? shot_file.parent_path() : folder;
@@ -91,29 +91,29 @@ ShotCamera::ShotCamera(const ShotDocument& shot, const std::filesystem::path& sh
   const auto refuse = [&](const char* what, const char* what_to_do) {
     throw Error::bad_input(what, where_, what_to_do);
   };
-  if (!channels_.position) refuse("the camera has no position", "Give a key a position");
+  if (!channels_.position) refuse("the camera has no position", "Add position to a key");
   if (!channels_.focal) {
-    refuse("the camera has no focal length", "Give a key horizontal_fov_deg or focal_length_mm");
+    refuse("the camera has no focal length", "Add horizontal_fov_deg or focal_length_mm to a key");
   }
   if (channels_.orientation && channels_.target) {
     refuse("the camera has both orientations and targets", "Use one of them in all keys");
   }
   if (static_cast<bool>(channels_.orbit) != orbit_.has_value()) {
-    refuse("an orbit has a centre, and keys with orbit_deg; one of the two is missing",
-           "Add the other, or remove both");
+    refuse("an orbit needs both the member \"orbit\" and keys with orbit_deg; one is missing",
+           "Add the missing one, or remove both");
   }
   if (shot.camera.stereo) {
     stereo_ = StereoSettings{shot.camera.stereo->interaxial_m, shot.camera.stereo->convergence_m};
   }
-  if (vertigo_) {
-    const double frame = vertigo_->frame.value_or(shot.first_frame);
+  if (dolly_zoom_) {
+    const double frame = dolly_zoom_->frame.value_or(shot.first_frame);
     const Pose pose = animated_pose(frame);
-    const double depth = -pose.camera_from_world(eigen_vector(vertigo_->target)).z();
+    const double depth = -pose.camera_from_world(eigen_vector(dolly_zoom_->target)).z();
     if (!(depth > 0)) {
-      refuse("vertigo's target lies behind the camera at the frame that sets its size",
-             "Move the target, or give another frame");
+      refuse("the target of dolly_zoom is behind the camera at the frame that sets its size",
+             "Move the target, or choose another frame");
     }
-    vertigo_focal_per_metre_ = channels_.focal(frame) / depth;
+    dolly_focal_per_metre_ = channels_.focal(frame) / depth;
   }
 }
 
@@ -123,9 +123,8 @@ Pose ShotCamera::animated_pose(double frame) const {
   if (channels_.target) {
     const Vector3d target = channels_.target(frame);
     if ((target - pose.position).norm() == 0) {
-      throw Error::bad_input(
-          fmt::format("at frame {} the camera stands where it is to look", frame), where_,
-          "Move the target or the camera");
+      throw Error::bad_input(fmt::format("at frame {} the camera is at its target", frame), where_,
+                             "Move the target or the camera");
     }
     pose.world_from_camera_rotation = look_at_rotation(pose.position, target);
   } else if (channels_.orientation) {
@@ -147,9 +146,9 @@ Pose ShotCamera::animated_pose(double frame) const {
 }
 
 double ShotCamera::focal_at(double frame, const Pose& pose) const {
-  if (!vertigo_) return channels_.focal(frame);
-  // Thesis eq. 7.1: tan(fov / 2) goes with the inverse of the target's distance.
-  return vertigo_focal_per_metre_ * -pose.camera_from_world(eigen_vector(vertigo_->target)).z();
+  if (!dolly_zoom_) return channels_.focal(frame);
+  // Thesis eq. 7.1: tan(fov / 2) is proportional to the inverse distance of the target.
+  return dolly_focal_per_metre_ * -pose.camera_from_world(eigen_vector(dolly_zoom_->target)).z();
 }
 
 CameraState ShotCamera::state(double frame) const {
@@ -161,16 +160,17 @@ CameraState ShotCamera::state(double frame) const {
   if (channels_.f_number) state.f_number = channels_.f_number(frame);
   if (channels_.shutter) state.shutter_deg = channels_.shutter(frame);
   if (!state.pose.position.allFinite() || !state.pose.world_from_camera_rotation.allFinite()) {
-    throw Error::bad_input(fmt::format("at frame {} the camera is nowhere", frame), where_,
-                           "Look for numbers that are too large in its keys");
+    throw Error::bad_input(fmt::format("at frame {} the camera's pose is not finite", frame),
+                           where_, "Check its keys for numbers that are too large");
   }
   if (!(std::isfinite(state.focal_length_mm) && state.focal_length_mm > 0)) {
     throw Error::bad_input(
-        vertigo_
-            ? fmt::format("at frame {} vertigo's target lies beside or behind the camera", frame)
+        dolly_zoom_
+            ? fmt::format("at frame {} the target of dolly_zoom is not in front of the camera",
+                          frame)
             : fmt::format("at frame {} the focal length is {} mm, allowed: above 0", frame,
                           state.focal_length_mm),
-        where_, vertigo_ ? "Keep the target in front of the camera" : "Correct the lens");
+        where_, dolly_zoom_ ? "Keep the target in front of the camera" : "Correct the lens");
   }
   return state;
 }

@@ -12,28 +12,28 @@
 
 namespace raystage {
 
-/// The virtual camera of a shot, at any fractional frame: its keys or its file, then its orbit,
-/// then its dolly_zoom. Before the first and after the last key it rests.
+/// The virtual camera of a shot at any fractional frame: its keys or its file, then its orbit, then
+/// its dolly zoom. Constant before the first and after the last key.
 class ShotCamera {
  public:
-  /// `shot_file`: what errors name. `folder`: what paths are relative to; empty: the shot file's.
-  /// Reads the camera's file, if there is one. Throws Error (bad input) for keys that cannot be
-  /// used, and where the shot says no position or no lens.
+  /// Reads the camera's file, if any. `shot_file`: named by errors. `folder`: what paths are
+  /// relative to; empty: that of the shot file. Throws Error (bad input) for invalid keys, or if
+  /// the shot gives no position or no focal length.
   ShotCamera(const ShotDocument& shot, const std::filesystem::path& shot_file,
              const std::filesystem::path& folder = {});
 
-  /// Throws Error (bad input) where the camera is nowhere, looks nowhere (at a target where it
-  /// stands itself), or its lens would have a focal length of 0 or less.
+  /// Throws Error (bad input) if the pose is not finite, the target is at the camera's position, or
+  /// the focal length is not above 0.
   CameraState state(double frame) const;
 
-  /// One eye's camera at a frame of the shot's size; kBoth in a shot that is not stereo.
+  /// Returns the camera of one eye for views of the shot's size. kBoth: of a shot without stereo.
   VirtualCamera camera(double frame, Eye eye = Eye::kBoth) const;
 
   bool is_stereo() const { return stereo_.has_value(); }
-  /// kLeft and kRight, or kBoth alone.
+  /// Returns kLeft and kRight, or kBoth only.
   std::vector<Eye> eyes() const;
 
-  /// Files that the camera comes from: none or one.
+  /// Returns the files that the camera was read from: none or one.
   const std::vector<std::filesystem::path>& files() const { return files_; }
 
  private:
@@ -45,8 +45,8 @@ class ShotCamera {
   std::string where_;
   CameraChannels channels_;
   std::optional<ShotDocument::Orbit> orbit_;
-  std::optional<ShotDocument::DollyZoom> vertigo_;
-  double vertigo_focal_per_metre_ = 0;
+  std::optional<ShotDocument::DollyZoom> dolly_zoom_;
+  double dolly_focal_per_metre_ = 0;
   std::optional<StereoSettings> stereo_;
   std::vector<std::filesystem::path> files_;
 };

@@ -5,7 +5,7 @@
 
 namespace raystage {
 
-/// See ColorConfig::built_in(). Made of OpenColorIO's own transforms alone: no file, no table.
+/// Returns the config of ColorConfig::built_in(), made of OpenColorIO's built-in transforms only.
 OCIO_NAMESPACE::ConstConfigRcPtr built_in_color_config();
 
 }  // namespace raystage

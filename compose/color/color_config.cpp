@@ -18,7 +18,7 @@ namespace {
 
 namespace OCIO = OCIO_NAMESPACE;
 
-/// What spaces of ASWF's ColorInterop list are called in configs, the usual ones first.
+/// Names in configs of the spaces of ASWF's ColorInterop list, the usual ones first.
 struct InteropSpace {
   std::string_view id;
   std::array<const char*, 7> names;
@@ -33,7 +33,7 @@ constexpr std::array<InteropSpace, 3> kInteropSpaces{
       {"lin_ap0_scene", "ACES2065-1", "ACES - ACES2065-1", "aces2065_1", "lin_ap0", nullptr,
        nullptr}}}};
 
-/// The config's own name of a space, empty where it has none by that name.
+/// Returns the config's name of the space with this name, alias or role; empty if there is none.
 std::string own_name(const OCIO::Config& config, const char* name) {
   const OCIO::ConstColorSpaceRcPtr space = config.getColorSpace(name);
   return space ? space->getName() : "";
@@ -125,7 +125,7 @@ struct ColorConfig::State {
   OCIO::ConstConfigRcPtr config;
   std::string description, rec709;
 
-  /// The config's own name of a space.
+  /// Returns the config's name of a space. Throws Error (bad input) if there is none.
   std::string known(const std::string& space) const {
     if (space == kSceneSpace) return rec709;
     std::string name = own_name(*config, space.c_str());
@@ -135,7 +135,7 @@ struct ColorConfig::State {
                            "Use one of " + names_of_spaces(*config));
   }
 
-  /// Only now are the files read that the config refers to.
+  /// Reads the files that the config refers to.
   template <class Processor>
   std::shared_ptr<const ColorTransform::State> transform(const Processor& processor) const {
     try {
@@ -143,7 +143,7 @@ struct ColorConfig::State {
           processor(*config)->getDefaultCPUProcessor());
     } catch (const OCIO::Exception& error) {
       throw Error::bad_input(std::string("the colour config cannot be used: ") + error.what(),
-                             description, "Put the files there that it refers to, or mend it");
+                             description, "Add the files that it refers to, or correct it");
     }
   }
 };
@@ -162,17 +162,16 @@ ColorConfig ColorConfig::from_file(const std::filesystem::path& file,
     state.config->validate();
     state.description = fmt::format("{}, {}", file.filename().string(), state.config->getCacheID());
   } catch (const OCIO::Exception& error) {
-    throw Error::bad_input(std::string("no colour config can be read: ") + error.what(),
-                           file.string(), "Name an OpenColorIO config (.ocio) that is whole");
+    throw Error::bad_input(std::string("the colour config cannot be read: ") + error.what(),
+                           file.string(), "Give a valid OpenColorIO config (.ocio)");
   }
   state.rec709 = rec709_name.empty() ? space_by_interop_id(*state.config, kSceneSpace)
                                      : own_name(*state.config, rec709_name.c_str());
   if (state.rec709.empty()) {
     throw Error::bad_input(
-        rec709_name.empty() ? "the colour config has no space by a usual name of linear Rec.709"
+        rec709_name.empty() ? "the colour config has no space with a usual name of linear Rec.709"
                             : "the colour config has no space \"" + rec709_name + "\"",
-        file.string(),
-        "Say which it is: output.color.rec709_space; there are " + names_of_spaces(*state.config));
+        file.string(), "Set output.color.rec709_space to one of " + names_of_spaces(*state.config));
   }
   return ColorConfig(std::make_shared<const State>(std::move(state)));
 }

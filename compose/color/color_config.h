@@ -11,19 +11,19 @@
 
 namespace raystage {
 
-/// The space that light fields and mesh files bring, and that layers are put together in unless a
-/// shot says another: linear light, Rec.709 primaries. Named as ASWF's ColorInterop names it.
+/// Colour space of light fields and mesh files, and the default working space of shots: linear
+/// light, Rec.709 primaries. The name is that of ASWF's ColorInterop list.
 inline constexpr std::string_view kSceneSpace = "lin_rec709_scene";
 
-/// From one colour space to another. Many threads may apply it.
+/// Converts from one colour space to another. Thread-safe.
 class ColorTransform {
  public:
-  /// Premultiplied R, G, B, A a pixel, in place. Colours are divided by their alpha before and
-  /// multiplied after, unless the transform is a matrix, to which that makes no difference.
+  /// Converts pixels of premultiplied R, G, B, A in place. Colours are divided by alpha before and
+  /// multiplied after, unless the transform is linear, where that makes no difference.
   void apply(std::span<float> rgba) const;
-  /// R, G, B a pixel that are not premultiplied.
+  /// Converts pixels of R, G, B (not premultiplied) in place.
   void apply_rgb(std::span<float> rgb) const;
-  /// Whether twice the light becomes twice the light, and colours add up as before.
+  /// Returns whether the transform is linear: a matrix without offset.
   bool is_linear() const;
   bool is_no_op() const;
 
@@ -34,33 +34,34 @@ class ColorTransform {
   std::shared_ptr<const State> state_;
 };
 
-/// Colour spaces and displays, by OpenColorIO: the studio's config, or one that is built in. $OCIO
-/// is never looked at.
+/// Colour spaces and displays of an OpenColorIO config: given or built-in. $OCIO is ignored.
 class ColorConfig {
  public:
-  /// Spaces lin_rec709_scene, lin_ap1_scene (ACEScg), lin_ap0_scene (ACES2065-1) and srgb_texture;
-  /// displays sRGB, Rec.1886 and P3-D65, each with the views "Plain" and "ACES 1.0 SDR".
+  /// Returns a config with the spaces lin_rec709_scene, lin_ap1_scene (ACEScg), lin_ap0_scene
+  /// (ACES2065-1) and srgb_texture, and the displays sRGB, Rec.1886 and P3-D65, each with the views
+  /// "Plain" and "ACES 1.0 SDR".
   static ColorConfig built_in();
-  /// Throws Error (bad input) where the file cannot be read, is no config, or knows no space by any
-  /// name that linear Rec.709 goes by; `rec709_name`: its name there, empty: found.
+  /// `rec709_name`: name of linear Rec.709 in the config; empty: its usual names are tried. Throws
+  /// Error (bad input) if the file is no readable config or has no such space.
   static ColorConfig from_file(const std::filesystem::path& file, const std::string& rec709_name);
 
-  /// For headers and fingerprints: its name, and a hash of what it says.
+  /// Returns the name and a hash of the config, for headers and fingerprints.
   const std::string& description() const;
-  /// From kSceneSpace. Throws Error (bad input), naming the spaces there are, for an unknown one.
+  /// Returns the transform from kSceneSpace. Throws Error (bad input), which lists the known
+  /// spaces, for an unknown one.
   ColorTransform to_space(const std::string& space) const;
-  /// To kSceneSpace. Throws Error likewise.
+  /// Returns the transform to kSceneSpace. Throws Error likewise.
   ColorTransform from_space(const std::string& space) const;
-  /// Throws Error likewise.
+  /// Returns the transform between two spaces. Throws Error likewise.
   ColorTransform between(const std::string& from, const std::string& to) const;
-  /// From a space to what a display shows through a view: codes of full scale 1. Empty names: the
-  /// config's default. Throws Error (bad input), naming those there are.
+  /// Returns the transform from a space to the codes (full scale 1) of a display with a view. Empty
+  /// names: the config's defaults. Throws Error (bad input), which lists the displays and views.
   ColorTransform to_display(const std::string& space, const std::string& display,
                             const std::string& view) const;
-  /// The space's name in ASWF's ColorInterop list where it has one: lin_rec709_scene,
-  /// lin_ap1_scene, lin_ap0_scene; else "unknown".
+  /// Returns the space's id in ASWF's ColorInterop list (lin_rec709_scene, lin_ap1_scene,
+  /// lin_ap0_scene), or "unknown".
   std::string interop_id(const std::string& space) const;
-  /// The config's own name for a space of a file's colorInteropID; empty where it has none.
+  /// Returns the config's name of the space with a file's colorInteropID; empty if it has none.
   std::string space_from_interop_id(std::string_view id) const;
 
  private:

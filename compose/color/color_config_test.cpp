@@ -83,11 +83,11 @@ TEST(ColorConfigs, ThePlainViewOfSrgbIsItsCurve) {
     EXPECT_NEAR(rgb[0], srgb_from_linear(static_cast<double>(light)), 1e-4F);
     EXPECT_NEAR(rgb[1], srgb_from_linear(0.5 * static_cast<double>(light)), 1e-4F);
   }
-  // Default names lead to the same.
+  // Default names give the same.
   std::vector<float> grey{0.18F, 0.18F, 0.18F};
   ColorConfig::built_in().to_display("lin_rec709_scene", "", "").apply_rgb(grey);
   EXPECT_NEAR(grey[0], srgb_from_linear(0.18), 1e-4F);
-  // The ACES view rolls off.
+  // The ACES view compresses highlights.
   std::vector<float> bright{4, 4, 4};
   ColorConfig::built_in().to_display("ACEScg", "sRGB", "ACES 1.0 SDR").apply_rgb(bright);
   EXPECT_GT(bright[0], 0.9F);
@@ -144,10 +144,10 @@ TEST_F(StudioConfigs, AreRefusedWithWhatThereIs) {
   EXPECT_THAT(refusal([&] { config.to_display("lin_srgb", "tv", "none"); }),
               HasSubstr("tv / Film"));
   EXPECT_THAT(refusal([&] { ColorConfig::from_file(folder_.path() / "none.ocio", ""); }),
-              HasSubstr("no colour config can be read"));
+              HasSubstr("the colour config cannot be read"));
   std::ofstream(folder_.path() / "broken.ocio") << "ocio_profile_version: [\n";
   EXPECT_THAT(refusal([&] { ColorConfig::from_file(folder_.path() / "broken.ocio", ""); }),
-              HasSubstr("no colour config can be read"));
+              HasSubstr("the colour config cannot be read"));
 }
 
 }  // namespace

@@ -21,7 +21,7 @@ namespace {
 constexpr std::size_t kValues = 5;  // R, G, B, A, Z
 constexpr std::array<const char*, 4> kColours{"R", "G", "B", "A"};
 
-/// What a part is written from. Readers of deep files expect a pointer for each pixel and channel.
+/// The samples of a part as written. OpenEXR needs a pointer for each pixel and channel.
 struct DeepPixels {
   std::vector<unsigned int> counts;
   std::vector<half> colours;  // R of all samples, then G ...
@@ -30,7 +30,7 @@ struct DeepPixels {
   Imf::DeepFrameBuffer frame_buffer;
 };
 
-/// Where pixel (0, 0) would stand, which may lie outside the memory.
+/// Returns the address of pixel (0, 0), which may be outside of the memory.
 template <class T>
 char* base_of(std::vector<T>& values, const ExrCamera& camera) {
   return make_exr_slice(Imf::UINT, values.data(), camera.view.width, 1, -camera.overscan_x,
@@ -80,7 +80,7 @@ Imf::Header header_of(const ExrDeepView& view, std::size_t index, std::size_t vi
   part.view = view.name;
   part.camera_view_index = index;
   ExrMetadata of_deep = metadata;
-  // Chunks of one line each: deep files have no others.
+  // Deep files only have chunks of one line.
   if (of_deep.compression != "none" && of_deep.compression != "rle") of_deep.compression = "zips";
   Imf::Header header = exr_header(part, camera, of_deep);
   header.setType(Imf::DEEPSCANLINE);

@@ -12,21 +12,20 @@
 
 namespace raystage {
 
-/// A view's samples, as ExrDeepView::begin counts them; all of one size.
+/// Deep samples of a view. All views of a file have the same size.
 struct ExrDeepView {
-  std::string name;                      ///< "left", "right"; "" where there is just one
-  std::span<const std::uint32_t> begin;  ///< of each pixel's samples, row by row, and the end
-  std::span<const float> samples;        ///< R, G, B, A (premultiplied), Z each; front to back
+  std::string name;                      ///< "left", "right"; "" if there is only one
+  std::span<const std::uint32_t> begin;  ///< index of each pixel's first sample, then the end
+  std::span<const float> samples;        ///< R, G, B, A (premultiplied), Z of each; front to back
 };
 
-/// The bytes of a deep scanline EXR: half R, G, B, A, float Z, a part for each view. Compression is
-/// ZIPS unless it is to be none or rle: deep files know no other.
+/// Returns the bytes of a deep scanline EXR: half R, G, B, A, float Z, one part per view. The
+/// compression is none or rle if the metadata says so, or else zips: deep files have no other.
 std::vector<std::byte> encode_deep_exr(std::span<const ExrDeepView> views,
                                        std::span<const ExrCamera> cameras,
                                        const ExrMetadata& metadata);
 
-/// encode_deep_exr() to a file, under a temporary name and renamed. Returns the bytes written.
-/// Throws Error (failed) for the disk.
+/// Writes encode_deep_exr() atomically, returns the bytes written. Throws Error (failed: disk).
 std::size_t write_deep_exr(std::span<const ExrDeepView> views, std::span<const ExrCamera> cameras,
                            const ExrMetadata& metadata, const std::filesystem::path& file);
 

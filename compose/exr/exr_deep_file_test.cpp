@@ -19,7 +19,7 @@ namespace {
 
 constexpr int kDeepColumns = 24, kDeepRows = 10;
 
-/// Samples that differ in number from pixel to pixel, 0 to 3.
+/// Pixels with 0 to 3 samples.
 struct Deep {
   std::vector<std::uint32_t> begin{0};
   std::vector<float> samples;

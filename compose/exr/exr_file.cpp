@@ -32,7 +32,7 @@ std::size_t pixel_count(int width, int height) {
   return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
 }
 
-/// Scan lines that are compressed together (OpenEXR file layout); 1 is right for all, only slower.
+/// Returns the scan lines per chunk (OpenEXR file layout); 1 is correct for all, only slower.
 int lines_per_chunk(Imf::Compression compression) {
   switch (compression) {
     case Imf::ZIP_COMPRESSION:
@@ -44,14 +44,14 @@ int lines_per_chunk(Imf::Compression compression) {
   }
 }
 
-/// What a part's channels are written from: halves, and floats without NaN.
+/// The pixels of a part as written: halves, and floats without NaN.
 struct PartPixels {
   std::vector<half> halves;
   std::vector<float> data;
   Imf::FrameBuffer frame_buffer;
 };
 
-/// Adds the channels to the header, too.
+/// Returns the pixels of a part, and adds its channels to the header.
 PartPixels pixels_of(const ExrPart& part, std::span<const ExrView> views, const ExrCamera& camera,
                      Imf::Header& header) {
   const auto slice = [&](Imf::PixelType type, auto* first) {
@@ -87,18 +87,18 @@ PartPixels pixels_of(const ExrPart& part, std::span<const ExrView> views, const 
       pixels.frame_buffer.insert(channel.name, slice(Imf::FLOAT, number));
       number += count;
     }
-    // pLinear stays false: coverage is data, and must not be treated as light.
+    // pLinear stays false: coverage is data.
     header.channels().insert(channel.name, Imf::Channel(layer.is_half() ? Imf::HALF : Imf::FLOAT));
   }
   return pixels;
 }
 
-/// Throws where something is missing.
+/// Reads all chunks. Throws if one is missing.
 void read_deep_part(Imf::MultiPartInputFile& input, int index) {
   Imf::DeepScanLineInputPart part(input, index);
   const Imath::Box2i window = part.header().dataWindow();
   std::vector<char> chunk;
-  for (std::int64_t y = window.min.y; y <= window.max.y; ++y) {  // one line a chunk, see deep_file
+  for (std::int64_t y = window.min.y; y <= window.max.y; ++y) {  // one line per chunk
     std::uint64_t size = 0;
     part.rawPixelData(static_cast<int>(y), nullptr, size);
     chunk.resize(size);
@@ -157,7 +157,7 @@ bool is_complete_exr(const std::filesystem::path& file, std::string_view fingerp
       if (attribute == nullptr || attribute->value() != fingerprint || !input.partComplete(i)) {
         return false;
       }
-      // The offsets may promise what a cut file no longer has: read it to its end.
+      // A truncated file may have all offsets: read all chunks.
       if (header.hasType() && header.type() == Imf::DEEPSCANLINE) {
         read_deep_part(input, i);
         continue;

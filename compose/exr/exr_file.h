@@ -13,33 +13,31 @@
 
 namespace raystage {
 
-/// The bytes of a scanline EXR file. `views`: at least one, with the same layers; `cameras`: of
-/// each of them, of one size. Colours are half: what that cannot hold is cut to +-65504, a NaN
-/// becomes 0; data are float. Deterministic.
+/// Returns the bytes of a scanline EXR file. `views`: at least one, all with the same layers;
+/// `cameras`: one per view, all of one size. Colours are half, see clamp_to_half(); data are float.
+/// Deterministic.
 std::vector<std::byte> encode_exr(std::span<const ExrView> views,
                                   std::span<const ExrCamera> cameras, const ExrMetadata& metadata);
 
-/// encode_exr() to a file, under a temporary name and renamed. Returns the bytes written. Throws
-/// Error (failed) for the disk.
+/// Writes encode_exr() atomically, returns the bytes written. Throws Error (failed: disk).
 std::size_t write_exr(std::span<const ExrView> views, std::span<const ExrCamera> cameras,
                       const ExrMetadata& metadata, const std::filesystem::path& file);
 
-/// Whether the file is an EXR with every pixel of every part present and `fingerprint` in their
-/// headers. Pixels are
-/// read but not decompressed. False, not an error, for whatever is wrong with the file.
+/// Returns whether the file is an EXR with all pixels of all parts, and with `fingerprint` in all
+/// headers. Pixels are read but not decompressed. Damaged or missing files are not an error.
 bool is_complete_exr(const std::filesystem::path& file, std::string_view fingerprint);
 
-/// What a preview needs of an EXR file.
+/// The contents of an EXR file that a preview needs.
 struct ExrImage {
   int width = 0, height = 0;  ///< of the display window
-  std::vector<float> rgba;    ///< premultiplied; where the data window ends, 0
+  std::vector<float> rgba;    ///< premultiplied; 0 outside the data window
   int fps_numerator = 24, fps_denominator = 1;
-  std::string time_code = {};  ///< "HH:MM:SS:FF"; empty where the file says none
+  std::string time_code = {};  ///< "HH:MM:SS:FF"; empty if the file has none
   std::string color_interop_id = {}, color_space = {};  ///< see ExrChannelData
 };
 
-/// Reads R, G, B and A (1 where there is none) of the first part of any flat EXR within its display
-/// window. Throws Error (bad input) where it is missing, damaged or no EXR.
+/// Reads R, G, B and A (1 if it is missing) of the first part of a flat EXR within its display
+/// window. Throws Error (bad input) if the file is missing, damaged or no EXR.
 ExrImage read_exr(const std::filesystem::path& file);
 
 }  // namespace raystage

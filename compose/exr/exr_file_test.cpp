@@ -48,7 +48,7 @@ RenderedView synthetic_view() {
   return view;
 }
 
-/// A camera with nothing symmetric about it.
+/// A camera without symmetries.
 VirtualCamera odd_camera() {
   VirtualCamera camera;
   camera.width = kWidth;
@@ -86,7 +86,7 @@ CameraModel model_of(const VirtualCamera& camera) {
   return CameraModel(geometry);
 }
 
-/// Points all over the picture, from near to far.
+/// Points at all positions of the view, near and far.
 std::vector<Eigen::Vector3d> points_in_view(const VirtualCamera& camera) {
   const CameraModel model = model_of(camera);
   std::vector<Eigen::Vector3d> points;
@@ -102,7 +102,7 @@ std::vector<Eigen::Vector3d> points_in_view(const VirtualCamera& camera) {
   return points;
 }
 
-/// Projects as a compositor does: row vector times matrix, divide by w. `m`: row-major.
+/// Projects as compositing programs do: row vector times matrix, divided by w. `m`: row-major.
 void expect_projects_like(const VirtualCamera& camera, const float* to_camera,
                           const float* to_ndc) {
   const CameraModel model = model_of(camera);
@@ -149,7 +149,7 @@ TEST_F(ExrFile, MatricesProjectKnownPointsReadByOpenExr) {
   const Imath::M44f to_camera = Imf::worldToCamera(input.header());
   const Imath::M44f to_ndc = Imf::worldToNDC(input.header());
   expect_projects_like(odd_camera(), to_camera.getValue(), to_ndc.getValue());
-  // Imath's own product is the row-vector one, with the division by w in it.
+  // Imath multiplies row vectors and divides by w.
   const Eigen::Vector3d point = odd_camera().pose.world_from_camera({0, 0, -5});
   Imath::V3f ndc;
   to_ndc.multVecMatrix(Imath::V3f(static_cast<float>(point.x()), static_cast<float>(point.y()),
@@ -157,7 +157,7 @@ TEST_F(ExrFile, MatricesProjectKnownPointsReadByOpenExr) {
                        ndc);
   EXPECT_NEAR(ndc.x, 0.5, 1e-5);
   EXPECT_NEAR(ndc.y, 0.5, 1e-5);
-  // The translation stands in the last row.
+  // The translation is in the last row.
   EXPECT_NEAR(to_camera[0][3], 0, 0);
   EXPECT_GT(Imath::V3f(to_camera[3][0], to_camera[3][1], to_camera[3][2]).length(), 1);
 }
@@ -317,7 +317,7 @@ TEST_F(ExrFile, AFileCutAnywhereIsNotWhole) {
     }
     write_file_atomically(file_, std::string_view(bytes).substr(0, bytes.size() - 1));
     EXPECT_FALSE(is_complete_exr(file_, metadata.fingerprint));
-    // Room for the chunk table set aside, but the table not written: an interrupted writer.
+    // An interrupted writer: the chunk table is reserved but not written.
     std::string unfinished = bytes;
     std::fill(unfinished.end() - static_cast<std::ptrdiff_t>(bytes.size() / 2), unfinished.end(),
               '\0');

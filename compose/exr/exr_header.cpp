@@ -24,7 +24,7 @@
 namespace raystage {
 namespace {
 
-constexpr double kNdcNear = 0.01;  // metres; only shapes the z of worldToNDC, which readers discard
+constexpr double kNdcNear = 0.01;  // metres; only for z of worldToNDC, which readers ignore
 
 constexpr std::array<std::pair<const char*, Imf::Compression>, 5> kCompressions{
     {{"none", Imf::NO_COMPRESSION},
@@ -41,7 +41,7 @@ Imf::Compression compression_named(const std::string& name) {
                          "Use none, rle, zips, zip or piz (all lossless)");
 }
 
-/// M for column vectors, turned into Imath's order for row vectors.
+/// Converts a matrix for column vectors to Imath's convention of row vectors.
 Imath::M44f imath_from_columns(const Eigen::Matrix4d& m) {
   Imath::M44f result;
   for (int row = 0; row < 4; ++row) {
@@ -78,19 +78,18 @@ void add_string(Imf::Header& header, const char* name, const std::string& text) 
   if (!text.empty()) header.insert(name, Imf::StringAttribute(text));
 }
 
-/// Frame numbers counted from 00:00:00:00, as compositors do who have no other time code.
+/// Returns the time code of a frame, with frame 0 at 00:00:00:00.
 Imf::TimeCode time_code(int frame, int fps_numerator, int fps_denominator) {
   const auto rounded =
       static_cast<int>((std::int64_t{fps_numerator} + fps_denominator / 2) / fps_denominator);
   const int fps = std::clamp(rounded, 1, 60);
-  // Before frame 0 it is the day before.
+  // Frames before 0 are on the day before.
   const int of_day = fps * 24 * 3600, counted = (frame % of_day + of_day) % of_day;
   const int seconds = counted / fps;
   return {seconds / 3600, seconds / 60 % 60, seconds % 60, counted % fps};
 }
 
-/// SMPTE ST 2065-1 (AP0), AMPAS S-2014-004 (AP1), ITU-R BT.709; none for spaces that we do not
-/// know.
+/// Chromaticities of SMPTE ST 2065-1 (AP0), AMPAS S-2014-004 (AP1), ITU-R BT.709, or nullopt.
 std::optional<Imf::Chromaticities> chromaticities_of(const std::string& interop_id) {
   if (interop_id == "lin_rec709_scene") return Imf::Chromaticities();
   const Imath::V2f aces_white(0.32168F, 0.33767F);
@@ -197,10 +196,10 @@ Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMe
   } else {
     add_string(header, "colorInteropID", part.is_colour ? metadata.color_interop_id : "data");
   }
-  const bool tells_places = std::ranges::any_of(part.channels, [](const ExrPartChannel& channel) {
+  const bool has_geometry = std::ranges::any_of(part.channels, [](const ExrPartChannel& channel) {
     return channel.name.starts_with("P.") || channel.name.starts_with("N.");
   });
-  if (tells_places) add_string(header, "lf:geometrySpace", "world, metres");
+  if (has_geometry) add_string(header, "lf:geometrySpace", "world, metres");
   if (part.is_colour) {
     add_string(header, "lf:colorSpace", metadata.color_space);
     add_string(header, "lf:colorConfig", metadata.color_config);

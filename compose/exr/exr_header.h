@@ -16,64 +16,62 @@
 
 namespace raystage {
 
-/// What the header of a rendered frame says besides its pixels; the attributes and their
-/// conventions stand in docs/formats/exr.md.
+/// Metadata of a rendered frame. For attributes and conventions see docs/formats/exr.md.
 struct ExrMetadata {
   int frame = 0;  ///< imageCounter, timeCode
   int fps_numerator = 24, fps_denominator = 1;
-  /// Captures per second of the material, where one shot frame is one capture.
+  /// Captures per second of the take, if each shot frame is one capture.
   std::optional<double> capture_rate;
-  std::string take_name;                   ///< reelName; left out when empty
-  std::optional<Nanoseconds> capture_utc;  ///< instant shown, since 1970; none: nothing was there
+  std::string take_name;                   ///< reelName; omitted if empty
+  std::optional<Nanoseconds> capture_utc;  ///< instant shown, since 1970; none: no instant
   std::vector<std::string> absent_cameras;
   std::string method, fingerprint, program_version;
-  std::string method_options;      ///< NAME=VALUE,... as given; left out when empty
+  std::string method_options;      ///< NAME=VALUE,... as given; omitted if empty
   std::vector<std::string> notes;  ///< RenderedView::notes
-  /// Of Cryptomatte: attributes `cryptomatte/KEY/name`, `hash`, `conversion` and `manifest`; left
-  /// out where the key is empty.
+  /// Of Cryptomatte: attributes `cryptomatte/KEY/name`, `hash`, `conversion` and `manifest`;
+  /// omitted if the key is empty.
   std::string cryptomatte_key, cryptomatte_name, cryptomatte_manifest;
   ExrLayout layout = ExrLayout::kStandard;
   std::string compression = "piz";  ///< of colours: none | rle | zips | zip | piz
   std::string data_compression;     ///< of parts that hold data only; empty: the same
-  /// Of colours: `colorInteropID` (ASWF ColorInterop), the name of the space and the config it is
-  /// of; the latter are left out when empty.
+  /// Of colours: `colorInteropID` (ASWF ColorInterop), name of the colour space, and its config;
+  /// the last two are omitted if empty.
   std::string color_interop_id = "lin_rec709_scene";
   std::string color_space, color_config;
-  std::string working_space;  ///< where it is not linear Rec.709; left out when empty
+  std::string working_space;  ///< if it is not linear Rec.709; omitted if empty
   /// Writes `chromaticities` of the space for readers that do not know `colorInteropID`; the
   /// recommendation forbids both in one file.
   bool chromaticities = false;
 };
 
-/// The camera that a view was taken with, as its header tells it.
+/// The camera of a view, for its header.
 struct ExrCamera {
-  VirtualCamera view;  ///< with what lies beyond the picture
-  /// Pixels of it on either side of the picture, above and below it: the data window reaches
-  /// beyond the display window by so much.
+  VirtualCamera view;  ///< with overscan
+  /// Pixels by which the data window exceeds the display window, on each side.
   int overscan_x = 0, overscan_y = 0;
   double film_back_mm = 36;  ///< width
   std::optional<double> focus_m = {}, f_number = {}, exposure_seconds = {};
 };
 
-/// The picture itself: the display window.
+/// Returns the camera of the display window.
 VirtualCamera without_overscan(const ExrCamera& camera);
 
-/// OpenEXR's camera space: left-handed, x right, y up, z forward (ours: z backward). Imath
-/// multiplies row vectors, so the translation stands in the last row.
+/// Returns the transform to OpenEXR's camera space: left-handed, x right, y up, z forward (ours: z
+/// backward). Imath multiplies row vectors, so that the translation is in the last row.
 Imath::M44f exr_world_to_camera(const Pose& pose);
-/// World to (0,0) = upper left, (1,1) = lower right corner of the display window (the outer corners
-/// of the corner pixels), y down, after division by w. Lens distortion is not part of it. Its z
-/// runs from 0 at 1 cm in front of the camera to 1 at infinity.
+/// Returns the transform from world to the display window after division by w: (0,0) = upper left,
+/// (1,1) = lower right corner (the outer corners of the corner pixels), y down. It ignores lens
+/// distortion. z is 0 at 1 cm in front of the camera and 1 at infinity.
 Imath::M44f exr_world_to_ndc(const VirtualCamera& camera);
 
-/// The header of a part, but for its channels: names, types and `view` as the layout has it. Throws
-/// Error (bad input) for an unknown compression.
+/// Returns the header of a part without its channels: name, type and `view` follow the layout.
+/// Throws Error (bad input) for an unknown compression.
 Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMetadata& metadata);
 
-/// "HH:MM:SS:FF": frame numbers counted from 00:00:00:00, as `timeCode` in headers.
+/// Returns "HH:MM:SS:FF", with frame 0 at 00:00:00:00, as `timeCode` in headers.
 std::string format_time_code(int frame, int fps_numerator, int fps_denominator);
 
-/// Throws Error (bad input) naming the compressions there are, unless `name` is one.
+/// Throws Error (bad input), which lists the compressions, if `name` is none of them.
 void check_exr_compression(const std::string& name);
 
 }  // namespace raystage

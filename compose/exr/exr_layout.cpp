@@ -16,11 +16,11 @@ std::string part_name(const ExrLayer& layer, const ExrView& view) {
   return view.name.empty() ? name : name + "." + view.name;
 }
 
-/// Within its part or, with the view's name in it, within the file.
+/// Returns the name of a channel in its part; with the view's name if `view` is not empty.
 std::string channel_name(const ExrLayer& layer, const std::string& channel, const std::string& view,
                          ExrLayout layout) {
   std::string name;
-  // Z is one of the standard's own names, not a layer's.
+  // Z is a standard channel name without a layer.
   if (!layer.name.empty() && (layer.name != kDepth || layout == ExrLayout::kNuke)) {
     name = layer.name + ".";
   }

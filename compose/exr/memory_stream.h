@@ -14,11 +14,10 @@
 
 namespace raystage {
 
-/// Frames are parallel to each other; OpenEXR's own threads would only add to them.
+/// OpenEXR's threads are off: frames are already processed in parallel.
 inline constexpr int kNoExrThreads = 0;
 
-/// OpenEXR's file writer closes in a destructor, where a full disk goes unnoticed. A frame is small
-/// enough to be built in memory and written by ourselves.
+/// Collects an EXR file in memory. OpenEXR's file writer ignores a full disk when it closes a file.
 class MemoryStream final : public Imf::OStream {
  public:
   MemoryStream() : Imf::OStream("memory") {}
@@ -32,7 +31,7 @@ class MemoryStream final : public Imf::OStream {
   void seekp(std::uint64_t position) override { at_ = position; }
 
   std::vector<std::byte> take() {
-    bytes_.shrink_to_fit();  // it waits for the disk
+    bytes_.shrink_to_fit();  // the file may wait for the disk
     return std::move(bytes_);
   }
   void reserve(std::size_t size) { bytes_.reserve(size); }
@@ -42,7 +41,7 @@ class MemoryStream final : public Imf::OStream {
   std::size_t at_ = 0;
 };
 
-/// What half cannot hold is cut to +-65504, a NaN becomes 0.
+/// Returns the value clamped to +-65504, the range of half; 0 for NaN.
 inline half clamp_to_half(float value) {
   constexpr float kLargest = 65504.0F;  // of half
   if (std::isnan(value)) return half(0.0F);

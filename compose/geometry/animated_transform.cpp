@@ -12,7 +12,6 @@ namespace {
 
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-using TransformKey = ShotDocument::TransformKey;
 
 }  // namespace
 
@@ -22,7 +21,7 @@ AnimatedTransform::AnimatedTransform(const ShotDocument::Geometry& geometry,
   std::vector<CurveKey<Quaterniond>> orientations;
   std::vector<CurveKey<double>> scales;
   for (std::size_t i = 0; i < geometry.keys.size(); ++i) {
-    const TransformKey& key = geometry.keys[i];
+    const ShotDocument::TransformKey& key = geometry.keys[i];
     const auto refuse = [&](const char* what) {
       throw Error::bad_input(what, fmt::format("{}/keys/{}", where, i), "Correct the key");
     };

@@ -9,12 +9,12 @@
 
 namespace raystage {
 
-/// Where a mesh stands, at any fractional frame: smooth curves through its keys, each property by
-/// itself; before the first and after the last it rests.
+/// Transform of a mesh at any fractional frame: a smooth curve through the keys of each property,
+/// constant before the first and after the last key.
 class AnimatedTransform {
  public:
-  /// Throws Error (bad input), with `where` in it, for keys that are not finite, a scale of 0, or
-  /// a quaternion of length 0.
+  /// `where`: named by errors. Throws Error (bad input) for keys that are not finite, a scale that
+  /// is not above 0, or a quaternion of length 0.
   AnimatedTransform(const ShotDocument::Geometry& geometry, const std::string& where);
 
   Eigen::Affine3d world_from_object(double frame) const;

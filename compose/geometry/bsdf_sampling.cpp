@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Samples directions of scattered rays: diffuse (Lambert, density cos / pi) and glossy (GGX visible
+// normals: Heitz, JCGT 7(4), 2018; weight: height-correlated Smith masking). The random numbers are
+// a scrambled R2 sequence (Roberts, 2018). Input: unit vectors in world coordinates, numbers in
+// [0, 1). Output: unit directions and weights in [0, 1]. Cost: constant per direction.
 #include "compose/geometry/bsdf_sampling.h"
 
 #include <Eigen/Geometry>
@@ -10,8 +14,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Columns: two tangents and the normal (Duff et al., "Building an orthonormal basis, revisited",
-/// JCGT 6(1), 2017).
+/// Returns two tangents and the normal as columns (Duff et al., "Building an orthonormal basis,
+/// revisited", JCGT 6(1), 2017).
 Eigen::Matrix3d basis_around(const Vector3d& n) {
   const double sign = std::copysign(1.0, n.z());
   const double a = -1 / (sign + n.z()), b = n.x() * n.y() * a;
@@ -22,7 +26,7 @@ Eigen::Matrix3d basis_around(const Vector3d& n) {
   return basis;
 }
 
-/// Smith's masking for GGX, of a direction in the surface's frame.
+/// Returns Smith's masking of GGX for a direction in the surface's frame.
 double masking(const Vector3d& v, double alpha) {
   const double z = v.z() * v.z();
   if (!(z > 0)) return 0;
@@ -60,7 +64,7 @@ DirectionSample sample_ggx_direction(const Vector3d& normal, const Vector3d& tow
                                      double alpha, const std::array<double, 2>& at) {
   const Eigen::Matrix3d world_from_surface = basis_around(normal);
   Vector3d eye = world_from_surface.transpose() * towards_eye;
-  eye.z() = std::max(eye.z(), 1e-4);  // a shading normal may look away
+  eye.z() = std::max(eye.z(), 1e-4);  // shading normals may face away
   eye.normalize();
   const Vector3d stretched = Vector3d(alpha * eye.x(), alpha * eye.y(), eye.z()).normalized();
   const double flat = stretched.x() * stretched.x() + stretched.y() * stretched.y();

@@ -24,7 +24,7 @@ TEST(Scattering, NumbersAreSpreadEvenly) {
       ASSERT_LT(std::max(at[0], at[1]), 1);
       in_corner += at[0] < 0.25 && at[1] < 0.5 ? 1 : 0;
     }
-    EXPECT_NEAR(in_corner, 500, 15);  // by chance it would be 63
+    EXPECT_NEAR(in_corner, 500, 15);  // uniform: 63
   }
 }
 
@@ -56,8 +56,8 @@ TEST(Scattering, ANearlySmoothSurfaceMirrors) {
   }
 }
 
-/// The share of light that a rough white surface gives back by single reflections, against the
-/// integral over all directions, with no sampling by visible normals in it.
+/// Compares the albedo of a rough white surface (single scattering) with the integral over all
+/// directions, which does not sample visible normals.
 TEST(Scattering, GlossyGivesBackWhatTheIntegralSays) {
   for (const double alpha : {0.1, 0.4, 1.0}) {
     for (const double tilt : {0.0, 0.8, 1.4}) {
@@ -72,7 +72,7 @@ TEST(Scattering, GlossyGivesBackWhatTheIntegralSays) {
       double integral = 0;
       constexpr int kPolar = 1500, kTurn = 300;
       for (int p = 0; p < kPolar; ++p) {
-        // Half vectors: D's peak is resolved however narrow it is.
+        // Integrating over half vectors resolves any narrow peak of D.
         const double share = (p + 0.5) / kPolar, polar = share * share * std::numbers::pi / 2;
         const double step = 2 * share / kPolar * std::numbers::pi / 2;
         const double c = std::cos(polar), s = std::sin(polar);

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Traces world rays against one mesh with Embree, in packets of 16. Embree computes in float: rays
+// are transformed to object coordinates around the mesh's centre and start just before its bounding
+// sphere, so that precision does not depend on the distance of the camera. Rays that miss the
+// sphere are not traced. Input: rays in world coordinates, metres; output: distances along them,
+// metres. Cost: O(log triangles) per ray near the mesh.
 #include "compose/geometry/embree_mesh.h"
 
 #include <tbb/task_arena.h>
@@ -35,9 +40,9 @@ EmbreeMesh::EmbreeMesh(Mesh mesh, std::string name)
   }
   centre_ = (least + most) / 2;
   radius_ = (most - least).norm() / 2;
-  constexpr std::size_t kTreePerTriangle = 100;  // bytes; Embree's manual, robust scenes
-  bytes_ =
-      mesh_.bytes() + mesh_.positions.size() * 12 + mesh_.corners.size() * (12 + kTreePerTriangle);
+  constexpr std::size_t kBvhBytesPerTriangle = 100;  // Embree's manual, robust scenes
+  bytes_ = mesh_.bytes() + mesh_.positions.size() * 12 +
+           mesh_.corners.size() * (12 + kBvhBytesPerTriangle);
 }
 
 void EmbreeMesh::build_bvh() const {
@@ -48,7 +53,7 @@ void EmbreeMesh::build() const {
   device_.reset(rtcNewDevice(embree_config().c_str()));
   if (!device_) {
     if (rtcGetDeviceError(nullptr) == RTC_ERROR_OUT_OF_MEMORY) throw std::bad_alloc();
-    throw Error::failed("Embree does not start", name_, "Check the processor");
+    throw Error::failed("Embree cannot start", name_, "Use a processor that it supports");
   }
   scene_.reset(rtcNewScene(device_.get()));
   rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST);
@@ -66,12 +71,12 @@ void EmbreeMesh::build() const {
   for (const auto& triangle : mesh_.corners) corners = std::copy_n(triangle.data(), 3, corners);
   rtcCommitGeometry(geometry.get());
   rtcAttachGeometry(scene_.get(), geometry.get());
-  // Embree builds with TBB: while it waits, this thread must not take up other work.
+  // Isolated: Embree builds with TBB, and this thread must not start other work meanwhile.
   tbb::this_task_arena::isolate([&] { rtcCommitScene(scene_.get()); });
   const RTCError error = rtcGetDeviceError(device_.get());
   if (error == RTC_ERROR_OUT_OF_MEMORY) throw std::bad_alloc();
   if (error != RTC_ERROR_NONE) {
-    throw Error::failed("Embree could not take in the mesh", name_, "Look at the mesh's triangles");
+    throw Error::failed("Embree rejected the mesh", name_, "Check the triangles of the mesh");
   }
   is_built_.store(true, std::memory_order_release);
 }
@@ -85,8 +90,7 @@ bool EmbreeMesh::fill(const Eigen::Affine3d& object_from_world, std::span<const 
     packet.valid[i] = 0;
     if (i >= rays.size()) continue;
     const WorldRay& ray = rays[i];
-    // Units of the file from here on, and from just before the mesh: float counts from there,
-    // however far the eye.
+    // Units of the file from here on.
     const Vector3d along = object_from_world.linear() * ray.direction;
     packet.per_metre[i] = along.norm();
     if (!(packet.per_metre[i] > 0) || !std::isfinite(packet.per_metre[i])) continue;
@@ -148,7 +152,7 @@ void EmbreeMesh::occlude(const Eigen::Affine3d& object_from_world, std::span<con
   std::array<double, kPacket> to{};
   for (std::size_t begin = 0; begin < rays.size(); begin += kPacket) {
     const std::size_t n = std::min(kPacket, rays.size() - begin);
-    // Nothing is asked of rays that are occluded already.
+    // An empty interval skips rays that are already occluded.
     for (std::size_t i = 0; i < n; ++i) to[i] = occluded[begin + i] != 0 ? 0 : max_distance;
     if (!fill(object_from_world, rays.subspan(begin, n), min_distance, to, packet)) continue;
     build_bvh();

@@ -20,52 +20,50 @@
 
 namespace raystage {
 
-/// Where a ray meets a mesh first, from either side.
+/// First intersection of a ray with a mesh, from either side.
 struct SurfaceHit {
   static constexpr double kNone = std::numeric_limits<double>::infinity();
   double distance = kNone;  ///< along the ray, metres
   std::uint32_t triangle = 0;
-  float u = 0, v = 0;  ///< barycentric: of the triangle's second and third corner
+  float u = 0, v = 0;  ///< barycentric coordinates of the triangle's second and third corner
 
   bool is_hit() const { return distance < kNone; }
 };
 
-/// Whether rays that follow each other go alike, as a camera's do: Embree traces those faster. Hits
-/// are the same.
+/// Whether consecutive rays have similar directions, as those of a camera do: Embree traces these
+/// faster. The hits are the same.
 enum class RayCoherence { kIncoherent, kCoherent };
 
-/// A mesh in Embree, to be placed anywhere. Thread-safe.
+/// Traces rays against a mesh under any transform, with Embree. Thread-safe.
 class EmbreeMesh {
  public:
   /// `name`: of the mesh, for errors.
   EmbreeMesh(Mesh mesh, std::string name);
 
-  /// Builds Embree's tree, unless that is done: rays that come first do it, too, but make others
-  /// wait. A mesh that no ray comes near needs none. Throws Error (failed) where Embree fails,
-  /// std::bad_alloc where memory is short.
+  /// Builds Embree's BVH unless it exists. The first ray near the mesh does so, too, but blocks
+  /// others. Throws Error (failed) if Embree fails, std::bad_alloc when memory runs out.
   void build_bvh() const;
   bool is_built() const { return is_built_.load(std::memory_order_acquire); }
 
   const Mesh& mesh() const { return mesh_; }
 
-  /// Replaces hits by nearer ones. Rays are the world's, hits
-  /// beyond `min_distance` of their origins count.
+  /// Replaces `hits` by nearer ones. `rays`: world; `min_distance`: of hits on the ray, metres.
   void intersect(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
                  double min_distance, std::span<SurfaceHit> hits,
                  RayCoherence order = RayCoherence::kIncoherent) const;
 
-  /// Sets `occluded` to 1 for rays that intersect the mesh anywhere between the distances; where it
-  /// is 1 already nobody looks.
+  /// Sets `occluded` to 1 for rays that intersect the mesh between the distances (metres). Rays
+  /// whose value is already 1 are not traced.
   void occlude(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
                double min_distance, double max_distance, std::span<std::uint8_t> occluded,
                RayCoherence order = RayCoherence::kIncoherent) const;
 
-  /// Middle of its bounds, coordinates of the file.
+  /// Returns the centre of the bounding box, coordinates of the file.
   const Eigen::Vector3d& centre() const { return centre_; }
-  /// Half the diagonal of its bounds, units of the file.
+  /// Returns half the diagonal of the bounding box, units of the file.
   double radius() const { return radius_; }
   std::size_t bytes() const { return bytes_; }
-  /// For benchmarks: Embree's own, in units of the file about the centre.
+  /// For benchmarks: returns Embree's scene, in units of the file, relative to centre().
   RTCScene embree() const {
     build_bvh();
     return scene_.get();
@@ -81,14 +79,15 @@ class EmbreeMesh {
   using Owned = std::unique_ptr<std::remove_pointer_t<Handle>, Release>;
 
   static constexpr std::size_t kPacket = 16;
-  /// Rays as Embree takes them, and how to read its answers: each begins `start` units of the file
-  /// from its ray's origin, which has `per_metre` of them.
+  /// Rays in Embree's format. Each begins `start` units of the file from the origin of its world
+  /// ray; a metre along it has `per_metre` units.
   struct Packet {
     alignas(64) RTCRayHit16 rays{};
     alignas(64) std::array<int, kPacket> valid{};
     std::array<double, kPacket> start{}, per_metre{};
   };
-  /// Of `rays`, kPacket at most, the parts between the distances; false: none comes near the mesh.
+  /// Fills a packet with the parts of at most kPacket `rays` between the distances that pass near
+  /// the mesh. Returns false if there are none.
   bool fill(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
             double min_distance, std::span<const double> max_distance, Packet& packet) const;
 
@@ -100,7 +99,7 @@ class EmbreeMesh {
   mutable std::atomic<bool> is_built_ = false;
   mutable Owned<RTCDevice> device_;
   mutable Owned<RTCScene> scene_;
-  Eigen::Vector3d centre_;  ///< Embree's coordinates are float, from here on
+  Eigen::Vector3d centre_;  ///< origin of Embree's coordinates, which are float
   double radius_ = 0;
   std::size_t bytes_ = 0;
 };

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Tests the bounding sphere of a mesh against five half-spaces: the four sides of the view frustum
+// and the plane through the camera. Conservative: never rejects a visible mesh. Constant cost.
 #include "compose/geometry/frustum_culling.h"
 
 #include <Eigen/Eigenvalues>
@@ -19,8 +21,7 @@ bool may_intersect_frustum(const MeshInstance& mesh, const VirtualCamera& camera
   const double stretch = std::sqrt(stretches.eigenvalues().maxCoeff());
   const double radius = 1.001 * mesh.scene->radius() * stretch;
   const Intrinsics& k = camera.intrinsics;
-  // Half spaces that hold the view, through the eye, of points (x, y, z): left, right, top, bottom
-  // and ahead.
+  // Inward normals in camera coordinates: left, right, top, bottom, forward.
   const Vector3d inwards[] = {{k.fx, 0, -k.cx},
                               {-k.fx, 0, -(camera.width - k.cx)},
                               {0, -k.fy, -k.cy},

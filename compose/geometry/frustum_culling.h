@@ -6,8 +6,8 @@
 
 namespace raystage {
 
-/// Whether a camera, which must not distort, may see some of a mesh: false only where a ball around
-/// it lies beyond one of the view's sides, or behind the eye.
+/// Returns false only if the bounding sphere of the mesh is outside one side of the view frustum or
+/// behind the camera. `camera`: without distortion.
 bool may_intersect_frustum(const MeshInstance& mesh, const VirtualCamera& camera);
 
 }  // namespace raystage

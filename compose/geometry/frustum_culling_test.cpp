@@ -13,7 +13,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Whatever is rendered must have been said to be in view, and little that shows nothing.
+/// All visible meshes pass the test, and few invisible ones.
 TEST(InView, LeavesOutNothingThatShows) {
   const EmbreeMesh ball(testing::ball(1, testing::make_material(Material::Kind::kDiffuse), 12),
                         "ball");
@@ -55,7 +55,7 @@ TEST(InView, MeshesThatNoRayComesNearAreNotBuilt) {
   render_geometry(scene, 0, virtual_camera_with_fov(16, 12, 0.6, {}), 1);
   EXPECT_TRUE(seen.is_built());
   EXPECT_FALSE(aside.is_built());
-  // In the way of the light it is one of them.
+  // A mesh that casts shadows is needed.
   scene.meshes[1] = testing::make_instance(aside, {0, 0, 5});
   render_geometry(scene, 0, virtual_camera_with_fov(16, 12, 0.6, {}), 1);
   EXPECT_TRUE(aside.is_built());

@@ -34,7 +34,7 @@ void add_file(Fingerprint& print, const std::filesystem::path& file) {
   } while (stream);
 }
 
-/// The shot's material in place of the file's.
+/// Replaces the file's materials by that of the shot.
 void replace_materials(Mesh& mesh, const ShotDocument::Material& by,
                        const std::filesystem::path& folder) {
   using Kind = Material::Kind;
@@ -104,7 +104,7 @@ GeometryLayer::GeometryLayer(const ShotDocument::Geometry& geometry,
   scene_ = std::make_unique<const EmbreeMesh>(std::move(mesh), file.string());
 }
 
-MeshInstance GeometryLayer::placed(double frame) const {
+MeshInstance GeometryLayer::instance_at(double frame) const {
   const Eigen::Affine3d world_from_object = transform_.world_from_object(frame);
   return {scene_.get(), textures_, world_from_object, world_from_object.inverse()};
 }
@@ -136,7 +136,7 @@ Lights make_lights(const std::vector<ShotDocument::Light>& lights,
   struct Environment {
     Textures::Handle picture;
     float strength;
-    double sine, cosine;  // of the turn
+    double sine, cosine;  // of the rotation about y
   };
   Lights result;
   std::vector<Environment> environments;
@@ -150,9 +150,10 @@ Lights make_lights(const std::vector<ShotDocument::Light>& lights,
     } else if (!light.light_field.empty()) {
       result.gather_rays = std::max(result.gather_rays, light.rays);
     } else {
-      const double turn = light.rotation_deg * std::numbers::pi / 180;
+      const double angle = light.rotation_deg * std::numbers::pi / 180;
       environments.push_back({textures.open((folder / light.environment).lexically_normal()),
-                              static_cast<float>(light.strength), std::sin(turn), std::cos(turn)});
+                              static_cast<float>(light.strength), std::sin(angle),
+                              std::cos(angle)});
       result.gather_rays = std::max(result.gather_rays, light.rays);
     }
   }
@@ -166,7 +167,7 @@ Lights make_lights(const std::vector<ShotDocument::Light>& lights,
       for (const Environment& e : environments) {
         const Eigen::Vector3d turned(e.cosine * d.x() - e.sine * d.z(), d.y(),
                                      e.sine * d.x() + e.cosine * d.z());
-        seen[i] += e.strength * textures.around(e.picture, turned, spread[i]);
+        seen[i] += e.strength * textures.environment_color(e.picture, turned, spread[i]);
       }
     }
   };

@@ -25,7 +25,7 @@ class GeometryLayer final : public Layer {
   GeometryLayer(const ShotDocument::Geometry& geometry, const std::filesystem::path& folder,
                 const std::string& where, Textures& textures);
 
-  MeshInstance placed(double frame) const;
+  MeshInstance instance_at(double frame) const;
   int samples() const { return samples_; }
   const Mesh& mesh() const { return scene_->mesh(); }
 

@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+// Renders one mesh of a scene by path tracing with Embree (thesis 7: light fields as reflection
+// environment). The rays of one bounce in two rows are traced together. Diffuse surfaces receive
+// directional lights with shadow rays, and ambient light or gathered environment radiance; mirrors
+// and GGX surfaces continue the path up to 4 bounces. Input: meshes, lights and camera in world
+// coordinates, metres; output: a premultiplied image with Z, P, N, albedo and ids. Cost: pixels x
+// samples x rays per sample, each traced against all meshes.
 #include "compose/geometry/geometry_scene.h"
 
 #include <algorithm>
@@ -15,21 +21,21 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::Vector3f;
 
-constexpr int kMostBounces = 4;       // of mirrors in mirrors
-constexpr int kGlossyRays = 4;        // at the first bounce, each sample of a pixel; then one
-constexpr double kOffSurface = 2e-5;  // of a mesh's radius
+constexpr int kMaxBounces = 4;
+constexpr int kGlossyRays = 4;       // per sample at the first bounce, then one
+constexpr double kRayOffset = 2e-5;  // in radii of the mesh: start of rays that leave it
 constexpr int kRowsPerTask = 2;
 
-/// A ray under way, and what it brings to which pixel.
+/// A ray of a path and its contribution to a pixel.
 struct Path {
   WorldRay ray;
   Vector3f weight{1, 1, 1};
-  std::uint32_t pixel = 0;   // of the task's
-  std::uint32_t sample = 0;  // of the pixel's
-  double min_distance = 0;   // begins there
-  double distance = 0;       // come before, metres
+  std::uint32_t pixel = 0;   // index in the task's rows
+  std::uint32_t sample = 0;  // index in the pixel
+  double min_distance = 0;   // start of the ray, metres from its origin
+  double distance = 0;       // length of the path before this ray, metres
   float spread = 0;          // radians
-  bool gathers = true;       // a diffuse surface that it meets gathers light
+  bool gathers = true;       // diffuse surfaces that it hits gather light
 };
 
 struct ShadowRay {
@@ -39,11 +45,11 @@ struct ShadowRay {
   double min_distance = 0;
 };
 
-/// Some rows of a view: waves of rays, all of one bounce together.
-class Rows {
+/// Renders some rows of a view, one wave of rays per bounce.
+class RowRenderer {
  public:
-  Rows(const GeometryScene& scene, std::size_t mesh, const VirtualCamera& camera, int samples,
-       int begin, int end, std::span<const float> ids, LayerImage& image)
+  RowRenderer(const GeometryScene& scene, std::size_t mesh, const VirtualCamera& camera,
+              int samples, int begin, int end, std::span<const float> ids, LayerImage& image)
       : scene_(scene),
         mesh_(mesh),
         camera_(camera),
@@ -54,16 +60,16 @@ class Rows {
         image_(image),
         light_(static_cast<std::size_t>((end - begin) * camera.width), Vector3f::Zero()) {
     for (const MeshInstance& placed : scene.meshes) {
-      off_surface_.push_back(kOffSurface * placed.scene->radius() *
-                             std::cbrt(std::abs(placed.world_from_object.linear().determinant())));
+      ray_offset_.push_back(kRayOffset * placed.scene->radius() *
+                            std::cbrt(std::abs(placed.world_from_object.linear().determinant())));
     }
   }
 
   void render() {
-    start();
-    const std::vector<SurfaceHit> hits = look_from_camera();
-    tell(hits);
-    if (!ids_.empty()) tell_objects(hits);
+    make_camera_rays();
+    const std::vector<SurfaceHit> hits = intersect_camera_rays();
+    find_nearest_samples(hits);
+    if (!ids_.empty()) write_ids(hits);
     std::vector<Path> wave = std::move(paths_);
     shade(wave, hits, std::vector<std::uint32_t>(wave.size(), static_cast<std::uint32_t>(mesh_)),
           true);
@@ -71,18 +77,18 @@ class Rows {
       wave = std::move(paths_);
       paths_.clear();
       std::vector<std::uint32_t> met;
-      const std::vector<SurfaceHit> next = look_around(wave, met);
-      escape(wave, next);
+      const std::vector<SurfaceHit> next = intersect_all(wave, met);
+      add_environment(wave, next);
       shade(wave, next, met, false);
-      if (bounce < kMostBounces) continue;
+      if (bounce < kMaxBounces) continue;
       for (const Path& path : paths_) add(path, scene_.lights.ambient);
       break;
     }
-    write();
+    write_pixels();
   }
 
  private:
-  void start() {
+  void make_camera_rays() {
     const int samples = per_side_ * per_side_;
     const Intrinsics& k = camera_.intrinsics;
     const auto spread = static_cast<float>(1 / (k.fx * per_side_));
@@ -106,7 +112,7 @@ class Rows {
     }
   }
 
-  std::vector<SurfaceHit> look_from_camera() const {
+  std::vector<SurfaceHit> intersect_camera_rays() const {
     std::vector<WorldRay> rays;
     rays.reserve(paths_.size());
     for (const Path& path : paths_) rays.push_back(path.ray);
@@ -116,14 +122,14 @@ class Rows {
     return hits;
   }
 
-  /// What the paths intersect first of all meshes, and which: `met`.
-  std::vector<SurfaceHit> look_around(const std::vector<Path>& wave,
-                                      std::vector<std::uint32_t>& met) const {
+  /// Returns the first hit of each path among all meshes. `met`: receives the meshes' indices.
+  std::vector<SurfaceHit> intersect_all(const std::vector<Path>& wave,
+                                        std::vector<std::uint32_t>& met) const {
     std::vector<SurfaceHit> hits(wave.size());
     met.assign(wave.size(), 0);
     std::vector<WorldRay> rays;
     std::vector<SurfaceHit> of_run;
-    // Runs of rays that begin at the same distance are traced together.
+    // Consecutive rays with the same start are traced together.
     for (std::size_t begin = 0; begin < wave.size();) {
       std::size_t end = begin;
       rays.clear();
@@ -146,8 +152,8 @@ class Rows {
     return hits;
   }
 
-  /// What paths that intersect nothing bring.
-  void escape(const std::vector<Path>& wave, const std::vector<SurfaceHit>& hits) {
+  /// Adds the environment's radiance along paths that hit nothing.
+  void add_environment(const std::vector<Path>& wave, const std::vector<SurfaceHit>& hits) {
     std::vector<WorldRay> rays;
     std::vector<float> spread;
     std::vector<std::size_t> from;
@@ -177,7 +183,7 @@ class Rows {
       Path next = path;
       next.weight = path.weight.cwiseProduct(point.color);
       next.distance = path.distance + hits[i].distance;
-      next.min_distance = off_surface_[met[i]];
+      next.min_distance = ray_offset_[met[i]];
       next.ray.origin = point.position;
       switch (point.material->kind) {
         case Material::Kind::kDiffuse:
@@ -193,16 +199,15 @@ class Rows {
           break;
       }
     }
-    light_up(shadows, is_first ? RayCoherence::kCoherent : RayCoherence::kIncoherent);
+    trace_shadow_rays(shadows, is_first ? RayCoherence::kCoherent : RayCoherence::kIncoherent);
   }
 
   void light_diffuse(const Path& at, const SurfacePoint& point, std::vector<ShadowRay>& shadows) {
     const Lights& lights = scene_.lights;
     for (const DirectionalLight& light : lights.directional) {
-      const double view_directions = point.normal.dot(light.towards);
-      if (!(view_directions > 0) || !(point.geometric_normal.dot(light.towards) > 0)) continue;
-      const Vector3f lit =
-          at.weight.cwiseProduct(light.color) * static_cast<float>(view_directions);
+      const double cosine = point.normal.dot(light.towards);
+      if (!(cosine > 0) || !(point.geometric_normal.dot(light.towards) > 0)) continue;
+      const Vector3f lit = at.weight.cwiseProduct(light.color) * static_cast<float>(cosine);
       if (light.casts_shadows) {
         shadows.push_back({{point.position, light.towards}, lit, at.pixel, at.min_distance});
       } else {
@@ -235,7 +240,7 @@ class Rows {
     }
   }
 
-  void light_up(const std::vector<ShadowRay>& shadows, RayCoherence order) {
+  void trace_shadow_rays(const std::vector<ShadowRay>& shadows, RayCoherence order) {
     for (std::size_t begin = 0; begin < shadows.size();) {
       std::size_t end = begin;
       std::vector<WorldRay> rays;
@@ -254,13 +259,13 @@ class Rows {
     }
   }
 
-  /// Interpolated normals may send a ray into the surface: along it, then.
+  /// Mirrors directions that interpolated normals send into the surface back to its front.
   static Vector3d outwards(const Vector3d& direction, const Vector3d& geometric_normal) {
     const double out = direction.dot(geometric_normal);
     return out > 0 ? direction : Vector3d((direction - 2 * out * geometric_normal).normalized());
   }
 
-  /// Evenly over the rays of all samples of a pixel.
+  /// Returns the sample point of a ray: the rays of all samples of a pixel share one sequence.
   std::array<double, 2> random_at(const Path& path, int ray, int rays) const {
     const std::uint32_t x = path.pixel % static_cast<std::uint32_t>(camera_.width);
     const std::uint32_t y =
@@ -288,8 +293,8 @@ class Rows {
     }
   }
 
-  /// Alpha, and which sample of a pixel is the nearest.
-  void tell(const std::vector<SurfaceHit>& hits) {
+  /// Counts the hits of each pixel and finds its nearest sample.
+  void find_nearest_samples(const std::vector<SurfaceHit>& hits) {
     nearest_.assign(light_.size(), {});
     const Vector3d forward = -camera_.pose.world_from_camera_rotation.col(2);
     for (std::size_t i = 0; i < paths_.size(); ++i) {
@@ -303,8 +308,8 @@ class Rows {
     }
   }
 
-  /// Which objects' are the samples of each pixel; those of a pixel follow each other.
-  void tell_objects(const std::vector<SurfaceHit>& hits) {
+  /// Writes the ids and shares of the objects in each pixel, whose samples are consecutive.
+  void write_ids(const std::vector<SurfaceHit>& hits) {
     const std::vector<std::uint32_t>& triangle_objects =
         scene_.meshes[mesh_].scene->mesh().triangle_objects;
     std::vector<std::array<float, 2>> seen;
@@ -330,7 +335,7 @@ class Rows {
     }
   }
 
-  void write() {
+  void write_pixels() {
     const auto samples = static_cast<float>(per_side_ * per_side_);
     for (std::size_t i = 0; i < light_.size(); ++i) {
       const std::size_t at = first_pixel() + i;
@@ -350,7 +355,7 @@ class Rows {
   struct Nearest {
     double z = std::numeric_limits<double>::infinity();
     std::uint32_t sample = 0;
-    int hits = 0;  // of the pixel's samples
+    int hits = 0;  // number of samples that hit the mesh
   };
 
   const GeometryScene& scene_;
@@ -359,10 +364,10 @@ class Rows {
   int per_side_, begin_, end_;
   std::span<const float> ids_;
   LayerImage& image_;
-  std::vector<double> off_surface_;  // of each mesh, metres: where rays that leave it begin
-  std::vector<Vector3f> light_;      // of each pixel, summed over its samples
+  std::vector<double> ray_offset_;  // of each mesh, metres
+  std::vector<Vector3f> light_;     // of each pixel, summed over its samples
   std::vector<Nearest> nearest_;
-  std::vector<Path> paths_;  // of the wave to come
+  std::vector<Path> paths_;  // of the next wave
 };
 
 }  // namespace
@@ -378,11 +383,11 @@ LayerImage render_geometry(const GeometryScene& scene, std::size_t mesh,
   add("P", {"X", "Y", "Z"}, false);
   add("N", {"X", "Y", "Z"}, false);
   add("albedo", {"R", "G", "B"}, true);
-  // Always the same rows together: how Embree goes through a packet may depend on all of it.
+  // A fixed partition: Embree's traversal of a packet may depend on all of its rays.
   raystage::parallel_for(0, (camera.height + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
     const int begin = task * kRowsPerTask;
-    Rows(scene, mesh, camera, samples, begin, std::min(begin + kRowsPerTask, camera.height), ids,
-         image)
+    RowRenderer(scene, mesh, camera, samples, begin, std::min(begin + kRowsPerTask, camera.height),
+                ids, image)
         .render();
   });
   return image;

@@ -10,19 +10,19 @@
 
 namespace raystage {
 
-/// The geometry of a shot at a frame, and what lights it.
+/// Geometry and lights of a shot at a frame.
 struct GeometryScene {
   std::vector<MeshInstance> meshes;
   const Textures* textures = nullptr;
   Lights lights;
 };
 
-/// What a mesh of the scene shows to a camera, which must not distort: `samples` rays a pixel (a
-/// square number), in a grid. The others throw shadows on it, and are seen in it. A: the part of
-/// the rays that hit it; Z, `P` (world, metres) and `N` (shading normal, world) of the nearest of
-/// these; `albedo`: their mean. The same bytes for any number of threads, except for what
-/// `lights.environment_radiance` does.
-/// `ids`: of the mesh's objects, for LayerImage::ids; empty: none are told.
+/// Returns one mesh of the scene as `camera` (without distortion) sees it, with `samples` rays per
+/// pixel (a square number) in a grid. The other meshes cast shadows on it and appear in its
+/// reflections. A: share of the rays that hit it; Z, `P` (world, metres) and `N` (shading normal,
+/// world): of the nearest hit; `albedo`: mean over the hits. `ids`: of the mesh's objects, for
+/// LayerImage::ids; empty: not requested. The bytes do not depend on the number of threads, unless
+/// those of `lights.environment_radiance` do.
 LayerImage render_geometry(const GeometryScene& scene, std::size_t mesh,
                            const VirtualCamera& camera, int samples,
                            std::span<const float> ids = {});

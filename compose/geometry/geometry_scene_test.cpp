@@ -77,7 +77,7 @@ TEST(GeometryView, ASquareIsWhereItIs) {
   EXPECT_NEAR(covered, 4 * half * half, 0.01 * covered);
 }
 
-/// Against triangles one by one, in double.
+/// Compares with brute-force intersection of all triangles in double.
 TEST(GeometryView, MeetsTheNearestTriangle) {
   rc::check("as Moeller and Trumbore say", [] {
     const auto number = [](double most) {
@@ -118,13 +118,13 @@ TEST(GeometryView, MeetsTheNearestTriangle) {
         const Vector3d uvt = m.fullPivLu().solve(origin - mesh.positions[c[0]]);
         const double inside = std::min({uvt.x(), uvt.y(), 1 - uvt.x() - uvt.y()});
         const double slant = std::abs(m.determinant());
-        if (slant < 1e-3) margin = 0;  // nearly edge-on: float may see it or not
+        if (slant < 1e-3) margin = 0;  // nearly edge-on: depends on rounding
         margin = std::min(margin, std::abs(inside));
         if (inside >= 0 && uvt.z() > 0) nearest = std::min(nearest, uvt.z());
       }
       if (margin < 2e-2) continue;
       RC_ASSERT(std::isfinite(nearest) == hits[r].is_hit());
-      // World coordinates of 1e7 m are good to 2e-9 m.
+      // World coordinates of 1e7 m are exact to 2e-9 m.
       if (hits[r].is_hit()) {
         RC_ASSERT(std::abs(hits[r].distance / scale - nearest) < 2e-4 + 1e-7 / scale);
       }
@@ -144,7 +144,7 @@ TEST(GeometryView, ABallIsLitByTheCosineAndItsNormals) {
       if (pixel_of(image, x, y)[3] == 0) continue;
       const Vector3d normal = (aov_of(image, 0, x, y) - Vector3d(0, 0, -4)).normalized();
       const double cosine = std::max(normal.dot(towards), 0.0);
-      if (cosine < 0.1) continue;  // where faces and normals disagree about the light's side
+      if (cosine < 0.1) continue;  // faces and normals may disagree about the light's side
       ++seen;
       EXPECT_NEAR(pixel_of(image, x, y)[0], cosine, 0.01) << x << " " << y;
       EXPECT_GT(aov_of(image, 1, x, y).dot(normal), 1 - 1e-4);
@@ -161,7 +161,7 @@ TEST(GeometryView, OthersThrowShadowsButAreNotSeen) {
   geometry.lights.directional = {{Vector3d(0.6, 0, 0.8), {1, 1, 1}, true}};
   const VirtualCamera camera = looking_from({0, 0, 0}, 128, 96);
   const LayerImage image = render_geometry(geometry, 0, camera, 1);
-  // Light from the right: the shadow lies to the left by 0.6 / 0.8 metres.
+  // Light from the right: the shadow is 0.6 / 0.8 metres to the left.
   for (int x = 0; x < camera.width; ++x) {
     const double on_floor = (x + 0.5 - camera.intrinsics.cx) / camera.intrinsics.fx * 6;
     const double from_edge = std::min(on_floor + 1.75, 0.25 - on_floor);
@@ -213,7 +213,7 @@ TEST(GeometryView, MirrorsShowEachOther) {
   EXPECT_NEAR(rgba[2], 0.5, 1e-6);
 }
 
-/// In a world of one brightness white surfaces vanish.
+/// White surfaces in a uniform environment are invisible (furnace test).
 TEST(GeometryView, WhiteInAWhiteFurnaceIsWhite) {
   const VirtualCamera camera = looking_from({0, 0, 0}, 32, 24);
   for (const auto& [kind, least] :
@@ -271,7 +271,7 @@ TEST(GeometryView, FarAwayAndHugeAndTinyStaysFinite) {
         const auto rgba = pixel_of(image, 8, 6);
         EXPECT_EQ(rgba[3], 1) << offset << " " << scale << " " << away;
         const double expected = away <= 1 ? 1 - away : away - 1;
-        if (away == 1.0) continue;  // the eye on the ball
+        if (away == 1.0) continue;  // the camera is on the ball
         EXPECT_NEAR(double{image.z[6 * 16 + 8]} / scale, expected,
                     0.02 + 1e-6 * away + 4e-9 * offset / scale);
       }

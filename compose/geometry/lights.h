@@ -11,27 +11,26 @@
 
 namespace raystage {
 
-/// A light far away.
+/// A light at infinity.
 struct DirectionalLight {
   Eigen::Vector3d towards = Eigen::Vector3d::UnitY();  ///< unit, world
-  Eigen::Vector3f color{1, 1, 1};  ///< what a white diffuse surface that faces it shows
+  Eigen::Vector3f color{1, 1, 1};  ///< radiance of a white diffuse surface that faces it
   bool casts_shadows = true;
 };
 
-/// What rays see that leave the geometry: radiance, scene-linear, R, G, B. `spread`: of each ray,
-/// radians, so that pictures are looked at in no more detail than that. Called from many threads
-/// with many rays at a time.
+/// Computes the radiance (scene-linear R, G, B) of rays that leave the geometry. `spread`: of each
+/// ray, radians; images are filtered accordingly. Called from many threads with many rays at once.
 using EnvironmentRadiance = std::function<void(
     std::span<const WorldRay> rays, std::span<const float> spread, std::span<Eigen::Vector3f>)>;
 
-/// What lights the geometry of a shot.
+/// The lights of a shot's geometry.
 struct Lights {
-  /// The same from everywhere: for diffuse surfaces that do not gather, and for rays that leave
-  /// where there are no environment_radiance.
+  /// Radiance from all directions: for diffuse surfaces without gathering, and for rays that leave
+  /// the geometry if `environment_radiance` is null.
   Eigen::Vector3f ambient = Eigen::Vector3f::Zero();
   std::vector<DirectionalLight> directional;
-  EnvironmentRadiance environment_radiance;  ///< null: `ambient` all around
-  /// Rays by which a diffuse surface gathers light from its environment_radiance; 0: it does not.
+  EnvironmentRadiance environment_radiance;  ///< null: `ambient`
+  /// Rays per point with which diffuse surfaces gather light from `environment_radiance`; 0: none.
   int gather_rays = 0;
 };
 

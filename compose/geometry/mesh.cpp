@@ -73,14 +73,14 @@ void add_vertices(const aiMesh& from, const Eigen::Affine3d& placed,
   }
 }
 
-/// The meshes of a node and of those below it, where they stand.
+/// Adds the meshes of a node and of its descendants in file coordinates.
 void add_node(const aiScene& scene, const aiNode& node, const Eigen::Affine3d& placed_above,
               const std::filesystem::path& file, Mesh& mesh) {
   const Eigen::Affine3d placed = placed_above * transform_of(node.mTransformation);
   for (unsigned i = 0; i < node.mNumMeshes; ++i) {
     const aiMesh& from = *scene.mMeshes[node.mMeshes[i]];
     const auto first = static_cast<std::uint32_t>(mesh.positions.size());
-    // Of files where only some parts have them.
+    // Fill in for meshes that have none.
     if (from.HasNormals()) mesh.normals.resize(first, Eigen::Vector3f::Zero());
     if (from.HasTextureCoords(0)) mesh.uvs.resize(first, Eigen::Vector2f::Zero());
     add_vertices(from, placed, file, mesh);
@@ -110,7 +110,7 @@ std::size_t Mesh::bytes() const {
 
 Mesh read_mesh(const std::filesystem::path& file) {
   if (!std::filesystem::exists(file)) {
-    throw Error::bad_input("there is no such mesh", file.string(),
+    throw Error::bad_input("the mesh file does not exist", file.string(),
                            "Correct the layer's path; it is relative to the shot's folder");
   }
   Assimp::Importer importer;
@@ -133,7 +133,7 @@ Mesh read_mesh(const std::filesystem::path& file) {
     if (static_cast<std::size_t>(object.material) >= mesh.materials.size()) object.material = 0;
   }
   if (mesh.corners.empty()) {
-    throw Error::bad_input("the mesh has no triangle", file.string(), "Export its faces");
+    throw Error::bad_input("the mesh has no triangle", file.string(), "Export it with its faces");
   }
   return mesh;
 }

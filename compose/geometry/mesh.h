@@ -11,28 +11,28 @@
 
 namespace raystage {
 
-/// How a surface answers light.
+/// How a surface reflects light.
 struct Material {
   enum class Kind {
-    kDiffuse,  ///< Lambert: the same brightness from everywhere
-    kMirror,   ///< the ray's reflection, times the colour
-    kGlossy    ///< reflections around it: GGX (Walter et al. 2007), sampled by visible normals
+    kDiffuse,  ///< Lambert
+    kMirror,   ///< perfect reflection, times the colour
+    kGlossy    ///< rough reflection: GGX (Walter et al. 2007), sampled by visible normals
   };
   Kind kind = Kind::kDiffuse;
   Eigen::Vector3f color{0.8F, 0.8F,
                         0.8F};         ///< scene-linear, in the working space; times the texture
   std::filesystem::path texture = {};  ///< empty: none
-  float roughness = 0.2F;              ///< of kGlossy: GGX' alpha is its square; (0, 1]
+  float roughness = 0.2F;              ///< of kGlossy, (0, 1]; alpha of GGX is its square
 };
 
-/// Triangles in their own frame, units of the file (metres, unless the shot scales them).
+/// Triangles in object coordinates, units of the file (metres, unless the shot scales them).
 struct Mesh {
   struct Object {
     std::string name;
     int material = 0;
   };
   std::vector<Eigen::Vector3d> positions;
-  std::vector<Eigen::Vector3f> normals;  ///< of each position, unit; empty: faces' own
+  std::vector<Eigen::Vector3f> normals;  ///< of each position, unit; empty: flat shading
   std::vector<Eigen::Vector2f> uvs;      ///< of each position, (0, 0) lower left; empty: none
   std::vector<std::array<std::uint32_t, 3>> corners;  ///< of each triangle
   std::vector<std::uint32_t> triangle_objects;        ///< of each triangle
@@ -42,10 +42,9 @@ struct Mesh {
   std::size_t bytes() const;
 };
 
-/// Any format that Assimp reads: glTF 2, OBJ, PLY ... Textures' paths are relative to it in the
-/// file, and whole here. Metal of glTF becomes glossy, or a mirror where its roughness is below
-/// 0.05. Throws Error (bad input) where there is no such file, no triangle in it, or a number that
-/// is not finite.
+/// Reads a mesh in any format that Assimp reads: glTF 2, OBJ, PLY ... Texture paths are joined with
+/// the file's folder. Metals of glTF become glossy, or mirrors below a roughness of 0.05. Throws
+/// Error (bad input) if the file is missing, has no triangle, or has a number that is not finite.
 Mesh read_mesh(const std::filesystem::path& file);
 
 }  // namespace raystage

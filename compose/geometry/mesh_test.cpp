@@ -57,7 +57,7 @@ TEST_F(MeshFile, ObjWithMaterialsAndObjects) {
   EXPECT_EQ(mesh.uvs.size(), mesh.positions.size());
 }
 
-/// Nodes stand in nodes; several may show one mesh.
+/// Nodes are nested; several may refer to one mesh.
 TEST_F(MeshFile, GltfNodesArePlacedAndNamed) {
   const char* const kTriangle =  // 3 x vec3 float: (0,0,0) (1,0,0) (0,1,0)
       "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
@@ -103,7 +103,7 @@ TEST_F(MeshFile, PlyHasNoMaterial) {
 }
 
 TEST_F(MeshFile, SaysWhatIsWrong) {
-  EXPECT_THAT(refusal(folder_.path() / "none.obj"), HasSubstr("there is no such mesh"));
+  EXPECT_THAT(refusal(folder_.path() / "none.obj"), HasSubstr("the mesh file does not exist"));
   EXPECT_THAT(refusal(write("text.obj", "hello\n")), HasSubstr("text.obj"));
   EXPECT_THAT(refusal(write("cut.gltf", "{\"asset\": {")), HasSubstr("cut.gltf"));
   EXPECT_THAT(refusal(write("nan.obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n")),

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Casts shadows of meshes on a light field, whose surface is its depth image. Per pixel: `rays`
+// directions over the sphere for ambient occlusion within `reach` (metres), and one shadow ray per
+// directional light, traced with Embree. Colours of a premultiplied image with depth (metres) are
+// multiplied by the share of light that arrives. Cost: pixels x rays x meshes.
 #include "compose/geometry/shadow_catcher.h"
 
 #include <algorithm>
@@ -14,10 +18,10 @@ namespace {
 using Eigen::Vector3d;
 using Eigen::Vector3f;
 
-/// Rays begin this far from the surface, in its distance from the eye: what was reconstructed is
-/// no more exact.
-constexpr double kOffProxy = 1e-3;
+/// Start of rays from the surface as a share of its depth: the accuracy of reconstructed depths.
+constexpr double kRelativeRayOffset = 1e-3;
 
+/// Returns a direction of the unit sphere, uniformly for `at` in [0, 1)^2.
 Vector3d direction_at(const std::array<double, 2>& at) {
   const double up = 1 - 2 * at[0], around = 2 * std::numbers::pi * at[1];
   const double out = std::sqrt(std::max(0.0, 1 - up * up));
@@ -36,25 +40,25 @@ class Catcher {
     }
   }
 
-  /// What arrives at a point of all light, R, G, B. `seed`: of its pixel.
-  Vector3f arriving(const Vector3d& point, double min_distance, std::uint32_t seed) {
-    const float hidden = hidden_around(point, min_distance, seed);
+  /// Returns the share of all light that arrives at a point, R, G, B. `seed`: of its pixel.
+  Vector3f arriving_share(const Vector3d& point, double min_distance, std::uint32_t seed) {
+    const float hidden = ambient_occlusion(point, min_distance, seed);
     Vector3f taken = hidden * scene_.lights.ambient;
     for (const DirectionalLight& light : scene_.lights.directional) {
-      if (light.casts_shadows && is_hidden(point, light.towards, min_distance)) {
+      if (light.casts_shadows && is_occluded(point, light.towards, min_distance)) {
         taken += light.color;
       }
     }
     Vector3f share = Vector3f::Ones();
     for (Eigen::Index c = 0; c < 3; ++c) {
-      // Without any lights the picture's own is taken to come from everywhere.
+      // Without lights, all light is assumed to be ambient.
       share(c) -= light_(c) > 0 ? taken(c) / light_(c) : hidden;
     }
     return share;
   }
 
  private:
-  float hidden_around(const Vector3d& point, double min_distance, std::uint32_t seed) {
+  float ambient_occlusion(const Vector3d& point, double min_distance, std::uint32_t seed) {
     if (settings_.rays <= 0) return 0;
     const bool is_near = [&] {
       for (std::size_t m = 0; m < centres_.size(); ++m) {
@@ -67,17 +71,17 @@ class Catcher {
     for (int i = 0; i < settings_.rays; ++i) {
       rays_.push_back({point, direction_at(r2_sample(seed, static_cast<std::uint32_t>(i)))});
     }
-    return std::min(1.0F, 2 * static_cast<float>(met(min_distance, settings_.reach)) /
+    return std::min(1.0F, 2 * static_cast<float>(count_hits(min_distance, settings_.reach)) /
                               static_cast<float>(settings_.rays));
   }
 
-  bool is_hidden(const Vector3d& point, const Vector3d& towards, double min_distance) {
+  bool is_occluded(const Vector3d& point, const Vector3d& towards, double min_distance) {
     rays_.assign(1, {point, towards});
-    return met(min_distance, SurfaceHit::kNone) > 0;
+    return count_hits(min_distance, SurfaceHit::kNone) > 0;
   }
 
-  /// How many of the rays intersect a mesh before `reach`.
-  std::ptrdiff_t met(double min_distance, double reach) {
+  /// Returns the number of rays that hit a mesh before `reach`.
+  std::ptrdiff_t count_hits(double min_distance, double reach) {
     blocked_.assign(rays_.size(), 0);
     for (const MeshInstance& mesh : scene_.meshes) {
       mesh.scene->occlude(mesh.object_from_world, rays_, min_distance, reach, blocked_);
@@ -87,7 +91,7 @@ class Catcher {
 
   const GeometryScene& scene_;
   const ShadowCatcher& settings_;
-  Vector3f light_;  ///< all of it
+  Vector3f light_;  ///< sum of all lights
   std::vector<Vector3d> centres_;
   std::vector<double> radii_;
   std::vector<WorldRay> rays_;
@@ -111,8 +115,8 @@ void apply_shadow_catcher(const GeometryScene& scene, const VirtualCamera& camer
         if (!std::isfinite(z) || image.rgba[4 * pixel + 3] <= 0) continue;
         const Vector3d ray((x + 0.5 - k.cx) / k.fx, -(y + 0.5 - k.cy) / k.fy, -1);
         const auto seed = static_cast<std::uint32_t>(y) * 65536 + static_cast<std::uint32_t>(x);
-        const Vector3f share =
-            catcher.arriving(camera.pose.world_from_camera(ray * z), kOffProxy * z, seed);
+        const Vector3f share = catcher.arriving_share(camera.pose.world_from_camera(ray * z),
+                                                      kRelativeRayOffset * z, seed);
         for (std::size_t c = 0; c < 3; ++c) {
           const float taken = 1 - share(static_cast<Eigen::Index>(c));
           if (taken > 0) {

@@ -6,20 +6,18 @@
 
 namespace raystage {
 
-/// How what a light field shows receives the shadows of geometry.
+/// How a light field receives the shadows of geometry.
 struct ShadowCatcher {
-  double strength = 1;  ///< 0: none; 1: all the light that is taken away
-  double reach = 0.5;   ///< metres within which meshes take away light that comes from everywhere
-  int rays = 64;        ///< a pixel, for that; 0: it is not taken away
+  double strength = 1;  ///< 0: no shadows; 1: all occluded light is removed
+  double reach = 0.5;   ///< metres within which meshes occlude ambient light
+  int rays = 64;        ///< per pixel, for ambient occlusion; 0: none
 };
 
-/// Darkens a light field's picture where the scene's meshes stand between the surface that it was
-/// looked up on (LayerImage::z, the method's proxy) and the light: by the share of `lights.ambient`
-/// and of the directional lights, each as on a surface that faces it, that does not arrive.
-/// Ambient light is that of a half-space of which the meshes cover what they cover of all
-/// directions, twice, so that nothing need be known of the surface's normal. Alpha stays; pixels
-/// without a depth and those out of reach of every mesh and shadow keep their bytes. The same bytes
-/// for any number of threads.
+/// Darkens a light field's picture where meshes are between its surface (LayerImage::z, the
+/// method's proxy) and the lights: by the occluded share of `lights.ambient` and of the directional
+/// lights, each as on a surface that faces it. The normal of the surface is unknown: ambient
+/// occlusion is twice the share of all directions that the meshes cover, at most 1. Alpha, pixels
+/// without depth and unshadowed pixels are kept. The bytes do not depend on the number of threads.
 void apply_shadow_catcher(const GeometryScene& scene, const VirtualCamera& camera,
                           const ShadowCatcher& catcher, LayerImage& image);
 

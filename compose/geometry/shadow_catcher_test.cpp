@@ -18,7 +18,7 @@ using Eigen::Vector3f;
 constexpr double kRadius = 0.5, kAbove = 0.8;  // of a ball above a floor at y = -1
 const Vector3d kBall(0, -1 + kAbove, -4);
 
-/// A light field that shows a white floor, looked up where it is.
+/// A light field of a white floor with correct depth.
 class CastShadows : public ::testing::Test {
  protected:
   CastShadows() {

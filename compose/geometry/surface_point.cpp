@@ -9,7 +9,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Of two edges in the texture and in the world: texture widths per metre, the larger of both ways.
+/// Returns the texture widths per metre on a triangle, from two edges in the texture and the world.
 float texture_per_metre(const Eigen::Vector2f& uv1, const Eigen::Vector2f& uv2,
                         const Vector3d& edge1, const Vector3d& edge2) {
   const double in_texture = std::abs(double{uv1.x()} * uv2.y() - double{uv1.y()} * uv2.x());
@@ -37,7 +37,7 @@ SurfacePoint surface_point_at(const MeshInstance& mesh, const Textures* textures
   if (!m.normals.empty()) {
     const Eigen::Vector3f blended =
         w * m.normals[corner[0]] + hit.u * m.normals[corner[1]] + hit.v * m.normals[corner[2]];
-    // A normal stands on the surface however that is stretched.
+    // Normals transform by the inverse transpose.
     const Vector3d normal =
         (mesh.object_from_world.linear().transpose() * blended.cast<double>()).stableNormalized();
     if (normal.allFinite() && normal.squaredNorm() > 0.5) {

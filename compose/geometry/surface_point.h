@@ -11,7 +11,7 @@
 
 namespace raystage {
 
-/// A mesh where it stands at a frame.
+/// A mesh with its transform at a frame.
 struct MeshInstance {
   const EmbreeMesh* scene = nullptr;
   std::span<const Textures::Handle> textures;  ///< of each of its materials; null: none
@@ -19,18 +19,18 @@ struct MeshInstance {
   Eigen::Affine3d object_from_world = Eigen::Affine3d::Identity();
 };
 
-/// A point of a surface, as a ray met it.
+/// A point of a surface that a ray hit.
 struct SurfacePoint {
   Eigen::Vector3d position;          ///< world, metres
-  Eigen::Vector3d normal;            ///< shading normal, unit, world, to the side the ray came from
-  Eigen::Vector3d geometric_normal;  ///< of the triangle, the same side
+  Eigen::Vector3d normal;            ///< shading normal, unit, world, on the ray's side
+  Eigen::Vector3d geometric_normal;  ///< of the triangle, on the same side
   const Material* material = nullptr;
   std::uint32_t object = 0;
   Eigen::Vector3f color;  ///< the material's, times its texture
 };
 
-/// Looks a hit up. `spread`: of the ray, radians; `distance` it has come before, metres: how far
-/// it is blurred where it hits.
+/// Returns the surface at a hit. `spread` (radians) and `distance`, the length of the path before
+/// this ray (metres), determine the texture filter's width.
 SurfacePoint surface_point_at(const MeshInstance& mesh, const Textures* textures,
                               const WorldRay& ray, const SurfaceHit& hit, double spread,
                               double distance);

@@ -7,20 +7,20 @@
 
 namespace raystage {
 
-/// What the module lib/raystage/raystage-textures.so does: OpenImageIO's texture system. A module
-/// of its own, because loading OpenImageIO and the 240 libraries that it needs takes half a second,
-/// which no shot without textures should pay. See Textures for what the functions do.
+/// Interface of the module lib/raystage/raystage-textures.so: OpenImageIO's texture system. It is a
+/// module because loading OpenImageIO and the 240 libraries that it needs takes half a second, only
+/// spent on shots with textures. For the functions see Textures.
 class TextureLookup {
  public:
   using Handle = const void*;
   virtual ~TextureLookup() = default;
   virtual Handle open(const std::filesystem::path& file) = 0;
   virtual Eigen::Vector3f color(Handle texture, float u, float v, float width) const = 0;
-  virtual Eigen::Vector3f around(Handle texture, const Eigen::Vector3d& direction,
-                                 float width) const = 0;
+  virtual Eigen::Vector3f environment_color(Handle texture, const Eigen::Vector3d& direction,
+                                            float width) const = 0;
 };
 
-/// The module's entry, under this name; the caller owns what it returns.
+/// Entry point of the module, under this name. The caller owns the result.
 using OpenTextureLookup = TextureLookup*(std::size_t cache_bytes);
 inline constexpr const char* kOpenTextureLookup = "raystage_open_texture_lookup";
 inline constexpr const char* kTextureModule = "raystage-textures.so";

@@ -27,12 +27,12 @@ struct Texture {
   OIIO::TextureSystem::TextureHandle* handle = nullptr;
 };
 
-/// Hands out the light of a file of sRGB codes, row by row, so that what is blurred and
-/// interpolated is light. Its name is the file's and kMarker.
-class LightOfCodes final : public OIIO::ImageInput {
+/// Reads a file of sRGB codes as linear light, so that OpenImageIO filters linear values. Its name
+/// is that of the file with kMarker.
+class LinearSrgbInput final : public OIIO::ImageInput {
  public:
   static constexpr std::string_view kMarker = ".codes";
-  static OIIO::ImageInput* create() { return new LightOfCodes; }
+  static OIIO::ImageInput* create() { return new LinearSrgbInput; }
 
   const char* format_name() const override { return "light of codes"; }
   bool open(const std::string& name, OIIO::ImageSpec& spec) override {
@@ -58,7 +58,7 @@ class LightOfCodes final : public OIIO::ImageInput {
     if (!is_tiled_) {
       if (!codes_->read_scanline(y, z, OIIO::TypeDesc::FLOAT, light)) return false;
     } else {
-      // Of tiles there are no rows: all of them at once.
+      // A tiled file has no rows: read all of it at once.
       if (all_.empty()) {
         all_.resize(row * static_cast<std::size_t>(m_spec.height));
         if (!codes_->read_image(0, 0, 0, m_spec.nchannels, OIIO::TypeDesc::FLOAT, all_.data()))
@@ -77,7 +77,7 @@ class LightOfCodes final : public OIIO::ImageInput {
  private:
   std::unique_ptr<OIIO::ImageInput> codes_;
   bool is_tiled_ = false;
-  std::vector<float> all_;  // of a tiled file
+  std::vector<float> all_;  // pixels of a tiled file
 };
 
 class OiioTextureLookup : public TextureLookup {
@@ -105,8 +105,8 @@ class OiioTextureLookup : public TextureLookup {
     const bool is_integer =
         spec.format == OIIO::TypeDesc::UINT8 || spec.format == OIIO::TypeDesc::UINT16;
     if (is_integer) {
-      name = OIIO::ustring(file.string() + std::string(LightOfCodes::kMarker));
-      system_->imagecache()->add_file(name, LightOfCodes::create, nullptr);
+      name = OIIO::ustring(file.string() + std::string(LinearSrgbInput::kMarker));
+      system_->imagecache()->add_file(name, LinearSrgbInput::create, nullptr);
     }
     opened_.push_back({file, system_->get_texture_handle(name)});
     return &opened_.back();
@@ -116,8 +116,8 @@ class OiioTextureLookup : public TextureLookup {
     return look_up(*static_cast<const Texture*>(texture), u, v, width, width, Wrap::WrapPeriodic);
   }
 
-  Eigen::Vector3f around(Handle texture, const Eigen::Vector3d& direction,
-                         float width) const override {
+  Eigen::Vector3f environment_color(Handle texture, const Eigen::Vector3d& direction,
+                                    float width) const override {
     constexpr double kTurn = 2 * std::numbers::pi;
     const double longitude = std::atan2(direction.x(), -direction.z());
     const double latitude = std::asin(std::clamp(direction.y(), -1.0, 1.0));
@@ -141,13 +141,13 @@ class OiioTextureLookup : public TextureLookup {
     options.swrap = Wrap::WrapPeriodic;
     options.twrap = up_and_down;
     float rgb[3] = {};
-    // Rows of a picture run downwards.
+    // Rows of an image are top-down.
     system_->texture(texture.handle, nullptr, options, u, 1 - v, du, 0, 0, dv, 3, rgb);
     return {rgb[0], rgb[1], rgb[2]};
   }
 
   std::unique_ptr<OIIO::TextureSystem, Release> system_;
-  std::deque<Texture> opened_;  // handles stay where they are
+  std::deque<Texture> opened_;  // a deque keeps the addresses of handles
 };
 
 }  // namespace

@@ -8,7 +8,7 @@
 namespace raystage {
 namespace {
 
-/// The module stays loaded: what it made lives in it.
+/// Loads the module, which stays loaded because it owns its objects.
 OpenTextureLookup* load_module() {
   std::error_code error;
   const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
@@ -28,7 +28,7 @@ OpenTextureLookup* load_module() {
 
 Textures::Handle Textures::open(const std::filesystem::path& file) {
   if (!std::filesystem::exists(file)) {
-    throw Error::bad_input("there is no such texture", file.string(),
+    throw Error::bad_input("the texture file does not exist", file.string(),
                            "Correct the path; a mesh file's textures are relative to it");
   }
   if (!lookup_) lookup_.reset(load_module()(cache_bytes_));

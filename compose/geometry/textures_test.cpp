@@ -25,7 +25,7 @@ using ::testing::HasSubstr;
 class TextureFiles : public ::testing::Test {
  protected:
   using Code = std::array<unsigned char, 3>;
-  /// Of 8-bit codes.
+  /// With 8-bit codes.
   std::filesystem::path write_ppm(int width, int height, const std::function<Code(int, int)>& at) {
     const auto file = folder_.path() / "texture.ppm";
     std::ofstream stream(file, std::ios::binary);
@@ -84,7 +84,7 @@ TEST_F(TextureFiles, WhatIsBlurredIsLightNotCodes) {
   const auto blurred = textures_.color(texture, 0.3F, 0.3F, 0.1F);
   EXPECT_NEAR(blurred.x(), 0.5, 0.01);
   EXPECT_NEAR(blurred.y(), linear_from_srgb(128 / 255.0), 1e-3);
-  // Half-way between two texels, too.
+  // Also halfway between two texels.
   EXPECT_NEAR(textures_.color(texture, 1.0F / 256, 1 - 0.5F / 256, 0).x(), 0.5, 0.01);
 }
 
@@ -92,7 +92,7 @@ TEST_F(TextureFiles, AroundIsLatitudeByLongitude) {
   const auto texture = textures_.open(write_exr(
       256, 128, [](int x, int y) { return Imf::Rgba((x + 0.5F) / 256, (y + 0.5F) / 128, 1); }));
   const auto seen = [&](double x, double y, double z) {
-    return textures_.around(texture, Eigen::Vector3d(x, y, z).normalized(), 0);
+    return textures_.environment_color(texture, Eigen::Vector3d(x, y, z).normalized(), 0);
   };
   EXPECT_NEAR(seen(0, 0, -1).x(), 0.5, 0.01);
   EXPECT_NEAR(seen(0, 0, -1).y(), 0.5, 0.01);
@@ -134,7 +134,7 @@ TEST_F(TextureFiles, SayWhatIsWrong) {
     }
     return "none";
   };
-  EXPECT_THAT(refusal(folder_.path() / "none.png"), HasSubstr("there is no such texture"));
+  EXPECT_THAT(refusal(folder_.path() / "none.png"), HasSubstr("the texture file does not exist"));
   std::ofstream(folder_.path() / "text.png") << "hello";
   EXPECT_THAT(refusal(folder_.path() / "text.png"), HasSubstr("cannot be read"));
 }

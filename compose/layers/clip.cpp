@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Multiplies an image by the shares that plane, box and screen clips keep, each with a linear ramp
+// of its feather's width. Points come from the image's depth. Cost: pixels x clips.
 #include "compose/layers/clip.h"
 
 #include <algorithm>
@@ -14,7 +16,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-/// 0 at half a feather outside of an edge, 1 at half a feather inside; `inside`: distance.
+/// Returns 0 at half a feather outside an edge to 1 at half a feather inside. `inside`: distance.
 double ramp(double inside, double feather) {
   if (feather <= 0) return inside > 0 ? 1 : inside < 0 ? 0 : 0.5;
   return std::clamp(0.5 + inside / feather, 0.0, 1.0);
@@ -34,8 +36,7 @@ double inside(const BoxClip& clip, const VirtualCamera&, const Vector2d&, const 
   if (is_direction) return 0;
   double least = 1;
   for (int axis = 0; axis < 3; ++axis) {
-    const double from_wall =
-        std::min(point[axis] - clip.least[axis], clip.most[axis] - point[axis]);
+    const double from_wall = std::min(point[axis] - clip.min[axis], clip.max[axis] - point[axis]);
     least = std::min(least, ramp(from_wall, clip.feather));
   }
   return least;
@@ -46,7 +47,7 @@ double inside(const ScreenClip& clip, const VirtualCamera& camera, const Vector2
   const double x = pixel.x() / camera.width, y = pixel.y() / camera.height;
   const double width_by_height = static_cast<double>(camera.width) / camera.height;
   double least = 1;
-  // The picture's own border is no edge to fade at.
+  // No ramp at the image border.
   if (clip.left > 0) least = std::min(least, ramp(x - clip.left, clip.feather));
   if (clip.right < 1) least = std::min(least, ramp(clip.right - x, clip.feather));
   const double feather = clip.feather * width_by_height;
@@ -59,14 +60,14 @@ void clear(LayerImage& image, std::size_t pixel) {
   image.z[pixel] = std::numeric_limits<float>::infinity();
   for (Aov& aov : image.aovs) {
     const std::size_t width = aov.channels.size();
-    std::fill_n(aov.values.data() + pixel * width, width, aov.nothing);
+    std::fill_n(aov.values.data() + pixel * width, width, aov.empty_value);
   }
 }
 
 }  // namespace
 
-double kept(const Clip& clip, const VirtualCamera& camera, const Vector2d& pixel,
-            const Vector3d& point, bool is_direction) {
+double kept_share(const Clip& clip, const VirtualCamera& camera, const Vector2d& pixel,
+                  const Vector3d& point, bool is_direction) {
   const double share = std::visit(
       [&](const auto& shape) { return inside(shape, camera, pixel, point, is_direction); },
       clip.shape);
@@ -89,7 +90,7 @@ void apply(std::span<const Clip> clips, const VirtualCamera& camera, LayerImage&
         const Vector3d point = is_direction ? Vector3d(camera.pose.world_from_camera_rotation * ray)
                                             : camera.pose.world_from_camera(ray * z);
         double share = 1;
-        for (const Clip& clip : clips) share *= kept(clip, camera, at, point, is_direction);
+        for (const Clip& clip : clips) share *= kept_share(clip, camera, at, point, is_direction);
         if (share >= 1) continue;
         float* rgba = image.rgba.data() + 4 * pixel;
         for (int c = 0; c < 4; ++c) rgba[c] *= static_cast<float>(share);

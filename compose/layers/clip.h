@@ -18,7 +18,7 @@ struct PlaneClip {
 
 /// Keeps the inside of an axis-aligned box.
 struct BoxClip {
-  Eigen::Vector3d least{0, 0, 0}, most{0, 0, 0};  ///< world, metres
+  Eigen::Vector3d min{0, 0, 0}, max{0, 0, 0};  ///< world, metres
   double feather = 0;
 };
 
@@ -33,12 +33,11 @@ struct Clip {
   bool inverted = false;  ///< keeps the outside instead
 };
 
-/// Returns the share of a point that is kept, 0 to 1, along a linear ramp. Two clips that differ
-/// only in `inverted` add up to 1, so that complementary layers leave no seam. `pixel`: position
-/// from the top left, pixels; `point`: world, metres, or a direction if the pixel shows something
-/// at infinity.
-double kept(const Clip& clip, const VirtualCamera& camera, const Eigen::Vector2d& pixel,
-            const Eigen::Vector3d& point, bool is_direction);
+/// Returns the share of a point that a clip keeps, 0 to 1, with a linear ramp. Two clips that
+/// differ only in `inverted` add up to 1, so that complementary layers have no seam. `pixel`: from
+/// the top left; `point`: world, metres, or a direction if the pixel is at infinity.
+double kept_share(const Clip& clip, const VirtualCamera& camera, const Eigen::Vector2d& pixel,
+                  const Eigen::Vector3d& point, bool is_direction);
 
 /// Multiplies colours and alpha by the shares that all clips keep. Where that is 0, Z and AOVs get
 /// their empty values. World points follow from the image's Z.

@@ -24,7 +24,7 @@ VirtualCamera camera() {
   return virtual_camera_with_fov(kWidth, kHeight, 1, pose);
 }
 
-/// White, at one depth.
+/// A white image at one depth.
 LayerImage wall(float z) {
   LayerImage image = transparent_layer_image(kWidth, kHeight);
   image.rgba.assign(image.pixels() * 4, 1.0F);
@@ -37,7 +37,7 @@ float alpha(const LayerImage& image, int x, int y) {
   return image.rgba[static_cast<std::size_t>(4 * (y * kWidth + x) + 3)];
 }
 
-/// The plane through a point before the camera across its view, keeping what is nearer.
+/// A plane through a point in front of the camera that keeps the nearer side.
 PlaneClip plane_before(double depth) {
   const VirtualCamera view = camera();
   const Vector3d normal = -view.pose.viewing_direction();

@@ -22,7 +22,7 @@ std::uint32_t murmur3_32(std::string_view text) {
   std::size_t at = 0;
   for (; at + 4 <= text.size(); at += 4) {
     std::uint32_t block = 0;
-    std::memcpy(&block, text.data() + at, 4);  // little endian, as every processor of ours
+    std::memcpy(&block, text.data() + at, 4);  // as on little-endian hosts
     hash = std::rotl(hash ^ mixed(block), 13) * 5 + 0xe6546b64U;
   }
   std::uint32_t rest = 0;
@@ -48,7 +48,7 @@ std::string cryptomatte_manifest(std::span<const std::string> names) {
   for (const std::string& name : names) {
     manifest[name] = fmt::format("{:08x}", std::bit_cast<std::uint32_t>(object_id(name)));
   }
-  // Names come from files: what is no UTF-8 is replaced.
+  // Names come from files: replace invalid UTF-8.
   return manifest.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace);
 }
 

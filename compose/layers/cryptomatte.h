@@ -27,12 +27,11 @@ std::string cryptomatte_manifest(std::span<const std::string> names);
 std::string cryptomatte_key();
 inline constexpr const char* kCryptomatteName = "CryptoObject";
 
-/// Assigns all of an image to one object.
+/// Assigns all pixels of an image to one object.
 void assign_object_id(LayerImage& image, float id);
 
 /// Returns the ids of an image as channels CryptoObject00 to 02: R = id, G = coverage (the object's
-/// share of the pixel), B and A the same of the next object, by falling coverage; 0 if there are no
-/// more.
+/// share of the pixel), B and A those of the next object, by descending coverage; 0 for none.
 std::vector<Aov> cryptomatte_aovs(const LayerImage& image);
 
 }  // namespace raystage

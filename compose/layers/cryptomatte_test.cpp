@@ -11,7 +11,7 @@ namespace raystage {
 namespace {
 
 TEST(Cryptomatte, HashesAsTheOthersDo) {
-  // Vectors of MurmurHash3_x86_32 with seed 0, as its ports test themselves with.
+  // Common test vectors of MurmurHash3_x86_32 with seed 0.
   EXPECT_EQ(murmur3_32(""), 0U);
   EXPECT_EQ(murmur3_32("a"), 0x3c2569b2U);
   EXPECT_EQ(murmur3_32("abc"), 0xb3dd93faU);

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Converts layers to deep samples: one sample per visible layer and pixel, sorted by depth. Input:
+// layer images with depth (metres); output: premultiplied samples from front to back whose "over"
+// composite equals merge() by depth. Cost: pixels x layers x log(layers).
 #include "compose/layers/deep_image.h"
 
 #include <algorithm>
@@ -18,8 +21,8 @@ DeepImage make_deep_image(std::span<const MergedLayer> layers) {
     std::iota(front_first.rbegin(), front_first.rend(), std::size_t{0});
     std::ranges::stable_sort(front_first, {},
                              [&](std::size_t i) { return layers[i].image->z[pixel]; });
-    // Light of a layer comes through all before it, but holdouts leave no sample: what is missing
-    // is taken from the samples, so that "over" of those alone comes to the same.
+    // Holdouts attenuate the layers behind them but have no sample: the samples behind them are
+    // scaled so that "over" of the samples alone gives the same composite.
     double through = 1, through_samples = 1;
     for (const std::size_t i : front_first) {
       const float* rgba = layers[i].image->rgba.data() + 4 * pixel;

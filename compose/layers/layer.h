@@ -21,24 +21,24 @@ namespace raystage {
 
 struct GeometryScene;
 
-/// What to show at a shot frame for which a take has nothing (OpenTimelineIO's policies).
+/// What to show at a shot frame for which a take has no light field frame (as OpenTimelineIO).
 enum class MissingFrames {
-  kError,  ///< refuse before anything is rendered
-  kHold,   ///< the nearest instant that exists, the earlier first
-  kBlack   ///< a frame with alpha and coverage 0
+  kError,  ///< fail before anything is rendered
+  kHold,   ///< show the nearest earlier instant, or else the nearest later one
+  kBlack   ///< show a frame with alpha and coverage 0
 };
 
 /// The instant of a take that a frame of the shot shows.
 struct ShownTick {
   std::optional<int> tick;  ///< index into Timeline::ticks; none: nothing
-  bool held = false;        ///< not the instant asked for
+  bool held = false;        ///< a nearest instant replaces a missing one
 };
 
 /// Memory budget of a light field, bytes.
 struct LightFieldMemory {
-  std::size_t cache = 0;    ///< decoded source frames
-  std::size_t kept = 0;     ///< results that the method caches
-  std::size_t working = 0;  ///< working memory of one frame in flight
+  std::size_t cache = 0;         ///< decoded source frames
+  std::size_t result_cache = 0;  ///< results that the method caches
+  std::size_t working = 0;       ///< working memory of one frame in flight
 };
 
 /// Settings that all layers of a sequence share, except `memory`.
@@ -60,7 +60,7 @@ struct LayerView {
   std::span<const float> object_ids = {};  ///< for LayerImage::ids; empty: not asked for
 };
 
-/// Single rays of a layer that is a light.
+/// Answers single rays of a layer that is a light.
 struct LayerRays {
   std::function<void(std::span<const WorldRay>, std::span<RaySample>)> query;
   Eigen::Vector3d viewing_direction;  ///< mean of the array's cameras, world
@@ -74,15 +74,14 @@ class LayerRenderer {
   LayerRenderer(const LayerRenderer&) = delete;
   LayerRenderer& operator=(const LayerRenderer&) = delete;
 
-  /// Whether the layer may show in the view at all; a cheap test.
+  /// Returns false only if the layer is certainly not visible in the view. Cheap.
   virtual bool may_show(const LayerView& /*view*/) const { return true; }
-  /// Renders the layer, without clips and opacity. Throws Error (bad input) for a file that cannot
-  /// be read.
+  /// Renders the layer without clips and opacity. Throws Error (bad input) for unreadable files.
   virtual LayerImage render(const LayerView& view) const = 0;
-  /// Returns what answers single rays at a frame; none: the layer shows nothing, or has no rays.
+  /// Returns access to single rays at a frame; none if the layer shows nothing or has no rays.
   virtual std::optional<LayerRays> rays(const LayerView& /*view*/) const { return std::nullopt; }
 
-  /// Asks the disk for what a later render() needs.
+  /// Requests the source data of a later render() from the disk.
   virtual void read_ahead(const ShownTick& /*shown*/) const {}
   /// See LightFieldRenderer for these three.
   virtual int frames_read_ahead() const { return 0; }
@@ -93,13 +92,13 @@ class LayerRenderer {
 /// The stage of a frame that the time of a layer counts for.
 enum class LayerStage { kLightFields, kGeometry, kMerge };
 
-/// What Layer::check_frame() looks at.
+/// Arguments of Layer::check_frame().
 struct LayerFrameCheck {
   int frame = 0;
   const ShownTick& shown;
   bool is_visible = true;
   bool camera_has_focus = false;
-  std::set<std::filesystem::path>& files_checked;  ///< a plate may be the same at every frame
+  std::set<std::filesystem::path>& files_checked;  ///< skip these: frames may share a plate
 };
 
 /// A layer of a shot: opened, and checked as far as possible before rendering.
@@ -113,19 +112,18 @@ class Layer {
   /// Throws Error (bad input) if a file that the layer reads at the frame is missing or unusable,
   /// or if the camera lacks a property that the layer needs.
   virtual void check_frame(const LayerFrameCheck& /*check*/) const {}
-  /// Adds what determines the layer's pixels at a frame, apart from the properties that all kinds
-  /// of layers have.
+  /// Adds what determines the layer's pixels at a frame, except properties of all kinds of layers.
   virtual void add_to_fingerprint(Fingerprint& /*print*/, int /*frame*/,
                                   const ShownTick& /*shown*/) const {}
-  /// Fills in what the header of a frame says of the layer. Returns false if that is nothing.
+  /// Fills in the layer's metadata for the header of a frame. Returns false if it has none.
   virtual bool fill_metadata(const ShownTick& /*shown*/, ExrMetadata& /*metadata*/) const {
     return false;
   }
-  /// Returns the file that the layer reads at the frame and that rendering must not replace.
+  /// Returns the file that the layer reads at the frame, which rendering must not overwrite.
   virtual std::optional<std::filesystem::path> input_file(int /*frame*/) const {
     return std::nullopt;
   }
-  /// Returns the names of the objects that Cryptomatte tells apart. `layer`: the layer's name.
+  /// Returns the Cryptomatte names of the layer's objects. `layer`: the layer's name.
   virtual std::vector<std::string> object_names(const std::string& layer) const { return {layer}; }
 
   /// Returns the memory that all frames share, bytes.
@@ -134,12 +132,12 @@ class Layer {
   virtual std::size_t aov_bytes_per_pixel() const { return 0; }
 
   virtual LayerStage stage() const { return LayerStage::kMerge; }
-  /// Whether its colours are those of kSceneSpace; otherwise those of the working space.
+  /// Returns whether the colours are in kSceneSpace; otherwise they are in the working space.
   virtual bool is_in_scene_space() const { return false; }
-  /// Whether transparent pixels are rays that no camera saw.
+  /// Returns whether transparent pixels are rays that no camera saw.
   virtual bool is_transparent_where_unseen() const { return false; }
 
-  /// Refers to this layer.
+  /// Returns a renderer, which keeps a reference to this layer.
   virtual std::unique_ptr<const LayerRenderer> make_renderer(
       const LayerRendererSettings& settings) const = 0;
 };

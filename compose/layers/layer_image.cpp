@@ -7,7 +7,7 @@
 namespace raystage {
 namespace {
 
-constexpr float kNowhere = std::numeric_limits<float>::infinity();
+constexpr float kNoDepth = std::numeric_limits<float>::infinity();
 
 }  // namespace
 
@@ -16,7 +16,7 @@ LayerImage transparent_layer_image(int width, int height) {
   image.width = width;
   image.height = height;
   image.rgba.assign(image.pixels() * 4, 0.0F);
-  image.z.assign(image.pixels(), kNowhere);
+  image.z.assign(image.pixels(), kNoDepth);
   return image;
 }
 
@@ -34,7 +34,7 @@ LayerImage make_layer_image(RenderedView view) {
     image.aovs.push_back({"lf", {"cameras"}, false, 0, std::move(view.cameras)});
   }
   if (!view.nearest_ray.empty()) {
-    image.aovs.push_back({"lf", {"nearest"}, false, kNowhere, std::move(view.nearest_ray)});
+    image.aovs.push_back({"lf", {"nearest"}, false, kNoDepth, std::move(view.nearest_ray)});
   }
   image.statistics = view.statistics;
   image.notes = std::move(view.notes);
@@ -44,12 +44,12 @@ LayerImage make_layer_image(RenderedView view) {
 ExrView exr_view(const LayerImage& image, const std::string& name) {
   ExrView view{name, {}};
   view.layers.push_back({"", {"R", "G", "B", "A"}, true, image.rgba, 0});
-  view.layers.push_back({"depth", {"Z"}, false, image.z, kNowhere});
+  view.layers.push_back({"depth", {"Z"}, false, image.z, kNoDepth});
   for (const Aov& aov : image.aovs) {
-    // Unit vectors: a half's 11 bits are a thirtieth of a degree.
+    // Half is enough for unit vectors: its 11 bits resolve 1/30 degree.
     const bool is_normal = aov.layer == "N";
     view.layers.push_back(
-        {aov.layer, aov.channels, aov.is_colour, aov.values, aov.nothing, is_normal});
+        {aov.layer, aov.channels, aov.is_colour, aov.values, aov.empty_value, is_normal});
   }
   return view;
 }

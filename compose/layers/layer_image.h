@@ -10,26 +10,26 @@
 
 namespace raystage {
 
-/// Arbitrary output variable: values of a picture besides colour and depth, interleaved by pixel.
+/// Arbitrary output variable: pixel values besides colour and depth, interleaved by pixel.
 struct Aov {
   std::string layer;                  ///< as EXR files name it: "lf", "N", "albedo" ...
   std::vector<std::string> channels;  ///< "coverage"; "X", "Y", "Z"; ...
   bool is_colour = false;
-  float nothing = 0;  ///< value of pixels without data
+  float empty_value = 0;  ///< value of pixels without data
   PixelValues values;
 };
 
 /// Largest number of objects per pixel: six, as readers of Cryptomatte expect.
 inline constexpr std::size_t kIdRanks = 6;
 
-/// A picture of a layer, row-major from the top left.
+/// The image of a layer, row-major from the top left.
 struct LayerImage {
   int width = 0, height = 0;
   PixelValues rgba;  ///< scene-linear, in the working space, premultiplied
   PixelValues z;     ///< planar depth, metres; +infinity where A is 0 or there is no depth
   std::vector<Aov> aovs;
   /// Empty unless requested. kIdRanks pairs per pixel: id of an object and its share of A, by
-  /// falling share; 0 if there are no more.
+  /// descending share; 0 for none.
   PixelValues ids;
   RenderStatistics statistics;
   std::vector<std::string> notes;
@@ -39,13 +39,13 @@ struct LayerImage {
   }
 };
 
-/// Returns a transparent picture.
+/// Returns a transparent image.
 LayerImage transparent_layer_image(int width, int height);
 
-/// Returns a view of a light field as a layer's picture, with its coverage measures as AOVs.
+/// Returns a view of a light field as a layer image, with its coverage measures as AOVs.
 LayerImage make_layer_image(RenderedView view);
 
-/// Returns the picture, `depth` and the AOVs as a view of an EXR file. Refers to the image.
+/// Returns colours, `depth` and AOVs as a view of an EXR file. Keeps a reference to the image.
 ExrView exr_view(const LayerImage& image, const std::string& name);
 
 }  // namespace raystage

@@ -18,8 +18,9 @@ bool has_option(const Method& method, std::string_view name) {
   return std::ranges::any_of(method.options(), [&](const auto& o) { return o.name == name; });
 }
 
-/// How deep the scene is: as the method's options say, else as the take does.
-std::optional<DepthRange> scene_of(const ReconstructionSettings& reconstruction, const Take& take) {
+/// Returns the depth range of the method's options, or else that of the take.
+std::optional<DepthRange> depth_range_of(const ReconstructionSettings& reconstruction,
+                                         const Take& take) {
   const Method& method = method_named(reconstruction.method);
   const MethodOptions options(method.options(), reconstruction.options, reconstruction.method);
   DepthRange scene = take.document().depth_range.value_or(DepthRange{0, 0});
@@ -41,16 +42,16 @@ ReconstructionSettings reconstruction_of(const ShotDocument::Layer& layer, const
   reconstruction.method = target.empty() ? layer.method : std::string(automatic_method().name());
   reconstruction.options = target.empty() ? layer.options : target;
   const Method& method = method_named(reconstruction.method);
-  // How deep the layer's scene is stays true whoever renders it.
+  // The layer's depth range holds for any method.
   for (const char* name : {"near", "far"}) {
     if (has_option(method, name) && layer.options.contains(name)) {
       reconstruction.options[name] = layer.options.at(name);
     }
   }
   reconstruction.fill = fill.value_or(layer.fill);
-  const std::optional<DepthRange> scene = scene_of(reconstruction, take);
+  const std::optional<DepthRange> scene = depth_range_of(reconstruction, take);
   const bool best = layer.focal_plane.kind == ShotDocument::FocalPlane::Kind::kBest;
-  // Nobody asks for the plane; but `auto` has nothing else where it does not know the scene.
+  // The method ignores the plane, except `auto`, which falls back to it without a depth range.
   if (best && !scene && !method.may_use_focal_plane()) return reconstruction;
   reconstruction.focal_plane =
       focal_plane_equation(layer.focal_plane, take.rig(), scene, where + "/focal_plane");
@@ -69,7 +70,7 @@ Eigen::Vector4d focal_plane_equation(const ShotDocument::FocalPlane& plane, cons
   using Kind = ShotDocument::FocalPlane::Kind;
   switch (plane.kind) {
     case Kind::kInfinity:
-    case Kind::kCamera:  // until a camera is there
+    case Kind::kCamera:  // until reconstruction_for() knows the camera
       return {0, 0, 0, 1};
     case Kind::kDepth:
       return fronto_parallel_plane(rig, plane.depth);
@@ -133,7 +134,7 @@ class TakeRenderer final : public LayerRenderer {
                                             const LayerRendererSettings& settings) {
     RendererSettings result;
     result.cache_bytes = settings.memory.cache;
-    result.result_cache_bytes = settings.memory.kept;
+    result.result_cache_bytes = settings.memory.result_cache;
     result.working_bytes = settings.memory.working;
     result.measure_coverage = settings.measure_coverage;
     result.measure_confidence = settings.measure_confidence;
@@ -168,15 +169,15 @@ LightFieldLayer::LightFieldLayer(const ShotDocument& shot, std::size_t index,
           reconstruction_of(layer_, take_, pointer_of(shot_file, index), fill, target)) {
   if (timeline_.ticks.empty()) {
     throw Error::bad_input("the take's timeline is empty", take_.folder().string(),
-                           "Run `raystage sync` and look at what it prints");
+                           "Run `raystage sync` and check its report");
   }
-  // An archive that is missing should stop the job now and not at the first frame that needs it.
+  // Fail now if an archive is missing, and not at the first frame that needs it.
   for (int camera = 0; camera < take_.camera_count(); ++camera) take_.archive(camera);
   if (layer_.matte) {
     matte_ = std::make_shared<const TakeMatte>(take_, *layer_.matte, folder);
     if (reconstruction_.fill != HoleFill::kNone) {
-      throw Error::bad_input("what a matte makes transparent would be filled again",
-                             pointer_of(shot_file_, index_), "Remove fill, or the matte")
+      throw Error::bad_input("hole filling would fill what the matte makes transparent",
+                             pointer_of(shot_file_, index_), "Remove fill or the matte")
           .concerning({"fill"});
     }
   }
@@ -206,7 +207,7 @@ ReconstructionSettings LightFieldLayer::reconstruction_for(const ExrCamera& came
     }
   }
   if (has_lens_options && options.contains("f_number") && camera.overscan_x > 0) {
-    // The film is as wide as the picture; the method takes the view's width for it.
+    // film_width is that of the picture; the method expects that of the view with overscan.
     const MethodOptions given(method_named(result.method).options(), options, result.method);
     options["film_width"] = given.number("film_width") * camera.view.width /
                             (camera.view.width - 2.0 * camera.overscan_x);
@@ -270,7 +271,7 @@ std::vector<std::filesystem::path> LightFieldLayer::input_files(const ShownTick&
       {method.options(), reconstruction_.options, method.name()}, take_, tick(shown));
   for (std::size_t i = 0; matte_ && i < tick(shown).frame.size(); ++i) {
     if (tick(shown).frame[i] < 0) continue;
-    std::ranges::move(matte_->files_read(static_cast<int>(i), tick(shown).frame[i]),
+    std::ranges::move(matte_->input_files(static_cast<int>(i), tick(shown).frame[i]),
                       std::back_inserter(files));
   }
   return files;
@@ -279,18 +280,17 @@ std::vector<std::filesystem::path> LightFieldLayer::input_files(const ShownTick&
 void LightFieldLayer::check_frame(const LayerFrameCheck& check) const {
   for (const auto& file : input_files(check.shown)) {
     if (std::filesystem::exists(file)) continue;
-    throw Error::bad_input(fmt::format("frame {} needs a file that is not there", check.frame),
-                           file.string(),
-                           "Put it there, or mend the layer in " + shot_file_.string());
+    throw Error::bad_input(fmt::format("a file that frame {} needs is missing", check.frame),
+                           file.string(), "Add it, or correct the layer in " + shot_file_.string());
   }
   if (!focal_plane_follows_camera() || check.camera_has_focus) return;
-  throw Error::bad_input("the focal plane is to be the camera's, which has no focus_m",
+  throw Error::bad_input("the focal plane follows the camera, which has no focus_m",
                          pointer_of(shot_file_, index_),
-                         "Give focus_m in a key of the camera, or another focal plane");
+                         "Add focus_m to a key of the camera, or choose another focal plane");
 }
 
 std::size_t LightFieldLayer::decoded_frame_bytes() const {
-  constexpr std::size_t kBytesPerPixel = 8;  // R, G, B and one more, 16 bits each
+  constexpr std::size_t kBytesPerPixel = 8;  // four channels of 16 bits
   std::size_t bytes = 0;
   for (const Rig::Camera& camera : take_.rig().cameras) {
     bytes += static_cast<std::size_t>(camera.model.width()) *
@@ -319,16 +319,20 @@ void LightFieldLayer::add_sources(const FrameSelection& tick, Fingerprint& print
 std::string LightFieldLayer::common_fingerprint() const {
   Fingerprint print;
   print.text("method", reconstruction_.method);
-  // With those not given, so that a new release's other ones render anew.
-  const MethodOptions options(method_named(reconstruction_.method).options(),
-                              reconstruction_.options, reconstruction_.method);
-  for (const auto& [name, value] : options.values()) {
+  // Includes defaults, so that changed defaults of a release cause new rendering.
+  const std::span<const OptionSpec> specs = method_named(reconstruction_.method).options();
+  const MethodOptions options(specs, reconstruction_.options, reconstruction_.method);
+  OptionValues labelled;
+  for (const OptionSpec& spec : specs) {
+    labelled[std::string(spec.fingerprint_name())] = options.values().at(std::string(spec.name));
+  }
+  for (const auto& [name, value] : labelled) {
     print.text("option", name);
     if (const bool* flag = std::get_if<bool>(&value)) print.integer("value", *flag ? 1 : 0);
     if (const double* number = std::get_if<double>(&value)) print.number("value", *number);
     if (const std::string* text = std::get_if<std::string>(&value)) print.text("value", *text);
   }
-  // Of a focus pull each frame tells its own.
+  // With a focus pull, each frame adds its own plane.
   for (const double value : reconstruction_.focal_plane) {
     if (!focus_) print.number("plane", value);
   }
@@ -358,10 +362,10 @@ void LightFieldLayer::add_to_fingerprint(Fingerprint& print, int frame,
   if (!method.reads_adjacent_frames({method.options(), reconstruction_.options, method.name()})) {
     return;
   }
-  for (const int beside : {*shown.tick - 1, *shown.tick + 1}) {
-    const auto i = static_cast<std::size_t>(beside);
-    if (beside < 0 || i >= timeline_.ticks.size()) continue;
-    print.integer("beside", beside - *shown.tick);
+  for (const int adjacent : {*shown.tick - 1, *shown.tick + 1}) {
+    const auto i = static_cast<std::size_t>(adjacent);
+    if (adjacent < 0 || i >= timeline_.ticks.size()) continue;
+    print.integer("beside", adjacent - *shown.tick);
     add_sources(timeline_.ticks[i], print);
   }
 }
@@ -380,8 +384,7 @@ bool LightFieldLayer::fill_metadata(const ShownTick& shown, ExrMetadata& metadat
       metadata.absent_cameras.push_back(take_.document().cameras[camera].id);
     }
   }
-  // Only where shot frames and captures go one to one does the distance between two frames'
-  // exposures equal that of two captures.
+  // captureRate is defined only if each shot frame is one capture.
   const double fps = static_cast<double>(fps_numerator_) / fps_denominator_;
   const double speed = std::abs(layer_.speed);
   if (speed > 0 && std::abs(timeline_.fps * speed - fps) < 1e-3 * fps &&

@@ -53,8 +53,7 @@ class LightFieldLayer final : public Layer {
   /// fps * speed; nanoseconds since the take's epoch.
   Nanoseconds take_time(int frame) const;
   /// Returns the tick nearest to take_time(); none if that is more than half a tick outside the
-  /// timeline, or if no camera has a frame. A timeline of one tick is a still: shown at every
-  /// frame.
+  /// timeline, or if no camera has a frame. A timeline of one tick is shown at every frame.
   std::optional<int> tick_at(int frame) const;
   ShownTick shown_tick_at(int frame, MissingFrames policy) const;
 
@@ -63,8 +62,8 @@ class LightFieldLayer final : public Layer {
 
   void check_frame(const LayerFrameCheck& check) const override;
   /// Adds method, take.json and rig.json, and time and XXH3 of each source frame (those of the
-  /// ticks before and after, too, if the method reads them). The timeline counts by what it
-  /// selects, so that a take synchronised anew to the same frames needs no new rendering.
+  /// ticks before and after, too, if the method reads them). Of the timeline only the selected
+  /// frames count: a new resynchronisation that selects the same frames needs no new rendering.
   void add_to_fingerprint(Fingerprint& print, int frame, const ShownTick& shown) const override;
   bool fill_metadata(const ShownTick& shown, ExrMetadata& metadata) const override;
 
@@ -90,9 +89,9 @@ class LightFieldLayer final : public Layer {
   Take take_;
   Timeline timeline_;
   std::shared_ptr<const TakeMatte> matte_;
-  AnimationChannel<double> focus_;  ///< metres in front of the array; null: it rests
+  AnimationChannel<double> focus_;  ///< metres in front of the array; null: not animated
   ReconstructionSettings reconstruction_;
-  std::string common_;  ///< fingerprint of what is the same at every frame
+  std::string common_;  ///< fingerprint of the inputs that all frames share
 };
 
 /// Returns the plane of a shot's focal plane, as ReconstructionSettings::focal_plane. Throws Error

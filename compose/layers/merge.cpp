@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Composites layers with "over" of premultiplied colours (Porter and Duff, SIGGRAPH 1984), in layer
+// order or per pixel by depth. Input: layer images of one size, scene-linear; output: one image
+// with the depth and AOVs of the sample at half of the pixel's alpha, and merged ids. merge() must
+// match merge_reference() up to rounding. Cost: pixels x layers (squared by depth, at worst).
 #include "compose/layers/merge.h"
 
 #include <algorithm>
@@ -17,7 +21,7 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-/// The AOVs of all layers, by name, with nothing in them yet.
+/// Returns the AOVs of all layers, each once, with their empty values.
 std::vector<Aov> all_aovs(std::span<const MergedLayer> layers, std::size_t pixels) {
   std::vector<Aov> all;
   for (const MergedLayer& layer : layers) {
@@ -26,14 +30,14 @@ std::vector<Aov> all_aovs(std::span<const MergedLayer> layers, std::size_t pixel
         return known.layer == aov.layer && known.channels == aov.channels;
       };
       if (std::ranges::any_of(all, same)) continue;
-      all.push_back({aov.layer, aov.channels, aov.is_colour, aov.nothing, {}});
-      all.back().values.assign(pixels * aov.channels.size(), aov.nothing);
+      all.push_back({aov.layer, aov.channels, aov.is_colour, aov.empty_value, {}});
+      all.back().values.assign(pixels * aov.channels.size(), aov.empty_value);
     }
   }
   return all;
 }
 
-/// Of each merged AOV the layer's own; null where it has none.
+/// Returns the layer's AOV for each merged one; null if it has none.
 std::vector<const Aov*> aovs_of(const LayerImage& image, const std::vector<Aov>& all) {
   std::vector<const Aov*> found;
   for (const Aov& wanted : all) {
@@ -45,19 +49,19 @@ std::vector<const Aov*> aovs_of(const LayerImage& image, const std::vector<Aov>&
   return found;
 }
 
-/// What is the same for all pixels of one merge.
+/// State of one merge that all pixels share.
 struct Merge {
   std::span<const MergedLayer> layers;
   MergeOrder order;
   std::vector<std::vector<const Aov*>> aovs;  ///< of each layer
   LayerImage& result;
 
-  /// Layers from front to back at a pixel, into `front_first`.
+  /// Writes the layers at a pixel from front to back to `front_first`.
   void sort(std::size_t pixel, std::vector<int>& front_first) const {
     front_first.resize(layers.size());
     std::iota(front_first.rbegin(), front_first.rend(), 0);
     if (order == MergeOrder::kLayerOrder) return;
-    // By insertion: a handful of layers, most often in order already, and nothing to allocate.
+    // Insertion sort: few layers, usually in order already, no allocation.
     const auto z = [&](int layer) {
       return layers[static_cast<std::size_t>(layer)].image->z[pixel];
     };
@@ -68,11 +72,11 @@ struct Merge {
     }
   }
 
-  /// Colours of a pixel, and which layer lies where half of its alpha is reached; -1: none.
+  /// Writes the colours of a pixel. Returns the layer at which half of its alpha is reached, or -1.
   int blend(std::size_t pixel, const std::vector<int>& front_first,
             std::vector<float>& alphas) const {
     std::array<float, 4> sum{};
-    float through = 1;  // of what lies behind
+    float through = 1;  // transmittance of the layers so far
     alphas.assign(layers.size(), 0.0F);
     for (const int i : front_first) {
       if (through <= 0) break;
@@ -93,7 +97,7 @@ struct Merge {
     return -1;
   }
 
-  /// What is seen of which objects. `alphas`: as blend() left them.
+  /// Writes the visible shares of objects. `alphas`: contributions of layers, from blend().
   void add_ids(std::size_t pixel, const std::vector<float>& alphas,
                std::vector<std::array<float, 2>>& seen) const {
     if (result.ids.empty()) return;
@@ -121,14 +125,14 @@ struct Merge {
     }
   }
 
-  void tell(std::size_t pixel, int layer) const {
+  void copy_data(std::size_t pixel, int layer) const {
     result.z[pixel] =
         layer < 0 ? kInfinity : layers[static_cast<std::size_t>(layer)].image->z[pixel];
     if (layer < 0) return;
     for (std::size_t a = 0; a < result.aovs.size(); ++a) {
       const Aov* from = aovs[static_cast<std::size_t>(layer)][a];
       if (from == nullptr) continue;
-      // A loop: for a value or three a call to copy takes longer than copying.
+      // A loop is faster than std::copy for one to three values.
       const std::size_t width = from->channels.size();
       const float* values = from->values.data() + pixel * width;
       float* merged = result.aovs[a].values.data() + pixel * width;
@@ -137,7 +141,7 @@ struct Merge {
   }
 };
 
-LayerImage unmerged(std::span<const MergedLayer> layers) {
+LayerImage empty_result(std::span<const MergedLayer> layers) {
   const LayerImage& first = *layers.front().image;
   LayerImage result = transparent_layer_image(first.width, first.height);
   result.aovs = all_aovs(layers, result.pixels());
@@ -153,7 +157,7 @@ LayerImage unmerged(std::span<const MergedLayer> layers) {
 }  // namespace
 
 LayerImage merge(std::span<const MergedLayer> layers, MergeOrder order) {
-  LayerImage result = unmerged(layers);
+  LayerImage result = empty_result(layers);
   Merge merge{layers, order, {}, result};
   for (const MergedLayer& layer : layers) merge.aovs.push_back(aovs_of(*layer.image, result.aovs));
   constexpr int kRowsPerTask = 8;
@@ -167,7 +171,7 @@ LayerImage merge(std::span<const MergedLayer> layers, MergeOrder order) {
                  for (std::size_t pixel = static_cast<std::size_t>(rows.begin()) * width;
                       pixel < static_cast<std::size_t>(rows.end()) * width; ++pixel) {
                    if (order == MergeOrder::kDepth) merge.sort(pixel, front_first);
-                   merge.tell(pixel, merge.blend(pixel, front_first, alphas));
+                   merge.copy_data(pixel, merge.blend(pixel, front_first, alphas));
                    merge.add_ids(pixel, alphas, seen);
                  }
                });
@@ -179,7 +183,7 @@ LayerImage merge_reference(std::span<const MergedLayer> layers, MergeOrder order
     double z, alpha;
     const LayerImage* image;
   };
-  LayerImage result = unmerged(layers);
+  LayerImage result = empty_result(layers);
   for (std::size_t pixel = 0; pixel < result.pixels(); ++pixel) {
     std::vector<MergedLayer> rear_first(layers.begin(), layers.end());
     if (order == MergeOrder::kDepth) {
@@ -201,7 +205,7 @@ LayerImage merge_reference(std::span<const MergedLayer> layers, MergeOrder order
     }
     for (std::size_t c = 0; c < 4; ++c) result.rgba[4 * pixel + c] = static_cast<float>(sum[c]);
     if (!result.ids.empty()) {
-      std::map<float, double> shares;  // of objects
+      std::map<float, double> shares;  // by object id
       for (const Sample& sample : samples) {
         for (std::size_t rank = 0; rank < kIdRanks; ++rank) {
           const float* id = sample.image->ids.data() + 2 * (kIdRanks * pixel + rank);

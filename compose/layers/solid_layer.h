@@ -8,7 +8,7 @@
 
 namespace raystage {
 
-/// A layer of one colour, in the working space, at one depth or at none.
+/// A layer of one colour (working space), with one depth or none.
 class SolidLayer final : public Layer {
  public:
   explicit SolidLayer(const ShotDocument::Solid& solid) : solid_(solid) {}

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Blends the views of takes around a volume by ray direction (thesis 7: immersive environments from
+// slabs around a box). A ray takes the take with the nearest mean viewing direction; transitions
+// are linear over kBlendWidthDegrees. Rays that this take did not see fall through to the next.
+// Input and output: premultiplied images of one size. Cost: pixels x takes x log(takes).
 #include "compose/layers/volume_blending.h"
 
 #include <algorithm>
@@ -16,7 +20,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// The world's direction of every pixel of some rows, and what to do with it.
+/// Calls `body` with a VolumeBlender for the ray of each pixel.
 template <class Body>
 void for_rays(const VirtualCamera& camera, std::span<const Vector3d> view_directions,
               const Body& body) {
@@ -37,7 +41,7 @@ void for_rays(const VirtualCamera& camera, std::span<const Vector3d> view_direct
   });
 }
 
-/// A picture of nothing, with the takes' AOVs and what they note.
+/// Returns a transparent image with the takes' AOVs and notes.
 LayerImage empty_like(std::span<const LayerImage* const> takes, int width, int height) {
   LayerImage image = transparent_layer_image(width, height);
   for (const LayerImage* take : takes) {
@@ -47,8 +51,8 @@ LayerImage empty_like(std::span<const LayerImage* const> takes, int width, int h
     });
     if (!image.aovs.empty()) continue;
     for (const Aov& aov : take->aovs) {
-      image.aovs.push_back({aov.layer, aov.channels, aov.is_colour, aov.nothing, {}});
-      image.aovs.back().values.assign(aov.values.size(), aov.nothing);
+      image.aovs.push_back({aov.layer, aov.channels, aov.is_colour, aov.empty_value, {}});
+      image.aovs.back().values.assign(aov.values.size(), aov.empty_value);
     }
   }
   return image;
@@ -64,12 +68,12 @@ VolumeBlender::VolumeBlender(std::span<const Vector3d> view_directions)
 
 void VolumeBlender::find(const Vector3d& direction) {
   for (std::size_t i = 0; i < view_directions_.size(); ++i) {
-    // By the tangent: exact for small angles, too.
+    // atan2 is exact also for small angles.
     const double across = view_directions_[i].cross(direction).norm();
     degrees_[i] = std::atan2(across, view_directions_[i].dot(direction)) * 180 / std::numbers::pi;
   }
   std::iota(nearest_.begin(), nearest_.end(), std::size_t{0});
-  // Not stable_sort(), which allocates; of equals the first stays in front.
+  // Not stable_sort(), which allocates; the pair keeps the order of equal angles.
   std::ranges::sort(nearest_, {}, [&](std::size_t i) { return std::pair(degrees_[i], i); });
   const double least = degrees_[nearest_.front()];
   double sum = 0;
@@ -82,8 +86,7 @@ void VolumeBlender::find(const Vector3d& direction) {
 }
 
 std::array<float, 4> VolumeBlender::blend(std::span<const std::array<float, 4>> seen) const {
-  // Takes that share a ray show the same thing: where one of them saw nothing of it, the others'
-  // colours count in full.
+  // Takes that share a ray show the same point: those that saw it get the full weight.
   std::array<float, 4> result{};
   float counted = 0, alpha = 0;
   for (std::size_t i = 0; i < seen.size(); ++i) {
@@ -94,7 +97,7 @@ std::array<float, 4> VolumeBlender::blend(std::span<const std::array<float, 4>> 
   }
   if (counted > 0) {
     for (float& value : result) value *= alpha / counted;
-    result[3] = alpha;  // without rounding: what is opaque hides all, and no other take is asked
+    result[3] = alpha;  // exact: opaque pixels need no other take
   }
   for (const std::size_t i : nearest_) {
     if (result[3] >= 1) break;

@@ -14,17 +14,16 @@ namespace raystage {
 inline constexpr double kBlendWidthDegrees = 4;
 
 /// Selects the takes around a volume that answer a ray (thesis 7, immersive environment from slabs
-/// around a box): the take whose viewing direction is nearest to the ray, and where it saw nothing
+/// around a box): the take whose viewing direction is nearest to the ray, or, if it saw nothing,
 /// the next one. `view_directions`: mean viewing directions of the takes, unit vectors, world; at
-/// least one; referred to. One object serves many rays, one after the other.
+/// least one; a reference is kept. One object serves many rays in turn.
 class VolumeBlender {
  public:
   explicit VolumeBlender(std::span<const Eigen::Vector3d> view_directions);
 
   /// Selects the takes for a ray. `direction`: world, any length above 0.
   void find(const Eigen::Vector3d& direction);
-  /// Returns the weight of each take for the current ray: 1 for the nearest, less within the
-  /// transition; they sum to 1.
+  /// Returns the takes' weights for the ray: 1 for the nearest, less in transitions, of sum 1.
   std::span<const float> weights() const { return weights_; }
 
   /// Returns the colour of the ray from that of each take, all premultiplied.
@@ -43,8 +42,8 @@ class VolumeBlender {
 std::vector<bool> takes_in_view(std::span<const Eigen::Vector3d> view_directions,
                                 const VirtualCamera& camera);
 
-/// Returns the picture of the camera from those of the takes (null: not needed). Depth and AOVs of
-/// a pixel are those of the take with the largest contribution; ids and statistics are left out.
+/// Returns the image of the camera from those of the takes (null: not needed). Depth and AOVs of a
+/// pixel are those of the take with the largest contribution; ids and statistics are omitted.
 LayerImage blend_volume(std::span<const LayerImage* const> takes,
                         std::span<const Eigen::Vector3d> view_directions,
                         const VirtualCamera& camera);

@@ -16,12 +16,12 @@ using Eigen::Vector3d;
 using Seen = std::array<float, 4>;
 using ::testing::ElementsAre;
 
-/// A box's sides without floor and ceiling: ahead, right, behind, left.
+/// Sides of a box without floor and ceiling: front, right, back, left.
 const std::vector<Vector3d> kAround{-Vector3d::UnitZ(), Vector3d::UnitX(), Vector3d::UnitZ(),
                                     -Vector3d::UnitX()};
 constexpr Seen kNothing{0, 0, 0, 0}, kRed{1, 0, 0, 1}, kGreen{0, 1, 0, 1}, kBlue{0, 0, 1, 1};
 
-/// To the right of ahead.
+/// Returns the direction at `degrees` to the right of the front.
 Vector3d towards(double degrees) {
   const double angle = degrees * std::numbers::pi / 180;
   return {std::sin(angle), 0, -std::cos(angle)};
@@ -79,10 +79,10 @@ TEST(VolumeBlender, WhereOneSawNothingTheOthersDo) {
   EXPECT_EQ(blender.blend(std::vector{kNothing, kGreen, kBlue, kNothing}), kGreen);
   EXPECT_EQ(blender.dominant_take(std::vector{kNothing, kGreen, kBlue, kNothing}), 1U);
   EXPECT_EQ(blender.blend(std::vector{kNothing, kNothing, kNothing, kNothing}), kNothing);
-  // Half of it: the next lies behind.
+  // Half of the alpha: the next take is behind.
   const Seen half{0.5F, 0, 0, 0.5F};
   EXPECT_EQ(blender.blend(std::vector{half, kGreen, kBlue, kNothing}), (Seen{0.5F, 0.5F, 0, 1}));
-  // In the seam: neither a mixture with what nobody saw nor a hole.
+  // In the transition: neither mixed with rays that no camera saw, nor a hole.
   blender.find(towards(45));
   EXPECT_EQ(blender.blend(std::vector{kNothing, kGreen, kBlue, kNothing}), kGreen);
   const Seen mixed = blender.blend(std::vector{kRed, kGreen, kNothing, kNothing});
@@ -134,7 +134,7 @@ TEST(Volume, APictureIsPutTogetherFromWhatTheTakesFace) {
   EXPECT_EQ(image.z[at(60)], 4);
   EXPECT_EQ(image.aovs[0].values[at(60)], 1);
   for (std::size_t i = 0; i < image.pixels(); ++i) EXPECT_EQ(image.rgba[4 * i + 3], 1);
-  // A take that is nowhere near the rays leaves them open.
+  // A take with a different direction leaves the rays transparent.
   const std::vector<const LayerImage*> none{nullptr, nullptr, nullptr, nullptr};
   const LayerImage open = blend_volume(none, kAround, looking(45, 60, 64));
   EXPECT_EQ(open.rgba[4 * at(5) + 3], 0);

@@ -8,12 +8,11 @@
 
 namespace raystage {
 
-/// Pictures of one size side by side, row by row, each with its frame number below.
+/// Returns images of one size in rows of `columns`, each with its frame number below.
 RgbImage contact_sheet(std::span<const RgbImage> pictures, std::span<const int> frames,
                        int columns);
 
-/// `count` of `frames`, evenly spread, the first and the last among them (all, where there are no
-/// more).
+/// Returns at most `count` evenly spaced frames, including the first and the last.
 std::vector<int> evenly_spaced_frames(std::span<const int> frames, int count);
 
 }  // namespace raystage

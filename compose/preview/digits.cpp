@@ -12,7 +12,7 @@ namespace {
 constexpr std::uint8_t kInk = 220, kBar = 20;
 constexpr int kColumns = 3, kRows = 5;
 
-/// Digits of 3 x 5 dots, a row in three bits from the top; then the minus sign, colon and space.
+/// Digits of 3 x 5 dots, three bits per row from the top; then minus sign, colon and space.
 constexpr std::array<std::array<std::uint8_t, 5>, 13> kGlyphs{{{7, 5, 5, 5, 7},
                                                                {2, 6, 2, 2, 7},
                                                                {7, 1, 7, 4, 7},

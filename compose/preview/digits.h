@@ -7,11 +7,11 @@
 
 namespace raystage {
 
-/// Draws digits, minus signs, colons and spaces of 3 x 5 dots, `dot` pixels each, from (x, y) on,
-/// the upper left; those that would reach beyond `right` are left out.
+/// Draws digits, minus signs, colons and spaces of 3 x 5 dots of `dot` pixels, with the upper left
+/// corner at (x, y). Characters that would exceed `right` are omitted.
 void draw_digits(std::string_view text, int x, int y, int right, int dot, RgbImage& picture);
 
-/// Draws them on a dark bar in the picture's lower left, as tall as suits its height.
+/// Draws them on a dark bar at the lower left of the picture, scaled to its height.
 void burn_in(std::string_view text, RgbImage& picture);
 
 }  // namespace raystage

@@ -14,8 +14,7 @@ namespace {
 constexpr int kCheckerSize = 16;
 constexpr float kCheckerLight = 0.18F, kCheckerDark = 0.09F;
 
-/// sRGB codes of linear light in steps fine enough to hit the right code everywhere but at a few
-/// borders between codes, where it is off by less than 0.51 codes.
+/// Table of sRGB codes. The error is below 0.51 codes at a few borders of codes, 0 elsewhere.
 class SrgbTable {
  public:
   SrgbTable() {
@@ -25,7 +24,7 @@ class SrgbTable {
     }
   }
   std::uint8_t operator()(float linear) const {
-    if (!(linear > 0)) return 0;  // NaN too
+    if (!(linear > 0)) return 0;  // also NaN
     const float step = std::min(linear, 1.0F) * static_cast<float>(codes_.size() - 1) + 0.5F;
     return codes_[static_cast<std::size_t>(step)];
   }
@@ -34,7 +33,7 @@ class SrgbTable {
   std::array<std::uint8_t, 65536> codes_{};
 };
 
-/// The pixels of one axis that fall into one pixel of the smaller picture, with their weights.
+/// Source pixels along one axis that a pixel of the smaller image covers, with their weights.
 struct Span {
   int first = 0;
   std::vector<float> weight;
@@ -55,7 +54,7 @@ std::vector<Span> spans(int from, int to) {
   return result;
 }
 
-/// Light before the background, R, G, B a pixel.
+/// Returns the image over the background: R, G, B of each pixel, linear.
 std::vector<float> over_background(const ExrImage& image, const DisplaySettings& settings) {
   const float gain = static_cast<float>(std::exp2(settings.exposure));
   std::vector<float> light;
@@ -74,7 +73,7 @@ std::vector<float> over_background(const ExrImage& image, const DisplaySettings&
   return light;
 }
 
-/// The config's name of the picture's colour space.
+/// Returns the config's name of the image's colour space.
 std::string space_of(const ExrImage& image, const DisplaySettings& settings,
                      const ColorConfig& config) {
   if (!settings.space.empty()) return settings.space;

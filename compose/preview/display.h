@@ -10,30 +10,29 @@
 
 namespace raystage {
 
-/// What shows through where a picture is not opaque.
+/// Background of transparent pixels.
 enum class Background {
   kChecker,  ///< squares of 16 pixels, linear 0.18 and 0.09
   kBlack
 };
 
-/// How scene-linear light becomes a picture on a monitor.
+/// How scene-linear light is converted to display codes.
 struct DisplaySettings {
-  double exposure = 0;  ///< stops: light is multiplied by 2^exposure before it is shown
+  double exposure = 0;  ///< stops: light is multiplied by 2^exposure
   Background background = Background::kChecker;
-  /// Of which displays and views are; none: the built-in config, and for pictures in linear Rec.709
-  /// that no view is asked for, sRGB's curve without any config.
+  /// Config of displays and views; none: the built-in config, or just the sRGB curve for pictures
+  /// in linear Rec.709 if neither display nor view is given.
   std::optional<ColorConfig> colors = {};
-  std::string monitor = {}, view = {};  ///< the config's names; empty: its defaults
-  std::string space = {};  ///< of the pictures; empty: as their files say, else linear Rec.709
+  std::string monitor = {}, view = {};  ///< names in the config; empty: its defaults
+  std::string space = {};  ///< of the pictures; empty: that of their files, else linear Rec.709
 };
 
-/// Over the background, then as the display's view shows it (sRGB's curve unless told); above 1 it
-/// is cut. Throws Error (bad input) for a colour space, display or view that the config does not
-/// know.
+/// Composites the image over the background and converts it to display codes, clamped at 1. Throws
+/// Error (bad input) if the config has no such colour space, display or view.
 RgbImage display(const ExrImage& image, const DisplaySettings& settings);
 
-/// The picture at another size, at most its own, each pixel the mean of the area that it covers
-/// (premultiplied linear light).
+/// Returns the image at a size that is at most its own. Each pixel is the mean of the area that it
+/// covers, in premultiplied linear light.
 ExrImage downscale(const ExrImage& image, int width, int height);
 
 }  // namespace raystage

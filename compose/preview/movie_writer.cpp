@@ -49,13 +49,13 @@ struct MovieWriter::State {
 
   std::filesystem::path file;
   Settings settings;
-  TemporaryFile temporary;  // before the format: closed after it
+  TemporaryFile temporary;  // declared before the format, which is closed first
   std::unique_ptr<AVFormatContext, FreeFormat> format;
   std::unique_ptr<AVCodecContext, FreeByAddress<avcodec_free_context>> codec;
   std::unique_ptr<AVFrame, FreeByAddress<av_frame_free>> frame;
   std::unique_ptr<AVPacket, FreeByAddress<av_packet_free>> packet;
   std::unique_ptr<SwsContext, FreeScaler> scaler;
-  std::vector<std::uint8_t> padded;  // the picture at an even size
+  std::vector<std::uint8_t> padded;  // picture of even size
   AVStream* stream = nullptr;        // owned by the format
   std::int64_t frames = 0;
 
@@ -66,7 +66,7 @@ struct MovieWriter::State {
     if (result >= 0) return;
     throw Error::failed(
         std::string("the movie cannot be written: ") + doing + ": " + text_of(result),
-        file.string(), "Check the folder and the room on the disk");
+        file.string(), "Check the folder and the free disk space");
   }
 
   void open_encoder() {
@@ -86,7 +86,7 @@ struct MovieWriter::State {
     codec->time_base = av_inv_q(codec->framerate);
     codec->color_range = AVCOL_RANGE_MPEG;
     codec->color_primaries = AVCOL_PRI_BT709;
-    codec->color_trc = AVCOL_TRC_BT709;  // what players take for display-referred video
+    codec->color_trc = AVCOL_TRC_BT709;  // as players assume for display-referred video
     codec->colorspace = AVCOL_SPC_BT709;
     codec->flags |= AV_CODEC_FLAG_BITEXACT;
     if ((format->oformat->flags & AVFMT_GLOBALHEADER) != 0) {
@@ -103,10 +103,10 @@ struct MovieWriter::State {
   }
 
   void open() {
-    // Looked up by the real name: the extension of the temporary one may be another.
+    // By the final name: the temporary one may have another extension.
     const AVOutputFormat* container = av_guess_format(nullptr, file.c_str(), nullptr);
     if (container == nullptr || container->video_codec == AV_CODEC_ID_NONE) {
-      throw Error::bad_input("no movie has this extension", file.string(),
+      throw Error::bad_input("the extension of the movie is unknown", file.string(),
                              "Use .mp4, .mov or .mkv");
     }
     AVFormatContext* context = nullptr;
@@ -137,14 +137,14 @@ struct MovieWriter::State {
     frame->color_primaries = codec->color_primaries;
     frame->color_trc = codec->color_trc;
     frame->colorspace = codec->colorspace;
-    check(av_frame_get_buffer(frame.get(), 0), "making room for a picture");
+    check(av_frame_get_buffer(frame.get(), 0), "allocating a picture");
 
     scaler.reset(sws_getContext(codec->width, codec->height, AV_PIX_FMT_RGB24, codec->width,
                                 codec->height, AV_PIX_FMT_YUV420P,
                                 SWS_BICUBIC | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP, nullptr,
                                 nullptr, nullptr));
     if (!scaler) throw std::bad_alloc();
-    // RGB full range to limited range; the default matrix would be that of standard definition.
+    // RGB full range to limited range; the default matrix is that of standard definition.
     const int* rec709 = sws_getCoefficients(SWS_CS_ITU709);
     check(sws_setColorspaceDetails(scaler.get(), rec709, 1, rec709, 0, 0, 1 << 16, 1 << 16),
           "choosing the colour matrix");
@@ -180,7 +180,7 @@ struct MovieWriter::State {
 
 MovieWriter::MovieWriter(const std::filesystem::path& file, const Settings& settings)
     : state_(std::make_unique<State>(file, settings)) {
-  av_log_set_level(AV_LOG_ERROR);  // libx264 reports its statistics otherwise
+  av_log_set_level(AV_LOG_ERROR);  // otherwise libx264 prints statistics
   state_->open();
 }
 
@@ -189,7 +189,7 @@ MovieWriter::~MovieWriter() = default;
 void MovieWriter::append(const RgbImage& picture) {
   State& s = *state_;
   assert(picture.width == s.settings.width && picture.height == s.settings.height);
-  s.check(av_frame_make_writable(s.frame.get()), "making room for a picture");
+  s.check(av_frame_make_writable(s.frame.get()), "allocating a picture");
   const std::uint8_t* const source[] = {s.even_sized(picture)};
   const int stride[] = {s.codec->width * 3};
   sws_scale(s.scaler.get(), source, stride, 0, s.codec->height, s.frame->data, s.frame->linesize);

@@ -9,25 +9,25 @@
 
 namespace raystage {
 
-/// Writes a movie for the screen: H.264 where libavcodec has libx264, otherwise MPEG-4 part 2;
-/// 4:2:0, tagged Rec.709, limited range. Under a temporary name until close().
+/// Writes a preview movie: H.264 if libavcodec has libx264, otherwise MPEG-4 part 2; 4:2:0, tagged
+/// Rec.709, limited range. The file has a temporary name until close().
 class MovieWriter {
  public:
   struct Settings {
     int width = 0, height = 0;  ///< pixels; an odd size repeats its last column or row
     int fps_numerator = 24, fps_denominator = 1;
   };
-  /// The container follows the extension (.mp4, .mov, .mkv). Throws Error: bad input for an unknown
-  /// extension, failed for an encoder or a file that cannot be opened.
+  /// The extension selects the container (.mp4, .mov, .mkv). Throws Error: bad input for an unknown
+  /// extension, failed if the encoder or the file cannot be opened.
   MovieWriter(const std::filesystem::path& file, const Settings& settings);
-  ~MovieWriter();  ///< removes what was not closed
+  ~MovieWriter();  ///< removes the file unless it was closed
   MovieWriter(const MovieWriter&) = delete;
   MovieWriter& operator=(const MovieWriter&) = delete;
 
-  /// sRGB codes of the size given above.
+  /// Appends a picture of sRGB codes. Its size is that of the settings.
   void append(const RgbImage& picture);
   void close();
-  /// "libx264" or "mpeg4".
+  /// Returns "libx264" or "mpeg4".
   std::string encoder() const;
 
  private:

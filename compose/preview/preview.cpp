@@ -24,7 +24,7 @@
 namespace raystage {
 namespace {
 
-/// The frames to show: those asked for, or every step from the first to the last file.
+/// The frames to show: those requested, or every step from the first to the last file.
 struct Selection {
   std::vector<int> frames;
   std::set<int> missing;
@@ -64,7 +64,7 @@ Selection select(const PreviewOptions& options) {
   return selection;
 }
 
-/// Of the movie: a sequence of every n-th frame plays at its own speed.
+/// Returns the movie's frame rate: a sequence of every n-th frame plays in real time.
 FrameRate movie_rate(const PreviewOptions& options, const ExrImage& first, int step) {
   if (options.fps) {
     if (const auto rate = frame_rate_from(*options.fps)) return *rate;
@@ -73,7 +73,7 @@ FrameRate movie_rate(const PreviewOptions& options, const ExrImage& first, int s
   }
   const std::int64_t denominator = std::int64_t{first.fps_denominator} * step;
   const std::int64_t divisor = std::gcd<std::int64_t>(first.fps_numerator, denominator);
-  constexpr std::int64_t kLargest = 1'000'000;  // a sequence with gaps of years is no movie
+  constexpr std::int64_t kLargest = 1'000'000;  // for steps of years
   return {static_cast<int>(first.fps_numerator / divisor),
           static_cast<int>(std::min(denominator / divisor, kLargest))};
 }
@@ -137,10 +137,9 @@ PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) 
     } else {
       ExrImage next = read_exr(name.path(frame));
       if (report.frames > 0 && (next.width != image.width || next.height != image.height)) {
-        throw Error::bad_input(
-            fmt::format("the frame has {} x {} pixels and the one before {} x {}", next.width,
-                        next.height, image.width, image.height),
-            name.path(frame).string(), "Render the frames at one size");
+        throw Error::bad_input(fmt::format("the frame has {} x {} pixels, the previous one {} x {}",
+                                           next.width, next.height, image.width, image.height),
+                               name.path(frame).string(), "Render the frames at one size");
       }
       image = std::move(next);
     }

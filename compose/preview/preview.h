@@ -12,18 +12,18 @@
 
 namespace raystage {
 
-/// What to make of a sequence of EXR files.
+/// What to make from a sequence of EXR files.
 struct PreviewOptions {
   std::string sequence;                    ///< SequenceName pattern
-  std::optional<std::vector<int>> frames;  ///< sorted; none: every file there is
+  std::optional<std::vector<int>> frames;  ///< sorted; none: all files that exist
   std::filesystem::path movie;             ///< may be empty
   std::string pictures;                    ///< SequenceName pattern of .png; may be empty
   std::filesystem::path contact_sheet;     ///< PNG; may be empty
   int sheet_frames = 16, sheet_columns = 4;
   int thumbnail_width = 400;  ///< pixels, at most
-  std::optional<double> fps;  ///< of the movie; none: as the files say, every frame of a
-                              ///< sequence with steps shown that much longer
-  bool hold_missing = false;  ///< show the frame before in place of one that is not there
+  std::optional<double> fps;  ///< of the movie; none: that of the files, where each frame of a
+                              ///< sequence with steps is shown for the whole step
+  bool hold_missing = false;  ///< repeat the previous frame for a missing one
   bool burn_in = false;       ///< frame numbers and time codes in the movie and the pictures
   DisplaySettings display;
   std::function<void(double)> progress = [](double) {};
@@ -36,11 +36,11 @@ struct PreviewReport {
   bool stopped = false;
 };
 
-/// Throws Error: bad input where frames are missing (unless held), damaged or of different sizes,
-/// failed where the results cannot be written. Each file appears whole or not at all.
+/// Makes the previews. Each file is written whole or not at all. Throws Error: bad input if frames
+/// are missing (unless held), damaged or of different sizes, failed if files cannot be written.
 PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop);
 
-/// The files of a sequence that exist, as frame numbers in rising order.
+/// Returns the frame numbers of a sequence's existing files, ascending.
 std::vector<int> existing_frames(const std::string& sequence);
 
 }  // namespace raystage

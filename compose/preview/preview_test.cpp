@@ -29,7 +29,7 @@ using ::testing::HasSubstr;
 
 constexpr int kWidth = 161, kHeight = 91;  // odd, as a crop may be
 
-/// One colour all over, transparent in the right half.
+/// One colour, transparent in the right half.
 RenderedView flat_view(float r, float g, float b, int width = kWidth, int height = kHeight) {
   RenderedView view;
   view.width = width;
@@ -51,10 +51,10 @@ struct Movie {
   AVColorSpace colorspace{};
   AVColorRange range{};
   std::vector<int> luma;  ///< of a pixel in the left half, per frame
-  int cb = 0, cr = 0;     ///< there, of the first frame
+  int cb = 0, cr = 0;     ///< of this pixel in the first frame
 };
 
-/// Reads a movie back with FFmpeg's own reader and decoder.
+/// Reads a movie with FFmpeg's demuxer and decoder.
 Movie read_movie(const std::filesystem::path& file) {
   Movie movie;
   AVFormatContext* format = nullptr;
@@ -197,8 +197,7 @@ TEST_F(Preview, PicturesMayCarryTheirFrameNumbers) {
   EXPECT_EQ(light(7), 0);
   options_.burn_in = true;
   make_preview(options_, {});
-  // "7  00:00:00:00", as the files' own time code says: seven dots of the 7, twelve of each 0, two
-  // of a colon.
+  // "7  00:00:00:00", the time code: seven dots of the 7, twelve of each 0, two of a colon.
   EXPECT_EQ(light(7), 3 * (7 + 8 * 12 + 3 * 2));
   EXPECT_GT(light(8), light(7));
   options_.pictures = (folder_.path() / "one.png").string();

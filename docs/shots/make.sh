@@ -23,10 +23,10 @@ done <<TAKES
 stage stage 1
 other stage 2
 actor blue_screen 1
-ahead stage 1 --position 0,0,-0.2 --turn-deg 0 $around
-left stage 1 --position -0.2,0,0 --turn-deg 90 $around
-behind stage 1 --position 0,0,0.2 --turn-deg 180 $around
-right stage 1 --position 0.2,0,0 --turn-deg -90 $around
+ahead stage 1 --position 0,0,-0.2 --rotation-deg 0 $around
+left stage 1 --position -0.2,0,0 --rotation-deg 90 $around
+behind stage 1 --position 0,0,0.2 --rotation-deg 180 $around
+right stage 1 --position 0.2,0,0 --rotation-deg -90 $around
 TAKES
 for shot in "$out"/*.json; do
   name="$(basename "$shot" .json)"

@@ -15,7 +15,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// [length of the CBOR, 8 bytes][CBOR][arrays].
+/// Returns a message: [length of the CBOR, 8 bytes][CBOR][arrays].
 MessageBytes packed(const Json& head, std::span<const std::span<const std::byte>> arrays = {}) {
   const std::vector<std::uint8_t> cbor = Json::to_cbor(head);
   const std::uint64_t size = cbor.size();
@@ -31,11 +31,11 @@ MessageBytes packed(const Json& head, std::span<const std::span<const std::byte>
 }
 
 Error damaged() {
-  return Error::failed("a message of another rank is damaged", "MPI",
-                       "Check that all ranks run the same program, and the network between them");
+  return Error::failed("a message from another rank is damaged", "MPI",
+                       "Run the same program on all ranks, and check the network between them");
 }
 
-/// A message and how far it is read.
+/// The CBOR of a message, and its arrays that are not read yet.
 struct Unpacked {
   Json head;
   std::span<const std::byte> rest;
@@ -58,7 +58,7 @@ Unpacked unpacked(std::span<const std::byte> message) {
   return {Json::from_cbor(bytes, bytes + size), message.subspan(static_cast<std::size_t>(size))};
 }
 
-/// Runs a decoder; what it throws for a wrong message becomes one kind of Error.
+/// Runs a decoder. Throws Error (failed) for a damaged message.
 template <class Decode>
 auto decoded(std::span<const std::byte> message, const Decode& decode) {
   try {

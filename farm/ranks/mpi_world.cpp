@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The only file that calls MPI. Messages longer than kPiece travel as several: a piece of exactly
-// kPiece bytes is followed by another one of the same tag (MPI counts are 32 bits wide).
+// The only file that calls MPI. MPI counts have 32 bits, so long messages are sent in pieces: a
+// piece of exactly kPiece bytes is followed by another one with the same tag.
 #include "farm/ranks/mpi_world.h"
 
-#define OMPI_SKIP_MPICXX 1  // the C interface alone
+#define OMPI_SKIP_MPICXX 1  // only the C interface
 #include <mpi.h>
 #include <time.h>
 
@@ -19,7 +19,7 @@
 namespace raystage::farm {
 namespace {
 
-/// Sleeps longer and longer while nothing happens: from 20 to 500 microseconds.
+/// Sleeps for 20 microseconds, then twice as long each time, up to 500.
 class PollPause {
  public:
   void sleep() {
@@ -34,7 +34,7 @@ class PollPause {
 
 constexpr std::size_t kPiece = std::size_t{1} << 30;
 
-/// What a poll found.
+/// The result of a poll.
 enum class Progress : std::uint8_t { kNone, kSome, kDone };
 
 bool is_complete(MPI_Request& request) {
@@ -43,7 +43,7 @@ bool is_complete(MPI_Request& request) {
   return done != 0;
 }
 
-/// Of a message that MPI_Improbe has found.
+/// Starts to receive a message that MPI_Improbe has found.
 MPI_Request start_to_receive(MPI_Message& found, const MPI_Status& status,
                              std::vector<std::byte>& piece) {
   int count = 0;
@@ -63,15 +63,15 @@ double thread_cpu_seconds() {
 }  // namespace
 
 struct MpiWorld::State {
-  mutable std::mutex mutex;  // held while a thread is within MPI; guards the costs, too
+  mutable std::mutex mutex;  // held while a thread is within MPI; also guards costs
   int rank = 0, size = 1;
   MessageCosts costs;
 
-  /// Calls poll(), within MPI, until it returns kDone.
+  /// Calls poll() with the mutex held until it returns kDone.
   template <class Poll>
   void wait_for_all(const Poll& poll) {
     PollPause pause;
-    double waited = 0;  // of polls that found nothing and the sleeps after them
+    double waited = 0;  // CPU seconds of polls that found nothing and the sleeps after them
     while (true) {
       const double start = thread_cpu_seconds();
       {
@@ -91,7 +91,7 @@ struct MpiWorld::State {
     }
   }
 
-  /// The same; poll() returns true when it is done.
+  /// Calls poll() with the mutex held until it returns true.
   template <class Poll>
   void wait_until(const Poll& poll) {
     wait_for_all([&] { return poll() ? Progress::kDone : Progress::kNone; });
@@ -110,7 +110,7 @@ struct MpiWorld::State {
     wait_until([&] { return is_complete(request); });
   }
 
-  /// Receives a message that MPI_Improbe has found, without a wait that would block.
+  /// Receives a message that MPI_Improbe has found, without blocking within MPI.
   std::vector<std::byte> receive_piece(MPI_Message found, const MPI_Status& status) {
     MPI_Request request = MPI_REQUEST_NULL;
     std::vector<std::byte> piece;
@@ -122,7 +122,7 @@ struct MpiWorld::State {
     return piece;
   }
 
-  /// The pieces after a first one.
+  /// Receives the pieces after the first one and returns the whole message.
   MessageBytes receive_rest(int from, int tag, MessageBytes message) {
     bool is_last = message.size() < kPiece;
     while (!is_last) {
@@ -143,12 +143,12 @@ struct MpiWorld::State {
   }
 };
 
-/// A message on its way to a rank, piece by piece.
+/// A message that is being sent to a rank, piece by piece.
 struct MpiWorld::Sending {
   int to = 0;
   std::span<const std::byte> rest;
   MPI_Request request = MPI_REQUEST_NULL;
-  bool is_last = false;  ///< the piece that is sent
+  bool is_last = false;  ///< whether the last piece is being sent
   bool is_done = false;
 
   /// Returns whether anything was done.
@@ -164,11 +164,11 @@ struct MpiWorld::Sending {
   }
 };
 
-/// A message on its way from a rank.
+/// A message that is being received from a rank.
 struct MpiWorld::Receiving {
   int from = 0;
   MessageBytes message;
-  std::vector<std::byte> piece;  ///< that is received
+  std::vector<std::byte> piece;  ///< the piece that is being received
   MPI_Request request = MPI_REQUEST_NULL;
   bool is_done = false;
 
@@ -197,8 +197,8 @@ MpiWorld::MpiWorld(int* argc, char*** argv) : state_(std::make_unique<State>()) 
   int provided = MPI_THREAD_SINGLE;
   MPI_Init_thread(argc, argv, MPI_THREAD_SERIALIZED, &provided);
   if (provided < MPI_THREAD_SERIALIZED) {
-    throw Error::failed("this MPI library supports no threads", "MPI",
-                        "Use OpenMPI as Debian 12 packages it");
+    throw Error::failed("the MPI library does not support threads", "MPI",
+                        "Use the OpenMPI package of Debian 12");
   }
   MPI_Comm_rank(MPI_COMM_WORLD, &state_->rank);
   MPI_Comm_size(MPI_COMM_WORLD, &state_->size);
@@ -236,7 +236,7 @@ std::vector<MessageBytes> MpiWorld::exchange(int tag, std::span<const int> ranks
   assert(self < ranks.size() && messages.size() == ranks.size());
   std::vector<Sending> to;
   std::vector<Receiving> from(messages.size());
-  for (std::size_t step = 1; step < ranks.size(); ++step) {  // each rank begins with another
+  for (std::size_t step = 1; step < ranks.size(); ++step) {  // all ranks begin with different ones
     const std::size_t other = (self + step) % ranks.size();
     to.push_back({ranks[other], messages[other]});
   }

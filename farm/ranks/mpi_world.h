@@ -12,26 +12,26 @@
 
 namespace raystage::farm {
 
-/// Message bytes, of any length.
+/// The bytes of a message, of any length.
 using MessageBytes = std::vector<std::byte>;
 
-/// What the messages of a rank took.
+/// The costs of a rank's messages.
 struct MessageCosts {
   std::int64_t messages_sent = 0, bytes_sent = 0;
-  /// Processor time of polls that found nothing and of the sleeps between them: what waiting costs,
-  /// seconds.
+  /// CPU time of polls that found nothing and of the sleeps between them, in seconds.
   double waiting_cpu_seconds = 0;
 };
 
 /// The ranks of an MPI job, and messages between them. Thread-safe: many threads may send and
-/// receive at once, of which one at a time is within MPI (MPI_THREAD_SERIALIZED). No member blocks
-/// within MPI: waiting threads poll and sleep in between, so that a rank that waits leaves the
-/// processor to those that work.
+/// receive at once, but only one at a time is within MPI (MPI_THREAD_SERIALIZED). No member blocks
+/// within MPI: a waiting thread polls and sleeps in between, which leaves the processor to ranks
+/// that work.
 class MpiWorld {
  public:
-  /// MPI_Init_thread. One object per process. Throws Error (failed) where MPI offers no threads.
+  /// Calls MPI_Init_thread. Only one object per process. Throws Error (failed) if the MPI library
+  /// has no thread support.
   MpiWorld(int* argc, char*** argv);
-  /// MPI_Finalize, which waits for all ranks.
+  /// Calls MPI_Finalize, which waits for all ranks.
   ~MpiWorld();
   MpiWorld(const MpiWorld&) = delete;
   MpiWorld& operator=(const MpiWorld&) = delete;
@@ -39,14 +39,14 @@ class MpiWorld {
   int rank() const;
   int size() const;
 
-  /// Returns when the message may be changed. Messages from one rank to another with one tag arrive
-  /// in order. `tag`: 0 to 2^30 - 1.
+  /// Sends a message and returns when its bytes may be changed. Messages from one rank to another
+  /// with the same tag arrive in order. `tag`: 0 to 2^30 - 1.
   void send(int to, int tag, std::span<const std::byte> message);
-  /// Waits for the next message of a rank with this tag.
+  /// Waits for the next message of a rank with this tag and returns it.
   MessageBytes receive(int from, int tag);
 
-  /// Sends a message to each of `ranks`, of which this one is one, and returns those of each with
-  /// this tag, in their order; the one to itself is returned as it is.
+  /// Sends one message to each of `ranks`, which include this rank, and returns the message of each
+  /// with this tag, in the order of `ranks`. The message to itself is returned unchanged.
   std::vector<MessageBytes> exchange(int tag, std::span<const int> ranks,
                                      std::vector<MessageBytes> messages);
 
@@ -54,10 +54,11 @@ class MpiWorld {
     int from = 0;
     MessageBytes message;
   };
-  /// Waits for the next message of any rank with this tag; nothing once `stop` is requested.
+  /// Waits for the next message of any rank with this tag and returns it, or nothing once `stop` is
+  /// requested.
   std::optional<Received> receive_any(int tag, const std::stop_token& stop);
 
-  /// Ends the job: every rank. For errors that no other rank would notice.
+  /// Ends all ranks of the job. For errors that no other rank would notice.
   [[noreturn]] void abort(int exit_code);
 
   MessageCosts costs() const;

@@ -18,13 +18,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Tags of replies to this rank: unique for as long as a reply may be under way.
+/// Returns a tag for a reply to this rank, unique until the reply has arrived.
 int new_reply_tag() {
   static std::atomic<std::uint32_t> next = 0;
   return kFirstReplyTag + static_cast<int>(next++ % (1U << 29));
 }
 
-/// A camera's frames, on the rank that holds its archive.
+/// The frames of a camera whose archive is on another rank.
 class FetchedFrames : public RemoteFrames {
  public:
   FetchedFrames(const RankArchives& archives, int camera) : archives_(archives), camera_(camera) {}
@@ -37,7 +37,7 @@ class FetchedFrames : public RemoteFrames {
     return ask(FrameRequest::Kind::kLayout, frame, {}).layout;
   }
 
-  /// The bytes of other segments are 0: the decoder does not read them.
+  /// Returns the frame with zeros for other segments, which the decoder does not read.
   FrameBytes jpeg_part(int frame, const JpegLayout& layout, const McuMask& wanted) const override {
     const std::vector<std::uint32_t> segments = segments_with(layout, wanted);
     const FrameReply reply = ask(FrameRequest::Kind::kSegments, frame, segments);
@@ -72,7 +72,7 @@ class FetchedFrames : public RemoteFrames {
   }
 
   Error damaged(int frame) const {
-    return Error::failed("a part of a frame has the wrong size",
+    return Error::failed("a fetched part of the frame has the wrong size",
                          fmt::format("camera {} frame {}", camera_, frame),
                          "Check the network between the hosts and render again");
   }
@@ -112,17 +112,17 @@ bool RankArchives::is_missing(int camera) const {
 }
 
 FrameReply RankArchives::fetch(int camera, FrameRequest request) const {
-  const int holder = camera_owners_.at(static_cast<std::size_t>(camera));
+  const int owner = camera_owners_.at(static_cast<std::size_t>(camera));
   request.reply_tag = new_reply_tag();
   request.take = take_number_;
   request.camera = camera;
-  world_.send(holder, kFrameRequestTag, encode(request));
-  const MessageBytes message = world_.receive(holder, request.reply_tag);
+  world_.send(owner, kFrameRequestTag, encode(request));
+  const MessageBytes message = world_.receive(owner, request.reply_tag);
   ++requests_;
   bytes_ += static_cast<std::int64_t>(message.size());
   FrameReply reply = decode_frame_reply(message);
   if (reply.error.empty()) return reply;
-  throw Error::bad_input(reply.error, fmt::format("rank {}", holder),
+  throw Error::bad_input(reply.error, fmt::format("rank {}", owner),
                          "Run `raystage verify` on that host's take");
 }
 
@@ -134,14 +134,14 @@ RankTake open_rank_take(MpiWorld& world, int number, const fs::path& folder) {
     const std::string documents = read_file(folder / "take.json") + read_file(folder / "rig.json");
     opened.table.documents =
         fmt::format("{:016x}", XXH3_64bits(documents.data(), documents.size()));
-    std::vector<bool> is_own;
+    std::vector<bool> is_local;
     for (const auto& camera : take->document().cameras) {
-      is_own.push_back(fs::exists(folder / camera.archive));
+      is_local.push_back(fs::exists(folder / camera.archive));
     }
-    opened.archives->set_local_cameras(is_own);
-    for (std::size_t i = 0; i < is_own.size(); ++i) {
+    opened.archives->set_local_cameras(is_local);
+    for (std::size_t i = 0; i < is_local.size(); ++i) {
       TakeTable::Camera camera;
-      camera.is_local = is_own[i];
+      camera.is_local = is_local[i];
       if (camera.is_local) {
         const ArchiveReader& archive = take->archive(static_cast<int>(i));
         camera.description = archive.description();
@@ -213,7 +213,7 @@ FrameReply FrameService::answer(const FrameRequest& request) {
       take != nullptr && request.camera >= 0 && request.camera < take->camera_count() &&
       !take->archive(request.camera).is_remote() && request.frame >= 0 &&
       static_cast<std::size_t>(request.frame) < take->archive(request.camera).frames().size();
-  if (!is_known) throw Error::failed("this rank does not hold the frame", where, "Start again");
+  if (!is_known) throw Error::failed("the rank does not have the frame", where, "Render again");
   const ArchiveReader& archive = take->archive(request.camera);
   const FrameBytes jpeg = archive.jpeg(request.frame);
   FrameReply reply;
@@ -233,7 +233,7 @@ FrameReply FrameService::answer(const FrameRequest& request) {
   append(0, layout.scan_offset);
   for (const std::uint32_t segment : request.segments) {
     if (segment >= static_cast<std::uint32_t>(layout.segment_count())) {
-      throw Error::failed("the frame has no such segment", where, "Start again");
+      throw Error::failed("a segment that the frame lacks was requested", where, "Render again");
     }
     append(layout.segment_offset[segment],
            std::min<std::size_t>(layout.segment_offset[segment + 1], jpeg.size()));

@@ -17,28 +17,29 @@
 
 namespace raystage::farm {
 
-/// What frames cost that were fetched from other ranks.
+/// The costs of frames that were fetched from other ranks.
 struct FetchCounts {
   std::int64_t requests = 0, bytes = 0;
 };
 
-/// A rank's side of a take: its own archives, and who holds the others.
+/// The archives of a take as a rank sees them: its own ones, and the owners of the others.
 class RankArchives : public RemoteArchives {
  public:
   RankArchives(MpiWorld& world, int take_number) : world_(world), take_number_(take_number) {}
 
-  /// Before the take is used; rank of each camera, -1: none. `frames`: of cameras that this rank
-  /// does not hold, where it needs to know them; else empty.
+  /// Sets the rank that has each camera's archive; -1: none. Call it before the take is used.
+  /// `cameras`: the frames of cameras of other ranks, or empty if this rank does not need them.
   void set_camera_owners(std::vector<int> camera_owners, std::vector<TakeTable::Camera> cameras);
-  /// Cameras whose archives are in this rank's folder.
-  void set_local_cameras(std::vector<bool> is_own) { is_local_ = std::move(is_own); }
+  /// Sets which cameras have their archives in this rank's folder.
+  void set_local_cameras(std::vector<bool> is_local) { is_local_ = std::move(is_local); }
 
   const std::vector<int>& camera_owners() const { return camera_owners_; }
   std::optional<ArchiveReader> open(int camera) const override;
   bool is_missing(int camera) const override;
   FetchCounts fetched() const { return {requests_, bytes_}; }
 
-  /// Asks the holder of a camera. Throws Error (failed) where it cannot read the frame.
+  /// Requests a frame from the owner of its camera. Throws Error (bad input) if the owner cannot
+  /// read the frame.
   FrameReply fetch(int camera, FrameRequest request) const;
 
  private:
@@ -50,28 +51,28 @@ class RankArchives : public RemoteArchives {
   mutable std::atomic<std::int64_t> requests_ = 0, bytes_ = 0;
 };
 
-/// A take as a rank has opened it.
+/// A take that a rank has opened.
 struct RankTake {
   std::shared_ptr<RankArchives> archives;
-  std::unique_ptr<Take> take;  ///< null: it cannot be opened here
-  TakeTable table;             ///< what this rank holds of it
+  std::unique_ptr<Take> take;  ///< null: this rank cannot open it
+  TakeTable table;             ///< the parts that this rank has
 };
 
-/// Opens this rank's folder of a take; what is wrong with it is in the table's error.
+/// Opens this rank's folder of a take. On failure the table's error says why.
 RankTake open_rank_take(MpiWorld& world, int number, const std::filesystem::path& folder);
 
-/// Where this rank keeps a folder that rank 0 calls `folder`: by the first rule that fits, in which
-/// {rank} and {host} stand for this rank's number and host name.
+/// Returns this rank's path of a folder that rank 0 names `folder`. Applies the first matching
+/// rule, then replaces {rank} and {host} by this rank's number and host name.
 std::filesystem::path local_take_folder(const std::string& folder,
                                         std::span<const PathMappingRule> rules, int rank);
 
-/// Answers other ranks' requests for frames, on a thread of its own, as long as it lives.
+/// Answers other ranks' requests for frames on a thread of its own, until it is destroyed.
 class FrameService {
  public:
   explicit FrameService(MpiWorld& world);
   ~FrameService();
 
-  /// Frames of a take that has this number are given from now on. `take` must outlive the service.
+  /// Serves frames of the take with this number from now on. `take` must outlive the service.
   void add(int number, const Take& take);
 
  private:
@@ -79,7 +80,7 @@ class FrameService {
   FrameReply answer(const FrameRequest& request);
 
   MpiWorld& world_;
-  std::mutex mutex_;  // of the takes
+  std::mutex mutex_;  // guards takes_
   std::vector<const Take*> takes_;
   std::jthread thread_;
 };

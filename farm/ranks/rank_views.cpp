@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adds the contributions of ranks along a tree of kReductionRadix: with 4, rank r receives from
-// r + 4^k, r + 2 * 4^k and r + 3 * 4^k for all 4^k that divide r (rank 0: for all), so that n ranks
-// take log4 n steps and each sample crosses at most that often. Sums are in single precision, in
-// one order for a given number of ranks.
+// Adds the contributions of ranks to a view (thesis 4.1.4) along a tree with kReductionRadix = 4:
+// rank r receives from r + 4^k, r + 2 * 4^k and r + 3 * 4^k for all 4^k that divide r (rank 0: for
+// all k). Inputs and outputs are planes of weighted samples of the view, 4 floats per pixel. For n
+// ranks the cost is log4 n steps; each sample is sent at most that often. Sums are in single
+// precision, in the same order for a given number of ranks.
 #include "farm/ranks/rank_views.h"
 
 #include <algorithm>
@@ -17,14 +18,14 @@
 namespace raystage::farm {
 namespace {
 
-/// Replies to a view number; above those of frames, see rank_takes.cpp.
+/// Returns the tag of replies for a view, above the tags of frames (see rank_takes.cpp).
 int tag_of(std::uint32_t view_number) {
   return kFirstReplyTag + (1 << 29) + static_cast<int>(view_number % (1U << 28));
 }
 
 class Stopwatch {
  public:
-  /// Since the last call, or since it was made.
+  /// Returns the time since the last call, or since construction.
   double lap_ms() {
     const auto now = std::chrono::steady_clock::now();
     return std::chrono::duration<double, std::milli>(now - std::exchange(last_, now)).count();
@@ -36,8 +37,8 @@ class Stopwatch {
 
 int tag_of_group(std::uint32_t view_number) { return tag_of(view_number) + (1 << 28); }
 
-/// The hosts of a take, in step. The last byte of a message says whether its sender has left the
-/// view: all others learn so in the same exchange, which ends the view for all of them.
+/// Exchanges messages between the hosts of a take in lockstep. The last byte of each message says
+/// whether its sender has left the view. All others then leave it in the same exchange.
 class MpiCommunicator : public RankCommunicator {
  public:
   MpiCommunicator(const RankSet& members, std::uint32_t view_number)
@@ -56,18 +57,17 @@ class MpiCommunicator : public RankCommunicator {
     for (std::size_t host = 0; host < received.size(); ++host) {
       if (received[host].empty() || received[host].back() != kHere) {
         throw Error::failed("rank " + std::to_string(members_.ranks[host]) + " has left the view",
-                            "", "See what it says");
+                            "", "See the error of that rank");
       }
       received[host].pop_back();
     }
     return received;
   }
 
-  /// The exchange after a view's last: those who have left it meet the others in it.
+  /// Runs a final exchange, in which hosts that have left the view meet the others.
   void end() const { exchange(std::vector<Message>(members_.ranks.size())); }
 
-  /// Instead of the next exchange of the others. Receives what they send: none of them waits for
-  /// ever.
+  /// Takes part in the next exchange of the others, so that none of them waits for ever.
   void leave() const {
     if (has_ended_) return;
     members_.world.exchange(tag_, members_.ranks,
@@ -85,7 +85,7 @@ FragmentTag fragment_tag(std::uint32_t view_number, int light_field, std::size_t
   return {view_number, static_cast<std::uint32_t>(light_field), static_cast<std::uint32_t>(plane)};
 }
 
-/// Of two hosts that worked at the same time.
+/// Adds the statistics of a host that worked at the same time.
 void add(const RenderStatistics& from, RenderStatistics& to) {
   to.plan_ms = std::max(to.plan_ms, from.plan_ms);
   to.decode_ms = std::max(to.decode_ms, from.decode_ms);
@@ -106,7 +106,7 @@ void keep_slower(const RankTimes& one, RankTimes& slowest) {
   if (one.sum_ms() > slowest.sum_ms()) slowest = one;
 }
 
-/// What a rank could not do, as the rank that puts views together says it.
+/// The failure of another rank, as the rank that assembles views reports it.
 struct Failure {
   std::string what;
   bool is_bad_input = false;
@@ -145,9 +145,9 @@ std::vector<int> child_ranks(int rank, int ranks) {
 }
 
 FragmentEncodingSettings fragment_encoding_for(const DistributedViewRequest& view,
-                                               const FragmentEncodingSettings& asked) {
-  FragmentEncodingSettings settings = asked;
-  if (view.is_lockstep && asked.encoding == FragmentEncoding::kJpeg) {
+                                               const FragmentEncodingSettings& requested) {
+  FragmentEncodingSettings settings = requested;
+  if (view.is_lockstep && requested.encoding == FragmentEncoding::kJpeg) {
     settings.encoding = FragmentEncoding::kHalf;
   }
   return settings;
@@ -160,7 +160,7 @@ int host_index(std::span<const int> ranks, int rank) {
 
 std::vector<int> host_indices(std::span<const int> ranks, std::span<const int> camera_owners) {
   std::vector<int> hosts;
-  for (const int holder : camera_owners) hosts.push_back(host_index(ranks, holder));
+  for (const int owner : camera_owners) hosts.push_back(host_index(ranks, owner));
   return hosts;
 }
 
@@ -185,8 +185,7 @@ Contribution reduce_subtree(const ViewExchange& exchange, std::uint32_t view_num
                             ReduceTimes& times) {
   Stopwatch watch;
   Contribution sum;
-  std::exception_ptr
-      own_failure;  // the ranks below send all the same, and wait until it is received
+  std::exception_ptr own_failure;  // thrown once the messages of all ranks below are received
   try {
     sum = own();
   } catch (...) {

@@ -13,36 +13,36 @@
 
 namespace raystage::farm {
 
-/// The tree with rank 0 at its root along which contributions are added: in each step one rank of
-/// kReductionRadix receives from the others. A rank's children come in increasing order; so do the
-/// sums, whatever the order of arrival.
+/// The tree along which contributions are added has rank 0 at its root. In each step one of
+/// kReductionRadix ranks receives from the others. Children are sorted, and their contributions are
+/// added in this order, whatever the order of arrival.
 inline constexpr int kReductionRadix = 4;
 int parent_rank(int rank);
 std::vector<int> child_ranks(int rank, int ranks);
 
-/// How contributions travel.
+/// The ranks and the encoding with which contributions are sent.
 struct ViewExchange {
   MpiWorld& world;
   FragmentEncodingSettings encoding;
 };
 
-/// How a view's contributions travel: those of views in step have values that only floats hold;
-/// what is asked for as JPEG goes as halves there.
+/// Returns the encoding for a view's contributions. For a view in lockstep it replaces JPEG by
+/// half, because JPEG cannot hold the values of such contributions.
 FragmentEncodingSettings fragment_encoding_for(const DistributedViewRequest& view,
-                                               const FragmentEncodingSettings& asked);
+                                               const FragmentEncodingSettings& requested);
 
-/// The ranks that have opened a take: its hosts, numbered in the order of their ranks.
+/// The ranks that have opened a take, called its hosts. Host i is the rank ranks[i].
 struct RankSet {
   MpiWorld& world;
   std::span<const int> ranks;
 };
-/// Returns the number of a rank among them; -1: it is none of them.
+/// Returns the host number of a rank, or -1 if it is not among `ranks`.
 int host_index(std::span<const int> ranks, int rank);
 /// Returns the host number of each camera's owner, or -1.
 std::vector<int> host_indices(std::span<const int> ranks, std::span<const int> camera_owners);
 
-/// Calls `own` for a view: with all hosts as its group where the view is made in step. Where it
-/// throws, the other ranks learn that this one has left.
+/// Returns this rank's contribution to a view by calling `own`. For a view in lockstep `own` gets a
+/// communicator of all hosts; if it throws, the other ranks are told that this rank has left.
 Contribution contribute_as_rank(const RankSet& members, const DistributedViewRequest& view,
                                 std::uint32_t view_number,
                                 const DistributedRenderer::ContributeFunction& own);
@@ -50,25 +50,25 @@ Contribution contribute_as_rank(const RankSet& members, const DistributedViewReq
 /// Times of the reduction, in wall-clock milliseconds.
 struct ReduceTimes {
   double local_ms = 0;  ///< this rank's contribution
-  double wait_ms = 0;   ///< until those below had sent theirs
+  double wait_ms = 0;   ///< waiting for the contributions of the ranks below
   double add_ms = 0;    ///< adding them
   RankTimes slowest;    ///< of the ranks below
-  /// Of the wait, what no rank below worked: requests and fragments on their way, and requests that
-  /// wait for their turn.
+  /// Returns the part of the wait in which no rank below worked: requests and fragments were being
+  /// sent, or requests were queued.
   double travel_ms() const { return std::max(0.0, local_ms + wait_ms - slowest.sum_ms()); }
   ReduceTimes& operator+=(const ReduceTimes& other);
 };
 
-/// Returns what this rank and those below it in the tree contribute to a view. `own`: what this
-/// rank contributes. Adds what the messages of those below held to `counts`. Throws Error where one
-/// of them, or this one, cannot contribute, when all have answered.
+/// Returns the sum of the contributions of this rank (`own`) and the ranks below it in the tree.
+/// Adds the fragments of the received messages to `counts`. If a rank cannot contribute, throws
+/// Error after all ranks below have answered.
 Contribution reduce_subtree(const ViewExchange& exchange, std::uint32_t view_number,
                             int light_field, const VirtualCamera& view,
                             const std::function<Contribution()>& own, FragmentCounts& counts,
                             ReduceTimes& times);
 
-/// Sends what reduce_subtree() returns, or why it did not return, to the rank above. Throws
-/// std::bad_alloc alone.
+/// Sends the result of reduce_subtree(), or its error, to the rank above. Throws only
+/// std::bad_alloc.
 void send_to_parent(const ViewExchange& exchange, std::uint32_t view_number, int light_field,
                     const VirtualCamera& view, const std::function<Contribution()>& own);
 

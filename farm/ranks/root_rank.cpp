@@ -23,7 +23,7 @@ std::string list_text(const std::vector<std::string>& names) {
 
 }  // namespace
 
-/// A light field of the shot, as views of it are summed.
+/// Sums the contributions of all ranks to views of one light field of the shot.
 class RootRank::LightField : public DistributedRenderer {
  public:
   LightField(RootRank& ranks, int number, std::vector<int> members)
@@ -76,7 +76,7 @@ RootRank::~RootRank() {
 
 void RootRank::send_to_all(const Request& request) {
   const MessageBytes message = encode(request);
-  // In one order on all ranks: they work on few views at a time, and wait for each other's.
+  // All ranks must get requests in one order: they wait for each other and work on few at a time.
   const std::scoped_lock lock(send_mutex_);
   for (int rank = 1; rank < world_.size(); ++rank) world_.send(rank, kRequestTag, message);
 }
@@ -84,7 +84,7 @@ void RootRank::send_to_all(const Request& request) {
 std::vector<int> RootRank::find_camera_owners(const Take& take,
                                               const std::vector<TakeTable>& tables) const {
   const auto cameras = static_cast<std::size_t>(take.camera_count());
-  std::vector<int> holders;
+  std::vector<int> owners;
   std::vector<std::string> missing;
   for (std::size_t camera = 0; camera < cameras; ++camera) {
     std::vector<int> candidates;
@@ -95,12 +95,12 @@ std::vector<int> RootRank::find_camera_owners(const Take& take,
     }
     if (candidates.empty()) {
       missing.push_back(take.document().cameras[camera].id);
-      holders.push_back(-1);
-    } else {  // of shared storage each takes a part, neighbours together
-      holders.push_back(candidates[camera * candidates.size() / cameras]);
+      owners.push_back(-1);
+    } else {  // on shared storage each rank gets a block of adjacent cameras
+      owners.push_back(candidates[camera * candidates.size() / cameras]);
     }
   }
-  if (missing.empty()) return holders;
+  if (missing.empty()) return owners;
   const std::string what = fmt::format("no rank has the archives of {} of {} cameras: {}",
                                        missing.size(), cameras, list_text(missing));
   if (options_.missing == MissingArchives::kError || missing.size() == cameras) {
@@ -109,7 +109,7 @@ std::vector<int> RootRank::find_camera_owners(const Take& take,
                            "\"absent\" to render without these cameras");
   }
   options_.on_message(what + "; they are absent from all frames");
-  return holders;
+  return owners;
 }
 
 Take RootRank::open(const fs::path& folder) {
@@ -126,8 +126,8 @@ Take RootRank::open(const fs::path& folder) {
     tables.push_back(decode_take_table(world_.receive(rank, request.reply_tag)));
   }
   if (!own.take) {
-    Take(mine, own.archives);  // throws what is wrong with it
-    throw Error::bad_input(own.table.error, mine.string(), "Mend the take on this host");
+    Take(mine, own.archives);  // throws the original error
+    throw Error::bad_input(own.table.error, mine.string(), "Repair the take on this host");
   }
   for (std::size_t rank = 1; rank < tables.size(); ++rank) {
     if (!tables[rank].error.empty()) {
@@ -135,7 +135,7 @@ Take RootRank::open(const fs::path& folder) {
         throw Error::bad_input(fmt::format("rank {} cannot open it: {}", rank, tables[rank].error),
                                request.folder,
                                "Copy take.json, rig.json and timeline.zst to that host "
-                               "(raystage join can make the documents alone), or set missing "
+                               "(raystage join can make only the documents), or set missing "
                                "archives to \"absent\" to render without its cameras");
       }
       options_.on_message(
@@ -147,11 +147,11 @@ Take RootRank::open(const fs::path& folder) {
           request.folder, "Copy the same documents to all hosts");
     }
   }
-  const std::vector<int> holders = find_camera_owners(*own.take, tables);
-  std::vector<TakeTable::Camera> cameras(holders.size());
-  for (std::size_t camera = 0; camera < holders.size(); ++camera) {
-    if (holders[camera] < 0) continue;
-    cameras[camera] = std::move(tables[static_cast<std::size_t>(holders[camera])].cameras[camera]);
+  const std::vector<int> owners = find_camera_owners(*own.take, tables);
+  std::vector<TakeTable::Camera> cameras(owners.size());
+  for (std::size_t camera = 0; camera < owners.size(); ++camera) {
+    if (owners[camera] < 0) continue;
+    cameras[camera] = std::move(tables[static_cast<std::size_t>(owners[camera])].cameras[camera]);
   }
   OpenTake opened;
   opened.named = request.folder;
@@ -159,7 +159,7 @@ Take RootRank::open(const fs::path& folder) {
   for (std::size_t rank = 0; rank < tables.size(); ++rank) {
     if (tables[rank].error.empty()) opened.ranks.push_back(static_cast<int>(rank));
   }
-  own.archives->set_camera_owners(holders, std::move(cameras));
+  own.archives->set_camera_owners(owners, std::move(cameras));
   opened.archives = own.archives;
   opened.served = std::move(own.take);
   frames_->add(request.take, *opened.served);
@@ -174,14 +174,14 @@ void RootRank::check_rules() const {
     if (is_used) continue;
     throw Error::bad_input(fmt::format("no take of the shot is in the folder {}", rule.from),
                            "take folders of the ranks",
-                           "Write FROM as the shot names the take, as an absolute path");
+                           "Use the absolute path of a folder of the shot's takes as FROM");
   }
 }
 
 void RootRank::share(const Take& take, RendererSettings& settings) {
   const auto found = std::ranges::find(takes_, take.folder(), &OpenTake::folder);
   if (found == takes_.end()) {
-    throw Error::failed("the take was not opened by all ranks", take.folder().string(), "");
+    throw Error::failed("the take is not open on the ranks", take.folder().string(), "");
   }
   if (light_fields_ == 0) check_rules();
   Request request;

@@ -17,34 +17,34 @@
 
 namespace raystage::farm {
 
-/// What to do about cameras whose archives no rank has.
+/// The treatment of cameras whose archives no rank has.
 enum class MissingArchives {
-  kError,  ///< refuse before anything is rendered
-  kAbsent  ///< render without them: their rays are missing, and the files say so
+  kError,  ///< throw before anything is rendered
+  kAbsent  ///< render without them; the files record the absent cameras
 };
 
 struct RankOptions {
-  std::vector<PathMappingRule> takes;  ///< where ranks keep takes: see local_take_folder()
+  std::vector<PathMappingRule> takes;  ///< folders of takes on the ranks: see local_take_folder()
   MissingArchives missing = MissingArchives::kError;
   FragmentEncodingSettings encoding;
   std::function<void(std::string_view)> on_message = [](std::string_view) {};
 };
 
-/// What crossed between the ranks.
+/// The data that the ranks exchanged, and its costs.
 struct RankTraffic {
   FragmentCounts fragments;      ///< summed over all messages
-  std::int64_t view_pixels = 0;  ///< of the views that fragments were summed for
+  std::int64_t view_pixels = 0;  ///< summed over all views
   std::int64_t views = 0;
   ReduceTimes times;   ///< of rank 0, over all views
   FetchCounts frames;  ///< fetched by rank 0
   RankCosts costs;     ///< of all ranks
 };
 
-/// Rank 0: opens takes on all ranks, and asks them for their contributions to views.
+/// Rank 0: opens takes on all ranks, and requests their contributions to views.
 class RootRank : public DistributedTakes {
  public:
   RootRank(MpiWorld& world, RankOptions options);
-  /// As finish(), where that was not called.
+  /// Calls finish() if it was not called.
   ~RootRank() override;
   RootRank(const RootRank&) = delete;
   RootRank& operator=(const RootRank&) = delete;
@@ -60,25 +60,25 @@ class RootRank : public DistributedTakes {
     std::string named;             ///< the folder, as the shot names it
     std::filesystem::path folder;  ///< on this host
     std::shared_ptr<RankArchives> archives;
-    std::unique_ptr<Take> served;  ///< gives frames to other ranks
-    std::vector<int> ranks;        ///< that have opened it
+    std::unique_ptr<Take> served;  ///< source of frames for other ranks
+    std::vector<int> ranks;        ///< ranks that have opened it
   };
   void send_to_all(const Request& request);
-  /// Throws Error (bad input) for a rule that no take needs. When all takes are open.
+  /// Throws Error (bad input) for a rule that no take needs. Call it when all takes are open.
   void check_rules() const;
   bool is_finished_ = false;
   std::vector<int> find_camera_owners(const Take& take, const std::vector<TakeTable>& tables) const;
 
   MpiWorld& world_;
-  std::mutex send_mutex_;  ///< of requests
+  std::mutex send_mutex_;  ///< keeps requests in one order on all ranks
   RankOptions options_;
   std::vector<OpenTake> takes_;
   int light_fields_ = 0;
   std::atomic<std::uint32_t> views_ = 0;
-  mutable std::mutex in_step_;  // views in step, one at a time
-  mutable std::mutex mutex_;    // of the traffic
+  mutable std::mutex in_step_;  // held while a view in lockstep is rendered
+  mutable std::mutex mutex_;    // guards traffic_
   RankTraffic traffic_;
-  std::unique_ptr<FrameService> frames_;  ///< ends before the takes do
+  std::unique_ptr<FrameService> frames_;  ///< must be destroyed before takes_
 };
 
 }  // namespace raystage::farm

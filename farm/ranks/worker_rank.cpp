@@ -20,10 +20,10 @@
 namespace raystage::farm {
 namespace {
 
-/// Views that are worked on at once: while one waits for the ranks below, another is sampled.
+/// The number of views in progress: while one waits for the ranks below, another is sampled.
 constexpr int kViewsAtOnce = 2;
 
-/// Requests for views, in order.
+/// A queue of requests for views.
 class ViewQueue {
  public:
   void push(Request request) {
@@ -33,7 +33,7 @@ class ViewQueue {
     }
     changed_.notify_one();
   }
-  /// False: closed, and none is left.
+  /// Waits for a request. Returns false if the queue is closed and empty.
   bool pop(Request& request) {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [this] { return is_closed_ || !requests_.empty(); });
@@ -57,17 +57,17 @@ class ViewQueue {
   bool is_closed_ = false;
 };
 
-class OtherRank {
+class WorkerRank {
  public:
-  OtherRank(MpiWorld& world, const WorkerRankOptions& options)
+  WorkerRank(MpiWorld& world, const WorkerRankOptions& options)
       : world_(world), options_(options), arena_(options.threads), frames_(world) {
     for (int i = 0; i < kViewsAtOnce; ++i) {
-      workers_.emplace_back([this] { make_views(views_); });
+      workers_.emplace_back([this] { render_views(views_); });
     }
-    workers_.emplace_back([this] { make_views(views_in_step_); });
+    workers_.emplace_back([this] { render_views(views_in_step_); });
   }
 
-  ~OtherRank() {
+  ~WorkerRank() {
     views_.close();
     views_in_step_.close();
   }
@@ -117,7 +117,7 @@ class OtherRank {
         take.take ? std::make_shared<const LightFieldRenderer>(*take.take, settings) : nullptr);
   }
 
-  void make_views(ViewQueue& queue) {
+  void render_views(ViewQueue& queue) {
     Request request;
     while (queue.pop(request)) {
       std::shared_ptr<const LightFieldRenderer> renderer;
@@ -140,7 +140,7 @@ class OtherRank {
       try {
         send_to_parent({world_, fragment_encoding_for(request.view, options_.encoding)},
                        request.view_number, request.light_field, request.view.view, own);
-      } catch (const std::bad_alloc&) {  // no other rank would learn of it
+      } catch (const std::bad_alloc&) {  // this rank cannot report it to another one
         world_.abort(options_.out_of_memory_code);
       }
     }
@@ -150,18 +150,18 @@ class OtherRank {
   const WorkerRankOptions& options_;
   tbb::task_arena arena_;
   std::vector<RankTake> takes_;
-  std::mutex mutex_;                                                  // of the renderers
+  std::mutex mutex_;                                                  // guards the next two
   std::vector<std::shared_ptr<const LightFieldRenderer>> renderers_;  // by light field
-  std::vector<std::vector<int>> members_;                             // the same
-  FrameService frames_;                                               // ends before the takes do
+  std::vector<std::vector<int>> members_;                             // ranks, by light field
+  FrameService frames_;                                               // destroyed before takes_
   ViewQueue views_, views_in_step_;
-  std::vector<std::jthread> workers_;  // end first
+  std::vector<std::jthread> workers_;  // destroyed first
 };
 
 }  // namespace
 
 void run_worker_rank(MpiWorld& world, const WorkerRankOptions& options) {
-  OtherRank(world, options).run();
+  WorkerRank(world, options).run();
 }
 
 }  // namespace raystage::farm

@@ -12,8 +12,8 @@ namespace raystage::farm {
 struct WorkerRankOptions {
   std::vector<PathMappingRule> takes;  ///< as RankOptions
   FragmentEncodingSettings encoding;
-  int threads = 1;             ///< of the TBB arena that views are made in
-  int out_of_memory_code = 1;  ///< exit code of the job where this rank's memory does not suffice
+  int threads = 1;             ///< of the TBB arena in which views are rendered
+  int out_of_memory_code = 1;  ///< exit code of the job if this rank runs out of memory
 };
 
 /// Runs any rank except the root: serves the requests of rank 0 and returns at the stop request.

@@ -13,13 +13,13 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr auto kRetryAfter = 100ms;  // what was refused
-constexpr auto kLookWhileDraining = 5ms;
-// The writer looks instead of being called, and seldom: thousands of calls a second cost more than
-// the writing, and several frames of a camera in one go cost little more than one.
-constexpr auto kLookAfter = 30ms;
-constexpr auto kLookAfterWhenTight = 5ms;
-constexpr std::size_t kTurn = 16;  // frames of one camera before the next has its turn
+constexpr auto kRetryInterval = 100ms;  // of an archive that refused a write
+constexpr auto kDrainPollInterval = 5ms;
+// The writer polls, because thousands of notifications per second cost more than the writing, and
+// several frames of a camera in one batch cost little more than one.
+constexpr auto kPollInterval = 30ms;
+constexpr auto kPollIntervalUnderPressure = 5ms;
+constexpr std::size_t kBatchFrames = 16;  // frames of one camera before those of the next
 
 }  // namespace
 
@@ -49,15 +49,15 @@ ArchiveWriterThread::~ArchiveWriterThread() = default;
 
 void ArchiveWriterThread::write_loop(const std::stop_token& stop) {
   while (!stop.stop_requested()) {
-    if (write_pending() != WriteResult::kSome) rest(stop);
+    if (write_pending() != WriteResult::kSome) wait_before_next_pass(stop);
   }
 }
 
-void ArchiveWriterThread::rest(const std::stop_token& stop) {
+void ArchiveWriterThread::wait_before_next_pass(const std::stop_token& stop) {
   if (settings_.memory == nullptr || settings_.memory->is_under_pressure()) {
-    std::this_thread::sleep_for(kLookAfterWhenTight);
+    std::this_thread::sleep_for(kPollIntervalUnderPressure);
   } else {
-    settings_.memory->wait_for_pressure(stop, kLookAfter);
+    settings_.memory->wait_for_pressure(stop, kPollInterval);
   }
 }
 
@@ -77,29 +77,30 @@ void ArchiveWriterThread::flush_loop(const std::stop_token& stop) {
   }
 }
 
-/// One turn for each camera; kSome where there is more to write, and the disk takes it. An archive
-/// that refuses (a file may have reached its greatest size) holds up no other.
+/// Writes one batch of each camera. Returns kSome if more frames wait and the disk accepts them. An
+/// archive that refuses (its file may have reached the size limit) does not delay the others.
 ArchiveWriterThread::WriteResult ArchiveWriterThread::write_pending() {
   WriteResult wrote = WriteResult::kNothing;
   bool more = false;
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     if (Clock::now() < retry_states_[i].retry_at) continue;
-    const Turn turn = write_batch(i);
+    const BatchResult turn = write_batch(i);
     if (turn.written > 0) {
       wrote = WriteResult::kAll;
       retry_states_[i].last_write = Clock::now();
     }
-    if (turn.refused) retry_states_[i].retry_at = Clock::now() + kRetryAfter;
-    more = more || turn.written == kTurn;
+    if (turn.refused) retry_states_[i].retry_at = Clock::now() + kRetryInterval;
+    more = more || turn.written == kBatchFrames;
   }
   return more ? WriteResult::kSome : wrote;
 }
 
-/// The frames at the front of a camera's queue: all, or as many as its archive takes.
-ArchiveWriterThread::Turn ArchiveWriterThread::write_batch(std::size_t camera) {
+/// Writes frames at the front of a camera's queue, at most kBatchFrames.
+ArchiveWriterThread::BatchResult ArchiveWriterThread::write_batch(std::size_t camera) {
   FrameQueue& queue = cameras_[camera].queue;
   std::vector<FrameQueue::Frame> frames;
-  const std::string write_error = exception_message([&] { frames = queue.start_writing(kTurn); });
+  const std::string write_error =
+      exception_message([&] { frames = queue.start_writing(kBatchFrames); });
   if (!write_error.empty()) {
     set_write_error(camera, write_error);
     return {0, true};
@@ -110,7 +111,7 @@ ArchiveWriterThread::Turn ArchiveWriterThread::write_batch(std::size_t camera) {
   return {written, written < frames.size()};
 }
 
-/// How many of the frames are on disk: all, or as many as fit.
+/// Writes all frames, or as many as fit. Returns their number.
 std::size_t ArchiveWriterThread::write(std::size_t camera,
                                        std::span<const FrameQueue::Frame> frames) {
   if (append(camera, frames)) return frames.size();
@@ -164,7 +165,7 @@ std::size_t ArchiveWriterThread::waiting() const {
 }
 
 void ArchiveWriterThread::drain(const std::function<void(double)>& progress) {
-  writer_ = {};  // joins: from here on this thread writes
+  writer_ = {};  // joins: from here on the calling thread writes
   flusher_ = {};
   const std::size_t all = waiting();
   for (RetryState& turns : retry_states_) turns = {.last_write = Clock::now(), .retry_at = {}};
@@ -175,13 +176,13 @@ void ArchiveWriterThread::drain(const std::function<void(double)>& progress) {
       drop_remaining();
       break;
     }
-    std::this_thread::sleep_for(kLookWhileDraining);
+    std::this_thread::sleep_for(kDrainPollInterval);
   }
   if (progress) progress(1);
 }
 
-/// Of every camera that still waits: while one may yet write its frames, the reserve is not touched
-/// for another.
+/// Returns true if all cameras that still have frames timed out. While one of them can still write,
+/// the reserved disk space is not used for another.
 bool ArchiveWriterThread::drain_timed_out() const {
   const auto drain_timeout_s = std::chrono::duration<double>(settings_.drain_timeout_s);
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
@@ -191,8 +192,8 @@ bool ArchiveWriterThread::drain_timed_out() const {
   return true;
 }
 
-/// The disk refuses for good: what is left becomes records, for which there is a reserve. Until
-/// that is needed each frame is tried once more: a smaller one may fit.
+/// Turns the remaining frames into records of dropped frames, for which disk space is reserved.
+/// Until the reserve is needed each frame is tried once more: a smaller one may fit.
 void ArchiveWriterThread::drop_remaining() {
   bool reserve_is_whole = true;
   const auto append_record = [&](std::size_t camera, std::span<const FrameQueue::Frame> record) {

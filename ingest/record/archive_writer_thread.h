@@ -32,14 +32,13 @@ class ArchiveWriterThread {
   };
   struct Settings {
     bool hold = false;  ///< write nothing before drain()
-    /// Frees room for the last records when the disk stays full to the end.
+    /// Frees disk space for the last records if the disk is still full at the end.
     std::function<void()> release_reserved_space = [] {};
-    /// How long drain() tries to write a camera's frames that its archive refuses, seconds.
+    /// How long drain() retries a camera whose archive refuses frames, in seconds.
     double drain_timeout_s = 3;
-    /// How often what is written is made safe against power loss, seconds; 0: never.
+    /// Interval of flushing written data to the disk (fdatasync), in seconds; 0: never.
     double flush_interval_s = 1;
-    /// What the frames are counted in: where it gets tight, they are written at once instead of
-    /// several of a camera together.
+    /// The budget of the frames. Under pressure they are written sooner, in smaller batches.
     MemoryBudget* memory = nullptr;
   };
 
@@ -52,7 +51,7 @@ class ArchiveWriterThread {
   /// fraction done, in [0, 1].
   void drain(const std::function<void(double)>& progress);
 
-  /// Records on disk, per camera and FrameStatus.
+  /// Returns the number of records of a status that are written to a camera's archive.
   std::uint64_t written(std::size_t camera, FrameStatus status) const;
   std::uint64_t bytes_written() const { return bytes_written_.load(std::memory_order_relaxed); }
   /// Returns the current write error of the first camera that has one; empty without an error.
@@ -72,14 +71,14 @@ class ArchiveWriterThread {
   void flush_loop(const std::stop_token& stop);
   enum class WriteResult { kNothing, kAll, kSome };
   WriteResult write_pending();
-  struct Turn {
+  struct BatchResult {
     std::size_t written = 0;  // frames
     bool refused = false;
   };
-  Turn write_batch(std::size_t camera);
+  BatchResult write_batch(std::size_t camera);
   std::size_t write(std::size_t camera, std::span<const FrameQueue::Frame> frames);
   bool append(std::size_t camera, std::span<const FrameQueue::Frame> frames);
-  void rest(const std::stop_token& stop);
+  void wait_before_next_pass(const std::stop_token& stop);
   void set_write_error(std::size_t camera, std::string text);
   std::size_t waiting() const;
   bool drain_timed_out() const;
@@ -88,7 +87,7 @@ class ArchiveWriterThread {
   const std::vector<Camera> cameras_;
   const Settings settings_;
   std::vector<WrittenCounts> written_counts_;
-  std::vector<RetryState> retry_states_;  // the writer's, then drain()'s
+  std::vector<RetryState> retry_states_;  // used by the writer thread, later by drain()
   std::atomic<std::uint64_t> bytes_written_ = 0;
   mutable std::mutex write_error_mutex_;
   std::vector<std::string> write_errors_;  // by camera; empty: none
@@ -96,9 +95,8 @@ class ArchiveWriterThread {
   std::jthread writer_, flusher_;  // last: they use all of the above
 };
 
-/// Runs `attempt` and returns the message of its exception, or an empty text. Catches every
-/// exception, also bad_alloc: one that leaves a thread would end the process and lose all frames in
-/// memory.
+/// Runs `attempt` and returns the message of its exception, or an empty text. Catches bad_alloc
+/// too: an exception that leaves a thread would end the process and lose all frames in memory.
 std::string exception_message(const std::function<void()>& attempt);
 
 }  // namespace raystage

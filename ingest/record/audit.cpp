@@ -7,13 +7,13 @@
 
 namespace raystage {
 
-void audit_session(const RecordingTake& take, const ArchiveWriterThread& flow,
+void audit_session(const RecordingTake& take, const ArchiveWriterThread& writer,
                    std::span<const CameraCounters> counters, RecordingDocument::Session& session,
                    std::vector<std::string> problems) {
   for (std::size_t i = 0; i < session.cameras.size(); ++i) {
     RecordingDocument::Camera& camera = session.cameras[i];
-    const auto complain = [&](const std::string& what) {
-      problems.push_back(fmt::format("camera {}: {}", camera.id, what));
+    const auto add_problem = [&](const std::string& problem) {
+      problems.push_back(fmt::format("camera {}: {}", camera.id, problem));
     };
     camera.arrived = counters[i].arrived;
     camera.skipped_by_source = counters[i].skipped_by_source;
@@ -25,15 +25,15 @@ void audit_session(const RecordingTake& take, const ArchiveWriterThread& flow,
     try {
       on_disk = take.count(i);
     } catch (const Error& error) {
-      complain(error.what());
+      add_problem(error.what());
     }
     std::uint64_t accounted = 0;
     for (std::size_t s = 0; s < kFrameStatusCount; ++s) {
       const auto status = static_cast<FrameStatus>(s);
       const std::uint64_t count = on_disk.by_status[s];
-      if (count != flow.written(i, status)) {
-        complain(fmt::format("{} records \"{}\" were written, {} are on disk",
-                             flow.written(i, status), name_of(status), count));
+      if (count != writer.written(i, status)) {
+        add_problem(fmt::format("{} records \"{}\" were written, {} are on disk",
+                                writer.written(i, status), name_of(status), count));
       }
       if (status == FrameStatus::kDroppedBySource) continue;
       accounted += count;
@@ -44,13 +44,13 @@ void audit_session(const RecordingTake& take, const ArchiveWriterThread& flow,
       }
     }
     if (accounted != camera.arrived) {
-      complain(fmt::format("{} frames arrived, {} are stored or recorded as dropped",
-                           camera.arrived, accounted));
+      add_problem(fmt::format("{} frames arrived, {} are stored or recorded as dropped",
+                              camera.arrived, accounted));
     }
     const auto skipped = on_disk.by_status[static_cast<std::size_t>(FrameStatus::kDroppedBySource)];
     if (skipped != camera.skipped_by_source) {
-      complain(fmt::format("the source's counter skipped {} frames, {} are recorded",
-                           camera.skipped_by_source, skipped));
+      add_problem(fmt::format("the source's counter skipped {} frames, {} are recorded",
+                              camera.skipped_by_source, skipped));
     }
   }
   session.audit = RecordingDocument::AuditResult{problems.empty(), std::move(problems)};

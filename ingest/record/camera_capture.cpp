@@ -15,8 +15,8 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr auto kPatience = 100ms;  // how soon a stop is noticed
-constexpr auto kLookForRoom = 2ms;
+constexpr auto kSourceTimeout = 100ms;  // also the longest delay of a stop
+constexpr auto kMemoryPollInterval = 2ms;
 
 double seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
 
@@ -49,7 +49,7 @@ void CameraCapture::run(const std::stop_token& stop) {
   stop_ = stop;
   auto opened = Clock::now(), last_frame = opened;
   bool silent = false;
-  const auto go_on_after = [&](const std::string& why, bool source_is_gone) {
+  const auto handle_loss = [&](const std::string& why, bool source_is_gone) {
     reconnect_backoff_.report_uptime(last_frame - opened);
     const LossOutcome after = lost(stop, why, source_is_gone);
     if (after == LossOutcome::kReconnected) {
@@ -60,11 +60,11 @@ void CameraCapture::run(const std::stop_token& stop) {
   };
   while (!stop.stop_requested()) {
     SourceFrame frame;
-    switch (source_->next(frame, kPatience)) {
+    switch (source_->next(frame, kSourceTimeout)) {
       case FrameSource::Outcome::kFrame:
         if (silent) {
-          pipeline_.counters.add_event(
-              fmt::format("frames again after {:.1f} s", seconds(Clock::now() - last_frame)));
+          pipeline_.counters.add_event(fmt::format("frames arrive again after {:.1f} s",
+                                                   seconds(Clock::now() - last_frame)));
           pipeline_.counters.state = CameraCounters::State::kRunning;
           silent = false;
         }
@@ -74,7 +74,7 @@ void CameraCapture::run(const std::stop_token& stop) {
       case FrameSource::Outcome::kNoData:
         if (silent || Clock::now() - last_frame < settings_.lost_after) break;
         silent = true;
-        if (!go_on_after(fmt::format("no frame for {:.1f} s", seconds(Clock::now() - last_frame)),
+        if (!handle_loss(fmt::format("no frame for {:.1f} s", seconds(Clock::now() - last_frame)),
                          false)) {
           return;
         }
@@ -84,7 +84,7 @@ void CameraCapture::run(const std::stop_token& stop) {
         return;
       case FrameSource::Outcome::kLost:
         if (stop.stop_requested()) return;
-        if (!go_on_after(source_->loss_reason(), true)) return;
+        if (!handle_loss(source_->loss_reason(), true)) return;
         break;
     }
   }
@@ -103,14 +103,13 @@ CameraCapture::LossOutcome CameraCapture::lost(const std::stop_token& stop, cons
     case LostSourcePolicy::kContinue:
       break;
   }
-  // A silent source may come back by itself; one that is gone cannot.
+  // A source that only stalls may recover by itself.
   return source_is_gone ? LossOutcome::kFinish : LossOutcome::kContinueWaiting;
 }
 
 bool CameraCapture::reconnect(const std::stop_token& stop) {
   const auto start = Clock::now();
-  // First of all: most devices serve one at a time.
-  replace_source(nullptr);
+  replace_source(nullptr);  // most devices accept one connection at a time
   for (;;) {
     pause(stop, reconnect_backoff_.next());
     if (stop.stop_requested()) return false;
@@ -121,7 +120,7 @@ bool CameraCapture::reconnect(const std::stop_token& stop) {
       pipeline_.counters.add_event(
           fmt::format("connected again after {:.1f} s", seconds(Clock::now() - start)));
       return true;
-    } catch (const Error&) {  // not yet
+    } catch (const Error&) {  // tried again after the next pause
     }
   }
 }
@@ -136,7 +135,7 @@ void CameraCapture::replace_source(std::unique_ptr<FrameSource> source) {
     const std::scoped_lock lock(source_mutex_);
     std::swap(source, source_);
   }
-  // The old one, which may take its time, is closed here.
+  // The old source is closed here, outside of the lock, because that may take long.
 }
 
 FrameStatus CameraCapture::check(const SourceFrame& frame) {
@@ -149,34 +148,34 @@ FrameStatus CameraCapture::check(const SourceFrame& frame) {
   }
   if (status == FrameStatus::kUnreadable && !std::exchange(size_warning_given_, true)) {
     pipeline_.counters.add_event(
-        fmt::format("frames of another size than {} x {}: they cannot be stored", settings_.width,
+        fmt::format("frames of another size than {} x {} pixels cannot be stored", settings_.width,
                     settings_.height));
   }
   return status;
 }
 
 MemoryBudget::Reservation CameraCapture::reserve_memory(std::size_t bytes) {
-  MemoryBudget::Reservation share = pipeline_.memory.try_reserve(bytes);
-  if (!share && settings_.wait_for_memory > 0ms && memory_was_freed_)
-    share = wait_for_memory(bytes);
-  memory_was_freed_ = memory_was_freed_ || share;
-  while (!share && settings_.drop_oldest &&
+  MemoryBudget::Reservation reservation = pipeline_.memory.try_reserve(bytes);
+  if (!reservation && settings_.wait_for_memory > 0ms && memory_was_freed_)
+    reservation = wait_for_memory(bytes);
+  memory_was_freed_ = memory_was_freed_ || reservation;
+  while (!reservation && settings_.drop_oldest &&
          pipeline_.queue.drop_one(true, FrameStatus::kDroppedRamFull)) {
     ++pipeline_.counters.dropped;
-    share = pipeline_.memory.try_reserve(bytes);
+    reservation = pipeline_.memory.try_reserve(bytes);
   }
-  return share;
+  return reservation;
 }
 
 MemoryBudget::Reservation CameraCapture::wait_for_memory(std::size_t bytes) {
   const auto deadline = Clock::now() + settings_.wait_for_memory;
-  MemoryBudget::Reservation share;
-  while (!share && !stop_.stop_requested() && Clock::now() < deadline) {
-    std::this_thread::sleep_for(kLookForRoom);
-    share = pipeline_.memory.try_reserve(bytes);
+  MemoryBudget::Reservation reservation;
+  while (!reservation && !stop_.stop_requested() && Clock::now() < deadline) {
+    std::this_thread::sleep_for(kMemoryPollInterval);
+    reservation = pipeline_.memory.try_reserve(bytes);
   }
-  memory_was_freed_ = static_cast<bool>(share);
-  return share;
+  memory_was_freed_ = static_cast<bool>(reservation);
+  return reservation;
 }
 
 void CameraCapture::take(SourceFrame frame) {
@@ -199,30 +198,31 @@ void CameraCapture::take(SourceFrame frame) {
   if (const FrameStatus status = check(frame); status != FrameStatus::kStored) return drop(status);
 
   const bool raw = frame.jpeg.empty();
-  auto share = reserve_memory(kMissingRecordBytes +
-                              (raw ? frame.raw.bytes_in_memory() : frame.jpeg.capacity()));
-  if (!share) return drop(FrameStatus::kDroppedRamFull);
+  auto reservation = reserve_memory(kMissingRecordBytes +
+                                    (raw ? frame.raw.bytes_in_memory() : frame.jpeg.capacity()));
+  if (!reservation) return drop(FrameStatus::kDroppedRamFull);
   auto queued = std::make_shared<QueuedFrame>();
   queued->stage = raw ? QueuedFrame::Stage::kToEncode : QueuedFrame::Stage::kReady;
   queued->time_ns = stamp.time_ns;
   queued->origin = origin;
   queued->raw = std::move(frame.raw);
   queued->jpeg = std::move(frame.jpeg);
-  queued->memory = std::move(share);
+  queued->memory = std::move(reservation);
   pipeline_.queue.push(std::move(queued));
   if (raw) pipeline_.encoders.encode_next(pipeline_.queue);
 }
 
 void CameraCapture::push_missing_record(FrameStatus status, Nanoseconds time, FrameOrigin origin) {
-  // Records have a reserve of their own. When even that is used up a frame gives way: a record is
-  // worth more, it says what is missing.
-  auto share = pipeline_.records.try_reserve(kMissingRecordBytes);
-  if (!share) share = pipeline_.memory.try_reserve(kMissingRecordBytes);
-  if (!share && pipeline_.queue.drop_one(settings_.drop_oldest, FrameStatus::kDroppedRamFull)) {
+  // Records have their own budget. If it is used up a frame is dropped instead, because a record
+  // that says what is missing is worth more than a frame.
+  auto reservation = pipeline_.records.try_reserve(kMissingRecordBytes);
+  if (!reservation) reservation = pipeline_.memory.try_reserve(kMissingRecordBytes);
+  if (!reservation &&
+      pipeline_.queue.drop_one(settings_.drop_oldest, FrameStatus::kDroppedRamFull)) {
     ++pipeline_.counters.dropped;
-    share = pipeline_.memory.try_reserve(kMissingRecordBytes);
+    reservation = pipeline_.memory.try_reserve(kMissingRecordBytes);
   }
-  if (!share) {
+  if (!reservation) {
     ++pipeline_.counters.unrecorded;
     return;
   }
@@ -230,7 +230,7 @@ void CameraCapture::push_missing_record(FrameStatus status, Nanoseconds time, Fr
   record->status = status;
   record->time_ns = time;
   record->origin = origin;
-  record->memory = std::move(share);
+  record->memory = std::move(reservation);
   pipeline_.queue.push(std::move(record));
 }
 

@@ -33,11 +33,11 @@ struct RecordingEvent {
 struct CameraCounters {
   enum class State { kRunning, kLost, kEnded };
   std::atomic<State> state = State::kRunning;
-  std::atomic<std::uint64_t> arrived = 0;               ///< frames the source delivered
-  std::atomic<std::uint64_t> dropped = 0;               ///< of these, not to be stored, any reason
-  std::atomic<std::uint64_t> skipped_by_source = 0;     ///< by the source's own counter
-  std::atomic<std::uint64_t> corrected_timestamps = 0;  ///< set behind the frame before
-  std::atomic<std::uint64_t> unrecorded = 0;  ///< lost without a record: must stay 0, see the audit
+  std::atomic<std::uint64_t> arrived = 0;               ///< frames that the source delivered
+  std::atomic<std::uint64_t> dropped = 0;               ///< of these, not to be stored (any reason)
+  std::atomic<std::uint64_t> skipped_by_source = 0;     ///< gaps in the source's own counter
+  std::atomic<std::uint64_t> corrected_timestamps = 0;  ///< moved 1 ns after the previous frame
+  std::atomic<std::uint64_t> unrecorded = 0;  ///< lost without a record: the audit requires 0
 
   void add_event(std::string what);
   std::vector<RecordingEvent> events() const;
@@ -54,12 +54,12 @@ class CameraCapture {
   enum class LostSourcePolicy { kContinue, kReconnect, kStop };
   struct Settings {
     Nanoseconds epoch_utc = 0;
-    Nanoseconds last_time = -1;  ///< of the archive that is resumed, since the epoch
-    Nanoseconds start_utc = 0;   ///< what arrives before does not count
-    int width = 0, height = 0;   ///< of the archive; other frames cannot be stored
-    bool drop_oldest = false;    ///< what makes room when the memory is full: else the new frame
-    /// A source that loses nothing meanwhile waits for room so long; where none came for that long,
-    /// as on a disk that stays full, its frames are dropped until there is some. 0: it does not.
+    Nanoseconds last_time = -1;  ///< last time in an archive that is resumed, since the epoch
+    Nanoseconds start_utc = 0;   ///< frames that arrive earlier are ignored
+    int width = 0, height = 0;   ///< of the archive, pixels; frames of other sizes are not stored
+    bool drop_oldest = false;    ///< when memory is full, drop the oldest frame, else the new one
+    /// How long a source that can wait without loss waits for memory. After a timeout (a disk that
+    /// stays full) its frames are dropped until memory is free again. 0: it does not wait.
     std::chrono::milliseconds wait_for_memory{0};
     LostSourcePolicy when_lost = LostSourcePolicy::kContinue;
     std::chrono::milliseconds lost_after{5000};
@@ -68,8 +68,8 @@ class CameraCapture {
   /// The objects that a capture uses; all of them outlive it.
   struct Pipeline {
     FrameQueue& queue;
-    MemoryBudget& memory;   ///< for frames
-    MemoryBudget& records;  ///< for records of frames that are missing
+    MemoryBudget& memory;   ///< of frames
+    MemoryBudget& records;  ///< of records of missing frames
     EncoderPool& encoders;
     CameraCounters& counters;
     std::function<void()> stop_recording;  ///< for LostSourcePolicy::kStop
@@ -79,8 +79,7 @@ class CameraCapture {
   CameraCapture(const Settings& settings, std::unique_ptr<FrameSource> source, Open reopen,
                 Pipeline pipeline);
 
-  /// Runs the thread of the camera until it is stopped, or its source has ended or is lost for
-  /// good.
+  /// Runs until it is stopped, or its source has ended or is lost for good.
   void run(const std::stop_token& stop);
   /// Processes one frame of the source; called by run() and by tests.
   void take(SourceFrame frame);
@@ -97,16 +96,16 @@ class CameraCapture {
   void push_missing_record(FrameStatus status, Nanoseconds time, FrameOrigin origin);
 
   const Settings settings_;
-  std::mutex source_mutex_;              // held while the source is exchanged or interrupted
-  std::unique_ptr<FrameSource> source_;  // null while the next one is not open yet
+  std::mutex source_mutex_;              // held while the source is replaced or interrupted
+  std::unique_ptr<FrameSource> source_;  // null during a reconnection
   const Open reopen_;
   Pipeline pipeline_;
   FrameTimestamper clock_;
   ReconnectBackoff reconnect_backoff_;
   std::mutex pause_mutex_;
-  std::condition_variable_any pause_ended_;  // notified by a stop alone
+  std::condition_variable_any pause_ended_;  // notified only by a stop
   std::stop_token stop_;                     // of run()
-  bool memory_was_freed_ = true;             // else waiting for it was in vain the last time
+  bool memory_was_freed_ = true;             // false: the last wait for memory timed out
   bool size_warning_given_ = false;
 };
 

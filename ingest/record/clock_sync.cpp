@@ -52,7 +52,8 @@ bool is_running(std::string_view program) {
   return false;
 }
 
-/// phc2sys leaves the kernel's own offset at 0, whatever it is: only ptp4l knows.
+/// Returns the offset from the PTP master in seconds, as ptp4l reports it: phc2sys always leaves
+/// the kernel's own offset at 0.
 std::optional<double> ptp_offset() {
   return parse_pmc_offset(output_of("pmc -u -b 0 'GET CURRENT_DATA_SET' 2>/dev/null"));
 }
@@ -71,7 +72,7 @@ RecordingDocument::Clock parse_chrony_tracking(std::string_view answer) {
   if (!offset || !delay || !dispersion) return clock;
   clock.source = "chrony";
   clock.offset_s = *offset;
-  // The bound of RFC 5905: half the round trip, and what may have drifted since.
+  // RFC 5905's error bound: offset, half the round trip, and dispersion (drift since then).
   clock.max_error_s = std::abs(*offset) + *delay / 2 + *dispersion;
   return clock;
 }
@@ -83,7 +84,7 @@ std::optional<double> parse_pmc_offset(std::string_view answer) {
   answer.remove_prefix(field + kField.size());
   const std::size_t begin = std::min(answer.find_first_not_of(kBlank), answer.size());
   answer.remove_prefix(begin);
-  if (begin == 0) return {};  // another field's name goes on
+  if (begin == 0) return {};  // only the beginning of a longer field name
   const auto nanoseconds = number_in(answer.substr(0, answer.find_first_of(kBlank)));
   if (!nanoseconds) return {};
   return *nanoseconds * 1e-9;

@@ -8,8 +8,8 @@
 
 namespace raystage {
 
-/// Returns what disciplines the clock of this machine now: chrony (asked by `chronyc`), PTP (a
-/// running phc2sys or ptp4l), else the state that the kernel reports, else "unknown".
+/// Returns what disciplines the clock of this machine now: chrony (as `chronyc` reports), PTP (if
+/// phc2sys runs), else the state that the kernel reports, else "unknown".
 RecordingDocument::Clock query_clock_sync();
 
 /// Parses the answer of `pmc ... 'GET CURRENT_DATA_SET'`. Returns the clock offset from the PTP

@@ -8,8 +8,8 @@
 namespace raystage {
 
 EncoderPool::EncoderPool(const JpegEncodeSettings& settings, int threads)
-    // TBB counts the calling thread too, but sources never encode themselves: one worker more, and
-    // no slot kept for callers.
+    // TBB counts the calling thread too, but sources never encode themselves: allow one more
+    // worker, and reserve no slot for callers.
     : settings_(settings),
       parallelism_(tbb::global_control::max_allowed_parallelism,
                    static_cast<std::size_t>(threads) + 1),
@@ -18,7 +18,7 @@ EncoderPool::EncoderPool(const JpegEncodeSettings& settings, int threads)
 EncoderPool::~EncoderPool() { wait(); }
 
 void EncoderPool::encode_next(FrameQueue& queue) {
-  // Else tasks for frames that were given up would pile up where encoding never catches up.
+  // Otherwise tasks for dropped frames would accumulate when encoding is too slow.
   if (!queue.needs_encoder()) return;
   tasks_submitted_.fetch_add(1, std::memory_order_release);
   arena_.enqueue(group_.defer([this, &queue] {
@@ -47,9 +47,9 @@ std::unique_ptr<RawJpegEncoder> EncoderPool::acquire_encoder() {
 
 void EncoderPool::encode_from(FrameQueue& queue) {
   const FrameQueue::Frame frame = queue.start_encoding();
-  if (!frame) return;  // given up meanwhile
+  if (!frame) return;  // dropped meanwhile
   std::optional<std::vector<std::byte>> result;
-  // Nothing may leave a TBB task; whatever goes wrong, the frame is recorded as missing.
+  // No exception may leave a TBB task: after any failure the frame is recorded as missing.
   try {
     auto encoder = acquire_encoder();
     encoder->encode(frame->raw, result.emplace());

@@ -16,19 +16,20 @@
 
 namespace raystage {
 
-/// Encodes the raw frames of all cameras on TBB's threads. A source never waits: it says that its
-/// queue holds a frame more, and goes on.
+/// Encodes the raw frames of all cameras as JPEG on TBB threads. encode_next() never waits, so no
+/// source is delayed.
 class EncoderPool {
  public:
-  /// `threads`: as many frames at once.
+  /// `threads`: the number of frames encoded in parallel.
   EncoderPool(const JpegEncodeSettings& settings, int threads);
   ~EncoderPool();
   EncoderPool(const EncoderPool&) = delete;
   EncoderPool& operator=(const EncoderPool&) = delete;
 
-  /// `queue` got a frame in kToEncode, and outlives this.
+  /// Schedules the encoding of a frame that was pushed to `queue` in stage kToEncode. `queue` must
+  /// outlive this pool.
   void encode_next(FrameQueue& queue);
-  /// Returns when everything that was asked for is encoded.
+  /// Waits until all scheduled frames are encoded.
   void wait();
 
  private:
@@ -41,8 +42,8 @@ class EncoderPool {
   tbb::global_control parallelism_;
   tbb::task_arena arena_;
   tbb::task_group group_;
-  // What is handed to TBB's threads and back. TBB orders it too, but only atomics of our own let
-  // the thread sanitizer see that: Debian's TBB is not built for it.
+  // These atomics show the thread sanitizer the order of memory accesses between threads, which TBB
+  // guarantees as well: Debian's TBB is not instrumented.
   std::atomic<std::uint64_t> tasks_submitted_ = 0, tasks_completed_ = 0;
 };
 

@@ -39,7 +39,7 @@ FrameQueue::Frame FrameQueue::start_encoding() {
   while (!to_encode_.empty()) {
     const Frame frame = std::move(to_encode_.front());
     to_encode_.pop_front();
-    if (frame->stage != QueuedFrame::Stage::kToEncode) continue;  // given up meanwhile
+    if (frame->stage != QueuedFrame::Stage::kToEncode) continue;  // dropped meanwhile
     frame->stage = QueuedFrame::Stage::kEncoding;
     --waiting_;
     return frame;
@@ -62,11 +62,11 @@ void FrameQueue::finish_encoding(const Frame& frame, std::optional<std::vector<s
   frame->memory.shrink_to(frame->jpeg.capacity() + kMissingRecordBytes);
 }
 
-std::vector<FrameQueue::Frame> FrameQueue::start_writing(std::size_t most) {
+std::vector<FrameQueue::Frame> FrameQueue::start_writing(std::size_t max_frames) {
   std::vector<Frame> ready;
   const std::scoped_lock lock(mutex_);
   for (const Frame& frame : frames_) {
-    if (ready.size() == most || frame->stage != QueuedFrame::Stage::kReady) break;
+    if (ready.size() == max_frames || frame->stage != QueuedFrame::Stage::kReady) break;
     ready.push_back(frame);
   }
   writing_ = ready.size();
@@ -76,7 +76,7 @@ std::vector<FrameQueue::Frame> FrameQueue::start_writing(std::size_t most) {
 void FrameQueue::finish_writing(std::size_t written) {
   const std::scoped_lock lock(mutex_);
   assert(written <= writing_);
-  // Their pictures are freed outside of the lock, with the writer's own references.
+  // The images are freed outside of the lock, with the writer's own references.
   frames_.erase(frames_.begin(), frames_.begin() + static_cast<std::ptrdiff_t>(written));
   writing_ = 0;
 }
@@ -86,7 +86,7 @@ bool FrameQueue::drop_one(bool oldest, FrameStatus reason) {
   const auto waits = [](const Frame& frame) {
     return frame->has_image() && frame->stage != QueuedFrame::Stage::kEncoding;
   };
-  // The very front stays, also between two turns of the writer: it is next to be written.
+  // The first frame is never dropped, because it is the next to be written.
   const std::size_t kept = std::min(frames_.size(), std::max<std::size_t>(writing_, 1));
   const auto first = frames_.begin() + static_cast<std::ptrdiff_t>(kept);
   const auto newest = [&] {

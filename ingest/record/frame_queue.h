@@ -17,13 +17,12 @@
 
 namespace raystage {
 
-/// One frame of a camera on its way from the source to the archive, or the record that it is
-/// missing.
+/// One frame of a camera on its way from the source to the archive, or a record of a missing frame.
 struct QueuedFrame {
   enum class Stage {
     kToEncode,  ///< `raw` waits for an encoder
     kEncoding,  ///< an encoder works on it
-    kReady      ///< `jpeg` waits to be written, or a record of what is missing
+    kReady      ///< `jpeg`, or a record of a missing frame, waits to be written
   };
   Stage stage = Stage::kReady;
   FrameStatus status = FrameStatus::kStored;
@@ -34,38 +33,38 @@ struct QueuedFrame {
   MemoryBudget::Reservation memory;
 
   bool has_image() const { return status == FrameStatus::kStored; }
-  /// Frees the picture; what remains is the record that it is missing.
+  /// Frees the image and keeps a record of a missing frame.
   void mark_missing(FrameStatus reason);
 };
 
-/// What one record of a missing frame costs in memory, bytes.
+/// Memory that one record of a missing frame needs, in bytes.
 inline constexpr std::size_t kMissingRecordBytes = sizeof(QueuedFrame) + 64;
 
-/// One camera's frames in memory, in the order of their times. Thread-safe: the source's thread
-/// pushes, encoders work on frames in the middle, the writer takes them from the front.
+/// Keeps the frames of one camera in memory, ordered by time. Thread-safe: the source's thread
+/// appends frames, encoders process frames in the middle, the writer removes them at the front.
 class FrameQueue {
  public:
-  /// The encoders hold the frames they work on; no other thread may touch a frame in kEncoding.
+  /// Encoders share ownership of their frames; no other thread may access a frame in kEncoding.
   using Frame = std::shared_ptr<QueuedFrame>;
 
   void push(Frame frame);
 
-  /// Whether one more start_encoding() must be arranged for: true until as many are to come as
-  /// there are frames in kToEncode. Those that are given up need none.
+  /// Returns true, and counts a request, if fewer calls of start_encoding() are requested than
+  /// frames are in kToEncode. Dropped frames need none.
   bool needs_encoder();
-  /// The oldest frame in kToEncode, set to kEncoding; null where there is none.
+  /// Returns the oldest frame in kToEncode and sets it to kEncoding; null if there is none.
   Frame start_encoding();
-  /// The encoder's result. Without `jpeg` the frame is missing: kDroppedEncoder.
+  /// Stores the encoder's result. Without `jpeg` the frame is recorded as kDroppedEncoder.
   void finish_encoding(const Frame& frame, std::optional<std::vector<std::byte>> jpeg);
 
-  /// The frames at the front that are ready, at most so many. They stay in the queue, and as they
-  /// are, until finish_writing().
-  std::vector<Frame> start_writing(std::size_t most);
-  /// Takes the first `written` of those away; the others wait to be written again.
+  /// Returns the frames at the front that are ready, at most `max_frames`. They stay in the queue
+  /// unchanged until finish_writing().
+  std::vector<Frame> start_writing(std::size_t max_frames);
+  /// Removes the first `written` of those frames; the others wait to be written again.
   void finish_writing(std::size_t written);
 
-  /// Turns a waiting frame, the oldest or the newest, into a record that it was dropped. False
-  /// where no frame can be given up (none there, or all in the hands of encoders or the writer).
+  /// Turns the oldest or newest waiting frame into a record of a dropped frame. Returns false if
+  /// there is none: the queue is empty, or encoders and the writer use all of its frames.
   bool drop_one(bool oldest, FrameStatus reason);
 
   std::uint64_t encoder_failures() const { return encoder_failures_; }
@@ -75,10 +74,10 @@ class FrameQueue {
  private:
   mutable std::mutex mutex_;
   std::deque<Frame> frames_;
-  std::size_t writing_ = 0;  // so many at the front are in the writer's hands
+  std::size_t writing_ = 0;  // number of frames at the front that the writer is writing
   std::atomic<std::uint64_t> encoder_failures_ = 0;
-  std::deque<Frame> to_encode_;  // those of frames_ that no encoder has taken yet
-  std::size_t waiting_ = 0;      // of these so many have not been given up
+  std::deque<Frame> to_encode_;  // the frames that no encoder has taken yet, some of them dropped
+  std::size_t waiting_ = 0;      // number of frames in to_encode_ that are not dropped
   std::size_t encoders_requested_ = 0;
 };
 

@@ -4,7 +4,7 @@
 namespace raystage {
 namespace {
 
-/// A counter that jumps further than this was set anew; nobody drops a million frames in a row.
+/// A larger jump of the counter is taken as a reset, not as dropped frames.
 constexpr std::uint64_t kLargestGap = 1'000'000;
 
 }  // namespace
@@ -28,7 +28,7 @@ FrameTimestamper::Stamp FrameTimestamper::stamp(const SourceFrame& frame) {
     if (gap <= kLargestGap) stamp.skipped = gap;
   }
   if (frame.sequence) last_sequence_ = frame.sequence;
-  // There must be a nanosecond for each missing frame in between.
+  // Each missing frame in between needs its own nanosecond.
   const auto room = static_cast<std::uint64_t>(stamp.time_ns - last_time_ - 1);
   if (stamp.skipped > room) stamp.skipped = room;
   last_time_ = stamp.time_ns;
@@ -40,7 +40,7 @@ Nanoseconds FrameTimestamper::interpolate_time(Nanoseconds last, Nanoseconds nex
   const Nanoseconds span = next - last;
   const auto parts = static_cast<Nanoseconds>(count + 1);
   const auto part = static_cast<Nanoseconds>(index + 1);
-  // Without overflow for a gap of hours with a million frames.
+  // This order does not overflow for a gap of hours with a million frames.
   return last + span / parts * part + span % parts * part / parts;
 }
 

@@ -9,29 +9,29 @@
 
 namespace raystage {
 
-/// One camera's times and counters, from what its source says to what the archive holds: since the
-/// take's epoch, strictly increasing.
+/// Converts the times and counters of one camera's source to the archive's: strictly increasing
+/// times in ns since the take's epoch.
 class FrameTimestamper {
  public:
   explicit FrameTimestamper(Nanoseconds epoch_utc, Nanoseconds last_time = -1)
       : epoch_utc_(epoch_utc), last_time_(last_time) {}
 
   struct Stamp {
-    Nanoseconds time_ns = 0;     ///< by the device's clock where it has one, else arrival
+    Nanoseconds time_ns = 0;     ///< by the device's clock if it has one, else arrival
     Nanoseconds arrival_ns = 0;  ///< by the host's clock
     std::uint64_t sequence = 0;  ///< the device's counter, or arrivals counted from 0
-    std::uint64_t skipped = 0;   ///< frames that the counter says are missing before this one
-    bool corrected = false;      ///< the time did not increase and was set behind the last one
+    std::uint64_t skipped = 0;   ///< frames missing before this one, according to the counter
+    bool corrected = false;      ///< the time did not increase: it was set to the last one + 1 ns
   };
-  /// The device's clock is taken over with the offset that its first frame shows: its rate and its
-  /// steps stay as they are, for the resynchronizer to see.
+  /// Returns the times and counters of the next frame. The first frame determines the offset of the
+  /// device's clock; its drift and steps are not corrected, so that resynchronisation sees them.
   Stamp stamp(const SourceFrame& frame);
 
-  /// Times for `count` frames that are missing between the last stamp and `next`.
+  /// Returns the time of missing frame `index` of `count`, evenly spaced between `last` and `next`.
   static Nanoseconds interpolate_time(Nanoseconds last, Nanoseconds next, std::uint64_t index,
                                       std::uint64_t count);
   Nanoseconds last_time() const { return last_time_; }
-  /// After a reconnection the device's clock and counter start anew.
+  /// Must be called after a reconnection: the device's clock and counter start anew.
   void reset_device_clock();
 
  private:

@@ -24,8 +24,8 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Part {
-  Part(const fs::path& folder, bool journals_will_do)
-      : take(folder, journals_will_do ? journals_for_archives(folder) : nullptr),
+  Part(const fs::path& folder, bool documents_only)
+      : take(folder, documents_only ? make_journal_archives(folder) : nullptr),
         rig(read_rig(folder / "rig.json")),
         accounts(folder / "recording") {}
   Take take;
@@ -33,21 +33,19 @@ struct Part {
   fs::path accounts;
 };
 
-/// The node of a part's cameras: their own, or the one whose account the part holds.
+/// Returns the node whose sessions the part contains, for cameras without a node of their own.
 std::string node_of(const Part& part) {
-  const std::vector<RecordingDocument> recordings = recordings_of(part.take.folder());
+  const std::vector<RecordingDocument> recordings = read_recordings(part.take.folder());
   return recordings.empty() ? "" : recordings.back().node;
 }
 
-void warn_of_late_nodes(const std::vector<Part>& parts, std::vector<std::string>& warnings) {
+void add_late_node_warnings(const std::vector<Part>& parts, std::vector<std::string>& warnings) {
   for (const Part& part : parts) {
-    for (const RecordingDocument& recording : recordings_of(part.take.folder())) {
+    for (const RecordingDocument& recording : read_recordings(part.take.folder())) {
       for (const RecordingDocument::Session& session : recording.sessions) {
         if (session.late() == 0) continue;
         warnings.push_back(fmt::format(
-            "node {} started {:.3f} s after its start time: the other nodes have frames of that "
-            "time, "
-            "it has none",
+            "node {} started {:.3f} s after its start time and has no frames of that time",
             recording.node,
             static_cast<double>(session.late()) / static_cast<double>(kNanosecondsPerSecond)));
       }
@@ -55,7 +53,7 @@ void warn_of_late_nodes(const std::vector<Part>& parts, std::vector<std::string>
   }
 }
 
-/// When a part's cameras saw something, since the joint epoch.
+/// First and last time of a part's frames, in ns since the joined epoch.
 struct Span {
   std::string part;
   Nanoseconds begin = std::numeric_limits<Nanoseconds>::max(), end = -1;
@@ -67,45 +65,45 @@ struct Span {
   }
 };
 
-/// Of the parts that hold anything. Throws Error (bad input) where one lies beyond what a take can
-/// hold.
+/// Returns the spans of all parts that have records. Throws Error (bad input) if one ends after the
+/// longest time of a take.
 std::vector<Span> spans_of(const std::vector<Part>& parts, Nanoseconds epoch_utc) {
   std::vector<Span> spans;
   for (const Part& part : parts) {
-    const Nanoseconds move_by = part.take.document().epoch_utc - epoch_utc;
+    const Nanoseconds time_shift = part.take.document().epoch_utc - epoch_utc;
     Span span{.part = part.take.folder().string()};
     for (int i = 0; i < part.take.camera_count(); ++i) {
       const auto records = part.take.archive(i).records();
       if (records.empty()) continue;
-      span.begin = std::min(span.begin, records.front().time_ns + move_by);
-      span.end = std::max(span.end, records.back().time_ns + move_by);
+      span.begin = std::min(span.begin, records.front().time_ns + time_shift);
+      span.end = std::max(span.end, records.back().time_ns + time_shift);
     }
     if (span.end > matroska::kMaxTime) {
       throw Error::bad_input(
-          fmt::format("it ends {:.0f} days after the first part began, more than the 104 days that "
-                      "a take can hold",
+          fmt::format("it ends {:.0f} days after the epoch of the first part, but a take can hold "
+                      "104 days",
                       static_cast<double>(span.end) / kNanosecondsPerSecond / 86400),
-          span.part, "Set the nodes' clocks before they record; these parts stay apart");
+          span.part, "Use these parts separately; set the nodes' clocks before the next recording");
     }
     if (span.end >= 0) spans.push_back(std::move(span));
   }
   return spans;
 }
 
-/// What is said where no instant is in all parts; a frame's time apart still counts as one instant.
-std::optional<std::string> say_if_apart(const std::vector<Span>& spans, double fps) {
+/// Returns a warning if no instant is in all parts. A gap of up to one frame period is accepted.
+std::optional<std::string> gap_warning(const std::vector<Span>& spans, double fps) {
   if (spans.empty()) return {};
   const Span& first_to_end = *std::ranges::min_element(spans, {}, &Span::end);
   const Span& last_to_begin = *std::ranges::max_element(spans, {}, &Span::begin);
   const Nanoseconds gap = last_to_begin.begin - first_to_end.end;
   if (static_cast<double>(gap) * fps <= static_cast<double>(kNanosecondsPerSecond)) return {};
   return fmt::format(
-      "the parts do not overlap in time: {}, {}, a gap of {:.3f} s; were the nodes' clocks set?",
+      "the parts do not overlap in time: {}, {}, a gap of {:.3f} s; check the nodes' clocks",
       first_to_end.text(), last_to_begin.text(), static_cast<double>(gap) / kNanosecondsPerSecond);
 }
 
-/// All cameras' places. Those that were guessed go on in one row, beside the measured ones, so that
-/// no two stand in one place.
+/// Returns the rig of all cameras. Cameras with default poses are placed in one row next to the
+/// calibrated ones, so that no two have the same position.
 RigDocument joined_rig(const std::vector<Part>& parts, std::vector<std::string>& warnings) {
   RigDocument rig;
   rig.name = parts.front().rig.name;
@@ -132,22 +130,22 @@ RigDocument joined_rig(const std::vector<Part>& parts, std::vector<std::string>&
   if (guessed != nullptr) rig.name = kUncalibratedRigName;
   if (guessed != nullptr && measured != nullptr) {
     warnings.push_back(
-        fmt::format("the rig of {} is not calibrated, that of {} is: the joint rig counts as not "
+        fmt::format("the rig of {} is not calibrated, that of {} is: the joined rig counts as not "
                     "calibrated",
                     guessed->take.folder().string(), measured->take.folder().string()));
   }
   return rig;
 }
 
-void check_alike(const Part& part, const Part& first) {
+void check_compatible(const Part& part, const Part& first) {
   const TakeDocument &a = part.take.document(), &b = first.take.document();
   if (a.color_space == b.color_space && a.arbitrary_scale == b.arbitrary_scale) return;
   throw Error::bad_input(
-      "colour space or scale differ from those of " + first.take.folder().string(),
+      "the colour space or the scale differs from that of " + first.take.folder().string(),
       part.take.folder().string(), "Join parts of one recording only");
 }
 
-/// `keeps_archives`: they stay where they are, under their names and with their epochs.
+/// `keeps_archives`: cameras keep the names and epochs of their archives.
 TakeDocument joined_document(const std::vector<Part>& parts, const std::string& created_by,
                              bool keeps_archives) {
   TakeDocument joined = parts.front().take.document();
@@ -183,12 +181,12 @@ TakeDocument joined_document(const std::vector<Part>& parts, const std::string& 
   return joined;
 }
 
-FrameOrigin moved(const FrameRecord& record, Nanoseconds by) {
+FrameOrigin shifted_origin(const FrameRecord& record, Nanoseconds by) {
   const bool known = record.arrival_ns != kUnknownTime;
   return {known ? record.arrival_ns + by : kUnknownTime, record.sequence};
 }
 
-/// Copies the accounts; two nodes of one name keep both.
+/// Copies the session documents; of two nodes with the same name both are kept.
 void copy_accounts(const std::vector<Part>& parts, const fs::path& folder) {
   create_folder(folder);
   for (std::size_t p = 0; p < parts.size(); ++p) {
@@ -203,7 +201,7 @@ void copy_accounts(const std::vector<Part>& parts, const fs::path& folder) {
   }
 }
 
-/// Copies the journals under their names; the archives stay.
+/// Copies the journals under their names, without the archives.
 void copy_journals(const std::vector<Part>& parts, const fs::path& folder, JoinReport& report) {
   for (const Part& part : parts) {
     for (int i = 0; i < part.take.camera_count(); ++i) {
@@ -212,7 +210,7 @@ void copy_journals(const std::vector<Part>& parts, const fs::path& folder, JoinR
       if (camera.archive != "archive/" + camera.id + ".mkv") {
         throw Error::bad_input("the archive of camera \"" + camera.id + "\" is " + camera.archive +
                                    ", not archive/" + camera.id + ".mkv",
-                               part.take.folder().string(), "Join it with its archives");
+                               part.take.folder().string(), "Join the parts with their archives");
       }
       const fs::path target = folder / camera.journal;
       create_folder(target.parent_path());
@@ -234,16 +232,16 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
   for (const fs::path& folder : folders) parts.emplace_back(folder, documents_only);
   std::uint64_t total = 0;
   for (const Part& part : parts) {
-    check_alike(part, parts.front());
-    part.take.refuse_inside(take_folder);
+    check_compatible(part, parts.front());
+    part.take.check_not_inside(take_folder);
     for (int i = 0; i < part.take.camera_count(); ++i)
       total += part.take.archive(i).records().size();
   }
   const TakeDocument joined = joined_document(parts, created_by, documents_only);
   JoinReport report;
   const RigDocument rig = joined_rig(parts, report.warnings);
-  warn_of_late_nodes(parts, report.warnings);
-  if (auto apart = say_if_apart(spans_of(parts, joined.epoch_utc), joined.nominal_fps)) {
+  add_late_node_warnings(parts, report.warnings);
+  if (auto apart = gap_warning(spans_of(parts, joined.epoch_utc), joined.nominal_fps)) {
     report.warnings.push_back(std::move(*apart));
   }
   TakeWriter writer(take_folder, joined, rig);
@@ -258,7 +256,7 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
 
   std::uint64_t done = 0;
   for (const Part& part : parts) {
-    const Nanoseconds move_by = part.take.document().epoch_utc - joined.epoch_utc;
+    const Nanoseconds time_shift = part.take.document().epoch_utc - joined.epoch_utc;
     for (int i = 0; i < part.take.camera_count(); ++i) {
       const ArchiveReader& from = part.take.archive(i);
       ArchiveWriter& to = writer.archive(report.cameras++);
@@ -269,17 +267,18 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
                               "Start it again; no take was left behind");
         }
         if (record.status != FrameStatus::kStored) {
-          to.append_missing(record.status, record.time_ns + move_by, moved(record, move_by));
+          to.append_missing(record.status, record.time_ns + time_shift,
+                            shifted_origin(record, time_shift));
           ++report.missing;
         } else {
           if (record.xxh3 != 0 && !from.verify_frame(frame)) {
             throw Error::bad_input(
-                fmt::format("frame {} of camera \"{}\" is damaged: its hash is another", frame,
+                fmt::format("frame {} of camera \"{}\" is damaged: its hash differs", frame,
                             part.take.document().cameras[static_cast<std::size_t>(i)].id),
                 part.take.folder().string(), "Run raystage verify, and raystage repair on it");
           }
           const auto jpeg = from.jpeg(frame++);
-          to.append(jpeg, record.time_ns + move_by, moved(record, move_by));
+          to.append(jpeg, record.time_ns + time_shift, shifted_origin(record, time_shift));
           ++report.frames;
           report.bytes += jpeg.size();
         }

@@ -9,24 +9,24 @@
 
 namespace raystage {
 
-/// Makes one take of the parts that several nodes recorded of the same scene: every camera of every
-/// part, its frames byte for byte, with their times moved to the earliest part's epoch. The nodes'
-/// accounts are kept; each camera says which node recorded it. Every frame is held against its hash
-/// on the way. The parts stay as they are. Cameras whose places were guessed (see
-/// kUncalibratedRigName) are put in one row, and the joint rig counts as not calibrated then.
-/// Throws Error: bad input where a camera id occurs twice, the parts differ in colour space or in
-/// scale, lie further apart than a take can hold, the new take would lie within one of them, or a
-/// frame is damaged; failed for the disk or when stopped.
-///
-/// `documents_only`: the archives stay where they are. The take gets take.json, rig.json, the
-/// nodes' accounts and the cameras' journals, by their names in the parts; times count from the
-/// joint epoch, and take.json says where an archive counts from another one. Parts need no archives
-/// then. Frames are not held against their hashes.
+/// The result of join_takes().
 struct JoinReport {
   int cameras = 0;
   std::uint64_t frames = 0, missing = 0, bytes = 0;
   std::vector<std::string> warnings;  ///< sentences without a full stop
 };
+
+/// Joins the parts that several nodes recorded of the same scene into one take: all cameras, frames
+/// byte for byte, times relative to the earliest part's epoch. The session documents of the nodes
+/// are copied, and each camera names its node. Every frame is compared with its hash. The parts are
+/// not changed. Cameras with default poses (kUncalibratedRigName) are placed in one row; the joined
+/// rig then counts as not calibrated. Throws Error (bad input) if a camera id occurs twice, the
+/// parts differ in colour space or scale, a part ends after the longest time of a take, the new
+/// take is inside a part, or a frame is damaged; Error (failed) on a disk error or a stop.
+///
+/// `documents_only`: the archives are not copied, not compared with hashes and need not exist. The
+/// take gets take.json, rig.json, the session documents, and the journals under their names in the
+/// parts. take.json gives the epoch of each archive that differs from the joined epoch.
 JoinReport join_takes(const std::vector<std::filesystem::path>& parts,
                       const std::filesystem::path& take_folder, const std::string& created_by,
                       bool documents_only, const std::function<void(double)>& progress,

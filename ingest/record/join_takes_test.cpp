@@ -84,7 +84,7 @@ TEST_F(Join, MakesTheDocumentsAloneWhereArchivesStay) {
   EXPECT_THROW(Take(part("shared")).archive(0), Error);
   // By their journals, and with their archives, the records are those of the joined take.
   const Take joined(part("joined"));
-  const Take journals(part("shared"), journals_for_archives(part("shared")));
+  const Take journals(part("shared"), make_journal_archives(part("shared")));
   EXPECT_THROW(journals.archive(0).jpeg(0), Error);
   EXPECT_THROW(journals.archive(1).jpeg(0), Error);
   for (const char* file : {"a/archive/left.mkv", "b/archive/right.mkv"}) {
@@ -106,7 +106,7 @@ TEST_F(Join, MakesTheDocumentsAloneWhereArchivesStay) {
     }
     EXPECT_TRUE(std::ranges::equal(whole.archive(camera).jpeg(1), joined.archive(camera).jpeg(1)));
   }
-  EXPECT_EQ(fingerprint_of(journals), fingerprint_of(whole)) << "one timeline fits both";
+  EXPECT_EQ(take_fingerprint(journals), take_fingerprint(whole)) << "one timeline fits both";
 }
 
 TEST_F(Join, KeepsEveryRecordAtItsInstant) {
@@ -139,11 +139,11 @@ TEST_F(Join, KeepsEveryRecordAtItsInstant) {
 TEST_F(Join, SaysThatPartsDoNotOverlap) {
   write_part(part("a"), "left", 10 * kNanosecondsPerSecond, "one");
   write_part(part("b"), "right", 0, "two");
-  EXPECT_THAT(join({part("a"), part("b")}).warnings,
-              ElementsAre("the parts do not overlap in time: " + part("b").string() +
-                          " from 0.000 s to 0.000 s, " + part("a").string() +
-                          " from 10.000 s to 10.000 s, a gap of 10.000 s; were the nodes' clocks "
-                          "set?"));
+  EXPECT_THAT(
+      join({part("a"), part("b")}).warnings,
+      ElementsAre("the parts do not overlap in time: " + part("b").string() +
+                  " from 0.000 s to 0.000 s, " + part("a").string() +
+                  " from 10.000 s to 10.000 s, a gap of 10.000 s; check the nodes' clocks"));
   EXPECT_EQ(Take(part("joined")).camera_count(), 2);
 }
 
@@ -155,7 +155,7 @@ TEST_F(Join, RefusesPartsThatNoTakeHolds) {
     join({part("a"), part("b")});
     FAIL() << "joined";
   } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("ends 200 days after the first part began"));
+    EXPECT_THAT(error.what(), HasSubstr("ends 200 days after the epoch of the first part"));
     EXPECT_EQ(error.where(), part("b").string());
   }
 }

@@ -7,7 +7,7 @@
 namespace raystage {
 namespace {
 
-/// Some cameras fill up to a packet's size behind the end.
+/// Removes the zeros with which some cameras fill the last packet.
 std::span<const std::byte> without_filler(std::span<const std::byte> jpeg) {
   while (!jpeg.empty() && jpeg.back() == std::byte{0}) jpeg = jpeg.first(jpeg.size() - 1);
   return jpeg;

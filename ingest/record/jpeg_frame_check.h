@@ -8,9 +8,9 @@
 
 namespace raystage {
 
-/// Whether a JPEG that a camera delivered can be stored: kStored, kTorn (cut short, or no JPEG at
-/// all) or kUnreadable (another size than `width` x `height`). Looks at the headers and the end
-/// only, a microsecond: `raystage verify --decode` looks at every pixel.
+/// Returns kStored if a JPEG from a camera can be stored, kTorn if it is incomplete or not a JPEG,
+/// or kUnreadable if its size is not `width` x `height` pixels. Reads only the headers and the end,
+/// in about a microsecond; it does not decode pixels.
 FrameStatus check_jpeg_frame(std::span<const std::byte> jpeg, int width, int height);
 
 }  // namespace raystage

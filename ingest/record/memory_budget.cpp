@@ -19,7 +19,7 @@ MemoryBudget::Reservation MemoryBudget::try_reserve(std::size_t bytes) {
   std::size_t peak = peak_.load(std::memory_order_relaxed);
   while (peak < now && !peak_.compare_exchange_weak(peak, now, std::memory_order_relaxed)) {
   }
-  // One call at the border, not one per frame.
+  // Notifies only when the limit is crossed, not for each frame.
   if (used <= limit_ / 2 && now > limit_ / 2) {
     { const std::scoped_lock lock(mutex_); }
     pressure_changed_.notify_all();
@@ -27,9 +27,10 @@ MemoryBudget::Reservation MemoryBudget::try_reserve(std::size_t bytes) {
   return {this, bytes};
 }
 
-void MemoryBudget::wait_for_pressure(const std::stop_token& stop, std::chrono::milliseconds most) {
+void MemoryBudget::wait_for_pressure(const std::stop_token& stop,
+                                     std::chrono::milliseconds timeout) {
   std::unique_lock lock(mutex_);
-  pressure_changed_.wait_for(lock, stop, most, [this] { return is_under_pressure(); });
+  pressure_changed_.wait_for(lock, stop, timeout, [this] { return is_under_pressure(); });
 }
 
 }  // namespace raystage

@@ -11,12 +11,12 @@
 
 namespace raystage {
 
-/// Limits the bytes of all frames that are in memory at once. Thread-safe.
+/// Limits the bytes of all frames that are in memory at the same time. Thread-safe.
 class MemoryBudget {
  public:
   explicit MemoryBudget(std::size_t limit) : limit_(limit) {}
 
-  /// A part of the budget, given back when it goes out of scope.
+  /// Owns a part of the budget and releases it on destruction.
   class Reservation {
    public:
     Reservation() = default;
@@ -33,7 +33,7 @@ class MemoryBudget {
     }
     explicit operator bool() const { return budget_ != nullptr; }
     std::size_t bytes() const { return bytes_; }
-    /// Gives back what exceeds `bytes`.
+    /// Releases what exceeds `bytes`.
     void shrink_to(std::size_t bytes);
 
    private:
@@ -43,13 +43,13 @@ class MemoryBudget {
     std::size_t bytes_ = 0;
   };
 
-  /// Reserves `bytes` without waiting; returns an empty Reservation if they exceed what is left.
+  /// Reserves `bytes` without waiting; returns an empty Reservation if fewer are free.
   Reservation try_reserve(std::size_t bytes);
 
   /// Returns true if more than half of the budget is used.
   bool is_under_pressure() const { return used() > limit_ / 2; }
-  /// Returns early when it becomes tight, or at a stop.
-  void wait_for_pressure(const std::stop_token& stop, std::chrono::milliseconds most);
+  /// Waits until is_under_pressure(), a stop or the timeout.
+  void wait_for_pressure(const std::stop_token& stop, std::chrono::milliseconds timeout);
 
   std::size_t limit() const { return limit_; }
   std::size_t used() const { return used_.load(std::memory_order_relaxed); }

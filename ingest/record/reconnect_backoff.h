@@ -13,17 +13,17 @@ class ReconnectBackoff {
   using Duration = std::chrono::milliseconds;
   struct Limits {
     Duration initial{250}, maximum{5000};
-    Duration reset_after{10000};  ///< frames for this long reset the pause to 0
+    Duration reset_after{10000};  ///< an uptime of this length resets the pause to 0
   };
   explicit ReconnectBackoff(const Limits& limits) : limits_(limits) {}
 
-  /// The pause before the next try; each is twice the one before.
+  /// Returns the pause before the next attempt and doubles it for the one after.
   Duration next() {
     const Duration pause = next_;
     next_ = std::clamp(2 * next_, limits_.initial, limits_.maximum);
     return pause;
   }
-  /// Frames came for so long since the camera was opened.
+  /// Reports for how long the camera delivered frames since it was opened.
   void report_uptime(std::chrono::steady_clock::duration time) {
     if (time >= limits_.reset_after) next_ = Duration(0);
   }

@@ -70,27 +70,27 @@ void check_size(const CameraGeometry& geometry, const RecorderCamera& camera,
       file.string(), what_to_do);
 }
 
-/// A take's times count from its epoch, and reach 104 days.
+/// Throws Error (bad input) if the recording is not within the 104 days after the take's epoch.
 void check_times(const TakeDocument& take, std::optional<Nanoseconds> start_utc,
                  std::optional<double> duration_s, const std::filesystem::path& file) {
   const Nanoseconds epoch = take.epoch_utc;
   if (start_utc && *start_utc < epoch) {
-    throw Error::bad_input(fmt::format("recording is to start at {}, before the take's epoch {}",
+    throw Error::bad_input(fmt::format("the start time {} is before the take's epoch {}",
                                        format_utc(*start_utc), format_utc(epoch)),
-                           file.string(), "Start at that time or later, or record into a new take");
+                           file.string(), "Start at the epoch or later, or record into a new take");
   }
   const double from = static_cast<double>(start_utc.value_or(host_utc_now()) - epoch) * 1e-9;
   const double until = from + duration_s.value_or(0);
   if (until <= static_cast<double>(matroska::kMaxTime) * 1e-9) return;
   constexpr double kDay = 86400;
   throw Error::bad_input(
-      fmt::format("recording is to go on until {:.1f} days after the take's epoch {}, of the 104 "
-                  "days that a take can hold",
+      fmt::format("the recording would end {:.1f} days after the take's epoch {}, but a take can "
+                  "hold 104 days",
                   until / kDay, format_utc(epoch)),
       file.string(), "Record into a new take, or start earlier");
 }
 
-/// What all sources say, or `otherwise`.
+/// Returns the property if it is the same for all sources, otherwise `otherwise`.
 std::string common(const std::vector<RecorderCamera>& cameras, std::string SourceDescription::*word,
                    const std::string& otherwise) {
   const std::string& first = cameras.front().source->description().*word;
@@ -110,7 +110,7 @@ std::vector<RecorderCamera> open_cameras(const RecordConfig& config, const OpenF
   for (const RecorderCamera& camera : cameras) {
     const SourceDescription& source = camera.source->description();
     if (source.width > 0 && source.height > 0) continue;
-    throw Error::failed("the source does not say how large its frames are", camera.id,
+    throw Error::failed("the source does not report the size of its frames", camera.id,
                         "Set the size in the source's options");
   }
   return cameras;

@@ -15,25 +15,25 @@
 
 namespace raystage {
 
-/// Opens one camera's source; given from outside, so that tests bring sources of their own.
+/// Opens the source of one camera; a parameter so that tests can supply their own sources.
 using OpenFrameSource = std::function<std::unique_ptr<FrameSource>(const RecordConfig::Camera&)>;
 
-/// All sources of a configuration, opened at once (network cameras take seconds each). Throws the
-/// first Error that one of them throws.
+/// Opens all sources of a configuration in parallel (a network camera takes seconds). Throws the
+/// first Error of any of them, and Error (failed) if a source does not know its frame size.
 std::vector<RecorderCamera> open_cameras(const RecordConfig& config, const OpenFrameSource& open);
 
 RecorderSettings make_recorder_settings(const RecordConfig& config);
 
-/// The cameras' geometry: from the rig that the configuration names, by id, or else a rig of
-/// cameras side by side that says of itself that it is not calibrated. Throws Error (bad input)
-/// where the rig lacks a camera or has another size than its source delivers.
+/// Returns the geometry of the cameras, by id from the rig that the configuration names. Without a
+/// rig it returns cameras in a row, marked as not calibrated (kUncalibratedRigName). Throws Error
+/// (bad input) if the rig lacks a camera or its size differs from that of the source.
 RigDocument make_recording_rig(const RecordConfig& config,
                                const std::filesystem::path& config_folder,
                                const std::vector<RecorderCamera>& cameras);
 
-/// RecordingTake::resume with these cameras. Throws Error (bad input) too where a source delivers
-/// another size than the take's rig says, or what is to be recorded lies outside the times that the
-/// take can hold: all its frames would be lost.
+/// Calls RecordingTake::resume with these cameras. Also throws Error (bad input) if the size of a
+/// source differs from the take's rig, or if the recording would begin before the take's epoch or
+/// end after the longest time of a take: its frames would be lost.
 RecordingTake resume_take(const std::filesystem::path& folder,
                           const std::vector<RecorderCamera>& cameras, const std::string& node,
                           std::optional<Nanoseconds> start_utc = {},

@@ -19,15 +19,16 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr auto kLook = 20ms;
-constexpr std::size_t kLeastFrames = 4;
-constexpr std::size_t kRecordsPart = 32;  // of the memory is kept for records of what is missing
+constexpr auto kSourcePollInterval = 20ms;
+constexpr std::size_t kMinFramesPerCamera = 4;
+constexpr std::size_t kRecordsFraction = 32;  // 1/32 of memory is for records of missing frames
 
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-/// Bytes of the frame that a source holds in its hands, beside the budget: at most this.
+/// Returns the largest size in bytes of the frame that a capture thread holds outside of the
+/// budget.
 std::size_t frame_bytes(const CameraGeometry& geometry, bool jpeg) {
   const auto pixels =
       static_cast<std::size_t>(geometry.width) * static_cast<std::size_t>(geometry.height);
@@ -43,13 +44,13 @@ struct Recorder::State {
         cameras(std::move(with_cameras)),
         take(into),
         program(std::move(by_program)),
-        memory(limit() - limit() / kRecordsPart),
-        records(limit() / kRecordsPart) {}
+        memory(limit() - limit() / kRecordsFraction),
+        records(limit() / kRecordsFraction) {}
 
   std::size_t limit() const;
-  CameraCapture::Settings intake_settings(std::size_t camera, Nanoseconds start_utc) const;
-  RecordingDocument::Session opened_session() const;
-  RecorderStatus status(const ArchiveWriterThread& flow);
+  CameraCapture::Settings capture_settings(std::size_t camera, Nanoseconds start_utc) const;
+  RecordingDocument::Session make_session() const;
+  RecorderStatus status(const ArchiveWriterThread& writer);
 
   const RecorderSettings settings;
   std::vector<RecorderCamera> cameras;
@@ -60,7 +61,7 @@ struct Recorder::State {
   std::vector<CameraCounters> counters = std::vector<CameraCounters>(cameras.size());
   std::vector<SourceDescription> descriptions;
 
-  // What the status before said, for rates.
+  // Values of the previous status, for rates.
   Clock::time_point start, last_status;
   std::vector<std::uint64_t> last_arrived = std::vector<std::uint64_t>(cameras.size());
   std::uint64_t last_bytes = 0;
@@ -68,42 +69,42 @@ struct Recorder::State {
 };
 
 std::size_t Recorder::State::limit() const {
-  std::size_t in_hand = 0, least = 0;
+  std::size_t in_capture = 0, least = 0;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     const bool jpeg = cameras[i].source->description().delivers_jpeg;
     const std::size_t bytes = frame_bytes(take.rig().cameras[i].geometry, jpeg);
-    in_hand += bytes;
-    least += kLeastFrames * bytes;
+    in_capture += bytes;
+    least += kMinFramesPerCamera * bytes;
   }
-  if (settings.memory_bytes < in_hand + least) {
+  if (settings.memory_bytes < in_capture + least) {
     throw Error::bad_input(
-        fmt::format("{:.0f} MB of memory are too little for {} cameras, allowed: {:.0f} MB or more",
+        fmt::format("{:.0f} MB of memory are too few for {} cameras, allowed: {:.0f} MB or more",
                     static_cast<double>(settings.memory_bytes) / 1e6, cameras.size(),
-                    static_cast<double>(in_hand + least) / 1e6),
+                    static_cast<double>(in_capture + least) / 1e6),
         "memory_mb", "Give the recording more memory, or record fewer cameras on this node");
   }
-  return settings.memory_bytes - in_hand;
+  return settings.memory_bytes - in_capture;
 }
 
-CameraCapture::Settings Recorder::State::intake_settings(std::size_t camera,
-                                                         Nanoseconds start_utc) const {
+CameraCapture::Settings Recorder::State::capture_settings(std::size_t camera,
+                                                          Nanoseconds start_utc) const {
   const CameraGeometry& geometry = take.rig().cameras[camera].geometry;
-  CameraCapture::Settings intake;
-  intake.epoch_utc = take.document().epoch_utc;
-  intake.last_time = take.last_time(camera);
-  intake.start_utc = start_utc;
-  intake.width = geometry.width;
-  intake.height = geometry.height;
-  intake.drop_oldest = settings.drop_oldest;
-  // What is held until the end frees no room before.
+  CameraCapture::Settings capture;
+  capture.epoch_utc = take.document().epoch_utc;
+  capture.last_time = take.last_time(camera);
+  capture.start_utc = start_utc;
+  capture.width = geometry.width;
+  capture.height = geometry.height;
+  capture.drop_oldest = settings.drop_oldest;
+  // With `hold` no memory is freed before the end.
   if (descriptions[camera].waits && !settings.hold)
-    intake.wait_for_memory = settings.wait_for_memory;
-  intake.when_lost = settings.when_lost;
-  intake.lost_after = settings.lost_after;
-  return intake;
+    capture.wait_for_memory = settings.wait_for_memory;
+  capture.when_lost = settings.when_lost;
+  capture.lost_after = settings.lost_after;
+  return capture;
 }
 
-RecordingDocument::Session Recorder::State::opened_session() const {
+RecordingDocument::Session Recorder::State::make_session() const {
   RecordingDocument::Session session;
   session.program = program;
   session.started_utc = host_utc_now();
@@ -122,7 +123,7 @@ RecordingDocument::Session Recorder::State::opened_session() const {
   return session;
 }
 
-RecorderStatus Recorder::State::status(const ArchiveWriterThread& flow) {
+RecorderStatus Recorder::State::status(const ArchiveWriterThread& writer) {
   RecorderStatus status;
   const double interval = std::max(1e-3, seconds_since(last_status));
   last_status = Clock::now();
@@ -136,17 +137,17 @@ RecorderStatus Recorder::State::status(const ArchiveWriterThread& flow) {
         interval;
     camera.dropped = counters[i].dropped + queues[i].encoder_failures();
     camera.skipped_by_source = counters[i].skipped_by_source;
-    camera.stored = flow.written(i, FrameStatus::kStored);
+    camera.stored = writer.written(i, FrameStatus::kStored);
     camera.in_memory = queues[i].size();
     camera.state = counters[i].state;
     status.cameras.push_back(std::move(camera));
   }
   status.memory_used = memory.used();
   status.memory_limit = memory.limit();
-  const std::uint64_t bytes = flow.bytes_written();
+  const std::uint64_t bytes = writer.bytes_written();
   status.write_bytes_per_s =
       static_cast<double>(bytes - std::exchange(last_bytes, bytes)) / interval;
-  status.write_error = flow.write_error();
+  status.write_error = writer.write_error();
   const double filled = static_cast<double>(status.memory_used) -
                         static_cast<double>(std::exchange(last_memory, status.memory_used));
   if (settings.hold) {
@@ -180,24 +181,24 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
                                          const std::function<void(const RecorderStatus&)>& status,
                                          const std::function<void(double)>& writing) {
   State& s = *state_;
-  RecordingDocument::Session session = s.opened_session();
+  RecordingDocument::Session session = s.make_session();
   s.take.write_session(session, true);
   s.take.reserve_disk_space();
 
-  std::vector<ArchiveWriterThread::Camera> flows;
+  std::vector<ArchiveWriterThread::Camera> writer_cameras;
   for (std::size_t i = 0; i < s.cameras.size(); ++i) {
-    flows.push_back({s.queues[i], s.take.archive(i), s.counters[i]});
+    writer_cameras.push_back({s.queues[i], s.take.archive(i), s.counters[i]});
   }
-  ArchiveWriterThread flow(std::move(flows),
-                           {.hold = s.settings.hold,
-                            .release_reserved_space = [&] { s.take.release_disk_space(); },
-                            .drain_timeout_s = s.settings.drain_timeout_s,
-                            .flush_interval_s = s.settings.flush_interval_s,
-                            .memory = &s.memory});
+  ArchiveWriterThread writer(std::move(writer_cameras),
+                             {.hold = s.settings.hold,
+                              .release_reserved_space = [&] { s.take.release_disk_space(); },
+                              .drain_timeout_s = s.settings.drain_timeout_s,
+                              .flush_interval_s = s.settings.flush_interval_s,
+                              .memory = &s.memory});
   EncoderPool encoders(s.settings.jpeg, s.settings.threads);
 
-  // Frames that waited in a source since it was opened are of before. An epoch to come is that of a
-  // take that was stopped before it began.
+  // Frames that waited in a source since it was opened are too old. The epoch is in the future if a
+  // take is resumed that was stopped before its start time.
   const Nanoseconds start_utc =
       std::max(s.settings.start_utc.value_or(host_utc_now()), s.take.document().epoch_utc);
   std::stop_source camera_stop;
@@ -207,12 +208,12 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
   {
     std::vector<std::jthread> threads;
     for (std::size_t i = 0; i < s.cameras.size(); ++i) {
-      auto intake = std::make_unique<CameraCapture>(
-          s.intake_settings(i, start_utc), std::move(s.cameras[i].source), s.cameras[i].reopen,
+      auto capture = std::make_unique<CameraCapture>(
+          s.capture_settings(i, start_utc), std::move(s.cameras[i].source), s.cameras[i].reopen,
           CameraCapture::Pipeline{s.queues[i], s.memory, s.records, encoders, s.counters[i],
                                   [&a_camera_asks] { a_camera_asks = true; }});
-      threads.emplace_back([&camera_stop, &running, intake = std::move(intake)] {
-        intake->run(camera_stop.get_token());
+      threads.emplace_back([&camera_stop, &running, capture = std::move(capture)] {
+        capture->run(camera_stop.get_token());
         --running;
       });
     }
@@ -227,29 +228,29 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
       return done >= *s.settings.duration_s ? "the duration is over" : "";
     };
     const auto look = std::min<std::chrono::duration<double>>(
-        kLook, std::chrono::duration<double>(s.settings.status_interval_s));
+        kSourcePollInterval, std::chrono::duration<double>(s.settings.status_interval_s));
     while ((session.stop_reason = why_over()).empty()) {
       std::this_thread::sleep_for(look);
       if (status && seconds_since(s.last_status) >= s.settings.status_interval_s)
-        status(s.status(flow));
+        status(s.status(writer));
     }
     camera_stop.request_stop();
   }  // joins the cameras' threads
   encoders.wait();
   session.stopped_utc = host_utc_now();
-  flow.drain(writing);
-  if (status) status(s.status(flow));
+  writer.drain(writing);
+  if (status) status(s.status(writer));
 
   session.memory_peak_bytes = s.memory.peak() + s.records.peak();
   std::vector<std::string> problems;
-  if (const std::string failure = flow.flush_error(); !failure.empty()) {
-    problems.push_back(failure + " Frames written until then may be lost");
+  if (const std::string failure = writer.flush_error(); !failure.empty()) {
+    problems.push_back(failure + " Frames written before that may be lost");
   }
   s.take.close(problems);
-  audit_session(s.take, flow, s.counters, session, std::move(problems));
+  audit_session(s.take, writer, s.counters, session, std::move(problems));
   try {
     s.take.write_session(session, false);
-  } catch (const Error& error) {  // the caller has the account all the same
+  } catch (const Error& error) {  // the session is returned to the caller anyway
     session.audit->holds = false;
     session.audit->problems.emplace_back(error.what());
   }
@@ -276,7 +277,7 @@ std::optional<double> measure_data_rate(std::vector<RecorderCamera>& cameras,
             break;
           }
           if (outcome != FrameSource::Outcome::kFrame) continue;
-          constexpr int kSample = 4;  // every fourth raw frame stands for four
+          constexpr int kSample = 4;  // only every fourth raw frame is encoded
           ++frames;
           if (!frame.jpeg.empty()) {
             sum += frame.jpeg.size();

@@ -18,20 +18,20 @@
 namespace raystage {
 
 struct RecorderSettings {
-  std::size_t memory_bytes = std::size_t{1} << 30;  ///< for all frames of all cameras
+  std::size_t memory_bytes = std::size_t{1} << 30;  ///< of all frames of all cameras
   bool hold = false;                                ///< frames stay in memory until the end
-  bool drop_oldest = false;  ///< what gives way when the memory is full: else the new frame
+  bool drop_oldest = false;  ///< when memory is full, drop the oldest frame, else the new one
   CameraCapture::LostSourcePolicy when_lost = CameraCapture::LostSourcePolicy::kContinue;
   std::chrono::milliseconds lost_after{5000};
-  std::chrono::milliseconds wait_for_memory{10000};  ///< of sources that wait, see CameraCapture
+  std::chrono::milliseconds wait_for_memory{10000};  ///< see CameraCapture::Settings
   JpegEncodeSettings jpeg;                           ///< of raw frames
-  int threads = 1;                                   ///< frames encoded at once
-  /// Earlier frames do not count, nor those before the take's epoch; without: from run() on.
+  int threads = 1;                                   ///< frames encoded in parallel
+  /// Frames before this time or before the take's epoch are ignored; default: the time of run().
   std::optional<Nanoseconds> start_utc;
-  std::optional<double> duration_s;  ///< from there
+  std::optional<double> duration_s;  ///< from start_utc
   double status_interval_s = 1;
-  double flush_interval_s = 1;  ///< safe against power loss that often; 0: never
-  double drain_timeout_s = 3;   ///< how long a full disk is tried at the end
+  double flush_interval_s = 1;  ///< of flushing written data to the disk (fdatasync); 0: never
+  double drain_timeout_s = 3;   ///< how long writes to a full disk are retried at the end
 };
 
 struct RecorderCamera {
@@ -40,40 +40,40 @@ struct RecorderCamera {
   CameraCapture::Open reopen;
 };
 
-/// The state of a recording.
+/// The state of a running recording, for display.
 struct RecorderStatus {
   struct Camera {
     std::string id;
-    double fps = 0;  ///< frames arrived, over the time since the status before
+    double fps = 0;  ///< rate of arrival since the previous status
     std::uint64_t arrived = 0, dropped = 0, skipped_by_source = 0;
-    std::uint64_t stored = 0;   ///< in the archive: outlives this process
-    std::size_t in_memory = 0;  ///< frames and records
+    std::uint64_t stored = 0;   ///< in the archive: survives a crash of this process
+    std::size_t in_memory = 0;  ///< frames and records of missing frames
     CameraCounters::State state = CameraCounters::State::kRunning;
   };
   double seconds = 0;
   std::vector<Camera> cameras;
   std::size_t memory_used = 0, memory_limit = 0;  ///< bytes
-  double write_bytes_per_s = 0;                   ///< bytes
-  std::optional<double> seconds_left;             ///< until memory (hold) or disk is full
-  std::string write_error;                        ///< of the disk; empty: none
+  double write_bytes_per_s = 0;
+  std::optional<double> seconds_left;  ///< until the memory (`hold`) or the disk is full
+  std::string write_error;             ///< of the disk; empty: none
 };
 
-/// Runs one recording on one node: a thread per source, encoders, one writer.
+/// Runs one recording on one node: a thread per source, encoder threads, a writer thread.
 class Recorder {
  public:
-  /// Throws Error (bad input) where the memory cannot hold even a few frames a camera.
+  /// Throws Error (bad input) if the memory is too small for a few frames per camera.
   Recorder(const RecorderSettings& settings, std::vector<RecorderCamera> cameras,
            RecordingTake& take, std::string program);
   ~Recorder();
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
 
-  /// Bytes that all frames together may take: less than the settings' memory.
+  /// Returns the memory budget of queued frames in bytes, which is less than the settings' memory.
   std::size_t memory_for_frames() const;
 
-  /// Until stopped, the duration is over, or every source has ended. Returns the account, which is
-  /// in the take too, or says in its audit why not. `status` is called that often, `writing` with
-  /// the part done while what is left in memory goes to disk.
+  /// Records until it is stopped, the duration is over, or every source has ended. Returns the
+  /// session, which is also written to the take; if that fails its audit says why. `status` is
+  /// called every status_interval_s, `writing` with the fraction of remaining frames written.
   RecordingDocument::Session run(const std::stop_token& stop,
                                  const std::function<void(const RecorderStatus&)>& status = {},
                                  const std::function<void(double)>& writing = {});
@@ -83,8 +83,8 @@ class Recorder {
   std::unique_ptr<State> state_;
 };
 
-/// Bytes of JPEG a second that the sources will make, from `seconds` of their frames, which are
-/// thrown away. Nothing where a source is not live: its frames would be missing.
+/// Returns the JPEG data rate of all sources in bytes per second, measured over `seconds` of frames
+/// that are discarded. Returns nothing if a source is not live: it would lose these frames.
 std::optional<double> measure_data_rate(std::vector<RecorderCamera>& cameras,
                                         const JpegEncodeSettings& jpeg, double seconds);
 

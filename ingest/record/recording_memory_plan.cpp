@@ -16,7 +16,8 @@ double megabytes(std::size_t bytes) { return static_cast<double>(bytes) / 1e6; }
 
 RecordingMemoryPlan plan_recording_memory(const RecorderSettings& settings,
                                           const std::vector<RecorderCamera>& cameras) {
-  // Of RGB: a JPEG while it grows, twice, as its room is doubled; then a copy of the right size.
+  // The growing JPEG of an RGB frame, twice because its buffer is doubled, and a copy without
+  // slack.
   constexpr std::size_t kBytesOfAPixel = 3;
   RecordingMemoryPlan plan{settings.memory_bytes, kProgramBytes};
   std::size_t largest = 0;
@@ -33,18 +34,18 @@ RecordingMemoryPlan plan_recording_memory(const RecorderSettings& settings,
 
 std::string format_memory_plan(const RecordingMemoryPlan& plan) {
   return fmt::format(
-      "RAM: {:.0f} MB for frames; beside it up to about {:.0f} MB for decoders, camera buffers and "
-      "the program",
+      "RAM: {:.0f} MB for frames, plus up to about {:.0f} MB for decoders, camera buffers and the "
+      "program",
       megabytes(plan.frames), megabytes(plan.overhead));
 }
 
 void check_recording_memory(std::size_t frames, std::size_t machine) {
   if (frames <= machine) return;
   throw Error::bad_input(
-      fmt::format("{:.0f} MB of memory for frames are more than the {:.0f} MB that this machine, "
-                  "or its limit for this program, has",
+      fmt::format("{:.0f} MB of memory for frames exceed the {:.0f} MB that this machine, or its "
+                  "limit for this program, allows",
                   megabytes(frames), megabytes(machine)),
-      "memory_mb", "Give the recording less memory")
+      "memory_mb", "Reduce the memory for frames")
       .concerning({"memory"});
 }
 
@@ -53,8 +54,8 @@ std::string memory_warning(const RecordingMemoryPlan& plan, std::size_t free_now
   const std::size_t all = plan.frames + plan.overhead;
   if (static_cast<double>(all) <= kMost * static_cast<double>(free_now)) return {};
   return fmt::format(
-      "it may take {:.0f} MB of RAM in all, more than 80 % of the {:.0f} MB that are free now: the "
-      "system may end it, or swap",
+      "the recording may need {:.0f} MB of RAM in total, more than 80 % of the {:.0f} MB that are "
+      "free now: the system may swap or kill it",
       megabytes(all), megabytes(free_now));
 }
 

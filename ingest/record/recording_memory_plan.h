@@ -9,28 +9,28 @@
 
 namespace raystage {
 
-/// What a recording takes of the machine's RAM, bytes.
+/// RAM that a recording needs, in bytes.
 struct RecordingMemoryPlan {
   std::size_t frames = 0;  ///< the limit for all frames of all cameras
-  /// An estimate from above: the sources (FrameSource::memory_overhead), the encoders, and the
-  /// program itself. What grows with the length of the recording is not in it: 16 to 32 bytes for
-  /// each frame stored, the archives' index.
+  /// An upper estimate for the sources (FrameSource::memory_overhead), the encoders and the program
+  /// itself. It excludes the archives' index, which grows by 16 to 32 bytes per stored frame.
   std::size_t overhead = 0;
 };
 
-/// The program with its libraries, and with the leftovers of freed memory that the C library keeps.
+/// The program with its libraries, and freed memory that the C library does not return.
 inline constexpr std::size_t kProgramBytes = 64 << 20;
 
 RecordingMemoryPlan plan_recording_memory(const RecorderSettings& settings,
                                           const std::vector<RecorderCamera>& cameras);
 
-/// "RAM: 500 MB for frames; beside it up to about 120 MB for ...".
+/// Returns "RAM: 500 MB for frames, plus up to about 120 MB for ...".
 std::string format_memory_plan(const RecordingMemoryPlan& plan);
 
-/// Throws Error (bad input) where the frames may take more than the machine has. Both in bytes.
+/// Throws Error (bad input) if `frames` exceed the RAM of the machine. Both in bytes.
 void check_recording_memory(std::size_t frames, std::size_t machine);
 
-/// A sentence where the plan needs more than 80 % of what is free now, bytes; else empty.
+/// Returns a warning if the plan needs more than 80 % of the free RAM (in bytes), otherwise an
+/// empty text.
 std::string memory_warning(const RecordingMemoryPlan& plan, std::size_t free_now);
 
 }  // namespace raystage

@@ -42,8 +42,7 @@ TEST(RecordingMemoryPlan, CountsSourcesAndEncoders) {
   const RecordingMemoryPlan plan = plan_recording_memory(settings, cameras);
   EXPECT_EQ(plan.frames, 500'000'000U);
   EXPECT_EQ(plan.overhead, kProgramBytes + 27'000'000 + std::size_t{3} * 3 * 1000 * 500);
-  EXPECT_THAT(format_memory_plan(plan),
-              HasSubstr("500 MB for frames; beside it up to about 99 MB"));
+  EXPECT_THAT(format_memory_plan(plan), HasSubstr("500 MB for frames, plus up to about 99 MB"));
 }
 
 TEST(RecordingMemoryPlan, RefusesMoreThanThereIsAndWarnsNearIt) {

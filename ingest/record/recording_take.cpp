@@ -20,9 +20,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::int64_t kReservePerCamera = 128 << 10, kReserveAtLeast = 1 << 20,
-                       kBlock = 4 << 10;  // of usual file systems
+                       kBlock = 4 << 10;  // block size of common file systems, bytes
 
-/// A node's name as a file's name.
+/// Returns the name of a node's session document.
 std::string file_name_of(const std::string& node) {
   std::string name;
   for (const char c : node) {
@@ -38,13 +38,14 @@ ArchiveWriter::Description description_of(const TakeDocument& take, const RigDoc
   return {take.cameras[camera].id, geometry.width, geometry.height, take.epoch_utc};
 }
 
-/// Frames that arrive now must have times that an archive holds.
+/// Throws Error (bad input) if frames that arrive now have times outside of an archive's range.
 void check_epoch(Nanoseconds epoch_utc, const fs::path& folder, const std::string& what_to_do) {
   const Nanoseconds now = host_utc_now();
   const Nanoseconds distance = now > epoch_utc ? now - epoch_utc : epoch_utc - now;
   if (distance <= matroska::kMaxTime) return;
   throw Error::bad_input(
-      fmt::format("the take's epoch is {}, more than the 104 days from now ({}) that it can hold",
+      fmt::format("the take's epoch is {}, more than 104 days (the longest time of a take) from "
+                  "now ({})",
                   format_utc(epoch_utc), format_utc(now)),
       folder.string(), what_to_do);
 }
@@ -80,10 +81,10 @@ RecordingTake RecordingTake::create(const fs::path& folder, TakeDocument take,
     camera.archive = "archive/" + camera.id + ".mkv";
     camera.journal = "archive/" + camera.id + ".journal";
   }
-  parse_take(format_take(take), "take.json");  // refused now, not after the last frame
+  parse_take(format_take(take), "take.json");  // fails now, not after the last frame
   parse_rig(format_rig(rig), "rig.json");
   if (fs::exists(fs::symlink_status(folder))) {
-    throw Error::bad_input("there is something of this name already", folder.string(),
+    throw Error::bad_input("a file or folder of this name already exists", folder.string(),
                            "Choose a new name for the take, or resume this one")
         .concerning({"resume"});
   }
@@ -102,7 +103,7 @@ void RecordingTake::create_files() {
     archives_.emplace_back(archive_path(i), journal_path(i), description_of(take_, rig_, i));
     last_times_.push_back(-1);
   }
-  // Last: with it the folder is a take.
+  // Written last, because it makes the folder a take.
   write_take(take_, folder_ / "take.json");
 }
 
@@ -117,7 +118,7 @@ RecordingTake RecordingTake::resume(const fs::path& folder,
     throw Error::bad_input(
         fmt::format("the take has {} cameras, the configuration {}, or they differ in id or order",
                     there.size(), camera_ids.size()),
-        (folder / "take.json").string(), "Resume with the configuration that the take began with");
+        (folder / "take.json").string(), "Resume with the configuration that started the take");
   }
   check_epoch(recording.take_.epoch_utc, folder,
               "Record into a new take, or correct this machine's clock");
@@ -153,8 +154,8 @@ void RecordingTake::reserve_disk_space() {
                             "Check the folder's permissions");
   auto bytes = std::max<std::int64_t>(
       kReserveAtLeast, kReservePerCamera * static_cast<std::int64_t>(take_.cameras.size()));
-  // A disk that is nearly full needs a reserve most: then as much as there is room for. Where the
-  // file system cannot allocate there is none; recording goes on without.
+  // On a nearly full disk the reserve is as large as possible. If the file system cannot allocate
+  // space, the recording continues without a reserve.
   while (::posix_fallocate(file, 0, bytes) == ENOSPC && bytes > kBlock) bytes /= 2;
   ::close(file);
 }

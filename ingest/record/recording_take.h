@@ -15,19 +15,18 @@
 
 namespace raystage {
 
-/// A take during its recording. Unlike an imported take it has its final name from the beginning.
-/// However the recording ends, the take can be opened: documents are written first, each frame
-/// whole, and the account of the session last.
+/// Writes a take during its recording. Unlike an imported take it has its final name from the
+/// beginning. It can be opened however the recording ends: documents are written first, frames are
+/// written completely, and the session document is written last.
 class RecordingTake {
  public:
-  /// A new take. Throws Error: bad input where something of this name is there or the epoch is too
-  /// far from now, failed for the disk; nothing is left then. Nor is it when this object goes
-  /// before a session was written: the name is free for another try.
+  /// Creates a take. Throws Error (bad input) if `folder` exists or the epoch is more than 104 days
+  /// from now, or Error (failed) on a disk error. The folder is removed after an error, and if this
+  /// object is destroyed before a session was written.
   static RecordingTake create(const std::filesystem::path& folder, TakeDocument take,
                               const RigDocument& rig, const std::string& node);
-  /// Goes on with one, after a crash or a stop: the same cameras in the same order and size (for
-  /// that see resume_take). Throws Error (bad input) where that is not so, or the epoch is too long
-  /// ago.
+  /// Continues a take after a crash or a stop. Throws Error (bad input) if its cameras differ in id
+  /// or order, or its epoch is more than 104 days from now. Sizes are checked by resume_take().
   static RecordingTake resume(const std::filesystem::path& folder,
                               const std::vector<std::string>& camera_ids, const std::string& node);
 
@@ -35,28 +34,28 @@ class RecordingTake {
   const TakeDocument& document() const { return take_; }
   const RigDocument& rig() const { return rig_; }
   ArchiveWriter& archive(std::size_t camera) { return archives_[camera]; }
-  /// Time of the last record when this session began, ns since the epoch; -1 without one.
+  /// Returns the time of the last record before this session, ns since the epoch; -1: no record.
   Nanoseconds last_time(std::size_t camera) const { return last_times_[camera]; }
 
-  /// Takes the session up into TAKE/recording/NODE.json, or replaces the last one.
+  /// Writes TAKE/recording/NODE.json: adds the session if `first`, otherwise replaces the last one.
   void write_session(const RecordingDocument::Session& session, bool first);
 
-  /// Room on the disk that is set aside for what must still be written when it is full.
+  /// Reserves disk space for the records that must still be written when the disk is full.
   void reserve_disk_space();
   void release_disk_space();
 
-  /// Closes the archives. An archive that cannot be closed is readable all the same; problems are
-  /// added to `problems`.
+  /// Closes the archives and appends errors to `problems`. An archive that cannot be closed is
+  /// still readable.
   void close(std::vector<std::string>& problems);
 
-  /// What is on disk since this session began, per camera: opened anew and counted.
   struct RecordCounts {
     std::array<std::uint64_t, kFrameStatusCount> by_status{};
   };
+  /// Opens the archive of a camera again and counts its records since this session began.
   RecordCounts count(std::size_t camera) const;
 
  private:
-  /// A folder that goes with this object, unless it is kept.
+  /// Removes a folder on destruction, unless keep() was called.
   class FolderCleanup {
    public:
     FolderCleanup() = default;
@@ -79,7 +78,7 @@ class RecordingTake {
   std::filesystem::path archive_path(std::size_t camera) const;
   std::filesystem::path journal_path(std::size_t camera) const;
 
-  FolderCleanup folder_cleanup_;  // first: goes when the archives are closed
+  FolderCleanup folder_cleanup_;  // first: runs after the archives are closed
   std::filesystem::path folder_;
   TakeDocument take_;
   RigDocument rig_;

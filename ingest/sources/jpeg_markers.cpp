@@ -11,7 +11,7 @@ JpegMarkerInfo read_jpeg_header(std::span<const std::byte> jpeg) {
   JpegMarkerInfo glance;
   try {
     MarkerReader reader(jpeg, "");
-    reader.expect_start();
+    reader.read_soi();
     for (;;) {
       const Marker marker = reader.next();
       // SOF0 to SOF15 without DHT, JPG and DAC, which stand among them.

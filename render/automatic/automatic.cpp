@@ -53,21 +53,21 @@ double seconds_per_frame(const MethodCandidate& c, const Work& work) {
 }
 
 std::string in_time(double seconds) {
-  return seconds < 1 ? fmt::format("{:.0f} ms a frame", seconds * 1e3)
-                     : fmt::format("{:.1f} s a frame", seconds);
+  return seconds < 1 ? fmt::format("{:.0f} ms per frame", seconds * 1e3)
+                     : fmt::format("{:.1f} s per frame", seconds);
 }
 
 std::string measured(const LeaveOneOutQuality& quality) {
   std::string text =
-      fmt::format("{:.1f} dB ({:.1f} less a spread of {:.1f}) at {} cameras left out",
+      fmt::format("{:.1f} dB (mean {:.1f} - standard deviation {:.1f}) at {} left-out cameras",
                   quality.expected_db(), quality.mean_db, quality.stddev_db, quality.cameras);
   if (quality.covered < kLeastCovered) {
-    text += fmt::format(", but {:.0f} % of their pictures covered", quality.covered * 100);
+    text += fmt::format(", but only {:.0f} % of their pixels covered", quality.covered * 100);
   }
   return text;
 }
 
-/// choose(), in a scene of this depth range; `request` is on eq. 2.2's plane.
+/// Chooses for a known depth range; `request` has the focal plane of eq. 2.2.
 MethodChoice choose_by_range(std::span<const MethodCandidate> candidates,
                              const QualityTarget& target, const ViewRequest& request,
                              const DepthRange& scene) {
@@ -76,8 +76,8 @@ MethodChoice choose_by_range(std::span<const MethodCandidate> candidates,
   const double focal_length = longest_focal_length(*instant.rig);
   const double disparity = disparity_range(focal_length, spacing, scene);
   if (disparity <= kMaxAliasFreeDisparity) {
-    return {0, fmt::format("{}: cameras {:.3g} mm apart, and up to {:.3g} mm a single plane, "
-                           "{:.4g} m off, is free of ghosts (eq. 2.1)",
+    return {0, fmt::format("{}: the baseline is {:.3g} mm; up to {:.3g} mm, a single plane at "
+                           "{:.4g} m shows no ghosts (eq. 2.1)",
                            candidates[0].label, spacing * 1e3,
                            max_alias_free_baseline(focal_length, scene) * 1e3,
                            optimal_focal_depth(scene))};
@@ -99,7 +99,7 @@ MethodChoice choose_by_range(std::span<const MethodCandidate> candidates,
         cheapest = i;
       }
     }
-    return {cheapest, fmt::format("{}: nothing takes less than {}, this is the quickest",
+    return {cheapest, fmt::format("{}: the fastest candidate, {}, exceeds the time limit",
                                   candidates[cheapest].label,
                                   in_time(seconds_per_frame(candidates[cheapest], work)))};
   }
@@ -120,13 +120,13 @@ MethodChoice choose_by_range(std::span<const MethodCandidate> candidates,
     const LeaveOneOutQuality quality =
         measure_leave_one_out_quality(*candidates[i].method, candidates[i].options, request);
     if (quality.cameras == 0) {
-      return {best, fmt::format("{}: the most accurate in reach, {}; no camera stands between "
-                                "three others, so that none can be left out to measure",
+      return {best, fmt::format("{}: the most accurate within the time limit, {}; not measured: no "
+                                "camera lies between three others",
                                 candidates[best].label, best_takes)};
     }
     if (quality.covered >= kLeastCovered && quality.expected_db() >= target.psnr_db) {
       return {i,
-              fmt::format("{}: {}, {:.1f} asked for, {}", candidates[i].label, measured(quality),
+              fmt::format("{}: {}, target {:.1f} dB, {}", candidates[i].label, measured(quality),
                           target.psnr_db, in_time(seconds_per_frame(candidates[i], work))),
               true};
     }
@@ -135,18 +135,18 @@ MethodChoice choose_by_range(std::span<const MethodCandidate> candidates,
     }
   }
   return {best, best_measured
-                    ? fmt::format("{}: the most accurate, {}; of others the best has {}",
+                    ? fmt::format("{}: the most accurate, {}; the best other one reaches {}",
                                   candidates[best].label, best_takes, measured(*best_measured))
-                    : fmt::format("{}: the most accurate in reach, {}", candidates[best].label,
-                                  best_takes)};
+                    : fmt::format("{}: the most accurate within the time limit, {}",
+                                  candidates[best].label, best_takes)};
 }
 
-/// choose(), but for saying what was not measured.
+/// Chooses as choose(), without the note on a missing measurement.
 MethodChoice chosen(std::span<const MethodCandidate> candidates, const QualityTarget& target,
                     const ViewRequest& request) {
   const auto range = target.scene ? target.scene : request.instant.take->document().depth_range;
   if (!range) {
-    return {0, fmt::format("{}: the take has no depth range, which the others need",
+    return {0, fmt::format("{}: the take has no depth range, which the other methods need",
                            candidates[0].label)};
   }
   // The sampling theorem (eq. 2.1) assumes this plane; any other has more out of focus.
@@ -163,7 +163,7 @@ MethodChoice choose(std::span<const MethodCandidate> candidates, const QualityTa
                     const ViewRequest& request) {
   MethodChoice choice = chosen(candidates, target, request);
   if (target.psnr_db > 0 && !choice.meets_target_leave_one_out) {
-    choice.why += fmt::format("; its own error is not measured, may miss the {:.1f} dB asked for",
+    choice.why += fmt::format("; its error was not measured and may miss the target of {:.1f} dB",
                               target.psnr_db);
   }
   return choice;

@@ -5,9 +5,9 @@
 #include <filesystem>
 
 #include "base/error.h"
+#include "base/large_buffer.h"
 #include "render/automatic/automatic.h"
 #include "render/automatic/extrapolation_note.h"
-#include "render/common/large_buffer.h"
 #include "render/common/scene_depth_range.h"
 #include "render/depth/depth.h"
 #include "render/planar/focal_plane.h"
@@ -19,28 +19,28 @@ namespace {
 constexpr std::array kOptions{
     number_option(
         "target_error", 0, 0, 100,
-        "least PSNR in dB, as the mean minus the standard deviation at left-out cameras; 0: as "
+        "lowest accepted PSNR in dB (mean minus standard deviation at left-out cameras); 0: as "
         "accurate as possible"),
-    number_option("near", 0, 0, 1e9, "nearest object, metres in front of the array; 0: the take's"),
+    number_option("near", 0, 0, 1e9,
+                  "nearest object, metres in front of the array; 0: as in take.json"),
     number_option("far", 0, 0, 1e12,
-                  "farthest object, metres in front of the array; 0: the take's"),
+                  "farthest object, metres in front of the array; 0: as in take.json"),
     number_option("target_time", 0, 0, 1e6,
-                  "largest time in seconds to render a frame, on two threads of the machine of "
+                  "longest accepted time in seconds per frame, on two threads of the machine of "
                   "docs/benchmarks.md, from decoded frames with one sample per pixel; "
                   "0: no limit")};
 
-/// From the least to the most accurate; docs/decisions.md says why no others. Costs are the
-/// processor's time per pixel of one thread, ns, with frames decoded: cpu_ns_per_px of
-/// methods_bench (960x640) on the machine of docs/benchmarks.md, in a run before that of
-/// docs/performance.md,
-///   disparity between neighbours   15 px (shop)  8 px (knights)  7 px (chess)  3 px (a test's)
+/// Returns the candidates from the least to the most accurate (reasons: docs/decisions.md). Costs
+/// are CPU ns per pixel on one thread with decoded frames: cpu_ns_per_px of methods_bench (960x640)
+/// on the machine of docs/benchmarks.md, measured before the run of docs/performance.md:
+///   disparity between neighbours   15 px (shop)  8 px (knights)  7 px (chess)  3 px (a test)
 ///   focal_plane                               8              10             9               8
 ///   plane_sweep with few planes             122             107           125              83
 ///   plane_sweep                             348             195           195             148
 ///   depth                                   391                           406             250
-/// and straight lines through these. The later run has, for shop, 8, 133, 257 and 332: what chooses
-/// is their proportion, and no candidate passes another. What an instant costs depth: 38.4 s of the
-/// processor for shop's 64 cameras of 960x640, all told; chess takes less (660 ns).
+/// The values are straight lines through these. The later run has, for shop, 8, 133, 257 and 332:
+/// only ratios decide, and the order of the candidates is the same. `depth` takes 38.4 s of CPU
+/// time per light field frame for shop's 64 cameras of 960x640; chess takes less (660 ns).
 std::vector<MethodCandidate> candidates() {
   return {
       {.label = "focal_plane", .method = &focal_plane_method(), .pixel_ns = 10},
@@ -48,7 +48,7 @@ std::vector<MethodCandidate> candidates() {
        .method = &plane_sweep_method(),
        .options = {{"step_px", 2.0},
                    {"aggregation", std::string("box")},
-                   {"look_up", std::string("linear")}},
+                   {"interpolation", std::string("linear")}},
        .pixel_ns = 90,
        .disparity_ns = 2},
       {.label = "plane_sweep", .method = &plane_sweep_method(), .pixel_ns = 80, .disparity_ns = 17},
@@ -56,14 +56,14 @@ std::vector<MethodCandidate> candidates() {
 }
 
 /// Returns the depth range in the options, if there is one.
-std::optional<DepthRange> scene_told(const ViewRequest& request) {
+std::optional<DepthRange> depth_range_option(const ViewRequest& request) {
   if (request.options.number("near") == 0 && request.options.number("far") == 0) return {};
   return scene_depth_range(request.options, *request.instant.take, "auto");
 }
 
 RenderedView render_with(const ViewRequest& request, bool reference) {
   const QualityTarget target{request.options.number("target_error"),
-                             request.options.number("target_time"), scene_told(request)};
+                             request.options.number("target_time"), depth_range_option(request)};
   std::vector<MethodCandidate> all = candidates();
   for (MethodCandidate& candidate : all) {
     if (!target.scene || candidate.method->uses_focal_plane()) continue;
@@ -80,7 +80,7 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
                   request.options.number("near"), request.options.number("far"),
                   request.view.width / request.supersampling,
                   request.view.height / request.supersampling, all.size());
-  const auto choice = request.kept.get<MethodChoice>(key, [&](std::size_t& bytes) {
+  const auto choice = request.result_cache.get<MethodChoice>(key, [&](std::size_t& bytes) {
     bytes = 0;  // never evicted: pixels must not depend on the memory budget
     auto chosen = std::make_shared<const MethodChoice>(choose(all, target, request));
     request.buffers.release();  // methods that were measured but not chosen may have left blocks
@@ -92,7 +92,7 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
                           request.instant,
                           choice->focal_plane.value_or(request.focal_plane),
                           options,
-                          request.kept,
+                          request.result_cache,
                           request.working_bytes,
                           request.buffers,
                           request.count_needed_pixels,
@@ -105,7 +105,7 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
       reference ? chosen.method->render_reference(inner) : chosen.method->render(inner);
   std::string note = "auto: " + choice->why;
   if (target.seconds_per_frame > 0 && request.supersampling > 1) {
-    note += fmt::format("; the time is for one sample a pixel, this view takes {}",
+    note += fmt::format("; the time is for one sample per pixel, this view takes {}",
                         request.supersampling * request.supersampling);
   }
   view.notes.push_back(std::move(note));
@@ -135,7 +135,7 @@ class AutomaticMethod final : public Method {
   RenderedView render_reference(const ViewRequest& request) const override {
     return render_with(request, true);
   }
-  /// Measurements use the ticks of the timeline.
+  /// Returns the timeline, because measurements use its ticks.
   std::vector<std::filesystem::path> input_files(const MethodOptions& options, const Take& take,
                                                  const FrameSelection& /*frames*/) const override {
     const std::filesystem::path timeline = take.folder() / "timeline.zst";
@@ -143,8 +143,8 @@ class AutomaticMethod final : public Method {
     return {timeline};
   }
   void check_ray_support(const MethodOptions&) const override {
-    throw Error::bad_input("the method auto chooses for views, not for single rays", "method auto",
-                           "Set the method by name");
+    throw Error::bad_input("the method auto can only choose for views, not for single rays",
+                           "method auto", "Set another method");
   }
   bool uses_focal_plane() const override { return false; }
   bool may_use_focal_plane() const override { return true; }

@@ -21,13 +21,13 @@ std::optional<std::string> extrapolation_note(const VirtualCamera& view,
   const Eigen::Vector3d offset = offset_from(nearest);
   const double distance = offset.norm();
   if (distance <= max_neighbour_baseline(rig, *instant.complete)) return std::nullopt;
-  // In front of or behind the array where that is more than half of the way there.
+  // "In front of" or "behind": more than half of the distance is along the normal.
   const double behind = offset.dot(instant.complete->normal);
-  const char* side = "beside";
-  if (std::abs(behind) > distance / 2) side = behind > 0 ? "behind" : "before";
+  const char* side = "next to";
+  if (std::abs(behind) > distance / 2) side = behind > 0 ? "behind" : "in front of";
   return fmt::format(
-      "the view lies {:.1g} m {} the array, where nothing could be measured: may be "
-      "worse",
+      "the view is {:.1g} m {} the array, where quality cannot be measured: it may be "
+      "lower",
       distance, side);
 }
 

@@ -25,14 +25,14 @@ namespace {
 
 /// Sums over the compared images.
 struct Comparison {
-  std::array<std::vector<double>, 5> psnr_db;  ///< by part: one of every camera that shows it
-  std::int64_t asked = 0, covered = 0;         ///< pixels
+  std::array<std::vector<double>, 5> psnr_db;  ///< by part, then by camera that shows it
+  std::int64_t asked = 0, covered = 0;         ///< pixels: all, reconstructed
 };
 
 /// Returns the light field frame without a camera.
 LightFieldFrame without(const LightFieldFrame& instant, int camera) {
   LightFieldFrame rest = instant;
-  rest.stored_data_counts = nullptr;  // what is measured here is never stored
+  rest.stored_data_counts = nullptr;  // measurements are never stored
   rest.frame_of_camera[static_cast<std::size_t>(camera)] = -1;
   std::erase(rest.included_cameras, camera);
   std::vector<int> present;
@@ -53,7 +53,7 @@ VirtualCamera view_of(const Rig::Camera& camera) {
   return view;
 }
 
-/// Whether the camera has others around it; views from elsewhere are extrapolated.
+/// Whether the camera has others around it; other views are extrapolated.
 bool is_between_others(int camera, const LightFieldFrame& instant) {
   std::vector<int> others = instant.included_cameras;
   std::erase(others, camera);
@@ -62,7 +62,7 @@ bool is_between_others(int camera, const LightFieldFrame& instant) {
   return cells.locate(view.intrinsics.cx, view.intrinsics.cy).has_value();
 }
 
-/// Farthest-point selection, starting with the camera nearest to the array's centre.
+/// Selects by farthest-point sampling, from the camera nearest to the array's centre on.
 std::vector<int> cameras_to_leave_out(const LightFieldFrame& instant) {
   constexpr std::size_t kFewest = 4;  // three remain to blend when one is left out
   constexpr std::size_t kMost = 9;
@@ -89,8 +89,8 @@ std::vector<int> cameras_to_leave_out(const LightFieldFrame& instant) {
   return chosen;
 }
 
-/// The instants over which `count` cameras are spread, by the camera's place among them: the first
-/// from there on at which the camera has a frame and three others have.
+/// Returns the light field frame for one of `count` cameras, which are spread over the sequence:
+/// the first from the camera's position on at which it and three others have frames.
 std::optional<LightFieldFrame> instant_of(const LightFieldSequence& instants, int camera,
                                           std::size_t place, std::size_t count) {
   const auto all = static_cast<std::size_t>(instants.count());
@@ -104,7 +104,7 @@ std::optional<LightFieldFrame> instant_of(const LightFieldSequence& instants, in
   return std::nullopt;
 }
 
-/// PSNR over the pixels of a part that `counted` has; not-a-number where it has none.
+/// Returns the PSNR over the pixels of a part set in `counted`; not-a-number without any.
 double psnr_of_part(const RgbImage& image, const RgbImage& truth,
                     std::span<const std::uint8_t> counted, int left, int top, int width,
                     int height) {
@@ -162,7 +162,7 @@ LeaveOneOutQuality measure_leave_one_out_quality(const Method& method, const Opt
     const Rig::Camera& left_out = instant->rig->cameras[static_cast<std::size_t>(camera)];
     const VirtualCamera view = view_of(left_out);
     const RenderedView rendered =
-        method.render({view, rest, request.focal_plane, options, request.kept,
+        method.render({view, rest, request.focal_plane, options, request.result_cache,
                        request.working_bytes, request.buffers, false, false, false});
     FrameCache& cache = *instant->cache;
     std::int64_t decoded = 0;

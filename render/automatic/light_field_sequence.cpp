@@ -7,7 +7,7 @@
 namespace raystage {
 
 LightFieldSequence::LightFieldSequence(const LightFieldFrame& now) : now_(now) {
-  if (auto timeline = read_timeline_if_any(*now.take)) ticks_ = std::move(timeline->ticks);
+  if (auto timeline = read_timeline_if_present(*now.take)) ticks_ = std::move(timeline->ticks);
 }
 
 int LightFieldSequence::count() const {
@@ -21,7 +21,7 @@ LightFieldFrame LightFieldSequence::at(int index) const {
   if (ticks_.empty()) {
     const Take& take = *now_.take;
     selection = select_frames(take, take.archive(now_.included_cameras.front()).frames()[i].time_ns,
-                              tolerance_of_stamps(take.document().nominal_fps));
+                              default_frame_tolerance(take.document().nominal_fps));
   } else {
     selection = ticks_[i];
   }

@@ -11,7 +11,7 @@ namespace raystage {
 
 /// The light field frames of a take: the ticks of its timeline with their selected frames (with
 /// clocks corrected and untrusted frames excluded). Without a timeline: the frames of the first
-/// included camera and the frames of the others within tolerance_of_stamps() of them.
+/// included camera and the frames of the others within default_frame_tolerance() of them.
 class LightFieldSequence {
  public:
   /// Uses the take and included cameras of `now`, which must outlive it. Throws Error (bad input)

@@ -36,8 +36,8 @@ double angle_between(const Vector3d& a, const Vector3d& b) {
   return std::atan2(a.cross(b).norm(), a.dot(b));
 }
 
-/// 0 (not at all) to 1.
-double sight_of_point(const Rig::Camera& camera, const RayPoint& point) {
+/// Returns the camera's visibility of the point, 0 to 1.
+double point_visibility(const Rig::Camera& camera, const RayPoint& point) {
   const auto pixel = camera.model.project(camera.pose.world_from_camera_rotation.transpose() *
                                           -point.towards(camera.pose.position));
   if (!pixel) return 0;
@@ -47,27 +47,27 @@ double sight_of_point(const Rig::Camera& camera, const RayPoint& point) {
 }
 
 /// Averages over the ray's range of depths, because the depth of the point is not known yet.
-double sight_of(const Rig::Camera& camera, RayPoint point, const InverseDepthRange& range) {
+double mean_visibility(const Rig::Camera& camera, RayPoint point, const InverseDepthRange& range) {
   constexpr int kPoints = 5;
   double sum = 0;
   for (int i = 0; i < kPoints; ++i) {
     point.inverse_depth =
         std::lerp(range.farthest, range.nearest, static_cast<double>(i) / (kPoints - 1));
-    sum += sight_of_point(camera, point);
+    sum += point_visibility(camera, point);
   }
   return sum / kPoints;
 }
 
 std::vector<CameraWeight> choose(const RayPoint& point, const InverseDepthRange& range,
                                  const Rig& rig, const std::vector<int>& members, int count) {
-  std::vector<CameraWeight> all;  // penalties, until the end
+  std::vector<CameraWeight> all;  // `share` holds penalties until the last loops
   for (const int member : members) {
     const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(member)];
-    const double sight = sight_of(camera, point, range);
-    if (sight <= 0) continue;
+    const double visibility = mean_visibility(camera, point, range);
+    if (visibility <= 0) continue;
     const double angle =
         angle_between(point.towards(point.eye), point.towards(camera.pose.position));
-    all.push_back({member, angle / sight});
+    all.push_back({member, angle / visibility});
   }
   const auto kept = std::min(all.size(), static_cast<std::size_t>(count));
   const auto middle = all.begin() + static_cast<std::ptrdiff_t>(std::min(all.size(), kept + 1));
@@ -80,7 +80,7 @@ std::vector<CameraWeight> choose(const RayPoint& point, const InverseDepthRange&
   if (all.empty()) return all;
   // Avoids a division by 0 for a ray through a camera's own centre.
   const double least = 0.01 * (next < kInfinity ? next : all.back().share) + 1e-12;
-  const bool alike = !(next > all.front().share);  // no order, then
+  const bool alike = !(next > all.front().share);  // equal penalties: equal weights
   double sum = 0;
   for (CameraWeight& camera : all) {
     const double fall = alike ? 1 : 1 - camera.share / next;
@@ -122,7 +122,7 @@ BlendingField::BlendingField(const VirtualCamera& view, const Rig& rig, std::vec
   const auto choose_at = [&](double x, double y) -> std::vector<CameraWeight> {
     const auto ray = rays.through(x, y);
     if (!ray) return {};
-    // At infinity all cameras see a point along one direction; a million metres tells them apart.
+    // At infinity all cameras see a point in one direction; 1e6 m gives them different angles.
     const RayPoint point{view.pose.position, *ray,
                          std::max((range.farthest + range.nearest) / 2, 1e-6)};
     return choose(point, range, rig, members, count);
@@ -151,7 +151,7 @@ BlendingField::BlendingField(const VirtualCamera& view, const Rig& rig, std::vec
           found->share[i] = static_cast<float>(chosen.share);
         }
       }
-      if (tile.cameras.empty()) {  // as where it is wider than what all cameras see together
+      if (tile.cameras.empty()) {  // e.g. wider than the view of all cameras together
         for (const CameraWeight& chosen :
              choose_at((tile.left + tile.right) / 2.0, (tile.top + tile.bottom) / 2.0)) {
           tile.cameras.push_back({chosen.camera, {}});
@@ -209,8 +209,8 @@ InverseDepthRange inverse_depth_range_in_view(const VirtualCamera& view, const R
     slowest = std::min(slowest, speed);
     fastest = std::max(fastest, speed);
   }
-  // A ray meets the slab's planes at inverse depths speed / distance; the speeds seen are an
-  // interval, as they are linear in the pixel.
+  // A ray meets the planes `near` and `far` at inverse depths speed / distance. Speeds in the view
+  // form an interval, because they are linear in the pixel.
   InverseDepthRange range{kInfinity, -kInfinity};
   const auto add = [&](double farthest, double nearest) {
     range.farthest = std::min(range.farthest, farthest);
@@ -221,7 +221,7 @@ InverseDepthRange inverse_depth_range_in_view(const VirtualCamera& view, const R
     const double least = std::max(slowest, 0.0);
     add(least / to_far, inside ? kInfinity : fastest / to_near);
   }
-  if (slowest < 0 && to_near < 0) {  // towards it
+  if (slowest < 0 && to_near < 0) {  // towards the array
     const double least = std::max(-fastest, 0.0);
     add(least / -to_near, inside ? kInfinity : slowest / to_far);
   }
@@ -244,7 +244,7 @@ double required_plane_count(const InverseDepthRange& range, const VirtualCamera&
                             const Rig& rig, const BlendingField& field, double step_px) {
   constexpr int kParts = 8;
   const ViewRays rays(view);
-  // Pixels of disparity per part of the range, at most, between those chosen at a pixel.
+  // Largest disparity rate, in pixels per 1/m, between the cameras chosen at a pixel.
   const auto fastest_at = [&](double x, double y, const std::vector<CameraWeight>& chosen) {
     double fastest = 0;
     const auto ray = rays.through(x, y);

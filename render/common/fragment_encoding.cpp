@@ -41,7 +41,7 @@ void append(const T* values, std::size_t count, std::vector<std::byte>& message)
 
 Error damaged(const std::string& what) {
   return Error::bad_input("a message with fragments is damaged: " + what, "fragments",
-                          "Check the network between the ranks and render again");
+                          "Check the network between the ranks, then render again");
 }
 
 /// Reads a message from its front.
@@ -116,7 +116,7 @@ void add_halves(Reader& reader, const FragmentArea& area, int width, std::span<f
   });
 }
 
-/// Of a message, where that is known before.
+/// Returns the bytes of a sample, if the encoding fixes them.
 std::size_t bytes_of_sample(FragmentEncoding encoding) {
   switch (encoding) {
     case FragmentEncoding::kFloat:
@@ -194,7 +194,7 @@ std::vector<std::byte> encode_fragments(const FragmentTag& tag, std::span<const 
                                         const FragmentEncodingSettings& settings,
                                         FragmentCounts& counts) {
   std::vector<FragmentArea> areas = cover_nonzero_pixels(sums, width, height);
-  // A JPEG has a header of 600 bytes, and zeros take next to none.
+  // One JPEG is smaller: each has a header of 600 bytes, and zeros compress well.
   if (settings.encoding == FragmentEncoding::kJpeg && areas.size() > 1) areas = {box_around(areas)};
   Header header;
   header.tag = tag;

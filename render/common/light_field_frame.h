@@ -26,8 +26,9 @@ struct LightFieldFrame {
   const Rig* rig = nullptr;    ///< the rig of the take
   FrameCache* cache = nullptr;
   FrameCache* opaque = nullptr;  ///< decodes frames without their matte; null: `cache` has none
-  FrameCache::Look look = FrameCache::kByItself;  ///< of the view, whatever parts it is made in
-  Nanoseconds time_ns = 0;                        ///< since the take's epoch
+  FrameCache::FetchGroup fetch_group =
+      FrameCache::kUngrouped;  ///< of the view, whatever parts it is made in
+  Nanoseconds time_ns = 0;     ///< since the take's epoch
   /// Per camera of the rig: its frame, or -1 where it has none at this instant or is excluded.
   std::vector<int> frame_of_camera;
   /// As frame_of_camera, for the ticks before and after where the timeline has them: see

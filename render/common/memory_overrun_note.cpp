@@ -6,12 +6,12 @@
 namespace raystage {
 
 std::string memory_overrun_note(std::string_view method, const ViewRequest& request) {
-  // The same for all of a shot: nothing of the view but its size, which a band's is not.
+  // Contains only the size of the whole view, so that it is the same for all frames and bands.
   const int height =
       request.full_height > 0 ? request.full_height : request.view.height / request.supersampling;
   return fmt::format(
       "{}: a view of {}x{} needs more working memory than its budget of {:.0f} MB, even at "
-      "its minimum",
+      "the method's minimum",
       method, request.view.width / request.supersampling, height,
       static_cast<double>(request.working_bytes) / 1e6);
 }

@@ -31,14 +31,13 @@ struct ViewRequest {
   /// in the world.
   Eigen::Vector4d focal_plane;
   const MethodOptions& options;  ///< of this method
-  ResultCache& kept;
+  ResultCache& result_cache;
   std::size_t working_bytes;  ///< memory that the method may use in addition to the result cache
   BufferPool& buffers;        ///< allocates the largest buffers of the method
   bool count_needed_pixels = false;  ///< fill RenderStatistics::pixels_needed (costs time)
   bool measure_coverage = false;     ///< fill RenderedView::cameras and nearest_ray (costs time)
   bool use_take_folder = true;       ///< derived data may be stored in the take and read from it
-  int supersampling =
-      1;  ///< rays per output pixel along each axis; `view` has this many pixels for one
+  int supersampling = 1;  ///< rays per output pixel along each axis; `view` includes the factor
   /// If the view is a band of rows of a larger view: its first row and the height of the larger
   /// view, in pixels of `view`. full_height 0: the view is complete.
   int first_row = 0, full_height = 0;
@@ -50,7 +49,7 @@ struct SurfaceRequest {
   const MethodOptions& options;    ///< of this method
   const LightFieldFrame& instant;  ///< its rig must outlive the surface
   Eigen::Vector4d focal_plane;     ///< as ViewRequest
-  ResultCache& kept;
+  ResultCache& result_cache;
   std::size_t working_bytes;
   bool use_take_folder = true;  ///< as ViewRequest
   bool reference = false;       ///< use the reference implementation

@@ -26,7 +26,7 @@ std::vector<std::string_view> words_of(std::string_view choices) {
   return words;
 }
 
-std::string allowed(const OptionSpec& spec) {
+std::string allowed_values(const OptionSpec& spec) {
   switch (spec.kind) {
     case Kind::kFlag:
       return "true or false";
@@ -81,24 +81,31 @@ MethodOptions::MethodOptions(std::span<const OptionSpec> specs, const OptionValu
                              std::string_view where) {
   for (const OptionSpec& spec : specs) values_.emplace(spec.name, fallback(spec));
   for (const auto& [name, value] : given) {
-    const auto spec = std::ranges::find(specs, name, &OptionSpec::name);
+    const auto spec = std::ranges::find_if(specs, [&name = name](const OptionSpec& known) {
+      return name == known.name || (name == known.former && !name.empty());
+    });
     if (spec == specs.end()) {
       std::vector<std::string_view> names;
       for (const OptionSpec& known : specs) names.push_back(known.name);
       throw Error::bad_input("there is no option '" + name + "'", std::string(where),
-                             names.empty() ? "The method has no options"
+                             names.empty() ? "The method has no options; remove it"
                                            : fmt::format("Options: {}", fmt::join(names, ", ")));
     }
-    // A text that looks like something else is a text all the same: a folder may be called 7.
+    // A number is accepted where a text is required: a folder may be called 7.
     OptionValue taken = value;
     if (spec->kind == Kind::kText && std::holds_alternative<double>(value)) {
       taken = fmt::format("{}", std::get<double>(value));
     }
     if (!fits(*spec, taken)) {
-      throw Error::bad_input("found " + shown(value) + ", allowed: " + allowed(*spec),
+      throw Error::bad_input("found " + shown(value) + ", allowed: " + allowed_values(*spec),
                              std::string(where) + " option " + name, std::string(spec->help));
     }
-    values_[name] = taken;
+    if (name != spec->name && given.contains(std::string(spec->name))) {
+      throw Error::bad_input("'" + name + "' is the former name of '" + std::string(spec->name) +
+                                 "', which is given as well",
+                             std::string(where), "Remove one of them");
+    }
+    values_[std::string(spec->name)] = taken;
   }
 }
 
@@ -118,7 +125,7 @@ OptionValues::value_type option_from_text(std::string_view text) {
   const std::size_t sign = text.find('=');
   if (sign == std::string_view::npos || sign == 0) {
     throw Error::bad_input("found '" + std::string(text) + "', allowed: NAME=VALUE", "option",
-                           "Write for example planes=96");
+                           "Write, for example, planes=96");
   }
   const std::string name(text.substr(0, sign));
   const std::string_view value = text.substr(sign + 1);
@@ -137,8 +144,7 @@ OptionValues options_from_text(std::string_view text) {
     const std::size_t end = std::min(text.find(','), text.size());
     const auto [name, value] = option_from_text(text.substr(0, end));
     if (!options.emplace(name, value).second) {
-      throw Error::bad_input("found '" + name + "' twice, allowed: once", "option",
-                             "Keep one of them");
+      throw Error::bad_input("found '" + name + "' twice, allowed: once", "option", "Give it once");
     }
     text.remove_prefix(std::min(end + 1, text.size()));
   }
@@ -156,9 +162,9 @@ std::string options_to_text(const OptionValues& options) {
 
 std::string describe_option(const OptionSpec& spec) {
   const OptionValue value = fallback(spec);
-  const std::string unless =
+  const std::string given_default =
       spec.kind == Kind::kText && spec.text.empty() ? "" : " = " + shown(value);
-  return fmt::format("{}{} ({}): {}", spec.name, unless, allowed(spec), spec.help);
+  return fmt::format("{}{} ({}): {}", spec.name, given_default, allowed_values(spec), spec.help);
 }
 
 }  // namespace raystage

@@ -21,12 +21,22 @@ struct OptionSpec {
   };
   std::string_view name;
   Kind kind = Kind::kNumber;
-  double number = 0;           ///< default of flags (0, 1) and numbers
-  double least = 0, most = 0;  ///< range of numbers, both ends allowed
-  std::string_view text;       ///< default of choices and texts
-  std::string_view choices;    ///< of kChoice, separated by '|'
-  std::string_view help;       ///< for the user, with the unit
+  double number = 0;             ///< default of flags (0, 1) and numbers
+  double least = 0, most = 0;    ///< range of numbers, both ends allowed
+  std::string_view text;         ///< default of choices and texts
+  std::string_view choices;      ///< of kChoice, separated by '|'
+  std::string_view help;         ///< for the user, with the unit
+  std::string_view former = {};  ///< deprecated alias of the name
+
+  /// Returns the name by which fingerprints know the option: a renamed one keeps its own.
+  constexpr std::string_view fingerprint_name() const { return former.empty() ? name : former; }
 };
+
+/// Returns an option that was renamed: `former` is accepted as well.
+constexpr OptionSpec renamed_option(std::string_view former, OptionSpec spec) {
+  spec.former = former;
+  return spec;
+}
 
 constexpr OptionSpec flag_option(std::string_view name, bool fallback, std::string_view help) {
   return {name, OptionSpec::Kind::kFlag, fallback ? 1.0 : 0.0, 0, 1, {}, {}, help};

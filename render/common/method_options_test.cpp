@@ -12,11 +12,12 @@
 namespace raystage {
 namespace {
 
-constexpr std::array kSpecs{flag_option("sub_plane", true, "between planes"),
-                            integer_option("planes", 0, 0, 4096, "how many; 0: eq. 2.1"),
-                            number_option("f_number", 2.8, 0.1, 64, "focal length over aperture"),
-                            choice_option("shape", "round", "round|hexagon", "of the aperture"),
-                            text_option("proxy", "", "mesh file")};
+constexpr std::array kSpecs{
+    renamed_option("sub_plane_before", flag_option("sub_plane", true, "between planes")),
+    integer_option("planes", 0, 0, 4096, "how many; 0: eq. 2.1"),
+    number_option("f_number", 2.8, 0.1, 64, "focal length over aperture"),
+    choice_option("shape", "round", "round|hexagon", "of the aperture"),
+    text_option("proxy", "", "mesh file")};
 
 std::string refusal(const OptionValues& given) {
   try {
@@ -104,6 +105,15 @@ TEST(MethodOptions, AreDescribedWithRangeAndFallback) {
             "planes = 0 (a whole number from 0 to 4096): how many; 0: eq. 2.1");
   EXPECT_EQ(describe_option(kSpecs[3]), "shape = 'round' (round, hexagon): of the aperture");
   EXPECT_EQ(describe_option(kSpecs[4]), "proxy (text): mesh file");
+}
+
+TEST(MethodOptions, AcceptFormerNamesAlone) {
+  const MethodOptions options(kSpecs, {{"sub_plane_before", false}}, "the test");
+  EXPECT_FALSE(options.flag("sub_plane"));
+  EXPECT_FALSE(options.values().contains("sub_plane_before"));
+  EXPECT_EQ(kSpecs[0].fingerprint_name(), "sub_plane_before");
+  EXPECT_THAT(refusal({{"sub_plane", true}, {"sub_plane_before", false}}),
+              ::testing::HasSubstr("is the former name of 'sub_plane'"));
 }
 
 }  // namespace

@@ -20,11 +20,11 @@ constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
 
 RaySurface plane_surface(const Eigen::Vector4d& plane) {
   if (!plane.allFinite() || plane.isZero(0)) {
-    throw Error::bad_input("the focal plane's equation is 0 or not finite", "focal plane",
-                           "Give a, b, c, d of a x + b y + c z + d = 0");
+    throw Error::bad_input("the focal plane's equation is zero or not finite", "focal plane",
+                           "Give a x + b y + c z + d = 0 with finite numbers, not all 0");
   }
   const bool at_infinity = plane.head<3>().isZero(0);
-  // Of any scale, and far from the world's origin, where the terms of a plain sum all but cancel.
+  // The scale is arbitrary. Far from the world's origin the terms of a plain sum nearly cancel.
   const Vector3d normal = plane.head<3>().stableNormalized();
   return [plane, normal, at_infinity](std::span<const WorldRay> rays,
                                       std::span<double> inverse_distance) {

@@ -118,7 +118,7 @@ void fill_push_pull(RenderedView& view) {
     levels.push_back(next);
   }
   float* mean = levels.back().rgba;
-  if (mean[3] < kMinConfidence) return;  // nobody saw anything
+  if (mean[3] < kMinConfidence) return;  // no camera saw anything
   for (int c = 0; c < 3; ++c) mean[c] /= mean[3];
   mean[3] = 1;
   for (std::size_t i = levels.size() - 1; i > 1; --i) push(levels[i], levels[i - 1], nullptr);

@@ -8,11 +8,10 @@ namespace raystage {
 /// Makes a view opaque by pull and push (Gortler, Grzeszczuk, Szeliski and Cohen, "The Lumigraph",
 /// SIGGRAPH 1996, section 3.4), with alpha as the confidence in a pixel.
 ///
-/// Pull: each level of a pyramid has half the width and height, down to one pixel; a coarse pixel
-/// is the sum of the 4 x 4 fine ones around it, weighted 1 : 3 : 3 : 1 each way so that every fine
-/// pixel gives away 1 in total, cut back to a confidence of 1 where it is more. Push: from the
-/// coarsest level down, a pixel of confidence A keeps what it has and takes 1 - A from the level
-/// above, interpolated linearly.
+/// Pull: each level of a pyramid has half the width and height, down to one pixel. A coarse pixel
+/// is the sum of 4 x 4 fine pixels with weights 1 : 3 : 3 : 1 per axis; the weights of each fine
+/// pixel sum to 1. Confidences above 1 are scaled to 1. Push: from the coarsest level down, a pixel
+/// of confidence A is added to 1 - A times the coarser level, interpolated linearly.
 ///
 /// Changes `rgba` only. Alpha becomes 1 everywhere, except in empty space
 /// (RenderedView::empty_space), which stays transparent; if no pixel was seen at all, it stays 0.

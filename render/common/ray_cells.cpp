@@ -23,8 +23,8 @@ constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 /// edge.
 constexpr double kEdgeTolerance = 1e-9;
 
-/// (b - o) x (c - o), the plane through o and an edge, accurate far from the edge, and exactly the
-/// negative of the same with b and c exchanged, so that neighbouring cells neither gap nor overlap.
+/// Returns (b - o) x (c - o), the plane through o and an edge, accurate far from the edge.
+/// Exchanging b and c gives the exact negative, so that neighbouring cells have no gap or overlap.
 Vector3d plane_through_edge(const Vector3d& o, const Vector3d& b, const Vector3d& c, bool swap) {
   return swap ? Vector3d(-(c - o).cross(b - c)) : Vector3d((b - o).cross(c - b));
 }
@@ -260,7 +260,7 @@ RayCells::Crossing RayCells::crossing_in_cell(int index, double x, double y) con
 void RayCells::row_spans(int y, int width, std::vector<int>& scratch,
                          std::vector<Span>& spans) const {
   scratch.assign(static_cast<std::size_t>(width), -1);
-  for (std::size_t i = cells_.size(); i-- > 0;) {  // the lowest index paints last
+  for (std::size_t i = cells_.size(); i-- > 0;) {  // the lowest index is painted last and wins
     const Cell& cell = cells_[i];
     if (y < cell.first_row || y > cell.last_row) continue;
     paint(cell, static_cast<int>(2 * i), 1, y, width, scratch);

@@ -24,8 +24,8 @@ class RayCells {
   struct Cell {
     int count = 0;                ///< cameras in use: 1 to 3
     std::array<int, 3> camera{};  ///< indices into the rig
-    /// weight i = share[i].(x, y, 1) / total.(x, y, 1), x and y in pixels of the view; 0 where no
-    /// pixel has more of the camera than rounding leaves.
+    /// weight i = share[i].(x, y, 1) / total.(x, y, 1), x and y in pixels of the view; 0 where
+    /// the camera's weight is below rounding in all pixels.
     std::array<Eigen::Vector3d, 3> share;
     Eigen::Vector3d total = Eigen::Vector3d::Zero();
     /// e2.e2, e2.e3, e3.e3 of the edges from the first camera to the second and third, m^2. With

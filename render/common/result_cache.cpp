@@ -14,7 +14,7 @@ namespace {
 
 struct Entry {
   tbb::collaborative_once_flag once;
-  std::shared_ptr<const void> result;  // or, where it could not be made,
+  std::shared_ptr<const void> result;  // or, if `make` threw:
   std::exception_ptr error;
   std::size_t bytes = 0;
   std::list<std::string>::iterator place;  // in the order of use
@@ -26,7 +26,7 @@ struct ResultCache::State {
   explicit State(std::size_t budget_bytes) : budget(budget_bytes) {}
 
   std::size_t budget;
-  mutable std::mutex mutex;  // guards what follows, and what entries hold
+  mutable std::mutex mutex;  // guards the following members and the entries
   std::map<std::string, std::shared_ptr<Entry>> entries;
   std::list<std::string> by_use;  // most recent first
   std::size_t bytes = 0;
@@ -50,7 +50,7 @@ struct ResultCache::State {
     const std::scoped_lock lock(mutex);
     entry->result = result;
     const auto kept = entries.find(key);
-    if (kept == entries.end() || kept->second != entry) return;  // thrown out meanwhile
+    if (kept == entries.end() || kept->second != entry) return;  // evicted meanwhile
     entry->bytes = result_bytes;
     bytes += result_bytes;
     for (auto place = by_use.end(); bytes > budget && place != by_use.begin();) {
@@ -81,8 +81,8 @@ ResultCache::~ResultCache() = default;
 
 std::shared_ptr<const void> ResultCache::get_any(const std::string& key, const Make& make) {
   const auto entry = state_->entry(key);
-  // Threads that come meanwhile help with the loops inside instead of waiting; none of them can
-  // pick up a view there that waits for this very result.
+  // Waiting threads help with the loops inside. They cannot pick up a view there that waits for
+  // this result, which would deadlock.
   tbb::collaborative_call_once(entry->once, [&] {
     std::size_t bytes = 0;
     try {

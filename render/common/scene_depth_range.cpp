@@ -6,7 +6,7 @@ namespace raystage {
 DepthRange scene_depth_range(const MethodOptions& options, const Take& take,
                              std::string_view method) {
   return scene_depth_range(take, {options.number("near"), options.number("far")}, method,
-                           "Give the options near and far, in metres in front of the array");
+                           "Set the options near and far, in metres in front of the array");
 }
 
 }  // namespace raystage

@@ -32,8 +32,8 @@ constexpr std::array<std::pair<SimdLevel, std::string_view>, 4> kNames{
 constexpr std::array<std::pair<SimdLevel, std::int64_t>, 3> kTargets{
     {{SimdLevel::kSse4, HWY_SSE4}, {SimdLevel::kAvx2, HWY_AVX2}, {SimdLevel::kAvx512, HWY_AVX3}}};
 
-/// Highway 1.0.3 forgets in SupportedTargets() that kernels are to leave some alone: it lets them
-/// choose among all, and only returns fewer. So nothing else may call that.
+/// Returns the enabled targets. Highway 1.0.3 resets the dispatch to all targets in
+/// SupportedTargets() although it returns fewer, so that only this function may call it.
 std::int64_t supported_targets() {
   const std::int64_t targets = hwy::SupportedTargets();
   hwy::GetChosenTarget().Update(targets);
@@ -49,7 +49,7 @@ std::string names_of(const std::vector<SimdLevel>& levels) {
   return names;
 }
 
-/// Whether the C library computes with fused multiply-add, as its variants for AVX2 do.
+/// Whether the C library computes with fused multiply-add, as its AVX2 variants do.
 bool libm_fuses() {
 #ifdef RAYSTAGE_LIBM_HAS_VARIANTS
   return CPU_FEATURE_ACTIVE(FMA) || CPU_FEATURE_ACTIVE(FMA4);
@@ -94,8 +94,8 @@ void pin_simd_level(SimdLevel level) {
   const std::int64_t targets = supported_targets();
   for (const auto& [known, target] : kTargets) {
     if (known != level || (targets & target) == 0) continue;
-    hwy::DisableTargets(target - 1);  // of Highway's targets the better one has the lower bit
-    supported_targets();              // chosen now: threads that come first would race
+    hwy::DisableTargets(target - 1);  // better targets have lower bits
+    supported_targets();              // dispatch now, to avoid a race between threads
     return;
   }
 #else
@@ -104,7 +104,7 @@ void pin_simd_level(SimdLevel level) {
 #endif
   throw Error::bad_input(
       "this processor does not have the SIMD level " + std::string(simd_level_name(level)),
-      "SIMD level", "Use one that it has: " + names_of(levels));
+      "SIMD level", "Use one of " + names_of(levels));
 }
 
 SimdLevel kernel_simd_level() {

@@ -9,8 +9,8 @@
 namespace raystage {
 
 /// Instruction sets for which kernels are compiled. At one level all processors that have it
-/// compute the same bytes. Between levels kernels round differently, so that `depth` decides
-/// differently at some pixels.
+/// compute the same bytes. Between levels kernels round differently, so that `depth` chooses
+/// other surfaces at some pixels.
 enum class SimdLevel {
   kSse4,    ///< x86: up to SSE4.2, without fused multiply-add
   kAvx2,    ///< x86: with fused multiply-add

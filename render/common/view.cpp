@@ -27,7 +27,7 @@ VirtualCamera undistorted(const CameraModel& model, const Pose& pose) {
   pinhole.intrinsics.distortion = {};
   const Intrinsics& k = pinhole.intrinsics;
   double left = 0, right = model.width(), top = 0, bottom = model.height();
-  constexpr int kParts = 32;  // of the frame's border, which bounds all within
+  constexpr int kParts = 32;  // positions per side of the frame's border
   for (int i = 0; i <= kParts; ++i) {
     const double along_x = model.width() * static_cast<double>(i) / kParts;
     const double along_y = model.height() * static_cast<double>(i) / kParts;
@@ -62,7 +62,7 @@ std::size_t view_buffer_bytes(const VirtualCamera& view) {
 
 RenderedView empty_view(const VirtualCamera& view) {
   RenderedView image = uninitialised_view(view);
-  // By all threads: memory that is new to the process is fetched page by page as it is written.
+  // In parallel, because the first write to each page of new memory is slow.
   constexpr int kRowsPerTask = 64;
   const auto width = static_cast<std::ptrdiff_t>(view.width);
   raystage::parallel_for(tbb::blocked_range<int>(0, view.height, kRowsPerTask),

@@ -52,7 +52,7 @@ void visibility(const VisibilityRun& run) {
     const auto x0 = hn::ConvertTo(di, u), y0 = hn::ConvertTo(di, v);
     const auto right = hn::Sub(u, hn::ConvertTo(d, x0)), down = hn::Sub(v, hn::ConvertTo(d, y0));
     const auto x1 = hn::Min(hn::Add(x0, next), right_most), y1 = hn::Min(hn::Add(y0, next), lowest);
-    // Nothing near here hides anything: so it is in most places.
+    // Skip the bilinear test where no depth of the block is near enough to hide the points.
     const auto block = hn::Add(hn::Mul(hn::ShiftRight<kVisibilityBlockLog2>(y0), block_pitch),
                                hn::ShiftRight<kVisibilityBlockLog2>(x0));
     const auto nearest = hn::GatherIndex(d, blocks, block);
@@ -75,7 +75,7 @@ void visibility(const VisibilityRun& run) {
   std::copy_n(visible, count, run.visible.begin());
 }
 
-/// Of a vector of pixels.
+/// RGB, premultiplied by `seen`, for a vector of pixels.
 template <class V>
 struct Colour {
   V r, g, b, seen;
@@ -87,7 +87,7 @@ class CamerasAt {
  public:
   CamerasAt(D d, const BlendRun& run, int i) : d_(d), run_(run), i_(i) {}
 
-  /// By share and visibility; `alpha`: the weights of those that see the point.
+  /// Sums the samples by weight and visibility; adds to `alpha` the visible weights.
   Colour<V> sum(V& alpha) const {
     Colour<V> sum = nothing();
     for (std::size_t c = 0; c < run_.samples.size(); ++c) {
@@ -100,10 +100,10 @@ class CamerasAt {
     return sum;
   }
 
-  /// By agreement with the mean of `of_all`, too.
+  /// Sums the samples also by agreement with the mean of `of_all`.
   Colour<V> sum_reweighted(const Colour<V>& of_all) const {
     const auto tiny = hn::Set(d_, 1e-30F);
-    // Samples are premultiplied by seen * 65535; so is the mean that they are held against.
+    // Samples are premultiplied by seen * 65535, and so is the mean.
     const auto per_agreement =
         hn::Set(d_, 65535.0F * 65535.0F / (3 * run_.agreement * run_.agreement));
     const auto per_weight = hn::Div(hn::Set(d_, 1.0F), hn::Max(of_all.seen, tiny));
@@ -149,7 +149,7 @@ class CamerasAt {
   int i_;
 };
 
-/// Writes a vector of colours, as far as the run goes.
+/// Writes a vector of colours, up to the end of the run.
 template <class D, class V>
 void write(D d, const Colour<V>& colour, int i, int count, std::span<float> to) {
   if (i + static_cast<int>(hn::Lanes(d)) <= count) {

@@ -24,7 +24,7 @@ using testing::TransferredPoint;
 class BlendKernels : public testing::DepthKernelsTest {};
 
 TEST_F(BlendKernels, SeesAsTheReference) {
-  // At random, where most is hidden somehow; and a plane with something in front of its middle.
+  // Random depths, where most is occluded; and a plane with an occluder in front of its middle.
   InverseDepthMap plane{kWidth, kHeight, {}};
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) plane.values.push_back(x > 20 && x < 26 ? 0.6F : 0.3F);
@@ -97,7 +97,7 @@ TEST_F(BlendKernels, ACameraThatDiffersCountsLess) {
     const double red = sums[0] / 65535 / alpha;  // the plain mean of those who see: 0.543
     EXPECT_GT(red, 0.4);
     EXPECT_LT(red, 0.45);
-    for (auto& camera : visible) camera[0] = 0;  // hidden from all: nobody saw it
+    for (auto& camera : visible) camera[0] = 0;  // occluded for all
     blend_reweighted({sample_of, share_of, visible_of, 1, 0.04F * 65535}, sums);
     EXPECT_EQ(sums, (std::array<float, 4>{}));
     for (std::size_t i = 0; i < kCameras; ++i) visible[i][0] = i == 3 ? 0.0F : 1.0F;

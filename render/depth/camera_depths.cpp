@@ -3,7 +3,7 @@
 // all cameras:
 // 1. matching with up to 8 neighbours on planes of even inverse depth (match_row(): mean of the
 //    smaller half of the truncated luma differences) and semi-global matching (Hirschmueller 2008,
-//    render/matching);
+//    matching);
 // 2. fusion of the hypotheses of the neighbours and the camera itself (fusion.cpp);
 // 3. refinement by fractions of a pixel against all cameras that see the point (refine_row():
 //    Geman-McClure residuals, smoothed by domain_transform_filter() along edges of picture and
@@ -25,14 +25,14 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/large_buffer.h"
 #include "base/parallel.h"
-#include "render/common/large_buffer.h"
+#include "matching/matching.h"
 #include "render/depth/estimation_kernels.h"
 #include "render/depth/estimation_memory.h"
 #include "render/depth/fusion.h"
 #include "render/depth/matching_image.h"
 #include "render/depth/warp.h"
-#include "render/matching/matching.h"
 
 namespace raystage {
 namespace {
@@ -41,10 +41,9 @@ std::size_t pixels_of(const VirtualCamera& camera) {
   return static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
 }
 
-/// What takes part in solving one instant.
 class Solver {
  public:
-  /// `group`: null: this host finds the depths of all cameras.
+  /// `group`: null if this host estimates the depths of all cameras.
   Solver(const LightFieldFrame& instant, const DepthEstimationSettings& settings,
          std::size_t working_bytes, const RankCommunicator* group)
       : instant_(instant),
@@ -58,22 +57,22 @@ class Solver {
       members_.push_back(static_cast<int>(i));
       pixels.push_back(pixels_of(depths_.pinholes[i]));
     }
-    guess_ = {positions_read(settings.neighbours), true, false};
-    agreement_ = {guess_.reads, false, true};
-    refinement_ = {positions_read(settings.support_views), true, true};
-    is_looked_at_.assign(members_.size(), group_ == nullptr);
-    for (const EstimationPass* pass : {&guess_, &refinement_}) {
+    initial_pass_ = {positions_read(settings.neighbours), true, false};
+    fusion_pass_ = {initial_pass_.reads, false, true};
+    refinement_pass_ = {positions_read(settings.support_views), true, true};
+    is_read_here_.assign(members_.size(), group_ == nullptr);
+    for (const EstimationPass* pass : {&initial_pass_, &refinement_pass_}) {
       for (std::size_t i = 0; i < members_.size(); ++i) {
         if (!is_solved(i)) continue;
-        is_looked_at_[i] = true;
-        for (const std::size_t other : pass->reads[i]) is_looked_at_[other] = true;
+        is_read_here_[i] = true;
+        for (const std::size_t other : pass->reads[i]) is_read_here_[other] = true;
       }
     }
     for (std::size_t i = 0; i < members_.size(); ++i) {
-      if (!is_looked_at_[i]) pixels[i] = 0;
+      if (!is_read_here_[i]) pixels[i] = 0;
     }
-    memory_ = plan_estimation_memory({guess_, agreement_, refinement_}, pixels, camera_bytes(),
-                                     working_bytes);
+    memory_ = plan_estimation_memory({initial_pass_, fusion_pass_, refinement_pass_}, pixels,
+                                     camera_bytes(), working_bytes);
     const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
     depths_.working_bytes =
         memory_.held + std::min(memory_.in_flight, threads) * std::min(memory_.each, most_used());
@@ -82,13 +81,13 @@ class Solver {
   CameraDepths solve() {
     {
       BufferPool buffers;
-      for_each_camera(guess_, [&](int camera) { return first_guess(camera, buffers); });
+      for_each_camera(initial_pass_, [&](int camera) { return initial_depths(camera, buffers); });
     }
-    if (depths_.pixel > 0) {
-      exchange_maps(agreement_);
-      for_each_camera(agreement_, [&](int camera) { return agreed(camera); });
-      exchange_maps(refinement_);
-      for_each_camera(refinement_, [&](int camera) { return refined(camera); });
+    if (depths_.inverse_depth_per_pixel > 0) {
+      exchange_maps(fusion_pass_);
+      for_each_camera(fusion_pass_, [&](int camera) { return fused_depths(camera); });
+      exchange_maps(refinement_pass_);
+      for_each_camera(refinement_pass_, [&](int camera) { return refined_depths(camera); });
     }
     for (std::size_t i = 0; i < members_.size(); ++i) {
       if (!is_solved(i)) depths_.maps[static_cast<std::size_t>(members_[i])] = {};
@@ -112,7 +111,7 @@ class Solver {
     return depth_neighbours(depths_, instant_, camera, range(camera), count);
   }
 
-  /// Whether this host finds the depths of a member.
+  /// Returns whether this host estimates the depths of a member.
   bool is_solved(std::size_t member) const {
     return group_ == nullptr || instant_.is_local(members_[member]);
   }
@@ -121,8 +120,7 @@ class Solver {
     return instant_.rank_of_camera[static_cast<std::size_t>(members_[member])];
   }
 
-  /// Gives other hosts the maps that their cameras read in a pass, and takes those that this host's
-  /// read. All hosts know who reads what.
+  /// Sends the maps that other hosts read in a pass, and receives those that this host reads.
   void exchange_maps(const EstimationPass& pass) {
     if (group_ == nullptr || group_->size() == 1) return;
     const auto hosts = static_cast<std::size_t>(group_->size());
@@ -168,7 +166,6 @@ class Solver {
     }
   }
 
-  /// Neighbours of each member, as members.
   std::vector<std::vector<std::size_t>> positions_read(int count) const {
     std::vector<std::vector<std::size_t>> reads;
     for (const int camera : members_) {
@@ -185,15 +182,15 @@ class Solver {
     return {pinhole(camera).width, pinhole(camera).height,
             initial_sweep_planes(depths_, instant_, camera, settings_).count};
   }
-  /// Beside the cost volume: what is seen, the guide, the planes found and their costs.
-  static constexpr std::size_t kGuessBytes = 7;  // a pixel
+  /// Bytes per pixel in addition to the cost volume: seen, guide, planes found and their costs.
+  static constexpr std::size_t kSweepBytes = 7;
 
-  /// Of the camera that takes most.
+  /// Returns the memory of the camera that needs most.
   CameraMemory camera_bytes() const {
-    constexpr std::size_t kOpenBytes = 10;     // a pixel: a decoded frame and its luma, twice
+    constexpr std::size_t kOpenBytes = 10;     // per pixel: a decoded frame and its luma, twice
     constexpr std::size_t kRefineBytes = 44;   // costs, links, smoothed depths
-    constexpr std::size_t kMoreToFuse = 16;    // voted depths, shares, filled depths
-    constexpr std::size_t kPlenty = 200;       // so that most cost volumes fit whole
+    constexpr std::size_t kMoreToFuse = 16;    // voted depths, support, filled depths
+    constexpr std::size_t kPlenty = 200;       // most cost volumes fit in memory
     constexpr std::size_t kSmall = 1U << 17U;  // tables, weights of tiles, rows
     constexpr std::size_t kTile = 4 * kDepthTile * kDepthTile;
     CameraMemory most;
@@ -204,28 +201,28 @@ class Solver {
           hypotheses * (depth_tile_count(pinhole(camera)) + 2) * kTile + kMoreToFuse * pixels;
       const CostVolume volume = volume_of(camera);
       const std::size_t match = volume.planes > 1 ? semi_global_bytes(volume, 0) : 0;
-      most.least = std::max({most.least, kOpenBytes * pixels, kRefineBytes * pixels, fuse,
-                             kGuessBytes * pixels + match});
-      most.plenty = std::max(most.plenty, kPlenty * pixels);
+      most.minimum = std::max({most.minimum, kOpenBytes * pixels, kRefineBytes * pixels, fuse,
+                               kSweepBytes * pixels + match});
+      most.sufficient = std::max(most.sufficient, kPlenty * pixels);
     }
-    most.least += kSmall;
+    most.minimum += kSmall;
     return most;
   }
 
-  /// Of the camera that takes most, however much it gets.
+  /// Returns the memory of the camera that uses most if memory is unlimited.
   std::size_t most_used() const {
-    std::size_t most = camera_bytes().least;
+    std::size_t most = camera_bytes().minimum;
     for (const int camera : members_) {
       const CostVolume volume = volume_of(camera);
       if (volume.planes <= 1) continue;
       constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
       most = std::max(most,
-                      kGuessBytes * pixels_of(pinhole(camera)) + semi_global_bytes(volume, kAll));
+                      kSweepBytes * pixels_of(pinhole(camera)) + semi_global_bytes(volume, kAll));
     }
     return most;
   }
 
-  /// All maps anew, each from all of the present ones.
+  /// Replaces all maps by new ones, each computed from the current ones.
   template <class Make>
   void for_each_camera(const EstimationPass& pass, const Make& make) {
     const std::vector<std::size_t> last_readers = pass.last_readers();
@@ -245,10 +242,10 @@ class Solver {
     }
   }
 
-  /// Of the cameras that a group looks at, and no others unless all fit.
+  /// Loads the matching images that a group reads; drops others unless all fit.
   void hold_images(const EstimationPass& pass, std::size_t begin, std::size_t end) {
     std::vector<bool> is_needed(members_.size());
-    if (memory_.group >= members_.size()) is_needed = is_looked_at_;
+    if (memory_.group >= members_.size()) is_needed = is_read_here_;
     for (std::size_t i = begin; i < end && pass.images; ++i) {
       if (!is_solved(i)) continue;
       is_needed[i] = true;
@@ -284,7 +281,7 @@ class Solver {
     return found;
   }
 
-  InverseDepthMap first_guess(int camera, BufferPool& buffers) const {
+  InverseDepthMap initial_depths(int camera, BufferPool& buffers) const {
     const VirtualCamera& from = pinhole(camera);
     const InitialSweepPlanes planes = initial_sweep_planes(depths_, instant_, camera, settings_);
     InverseDepthMap guess{from.width, from.height, {}};
@@ -307,7 +304,7 @@ class Solver {
     matching.guide = guide;
     matching.guide_scale = depth_estimation::kGuideScale;
     matching.buffers = &buffers;
-    matching.working_bytes = memory_.each - std::min(memory_.each, kGuessBytes * pixels_of(from));
+    matching.working_bytes = memory_.each - std::min(memory_.each, kSweepBytes * pixels_of(from));
     std::vector<std::uint8_t> is_seen(pixels_of(from));
     const PlaneMap found = semi_global_match(
         volume,
@@ -333,9 +330,11 @@ class Solver {
     return guess;
   }
 
-  float tolerance() const { return static_cast<float>(settings_.tolerance_px * depths_.pixel); }
+  float tolerance() const {
+    return static_cast<float>(settings_.tolerance_px * depths_.inverse_depth_per_pixel);
+  }
 
-  InverseDepthMap agreed(int camera) const {
+  InverseDepthMap fused_depths(int camera) const {
     const VirtualCamera& view = pinhole(camera);
     std::vector<DepthHypotheses> hypotheses{
         {&map(camera), &view, uniform_weights(view, depth_estimation::kOwnHypothesisWeight)}};
@@ -349,8 +348,8 @@ class Solver {
     constexpr auto kFloor =
         static_cast<float>(std::numbers::sqrt2 / depth_estimation::kFilterSigmaSpatial);
     constexpr auto kPerCode = static_cast<float>(1 / depth_estimation::kFilterSigmaLuma);
-    const auto per_depth =
-        static_cast<float>(1 / (depth_estimation::kFilterSigmaDisparity * depths_.pixel));
+    const auto per_depth = static_cast<float>(
+        1 / (depth_estimation::kFilterSigmaDisparity * depths_.inverse_depth_per_pixel));
     EdgeWeights made;
     made.left.resize(depths.values.size());
     made.above.resize(depths.values.size());
@@ -373,13 +372,13 @@ class Solver {
     return made;
   }
 
-  InverseDepthMap refined(int camera) const {
+  InverseDepthMap refined_depths(int camera) const {
     const MatchingImage& picture = image(camera);
     const EdgeWeights linked = links(map(camera), picture);
     InverseDepthMap smooth = map(camera);
     domain_transform_filter(smooth.values, 1, smooth.width, smooth.height, linked);
     const std::vector<NeighbourView> with = neighbour_views(camera, settings_.support_views);
-    const double step = settings_.refine_px * depths_.pixel;
+    const double step = settings_.refine_px * depths_.inverse_depth_per_pixel;
     std::vector<float> costs(smooth.values.size() * kRefineOffsetStride);
     raystage::parallel_for(0, smooth.height, [&](int y) {
       const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(smooth.width);
@@ -387,7 +386,7 @@ class Solver {
       residuals.y = y;
       residuals.image = &picture;
       residuals.neighbour_views = with;
-      residuals.present = smooth.values.data() + row;
+      residuals.inverse_depth = smooth.values.data() + row;
       residuals.step = step;
       residuals.tolerance = tolerance();
       residuals.costs = costs.data() + row * kRefineOffsetStride;
@@ -395,7 +394,7 @@ class Solver {
     });
     domain_transform_filter(costs, kRefineOffsetStride, smooth.width, smooth.height, linked);
     for (std::size_t i = 0; i < smooth.values.size(); ++i) {
-      // Others may have seen what this one's frame does not show: that is for them to tell.
+      // Depths of pixels outside the camera's frame come from others; do not store them here.
       if (map(camera).values[i] < 0 || picture.words()[i] == 0) {
         smooth.values[i] = kUnknownDepth;
         continue;
@@ -406,7 +405,7 @@ class Solver {
     return smooth;
   }
 
-  /// Of the least cost, the middle first; between steps by the parabola through three.
+  /// Returns the offset of the lowest cost, in steps (of equals the middle), refined by a parabola.
   static float best_offset(const float* cost) {
     int best = kRefineOffsets / 2;
     for (int i = 0; i < kRefineOffsets; ++i) {
@@ -424,10 +423,10 @@ class Solver {
   const DepthEstimationSettings& settings_;
   const RankCommunicator* group_;
   CameraDepths depths_;
-  std::vector<bool> is_looked_at_;  // by member: its image is read by a camera that is solved here
+  std::vector<bool> is_read_here_;     // by member: a camera of this host reads its image
   std::vector<MatchingImage> images_;  // by camera of the rig
   std::vector<int> members_;
-  EstimationPass guess_, agreement_, refinement_;
+  EstimationPass initial_pass_, fusion_pass_, refinement_pass_;
   EstimationMemory memory_;
   std::atomic<std::int64_t> pixels_decoded_ = 0;
 };
@@ -435,14 +434,14 @@ class Solver {
 }  // namespace
 
 void CameraDepths::compute_block_nearest() {
-  nearest.resize(maps.size());
+  block_nearest.resize(maps.size());
   raystage::parallel_for(std::size_t{0}, maps.size(),
-                         [&](std::size_t i) { nearest[i] = block_nearest_depths(maps[i]); });
+                         [&](std::size_t i) { block_nearest[i] = block_nearest_depths(maps[i]); });
 }
 
 std::size_t CameraDepths::bytes() const {
   std::size_t sum = 0;
-  for (const auto& kept : {std::cref(maps), std::cref(nearest)}) {
+  for (const auto& kept : {std::cref(maps), std::cref(block_nearest)}) {
     for (const InverseDepthMap& map : kept.get()) sum += map.values.size() * sizeof(float);
   }
   return sum;

@@ -48,15 +48,14 @@ struct InitialSweepPlanes {
   double inverse_depth(double plane) const { return farthest + plane * step; }
 };
 
-/// The depth of every pixel of every camera that has a frame in a light field frame.
+/// Inverse depth maps of all cameras that have a frame in a light field frame.
 struct CameraDepths {
   std::vector<VirtualCamera> pinholes;  ///< by camera of the rig; see undistorted()
   std::vector<InverseDepthMap> maps;    ///< empty where there is no frame
   /// The inverse depth, 1/m, that moves a point by one pixel between neighbouring cameras (median
-  /// over the rig); 0 where no two cameras see the same from different places.
-  double pixel = 0;
-  std::vector<InverseDepthMap>
-      nearest;  ///< block_nearest_depths() of the maps; see compute_block_nearest()
+  /// over the rig); 0 if no two cameras see the same from different positions.
+  double inverse_depth_per_pixel = 0;
+  std::vector<InverseDepthMap> block_nearest;  ///< of the maps, by compute_block_nearest()
   /// Cost of the estimation: memory in addition to the maps, and pixels decoded. Both are 0 if the
   /// maps were read from a file.
   std::size_t working_bytes = 0;
@@ -88,15 +87,15 @@ CameraDepths estimate_local_depths(const LightFieldFrame& instant,
                                    const DepthEstimationSettings& settings,
                                    std::size_t working_bytes, const RankCommunicator& group);
 
-/// The reference of estimate_camera_depths(): pixel by pixel in double, on one thread, with all
-/// data in memory.
+/// The reference of estimate_camera_depths(): pixel by pixel in double, single-threaded.
 CameraDepths estimate_camera_depths_reference(const LightFieldFrame& instant,
                                               const DepthEstimationSettings& settings);
 
-/// Returns CameraDepths with pinholes and `pixel` but without maps, to complete stored maps.
+/// Returns CameraDepths without maps (pinholes and `inverse_depth_per_pixel`), for stored maps.
 CameraDepths camera_depths_without_maps(const LightFieldFrame& instant,
                                         const DepthEstimationSettings& settings);
 
+/// Returns the planes of the camera's initial plane sweep; see InitialSweepPlanes.
 InitialSweepPlanes initial_sweep_planes(const CameraDepths& depths, const LightFieldFrame& instant,
                                         int camera, const DepthEstimationSettings& settings);
 

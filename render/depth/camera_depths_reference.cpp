@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// What camera_depths.cpp, its images, fusion and kernels do, written down plainly.
+// Reference of estimate_camera_depths() (camera_depths.cpp, matching_image.cpp, fusion.cpp and the
+// estimation kernels): matching, fusion and refinement pixel by pixel in double, on one thread,
+// with all data in memory. Output: inverse depth maps in 1/m. Cost per camera: O(pixels x planes x
+// neighbours) as the kernels, without vectors.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -7,15 +10,14 @@
 #include <optional>
 
 #include "base/transfer_function.h"
+#include "matching/matching.h"
 #include "render/depth/camera_depths.h"
 #include "render/depth/estimation_kernels.h"
 #include "render/depth/fusion.h"
-#include "render/matching/matching.h"
 
 namespace raystage {
 namespace {
 
-/// Values of an image's pixels.
 struct Plane {
   int width = 0, height = 0;
   std::vector<double> values;
@@ -30,13 +32,12 @@ struct Plane {
   }
   double& at(int x, int y) { return values[index(x, y)]; }
   double at(int x, int y) const { return values[index(x, y)]; }
-  /// Of the nearest pixel.
   double near(int x, int y) const {
     return at(std::clamp(x, 0, width - 1), std::clamp(y, 0, height - 1));
   }
 };
 
-/// Bilinear between pixel centres, with the border's pixels beyond them.
+/// Returns the bilinear value; border pixels are repeated outwards.
 double bilinear(const Plane& plane, double u, double v) {
   const double x = std::clamp(u - 0.5, 0.0, plane.width - 1.0);
   const double y = std::clamp(v - 0.5, 0.0, plane.height - 1.0);
@@ -48,7 +49,7 @@ double bilinear(const Plane& plane, double u, double v) {
 
 /// See MatchingImage.
 struct Picture {
-  Plane luma;  ///< -1 where the frame shows nothing
+  Plane luma;  ///< -1 if the frame does not show the pixel
 
   bool shows(double u, double v) const {
     const int x = static_cast<int>(std::clamp(u - 0.5, 0.0, luma.width - 1.0));
@@ -87,7 +88,6 @@ Picture picture_of(const DecodedFrame& frame, BlendSpace space, const CameraMode
   return {straight};
 }
 
-/// Where another camera sees a point; nullopt where it lies behind it or beside its image.
 struct Place {
   double u = 0, v = 0, inverse_depth = 0;
 };
@@ -124,7 +124,7 @@ class Reference {
 
   CameraDepths solve() {
     for_each_camera([&](int camera) { return first_guess(camera); });
-    if (depths_.pixel > 0) {
+    if (depths_.inverse_depth_per_pixel > 0) {
       for_each_camera([&](int camera) { return agreed(camera); });
       for_each_camera([&](int camera) { return refined(camera); });
     }
@@ -194,7 +194,7 @@ class Reference {
     return guess;
   }
 
-  /// See match_row(); nullopt where no neighbour sees the point.
+  /// Returns the cost of match_row(), or nullopt if no neighbour sees the point.
   std::optional<double> guess_cost(int camera, int x, int y, double depth) const {
     constexpr double kTruncation = 40;  // codes of 255
     const Picture& own = picture(camera);
@@ -220,9 +220,10 @@ class Reference {
     for (const int other : neighbours(camera, settings_.neighbours)) {
       hypotheses.push_back({&map(other), &pinhole(other), uniform_weights(view, 1)});
     }
-    return fuse_hypotheses_reference(view, hypotheses,
-                                     {static_cast<float>(settings_.tolerance_px * depths_.pixel),
-                                      depth_estimation::kMinSupport});
+    return fuse_hypotheses_reference(
+        view, hypotheses,
+        {static_cast<float>(settings_.tolerance_px * depths_.inverse_depth_per_pixel),
+         depth_estimation::kMinSupport});
   }
 
   float link(int camera, int x, int y, int other_x, int other_y) const {
@@ -232,10 +233,10 @@ class Reference {
     const double codes = std::abs(own.luma.at(x, y) - own.luma.at(other_x, other_y));
     const double apart = std::abs(static_cast<double>(map(camera).at(x, y)) -
                                   static_cast<double>(map(camera).at(other_x, other_y)));
-    return static_cast<float>(
-        std::exp(-(std::numbers::sqrt2 / depth_estimation::kFilterSigmaSpatial +
-                   codes / depth_estimation::kFilterSigmaLuma +
-                   apart / depths_.pixel / depth_estimation::kFilterSigmaDisparity)));
+    return static_cast<float>(std::exp(
+        -(std::numbers::sqrt2 / depth_estimation::kFilterSigmaSpatial +
+          codes / depth_estimation::kFilterSigmaLuma +
+          apart / depths_.inverse_depth_per_pixel / depth_estimation::kFilterSigmaDisparity)));
   }
 
   InverseDepthMap refined(int camera) const {
@@ -270,9 +271,8 @@ class Reference {
     return result;
   }
 
-  double step() const { return settings_.refine_px * depths_.pixel; }
+  double step() const { return settings_.refine_px * depths_.inverse_depth_per_pixel; }
 
-  /// See refine_row().
   std::array<double, kRefineOffsets> refine_costs(int camera, int x, int y, double present) const {
     constexpr double kTruncation = 15;  // codes of 255
     const VirtualCamera& from = pinhole(camera);
@@ -284,7 +284,8 @@ class Reference {
       if (!at) continue;
       const double its = map(other).at(std::min(static_cast<int>(at->u), map(other).width - 1),
                                        std::min(static_cast<int>(at->v), map(other).height - 1));
-      if (its > at->inverse_depth + settings_.tolerance_px * depths_.pixel) continue;
+      if (its > at->inverse_depth + settings_.tolerance_px * depths_.inverse_depth_per_pixel)
+        continue;
       std::vector<double> tried;
       for (int i = -kRefineOffsets / 2; i <= kRefineOffsets / 2; ++i) {
         const auto moved = place_of(pinhole(other), from, x, y, present + i * step());
@@ -300,7 +301,7 @@ class Reference {
     return costs;
   }
 
-  /// Of the least cost, the middle first; between steps by the parabola through three. In steps.
+  /// Returns the offset of the lowest cost, in steps (of equals the middle), refined by a parabola.
   static double best_offset(std::span<const float> costs) {
     std::size_t best = kRefineOffsets / 2;
     for (std::size_t i = 0; i < kRefineOffsets; ++i) {

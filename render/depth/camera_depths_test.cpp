@@ -33,14 +33,12 @@ std::array<double, 3> scene(const Vector3d& from, const Vector3d& direction) {
   return {(coarse[0] + fine[1]) / 2, (coarse[1] + fine[2]) / 2, (coarse[2] + fine[0]) / 2};
 }
 
-/// A take of two walls, and its first instant.
 class CameraDepthsTest : public ::testing::Test {
  protected:
   void record(int rows, int columns, int width, int height, const Distortion& distortion) {
     SyntheticTake settings;
     settings.cameras = testing::camera_grid(rows, columns, 0.1, width, height, distortion);
-    // Not quite in rows: no sample of another camera falls on a row of pixels, from where rounding
-    // would decide which pixels it is of.
+    // Not exactly in rows, so that no sample falls on the border of two rows of pixels.
     for (std::size_t i = 0; i < settings.cameras.size(); ++i) {
       auto& pose = settings.cameras[i].world_from_camera;
       pose[3] += 0.0041 * (static_cast<double>(i * 7 % 5) - 2);
@@ -81,9 +79,10 @@ TEST_F(CameraDepthsTest, AgreesWithTheReferenceOnEveryInstructionSet) {
         const float expected = slow.maps[camera].values[i], found = fast.maps[camera].values[i];
         ++all;
         known += expected >= 0 ? 1 : 0;
-        // A hundredth of a pixel of disparity; further off where rounding decides a choice.
+        // A hundredth of a pixel of disparity, except where rounding decides a choice.
         const bool is_other = (found < 0) != (expected < 0);
-        differ += is_other || std::abs(found - expected) > 0.01 * slow.pixel ? 1 : 0;
+        differ +=
+            is_other || std::abs(found - expected) > 0.01 * slow.inverse_depth_per_pixel ? 1 : 0;
       }
     }
     EXPECT_GT(known, all / 2);
@@ -116,7 +115,8 @@ TEST_F(CameraDepthsTest, WhatAFrameDoesNotShowIsNoEvidence) {
         const Vector3d ray = ray_from_pixel * Vector3d(x + 0.5, y + 0.5, 1);
         const double truth = 1 / depth_along(pinhole.pose.position, ray);
         ++at_border;
-        wrong += std::abs(static_cast<double>(found) - truth) > depths.pixel ? 1 : 0;
+        wrong +=
+            std::abs(static_cast<double>(found) - truth) > depths.inverse_depth_per_pixel ? 1 : 0;
       }
     }
   }

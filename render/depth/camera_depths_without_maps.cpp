@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who is matched with whom, and between which depths.
+// Selects the cameras that each camera is matched with (the nearest that share its view) and the
+// planes of its initial sweep, spaced by at most plane_px of disparity to the nearest neighbour.
+// Also computes the inverse depth per pixel of disparity, the median over the rig. Distances in
+// metres, inverse depths in 1/m. Cost: O(cameras^2).
 #include <algorithm>
 #include <cmath>
 
@@ -8,13 +11,13 @@
 namespace raystage {
 namespace {
 
-/// Pixels that a point moves by from one camera to another, per 1/m.
+/// Returns the pixels that a point moves between two cameras per 1/m of inverse depth.
 double disparity(const VirtualCamera& to, const VirtualCamera& from) {
   const PixelTransfer transfer = pixel_transfer(to, from);
   return std::hypot(transfer.parallax[0], transfer.parallax[1]);
 }
 
-/// Whether `other` sees some of what `camera` does in the middle of the scene.
+/// Returns whether `other` sees one of 9 points of `camera`'s view at the middle of the scene.
 bool share_a_view(const VirtualCamera& camera, const VirtualCamera& other,
                   const InverseDepthRange& range) {
   const PixelTransfer transfer = pixel_transfer(other, camera);
@@ -87,7 +90,7 @@ CameraDepths camera_depths_without_maps(const LightFieldFrame& instant,
   if (moves.empty()) return depths;
   const auto middle = moves.begin() + static_cast<std::ptrdiff_t>(moves.size() / 2);
   std::nth_element(moves.begin(), middle, moves.end());
-  depths.pixel = 1 / *middle;
+  depths.inverse_depth_per_pixel = 1 / *middle;
   return depths;
 }
 

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Renders a view of the method "depth" from its plan (depth_view_plan.cpp): determines the source
+// pixels, decodes them, and per pixel blends the samples of the selected cameras by weight,
+// visibility and agreement (blend_kernels.cpp). Input: the inverse depth (1/m) of each pixel of the
+// view. Output: premultiplied linear RGBA, coverage and planar depth z in metres. Cost: O(pixels x
+// cameras of a tile). Reference: depth_reference.cpp.
 #include "render/depth/depth.h"
 
 #include <algorithm>
@@ -23,7 +28,6 @@ double milliseconds(Clock::duration duration) {
   return std::chrono::duration<double, std::milli>(duration).count();
 }
 
-/// One view's rendering, when its depths are known: find source pixels, decode, blend.
 class Frame {
  public:
   Frame(const ViewRequest& request, const DepthViewPlan& plan)
@@ -49,7 +53,7 @@ class Frame {
  private:
   using Source = ViewSources::Source;
 
-  /// Tile by tile, not row by row: what a row reads of a camera is at hand for the next.
+  /// Tile by tile, not row by row: adjacent rows read the same source pixels from the cache.
   void blend(RenderedView& image) {
     constexpr int kTiles = 4;
     const BlendingField& field = plan_.field;
@@ -66,7 +70,7 @@ class Frame {
                            });
   }
 
-  /// Samples, weights and visibility of one camera after the other; grows, then stays.
+  /// Samples, weights and visibility of all cameras of a run; reused from run to run.
   struct Scratch {
     std::vector<std::array<float, 4 * kMaxRunPixels>> samples;
     std::vector<std::array<float, kMaxRunPixels>> weights, visible;

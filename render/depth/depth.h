@@ -15,11 +15,11 @@
 
 namespace raystage {
 
-/// Method "depth" (design, Reconstruction): estimates the depth of every pixel of every camera once
-/// per instant and stores it. A view's depths are fused from those of its nearest cameras. A pixel
-/// is the weighted mean of the cameras to which the point is visible; outliers have less weight. A
-/// = min(1, w / kFullAlphaWeight), w = the sum of the weights of the selected cameras that see the
-/// pixel's point. Coverage is A less the weights of cameras that would be selected but have no
+/// Returns the method "depth" (design, Reconstruction). It estimates the depth of every pixel of
+/// every camera once per instant and stores it. It fuses a view's depths from those of its nearest
+/// cameras. A pixel is the weighted mean of the cameras that see the point; outliers have less
+/// weight. A = min(1, w / kFullAlphaWeight), w = the sum of the weights of the selected cameras
+/// that see the point. Coverage is A less the weights of cameras that would be selected but have no
 /// frame at this instant. z: planar depth of the point. Throws Error (bad input) if neither the
 /// take nor the options give the depth range of the scene.
 const Method& depth_method();
@@ -35,34 +35,34 @@ namespace depth {
 struct DepthViewSettings {
   DepthEstimationSettings estimation;
   int cameras = 16;
-  double agreement = 10;  ///< codes of 255
-  Interpolation look_up = Interpolation::kCubic;
-  bool keep = true;       ///< store depths in the take's folder
-  bool temporal = false;  ///< average depths with those of adjacent_frames
+  double agreement = 10;  ///< colour difference of half weight, codes of 255
+  Interpolation look_up = Interpolation::kCubic;  ///< of source frames
+  bool keep = true;                               ///< store depths in the take's folder
+  bool temporal = false;                          ///< average depths with those of adjacent_frames
 };
 
 /// The inputs of rendering a view, for render() and render_reference().
 struct DepthViewPlan {
   DepthViewSettings settings;
-  VirtualCamera pinhole;    ///< the view, without its lens distortion
-  InverseDepthRange range;  ///< of what it sees
-  BlendingField field;
-  std::optional<BlendingField> complete;  ///< as if no camera were absent; only where one is
+  VirtualCamera pinhole;                  ///< the view, without its lens distortion
+  InverseDepthRange range;                ///< of what it sees
+  BlendingField field;                    ///< of the cameras that have a frame
+  std::optional<BlendingField> complete;  ///< as if no camera were absent; set only if one is
   std::shared_ptr<const CameraDepths> depths;
   InverseDepthMap view_depths;     ///< of the pinhole's pixels; all known
   std::vector<std::string> notes;  ///< see RenderedView::notes
-  DepthEstimationStatistics work;  ///< that it took: see RenderStatistics
+  DepthEstimationStatistics work;  ///< cost of the plan; see RenderStatistics
 };
 /// Returns the plan, or nullopt if the view sees nothing of the scene.
 std::optional<DepthViewPlan> plan(const ViewRequest& request);
 
-// The parts of a plan, for hosts that make it together.
+// The steps of plan(), for hosts that make a plan together.
 
 /// Returns the plan without the depths of the cameras and of the view.
 std::optional<DepthViewPlan> plan_without_depths(const ViewRequest& request);
 /// The inputs of fuse_hypotheses() for a view.
 struct FusionInputs {
-  std::vector<DepthHypotheses> hypotheses;  ///< without a map where the plan has none of the camera
+  std::vector<DepthHypotheses> hypotheses;  ///< map: empty if the plan has none of the camera
   std::vector<int> cameras;                 ///< rig index of each hypothesis, increasing
   FusionSettings settings;
 };
@@ -77,17 +77,16 @@ std::vector<std::string> depth_notes(const CameraDepths& depths, const LightFiel
                                      const DepthEstimationSettings& settings);
 
 /// Returns the depths of an instant's cameras with the default options and the depth range `scene`.
-/// Stores them in the result cache `kept` and, if `keep`, in the take. Adds the cost of an
-/// estimation to `work`.
+/// Caches them in `kept` and, if `keep`, stores them in the take. Adds the cost to `work`.
 std::shared_ptr<const CameraDepths> depths_with_default_options(const LightFieldFrame& instant,
                                                                 ResultCache& kept,
                                                                 std::size_t working_bytes,
                                                                 bool keep, const DepthRange& scene,
                                                                 DepthEstimationStatistics& work);
 
-/// Where any ray meets what the method finds with these `options` of its own, kept and taken from
-/// where its views' depths are (see depth_surface); `instant`'s rig must live on. Throws Error (bad
-/// input) as the method does.
+/// Returns the surface on which rays meet the depths that the method finds with `options`; see
+/// depth_surface(). Uses and fills the same stores as a view of the method. The rig of `instant`
+/// must outlive it. Throws Error (bad input) as the method does.
 RaySurface depth_method_surface(const MethodOptions& options, const LightFieldFrame& instant,
                                 ResultCache& kept, std::size_t working_bytes, bool use_take_folder);
 
@@ -98,15 +97,16 @@ float absent_camera_weight(const DepthViewPlan& plan, const LightFieldFrame& ins
 /// than a point that counts as visible.
 float visibility_tolerance(const DepthViewPlan& plan);
 
-/// How far a camera sees a point by its own depths, 0 to 1, in double: see VisibilityRun. The point
-/// lies along `towards` from the camera's centre (in the world; times `inverse_depth`, its inverse
-/// planar depth in the view, 1/m).
+/// Returns how far a camera sees a point by its own depths, 0 to 1, in double; see VisibilityRun.
+/// The point has the inverse planar depth `inverse_depth` (1/m) in the view and lies along
+/// `towards` from the camera's centre (world, vector to the point times `inverse_depth`).
 double point_visibility(const DepthViewPlan& plan, int camera, const Eigen::Vector3d& towards,
                         double inverse_depth);
 
 /// Fills RenderedView::cameras and nearest_ray.
 void measure_coverage(const ViewRequest& request, const DepthViewPlan& plan, RenderedView& image);
 
+/// Return the view, by the kernels and by the per-pixel reference in double.
 RenderedView render(const ViewRequest& request);
 RenderedView render_reference(const ViewRequest& request);
 

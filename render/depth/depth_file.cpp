@@ -24,7 +24,7 @@ constexpr std::size_t kMapHeaderBytes = 12;
 constexpr int kLevel = 3;
 constexpr float kMaxDepthSteps = 65534;
 
-/// The least power of two of which no depth is more than kMaxDepthSteps: exact in floats.
+/// Returns the smallest power of two of which no depth exceeds kMaxDepthSteps; exact in float.
 float step_of(const InverseDepthMap& map) {
   const float greatest = map.values.empty() ? 0.0F : *std::ranges::max_element(map.values);
   if (!(greatest > 0)) return 1;
@@ -32,7 +32,7 @@ float step_of(const InverseDepthMap& map) {
   const float part = std::frexp(greatest / kMaxDepthSteps, &exponent);
   return std::ldexp(1.0F, part == 0.5F ? exponent - 1 : exponent);
 }
-/// 0: unknown; else 1 + the depth in steps.
+/// Returns 0 if unknown, else 1 + the depth in steps.
 std::uint16_t code_of(float depth, float step) {
   if (depth < 0) return 0;
   return static_cast<std::uint16_t>(1 + std::lround(std::min(depth / step, kMaxDepthSteps)));
@@ -41,7 +41,7 @@ float depth_of(std::uint16_t code, float step) {
   return code == 0 ? kUnknownDepth : static_cast<float>(code - 1) * step;
 }
 
-/// Whether it is one that step_of() may have chosen.
+/// Returns whether step_of() can return this value.
 bool is_step(float step) {
   int exponent = 0;
   return std::frexp(step, &exponent) == 0.5F && std::isfinite(step * kMaxDepthSteps);
@@ -49,7 +49,6 @@ bool is_step(float step) {
 
 std::size_t bytes_of(const InverseDepthMap& map) { return kMapHeaderBytes + 2 * map.values.size(); }
 
-/// A zstd frame, handed on block by block.
 class Compressor {
  public:
   Compressor(std::size_t bytes, const WriteBytes& write)
@@ -72,7 +71,7 @@ class Compressor {
     for (bool done = false; !done;) {
       ZSTD_outBuffer output{block_.data(), block_.size(), 0};
       const std::size_t left = ZSTD_compressStream2(context_.get(), &output, &input, until);
-      if (ZSTD_isError(left)) throw std::bad_alloc();  // the only way
+      if (ZSTD_isError(left)) throw std::bad_alloc();  // the only possible error
       if (output.pos > 0) write_(std::span(block_).first(output.pos));
       done = until == ZSTD_e_end ? left == 0 : input.pos == input.size;
     }
@@ -83,7 +82,6 @@ class Compressor {
   std::vector<std::byte> block_;
 };
 
-/// What is in a zstd frame, as many bytes at a time as are asked for.
 class Decompressor {
  public:
   explicit Decompressor(std::span<const std::byte> file)
@@ -91,7 +89,7 @@ class Decompressor {
     if (!context_) throw std::bad_alloc();
     ZSTD_DCtx_setParameter(context_.get(), ZSTD_d_windowLogMax, kMostWindowLog);
   }
-  /// False where the frame is damaged or holds less.
+  /// Returns false if the frame is damaged or holds fewer bytes.
   bool take(std::span<std::byte> bytes) {
     ZSTD_outBuffer output{bytes.data(), bytes.size(), 0};
     while (output.pos < output.size) {
@@ -99,7 +97,7 @@ class Decompressor {
     }
     return true;
   }
-  /// Whether the frame ends here, with the right checksum, and the file with it.
+  /// Returns whether the frame ends here with a correct checksum, and the file with it.
   bool ends() {
     std::byte more{};
     ZSTD_outBuffer output{&more, 1, 0};
@@ -112,7 +110,7 @@ class Decompressor {
   struct Deleter {
     void operator()(ZSTD_DCtx* context) const { ZSTD_freeDCtx(context); }
   };
-  static constexpr int kMostWindowLog = 21;  // what kLevel writes
+  static constexpr int kMostWindowLog = 21;  // of kLevel
 
   bool step(ZSTD_outBuffer& output) {
     if (is_over_) return false;
@@ -127,7 +125,6 @@ class Decompressor {
   bool is_over_ = false;
 };
 
-/// What a file holds of a map, header included.
 std::vector<std::byte> payload_of(const InverseDepthMap& map) {
   std::vector<std::byte> payload(bytes_of(map));
   const float step = step_of(map);
@@ -172,9 +169,10 @@ std::vector<InverseDepthMap> decode_depth_maps(std::span<const std::byte> file,
                                                std::span<const VirtualCamera> expected,
                                                std::string_view name) {
   const auto refuse = [&](const std::string& what) {
-    return Error::bad_input(what, std::string(name), "Delete the file: depths are found anew");
+    return Error::bad_input(what, std::string(name),
+                            "Delete the file: the depths will be estimated again");
   };
-  const auto damaged = [&] { return refuse("the depths are damaged"); };
+  const auto damaged = [&] { return refuse("the depth file is damaged"); };
   Decompressor frame(file);
   std::array<std::byte, kHeaderBytes> header{};
   if (!frame.take(header) || !std::ranges::equal(std::span(header).first<kMagic.size()>(),
@@ -182,11 +180,11 @@ std::vector<InverseDepthMap> decode_depth_maps(std::span<const std::byte> file,
     throw damaged();
   }
   if (load_little_endian<std::uint32_t>(header, kVersionAt) != kVersion) {
-    throw refuse("the depths have another format version than this program's");
+    throw refuse("the depth file has a format version that this program does not read");
   }
   if (load_little_endian<std::uint64_t>(header, kFingerprintAt) != fingerprint ||
       load_little_endian<std::uint32_t>(header, kMapsAt) != expected.size()) {
-    throw refuse("the depths are of other frames, another rig or other settings");
+    throw refuse("the depth file belongs to other frames, another rig or other settings");
   }
   std::vector<InverseDepthMap> maps;
   std::vector<std::byte> codes;

@@ -12,21 +12,22 @@
 
 namespace raystage {
 
-/// Depths as a file keeps them: multiples of a power of two, 65534 at most. Solved depths are
-/// brought to these, so that a view does not depend on whether they were found or read.
+/// Rounds depths to the values that a file stores: multiples of a power of two, at most 65534 of
+/// them. Estimated depths are rounded too, so that a view is the same if they are read.
 void quantise_depths(InverseDepthMap& map);
 
-/// Takes a file's bytes, block by block.
+/// Receives the bytes of a file, block by block.
 using WriteBytes = std::function<void(std::span<const std::byte> block)>;
 
-/// Writes the file; layout in docs/formats/depth.md. Maps as quantise_depths() leaves them are kept
-/// to the bit. Memory: as for one map, and some megabytes for zstd.
+/// Encodes maps as a file (docs/formats/depth.md) and gives its bytes to `write`. Lossless for maps
+/// that quantise_depths() rounded. Memory: that of one map, and some megabytes for zstd.
 void encode_depth_maps(std::span<const InverseDepthMap> maps, std::uint64_t fingerprint,
                        const WriteBytes& write);
 
-/// Reads any bytes; no more memory is taken than maps of the sizes of `expected` (whose values are
-/// not looked at) need, and some megabytes for zstd. Throws Error (bad input): damaged, of another
-/// version, with another fingerprint, of maps of other sizes.
+/// Returns the maps of a file, which may hold any bytes. The memory is limited to maps of the sizes
+/// of `expected` (whose poses are not read), and some megabytes for zstd. `name`: the file, for
+/// messages. Throws Error (bad input) if the file is damaged, of another version, or its
+/// fingerprint or map sizes differ.
 std::vector<InverseDepthMap> decode_depth_maps(std::span<const std::byte> file,
                                                std::uint64_t fingerprint,
                                                std::span<const VirtualCamera> expected,

@@ -62,7 +62,7 @@ TEST(DepthFile, KeepsQuantisedDepthsToTheBit) {
   const auto read = decode_depth_maps(file, 42, cameras(), "test");
   ASSERT_EQ(read.size(), maps.size());
   for (std::size_t m = 0; m < maps.size(); ++m) EXPECT_EQ(read[m].values, maps[m].values);
-  // Twice quantised is once quantised, whatever the greatest: powers of two among them.
+  // Quantisation is idempotent for any largest depth, powers of two included.
   for (const float greatest : {1.0F, 65534.0F / 131072, 0.3F, 1e-9F, 4e6F}) {
     InverseDepthMap map{3, 1, {greatest, greatest / 3, 0}};
     quantise_depths(map);
@@ -120,7 +120,7 @@ TEST(DepthFile, RefusesStepsThatNoProgramWrites) {
     return false;
   };
   for (const float step : {0x1p-20F, 1.0F, 0x1p112F}) EXPECT_FALSE(is_refused(step)) << step;
-  // Not a power of two; beyond floats when multiplied by a code; neither.
+  // Not a power of two; infinite when multiplied by a code; valid.
   for (const float step :
        {0.75F, 3e38F, 0x1p113F, 0x1p127F, 0.0F, -0.5F, std::numeric_limits<float>::infinity(),
         std::numeric_limits<float>::quiet_NaN()}) {

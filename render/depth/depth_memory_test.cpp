@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A program of its own: it counts what every allocation takes.
+// A separate program: it counts the bytes of all allocations.
 #include <gtest/gtest.h>
 #include <malloc.h>
 
@@ -104,7 +104,7 @@ TEST(DepthMemory, SolvingKeepsWithinItsBound) {
     EXPECT_GT(beside, most / 2) << "more memory would have been of use";
     most = std::max(most, beside);
     EXPECT_EQ(depths.maps[7].values, warm.maps[7].values);
-    // Kept, they are read in less.
+    // Reading stored depths takes less memory.
     peak = held.load();
     const std::ptrdiff_t before_reading = held;
     const CameraDepths read = load_or_estimate_camera_depths(instant, settings, bound, true, note);
@@ -136,7 +136,7 @@ TEST(DepthMemory, AViewTakesWhatItSaysItTakes) {
     const RenderedView image = renderer.render(view, frames, by_depth);
     const auto said = static_cast<std::ptrdiff_t>(image.statistics.working_bytes);
     EXPECT_LE(said, static_cast<std::ptrdiff_t>(share));
-    // The fusion is done before the view is there: the larger of both, but not much more.
+    // The fusion ends before the view is allocated: the peak is the larger of both.
     const auto of_view = static_cast<std::ptrdiff_t>(view_buffer_bytes(view));
     const std::ptrdiff_t taken_at_most = peak - before;
     EXPECT_LE(taken_at_most, std::max(said, of_view) * 5 / 4 + 1'000'000);

@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// The same, ray by ray in double; views with lens distortion too.
+// Reference of the blending of method "depth", ray by ray in double: per pixel the samples of the
+// tile's cameras at the view's depth, weighted by weight, visibility (point_visibility()) and two
+// rounds of Cauchy reweighting; see BlendRun. Also renders views with lens distortion. Output as
+// depth.cpp. Cost: O(pixels x cameras of a tile), all frames decoded.
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
-#include <limits>
-#include <map>
 
-#include "base/parallel.h"
-#include "base/transfer_function.h"
 #include "render/depth/blend_kernels.h"
 #include "render/depth/depth.h"
 #include "render/sampling/field_coverage.h"
+#include "render/sampling/reference_renderer.h"
 
 namespace raystage::depth {
 namespace {
@@ -22,12 +21,10 @@ struct Sample {
 };
 
 struct Agreed {
-  std::array<double, 3> code{};  ///< full scale 1
-  double visible = 0,
-         matte = 0;  ///< shares that see the point, and of them what is not transparent
+  std::array<double, 3> code{};   ///< full scale 1
+  double visible = 0, matte = 0;  ///< weights that see the point; those times matte alpha
 };
 
-/// See BlendRun.
 Agreed agreed(const std::vector<Sample>& samples, double agreement) {
   Agreed result;
   const auto mean = [&](const auto& trust) {
@@ -63,14 +60,11 @@ Agreed agreed(const std::vector<Sample>& samples, double agreement) {
 class Reference {
  public:
   Reference(const ViewRequest& request, const DepthViewPlan& plan)
-      : request_(request), plan_(plan), frames_(request.instant.rig->cameras.size()) {}
+      : request_(request), plan_(plan), renderer_(request) {}
 
   RenderedView render() {
-    RenderedView image = empty_view(request_.view);
-    fetch(image.statistics);
-    raystage::parallel_for(0, request_.view.height, [&](int y) {
-      for (int x = 0; x < request_.view.width; ++x) render_pixel(x, y, image);
-    });
+    RenderedView image = renderer_.render(
+        [&](const ReferenceRay& ray, ReferencePixel& pixel) { reconstruct(ray, pixel); });
     image.notes = plan_.notes;
     image.statistics.pixels_decoded += plan_.work.pixels_decoded;
     if (request_.measure_coverage) measure_coverage(request_, plan_, image);
@@ -78,16 +72,7 @@ class Reference {
   }
 
  private:
-  void fetch(RenderStatistics& statistics) {
-    for (std::size_t i = 0; i < frames_.size(); ++i) {
-      if (!request_.instant.is_present(static_cast<int>(i))) continue;
-      frames_[i] = request_.instant.cache->fetch(
-          static_cast<int>(i), request_.instant.frame_of_camera[i], {}, statistics.pixels_decoded);
-      ++statistics.cameras_used;
-    }
-  }
-
-  /// Of the nearest pixel of the view without distortion.
+  /// Returns the inverse depth of the nearest pixel of the view without distortion, 1/m.
   double inverse_depth(const Eigen::Vector3d& ray) const {
     const Eigen::Vector3d in_camera =
         plan_.pinhole.pose.world_from_camera_rotation.transpose() * ray;
@@ -99,23 +84,21 @@ class Reference {
                   static_cast<int>(std::clamp(v, 0.0, map.height - 1.0)));
   }
 
-  void render_pixel(int x, int y, RenderedView& image) const {
-    const auto ray = ViewRays(request_.view).through(x + 0.5, y + 0.5);
-    if (!ray) return;
+  void reconstruct(const ReferenceRay& ray, ReferencePixel& pixel) {
     const Eigen::Vector3d& eye = request_.view.pose.position;
-    const double depth = inverse_depth(*ray);
+    const double depth = inverse_depth(ray.direction);
     const BlendingField::Tile& tile =
-        plan_.field.tile(x / BlendingField::kTile, y / BlendingField::kTile);
+        plan_.field.tile(ray.x / BlendingField::kTile, ray.y / BlendingField::kTile);
     std::vector<Sample> samples;
     for (const BlendingField::TileCamera& chosen : tile.cameras) {
       const auto i = static_cast<std::size_t>(chosen.camera);
       const Rig::Camera& camera = request_.instant.rig->cameras[i];
       Sample sample;
-      sample.at =
-          sample_at_depth_reference(eye, *ray, depth, camera, *frames_[i], plan_.settings.look_up);
-      sample.share = BlendingField::share(tile, chosen, x, y);
-      sample.visible = point_visibility(plan_, chosen.camera,
-                                        *ray + depth * (eye - camera.pose.position), depth);
+      sample.at = sample_at_depth_reference(eye, ray.direction, depth, camera,
+                                            renderer_.frames().frame(i), plan_.settings.look_up);
+      sample.share = BlendingField::share(tile, chosen, ray.x, ray.y);
+      sample.visible = point_visibility(
+          plan_, chosen.camera, ray.direction + depth * (eye - camera.pose.position), depth);
       samples.push_back(sample);
     }
     const Agreed result = agreed(samples, plan_.settings.agreement / 255);
@@ -123,25 +106,17 @@ class Reference {
     const double alpha =
         opacity > 0 ? opacity * std::clamp(result.matte / result.visible, 0.0, 1.0) : 0;
     if (!(alpha > 0)) return;
-    const FrameCache& cache = *request_.instant.cache;
-    const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
-                           static_cast<std::size_t>(x);
-    for (std::size_t c = 0; c < 3; ++c) {
-      const double code = std::clamp(result.code[c], 0.0, 1.0);
-      const double linear =
-          cache.blend_space() == BlendSpace::kPerceptual ? linear_from_srgb(code) : code;
-      image.rgba[at * 4 + c] = static_cast<float>(alpha * linear * cache.full_scale());
-    }
-    image.rgba[at * 4 + 3] = static_cast<float>(alpha);
-    image.coverage[at] =
-        static_cast<float>(alpha * (1 - absent_camera_weight(plan_, request_.instant, x, y)));
-    image.z[at] =
-        depth > 0 ? static_cast<float>(1 / depth) : std::numeric_limits<float>::infinity();
+    std::array<double, 3> code = result.code;
+    for (double& value : code) value = std::clamp(value, 0.0, 1.0);
+    pixel.rgba = premultiplied_light(code, alpha, *request_.instant.cache);
+    pixel.coverage = static_cast<float>(
+        alpha * (1 - absent_camera_weight(plan_, request_.instant, ray.x, ray.y)));
+    if (depth > 0) pixel.z = static_cast<float>(1 / depth);
   }
 
   const ViewRequest& request_;
   const DepthViewPlan& plan_;
-  std::vector<std::shared_ptr<const DecodedFrame>> frames_;
+  ReferenceRenderer renderer_;
 };
 
 }  // namespace

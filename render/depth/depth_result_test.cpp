@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What depth finds: what that takes, where it is kept, and who else uses it.
+// Results of method depth: their cost, where they are stored, and their reuse.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -26,7 +26,7 @@ TEST_F(DepthFound, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
     RendererSettings settings;
     if (threads == 5) settings.working_bytes = 2'000'000;  // camera by camera
-    images.push_back(render(take, default_view(), {{"keep", false}}, settings));
+    images.push_back(render(take, default_view(), {{"store_depths", false}}, settings));
   }
   EXPECT_EQ(images[0].rgba, images[1].rgba);
   EXPECT_EQ(images[0].rgba, images[2].rgba);
@@ -65,9 +65,9 @@ TEST_F(DepthFound, KeepsDepthsInTheTakeAndUsesThem) {
   const auto written = fs::last_write_time(file);
   EXPECT_EQ(render(take, default_view()).rgba, first.rgba);
   EXPECT_EQ(fs::last_write_time(file), written);
-  EXPECT_EQ(render(take, default_view(), {{"keep", false}}).rgba,
+  EXPECT_EQ(render(take, default_view(), {{"store_depths", false}}).rgba,
             first.rgba);  // found or read: the same
-  // Other settings have another file; damage is mended.
+  // Other settings have another file; a damaged file is replaced.
   render(take, default_view(), {{"far", 9.0}});
   EXPECT_EQ(stored_depth_files().size(), 2U);
   const std::string whole = read_file(file);
@@ -83,7 +83,7 @@ TEST_F(DepthFound, RaysMeetWhatViewsWithTheSameOptionsShow) {
   const FrameSelection frames = select_frames(take, kNanosecondsPerSecond / 15, 30'000'000);
   const auto answered = [&](OptionValues options, std::shared_ptr<ResultCache> kept) {
     RendererSettings settings;
-    settings.kept = std::move(kept);
+    settings.result_cache = std::move(kept);
     const WorldRay ahead{{0.02, 0.013, 0}, {0, 0, -1}};
     RaySample sample;
     LightFieldRenderer(take, settings)
@@ -94,15 +94,15 @@ TEST_F(DepthFound, RaysMeetWhatViewsWithTheSameOptionsShow) {
                                                  {"far", 9.0},
                                                  {"plane_px", 1.0},
                                                  {"neighbours", 2.0},
-                                                 {"witnesses", 3.0},
+                                                 {"support_views", 3.0},
                                                  {"temporal", true}}) {
-    const OptionValues options{{"keep", false}, option};
+    const OptionValues options{{"store_depths", false}, option};
     RendererSettings settings;
-    settings.kept = std::make_shared<ResultCache>(std::size_t{1} << 28);
-    EXPECT_NEAR(answered(options, settings.kept), 4, 0.1) << option.first;
-    const std::size_t held = settings.kept->bytes_held();
+    settings.result_cache = std::make_shared<ResultCache>(std::size_t{1} << 28);
+    EXPECT_NEAR(answered(options, settings.result_cache), 4, 0.1) << option.first;
+    const std::size_t held = settings.result_cache->bytes_held();
     render(take, default_view(), options, settings, 1);
-    EXPECT_EQ(settings.kept->bytes_held(), held) << option.first << " had no say";
+    EXPECT_EQ(settings.result_cache->bytes_held(), held) << option.first << " had no say";
   }
   EXPECT_TRUE(stored_depth_files().empty());
   answered({}, nullptr);
@@ -151,11 +151,11 @@ TEST_F(DepthFound, TheViewThatDepthsAreFoundForSaysWhatTheyTook) {
   };
   EXPECT_EQ(decoded({}), kFrames);
   EXPECT_LT(decoded({{"cameras", 2.0}}), kFrames);  // depths are there
-  EXPECT_EQ(decoded({{"keep", false}}), kFrames);
-  EXPECT_EQ(decoded({{"keep", false}}, true), kFrames);
+  EXPECT_EQ(decoded({{"store_depths", false}}), kFrames);
+  EXPECT_EQ(decoded({{"store_depths", false}}, true), kFrames);
   const auto timeline = build_timeline(take, 15, 0);
   counting.ticks = timeline.ticks;
-  EXPECT_EQ(decoded({{"keep", false}, {"temporal", true}}), 3 * kFrames);
+  EXPECT_EQ(decoded({{"store_depths", false}, {"temporal", true}}), 3 * kFrames);
 }
 
 TEST_F(DepthFound, RendersATakeThatItMayNotWriteTo) {
@@ -163,7 +163,7 @@ TEST_F(DepthFound, RendersATakeThatItMayNotWriteTo) {
   write_file_atomically(take_folder() / "depth", std::string_view("in the way"));
   const RenderedView image = render(take, default_view());
   EXPECT_GT(mean_alpha(image), 0.9);
-  EXPECT_THAT(image.notes, ::testing::Contains(::testing::HasSubstr("cannot be kept")));
+  EXPECT_THAT(image.notes, ::testing::Contains(::testing::HasSubstr("depths cannot be stored")));
 }
 
 }  // namespace

@@ -26,11 +26,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint32_t kAlgorithm = 3;  ///< raised whenever the same input gives other depths
+constexpr std::uint32_t kAlgorithm = 3;  ///< raise it if equal inputs give different depths
 constexpr std::size_t kDigits = 16;
 
-/// That this may not be written down is no reason to go without. Now, not some stated time: that
-/// may be said by all who may write to the folder, not only by its owner.
+/// Sets the set's time of use; failure is ignored. UTIME_NOW is allowed to all who may write to the
+/// folder, an explicit time to its owner only.
 void mark_used(const fs::path& set) {
   constexpr timespec kNow{0, UTIME_NOW};
   const std::array times{kNow, kNow};
@@ -45,13 +45,12 @@ bool read_maps(const fs::path& file, std::uint64_t fingerprint, CameraDepths& de
     if (!mapped.can_read(mapped.bytes())) return false;
     depths.maps = decode_depth_maps(mapped.bytes(), fingerprint, depths.pinholes, file.string());
   } catch (const Error&) {
-    return false;  // found anew, and written over
+    return false;  // estimated again and overwritten
   }
   mark_used(file.parent_path());
   return true;
 }
 
-/// Under a temporary name, then renamed.
 void write_maps(const fs::path& file, std::span<const InverseDepthMap> maps,
                 std::uint64_t fingerprint) {
   TemporaryFile temporary(file);
@@ -61,11 +60,13 @@ void write_maps(const fs::path& file, std::span<const InverseDepthMap> maps,
               static_cast<std::streamsize>(block.size()));
   });
   out.close();
-  if (!out) throw Error::failed("cannot write the file", file.string(), "Check the disk");
+  if (!out)
+    throw Error::failed("cannot write the depth file", file.string(),
+                        "Check the free space of the disk");
   temporary.commit();
 }
 
-/// What a camera's colours depend on beyond contrast and brightness, where there is such.
+/// Adds the photometric parameters beyond contrast and brightness, if a camera has any.
 void add_pixel_numbers(double camera, const PhotometricResponse& response,
                        std::vector<double>& numbers) {
   PhotometricResponse plain;
@@ -90,7 +91,7 @@ void add_pixel_numbers(double camera, const PhotometricResponse& response,
   }
 }
 
-/// All of a rig that depths depend on. Not the file: another may have been put in its place since.
+/// Returns all numbers of a rig that depths depend on: not its file, which may have changed.
 std::vector<std::byte> numbers_of(const Rig& rig) {
   std::vector<double> numbers;
   for (const Rig::Camera& camera : rig.cameras) {
@@ -122,7 +123,7 @@ bool is_fingerprint(const std::string& name) {
 
 using UsedPath = std::pair<fs::file_time_type, fs::path>;  // by last use
 
-/// What processes that ended meanwhile had begun to write in the sets.
+/// Removes temporary files that ended processes left in the sets.
 void remove_unfinished(std::span<const UsedPath> sets, fs::file_time_type now) {
   std::error_code error;
   for (const auto& [used, set] : sets) {
@@ -145,7 +146,8 @@ fs::path pin_file(const fs::path& set, std::string_view job) {
   if (job.empty() || job.size() > kLongest || job.find('/') != std::string_view::npos ||
       job.find('\0') != std::string_view::npos) {
     throw Error::bad_input(
-        fmt::format("the name of the pin, \"{}\", is no file name of 1 to {} bytes", job, kLongest),
+        fmt::format("the job name \"{}\" of a pin is not a file name of 1 to {} bytes", job,
+                    kLongest),
         set.string(), "Name the job with letters, digits, - and _");
   }
   return set / fmt::format("{}{}", kPin, job);
@@ -245,7 +247,7 @@ CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
     if (is_new) prune_depth_sets(set.parent_path(), fs::file_time_type::clock::now());
     write_maps(file, depths.maps, key.instant);
   } catch (const Error& error) {
-    note = fmt::format("depths are found anew each time, as they cannot be kept: {}",
+    note = fmt::format("depths cannot be stored, so each run estimates them again: {}",
                        error.what_happened());
   }
   return depths;
@@ -269,7 +271,7 @@ void pin_depth_set(const fs::path& set, std::string_view job) {
   const bool is_new = !fs::exists(set, error);
   create_folder(set);
   write_file_atomically(pin, std::string_view());
-  // The pin makes the folder before its first depths do.
+  // A pin may create the folder before the first depths.
   if (is_new) prune_depth_sets(set.parent_path(), fs::file_time_type::clock::now());
 }
 

@@ -13,12 +13,13 @@
 
 namespace raystage {
 
-/// What an instant's depths stand on.
+/// Hashes of the inputs of an instant's depths.
 struct DepthStoreKey {
   std::uint64_t set = 0;      ///< XXH3 over the algorithm's version, settings, colour space and rig
-  std::uint64_t instant = 0;  ///< the same, and each camera's JPEG bytes or that it has none
+  std::uint64_t instant = 0;  ///< `set`, and each camera's JPEG bytes or their absence
   bool operator==(const DepthStoreKey&) const = default;
 };
+/// Returns the key of an instant's depths; reads the JPEG bytes of all its frames.
 DepthStoreKey depth_store_key(const LightFieldFrame& instant,
                               const DepthEstimationSettings& settings);
 
@@ -26,39 +27,39 @@ DepthStoreKey depth_store_key(const LightFieldFrame& instant,
 std::filesystem::path depth_file_path(const std::filesystem::path& folder,
                                       const DepthStoreKey& key);
 
-/// The instant's depths: those kept in LightFieldFrame::derived_folder() if they are whole and fit,
-/// else found anew and kept there. What hinders the keeping (a read-only take, a full disk) is no
-/// error but told in `note`, for people. The first of a new set makes room: see prune_depth_sets().
+/// Returns the depths of an instant's cameras: those in LightFieldFrame::derived_folder() if the
+/// file is intact and its key equal, else estimated and, if `keep`, stored there. If they cannot be
+/// stored (a read-only take, a full disk), `note` says why; this is not an error. The first file of
+/// a new set calls prune_depth_sets().
 CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
                                             const DepthEstimationSettings& settings,
                                             std::size_t working_bytes, bool keep,
                                             std::string& note);
 
 /// Stores the depths of an instant's cameras in depth_file_path(), as
-/// load_or_estimate_camera_depths() does, unless they are there and whole.
+/// load_or_estimate_camera_depths() does, unless an intact file is there.
 StoreResult store_camera_depths(const LightFieldFrame& instant,
                                 const DepthEstimationSettings& settings, std::size_t working_bytes);
 
-/// Sets that a take keeps, and for how long one is left alone that somebody may be at.
+/// The number of stored sets per take, and the time after its last use in which a set is kept.
 inline constexpr std::size_t kMaxStoredDepthSets = 4;
 inline constexpr std::chrono::hours kDepthSetUseTime{1};
-/// For how long a pin keeps a set.
+/// The time after which a pin has no effect.
 inline constexpr std::chrono::hours kMaxPinTime{30 * 24};
 
-/// Keeps a set (the folder of a depth_file_path()) from prune_depth_sets() until it is unpinned or
-/// kMaxPinTime has passed: a file `pin.JOB` in it. Creates the folder where it is missing, and
-/// makes room as the first file of a new set does. Throws Error (bad input) where `job` is no file
-/// name of 1 to 200 bytes, Error (failed) where the folder cannot be written.
+/// Protects a set (the folder of a depth_file_path()) from prune_depth_sets() by a file `pin.JOB`
+/// in it, until it is unpinned or kMaxPinTime has passed. Creates a missing folder and then prunes
+/// as the first file of a new set does. Throws Error (bad input) if `job` is not a file name of 1
+/// to 200 bytes, Error (failed) if the folder cannot be written.
 void pin_depth_set(const std::filesystem::path& set, std::string_view job);
-/// A missing pin, or one that cannot be removed, is no error.
+/// Removes a pin. It is not an error if the pin is missing or cannot be removed.
 void unpin_depth_set(const std::filesystem::path& set, std::string_view job);
 
-/// Removes from `folder` (TAKE/depth) all sets but those used last, kMaxStoredDepthSets of them and
-/// whatever was used within kDepthSetUseTime, or is pinned; files right in it likewise, as earlier
-/// versions left them; and in the sets files that a process left half written, unless they changed
-/// within kDepthSetUseTime. Other things stay. A process that has a removed file open reads on
-/// undisturbed where disks are local; over NFS another host's may find it gone, and finds its
-/// depths anew. What cannot be removed stays: never an error.
+/// Removes sets from `folder` (TAKE/depth), except the kMaxStoredDepthSets last used, those used
+/// within kDepthSetUseTime, and pinned ones. Also removes depth files directly in the folder (of
+/// earlier versions) and unfinished files in sets, if they are older than kDepthSetUseTime. Other
+/// files stay. On a local disk, a process that has a removed file open can read on; over NFS it may
+/// lose the file and estimates the depths again. Files that cannot be removed stay: never an error.
 void prune_depth_sets(const std::filesystem::path& folder, std::filesystem::file_time_type now);
 
 }  // namespace raystage

@@ -123,7 +123,7 @@ class TakeWithDepths : public ::testing::Test {
     instant_.cache = cache_.get();
     instant_.frame_of_camera.assign(2, 0);
   }
-  /// Depths to a farthest of `far` metres, asked for `ago`; the folder of their set.
+  /// Estimates depths up to `far` metres, last used `ago`; returns the folder of their set.
   fs::path ask(double far, hours ago) {
     DepthEstimationSettings settings;
     settings.scene = {3, far};
@@ -142,7 +142,7 @@ class TakeWithDepths : public ::testing::Test {
   LightFieldFrame instant_;
 };
 
-/// Puts `to` in place of the first `from` in a document of the take, and opens it.
+/// Replaces the first `from` by `to` in a document of the take, and opens the take.
 Take with(const fs::path& take, const char* file, const std::string& from, const std::string& to) {
   std::string text = read_file(take / file);
   const std::size_t at = text.find(from);
@@ -200,7 +200,7 @@ TEST_F(TakeWithDepths, OtherOptionsMakeRoomForThemselves) {
   std::vector<fs::path> sets;
   for (int i = 0; i < 4; ++i) sets.push_back(ask(5 + i, hours(10 - i)));
   EXPECT_EQ(names_in(take_->folder() / "depth").size(), 4U);
-  // Use counts, not age: the first is asked for again, so the second is the one to go.
+  // Last use counts, not age: the first is used again, so the second is removed.
   DepthEstimationSettings first;
   first.scene = {3, 5};
   std::string note;

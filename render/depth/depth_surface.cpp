@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+// Intersects rays with the depth maps of cameras by relief mapping (Policarpo, Oliveira and Comba
+// 2005, "Real-time relief mapping on arbitrary polygonal surfaces"): the ray is projected to a
+// camera's image and followed pixel by pixel until it passes from in front of the depths to behind
+// them; linear interpolation gives the hit. The median over the 3 nearest cameras that see the ray
+// counts. Input: rays, maps in 1/m; output: inverse distances along the rays, 1/m. Cost: O(rays x 3
+// x pixels along the ray, at most 4096), and O(cameras log cameras) per ray to sort them.
 #include "render/depth/depth_surface.h"
 
 #include <algorithm>
@@ -12,10 +18,10 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr std::size_t kAsked = 3;          // cameras a ray
+constexpr std::size_t kAsked = 3;          // cameras per ray
 constexpr double kMaxSurfaceSteps = 4096;  // along a ray in a camera's image
 
-/// Inverse distances along a ray, 1/m.
+/// An interval of inverse distances along a ray, 1/m.
 struct Stretch {
   double nearest = 0, farthest = 0;
   bool empty() const { return !(farthest <= nearest); }
@@ -42,7 +48,7 @@ class DepthSurface {
   void operator()(std::span<const WorldRay> rays, std::span<double> inverse_distance) const {
     std::vector<std::pair<double, std::size_t>> by_distance;
     for (std::size_t i = 0; i < rays.size(); ++i) {
-      inverse_distance[i] = meet(rays[i], by_distance);
+      inverse_distance[i] = intersect(rays[i], by_distance);
     }
   }
 
@@ -50,20 +56,19 @@ class DepthSurface {
   struct Camera {
     const InverseDepthMap* map;
     Vector3d centre;
-    Eigen::Matrix3d pixel_from_world;  // directions; times the planar depth
+    Eigen::Matrix3d pixel_from_world;  // for directions; scaled by the planar depth
   };
   struct Hit {
     double inverse_distance = 0;
-    bool in_sight = true;  // the camera saw the ray all the way from the scene's near end
+    bool in_sight = true;  // the camera sees the ray from the scene's near end to the hit
   };
 
-  /// The part of the ray that lies between the scene's nearest and farthest depth.
   Stretch within_scene(const WorldRay& ray) const {
     const double speed = ray.direction.dot(axis_);
     const double start = (ray.origin - centre_).dot(axis_);
     const double to_near = scene_.near - start, to_far = scene_.far - start;
     constexpr Stretch kNothing{0, 1};
-    // Nothing is looked for nearer to the origin than a quarter of the scene's near end.
+    // The search starts at a quarter of the scene's near end from the origin.
     const double limit = 4 / scene_.near;
     if (speed > 0) {
       if (to_far <= 0) return kNothing;
@@ -76,7 +81,8 @@ class DepthSurface {
     return to_near <= 0 && to_far >= 0 ? Stretch{limit, 0} : kNothing;
   }
 
-  double meet(const WorldRay& ray, std::vector<std::pair<double, std::size_t>>& by_distance) const {
+  double intersect(const WorldRay& ray,
+                   std::vector<std::pair<double, std::size_t>>& by_distance) const {
     const Stretch scene = within_scene(ray);
     if (scene.empty()) return std::numeric_limits<double>::quiet_NaN();
     by_distance.clear();
@@ -85,7 +91,7 @@ class DepthSurface {
       by_distance.emplace_back((beside - beside.dot(ray.direction) * ray.direction).squaredNorm(),
                                i);
     }
-    // A few more than are asked, as some may not see it.
+    // More candidates than needed, as some may not see the ray.
     const std::size_t candidates = std::min(by_distance.size(), 4 * kAsked);
     std::partial_sort(by_distance.begin(),
                       by_distance.begin() + static_cast<std::ptrdiff_t>(candidates),
@@ -106,14 +112,14 @@ class DepthSurface {
     return scene.farthest;
   }
 
-  /// Of two, the nearer camera's.
+  /// Returns the median; of fewer than three values, that of the nearest camera.
   static double middle(std::array<double, kAsked> values, std::size_t count) {
     if (count < kAsked) return values[0];
     std::ranges::sort(values);
     return values[1];
   }
 
-  /// Where the ray first passes from before a camera's depths to behind them.
+  /// Returns where the ray first passes from in front of a camera's depths to behind them.
   static std::optional<Hit> follow(const Camera& camera, const WorldRay& ray, Stretch scene) {
     // The ray's point at inverse distance q lies at (X, Y, W) = direction + q * parallax, pixel
     // (X/W, Y/W), inverse planar depth q/W.
@@ -129,9 +135,9 @@ class DepthSurface {
     const double steps = std::clamp(std::ceil(length), 1.0, kMaxSurfaceSteps);
     const double step = (seen.nearest - seen.farthest) / steps;
     Hit hit;
-    double before = 0, last_q = 0;  // how far before the depths the ray was, 1/m
+    double before = 0, last_q = 0;  // distance in front of the depths, 1/m
     bool is_before = false;
-    // Not in sight from the start: what is nearer may hide it, outside the image.
+    // If the ray enters the image late, something outside the image may hide it.
     hit.in_sight = seen.nearest == scene.nearest;
     for (int i = 0; i <= static_cast<int>(steps); ++i) {
       const double q = std::max(seen.nearest - i * step, seen.farthest);
@@ -147,7 +153,7 @@ class DepthSurface {
         last_q = q;
         continue;
       }
-      // Behind it by no more than two steps: it has passed through. Else it went behind something.
+      // At most two steps behind the surface: a hit. Else the ray passed behind a nearer object.
       const double slack = 2 * step / p.z() + 1e-9 * depth;
       if (-ahead <= slack) {
         const double part = is_before ? before / (before - ahead) : 1;
@@ -160,7 +166,6 @@ class DepthSurface {
     return std::nullopt;
   }
 
-  /// The part of the stretch that a camera has in its image.
   static Stretch within_image(const InverseDepthMap& map, const Vector3d& direction,
                               const Vector3d& parallax, Stretch scene) {
     const auto keep = [&scene](double constant, double slope) {  // constant + q * slope >= 0
@@ -177,7 +182,6 @@ class DepthSurface {
     keep(direction.y(), parallax.y());
     keep(map.height * direction.z() - direction.y(), map.height * parallax.z() - parallax.y());
     if (scene.empty()) return scene;
-    // Between rays to the image's sides the camera may still look the other way.
     const double least_w =
         direction.z() + std::min(scene.nearest * parallax.z(), scene.farthest * parallax.z());
     return least_w > 0 ? scene : Stretch{0, 1};

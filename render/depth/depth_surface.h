@@ -8,14 +8,14 @@
 
 namespace raystage {
 
-/// Where any ray, of a view or not, meets what the cameras' depths show: it is followed through the
-/// depths of the three cameras that it passes nearest to and that see some of it (relief mapping:
-/// Policarpo, Oliveira and Comba 2005), as far as the scene reaches; of what they say, the middle
-/// counts. A camera that loses sight of the ray behind something nearer has less of a say than one
-/// that does not. A ray that meets nothing ends where the scene does; one that does not pass
-/// through the scene gives not-a-number.
+/// Returns a surface that intersects rays with the cameras' depth maps, by relief mapping
+/// (Policarpo, Oliveira and Comba 2005). A ray is followed through the maps of the three cameras
+/// nearest to it that see a part of it, within the scene; the result is the median of their hits.
+/// Cameras for which something nearer hides a part of the ray are used only if there are no others.
+/// A ray without a hit ends at the far end of the scene; a ray that does not pass through the scene
+/// gives NaN.
 ///
-/// `scene`: as DepthEstimationSettings. The surface keeps `depths`.
+/// `scene`: as DepthEstimationSettings. The surface keeps `depths` alive.
 RaySurface depth_surface(std::shared_ptr<const CameraDepths> depths, const Rig& rig,
                          DepthRange scene);
 

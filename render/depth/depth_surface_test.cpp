@@ -42,7 +42,6 @@ Rig grid_rig() {
   return rig_from_document(document);
 }
 
-/// What the cameras' depths are, exactly.
 std::shared_ptr<CameraDepths> true_depths(const Rig& rig) {
   auto depths = std::make_shared<CameraDepths>();
   for (const Rig::Camera& camera : rig.cameras) {
@@ -67,7 +66,7 @@ double inverse_distance(const RaySurface& surface, const WorldRay& ray) {
   return inverse;
 }
 
-/// Rays through the pixels of a view: how many are wrong by more than a camera's pixel sees.
+/// Numbers of rays of a view, and of those wrong by more than a camera's pixel resolves.
 struct Score {
   int wrong = 0, all = 0;
 };
@@ -105,13 +104,13 @@ TEST(DepthSurface, RaysMeetTheSceneFromEverywhere) {
                                       {Vector3d(0.5, 0.1, 0.1), 12.0}}) {
     const Score found =
         score(surface, virtual_camera_with_fov(64, 48, 30 * kDegree, at(position, yaw)));
-    // Edges of the sphere are a pixel wide, and what all cameras have hidden is anybody's guess.
+    // Edges of the sphere are a pixel wide, and depths hidden from all cameras are undefined.
     EXPECT_LT(found.wrong, 0.04 * found.all) << position.transpose();
   }
 }
 
 TEST(DepthSurface, ARayComesOutOfTheSpheresShadow) {
-  // It begins behind the sphere, where nobody sees it, and comes out of its shadow to the wall.
+  // The ray starts behind the sphere, hidden from all cameras, and ends on the visible wall.
   const Rig rig = grid_rig();
   const RaySurface surface = depth_surface(true_depths(rig), rig, {2.3, 6.2});
   const WorldRay slanting{Vector3d(0.1, 0, -3.7), Vector3d(2.1, 0, -2.3).normalized()};
@@ -150,7 +149,6 @@ TEST(DepthSurface, AnyRayGetsANumberOrNone) {
   }
 }
 
-/// The method lumigraph, on depths that it has found itself.
 TEST(DepthProxy, MakesTheLumigraphSharpAtEveryDepth) {
   TestFolder folder;
   testing::SyntheticTake settings;

@@ -35,7 +35,7 @@ TEST_F(Depth, AgreesWithTheReference) {
   RendererSettings slow;
   slow.reference = true;
   for (const OptionValues& options :
-       {OptionValues{}, OptionValues{{"cameras", 5.0}, {"agreement", 40.0}}}) {
+       {OptionValues{}, OptionValues{{"cameras", 5.0}, {"color_tolerance", 40.0}}}) {
     expect_equal(render(take, default_view(), options),
                  render(take, default_view(), options, slow));
   }
@@ -52,11 +52,11 @@ TEST_F(Depth, AgreesWithTheReference) {
 
 TEST_F(Depth, EveryInstructionSetSeesTheSame) {
   const Take take = write(step_edge(3, 3));
-  const OptionValues anew{{"keep", false}};
+  const OptionValues anew{{"store_depths", false}};
   const RenderedView expected = render(take, default_view(), anew);
   testing::for_each_simd_target(depth_estimation_target, [&] {
     const RenderedView image = render(take, default_view(), anew);
-    // Rounded differently, a choice between equals may fall differently; hardly anywhere.
+    // Rounding may decide a choice between equal depths differently, at few pixels.
     std::size_t differ = 0;
     for (std::size_t i = 0; i < image.rgba.size(); ++i) {
       differ += std::abs(image.rgba[i] - expected.rgba[i]) > 5e-3F ? 1 : 0;
@@ -191,7 +191,7 @@ TEST_F(Depth, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
   EXPECT_NEAR(render(take, view, four).coverage[middle], 1, 1e-3);
   const RenderedView lacking = render(take, view, four, {}, 1);
   EXPECT_NEAR(lacking.rgba[middle * 4 + 3], 1, 1e-3);  // still a picture
-  EXPECT_LT(lacking.coverage[middle], 0.1);            // that owns up
+  EXPECT_LT(lacking.coverage[middle], 0.1);            // and reported
   EXPECT_EQ(stored_depth_files().size(), 2U);
   RendererSettings slow;
   slow.reference = true;
@@ -256,7 +256,7 @@ TEST_F(Depth, SaysWhereItTriesFewerPlanesThanDisparityAsksFor) {
   };
   EXPECT_THAT(notes(3, 0.5), ::testing::Not(::testing::Contains(::testing::HasSubstr("planes"))));
   EXPECT_THAT(notes(0.13, 0.1), ::testing::Contains(::testing::ContainsRegex(
-                                    "depth: 0.1 pixels .* up to [0-9]+ planes .*; 256 are tried")));
+                                    "depth: 0.1 px .* up to [0-9]+ planes .*; only 256 are used")));
 }
 
 TEST_F(Depth, SaysWhatItLacks) {

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Plans a view of the method "depth": reads or estimates the depths of all cameras (depth_store.h),
+// averages them over adjacent frames if option `temporal` is set, and fuses the hypotheses of up to
+// 8 cameras per tile corner to the view's depths (fusion.cpp). Output: DepthViewPlan with inverse
+// depths in 1/m of all pixels of the pinhole view, and the blending field of the cameras. Cost:
+// estimation once per instant; fusion O(pixels x hypotheses^2) per view. Also defines the method.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -26,20 +31,27 @@ namespace {
 constexpr int kMostCameras = 64;
 
 constexpr std::array kOptions{
-    integer_option("cameras", 16, 1, kMostCameras, "blended per ray"),
-    number_option("near", 0, 0, 1e9, "nearest thing, metres in front of the array; 0: the take's"),
-    number_option("far", 0, 0, 1e12, "farthest thing, metres in front of the array; 0: the take's"),
+    integer_option("cameras", 16, 1, kMostCameras, "number of cameras blended per ray"),
+    number_option("near", 0, 0, 1e9,
+                  "nearest depth of the scene, metres in front of the array; 0: from the take"),
+    number_option("far", 0, 0, 1e12,
+                  "farthest depth of the scene, metres in front of the array; 0: from the take"),
     number_option("plane_px", 0.5, 0.1, 16,
-                  "disparity between neighbouring cameras from plane to plane of the first guess, "
-                  "pixels"),
-    integer_option("neighbours", 8, 1, kMaxNeighbours, "cameras that each is matched with"),
-    integer_option("witnesses", 12, 1, kMaxSupportViews, "cameras that depths are refined with"),
-    number_option("agreement", 10, 0.1, 255,
-                  "difference of 8-bit codes at which a camera counts half when blended"),
+                  "spacing of the planes of the initial sweep, pixels of disparity between "
+                  "neighbouring cameras"),
+    integer_option("neighbours", 8, 1, kMaxNeighbours, "cameras with which each camera is matched"),
+    renamed_option("witnesses", integer_option("support_views", 12, 1, kMaxSupportViews,
+                                               "support views: cameras that refine a depth")),
+    renamed_option("agreement",
+                   number_option("color_tolerance", 10, 0.1, 255,
+                                 "difference of 8-bit codes at which a camera's weight is halved")),
     flag_option("temporal", false,
-                "depths averaged with those of the timeline's ticks before and after, where a "
-                "camera's picture stands still"),
-    flag_option("keep", true, "depths in the folder depth/ of the take, and use those there")};
+                "average depths with those of the adjacent ticks of the timeline, where a "
+                "camera's picture does not change"),
+    renamed_option(
+        "keep",
+        flag_option("store_depths", true,
+                    "store depths in the take's folder depth/, and use those stored there"))};
 
 DepthViewSettings settings_of(const MethodOptions& options, const Take& take,
                               bool use_take_folder) {
@@ -47,10 +59,10 @@ DepthViewSettings settings_of(const MethodOptions& options, const Take& take,
   s.estimation.scene = scene_depth_range(options, take, "depth");
   s.estimation.plane_px = options.number("plane_px");
   s.estimation.neighbours = options.integer("neighbours");
-  s.estimation.support_views = options.integer("witnesses");
+  s.estimation.support_views = options.integer("support_views");
   s.cameras = options.integer("cameras");
-  s.agreement = options.number("agreement");
-  s.keep = options.flag("keep") && use_take_folder;
+  s.agreement = options.number("color_tolerance");
+  s.keep = options.flag("store_depths") && use_take_folder;
   s.temporal = options.flag("temporal");
   return s;
 }
@@ -70,7 +82,7 @@ std::vector<int> cameras_of(const LightFieldFrame& instant, bool absent_too) {
   return {cameras.begin(), cameras.end()};
 }
 
-/// Of the first guess, where no bound held them down: the most of any camera.
+/// Returns the largest number of planes that a camera's initial sweep requires, before the limit.
 double required_plane_count(const CameraDepths& depths, const LightFieldFrame& instant,
                             const DepthEstimationSettings& estimation) {
   double most = 1;
@@ -82,13 +94,12 @@ double required_plane_count(const CameraDepths& depths, const LightFieldFrame& i
   return most;
 }
 
-/// Depths, and what people should know about them.
 struct KeptDepths {
   CameraDepths depths;
   std::vector<std::string> notes;
 };
 
-/// `work`: what they take is added to it where they are found now.
+/// Returns cached, stored or newly estimated depths. Adds the cost of an estimation to `work`.
 std::shared_ptr<const KeptDepths> camera_depths(const LightFieldFrame& instant,
                                                 ResultCache& kept_results,
                                                 std::size_t working_bytes,
@@ -110,8 +121,8 @@ std::shared_ptr<const KeptDepths> camera_depths(const LightFieldFrame& instant,
       });
 }
 
-/// The instants of LightFieldFrame::adjacent_frames, of those cameras that count at this one.
-std::vector<LightFieldFrame> instants_beside(const LightFieldFrame& instant) {
+/// Returns the light field frames of LightFieldFrame::adjacent_frames, with included cameras only.
+std::vector<LightFieldFrame> adjacent_instants(const LightFieldFrame& instant) {
   std::vector<LightFieldFrame> instants;
   for (const std::vector<int>& frames : instant.adjacent_frames) {
     LightFieldFrame other = instant;
@@ -136,29 +147,30 @@ MatchingImage picture_of(const LightFieldFrame& instant, std::size_t camera,
           depths.pinholes[camera]};
 }
 
-/// An instant's depths with those before and after in mind: three instants' maps, and as many
-/// cameras at a time as fit `working_bytes`.
-std::shared_ptr<const KeptDepths> steadied_depths(const LightFieldFrame& instant,
-                                                  ResultCache& kept_results,
-                                                  std::size_t working_bytes,
-                                                  const DepthEstimationSettings& estimation,
-                                                  bool keep, DepthEstimationStatistics& work) {
-  const std::vector<LightFieldFrame> beside = instants_beside(instant);
-  if (beside.empty()) {
+/// Returns an instant's depths averaged with those of the adjacent instants. Memory: the maps of
+/// three instants, and as many cameras at a time as fit `working_bytes`.
+std::shared_ptr<const KeptDepths> time_averaged_depths(const LightFieldFrame& instant,
+                                                       ResultCache& kept_results,
+                                                       std::size_t working_bytes,
+                                                       const DepthEstimationSettings& estimation,
+                                                       bool keep, DepthEstimationStatistics& work) {
+  const std::vector<LightFieldFrame> adjacent = adjacent_instants(instant);
+  if (adjacent.empty()) {
     return camera_depths(instant, kept_results, working_bytes, estimation, keep, work);
   }
   std::string key = "steadied " + depth_cache_key(instant, estimation);
-  for (const LightFieldFrame& other : beside)
+  for (const LightFieldFrame& other : adjacent)
     key += " beside " + depth_cache_key(other, estimation);
   return kept_results.get<KeptDepths>(key, [&](std::size_t& bytes) {
     const auto depths_at = [&](const LightFieldFrame& at) {
       return camera_depths(at, kept_results, working_bytes, estimation, keep, work);
     };
-    std::vector<std::shared_ptr<const KeptDepths>> depths_beside;
-    for (const LightFieldFrame& other : beside) depths_beside.push_back(depths_at(other));
+    std::vector<std::shared_ptr<const KeptDepths>> adjacent_depths;
+    for (const LightFieldFrame& other : adjacent) adjacent_depths.push_back(depths_at(other));
     auto kept = std::make_shared<KeptDepths>(*depths_at(instant));
     CameraDepths& depths = kept->depths;
-    const auto tolerance = static_cast<float>(estimation.tolerance_px * depths.pixel);
+    const auto tolerance =
+        static_cast<float>(estimation.tolerance_px * depths.inverse_depth_per_pixel);
     constexpr std::size_t kBytesPerPixel = 30;  // a frame, three pictures, the new map
     std::size_t most = 1;
     for (const InverseDepthMap& map : depths.maps) most = std::max(most, map.values.size());
@@ -171,11 +183,11 @@ std::shared_ptr<const KeptDepths> steadied_depths(const LightFieldFrame& instant
       if (!instant.is_present(static_cast<int>(i)) || !(tolerance > 0)) return;
       std::vector<MatchingImage> pictures;
       std::vector<TemporalNeighbour> others;
-      pictures.reserve(beside.size());
-      for (std::size_t j = 0; j < beside.size(); ++j) {
-        if (!beside[j].is_present(static_cast<int>(i))) continue;
-        pictures.push_back(picture_of(beside[j], i, depths, decoded));
-        others.push_back({&pictures.back(), &depths_beside[j]->depths.maps[i]});
+      pictures.reserve(adjacent.size());
+      for (std::size_t j = 0; j < adjacent.size(); ++j) {
+        if (!adjacent[j].is_present(static_cast<int>(i))) continue;
+        pictures.push_back(picture_of(adjacent[j], i, depths, decoded));
+        others.push_back({&pictures.back(), &adjacent_depths[j]->depths.maps[i]});
       }
       if (others.empty()) return;
       depths.maps[i] = temporal_filter(depths.maps[i], picture_of(instant, i, depths, decoded),
@@ -192,7 +204,7 @@ std::shared_ptr<const KeptDepths> depths_by(const DepthViewSettings& settings,
                                             const LightFieldFrame& instant,
                                             ResultCache& kept_results, std::size_t working_bytes,
                                             DepthEstimationStatistics& work) {
-  const auto depths_of = settings.temporal ? steadied_depths : camera_depths;
+  const auto depths_of = settings.temporal ? time_averaged_depths : camera_depths;
   return depths_of(instant, kept_results, working_bytes, settings.estimation, settings.keep, work);
 }
 
@@ -210,17 +222,17 @@ std::vector<std::string> depth_notes(const CameraDepths& depths, const LightFiel
   const double needed = required_plane_count(depths, instant, estimation);
   if (needed <= depth_estimation::kMostPlanes) return {};
   return {
-      fmt::format("depth: {:g} pixels from plane to plane take up to {:.0f} planes for a first "
-                  "guess; {} are tried, and near things may be found wrong",
+      fmt::format("depth: {:g} px between planes (plane_px) require up to {:.0f} planes for the "
+                  "initial sweep; only {} are used: depths of near objects may be wrong",
                   estimation.plane_px, rounded_for_display(needed), depth_estimation::kMostPlanes)};
 }
 
-/// Cameras count as they would if the view's rays were blended from few of them.
+/// The weights are those of a blending field of the view with kBest cameras per tile corner.
 FusionInputs fusion_inputs(const DepthViewPlan& plan, const ViewRequest& request) {
   static_assert(kDepthTile == BlendingField::kTile);
   constexpr float kLeastShare = 0.2F;
   constexpr int kBest = 8;
-  static_assert(4 * kBest <= kMaxHypotheses, "a tile's corners may all choose others");
+  static_assert(4 * kBest <= kMaxHypotheses, "each corner of a tile may select other cameras");
   const LightFieldFrame& instant = request.instant;
   const CameraDepths& depths = *plan.depths;
   const BlendingField field(plan.pinhole, *instant.rig, cameras_of(instant, false), plan.range,
@@ -231,24 +243,24 @@ FusionInputs fusion_inputs(const DepthViewPlan& plan, const ViewRequest& request
     const int at = static_cast<int>(tile), columns = field.columns();
     for (const BlendingField::TileCamera& chosen : field.tile(at % columns, at / columns).cameras) {
       const auto i = static_cast<std::size_t>(chosen.camera);
-      DepthHypotheses& report = hypotheses[chosen.camera];
-      report.map = &depths.maps[i];
-      report.camera = &depths.pinholes[i];
-      report.nearest = &depths.nearest[i];
-      report.weights.resize(tiles);
-      report.weights[tile] = chosen.share;
+      DepthHypotheses& hypothesis = hypotheses[chosen.camera];
+      hypothesis.map = &depths.maps[i];
+      hypothesis.camera = &depths.pinholes[i];
+      hypothesis.nearest = &depths.block_nearest[i];
+      hypothesis.weights.resize(tiles);
+      hypothesis.weights[tile] = chosen.share;
     }
   }
   FusionInputs vote;
-  for (auto& [camera, report] : hypotheses) {
+  for (auto& [camera, hypothesis] : hypotheses) {
     vote.cameras.push_back(camera);
-    vote.hypotheses.push_back(std::move(report));
+    vote.hypotheses.push_back(std::move(hypothesis));
   }
-  // A surface is half a pixel thick. Where no two cameras see from different places, all depths are
-  // alike and any tolerance will do.
-  const double pixel = depths.pixel > 0 ? depths.pixel : 1;
-  const auto thick = static_cast<float>(pixel / 2);
-  // Wires that fall on one column of pixels in this view and on two in the next must not break.
+  // A surface is half a pixel thick. If no two cameras see from different positions, all depths are
+  // equal and any tolerance will do.
+  const double per_pixel = depths.inverse_depth_per_pixel;
+  const auto thick = static_cast<float>((per_pixel > 0 ? per_pixel : 1) / 2);
+  // Keep lines: wires that cover one column of pixels here and two in the next view must not break.
   vote.settings = {thick, kLeastShare, thick, request.working_bytes};
   return vote;
 }
@@ -262,7 +274,6 @@ void fill_unknown_depths(const DepthViewPlan& plan, InverseDepthMap& view_depths
 
 namespace {
 
-/// Adds to the plan what it takes.
 InverseDepthMap depths_of_view(DepthViewPlan& plan, const ViewRequest& request) {
   const VirtualCamera& view = plan.pinhole;
   const FusionInputs vote = fusion_inputs(plan, request);
@@ -303,7 +314,7 @@ std::optional<DepthViewPlan> plan(const ViewRequest& request) {
   std::optional<DepthViewPlan> result = plan_without_depths(request);
   if (!result) return std::nullopt;
   const std::shared_ptr<const KeptDepths> kept = depths_by(
-      result->settings, request.instant, request.kept, request.working_bytes, result->work);
+      result->settings, request.instant, request.result_cache, request.working_bytes, result->work);
   result->depths = std::shared_ptr<const CameraDepths>(kept, &kept->depths);
   result->notes = kept->notes;
   result->view_depths = depths_of_view(*result, request);
@@ -343,8 +354,9 @@ float absent_camera_weight(const DepthViewPlan& plan, const LightFieldFrame& ins
 }
 
 float visibility_tolerance(const DepthViewPlan& plan) {
-  const double pixel = plan.depths->pixel > 0 ? plan.depths->pixel : 1;
-  return static_cast<float>(plan.settings.estimation.tolerance_px * pixel);
+  const double per_pixel = plan.depths->inverse_depth_per_pixel;
+  return static_cast<float>(plan.settings.estimation.tolerance_px *
+                            (per_pixel > 0 ? per_pixel : 1));
 }
 
 }  // namespace depth
@@ -355,7 +367,8 @@ class DepthMethod final : public Method {
  public:
   std::string_view name() const override { return "depth"; }
   std::string_view summary() const override {
-    return "cameras blended where their depths say that they see the same, found once per instant";
+    return "blends the cameras that see a point by their depths, which are estimated once per "
+           "instant";
   }
   std::span<const OptionSpec> options() const override { return depth::kOptions; }
   std::span<const MethodPreset> presets() const override {
@@ -366,7 +379,7 @@ class DepthMethod final : public Method {
   RenderedView render_reference(const ViewRequest& request) const override {
     return depth::render_reference(request);
   }
-  /// Depths that were averaged over time depend on those of other light field frames.
+  /// Time-averaged depths depend on other light field frames.
   DistributionMode distribution(const MethodOptions& options) const override {
     return options.flag("temporal") ? DistributionMode::kNone : DistributionMode::kLockstep;
   }
@@ -394,7 +407,7 @@ class DepthMethod final : public Method {
   }
 
   RaySurface surface(const SurfaceRequest& r) const override {
-    return depth::depth_method_surface(r.options, r.instant, r.kept, r.working_bytes,
+    return depth::depth_method_surface(r.options, r.instant, r.result_cache, r.working_bytes,
                                        r.use_take_folder);
   }
   bool uses_focal_plane() const override { return false; }

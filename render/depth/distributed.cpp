@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+// Method `depth` on several hosts. Each host estimates the depths of its own cameras once per light
+// field frame, with the frames and maps of their neighbours (local_depths.h). For a view, each host
+// warps its cameras' depths, host 0 selects the depth with the largest support, and each host adds
+// the samples of its cameras at these depths. The two rounds of reweighting (blend_reweighted())
+// exchange the mean. Output: sums per pixel, see contribute(). Cost per host: O(pixels x its
+// cameras).
 #include "render/depth/distributed.h"
 
 #include <algorithm>
@@ -30,7 +36,6 @@ double milliseconds(Clock::duration duration) {
   return std::chrono::duration<double, std::milli>(duration).count();
 }
 
-/// One host alone.
 class NoOthers : public RankCommunicator {
  public:
   int rank() const override { return 0; }
@@ -42,7 +47,7 @@ std::vector<Message> empty_messages(const RankCommunicator& group) {
   return std::vector<Message>(static_cast<std::size_t>(group.size()));
 }
 
-/// The depth of each pixel of the view: what all hosts' cameras say, voted on by host 0.
+/// Returns the depth of each pixel of the view: hypotheses of all hosts, voted on by host 0.
 InverseDepthMap vote_together(const ViewRequest& request, DepthViewPlan& plan,
                               const RankCommunicator& group) {
   const LightFieldFrame& instant = request.instant;
@@ -91,14 +96,13 @@ InverseDepthMap vote_together(const ViewRequest& request, DepthViewPlan& plan,
   return map;
 }
 
-/// Rows of tiles of the view whose samples are held at a time, and their blending in rounds.
+/// Blends bands of the view in rounds. A band is the rows of tiles whose samples are in memory.
 class BandBlend {
  public:
   BandBlend(const ViewRequest& request, const DepthViewPlan& plan, const ViewSources& sources,
             const RankCommunicator& group)
       : request_(request), plan_(plan), sources_(sources), group_(group) {}
 
-  /// Adds rows of tiles [first, end).
   void blend(int first, int end, Contribution& contribution) {
     const BlendingField& field = plan_.field;
     top_ = field.tile(0, first).top;
@@ -136,10 +140,10 @@ class BandBlend {
   }
 
  private:
-  /// A tile's samples of the cameras that this host holds, row by row.
+  /// A tile's samples of this host's cameras, row by row.
   struct TileSamples {
     std::size_t cameras = 0;
-    std::vector<float> values;  ///< per row and camera: 4 samples, share, visibility of each pixel
+    std::vector<float> values;  ///< per row and camera: 4 samples, weight, visibility of each pixel
   };
   static constexpr std::size_t kPerRun = 6 * static_cast<std::size_t>(kMaxRunPixels);
 
@@ -178,7 +182,7 @@ class BandBlend {
     });
   }
 
-  /// Of each row of the band: where this host has samples.
+  /// Returns, for each row of the band, the columns in which this host has samples.
   std::vector<HostReduction::Columns> columns_with_samples(int first, int end) const {
     std::vector<HostReduction::Columns> columns;
     for (int row = first; row < end; ++row) {
@@ -196,7 +200,7 @@ class BandBlend {
     return columns;
   }
 
-  /// body(tile, y, run) for each row of each tile in which this host has samples.
+  /// Calls body(tile, y, run) for each row of each tile in which this host has samples.
   template <class Body>
   void for_each_run(int first, int end, const Body& body) {
     for_each_tile(first, end, [&](const Tile& tile, const TileSamples& samples) {
@@ -221,11 +225,12 @@ class BandBlend {
   const DepthViewPlan& plan_;
   const ViewSources& sources_;
   const RankCommunicator& group_;
-  int top_ = 0;  // row of the view at which the band begins
+  int top_ = 0;  // first row of the band in the view
   std::vector<TileSamples> tiles_;
 };
 
-/// Rows of tiles from `first` on whose samples fit, of all hosts: so that all take the same steps.
+/// Returns the end of the band from row of tiles `first` on: the samples of all hosts' cameras fit
+/// `working_bytes`, so all hosts use the same bands. At least one row.
 int end_of_band(const DepthViewPlan& plan, int first, std::size_t working_bytes) {
   constexpr std::size_t kPerCamera =
       6 * sizeof(float) * static_cast<std::size_t>(kMaxRunPixels) * BlendingField::kTile;

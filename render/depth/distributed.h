@@ -5,17 +5,13 @@
 
 namespace raystage::depth {
 
-// Method `depth` on several hosts (ViewRequest::group). Each solves the depths of its own cameras,
-// with the frames and the maps of their neighbours, once per light field frame. For a view each
-// warps its cameras' depths (hypotheses), host 0 takes the depth that most agree on, and each adds
-// the samples of its cameras at these depths; the two rounds in which cameras that differ from the
-// mean lose weight (blend_reweighted()) exchange the mean. All hosts must call in the same order.
+// Method `depth` on several hosts (ViewRequest::group). All hosts must call in the same order.
 
-/// Returns this host's share of a view: plane 0 the weighted samples, plane 1, of host 0 alone, the
-/// inverse depth and alpha of each pixel.
+/// Returns this host's contribution to a view. Plane 0: the weighted samples. Plane 1, of host 0
+/// alone: the inverse depth and alpha of each pixel.
 Contribution contribute(const ViewRequest& request);
 
-/// Returns the view of all hosts' contributions. Does not fill RenderedView::cameras.
+/// Returns the view from the contributions of all hosts. Does not fill RenderedView::cameras.
 RenderedView combine(const ViewRequest& request, const std::vector<PixelValues>& planes);
 
 }  // namespace raystage::depth

@@ -28,7 +28,7 @@ using D = hn::ScalableTag<float>;
 using V = hn::Vec<D>;
 constexpr int kMostLanes = 16;
 
-/// Bilinear luma at pixel positions within the image, and where it is known.
+/// Bilinear luma at pixel positions within the image, and whether it is known.
 struct Luma {
   V code;
   hn::Mask<D> is_known;
@@ -55,7 +55,7 @@ HWY_INLINE Luma luma_at(D d, const MatchingImage& image, V u, V v) {
           hn::RebindMask(d, hn::Ne(word, hn::Zero(di)))};
 }
 
-/// The camera's own luma at lanes from pixel x on; the row's last pixel again beyond its end.
+/// Returns the camera's own luma at lanes from pixel x on; the row's last pixel is repeated.
 HWY_INLINE V own_luma(D d, const MatchingImage& image, int x, int y) {
   HWY_ALIGN float codes[kMostLanes];
   for (int i = 0; i < static_cast<int>(hn::Lanes(d)); ++i) {
@@ -64,7 +64,8 @@ HWY_INLINE V own_luma(D d, const MatchingImage& image, int x, int y) {
   return hn::Load(d, codes);
 }
 
-/// Mean of the smaller half of `count` values, in the four smallest; `unknown` where there is none.
+/// Returns the mean of the smaller half of `count` values (the four smallest in `least`), or
+/// `unknown` if there are none.
 HWY_INLINE V mean_of_smaller_half(D d, const V* least, V count, V unknown) {
   const auto half = hn::Floor(hn::Mul(hn::Add(count, hn::Set(d, 1.0F)), hn::Set(d, 0.5F)));
   auto sum = hn::Zero(d);
@@ -115,7 +116,7 @@ void match(const MatchRow& row) {
         }
       }
       most = hn::Max(most, count);
-      // Cut-off values cost the truncation whether seen or not, so no others can be among the half.
+      // Views that do not see the point enter as the truncation: they displace no smaller value.
       const auto cost = mean_of_smaller_half(d, least, count, hn::Div(unknown, scale));
       hn::Store(hn::NearestInt(hn::Mul(cost, scale)), di, bytes);
       std::uint8_t* out = row.costs + static_cast<std::ptrdiff_t>(x) * row.stride + plane;
@@ -143,7 +144,7 @@ void refine(const RefineRow& row) {
   HWY_ALIGN float present[kMostLanes], costs[kRefineOffsets][kMostLanes];
   for (int x = 0; x < width; x += lanes) {
     const int n = std::min(lanes, width - x);
-    for (int i = 0; i < lanes; ++i) present[i] = row.present[x + std::min(i, n - 1)];
+    for (int i = 0; i < lanes; ++i) present[i] = row.inverse_depth[x + std::min(i, n - 1)];
     const auto base = hn::Load(d, present);
     const auto own = own_luma(d, *row.image, x, row.y);
     const auto own_known = hn::Gt(own, zero);
@@ -221,11 +222,11 @@ void vote_run(const VoteRun& run) {
       best = hn::IfThenElse(wins, support, best);
     }
     hn::StoreU(best_depth, d, run.depth + x);
-    hn::StoreU(hn::Div(best, hn::Max(all, tiny)), d, run.share + x);
+    hn::StoreU(hn::Div(best, hn::Max(all, tiny)), d, run.support + x);
   }
 }
 
-/// By a sorting network of which only the middle is kept (Paeth 1990).
+/// By a sorting network that computes only the middle (Paeth 1990).
 HWY_INLINE V median_of_nine(V* v) {
   const auto sort = [&](int a, int b) HWY_ATTR {
     const V low = hn::Min(v[a], v[b]);
@@ -248,7 +249,7 @@ HWY_INLINE V median_of_nine(V* v) {
   return v[4];
 }
 
-/// Of the middle of 3 x 3 values, and two opposite ones.
+/// Returns whether two opposite values of the 3 x 3 equal the middle.
 HWY_INLINE hn::Mask<D> on_a_line(const V* v, V tolerance) {
   const auto like = [&](int i) HWY_ATTR { return hn::Le(hn::AbsDiff(v[i], v[4]), tolerance); };
   const auto pair = [&](int i) HWY_ATTR { return hn::And(like(i), like(8 - i)); };

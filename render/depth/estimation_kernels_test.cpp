@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The kernels that find depths.
+// Tests of the kernels of depth estimation.
 #include "render/depth/estimation_kernels.h"
 
 #include <gtest/gtest.h>

@@ -10,7 +10,7 @@
 namespace raystage {
 namespace {
 
-/// Of images and of new maps beside the present ones, at most, in groups of so many cameras.
+/// Returns the largest number of bytes of images and new maps, for groups of `group` cameras.
 std::size_t bytes_held(const EstimationPass& pass, const std::vector<std::size_t>& pixels,
                        std::size_t group) {
   constexpr std::size_t kWord = 4;  // of a matching image, of a map
@@ -19,7 +19,7 @@ std::size_t bytes_held(const EstimationPass& pass, const std::vector<std::size_t
   std::size_t most = 0;
   for (std::size_t begin = 0; begin < count; begin += group) {
     const std::size_t end = std::min(count, begin + group);
-    std::vector<bool> is_shown(count, group >= count);  // one group keeps its images
+    std::vector<bool> is_shown(count, group >= count);  // a single group keeps its images
     std::size_t held = 0;
     for (std::size_t i = 0; i < end; ++i) {
       if (i >= begin && pass.images) {
@@ -49,26 +49,27 @@ std::vector<std::size_t> EstimationPass::last_readers() const {
 EstimationMemory plan_estimation_memory(const std::vector<EstimationPass>& passes,
                                         const std::vector<std::size_t>& pixels, CameraMemory camera,
                                         std::size_t working_bytes) {
-  const std::size_t plenty = std::max(camera.least, camera.plenty);
+  const std::size_t plenty = std::max(camera.minimum, camera.sufficient);
   std::size_t least = 0;
   for (std::size_t group = std::max<std::size_t>(1, pixels.size());; group = (group + 1) / 2) {
     std::size_t held = 0;
     for (const EstimationPass& pass : passes)
       held = std::max(held, bytes_held(pass, pixels, group));
-    least = held + camera.least;
+    least = held + camera.minimum;
     const std::size_t room = working_bytes - std::min(working_bytes, held);
-    if (room >= plenty || (group == 1 && room >= camera.least)) {
+    if (room >= plenty || (group == 1 && room >= camera.minimum)) {
       const std::size_t in_flight = std::clamp<std::size_t>(room / plenty, 1, group);
       return {group, in_flight, room / in_flight, held};
     }
     if (group == 1) break;
   }
   throw Error::bad_input(
-      fmt::format("finding the depths of {} cameras takes {:.0f} MB to work with at the least; "
-                  "{:.0f} MB are allowed",
-                  pixels.size(), static_cast<double>(least) / 1e6 + 0.5,
-                  static_cast<double>(working_bytes) / 1e6),
-      "method depth", "Allow more memory, or lower its options neighbours and witnesses");
+      fmt::format(
+          "the depth estimation of {} cameras needs at least {:.0f} MB of memory; {:.0f} MB "
+          "are allowed",
+          pixels.size(), static_cast<double>(least) / 1e6 + 0.5,
+          static_cast<double>(working_bytes) / 1e6),
+      "method depth", "Allow more memory, or lower the options neighbours and support_views");
 }
 
 }  // namespace raystage

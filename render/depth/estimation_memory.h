@@ -6,34 +6,33 @@
 
 namespace raystage {
 
-/// One pass over all cameras in turn, each of which gets a new map.
+/// A pass over all cameras that computes a new map for each.
 struct EstimationPass {
-  /// By camera in the order of the pass: those whose image and present map it looks at, beside its
-  /// own.
+  /// By camera in the order of the pass: the other cameras whose image and current map it reads.
   std::vector<std::vector<std::size_t>> reads;
-  bool images = false, maps = false;  ///< which of the two it looks at
+  bool images = false, maps = false;  ///< which of the two it reads
 
-  /// By camera: after which one its new map may take the place of the present one.
+  /// Returns, by camera, the last camera of the pass that reads its current map.
   std::vector<std::size_t> last_readers() const;
 };
 
-/// What one camera takes while it is worked on, bytes: no less than `least`; with `plenty` it is no
-/// faster if it gets more.
+/// Working memory of one camera, bytes: the minimum, and the amount beyond which it gets no faster.
 struct CameraMemory {
-  std::size_t least = 0, plenty = 0;
+  std::size_t minimum = 0, sufficient = 0;
 };
 
-/// How a solve keeps within its memory. Cameras are done group by group: matching images are held
-/// of those that a group looks at, and new maps until nobody looks at the present ones any more.
+/// Division of the working memory of depth estimation. Cameras are processed in groups: the
+/// matching images that a group reads are in memory, and new maps until the current ones are read.
 struct EstimationMemory {
   std::size_t group = 1;      ///< cameras
-  std::size_t in_flight = 1;  ///< cameras worked on at once
-  std::size_t each = 0;       ///< bytes for each of these, at least CameraMemory::least
+  std::size_t in_flight = 1;  ///< cameras processed at once
+  std::size_t each = 0;       ///< bytes per camera in flight, at least CameraMemory::minimum
   std::size_t held = 0;       ///< bytes of images and new maps, at most
 };
 
-/// The largest group that leaves plenty for a camera. `pixels`: of each camera's map. Throws Error
-/// (bad input) where one camera at a time does not fit `working_bytes`.
+/// Returns the plan with the largest group that leaves a camera CameraMemory::sufficient. `pixels`:
+/// of each camera's map. Throws Error (bad input) if one camera at a time does not fit
+/// `working_bytes`.
 EstimationMemory plan_estimation_memory(const std::vector<EstimationPass>& passes,
                                         const std::vector<std::size_t>& pixels, CameraMemory camera,
                                         std::size_t working_bytes);

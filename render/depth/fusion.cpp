@@ -24,8 +24,8 @@ std::size_t view_pixel_count(const VirtualCamera& view) {
   return static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
 }
 
-/// The farthest of the known depths next along the row and the column; unknown where none is near.
-float depth_behind(const InverseDepthMap& map, const std::vector<float>& share, float min_support,
+/// Returns the farthest of the known depths next along the row and the column, or unknown.
+float depth_behind(const InverseDepthMap& map, const std::vector<float>& support, float min_support,
                    int x, int y) {
   constexpr int kReach = 40;  // pixels
   constexpr std::array<std::array<int, 2>, 4> kWays{{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
@@ -36,7 +36,7 @@ float depth_behind(const InverseDepthMap& map, const std::vector<float>& share, 
       if (column < 0 || row < 0 || column >= map.width || row >= map.height) break;
       const std::size_t at = static_cast<std::size_t>(row) * static_cast<std::size_t>(map.width) +
                              static_cast<std::size_t>(column);
-      if (map.values[at] < 0 || share[at] < min_support) continue;
+      if (map.values[at] < 0 || support[at] < min_support) continue;
       behind = behind < 0 ? map.values[at] : std::min(behind, map.values[at]);
       break;
     }
@@ -44,15 +44,15 @@ float depth_behind(const InverseDepthMap& map, const std::vector<float>& share, 
   return behind;
 }
 
-InverseDepthMap filled(const InverseDepthMap& map, const std::vector<float>& share,
+InverseDepthMap filled(const InverseDepthMap& map, const std::vector<float>& support,
                        float min_support) {
   InverseDepthMap result = map;
   raystage::parallel_for(0, map.height, [&](int y) {
     for (int x = 0; x < map.width; ++x) {
       const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(map.width) +
                              static_cast<std::size_t>(x);
-      if (map.values[at] >= 0 && share[at] >= min_support) continue;
-      const float behind = depth_behind(map, share, min_support, x, y);
+      if (map.values[at] >= 0 && support[at] >= min_support) continue;
+      const float behind = depth_behind(map, support, min_support, x, y);
       if (behind >= 0) result.values[at] = behind;
     }
   });
@@ -79,7 +79,7 @@ bool counts(const CornerWeights& weights) {
   return std::ranges::any_of(weights, [](float weight) { return weight > 0; });
 }
 
-/// Along row `y` of a tile of `width` x `height` pixels.
+/// Interpolates the weights along row `y` of a tile of `width` x `height` pixels.
 void weigh_row(const CornerWeights& corners, int y, int width, int height,
                std::array<float, kDepthTile>& weights) {
   const float down = (static_cast<float>(y) + 0.5F) / static_cast<float>(height);
@@ -91,10 +91,9 @@ void weigh_row(const CornerWeights& corners, int y, int width, int height,
   }
 }
 
-/// The vote in one tile.
 void vote_in_tile(const VirtualCamera& view, std::span<const DepthHypotheses> hypotheses,
                   std::span<const DepthTiles> warped, std::size_t tile, float tolerance,
-                  InverseDepthMap& fused, std::vector<float>& share) {
+                  InverseDepthMap& fused, std::vector<float>& support) {
   static_assert(kDepthTile <= kMaxVotePixels);
   const int columns = depth_tile_columns(view);
   const int left = static_cast<int>(tile) % columns * kDepthTile;
@@ -118,7 +117,7 @@ void vote_in_tile(const VirtualCamera& view, std::span<const DepthHypotheses> hy
           width, tolerance, depth.data(), agreeing.data()});
     const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(top + y) * view.width + left;
     std::copy_n(depth.begin(), width, fused.values.begin() + at);
-    std::copy_n(agreeing.begin(), width, share.begin() + at);
+    std::copy_n(agreeing.begin(), width, support.begin() + at);
   }
 }
 
@@ -128,19 +127,19 @@ struct TileBand {
   std::size_t bytes = 0;  ///< of the warped depths
 };
 
-/// As many rows each as fit `room`, at least one.
+/// Returns bands of as many rows as fit `room`, at least one each.
 std::vector<TileBand> bands_within(const VirtualCamera& view,
                                    std::span<const DepthHypotheses> hypotheses, std::size_t room) {
   constexpr std::size_t kTileBytes = sizeof(float) * kDepthTile * kDepthTile;
   const auto columns = static_cast<std::size_t>(depth_tile_columns(view));
   const std::size_t tiles = depth_tile_count(view);
-  // Of each report: where its tiles are, and the tile that is none.
+  // Per hypothesis: the table of its tiles, and the empty tile.
   const std::size_t tables = hypotheses.size() * (sizeof(std::int32_t) * tiles + kTileBytes);
   std::vector<TileBand> bands;
   for (std::size_t row = 0; row < tiles / columns; ++row) {
     std::size_t bytes = 0;
-    for (const DepthHypotheses& report : hypotheses) {
-      const auto of_row = std::span(report.weights).subspan(row * columns, columns);
+    for (const DepthHypotheses& hypothesis : hypotheses) {
+      const auto of_row = std::span(hypothesis.weights).subspan(row * columns, columns);
       bytes += kTileBytes * static_cast<std::size_t>(std::ranges::count_if(of_row, counts));
     }
     const int at = static_cast<int>(row);
@@ -151,7 +150,7 @@ std::vector<TileBand> bands_within(const VirtualCamera& view,
   return bands;
 }
 
-/// Beside the warped depths: what is fused, and how many agree.
+/// Returns the bytes in addition to the warped depths: fused depths and their support.
 std::size_t fused_bytes(const VirtualCamera& view) {
   return 2 * sizeof(float) * view_pixel_count(view);
 }
@@ -172,7 +171,7 @@ std::vector<std::array<float, 4>> uniform_weights(const VirtualCamera& view, flo
 
 std::size_t fusion_bytes(const VirtualCamera& view, std::span<const DepthHypotheses> hypotheses,
                          std::size_t working_bytes) {
-  std::size_t most = fused_bytes(view);  // with gaps filled, and smoothed: as much again
+  std::size_t most = fused_bytes(view);  // filled and smoothed depths need as much again
   for (const TileBand& band : bands_of(view, hypotheses, working_bytes)) {
     most = std::max(most, band.bytes);
   }
@@ -181,20 +180,19 @@ std::size_t fusion_bytes(const VirtualCamera& view, std::span<const DepthHypothe
 
 namespace {
 
-/// Of tiles [first, end).
-DepthTiles warp_tiles(const VirtualCamera& view, const DepthHypotheses& report, std::size_t first,
-                      std::size_t end) {
+DepthTiles warp_tiles(const VirtualCamera& view, const DepthHypotheses& hypothesis,
+                      std::size_t first, std::size_t end) {
   std::vector<std::uint8_t> wanted(depth_tile_count(view));
   for (std::size_t tile = first; tile < end; ++tile) {
-    wanted[tile] = counts(report.weights[tile]) ? 1 : 0;
+    wanted[tile] = counts(hypothesis.weights[tile]) ? 1 : 0;
   }
-  return warp_depths(*report.map, *report.camera, view, wanted, report.nearest);
+  return warp_depths(*hypothesis.map, *hypothesis.camera, view, wanted, hypothesis.nearest);
 }
 
 }  // namespace
 
-DepthTiles warp_hypotheses(const VirtualCamera& view, const DepthHypotheses& report) {
-  return warp_tiles(view, report, 0, depth_tile_count(view));
+DepthTiles warp_hypotheses(const VirtualCamera& view, const DepthHypotheses& hypothesis) {
+  return warp_tiles(view, hypothesis, 0, depth_tile_count(view));
 }
 
 InverseDepthMap fuse_warped_hypotheses(const VirtualCamera& view,
@@ -203,11 +201,11 @@ InverseDepthMap fuse_warped_hypotheses(const VirtualCamera& view,
                                        const FusionSettings& settings) {
   InverseDepthMap fused{view.width, view.height, {}};
   fused.values.resize(view_pixel_count(view));
-  std::vector<float> share(view_pixel_count(view));
+  std::vector<float> support(view_pixel_count(view));
   raystage::parallel_for(std::size_t{0}, depth_tile_count(view), [&](std::size_t tile) {
-    vote_in_tile(view, hypotheses, warped, tile, settings.tolerance, fused, share);
+    vote_in_tile(view, hypotheses, warped, tile, settings.tolerance, fused, support);
   });
-  return median(filled(fused, share, settings.min_support), settings.line_tolerance);
+  return median(filled(fused, support, settings.min_support), settings.line_tolerance);
 }
 
 InverseDepthMap fuse_hypotheses(const VirtualCamera& view,
@@ -216,7 +214,7 @@ InverseDepthMap fuse_hypotheses(const VirtualCamera& view,
   const auto columns = static_cast<std::size_t>(depth_tile_columns(view));
   InverseDepthMap fused{view.width, view.height, {}};
   fused.values.resize(view_pixel_count(view));
-  std::vector<float> share(view_pixel_count(view));
+  std::vector<float> support(view_pixel_count(view));
   for (const TileBand& band : bands_of(view, hypotheses, settings.working_bytes)) {
     const std::size_t first = static_cast<std::size_t>(band.first) * columns;
     const std::size_t end = static_cast<std::size_t>(band.end) * columns;
@@ -225,10 +223,10 @@ InverseDepthMap fuse_hypotheses(const VirtualCamera& view,
       warped[i] = warp_tiles(view, hypotheses[i], first, end);
     });
     raystage::parallel_for(first, end, [&](std::size_t tile) {
-      vote_in_tile(view, hypotheses, warped, tile, settings.tolerance, fused, share);
+      vote_in_tile(view, hypotheses, warped, tile, settings.tolerance, fused, support);
     });
   }
-  return median(filled(fused, share, settings.min_support), settings.line_tolerance);
+  return median(filled(fused, support, settings.min_support), settings.line_tolerance);
 }
 
 void domain_transform_filter(std::vector<float>& values, int channels, int width, int height,

@@ -16,40 +16,39 @@ namespace raystage {
 struct DepthHypotheses {
   const InverseDepthMap* map = nullptr;
   const VirtualCamera* camera = nullptr;
-  /// For each tile of the view (DepthTiles): weights, not negative, at its upper left, upper right,
-  /// lower left and lower right corner; linear in between.
+  /// By tile of the view (DepthTiles): non-negative weights at its upper left, upper right, lower
+  /// left and lower right corner; linear in between.
   std::vector<std::array<float, 4>> weights;
-  const InverseDepthMap* nearest = nullptr;  ///< block_nearest_depths() of the map, if at hand
+  const InverseDepthMap* nearest = nullptr;  ///< block_nearest_depths() of the map; may be null
 };
 /// Returns the same weight for all tiles of a view.
 std::vector<std::array<float, 4>> uniform_weights(const VirtualCamera& view, float weight);
 
 struct FusionSettings {
   float tolerance = 0;    ///< 1/m, above 0: see VoteRun
-  float min_support = 0;  ///< least share of the weights that must support a depth, 0 to 1
-  /// 1/m: see median_row(); infinite: lines one pixel wide go with other outliers.
+  float min_support = 0;  ///< smallest share of the weights that must support a depth, 0 to 1
+  /// 1/m; see median_row(). Infinite: lines one pixel wide are removed as outliers.
   float line_tolerance = std::numeric_limits<float>::infinity();
-  /// Cameras' depths are warped for as many rows of tiles at a time as fit; for one at the least.
+  /// Limits how many rows of tiles are warped at a time; at least one.
   std::size_t working_bytes = std::numeric_limits<std::size_t>::max();
 };
-/// Returns a view's depths: the hypothesis with the largest support (vote; kMaxHypotheses a tile).
-/// With less support than `min_support`, the farthest of the depths next in the row and column, as
-/// cameras miss the background; then a 3x3 median that can keep lines. kUnknownDepth if no depth is
-/// near.
+/// Returns a view's depths: the hypothesis with the largest support (vote(); at most kMaxHypotheses
+/// per tile). If that is below `min_support`, the farthest of the depths next in the row and
+/// column, as cameras miss the background. Then a 3x3 median that can keep lines. kUnknownDepth
+/// without a near depth.
 InverseDepthMap fuse_hypotheses(const VirtualCamera& view,
                                 std::span<const DepthHypotheses> hypotheses,
                                 const FusionSettings& settings);
 /// Returns the depths of one hypothesis warped into the view, for tiles in which it has a weight.
-DepthTiles warp_hypotheses(const VirtualCamera& view, const DepthHypotheses& report);
-/// fuse_hypotheses() of hypotheses that are warped already, all of the view at once; their maps are
-/// not read.
+DepthTiles warp_hypotheses(const VirtualCamera& view, const DepthHypotheses& hypothesis);
+/// Returns fuse_hypotheses() of warped hypotheses, the whole view at once; reads no maps.
 InverseDepthMap fuse_warped_hypotheses(const VirtualCamera& view,
                                        std::span<const DepthHypotheses> hypotheses,
                                        std::span<const DepthTiles> warped,
                                        const FusionSettings& settings);
-/// Returns the working memory of fuse_hypotheses(), at most `working_bytes` if that suffices: 8
-/// bytes a pixel, and 4 a pixel of the current rows of tiles for each hypothesis with a weight
-/// there; 16 at least.
+/// Returns the working memory of fuse_hypotheses(): 8 bytes per pixel, and per hypothesis with a
+/// weight 4 bytes per pixel of the current rows of tiles; at least 16 bytes per pixel in total. At
+/// most `working_bytes` if that suffices.
 std::size_t fusion_bytes(const VirtualCamera& view, std::span<const DepthHypotheses> hypotheses,
                          std::size_t working_bytes);
 
@@ -57,13 +56,13 @@ std::size_t fusion_bytes(const VirtualCamera& view, std::span<const DepthHypothe
 struct EdgeWeights {
   std::vector<float> left, above;
 };
-/// A recursive edge-aware filter (Gastal and Oliveira 2011): along rows, then along columns, forth
-/// and back, each value is drawn towards its neighbour's as far as they are linked. In place;
-/// `channels` values a pixel.
+/// A recursive edge-aware filter (Gastal and Oliveira 2011), in place: along rows, then along
+/// columns, forth and back, each value moves towards its neighbour's by their edge weight.
+/// `channels`: values per pixel.
 void domain_transform_filter(std::vector<float>& values, int channels, int width, int height,
                              const EdgeWeights& links);
 
-/// The references; any number of hypotheses.
+/// The references; they take any number of hypotheses.
 InverseDepthMap fuse_hypotheses_reference(const VirtualCamera& view,
                                           std::span<const DepthHypotheses> hypotheses,
                                           const FusionSettings& settings);

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reference of fuse_hypotheses() and domain_transform_filter() (fusion.cpp), pixel by pixel in
+// double with any number of hypotheses. Inverse planar depths, 1/m. Cost: O(pixels x hypotheses^2).
 #include <algorithm>
 #include <cmath>
 
@@ -8,11 +10,10 @@
 namespace raystage {
 namespace {
 
-/// What a report counts at a pixel: see DepthHypotheses::weights.
-double weight_at(const VirtualCamera& view, const DepthHypotheses& report, int x, int y) {
+double weight_at(const VirtualCamera& view, const DepthHypotheses& hypothesis, int x, int y) {
   const int column = x / kDepthTile, row = y / kDepthTile;
   const auto& corners =
-      report.weights[static_cast<std::size_t>(row * depth_tile_columns(view) + column)];
+      hypothesis.weights[static_cast<std::size_t>(row * depth_tile_columns(view) + column)];
   const int width = std::min(kDepthTile, view.width - column * kDepthTile);
   const int height = std::min(kDepthTile, view.height - row * kDepthTile);
   const double across = (x % kDepthTile + 0.5) / width, down = (y % kDepthTile + 0.5) / height;
@@ -21,9 +22,9 @@ double weight_at(const VirtualCamera& view, const DepthHypotheses& report, int x
          down * ((1 - across) * corner(2) + across * corner(3));
 }
 
-/// The depth that most support, and the share of the weights that do: see vote().
+/// The depth with the largest support, and its share of the weights; see vote().
 struct Agreed {
-  double depth = static_cast<double>(kUnknownDepth), share = 0;
+  double depth = static_cast<double>(kUnknownDepth), support = 0;
 };
 Agreed vote_of(const std::vector<double>& hypotheses, const std::vector<double>& weights,
                double tolerance) {
@@ -47,12 +48,12 @@ Agreed vote_of(const std::vector<double>& hypotheses, const std::vector<double>&
       agreed.depth = sum / support;
     }
   }
-  agreed.share = all > 0 ? best / all : 0;
+  agreed.support = all > 0 ? best / all : 0;
   return agreed;
 }
 
-/// The farthest of the depths next in the row and column that enough agree on.
-float depth_behind(const InverseDepthMap& depths, const InverseDepthMap& share, float min_support,
+/// Returns the farthest of the depths next in the row and column that have enough support.
+float depth_behind(const InverseDepthMap& depths, const InverseDepthMap& support, float min_support,
                    int x, int y) {
   constexpr int kReach = 40;  // pixels
   std::vector<float> around;
@@ -60,7 +61,7 @@ float depth_behind(const InverseDepthMap& depths, const InverseDepthMap& share, 
     for (int i = 1; i <= kReach; ++i) {
       const int column = x + i * dx, row = y + i * dy;
       if (column < 0 || row < 0 || column >= depths.width || row >= depths.height) break;
-      if (depths.at(column, row) < 0 || share.at(column, row) < min_support) continue;
+      if (depths.at(column, row) < 0 || support.at(column, row) < min_support) continue;
       around.push_back(depths.at(column, row));
       break;
     }
@@ -96,10 +97,10 @@ InverseDepthMap fuse_hypotheses_reference(const VirtualCamera& view,
                                           std::span<const DepthHypotheses> hypotheses,
                                           const FusionSettings& settings) {
   std::vector<InverseDepthMap> warped;
-  for (const DepthHypotheses& report : hypotheses) {
-    warped.push_back(warp_depths_reference(*report.map, *report.camera, view));
+  for (const DepthHypotheses& hypothesis : hypotheses) {
+    warped.push_back(warp_depths_reference(*hypothesis.map, *hypothesis.camera, view));
   }
-  InverseDepthMap depths{view.width, view.height, {}}, share = depths, result = depths;
+  InverseDepthMap depths{view.width, view.height, {}}, support = depths, result = depths;
   for (int y = 0; y < view.height; ++y) {
     for (int x = 0; x < view.width; ++x) {
       std::vector<double> said, weights;
@@ -109,14 +110,14 @@ InverseDepthMap fuse_hypotheses_reference(const VirtualCamera& view,
       }
       const Agreed found = vote_of(said, weights, static_cast<double>(settings.tolerance));
       depths.values.push_back(static_cast<float>(found.depth));
-      share.values.push_back(static_cast<float>(found.share));
+      support.values.push_back(static_cast<float>(found.support));
     }
   }
   for (int y = 0; y < view.height; ++y) {
     for (int x = 0; x < view.width; ++x) {
-      const bool is_known = depths.at(x, y) >= 0 && share.at(x, y) >= settings.min_support;
+      const bool is_known = depths.at(x, y) >= 0 && support.at(x, y) >= settings.min_support;
       result.values.push_back(is_known ? depths.at(x, y)
-                                       : depth_behind(depths, share, settings.min_support, x, y));
+                                       : depth_behind(depths, support, settings.min_support, x, y));
     }
   }
   return median_reference(result, settings.line_tolerance);

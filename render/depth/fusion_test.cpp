@@ -67,7 +67,6 @@ TEST(Undistorted, HoldsWhatTheFrameShows) {
   EXPECT_LE(bounded.height, 96);
 }
 
-/// By the vectors, for all of the view.
 InverseDepthMap warp_all(const InverseDepthMap& map, const VirtualCamera& camera,
                          const VirtualCamera& view) {
   const DepthTiles tiles =
@@ -86,7 +85,7 @@ InverseDepthMap warp_all(const InverseDepthMap& map, const VirtualCamera& camera
 TEST(WarpDepths, TheNearerHidesTheFarther) {
   const VirtualCamera camera = camera_at({0, 0, 0}), view = camera_at({0.1, 0, 0});
   InverseDepthMap map = flat(camera, 0.26F);  // moves by a little more than a pixel
-  at(map, 20, 10) = 1;                        // by four: onto what comes from 17
+  at(map, 20, 10) = 1;                        // moves by four: onto the pixel of column 17
   for (const InverseDepthMap& warped :
        {warp_all(map, camera, view), warp_depths_reference(map, camera, view)}) {
     EXPECT_FLOAT_EQ(warped.at(16, 10), 1);
@@ -171,7 +170,7 @@ TEST(FuseDepths, TheMajorityDecidesAndHolesAreFilledFromBehind) {
   const VirtualCamera view = camera_at({0, 0, 0});
   InverseDepthMap right = flat(view, 0.5F), also = right, wrong = flat(view, 0.9F);
   for (int y = 0; y < view.height; ++y) {
-    for (int x = 20; x < 30; ++x) {  // nobody knows, next to something near
+    for (int x = 20; x < 30; ++x) {  // unknown, next to a near depth
       at(right, x, y) = at(also, x, y) = at(wrong, x, y) = kUnknownDepth;
     }
     for (int x = 30; x < 40; ++x) at(right, x, y) = at(also, x, y) = 2;
@@ -195,7 +194,7 @@ TEST(FuseDepths, KeepsLinesOnePixelWideAndNotSpecks) {
   for (int y = 0; y < view.height; ++y) at(map, 20, y) = kNear;   // a wire
   for (int i = 0; i < 12; ++i) at(map, 25 + i, 10 + i) = kNear;   // another, aslant
   at(map, 5, 5) = at(map, 6, 5) = kNear;                          // a speck
-  for (int y = 0; y < view.height; ++y) at(map, 12, y) = 0.001F;  // a crack: wrong, or seen past
+  for (int y = 0; y < view.height; ++y) at(map, 12, y) = 0.001F;  // a crack: wrong, or background
   const std::vector<DepthHypotheses> hypotheses{{&map, &view, uniform_weights(view, 1)}};
   const InverseDepthMap fused = fuse_hypotheses(view, hypotheses, {0.1F, 0.2F, 0.1F});
   const InverseDepthMap plain = fuse_hypotheses(view, hypotheses, {0.1F, 0.2F});
@@ -213,7 +212,7 @@ TEST(FuseDepths, KeepsLinesOnePixelWideAndNotSpecks) {
 TEST(FuseDepths, WeightsGoOverFromCameraToCamera) {
   const VirtualCamera view = camera_at({0, 0, 0}, 64, 32);
   const InverseDepthMap near = flat(view, 0.8F), far = flat(view, 0.4F);
-  // From tile to tile and within them: the one counts from 1 to 0, the other from 0 to 1.
+  // Weights linear over tiles: one camera's from 1 to 0, the other's from 0 to 1.
   const std::vector<DepthHypotheses> hypotheses{
       {&near, &view, {{1, 0.5, 1, 0.5}, {0.5, 0, 0.5, 0}}},
       {&far, &view, {{0, 0.5, 0, 0.5}, {0.5, 1, 0.5, 1}}}};

@@ -9,8 +9,8 @@
 #include "base/error.h"
 #include "render/common/rank_communicator.h"
 
-// Arrays of numbers in messages between hosts, one after the other. All hosts run the same program
-// on the same kind of machine.
+// Arrays of numbers in messages between hosts, without padding. All hosts run the same program on
+// the same kind of machine.
 
 namespace raystage::depth {
 
@@ -20,8 +20,8 @@ void append_values(std::span<const T> values, RankCommunicator::Message& message
   message.insert(message.end(), bytes.begin(), bytes.end());
 }
 
-/// Takes `to.size()` values from the front of the rest of a message. Throws Error (failed) where
-/// there are fewer.
+/// Moves the first `to.size()` values of `rest` to `to`. Throws Error (failed) if `rest` is too
+/// short.
 template <class T>
 void take_values(std::span<const std::byte>& rest, std::span<T> to) {
   if (to.size() > rest.size() / sizeof(T)) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reduce-scatter, then gather: each host adds a share of the rows and sends the sums back to those
-// hosts that have values there. A sample crosses twice at most, whatever the number of hosts.
+// Reduce-scatter, then gather: each host adds a part of the rows of values per pixel and returns
+// the sums to the hosts that have values there. A sample crosses the network at most twice,
+// whatever the number of hosts.
 #include "render/depth/host_reduction.h"
 
 #include <algorithm>

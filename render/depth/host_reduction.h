@@ -10,23 +10,23 @@
 namespace raystage::depth {
 
 /// Adds values per pixel over the hosts of a group, in the order of the hosts, for the rows of a
-/// band of a view. A host sends the columns where it has values, and receives the sums there.
+/// band of a view. A host sends the columns in which it has values and receives the sums there.
 class HostReduction {
  public:
-  /// Columns [begin, end) of a row in which a host may have values; none: begin == end.
+  /// Columns [begin, end) of a row in which a host may have values; begin == end if none.
   struct Columns {
     std::int32_t begin = 0, end = 0;
   };
 
-  /// `columns`: this host's, by row. All hosts must give as many rows.
+  /// `columns`: of this host, by row. All hosts must give the same number of rows.
   HostReduction(const RankCommunicator& group, int width, std::vector<Columns> columns)
       : group_(group), width_(static_cast<std::size_t>(width)), columns_(std::move(columns)) {}
 
   /// Replaces the values in this host's columns by the sums. `values`: `channels` per pixel, rows
-  /// of `width` pixels; 0 outside the columns. Each host adds a part of the rows.
+  /// of `width` pixels, 0 outside the columns. Each host adds a part of the rows.
   void sum(std::span<float> values, int channels) const;
 
-  /// Adds to host 0's values, one per pixel, those of the other hosts, which stay as they are.
+  /// Adds the other hosts' values, one per pixel, to those of host 0; those of other hosts stay.
   void reduce_to_first(std::span<float> values) const;
 
  private:
@@ -36,7 +36,7 @@ class HostReduction {
   Rows rows_of(std::size_t host) const;
   RankCommunicator::Message message_of(std::span<const float> values, std::size_t channels,
                                        Rows rows) const;
-  /// Adds what `message` says of `rows` to `sums`, whose first row is rows.begin; returns the
+  /// Adds the values of `message` for `rows` to `sums`, whose first row is rows.begin. Returns the
   /// columns of its sender. Throws Error (failed) for columns outside the view.
   std::vector<Columns> add(const RankCommunicator::Message& message, std::size_t channels,
                            Rows rows, std::span<float> sums) const;

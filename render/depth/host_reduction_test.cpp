@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sums over hosts that are threads, beside plain sums of all their values.
+// Sums over hosts that are threads, compared with plain sums of all their values.
 #include "render/depth/host_reduction.h"
 
 #include <gtest/gtest.h>
@@ -112,7 +112,7 @@ TEST(HostReduction, OfTheFirstAreThoseOfAll) {
   }
 }
 
-/// A host whose neighbour sends what it likes.
+/// A host that receives arbitrary messages.
 class SentBy : public RankCommunicator {
  public:
   explicit SentBy(Message message) : message_(std::move(message)) {}

@@ -21,17 +21,16 @@ struct InverseDepthMap {
   }
 };
 
-/// What a map says of a pixel that it knows nothing of.
-inline constexpr float kUnknownDepth = -1;
+inline constexpr float kUnknownDepth = -1;  ///< the value of a pixel whose depth is unknown
 
-/// Of each block of kVisibilityBlock x kVisibilityBlock pixels the nearest depth that bilinear
-/// samples meet which start in it: of the block, and of the column right of it and the row below.
+/// Returns, for each block of kVisibilityBlock x kVisibilityBlock pixels, the nearest depth that
+/// bilinear samples starting in it can read: that of the block, its right column and its lower row.
 InverseDepthMap block_nearest_depths(const InverseDepthMap& map);
 inline constexpr int kVisibilityBlockLog2 = 3, kVisibilityBlock = 1 << kVisibilityBlockLog2;
 
-/// Where a camera without distortion sees what another one sees at pixel (x, y) and inverse planar
-/// depth q: (X, Y, W) = direction * (x, y, 1) + q * parallax is, if W > 0, its pixel (X/W, Y/W) and
-/// the inverse planar depth q/W along its axis. Exact for points at infinity.
+/// Maps a pixel (x, y) with inverse planar depth q of one undistorted camera to another one: (X, Y,
+/// W) = direction * (x, y, 1) + q * parallax. If W > 0, the other camera sees the point at pixel
+/// (X/W, Y/W) with inverse planar depth q/W. Exact for points at infinity.
 struct PixelTransfer {
   std::array<double, 9> direction{};  ///< row-major
   std::array<double, 3> parallax{};

@@ -11,8 +11,8 @@
 namespace raystage::depth {
 namespace {
 
-/// The last light field frames of a renderer, the newest first. Hosts must drop the same ones: by
-/// number, not by the memory that each has left.
+/// The last light field frames of a renderer, the newest first. Hosts must drop the same ones, so
+/// the limit is a number, not the memory that each host has left.
 class RecentDepths {
  public:
   using Entry = std::pair<std::string, std::shared_ptr<const LocalDepths>>;
@@ -40,8 +40,8 @@ class RecentDepths {
 std::shared_ptr<const LocalDepths> local_depths(const ViewRequest& request,
                                                 const DepthViewSettings& settings,
                                                 const RankCommunicator& group) {
-  const auto recent =
-      request.kept.get<RecentDepths>("depths of this host's cameras", [](std::size_t& bytes) {
+  const auto recent = request.result_cache.get<RecentDepths>(
+      "depths of this host's cameras", [](std::size_t& bytes) {
         bytes = 0;  // never dropped
         return std::make_shared<const RecentDepths>();
       });

@@ -10,15 +10,15 @@
 
 namespace raystage::depth {
 
-/// The depths of the cameras that this host holds; maps of others are empty.
+/// The depths of the cameras that this host holds; maps of other cameras are empty.
 struct LocalDepths {
   CameraDepths depths;
-  std::vector<std::string> notes;  ///< for people
+  std::vector<std::string> notes;  ///< for the user
 };
 
-/// Returns them for a light field frame. They are solved together with the other hosts where they
-/// are not among those of the last kLocalDepthFrames frames that were asked for: the same on all
-/// hosts, which ask in the same order. Not stored on disk.
+/// Returns the local depths of a light field frame, estimated together with the other hosts unless
+/// they are those of the last kLocalDepthFrames frames. All hosts must ask in the same order. Not
+/// stored on disk.
 std::shared_ptr<const LocalDepths> local_depths(const ViewRequest& request,
                                                 const DepthViewSettings& settings,
                                                 const RankCommunicator& group);

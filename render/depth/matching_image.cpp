@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Converts a decoded frame to the luma image that depths are estimated on: luma in 8-bit codes of
+// the sRGB curve, resampled without lens distortion, then packed with its three neighbours per
+// 32-bit word. Cost: O(pixels). Reference: Picture in camera_depths_reference.cpp.
 #include "render/depth/matching_image.h"
 
 #include <algorithm>
@@ -36,7 +39,7 @@ std::vector<std::uint8_t> luma_of(const DecodedFrame& frame, BlendSpace space) {
   return luma;
 }
 
-/// The frame's luma at the pinhole's pixels; 0 where the frame does not show them.
+/// Returns the frame's luma at the pinhole's pixels, 0 where the frame does not show them.
 std::vector<std::uint8_t> without_distortion(const std::vector<std::uint8_t>& luma,
                                              const CameraModel& model,
                                              const VirtualCamera& pinhole) {

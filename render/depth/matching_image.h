@@ -10,11 +10,10 @@
 
 namespace raystage {
 
-/// A frame as depths are found in it: luma in 8-bit codes of sRGB's curve, 1 to 255 (black is 1),
-/// without distortion. A 32-bit word a pixel holds its luma (lowest byte) and that of its right,
-/// lower and lower right neighbours: a bilinear sample is one word. A word is 0, its pixel not
-/// known, where the frame does not show one of the four: beyond its border, or beyond the angle
-/// that its lens model holds for.
+/// A frame for depth estimation: luma without lens distortion, in 8-bit codes of the sRGB curve, 1
+/// to 255 (black is 1). A pixel is a 32-bit word: its luma (lowest byte) and that of its right,
+/// lower and lower right neighbours, so a bilinear sample reads one word. A word is 0 (unknown) if
+/// the frame does not show one of the four: outside its border, or where its lens model is invalid.
 class MatchingImage {
  public:
   MatchingImage() = default;
@@ -25,15 +24,14 @@ class MatchingImage {
   int width() const { return width_; }
   int height() const { return height_; }
   const std::uint32_t* words() const { return words_.data(); }
-  /// 0 where it is not known.
+  /// Returns 0 if the luma is unknown.
   std::uint8_t luma(int x, int y) const {
     return static_cast<std::uint8_t>(
         words_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
                static_cast<std::size_t>(x)]);
   }
   bool is_known(int x, int y) const { return luma(x, y) != 0; }
-  /// All luma, row-major.
-  std::vector<std::uint8_t> plane() const;
+  std::vector<std::uint8_t> plane() const;  ///< returns all luma, row-major
 
  private:
   int width_ = 0, height_ = 0;

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Averages a camera's inverse depth map (1/m) with those of temporal neighbours where the mean
+// absolute luma difference over a window is small; see temporal_filter(). The window sums are
+// running sums by rows and columns. Cost: O(pixels x neighbours). Reference:
+// temporal_filter_reference().
 #include "render/depth/temporal_filter.h"
 
 #include <algorithm>
@@ -9,17 +13,17 @@
 namespace raystage {
 namespace {
 
-/// How far a mean difference of luma lets another instant count.
+/// Returns the weight of a neighbour by its mean luma difference.
 float stillness(float codes) { return std::clamp(2 - codes / kStaticLumaThreshold, 0.0F, 1.0F); }
 
-/// Absolute differences of luma, summed over the pixels within kStaticWindowRadius of the row,
-/// column by column; rows and columns beyond the border count as those at it.
+/// Absolute luma differences, summed per column over the rows within kStaticWindowRadius; rows and
+/// columns at the border are repeated outwards.
 class ChangeRows {
  public:
   ChangeRows(const MatchingImage& a, const MatchingImage& b)
       : a_(a), b_(b), columns_(static_cast<std::size_t>(a.width())) {}
 
-  /// The window's mean at each pixel of row y; rows in turn, from 0.
+  /// Writes the window's mean at each pixel of row y; rows in turn, from 0.
   void means(int y, std::vector<float>& of_row) {
     if (y == 0) {
       for (int i = -kStaticWindowRadius; i <= kStaticWindowRadius; ++i) add(i, 1);

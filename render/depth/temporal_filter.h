@@ -8,23 +8,22 @@
 
 namespace raystage {
 
-/// A camera's picture and depths at a temporal neighbour.
+/// A camera's matching image and depths at a temporal neighbour.
 struct TemporalNeighbour {
   const MatchingImage* picture = nullptr;
   const InverseDepthMap* depths = nullptr;
 };
 
-/// A camera's depths, averaged with those of other instants where its picture has not changed: what
-/// stands still does not shimmer, and what moves is left alone. Another instant's depth counts
-/// fully where the mean absolute difference of luma over kStaticWindowRadius pixels to each side is
-/// kStaticLumaThreshold (of 255) or less, falling to nothing at twice that; and by 1 - |difference|
-/// / tolerance (1/m). Unknown depths stay unknown.
+/// Returns a camera's depths averaged with those of temporal neighbours where its picture has not
+/// changed, so that static surfaces do not flicker and moving ones are not blurred. A neighbour's
+/// depth has weight 1 if the mean absolute luma difference over kStaticWindowRadius pixels to each
+/// side is at most kStaticLumaThreshold (of 255), falling to 0 at twice that; times 1 -
+/// |difference| / tolerance (1/m). Unknown depths stay unknown.
 InverseDepthMap temporal_filter(const InverseDepthMap& depths, const MatchingImage& picture,
                                 std::span<const TemporalNeighbour> others, float tolerance);
 inline constexpr int kStaticWindowRadius = 2;
 inline constexpr float kStaticLumaThreshold = 2;
 
-/// The reference of temporal_filter().
 InverseDepthMap temporal_filter_reference(const InverseDepthMap& depths,
                                           const MatchingImage& picture,
                                           std::span<const TemporalNeighbour> others,

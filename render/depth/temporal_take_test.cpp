@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Method depth's `temporal` on a noisy take in which something moves and frames are lacking.
+// Option `temporal` of method depth on a noisy take with motion and missing frames.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 #include <random>
 #include <set>
 
-#include "render/common/large_buffer.h"
+#include "base/large_buffer.h"
 #include "render/depth/depth.h"
 #include "render/depth/depth_file.h"
 #include "render/depth/temporal_filter.h"
@@ -95,8 +95,8 @@ class TemporalTake : public ::testing::Test {
   }
 
   CameraDepths depths(const LightFieldFrame& instant, bool temporal) const {
-    const MethodOptions options(depth_method().options(), {{"temporal", temporal}, {"keep", false}},
-                                "test");
+    const MethodOptions options(depth_method().options(),
+                                {{"temporal", temporal}, {"store_depths", false}}, "test");
     const VirtualCamera view = virtual_camera_with_fov(40, 30, 0.5, {});
     ResultCache kept(std::size_t{1} << 28);
     BufferPool buffers;
@@ -131,7 +131,7 @@ class TemporalTake : public ::testing::Test {
 
 TEST_F(TemporalTake, WhatStandsStillComesNearerToTheTruthAndWhatMovesStays) {
   LightFieldFrame instant = at(1);
-  const CameraDepths alone = depths(instant, true);  // nothing beside it
+  const CameraDepths alone = depths(instant, true);  // without neighbours
   instant.adjacent_frames = {at(0).frame_of_camera, at(2).frame_of_camera};
   const CameraDepths steady = depths(instant, true);
   const CameraDepths unasked = depths(instant, false);
@@ -202,9 +202,9 @@ TEST_F(TemporalTake, AgreesWithInstantsFetchedOneByOne) {
         pictures.push_back(picture(beside[j]));
         others.push_back({&pictures.back(), &then[j].maps[i]});
       }
-      const InverseDepthMap expected =
-          temporal_filter_reference(now.maps[i], picture(instant), others,
-                                    static_cast<float>(settings.tolerance_px * now.pixel));
+      const InverseDepthMap expected = temporal_filter_reference(
+          now.maps[i], picture(instant), others,
+          static_cast<float>(settings.tolerance_px * now.inverse_depth_per_pixel));
       for (std::size_t p = 0; p < expected.values.size(); ++p) {
         ASSERT_NEAR(fast.maps[i].values[p], expected.values[p], 1e-5) << "tick " << tick;
         changed += fast.maps[i].values[p] == now.maps[i].values[p] ? 0 : 1;
@@ -222,7 +222,7 @@ TEST_F(TemporalTake, TheInstantsBesideAreTheTicks) {
   EXPECT_EQ(stored_depth_files(), 3U);
   for (int tick = 0; tick < kTicks; ++tick) render(tick);
   EXPECT_EQ(stored_depth_files(), static_cast<std::size_t>(kTicks));
-  render(2, {0});  // a camera that is left out is so before and after, too
+  render(2, {0});  // a camera is excluded from the neighbours too
   EXPECT_EQ(stored_depth_files(), kTicks + 3U);
 }
 

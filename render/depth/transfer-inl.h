@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// PixelTransfer along a row, in vectors. Included once per instruction set, as Highway's kernels
-// are: no include guard of the common kind.
+// PixelTransfer along a row of pixels, in vectors. Included once per instruction set by Highway, so
+// its include guard toggles.
 
 #if defined(RAYSTAGE_RENDER_DEPTH_TRANSFER_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef RAYSTAGE_RENDER_DEPTH_TRANSFER_INL_H
@@ -19,7 +19,7 @@ HWY_BEFORE_NAMESPACE();
 namespace raystage {
 namespace HWY_NAMESPACE {
 
-/// A transfer along row y, into an image of a size.
+/// A transfer of the pixels of row y into an image of width x height pixels.
 class RowTransfer {
  public:
   RowTransfer() = default;
@@ -36,13 +36,14 @@ class RowTransfer {
   template <class V, class M>
   struct TransferredPoint {
     V u, v, inverse_depth;
-    V per_w;   ///< 1 / W, where that is above 0
-    M inside;  ///< in front, and within [0, width] x [0, height]; elsewhere u and v are harmless
+    V per_w;   ///< 1 / W if W > 0
+    M inside;  ///< in front, within [0, width] x [0, height]; u = v = 0 elsewhere
   };
+  /// Returns the transferred points of pixels x, x + 1, ... at inverse depths q, 1/m.
   template <class D, class V>
   HWY_INLINE auto at(D d, int x, V q) const {
     namespace hn = hwy::HWY_NAMESPACE;
-    // The base in double, the short way from there in float.
+    // The base is exact in double; the offsets from it are small enough for float.
     const auto part = [&](std::size_t r) HWY_ATTR {
       const auto base = hn::Set(d, static_cast<float>(base_[r] + step_[r] * x));
       const auto along = hn::MulAdd(hn::Iota(d, 0), hn::Set(d, static_cast<float>(step_[r])), base);

@@ -35,7 +35,7 @@ constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr double kFloatEpsilon = std::numeric_limits<float>::epsilon();
 constexpr int kMostLanes = 16;
 
-/// Two cameras, and a pixel of the first's with a depth; the second looks there, more or less.
+/// Two cameras, and a pixel of the first one with a depth; the second looks roughly there.
 struct Shot {
   VirtualCamera from, to;
   int x = 0, y = 0;
@@ -66,7 +66,6 @@ Shot some_shot() {
   return shot;
 }
 
-/// Where the second camera sees the point: by the point itself.
 struct Place {
   Real u, v, inverse_depth;
 };
@@ -87,7 +86,7 @@ std::optional<Place> exact_place(const Shot& shot) {
   return Place{(*pixel)[0], (*pixel)[1], inverse_depth};
 }
 
-/// (X, Y, W) of PixelTransfer in double, and how large the terms are that they are sums of.
+/// (X, Y, W) of PixelTransfer in double, and the magnitudes of their terms.
 struct Sum {
   std::array<double, 3> value{}, terms{};
 };
@@ -104,14 +103,13 @@ Sum sum_of(const PixelTransfer& t, const Shot& shot) {
   return sum;
 }
 
-/// How well the transfer can be known.
 struct Bound {
   double position = 0;  ///< pixels
   double depth = 0;     ///< inverse, relative
 };
 
-/// In double: a ray of some terms through two rotations, and the way between the cameras. What the
-/// second sees at an angle, or what all but cancels ahead of it, is known the less.
+/// In double: two rotations of the ray, and the offset of the cameras. Large angles and
+/// cancellation of W raise the bound.
 Bound bound_in_double(const Shot& shot, const Sum& sum) {
   const double away = (shot.from.pose.position - shot.to.pose.position).norm();
   const double terms = ray_term_magnitude(shot.from, shot.x + 0.5, shot.y + 0.5) +
@@ -122,7 +120,6 @@ Bound bound_in_double(const Shot& shot, const Sum& sum) {
   return {16 * kEpsilon * (k.fx + k.cx + k.cy + u) * terms / w, 16 * kEpsilon * terms / w};
 }
 
-/// In float, of the three sums.
 Bound bound_in_float(const Shot& shot, const Sum& sum) {
   const double w = sum.value[2], of_w = sum.terms[2] / w;
   double position = 0;
@@ -142,7 +139,7 @@ TEST(TransferExtremes, PositionsAndDepthsAreThoseOf50Digits) {
     for (const double part : sum.value) RC_ASSERT(std::isfinite(part));
     const auto truth = exact_place(shot);
     const double w = sum.value[2];
-    if (!truth || !(w > 0)) {  // behind it, or all but beside it
+    if (!truth || !(w > 0)) {  // behind the camera or near its plane
       const double away = (shot.from.pose.position - shot.to.pose.position).norm();
       const double terms = ray_term_magnitude(shot.from, shot.x + 0.5, shot.y + 0.5) +
                            static_cast<double>(shot.inverse_depth) * away;
@@ -214,7 +211,7 @@ TEST(TransferExtremes, APointIsPutDownWhere50DigitsSeeIt) {
       const auto truth = exact_place(shot);
       const Sum sum = sum_of(pixel_transfer(shot.to, shot.from), shot);
       if (!truth || !(sum.value[2] > 0)) return;
-      // The kernel tells positions from a few pixels beyond the border.
+      // The kernel's positions are relative to a few pixels outside of the border.
       const Bound in_float = bound_in_float(shot, sum);
       const Bound bound{in_float.position + 2 * kMaxSplatSize * in_float.depth, in_float.depth};
       if (bound.depth >= 0.5 || truth->u < 0 || truth->v < 0 || truth->u >= shot.to.width ||
@@ -240,7 +237,7 @@ TEST(TransferExtremes, APointIsPutDownWhere50DigitsSeeIt) {
         RC_ASSERT(abs(Real(double{found}) / truth->inverse_depth - 1) <= bound.depth);
       }
       if (extent > 1) return;
-      // Of one pixel: nowhere else, in any tile.
+      // One pixel: no other one in any tile.
       const auto of_tiles = tiles.values.begin() + kDepthTile * kDepthTile;
       RC_ASSERT(
           std::count_if(of_tiles, tiles.values.end(), [](float value) { return value >= 0; }) == 1);

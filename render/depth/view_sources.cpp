@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Determines for each camera of a view's blending field which pixels of its frame the view reads,
+// by the range of depths in each tile, decodes them, and samples runs of pixels with weights and
+// visibility (blend_kernels.cpp). Cost: O(tiles x cameras) to plan, O(pixels x cameras of a tile)
+// to sample.
 #include "render/depth/view_sources.h"
 
 #include <algorithm>
@@ -108,7 +112,7 @@ void sample_camera(const ViewSources& sources, const DepthViewPlan& plan, const 
                       y,
                       from.transfer,
                       &plan.depths->maps[index],
-                      &plan.depths->nearest[index],
+                      &plan.depths->block_nearest[index],
                       depths,
                       visibility_tolerance(plan),
                       {run.visible, n}});

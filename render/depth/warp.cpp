@@ -25,7 +25,6 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Puts a point down over all that it covers.
 HWY_INLINE void put_down(const VirtualCamera& view, DepthTiles& tiles, float u, float v,
                          float extent, float inverse_depth) {
   const float half = std::min(extent, static_cast<float>(kMaxSplatSize)) / 2;
@@ -55,11 +54,11 @@ void warp(const InverseDepthMap& map, const VirtualCamera& camera, const Virtual
   constexpr int kMostLanes = static_cast<int>(hn::MaxLanes(d));
   const int lanes = static_cast<int>(hn::Lanes(d));
   const PixelTransfer transfer = pixel_transfer(view, camera);
-  // A pixel is drawn out by the ratio of the focal lengths, and of the depths.
+  // The footprint of a pixel is the ratio of the focal lengths times that of the depths.
   const auto focal_ratio = static_cast<float>(std::max(view.intrinsics.fx / camera.intrinsics.fx,
                                                        view.intrinsics.fy / camera.intrinsics.fy));
-  const float reach = kMaxSplatSize / 2.0F;  // from beyond the view's border
-  PixelTransfer shifted = transfer;          // so that all that reaches in has positions above 0
+  const float reach = kMaxSplatSize / 2.0F;  // points that far outside the view cover its pixels
+  PixelTransfer shifted = transfer;  // shifted, so that the positions of such points are above 0
   for (std::size_t i = 0; i < 3; ++i) {
     for (const std::size_t r : {0, 1}) {
       shifted.direction[3 * r + i] += static_cast<double>(reach) * transfer.direction[6 + i];
@@ -96,7 +95,7 @@ void warp(const InverseDepthMap& map, const VirtualCamera& camera, const Virtual
       const auto reaches = hn::And(known, place.inside);
       if (hn::AllFalse(d, reaches)) continue;
       const auto left = hn::Sub(place.u, shift), top = hn::Sub(place.v, shift);
-      // q / W over q; of points at infinity it is 1 / W that counts.
+      // The ratio of the depths is (q / W) / q = 1 / W; the latter is defined at infinity too.
       const auto covers = hn::Mul(ratio, place.per_w);
       if (HWY_UNLIKELY(!hn::AllFalse(d, hn::And(reaches, hn::Gt(covers, one_pixel))))) {
         hn::Store(left, d, u);
@@ -156,9 +155,9 @@ std::size_t depth_tile_count(const VirtualCamera& view) {
 
 namespace {
 
-/// Which blocks of kDepthTile x kDepthTile pixels of a map may come down in wanted tiles: a point
-/// lies between infinity and the nearest depth of its block, so where the block's corners come down
-/// at these bounds it.
+/// Selects the blocks of kDepthTile x kDepthTile pixels of a map that can reach wanted tiles. A
+/// point lies between infinity and the nearest depth of its block, so the block's corners at these
+/// depths bound its position.
 class BlockChoice {
  public:
   BlockChoice(const VirtualCamera& camera, const VirtualCamera& view,

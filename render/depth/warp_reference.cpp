@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reference of warp_depths() (warp.cpp): each pixel of a camera's inverse depth map (1/m) is
+// splatted over the pixels of the view that it covers, the nearest wins; pixel by pixel, the whole
+// view. Cost: O(pixels of the map + pixels written).
 #include <algorithm>
 #include <cmath>
 
@@ -12,7 +15,7 @@ InverseDepthMap warp_depths_reference(const InverseDepthMap& map, const VirtualC
   warped.values.assign(static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height),
                        kUnknownDepth);
   const PixelTransfer t = pixel_transfer(view, camera);
-  // A pixel is drawn out by the ratio of the focal lengths, and of the depths: W.
+  // The footprint of a pixel is the ratio of the focal lengths times that of the depths, W.
   const double focal_ratio = std::max(view.intrinsics.fx / camera.intrinsics.fx,
                                       view.intrinsics.fy / camera.intrinsics.fy);
   for (int y = 0; y < map.height; ++y) {

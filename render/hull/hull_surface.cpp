@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Intersects rays with the visual hull of silhouettes (Matusik et al., SIGGRAPH 2000, section 2):
+// each ray is projected to each camera's matte and walked pixel by pixel, skipping uniform areas;
+// the intervals on foreground are kept, and the first point seen by at least `min_views` cameras is
+// the hit. Input: rays and undistorted mattes; output: inverse distances, 1/m, NaN without a hit.
+// Cost: O(rays x cameras x pixels along the ray). Reference: hull_surface_reference.cpp.
 #include "render/hull/hull_surface.h"
 
 #include <tbb/enumerable_thread_specific.h>
@@ -16,16 +21,15 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-/// What lies less than this ahead of a camera, of its distance from the eye, lies beside it.
+/// Points closer to a camera's plane than this, relative to their distance, count as not in front.
 constexpr double kLeastAhead = 1e-12;
 
-/// Part of a ray between two inverse distances, the nearer (larger) first.
+/// An interval of inverse distances along a ray, the nearer (larger) first, 1/m.
 struct Interval {
   double near = 0, far = 0;
 };
 
-/// A silhouette with what a ray's line needs of its camera: raster position times W, for a
-/// direction of the world.
+/// A silhouette with its projection, from world directions to raster position times W.
 struct Carver {
   Matrix3d raster_from_world;
   Vector3d centre;
@@ -40,11 +44,11 @@ Carver carver_of(const Rig::Camera& camera, const Matte& matte) {
           camera.pose.position, &raster};
 }
 
-/// A ray's line in a raster between two inverse distances: a straight line, on which position and
-/// inverse distance are related by a projection.
+/// The projection of an interval of a ray to a raster: a straight line, with a projective relation
+/// of position and inverse distance.
 class RasterLine {
  public:
-  /// Both ends must lie in front of the camera and in the raster.
+  /// Both ends must be in front of the camera and in the raster.
   RasterLine(const Vector3d& at_near, const Vector3d& at_far, const Interval& interval,
              const Matte::Raster& raster)
       : w_near_(at_near.z()), w_far_(at_far.z()), interval_(interval) {
@@ -58,8 +62,8 @@ class RasterLine {
 
   Vector2d position(double s) const { return from_ + s * way_; }
   const Vector2d& way() const { return way_; }
-  /// A mean of the ends by weights, without a difference of them: from afar all that cameras see
-  /// lies in the last millionth of the interval.
+  /// A weighted mean of the ends, not a difference: from afar all that cameras see is in the last
+  /// millionth of the interval.
   double inverse_distance(double s) const {
     const double of_near = (1 - s) * w_far_, of_far = s * w_near_;
     return (of_near * interval_.near + of_far * interval_.far) / (of_near + of_far);
@@ -71,14 +75,13 @@ class RasterLine {
   Interval interval_;
 };
 
-/// The part of an interval in which the camera sees the ray; far > near where there is none.
-/// (X, Y, W) = `direction` + inverse distance * `per_inverse` lies in the raster where
-/// 0 <= X <= width W and 0 <= Y <= height W: linear in the inverse distance, and without a division
-/// by W, which may be 0 beside the camera.
+/// Returns the part of an interval in which the camera sees the ray; far > near if there is none. A
+/// point (X, Y, W) = `direction` + inverse distance * `per_inverse` is in the raster if 0 <= X <=
+/// width W and 0 <= Y <= height W: linear, without a division by W, which may be 0.
 Interval seen_part(const Vector3d& direction, const Vector3d& per_inverse,
                    const Matte::Raster& raster, const Interval& interval) {
   Interval seen = interval;
-  const auto keep = [&](double at_infinity, double per) {  // where this is not below 0
+  const auto keep = [&](double at_infinity, double per) {  // the part where this is not negative
     if (per > 0) {
       seen.far = std::max(seen.far, -at_infinity / per);
     } else if (per < 0) {
@@ -97,8 +100,8 @@ Interval seen_part(const Vector3d& direction, const Vector3d& per_inverse,
   return seen;
 }
 
-/// Walks over the line of an interval in one camera's raster: calls visit(near, far, value) for
-/// pieces of one value, the nearest first, until it returns false.
+/// Walks along the line of an interval in one camera's raster: calls visit(near, far, value) for
+/// pieces of equal value, the nearest first, until it returns false.
 template <class Visit>
 void walk(const WorldRay& ray, const Carver& carver, const Interval& interval, const Visit& visit) {
   const Vector3d direction = carver.raster_from_world * ray.direction;
@@ -133,22 +136,22 @@ void walk(const WorldRay& ray, const Carver& carver, const Interval& interval, c
     const MatteValue next = raster.values[at];
     if (step > 0 && next != value && !step_to(static_cast<double>(step) / steps, value)) return;
     value = next;
-    // A step is a pixel at most; one less for what rounding makes of it.
+    // A step is at most a pixel; one less allows for rounding.
     step += std::clamp(raster.uniform_radius[at] - 1, 0, steps - 1 - step);
   }
   if (!visit(reached, seen.far, value)) return;
   if (seen.far > interval.far) visit(seen.far, interval.far, MatteValue::kUnseen);
 }
 
-/// By how many more cameras see a ray from there on.
+/// A change of the number of cameras that see a ray, at an inverse distance.
 struct Change {
   double inverse_distance = 0;
   int by = 0;
 };
 
-/// The nearest inverse distance that enough cameras see; -1 for none.
+/// Returns the nearest inverse distance that enough cameras see, or -1.
 double first_seen(std::vector<Change>& changes, int min_views) {
-  // From near to far; where one camera gives way to another, both see the point.
+  // From near to far; where one interval ends and another begins, both include the point.
   std::sort(changes.begin(), changes.end(), [](const Change& a, const Change& b) {
     return a.inverse_distance > b.inverse_distance ||
            (a.inverse_distance == b.inverse_distance && a.by > b.by);
@@ -161,15 +164,15 @@ double first_seen(std::vector<Change>& changes, int min_views) {
   return -1;
 }
 
-/// A few rays at a time, through one camera after the other: their lines lie side by side in its
-/// raster, and what one has read is there for the next.
+/// Intersects several rays at a time, camera by camera: their lines are adjacent in its raster, so
+/// the cached pixels of one serve the next.
 class Carving {
  public:
   static constexpr std::size_t kRays = 64;
 
-  /// Writes 1 / distance of the first surface, or not-a-number. `rays`: kRays at most.
-  void meet(std::span<const WorldRay> rays, std::span<const Carver> carvers, int min_views,
-            double nearest, std::span<double> inverse_distance) {
+  /// Writes 1 / distance of the first surface, or NaN. `rays`: at most kRays.
+  void intersect(std::span<const WorldRay> rays, std::span<const Carver> carvers, int min_views,
+                 double nearest, std::span<double> inverse_distance) {
     rays_.resize(std::max(rays_.size(), rays.size()));
     alive_.clear();
     for (std::size_t i = 0; i < rays.size(); ++i) {
@@ -182,7 +185,7 @@ class Carving {
       std::erase_if(alive_, [&](std::size_t i) { return rays_[i].kept.empty(); });
       if (alive_.empty()) return;
     }
-    // Of what is left of each ray the nearest piece first.
+    // The nearest remaining piece of each ray first.
     for (std::size_t piece = 0; !alive_.empty(); ++piece) {
       for (const std::size_t i : alive_) rays_[i].changes.clear();
       for (const Carver& carver : carvers) {
@@ -233,7 +236,7 @@ class Carving {
   }
 
   std::vector<Ray> rays_;
-  std::vector<std::size_t> alive_;  ///< of rays_: of which something is left, and not yet found
+  std::vector<std::size_t> alive_;  ///< of rays_ that have a piece left and no hit yet
   std::vector<Interval> next_;
 };
 
@@ -246,7 +249,6 @@ RaySurface hull_surface(const Rig& rig, std::vector<Silhouette> silhouettes, int
     carvers.push_back(
         carver_of(rig.cameras[static_cast<std::size_t>(silhouette.camera)], *silhouette.matte));
   }
-  // Of each thread's own: what it worked in for one call serves the next.
   struct Scratch {
     std::vector<Carver> in_order;
     Carving carving;
@@ -255,8 +257,8 @@ RaySurface hull_surface(const Rig& rig, std::vector<Silhouette> silhouettes, int
   return [carvers = std::move(carvers), held = std::move(silhouettes), scratches, min_views,
           nearest](std::span<const WorldRay> rays, std::span<double> inverse_distance) {
     auto& [in_order, carving] = scratches->local();
-    // The nearest cameras first: their lines are short, and say of most rays that they miss. Rays
-    // that come together come from about the same place.
+    // The nearest cameras first: their lines are short and reject most rays. The rays of one call
+    // start at about the same position.
     in_order = carvers;
     if (!rays.empty()) {
       const Vector3d& eye = rays.front().origin;
@@ -266,8 +268,8 @@ RaySurface hull_surface(const Rig& rig, std::vector<Silhouette> silhouettes, int
     }
     for (std::size_t i = 0; i < rays.size(); i += Carving::kRays) {
       const std::size_t count = std::min(Carving::kRays, rays.size() - i);
-      carving.meet(rays.subspan(i, count), in_order, min_views, nearest,
-                   inverse_distance.subspan(i, count));
+      carving.intersect(rays.subspan(i, count), in_order, min_views, nearest,
+                        inverse_distance.subspan(i, count));
     }
   };
 }

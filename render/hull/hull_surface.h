@@ -11,23 +11,21 @@
 
 namespace raystage {
 
-/// A camera and its silhouette at one instant.
 struct Silhouette {
   int camera = 0;  ///< of the rig
   std::shared_ptr<const Matte> matte;
 };
 
-/// The visual hull: points that at least `min_views` cameras see, and that lie within the
-/// silhouette of each that does (Matusik, Buehler, Raskar, Gortler and McMillan, "Image-Based
-/// Visual Hulls", SIGGRAPH 2000, section 2). A ray keeps the intervals of its length that lie, as
-/// lines in each camera's image, on foreground; found by walking along the lines, pixel by pixel,
-/// over what the cameras before have left. Nothing nearer to the eye than `nearest` metres is
-/// looked for. Copies nothing but pointers; `rig` must live on.
+/// Returns the surface of the visual hull: points that at least `min_views` cameras see and that
+/// are within the silhouette of each camera that sees them (Matusik, Buehler, Raskar, Gortler and
+/// McMillan, "Image-Based Visual Hulls", SIGGRAPH 2000, section 2). A ray keeps the intervals whose
+/// projections are on foreground in each image. They are found by walking along the projected line
+/// pixel by pixel, over the intervals that the cameras before have left. The search starts
+/// `nearest` metres from the eye. Copies only pointers; `rig` must outlive the surface.
 RaySurface hull_surface(const Rig& rig, std::vector<Silhouette> silhouettes, int min_views,
                         double nearest);
 
-/// The reference of hull_surface(): tests `steps` points of each ray, evenly spaced in inverse
-/// distance.
+/// The reference of hull_surface(): tests `steps` evenly spaced inverse distances per ray.
 RaySurface hull_surface_reference(const Rig& rig, std::vector<Silhouette> silhouettes,
                                   int min_views, double nearest, int steps);
 

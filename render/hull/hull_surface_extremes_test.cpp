@@ -26,7 +26,7 @@ using testing::WorstError;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
-/// An array and a ray that passes what it sees, or not.
+/// An array and a ray that may cross its field of view.
 struct Shot {
   Rig rig;
   WorldRay ray;
@@ -41,7 +41,7 @@ Shot some_shot() {
   const double depth = *rc::gen::element(1e-3, 0.1, 4.0, 1e3, 1e9);
   const Vector3d target =
       aimed_at_by.world_from_camera(depth * Vector3d(between(-0.7, 0.7), between(-0.5, 0.5), -1));
-  // On the array's plane, next to it, before and behind it, and at the side of what it sees.
+  // On the array's plane, near it, in front of and behind it, and at the side of its view.
   const double height = *rc::gen::element(0.0, 1e-12, -1e-12, 0.1, -0.3, 10.0, 1e6, -1e6);
   const double aside = *rc::gen::element(0.0, 0.01, 1.0, 1e6);
   shot.ray.origin = aimed_at_by.world_from_camera({0, 0, height}) + aside * testing::direction();
@@ -78,16 +78,15 @@ Track track_of(const Rig::Camera& camera, const WorldRay& ray) {
   return {mixed(right, k.fx, k.cx), mixed(down, k.fy, k.cy), ahead};
 }
 
-/// Inverse distances between which a camera sees the ray, and by how much rounding may move either
-/// end.
+/// Inverse distances between which a camera sees the ray, and the rounding of both ends.
 struct Stretch {
   Real far, near;
   double far_bound = 0, near_bound = 0;
 };
 
-/// A pixel is a quotient of sums of the ray's direction and of the way from camera to eye, which
-/// may all but cancel. Some roundings of them move the end of a stretch by as much as takes the ray
-/// past that part of a pixel; and the inverse distance is rounded itself.
+/// Rounding of the end of a stretch: a pixel is a quotient of sums, of the ray's direction and the
+/// offset of the eye, which may cancel. Their rounding moves the end by the ray's length over that
+/// part of a pixel; the inverse distance is rounded too.
 double end_bound(const Rig::Camera& camera, const WorldRay& ray, const Track& track,
                  const Real& q) {
   const Real w = track.w.at(q);
@@ -102,8 +101,8 @@ double end_bound(const Rig::Camera& camera, const WorldRay& ray, const Track& tr
   return pixels / speed + 8 * kEpsilon * inverse;
 }
 
-/// Where the ray's pixel lies in [left, width] x [0, height], 0 <= inverse distance <= most: by
-/// the crossings with each border. nullopt for nowhere.
+/// Returns where the ray's pixel is in [left, width] x [0, height], 0 <= inverse distance <= most,
+/// by the crossings with each border; nullopt if nowhere.
 std::optional<Stretch> exact_stretch(const Rig::Camera& camera, const WorldRay& ray,
                                      const Real& left, const Real& most) {
   const Track track = track_of(camera, ray);
@@ -136,8 +135,8 @@ std::optional<Stretch> exact_stretch(const Rig::Camera& camera, const WorldRay& 
   return stretch;
 }
 
-/// The nearest point that so many stretches hold; nullopt where none does. `margin` (-1, 0 or 1)
-/// times what rounding may change is added to each.
+/// Returns the nearest point in at least `least` stretches, or nullopt. Widens each stretch by
+/// `margin` (-1, 0 or 1) times its rounding.
 std::optional<Real> first_held(const std::vector<std::optional<Stretch>>& stretches, int least,
                                int margin) {
   std::vector<Stretch> shifted;
@@ -173,7 +172,7 @@ double meet(const Shot& shot, const std::vector<Silhouette>& silhouettes, int mi
   return inverse_distance;
 }
 
-/// Between what there is at least and at most. `error` of it from the middle.
+/// Expects `found` between the bounds. `error`: its difference from their middle.
 void expect_between(double found, const std::optional<Real>& least,
                     const std::optional<Real>& most) {
   const auto beyond = [&](const std::optional<Real>& end) {
@@ -226,7 +225,7 @@ TEST(CarvingExtremes, LookingForWhatIsNextToTheEyeHidesNothing) {
   }
   Shot shot{rig_from_document(document), {}, 0.1};
   const std::vector<Silhouette> all{{0, matte_of(shot.rig.cameras[0].model, 0)}};
-  // In the camera's own plane, where the ray is as far ahead of it all along; and from afar.
+  // In the camera's plane, where the ray's depth is constant; and from afar.
   for (const Vector3d& eye : {Vector3d(5, 0, 0), Vector3d(1e6, 0, 0), Vector3d(-1e6, 10, 1e5)}) {
     shot.ray = {eye, (Vector3d(0, 0, -4) - eye).normalized()};
     shot.nearest = 0.1;

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reference of hull_surface() (hull_surface.cpp): tests evenly spaced inverse distances (1/m) along
+// each ray against every silhouette, through the lens, in double. Cost: O(rays x steps x cameras).
 #include <algorithm>
 #include <limits>
 

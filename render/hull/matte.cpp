@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Thresholds a camera's matte and resamples it without lens distortion, so that rays are straight
+// lines in it, with the radius of uniform values around each pixel for fast walks. Cost: O(pixels).
 #include "render/hull/matte.h"
 
 #include <algorithm>
@@ -11,7 +13,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-/// Bounds of the image in ideal coordinates, from its border.
+/// Bounds of the image's border in ideal coordinates.
 struct Bounds {
   Vector2d least = Vector2d::Constant(1e30), most = Vector2d::Constant(-1e30);
 };
@@ -35,9 +37,9 @@ Bounds ideal_bounds(const CameraModel& model) {
   return bounds;
 }
 
-constexpr std::uint8_t kMostAlike = 254;  // one more must fit into a byte
+constexpr std::uint8_t kMostAlike = 254;  // 255 must not overflow a byte
 
-/// Of each value and those to its left and right; null: there are none to fear.
+/// Returns the minimum of each value and its left and right one; kMostAlike if `row` is null.
 void least_of_three(const std::uint8_t* row, std::vector<std::uint8_t>& least) {
   if (row == nullptr) {
     std::ranges::fill(least, kMostAlike);
@@ -68,8 +70,7 @@ Matte::Matte(const CameraModel& model, std::vector<std::uint8_t> codes, double t
   if (model.has_distortion()) {
     const Bounds bounds = ideal_bounds(model);
     const Vector2d scale(k.fx, k.fy);
-    // A lens that sees far to its side would make it endless: four times the image must do, the
-    // rest counts as unseen.
+    // Limit the raster of wide lenses to four times the image; the rest counts as unseen.
     const Vector2d size = ((bounds.most - bounds.least).cwiseProduct(scale))
                               .cwiseMin(4 * Vector2d(width_, height_))
                               .cwiseMax(1.0);
@@ -91,8 +92,8 @@ Matte::Matte(const CameraModel& model, std::vector<std::uint8_t> codes, double t
   raster_.compute_uniform_radius();
 }
 
-/// Chessboard distances (Rosenfeld and Pfaltz, "Distance functions on digital pictures", 1968) to
-/// the pixels beside which another value stands.
+/// By chessboard distances (Rosenfeld and Pfaltz, "Distance functions on digital pictures", 1968)
+/// to the nearest pixel next to a different value.
 void Matte::Raster::compute_uniform_radius() {
   const auto columns = static_cast<std::size_t>(width);
   uniform_radius.resize(values.size());
@@ -111,7 +112,7 @@ void Matte::Raster::compute_uniform_radius() {
       out[x] = same ? kMostAlike : 0;
     }
   }
-  // Down and to the right, then up and to the left.
+  // Two passes: downwards to the right, then upwards to the left.
   std::vector<std::uint8_t> least(columns);
   for (int y = 0; y < height; ++y) {
     std::uint8_t* row = uniform_radius.data() + static_cast<std::size_t>(y) * columns;
@@ -146,7 +147,7 @@ MatteValue Matte::at(const CameraModel& model, const Eigen::Vector3d& direction_
 }
 
 Matte read_matte(const std::filesystem::path& file, const CameraModel& model, double threshold) {
-  return {model, read_matte_codes(file, model.width(), model.height()), threshold};
+  return {model, read_matte_png(file, model.width(), model.height()), threshold};
 }
 
 }  // namespace raystage

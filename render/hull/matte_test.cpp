@@ -9,7 +9,7 @@
 namespace raystage {
 namespace {
 
-/// Pixels whose value is the pixel's own, all of them, as far as they go along either axis.
+/// Returns the radius along both axes within which all pixels have the pixel's value.
 int alike_around(const Matte::Raster& raster, int x, int y) {
   const auto value = [&](int u, int v) {
     return raster.values[static_cast<std::size_t>(v * raster.width + u)];

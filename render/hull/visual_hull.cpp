@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// The method "visual_hull": reads the mattes of the cameras at an instant (cached), intersects the
+// view's rays with their hull (hull_surface.cpp), and blends colours by lumigraph weights (thesis,
+// Reconstruction; Matusik et al. 2000). Cost: that of hull_surface.cpp and lumigraph.cpp.
 #include "render/hull/visual_hull.h"
 
 #include <fmt/format.h>
@@ -21,7 +24,7 @@ constexpr int kReferenceSteps = 4096;
 std::shared_ptr<const Matte> kept_matte(const LightFieldFrame& instant, ResultCache& kept,
                                         int camera, double threshold) {
   const auto index = static_cast<std::size_t>(camera);
-  const auto file = matte_file(*instant.take, camera, instant.frame_of_camera[index]);
+  const auto file = matte_file_path(*instant.take, camera, instant.frame_of_camera[index]);
   const CameraModel& model = instant.rig->cameras[index].model;
   return kept.get<Matte>(
       fmt::format("matte {} {}", threshold, file.string()), [&](std::size_t& bytes) {
@@ -33,7 +36,7 @@ std::shared_ptr<const Matte> kept_matte(const LightFieldFrame& instant, ResultCa
 
 Error no_mattes(std::string what, const Take& take) {
   return Error::bad_input(std::move(what), (take.folder() / "mattes").string(),
-                          "Write TAKE/mattes/CAMERA/FRAME.png, see docs/formats/mattes.md");
+                          "Write TAKE/mattes/CAMERA/FRAME.png (see docs/formats/mattes.md)");
 }
 
 void check_mattes(const MethodOptions&, const Take& take) {
@@ -42,14 +45,14 @@ void check_mattes(const MethodOptions&, const Take& take) {
   }
 }
 
-/// Of the cameras that have a frame and a matte of it.
+/// Returns the silhouettes of the cameras that have a frame and a matte of it.
 std::vector<Silhouette> silhouettes_of(const LightFieldFrame& instant, ResultCache& kept,
                                        double threshold) {
   std::vector<Silhouette> silhouettes;
   const Take& take = *instant.take;
   for (const int camera : instant.included_cameras) {
     const int frame = instant.frame_of_camera[static_cast<std::size_t>(camera)];
-    if (frame < 0 || !std::filesystem::exists(matte_file(take, camera, frame))) continue;
+    if (frame < 0 || !std::filesystem::exists(matte_file_path(take, camera, frame))) continue;
     silhouettes.push_back({camera, nullptr});
   }
   if (silhouettes.empty()) throw no_mattes("no camera has a matte at this instant", take);
@@ -60,7 +63,7 @@ std::vector<Silhouette> silhouettes_of(const LightFieldFrame& instant, ResultCac
 }
 
 int min_views(const MethodOptions& options, const std::vector<Silhouette>& silhouettes) {
-  const double share = options.number("seen_by");
+  const double share = options.number("min_view_share");
   return std::max(1, static_cast<int>(std::ceil(share * static_cast<double>(silhouettes.size()))));
 }
 
@@ -68,21 +71,21 @@ std::vector<std::filesystem::path> mattes_of(const Take& take, std::span<const i
   std::vector<std::filesystem::path> files;
   for (std::size_t camera = 0; camera < frames.size(); ++camera) {
     if (frames[camera] < 0) continue;
-    const auto file = matte_file(take, static_cast<int>(camera), frames[camera]);
+    const auto file = matte_file_path(take, static_cast<int>(camera), frames[camera]);
     if (std::filesystem::exists(file)) files.push_back(file);
   }
   return files;
 }
 
-/// A hull of few silhouettes is wider than what it holds, and nothing in the picture says so.
+/// The hull of few silhouettes is too large, which the picture does not show: add a note.
 void note_missing_mattes(const LightFieldFrame& instant, RenderedView& view) {
   const auto frames = std::ranges::count_if(instant.frame_of_camera, [](int f) { return f >= 0; });
   const auto mattes =
       static_cast<std::ptrdiff_t>(mattes_of(*instant.take, instant.frame_of_camera).size());
   if (mattes < frames) {
-    view.notes.push_back(
-        fmt::format("visual_hull: {} of {} cameras have no matte here and do not carve",
-                    frames - mattes, frames));
+    view.notes.push_back(fmt::format(
+        "visual_hull: {} of {} cameras have no matte at this instant: the hull may be too large",
+        frames - mattes, frames));
   }
 }
 
@@ -107,11 +110,13 @@ namespace {
 std::vector<OptionSpec> hull_options() {
   std::vector<OptionSpec> all = ray_weight_options();
   all.push_back(number_option("threshold", 0.5, 0, 1,
-                              "share of a matte's full scale from which a pixel is foreground"));
-  all.push_back(number_option(
-      "seen_by", 0.5, 0, 1, "share of the cameras with mattes that must see a point of the hull"));
-  all.push_back(number_option("nearest", 0.1, 1e-6, 1e6,
-                              "metres from the eye; what is nearer is not looked for"));
+                              "smallest matte value of foreground, as a share of full scale"));
+  all.push_back(renamed_option(
+      "seen_by",
+      number_option("min_view_share", 0.5, 0, 1,
+                    "share of the cameras with mattes that must see a point of the hull")));
+  all.push_back(
+      number_option("nearest", 0.1, 1e-6, 1e6, "start of the search, metres from the eye"));
   return all;
 }
 
@@ -119,20 +124,21 @@ class VisualHullMethod final : public Method {
  public:
   std::string_view name() const override { return "visual_hull"; }
   std::string_view summary() const override {
-    return "the foreground within all cameras' mattes, alone";
+    return "shows only the foreground within the mattes of all cameras";
   }
   std::span<const OptionSpec> options() const override { return options_; }
 
   RenderedView render(const ViewRequest& request) const override {
     RenderedView view = render_lumigraph(
-        request, visual_hull_surface(request.options, request.instant, request.kept),
+        request, visual_hull_surface(request.options, request.instant, request.result_cache),
         ray_weight_settings(request.options), WeightField::kPerPixel, MissedRay::kKnownEmpty);
     note_missing_mattes(request.instant, view);
     return view;
   }
   RenderedView render_reference(const ViewRequest& request) const override {
     RenderedView view = render_lumigraph_reference(
-        request, visual_hull_surface_reference(request.options, request.instant, request.kept),
+        request,
+        visual_hull_surface_reference(request.options, request.instant, request.result_cache),
         ray_weight_settings(request.options), MissedRay::kKnownEmpty);
     note_missing_mattes(request.instant, view);
     return view;
@@ -148,7 +154,7 @@ class VisualHullMethod final : public Method {
 
   RaySurface surface(const SurfaceRequest& r) const override {
     const auto hull = r.reference ? visual_hull_surface_reference : visual_hull_surface;
-    return hull(r.options, r.instant, r.kept);
+    return hull(r.options, r.instant, r.result_cache);
   }
   bool has_ray_weights() const override { return true; }
   bool uses_focal_plane() const override { return false; }

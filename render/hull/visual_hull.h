@@ -6,18 +6,18 @@
 
 namespace raystage {
 
-/// `visual_hull`: the foreground, where rays first meet the hull of the cameras' mattes;
-/// transparent where they meet none. Colours by lumigraph weights. Parts of the hull that hide it
-/// from a camera are not looked for: between cameras far apart, colours may come from what stands
-/// before.
+/// Returns the method `visual_hull`: shows the foreground where rays first meet the hull of the
+/// cameras' mattes, and is transparent elsewhere. Colours are blended by lumigraph weights. Not
+/// supported: occlusion of the hull by itself. With cameras far apart, parts in front may give the
+/// colours.
 const Method& visual_hull_method();
 
-/// Where rays meet the hull that the method's options ask for, for who queries rays instead of a
-/// view; `instant`'s rig must live on. Throws Error (bad input) where no camera has a matte at the
-/// instant, or one that is none.
+/// Returns the surface on which rays meet the hull of the method's options, for ray queries. The
+/// rig of `instant` must outlive it. Throws Error (bad input) if no camera has a matte at the
+/// instant, or a matte is invalid.
 RaySurface visual_hull_surface(const MethodOptions& options, const LightFieldFrame& instant,
                                ResultCache& kept);
-/// hull_surface_reference() of it.
+/// The same by hull_surface_reference().
 RaySurface visual_hull_surface_reference(const MethodOptions& options,
                                          const LightFieldFrame& instant, ResultCache& kept);
 

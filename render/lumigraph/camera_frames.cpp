@@ -33,7 +33,7 @@ bool CameraFrames::are_fully_decoded() const {
   if (count_needed_) return false;
   for (std::size_t i = 0; i < used_.size(); ++i) {
     if (used_[i] &&
-        !instant_.cache->holds_whole(static_cast<int>(i), instant_.frame_of_camera[i])) {
+        !instant_.cache->is_fully_decoded(static_cast<int>(i), instant_.frame_of_camera[i])) {
       return false;
     }
   }
@@ -59,7 +59,7 @@ void CameraFrames::decode(RenderStatistics& statistics) {
     if (!used_[i] || none) return;
     std::int64_t pixels = 0;
     frames_[i] = instant_.cache->fetch(static_cast<int>(i), instant_.frame_of_camera[i], mcus,
-                                       pixels, instant_.look);
+                                       pixels, instant_.fetch_group);
     decoded += pixels;
     looked_through_[i] = 1;
   });

@@ -11,26 +11,25 @@
 
 namespace raystage {
 
-/// The frames of an instant, decoded as far as a view reads them; or, each after the other, as far
-/// as parts of a view do.
+/// The frames of an instant, decoded where a view or, in turn, its parts read them.
 class CameraFrames {
  public:
-  /// `count_needed`: also note which pixels are read, for RenderStatistics::pixels_needed.
+  /// `count_needed`: also record which pixels are read, for RenderStatistics::pixels_needed.
   CameraFrames(const LightFieldFrame& instant, bool count_needed);
 
-  /// Looks at the frames of the cameras that are `used`, indexed as in the rig, and lets go of
-  /// those of the part before. Throws Error (bad input).
+  /// Opens the frames of the `used` cameras (by camera of the rig) and closes those of the part
+  /// before. Throws Error (bad input) if a frame cannot be read.
   void open(std::vector<bool> used);
-  /// Whether decode() needs no plan: every frame is in memory already, and nobody counts.
+  /// Returns whether decode() needs no plan: all frames are in memory, and pixels are not counted.
   bool are_fully_decoded() const;
 
-  /// Makes a camera's lens mark what is wanted of its frame; to no end where it is not used.
+  /// Makes a camera's lens record which MCUs of its frame are wanted. No effect on unused cameras.
   void set_mcu_layout(int camera, SourceView& lens);
 
-  /// What is wanted of each frame; all of those that were not planned. Counts what all parts of the
-  /// view took: needed pixels once.
+  /// Decodes the wanted parts of the frames, or all if none were planned. Adds the cost over all
+  /// parts of the view; needed pixels count once.
   void decode(RenderStatistics& statistics);
-  /// Null for a camera that is not used.
+  /// Returns null for a camera that is not used.
   const std::uint16_t* pixels(int camera) const {
     const auto& frame = frames_[static_cast<std::size_t>(camera)];
     return frame ? frame->rgba.get() : nullptr;
@@ -40,10 +39,10 @@ class CameraFrames {
   const LightFieldFrame& instant_;
   bool count_needed_;
   std::vector<bool> used_;
-  std::vector<std::uint8_t> looked_through_;  // of any part
+  std::vector<std::uint8_t> looked_through_;  // in any part
   std::vector<std::shared_ptr<const JpegLayout>> layouts_;
   std::vector<McuMask> wanted_;                         // empty: all
-  std::vector<std::vector<std::uint8_t>> read_pixels_;  // empty: nobody counts
+  std::vector<std::vector<std::uint8_t>> read_pixels_;  // empty: not counted
   std::vector<std::shared_ptr<const DecodedFrame>> frames_;
 };
 

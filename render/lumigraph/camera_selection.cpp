@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Selects the cameras that can contribute to a bundle of rays: bounds each camera's penalty over
+// the bundle (ray_weights.h) and removes those whose lower bound exceeds the (k+1)-th upper bound
+// of the cameras that see all of the bundle. Input: corner rays and inverse distances in 1/m. Cost:
+// O(cameras log cameras) per bundle.
 #include "render/lumigraph/camera_selection.h"
 
 #include <Eigen/Geometry>
@@ -17,10 +21,10 @@ struct Bounds {
   double least = 0, most = 0;
 };
 
-/// Of the penalty without its part for the field of view.
+/// Returns bounds of the penalty without its term for the field of view.
 Bounds penalty_bounds(const Vector3d& eye_to_camera, const Vector3d& axis, double angle,
                       const RayBundle& bundle, const RayWeightSettings& weighing) {
-  // Distance from a ray and length along it change by at most this between axis and any ray.
+  // Distance from a ray and length along it change by at most this from the axis to any ray.
   const double change = eye_to_camera.norm() * angle;
   const double beside = eye_to_camera.cross(axis).norm(), along = eye_to_camera.dot(axis);
   const double least_beside = std::max(0.0, beside - change), most_beside = beside + change;
@@ -29,8 +33,8 @@ Bounds penalty_bounds(const Vector3d& eye_to_camera, const Vector3d& axis, doubl
                                   1 - (along + change) * bundle.min_inverse_distance,
                                   1 - (along + change) * bundle.max_inverse_distance});
   // tan(angle / 2) times the point's distance. It falls with the length ahead and with the inverse
-  // distance; with the distance beside the ray it grows for a camera that looks from before the
-  // point, and for one that looks from behind it falls, from infinity on.
+  // distance. With the distance from the ray it grows for a camera in front of the point, and falls
+  // from infinity for one behind it.
   const auto half_angular = [](double beside_ray, double inverse, double ahead_of) {
     const double across = beside_ray * inverse, side = std::hypot(across, ahead_of);
     if (ahead_of < 0) return (side - ahead_of) / (across * inverse);
@@ -41,22 +45,21 @@ Bounds penalty_bounds(const Vector3d& eye_to_camera, const Vector3d& axis, doubl
   const double most_angular = 2 * half_angular(ahead.first < 0 ? least_beside : most_beside,
                                                bundle.min_inverse_distance, ahead.first);
   const double least_further = std::max(0.0, -(along + change));
-  // A triangle's sides differ by no more than the third. Not a number, too, is then that.
+  // Two sides of a triangle differ by at most the third; this also replaces NaN.
   const double any_further = eye_to_camera.norm();
   const double longer =
       change - along + most_beside * bundle.max_inverse_distance * (most_angular / 2);
   const double most_further = longer < any_further ? std::max(0.0, longer) : any_further;
   Bounds bounds;
   bounds.least = weighing.angular * least_angular + weighing.resolution * least_further;
-  // 0 times infinity is no bound.
+  // Avoid 0 times infinity.
   bounds.most = (weighing.angular > 0 ? weighing.angular * most_angular : 0) +
                 (weighing.resolution > 0 ? weighing.resolution * most_further : 0);
   return bounds;
 }
 
-/// Whether the camera sees all of the bundle's points well within its image. Their hull becomes, in
-/// the undistorted image, the hull of its corners; how little more it bends through the lens is
-/// left to a margin.
+/// Returns whether the camera sees all points of the bundle, away from its image's border. Without
+/// distortion the hull of the corners contains them; a margin allows for the bend by the lens.
 bool sees_all(const Rig::Camera& camera, const RayBundle& bundle,
               const RayWeightSettings& weighing) {
   constexpr double kMargin = 2;  // pixels
@@ -99,7 +102,7 @@ std::vector<int> select_candidate_cameras(const Rig& rig, std::span<const int> c
   std::sort(by_most.begin(), by_most.end(), [&](std::size_t a, std::size_t b) {
     return bounds[a].most < bounds[b].most || (bounds[a].most == bounds[b].most && a < b);
   });
-  // Nobody beyond the (k+1)-th of those that see everything counts.
+  // Cameras beyond the (k+1)-th of those that see the whole bundle have no weight.
   double threshold = kInfinity;
   int seeing = 0;
   for (const std::size_t i : by_most) {
@@ -108,7 +111,7 @@ std::vector<int> select_candidate_cameras(const Rig& rig, std::span<const int> c
     threshold = bounds[i].most;
     break;
   }
-  constexpr double kRounding = 1e-3;  // of the kernels' floats, and kSoftening
+  constexpr double kRounding = 1e-3;  // margin for the kernels' floats and kSoftening
   std::vector<int> chosen;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     if (!(bounds[i].least > threshold * (1 + kRounding) + kRounding * spacing)) {

@@ -10,17 +10,16 @@
 
 namespace raystage {
 
-/// Rays from one eye through a rectangle of pixels, and how far away they end.
+/// Rays from one eye through a rectangle of pixels, with bounds on their lengths.
 struct RayBundle {
   Eigen::Vector3d eye;
-  std::array<Eigen::Vector3d, 4> corners;  ///< unit directions
-  double min_inverse_distance = 0,
-         max_inverse_distance = 0;  ///< 1 / distance of the points, per metre
+  std::array<Eigen::Vector3d, 4> corners;                     ///< unit directions
+  double min_inverse_distance = 0, max_inverse_distance = 0;  ///< of the points, 1/m
 };
 
-/// Which of `cameras` can be among the k best of any ray of a bundle, or bear on the k-th best's
-/// threshold: by bounds on the penalties over the bundle, so that leaving the others out changes no
-/// weight. In the order given.
+/// Returns those of `cameras`, in order, that can be among the k best of any ray of a bundle, or
+/// determine the threshold of the k-th best. It bounds the penalties over the bundle, so excluding
+/// the others changes no weight.
 std::vector<int> select_candidate_cameras(const Rig& rig, std::span<const int> cameras,
                                           const RayBundle& bundle,
                                           const RayWeightSettings& weighing, double spacing);

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Renders a view by the unstructured lumigraph (Buehler et al., SIGGRAPH 2001; thesis eq. 2.3): per
+// block of 64 x 16 pixels the rays are intersected with the surface and the candidate cameras
+// selected (camera_selection.cpp), then frames are decoded and the rays blended in chunks of 64
+// (ray_chunk_kernels.cpp). Input: a surface (inverse distances, 1/m). Output: premultiplied RGBA,
+// coverage, z in metres. Cost: O(pixels x candidate cameras). Reference: lumigraph_reference.cpp.
 #include "render/lumigraph/lumigraph.h"
 
 #include <algorithm>
@@ -28,13 +33,12 @@ double milliseconds(Clock::duration duration) {
   return std::chrono::duration<double, std::milli>(duration).count();
 }
 
-/// Part of the view, and the cameras that can count in it.
+/// A part of the view, and the cameras that can contribute to it.
 struct Block {
-  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;  ///< pixels, the last ones excluded
-  std::vector<int> present, complete;  ///< the second only where it differs from the first
+  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;  ///< pixels; x1 and y1 are exclusive
+  std::vector<int> present, complete;  ///< `complete` is set only if it differs
 };
 
-/// What one thread works in.
 struct Scratch {
   std::vector<WorldRay> rays;
   std::vector<double> inverse_distance;
@@ -44,8 +48,7 @@ struct Scratch {
   std::vector<ChunkWeights> weights, corner_weights;
 };
 
-/// One view's rendering, band of rows by band, each stage by stage: surface and cameras, plan,
-/// decode, blend.
+/// Renders one view in bands of rows. Stages: surface and cameras, plan, decode, blend.
 class LumigraphFrame {
  public:
   LumigraphFrame(const ViewRequest& request, const RaySurface& surface,
@@ -55,7 +58,7 @@ class LumigraphFrame {
         rig_(*request.instant.rig),
         surface_(surface),
         weighing_(weighing),
-        spacing_(max_neighbour_baseline(rig_)),
+        spacing_(mean_nearest_baseline(rig_)),
         chunk_weighing_(weighing, spacing_),
         field_(field),
         missed_(missed),
@@ -110,7 +113,7 @@ class LumigraphFrame {
 
   std::size_t in_band(int x, int y) const { return at(x, y - top_); }
 
-  /// Whole blocks that fit in working memory with what becomes known of them, at least one high.
+  /// Returns the rows of whole blocks whose data fit in working memory, at least one block high.
   int rows_of_band() const {
     const auto columns = static_cast<std::size_t>((view_.width + kBlockWidth - 1) / kBlockWidth);
     constexpr std::size_t kListsOfCameras = 2, kGrowth = 2;
@@ -122,11 +125,11 @@ class LumigraphFrame {
     return std::max(1, static_cast<int>(blocks_high)) * kBlockHeight;
   }
 
-  /// Rows from top_ on. Pixels know nothing of those in other blocks.
+  /// Renders rows from top_ on. Pixels do not depend on other blocks.
   void render_band(int end, RenderedView& image) {
     const auto start = Clock::now();
     make_blocks(end);
-    meet_surface(end, image);
+    intersect_surface(end, image);
     frames_.open(used_cameras());
     if (sums_ != SumStage::kFinishOnly && !frames_.are_fully_decoded()) mark_wanted();
     const auto planned = Clock::now();
@@ -181,8 +184,8 @@ class LumigraphFrame {
                            });
   }
 
-  /// Where the rays end, and who can see it.
-  void meet_surface(int end, RenderedView& image) {
+  /// Intersects the rays with the surface and selects the cameras that can see the points.
+  void intersect_surface(int end, RenderedView& image) {
     find_surface(end, image);
     for_each_block([&](Block& block, Scratch&) {
       double least = std::numeric_limits<double>::infinity(), most = 0;
@@ -194,7 +197,7 @@ class LumigraphFrame {
           most = std::max(most, inverse);
         }
       }
-      if (least > most) return;  // nothing there
+      if (least > most) return;  // no ray hits
       RayBundle bundle;
       bundle.eye = view_.pose.position;
       bundle.corners = {direction(block.x0, block.y0), direction(block.x1, block.y0),
@@ -207,8 +210,7 @@ class LumigraphFrame {
     });
   }
 
-  /// A block's rows are shared out too: rays through some surfaces take long, and some a hundred
-  /// times as long as others.
+  /// Threads share rows of blocks: some rays take a hundred times as long as others.
   void find_surface(int end, RenderedView& image) {
     inverse_distance_.resize(in_band(0, end));
     const int rows = static_cast<int>(blocks_.size()) * kBlockHeight;
@@ -236,7 +238,6 @@ class LumigraphFrame {
         });
   }
 
-  /// Whether this host reads the frame of a camera.
   bool is_read(int camera) const {
     return sums_ != SumStage::kFinishOnly && request_.instant.is_local(camera);
   }
@@ -291,7 +292,7 @@ class LumigraphFrame {
     }
   }
 
-  /// The weights at the corners of the block's tiles, of those cameras that have any.
+  /// Computes the weights at the corners of the block's tiles, of cameras that have any.
   void weigh_corners(const Block& block, Scratch& scratch) const {
     scratch.rays.clear();
     for (const int y : {block.y0, block.y0 + kBlendingTileSize}) {
@@ -412,7 +413,7 @@ class LumigraphFrame {
   std::vector<ChunkCamera> cameras_;
   CameraFrames frames_;
   std::vector<int> present_, complete_;
-  int top_ = 0;  // of the band, whose are
+  int top_ = 0;  // first row of the band; the following are of the band
   SumStage sums_ = SumStage::kSampleAndFinish;
   std::vector<Block> blocks_;
   std::vector<double> inverse_distance_;

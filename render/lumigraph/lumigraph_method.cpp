@@ -22,33 +22,34 @@ std::filesystem::path mesh_file(const MethodOptions& options, const Take& take) 
 
 DepthRange scene_of(const Take& take) {
   return scene_depth_range(take, {}, "proxy depth",
-                           "Say depth_range_m in take.json, in metres in front of the array");
+                           "Set depth_range_m in take.json, in metres in front of the array");
 }
 
 void check_proxy(const MethodOptions& options, const Take& take) {
   const std::string& proxy = options.text("proxy");
   const bool has_mesh = !options.text("mesh").empty();
   if (proxy != "mesh" && has_mesh) {
-    throw Error::bad_input("a mesh is given and the proxy is '" + proxy + "'", "option mesh",
-                           "Set the option proxy to mesh, or leave mesh out");
+    throw Error::bad_input("option mesh is set but the option proxy is '" + proxy + "'",
+                           "option mesh",
+                           "Set the option proxy to mesh, or remove the option mesh");
   }
   if (proxy == "mesh" && !has_mesh) {
-    throw Error::bad_input("the proxy is to be a mesh and none is given", "option mesh",
-                           "Give its file, relative to the take's folder");
+    throw Error::bad_input("option proxy is 'mesh' but the option mesh is empty", "option mesh",
+                           "Set mesh to its file, relative to the take's folder");
   }
   if (proxy == "depth") scene_of(take);
 }
 
-/// As depth::depths_with_default_options().
-DepthEstimationSettings solving_of(const Take& take) {
-  DepthEstimationSettings solving;
-  solving.scene = scene_of(take);
-  return solving;
+/// Returns the settings of depth::depths_with_default_options().
+DepthEstimationSettings default_depth_settings(const Take& take) {
+  DepthEstimationSettings settings;
+  settings.scene = scene_of(take);
+  return settings;
 }
 
-/// Returns the surface that the options `proxy` and `mesh` choose; adds what estimating depths
-/// takes to `work`. Throws Error (bad input) for a mesh that is not asked for, missing or
-/// unreadable, and for depths of a take without a depth range.
+/// Returns the surface that the options `proxy` and `mesh` choose; adds the cost of estimating
+/// depths to `work`. Throws Error (bad input) for a mesh that is missing or unreadable or set
+/// without the proxy mesh, and for depths of a take without a depth range.
 RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& plane,
                          const LightFieldFrame& instant, ResultCache& kept,
                          std::size_t working_bytes, bool use_take_folder,
@@ -71,12 +72,12 @@ RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& pl
   });
   return [mesh, on_plane = std::move(on_plane)](std::span<const WorldRay> rays,
                                                 std::span<double> inverse_distance) {
-    mesh->meet(rays, inverse_distance, on_plane);
+    mesh->intersect(rays, inverse_distance, on_plane);
   };
 }
 
 RaySurface surface_of(const ViewRequest& r, DepthEstimationStatistics& work) {
-  return proxy_surface(r.options, r.focal_plane, r.instant, r.kept, r.working_bytes,
+  return proxy_surface(r.options, r.focal_plane, r.instant, r.result_cache, r.working_bytes,
                        r.use_take_folder, work);
 }
 
@@ -87,14 +88,15 @@ WeightField field_of(const ViewRequest& request) {
 
 std::vector<OptionSpec> lumigraph_options() {
   std::vector<OptionSpec> all = ray_weight_options();
-  all.push_back(choice_option("proxy", "plane", "plane|mesh|depth",
-                              "where rays are looked up: on the focal plane, on a mesh and, "
-                              "beyond it, the plane, or where the method depth finds the scene"));
+  all.push_back(
+      choice_option("proxy", "plane", "plane|mesh|depth",
+                    "surface on which rays are looked up: the focal plane; a mesh with the "
+                    "plane behind it; or the depths of method depth"));
   all.push_back(text_option("mesh", "",
                             "file of the mesh (OBJ, PLY, glTF ...; world, metres), relative to "
                             "the take's folder"));
   all.push_back(choice_option("weights", "per_pixel", "per_pixel|blending_field",
-                              "worked out for every pixel, or every 16 pixels and interpolated"));
+                              "computed per pixel, or every 16 pixels and interpolated"));
   return all;
 }
 
@@ -102,7 +104,7 @@ class LumigraphMethod final : public Method {
  public:
   std::string_view name() const override { return "lumigraph"; }
   std::string_view summary() const override {
-    return "the few cameras that suit each ray best, blended where it meets the scene's proxy";
+    return "blends the best few cameras of each ray where it meets a geometry proxy";
   }
   std::span<const OptionSpec> options() const override { return options_; }
   std::span<const MethodPreset> presets() const override {
@@ -127,7 +129,7 @@ class LumigraphMethod final : public Method {
                                       ray_weight_settings(request.options));
   }
 
-  /// Depths would be solved by every host, of cameras that it does not hold.
+  /// With proxy depth, every host would need the depths of cameras that it does not hold.
   DistributionMode distribution(const MethodOptions& options) const override {
     return options.text("proxy") == "depth" ? DistributionMode::kNone
                                             : DistributionMode::kContributions;
@@ -158,21 +160,21 @@ class LumigraphMethod final : public Method {
                                     const LightFieldFrame& instant) const override {
     if (options.text("proxy") != "depth") return {};
     return depth_file_path(instant.derived_folder(),
-                           depth_store_key(instant, solving_of(*instant.take)));
+                           depth_store_key(instant, default_depth_settings(*instant.take)));
   }
   StoreResult store(const MethodOptions& /*options*/, const LightFieldFrame& instant,
                     std::size_t working_bytes) const override {
-    return store_camera_depths(instant, solving_of(*instant.take), working_bytes);
+    return store_camera_depths(instant, default_depth_settings(*instant.take), working_bytes);
   }
 
   RaySurface surface(const SurfaceRequest& r) const override {
     DepthEstimationStatistics work;
-    return proxy_surface(r.options, r.focal_plane, r.instant, r.kept, r.working_bytes,
+    return proxy_surface(r.options, r.focal_plane, r.instant, r.result_cache, r.working_bytes,
                          r.use_take_folder, work);
   }
   bool has_ray_weights() const override { return true; }
 
-  /// Depths that no memory keeps would be solved for every few rows.
+  /// With proxy depth, depths that do not fit in memory would be estimated for every few rows.
   bool is_row_independent(const MethodOptions& options) const override {
     return options.text("proxy") != "depth";
   }

@@ -6,8 +6,8 @@
 namespace raystage {
 
 /// Returns the method `lumigraph`: render_lumigraph() on the surface that its options `proxy` and
-/// `mesh` choose (the focal plane, a mesh and the plane beyond it, or the camera depths of the
-/// method `depth`). A library of its own, so that render_lumigraph() does not depend on depths.
+/// `mesh` choose (the focal plane, a mesh with the plane behind it, or the camera depths of the
+/// method `depth`). A separate library, so that render_lumigraph() does not depend on depths.
 const Method& lumigraph_method();
 
 }  // namespace raystage

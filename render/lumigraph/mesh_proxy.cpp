@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Intersects rays with a triangle mesh by Embree, in float relative to the mesh's centre; rays
+// start just in front of the mesh. Input: rays in the world, metres. Output: inverse distances in
+// 1/m. Cost: O(rays x log triangles).
 #include "render/lumigraph/mesh_proxy.h"
 
 #include <assimp/postprocess.h>
@@ -32,7 +35,7 @@ Triangles read_triangles(const std::filesystem::path& file) {
                                            aiProcess_JoinIdenticalVertices | aiProcess_SortByPType);
   if (scene == nullptr) {
     throw Error::bad_input(std::string("the mesh cannot be read: ") + importer.GetErrorString(),
-                           file.string(), "Give an OBJ, PLY or glTF file");
+                           file.string(), "Use an OBJ, PLY or glTF file");
   }
   Triangles triangles;
   for (unsigned m = 0; m < scene->mNumMeshes; ++m) {
@@ -43,7 +46,7 @@ Triangles read_triangles(const std::filesystem::path& file) {
       triangles.positions.emplace_back(double{p.x}, double{p.y}, double{p.z});
       if (!triangles.positions.back().allFinite()) {
         throw Error::bad_input("the mesh has a vertex that is not finite", file.string(),
-                               "Export it again");
+                               "Export the mesh again");
       }
     }
     for (unsigned f = 0; f < mesh.mNumFaces; ++f) {
@@ -54,7 +57,8 @@ Triangles read_triangles(const std::filesystem::path& file) {
     }
   }
   if (triangles.corners.empty()) {
-    throw Error::bad_input("the mesh has no triangle", file.string(), "Export its faces");
+    throw Error::bad_input("the mesh has no triangle", file.string(),
+                           "Export the mesh with its faces");
   }
   return triangles;
 }
@@ -90,18 +94,18 @@ MeshProxy::MeshProxy(const std::filesystem::path& file)
   for (const auto& triangle : triangles.corners) corners = std::copy_n(triangle.data(), 3, corners);
   rtcCommitGeometry(geometry.get());
   rtcAttachGeometry(scene_.get(), geometry.get());
-  // Embree builds with TBB: while it waits, this thread must not take up other work.
+  // Embree builds with TBB: while it waits, this thread must not start other tasks.
   tbb::this_task_arena::isolate([&] { rtcCommitScene(scene_.get()); });
   if (rtcGetDeviceError(device_.get()) != RTC_ERROR_NONE) {
-    throw Error::failed("Embree could not take in the mesh", file.string(),
+    throw Error::failed("Embree could not build the mesh", file.string(),
                         "Free some memory and try again");
   }
   constexpr std::size_t kTreePerTriangle = 100;  // bytes; Embree's manual, robust scenes
   bytes_ = triangles.positions.size() * 12 + triangles.corners.size() * (12 + kTreePerTriangle);
 }
 
-void MeshProxy::meet(std::span<const WorldRay> rays, std::span<double> inverse_distance,
-                     const RaySurface& beyond) const {
+void MeshProxy::intersect(std::span<const WorldRay> rays, std::span<double> inverse_distance,
+                          const RaySurface& beyond) const {
   constexpr std::size_t kPacket = 16;
   beyond(rays, inverse_distance);
   for (std::size_t begin = 0; begin < rays.size(); begin += kPacket) {
@@ -110,7 +114,7 @@ void MeshProxy::meet(std::span<const WorldRay> rays, std::span<double> inverse_d
     alignas(64) int valid[kPacket] = {};
     double skipped[kPacket] = {};
     for (std::size_t i = 0; i < n; ++i) {
-      // From just before the mesh: float counts metres from there, however far the eye.
+      // Start just in front of the mesh: float is precise there, whatever the eye's distance.
       const WorldRay& ray = rays[begin + i];
       const Vector3d to_centre = centre_ - ray.origin;
       skipped[i] = std::max(0.0, to_centre.dot(ray.direction) - 1.01 * radius_);

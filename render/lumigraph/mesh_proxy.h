@@ -13,16 +13,16 @@
 
 namespace raystage {
 
-/// Triangles that stand for the scene, in Embree.
 class MeshProxy {
  public:
-  /// Any format that Assimp reads (OBJ, PLY, glTF ...); world, metres. Throws Error (bad input)
-  /// where there is no such file, or no triangle in it.
+  /// Reads any format that Assimp reads (OBJ, PLY, glTF ...), in world coordinates and metres.
+  /// Throws Error (bad input) if the file does not exist or has no triangle.
   explicit MeshProxy(const std::filesystem::path& file);
 
-  /// The first triangle hit, from either side; where there is none, what `beyond` says.
-  void meet(std::span<const WorldRay> rays, std::span<double> inverse_distance,
-            const RaySurface& beyond) const;
+  /// Writes the inverse distances (1/m) of the first triangles hit, from either side; for rays
+  /// without a hit, those of `beyond`.
+  void intersect(std::span<const WorldRay> rays, std::span<double> inverse_distance,
+                 const RaySurface& beyond) const;
 
   std::size_t bytes() const { return bytes_; }
 
@@ -37,7 +37,7 @@ class MeshProxy {
 
   Owned<RTCDevice> device_;
   Owned<RTCScene> scene_;
-  Eigen::Vector3d centre_;  ///< Embree's coordinates are float, from here on
+  Eigen::Vector3d centre_;  ///< origin of Embree's coordinates, which are float
   double radius_ = 0;
   std::size_t bytes_ = 0;
 };

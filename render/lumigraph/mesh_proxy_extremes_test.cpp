@@ -122,7 +122,7 @@ TEST(ProxyExtremes, AMeshIsMetWhere50DigitsMeetIt) {
     const Square square = some_square();
     write_obj(square, folder.path() / "square.obj");
     const MeshProxy proxy(folder.path() / "square.obj");
-    // Across its middle, along the edge between its triangles, next to its border, or beside it.
+    // Through its middle, along the edge between its triangles, near its border, or outside.
     const double a = *rc::gen::element(0.0, 0.3, -0.999, 1.5);
     const double b = *rc::gen::arbitrary<bool>() ? a : between(-0.99, 0.99);
     const Vector3d target = square.origin + a * square.right + b * square.up;
@@ -132,7 +132,7 @@ TEST(ProxyExtremes, AMeshIsMetWhere50DigitsMeetIt) {
         target + away * (normal + *rc::gen::element(0.0, 0.5, 5.0) * square.right.normalized());
     const WorldRay ray{eye, (target - eye).normalized()};
     double inverse = 0;
-    proxy.meet({&ray, 1}, {&inverse, 1}, nothing);
+    proxy.intersect({&ray, 1}, {&inverse, 1}, nothing);
     if (std::abs(a) > 1) {
       RC_ASSERT(std::isnan(inverse));
       return;
@@ -142,8 +142,7 @@ TEST(ProxyExtremes, AMeshIsMetWhere50DigitsMeetIt) {
     const Real slope = dot(exact_normal, exact(ray.direction)) / norm(exact_normal);
     const Real truth = dot(exact_normal, exact(square.origin) - exact(eye)) /
                        dot(exact_normal, exact(ray.direction));
-    // In float, from just before the mesh on, however far the eye: some roundings of the mesh's
-    // size, seen at the ray's angle.
+    // In float from just in front of the mesh: some roundings of its size, at the ray's angle.
     const double size = 4 * (square.right.norm() + square.up.norm());
     const double bound =
         2 * std::numeric_limits<float>::epsilon() * size / std::abs(static_cast<double>(slope)) +

@@ -35,7 +35,7 @@ std::vector<ChunkCamera> chunk_cameras(const Rig& rig) {
   for (const Rig::Camera& camera : rig.cameras) {
     ChunkCamera of_chunk;
     of_chunk.camera = static_cast<int>(cameras.size());
-    of_chunk.lens = depth_source({}, camera).camera;  // of any view: only the lens counts
+    of_chunk.lens = depth_source({}, camera).camera;  // only the lens is used, so any view will do
     const Eigen::Vector3d centre = camera.pose.position - middle;
     const Eigen::Matrix3d rotation = camera.pose.world_from_camera_rotation.transpose();
     for (int r = 0; r < 3; ++r) {

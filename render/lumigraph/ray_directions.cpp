@@ -42,7 +42,7 @@ void directions(const double* ray_from_pixel, int x, int y, int count, RayDirect
   }
 }
 
-/// `from_middle`: the eye, from the middle of the rig.
+/// `from_middle`: the eye relative to the centre of the rig.
 void fill(const double* from_middle, const RayDirections& row, const double* inverse_distance,
           RayChunk& chunk) {
   const hn::ScalableTag<double> d;

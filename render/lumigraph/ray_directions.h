@@ -9,7 +9,7 @@
 
 namespace raystage {
 
-/// Unit directions of rays side by side, world.
+/// Unit directions of adjacent rays, in the world.
 struct RayDirections {
   int count = 0;
   alignas(64) std::array<std::array<double, RayChunk::kSize>, 3> direction{};
@@ -20,12 +20,12 @@ struct RayDirections {
   }
 };
 
-/// Rays through the centres of `count` pixels (at most RayChunk::kSize) of a view's row y, from
-/// pixel x on. `ray_from_pixel`: world_ray_from_pixel(). Run-time dispatch, as below.
+/// Computes the rays through the centres of `count` pixels (at most RayChunk::kSize) of a view's
+/// row y, from pixel x on. `ray_from_pixel`: world_ray_from_pixel(). Run-time dispatch, as below.
 void compute_ray_directions(const Eigen::Matrix3d& ray_from_pixel, int x, int y, int count,
                             RayDirections& row);
 
-/// As fill_chunk() with the row's rays from one eye.
+/// Fills a chunk, as the fill_chunk() of ray_chunk.h, with the row's rays from one eye.
 void fill_chunk(const Eigen::Vector3d& eye, const RayDirections& row,
                 std::span<const double> inverse_distance, const Eigen::Vector3d& middle,
                 RayChunk& chunk);

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Looks up arbitrary rays in a light field by the unstructured lumigraph (Buehler et al. 2001;
+// thesis eq. 2.3), in chunks of 64 rays shared by threads (ray_chunk_kernels.cpp). Input: rays in
+// the world, a surface; output: RaySample. Frames are decoded whole on first use. Cost: O(rays x
+// cameras). Also contains the reference, ray by ray in double.
 #include "render/lumigraph/ray_query.h"
 
 #include <algorithm>
@@ -7,13 +11,13 @@
 #include <mutex>
 
 #include "base/parallel.h"
+#include "render/lumigraph/blend_reference.h"
 #include "render/lumigraph/ray_chunk.h"
-#include "render/lumigraph/reference_frames.h"
 
 namespace raystage {
 namespace {
 
-/// Unit direction; false for rays that are none.
+/// Normalises the direction; returns false for an invalid ray.
 bool normalise(WorldRay& ray) {
   const double length = ray.direction.stableNorm();
   if (!(length > 0) || !std::isfinite(length) || !ray.origin.allFinite()) return false;
@@ -21,7 +25,6 @@ bool normalise(WorldRay& ray) {
   return true;
 }
 
-/// Frames decoded when first asked for.
 class FramesOnDemand {
  public:
   explicit FramesOnDemand(const LightFieldFrame& instant)
@@ -30,7 +33,7 @@ class FramesOnDemand {
   const std::uint16_t* pixels(int camera) {
     auto& known = pixels_[static_cast<std::size_t>(camera)];
     if (const std::uint16_t* there = known.load(std::memory_order_acquire)) return there;
-    // Threads that ask for the same frame at once get the same one.
+    // Threads that fetch the same frame concurrently get the same one.
     std::int64_t decoded = 0;
     auto frame = instant_.cache->fetch(
         camera, instant_.frame_of_camera[static_cast<std::size_t>(camera)], {}, decoded);
@@ -48,7 +51,7 @@ class FramesOnDemand {
   std::vector<std::shared_ptr<const DecodedFrame>> held_;
 };
 
-/// Weights of the chunk's rays over some cameras. One thread's: their frames come on demand.
+/// Weights of a chunk's rays for some cameras, by one thread; frames are fetched on demand.
 class Weigher {
  public:
   Weigher(const std::vector<ChunkCamera>& all, const std::vector<int>& cameras)
@@ -67,11 +70,10 @@ class Weigher {
 
  private:
   std::vector<ChunkCamera> own_;
-  std::vector<const ChunkCamera*> cameras_;  // each of those
+  std::vector<const ChunkCamera*> cameras_;
   std::vector<ChunkWeights> weights_;
 };
 
-/// One thread's work on some chunks of rays.
 class Answers {
  public:
   Answers(const LightFieldFrame& instant, const RaySurface& surface,
@@ -108,7 +110,7 @@ class Answers {
     alignas(64) std::array<float, 4 * RayChunk::kSize> rgba{};
     alignas(64) std::array<float, RayChunk::kSize> effective{}, nearest{};
     for (std::size_t c = 0; c < present_.cameras().size(); ++c) {
-      if (!counts(present_.weights()[c], chunk_.count)) continue;
+      if (!has_weight(present_.weights()[c], chunk_.count)) continue;
       present_.set_frame(c, frames_.pixels(present_.cameras()[c]->camera));
     }
     blend_chunk(present_.cameras(), present_.weights(), chunk_.count, instant_.cache->blend_space(),
@@ -165,7 +167,7 @@ void query_rays(std::span<const WorldRay> rays, const LightFieldFrame& instant,
                 std::span<RaySample> samples) {
   const std::vector<ChunkCamera> cameras = chunk_cameras(*instant.rig);
   const std::vector<int> present = present_cameras(instant);
-  const ChunkWeightSettings chunk_weighing(weighing, max_neighbour_baseline(*instant.rig));
+  const ChunkWeightSettings chunk_weighing(weighing, mean_nearest_baseline(*instant.rig));
   FramesOnDemand frames(instant);
   constexpr std::size_t kChunk = RayChunk::kSize, kPerTask = 32 * kChunk;
   const std::size_t tasks = (rays.size() + kPerTask - 1) / kPerTask;
@@ -184,7 +186,7 @@ void query_rays_reference(std::span<const WorldRay> rays, const LightFieldFrame&
                           std::span<RaySample> samples) {
   RenderStatistics unused;
   ReferenceFrames frames(instant, false, unused);
-  const double spacing = max_neighbour_baseline(*instant.rig);
+  const double spacing = mean_nearest_baseline(*instant.rig);
   for (std::size_t i = 0; i < rays.size(); ++i) {
     RaySample& sample = samples[i];
     sample = {};
@@ -195,7 +197,7 @@ void query_rays_reference(std::span<const WorldRay> rays, const LightFieldFrame&
     if (!(inverse >= 0)) continue;
     const auto cameras = compute_camera_weights_reference(*instant.rig, frames.present(), ray,
                                                           inverse, weighing, spacing);
-    sample.rgba = frames.blend(cameras);
+    sample.rgba = blend_reference(frames, cameras, *instant.cache);
     sample.coverage = sample.rgba[3];
     if (!(sample.coverage > 0)) continue;
     sample.depth = static_cast<float>(1 / inverse);

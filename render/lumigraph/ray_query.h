@@ -11,29 +11,26 @@
 
 namespace raystage {
 
-/// What a light field knows of a ray.
 struct RaySample {
   /// R, G, B, A: scene-linear Rec.709, premultiplied; A as in RenderedView.
   std::array<float, 4> rgba{};
   float coverage = 0;  ///< as in RenderedView
-  /// Metres along the ray to the surface on which it was looked up; infinity where A is 0.
+  /// Metres along the ray to the point at which it was looked up; infinity if A is 0.
   float depth = std::numeric_limits<float>::infinity();
-  float cameras = 0;  ///< effective number behind it: (sum w)^2 / sum w^2
-  /// Metres, least distance from the ray's line to the centre of a camera that contributes;
-  /// infinity where none does.
+  float cameras = 0;  ///< effective number of contributing cameras: (sum w)^2 / sum w^2
+  /// Metres from the ray's line to the nearest contributing camera; infinity if there is none.
   float nearest_ray = std::numeric_limits<float>::infinity();
 };
 
-/// Answers rays (directions of any length but 0) into as many `samples`, by lumigraph weights where
-/// they meet `surface`. Rays that are not finite or have no direction are seen by nobody. Frames
-/// are decoded whole, those that contribute only. Neighbours in the span should be neighbours in
-/// space. Threads share the rays; the samples do not depend on how many there are. Throws Error
-/// (bad input) for frames that cannot be read.
+/// Looks up rays (directions of any length but 0) where they meet `surface`, by lumigraph weights.
+/// Invalid rays (not finite or without direction) are unseen. Decodes the frames that contribute,
+/// whole. Rays adjacent in the span should be adjacent in space. Multi-threaded; the samples do not
+/// depend on the number of threads. Throws Error (bad input) if a frame cannot be read.
 void query_rays(std::span<const WorldRay> rays, const LightFieldFrame& instant,
                 const RaySurface& surface, const RayWeightSettings& weighing,
                 std::span<RaySample> samples);
 
-/// One ray after the other, in double.
+/// The reference: one ray after the other, in double.
 void query_rays_reference(std::span<const WorldRay> rays, const LightFieldFrame& instant,
                           const RaySurface& surface, const RayWeightSettings& weighing,
                           std::span<RaySample> samples);

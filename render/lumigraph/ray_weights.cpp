@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Weights of the cameras for a ray by the penalties of the unstructured lumigraph (Buehler et al.
+// 2001, section 3; thesis eq. 2.3; see RayWeightSettings): the reference in double for one ray.
+// Input: a ray and its inverse distance to the proxy, 1/m. Output: contributing cameras, weights of
+// sum 1. Cost: O(cameras log cameras) per ray.
 #include "render/lumigraph/ray_weights.h"
 
 #include <Eigen/Geometry>
@@ -22,15 +26,15 @@ double within_image(const CameraModel& model, const Vector2d& pixel, double bord
   return std::clamp(to_border / std::max(border * model.width(), 1.0), 0.0, 1.0);
 }
 
-/// 2 D tan(angle / 2), as ray_weights.h has it. `towards`: from the camera to the point, over D.
+/// 2 D tan(angle / 2); see ray_weights.h. `towards`: from the camera to the point, divided by D.
 double angular_penalty(const Vector3d& towards, const WorldRay& ray, double inverse_distance,
-                       double beside) {
+                       double ray_distance) {
   const double ahead = towards.dot(ray.direction);
-  // tan(angle / 2) = sin / (1 + cos) = |t x d| / (|t| + t.d), and |t x d| = beside / D; for one
-  // behind the point (1 - cos) / sin: the other sum cancels there, to nothing on the ray's line.
+  // tan(angle / 2) = sin / (1 + cos) = |t x d| / (|t| + t.d), with |t x d| = ray_distance / D. For
+  // a camera behind the point use (1 - cos) / sin: |t| + t.d cancels there, to 0 on the ray's line.
   const double half =
-      ahead < 0 ? (towards.norm() - ahead) / (beside * inverse_distance * inverse_distance)
-                : beside / (towards.norm() + ahead);
+      ahead < 0 ? (towards.norm() - ahead) / (ray_distance * inverse_distance * inverse_distance)
+                : ray_distance / (towards.norm() + ahead);
   return std::min(2 * half, kMaxAngularPenalty);
 }
 
@@ -44,20 +48,21 @@ RayWeightSettings ray_weight_settings(const MethodOptions& options) {
 std::vector<OptionSpec> ray_weight_options() {
   const RayWeightSettings fallback;
   constexpr double kMost = 1e6;
-  return {integer_option("cameras", fallback.cameras, 1, kMaxWeightedCameras,
-                         "cameras that count a ray"),
-          number_option("angular", fallback.angular, 0, kMost,
-                        "penalty of a camera beside the ray, per metre"),
-          number_option("resolution", fallback.resolution, 0, kMost,
-                        "penalty of a camera further from the scene than the eye, per metre"),
-          number_option("field_of_view", fallback.field_of_view, 0, kMost,
-                        "penalty of a camera that sees the point halfway into its image's border, "
-                        "in camera spacings"),
-          number_option("border", fallback.border, 0, 0.5,
-                        "width of that border, as a share of the image's width")};
+  return {
+      integer_option("cameras", fallback.cameras, 1, kMaxWeightedCameras,
+                     "number of cameras that contribute to a ray"),
+      number_option("angular", fallback.angular, 0, kMost,
+                    "penalty of a camera per metre of distance from the ray"),
+      number_option("resolution", fallback.resolution, 0, kMost,
+                    "penalty of a camera per metre that it is further from the scene than the eye"),
+      number_option("field_of_view", fallback.field_of_view, 0, kMost,
+                    "penalty of a camera that sees the point halfway into its image's border, "
+                    "in camera spacings"),
+      number_option("border", fallback.border, 0, 0.5,
+                    "width of that border, as a share of the image's width")};
 }
 
-double max_neighbour_baseline(const Rig& rig) {
+double mean_nearest_baseline(const Rig& rig) {
   double sum = 0;
   for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
     double nearest = kInfinitePenalty;
@@ -80,7 +85,7 @@ std::vector<WeightedCamera> compute_camera_weights_reference(
   for (const int index : cameras) {
     const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(index)];
     const Vector3d eye_to_camera = camera.pose.position - ray.origin;
-    // The point from the camera, divided by its distance from the eye: exists at infinity too.
+    // From camera to point, divided by the point's distance from the eye: finite at infinity too.
     const Vector3d towards = ray.direction - eye_to_camera * inverse_distance;
     WeightedCamera candidate{index, 0, 0, Vector2d::Zero(),
                              ray.direction.cross(eye_to_camera).norm()};
@@ -90,10 +95,10 @@ std::vector<WeightedCamera> compute_camera_weights_reference(
     const double within =
         std::min(candidate.seen, within_image(camera.model, candidate.pixel, weighing.border));
     if (!(within > 0)) continue;
-    const double angular = angular_penalty(towards, ray, inverse_distance, candidate.beside);
+    const double angular = angular_penalty(towards, ray, inverse_distance, candidate.ray_distance);
     const double along = eye_to_camera.dot(ray.direction);
-    // (|t| - 1) / q, times (|t| + 1) / (|t| + 1): that difference is all rounding for a point far
-    // away, and there is none for one at infinity.
+    // (|t| - 1) / q, expanded by |t| + 1: the difference cancels for a point far away, and is
+    // undefined for one at infinity.
     const double further =
         (inverse_distance * eye_to_camera.squaredNorm() - 2 * along) / (towards.norm() + 1);
     found.push_back(candidate);
@@ -126,7 +131,7 @@ double effective_cameras(std::span<const WeightedCamera> cameras) {
 
 double nearest_ray(std::span<const WeightedCamera> cameras) {
   double nearest = kInfinitePenalty;
-  for (const WeightedCamera& camera : cameras) nearest = std::min(nearest, camera.beside);
+  for (const WeightedCamera& camera : cameras) nearest = std::min(nearest, camera.ray_distance);
   return nearest;
 }
 

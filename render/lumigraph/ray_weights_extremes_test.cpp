@@ -32,14 +32,13 @@ using testing::off;
 using testing::Real;
 using testing::WorstError;
 
-/// A rig and a ray that ends before it.
 struct Shot {
   Rig rig;
   WorldRay ray;
   double inverse_distance = 0;
 };
 
-/// The ray comes from the array's plane or next to it, or from up to 1e6 m before or behind it.
+/// The ray starts on the array's plane or near it, or up to 1e6 m in front of or behind it.
 Shot some_shot() {
   const int width = *rc::gen::element(1, 64, 640, 16384);
   Shot shot{testing::random_rig(width, std::min(width, 480)), {}, 0};
@@ -62,7 +61,6 @@ Shot some_shot() {
   return shot;
 }
 
-/// What rounding does to a camera's part in a ray.
 struct Rounding {
   double epsilon = 0;
   double towards = 0;  ///< of the way from the camera to the point, over the point's distance
@@ -92,7 +90,7 @@ Rounding rounding_in_float(const Shot& shot, const Rig::Camera& camera) {
   return {epsilon, 4 * epsilon * in_distances, 4 * epsilon * away, 4 * epsilon * to_eye};
 }
 
-/// By how much a camera counts against the ray, and by how much rounding may change that.
+/// The penalty of a camera for the ray, and its rounding.
 struct Penalty {
   Real value;
   double bound = 0;
@@ -134,7 +132,6 @@ Sees exact_penalty(const Shot& shot, const Rig::Camera& camera, const RayWeightS
   const double within_bound =
       penalty.position_bound * double{kBorderFade} / static_cast<double>(within * within);
 
-  // tan(angle / 2) = sin / (1 + cos)
   const Real sides = norm(eye_from_point) * norm(camera_from_point);
   const Real facing = sides + dot(eye_from_point, camera_from_point);
   const Real beside = norm(cross(ray, centre - eye)), along = dot(ray, centre - eye);
@@ -170,8 +167,7 @@ struct ExactWeight {
   double bound = 0;
 };
 
-/// By camera of the rig; nullopt where rounding may decide whether a camera sees the point, or all
-/// about who counts.
+/// By camera of the rig; nullopt if rounding decides which cameras see the point or contribute.
 std::optional<std::vector<ExactWeight>> exact_camera_weights(
     const Shot& shot, const RayWeightSettings& weighing, double spacing,
     Rounding (*rounding_of)(const Shot&, const Rig::Camera&)) {
@@ -193,7 +189,7 @@ std::optional<std::vector<ExactWeight>> exact_camera_weights(
   const auto k = static_cast<std::size_t>(weighing.cameras);
   const bool all = sorted.size() <= k;
   const Real per_next = all ? Real(0) : 1 / (sorted[k] * (1 + Real(kSoftening)));
-  // The k-th of some numbers changes by no more than the one that changes most.
+  // The k-th smallest of some numbers changes by at most their largest change.
   const double per_next_bound = all ? 0
                                     : static_cast<double>(per_next * per_next) * next_bound +
                                           4 * epsilon * static_cast<double>(per_next);
@@ -238,13 +234,13 @@ TEST(RayWeightsExtremes, OfTheReferenceAreThoseOf50Digits) {
   EXPECT_TRUE(rc::check("any array, ray and penalties", [&] {
     const Shot shot = some_shot();
     const RayWeightSettings weighing = some_weighing();
-    const double spacing = max_neighbour_baseline(shot.rig);
+    const double spacing = mean_nearest_baseline(shot.rig);
     const auto found = compute_camera_weights_reference(shot.rig, all_cameras(shot.rig), shot.ray,
                                                         shot.inverse_distance, weighing, spacing);
     double sum = 0;
     for (const WeightedCamera& camera : found) {
       RC_ASSERT(camera.weight > 0 && camera.weight <= 1 + 1e-15);
-      RC_ASSERT(camera.pixel.allFinite() && std::isfinite(camera.beside));
+      RC_ASSERT(camera.pixel.allFinite() && std::isfinite(camera.ray_distance));
       sum += camera.weight;
     }
     RC_ASSERT(found.empty() || std::abs(sum - 1) < 1e-12);
@@ -264,7 +260,7 @@ TEST(RayWeightsExtremes, OfTheReferenceAreThoseOf50Digits) {
       const double away = static_cast<double>(norm(way));
       const Real across = norm(cross(exact(shot.ray.direction), way));
       if (away > 0) {
-        beside.expect(off(camera.beside, across) / away,
+        beside.expect(off(camera.ray_distance, across) / away,
                       rounding_in_double(shot, rig_camera).beside / away);
       }
     }
@@ -282,7 +278,7 @@ TEST(RayWeightsExtremes, OfTheKernelsAreThoseOf50Digits) {
     EXPECT_TRUE(rc::check("any array, ray and penalties", [&] {
       const Shot shot = some_shot();
       const RayWeightSettings weighing = some_weighing();
-      const double spacing = max_neighbour_baseline(shot.rig);
+      const double spacing = mean_nearest_baseline(shot.rig);
       RayChunk chunk;
       fill_chunk({&shot.ray, 1}, {&shot.inverse_distance, 1}, shot.rig.centre(), chunk);
       const std::vector<ChunkCamera> cameras = chunk_cameras(shot.rig);
@@ -312,8 +308,8 @@ TEST(RayWeightsExtremes, OfTheKernelsAreThoseOf50Digits) {
   });
 }
 
-/// Shares of the cameras in a ray that meets the scene 1 m ahead of the origin, along -z: by the
-/// reference, and by the kernels on the target that is chosen.
+/// Weights of the cameras for a ray that meets the scene 1 m ahead of the origin, along -z, by the
+/// reference and by the kernels on the current target.
 struct Shares {
   std::vector<double> reference, kernels;
 };
@@ -383,7 +379,7 @@ TEST(RayWeightsExtremes, WhoIsLeftOutByABundleHasNoWeightIn50Digits) {
   WorstError weight("chosen for a bundle: weight", 1e-6);
   EXPECT_TRUE(rc::check("any array and bundles of rays", [&] {
     const Shot middle = some_shot();
-    const double spacing = max_neighbour_baseline(middle.rig);
+    const double spacing = mean_nearest_baseline(middle.rig);
     const Vector3d axis = middle.ray.direction, across = axis.unitOrthogonal();
     for (int i = 0; i < 20; ++i) {
       RayWeightSettings weighing = some_weighing();

@@ -147,7 +147,7 @@ class ApertureFrame {
     if (!lens_.note().empty()) image.notes.push_back(lens_.note());
   }
 
-  /// Whether this rank has a frame of a camera that may gather rays through a cell.
+  /// Whether this rank has a frame of a camera that may contribute to rays through a cell.
   bool has_frame(int cell) const {
     return std::ranges::any_of(cameras_[static_cast<std::size_t>(cell)],
                                [](const ApertureCamera& camera) {
@@ -155,7 +155,7 @@ class ApertureFrame {
                                });
   }
 
-  /// Returns the cameras that may contribute to some ray through a cell.
+  /// Lists, per cell, the cameras that may contribute to a ray through it.
   void find_cameras() {
     const std::size_t count = cells_.cells().size();
     std::vector<bool> cell_used(count);
@@ -187,7 +187,7 @@ class ApertureFrame {
     }
   }
 
-  /// Returns those that are present and local to this rank.
+  /// Opens the listed cameras that are present and local to this rank.
   void open_cameras() {
     find_cameras();
     std::vector<int> opened;
@@ -201,10 +201,10 @@ class ApertureFrame {
   }
 
   const Eigen::Vector2d& place(int camera) const {
-    return lens_.cameras()[static_cast<std::size_t>(camera)].place;
+    return lens_.cameras()[static_cast<std::size_t>(camera)].position;
   }
 
-  /// DepthSource::per_inverse_depth.
+  /// Returns DepthSource::per_inverse_depth of the camera.
   std::array<double, 3> way_to_eye(int camera) const {
     return depth_source(view_, instant_.rig->cameras[static_cast<std::size_t>(camera)])
         .per_inverse_depth;
@@ -213,17 +213,17 @@ class ApertureFrame {
   ApertureCamera as_seen(int index) {
     const ApertureLens::Camera& camera = lens_.cameras()[static_cast<std::size_t>(index)];
     const bool present = instant_.is_present(index);
-    return {static_cast<float>(camera.place.x()),      static_cast<float>(camera.place.y()),
-            static_cast<float>(1 / camera.reach),      present,
+    return {static_cast<float>(camera.position.x()),   static_cast<float>(camera.position.y()),
+            static_cast<float>(1 / camera.radius),     present,
             present ? &sources_.view(index) : nullptr, way_to_eye(index)};
   }
 
-  /// A disc of the array's plane.
+  /// A disc in the array's plane, metres.
   struct Disc {
     Eigen::Vector2d middle = Eigen::Vector2d::Zero();
     double radius = 0;
   };
-  /// Around points, of which there are some.
+  /// Returns a disc that contains all points (at least one).
   static Disc disc_around(std::span<const Eigen::Vector2d> points) {
     Disc disc;
     for (const Eigen::Vector2d& point : points) {
@@ -239,14 +239,14 @@ class ApertureFrame {
 
   /// Whether a camera's weight may be above 0 for a ray that crosses the array within `disc`.
   bool may_gather(int camera, const Disc& disc) const {
-    const double reach = lens_.cameras()[static_cast<std::size_t>(camera)].reach;
-    if (reach == 0) return false;
-    const double to_corner = lens_.sides().empty() ? 1 : 1.4143;  // a square's, the longest
-    const double within = reach * to_corner + disc.radius;
+    const double radius = lens_.cameras()[static_cast<std::size_t>(camera)].radius;
+    if (radius == 0) return false;
+    const double to_corner = lens_.sides().empty() ? 1 : 1.4143;  // largest: the square's
+    const double within = radius * to_corner + disc.radius;
     return (place(camera) - disc.middle).squaredNorm() <= within * within;
   }
 
-  /// `scratch` has to stay as long as what is returned.
+  /// Returns the run of a span. It may point into `scratch`.
   ApertureRun run_of(const RayCells::Span& span, int y, std::vector<float>& scratch) const {
     const auto index = static_cast<std::size_t>(span.cell);
     const RayCells::Cell& cell = cells_.cells()[index];
@@ -333,15 +333,15 @@ class ApertureFrame {
         block.nearest = std::max(block.nearest, inverse);
       }
     }
-    if (!(block.farthest <= block.nearest)) return;  // nothing there
+    if (!(block.farthest <= block.nearest)) return;  // no depth in the block
     const SourceView& opened = sources_.view(camera);
     if (opened.wanted_mcus == nullptr) return;
     const DepthSource source{opened, way_to_eye(camera)};
     mark_block(source, block, Interpolation::kLinear);
   }
 
-  /// Points between which all rays of a block that pass through a cell cross the array: the
-  /// corners' own crossings, of the cell's plane if not of the cell; or else the cell's cameras.
+  /// Returns points whose convex hull contains all crossings of the block's rays with a cell: the
+  /// crossings of the corners' rays with the cell's plane, or the cell's cameras.
   std::vector<Eigen::Vector2d> crossings(int index, const PixelBlock& block) const {
     const RayCells::Cell& cell = cells_.cells()[static_cast<std::size_t>(index)];
     std::vector<Eigen::Vector2d> points, cameras;
@@ -354,7 +354,7 @@ class ApertureFrame {
         const Eigen::Vector3d pixel(x, y, 1);
         const double total = cell.total.dot(pixel);
         if (first_total == 0) first_total = total;
-        if (!(total * first_total > 0)) return cameras;  // the array's horizon lies in between
+        if (!(total * first_total > 0)) return cameras;  // the plane's horizon crosses it
         Eigen::Vector2d point = Eigen::Vector2d::Zero();
         for (std::size_t i = 0; i < cameras.size(); ++i) {
           point += cell.share[i].dot(pixel) / total * cameras[i];
@@ -369,15 +369,15 @@ class ApertureFrame {
   const VirtualCamera& view_;
   const LightFieldFrame& instant_;
   ApertureLens lens_;
-  std::optional<ViewDepths> depths_;  // none: on a plane
+  std::optional<ViewDepths> depths_;  // nullopt: a plane is used
   PlaneProjection projection_;
   RayCells cells_;
   ViewRows rows_;
   SourceFrames sources_;
   std::vector<std::array<float, 2>> sides_;
-  std::vector<bool> used_;                            // per camera of the rig: gathers some ray
+  std::vector<bool> used_;                            // per camera of the rig: contributes to a ray
   std::vector<std::vector<int>> gathering_;           // per cell: cameras of the rig
-  std::vector<std::vector<ApertureCamera>> cameras_;  // the same
+  std::vector<std::vector<ApertureCamera>> cameras_;  // per cell: as gathering_
 };
 
 }  // namespace
@@ -390,7 +390,7 @@ class ApertureMethod final : public Method {
  public:
   std::string_view name() const override { return "aperture"; }
   std::string_view summary() const override {
-    return "blends all cameras within an aperture around the ray, in focus on the focal plane or "
+    return "blends all cameras within an aperture around the ray, focused on the focal plane or "
            "at "
            "a depth map";
   }

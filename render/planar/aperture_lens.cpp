@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Camera weights of a synthetic aperture (formula: aperture_lens.h), and thin-lens conversion of
+// f-number to radius in metres. Cost: constant per camera and ray.
 #include "render/planar/aperture_lens.h"
 
 #include <fmt/format.h>
@@ -20,12 +22,12 @@ namespace {
 constexpr std::array kOptions{
     number_option(
         "radius", 0, 0, 1e6,
-        "radius of the aperture on the array's surface, m; at least, and for 0, the distance "
-        "between neighbouring cameras"),
-    number_option("f_number", 0, 0, 1e6, "f-number of a lens, instead of the radius; 0: none"),
+        "radius of the aperture on the array's surface, m; 0 or less than the distance between "
+        "neighbouring cameras: that distance"),
+    number_option("f_number", 0, 0, 1e6, "f-number of the lens, instead of radius; 0: use radius"),
     number_option("film_width", 36, 0.1, 1e6, "width of the film back for f_number, mm"),
     number_option("focus_distance", 0, 0, 1e9,
-                  "focus distance along the view's axis, m; 0: the common focal plane"),
+                  "focus distance along the view's axis, m; 0: the focal plane"),
     text_option(
         "depth_map", "",
         "EXR file of the view's size, relative to the take's folder: focuses at its channel Z "
@@ -34,7 +36,7 @@ constexpr std::array kOptions{
     number_option("soft_edge", 1, 0.01, 1, "fraction of the radius in which the weight falls to 0"),
 };
 
-/// In the array's plane: the cameras' own right, as near as may be, and up.
+/// Returns axes of the array's plane: the cameras' mean right, projected onto it, and up.
 Eigen::Matrix<double, 2, 3> plane_axes(const Rig& rig, const Eigen::Vector3d& normal) {
   Eigen::Vector3d right = Eigen::Vector3d::Zero();
   for (const Rig::Camera& camera : rig.cameras) {
@@ -60,8 +62,8 @@ std::vector<Eigen::Vector2d> sides_of(const std::string& shape) {
   return sides;
 }
 
-/// The longest way from each camera to a neighbour, m.
-std::vector<double> ways_to_neighbours(const Rig& rig, const Topology& topology) {
+/// Returns the largest distance from each camera to a neighbour, m.
+std::vector<double> max_neighbour_distances(const Rig& rig, const Topology& topology) {
   std::vector<double> longest(rig.cameras.size());
   for (const Topology::Cell& cell : topology.cells) {
     for (const int from : cell) {
@@ -102,16 +104,16 @@ ApertureLens::ApertureLens(const VirtualCamera& view, const LightFieldFrame& ins
   const Rig& rig = *instant.rig;
   const auto axes = plane_axes(rig, instant.complete->normal);
   const Eigen::Vector3d centre = rig.centre();
-  const std::vector<double> present = ways_to_neighbours(rig, *instant.present);
-  const std::vector<double> complete = ways_to_neighbours(rig, *instant.complete);
+  const std::vector<double> present = max_neighbour_distances(rig, *instant.present);
+  const std::vector<double> complete = max_neighbour_distances(rig, *instant.complete);
   const bool alone = instant.present->kind == Topology::Kind::kPoint;
   for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
     const bool is_present = instant.is_present(static_cast<int>(i));
     Camera camera;
-    camera.place = axes * (rig.cameras[i].pose.position - centre);
-    camera.reach = std::max(radius, is_present ? present[i] : complete[i]);
-    if (!is_present && complete[i] == 0) camera.reach = 0;  // left out, or another stands for it
-    if (alone && is_present) camera.reach = std::numeric_limits<double>::infinity();
+    camera.position = axes * (rig.cameras[i].pose.position - centre);
+    camera.radius = std::max(radius, is_present ? present[i] : complete[i]);
+    if (!is_present && complete[i] == 0) camera.radius = 0;  // excluded or replaced
+    if (alone && is_present) camera.radius = std::numeric_limits<double>::infinity();
     cameras_.push_back(camera);
   }
   double least = 0;
@@ -127,8 +129,8 @@ ApertureLens::ApertureLens(const VirtualCamera& view, const LightFieldFrame& ins
 }
 
 double ApertureLens::weight(const Camera& camera, const Eigen::Vector2d& crossing) const {
-  if (camera.reach == 0) return 0;
-  const Eigen::Vector2d way = (crossing - camera.place) / camera.reach;
+  if (camera.radius == 0) return 0;
+  const Eigen::Vector2d way = (crossing - camera.position) / camera.radius;
   double q = sides_.empty() ? way.norm() : 0;
   for (const Eigen::Vector2d& side : sides_) q = std::max(q, std::abs(side.dot(way)));
   const double t = std::clamp((1 - q * q) * steepness_, 0.0, 1.0);

@@ -22,8 +22,8 @@ namespace raystage {
 class ApertureLens {
  public:
   struct Camera {
-    Eigen::Vector2d place = Eigen::Vector2d::Zero();  ///< in the array's plane, m
-    double reach = 0;  ///< R, m; 0 for one that gathers nothing, infinity where there is one only
+    Eigen::Vector2d position = Eigen::Vector2d::Zero();  ///< in the array's plane, m
+    double radius = 0;  ///< R, m; 0: never contributes; infinity: the only camera
   };
 
   /// Creates the lens that the options describe, focused on `focal_plane` as seen from `view`.

@@ -14,7 +14,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// A ray of a view, as it crosses the array and meets what the view shows.
+/// A ray of a view with the point that the view shows.
 struct ViewRay {
   RayCells::Crossing crossing;
   Vector3d direction;    ///< world, planar depth 1
@@ -99,7 +99,7 @@ void measure_aperture_coverage(const ViewRequest& request, const ApertureLens& l
         Eigen::Vector2d place = Eigen::Vector2d::Zero();
         for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
           place += ray.crossing.weight[i] *
-                   lens.cameras()[static_cast<std::size_t>(cell.camera[i])].place;
+                   lens.cameras()[static_cast<std::size_t>(cell.camera[i])].position;
         }
         for (const int camera : request.instant.included_cameras) {
           if (!request.instant.is_present(camera)) continue;

@@ -54,7 +54,7 @@ std::optional<ViewDepths> make_view_depths(const ViewRequest& request) {
     bytes = map->inverse.size() * sizeof(float);
     return map;
   };
-  const auto map = request.kept.get<DepthMap>("depth map " + file.string(), read);
+  const auto map = request.result_cache.get<DepthMap>("depth map " + file.string(), read);
   const int factor = request.supersampling;
   const int width = request.view.width / factor;
   const int height = request.full_height > 0 ? request.full_height : request.view.height / factor;

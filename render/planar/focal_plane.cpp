@@ -157,7 +157,7 @@ class FocalPlaneFrame {
     raystage::parallel_for(0, (view_.height + kRowsPerBlock - 1) / kRowsPerBlock, [&](int block) {
       const int first = block * kRowsPerBlock;
       const int end = std::min(first + kRowsPerBlock, view_.height);
-      // Tap by tap where the kernels leave out some of a cell's pixels, or somebody counts.
+      // Marks single taps where kernels skip pixels of a cell, or where pixels are counted.
       if (weights_ == CornerWeights::kNearest || count_needed_ || !meets_plane(first, end)) {
         for (int y = first; y < end; ++y) {
           for (const RayCells::Span& span : rows_.spans(y)) mark_run(run_of(span, y));
@@ -168,7 +168,7 @@ class FocalPlaneFrame {
     });
   }
 
-  /// Whether all rays of rows [first, end) do: the slope is linear, so that the corners tell.
+  /// Whether all rays of rows [first, end) meet the plane. The corners decide: slope is linear.
   bool meets_plane(int first, int end) const {
     if (projection_.at_infinity()) return true;
     const double right = view_.width - 0.5;
@@ -228,7 +228,7 @@ class FocalPlaneFrame {
         if (instant_.is_present(cell.camera[i])) continue;
         image.coverage[at] -= image.rgba[at * 4 + 3] * static_cast<float>(crossing.weight[i]);
       }
-      image.coverage[at] = std::max(0.0F, image.coverage[at]);  // all absent, and rounded
+      image.coverage[at] = std::max(0.0F, image.coverage[at]);  // rounding may give less than 0
     }
   }
 
@@ -274,7 +274,7 @@ std::shared_ptr<const std::vector<ObjectPlane>> objects_of(const ViewRequest& re
     return std::make_shared<const std::vector<ObjectPlane>>();
   }
   const std::filesystem::path file = objects_file(request.options, *request.instant.take);
-  return request.kept.get<std::vector<ObjectPlane>>(
+  return request.result_cache.get<std::vector<ObjectPlane>>(
       "object planes " + file.string(), [&file](std::size_t& bytes) {
         auto objects = make_object_planes(read_planes(file), file.string());
         bytes = objects.size() * (sizeof(ObjectPlane) + 8 * sizeof(Eigen::Vector3d));
@@ -286,8 +286,8 @@ bool is_in_view(const ViewRegion& region) {
   return std::ranges::any_of(region, [](const auto& row) { return !row.empty(); });
 }
 
-/// Returns the view with every region on its own plane: render(plane, region) gives each, of the
-/// focal plane first, then of the objects in view.
+/// Returns the view with each region on its own plane. Calls render(index, plane, region) for the
+/// focal plane (index 0), then for the objects in view.
 template <class Render>
 RenderedView on_planes(const ViewRequest& r, const std::vector<ObjectPlane>& objects,
                        const Render& render) {
@@ -300,7 +300,7 @@ RenderedView on_planes(const ViewRequest& r, const std::vector<ObjectPlane>& obj
   for (std::size_t i = 0; i < objects.size(); ++i) {
     if (!is_in_view(regions[i])) continue;
     insert_region(render(i + 1, objects[i].plane, &regions[i]), regions[i], image);
-    image.statistics.working_bytes = view_buffer_bytes(r.view);  // one object's at a time
+    image.statistics.working_bytes = view_buffer_bytes(r.view);  // one object at a time
   }
   return image;
 }
@@ -313,7 +313,7 @@ const std::vector<OptionSpec>& plane_options() {
   return options;
 }
 
-/// Three cameras per ray, on the focal plane or on the planes of objects.
+/// The methods that blend three cameras per ray, on the focal plane or on planes of objects.
 class PlaneMethod : public Method {
  public:
   explicit PlaneMethod(CornerWeights weights) : weights_(weights) {}
@@ -366,8 +366,7 @@ class PlaneMethod : public Method {
   }
 
   RenderedView render_reference(const ViewRequest& r) const override {
-    RenderedView image = render_focal_plane_reference(r.view, r.instant, r.focal_plane, weights_,
-                                                      r.count_needed_pixels, *objects_of(r));
+    RenderedView image = render_focal_plane_reference(r, weights_, *objects_of(r));
     if (r.measure_coverage) measure_planar_coverage(r, weights_, image);
     return image;
   }
@@ -378,7 +377,7 @@ class PlaneMethod : public Method {
     return {objects_file(options, take)};
   }
 
-  /// Objects are marked in the whole view.
+  /// Regions of objects are computed for the whole view.
   bool is_row_independent(const MethodOptions& options) const override {
     return options.text("objects").empty();
   }

@@ -37,9 +37,7 @@ RenderedView combine_focal_plane(const VirtualCamera& view, const LightFieldFram
 /// Renders as render_focal_plane(), per ray in double with whole frames and CameraModel: the
 /// reference, also for views with distortion. Rays that meet `objects` are sampled on the nearest
 /// object's plane.
-RenderedView render_focal_plane_reference(const VirtualCamera& view, const LightFieldFrame& instant,
-                                          const Eigen::Vector4d& plane, CornerWeights weights,
-                                          bool count_needed_pixels,
+RenderedView render_focal_plane_reference(const ViewRequest& request, CornerWeights weights,
                                           std::span<const ObjectPlane> objects = {});
 
 /// The methods by name.

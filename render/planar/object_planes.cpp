@@ -21,7 +21,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kMostOffPlane = 0.01;  // of the polygon's size: corners are often set by eye
+constexpr double kMostOffPlane = 0.01;  // of the polygon's size: corners are often set manually
 
 Error refusal(std::string_view name, std::size_t index, const std::string& id,
               const std::string& what_happened, const std::string& what_to_do) {
@@ -29,8 +29,8 @@ Error refusal(std::string_view name, std::size_t index, const std::string& id,
                           fmt::format("{}#/planes/{}/corners", name, index), what_to_do);
 }
 
-/// The view's pixels whose rays pass through a polygon: each edge and the eye span a plane, which
-/// cuts the view along a line; inside is the positive side of all.
+/// The pixels whose rays pass through a polygon. Each edge and the eye span a plane, which cuts the
+/// view along a line; the inside is on the positive side of all lines.
 struct Outline {
   std::vector<Vector3d> edges;          // inside where edge.(x, y, 1) >= 0 for all
   Vector3d nearness{Vector3d::Zero()};  // inverse depth along the view's axis: nearness.(x, y, 1)
@@ -53,7 +53,7 @@ Outline outline_of(const VirtualCamera& view, const Eigen::Matrix3d& ray_from_pi
   for (std::size_t i = 0; i < count; ++i) {
     const Vector3d from = object.corners[i] - view.pose.position;
     const Vector3d to = object.corners[(i + 1) % count] - view.pose.position;
-    // Corners go around the normal; an eye behind the plane sees them go the other way.
+    // An eye behind the plane sees the corners in the opposite order.
     const Vector3d inwards = height > 0 ? to.cross(from) : from.cross(to);
     const double length = inwards.norm();
     outline.edges.push_back(ray_from_pixel.transpose() *
@@ -66,7 +66,7 @@ Outline outline_of(const VirtualCamera& view, const Eigen::Matrix3d& ray_from_pi
 
 /// Returns the row's pixels inside: one interval, because the polygon is convex.
 PixelInterval interval_of(const Outline& outline, int y, int width) {
-  double least = 0, most = width;  // of x, for the search; decided by contains()
+  double least = 0, most = width;  // bounds of x for the search; contains() decides
   for (const Vector3d& edge : outline.edges) {
     const double constant = edge.y() * (y + 0.5) + edge.z();
     if (edge.x() > 0) {
@@ -114,14 +114,14 @@ std::vector<ObjectPlane> make_object_planes(const PlanesDocument& document, std:
       const double off = std::abs(normal.dot(corner - middle));
       if (off > kMostOffPlane * size) {
         throw refusal(name, index, given.id,
-                      fmt::format("corner {} is {:.3g} m off the plane of all corners", i, off),
-                      "Give corners that lie in one plane");
+                      fmt::format("corner {} is {:.3g} m from the plane of all corners", i, off),
+                      "Give corners in one plane");
       }
       const Vector3d along = object.corners[(i + 1) % count] - corner;
       for (const Vector3d& other : object.corners) {
         if (normal.dot(along.cross(other - corner)) < -1e-6 * size * size) {
-          throw refusal(name, index, given.id, "it is not convex",
-                        "Give corners in their order around a convex polygon, or several polygons");
+          throw refusal(name, index, given.id, "the polygon is not convex",
+                        "Give the corners of a convex polygon in order, or divide it into several");
         }
       }
     }
@@ -136,7 +136,7 @@ std::optional<double> intersect_ray(const ObjectPlane& object, const Vector3d& o
   const Vector3d normal = object.plane.head<3>();
   const double along = -signed_plane_distance(object.plane, origin) / normal.dot(direction);
   if (!(along > 0) || !std::isfinite(along)) return std::nullopt;
-  const Vector3d point = along * direction;  // from the origin on
+  const Vector3d point = along * direction;  // relative to the origin
   for (std::size_t i = 0; i < object.corners.size(); ++i) {
     const Vector3d from = object.corners[i] - origin;
     const Vector3d to = object.corners[(i + 1) % object.corners.size()] - origin;
@@ -196,7 +196,7 @@ void insert_region(const RenderedView& part, const ViewRegion& region, RenderedV
   total.decode_ms += part.statistics.decode_ms;
   total.render_ms += part.statistics.render_ms;
   total.pixels_decoded += part.statistics.pixels_decoded;
-  // A source pixel that two planes want counts twice: the same bytes are read twice.
+  // A source pixel that two planes need is read twice, so that it counts twice.
   total.pixels_needed += part.statistics.pixels_needed;
   total.cameras_used = std::max(total.cameras_used, part.statistics.cameras_used);
 }

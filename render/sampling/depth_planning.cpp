@@ -44,7 +44,7 @@ Region project_through_lens(const SourceView& c, Region ideal) {
   if (c.distorted) {
     const Interval xx = square(ideal.x), yy = square(ideal.y);
     Interval rr = xx + yy;
-    // Nothing is seen beyond the fold.
+    // Points beyond the limit of the lens model are not visible.
     rr.high = std::min(rr.high, static_cast<double>(c.fold_radius_squared));
     rr.low = std::min(rr.low, rr.high);
     Interval radial = rr * Interval{c.k3, c.k3} + Interval{c.k2, c.k2};
@@ -104,13 +104,13 @@ void mark_block(const DepthSource& source, const ViewBlock& block, Interpolation
   const SourceView& c = source.camera;
   const Corners far = corners_at(source, block, block.farthest);
   const Corners near = corners_at(source, block, block.nearest);
-  if (far.in_front + near.in_front == 0) return;  // W is linear: nor is anything in between
+  if (far.in_front + near.in_front == 0) return;  // W is linear
   if (far.in_front + near.in_front < 8) {
     mark_pixels(c, 0, c.width - 1, 0, c.height - 1);
     return;
   }
-  // Each corner runs along a line of the image, from far to near; cut in pieces, so that a slanting
-  // run is not covered by one large rectangle.
+  // From far to near, each corner moves along a line in the image. Pieces avoid one large rectangle
+  // around a slanted line.
   double longest = 0;
   for (std::size_t i = 0; i < 4; ++i) {
     longest = std::max(
@@ -120,7 +120,7 @@ void mark_block(const DepthSource& source, const ViewBlock& block, Interpolation
   constexpr int kMostPieces = 256;
   const int pieces =
       1 + static_cast<int>(std::min<double>(kMostPieces - 1, longest / kPieceLength));
-  // The kernels work in float: a good part of a pixel is more than they can be off.
+  // Exceeds the rounding errors of the kernels, which compute in float (pixels).
   const double slack = 0.25;
   const double before =
       (interpolation == Interpolation::kCubic ? 1.5 : 0.5) + c.chroma_radius + slack;
@@ -136,12 +136,12 @@ void mark_block(const DepthSource& source, const ViewBlock& block, Interpolation
       const auto [low, high] = std::minmax_element(values.begin(), values.end());
       return Interval{*low, *high};
     };
-    // The hull of the corners holds the piece: projection keeps lines straight.
+    // The hull of the corners contains the piece, because projections preserve lines.
     const Region pixels = project_through_lens(
         c, {joined(range(from.x), range(to.x)), joined(range(from.y), range(to.y))});
     if (pixels.x.high >= -slack && pixels.x.low <= c.width + slack && pixels.y.high >= -slack &&
         pixels.y.low <= c.height + slack) {
-      // Positions at the border are read at the outermost centres.
+      // Beyond the outermost pixel centres the outermost pixels are read.
       const double left = std::clamp(pixels.x.low, 0.5, c.width - 0.5);
       const double right = std::clamp(pixels.x.high, 0.5, c.width - 0.5);
       const double top = std::clamp(pixels.y.low, 0.5, c.height - 0.5);

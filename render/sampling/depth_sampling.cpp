@@ -32,7 +32,7 @@ void set_mcu_layout(SourceView& camera, const JpegLayout& layout, std::uint8_t* 
 
 namespace {
 
-/// Keys' kernel.
+/// Returns the weight of Keys' kernel at a distance in pixels.
 double cubic_weight(double distance) {
   constexpr double a = kCubicSlope;
   const double t = std::abs(distance);
@@ -78,12 +78,12 @@ DepthSample sample_at_depth_reference(const Eigen::Vector3d& eye, const Eigen::V
       const auto column = static_cast<std::size_t>(std::clamp(x, 0, frame.width - 1));
       const std::size_t at = row * static_cast<std::size_t>(frame.width) + column;
       const double w = weight(left - x) * weight(top - y);
-      if (w == 0) continue;  // and perhaps not decoded
+      if (w == 0) continue;  // the pixel may not be decoded
       for (std::size_t c = 0; c < 3; ++c) sample.code[c] += w * frame.rgba[at * 4 + c] / 65535.0;
       sample.alpha += w * frame.rgba[at * 4 + 3] / 65535.0;
     }
   }
-  // Opaque is opaque: equal samples of different weights must stay equal.
+  // Removes rounding, so that opaque samples stay exactly equal for all weights.
   if (std::abs(sample.alpha - 1) < 1e-9) sample.alpha = 1;
   return sample;
 }

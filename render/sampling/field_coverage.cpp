@@ -13,7 +13,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// Of some cameras: how many, by weight, and how near the nearest of them passes to the ray.
+/// Accumulates the weights of cameras and their coverage of a ray.
 struct Count {
   double sum = 0, squares = 0, nearest = std::numeric_limits<double>::infinity();
 

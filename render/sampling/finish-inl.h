@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// From sums of samples to pixels of a view, in vectors. Included once per instruction set, as
-// Highway's kernels are: no include guard of the common kind.
+// Converts sums of samples to pixels of a view, with SIMD. Included once per instruction set, hence
+// Highway's include guard. Input: sums of weighted codes; output: premultiplied linear light.
 
 #if defined(RAYSTAGE_RENDER_SAMPLING_FINISH_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef RAYSTAGE_RENDER_SAMPLING_FINISH_INL_H
@@ -23,10 +23,10 @@ HWY_BEFORE_NAMESPACE();
 namespace raystage {
 namespace HWY_NAMESPACE {
 
-/// sRGB's curve, from blended codes back to linear light (IEC 61966-2-1). With b the base of the
-/// power 2.4 and s its root, b^2.4 = s^4 s^0.8, and s^0.8 is nearly straight: a polynomial of
-/// degree 6 on [0.3, 1] (least largest relative error, exact at 1: white stays white) keeps the
-/// result within 3e-6 of itself; half floats, which views are written in, keep 2.4e-4.
+/// Returns linear light for blended sRGB codes (IEC 61966-2-1). With b the base of the power 2.4
+/// and s its square root, b^2.4 = s^4 s^0.8. s^0.8 is a minimax polynomial of degree 6
+/// on [0.3, 1], exact at 1 (white stays white). The relative error is at most 3e-6; that of half
+/// floats, in which views are written, is 2.4e-4.
 template <class D, class V>
 HWY_INLINE V linear_from_codes(D d, V code) {
   namespace hn = hwy::HWY_NAMESPACE;
@@ -44,7 +44,7 @@ HWY_INLINE V linear_from_codes(D d, V code) {
   return hn::IfThenElse(hn::Le(code, set(0.04045F)), straight, curved);
 }
 
-/// Sums of weighted codes, 0 to 65535, become premultiplied linear light; `weight` becomes alpha.
+/// Converts sums of weighted codes, 0 to 65535, to premultiplied linear light; `weight` to alpha.
 template <class D, class V>
 HWY_INLINE void finish(D d, BlendSpace space, float full_scale, V& r, V& g, V& b, V& weight) {
   namespace hn = hwy::HWY_NAMESPACE;
@@ -64,7 +64,7 @@ HWY_INLINE void finish(D d, BlendSpace space, float full_scale, V& r, V& g, V& b
   weight = alpha;
 }
 
-/// The same for n pixels of R, G, B, weight. `rgba` may be `sums`.
+/// Converts n pixels of R, G, B, weight. `rgba` may be `sums`.
 HWY_INLINE void finish(const float* sums, int n, BlendSpace space, float full_scale, float* rgba) {
   namespace hn = hwy::HWY_NAMESPACE;
   const hn::ScalableTag<float> d;

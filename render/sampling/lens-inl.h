@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where a camera sees what it sees, in vectors. Included once per instruction set, as Highway's
-// kernels are: no include guard of the common kind.
+// Projects ideal image points through a lens into a frame, with SIMD. Included once per instruction
+// set, hence Highway's include guard. Must match CameraModel::pixel_from_ideal().
 
 #if defined(RAYSTAGE_RENDER_SAMPLING_LENS_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef RAYSTAGE_RENDER_SAMPLING_LENS_INL_H
@@ -17,14 +17,14 @@ HWY_BEFORE_NAMESPACE();
 namespace raystage {
 namespace HWY_NAMESPACE {
 
-/// A frame position in pixels, and how far the camera sees it, 0 to 1 (0 also for not-a-number).
+/// A frame position in pixels and its visibility, 0 to 1 (0 also for not-a-number).
 template <class V>
 struct FramePosition {
   V u, v, seen;
 };
 
-/// From ideal image points through the lens (Brown-Conrady, as CameraModel::pixel_from_ideal) to
-/// the frame, with the fades at its border and at the lens model's end.
+/// Returns the frame positions of ideal image points (Brown-Conrady). Their visibility falls to 0
+/// at the frame's border and at the limit of the lens model.
 template <class D, class V, class M>
 HWY_INLINE FramePosition<V> project_through_lens(D d, const SourceView& source, V x_ideal,
                                                  V y_ideal, M in_front) {
@@ -55,7 +55,7 @@ HWY_INLINE FramePosition<V> project_through_lens(D d, const SourceView& source, 
   const auto height = set(static_cast<float>(source.height));
   const auto to_border = hn::Min(hn::Min(u, hn::Sub(width, u)), hn::Min(v, hn::Sub(height, v)));
   seen = hn::Mul(seen, hn::Min(one, hn::Max(zero, hn::Mul(to_border, set(kBorderFade)))));
-  // Positions that count for nothing (also not-a-number) are read at a harmless place.
+  // Positions without visibility (also not-a-number) become 0, so that reading them is valid.
   const auto counts = hn::Gt(seen, zero);
   return {hn::IfThenElseZero(counts, u), hn::IfThenElseZero(counts, v),
           hn::IfThenElseZero(counts, seen)};

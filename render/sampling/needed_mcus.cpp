@@ -21,7 +21,7 @@ struct Point {
   double x = 0, y = 0;
 };
 
-/// Brown-Conrady, as CameraModel::pixel_from_ideal, but without an end.
+/// Distorts as CameraModel::pixel_from_ideal (Brown-Conrady), but beyond the model's limit too.
 Point project_through_lens(const SourceView& s, Point p) {
   const double xx = p.x * p.x, yy = p.y * p.y, xy2 = 2 * p.x * p.y, rr = xx + yy;
   const double radial = 1 + rr * (s.k1 + rr * (s.k2 + rr * s.k3));
@@ -30,7 +30,7 @@ Point project_through_lens(const SourceView& s, Point p) {
 }
 
 /// Bounds the distortion's second derivative within a radius. A homogeneous polynomial of degree n
-/// that is at most 1 on the unit circle bends by n (n - 1) r^(n - 2) at most.
+/// that is at most 1 on the unit circle has the bound n (n - 1) r^(n - 2).
 double bend(const SourceView& s, double radius) {
   const double rr = radius * radius;
   const auto size = [](float k) { return static_cast<double>(std::abs(k)); };
@@ -47,9 +47,9 @@ struct Box {
 /// The projection of a block into a camera.
 struct Footprint {
   enum class Place { kUnseen, kAhead, kUnclear } place = Place::kUnseen;
-  Box box;             ///< of kAhead: around the samples, part of it within the frame
-  double area = 0;     ///< of what lies in the box
-  double spacing = 0;  ///< between samples, at most
+  Box box;             ///< for kAhead: around the samples, partly within the frame
+  double area = 0;     ///< of the part within the box
+  double spacing = 0;  ///< largest, between samples
 };
 
 Footprint find_footprint(const SourceView& s, const PixelBlock& block) {
@@ -109,7 +109,7 @@ Footprint find_footprint(const SourceView& s, const PixelBlock& block) {
 }
 
 void mark_box(const SourceView& s, const Box& box) {
-  // Four neighbours around the position, and what their chroma is made of.
+  // Four neighbours around the position, and the pixels from which their chroma is interpolated.
   const auto first = [&](double edge) {
     return static_cast<int>(std::floor(edge - 0.5)) - s.chroma_radius;
   };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reciprocals and square roots in vectors, several times as fast as the exact ones. Included once
-// per instruction set, as Highway's kernels are: no include guard of the common kind.
+// Approximate reciprocals and square roots with SIMD, several times as fast as exact ones. Included
+// once per instruction set, hence Highway's include guard.
 
 #if defined(RAYSTAGE_RENDER_SAMPLING_ROOTS_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef RAYSTAGE_RENDER_SAMPLING_ROOTS_INL_H
@@ -15,12 +15,12 @@ HWY_BEFORE_NAMESPACE();
 namespace raystage {
 namespace HWY_NAMESPACE {
 
-/// 1 / v within 2 units in the last place, for v and 1 / v both normal (1e-37 to 1e37).
+/// Returns 1 / v within 2 units in the last place, for normal v and 1 / v (1e-37 to 1e37).
 template <class D, class V>
 HWY_INLINE V reciprocal(D d, V v) {
   namespace hn = hwy::HWY_NAMESPACE;
   const auto one = hn::Set(d, 1.0F);
-  auto guess = hn::ApproximateReciprocal(v);  // 14 bits with AVX-512, 12 and less elsewhere
+  auto guess = hn::ApproximateReciprocal(v);  // 14 bits with AVX-512, at most 12 elsewhere
   guess = hn::MulAdd(guess, hn::NegMulAdd(v, guess, one), guess);
 #if HWY_TARGET > HWY_AVX3  // lesser targets have greater numbers
   guess = hn::MulAdd(guess, hn::NegMulAdd(v, guess, one), guess);
@@ -28,7 +28,7 @@ HWY_INLINE V reciprocal(D d, V v) {
   return guess;
 }
 
-/// sqrt(v) within 2e-7 of itself, for normal v > 0.
+/// Returns sqrt(v) with a relative error of at most 2e-7, for normal v > 0.
 template <class D, class V>
 HWY_INLINE V square_root(D d, V v) {
   namespace hn = hwy::HWY_NAMESPACE;

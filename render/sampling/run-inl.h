@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is done for a run of pixels before and after its cameras are sampled, in vectors. Included
-// once per instruction set, as Highway's kernels are: no include guard of the common kind.
+// Camera weights of a run of pixels, accumulation of samples and output, with SIMD. Included once
+// per instruction set, hence Highway's include guard.
 
 #if defined(RAYSTAGE_RENDER_SAMPLING_RUN_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef RAYSTAGE_RENDER_SAMPLING_RUN_INL_H
@@ -37,7 +37,7 @@ HWY_INLINE void compute_weights(const PixelRun& run, int begin, int n, Weights& 
   const int lanes = static_cast<int>(hn::Lanes(d));
   const double middle = begin + 0.5 * n;
   const double total = run.total[0] * middle + (run.total[1] * (run.y + 0.5) + run.total[2]);
-  const double scale = 1 / total;  // keeps the shares near 1 whatever the distance to the array
+  const double scale = 1 / total;  // keeps weights near 1 at any distance to the array
   Ramp shares[3] = {};
   const int anchor = ramp_anchor(run.total.data(), begin, run.y, n);
   for (int c = 0; c < run.count; ++c) {
@@ -57,13 +57,13 @@ HWY_INLINE void compute_weights(const PixelRun& run, int begin, int n, Weights& 
   }
 }
 
-/// 1 / planar depth of the plane with this slope and distance (PixelRun), where that is positive.
+/// Returns 1 / planar depth of the plane with this slope and distance (PixelRun), where positive.
 HWY_INLINE Ramp inverse_depth(const std::array<double, 3>& slope, double distance, int begin, int y,
                               int n) {
   return ramp(slope.data(), begin, ramp_anchor(slope.data(), begin, y, n), y, 1 / distance);
 }
 
-/// Rays that never meet the focal plane have no weight to give. `along`: 1 / planar depth.
+/// Sets the weights of rays that do not meet the focal plane to 0. `along`: 1 / planar depth.
 HWY_INLINE void clear_missed_rays(Ramp along, int n, Weights& weights) {
   namespace hn = hwy::HWY_NAMESPACE;
   const auto at = [&](int i) {
@@ -80,8 +80,8 @@ HWY_INLINE void clear_missed_rays(Ramp along, int n, Weights& weights) {
   }
 }
 
-/// Adds the samples of `count` cameras to `sums`, in whole vectors of pixels: 4 floats a pixel, in
-/// the order of transpose_blocks(). kFirst: sums are not set yet.
+/// Adds the samples of `count` cameras to `sums`, in whole vectors of pixels: 4 floats per pixel,
+/// in the order of transpose_blocks(). kFirst: overwrites `sums`.
 template <bool kFirst>
 HWY_INLINE void add_samples(const SourceView* const* sources, const Taps* taps, int count, int n,
                             float* sums) {
@@ -123,9 +123,9 @@ struct Pixels {
   HWY_ALIGN float z[hwy::HWY_NAMESPACE::MaxLanes(hwy::HWY_NAMESPACE::ScalableTag<float>())];
 };
 
-/// From sums in the order of transpose_blocks() to the view, of which `room` pixels may be written.
-/// `along`: 1 / planar depth. `share`, if any, times each pixel's sums; `present`, if any, times
-/// alpha is its coverage.
+/// Writes pixels of the view, up to `room` of them, from sums in the order of transpose_blocks().
+/// `along`: 1 / planar depth. `share`: factor of each pixel's sums, or null. `present`: factor from
+/// alpha to coverage, or null.
 HWY_INLINE void write_pixels(const float* sums, const float* share, const float* present, int n,
                              int room, BlendSpace space, float full_scale, Ramp along,
                              bool at_infinity, float* rgba, float* coverage, float* z) {
@@ -170,8 +170,8 @@ HWY_INLINE void write_pixels(const float* sums, const float* share, const float*
   }
 }
 
-/// Writes sums in the order of transpose_blocks() as R, G, B, weight per pixel, times `share`, if
-/// any.
+/// Writes sums in the order of transpose_blocks() as R, G, B, weight per pixel, times `share`
+/// unless that is null.
 HWY_INLINE void store_sums(const float* sums, const float* share, int n, float* rgba) {
   namespace hn = hwy::HWY_NAMESPACE;
   const hn::FixedTag<float, 4> d;
@@ -187,14 +187,14 @@ HWY_INLINE void load_sums(const float* rgba, int n, float* sums) {
   namespace hn = hwy::HWY_NAMESPACE;
   const hn::FixedTag<float, 4> d;
   const int lanes = static_cast<int>(hn::Lanes(hn::ScalableTag<float>()));
-  std::fill_n(sums, 4 * ((n + lanes - 1) / lanes * lanes), 0.0F);  // whole vectors are written
+  std::fill_n(sums, 4 * ((n + lanes - 1) / lanes * lanes), 0.0F);  // whole vectors
   for (int i = 0; i < n; ++i) {
     hn::Store(hn::LoadU(d, rgba + static_cast<std::ptrdiff_t>(i) * 4), d,
               sums + 4 * transposed_index(hn::ScalableTag<float>(), i));
   }
 }
 
-/// Marks the pixels that taps read with a weight.
+/// Marks the pixels that taps read with a weight above 0.
 HWY_INLINE void mark_pixels(const SourceView& source, const Taps& taps, int n) {
   for (int i = 0; i < n; ++i) {
     if (!(taps.share[i] > 0)) continue;

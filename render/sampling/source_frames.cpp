@@ -31,7 +31,7 @@ void SourceFrames::open(const std::vector<int>& cameras) {
     Source& source = sources_[static_cast<std::size_t>(index)];
     const Rig::Camera& camera = instant_.rig->cameras[static_cast<std::size_t>(index)];
     source.view = make_source_view(camera.model, projection_.ideal_from_pixel(camera.pose));
-    if (!count_needed_ && instant_.cache->holds_whole(index, frame)) return;
+    if (!count_needed_ && instant_.cache->is_fully_decoded(index, frame)) return;
     const auto layout = instant_.cache->layout(index, frame);
     source.wanted.assign(static_cast<std::size_t>(layout->mcu_count()), 0);
     source.view.wanted_mcus = source.wanted.data();
@@ -63,7 +63,7 @@ void SourceFrames::decode(RenderStatistics& statistics) {
     std::int64_t decoded = 0;
     source.frame =
         instant_.cache->fetch(index, instant_.frame_of_camera[static_cast<std::size_t>(index)],
-                              source.wanted, decoded, instant_.look);
+                              source.wanted, decoded, instant_.fetch_group);
     source.view.rgba = source.frame->rgba.get();
     pixels += decoded;
     needed += std::ranges::count(source.read_pixels, 1);

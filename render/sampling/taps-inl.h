@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where a camera is sampled for a run of pixels, and the samples, in vectors. Included once per
-// instruction set, as Highway's kernels are: no include guard of the common kind.
+// Computes where a camera's frame is sampled for a run of pixels, and its bilinear samples, with
+// SIMD. Included once per instruction set, hence Highway's include guard.
 
 #if defined(RAYSTAGE_RENDER_SAMPLING_TAPS_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef RAYSTAGE_RENDER_SAMPLING_TAPS_INL_H
@@ -27,24 +27,24 @@ HWY_BEFORE_NAMESPACE();
 namespace raystage {
 namespace HWY_NAMESPACE {
 
-/// Pixels worked on at once: positions are vectors across them, then samples vectors across taps
-/// and colours.
+/// Pixels per chunk: positions are vectors across pixels, samples are vectors across taps and
+/// colours.
 constexpr int kChunk = 128;
 
-/// Whole numbers that a tap's interpolation weights sum to, exactly: products of them and codes add
-/// up in 32 bits. A position is so rounded to 1/32768 of a pixel.
+/// The exact sum of a tap's interpolation weights, which are integers, so that sums of their
+/// products with codes fit in 32 bits. Positions are thereby rounded to 1/32768 of a pixel.
 constexpr float kWeightUnit = 16384.0F;
 
-/// For each pixel of a chunk: the upper left of four neighbours, counted through the frame; the
+/// For each pixel of a chunk: the index in the frame of the upper left of four neighbours; the
 /// weights of the upper two and of the lower two, the left one in the lower half of each word; and
-/// the camera's share of the ray, by kWeightUnit.
+/// the camera's weight for the ray, divided by kWeightUnit.
 struct Taps {
   HWY_ALIGN std::int32_t pixel[kChunk];
   HWY_ALIGN std::int32_t upper[kChunk], lower[kChunk];
   HWY_ALIGN float share[kChunk];
 };
 
-/// Of a tap's four neighbours.
+/// The weights of a tap's four neighbours.
 struct TapWeights {
   int upper_left, upper_right, lower_left, lower_right;
 };
@@ -55,9 +55,9 @@ HWY_INLINE TapWeights tap_weights(const Taps& taps, int i) {
   return {half(upper), half(upper >> 16), half(lower), half(lower >> 16)};
 }
 
-/// Four vectors of one quantity each become four vectors of whole pixels, and back: 4 x 4 values
-/// within every 128 bits. Values never leave their 128 bits, which is what makes it cheap, and why
-/// the pixels come out in an order of their own.
+/// Transposes 4 x 4 values within each 128-bit block: four vectors of one channel each become four
+/// vectors of whole pixels, or the reverse. Values do not cross blocks, which is fast, but pixels
+/// get the order of transposed_index().
 template <class D, class V>
 HWY_INLINE void transpose_blocks(D d, V& v0, V& v1, V& v2, V& v3) {
   namespace hn = hwy::HWY_NAMESPACE;
@@ -72,7 +72,7 @@ HWY_INLINE void transpose_blocks(D d, V& v0, V& v1, V& v2, V& v3) {
   v3 = hn::BitCast(d, hn::InterleaveUpper(pairs, high01, high23));
 }
 
-/// Where transpose_blocks() puts pixel i of a chunk.
+/// Returns where transpose_blocks() puts pixel i of a chunk.
 template <class D>
 HWY_INLINE int transposed_index(D d, int i) {
   const int lanes = static_cast<int>(hwy::HWY_NAMESPACE::Lanes(d));
@@ -80,17 +80,17 @@ HWY_INLINE int transposed_index(D d, int i) {
   return i - within + within % 4 * (lanes / 4) + within / 4;
 }
 
-/// The pixel of a chunk of n where a linear function is nearest to 0, counted from its first. From
-/// there its values are exact to a few units in their own last place, however much larger they are
-/// elsewhere in the chunk.
+/// Returns the pixel, from 0 to n - 1, of a chunk at which a linear function is nearest to 0. With
+/// this anchor the function's values are exact to a few units in their own last place, although
+/// they may be much larger elsewhere in the chunk.
 inline int ramp_anchor(const double* function, int begin, int y, int n) {
   if (function[0] == 0) return 0;
   const double at_begin = function[0] * (begin + 0.5) + (function[1] * (y + 0.5) + function[2]);
   return static_cast<int>(std::clamp(std::floor(0.5 - at_begin / function[0]), 0.0, n - 1.0));
 }
 
-/// A linear function of the pixel: `base` at pixel `start` of the chunk, found in double, and the
-/// short way from there in float.
+/// A linear function of the pixel: `base` at pixel `start` of the chunk, computed in double, and
+/// the step per pixel in float.
 struct Ramp {
   float base, step;
   int start;
@@ -101,35 +101,35 @@ HWY_INLINE Ramp ramp(const double* function, int begin, int start, int y, double
           static_cast<float>(function[0] * scale), start};
 }
 
-/// i, i + 1, ... (Iota with a start of its own goes through memory, and waits for it.)
+/// Returns i, i + 1, ... (Highway's Iota with a start other than 0 goes through memory.)
 template <class D>
 HWY_INLINE auto iota_from(D d, int i) {
   namespace hn = hwy::HWY_NAMESPACE;
   return hn::Add(hn::Iota(d, 0), hn::Set(d, static_cast<hn::TFromD<D>>(i)));
 }
 
-/// `steps`: iota_from(d, i - r.start) for the vector at pixel i of the chunk.
+/// Returns the ramp's values. `steps`: iota_from(d, i - r.start) for pixels i on of the chunk.
 template <class D, class V>
 HWY_INLINE V values(D d, Ramp r, V steps) {
   namespace hn = hwy::HWY_NAMESPACE;
   return hn::MulAdd(steps, hn::Set(d, r.step), hn::Set(d, r.base));
 }
 
-/// Taps of a vector of pixels around a position that is (left, top) + 1/2 in pixel centres, >= 0
-/// there.
+/// Stores the taps of a vector of pixels. The position, (left, top) + 1/2 in units of pixel
+/// centres, must be at least 0.
 template <class D, class V>
 HWY_INLINE void store_taps(D d, int frame_width, V left, V top, V weight, int i, Taps& taps) {
   namespace hn = hwy::HWY_NAMESPACE;
   const hn::RebindToSigned<D> di;
-  // Numbers added to this one are rounded to whole numbers, which stand in the last bits. A
-  // position on a pixel's centre may so be its left neighbour's right end: which is the same.
+  // Adding this constant rounds to an integer in the last bits. A position on a pixel's centre may
+  // become the right end of its left neighbour, which gives the same sample.
   constexpr float kRounder = 12582912.0F;  // 1.5 * 2^23
   constexpr std::int32_t kRounderBits = 0x4B400000;
   constexpr std::int32_t kWhole = static_cast<std::int32_t>(kWeightUnit);
   const auto rounder = hn::Set(d, kRounder), unit = hn::Set(d, kWeightUnit);
   const auto half_unit = hn::Set(d, kWeightUnit / 2);
   const auto column = hn::Add(left, rounder), line = hn::Add(top, rounder);
-  // How far the position lies from the neighbours on the upper left, in units.
+  // Distance from the upper left neighbour in units of 1 / kWeightUnit.
   const auto right_units = hn::MulAdd(hn::Sub(left, hn::Sub(column, rounder)), unit, half_unit);
   const auto lower_units = hn::MulAdd(hn::Sub(top, hn::Sub(line, rounder)), unit, half_unit);
   const auto both_units =
@@ -145,9 +145,9 @@ HWY_INLINE void store_taps(D d, int frame_width, V left, V top, V weight, int i,
     hn::Store(hn::BitCast(di, hn::OddEven(shifted, hn::BitCast(d16, of_left))), di, to + i);
   };
   store_pair(upper_left, upper_right, taps.upper);
-  store_pair(lower_left, both, taps.lower);  // the rounder's own bits are shifted out
+  store_pair(lower_left, both, taps.lower);  // shifts out the rounder's bits
   hn::Store(hn::Mul(weight, hn::Set(d, 1 / kWeightUnit)), d, taps.share + i);
-  // The rounder's bits, times the width and once more, wrap around and are taken off.
+  // Subtracts the rounder's bits, times width + 1, modulo 2^32.
   const auto rounders =
       hn::Set(di, static_cast<std::int32_t>(static_cast<std::uint32_t>(kRounderBits) *
                                             (static_cast<std::uint32_t>(frame_width) + 1)));
@@ -156,8 +156,8 @@ HWY_INLINE void store_taps(D d, int frame_width, V left, V top, V weight, int i,
   hn::Store(hn::Sub(pixel, rounders), di, taps.pixel + i);
 }
 
-/// Whether a camera without distortion sees the whole run of n pixels well within its frame. On its
-/// way along a row a projection never turns back, so both ends tell.
+/// Whether a camera without distortion sees the whole run of n pixels well within its frame. Both
+/// ends decide, because a projection is monotone along a row.
 inline bool run_is_inside_frame(const SourceView& source, int begin, int y, int n) {
   if (source.distorted) return false;
   const double* m = source.ideal_from_pixel.data();
@@ -172,21 +172,21 @@ inline bool run_is_inside_frame(const SourceView& source, int begin, int y, int 
   return true;
 }
 
-/// Taps of pixels beyond n, which vectors reach, read the frame's first pixel, to no end.
+/// Sets taps beyond n, up to a whole vector, to the frame's first pixel; their values are unused.
 HWY_INLINE void pad_taps(int n, Taps& taps) {
   namespace hn = hwy::HWY_NAMESPACE;
   const int lanes = static_cast<int>(hn::Lanes(hn::ScalableTag<float>()));
   for (int i = n; i % lanes != 0; ++i) taps.pixel[i] = 0;
 }
 
-/// `share`: the camera's weight for each pixel of the chunk; vectors may reach beyond n.
+/// Computes taps on a plane. `share`: camera weight per pixel, read in whole vectors beyond n.
 HWY_INLINE void compute_taps(const SourceView& source, int begin, int y, int n, const float* share,
                              Taps& taps) {
   namespace hn = hwy::HWY_NAMESPACE;
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const double* m = source.ideal_from_pixel.data();
-  const int anchor = ramp_anchor(m, begin, y, n);  // X = 0: where the camera looks
+  const int anchor = ramp_anchor(m, begin, y, n);  // X = 0: the camera's axis
   // Common scale of (X, Y, W): only their ratio matters, and float must hold them.
   const double w_here = m[6] * (begin + anchor + 0.5) + (m[7] * (y + 0.5) + m[8]);
   const double scale = w_here != 0 ? 1 / std::abs(w_here) : 1;
@@ -228,8 +228,8 @@ HWY_INLINE void compute_taps(const SourceView& source, int begin, int y, int n, 
   pad_taps(n, taps);
 }
 
-/// The same for pixels with depths of their own: `source` as for a plane at infinity, from which
-/// each of `inverse_depth` (1/m) leads by `per_inverse_depth` (DepthSource).
+/// Computes taps of pixels with individual depths: `source` as for a plane at infinity, plus
+/// `inverse_depth` (1/m) times `per_inverse_depth` (see DepthSource).
 HWY_INLINE void compute_taps_at_depth(const SourceView& source, const double* per_inverse_depth,
                                       int begin, int y, int n, const float* inverse_depth,
                                       const float* share, Taps& taps) {
@@ -261,20 +261,20 @@ HWY_INLINE void compute_taps_at_depth(const SourceView& source, const double* pe
   pad_taps(n, taps);
 }
 
-/// Asks for the memory that a chunk's taps lie in: rows of many cameras take turns, which the
-/// processor does not foresee.
+/// Prefetches the memory of a chunk's taps, because the processor cannot predict alternating rows
+/// of many cameras.
 HWY_INLINE void prefetch_taps(const SourceView& source, const Taps& taps, int n) {
   constexpr int kPixelsPerLine = 8;
   const std::size_t row = std::size_t{4} * static_cast<std::size_t>(source.width);
   for (int i = 0; i < n; i += kPixelsPerLine) {
     const std::uint16_t* upper =
         source.rgba + std::size_t{4} * static_cast<std::uint32_t>(taps.pixel[i]);
-    hwy::Prefetch(upper + 2 * row);  // what the view's next row will want
+    hwy::Prefetch(upper + 2 * row);  // for the view's next row
   }
 }
 
-/// Codes of a row's left and right neighbours, side by side for each channel, less 32768: of a tap
-/// in every 128 bits, taps 4 pixels apart. `row`: of the frame, 4 channels a pixel.
+/// Loads the left and right neighbours of taps 4 pixels apart: one tap per 128 bits, 4 channels per
+/// pixel. `row`: a row of the frame.
 template <class D16>
 HWY_INLINE hwy::HWY_NAMESPACE::Vec<D16> load_neighbours(D16 d, const std::uint16_t* row,
                                                         const std::int32_t* pixel) {
@@ -289,8 +289,8 @@ HWY_INLINE hwy::HWY_NAMESPACE::Vec<D16> load_neighbours(D16 d, const std::uint16
   }
 }
 
-/// Adds the samples of every fourth tap from kFirst on, of as many as a vector has lanes, to `sum`:
-/// R, G, B, weight in every 128 bits. `upper`, `lower`, `share`: of all those taps.
+/// Adds the samples of every fourth of a vector's taps, from kFirst on, to `sum`: R, G, B, weight
+/// in every 128 bits. `upper`, `lower`, `share`: of all taps of the vector.
 template <int kFirst, class D, class V, class VI>
 HWY_INLINE V add_taps(D d, const std::uint16_t* frame, std::size_t row, const std::int32_t* pixel,
                       VI upper, VI lower, V share, V sum) {

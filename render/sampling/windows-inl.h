@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Positions and samples of a vector of pixels that a camera sees close together, in registers.
-// Included once per instruction set, as Highway's kernels are: no include guard of the common kind.
+// Bilinear samples of pixels that are close together in a frame, from windows loaded into registers
+// (AVX-512 only). Included once per instruction set, hence Highway's include guard.
 
 #if defined(RAYSTAGE_RENDER_SAMPLING_WINDOWS_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef RAYSTAGE_RENDER_SAMPLING_WINDOWS_INL_H
@@ -23,32 +23,32 @@
 
 #include "render/sampling/source_view.h"
 
-#if HWY_TARGET <= HWY_AVX3  // better targets have lesser numbers; others cannot pick so
+#if HWY_TARGET <= HWY_AVX3  // better targets have lower numbers; others lack the instruction
 
 HWY_BEFORE_NAMESPACE();
 namespace raystage {
 namespace HWY_NAMESPACE {
 
-/// Pixels of a row that two vectors hold. A vector of taps whose left neighbours are all among the
-/// first kWindow - 1 is sampled by reading the window once per row, and picking from it.
+/// Pixels of a row in two vectors: a window. If all left neighbours of a vector of taps are among
+/// the first kWindow - 1, the window is read once per row, and a permutation selects the taps.
 constexpr int kWindow = 16;
-/// As many for a vector of pixels cost about half of what taps one by one do.
+/// With this many windows per vector the cost is about half of that of single taps.
 constexpr int kMaxWindows = 2;
 
-/// A camera's part in a stretch of pixels, all well within its frame.
+/// A camera for a run of pixels that are all well within its frame.
 struct WindowedCamera {
   const std::uint16_t* rgba;
   std::size_t row;           ///< values from one row to the next
-  Ramp x, y, w;              ///< SourceView::ideal_from_pixel by (fx, fy, 1), from its first pixel
-  float left, top;           ///< (left, top) + 1/2: the principal point, in pixel centres
-  std::int32_t width, back;  ///< `back`: how far a window begins before its first tap
+  Ramp x, y, w;              ///< ideal_from_pixel times (fx, fy, 1), from the first pixel on
+  float left, top;           ///< principal point - 1/2, in units of pixel centres
+  std::int32_t width, back;  ///< `back`: pixels from a window's begin to its first tap
 };
 
-/// Whether windows serve n pixels, and how: where the camera sees all of them, roughly along its
-/// own rows, and not so much smaller than the view that a vector of them wants many windows.
+/// Whether windows are efficient for n pixels; sets `camera` if so. The camera must see all pixels,
+/// roughly along its rows, and at a scale at which a vector needs few windows.
 inline bool fits_windows(const SourceView& source, int begin, int y, int n,
                          WindowedCamera& camera) {
-  // A window at the frame's end reaches into the row beyond, no further.
+  // A window at the frame's end extends at most into the next row.
   if (source.width < kWindow || !run_is_inside_frame(source, begin, y, n)) return false;
   const double* m = source.ideal_from_pixel.data();
   const double first = begin + 0.5, last = begin + n - 0.5;
@@ -72,16 +72,16 @@ inline bool fits_windows(const SourceView& source, int begin, int y, int n,
   return true;
 }
 
-/// For each pixel of a chunk: the upper left of four neighbours, counted through the frame; the
-/// weights, by kWeightUnit, of left and right ones, in the halves of each word; and the shares of
-/// the upper and of the lower row.
+/// For each pixel of a chunk: the index in the frame of the upper left of four neighbours; the
+/// weights of left and right (times kWeightUnit) in the halves of each word; and the weights of the
+/// upper and lower row.
 struct WindowTaps {
   HWY_ALIGN std::int32_t pixel[kChunk], pairs[kChunk];
   HWY_ALIGN float upper[kChunk], lower[kChunk];
 };
 
-/// Where n pixels of a chunk are seen that begins `from` pixels after the stretch. share(i): the
-/// camera's share of a vector of rays, by 1 / kWeightUnit.
+/// Computes taps of n pixels of a chunk that begins `from` pixels after the run. share(i): the
+/// camera's weight for a vector of rays, divided by kWeightUnit.
 template <class Share>
 HWY_INLINE void compute_window_taps(const WindowedCamera& camera, int from, int n,
                                     const Share& share, WindowTaps& taps) {
@@ -108,7 +108,7 @@ HWY_INLINE void compute_window_taps(const WindowedCamera& camera, int from, int 
     const auto left = hn::MulAdd(values(d, camera.x, steps), inverse, principal_left);
     const auto top = hn::MulAdd(values(d, camera.y, steps), inverse, principal_top);
     const auto column = hn::Add(left, rounder), line = hn::Add(top, rounder);
-    const auto to_right = hn::Sub(left, hn::Sub(column, rounder));  // less 1/2
+    const auto to_right = hn::Sub(left, hn::Sub(column, rounder));  // minus 1/2
     const auto to_lower = hn::Sub(top, hn::Sub(line, rounder));
     const auto right = hn::BitCast(d32, hn::MulAdd(to_right, unit, half_unit));
     const auto pixel = hn::Sub(
@@ -122,12 +122,12 @@ HWY_INLINE void compute_window_taps(const WindowedCamera& camera, int from, int 
   }
 }
 
-/// Sums of a chunk's pixels: codes less 32768, times kWeightUnit and share; and shares.
+/// Sums of a chunk's pixels: (codes - 32768) times kWeightUnit and weight; and weights.
 struct WindowSums {
   HWY_ALIGN float r[kChunk], g[kChunk], b[kChunk], share[kChunk];
 };
 
-/// Adds one window's samples. `column`: of each tap's left neighbour in the window.
+/// Adds one window's samples. `column`: column in the window of each tap's left neighbour.
 template <class D, class V, class VI>
 HWY_INLINE void add_window(D d, const std::uint16_t* upper_row, std::size_t row, VI column,
                            VI pairs, V upper, V lower, V& r, V& g, V& b) {
@@ -148,7 +148,7 @@ HWY_INLINE void add_window(D d, const std::uint16_t* upper_row, std::size_t row,
   const auto weights = hn::BitCast(d16, pairs);
   const auto add = [&](std::int32_t channel, V& sum) HWY_ATTR {
     const auto words = hn::Add(red, hn::Set(d32, ((4 + channel) << 16) | channel));
-    const auto blend = [&](auto of_begin, auto of_end) HWY_ATTR {  // Highway 1.0.3 cannot pick so
+    const auto blend = [&](auto of_begin, auto of_end) HWY_ATTR {  // Highway 1.0.3 lacks it
       const decltype(of_begin) picked{
           _mm512_permutex2var_epi16(of_begin.raw, words.raw, of_end.raw)};
       auto unused = hn::Zero(d32);
@@ -185,7 +185,7 @@ HWY_INLINE void add_window_samples(const WindowedCamera* cameras, const WindowTa
         const auto beyond = hn::And(hn::Gt(hn::BitCast(du32, column), last_column), needed);
         const std::uint16_t* from =
             cameras[c].rgba + std::size_t{4} * static_cast<std::size_t>(begin);
-        hwy::Prefetch(from + 2 * cameras[c].row);  // what the view's next row will want
+        hwy::Prefetch(from + 2 * cameras[c].row);  // for the view's next row
         hwy::Prefetch(from + 2 * cameras[c].row + kWindow * 2);
         if (HWY_LIKELY(hn::AllFalse(du32, beyond))) {
           add_window(d, from, cameras[c].row, column, pairs, upper, lower, r, g, b);

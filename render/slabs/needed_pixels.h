@@ -14,7 +14,7 @@ namespace raystage {
 
 /// Pixels of the cameras' frames that a view by slabs depends on, for
 /// RenderStatistics::pixels_needed: each ray's taps in the cameras of the nodes around it, as if it
-/// were looked up in the frames themselves. Rectified images are made of whole frames.
+/// were sampled in the frames themselves. Rectified images are made of whole frames.
 class NeededPixels {
  public:
   explicit NeededPixels(const LightFieldFrame& instant);

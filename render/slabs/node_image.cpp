@@ -19,7 +19,7 @@ namespace {
 
 constexpr Eigen::Vector4d::Scalar kOne = 1;
 
-/// A node at a camera is rotated about the camera's centre, as for a scene at infinity.
+/// Returns the plane for rectification: infinity for a node at a camera, which is only rotated.
 Eigen::Vector4d plane_for(const NodeSources& sources, const Eigen::Vector4d& focal_plane) {
   return sources.at_camera ? Eigen::Vector4d(0, 0, 0, kOne) : focal_plane;
 }
@@ -39,7 +39,7 @@ std::size_t samples_of(const Slab& slab) {
 /// Samples of a row that are rectified together.
 constexpr int kSamplesPerPiece = 32;
 
-/// `body` for the run on each row that has samples, in parallel.
+/// Calls `body` in parallel with the run of each row that has samples.
 template <class Body>
 void for_each_row(const NodeRows& rows, const PixelRun& run, const Body& body) {
   constexpr int kRowsPerTask = 32;
@@ -90,7 +90,7 @@ std::shared_ptr<const NodeImage> make_node_image(const LightFieldFrame& instant,
   const VirtualCamera node = slab.node_view(column, row);
   const PlaneProjection projection(node, plane_for(sources, focal_plane));
   if (!projection.at_infinity() &&
-      projection.distance() == 0) {  // the node lies on the plane: it sees no point of it
+      projection.distance() == 0) {  // the node lies on the plane and sees none of its points
     std::fill_n(image->rgba.get(), used, std::uint16_t{0});
     return image;
   }
@@ -117,7 +117,7 @@ std::shared_ptr<const NodeImage> make_node_image(const LightFieldFrame& instant,
   image->pixels_decoded = decoding.pixels_decoded;
   image->decode_ms = std::chrono::duration<double, std::milli>(decoded - start).count();
   for_each_row(rows, run, [&](PixelRun piece) {
-    // Kernels round from where a run begins: pieces always begin at the same samples.
+    // Rounding depends on where a run begins, so pieces always begin at the same samples.
     const int first = piece.begin / kSamplesPerPiece * kSamplesPerPiece, end = piece.end;
     std::uint16_t* const of_row = image->rgba.get() + static_cast<std::size_t>(piece.y) *
                                                           static_cast<std::size_t>(slab.width) * 4;

@@ -7,21 +7,21 @@
 namespace raystage {
 namespace {
 
-/// Pixels of the view that are looked at as one, a box around what they read: as long a run as lies
-/// along a row of the image, or else so many.
+/// Pixels of the view whose samples are bounded by one box: longer runs if they lie within
+/// kRowsPerBox rows of the image.
 constexpr int kPixelsPerBox = 16, kRowsPerBox = 3;
 
-/// Samples by which the kernels' positions may differ from those here.
+/// Maximum difference from the kernels' positions, in samples.
 constexpr double kRounding = 1.0 / 16;
 
-/// Shares of a ray that rounding may add to a node.
+/// Weight that rounding may add to a node.
 constexpr double kShareRounding = 1e-3;
 
 double value(const SlabRun::LinearFunction& function, double x, int y) {
   return function[0] * x + (function[1] * (y + 0.5) + function[2]);
 }
 
-/// Whether the second (or the first) of two nodes along an axis counts anywhere between two rays.
+/// Whether the second (or first) of two nodes along an axis has weight anywhere between two rays.
 bool counts(const SlabRun& run, const SlabRun::LinearFunction& times, bool second, double x0,
             double x1) {
   if (run.interpolation != SlabInterpolation::kNearest) return true;
@@ -32,7 +32,7 @@ bool counts(const SlabRun& run, const SlabRun::LinearFunction& times, bool secon
                 : std::min(share0, share1) < 0.5 + kShareRounding;
 }
 
-/// The samples that positions between two are interpolated from; none where all are outside.
+/// Returns the samples that positions from `a` to `b` read; empty where all are outside.
 NodeRows::Span samples(double a, double b, int size) {
   const double first = std::min(a, b) - kRounding, last = std::max(a, b) + kRounding;
   if (!(last > 0) || !(first < size)) return {};
@@ -69,7 +69,7 @@ void NodeRows::add(const SlabRun& run, int corner) {
 void NodeRows::add_piece(const SlabRun& run, int corner, int begin, int end) {
   const double x0 = begin + 0.5, x1 = end - 0.5;
   const double ahead0 = value(run.ahead, x0, run.y), ahead1 = value(run.ahead, x1, run.y);
-  if (!(ahead0 > 0) && !(ahead1 > 0)) return;  // linear: nowhere in between either
+  if (!(ahead0 > 0) && !(ahead1 > 0)) return;  // linear: not visible in between either
   const bool is_long = end - begin > kPixelsPerBox;
   const auto halve = [&] {
     const int middle = begin + (end - begin) / 2;

@@ -15,7 +15,7 @@ constexpr double kSamePlace = 1e-4;  // of the node spacing
 
 double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 
-/// Where the node draws from in a topology; `centres` in the slab's frame, by camera of the rig.
+/// Returns a node's sources in a topology; `centres`: per camera of the rig, in the slab's frame.
 NodeSources sources_in(const Topology& topology, const std::vector<Vector3d>& centres,
                        const Vector2d& node, double reach) {
   NodeSources nearest;
@@ -91,7 +91,7 @@ std::vector<NodeSources> node_sources(const Slab& slab, const Rig& rig, const To
     }
   }
   const double spacing = std::max(slab.column_spacing, slab.row_spacing);
-  // One distinct centre is everywhere the nearest.
+  // With one distinct centre, that is the nearest everywhere.
   const double reach =
       slab.nodes() == 1 ? std::numeric_limits<double>::infinity() : spacing * (1 + 1e-6);
   const auto at_node = [&](NodeSources& sources, const Vector3d& node) {

@@ -20,8 +20,8 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr int kMaxSide = 16384;  // samples of an image plane
-constexpr int kMaxNodes = 1024;  // of an axis
+constexpr int kMaxSide = 16384;  // samples of an image plane, per axis
+constexpr int kMaxNodes = 1024;  // per axis
 
 const Rig::Camera& camera_of(const Rig& rig, int index) {
   return rig.cameras[static_cast<std::size_t>(index)];
@@ -66,12 +66,12 @@ std::optional<Lattice> lattice_of(const Rig& rig, std::span<const int> cameras) 
   for (const Vector3d& step : {lattice.column_step, lattice.row_step}) {
     if (step.norm() > 1e-9 * centres.norm()) least_step = std::min(least_step, step.norm());
   }
-  // Half a step would confuse neighbours: such cameras stand anywhere.
+  // Larger residuals could confuse neighbours: the cameras are not on a lattice.
   if (!(residual < 0.25 * least_step)) return std::nullopt;
   return lattice;
 }
 
-/// x along the lattice's columns, else along the cameras' own right, in the plane across `facing`.
+/// Returns the axes across `facing`: x along the lattice's columns, or the cameras' mean right.
 Matrix3d orientation_of(const Rig& rig, std::span<const int> cameras, const Vector3d& facing,
                         const std::optional<Lattice>& lattice) {
   const auto in_plane = [&](const Vector3d& v) { return Vector3d(v - v.dot(facing) * facing); };
@@ -128,7 +128,7 @@ double median_spacing(const std::vector<Vector2d>& centres) {
   return nearest[nearest.size() / 2];
 }
 
-/// Nodes along x and along -y of the slab, from the cameras' places in its plane.
+/// Fits nodes along the slab's x and -y to the cameras' positions in its plane.
 std::array<Axis, 2> fit_axes(const std::vector<Vector2d>& centres,
                              const std::optional<Lattice>& lattice, const SlabSettings& settings) {
   std::array<Axis, 2> axes;
@@ -140,7 +140,7 @@ std::array<Axis, 2> fit_axes(const std::vector<Vector2d>& centres,
     for (const Vector2d& c : centres) r = {std::min(r[0], c[k]), std::max(r[1], c[k])};
   }
   const double extent = std::max(range[0][1] - range[0][0], range[1][1] - range[1][0]);
-  // As many nodes as would be four to a camera, at most.
+  // At most four nodes per camera.
   const double density = std::max(
       median_spacing(centres), std::sqrt((range[0][1] - range[0][0]) * (range[1][1] - range[1][0]) /
                                          4 / static_cast<double>(centres.size())));
@@ -167,13 +167,14 @@ std::array<Axis, 2> fit_axes(const std::vector<Vector2d>& centres,
 }
 
 /// The area that cameras see on the image plane at distance 1, and its sampling density.
-struct Sight {
+struct VisibleArea {
   Vector2d low = Vector2d::Constant(std::numeric_limits<double>::infinity());
   Vector2d high = -low;
   Vector2d samples = Vector2d::Zero();  // per unit of u and of v
 };
 
-void see(const Rig::Camera& camera, const Matrix3d& slab_from_world, double limit, Sight& sight) {
+void see(const Rig::Camera& camera, const Matrix3d& slab_from_world, double limit,
+         VisibleArea& sight) {
   constexpr int kSteps = 32;
   const Matrix3d rotation = slab_from_world * camera.pose.world_from_camera_rotation;
   const auto seen = [&](double x, double y) -> std::optional<Vector3d> {
@@ -205,7 +206,7 @@ void see(const Rig::Camera& camera, const Matrix3d& slab_from_world, double limi
 
 /// Sets the image plane of all nodes; width is 0 where no camera sees any of it.
 void fit_image_plane(const Rig& rig, const SlabSettings& settings, Slab& slab) {
-  Sight sight;
+  VisibleArea sight;
   const Matrix3d slab_from_world = slab.pose.world_from_camera_rotation.transpose();
   for (const int camera : slab.cameras) {
     see(camera_of(rig, camera), slab_from_world, std::tan(settings.max_fov / 2), sight);
@@ -215,7 +216,7 @@ void fit_image_plane(const Rig& rig, const SlabSettings& settings, Slab& slab) {
   const Vector2d samples = (sight.samples * settings.uv_scale)
                                .cwiseMin(Vector2d::Constant(kMaxSide - 2).cwiseQuotient(extent));
   const Intrinsics& first = camera_of(rig, slab.cameras[0]).model.intrinsics();
-  // The left of the plane lies in the first sample, and centres fall on those of the first camera.
+  // The left border lies in the first sample; sample centres coincide with the first camera's.
   const auto principal = [](double least, double of_camera) {
     return of_camera + std::ceil(least - of_camera - 1e-6);
   };
@@ -261,7 +262,7 @@ Matrix3d box_of(const Rig& rig, std::span<const int> cameras) {
   Matrix3d box = camera_of(rig, cameras[0]).pose.world_from_camera_rotation;
   const Matrix3d start = box;
   for (int round = 0; round < 8; ++round) {
-    Matrix3d pull = 1e-6 * start;  // decides where the cameras leave a turn open
+    Matrix3d pull = 1e-6 * start;  // regularises rotations that the cameras do not determine
     for (const int camera : cameras) {
       const Vector3d in_box = box.transpose() * camera_of(rig, camera).pose.viewing_direction();
       Eigen::Index axis = 0;

@@ -17,9 +17,9 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr std::size_t kMost = 4 * 3;  // nodes, and cameras of each
+constexpr std::size_t kMost = 4 * 3;  // nodes times cameras per node
 
-/// The point on a ray, from some place, over its depth: also at infinity.
+/// The point on a ray relative to a position, divided by its depth: finite at infinity.
 struct ViewPoint {
   Vector3d eye, direction;
   double inverse_depth;

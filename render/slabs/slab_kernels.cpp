@@ -33,14 +33,14 @@ namespace hn = hwy::HWY_NAMESPACE;
 constexpr int kChunk = 64;
 
 /// For each pixel of a chunk: the upper left of four samples in a node's image, and their weights
-/// (interpolation times the node's share of the ray).
+/// (interpolation times the node's weight for the ray).
 struct Taps {
   HWY_ALIGN std::int32_t first[kChunk];  // sample index
   HWY_ALIGN float weight00[kChunk], weight01[kChunk], weight10[kChunk], weight11[kChunk];
 };
 
-/// A linear function of the pixel, from the chunk's first pixel on: the base in double, the short
-/// way from there in float.
+/// A linear function of the pixel from the chunk's first pixel on; the base is computed in double,
+/// the steps in float.
 struct Ramp {
   float base, step;
 };
@@ -50,8 +50,8 @@ Ramp ramp(const SlabRun::LinearFunction& function, int x, int y, double scale) {
           static_cast<float>(function[0] * scale)};
 }
 
-/// Common scale of a run's numerators and denominator: only their ratio matters, and float must
-/// hold them.
+/// Returns a common scale of a run's numerators and denominator, so that they fit in float; only
+/// their ratio matters.
 double scale_of(const SlabRun::LinearFunction& denominator, int x, int y, int n) {
   const double rest = denominator[1] * (y + 0.5) + denominator[2];
   const double most = std::max(std::abs(denominator[0] * (x + 0.5) + rest),
@@ -64,8 +64,8 @@ hn::Vec<D> values(D d, Ramp r, hn::Vec<D> steps) {
   return hn::MulAdd(steps, hn::Set(d, r.step), hn::Set(d, r.base));
 }
 
-/// Along one axis of the image plane, for the left and right (upper and lower) node: the first of
-/// two samples and the second's share; `seen` falls from 1 to 0 at the image's border.
+/// Computes, along one axis of the image plane, the first of two samples and the second's weight;
+/// `seen` falls from 1 to 0 at the image's border.
 template <class D>
 struct Place {
   hn::Vec<D> first, second_share, seen;
@@ -77,7 +77,7 @@ HWY_INLINE Place<D> place(D d, hn::Vec<D> at, int size, bool nearest) {
   const auto extent = hn::Set(d, static_cast<float>(size));
   const auto to_border = hn::Min(at, hn::Sub(extent, at));
   const auto seen = hn::Min(one, hn::Max(zero, hn::Mul(to_border, hn::Set(d, kBorderFade))));
-  // Positions that count for nothing (also not-a-number) are read at a harmless place.
+  // Positions without visibility (also not-a-number) become 0, so that reading them is valid.
   const auto counts = hn::Gt(seen, zero);
   const auto offset =
       hn::Min(hn::Max(hn::Sub(hn::IfThenElseZero(counts, at), half), zero), hn::Sub(extent, one));
@@ -87,7 +87,7 @@ HWY_INLINE Place<D> place(D d, hn::Vec<D> at, int size, bool nearest) {
   return {first, share, hn::IfThenElseZero(counts, seen)};
 }
 
-/// The node's share of the ray along one axis of the camera plane: of the second node, 0 to 1.
+/// Returns the second node's weight along one axis of the camera plane, 0 to 1.
 template <class D>
 HWY_INLINE hn::Vec<D> share_of_second(D d, hn::Vec<D> times, hn::Vec<D> inverse, bool nearest) {
   const auto zero = hn::Zero(d), one = hn::Set(d, 1.0F);
@@ -153,7 +153,7 @@ void compute_taps(const SlabRun& run, int begin, int n, Taps (&taps)[4]) {
   }
 }
 
-/// Adds the four samples of each tap of a node; `sums`: 4 floats a pixel.
+/// Adds the four samples of each tap of a node; `sums`: 4 floats per pixel.
 void add_samples(const std::uint16_t* HWY_RESTRICT texels, int width, const Taps& taps, int n,
                  float* HWY_RESTRICT sums) {
   const hn::FixedTag<float, 4> d;

@@ -47,7 +47,7 @@ SlabRays::SlabRays(const VirtualCamera& view, const Slab& slab)
       conditions.emplace_back(side * (times + kEdgeTolerance * across_));
       conditions.emplace_back(side * ((count - 1 + kEdgeTolerance) * across_ - times));
     }
-    // A single camera takes rays along its plane too.
+    // A single camera also has rays along its plane.
     if (slab.nodes() > 1) conditions.emplace_back(side * across_);
     for (const Vector3d& rival : slab.competing_axes) {
       conditions.emplace_back(world_from_pixel.transpose() *
@@ -107,7 +107,7 @@ void SlabRays::add_runs(const Conditions& conditions, int y, int width,
   while (begin < end && !inside(end - 1)) --end;
   if (begin >= end) return;
 
-  // Within the interval column and row run monotonously: cells change where they reach a node.
+  // Column and row are monotone in the interval: cells change where they reach a node.
   std::vector<int> starts{begin};
   for (const auto& [times, count] :
        {std::pair{&column_times_, columns_}, std::pair{&row_times_, rows_}}) {

@@ -30,7 +30,7 @@ class SlabRays {
   SlabRays(const VirtualCamera& view, const Slab& slab);
 
   /// Linear functions of (x, y, 1), x and y in pixels of the view; 0 along an axis with one node. A
-  /// single line of cameras acts as an endless strip, a single camera serves every ray.
+  /// single line of cameras acts as an endless strip; a single camera is used for every ray.
   const Eigen::Vector3d& column_numerator() const { return column_times_; }
   const Eigen::Vector3d& row_numerator() const { return row_times_; }
   const Eigen::Vector3d& across() const { return across_; }

@@ -36,7 +36,7 @@ SlabRun SlabRuns::run(const SlabRays::Run& part, int y) const {
   run.y = y;
   run.width = slab_.width;
   run.height = slab_.height;
-  // With one node along an axis both sides are the same, and all goes to the first.
+  // With one node along an axis both sides are equal, and the first has all weight.
   if (slab_.columns > 1) {
     run.column = as_function(rays_.column_numerator() - part.column * rays_.across());
   }

@@ -10,8 +10,8 @@
 
 namespace raystage {
 
-/// A slab's part in a view for the kernels: linear functions of the pixel that give between which
-/// nodes a ray passes and where they see its point on the focal plane. `slab`, `rays` and
+/// Converts a slab's rays of a view to runs for the kernels: linear functions of the pixel for the
+/// nodes around a ray and for where they see its point on the focal plane. `slab`, `rays` and
 /// `projection` (both of the view, without its distortion) must outlive it.
 class SlabRuns {
  public:

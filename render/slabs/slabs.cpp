@@ -30,8 +30,8 @@ double milliseconds(Clock::duration duration) {
   return std::chrono::duration<double, std::milli>(duration).count();
 }
 
-/// One slab's part in a view: plans which nodes each row needs, then works in bands of rows whose
-/// nodes fit in memory.
+/// Renders the part of a view that one slab shows: plans which nodes each row needs, then processes
+/// bands of rows whose nodes fit in memory.
 class SlabFrame {
  public:
   SlabFrame(const ViewRequest& request, const PlaneProjection& projection, const Slab& slab,
@@ -86,8 +86,8 @@ class SlabFrame {
                            });
   }
 
-  /// The nodes around a run's cell: upper left, upper right, lower left, lower right; -1 for those
-  /// that do not exist.
+  /// Returns the nodes of a run's cell: upper left, upper right, lower left, lower right; -1 for
+  /// those that do not exist.
   std::array<int, 4> nodes_of(const SlabRays::Run& run) const {
     const int first = run.row * slab_.columns + run.column;
     const bool wide = slab_.columns > 1, high = slab_.rows > 1;
@@ -95,7 +95,7 @@ class SlabFrame {
             wide && high ? first + slab_.columns + 1 : -1};
   }
 
-  /// Rows from `begin` on whose nodes fit in working memory, at least one; names them in `needed`.
+  /// Returns the end of the band from row `begin` on whose nodes, set in `needed`, fit in memory.
   int end_of_band(int begin, std::vector<bool>& needed) const {
     const std::size_t most = request_.working_bytes / node_image_bytes(slab_);
     std::size_t count = 0;
@@ -129,15 +129,15 @@ class SlabFrame {
   Error too_large(std::size_t count) const {
     return Error::bad_input(
         fmt::format(
-            "a row of the view needs {} images of {}x{} samples, {:.0f} MB in all; {:.0f} MB "
-            "are allowed",
+            "a row of the view needs {} node images of {}x{} samples, {:.0f} MB; the memory "
+            "budget is {:.0f} MB",
             count, slab_.width, slab_.height,
             static_cast<double>(count * node_image_bytes(slab_)) / 1e6,
             static_cast<double>(request_.working_bytes) / 1e6),
-        "method slabs", "Lower its option uv_scale or columns, or allow more memory");
+        "method slabs", "Lower the option uv_scale or columns, or increase the memory budget");
   }
 
-  /// Images of the nodes, from those kept or made; what the band before had is held over.
+  /// Gets the images of the nodes, from the previous band, from the result cache, or made now.
   void fetch(const std::vector<bool>& needed, RenderStatistics& statistics) {
     std::vector<int> missing;
     for (std::size_t i = 0; i < needed.size(); ++i) {
@@ -166,7 +166,7 @@ class SlabFrame {
   }
 
   std::shared_ptr<const NodeImageCache> transposed_index(int node) const {
-    return request_.kept.get<NodeImageCache>(
+    return request_.result_cache.get<NodeImageCache>(
         node_image_key(request_.instant, slab_, node % slab_.columns, node / slab_.columns,
                        nodes_[static_cast<std::size_t>(node)], request_.focal_plane),
         [&](std::size_t& bytes) {
@@ -175,7 +175,7 @@ class SlabFrame {
         });
   }
 
-  /// A node's image that holds all that the view reads of it, in any of its bands.
+  /// Returns a node's image with all samples that the view reads, in any of its bands.
   std::shared_ptr<const NodeImage> image_of(int node, const NodeImageCache& slot,
                                             std::int64_t& pixels_decoded) const {
     auto image = slot.image();
@@ -195,7 +195,7 @@ class SlabFrame {
     return image;
   }
 
-  /// Which runs read a node's image, once for the view.
+  /// Lists the runs that read each node's image, once for the view.
   void find_runs_of_nodes() {
     if (!runs_of_nodes_.empty()) return;
     runs_of_nodes_.resize(nodes_.size());
@@ -244,7 +244,7 @@ class SlabFrame {
       const auto values = 4 * static_cast<std::size_t>(part.end - part.begin);
       if (sums_ == SumStage::kFinishOnly) std::copy_n(&given_[at * 4], values, &image.rgba[at * 4]);
       if (sums_ == SumStage::kSampleOnly && !has_node) {
-        // A ray on the border of two slabs may have another's sums.
+        // A ray on the border of two slabs may have sums of the other slab.
         std::fill_n(&image.rgba[at * 4], values, 0.0F);
         continue;
       }
@@ -255,7 +255,7 @@ class SlabFrame {
     }
   }
 
-  /// Alpha, less the weight of cameras that others stand in for.
+  /// Sets coverage: alpha without the weight of absent cameras that others replace.
   void set_coverage(const SlabRays::Run& run, const std::array<int, 4>& nodes, int y,
                     RenderedView& image) const {
     std::array<double, 4> lacking{};
@@ -301,7 +301,7 @@ class SlabFrame {
   SlabRuns functions_;
   std::vector<std::vector<SlabRays::Run>> runs_;        // per row of the view
   std::vector<std::vector<RunOfNode>> runs_of_nodes_;   // by node
-  std::vector<std::shared_ptr<const NodeImage>> held_;  // by node, those of the band
+  std::vector<std::shared_ptr<const NodeImage>> held_;  // by node, of the band
   std::vector<bool> camera_used_;
 };
 
@@ -312,10 +312,10 @@ void render_rays(const ViewRequest& request, SumStage sums, const PixelValues& g
   const auto slabs = rig_slabs(request);
   image.statistics.plan_ms = milliseconds(Clock::now() - start);
   NeededPixels needed(request.instant);
-  // A ray on the border of two slabs is the first one's: it comes last.
+  // A ray on the border of two slabs belongs to the first, which is rendered last.
   for (std::size_t i = slabs->slabs.size(); i-- > 0;) {
     const Slab& slab = slabs->slabs[i];
-    if (slab.width == 0) continue;  // its cameras see nothing of its image plane
+    if (slab.width == 0) continue;  // no camera sees the image plane
     ViewRequest on_face = request;
     on_face.focal_plane = slab_focal_plane(slab, request);
     const PlaneProjection projection(request.view, on_face.focal_plane);

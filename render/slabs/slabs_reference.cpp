@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reference of render_slabs() (thesis 2.3, appendix A): per ray in double, no rectified images;
+// each node is sampled in its cameras' frames. Cost: pixels x 4 nodes x up to 3 cameras.
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
-#include <atomic>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <optional>
 
-#include "base/parallel.h"
-#include "base/transfer_function.h"
 #include "render/common/plane_projection.h"
+#include "render/sampling/reference_renderer.h"
 #include "render/sampling/source_view.h"
 #include "render/slabs/slab_coverage.h"
 #include "render/slabs/slab_rays.h"
@@ -32,21 +31,14 @@ double fade(double at, int size) {
   return std::clamp(std::min(at, size - at) * kBorderFade, 0.0, 1.0);
 }
 
-std::size_t pixels_of(const DecodedFrame& frame) {
-  return static_cast<std::size_t>(frame.width) * static_cast<std::size_t>(frame.height);
-}
-
-class ReferenceFrame {
+class SlabsReference {
  public:
-  explicit ReferenceFrame(const ViewRequest& request)
+  explicit SlabsReference(const ViewRequest& request)
       : request_(request),
         rig_(*request.instant.rig),
         slabs_(rig_slabs(request)),
         interpolation_(slab_interpolation(request.options)),
-        view_model_(
-            {"view", request.view.width, request.view.height, request.view.intrinsics, {}, {}, {}}),
-        frames_(rig_.cameras.size()),
-        read_(rig_.cameras.size()) {
+        renderer_(request) {
     // Nodes are located in an undistorted copy of the view, at the ray's pixel in that copy.
     ideal_view_.intrinsics.distortion = {};
     for (const Slab& slab : slabs_->slabs) {
@@ -56,77 +48,35 @@ class ReferenceFrame {
   }
 
   RenderedView render() {
-    RenderedView image = empty_view(request_.view);
-    if (request_.measure_coverage) {
-      image.cameras.assign(image.coverage.size(), 0.0F);
-      image.nearest_ray = image.z;  // infinity
-    }
-    const auto start = std::chrono::steady_clock::now();
-    decode(image.statistics);
-    const auto decoded = std::chrono::steady_clock::now();
-    raystage::parallel_for(0, image.height, [&](int y) {
-      for (int x = 0; x < image.width; ++x) {
-        const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
-                               static_cast<std::size_t>(x);
-        std::map<int, double> behind;
-        const Vector3d ray =
-            reconstruct(x, y, &image.rgba[at * 4], image.coverage[at], image.z[at], behind);
-        if (!request_.measure_coverage) continue;
-        std::vector<RayCamera> cameras;
-        for (const auto& [camera, weight] : behind) cameras.push_back({camera, weight});
-        const RayCoverage coverage = measure_ray_coverage(cameras, request_, ray);
-        image.cameras[at] = coverage.cameras();
-        image.nearest_ray[at] = coverage.nearest_ray();
-      }
+    return renderer_.render([&](const ReferenceRay& ray, ReferencePixel& pixel) {
+      std::map<int, double> behind;
+      reconstruct(ray, pixel, behind);
+      if (!request_.measure_coverage) return;
+      std::vector<RayCamera> cameras;
+      for (const auto& [camera, weight] : behind) cameras.push_back({camera, weight});
+      const RayCoverage coverage = measure_ray_coverage(cameras, request_, ray.direction);
+      pixel.cameras = coverage.cameras();
+      pixel.nearest_ray = coverage.nearest_ray();
     });
-    const auto end = std::chrono::steady_clock::now();
-    for (const auto& read : read_) {
-      image.statistics.pixels_needed += std::count(read.begin(), read.end(), 1);
-    }
-    image.statistics.decode_ms = std::chrono::duration<double, std::milli>(decoded - start).count();
-    image.statistics.render_ms = std::chrono::duration<double, std::milli>(end - decoded).count();
-    return image;
   }
 
  private:
-  void decode(RenderStatistics& statistics) {
-    for (std::size_t i = 0; i < frames_.size(); ++i) {
-      const int camera = static_cast<int>(i), frame = request_.instant.frame_of_camera[i];
-      if (frame < 0) continue;
-      const auto layout = request_.instant.cache->layout(camera, frame);
-      frames_[i] = request_.instant.cache->fetch(
-          camera, frame, McuMask(static_cast<std::size_t>(layout->mcu_count()), 1),
-          statistics.pixels_decoded);
-      if (request_.count_needed_pixels) read_[i].resize(pixels_of(*frames_[i]));
-      ++statistics.cameras_used;
-    }
-  }
-
-  /// Returns the ray; `behind`: what weight each camera has in it.
-  Vector3d reconstruct(int x, int y, float* rgba, float& coverage, float& z,
-                       std::map<int, double>& behind) const {
-    const auto ray_in_view = view_model_.unproject({x + 0.5, y + 0.5});
-    if (!ray_in_view) return Vector3d::Zero();
-    const Intrinsics& k = request_.view.intrinsics;
-    const double ideal_x = ray_in_view->x() * k.fx + k.cx;
-    const double ideal_y = -ray_in_view->y() * k.fy + k.cy;
-    const Vector3d ray = request_.view.pose.world_from_camera_rotation * *ray_in_view;
+  /// Reconstructs a pixel; `behind`: the weight of each camera.
+  void reconstruct(const ReferenceRay& ray, ReferencePixel& pixel, std::map<int, double>& behind) {
+    const Vector2d& at = ray.ideal_pixel;
     for (std::size_t i = 0; i < rays_.size(); ++i) {
-      if (slabs_->slabs[i].width == 0 || !rays_[i].contains_ray(ideal_x, ideal_y)) continue;
+      if (slabs_->slabs[i].width == 0 || !rays_[i].contains_ray(at.x(), at.y())) continue;
       const PlaneProjection& projection = projections_[i];
-      const double depth = projection.depth(ideal_x, ideal_y);
-      if (!(depth > 0) || (!projection.at_infinity() && projection.distance() == 0)) return ray;
-      const SlabRays::Crossing crossing = rays_[i].crossing(ideal_x, ideal_y);
-      answer(i, crossing, ray, depth, rgba, coverage, behind);
-      if (rgba[3] > 0) z = static_cast<float>(depth);
-      return ray;
+      const double depth = projection.depth(at.x(), at.y());
+      if (!(depth > 0) || (!projection.at_infinity() && projection.distance() == 0)) return;
+      answer(i, rays_[i].crossing(at.x(), at.y()), ray.direction, depth, pixel, behind);
+      return;
     }
-    return ray;
   }
 
   /// Interpolates the four nodes around the crossing.
   void answer(std::size_t slab_index, const SlabRays::Crossing& crossing, const Vector3d& ray,
-              double depth, float* rgba, float& coverage, std::map<int, double>& behind) const {
+              double depth, ReferencePixel& pixel, std::map<int, double>& behind) {
     const Slab& slab = slabs_->slabs[slab_index];
     Sum sum{};
     double lacking = 0;
@@ -148,34 +98,28 @@ class ReferenceFrame {
       }
     }
     if (!(sum[3] > 0)) return;
-    const FrameCache& cache = *request_.instant.cache;
-    for (std::size_t c = 0; c < 3; ++c) {
-      const double mean = sum[c] / sum[3];
-      const double linear =
-          cache.blend_space() == BlendSpace::kPerceptual ? linear_from_srgb(mean) : mean;
-      rgba[c] = static_cast<float>(linear * cache.full_scale() * sum[3]);
-    }
-    rgba[3] = static_cast<float>(sum[3]);
-    coverage = static_cast<float>(sum[3] * (1 - lacking));
+    pixel.rgba = premultiplied_light({sum[0] / sum[3], sum[1] / sum[3], sum[2] / sum[3]}, sum[3],
+                                     *request_.instant.cache);
+    pixel.coverage = static_cast<float>(sum[3] * (1 - lacking));
+    pixel.z = static_cast<float>(depth);
   }
 
-  /// Weight of the node `offset` (0 or 1) for a crossing at `place` in [0, 1].
+  /// Returns the weight of node `offset` (0 or 1) for a crossing at `place` in [0, 1].
   double hat(double place, int offset) const {
     const double second =
         interpolation_ == SlabInterpolation::kNearest ? (place >= 0.5 ? 1.0 : 0.0) : place;
     return offset == 0 ? 1 - second : second;
   }
 
-  /// What a node sees of the ray's point, from the frames of its cameras; `seen_by`: the weight of
-  /// each.
+  /// Samples the ray's point for a node, in the frames of its cameras; `seen_by`: their weights.
   Sum look_up(const Slab& slab, const Vector3d& node, const NodeSources& sources,
-              const Vector3d& ray, double depth, std::array<double, 3>& seen_by) const {
+              const Vector3d& ray, double depth, std::array<double, 3>& seen_by) {
     const Vector3d& eye = request_.view.pose.position;
     const auto seen_from = [&](const Vector3d& centre) {
       return std::isinf(depth) ? ray : Vector3d(depth * ray + (eye - centre));
     };
-    // It must lie in the node's image, and is looked up at a sample's centre where nothing is
-    // interpolated between samples.
+    // The point must lie in the node's image. Without interpolation between samples, the centre of
+    // the nearest sample is used.
     Vector3d in_node = slab.pose.world_from_camera_rotation.transpose() * seen_from(node);
     if (!(in_node.z() < 0)) return {};
     const Intrinsics& k = slab.image;
@@ -203,8 +147,7 @@ class ReferenceFrame {
     return sum;
   }
 
-  /// Direction from `centre` to where the node's ray meets the focal plane; nullopt where it does
-  /// not.
+  /// Returns the direction from `centre` to where the node's ray meets the focal plane, or nullopt.
   std::optional<Vector3d> point_from(const Slab& slab, const Vector3d& node,
                                      const Vector3d& from_node, const Vector3d& centre) const {
     const Eigen::Vector4d plane = slab_focal_plane(slab, request_);
@@ -216,7 +159,7 @@ class ReferenceFrame {
   }
 
   void add(std::size_t camera, const Vector3d& in_camera, double weight, double in_image,
-           Sum& sum) const {
+           Sum& sum) {
     if (!(in_camera.z() < 0)) return;
     const CameraModel& model = rig_.cameras[camera].model;
     const Vector2d ideal(in_camera.x() / -in_camera.z(), in_camera.y() / in_camera.z());
@@ -224,36 +167,14 @@ class ReferenceFrame {
     if (!pixel) return;
     const double to_fold = 1 - ideal.squaredNorm() / model.fold_radius_squared();
     const double fold = model.has_distortion() ? std::clamp(to_fold * kFoldFade, 0.0, 1.0) : 1.0;
-    // Where the node's image ends where the camera's does, the two fades are one.
+    // If the borders of the node's image and of the frame coincide, only one fade applies.
     const double border =
         std::min({in_image, fade(pixel->x(), model.width()), fade(pixel->y(), model.height())});
     const double seen = weight * fold * border;
     if (!(seen > 0)) return;
-    const DecodedFrame& frame = *frames_[camera];
-    const double left = std::clamp(pixel->x() - 0.5, 0.0, frame.width - 1.0);
-    const double top = std::clamp(pixel->y() - 0.5, 0.0, frame.height - 1.0);
-    const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
-    const int x1 = std::min(x0 + 1, frame.width - 1), y1 = std::min(y0 + 1, frame.height - 1);
-    const double fx = left - x0, fy = top - y0;
-    const auto code = [&](int x, int y, std::size_t c) {
-      const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(frame.width) +
-                             static_cast<std::size_t>(x);
-      return frame.rgba[at * 4 + c] / 65535.0;
-    };
-    for (std::size_t c = 0; c < 4; ++c) {
-      sum[c] += seen * ((1 - fy) * ((1 - fx) * code(x0, y0, c) + fx * code(x1, y0, c)) +
-                        fy * ((1 - fx) * code(x0, y1, c) + fx * code(x1, y1, c)));
-    }
-    std::vector<std::uint8_t>& read = read_[camera];
-    if (read.empty()) return;
-    for (const int y : {y0, fy > 0 ? y1 : y0}) {
-      for (const int x : {x0, fx > 0 ? x1 : x0}) {
-        const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(frame.width) +
-                               static_cast<std::size_t>(x);
-        // Rays of other threads may set the same byte.
-        std::atomic_ref(read[at]).store(1, std::memory_order_relaxed);
-      }
-    }
+    const FrameSample sample = renderer_.frames().sample(camera, *pixel);
+    for (std::size_t c = 0; c < 3; ++c) sum[c] += seen * sample.rgb[c];
+    sum[3] += seen * sample.alpha;
   }
 
   const ViewRequest& request_;
@@ -261,18 +182,15 @@ class ReferenceFrame {
   std::shared_ptr<const RigSlabs> slabs_;
   SlabInterpolation interpolation_;
   VirtualCamera ideal_view_ = request_.view;
-  CameraModel view_model_;
   std::vector<SlabRays> rays_;                // per slab
   std::vector<PlaneProjection> projections_;  // per slab
-  std::vector<std::shared_ptr<const DecodedFrame>> frames_;
-  /// For counting: per camera and pixel whether a ray reads it; empty: not counted.
-  mutable std::vector<std::vector<std::uint8_t>> read_;
+  ReferenceRenderer renderer_;
 };
 
 }  // namespace
 
 RenderedView render_slabs_reference(const ViewRequest& request) {
-  return ReferenceFrame(request).render();
+  return SlabsReference(request).render();
 }
 
 }  // namespace raystage

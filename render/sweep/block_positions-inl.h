@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where cameras see a block of pixels, plane by plane, in vectors. Included once per instruction
-// set, as Highway's kernels are: no include guard of the common kind.
+// Positions of a block of pixels in a camera, plane by plane, in vectors: exact projections, and
+// parabolas fitted to them (1/256 and 1/4096 pixel). Included once per instruction set by Highway,
+// so its include guard toggles. Tested against double in positions_extremes_test.cpp.
 
 #if defined(RAYSTAGE_RENDER_SWEEP_BLOCK_POSITIONS_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef RAYSTAGE_RENDER_SWEEP_BLOCK_POSITIONS_INL_H
@@ -23,18 +24,17 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Positions in BlockPositions are multiples of these parts of a pixel; below the limit, see
-// evaluate_rounded().
+// Units of BlockPositions are 2^-bits pixels. The limit: see evaluate_rounded().
 constexpr int kColumnBits = 8, kRowBits = 12;
 constexpr float kFastRoundLimit = 1 << 22;
 constexpr float kPositionUnit = 1.0F / (1 << kColumnBits);
-// By how much a block's parabola may be off where it is checked. What is of fourth order is off by
-// 4/3 of that elsewhere, and rounding adds half a part: one part in all.
+// Largest error of a block's parabola at the checked pixel. Errors of fourth order are up to 4/3 of
+// that elsewhere, and rounding adds half a unit: one unit in total.
 constexpr float kFitTolerance = 0.375F * kPositionUnit;
 
-/// A camera's look at a block: (X, Y, W) = first + x * along + plane * step at the x-th pixel, in
-/// double; from there on in float. Positions are told from the centre of a pixel amid them, so that
-/// they are small numbers; for a lens that bends they are small only behind it.
+/// A camera's projection of a block: (X, Y, W) = first + x * along + plane * step at the x-th
+/// pixel, in double; then in float. Positions are relative to the centre of a pixel in their
+/// middle, so that they are small numbers; with lens distortion only after the lens.
 class BlockProjection {
  public:
   BlockProjection() = default;
@@ -48,7 +48,7 @@ class BlockProjection {
       along_[r] = m[3 * r];
       step_[r] = run.planes.step * deep[r];
     }
-    if (!lens_->distorted) {  // pixels at once
+    if (!lens_->distorted) {  // project to pixels directly
       fold(first_);
       fold(along_);
       fold(step_);
@@ -56,31 +56,31 @@ class BlockProjection {
     choose_origin(0.5 * (count - 1), 0.5 * (run.planes.count - 1));
   }
 
-  int column() const { return column_; }  ///< the origin, in the MatchingFrame
+  int column() const { return column_; }  ///< of the origin in the MatchingFrame
   int row() const { return row_; }
 
   template <class V, class M>
   struct ProjectedPoints {
-    V u, v;  ///< from the origin's centre
+    V u, v;  ///< relative to the origin's centre, pixels
     M seen;
   };
-  /// At pixels x from `x` on, of one plane.
+  /// Returns the positions of the pixels `x` of the block on one plane.
   template <class D, class V>
   HWY_INLINE auto along_row(D d, V x, int plane) const {
-    return look(d, [&](std::size_t r) HWY_ATTR {
+    return project(d, [&](std::size_t r) HWY_ATTR {
       return hn::MulAdd(x, set(d, along_[r]), set(d, first_[r] + plane * step_[r]));
     });
   }
-  /// At one x, of planes from `plane` on.
+  /// Returns the positions of pixel `x` on planes `plane`, `plane` + 1, ...
   template <class D>
   HWY_INLINE auto across_planes(D d, double x, int plane) const {
     const auto planes = hn::Iota(d, static_cast<float>(plane));
-    return look(d, [&](std::size_t r) HWY_ATTR {
+    return project(d, [&](std::size_t r) HWY_ATTR {
       return hn::MulAdd(planes, set(d, step_[r]), set(d, first_[r] + x * along_[r]));
     });
   }
 
-  /// The outermost positions between which nothing lies beyond the frame or the box.
+  /// Bounds within which positions are inside both the frame and the box.
   float min_u() const { return static_cast<float>(-column_); }
   float min_v() const { return static_cast<float>(-row_); }
   float max_u() const { return static_cast<float>(box_.right - 1 - box_.left - column_); }
@@ -102,7 +102,7 @@ class BlockProjection {
     const double w = at(2);
     if (w > 0) {
       double u = at(0) / w, v = at(1) / w;
-      if (lens_->distorted) {  // near enough
+      if (lens_->distorted) {  // without distortion: close enough for an origin
         u = static_cast<double>(lens_->fx) * u + static_cast<double>(lens_->cx);
         v = static_cast<double>(lens_->fy) * v + static_cast<double>(lens_->cy);
       }
@@ -122,7 +122,7 @@ class BlockProjection {
   }
 
   template <class D, class Line>
-  HWY_INLINE auto look(D d, const Line& line) const {
+  HWY_INLINE auto project(D d, const Line& line) const {
     using V = hn::Vec<D>;
     const auto zero = hn::Zero(d), one = hn::Set(d, 1.0F);
     const auto w = line(2);
@@ -130,10 +130,10 @@ class BlockProjection {
     const auto inverse = hn::Div(one, hn::IfThenElse(in_front, w, one));
     const auto x = hn::Mul(line(0), inverse), y = hn::Mul(line(1), inverse);
     if (lens_->distorted) {
-      const auto sight = project_through_lens(d, *lens_, x, y, in_front);
-      const auto seen = hn::Gt(sight.seen, zero);
-      return ProjectedPoints<V, decltype(seen)>{hn::Sub(sight.u, set(d, left_)),
-                                                hn::Sub(sight.v, set(d, top_)), seen};
+      const auto point = project_through_lens(d, *lens_, x, y, in_front);
+      const auto seen = hn::Gt(point.seen, zero);
+      return ProjectedPoints<V, decltype(seen)>{hn::Sub(point.u, set(d, left_)),
+                                                hn::Sub(point.v, set(d, top_)), seen};
     }
     const auto inside_u =
         hn::And(hn::Gt(x, set(d, -left_)), hn::Lt(x, set(d, lens_->width - left_)));
@@ -147,11 +147,12 @@ class BlockProjection {
   FrameBox box_;
   std::array<double, 3> first_{}, along_{}, step_{};
   int column_ = 0, row_ = 0;
-  double left_ = 0, top_ = 0;  ///< the origin's centre, in the frame
+  double left_ = 0, top_ = 0;  ///< centre of the origin in the frame
 };
 
-/// Positions along a block by a parabola through those at its first, middle and last pixel: start +
-/// t (slope + t bend), t from 0 to 1.
+/// A parabola through the positions of the first, middle and last pixel of a block: start + t
+/// (slope
+/// + t bend), t from 0 to 1.
 template <class V>
 struct Parabola {
   V start, slope, bend;
@@ -162,7 +163,7 @@ HWY_INLINE Parabola<V> fit_parabola(V first, V middle, V last) {
   const auto bend = hn::Add(twice, twice);
   return {first, hn::Sub(hn::Sub(last, first), bend), bend};
 }
-/// Numbers between which all of it lies: beyond its ends it bulges by no more than it bends.
+/// Bounds of a parabola: it exceeds its ends by at most its bend.
 template <class V>
 struct Extent {
   V low, high;
@@ -174,7 +175,7 @@ HWY_INLINE Extent<V> parabola_bounds(const Parabola<V>& curve, V margin) {
   return {hn::Sub(hn::Min(curve.start, end), more), hn::Add(hn::Max(curve.start, end), more)};
 }
 
-/// Positions at pixels of a block: c0 + x (c1 + x c2).
+/// Positions as a function of the pixel x of a block: c0 + x (c1 + x c2).
 template <class V>
 struct Curve {
   V c0, c1, c2;
@@ -183,8 +184,8 @@ template <class V>
 HWY_INLINE V along(const Curve<V>& curve, V x) {
   return hn::MulAdd(hn::MulAdd(curve.c2, x, curve.c1), x, curve.c0);
 }
-/// Rounded to the nearest whole number, below kFastRoundLimit: by one addition that pushes what is
-/// behind the point out of the mantissa.
+/// Returns positions rounded to integers, for values below kFastRoundLimit: one addition shifts the
+/// fraction out of the mantissa.
 template <class V>
 HWY_INLINE auto evaluate_rounded(const Curve<V>& curve, V x) {
   const hn::DFromV<V> d;
@@ -193,12 +194,13 @@ HWY_INLINE auto evaluate_rounded(const Curve<V>& curve, V x) {
   return hn::Sub(hn::BitCast(di, hn::Add(along(curve, x), push)), hn::BitCast(di, push));
 }
 
-/// Fits parabolas to a block's exact positions: a perspective view, and a lens, are that smooth
-/// over a few pixels. Not where a fourth exact one, amid the first half, says otherwise, nor where
-/// some are beyond the frame. Returns whether it is so at every plane.
+/// Fits parabolas to a block's exact positions: perspective and lenses are smooth over a few
+/// pixels. A fit is rejected if a fourth exact position, in the first half, differs by more than
+/// kFitTolerance, or if positions may be outside the frame. fit() returns whether all planes fit.
 class PositionFit {
  public:
-  PositionFit(const BlockProjection& sight, int count) : sight_(sight), end_(count - 1) {
+  PositionFit(const BlockProjection& projection, int count)
+      : projection_(projection), end_(count - 1) {
     if (count > 1) per_pixel_ = 1 / static_cast<float>(end_);
   }
 
@@ -216,16 +218,16 @@ class PositionFit {
   HWY_INLINE bool fit_planes(D d, int plane, int planes, const BlockPositions& out) const {
     using V = hn::Vec<D>;
     const hn::RebindToSigned<D> di;
-    const auto first = sight_.across_planes(d, 0, plane);
-    const auto middle = sight_.across_planes(d, end_ / 2, plane);
-    const auto last = sight_.across_planes(d, end_, plane);
-    const auto check = sight_.across_planes(d, end_ / 4, plane);
+    const auto first = projection_.across_planes(d, 0, plane);
+    const auto middle = projection_.across_planes(d, end_ / 2, plane);
+    const auto last = projection_.across_planes(d, end_, plane);
+    const auto check = projection_.across_planes(d, end_ / 4, plane);
     const auto u = fit_parabola(first.u, middle.u, last.u);
     const auto v = fit_parabola(first.v, middle.v, last.v);
 
     const auto part = hn::Set(d, kPositionUnit), tolerance = hn::Set(d, kFitTolerance);
     const auto extent_u = parabola_bounds(u, part), extent_v = parabola_bounds(v, part);
-    auto even = hn::And(hn::And(first.seen, middle.seen), hn::And(last.seen, check.seen));
+    auto fitted = hn::And(hn::And(first.seen, middle.seen), hn::And(last.seen, check.seen));
     const auto holds = [&](const auto& curve, auto truth, const auto& extent, float least,
                            float most, int bits) HWY_ATTR {
       const float limit = kFastRoundLimit / static_cast<float>(1 << bits);
@@ -235,8 +237,10 @@ class PositionFit {
                                   hn::Le(extent.high, hn::Set(d, std::min(most, limit))));
       return hn::And(within, hn::Le(hn::Abs(hn::Sub(guess, truth)), tolerance));
     };
-    even = hn::And(even, holds(u, check.u, extent_u, sight_.min_u(), sight_.max_u(), kColumnBits));
-    even = hn::And(even, holds(v, check.v, extent_v, sight_.min_v(), sight_.max_v(), kRowBits));
+    fitted = hn::And(
+        fitted, holds(u, check.u, extent_u, projection_.min_u(), projection_.max_u(), kColumnBits));
+    fitted = hn::And(
+        fitted, holds(v, check.v, extent_v, projection_.min_v(), projection_.max_v(), kRowBits));
 
     const Curve<V> u_units = scaled(d, u, 1 << kColumnBits), v_units = scaled(d, v, 1 << kRowBits);
     hn::StoreU(u_units.c0, d, out.u[0] + plane);
@@ -245,14 +249,14 @@ class PositionFit {
     hn::StoreU(v_units.c1, d, out.v[1] + plane);
     hn::StoreU(v_units.c2, d, out.v[2] + plane);
     store_parts(d, plane, u_units, v_units, hn::Add(hn::Abs(v.bend), part), out);
-    const auto yes = hn::RebindMask(di, even);
-    hn::StoreU(hn::IfThenElseZero(yes, hn::Set(di, 1)), di, out.even + plane);
+    const auto yes = hn::RebindMask(di, fitted);
+    hn::StoreU(hn::IfThenElseZero(yes, hn::Set(di, 1)), di, out.fitted + plane);
     const auto beyond =
         hn::Ge(hn::Iota(d, static_cast<float>(plane)), hn::Set(d, static_cast<float>(planes)));
-    return hn::AllTrue(d, hn::Or(even, beyond));
+    return hn::AllTrue(d, hn::Or(fitted, beyond));
   }
 
-  /// By pixels of the block, and in parts of a pixel.
+  /// Converts to pixels of the block and units of 1 / `unit` pixel.
   template <class D, class V>
   HWY_INLINE Curve<V> scaled(D d, const Parabola<V>& curve, int unit) const {
     const auto scale = static_cast<float>(unit);
@@ -261,7 +265,7 @@ class PositionFit {
             hn::Mul(curve.bend, hn::Set(d, scale * per_pixel_ * per_pixel_))};
   }
 
-  /// Which columns and rows the parts need. `margin`: rows that v may be off.
+  /// Stores the first column and row that each part reads. `margin`: the error of v in rows.
   template <class D, class V>
   HWY_INLINE void store_parts(D d, int plane, const Curve<V>& u, const Curve<V>& v, V margin,
                               const BlockPositions& out) const {
@@ -284,7 +288,7 @@ class PositionFit {
     }
   }
 
-  const BlockProjection& sight_;
+  const BlockProjection& projection_;
   double end_;
   float per_pixel_ = 0;
 };

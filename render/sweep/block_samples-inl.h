@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bilinear samples of a MatchingFrame, in vectors. Included once per instruction set, as Highway's
-// kernels are: no include guard of the common kind.
+// Bilinear samples of a MatchingFrame, in vectors. Included once per instruction set by Highway, so
+// its include guard toggles.
 
 #if defined(RAYSTAGE_RENDER_SWEEP_BLOCK_SAMPLES_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef RAYSTAGE_RENDER_SWEEP_BLOCK_SAMPLES_INL_H
@@ -20,8 +20,7 @@ namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// Samples are codes with four bits behind the point: with weights of eight and twelve bits, what is
-// between them fills 16 bits and no more.
+// Samples are codes with four fractional bits: with weights of 8 and 12 bits they fill 16 bits.
 constexpr int kCodeBits = 4;
 static_assert(8 + kColumnBits == 16 && 8 + kColumnBits + kRowBits - 16 == 8 + kCodeBits);
 
@@ -34,14 +33,14 @@ using Ints = hn::Vec<IntTag>;
 using Words = hn::Vec<WordTag>;
 using Codes = hn::Vec<CodeTag>;
 
-/// Columns, and what the two neighbours weigh, in both halves of a word.
+/// Columns, and the weights of the two neighbours in both halves of a word.
 struct ColumnTaps {
   Ints column;
   Codes word, right;  ///< see weigh()
 };
-/// At multiples of 1 / 2^kColumnBits.
+/// Returns the taps at positions in units of 1 / 2^kColumnBits pixel.
 HWY_INLINE ColumnTaps column_taps(Ints x) {
-  static_assert(kColumnBits == 8, "a byte, that is");
+  static_assert(kColumnBits == 8, "the fraction is one byte");
   const hn::Repartition<std::uint8_t, IntTag> d8;
   const CodeTag dc;
   const auto lowest_bytes = hn::And(hn::Iota(d8, 0), hn::Set(d8, 0x0C));
@@ -50,7 +49,7 @@ HWY_INLINE ColumnTaps column_taps(Ints x) {
   return {hn::ShiftRight<kColumnBits>(x), hn::Sub(one, hn::And(part, hn::Set(dc, 0xFF))), part};
 }
 
-/// What two rows weigh: the upper one's weight in the lower half. `part`: 0 to 2^kRowBits.
+/// Returns the weights of two rows, the upper one's in the lower half. `part`: 0 to 2^kRowBits.
 HWY_INLINE Codes row_weights(Ints part) {
   const IntTag d;
   const CodeTag dc;
@@ -58,18 +57,17 @@ HWY_INLINE Codes row_weights(Ints part) {
   return hn::BitCast(dc, hn::Add(hn::ShiftLeft<16>(part), rest));
 }
 
-/// Of three channels.
 struct Words3 {
   Words red, green, blue;
 };
-/// A row's words, and how far it is to the same row's in the next channel.
+/// The words of a row, and the distance to the same row of the next channel.
 struct Row {
   const std::uint32_t* words = nullptr;
   std::ptrdiff_t pitch = 0;
   Row below(std::ptrdiff_t rows) const { return {words + 3 * pitch * rows, pitch}; }
 };
 
-/// Lanes from one table of as many words as a vector has, or from two.
+/// Looks lanes up in one or two tables of as many words as a vector has.
 template <bool kTwoTables>
 HWY_INLINE Words pick(const std::uint32_t* table, Words index) {
   const WordTag d;
@@ -87,7 +85,7 @@ HWY_INLINE Words3 pick_channels(const Row& row, std::ptrdiff_t column, Words ind
           pick<kTwoTables>(words + 2 * row.pitch, index)};
 }
 
-/// Lane by lane, wherever they are.
+/// Reads lane by lane, at any positions.
 HWY_INLINE Words3 gather_scalar(const Row& origin, Ints columns, Ints rows) {
   const WordTag d;
   const IntTag di;
@@ -105,8 +103,8 @@ HWY_INLINE Words3 gather_scalar(const Row& origin, Ints columns, Ints rows) {
   return {hn::Load(d, red), hn::Load(d, green), hn::Load(d, blue)};
 }
 
-/// In one row, from column `first` on. Neighbouring lanes look at neighbouring columns, as a rule:
-/// then a vector or two hold them all.
+/// Reads from one row, from column `first` on. Adjacent lanes usually read adjacent columns: then
+/// one or two vectors hold them all.
 HWY_INLINE Words3 gather_row(const Row& row, std::int32_t first, Ints columns) {
   const IntTag di;
   const WordTag d;
@@ -121,13 +119,13 @@ HWY_INLINE Words3 gather_row(const Row& row, std::int32_t first, Ints columns) {
   return gather_scalar(row, columns, hn::Zero(di));
 }
 
-/// Which columns and rows a vector's pixels need, from the origin on.
+/// The columns and rows that a vector's pixels read, relative to the origin.
 struct SourceBounds {
-  std::int32_t column = 0, row = 0;  ///< the least
-  int more_rows = 0;                 ///< 2 for any more
+  std::int32_t column = 0, row = 0;  ///< the first
+  int more_rows = 0;                 ///< 2 for any larger number
 };
 
-/// In several rows; told from the first that is needed.
+/// Reads from several rows; `rows` are relative to the first needed.
 HWY_INLINE Words3 gather_rows(const Row& origin, const SourceBounds& need, Ints columns,
                               Ints rows) {
   const WordTag d;
@@ -141,8 +139,8 @@ HWY_INLINE Words3 gather_rows(const Row& origin, const SourceBounds& need, Ints 
           hn::IfThenElse(is_upper, upper.blue, lower.blue)};
 }
 
-/// A word's weighted sum, in two parts: one in each half. A half is left + 256 right, and is to
-/// become (256 - part) left + part right, which is (256 - part) half + 257 part right in 16 bits.
+/// Returns a word's weighted sum in two parts, one per half. A half is left + 256 right; its result
+/// (256 - part) left + part right is (256 - part) half + 257 part right in 16 bits.
 HWY_INLINE Codes weigh(Words words, const ColumnTaps& columns, Codes rows) {
   const CodeTag d;
   const auto both = hn::BitCast(d, words);
@@ -150,7 +148,7 @@ HWY_INLINE Codes weigh(Words words, const ColumnTaps& columns, Codes rows) {
   const auto row = hn::Add(hn::Mul(both, columns.word), hn::Mul(right, columns.right));
   return hn::MulHigh(row, rows);
 }
-/// Both parts' sums of two vectors: the even lanes are the first's, the odd ones the second's.
+/// Adds both parts of two vectors: even lanes are the first's, odd lanes the second's.
 HWY_INLINE Codes join(Codes first, Codes second) {
   const CodeTag dc;
   return hn::Add(hn::OddEven(second, first), hn::Reverse2(dc, hn::OddEven(first, second)));

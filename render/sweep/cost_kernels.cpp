@@ -8,14 +8,15 @@
 
 #include <algorithm>
 
-#include "render/matching/matching.h"
+#include "matching/matching.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "render/sweep/cost_kernels.cpp"
 // The order matters.
-// clang-format off
+// clang-format difference_from
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
+
 #include "render/sweep/block_positions-inl.h"
 #include "render/sweep/block_samples-inl.h"
 // clang-format on
@@ -25,40 +26,38 @@ namespace raystage {
 namespace HWY_NAMESPACE {
 namespace {
 
-/// What a camera sees of as many pixels as a vector of codes has lanes.
+/// Samples of a camera for as many pixels as a vector of codes has lanes.
 struct Samples {
   Codes red, green, blue;
 };
 
-/// One camera's look at a block.
 struct Camera {
-  BlockProjection sight;
+  BlockProjection projection;
   BlockPositions positions;
-  Row origin;  ///< from the pixel on that positions are told from
+  Row origin;  ///< from the origin of the positions on
 };
 
-/// The pixels of a block that a vector of codes holds: lanes 2i and 2i + 1 are those of two vectors
-/// of floats, one behind the other.
+/// The pixels of a vector of codes: lanes 2i and 2i + 1 are lane i of two float vectors.
 struct Pixels {
   Floats first, second;
-  int part = 0;  ///< of the block: the first's place among the vectors that it fills
+  int part = 0;  ///< index of `first` among the vectors of the block
 };
 
-struct Look {
+struct Taps {
   Words3 words;
   ColumnTaps columns;
   Codes rows;
 };
-HWY_INLINE Codes channel_of(Words a, const Look& first, Words b, const Look& second) {
+HWY_INLINE Codes channel_of(Words a, const Taps& first, Words b, const Taps& second) {
   return join(weigh(a, first.columns, first.rows), weigh(b, second.columns, second.rows));
 }
-HWY_INLINE Samples samples_of(const Look& first, const Look& second) {
+HWY_INLINE Samples samples_of(const Taps& first, const Taps& second) {
   return {channel_of(first.words.red, first, second.words.red, second),
           channel_of(first.words.green, first, second.words.green, second),
           channel_of(first.words.blue, first, second.words.blue, second)};
 }
-/// `y`: from the row that is needed first.
-HWY_INLINE Look look(const Row& origin, const SourceBounds& need, Ints x, Ints y) {
+/// `y`: from the first row needed.
+HWY_INLINE Taps make_taps(const Row& origin, const SourceBounds& need, Ints x, Ints y) {
   const ColumnTaps columns = column_taps(x);
   if (HWY_LIKELY(need.more_rows == 0)) {
     return {gather_row(origin.below(need.row), need.column, columns.column), columns,
@@ -74,20 +73,20 @@ HWY_INLINE Ints evaluate_rounded(const float* c0, const float* c1, const float* 
   return evaluate_rounded(Curve<Floats>{hn::Set(d, *c0), hn::Set(d, *c1), hn::Set(d, *c2)}, x);
 }
 
-/// All of them seen, by the positions' parabola.
-HWY_INLINE Look look_along(const Camera& camera, Floats x, int part, int plane) {
+/// Taps at the fitted positions; all of them are seen.
+HWY_INLINE Taps taps_along(const Camera& camera, Floats x, int part, int plane) {
   const BlockPositions& p = camera.positions;
   const std::ptrdiff_t i = part * p.stride + plane;
-  return look(camera.origin, {p.column[i], p.row[i] >> 2, p.row[i] & 3},
-              evaluate_rounded(p.u[0] + plane, p.u[1] + plane, p.u[2] + plane, x),
-              evaluate_rounded(p.v[0] + i, p.v[1] + plane, p.v[2] + plane, x));
+  return make_taps(camera.origin, {p.column[i], p.row[i] >> 2, p.row[i] & 3},
+                   evaluate_rounded(p.u[0] + plane, p.u[1] + plane, p.u[2] + plane, x),
+                   evaluate_rounded(p.v[0] + i, p.v[1] + plane, p.v[2] + plane, x));
 }
-HWY_INLINE Samples sample_even(const Camera& camera, const Pixels& x, int plane) {
-  return samples_of(look_along(camera, x.first, x.part, plane),
-                    look_along(camera, x.second, x.part + 1, plane));
+HWY_INLINE Samples sample_fitted(const Camera& camera, const Pixels& x, int plane) {
+  return samples_of(taps_along(camera, x.first, x.part, plane),
+                    taps_along(camera, x.second, x.part + 1, plane));
 }
 
-/// Through the lens, some of them unseen: those lanes of `seen` become 0, the others all bits.
+/// Samples at exact positions. Lanes of `seen` become 0 if unseen, else all bits are set.
 HWY_INLINE Samples sample_exactly(const Camera& camera, const Pixels& x, int plane, Codes& seen) {
   const FloatTag d;
   const CodeTag dc;
@@ -95,36 +94,36 @@ HWY_INLINE Samples sample_exactly(const Camera& camera, const Pixels& x, int pla
     const auto within = hn::Min(hn::Max(at, hn::Set(d, least)), hn::Set(d, most));
     return hn::NearestInt(hn::Mul(within, hn::Set(d, static_cast<float>(1 << bits))));
   };
-  const BlockProjection& sight = camera.sight;
-  const auto look_at = [&](const auto& place) HWY_ATTR {
+  const BlockProjection& projection = camera.projection;
+  const auto taps_at = [&](const auto& place) HWY_ATTR {
     const IntTag di;
-    const Ints u = fixed(place.u, sight.min_u(), sight.max_u(), kColumnBits);
-    const Ints v = fixed(place.v, sight.min_v(), sight.max_v(), kRowBits);
+    const Ints u = fixed(place.u, projection.min_u(), projection.max_u(), kColumnBits);
+    const Ints v = fixed(place.v, projection.min_v(), projection.max_v(), kRowBits);
     const std::int32_t column = hn::GetLane(hn::MinOfLanes(di, u)) >> kColumnBits;
     const std::int32_t top = hn::GetLane(hn::MinOfLanes(di, v)) >> kRowBits;
     const std::int32_t bottom = hn::GetLane(hn::MaxOfLanes(di, v)) >> kRowBits;
-    return look(camera.origin, {column, top, std::min(bottom - top, 2)}, u,
-                hn::Sub(v, hn::Set(di, top << kRowBits)));
+    return make_taps(camera.origin, {column, top, std::min(bottom - top, 2)}, u,
+                     hn::Sub(v, hn::Set(di, top << kRowBits)));
   };
-  const auto first = sight.along_row(d, x.first, plane);
-  const auto second = sight.along_row(d, x.second, plane);
-  const Samples all = samples_of(look_at(first), look_at(second));
+  const auto first = projection.along_row(d, x.first, plane);
+  const auto second = projection.along_row(d, x.second, plane);
+  const Samples all = samples_of(taps_at(first), taps_at(second));
   const auto mask = [&](auto lanes) HWY_ATTR { return hn::BitCast(dc, hn::VecFromMask(d, lanes)); };
   seen = hn::OddEven(mask(second.seen), mask(first.seen));
   return {hn::And(all.red, seen), hn::And(all.green, seen), hn::And(all.blue, seen)};
 }
 
-/// |a - b|, of less than 2^15.
+/// Returns |a - b|, less than 2^15.
 HWY_INLINE Codes difference(Codes a, Codes b) {
   const CodeTag d;
   const hn::RebindToSigned<CodeTag> di;
   return hn::BitCast(d, hn::Abs(hn::BitCast(di, hn::Sub(a, b))));
 }
 
-/// What the comparison goes by. Sums over all cameras must fit 16 bits, and fill them as well as
-/// they can: what is summed is cut by `right` bits, or the sum raised by `left`.
-struct Measure {
-  explicit Measure(const CostRun& run) : cameras(static_cast<int>(run.cameras.size())) {
+/// Fixed-point scaling of the costs. Sums over all cameras must fit 16 bits with the best
+/// precision: differences are shifted right by `right` bits, or their sum left by `left`.
+struct CostScale {
+  explicit CostScale(const CostRun& run) : cameras(static_cast<int>(run.cameras.size())) {
     const int all = std::max(cameras, 2);
     int most = static_cast<int>(run.truncation * 3 * (1 << kCodeBits));
     for (; most * all > 0xFFFF; most /= 2) ++right;
@@ -138,58 +137,58 @@ struct Measure {
   }
   int cameras = 0;
   int right = 0, left = 0;
-  int truncation = 0;  ///< of the sum of three channels' differences
-  /// By the number of cameras: what makes a mean of their sum, and 16 times the cost of theirs.
+  int truncation = 0;  ///< of the sum of the differences of three channels
+  /// By number of cameras: factors from a sum to the mean, and to 16 times the cost.
   std::array<std::uint16_t, kMaxMatchedCameras + 1> part{}, scale{};
 };
 
-/// The mean colour of the cameras that see, and what goes with their number.
+/// The mean colour of the cameras that see the pixels, and the factors for their number.
 struct Mean {
   Codes red, green, blue;
-  Codes count;  ///< 0 where all see
+  Codes count;  ///< 0 if all see
   Codes scale;
 };
 HWY_INLINE Codes codes(int value) { return hn::Set(CodeTag(), static_cast<std::uint16_t>(value)); }
 
 /// `kAllSeen`: every camera sees every pixel; else `seen` says which.
 template <bool kAllSeen>
-HWY_INLINE Mean mean_of(const Measure& measure, const Samples* samples, const Codes* seen) {
+HWY_INLINE Mean mean_of(const CostScale& scaling, const Samples* samples, const Codes* seen) {
   const CodeTag d;
   auto red = hn::Zero(d), green = red, blue = red, count = red;
-  for (int i = 0; i < measure.cameras; ++i) {
+  for (int i = 0; i < scaling.cameras; ++i) {
     red = hn::Add(red, samples[i].red);
     green = hn::Add(green, samples[i].green);
     blue = hn::Add(blue, samples[i].blue);
-    if (!kAllSeen) count = hn::Sub(count, seen[i]);  // -1 where it sees
+    if (!kAllSeen) count = hn::Sub(count, seen[i]);  // seen is -1
   }
-  const auto most = static_cast<std::size_t>(std::max(measure.cameras, 2));
-  auto part = codes(measure.part[most]), scale = codes(measure.scale[most]);
+  const auto most = static_cast<std::size_t>(std::max(scaling.cameras, 2));
+  auto part = codes(scaling.part[most]), scale = codes(scaling.scale[most]);
   for (std::size_t n = 2; !kAllSeen && n < most; ++n) {
     const auto is_n = hn::Eq(count, codes(static_cast<int>(n)));
-    part = hn::IfThenElse(is_n, codes(measure.part[n]), part);
-    scale = hn::IfThenElse(is_n, codes(measure.scale[n]), scale);
+    part = hn::IfThenElse(is_n, codes(scaling.part[n]), part);
+    scale = hn::IfThenElse(is_n, codes(scaling.scale[n]), scale);
   }
   return {hn::MulHigh(red, part), hn::MulHigh(green, part), hn::MulHigh(blue, part), count, scale};
 }
-/// Three channels' differences from it.
-HWY_INLINE Codes off(const Samples& sample, const Mean& mean) {
+/// Returns the sum of the differences of three channels from the mean.
+HWY_INLINE Codes difference_from(const Samples& sample, const Mean& mean) {
   return hn::Add(hn::Add(difference(sample.red, mean.red), difference(sample.green, mean.green)),
                  difference(sample.blue, mean.blue));
 }
 
-/// Where more than two cameras see, the one that is farthest from their mean, the first of equals,
-/// sees no longer.
-HWY_INLINE void leave_out_worst(const Measure& measure, Samples* samples, Codes* seen) {
+/// Marks the camera farthest from the mean as unseen (of equals the first), if more than two see
+/// it.
+HWY_INLINE void exclude_worst(const CostScale& scaling, Samples* samples, Codes* seen) {
   const CodeTag d;
-  const Mean mean = mean_of<false>(measure, samples, seen);
+  const Mean mean = mean_of<false>(scaling, samples, seen);
   std::array<Codes, kMaxMatchedCameras> offs;
   auto most = hn::Zero(d);
-  for (int i = 0; i < measure.cameras; ++i) {
-    offs[i] = hn::And(off(samples[i], mean), seen[i]);
+  for (int i = 0; i < scaling.cameras; ++i) {
+    offs[i] = hn::And(difference_from(samples[i], mean), seen[i]);
     most = hn::Max(most, offs[i]);
   }
   auto waiting = hn::VecFromMask(d, hn::Gt(mean.count, codes(2)));
-  for (int i = 0; i < measure.cameras; ++i) {
+  for (int i = 0; i < scaling.cameras; ++i) {
     const auto worst = hn::VecFromMask(d, hn::Eq(offs[i], most));
     const auto excluded_cameras = hn::And(hn::And(worst, seen[i]), waiting);
     waiting = hn::AndNot(excluded_cameras, waiting);
@@ -200,40 +199,40 @@ HWY_INLINE void leave_out_worst(const Measure& measure, Samples* samples, Codes*
 }
 
 template <bool kAllSeen>
-HWY_INLINE void compare(const Measure& measure, const Samples* samples, const Codes* seen,
+HWY_INLINE void compare(const CostScale& scaling, const Samples* samples, const Codes* seen,
                         std::uint8_t* costs) {
   const CodeTag d;
   const hn::RebindToSigned<CodeTag> di;
   const hn::Rebind<std::uint8_t, CodeTag> d8;
-  const Mean mean = mean_of<kAllSeen>(measure, samples, seen);
-  const auto truncation = codes(measure.truncation);
+  const Mean mean = mean_of<kAllSeen>(scaling, samples, seen);
+  const auto truncation = codes(scaling.truncation);
   auto sum = hn::Zero(d);
-  for (int i = 0; i < measure.cameras; ++i) {
-    const auto cut = hn::Min(hn::ShiftRightSame(off(samples[i], mean), measure.right), truncation);
+  for (int i = 0; i < scaling.cameras; ++i) {
+    const auto cut =
+        hn::Min(hn::ShiftRightSame(difference_from(samples[i], mean), scaling.right), truncation);
     sum = hn::Add(sum, kAllSeen ? cut : hn::And(cut, seen[i]));
   }
-  sum = hn::ShiftLeftSame(sum, measure.left);
+  sum = hn::ShiftLeftSame(sum, scaling.left);
   auto cost = hn::ShiftRight<4>(hn::Add(hn::MulHigh(sum, mean.scale), codes(8)));
   if (!kAllSeen) cost = hn::IfThenElse(hn::Lt(mean.count, codes(2)), codes(kUnknownCost), cost);
   hn::StoreU(hn::DemoteTo(d8, hn::BitCast(di, cost)), d8, costs);
 }
 
-/// Costs of a block's `count` pixels, plane by plane: kCostBlockSize bytes a plane, in the order
-/// that join() leaves them in.
+/// Writes costs of a block's `count` pixels: kCostBlockSize bytes per plane, in join()'s order.
 void fill_planes(const CostRun& run, int begin, int count, CostScratch& scratch) {
   const FloatTag d;
   const int lanes = static_cast<int>(hn::Lanes(d));
-  const Measure measure(run);
+  const CostScale scaling(run);
   std::array<Camera, kMaxMatchedCameras> cameras;
-  bool all_even = true;
+  bool all_fitted = true;
   for (std::size_t i = 0; i < run.cameras.size(); ++i) {
     Camera& camera = cameras[i];
     const MatchingFrame& frame = *run.cameras[i]->frame;
-    camera.sight = BlockProjection(*run.cameras[i], run, begin, count);
+    camera.projection = BlockProjection(*run.cameras[i], run, begin, count);
     camera.positions = scratch.positions(static_cast<int>(i));
-    camera.origin =
-        Row{frame.words() + camera.sight.column(), frame.pitch()}.below(camera.sight.row());
-    all_even &= PositionFit(camera.sight, count).fit(run.planes.count, camera.positions);
+    camera.origin = Row{frame.words() + camera.projection.column(), frame.pitch()}.below(
+        camera.projection.row());
+    all_fitted &= PositionFit(camera.projection, count).fit(run.planes.count, camera.positions);
   }
   const auto last = hn::Set(d, static_cast<float>(count - 1));
   std::array<Samples, kMaxMatchedCameras> samples;
@@ -243,30 +242,29 @@ void fill_planes(const CostRun& run, int begin, int count, CostScratch& scratch)
     for (int x = 0; x < count; x += 2 * lanes) {
       const Pixels pixels{hn::Min(hn::Iota(d, static_cast<float>(x)), last),
                           hn::Min(hn::Iota(d, static_cast<float>(x + lanes)), last), x / lanes};
-      if (all_even && run.cameras.size() > 1 && run.excluded_cameras == 0) {
+      if (all_fitted && run.cameras.size() > 1 && run.excluded_cameras == 0) {
         for (std::size_t i = 0; i < run.cameras.size(); ++i) {
-          samples[i] = sample_even(cameras[i], pixels, plane);
+          samples[i] = sample_fitted(cameras[i], pixels, plane);
         }
-        compare<true>(measure, samples.data(), seen.data(), costs + x);
+        compare<true>(scaling, samples.data(), seen.data(), costs + x);
         continue;
       }
       for (std::size_t i = 0; i < run.cameras.size(); ++i) {
-        if (cameras[i].positions.even[plane] == 0) {
+        if (cameras[i].positions.fitted[plane] == 0) {
           samples[i] = sample_exactly(cameras[i], pixels, plane, seen[i]);
         } else {
-          samples[i] = sample_even(cameras[i], pixels, plane);
+          samples[i] = sample_fitted(cameras[i], pixels, plane);
           seen[i] = hn::Set(CodeTag(), 0xFFFF);
         }
       }
       for (int i = 0; i < run.excluded_cameras; ++i)
-        leave_out_worst(measure, samples.data(), seen.data());
-      compare<false>(measure, samples.data(), seen.data(), costs + x);
+        exclude_worst(scaling, samples.data(), seen.data());
+      compare<false>(scaling, samples.data(), seen.data(), costs + x);
     }
   }
 }
 
-/// From plane by plane to pixel by pixel.
-void turn(const CostScratch& scratch, int count, int stride, std::uint8_t* out) {
+void transpose(const CostScratch& scratch, int count, int stride, std::uint8_t* out) {
   constexpr int kSide = 16;
   const hn::FixedTag<std::uint8_t, kSide> d;
   using Bytes = hn::Vec<decltype(d)>;
@@ -277,7 +275,7 @@ void turn(const CostScratch& scratch, int count, int stride, std::uint8_t* out) 
       for (int i = 0; i < kSide; ++i) {
         rows[i] = hn::LoadU(d, scratch.costs() + (plane + i) * kCostBlockSize + first);
       }
-      for (int round = 0; round < 4; ++round) {  // each doubles the bytes of a pixel in a row
+      for (int round = 0; round < 4; ++round) {  // each doubles the consecutive bytes of a pixel
         for (int i = 0; i < kSide / 2; ++i) {
           mixed[2 * i] = hn::InterleaveLower(d, rows[i], rows[i + kSide / 2]);
           mixed[2 * i + 1] = hn::InterleaveUpper(d, rows[i], rows[i + kSide / 2]);
@@ -299,8 +297,8 @@ void fill(const CostRun& run, CostScratch& scratch) {
   for (int begin = run.begin; begin < run.end; begin += kCostBlockSize) {
     const int count = std::min(kCostBlockSize, run.end - begin);
     fill_planes(run, begin, count, scratch);
-    turn(scratch, count, stride,
-         run.costs + static_cast<std::ptrdiff_t>(begin - run.begin) * stride);
+    transpose(scratch, count, stride,
+              run.costs + static_cast<std::ptrdiff_t>(begin - run.begin) * stride);
   }
 }
 
@@ -320,7 +318,7 @@ HWY_EXPORT(target);
 CostScratch::CostScratch(int planes, int cameras)
     : stride_(static_cast<std::size_t>(plane_stride(planes))),
       coefficients_((5 + kMaxParts) * static_cast<std::size_t>(cameras) * stride_),
-      even_(static_cast<std::size_t>(cameras) * stride_),
+      fitted_(static_cast<std::size_t>(cameras) * stride_),
       columns_(kMaxParts * static_cast<std::size_t>(cameras) * stride_),
       rows_(columns_.size()),
       costs_(kCostBlockSize * stride_) {}

@@ -7,41 +7,39 @@
 #include <span>
 #include <vector>
 
+#include "matching/matching.h"
 #include "render/common/blending_field.h"
-#include "render/matching/matching.h"
 #include "render/sampling/depth_sampling.h"
 #include "render/sweep/matching_frame.h"
 
 namespace raystage {
 
-/// A camera that takes part in the matching.
 struct MatchingCamera {
   DepthSource source;
   const MatchingFrame* frame = nullptr;
 };
 
-/// A run of pixels of one row whose costs come from the same cameras.
+/// A run of pixels of one row that are matched with the same cameras.
 struct CostRun {
   int begin = 0, end = 0, y = 0;
-  std::span<const MatchingCamera* const> cameras;  ///< kMaxMatchedCameras at most
+  std::span<const MatchingCamera* const> cameras;  ///< at most kMaxMatchedCameras
   SweepPlanes planes;
-  double truncation = 40;         ///< codes, 1 to 255
-  int excluded_cameras = 0;       ///< cameras at each point, see compute_matching_costs()
-  std::uint8_t* costs = nullptr;  ///< of the first pixel; plane_stride() bytes a pixel
+  double truncation = 40;         ///< largest difference that counts, codes, 1 to 255
+  int excluded_cameras = 0;       ///< cameras per point; see compute_matching_costs()
+  std::uint8_t* costs = nullptr;  ///< of the first pixel; plane_stride() bytes per pixel
 };
 
 inline constexpr int kMaxMatchedCameras = 16;
-/// Pixels per block: longer runs are split from their first pixel on.
+/// Pixels per block; longer runs are split from their first pixel on.
 inline constexpr int kCostBlockSize = 32;
 
-/// Where a camera sees the pixels of a block, plane by plane: c0 + x (c1 + x c2), x pixels into the
-/// block. A block has parts, as many pixels as a vector holds; where something is told part by
-/// part, the next part's is `stride` on.
+/// Positions of a block's pixels in a camera, per plane: c0 + x (c1 + x c2), x pixels into the
+/// block. A block has parts of a vector's pixels; values per part are `stride` apart.
 struct BlockPositions {
-  std::array<float*, 3> u{}, v{};  ///< one a plane; 1/256 and 1/4096 pixel; v's c0 of each part
-  std::int32_t* even = nullptr;    ///< not 0: that is so, and all lies within the frame
-  /// Of each part: its least column; its least row, which v is told from, times 4, and by how many
-  /// rows others are further down: 2 for any more.
+  std::array<float*, 3> u{}, v{};  ///< per plane, units of 1/256 and 1/4096 pixel; v: c0 per part
+  std::int32_t* fitted = nullptr;  ///< per plane; 0: the parabola does not fit or leaves the frame
+  /// Per part: its first column; 4 times its first row, which v is relative to, plus the number of
+  /// further rows (2 for any larger number).
   std::int32_t *column = nullptr, *row = nullptr;
   std::ptrdiff_t stride = 0;
 };
@@ -49,22 +47,18 @@ struct BlockPositions {
 /// Working memory of compute_matching_costs(); one per thread.
 class CostScratch {
  public:
-  /// For runs of so many cameras at most.
-  CostScratch(int planes, int cameras);
+  CostScratch(int planes, int cameras);  ///< `cameras`: the largest number per run
 
   BlockPositions positions(int camera) {
     const auto i = static_cast<std::size_t>(camera);
     const auto part = [&](std::size_t c) {
       return &coefficients_[((5 + kMaxParts) * i + c) * stride_];
     };
-    return {{part(0), part(1), part(2)},
-            {part(5), part(3), part(4)},
-            &even_[i * stride_],
-            &columns_[i * kMaxParts * stride_],
-            &rows_[i * kMaxParts * stride_],
-            static_cast<std::ptrdiff_t>(stride_)};
+    return {{part(0), part(1), part(2)},     {part(5), part(3), part(4)},
+            &fitted_[i * stride_],           &columns_[i * kMaxParts * stride_],
+            &rows_[i * kMaxParts * stride_], static_cast<std::ptrdiff_t>(stride_)};
   }
-  std::uint8_t* costs() { return costs_.data(); }  ///< kCostBlockSize a plane
+  std::uint8_t* costs() { return costs_.data(); }  ///< kCostBlockSize per plane
   const std::uint8_t* costs() const { return costs_.data(); }
 
  private:
@@ -72,22 +66,22 @@ class CostScratch {
 
   std::size_t stride_;
   std::vector<float> coefficients_;
-  std::vector<std::int32_t> even_, columns_, rows_;
+  std::vector<std::int32_t> fitted_, columns_, rows_;
   std::vector<std::uint8_t> costs_;
 };
 
 /// Writes matching costs: for each point the mean over the cameras that see it of the absolute
-/// differences (mean of R, G, B) from their mean colour, each cut off at the truncation; the
-/// truncation becomes 255, so one camera's whole disagreement among many stays small. Bilinear,
-/// at positions that are exact to 1/256 pixel.
+/// differences (mean of R, G, B) from their mean colour. Differences are limited to the truncation,
+/// which becomes 255: one outlier among many cameras costs little. Samples are bilinear at
+/// positions that are exact to 1/256 pixel.
 ///
 /// Against occlusion, after Kang, Szeliski and Chai 2001 ("Handling occlusions in dense multi-view
-/// stereo"): `excluded_cameras` times the camera that is farthest from the mean of those that still
-/// count is left out, the first of equals, as long as more than two count.
+/// stereo"): `excluded_cameras` times, the camera farthest from the mean of the remaining ones is
+/// excluded, the first of equals, while more than two remain.
 void compute_matching_costs(const CostRun& run, CostScratch& scratch);
 
-/// The reference of compute_matching_costs() for one point: `ray` in the world, scaled to planar
-/// depth 1.
+/// Input of matching_cost_reference(), the reference of compute_matching_costs() for one point.
+/// `ray`: in the world, scaled to planar depth 1.
 struct ReferenceCamera {
   const Rig::Camera* camera = nullptr;
   const DecodedFrame* frame = nullptr;
@@ -96,7 +90,6 @@ double matching_cost_reference(std::span<const ReferenceCamera> cameras, BlendSp
                                const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
                                double inverse_depth, double truncation, int excluded_cameras = 0);
 
-/// The instruction set in use.
-const char* cost_kernel_target();
+const char* cost_kernel_target();  ///< returns the name of the instruction set in use
 
 }  // namespace raystage

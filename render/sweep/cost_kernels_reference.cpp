@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reference of compute_matching_costs() (cost_kernels.cpp) for one point of a ray: bilinear 8-bit
+// codes of each camera that sees it, mean truncated difference from the mean colour, without the
+// worst `excluded_cameras`. In double; output 0 to 255, 255 = truncation. Cost: O(cameras).
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -9,7 +12,7 @@
 namespace raystage {
 namespace {
 
-/// 8-bit code, as matched.
+/// Returns an 8-bit code of the sRGB curve.
 double code(const DecodedFrame& frame, BlendSpace space, int x, int y, std::size_t c) {
   const auto column = static_cast<std::size_t>(std::min(x, frame.width - 1));
   const auto row = static_cast<std::size_t>(std::min(y, frame.height - 1));
@@ -28,7 +31,7 @@ Colour mean_of(const std::vector<Colour>& colours) {
   }
   return mean;
 }
-/// Mean of three channels' differences.
+/// Returns the mean of the differences of three channels.
 double off(const Colour& a, const Colour& b) {
   double sum = 0;
   for (std::size_t c = 0; c < 3; ++c) sum += std::abs(a[c] - b[c]) / 3;

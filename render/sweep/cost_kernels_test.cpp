@@ -8,7 +8,7 @@
 #include <numbers>
 #include <random>
 
-#include "render/matching/matching.h"
+#include "matching/matching.h"
 #include "testing/test_simd_targets.h"
 
 namespace raystage {
@@ -17,7 +17,6 @@ namespace {
 constexpr int kWidth = 140, kHeight = 90;
 constexpr double kDegree = std::numbers::pi / 180;
 
-/// What is looked at, and how.
 struct Case {
   std::size_t cameras = 4;
   SweepPlanes planes{37, 0, 0.1};
@@ -64,7 +63,7 @@ struct Counts {
   int torn = 0;  ///< that left out another camera than the reference did
 };
 
-/// Everywhere in a view that some of the cameras see in part only.
+/// Compares all pixels of a view that some cameras see only partly.
 Counts expect_costs_of_reference(const Case& c) {
   std::vector<Rig::Camera> cameras;
   std::vector<DecodedFrame> frames;
@@ -89,8 +88,8 @@ Counts expect_costs_of_reference(const Case& c) {
   std::vector<std::uint8_t> costs(width * stride);
   CostScratch scratch(c.planes.count, static_cast<int>(c.cameras));
   const ViewRays rays(view);
-  // Positions are of 1/256 pixel and may be off by as much: on white noise, which steps by up to
-  // 255 codes a pixel, that is up to a code, and 255 / truncation of cost for each.
+  // Positions are accurate to 1/256 pixel: on white noise, with steps of up to 255 codes per pixel,
+  // that is up to one code, and a cost of 255 / truncation per code.
   const double a_code = 255 / c.truncation;
   Counts counts;
   double off = 0;
@@ -106,7 +105,7 @@ Counts expect_costs_of_reference(const Case& c) {
                                                         c.truncation, c.excluded_cameras);
         const int found = costs[x * stride + static_cast<std::size_t>(plane)];
         off += std::abs(found - expected);
-        // Where two cameras are nearly as far off, a fraction of a code decides which one goes.
+        // If two cameras differ nearly equally, a fraction of a code decides which is excluded.
         if (c.excluded_cameras > 0 && std::abs(found - expected) > 1 + a_code) {
           ++counts.torn;
         } else {
@@ -122,7 +121,6 @@ Counts expect_costs_of_reference(const Case& c) {
   return counts;
 }
 
-/// On every instruction set there is.
 void expect_costs_everywhere(const Case& c, int least_told, int least_unknown) {
   testing::for_each_simd_target(cost_kernel_target, [&] {
     const Counts counts = expect_costs_of_reference(c);
@@ -143,7 +141,7 @@ TEST(CostKernels, OneCameraKnowsNothing) {
   expect_costs_everywhere({.cameras = 1, .planes = {3, 0, 0.4}}, 0, 100);
 }
 
-// Views that all of the cameras see whole: positions by parabolas.
+// All cameras see the whole view: positions by parabolas.
 constexpr double kNarrow = 0.4;
 constexpr SweepPlanes kFarPlanes{40, 0.02, 0.01};
 

@@ -8,8 +8,8 @@
 
 namespace raystage::plane_sweep {
 
-/// Where a picture has edges, for SemiGlobalSettings::guide: its luminance (Rec. 709) as 8-bit
-/// codes of sRGB's curve, row-major; 0 where nothing is seen. `full_scale`: the light of code 255.
+/// Returns a picture's luminance (Rec. 709) for SemiGlobalSettings::guide, as 8-bit codes of the
+/// sRGB curve, row-major; 0 for transparent pixels. `full_scale`: the light of code 255.
 std::vector<std::uint8_t> edge_guide(const RenderedView& picture, double full_scale);
 
 }  // namespace raystage::plane_sweep

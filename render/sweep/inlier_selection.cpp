@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Excludes outlier cameras per pixel of a row and sums the samples of the others; see
+// add_inlier_samples(). Input and output: premultiplied R, G, B and weight. Cost: O(pixels x
+// cameras x excluded cameras). The matching costs do the same (cost_kernels.cpp).
 #include "render/sweep/inlier_selection.h"
 
 #include <algorithm>
@@ -9,7 +12,7 @@
 namespace raystage::plane_sweep {
 namespace {
 
-/// Weight times R, G, B and 1.
+/// Returns the sample farthest from the mean colour. A sample: R, G, B and 1, times its weight.
 const float* farthest_from_mean(std::span<const float* const> counting) {
   float mean[3] = {};
   for (const float* sample : counting) {

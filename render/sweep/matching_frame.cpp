@@ -22,7 +22,7 @@ std::vector<std::uint8_t> srgb_of_linear_codes() {
   return table;
 }
 
-/// A row's codes, channel by channel; one pixel beyond the box.
+/// The codes of a row by channel, one pixel wider than the box.
 using CodeRow = std::array<std::vector<std::uint8_t>, kChannels>;
 
 class CodeRows {

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "render/common/large_buffer.h"
+#include "base/large_buffer.h"
 #include "store/processing/frames/frame_cache.h"
 
 namespace raystage {
@@ -14,21 +14,20 @@ struct FrameBox {
   int left = 0, right = 0, top = 0, bottom = 0;
 };
 
-/// The part of a frame that is matched, as it is matched: 8-bit codes of sRGB's curve. A 32-bit
-/// word holds a pixel's code in one channel (lowest byte) and those of its right, lower and lower
-/// right neighbours, so a bilinear sample is one word a channel. Beyond the frame's border it goes
-/// on unchanged.
+/// The matched part of a frame in 8-bit codes of the sRGB curve. A 32-bit word holds a pixel's code
+/// in one channel (lowest byte) and those of its right, lower and lower right neighbours, so a
+/// bilinear sample reads one word per channel. Border pixels of the frame are repeated outwards.
 class MatchingFrame {
  public:
   MatchingFrame() = default;
-  /// `box`: what is matched, not empty. Codes are brought to sRGB's curve if they are linear.
+  /// `box`: the matched part, not empty. Linear codes are converted to the sRGB curve.
   MatchingFrame(const DecodedFrame& frame, BlendSpace space, const FrameBox& box);
 
   const FrameBox& box() const { return box_; }
-  /// Words from a row of a channel to the same row of the next channel: R, G, B of a row follow
-  /// each other, then the next row's.
+  /// Words from a row of a channel to the same row of the next channel: the R, G, B of a row are
+  /// followed by those of the next row.
   std::ptrdiff_t pitch() const { return box_.right - box_.left; }
-  /// Of the box's first pixel, red. 32 words and more may be read from any pixel on.
+  /// Words of the box's first pixel, red. At least 32 words may be read from any pixel on.
   const std::uint32_t* words() const { return words_.data(); }
   static std::size_t bytes(const FrameBox& box);
 

@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+// Renders a view by plane sweep (Yang, Welch and Bishop 2002; Zhang and Chen 2004; thesis,
+// Reconstruction): determines the source pixels per tile, decodes them, fills a cost volume of
+// planes evenly spaced in inverse depth (cost_kernels.cpp), selects a plane per pixel
+// (matching), and blends the cameras at the depths found (1/m). Output: premultiplied linear
+// RGBA, coverage, z in metres. Cost: O(pixels x planes x cameras of a tile), twice with an edge
+// guide. Reference: plane_sweep_reference.cpp.
 #include "render/sweep/plane_sweep.h"
 
 #include <tbb/enumerable_thread_specific.h>
@@ -10,8 +16,8 @@
 #include <limits>
 
 #include "base/parallel.h"
+#include "matching/matching.h"
 #include "render/common/memory_overrun_note.h"
-#include "render/matching/matching.h"
 #include "render/sampling/depth_planning.h"
 #include "render/sampling/field_coverage.h"
 #include "render/sweep/cost_kernels.h"
@@ -28,7 +34,6 @@ double milliseconds(Clock::duration duration) {
   return std::chrono::duration<double, std::milli>(duration).count();
 }
 
-/// One view's rendering, stage by stage: plan (which source pixels), decode, match, blend.
 class Frame {
  public:
   Frame(const ViewRequest& request, const PlaneSweepPlan& plan)
@@ -66,7 +71,7 @@ class Frame {
 
  private:
   struct Source {
-    DepthSource look_up;  // its rgba stays null where nothing of the camera is seen
+    DepthSource look_up;  // its rgba stays null if nothing of the camera is seen
     McuMask wanted;
     std::shared_ptr<const DecodedFrame> frame;
     MatchingFrame matching_frame;
@@ -89,7 +94,6 @@ class Frame {
     return std::ranges::binary_search(tile.cameras, camera, {}, &BlendingField::TileCamera::camera);
   }
 
-  /// Which cameras take part, and which of their pixels.
   void find_sources() {
     for_each_tile([&](const Tile& tile) {
       for (const auto& camera : tile.cameras) source(camera.camera).used = true;
@@ -112,7 +116,6 @@ class Frame {
     });
   }
 
-  /// The pixels around all that is wanted of a frame.
   static FrameBox wanted_box(const Source& source) {
     const SourceView& view = source.look_up.camera;
     FrameBox mcus{view.mcus_per_row, 0, std::numeric_limits<int>::max(), 0};
@@ -177,7 +180,7 @@ class Frame {
   std::size_t pixels() const {
     return static_cast<std::size_t>(view_.width) * static_cast<std::size_t>(view_.height);
   }
-  /// Of the frames as they are matched, and of a map of planes.
+  /// Returns the bytes of the matching frames and of a map of planes.
   std::size_t frames_and_map_bytes() const {
     std::size_t bytes = pixels() * (sizeof(float) + 1);
     for (const Source& opened : sources_) {
@@ -189,9 +192,10 @@ class Frame {
     statistics.working_bytes = std::max(statistics.working_bytes, bytes);
   }
 
-  /// The edges of what the planes found so far show.
+  /// Returns the edge guide of the view blended at the planes of `map`.
   std::vector<std::uint8_t> guide_from(const PlaneMap& map, RenderStatistics& statistics) {
-    constexpr std::size_t kPictureBytes = 6 * sizeof(float) + 1;  // a pixel's, and its guide
+    constexpr std::size_t kPictureBytes =
+        6 * sizeof(float) + 1;  // per pixel: the picture and its guide
     hold(frames_and_map_bytes() + kPictureBytes * pixels(), statistics);
     RenderedView picture = empty_view(view_);
     blend(map, picture);
@@ -220,7 +224,7 @@ class Frame {
     return semi_global_match(volume, fill, settings);
   }
 
-  /// From the farthest plane.
+  /// Converts planes to inverse depths relative to the farthest plane, 1/m.
   void find_depths(const PlaneMap& map, const Tile& tile, int y, float* inverse_depth) const {
     const float* plane =
         &map.plane[static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
@@ -275,13 +279,12 @@ class Frame {
 
   bool has_matte() const { return request_.instant.cache->has_matte(); }
 
-  /// Of a tile's row, for frames with a matte.
   struct Mattes {
     std::array<float, BlendingField::kTile> seen, share, alpha;
   };
 
-  /// `seen` of all cameras; where some were left out for their colours, `sums` become the others'
-  /// mean times the A of all.
+  /// Fills `seen` over all cameras. If cameras were excluded for their colours, scales `sums` to
+  /// the mean of the others times the A of all.
   void find_mattes(const Tile& tile, int y, std::span<const float> inverse_depth,
                    std::span<const float> samples, std::span<float> sums, Mattes& mattes) {
     mattes.seen = {};
@@ -324,7 +327,6 @@ class Frame {
     }
   }
 
-  /// Distinct pixels that the matching looked at, or the blending.
   void count_needed(const PlaneMap& map, RenderStatistics& statistics) {
     std::atomic<std::int64_t> needed = 0;
     raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
@@ -369,7 +371,7 @@ class Frame {
   const ViewRequest& request_;
   const VirtualCamera& view_;
   const PlaneSweepPlan& plan_;
-  const SweepPlanes planes_;  // as sources are told
+  const SweepPlanes planes_;  // relative to the farthest plane
   tbb::enumerable_thread_specific<CostScratch> scratch_;
   std::vector<Source> sources_;  // per camera of the rig
 };

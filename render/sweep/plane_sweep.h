@@ -7,23 +7,22 @@
 #include <string>
 #include <vector>
 
+#include "matching/matching.h"
 #include "render/common/blending_field.h"
 #include "render/common/method.h"
-#include "render/matching/matching.h"
 #include "render/sampling/depth_sampling.h"
 
 namespace raystage {
 
-/// Method "plane_sweep" (Yang et al. 2002; Zhang and Chen 2004; thesis, Reconstruction):
-/// planes across the view, evenly spaced in inverse depth; at each pixel the one on which the
-/// cameras agree best, smoothed by semi-global matching; then the cameras blended where they see
-/// that point, with weights by angle and field of view (README.md: how they differ from the
-/// lumigraph's).
+/// Returns the method "plane_sweep" (Yang et al. 2002; Zhang and Chen 2004; thesis,
+/// Reconstruction). It tries planes across the view, evenly spaced in inverse depth, and selects at
+/// each pixel the one on which the cameras agree best, smoothed by semi-global matching. Then it
+/// blends the cameras that see that point, weighted by angle and field of view (README.md compares
+/// them with the lumigraph's).
 ///
-/// A = the shares of the chosen cameras that saw the pixel's point. Coverage is lower than that by
-/// the shares of cameras that would have been chosen had they a frame at this instant. z: planar
-/// depth of the point found. Throws Error (bad input) where neither the take nor the options say
-/// how deep the scene is.
+/// A = the weights of the selected cameras that see the pixel's point. Coverage is A less the
+/// weights of cameras that would be selected but have no frame at this instant. z: planar depth of
+/// the point. Throws Error (bad input) if neither take nor options give the depth range.
 const Method& plane_sweep_method();
 
 namespace plane_sweep {
@@ -33,23 +32,23 @@ enum class Aggregation { kSemiGlobal, kBox, kNone };
 struct PlaneSweepSettings {
   int cameras = 4;
   Aggregation aggregation = Aggregation::kSemiGlobal;
-  Interpolation look_up = Interpolation::kCubic;
+  Interpolation look_up = Interpolation::kCubic;  ///< of source frames
   bool subplane_refinement = true;
   int p1 = 40, p2 = 800, box_radius = 2;
   double truncation = 40;
   int excluded_cameras = 0;
-  double edge_scale = 0;  ///< codes; 0: all edges are alike
+  double edge_scale = 0;  ///< codes; 0: no edge guide
 };
 
 /// The inputs of rendering a view, for render() and render_reference().
 struct PlaneSweepPlan {
   PlaneSweepSettings settings;
   BlendingField field;
-  std::optional<BlendingField> complete;  ///< as if no camera were absent; only where one is
+  std::optional<BlendingField> complete;  ///< as if no camera were absent; set only if one is
   SweepPlanes planes;
   std::vector<std::string> notes;  ///< see RenderedView::notes
 };
-/// `guide`: see there; edge_scale only counts with one.
+/// Returns the settings of the aggregation. `guide`: see SemiGlobalSettings; empty: no edge_scale.
 SemiGlobalSettings semi_global_settings(const PlaneSweepSettings& settings,
                                         std::span<const std::uint8_t> guide);
 /// Returns the plan, or nullopt if the view sees nothing of the scene.

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Plans a view of the method "plane_sweep": the range of inverse depths (1/m) of the scene in the
+// view, evenly spaced planes by the disparity of the selected cameras (step_px), and the blending
+// field. Also defines the method and its options. Cost: O(tiles x cameras log cameras).
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,30 +19,38 @@ namespace plane_sweep {
 namespace {
 
 constexpr std::array kOptions{
-    integer_option("cameras", 4, 1, kMaxMatchedCameras, "matched and blended per ray"),
+    integer_option("cameras", 4, 1, kMaxMatchedCameras,
+                   "number of cameras matched and blended per ray"),
     integer_option("planes", 0, 0, 512,
-                   "tried between near and far; 0: as many as step_px asks for"),
+                   "number of planes between near and far; 0: as step_px requires"),
     number_option("step_px", 0.5, 0.05, 16,
-                  "disparity between neighbouring cameras from plane to plane, pixels"),
-    number_option("near", 0, 0, 1e9, "nearest thing, metres in front of the array; 0: the take's"),
-    number_option("far", 0, 0, 1e12, "farthest thing, metres in front of the array; 0: the take's"),
+                  "spacing of the planes, pixels of disparity between neighbouring cameras"),
+    number_option("near", 0, 0, 1e9,
+                  "nearest depth of the scene, metres in front of the array; 0: from the take"),
+    number_option("far", 0, 0, 1e12,
+                  "farthest depth of the scene, metres in front of the array; 0: from the take"),
     choice_option("aggregation", "semi_global", "semi_global|box|none",
-                  "how neighbouring pixels help each other to a plane"),
+                  "aggregation of costs over neighbouring pixels"),
     integer_option("p1", 40, 0, 4000,
-                   "semi_global: penalty for one plane's change, of a cost of 255"),
+                   "semi_global: penalty for a change of one plane (costs are 0 to 255)"),
     integer_option("p2", 800, 0, 4000, "semi_global: penalty for a larger change, at least p1"),
-    integer_option("box_radius", 2, 1, 7, "box: pixels to each side that are summed over"),
-    number_option("truncation", 40, 1, 255, "difference of 8-bit codes beyond which all are alike"),
-    integer_option(
-        "left_out", 0, 0, kMaxMatchedCameras - 2,
-        "cameras that agree least at a point, neither matched nor blended there, against "
-        "occlusion; two always count"),
+    integer_option("box_radius", 2, 1, 7, "box: pixels to each side in the sum"),
+    number_option("truncation", 40, 1, 255, "largest difference of 8-bit codes that counts"),
+    renamed_option(
+        "left_out",
+        integer_option(
+            "outlier_cameras", 0, 0, kMaxMatchedCameras - 2,
+            "number of cameras that agree least at a point, excluded there from matching and "
+            "blending against occlusion; at least two remain")),
     number_option(
         "edge_scale", 0, 0, 255,
-        "semi_global: step in luma, 8-bit codes, at which p2 is halved; the picture comes "
-        "from a first pass, which doubles the time; 0: p2 is the same everywhere"),
-    flag_option("sub_plane", true, "depths between planes, by a parabola through the costs"),
-    choice_option("look_up", "cubic", "cubic|linear", "how frames are read between their pixels")};
+        "semi_global: step in luma, 8-bit codes, at which p2 is halved; needs a first pass, "
+        "which doubles the time; 0: p2 is the same everywhere"),
+    renamed_option("sub_plane",
+                   flag_option("subplane_refinement", true,
+                               "refine depths between planes by a parabola through the costs")),
+    renamed_option("look_up", choice_option("interpolation", "cubic", "cubic|linear",
+                                            "interpolation of source frames"))};
 
 constexpr int kMostPlanes = 512;
 
@@ -50,31 +61,32 @@ PlaneSweepSettings settings_of(const MethodOptions& options) {
   s.aggregation = aggregation == "semi_global" ? Aggregation::kSemiGlobal
                   : aggregation == "box"       ? Aggregation::kBox
                                                : Aggregation::kNone;
-  s.look_up = options.text("look_up") == "cubic" ? Interpolation::kCubic : Interpolation::kLinear;
-  s.subplane_refinement = options.flag("sub_plane");
+  s.look_up =
+      options.text("interpolation") == "cubic" ? Interpolation::kCubic : Interpolation::kLinear;
+  s.subplane_refinement = options.flag("subplane_refinement");
   s.p1 = options.integer("p1");
   s.p2 = options.integer("p2");
   s.box_radius = options.integer("box_radius");
   s.truncation = options.number("truncation");
-  s.excluded_cameras = options.integer("left_out");
+  s.excluded_cameras = options.integer("outlier_cameras");
   s.edge_scale = options.number("edge_scale");
   if (s.p2 < s.p1) {
     throw Error::bad_input("plane_sweep: p2 is less than p1", "method plane_sweep",
-                           "Give p2 at least p1");
+                           "Set p2 to at least p1");
   }
   if (s.edge_scale > 0 && s.aggregation != Aggregation::kSemiGlobal) {
-    throw Error::bad_input("plane_sweep: edge_scale lowers p2, which is semi_global's",
-                           "method plane_sweep", "Leave out edge_scale, or aggregation");
+    throw Error::bad_input(
+        "plane_sweep: edge_scale applies to p2, which only aggregation semi_global uses",
+        "method plane_sweep", "Remove edge_scale, or set aggregation to semi_global");
   }
   return s;
 }
 
-/// One and the same for many frames of a shot: the number is rounded up, by half of its first digit
-/// at most.
+/// Returns the note; its number is rounded, so that many frames of a shot share it.
 std::string too_few_planes(double step_px, double needed) {
   return fmt::format(
-      "plane_sweep: {:g} pixels from plane to plane take up to {:.0f} planes across the view; "
-      "{} are tried, and near things may show ghosts",
+      "plane_sweep: {:g} px between planes (step_px) require up to {:.0f} planes across the view; "
+      "only {} are used: near objects may show ghosts",
       step_px, rounded_for_display(needed), kMostPlanes);
 }
 
@@ -153,7 +165,8 @@ class PlaneSweepMethod final : public Method {
  public:
   std::string_view name() const override { return "plane_sweep"; }
   std::string_view summary() const override {
-    return "the nearest cameras, where they agree best: depth found view by view";
+    return "blends the nearest cameras at the depth where they agree best, found per view by a "
+           "plane sweep";
   }
   std::span<const OptionSpec> options() const override { return plane_sweep::kOptions; }
   std::span<const MethodPreset> presets() const override {
@@ -167,8 +180,7 @@ class PlaneSweepMethod final : public Method {
   RenderedView render_reference(const ViewRequest& request) const override {
     return plane_sweep::render_reference(request);
   }
-  /// What is matched are small parts of few cameras' frames; a cost volume is a hundred times as
-  /// large.
+  /// Fetching parts of a few cameras' frames costs a hundredth of sending a cost volume.
   DistributionMode distribution(const MethodOptions&) const override {
     return DistributionMode::kFetchFrames;
   }
@@ -176,7 +188,7 @@ class PlaneSweepMethod final : public Method {
     plane_sweep::settings_of(options);
     scene_depth_range(options, take, "plane_sweep");
   }
-  /// Rays meet the scene where `depth` finds it between the same distances.
+  /// Rays use the surface of the method `depth` with the same depth range.
   RayDelegate ray_delegate(const MethodOptions& options) const override {
     return {"depth", {{"near", options.number("near")}, {"far", options.number("far")}}};
   }

@@ -31,7 +31,7 @@ constexpr double kFloatEpsilon = std::numeric_limits<float>::epsilon();
 constexpr int kWidth = 640, kHeight = 480;
 constexpr Distortion kLens{-0.2, 0.05, 0.001, -0.002, 0.003};
 
-/// A view, a camera that looks at some of what it sees, and planes between.
+/// A view, a camera that sees a part of it, and planes.
 struct Shot {
   VirtualCamera view;
   Rig::Camera camera;
@@ -71,7 +71,7 @@ Shot some_shot() {
   return shot;
 }
 
-/// Where the camera sees a pixel's point on a plane, and how well floats can know it.
+/// Where the camera sees a pixel's point on a plane, and the rounding in float.
 struct Place {
   Real u, v;
   double bound = 0;  ///< pixels
@@ -88,8 +88,8 @@ std::optional<Place> exact_place(const Shot& shot, const DepthSource& source, in
   const double ahead =
       static_cast<double>(dot(exact(shot.camera.pose.viewing_direction()), towards));
   if (!pixel) return std::nullopt;
-  // Three sums in float: of the block's first pixel on the farthest plane, and the ways along the
-  // block and across the planes from there; the first in double.
+  // Three terms in float: the block's first pixel on the farthest plane (exact in double), and the
+  // offsets along the block and across the planes.
   double terms = 0;
   for (std::size_t r = 0; r < 3; ++r) {
     const double* m = &source.camera.ideal_from_pixel[3 * r];

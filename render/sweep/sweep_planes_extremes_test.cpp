@@ -26,7 +26,6 @@ using testing::WorstError;
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// A view of an array's scene.
 struct Shot {
   Rig rig;
   VirtualCamera view;
@@ -38,7 +37,7 @@ Shot some_shot() {
   const double near = *rc::gen::element(1e-3, 0.1, 4.0, 1e6, 1e9);
   shot.scene = {near, *rc::gen::element(near, near * (1 + 1e-12), 2 * near, 1e12, kInfinity)};
   const Pose& camera = shot.rig.cameras[0].pose;
-  // On the array, on the scene's nearest plane, amid the scene, before and behind all.
+  // On the array, on the scene's nearest plane, in the scene, in front of and behind all.
   const double ahead = *rc::gen::element(0.0, 1e-12, -0.1, near / 2, near, 1.5 * near, -1e6, 1e6);
   Pose eye{camera.world_from_camera_rotation,
            camera.world_from_camera({between(-0.1, 0.1), between(-0.1, 0.1), -ahead})};
@@ -53,10 +52,10 @@ Shot some_shot() {
   return shot;
 }
 
-/// Inverse depths at which some ray meets what lies between two planes: a ray that gets `speed`
-/// metres further from the array per metre of planar depth is there at inverse depth q if
-/// q (near - eye) <= speed <= q (far - eye). Speeds are linear in the pixel: those of a view are
-/// all between the least and the most at its corners.
+/// Inverse depths at which some ray meets the scene between two planes. A ray that moves `speed`
+/// metres away from the array per metre of planar depth is there at inverse depth q if q (near -
+/// eye) <= speed <= q (far - eye). Speeds are linear in the pixel, so those of a view are between
+/// the extremes at its corners.
 struct ExactRange {
   Real farthest = 0, nearest = 0;
   double farthest_bound = 0, nearest_bound = 0;  ///< what rounding may change
@@ -75,7 +74,7 @@ ExactRange exact_range(const Shot& shot) {
   axis = 1 / norm(axis) * axis;
   const ExactVector from_centre = exact(shot.view.pose.position) - centre;
   const Real eye = dot(from_centre, axis);
-  // Where the array's middle is, is rounded; and so is the eye's distance from it.
+  // The array's centre is rounded, and so is the eye's distance from it.
   const double eye_bound =
       4 * kEpsilon * (magnitude + static_cast<double>(norm(from_centre)) + shot.scene.near);
   Real slowest = 0, fastest = 0;
@@ -97,7 +96,7 @@ ExactRange exact_range(const Shot& shot) {
   const Real limit = 4 / Real(shot.scene.near);
   range.nearest = limit;
   range.nearest_bound = 2 * kEpsilon * static_cast<double>(limit);
-  // q <= speed / distance (upper) or q >= speed / distance, each with what rounding does to it.
+  // q <= speed / distance (upper) or q >= speed / distance, each with its rounding.
   const auto cut = [&](const Real& speed, const Real& distance, double distance_bound, bool upper) {
     const Real q = speed / distance;
     const double size = std::abs(static_cast<double>(distance));

@@ -14,12 +14,12 @@ std::size_t first_difference(Bytes a, Bytes b) {
   return static_cast<std::size_t>(std::ranges::mismatch(a, b).in1 - a.begin());
 }
 
-std::vector<Damage> header_damage(Bytes archive, const matroska::Header& header,
-                                  const matroska::Closing& closing, bool claims_closed) {
+std::vector<Damage> find_header_damage(Bytes archive, const matroska::Header& header,
+                                       const matroska::Trailer& closing, bool is_marked_closed) {
   std::vector<Damage> damages;
   if (archive.size() < header.bytes.size()) {
-    if (!matroska::begins_with(archive, header) || claims_closed) {
-      damages.push_back({0, "the archive's header is damaged, and cut"});
+    if (!matroska::begins_with(archive, header) || is_marked_closed) {
+      damages.push_back({0, "the archive's header is damaged and truncated"});
     }
     return damages;
   }
@@ -28,19 +28,18 @@ std::vector<Damage> header_damage(Bytes archive, const matroska::Header& header,
     const Bytes found = archive.subspan(begin, end - begin);
     const Bytes open_form = Bytes(header.bytes).subspan(begin, end - begin);
     const bool filled_in = !closed_form.empty();
-    // While a file is being closed its parts are filled in one after the other.
+    // close() fills in the parts one after another; until then a part is as in recording.
     if (filled_in && std::ranges::equal(found, closed_form)) return;
-    if (!(filled_in && claims_closed) && std::ranges::equal(found, open_form)) return;
-    const Bytes wanted = filled_in && claims_closed ? closed_form : open_form;
+    if (!(filled_in && is_marked_closed) && std::ranges::equal(found, open_form)) return;
+    const Bytes wanted = filled_in && is_marked_closed ? closed_form : open_form;
     damages.push_back(
         {begin + first_difference(found, wanted),
-         fmt::format("the header's {} differs from what the journal, take.json and rig.json say",
-                     part)});
+         fmt::format("the header's {} does not match the journal, take.json and rig.json", part)});
   };
   compare(0, header.segment_size_offset, {}, "beginning");
-  if (claims_closed) {
+  if (is_marked_closed) {
     compare(header.segment_size_offset, header.segment_data_offset, closing.segment_size,
-            "size of the whole");
+            "segment size");
   }
   compare(header.seek_head_offset, header.info_offset, closing.seek_head, "SeekHead");
   compare(header.info_offset, header.duration_offset, {}, "Info");

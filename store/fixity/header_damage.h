@@ -10,21 +10,22 @@
 
 namespace raystage {
 
-/// Bytes of an archive that are not as they should be.
+/// A damaged part of an archive.
 struct Damage {
-  std::size_t offset = 0;  ///< of the first of them
+  std::size_t offset = 0;  ///< of its first byte
   std::string what;
 };
 
-/// Index of the first byte that differs; the shorter length where one is the beginning of the
-/// other.
+/// Returns the index of the first byte that differs, or the shorter length if one is the beginning
+/// of the other.
 std::size_t first_difference(std::span<const std::byte> a, std::span<const std::byte> b);
 
-/// What of the archive's header differs from `header` as it is while recording, or as `closing`
-/// fills it in. `claims_closed`: its size is filled in. An archive that was not closed may end
-/// within its header.
-std::vector<Damage> header_damage(std::span<const std::byte> archive,
-                                  const matroska::Header& header, const matroska::Closing& closing,
-                                  bool claims_closed);
+/// Returns the parts of the archive's header that differ from `closing` (as filled in by close())
+/// and that are not accepted as in `header` (as during recording): the latter applies to parts that
+/// are not filled in, or to an archive that is not marked closed. `is_marked_closed`: the archive's
+/// size is filled in. An archive that was not closed may end within its header.
+std::vector<Damage> find_header_damage(std::span<const std::byte> archive,
+                                       const matroska::Header& header,
+                                       const matroska::Trailer& closing, bool is_marked_closed);
 
 }  // namespace raystage

@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// "r0c0.mkv.damaged"; after earlier repairs "r0c0.mkv.damaged-2" and so on.
+// Returns "r0c0.mkv.damaged", or after earlier repairs "r0c0.mkv.damaged-2" and so on.
 fs::path damaged_name(const fs::path& file) {
   fs::path name = file;
   name += ".damaged";
@@ -32,12 +32,12 @@ fs::path damaged_name(const fs::path& file) {
   return name;
 }
 
-// A second name for the file: the first is never without one.
+// Adds a second name by a hard link, so that the file always has a name.
 std::string keep(const fs::path& file) {
   const fs::path name = damaged_name(file);
   std::error_code error;
   fs::create_hard_link(file, name, error);
-  if (error) fs::rename(file, name, error);  // a file system without links
+  if (error) fs::rename(file, name, error);  // a file system without hard links
   if (error) {
     throw Error::failed("the damaged file cannot be set aside: " + error.message(), file.string(),
                         "Check the folder and its permissions");
@@ -45,17 +45,17 @@ std::string keep(const fs::path& file) {
   return name.filename().string();
 }
 
-// The proof before the originals lose their names.
-void check_new_pair(ArchivePair pair, const Salvage& salvaged, const fs::path& archive,
+// Verifies the new pair before the originals lose their names.
+void check_new_pair(ArchivePair pair, const SalvageResult& salvaged, const fs::path& archive,
                     const fs::path& journal) {
   const MappedFile archive_file(archive), journal_file(journal);
   pair.archive = archive_file.bytes();
   pair.journal = journal_file.bytes();
-  const ArchiveReport report = verify_archive(pair, {});
+  const ArchiveFixityReport report = verify_archive(pair, {});
   if (report.whole() && report.frames == salvaged.frames) return;
-  throw Error::failed("what was written for " + pair.archive_name + " does not read back right" +
+  throw Error::failed("the repaired " + pair.archive_name + " differs from what was written" +
                           (report.whole() ? "" : ": " + report.problems.front().what),
-                      archive.string(), "Check the disk; the damaged files are still there");
+                      archive.string(), "Check the disk; the damaged files are unchanged");
 }
 
 class CameraRepair {
@@ -71,7 +71,7 @@ class CameraRepair {
       throw Error::bad_input("the archive is missing", archive_path_.string(),
                              "Restore it from a copy");
     }
-    // Nobody may be recording; and nobody can begin to while this is open.
+    // Fails while a recorder runs, and prevents its start while this is open.
     std::optional<OutputFile> lock;
     if (!options_.dry_run) lock.emplace(archive_path_, OutputFile::Open::kExisting);
     const MappedFile archive(archive_path_);
@@ -80,11 +80,11 @@ class CameraRepair {
     pair_.archive = archive.bytes();
     if (!archive.can_read(archive.bytes())) {
       throw Error::failed("the disk cannot read all of the archive", archive_path_.string(),
-                          "Copy the take to a sound disk with a tool that fills in what cannot be "
-                          "read (ddrescue), and repair the copy");
+                          "Copy the take to an intact disk with a tool that fills in unreadable "
+                          "parts (ddrescue), and repair the copy");
     }
     if (verify_archive(pair_, {}).whole()) {
-      result.was_whole = true;
+      result.was_intact = true;
       return;
     }
     result.salvage = salvage(pair_);
@@ -97,13 +97,13 @@ class CameraRepair {
   void replace(RepairReport::Camera& result) {
     constexpr auto kByWriter = TemporaryFile::Creation::kByWriter;
     TemporaryFile new_archive(archive_path_, kByWriter), new_journal(journal_path_, kByWriter);
-    write_salvaged(pair_, result.salvage, new_archive.path(), new_journal.path());
+    write_salvaged_archive(pair_, result.salvage, new_archive.path(), new_journal.path());
     check_new_pair(pair_, result.salvage, new_archive.path(), new_journal.path());
     if (!result.salvage.losses.empty()) {
       result.kept.push_back(keep(archive_path_));
       if (pair_.journal) result.kept.push_back(keep(journal_path_));
     }
-    // The archive first: if the machine stops in between, the old journal still has every hash, and
+    // Rename the archive first: after a crash in between, the old journal still has every hash, and
     // the next repair finds the frames by them.
     new_archive.commit();
     new_journal.commit();
@@ -114,7 +114,7 @@ class CameraRepair {
   fs::path archive_path_, journal_path_;
 };
 
-// A timeline stands on the table of frames; one that no longer does would be refused by everyone.
+// Renames a timeline that no longer matches the frame tables: every reader would reject it.
 std::string set_aside_timeline(const fs::path& folder) {
   const fs::path file = folder / kTimelineFile;
   if (!fs::exists(file)) return "";
@@ -131,7 +131,7 @@ std::string set_aside_timeline(const fs::path& folder) {
 
 }  // namespace
 
-bool RepairReport::lost_anything() const {
+bool RepairReport::has_losses() const {
   return std::ranges::any_of(cameras, [](const Camera& c) { return !c.salvage.losses.empty(); });
 }
 
@@ -139,8 +139,8 @@ bool RepairReport::failed() const {
   return std::ranges::any_of(cameras, [](const Camera& c) { return !c.error.empty(); });
 }
 
-void write_salvaged(const ArchivePair& pair, const Salvage& salvaged, const fs::path& archive,
-                    const fs::path& journal) {
+void write_salvaged_archive(const ArchivePair& pair, const SalvageResult& salvaged,
+                            const fs::path& archive, const fs::path& journal) {
   ArchiveWriter out(archive, journal, pair.description);
   for (const FrameRecord& record : salvaged.records) {
     const FrameOrigin origin{record.arrival_ns, record.sequence};
@@ -160,7 +160,7 @@ RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
   const auto cameras = static_cast<std::size_t>(take.camera_count());
   report.cameras.resize(cameras);
   std::atomic<std::size_t> done = 0;
-  // One camera a thread: each has files of its own.
+  // One camera per thread: each has its own files.
   const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
   parallel_for_in_order(
       cameras, threads, [&] { return options.stop.stop_requested(); },
@@ -179,7 +179,7 @@ RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
       });
   report.stopped = done < cameras;
   if (!options.dry_run && !report.stopped && !report.failed()) {
-    report.old_timeline = set_aside_timeline(folder);
+    report.renamed_timeline = set_aside_timeline(folder);
   }
   return report;
 }

@@ -31,10 +31,10 @@ using Random = std::mt19937_64;
 
 constexpr unsigned kFrames = 20;
 
-PairBytes repaired(const PairBytes& damaged, const Salvage& saved) {
+PairBytes repaired(const PairBytes& damaged, const SalvageResult& saved) {
   const TestFolder folder;
   const auto archive = folder.path() / "a.mkv", journal = folder.path() / "a.journal";
-  write_salvaged(damaged.pair(), saved, archive, journal);
+  write_salvaged_archive(damaged.pair(), saved, archive, journal);
   return {test::bytes_of(archive), test::bytes_of(journal), true};
 }
 
@@ -90,16 +90,16 @@ struct Damaged {
   }
 };
 
-TEST(Salvage, SavesEveryUndamagedFrameByteForByte) {
+TEST(SalvageResult, SavesEveryUndamagedFrameByteForByte) {
   Random random(20051);
   long saved_frames = 0, whole_frames = 0, mended = 0, relisted = 0;
   for (int round = 0; round < 3000; ++round) {
     const PairBytes whole = make_pair(kFrames, round % 2 == 0);
     const auto original = journal::decode(whole.journal, "journal").records;
     const Damaged damaged(whole, random);
-    const Salvage saved = salvage(damaged.bytes.pair());
+    const SalvageResult saved = salvage(damaged.bytes.pair());
     const PairBytes now = repaired(damaged.bytes, saved);
-    const ArchiveReport report = verify_archive(now.pair(), {});
+    const ArchiveFixityReport report = verify_archive(now.pair(), {});
     ASSERT_TRUE(report.whole()) << round << ": " << report.problems[0].what;
     ASSERT_EQ(report.frames, saved.frames);
 
@@ -145,9 +145,9 @@ TEST(Salvage, SavesEveryUndamagedFrameByteForByte) {
     // Frames that are not what was recorded are said to be in doubt, but for one that looks like a
     // crash's.
     for (const auto& [time, record] : stored) changed += known.contains(time) ? 0 : 1;
-    ASSERT_LE(changed, std::max<std::int64_t>(saved.unproven_frames, round % 2)) << round;
-    mended += saved.mended_records;
-    relisted += saved.relisted_frames;
+    ASSERT_LE(changed, std::max<std::int64_t>(saved.unverified_frames, round % 2)) << round;
+    mended += saved.corrected_records;
+    relisted += saved.reindexed_frames;
   }
   EXPECT_EQ(saved_frames, whole_frames);
   EXPECT_GT(saved_frames, 20'000);
@@ -155,31 +155,31 @@ TEST(Salvage, SavesEveryUndamagedFrameByteForByte) {
   EXPECT_GT(relisted, 500);
 }
 
-TEST(Salvage, OneFlippedBitInTheJournalCostsNothing) {
+TEST(SalvageResult, OneFlippedBitInTheJournalCostsNothing) {
   const PairBytes whole = make_pair(4, true);
   const auto records = journal::decode(whole.journal, "journal").records;
   PairBytes damaged = whole;
   for (std::size_t bit = 0; bit < 8 * whole.journal.size(); ++bit) {
     test::flip(damaged.journal, bit);
-    const Salvage saved = salvage(damaged.pair());
+    const SalvageResult saved = salvage(damaged.pair());
     ASSERT_THAT(saved.losses, IsEmpty()) << bit << " " << saved.losses[0].what;
     ASSERT_EQ(saved.records, records) << bit;
     test::flip(damaged.journal, bit);
   }
 }
 
-TEST(Salvage, OneFlippedBitInTheArchiveCostsOneFrameAtMost) {
+TEST(SalvageResult, OneFlippedBitInTheArchiveCostsOneFrameAtMost) {
   const PairBytes whole = make_pair(4, true);
   const auto records = journal::decode(whole.journal, "journal").records;
   PairBytes damaged = whole;
   for (std::size_t bit = 0; bit < 8 * whole.archive.size(); ++bit) {
     test::flip(damaged.archive, bit);
-    const Salvage saved = salvage(damaged.pair());
+    const SalvageResult saved = salvage(damaged.pair());
     const bool in_a_frame = std::ranges::any_of(records, [&](const FrameRecord& record) {
       return bit / 8 >= record.offset && bit / 8 < record.offset + record.size;
     });
     if (in_a_frame) {
-      ASSERT_EQ(saved.rotten_frames, 1) << bit;
+      ASSERT_EQ(saved.corrupt_frames, 1) << bit;
       ASSERT_EQ(saved.frames, 3);
     } else {
       // In the headers and the Cues: they are made again.
@@ -192,18 +192,18 @@ TEST(Salvage, OneFlippedBitInTheArchiveCostsOneFrameAtMost) {
   EXPECT_EQ(now.journal, whole.journal);
 }
 
-TEST(Salvage, AJournalOfVersionOneBecomesVersionTwo) {
+TEST(SalvageResult, AJournalOfVersionOneBecomesVersionTwo) {
   const PairBytes old = test::with_journal_v1(make_pair(5, true));
   PairBytes damaged = old;
   test::flip(damaged.archive, 8 * (damaged.archive.size() - 5));
-  const Salvage saved = salvage(damaged.pair());
+  const SalvageResult saved = salvage(damaged.pair());
   EXPECT_THAT(saved.losses, IsEmpty());
   const PairBytes now = repaired(damaged, saved);
   EXPECT_EQ(now.archive, old.archive);
   EXPECT_EQ(journal::decode_header(now.journal, "journal")->version, 2u);
 }
 
-TEST(Salvage, RefusesTheFilesOfAnotherCamera) {
+TEST(SalvageResult, RefusesTheFilesOfAnotherCamera) {
   PairBytes pair = make_pair(3, true);
   ArchivePair foreign = pair.pair();
   foreign.description.camera_id = "r9c9";
@@ -266,7 +266,7 @@ TEST_F(RepairTake, AWholeTakeIsNotTouched) {
   const auto before = std::filesystem::last_write_time(archive(0));
   const RepairReport report = repair_take(take, {});
   for (const auto& camera : report.cameras) {
-    EXPECT_TRUE(camera.was_whole);
+    EXPECT_TRUE(camera.was_intact);
     EXPECT_FALSE(camera.repaired);
   }
   EXPECT_EQ(std::filesystem::last_write_time(archive(0)), before);
@@ -278,9 +278,9 @@ TEST_F(RepairTake, ACrashedTakeIsClosedAndLeavesNothingBehind) {
   leave_open(1);
   ASSERT_FALSE(whole());
   const RepairReport report = repair_take(take, {});
-  EXPECT_TRUE(report.cameras[0].was_whole);
+  EXPECT_TRUE(report.cameras[0].was_intact);
   EXPECT_TRUE(report.cameras[1].repaired);
-  EXPECT_FALSE(report.lost_anything());
+  EXPECT_FALSE(report.has_losses());
   EXPECT_EQ(test::bytes_of(archive(1)), original);
   EXPECT_EQ(names(), before);
   EXPECT_TRUE(whole());
@@ -297,17 +297,17 @@ TEST_F(RepairTake, TheOriginalsOfALossStay) {
   RepairReport report = repair_take(take, dry);
   EXPECT_EQ(names(), before);
   EXPECT_EQ(test::bytes_of(archive(2)), bytes);
-  EXPECT_EQ(report.cameras[2].salvage.rotten_frames, 1);
+  EXPECT_EQ(report.cameras[2].salvage.corrupt_frames, 1);
 
   report = repair_take(take, {});
-  EXPECT_TRUE(report.lost_anything());
+  EXPECT_TRUE(report.has_losses());
   EXPECT_THAT(report.cameras[2].kept, ElementsAre("c2.mkv.damaged", "c2.journal.damaged"));
   ASSERT_EQ(report.cameras[2].salvage.losses.size(), 1u);
   EXPECT_EQ(report.cameras[2].salvage.losses[0].time_ns, frame.time_ns);
   EXPECT_EQ(test::bytes_of(take / "archive/c2.mkv.damaged"), bytes);
   EXPECT_EQ(test::bytes_of(take / "archive/c2.journal.damaged"), lines);
   // The timeline counts frames: with one fewer it is another.
-  EXPECT_EQ(report.old_timeline, "timeline.zst.damaged");
+  EXPECT_EQ(report.renamed_timeline, "timeline.zst.damaged");
   EXPECT_TRUE(whole());
   const Take now(take);
   ASSERT_EQ(now.archive(2).frames().size(), 9u);
@@ -341,8 +341,8 @@ TEST_F(RepairTake, ALostJournalIsMadeAgain) {
   const auto lines = test::bytes_of(journal(0));
   std::filesystem::remove(journal(0));
   const RepairReport report = repair_take(take, {});
-  EXPECT_EQ(report.cameras[0].salvage.relisted_frames, 10);
-  EXPECT_TRUE(report.lost_anything());
+  EXPECT_EQ(report.cameras[0].salvage.reindexed_frames, 10);
+  EXPECT_TRUE(report.has_losses());
   EXPECT_EQ(test::bytes_of(archive(0)), original);
   EXPECT_EQ(test::bytes_of(journal(0)), lines);
   EXPECT_TRUE(whole());

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Merges the journal and the archive of a damaged pair into the records that can be saved. Corrects
+// single flipped bits of records, checks every frame by its XXH3, finds moved frames by time and
+// hash, and adds frames without a record. Input: the bytes of both files; output: records and
+// losses. Cost: O(bytes of the archive), plus 8 x record bytes checks per damaged record.
 #include "store/fixity/salvage.h"
 
 #include <fmt/format.h>
@@ -24,8 +28,8 @@ std::uint64_t hash_of(Bytes archive, const FrameRecord& record) {
   return XXH3_64bits(archive.data() + record.offset, record.size);
 }
 
-// The record with the one flipped bit that makes its check hold; nullopt where there is none. The
-// check of version 2 leaves no second candidate.
+// Returns the record with the one flipped bit corrected that makes its check pass, or nullopt. In
+// version 2 there is at most one such bit.
 std::optional<FrameRecord> mend(Bytes slot, std::uint32_t version) {
   std::array<std::byte, journal::kRecordBytes> bytes{};
   std::ranges::copy(slot, bytes.begin());
@@ -41,12 +45,12 @@ std::optional<FrameRecord> mend(Bytes slot, std::uint32_t version) {
 
 struct Journal {
   std::vector<FrameRecord> records;
-  std::set<std::uint64_t> stray_hashes;  ///< what stands for a hash in records that are lost
+  std::set<std::uint64_t> stray_hashes;  ///< hash fields of lost records
   std::int64_t mended = 0, lost = 0;
 };
 
-// A record with more than one flipped bit may by bad luck mend into another one. That must not cost
-// its neighbours: it has to fit between their times.
+// A record with several flipped bits may be corrected to a wrong one. To protect its neighbours, it
+// must fit between their times.
 Journal read_journal(Bytes file, std::uint32_t version) {
   const std::size_t step = journal::record_bytes(version);
   struct Slot {
@@ -91,26 +95,27 @@ Journal read_journal(Bytes file, std::uint32_t version) {
 void refuse_another_camera(const ArchivePair& pair) {
   const auto refuse = [&](const std::string& file, const std::string& what) {
     return Error::bad_input(what, file,
-                            "Put the files of camera \"" + pair.description.camera_id +
-                                "\" there, or correct take.json");
+                            "Replace it with the file of camera \"" + pair.description.camera_id +
+                                "\", or correct take.json");
   };
   if (pair.journal) {
     const auto header = journal::decode_header(*pair.journal, pair.journal_name);
     if (header && (header->epoch_utc != pair.description.epoch_utc ||
-                   header->camera_hash != journal::hash_of_camera(pair.description.camera_id))) {
-      throw refuse(pair.journal_name, "this is the journal of another camera or take");
+                   header->camera_hash != journal::hash_camera_id(pair.description.camera_id))) {
+      throw refuse(pair.journal_name, "the journal is of another camera or take");
     }
   }
   ArchiveWriter::Description found;
   try {
     found = matroska::read_preamble(pair.archive, pair.archive_name).description;
   } catch (const Error&) {
-    return;  // damaged, then: the header is made again
+    return;  // damaged: the header is written anew
   }
-  // One flipped bit in a name makes no other camera: the header also holds the name's hash.
+  // A single flipped bit in the id is damage, not another camera: the header also has the hash of
+  // the id.
   if (!found.camera_id.empty() && found.camera_id != pair.description.camera_id &&
       matroska::begins_with(pair.archive, matroska::make_header(found))) {
-    throw refuse(pair.archive_name, "this is the archive of camera \"" + found.camera_id + "\"");
+    throw refuse(pair.archive_name, "the archive is of camera \"" + found.camera_id + "\"");
   }
 }
 
@@ -132,13 +137,12 @@ class Salvager {
     if (pair.journal) {
       journal_ = read_journal(*pair.journal, journal_version(*pair.journal, pair.journal_name));
     } else {
-      lose(kUnknownTime,
-           "the journal: when frames arrived and which were missing is not known now");
+      lose(kUnknownTime, "the journal: arrival times and missing frames are unknown");
     }
-    result_.mended_records = journal_.mended;
+    result_.corrected_records = journal_.mended;
   }
 
-  Salvage run() {
+  SalvageResult run() {
     for (const FrameRecord& record : journal_.records) take_record(record);
     std::ranges::sort(places_, {}, &Place::begin);
     take_unlisted();
@@ -168,8 +172,8 @@ class Salvager {
     places_.push_back({offset - matroska::kClusterHeaderBytes, offset + size});
   }
 
-  // Where the journal says, or, where bytes were lost or came in before it, wherever a cluster of
-  // this time and these bytes is.
+  // Finds the frame at the journal's offset or, if bytes were lost or inserted before it, at a
+  // cluster with this time and hash.
   bool locate(FrameRecord& record) const {
     if (has_its_hash(record)) return true;
     auto frame = std::ranges::lower_bound(found_, record.time_ns, {}, &matroska::FoundFrame::time);
@@ -195,9 +199,9 @@ class Salvager {
         occupy(static_cast<std::size_t>(record.offset), record.size);
       } else {
         const bool rotten = lies_within(record);
-        ++(rotten ? result_.rotten_frames : result_.cut_off_frames);
-        lose(record.time_ns, rotten ? "a frame is rotten: its XXH3 differs"
-                                    : "a frame lies beyond the archive's end");
+        ++(rotten ? result_.corrupt_frames : result_.truncated_frames);
+        lose(record.time_ns, rotten ? "a frame is corrupt: its XXH3 differs"
+                                    : "a frame is beyond the archive's end");
         if (rotten) rotten_.emplace(record.offset, record.size);
         record.status = FrameStatus::kTorn;
       }
@@ -206,7 +210,8 @@ class Salvager {
     result_.records.push_back(record);
   }
 
-  // By a record: its time, its place, or the place where its hash says that it is.
+  // Returns whether a record accounts for the frame: by its time, its offset and size, or overlap
+  // with a saved or corrupt frame.
   bool is_taken(const matroska::FoundFrame& frame) const {
     if (listed_times_.contains(frame.time)) return true;
     if (rotten_.contains({frame.offset, static_cast<std::uint32_t>(frame.size)})) return true;
@@ -215,21 +220,21 @@ class Salvager {
     return after != places_.begin() && std::prev(after)->end > frame.offset;
   }
 
-  // Frames that no record speaks of.
+  // Adds frames without a record.
   void take_unlisted() {
     std::erase_if(found_, [&](const matroska::FoundFrame& frame) { return is_taken(frame); });
-    // A crash between a frame and its record leaves one such frame, whole, at the end.
+    // A crash between a frame and its record leaves one such whole frame at the end.
     const bool by_a_crash = found_.size() == 1 && found_[0].offset > last_listed_ &&
                             pair_.journal && journal_.lost == 0 && !was_closed(pair_, header_);
     for (const auto& frame : found_) {
       FrameRecord record{frame.time, frame.offset, static_cast<std::uint32_t>(frame.size)};
       record.xxh3 = hash_of(archive_, record);
-      ++result_.relisted_frames;
+      ++result_.reindexed_frames;
       if (journal_.stray_hashes.contains(record.xxh3)) {
         --journal_.lost;
       } else if (!by_a_crash) {
-        ++result_.unproven_frames;
-        lose(frame.time, "a frame's record is lost: nothing proves that the frame is unchanged");
+        ++result_.unverified_frames;
+        lose(frame.time, "a frame's record is lost: the frame cannot be verified");
       }
       occupy(frame.offset, frame.size);
       result_.records.push_back(record);
@@ -242,7 +247,7 @@ class Salvager {
     std::erase_if(result_.records, [&](const FrameRecord& record) {
       if (record.status != FrameStatus::kStored) return false;
       if (record.time_ns == last) {
-        lose(last, "of two frames at one time the second");
+        lose(last, "the second of two frames at one time");
         return true;
       }
       last = record.time_ns;
@@ -255,15 +260,15 @@ class Salvager {
     result_.lost_records = std::max<std::int64_t>(0, journal_.lost);
     if (result_.lost_records > 0) {
       lose(kUnknownTime,
-           fmt::format("{} records of the journal; missing frames that they told of are forgotten",
+           fmt::format("{} records of the journal; missing frames in them are unknown",
                        result_.lost_records));
     }
     std::size_t cursor = std::min(header_.bytes.size(), archive_.size());
     const auto skip_to = [&](std::size_t end) {
       if (end <= cursor) return;
       result_.lost_bytes += end - cursor;
-      lose(kUnknownTime,
-           fmt::format("{} bytes at {} of the archive are no whole frame", end - cursor, cursor));
+      lose(kUnknownTime, fmt::format("{} bytes at {} of the archive are not a whole frame",
+                                     end - cursor, cursor));
     };
     for (const Place& place : places_) {
       skip_to(place.begin);
@@ -281,14 +286,14 @@ class Salvager {
   Journal journal_;
   std::set<Nanoseconds> listed_times_;
   std::uint64_t last_listed_ = 0;  // offset of the last frame in the journal
-  std::vector<Place> places_;      // of frames that are saved, in the end also of rotten ones
+  std::vector<Place> places_;      // of saved frames, at the end also of corrupt ones
   std::set<std::pair<std::uint64_t, std::uint32_t>> rotten_;  // offset and size
-  Salvage result_;
+  SalvageResult result_;
 };
 
 }  // namespace
 
-Salvage salvage(const ArchivePair& pair) {
+SalvageResult salvage(const ArchivePair& pair) {
   refuse_another_camera(pair);
   return Salvager(pair).run();
 }

@@ -9,31 +9,31 @@
 
 namespace raystage {
 
-/// What can be saved of a damaged archive and its journal, and what cannot.
-struct Salvage {
-  /// The records of the repaired pair, in order. Stored ones are whole, as far as anything can
-  /// tell: their offset is where their bytes lie in the damaged archive, their hash is set.
+/// The parts of a damaged archive and its journal that can be saved, and the losses.
+struct SalvageResult {
+  /// The records of the repaired pair, in order. Stored frames are intact as far as this can be
+  /// checked: `offset` is that of their bytes in the damaged archive, and `xxh3` is set.
   std::vector<FrameRecord> records;
 
-  /// What is lost or in doubt, one sentence each, with time or place.
+  /// Losses and doubts, one sentence each, with a time or position.
   struct Loss {
-    Nanoseconds time_ns = kUnknownTime;  ///< of the frame, where it is one
+    Nanoseconds time_ns = kUnknownTime;  ///< of the frame, if a frame is concerned
     std::string what;
   };
   std::vector<Loss> losses;
 
-  std::int64_t frames = 0;           ///< stored frames that are saved
-  std::int64_t rotten_frames = 0;    ///< their hash fails: now records of status torn
-  std::int64_t cut_off_frames = 0;   ///< beyond the archive's end: now records of status torn
-  std::int64_t relisted_frames = 0;  ///< taken from the archive, as their record is lost
-  std::int64_t unproven_frames = 0;  ///< of those, the ones without any surviving hash
-  std::int64_t mended_records = 0;   ///< one flipped bit, flipped back
-  std::int64_t lost_records = 0;     ///< could not be read, or contradicted the archive
-  std::uint64_t lost_bytes = 0;      ///< of the archive: part of no frame, and not what we wrote
+  std::int64_t frames = 0;             ///< stored frames that are saved
+  std::int64_t corrupt_frames = 0;     ///< their hash differs; now records of status torn
+  std::int64_t truncated_frames = 0;   ///< beyond the archive's end; now records of status torn
+  std::int64_t reindexed_frames = 0;   ///< found in the archive; their record is lost
+  std::int64_t unverified_frames = 0;  ///< of those, without a surviving hash
+  std::int64_t corrected_records = 0;  ///< one flipped bit was corrected
+  std::int64_t lost_records = 0;       ///< unreadable, or contradicting the archive
+  std::uint64_t lost_bytes = 0;        ///< of the archive: no frame and no known structure
 };
 
-/// Reads any bytes. Throws Error (bad input) for a journal of a future version, and where the files
-/// are whole but another camera's or take's.
-Salvage salvage(const ArchivePair& pair);
+/// Returns what can be saved of a pair; accepts any bytes. Throws Error (bad input) if the journal
+/// is of a future version, or intact files belong to another camera or take.
+SalvageResult salvage(const ArchivePair& pair);
 
 }  // namespace raystage

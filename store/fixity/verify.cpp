@@ -27,7 +27,7 @@ std::uint64_t size_of(const fs::path& file) {
   return error ? 0 : size;
 }
 
-// Files grow and shrink under nobody's hands but a recorder's: what was counted ahead may be short.
+// Only a recorder changes files; the size counted before may then be too small.
 class Share {
  public:
   Share(std::uint64_t total, const std::function<void(double)>& report)
@@ -45,13 +45,13 @@ class Share {
 };
 
 void verify_camera(const Take& take, int camera, const TakeVerifyOptions& options, Share& share,
-                   TakeReport::Camera& result) {
+                   TakeFixityReport::Camera& result) {
   ArchivePair pair = describe_pair(take, camera);
   const fs::path archive_path = take.folder() / pair.archive_name;
   const fs::path journal_path = take.folder() / pair.journal_name;
   if (!fs::exists(archive_path)) {
     result.report.problems.push_back(
-        {pair.archive_name, 0, "the archive is missing: all its frames are lost", {}, false});
+        {pair.archive_name, 0, "the archive is missing: all of its frames are lost", {}, false});
     return;
   }
   try {
@@ -73,21 +73,21 @@ void verify_camera(const Take& take, int camera, const TakeVerifyOptions& option
   }
 }
 
-void verify_timeline(const Take& take, TakeReport& report) {
+void verify_timeline(const Take& take, TakeFixityReport& report) {
   if (!fs::exists(take.folder() / kTimelineFile)) return;
   try {
     read_timeline(take);
   } catch (const Error& error) {
     report.problems.push_back({std::string(kTimelineFile),
                                0,
-                               error.what_happened() + "; it can be made again: `raystage sync`",
+                               error.what_happened() + "; run `raystage sync` to write it anew",
                                {},
                                false});
   }
 }
 
-/// The nodes' accounts of how they recorded, TAKE/recording/NODE.json.
-void verify_recordings(const Take& take, TakeReport& report) {
+/// Checks the recording reports of the nodes, TAKE/recording/NODE.json.
+void verify_recordings(const Take& take, TakeFixityReport& report) {
   const fs::path folder = take.folder() / "recording";
   const auto complain = [&](const fs::path& file, const std::string& what) {
     report.problems.push_back(
@@ -96,7 +96,7 @@ void verify_recordings(const Take& take, TakeReport& report) {
   std::error_code error;
   if (fs::symlink_status(folder, error).type() == fs::file_type::not_found) return;
   std::vector<fs::path> files;
-  // Not a range-based for: its steps would throw.
+  // Not a range-based for: its increment would throw.
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error)) {
     if (entry->path().extension() == ".json") files.push_back(entry->path());
@@ -108,7 +108,7 @@ void verify_recordings(const Take& take, TakeReport& report) {
       read_recording(file);
     } catch (const Error& failure) {
       complain(file, failure.what_happened() +
-                         "; no frame depends on this account, and nothing makes it anew: "
+                         "; no frame depends on this report, and it cannot be generated: "
                          "restore it from a copy");
     }
   }
@@ -116,18 +116,18 @@ void verify_recordings(const Take& take, TakeReport& report) {
 
 }  // namespace
 
-std::uint64_t TakeReport::bytes() const {
+std::uint64_t TakeFixityReport::bytes() const {
   std::uint64_t sum = 0;
   for (const Camera& camera : cameras) sum += camera.bytes;
   return sum;
 }
 
-bool TakeReport::whole() const {
+bool TakeFixityReport::whole() const {
   return problems.empty() && readable() && !stopped &&
          std::ranges::all_of(cameras, [](const Camera& c) { return c.report.whole(); });
 }
 
-bool TakeReport::readable() const {
+bool TakeFixityReport::readable() const {
   return std::ranges::all_of(cameras, [](const Camera& c) { return c.error.empty(); });
 }
 
@@ -142,12 +142,12 @@ ArchivePair describe_pair(const Take& take, int camera) {
   return pair;
 }
 
-TakeReport verify_take(const fs::path& folder, const TakeVerifyOptions& given) {
+TakeFixityReport verify_take(const fs::path& folder, const TakeVerifyOptions& given) {
   const auto start = std::chrono::steady_clock::now();
   TakeVerifyOptions options = given;
-  if (options.decode) options.depth = VerifyDepth::kHashes;  // only there frames are read
+  if (options.decode) options.depth = VerifyDepth::kHashes;  // only this depth reads frames
   const Take take(folder);
-  TakeReport report;
+  TakeFixityReport report;
   const auto cameras = static_cast<std::size_t>(take.camera_count());
   report.cameras.resize(cameras);
   for (std::size_t i = 0; i < cameras; ++i) {
@@ -157,7 +157,7 @@ TakeReport verify_take(const fs::path& folder, const TakeVerifyOptions& given) {
         size_of(take.folder() / entry.archive) + size_of(take.folder() / entry.journal);
   }
   Share share(report.bytes(), options.progress);
-  // One camera a thread, in order, so that a disk reads its files from end to end.
+  // One camera per thread, in order, so that a disk reads its files sequentially.
   const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
   parallel_for_in_order(
       cameras, threads, [&] { return options.stop.stop_requested(); },
@@ -165,7 +165,7 @@ TakeReport verify_take(const fs::path& folder, const TakeVerifyOptions& given) {
         verify_camera(take, static_cast<int>(i), options, share, report.cameras[i]);
       });
   report.stopped = options.stop.stop_requested();
-  // The timeline stands on the frame tables: it can be judged only where these are right.
+  // The timeline depends on the frame tables: it can be checked only if these are intact.
   if (!report.stopped && options.depth != VerifyDepth::kSizes && report.whole()) {
     verify_timeline(take, report);
   }

@@ -12,36 +12,36 @@
 
 namespace raystage {
 
-/// How a take is verified; files are mapped and read once, cameras in parallel.
+/// Settings of verify_take(). Files are mapped and read once, cameras in parallel.
 struct TakeVerifyOptions {
   VerifyDepth depth = VerifyDepth::kHashes;
-  bool decode = false;  ///< every JPEG too; looks as closely as kHashes, whatever `depth` says
+  bool decode = false;                   ///< also decode every JPEG; implies kHashes
   std::function<void(double)> progress;  ///< called with the share done, 0 to 1, from any thread
   std::stop_token stop;
 };
 
-/// What there is to say about a take; problems name files relative to its folder.
-struct TakeReport {
+/// The problems of a take, with file names relative to its folder.
+struct TakeFixityReport {
   struct Camera {
     std::string id;
     std::uint64_t bytes = 0;  ///< of archive and journal together
-    ArchiveReport report;
-    std::string error;  ///< why the files cannot be judged at all; empty when they can
+    ArchiveFixityReport report;
+    std::string error;  ///< why the files cannot be verified; empty if they can
   };
   std::vector<Camera> cameras;
-  std::vector<Problem> problems;  ///< of the take as such
-  double seconds = 0;             ///< wall time
-  bool stopped = false;           ///< by options.stop: the report is not complete
+  std::vector<FixityProblem> problems;  ///< of the take itself
+  double seconds = 0;                   ///< wall time
+  bool stopped = false;                 ///< by options.stop: the report is incomplete
 
   std::uint64_t bytes() const;
-  bool whole() const;     ///< nothing was found
-  bool readable() const;  ///< no camera has an error
+  bool whole() const;     ///< whether there is no problem
+  bool readable() const;  ///< whether no camera has an error
 };
 
-/// Throws Error (bad input) where take.json or rig.json cannot be read.
-TakeReport verify_take(const std::filesystem::path& folder, const TakeVerifyOptions& given);
+/// Verifies a take. Throws Error (bad input) if take.json or rig.json cannot be read.
+TakeFixityReport verify_take(const std::filesystem::path& folder, const TakeVerifyOptions& given);
 
-/// The archive and journal of a camera as the documents describe them, under their names there.
+/// Returns the archive and journal of a camera as the documents describe and name them.
 ArchivePair describe_pair(const Take& take, int camera);
 
 }  // namespace raystage

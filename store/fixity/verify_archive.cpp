@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Verifies an archive against its journal. Generates header, cluster headers and Cues from the
+// records and compares them byte by byte, then checks the XXH3 of each JPEG. Input: the bytes of
+// both files; output: problems with offsets and frames. Cost: O(bytes); at depth kJournal without
+// the JPEG bytes.
 #include "store/fixity/verify_archive.h"
 
 #include <fmt/format.h>
@@ -34,7 +38,7 @@ class Verifier {
                      !std::ranges::equal(field(archive_), field(expected));
   }
 
-  ArchiveReport run() {
+  ArchiveFixityReport run() {
     if (!check_journal_header()) return std::move(report_);
     if (!can_read(archive_.first(std::min(archive_.size(), header_.bytes.size())))) {
       add(pair_.archive_name, 0, "the disk cannot read the header");
@@ -49,14 +53,14 @@ class Verifier {
   }
 
  private:
-  Problem* add(const std::string& file, std::uint64_t offset, std::string what,
-               std::vector<AffectedFrame> frames = {}) {
-    if (report_.problems.size() >= kMostProblems) {
-      ++report_.more_problems;
+  FixityProblem* add(const std::string& file, std::uint64_t offset, std::string what,
+                     std::vector<AffectedFrame> frames = {}) {
+    if (report_.problems.size() >= kMaxProblems) {
+      ++report_.omitted_problems;
       return nullptr;
     }
     return &report_.problems.emplace_back(
-        Problem{file, offset, std::move(what), std::move(frames), false});
+        FixityProblem{file, offset, std::move(what), std::move(frames), false});
   }
 
   bool can_read(Bytes part) const { return !options_.can_read || options_.can_read(part); }
@@ -64,10 +68,10 @@ class Verifier {
     if (options_.progress) options_.progress(bytes);
   }
 
-  // False where it makes no sense to go on.
+  // Returns false if verification cannot continue.
   bool check_journal_header() {
     if (!pair_.journal) {
-      add(pair_.journal_name, 0, "the journal is missing: no frame has its hash");
+      add(pair_.journal_name, 0, "the journal is missing: no frame can be verified");
       return true;
     }
     const Bytes journal = *pair_.journal;
@@ -81,7 +85,7 @@ class Verifier {
     if (std::ranges::equal(found, expected)) return true;
     if (journal::decode_header(journal, pair_.journal_name)) {
       add(pair_.journal_name, first_difference(found, expected),
-          "this is the journal of another camera or take");
+          "the journal is of another camera or take");
       return false;
     }
     add(pair_.journal_name, first_difference(found, expected),
@@ -98,7 +102,7 @@ class Verifier {
   void check_frame(const FrameRecord& record);
   void check_decoded(Bytes jpeg, const FrameRecord& record, const AffectedFrame& affected);
   void check_end();
-  void check_header(const matroska::Closing& closing);
+  void check_header(const matroska::Trailer& closing);
   void take_frame(Nanoseconds time, std::size_t cluster, std::size_t end);
   bool report_cut_off();
   void report_not_closed(std::string what);
@@ -119,11 +123,11 @@ class Verifier {
   std::uint64_t cut_end_ = 0;
   std::size_t torn_journal_bytes_ = 0;
   JpegDecoder decoder_;
-  ArchiveReport report_;
+  ArchiveFixityReport report_;
 };
 
 void Verifier::report_not_closed(std::string what) {
-  Problem* problem = add(pair_.archive_name, cursor_, std::move(what));
+  FixityProblem* problem = add(pair_.archive_name, cursor_, std::move(what));
   if (problem != nullptr) problem->not_closed = true;
 }
 
@@ -145,7 +149,7 @@ void Verifier::check_sizes() {
   }
   if (archive_.size() < end) {
     add(pair_.archive_name, archive_.size(),
-        fmt::format("the archive ends here, its last frame should at {}", end));
+        fmt::format("the archive ends here, but its last frame ends at {}", end));
     return;
   }
   if (!claims_closed_) {
@@ -156,7 +160,7 @@ void Verifier::check_sizes() {
   const auto said = matroska::make_segment_size(archive_.size() - header_.segment_data_offset);
   if (!std::ranges::equal(said, archive_.subspan(header_.segment_size_offset, said.size()))) {
     add(pair_.archive_name, header_.segment_size_offset,
-        "the archive does not have the size that its header says");
+        "the size of the archive differs from the one in its header");
   }
 }
 
@@ -184,15 +188,15 @@ void Verifier::check_slot(std::uint64_t at, Bytes slot) {
     }
   };
   if (!record) {
-    complain("the record fails its check: what it says of its frame is not to be trusted");
+    complain("the record fails its check: its data on the frame are not reliable");
   } else if (record->time_ns < last_time_ || record->time_ns > matroska::kMaxTime) {
-    complain("the record's time does not follow the one before it");
+    complain("the record's time is not after the previous one");
   } else if (record->status == FrameStatus::kStored) {
     check_stored(at, *record);
   } else {
     last_time_ = record->time_ns;
     if (record->offset != 0 || record->size != 0 || record->xxh3 != 0) {
-      complain("the record of a missing frame names bytes in the archive");
+      complain("the record of a missing frame refers to bytes in the archive");
     }
   }
 }
@@ -201,14 +205,14 @@ void Verifier::check_stored(std::uint64_t at, const FrameRecord& record) {
   constexpr std::size_t kHeader = matroska::kClusterHeaderBytes;
   if (record.time_ns <= last_stored_time_ || record.size == 0 ||
       record.offset < cursor_ + kHeader) {
-    add(pair_.journal_name, at, "the record names bytes of another frame, or none");
+    add(pair_.journal_name, at, "the record refers to another frame's bytes, or none");
     return;
   }
   last_time_ = record.time_ns;
   if (record.offset > archive_.size() || record.size > archive_.size() - record.offset) {
     cut_off_.push_back(
         {report_.frames + static_cast<std::int64_t>(cut_off_.size()), record.time_ns});
-    constexpr std::uint64_t kLargestFile = std::uint64_t{1} << 55;  // that Matroska can tell of
+    constexpr std::uint64_t kLargestFile = std::uint64_t{1} << 55;  // that Matroska can describe
     if (record.offset < kLargestFile) {
       cut_cues_.push_back({record.time_ns, record.offset - kHeader});
       cut_end_ = record.offset + record.size;
@@ -229,18 +233,18 @@ void Verifier::take_frame(Nanoseconds time, std::size_t cluster, std::size_t end
   ++report_.frames;
 }
 
-// Bytes that no good record speaks of: the frames of damaged ones, or damage.
+// Checks bytes without an intact record: the frames of damaged records, or damage.
 void Verifier::check_gap(std::size_t end) {
   std::vector<AffectedFrame> found;
   while (cursor_ < end) {
-    const auto frame = matroska::cluster_at(archive_.first(end), cursor_);
+    const auto frame = matroska::parse_cluster(archive_.first(end), cursor_);
     if (!frame) break;
     found.push_back({report_.frames, frame->time});
     take_frame(frame->time, cursor_, frame->offset + frame->size);
   }
   if (cursor_ < end) {
     add(pair_.archive_name, cursor_,
-        fmt::format("{} bytes that are no whole frame, where the journal has no good record",
+        fmt::format("{} bytes that are not a whole frame, without an intact journal record",
                     end - cursor_));
     for (const auto& frame : matroska::scan_clusters(archive_, cursor_, end)) {
       found.push_back({report_.frames, frame.time});
@@ -273,7 +277,7 @@ void Verifier::check_frame(const FrameRecord& record) {
   if (options_.depth == VerifyDepth::kHashes &&
       XXH3_64bits(jpeg.data(), jpeg.size()) != record.xxh3) {
     add(pair_.archive_name, offset,
-        fmt::format("the {} bytes of a frame are not the recorded ones: its XXH3 differs",
+        fmt::format("the {} bytes of a frame differ from the recorded ones: wrong XXH3",
                     jpeg.size()),
         {affected});
   }
@@ -286,7 +290,7 @@ void Verifier::check_decoded(Bytes jpeg, const FrameRecord& record, const Affect
     const RgbImage image = decoder_.decode(jpeg, pair_.archive_name);
     if (image.width == pair_.description.width && image.height == pair_.description.height) return;
     add(pair_.archive_name, record.offset,
-        fmt::format("a frame has {} x {} pixels where the camera has {} x {}", image.width,
+        fmt::format("a frame has {} x {} pixels, but the camera has {} x {}", image.width,
                     image.height, pair_.description.width, pair_.description.height),
         {affected});
   } catch (const Error& error) {
@@ -295,32 +299,32 @@ void Verifier::check_decoded(Bytes jpeg, const FrameRecord& record, const Affect
   }
 }
 
-// Of a cut archive the journal still says what the header was, so this stays one problem.
+// The journal still gives the header of a truncated archive, so this is a single problem.
 bool Verifier::report_cut_off() {
   if (cut_off_.empty()) return false;
   std::string what = fmt::format(
       "the archive ends here; frames that the journal lists are lost: {}", cut_off_.size());
   add(pair_.archive_name, archive_.size(), std::move(what), std::move(cut_off_));
   cues_.insert(cues_.end(), cut_cues_.begin(), cut_cues_.end());
-  check_header(matroska::make_closing(cues_, header_, std::max<std::uint64_t>(cut_end_, cursor_)));
+  check_header(matroska::make_trailer(cues_, header_, std::max<std::uint64_t>(cut_end_, cursor_)));
   if (!claims_closed_) report_not_closed("the recording was not closed");
   return true;
 }
 
-// What lies behind the last frame that the journal speaks of.
+// Checks the bytes after the last frame that the journal lists.
 void Verifier::check_end() {
   const Bytes cues_and_more = archive_.subspan(std::min(cursor_, archive_.size()));
   if (!can_read(cues_and_more)) {
-    add(pair_.archive_name, cursor_, "the disk cannot read what follows the frames");
+    add(pair_.archive_name, cursor_, "the disk cannot read the bytes after the frames");
     return;
   }
   std::vector<AffectedFrame> unlisted;
-  while (const auto frame = matroska::cluster_at(archive_, cursor_)) {
+  while (const auto frame = matroska::parse_cluster(archive_, cursor_)) {
     unlisted.push_back({report_.frames, frame->time});
     take_frame(frame->time, cursor_, frame->offset + frame->size);
   }
   for (const std::size_t problem : damaged_records_) report_.problems[problem].frames = unlisted;
-  // A crash between a frame and its record leaves one; more are damage.
+  // A crash between a frame and its record leaves one such frame; more are damage.
   const bool as_a_crash = !claims_closed_ && damaged_records_.empty() && pair_.journal;
   if (!unlisted.empty() && !as_a_crash && damaged_records_.empty()) {
     add(pair_.journal_name, pair_.journal ? pair_.journal->size() : 0,
@@ -331,7 +335,7 @@ void Verifier::check_end() {
         "the journal ends within a record");
   }
 
-  const auto closing = matroska::make_closing(cues_, header_, cursor_);
+  const auto closing = matroska::make_trailer(cues_, header_, cursor_);
   check_header(closing);
   const Bytes tail = archive_.subspan(std::min(cursor_, archive_.size()));
   if (!claims_closed_) {
@@ -347,15 +351,15 @@ void Verifier::check_end() {
   if (std::ranges::equal(tail, closing.cues)) return;
   const std::size_t at = first_difference(tail, closing.cues);
   std::string what = at == closing.cues.size()
-                         ? fmt::format("{} bytes too many behind the Cues", tail.size() - at)
+                         ? fmt::format("{} surplus bytes after the Cues", tail.size() - at)
                      : at == tail.size() ? std::string("the archive ends within its Cues")
                                          : std::string("the Cues are damaged");
   add(pair_.archive_name, cursor_ + at,
-      what + "; other programs may seek wrongly, no frame is hit");
+      what + "; other programs may seek wrongly, no frame is affected");
 }
 
-void Verifier::check_header(const matroska::Closing& closing) {
-  for (Damage& damage : header_damage(archive_, header_, closing, claims_closed_)) {
+void Verifier::check_header(const matroska::Trailer& closing) {
+  for (Damage& damage : find_header_damage(archive_, header_, closing, claims_closed_)) {
     add(pair_.archive_name, damage.offset, std::move(damage.what));
   }
 }
@@ -377,7 +381,7 @@ std::uint32_t journal_version(Bytes journal, std::string_view name) {
   return good(1) > good(2) ? 1 : 2;
 }
 
-ArchiveReport verify_archive(const ArchivePair& pair, const VerifyOptions& options) {
+ArchiveFixityReport verify_archive(const ArchivePair& pair, const VerifyOptions& options) {
   return Verifier(pair, options).run();
 }
 

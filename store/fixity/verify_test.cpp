@@ -25,14 +25,14 @@ using test::PairBytes;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-ArchiveReport verify(const PairBytes& bytes, VerifyDepth depth = VerifyDepth::kHashes) {
+ArchiveFixityReport verify(const PairBytes& bytes, VerifyDepth depth = VerifyDepth::kHashes) {
   VerifyOptions options;
   options.depth = depth;
   return verify_archive(bytes.pair(), options);
 }
 
-bool is_damaged(const ArchiveReport& report) {
-  return std::ranges::count(report.problems, false, &Problem::not_closed) > 0;
+bool is_damaged(const ArchiveFixityReport& report) {
+  return std::ranges::count(report.problems, false, &FixityProblem::not_closed) > 0;
 }
 
 constexpr VerifyDepth kDepths[] = {VerifyDepth::kSizes, VerifyDepth::kJournal,
@@ -42,7 +42,7 @@ TEST(VerifyArchive, NothingIsWrongWithWholeOnes) {
   for (const unsigned frames : {0u, 1u, 2u, 7u, 30u}) {
     for (const VerifyDepth depth : kDepths) {
       const PairBytes pair = make_pair(frames, true);
-      const ArchiveReport report = verify(pair, depth);
+      const ArchiveFixityReport report = verify(pair, depth);
       EXPECT_TRUE(report.whole()) << frames << ": " << report.problems[0].what;
       EXPECT_EQ(report.frames, depth == VerifyDepth::kSizes ? 0 : frames);
       EXPECT_TRUE(verify(test::with_journal_v1(pair), depth).whole());
@@ -65,7 +65,7 @@ TEST(VerifyArchive, AfterACrashItIsNotClosedAndNothingElse) {
     no_record.archive.resize(no_record.archive.size() + 100);
     for (const PairBytes& pair : {whole, torn_frame, torn_record, no_record}) {
       for (const VerifyDepth depth : kDepths) {
-        const ArchiveReport report = verify(pair, depth);
+        const ArchiveFixityReport report = verify(pair, depth);
         ASSERT_EQ(report.problems.size(), 1u) << report.problems[0].what;
         EXPECT_TRUE(report.problems[0].not_closed);
         EXPECT_THAT(report.problems[0].what, HasSubstr("not closed"));
@@ -117,16 +117,16 @@ TEST(VerifyArchive, SaysWhereAndWhichFrame) {
   ASSERT_EQ(fourth.time_ns, test::frame_time(3));
   const AffectedFrame affected{3, fourth.time_ns};
   const auto only_problem = [](const PairBytes& pair,
-                               VerifyDepth depth = VerifyDepth::kHashes) -> Problem {
-    const ArchiveReport report = verify(pair, depth);
+                               VerifyDepth depth = VerifyDepth::kHashes) -> FixityProblem {
+    const ArchiveFixityReport report = verify(pair, depth);
     EXPECT_EQ(report.problems.size(), 1u);
-    return report.problems.empty() ? Problem{} : report.problems[0];
+    return report.problems.empty() ? FixityProblem{} : report.problems[0];
   };
   {
     PairBytes pair = whole;
     pair.archive[fourth.offset + 11] ^= std::byte{4};
     EXPECT_TRUE(verify(pair, VerifyDepth::kJournal).whole());
-    const Problem problem = only_problem(pair);
+    const FixityProblem problem = only_problem(pair);
     EXPECT_EQ(problem.file, "r0c0.mkv");
     EXPECT_EQ(problem.offset, fourth.offset);
     EXPECT_THAT(problem.what, HasSubstr("XXH3"));
@@ -136,7 +136,7 @@ TEST(VerifyArchive, SaysWhereAndWhichFrame) {
     PairBytes pair = whole;
     pair.archive[fourth.offset - 20] ^= std::byte{4};
     EXPECT_TRUE(verify(pair, VerifyDepth::kSizes).whole());
-    const Problem problem = only_problem(pair, VerifyDepth::kJournal);
+    const FixityProblem problem = only_problem(pair, VerifyDepth::kJournal);
     EXPECT_EQ(problem.offset, fourth.offset - 20);
     EXPECT_THAT(problem.what, HasSubstr("Matroska header of a frame"));
     EXPECT_THAT(problem.frames, ElementsAre(affected));
@@ -145,7 +145,7 @@ TEST(VerifyArchive, SaysWhereAndWhichFrame) {
     PairBytes pair = whole;
     const std::size_t at = journal::kHeaderBytes + 4 * journal::kRecordBytes;
     pair.journal[at + 40] ^= std::byte{4};
-    const Problem problem = only_problem(pair, VerifyDepth::kJournal);
+    const FixityProblem problem = only_problem(pair, VerifyDepth::kJournal);
     EXPECT_EQ(problem.file, "r0c0.journal");
     EXPECT_EQ(problem.offset, at);
     EXPECT_THAT(problem.frames, ElementsAre(affected));
@@ -158,7 +158,7 @@ TEST(VerifyArchive, SaysWhereAndWhichFrame) {
   {
     PairBytes pair = whole;
     pair.archive[pair.archive.size() - 3] ^= std::byte{4};
-    const Problem problem = only_problem(pair, VerifyDepth::kJournal);
+    const FixityProblem problem = only_problem(pair, VerifyDepth::kJournal);
     EXPECT_EQ(problem.offset, pair.archive.size() - 3);
     EXPECT_THAT(problem.what, HasSubstr("Cues"));
   }
@@ -166,7 +166,7 @@ TEST(VerifyArchive, SaysWhereAndWhichFrame) {
     PairBytes pair = whole;
     pair.archive.resize(fourth.offset + 10);
     EXPECT_EQ(only_problem(pair, VerifyDepth::kSizes).offset, pair.archive.size());
-    const Problem problem = only_problem(pair);
+    const FixityProblem problem = only_problem(pair);
     EXPECT_EQ(problem.offset, pair.archive.size());
     EXPECT_THAT(problem.what, HasSubstr("are lost: 4"));
     ASSERT_EQ(problem.frames.size(), 4u);
@@ -188,7 +188,7 @@ TEST(VerifyArchive, SaysWhereAndWhichFrame) {
     auto other = test::description();
     other.camera_id = "r0c1";
     std::ranges::copy(journal::encode_header(other), pair.journal.begin());
-    EXPECT_THAT(only_problem(pair).what, HasSubstr("journal of another camera"));
+    EXPECT_THAT(only_problem(pair).what, HasSubstr("journal is of another camera"));
   }
 }
 
@@ -198,9 +198,9 @@ TEST(VerifyArchive, KeepsTheListShort) {
   for (const FrameRecord& record : journal::decode(whole.journal, "journal").records) {
     if (record.status == FrameStatus::kStored) pair.archive[record.offset] ^= std::byte{1};
   }
-  const ArchiveReport report = verify(pair);
-  EXPECT_EQ(report.problems.size(), kMostProblems);
-  EXPECT_EQ(report.more_problems, 500u);
+  const ArchiveFixityReport report = verify(pair);
+  EXPECT_EQ(report.problems.size(), kMaxProblems);
+  EXPECT_EQ(report.omitted_problems, 500u);
 }
 
 struct VerifyTake : testing::Test {
@@ -212,7 +212,7 @@ struct VerifyTake : testing::Test {
     test::write_take(take, times, 20);
     write_timeline(build_timeline(Take(take), 0, 0), take);
   }
-  TakeReport verify(VerifyDepth depth = VerifyDepth::kHashes) const {
+  TakeFixityReport verify(VerifyDepth depth = VerifyDepth::kHashes) const {
     TakeVerifyOptions options;
     options.depth = depth;
     return verify_take(take, options);
@@ -237,7 +237,7 @@ TEST_F(VerifyTake, NothingIsWrongWithAWholeOne) {
       const std::scoped_lock lock(mutex);
       done = std::max(done, share);
     };
-    const TakeReport report = verify_take(take, options);
+    const TakeFixityReport report = verify_take(take, options);
     EXPECT_TRUE(report.whole());
     EXPECT_EQ(report.cameras.size(), 3u);
     EXPECT_EQ(done, 1);
@@ -253,7 +253,7 @@ TEST_F(VerifyTake, FindsAThousandRandomFlips) {
     const std::string& file = files[random() % files.size()];
     const std::size_t bit = random();
     damage(file, bit);
-    const TakeReport report = verify();
+    const TakeFixityReport report = verify();
     ASSERT_FALSE(report.whole()) << file << " bit " << bit;
     ASSERT_TRUE(report.readable());
     for (const auto& camera : report.cameras) {
@@ -270,7 +270,7 @@ TEST_F(VerifyTake, MissingFilesAndATimelineThatDoesNotFit) {
   bytes.pop_back();
   test::overwrite(take / "timeline.zst", bytes);
   EXPECT_TRUE(verify(VerifyDepth::kSizes).whole());
-  TakeReport report = verify(VerifyDepth::kJournal);
+  TakeFixityReport report = verify(VerifyDepth::kJournal);
   ASSERT_EQ(report.problems.size(), 1u);
   EXPECT_EQ(report.problems[0].file, "timeline.zst");
   std::filesystem::remove(take / "timeline.zst");
@@ -300,7 +300,7 @@ TEST_F(VerifyTake, EveryNodesAccountMustBeReadable) {
   for (const std::string& damaged : {whole.substr(0, whole.size() / 2), future, std::string()}) {
     write_file_atomically(take / "recording/two.json", damaged);
     for (const VerifyDepth depth : kDepths) {
-      const TakeReport report = verify(depth);
+      const TakeFixityReport report = verify(depth);
       EXPECT_FALSE(report.whole()) << damaged;
       ASSERT_EQ(report.problems.size(), 1u);
       EXPECT_EQ(report.problems[0].file, "recording/two.json");
@@ -312,7 +312,7 @@ TEST_F(VerifyTake, AFutureJournalCannotBeJudged) {
   const TakeDocument document = test::take_document(3);
   test::overwrite(take / "archive/c1.journal",
                   journal::encode_header({"c1", 320, 240, document.epoch_utc}, 9));
-  const TakeReport report = verify();
+  const TakeFixityReport report = verify();
   EXPECT_FALSE(report.readable());
   EXPECT_THAT(report.cameras[1].error, HasSubstr("version 9"));
 }
@@ -332,7 +332,7 @@ TEST(VerifyDecode, LooksAtThePictures) {
   TakeVerifyOptions options;
   EXPECT_TRUE(verify_take(take, options).whole());
   options.decode = true;
-  const TakeReport report = verify_take(take, options);
+  const TakeFixityReport report = verify_take(take, options);
   const auto& problems = report.cameras[0].report.problems;
   ASSERT_EQ(problems.size(), 2u);
   for (const VerifyDepth depth : kDepths) {  // decoding is the deepest look, whatever is asked for

@@ -3,8 +3,8 @@
 
 #include <cassert>
 
+#include "store/jpeg/convert_to_linear.h"
 #include "store/jpeg/libjpeg.h"
-#include "store/jpeg/linear_pixels.h"
 #include "store/jpeg/scan_decoder.h"
 
 namespace raystage {
@@ -18,14 +18,14 @@ JpegDecoder::~JpegDecoder() = default;
 JpegDecoder::JpegDecoder(JpegDecoder&&) noexcept = default;
 
 RgbImage JpegDecoder::decode(std::span<const std::byte> jpeg, std::string_view name) {
-  const JpegLayout layout = parse_jpeg_layout(jpeg, name);  // its errors say more, and where
+  const JpegLayout layout = parse_jpeg_layout(jpeg, name);  // its errors are more specific
   RgbImage image;
   image.width = layout.width;
   image.height = layout.height;
   const std::size_t row_bytes = 3 * static_cast<std::size_t>(layout.width);
   image.pixels.resize(row_bytes * static_cast<std::size_t>(layout.height));
-  // A new one each time: libjpeg keeps tables from frame to frame, and a frame that lacks its own
-  // would be decoded by a stranger's.
+  // A new one per frame: libjpeg keeps tables between frames, and a frame without its own would be
+  // decoded with those of another one.
   libjpeg::Decompressor decompressor;
   jpeg_decompress_struct& info = decompressor.info;
   libjpeg::ErrorManager& errors = decompressor.errors;

@@ -16,31 +16,34 @@ namespace raystage {
 /// One byte per MCU in raster order, non-zero = wanted.
 using McuMask = std::vector<std::uint8_t>;
 
-/// Linear light of each 8-bit code per channel R, G, B; full scale 1 = 65535.
+/// The linear light of each 8-bit code, per channel R, G, B; 65535 stands for 1.
 struct LinearTable {
   std::uint16_t code[3][256];
 };
 
-/// Decodes JPEG frames, whole or only the segments that hold wanted MCUs. One per thread: holds
-/// libjpeg-turbo's state and scratch memory for reuse.
+/// Decodes JPEG frames, whole or only the segments with wanted MCUs. Use one per thread: it reuses
+/// libjpeg-turbo's state and scratch memory.
 class JpegDecoder {
  public:
   JpegDecoder();
   ~JpegDecoder();
   JpegDecoder(JpegDecoder&&) noexcept;
 
-  /// The reference: libjpeg-turbo's own full decode (accurate DCT, smooth chroma upsampling).
-  /// Grey frames give R = G = B. Throws Error (bad input) for a damaged or truncated frame.
+  /// Returns the whole picture: the reference, libjpeg-turbo's full decode (accurate DCT, smooth
+  /// chroma upsampling). Grey frames give R = G = B. Throws Error (bad input) if the frame is
+  /// damaged or truncated.
   RgbImage decode(std::span<const std::byte> jpeg, std::string_view name);
 
-  /// Decodes what `wanted` asks for into `rgba_linear` (width * height * 4 uint16: R, G, B through
-  /// `table`, then 65535) and leaves other pixels untouched. Codes before the table are equal to
-  /// decode()'s in every wanted MCU whose neighbouring MCUs (8 around) are wanted too or lie
-  /// outside the image, and in the pixels of every wanted MCU at least 2 away from an MCU not
-  /// wanted. `layout` must be this file's. Each segment is decoded up to its last wanted MCU;
-  /// without restart markers that is the scan from its start, and where not layout.baseline_ycc
-  /// the whole picture. Returns the pixels entropy-decoded, in whole MCUs. Throws Error (bad input)
-  /// where what it decodes is damaged; damage elsewhere goes unnoticed.
+  /// Decodes the MCUs that `wanted` marks into `rgba_linear` and leaves other pixels untouched.
+  /// `rgba_linear` has width * height * 4 uint16: R, G, B through `table`, then 65535. `layout`
+  /// must be that of this file.
+  /// Codes before the table equal decode()'s in every wanted MCU whose 8 neighbouring MCUs are
+  /// wanted too or outside of the image. In other wanted MCUs they do in pixels at least 2 away
+  /// from an MCU not wanted.
+  /// Each segment is decoded up to its last wanted MCU. Without restart markers that is the scan
+  /// from its start; without layout.baseline_ycc it is the whole picture. Returns the number of
+  /// entropy-decoded pixels, in whole MCUs. Throws Error (bad input) if a decoded part is damaged;
+  /// damage elsewhere is not detected.
   std::int64_t decode_region(std::span<const std::byte> jpeg, const JpegLayout& layout,
                              const McuMask& wanted, const LinearTable& table,
                              std::span<std::uint16_t> rgba_linear, std::string_view name);

@@ -17,9 +17,9 @@
 namespace raystage {
 namespace {
 
-using test_images::encode_odd;
+using test_images::encode_jpeg_variant;
+using test_images::JpegVariant;
 using test_images::Kind;
-using test_images::OddJpeg;
 using Bytes = std::vector<std::byte>;
 
 constexpr std::uint16_t kUntouched = 12345;  // no value of the table
@@ -123,17 +123,17 @@ TEST(DecodeRegion, EqualsTheFullDecodeForEverySampling) {
                                        {8, 8}, {17, 16}, {33, 31}, {64, 48}, {131, 75}};
   for (const auto& [h, v] : samplings) {
     for (const auto& [width, height] : sizes) {
-      OddJpeg odd;
+      JpegVariant odd;
       odd.h[0] = h;
       odd.v[0] = v;
       odd.quality = 60 + (width * 7 + h) % 41;
       const RgbImage image = test_images::make(Kind::kMixed, width, height);
       for (const int interval : {0, 1, 2, 3, 5, 1000}) {
         odd.restart_interval = interval;
-        expect_regions(encode_odd(image, odd), std::to_string(width) + "x" +
-                                                   std::to_string(height) + " sampling " +
-                                                   std::to_string(h) + "x" + std::to_string(v) +
-                                                   " interval " + std::to_string(interval));
+        expect_regions(encode_jpeg_variant(image, odd),
+                       std::to_string(width) + "x" + std::to_string(height) + " sampling " +
+                           std::to_string(h) + "x" + std::to_string(v) + " interval " +
+                           std::to_string(interval));
       }
     }
   }
@@ -146,14 +146,14 @@ TEST(DecodeRegion, EqualsTheFullDecodeForUnusualSamplings) {
                               {3, 1, 1, 1, 1, 1}, {1, 3, 1, 1, 1, 1}, {2, 1, 2, 1, 2, 1}};
   for (const auto& sampling : samplings) {
     for (const int width : {3, 41, 100}) {
-      OddJpeg odd;
+      JpegVariant odd;
       for (int c = 0; c < 3; ++c) {
         odd.h[c] = sampling[2 * c];
         odd.v[c] = sampling[2 * c + 1];
       }
       odd.restart_interval = 3;
       const RgbImage image = test_images::make(Kind::kMixed, width, 53);
-      expect_regions(encode_odd(image, odd), ::testing::PrintToString(sampling));
+      expect_regions(encode_jpeg_variant(image, odd), ::testing::PrintToString(sampling));
     }
   }
 }
@@ -162,16 +162,16 @@ TEST(DecodeRegion, EqualsTheFullDecodeForEveryKindOfPicture) {
   for (const Kind kind : {Kind::kNoise, Kind::kGradient, Kind::kEdges, Kind::kMixed}) {
     for (const int quality : {1, 10, 50, 90, 100}) {
       for (const int interval : {0, 2, 13}) {
-        OddJpeg odd;
+        JpegVariant odd;
         odd.h[0] = odd.v[0] = 2;
         odd.quality = quality;
         odd.restart_interval = interval;
         odd.optimised = quality > 50;
         const RgbImage image = test_images::make(kind, 200, 130);
-        expect_regions(encode_odd(image, odd), std::to_string(quality));
+        expect_regions(encode_jpeg_variant(image, odd), std::to_string(quality));
         odd.h[0] = odd.v[0] = 1;
         odd.grey = quality == 90;
-        expect_regions(encode_odd(image, odd), std::to_string(quality));
+        expect_regions(encode_jpeg_variant(image, odd), std::to_string(quality));
       }
     }
   }
@@ -181,32 +181,32 @@ TEST(DecodeRegion, EqualsTheFullDecodeOnEveryInstructionSet) {
   const RgbImage image = test_images::make(Kind::kMixed, 200, 130);
   testing::for_each_simd_target(inverse_dct_target, [&] {
     for (const auto& [h, v] : {std::pair{1, 1}, {2, 1}, {1, 2}, {2, 2}}) {
-      OddJpeg odd;
+      JpegVariant odd;
       odd.h[0] = h;
       odd.v[0] = v;
       odd.restart_interval = 3;
-      expect_regions(encode_odd(image, odd), "sampling");
+      expect_regions(encode_jpeg_variant(image, odd), "sampling");
     }
   });
 }
 
 TEST(DecodeRegion, FallsBackToTheFullDecode) {
   const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
-  OddJpeg progressive, rgb, planes, arithmetic;
+  JpegVariant progressive, rgb, planes, arithmetic;
   progressive.progressive = rgb.rgb = arithmetic.arithmetic = true;
   planes.interleaved = false;
-  for (const OddJpeg& odd : {progressive, rgb, planes, arithmetic}) {
-    const Bytes jpeg = encode_odd(image, odd);
+  for (const JpegVariant& odd : {progressive, rgb, planes, arithmetic}) {
+    const Bytes jpeg = encode_jpeg_variant(image, odd);
     EXPECT_FALSE(parse_jpeg_layout(jpeg, "x").baseline_ycc);
     expect_regions(jpeg, "fall-back");
   }
 }
 
 TEST(DecodeRegion, ImpliesTheStandardHuffmanTables) {
-  OddJpeg odd;
+  JpegVariant odd;
   odd.restart_interval = 2;
   const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
-  expect_regions(test_images::without_huffman_tables(encode_odd(image, odd)), "no DHT");
+  expect_regions(test_images::without_huffman_tables(encode_jpeg_variant(image, odd)), "no DHT");
 }
 
 TEST(DecodeRegion, CountsWhatItDecodes) {

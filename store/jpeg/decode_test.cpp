@@ -15,9 +15,9 @@
 namespace raystage {
 namespace {
 
-using test_images::encode_odd;
+using test_images::encode_jpeg_variant;
+using test_images::JpegVariant;
 using test_images::Kind;
-using test_images::OddJpeg;
 using ::testing::HasSubstr;
 using Bytes = std::vector<std::byte>;
 
@@ -44,23 +44,24 @@ TEST(DecodeJpeg, IsLibjpegTurbosOwn) {
   JpegDecoder decoder;
   for (const int h : {1, 2}) {
     for (const int v : {1, 2}) {
-      OddJpeg odd;
+      JpegVariant odd;
       odd.h[0] = h;
       odd.v[0] = v;
-      const Bytes bytes = encode_odd(image, odd);
+      const Bytes bytes = encode_jpeg_variant(image, odd);
       EXPECT_EQ(decoder.decode(bytes, "x"), by_turbojpeg(bytes)) << h << v;
       odd.progressive = true;
-      EXPECT_EQ(decoder.decode(encode_odd(image, odd), "x"), by_turbojpeg(bytes)) << h << v;
+      EXPECT_EQ(decoder.decode(encode_jpeg_variant(image, odd), "x"), by_turbojpeg(bytes))
+          << h << v;
     }
   }
 }
 
 TEST(DecodeJpeg, GreyGivesEqualChannels) {
-  OddJpeg grey;
+  JpegVariant grey;
   grey.grey = true;
   JpegDecoder decoder;
   const RgbImage image =
-      decoder.decode(encode_odd(test_images::make(Kind::kMixed, 75, 43), grey), "x");
+      decoder.decode(encode_jpeg_variant(test_images::make(Kind::kMixed, 75, 43), grey), "x");
   for (std::size_t i = 0; i < image.pixels.size(); i += 3) {
     ASSERT_EQ(image.pixels[i], image.pixels[i + 1]);
     ASSERT_EQ(image.pixels[i], image.pixels[i + 2]);
@@ -68,20 +69,20 @@ TEST(DecodeJpeg, GreyGivesEqualChannels) {
 }
 
 TEST(DecodeJpeg, ImpliesTheStandardHuffmanTables) {
-  const Bytes with = encode_odd(test_images::make(Kind::kMixed, 75, 43), {});
+  const Bytes with = encode_jpeg_variant(test_images::make(Kind::kMixed, 75, 43), {});
   const Bytes without = test_images::without_huffman_tables(with);
   ASSERT_LT(without.size(), with.size());
   JpegDecoder decoder;
   const RgbImage expected = decoder.decode(with, "x");
   EXPECT_EQ(decoder.decode(without, "x"), expected);
-  OddJpeg optimised;
+  JpegVariant optimised;
   optimised.optimised = true;
-  decoder.decode(encode_odd(test_images::make(Kind::kGradient, 75, 43), optimised), "x");
+  decoder.decode(encode_jpeg_variant(test_images::make(Kind::kGradient, 75, 43), optimised), "x");
   EXPECT_EQ(decoder.decode(without, "x"), expected);  // not by the tables of the frame before
 }
 
 TEST(DecodeJpeg, AcceptsFillerAtTheEndOfTheScanOnly) {
-  const Bytes bytes = encode_odd(test_images::make(Kind::kMixed, 75, 43), {});
+  const Bytes bytes = encode_jpeg_variant(test_images::make(Kind::kMixed, 75, 43), {});
   JpegDecoder decoder;
   const RgbImage image = decoder.decode(bytes, "x");
   Bytes padded = bytes;
@@ -94,7 +95,7 @@ TEST(DecodeJpeg, AcceptsFillerAtTheEndOfTheScanOnly) {
 
 TEST(DecodeJpeg, RefusesDamageAndGoesOnWithTheNextFrame) {
   const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
-  const Bytes bytes = encode_odd(image, {});
+  const Bytes bytes = encode_jpeg_variant(image, {});
   JpegDecoder decoder;
   const RgbImage expected = decoder.decode(bytes, "x");
   Bytes cut = bytes;
@@ -113,7 +114,7 @@ TEST(DecodeJpeg, RefusesDamageAndGoesOnWithTheNextFrame) {
 
 TEST(DecodeJpeg, CanBeMoved) {
   JpegDecoder first;
-  const Bytes bytes = encode_odd(test_images::make(Kind::kMixed, 20, 20), {});
+  const Bytes bytes = encode_jpeg_variant(test_images::make(Kind::kMixed, 20, 20), {});
   const RgbImage image = first.decode(bytes, "x");
   JpegDecoder second = std::move(first);
   EXPECT_EQ(second.decode(bytes, "x"), image);

@@ -13,25 +13,28 @@ namespace {
 
 void check_restart_interval(int interval) {
   if (interval < -1 || interval > 65535)
-    throw Error::bad_input("a restart interval of " + std::to_string(interval) + " MCUs", "",
-                           "Use 1-65535, 0 for none or -1 for the default");
+    throw Error::bad_input(
+        "a restart interval of " + std::to_string(interval) + " MCUs is not possible", "",
+        "Use 1-65535, 0 for none or -1 for the default");
 }
 
 void check(const RgbImage& image, const JpegEncodeSettings& settings) {
   if (image.width < 1 || image.height < 1 || image.width > 65500 || image.height > 65500)
     throw Error::bad_input("a JPEG cannot have a size of " + std::to_string(image.width) + "x" +
                                std::to_string(image.height),
-                           "", "Use 1-65500 pixels a side");
+                           "", "Use 1-65500 pixels per side");
   if (image.pixels.size() !=
       3 * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height))
-    throw Error::bad_input("the image's pixels do not fill its size", "", "Use 3 bytes a pixel");
+    throw Error::bad_input("the image has too few or too many bytes for its size", "",
+                           "Use 3 bytes per pixel");
   if (settings.quality < 1 || settings.quality > 100)
-    throw Error::bad_input("a JPEG quality of " + std::to_string(settings.quality), "",
-                           "Use 1-100");
+    throw Error::bad_input(
+        "a JPEG quality of " + std::to_string(settings.quality) + " is not possible", "",
+        "Use 1-100");
   check_restart_interval(settings.restart_interval);
 }
 
-// Saved APPn and COM markers, written back as they were (JFIF and Adobe's among them).
+// Writes the saved APPn and COM markers unchanged (JFIF and Adobe included).
 void copy_markers(jpeg_decompress_struct& source, jpeg_compress_struct& target) {
   for (jpeg_saved_marker_ptr marker = source.marker_list; marker != nullptr; marker = marker->next)
     jpeg_write_marker(&target, marker->marker, marker->data, marker->data_length);
@@ -67,7 +70,7 @@ std::vector<std::byte> encode_jpeg(const RgbImage& image, const JpegEncodeSettin
     if (settings.progressive) jpeg_simple_progression(&info);
     jpeg_start_compress(&info, TRUE);
     while (info.next_scanline < info.image_height) {
-      // libjpeg's interface is not const, yet only reads.
+      // libjpeg only reads through this non-const pointer.
       JSAMPROW row = const_cast<JSAMPROW>(image.pixels.data() + info.next_scanline * row_bytes);
       jpeg_write_scanlines(&info, &row, 1);
     }

@@ -17,9 +17,9 @@
 namespace raystage {
 namespace {
 
-using test_images::encode_odd;
+using test_images::encode_jpeg_variant;
+using test_images::JpegVariant;
 using test_images::Kind;
-using test_images::OddJpeg;
 using Bytes = std::vector<std::byte>;
 using Chroma = JpegEncodeSettings::Chroma;
 
@@ -116,11 +116,11 @@ TEST(AddRestartMarkers, KeepsCoefficientsAndPixels) {
     for (const int h : {1, 2}) {
       for (const int v : {1, 2}) {
         for (const bool progressive : {false, true}) {
-          OddJpeg odd;
+          JpegVariant odd;
           odd.h[0] = h;
           odd.v[0] = v;
           odd.progressive = progressive;
-          const Bytes bytes = encode_odd(image, odd);
+          const Bytes bytes = encode_jpeg_variant(image, odd);
           for (const int interval : {-1, 1, 3})
             expect_same_picture(bytes, interval,
                                 std::to_string(width) + " " + std::to_string(h) +
@@ -133,20 +133,21 @@ TEST(AddRestartMarkers, KeepsCoefficientsAndPixels) {
 
 TEST(AddRestartMarkers, KeepsOddPictures) {
   const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
-  OddJpeg grey, rgb, planes, again, arithmetic;
+  JpegVariant grey, rgb, planes, again, arithmetic;
   grey.grey = rgb.rgb = arithmetic.arithmetic = true;
   planes.interleaved = false;
   again.restart_interval = 7;
-  expect_same_picture(encode_odd(image, grey), -1, "grey");
-  expect_same_picture(encode_odd(image, rgb), -1, "RGB");
-  expect_same_picture(encode_odd(image, planes), 2, "a scan per component");
-  expect_same_picture(encode_odd(image, again), 2, "other restart markers before");
-  expect_same_picture(encode_odd(image, arithmetic), 2, "arithmetic");
-  expect_same_picture(test_images::without_huffman_tables(encode_odd(image, {})), -1, "no DHT");
+  expect_same_picture(encode_jpeg_variant(image, grey), -1, "grey");
+  expect_same_picture(encode_jpeg_variant(image, rgb), -1, "RGB");
+  expect_same_picture(encode_jpeg_variant(image, planes), 2, "a scan per component");
+  expect_same_picture(encode_jpeg_variant(image, again), 2, "other restart markers before");
+  expect_same_picture(encode_jpeg_variant(image, arithmetic), 2, "arithmetic");
+  expect_same_picture(test_images::without_huffman_tables(encode_jpeg_variant(image, {})), -1,
+                      "no DHT");
 }
 
 TEST(AddRestartMarkers, KeepsApplicationMarkersAndComments) {
-  OddJpeg odd;
+  JpegVariant odd;
   odd.markers = true;
   const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
   const auto markers_of = [](const Bytes& jpeg) {
@@ -161,14 +162,14 @@ TEST(AddRestartMarkers, KeepsApplicationMarkersAndComments) {
     }
     return found;
   };
-  const Bytes before = encode_odd(image, odd);
+  const Bytes before = encode_jpeg_variant(image, odd);
   EXPECT_EQ(markers_of(before).size(), 3u);  // JFIF, APP1, COM
   EXPECT_EQ(markers_of(before), markers_of(add_restart_markers(before, -1, "x")));
 }
 
 TEST(AddRestartMarkers, RefusesDamage) {
   const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
-  Bytes bytes = encode_odd(image, {});
+  Bytes bytes = encode_jpeg_variant(image, {});
   EXPECT_THROW(add_restart_markers(Bytes(bytes.begin(), bytes.end() - 100), -1, "x"), Error);
   Bytes cut = bytes;  // with its EOI
   cut.erase(cut.end() - 300, cut.end() - 2);

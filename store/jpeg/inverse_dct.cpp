@@ -50,7 +50,7 @@ constexpr int k0298 = 2446, k0390 = 3196, k0541 = 4433, k0765 = 6270, k0899 = 73
               k1501 = 12299, k1847 = 15137, k1961 = 16069, k2053 = 16819, k2562 = 20995,
               k3072 = 25172;
 
-// Two rows lane by lane beside each other.
+// Two rows, interleaved lane by lane.
 struct Interleaved {
   Short lower, upper;
 };
@@ -74,7 +74,8 @@ HWY_INLINE Wide combine(Interleaved ab) {
   return {multiply_pairs(ab.lower, factors), multiply_pairs(ab.upper, factors)};
 }
 
-// a << kConstBits: a stands in the upper half of each int, then comes down with its sign.
+// Returns a << kConstBits: moves a to the upper half of each int, then shifts it back with its
+// sign.
 HWY_INLINE Wide scale_up(Short a) {
   const Interleaved high = interleave(hn::Zero(kShort), a);
   return {hn::ShiftRight<16 - kConstBits>(hn::BitCast(kInt, high.lower)),
@@ -87,7 +88,7 @@ HWY_INLINE Short descale(Wide a) {
                               hn::ShiftRight<kBits>(a.upper));
 }
 
-// The one-dimensional transform down the columns. `kBits`: scale taken out of the result.
+// The one-dimensional transform of the columns. `kBits`: scale removed from the result.
 template <int kBits>
 HWY_INLINE void transform(Short (&row)[8]) {
   const Wide rounding{hn::Set(kInt, 1 << (kBits - 1)), hn::Set(kInt, 1 << (kBits - 1))};
@@ -118,7 +119,7 @@ HWY_INLINE void transform(Short (&row)[8]) {
   row[4] = descale<kBits>(sum3 - odd0);
 }
 
-// Within each block of eight lanes.
+// Transposes each block of eight lanes.
 HWY_INLINE void transpose(Short (&row)[8]) {
   Interleaved words[4], pairs[4];
   for (int i = 0; i < 4; ++i) words[i] = interleave(row[i], row[i + 4]);  // columns of 2 rows
@@ -189,7 +190,7 @@ std::uint8_t dc_only_sample(std::int16_t dc) {
   return static_cast<std::uint8_t>(std::clamp(((scaled + 16) >> 5) + 128, 0, 255));
 }
 
-constexpr std::array<std::uint8_t, 80> kPairIndex = [] {
+constexpr std::array<std::uint8_t, 80> kZigzagToPairIndex = [] {
   std::array<std::uint8_t, 80> index{};
   int row = 0, column = 0;
   for (std::size_t k = 0; k < 64; ++k) {

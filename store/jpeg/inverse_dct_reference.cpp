@@ -7,14 +7,15 @@
 namespace raystage {
 namespace {
 
-// Loeffler, Ligtenberg and Moschytz' transform as jidctint.c of libjpeg has it: cosines times 2^13.
+// The transform of Loeffler, Ligtenberg and Moschytz as in libjpeg's jidctint.c: cosines times
+// 2^13.
 constexpr int kConstBits = 13, kPass1Bits = 2;
 constexpr std::int32_t k0298 = 2446, k0390 = 3196, k0541 = 4433, k0765 = 6270, k0899 = 7373,
                        k1175 = 9633, k1501 = 12299, k1847 = 15137, k1961 = 16069, k2053 = 16819,
                        k2562 = 20995, k3072 = 25172;
 
-// The SIMD form adds in 16 bits, which wrap, and packs results into 16 bits, which saturate; only
-// coefficients that no encoder writes show it.
+// The SIMD form adds with wrapping 16 bits and packs with saturation. This differs only for
+// coefficients that no encoder writes.
 std::int32_t add16(std::int32_t a, std::int32_t b) { return static_cast<std::int16_t>(a + b); }
 
 std::int16_t descale(std::int32_t value, int bits) {

@@ -88,9 +88,10 @@ TEST(InverseDct, LeavesOutAMissingSecondBlock) {
 
 TEST(InverseDct, ZigzagPositionsAreTheStandards) {
   const int first[] = {0, 1, 8, 16, 9, 2, 3, 10, 17, 24};  // T.81 figure A.6
-  for (std::size_t k = 0; k < 10; ++k) EXPECT_EQ(kPairIndex[k], first[k] / 8 * 16 + first[k] % 8);
-  EXPECT_EQ(kPairIndex[62], 7 * 16 + 6);
-  for (std::size_t k = 63; k < 80; ++k) EXPECT_EQ(kPairIndex[k], 7 * 16 + 7);
+  for (std::size_t k = 0; k < 10; ++k)
+    EXPECT_EQ(kZigzagToPairIndex[k], first[k] / 8 * 16 + first[k] % 8);
+  EXPECT_EQ(kZigzagToPairIndex[62], 7 * 16 + 6);
+  for (std::size_t k = 63; k < 80; ++k) EXPECT_EQ(kZigzagToPairIndex[k], 7 * 16 + 7);
 }
 
 }  // namespace

@@ -62,7 +62,7 @@ class LayoutParser {
 };
 
 void LayoutParser::read_header() {
-  markers_.expect_start();
+  markers_.read_soi();
   for (;;) {
     const Marker marker = markers_.next();
     const auto body = marker.body;
@@ -96,7 +96,7 @@ void LayoutParser::read_header() {
         read_scan(marker);
         return;
       case kMarkerEoi:
-        markers_.fail(marker.offset, "the JPEG ends before its picture");
+        markers_.fail(marker.offset, "the JPEG ends before its scan");
       default:
         break;
     }
@@ -134,7 +134,7 @@ void LayoutParser::read_frame(const Marker& marker) {
     layout_.h[c] = byte_at(body, at + 1) >> 4;
     layout_.v[c] = byte_at(body, at + 1) & 15;
     if (layout_.h[c] < 1 || layout_.h[c] > 4 || layout_.v[c] < 1 || layout_.v[c] > 4)
-      markers_.fail(marker.offset, "a sampling factor lies outside 1-4");
+      markers_.fail(marker.offset, "a sampling factor is outside of 1-4");
     h_max = std::max(h_max, layout_.h[c]);
     v_max = std::max(v_max, layout_.v[c]);
   }
@@ -160,7 +160,7 @@ void LayoutParser::read_scan(const Marker& marker) {
   layout_.scan_offset = marker.end;
 }
 
-// What jdapimin.c of libjpeg-turbo takes the components for.
+// Returns whether libjpeg-turbo (jdapimin.c) would treat the components as grey or YCbCr.
 bool LayoutParser::color_is_ycc() const {
   if (layout_.components == 1 || jfif_) return true;
   if (adobe_transform_ >= 0) return adobe_transform_ != 0;
@@ -185,17 +185,17 @@ void LayoutParser::find_segments() {
   const std::vector<std::uint32_t> found = find_restart_markers(jpeg_, layout_.scan_offset);
   const auto code_at = [&](std::size_t offset) { return byte_at(jpeg_, offset + 1); };
   if (found.empty() || (code_at(found.back()) & 0xF8) == 0xD0)
-    markers_.fail(jpeg_.size(), "the JPEG is cut short");
+    markers_.fail(jpeg_.size(), "the JPEG is truncated");
   layout_.scan_end = found.back();
   layout_.segment_offset.reserve(keep ? found.size() + 1 : 2);
   layout_.segment_offset.push_back(static_cast<std::uint32_t>(layout_.scan_offset));
   for (std::size_t i = 0; i + 1 < found.size(); ++i) {
     const int number = code_at(found[i]) - 0xD0, expected = static_cast<int>(i % 8);
     if (number != expected)
-      markers_.fail(found[i], "restart marker " + std::to_string(number) + " stands where " +
-                                  std::to_string(expected) + " should");
+      markers_.fail(found[i], "restart marker " + std::to_string(number) +
+                                  " was found instead of " + std::to_string(expected));
     if (layout_.baseline_ycc && interval_ == 0)
-      markers_.fail(found[i], "there is a restart marker, yet no DRI marker announces any");
+      markers_.fail(found[i], "there is a restart marker, but no DRI marker");
     if (keep) layout_.segment_offset.push_back(found[i] + 2);
   }
   layout_.segment_offset.push_back(static_cast<std::uint32_t>(layout_.scan_end + 2));
@@ -204,15 +204,15 @@ void LayoutParser::find_segments() {
     const int segments = (layout_.mcu_count() + interval_ - 1) / interval_;
     if (layout_.segment_count() != segments)
       markers_.fail(layout_.scan_end, "the scan has " + std::to_string(layout_.segment_count()) +
-                                          " restart segments, but its size and DRI make " +
+                                          " restart segments, but its size and DRI require " +
                                           std::to_string(segments));
   }
   if (!huffman) return;
-  // A Huffman-coded block takes at least a bit (two where it is not progressive). It also keeps a
-  // few hostile bytes from asking for gigabytes.
+  // A Huffman-coded block takes at least one bit (two if not progressive). The check also keeps
+  // small hostile files from requesting gigabytes.
   const std::size_t blocks = static_cast<std::size_t>(layout_.mcu_count());
   if (blocks > 8 * (jpeg_.size() - layout_.scan_offset))
-    markers_.fail(layout_.scan_end, "the scan is far too short for a picture of " +
+    markers_.fail(layout_.scan_end, "the scan is too short for a picture of " +
                                         std::to_string(layout_.width) + "x" +
                                         std::to_string(layout_.height));
 }

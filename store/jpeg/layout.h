@@ -9,11 +9,12 @@
 
 namespace raystage {
 
-/// Where things are in a JPEG file: what decoding parts of it needs. Holds no pixel bytes itself.
+/// The structure of a JPEG file that partial decoding needs. Holds no pixel bytes.
 ///
-/// A baseline scan with restart markers is a row of independent `segments` of `restart_interval`
-/// MCUs each, in raster order (a segment may run on into the next MCU row). ITU-T T.81 B.2.4.4.
-/// Where not `baseline_ycc`, restart_interval is 0 and the scan counts as one segment.
+/// A baseline scan with restart markers is a sequence of independent `segments` of
+/// `restart_interval` MCUs each, in raster order (ITU-T T.81 B.2.4.4). A segment may continue in
+/// the next MCU row. If `baseline_ycc` is false, restart_interval is 0 and the scan counts as one
+/// segment.
 struct JpegLayout {
   int width = 0, height = 0;               ///< pixels
   int components = 0;                      ///< 1 or 3
@@ -25,7 +26,7 @@ struct JpegLayout {
                               ///< region decoding needs besides restart markers
   std::size_t sof_offset = 0;   ///< of the SOF marker's 0xFF
   std::size_t scan_offset = 0;  ///< first byte of entropy-coded data (of the first scan)
-  std::size_t scan_end = 0;     ///< one past its last: of the marker after it
+  std::size_t scan_end = 0;     ///< one past its last byte: the next marker
   std::vector<std::uint32_t> segment_offset;  ///< first byte of each segment, then scan_end + 2
 
   bool regions_decodable() const { return baseline_ycc && restart_interval > 0; }
@@ -33,10 +34,12 @@ struct JpegLayout {
   int mcu_count() const { return mcus_per_row * mcu_rows; }
 };
 
-/// Reads the markers; finds the segments by scanning for RSTn. Bytes after EOI are ignored. Throws
-/// Error (bad input) with the byte offset where the file is no JPEG, is cut short (no EOI, or too
-/// few bytes for its size), has the wrong number of segments or segments out of order, is neither
-/// grey nor of three components, or does not hold 8-bit samples. `name` stands in the error.
+/// Returns the layout of a JPEG file: reads its markers and finds segments by scanning for RSTn.
+/// Bytes after EOI are ignored. Throws Error (bad input) with the byte offset if the file
+/// - is not a JPEG or is truncated (no EOI, or too few bytes for its size),
+/// - has a wrong number of segments or segments out of order,
+/// - has neither one (grey) nor three components, or samples of other than 8 bits.
+/// `name` is the file for errors.
 JpegLayout parse_jpeg_layout(std::span<const std::byte> jpeg, std::string_view name);
 
 }  // namespace raystage

@@ -16,8 +16,8 @@
 namespace raystage {
 namespace {
 
-using test_images::encode_odd;
-using test_images::OddJpeg;
+using test_images::encode_jpeg_variant;
+using test_images::JpegVariant;
 using ::testing::HasSubstr;
 using Bytes = std::vector<std::byte>;
 using Chroma = JpegEncodeSettings::Chroma;
@@ -81,16 +81,16 @@ TEST(JpegLayout, FindsEverySegment) {
 
 TEST(JpegLayout, KnowsWhatCannotBeDecodedInParts) {
   const RgbImage image = test_images::make(test_images::Kind::kMixed, 40, 30);
-  OddJpeg odd;
+  JpegVariant odd;
   odd.restart_interval = 2;
-  EXPECT_TRUE(parse_jpeg_layout(encode_odd(image, odd), "x").regions_decodable());
+  EXPECT_TRUE(parse_jpeg_layout(encode_jpeg_variant(image, odd), "x").regions_decodable());
   for (int which = 0; which < 4; ++which) {
-    OddJpeg what = odd;
+    JpegVariant what = odd;
     (which == 0   ? what.progressive
      : which == 1 ? what.arithmetic
      : which == 2 ? what.rgb
                   : what.interleaved) = which != 3;
-    const JpegLayout layout = parse_jpeg_layout(encode_odd(image, what), "x");
+    const JpegLayout layout = parse_jpeg_layout(encode_jpeg_variant(image, what), "x");
     EXPECT_FALSE(layout.baseline_ycc) << which;
     EXPECT_FALSE(layout.regions_decodable()) << which;
     EXPECT_EQ(layout.width, 40);
@@ -99,12 +99,12 @@ TEST(JpegLayout, KnowsWhatCannotBeDecodedInParts) {
 }
 
 TEST(JpegLayout, AGreyPicturesMcuIsOneBlockWhateverItsSampling) {
-  OddJpeg grey;
+  JpegVariant grey;
   grey.grey = true;
   grey.h[0] = grey.v[0] = 2;
   grey.restart_interval = 3;
   const RgbImage image = test_images::make(test_images::Kind::kMixed, 40, 30);
-  const JpegLayout layout = parse_jpeg_layout(encode_odd(image, grey), "x");
+  const JpegLayout layout = parse_jpeg_layout(encode_jpeg_variant(image, grey), "x");
   EXPECT_EQ(layout.components, 1);
   EXPECT_EQ(layout.mcu_width, 8);
   EXPECT_EQ(layout.mcus_per_row, 5);
@@ -174,9 +174,9 @@ TEST(JpegLayout, RefusesLostAndSwappedSegments) {
 
 TEST(JpegLayout, SaysWhatItDoesNotSupport) {
   const RgbImage image = test_images::make(test_images::Kind::kMixed, 40, 30);
-  OddJpeg cmyk;
+  JpegVariant cmyk;
   cmyk.cmyk = true;
-  EXPECT_THAT(refusal(encode_odd(image, cmyk)), HasSubstr("4 components"));
+  EXPECT_THAT(refusal(encode_jpeg_variant(image, cmyk)), HasSubstr("4 components"));
   Bytes deep = sample(40, 30, Chroma::k444, 0);
   deep[find_marker(deep, 0xC0) + 4] = std::byte{12};
   EXPECT_THAT(refusal(deep), HasSubstr("12 bits"));
@@ -184,7 +184,7 @@ TEST(JpegLayout, SaysWhatItDoesNotSupport) {
   lossless[find_marker(lossless, 0xC0) + 1] = std::byte{0xC3};
   EXPECT_THAT(refusal(lossless), HasSubstr("SOF3"));
   EXPECT_THAT(refusal({}), HasSubstr("empty"));
-  EXPECT_THAT(refusal(Bytes(100, std::byte{'P'})), HasSubstr("no JPEG"));
+  EXPECT_THAT(refusal(Bytes(100, std::byte{'P'})), HasSubstr("not a JPEG"));
 }
 
 TEST(JpegLayout, RefusesASizeThatItsBytesCannotFill) {

@@ -24,14 +24,14 @@ ErrorManager& manager_of(j_common_ptr info) {
   std::longjmp(errors.return_point, 1);
 }
 
-// "%u extraneous bytes before marker": harmless where they are filler.
+// "%u extraneous bytes before marker": harmless if they are filler.
 bool is_camera_padding(j_common_ptr info) {
   if (info->err->msg_code != JWRN_EXTRANEOUS_DATA || !info->is_decompressor) return false;
   const auto* decompress = reinterpret_cast<j_decompress_ptr>(info);
   const jpeg_source_mgr* source = decompress->src;
   const auto& errors = *reinterpret_cast<const ErrorManager*>(info->err);
   const auto discarded = static_cast<std::size_t>(info->err->msg_parm.i[0]);
-  // Both bytes of the marker are read when libjpeg says so, one of them after the count.
+  // libjpeg has read both bytes of the marker when it reports this, one of them after the count.
   const JOCTET* after_marker = source->next_input_byte;
   if (errors.input == nullptr || after_marker - errors.input < 2) return false;
   return is_filler(errors.input, after_marker - 2, discarded);
@@ -64,7 +64,7 @@ void throw_error(const ErrorManager& errors, std::string_view name) {
   if (errors.out_of_memory) throw std::bad_alloc();
   throw Error::bad_input(
       std::string(errors.damaged ? "damaged JPEG: " : "unusable JPEG: ") + errors.text,
-      std::string(name), "Replace the file or take the frame out");
+      std::string(name), "Replace the file or remove the frame");
 }
 
 Decompressor::Decompressor() {

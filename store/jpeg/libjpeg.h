@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-// jpeglib.h needs what comes before it.
+// jpeglib.h needs these headers before it.
 // clang-format off
 #include <cstddef>
 #include <cstdio>
@@ -16,12 +16,12 @@
 
 namespace raystage::libjpeg {
 
-/// libjpeg's errors, carried out of its C frames by longjmp and thrown as Error by guarded().
-/// Corrupt-data warnings count as errors; warnings about headers we understand do not.
+/// Carries libjpeg's errors out of its C frames by longjmp; throw_error() throws them as Error.
+/// Corrupt-data warnings count as errors; warnings about known harmless headers do not.
 struct ErrorManager {
-  jpeg_error_mgr base;  // first: libjpeg hands back a pointer to it
+  jpeg_error_mgr base;  // first: libjpeg returns a pointer to it
   std::jmp_buf return_point;
-  const JOCTET* input = nullptr;  ///< start of what is decompressed
+  const JOCTET* input = nullptr;  ///< start of the compressed data
   bool damaged = false;
   bool out_of_memory = false;
   char text[JMSG_LENGTH_MAX] = {};
@@ -31,8 +31,8 @@ struct ErrorManager {
   ErrorManager& operator=(const ErrorManager&) = delete;
 };
 
-/// Runs `body` with libjpeg's errors caught; false where one came. `body` must not own anything
-/// across libjpeg calls: longjmp runs no destructors.
+/// Runs `body` and returns false if libjpeg reported an error. `body` must not own anything across
+/// libjpeg calls: longjmp runs no destructors.
 template <typename Body>
 bool guarded(ErrorManager& errors, const Body& body) {
   errors.damaged = false;
@@ -69,12 +69,12 @@ class Compressor {
   ErrorManager errors;
 };
 
-/// Makes `info` write into `room`, which must outlive the compression and grows as needed. Its
-/// bytes are not set to zero before each file: give the same one again.
+/// Makes `info` write into a buffer, which must outlive the compression and grows as needed. Its
+/// bytes are not cleared between files: pass the same buffer again.
 class VectorDestination {
  public:
   VectorDestination(jpeg_compress_struct& info, std::vector<std::byte>& room);
-  /// The file, once the compression has finished.
+  /// Returns the file after the compression has finished.
   std::span<const std::byte> file() const { return std::span(room_).first(size_); }
 
  private:
@@ -87,8 +87,8 @@ class VectorDestination {
   std::size_t size_ = 0;
 };
 
-/// Whether the `count` bytes before `end` are filler (0x00 or 0xFF), as some cameras put at the end
-/// of a scan to reach a size.
+/// Returns whether the `count` bytes before `end` are filler (0x00 or 0xFF). Some cameras pad the
+/// end of a scan to a fixed size.
 bool is_filler(const std::uint8_t* begin, const std::uint8_t* end, std::size_t count);
 
 }  // namespace raystage::libjpeg

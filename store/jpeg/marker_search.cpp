@@ -20,11 +20,11 @@ namespace raystage {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// A marker is 0xFF and neither 0x00 (a stuffed data byte) nor 0xFF (a fill byte) after it. Scans
-// have a stuffed byte every 100 bytes or so: vectors pass over them without a branch.
+// A marker is 0xFF followed by neither 0x00 (stuffed data byte) nor 0xFF (fill byte). Scans have a
+// stuffed byte every 100 bytes or so; vectors handle them without a branch.
 void FindRestartMarkers(const std::uint8_t* bytes, std::size_t at, std::size_t end,
                         std::vector<std::uint32_t>& found) {
-  // Whether the search goes on.
+  // Returns whether the search continues.
   const auto take = [&](std::size_t offset) {
     const std::uint8_t code = bytes[offset + 1];
     if (code == 0xFF) return true;

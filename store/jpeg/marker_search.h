@@ -8,8 +8,8 @@
 
 namespace raystage {
 
-/// Offsets of the restart markers (of their 0xFF next to the code) in `bytes` from `begin` on, and
-/// last that of the first other marker. Without another marker they end at the end of the bytes.
+/// Returns the offsets of the restart markers in `bytes` from `begin` on, and last that of the
+/// first other marker (or the end of the bytes). An offset is that of the 0xFF next to the code.
 std::vector<std::uint32_t> find_restart_markers(std::span<const std::byte> bytes,
                                                 std::size_t begin);
 

@@ -19,17 +19,18 @@ struct Marker {
   std::span<const std::byte> body;  ///< the parameters after the length; empty without
 };
 
-/// Walks from marker to marker. Throws Error (bad input) at the byte where that fails.
+/// Iterates over the markers of a JPEG file. Throws Error (bad input) with the byte offset if one
+/// is invalid.
 class MarkerReader {
  public:
   MarkerReader(std::span<const std::byte> jpeg, std::string_view name) : jpeg_(jpeg), name_(name) {}
 
-  /// Past SOI, which a JPEG begins with.
-  void expect_start();
-  /// The next marker; other bytes before it are an error, fill bytes are not.
+  /// Reads SOI, the first marker of a JPEG.
+  void read_soi();
+  /// Returns the next marker. Fill bytes before it are skipped; other bytes are an error.
   Marker next();
   void seek(std::size_t offset) { at_ = offset; }
-  /// From the first entropy-coded byte to the marker after the last, restart markers aside.
+  /// Moves from the first entropy-coded byte to the first marker other than a restart marker.
   void skip_scan();
 
   [[noreturn]] void fail(std::size_t offset, std::string what_happened) const;

@@ -15,15 +15,6 @@ namespace {
 
 constexpr int kMaxSide = 65500;
 
-int half(int size) { return (size + 1) / 2; }
-bool is_yuv(PixelFormat format) {
-  return format == PixelFormat::kYuv420 || format == PixelFormat::kYuv422 ||
-         format == PixelFormat::kYuv444;
-}
-bool halves_width(PixelFormat format) {
-  return format == PixelFormat::kYuv420 || format == PixelFormat::kYuv422;
-}
-
 J_COLOR_SPACE color_space_of(PixelFormat format) {
   switch (format) {
     case PixelFormat::kGray:
@@ -44,7 +35,7 @@ void check(const RawImage& image) {
   if (image.width < 1 || image.height < 1 || image.width > kMaxSide || image.height > kMaxSide) {
     throw Error::bad_input("a JPEG cannot have a size of " + std::to_string(image.width) + "x" +
                                std::to_string(image.height),
-                           "", "Use 1-65500 pixels a side");
+                           "", "Use 1-65500 pixels per side");
   }
   for (int plane = 0; plane < image.plane_count(); ++plane) {
     assert(image.planes[static_cast<std::size_t>(plane)].data != nullptr);
@@ -53,34 +44,6 @@ void check(const RawImage& image) {
 }
 
 }  // namespace
-
-int RawImage::plane_count() const { return is_yuv(format) ? 3 : 1; }
-
-std::size_t RawImage::row_bytes(int plane) const {
-  if (format == PixelFormat::kRgb || format == PixelFormat::kBgr)
-    return 3 * static_cast<std::size_t>(width);
-  return static_cast<std::size_t>(plane > 0 && halves_width(format) ? half(width) : width);
-}
-
-int RawImage::rows(int plane) const {
-  return plane > 0 && format == PixelFormat::kYuv420 ? half(height) : height;
-}
-
-std::size_t RawImage::bytes() const {
-  std::size_t sum = 0;
-  for (int plane = 0; plane < plane_count(); ++plane) {
-    sum += row_bytes(plane) * static_cast<std::size_t>(rows(plane));
-  }
-  return sum;
-}
-
-std::size_t RawImage::bytes_in_memory() const {
-  std::size_t sum = 0;
-  for (int plane = 0; plane < plane_count(); ++plane) {
-    sum += planes[static_cast<std::size_t>(plane)].stride * static_cast<std::size_t>(rows(plane));
-  }
-  return sum;
-}
 
 struct RawJpegEncoder::State {
   explicit State(const JpegEncodeSettings& encode_settings) : settings(encode_settings) {}
@@ -93,9 +56,9 @@ struct RawJpegEncoder::State {
 
   JpegEncodeSettings settings;
   libjpeg::Compressor compressor;
-  std::vector<std::byte> room;  // where the JPEG grows
-  // Where a plane's rows are shorter than whole MCUs, they are copied here and their last sample is
-  // repeated: libjpeg reads whole MCUs.
+  std::vector<std::byte> room;  // the output buffer
+  // Rows shorter than whole MCUs are copied here and their last sample is repeated, as libjpeg
+  // reads whole MCUs.
   std::array<std::vector<std::byte>, 3> padding;
 };
 
@@ -110,7 +73,7 @@ void RawJpegEncoder::State::start(const RawImage& image) {
   info.dct_method = JDCT_ISLOW;
   int horizontal = 1, vertical = 1;
   if (is_yuv(image.format)) {
-    horizontal = halves_width(image.format) ? 2 : 1;
+    horizontal = halves_chroma_width(image.format) ? 2 : 1;
     vertical = image.format == PixelFormat::kYuv420 ? 2 : 1;
   } else if (image.format != PixelFormat::kGray) {
     horizontal = settings.chroma == JpegEncodeSettings::Chroma::k444 ? 1 : 2;
@@ -129,7 +92,7 @@ void RawJpegEncoder::State::write_rows(const RawImage& image) {
   jpeg_compress_struct& info = compressor.info;
   while (info.next_scanline < info.image_height) {
     const std::byte* row = image.planes[0].data + info.next_scanline * image.planes[0].stride;
-    // libjpeg's interface is not const, yet only reads.
+    // libjpeg only reads through this non-const pointer.
     auto* samples = reinterpret_cast<JSAMPROW>(const_cast<std::byte*>(row));
     jpeg_write_scanlines(&info, &samples, 1);
   }
@@ -177,8 +140,9 @@ void RawJpegEncoder::State::write_planes(const RawImage& image) {
 RawJpegEncoder::RawJpegEncoder(const JpegEncodeSettings& settings)
     : state_(std::make_unique<State>(settings)) {
   if (settings.quality < 1 || settings.quality > 100) {
-    throw Error::bad_input("a JPEG quality of " + std::to_string(settings.quality), "",
-                           "Use 1-100");
+    throw Error::bad_input(
+        "a JPEG quality of " + std::to_string(settings.quality) + " is not possible", "",
+        "Use 1-100");
   }
 }
 RawJpegEncoder::~RawJpegEncoder() = default;
@@ -189,7 +153,7 @@ void RawJpegEncoder::encode(const RawImage& image, std::vector<std::byte>& bytes
   check(image);
   State& state = *state_;
   if (is_yuv(image.format)) {
-    // Made outside of guarded(): longjmp runs no destructors. Two MCUs wide is more than enough.
+    // Allocated outside of guarded(), as longjmp runs no destructors. Two MCUs are wide enough.
     for (int plane = 0; plane < 3; ++plane) {
       state.padding[static_cast<std::size_t>(plane)].resize(16 * (image.row_bytes(plane) + 16));
     }

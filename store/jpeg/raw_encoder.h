@@ -10,8 +10,8 @@
 
 namespace raystage {
 
-/// Encodes one uncompressed picture after another; keeps what can be kept between them. One thread
-/// at a time.
+/// Encodes uncompressed pictures one after another and reuses its state between them. Not
+/// thread-safe.
 class RawJpegEncoder {
  public:
   explicit RawJpegEncoder(const JpegEncodeSettings& settings);
@@ -19,9 +19,10 @@ class RawJpegEncoder {
   RawJpegEncoder(RawJpegEncoder&&) noexcept;
   RawJpegEncoder& operator=(RawJpegEncoder&&) noexcept;
 
-  /// YUV planes keep their chroma sampling, whatever the settings say, and are not converted; RGB
-  /// and BGR get the settings' sampling; grey gives a JPEG of one component. `bytes` is filled
-  /// anew, with its room kept. Throws Error (bad input) for sizes outside 1-65500.
+  /// Encodes a picture into `bytes`, which is overwritten with its capacity kept. YUV planes keep
+  /// their chroma sampling, whatever the settings, and are not converted. RGB and BGR get the
+  /// sampling of the settings; grey gives one component. Throws Error (bad input) for sizes outside
+  /// 1-65500.
   void encode(const RawImage& image, std::vector<std::byte>& bytes);
 
  private:

@@ -8,12 +8,15 @@
 
 namespace raystage {
 
-/// Pixels that libjpeg encodes without another conversion. YUV is full range with Rec.601's matrix
-/// (JFIF), in planes; 4:2:0 and 4:2:2 halve the chroma's width rounding up, 4:2:0 its height too.
+/// Pixel formats that libjpeg encodes without conversion. YUV is full range with the Rec.601 matrix
+/// (JFIF), in planes. 4:2:0 and 4:2:2 halve the chroma width, rounded up; 4:2:0 also halves its
+/// height.
 enum class PixelFormat : std::uint8_t { kYuv420, kYuv422, kYuv444, kGray, kRgb, kBgr };
+bool is_yuv(PixelFormat format);
+bool halves_chroma_width(PixelFormat format);
 
-/// One uncompressed picture. YUV has three planes, the others one. `owner` keeps the bytes alive,
-/// so that a driver's buffer need not be copied.
+/// One uncompressed picture. YUV has three planes, other formats one. `owner` keeps the bytes
+/// alive, so that a driver's buffer need not be copied.
 struct RawImage {
   struct Plane {
     const std::byte* data = nullptr;
@@ -25,12 +28,12 @@ struct RawImage {
   std::shared_ptr<const void> owner;
 
   int plane_count() const;
-  /// Bytes of a row and number of rows of a plane, without padding.
+  /// Returns the bytes per row of a plane, without padding; rows() returns its number of rows.
   std::size_t row_bytes(int plane) const;
   int rows(int plane) const;
-  /// Bytes of all pixels, without padding.
+  /// Returns the bytes of all pixels, without padding.
   std::size_t bytes() const;
-  /// The same with the padding of rows; 0 for one that is empty.
+  /// Returns the bytes with the padding of rows; 0 for an empty image.
   std::size_t bytes_in_memory() const;
 };
 

@@ -6,8 +6,8 @@
 
 namespace raystage {
 
-/// 8-bit RGB, row-major, 3 bytes a pixel without padding, top left first. The codes are whatever
-/// the file's colour space says (usually sRGB).
+/// An 8-bit RGB image, row-major, 3 bytes per pixel without padding, top left first. The codes are
+/// in the file's colour space (usually sRGB).
 struct RgbImage {
   int width = 0, height = 0;
   std::vector<std::uint8_t> pixels;

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Decodes wanted MCUs of a baseline scan (ITU-T T.81 F.2): Huffman decoding with a 10-bit table
+// lookup, dequantisation, and inverse DCT of two blocks at a time. Input: file bytes, layout and
+// MCU mask; output: one 8-bit plane per component. Cost: O(bytes of the segments up to their last
+// wanted MCU).
 #include "store/jpeg/scan_decoder.h"
 
 #include <algorithm>
@@ -16,8 +20,8 @@ namespace {
 // Ten blocks of 64 coefficients of at most 31 bits, and the reader's own look-ahead.
 constexpr std::size_t kReadAhead = 2560;
 
-// The bits of a segment without its stuffed zeros, first bit at the top of `bits_`. Reads beyond
-// the end give whatever the buffer holds there; consumed() tells.
+// The bits of a segment without stuffed zeros, the first bit at the top of `bits_`. Reads beyond
+// the end return any bits of the buffer; consumed() detects them.
 class BitReader {
  public:
   explicit BitReader(const std::uint8_t* begin) : begin_(begin), next_(begin) {}
@@ -51,7 +55,7 @@ class BitReader {
   const std::uint8_t* next_;
 };
 
-// The value of `entry`, whose code is at the front of the bits. T.81 F.2.2.1 EXTEND.
+// Returns the value of `entry`, whose code is first in the bits. T.81 F.2.2.1 EXTEND.
 inline std::int32_t value_of(HuffmanEntry entry, std::uint64_t bits) {
   bits <<= entry.code_length;
   const auto raw = static_cast<std::int32_t>(bits >> 1 >> (63 - entry.value_bits));
@@ -59,7 +63,7 @@ inline std::int32_t value_of(HuffmanEntry entry, std::uint64_t bits) {
   return raw - (negative & ((1 << entry.value_bits) - 1));
 }
 
-// Next symbol and its value's length; false where no code begins so.
+// Reads the next symbol and its value's length; returns false for an invalid code.
 inline bool next_symbol(BitReader& reader, const HuffmanTable& table, HuffmanEntry& entry) {
   reader.need_symbol();
   entry = table.look_up(reader.peek(HuffmanTable::kLookupBits));
@@ -70,7 +74,7 @@ inline bool next_symbol(BitReader& reader, const HuffmanTable& table, HuffmanEnt
   return true;
 }
 
-// As the DC predictor of libjpeg, but wrapping where that overflows.
+// Adds as the DC predictor of libjpeg, but wraps on overflow.
 inline std::int32_t add(std::int32_t a, std::int32_t b) {
   return static_cast<std::int32_t>(static_cast<std::uint32_t>(a) + static_cast<std::uint32_t>(b));
 }
@@ -86,7 +90,7 @@ struct BlockTables {
 
 enum class BlockResult { kDamaged, kDcOnly, kFull };
 
-// kStore false: passes over the block, its DC difference aside.
+// kStore false: skips the block, except its DC difference.
 template <bool kStore>
 BlockResult decode_block(BitReader& shared, const BlockTables& tables, std::int32_t& dc_predictor,
                          std::int16_t* coefficients) {
@@ -101,7 +105,8 @@ BlockResult decode_block(BitReader& shared, const BlockTables& tables, std::int3
     if (!next_symbol(reader, *tables.ac, entry)) return BlockResult::kDamaged;
     k += entry.advance;
     if (kStore && entry.value_bits != 0) {
-      coefficients[kPairIndex[k]] = dequantise(value_of(entry, reader.bits()), tables.steps[k]);
+      coefficients[kZigzagToPairIndex[k]] =
+          dequantise(value_of(entry, reader.bits()), tables.steps[k]);
       result = BlockResult::kFull;
     }
     reader.drop(entry.total_length);
@@ -113,7 +118,7 @@ BlockResult decode_block(BitReader& shared, const BlockTables& tables, std::int3
 [[noreturn]] void fail(const std::string& what, std::size_t offset, std::string_view name) {
   throw Error::bad_input("damaged JPEG: " + what,
                          std::string(name) + " @byte " + std::to_string(offset),
-                         "Replace the file or take the frame out");
+                         "Replace the file or remove the frame");
 }
 
 }  // namespace
@@ -122,7 +127,7 @@ void ScanDecoder::prepare(std::span<const std::byte> jpeg, const JpegLayout& lay
                           std::string_view name) {
   const auto header = jpeg.first(layout.scan_offset);
   if (!std::ranges::equal(header, header_)) {
-    header_.clear();  // stays so if the tables are damaged
+    header_.clear();  // stays empty if the tables are damaged
     read_scan_tables(jpeg, layout, name, tables_);
     header_.assign(header.begin(), header.end());
   }
@@ -141,7 +146,7 @@ void ScanDecoder::prepare(std::span<const std::byte> jpeg, const JpegLayout& lay
 std::int64_t ScanDecoder::decode(std::span<const std::byte> jpeg, const JpegLayout& layout,
                                  std::span<const std::uint8_t> wanted, std::string_view name) {
   assert(layout.baseline_ycc && wanted.size() == static_cast<std::size_t>(layout.mcu_count()));
-  if (!clean_) pair_ = {};  // a damaged frame was left in the middle
+  if (!clean_) pair_ = {};  // decoding of a damaged frame was aborted
   clean_ = false;
   pending_ = 0;
   prepare(jpeg, layout, name);
@@ -244,7 +249,7 @@ void ScanDecoder::decode_segment(std::span<const std::byte> jpeg, const JpegLayo
       }
     }
     if (!good) {
-      fail("no such Huffman code in restart segment " +
+      fail("invalid Huffman code in restart segment " +
                std::to_string(mcu / std::max(1, layout.restart_interval)),
            segment.begin, name);
     }
@@ -258,7 +263,7 @@ void ScanDecoder::decode_segment(std::span<const std::byte> jpeg, const JpegLayo
       !segment.whole || used + 8 > available ||
       libjpeg::is_filler(bytes.data(), bytes.data() + bytes.size(), (available - used) / 8);
   if (used <= available && filler) return;
-  fail(used > available ? "a restart segment ends too early" : "a restart segment goes on too long",
+  fail(used > available ? "a restart segment is too short" : "a restart segment is too long",
        segment.begin, name);
 }
 

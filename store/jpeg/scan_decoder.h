@@ -13,7 +13,7 @@
 
 namespace raystage {
 
-/// Samples of one component, in whole MCUs.
+/// The samples of one component, in whole MCUs.
 struct Plane {
   static constexpr std::size_t kPadding = 128;  ///< bytes that may be read beyond the last sample
 
@@ -27,13 +27,13 @@ struct Plane {
   }
 };
 
-/// Entropy decoding and inverse DCT of chosen MCUs of baseline scans. Keeps its memory, and the
-/// tables as long as headers are equal.
+/// Decodes chosen MCUs of baseline scans (entropy decoding and inverse DCT). Keeps its memory
+/// between frames, and the tables while headers are equal.
 class ScanDecoder {
  public:
-  /// Decodes the segments that hold MCUs with wanted[i] != 0, each up to the last such one; only
-  /// wanted MCUs arrive in the planes. The layout must be baseline_ycc and of this file. Returns
-  /// the MCUs entropy-decoded. Throws Error (bad input) where the data are damaged.
+  /// Decodes the segments that hold MCUs with wanted[i] != 0, each up to its last such MCU, and
+  /// writes only wanted MCUs to the planes. The layout must be baseline_ycc and of this file.
+  /// Returns the number of entropy-decoded MCUs. Throws Error (bad input) if the data are damaged.
   std::int64_t decode(std::span<const std::byte> jpeg, const JpegLayout& layout,
                       std::span<const std::uint8_t> wanted, std::string_view name);
 
@@ -42,7 +42,7 @@ class ScanDecoder {
  private:
   struct Segment {
     int first_mcu = 0, end_mcu = 0;  ///< to decode
-    bool whole = false;              ///< nothing of the segment comes after end_mcu
+    bool whole = false;              ///< the segment ends at end_mcu
     std::size_t begin = 0, end = 0;  ///< bytes of the file
   };
 
@@ -53,7 +53,7 @@ class ScanDecoder {
   std::span<const std::uint8_t> unstuff(std::span<const std::byte> bytes);
 
   ScanTables tables_;
-  std::vector<std::byte> header_;  ///< of the file that tables_ come from
+  std::vector<std::byte> header_;  ///< of the file from which tables_ were read
   std::vector<std::uint8_t> bits_;
   BlockPair pair_;
   int pending_ = 0;     ///< blocks in pair_

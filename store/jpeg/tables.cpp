@@ -54,7 +54,7 @@ class TableReader {
 
   void read(const JpegLayout& layout) {
     tables_ = {};
-    markers_.expect_start();
+    markers_.read_soi();
     for (;;) {
       const Marker marker = markers_.next();
       if (marker.code == kMarkerDqt) read_quantisation(marker);
@@ -124,12 +124,12 @@ void TableReader::read_scan(const Marker& marker, int components) {
     const auto dc = static_cast<std::size_t>(selectors >> 4);
     const auto ac = static_cast<std::size_t>(selectors & 15);
     if (dc > 3 || ac > 3 || !tables_.dc[dc].defined() || !tables_.ac[ac].defined())
-      markers_.fail(marker.offset, "the scan uses a Huffman table that is not there");
+      markers_.fail(marker.offset, "the scan uses a missing Huffman table");
     tables_.dc_table[c] = static_cast<int>(dc);
     tables_.ac_table[c] = static_cast<int>(ac);
     const auto index = std::to_integer<std::size_t>(frame_.body[6 + 3 * c + 2]);
     if (index > 3 || !quantisation_defined_[index])
-      markers_.fail(marker.offset, "the scan uses a quantisation table that is not there");
+      markers_.fail(marker.offset, "the scan uses a missing quantisation table");
     auto& steps = tables_.quantisation[c];
     std::copy(quantisation_[index].begin(), quantisation_[index].end(), steps.begin());
     std::fill(steps.begin() + 64, steps.end(), quantisation_[index].back());
@@ -138,7 +138,7 @@ void TableReader::read_scan(const Marker& marker, int components) {
 
 }  // namespace
 
-HuffmanEntry HuffmanTable::entry_of(int symbol, int length) {
+HuffmanEntry HuffmanTable::make_entry(int symbol, int length) {
   HuffmanEntry entry;
   entry.code_length = static_cast<std::uint8_t>(length);
   entry.value_bits = static_cast<std::uint8_t>(symbol & 15);
@@ -168,7 +168,7 @@ bool HuffmanTable::build(std::span<const std::uint8_t, kMaxBits> counts,
       if (dc && symbol > 15) return false;
       if (length > kLookupBits) continue;
       const auto first = lookup_.begin() + (code >> (kMaxBits - kLookupBits));
-      std::fill_n(first, 1 << (kLookupBits - length), entry_of(symbol, length));
+      std::fill_n(first, 1 << (kLookupBits - length), make_entry(symbol, length));
     }
     limit_[static_cast<std::size_t>(length)] = code;
   }
@@ -181,7 +181,7 @@ HuffmanEntry HuffmanTable::find(std::uint32_t bits) const {
     if (bits >= limit_[static_cast<std::size_t>(length)]) continue;
     const auto at = offset_[static_cast<std::size_t>(length)] +
                     static_cast<std::int32_t>(bits >> (kMaxBits - length));
-    return entry_of(symbols_[static_cast<std::size_t>(at)], length);
+    return make_entry(symbols_[static_cast<std::size_t>(at)], length);
   }
   return {};
 }

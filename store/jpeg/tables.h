@@ -12,7 +12,7 @@
 
 namespace raystage {
 
-/// What the next bits of a scan mean: a Huffman code and the number of value bits that follow it.
+/// The meaning of the next bits of a scan: a Huffman code and the number of value bits after it.
 struct HuffmanEntry {
   std::uint8_t code_length = 0;   ///< bits; 0: a longer code, or none
   std::uint8_t total_length = 0;  ///< code and value, bits
@@ -20,25 +20,25 @@ struct HuffmanEntry {
   std::uint8_t advance = 0;  ///< positions in zigzag order: zeros and the coefficient; 64 at EOB
 };
 
-/// One Huffman table made for speed. ITU-T T.81 annex C, F.2.2.3.
+/// A Huffman table for fast lookup. ITU-T T.81 annex C, F.2.2.3.
 class HuffmanTable {
  public:
   static constexpr int kLookupBits = 10;
   static constexpr int kMaxBits = 16;
 
-  /// `counts`: codes of each length 1-16. False where no such code exists, or (`dc`) where a symbol
-  /// lies outside 0-15.
+  /// Builds the table; `counts`: codes of each length 1-16. Returns false if no such code exists,
+  /// or (`dc`) a symbol is outside of 0-15.
   bool build(std::span<const std::uint8_t, kMaxBits> counts, std::span<const std::uint8_t> symbols,
              bool dc);
 
-  /// By the next kLookupBits bits.
+  /// Returns the entry for the next kLookupBits bits.
   const HuffmanEntry& look_up(std::uint32_t bits) const { return lookup_[bits]; }
-  /// By the next 16 bits; code_length 0 where they begin with no code.
+  /// Returns the entry for the next 16 bits; code_length is 0 if they begin with no code.
   HuffmanEntry find(std::uint32_t bits) const;
   bool defined() const { return defined_; }
 
  private:
-  static HuffmanEntry entry_of(int symbol, int length);
+  static HuffmanEntry make_entry(int symbol, int length);
 
   std::array<HuffmanEntry, 1 << kLookupBits> lookup_;
   std::array<std::uint32_t, kMaxBits + 1> limit_{};  ///< first 16 bits beyond the codes of a length
@@ -51,12 +51,12 @@ class HuffmanTable {
 struct ScanTables {
   std::array<HuffmanTable, 4> dc, ac;
   std::array<int, 3> dc_table{}, ac_table{};  ///< of each component
-  /// Per component in zigzag order, then 16 times the last: a damaged run may end beyond it.
+  /// Per component in zigzag order, then 16 times the last, as a damaged run may end beyond it.
   std::array<std::array<std::uint16_t, 80>, 3> quantisation{};
 };
 
-/// Reads the header's tables. Huffman tables 0 and 1 that are not there are the standard ones (T.81
-/// K.3), as in the frames of many cameras. Throws Error (bad input).
+/// Reads the tables of the header. Missing Huffman tables 0 and 1 are the standard ones (T.81 K.3),
+/// as in the frames of many cameras. Throws Error (bad input) if a table is damaged or missing.
 void read_scan_tables(std::span<const std::byte> jpeg, const JpegLayout& layout,
                       std::string_view name, ScanTables& tables);
 

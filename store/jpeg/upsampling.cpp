@@ -31,7 +31,7 @@ HWY_INLINE Short widen(const std::uint8_t* samples) {
 }
 HWY_INLINE Short times3(Short a) { return hn::Add(a, hn::Add(a, a)); }
 
-// Two bytes beside each other in memory.
+// Two adjacent bytes in memory.
 static_assert(std::endian::native == std::endian::little);
 HWY_INLINE void store_pairs(Short first, Short second, std::uint8_t* out) {
   const Short pairs = hn::Or(first, hn::ShiftLeft<8>(second));
@@ -44,7 +44,8 @@ HWY_INLINE void store_pairs(Short first, Short second, std::uint8_t* out) {
 #endif
 }
 
-// Samples begin..end - 1, each from itself and its neighbours left and right, to two pixels.
+// Upsamples samples begin..end - 1 to two pixels each, from the sample and its left and right
+// neighbours.
 void AcrossRow(const std::uint8_t* samples, int begin, int end, std::uint8_t* out) {
   const int lanes = static_cast<int>(hn::Lanes(kShort));
   for (int i = begin; i < end; i += lanes, out += 2 * lanes) {
@@ -67,7 +68,8 @@ void AcrossBothRows(const std::uint8_t* near, const std::uint8_t* far, int begin
   }
 }
 
-// Samples begin..end - 1, each to one pixel. `bias`: 1 for the upper row of two, 2 for the lower.
+// Upsamples samples begin..end - 1 to one pixel each. `bias`: 1 for the upper row of two, 2 for the
+// lower.
 void BetweenRows(const std::uint8_t* near, const std::uint8_t* far, int begin, int end, int bias,
                  std::uint8_t* out) {
   const int lanes = static_cast<int>(hn::Lanes(kShort));
@@ -94,7 +96,8 @@ HWY_EXPORT(BetweenRows);
 
 std::uint8_t byte_of(int value) { return static_cast<std::uint8_t>(value); }
 
-// The pixels of samples first..last - 1; those at the ends of a row of `width` have one neighbour.
+// Writes the pixels of samples first..last - 1; samples at the ends of a row of `width` have one
+// neighbour.
 void across_row(const std::uint8_t* samples, int width, int first, int last, std::uint8_t* out) {
   const int inner = std::max(first, 1), end = width - 1;
   HWY_DYNAMIC_DISPATCH(AcrossRow)

@@ -9,17 +9,18 @@
 
 namespace raystage {
 
-/// Brings a component to the picture's resolution, row by row, bit for bit as libjpeg-turbo does
-/// with smooth upsampling (jdsample.c): a triangle filter for ratios of 2, replication otherwise.
+/// Upsamples a component to the picture's resolution, row by row, bit for bit as libjpeg-turbo's
+/// smooth upsampling (jdsample.c): a triangle filter for ratios of 2, replication otherwise.
 class Upsampler {
  public:
-  /// Bytes that may be written beyond the pixels asked for.
+  /// Bytes that may be written beyond the requested pixels.
   static constexpr std::size_t kPadding = 64;
 
   Upsampler(const JpegLayout& layout, const Plane& plane, int component);
 
-  /// The samples of pixels begin..end - 1 of the picture's row y, the first at [0]: either in
-  /// `buffer` (end - begin + kPadding bytes) or in the plane itself. `begin`: of an MCU.
+  /// Returns the samples of pixels begin..end - 1 of the picture's row y, the first at [0]. They
+  /// are in `buffer` (end - begin + kPadding bytes) or in the plane itself. `begin` must be the
+  /// start of an MCU.
   const std::uint8_t* row(int y, int begin, int end, std::uint8_t* buffer) const;
 
  private:

@@ -27,8 +27,8 @@ constexpr int kCameras = 4, kTicks = 6, kWidth = 64, kHeight = 48;
 constexpr Nanoseconds kInterval = kNanosecondsPerSecond / 10;
 constexpr int kFirstGrey = 60, kStep = 20;
 
-/// 2 x 2 cameras 10 cm apart that look along -z at a wall whose grey rises by `kStep` per tick. The
-/// last one drops a frame.
+/// Writes a take of 2 x 2 cameras 10 cm apart that look along -z at a wall, whose grey code
+/// increases by `kStep` per tick. The last camera drops the frame of tick 2.
 inline void write_wall_take(const std::filesystem::path& folder, int width = kWidth,
                             int height = kHeight) {
   TakeDocument take;
@@ -55,7 +55,7 @@ inline void write_wall_take(const std::filesystem::path& folder, int width = kWi
   TakeWriter writer(folder, take, rig);
   for (int i = 0; i < kCameras; ++i) {
     for (int tick = 0; tick < kTicks; ++tick) {
-      if (i == 3 && tick == 2) continue;  // a drop
+      if (i == 3 && tick == 2) continue;
       RgbImage image{width, height, {}};
       image.pixels.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 3,
                           static_cast<std::uint8_t>(kFirstGrey + kStep * tick));
@@ -66,7 +66,7 @@ inline void write_wall_take(const std::filesystem::path& folder, int width = kWi
   write_timeline(build_timeline(Take(folder), 10, 0), folder);
 }
 
-/// A frame per tick, from 101 on.
+/// Returns a shot with one frame per tick, starting at 101.
 inline ShotDocument wall_shot() {
   ShotDocument shot;
   shot.name = "sh";
@@ -104,7 +104,7 @@ class SequenceTest : public ::testing::Test {
     write_shot(shot_, shot_file());
     return render_sequence(shot_file(), options_, std::move(stop));
   }
-  /// The text of the Error that the run ends in.
+  /// Returns the text of the Error that the run throws.
   std::string refusal(ExitCode code = ExitCode::kBadInput) {
     try {
       run();
@@ -124,7 +124,7 @@ class SequenceTest : public ::testing::Test {
     }
     return count;
   }
-  /// Linear value and alpha in the middle of a frame.
+  /// Returns the linear value and alpha at the centre of a frame.
   std::pair<float, float> middle(int frame) const {
     const ExrImage image = read_exr(file(frame));
     const std::size_t at = (15 * 40 + 20) * 4;

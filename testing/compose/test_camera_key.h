@@ -7,7 +7,7 @@
 
 namespace raystage::testing {
 
-/// Looks down -z. `position`: metres.
+/// Returns a key of a camera that looks down -z. `position`: metres.
 inline ShotDocument::CameraKey camera_key(double frame, const std::array<double, 3>& position,
                                           double horizontal_fov_deg) {
   return {.frame = frame,

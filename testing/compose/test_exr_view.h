@@ -9,8 +9,7 @@
 
 namespace raystage::testing {
 
-/// A reconstructed view as layers: the picture, depth, coverage, and the measures that it has.
-/// Refers to it.
+/// Returns layers with colours, depth, coverage and measures. Keeps references to the view.
 inline ExrView exr_view(const RenderedView& view, const std::string& name = "") {
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
   ExrView result{name, {}};

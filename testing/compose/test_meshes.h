@@ -15,7 +15,7 @@ inline Material make_material(Material::Kind kind, float color = 1) {
   return material;
 }
 
-/// A square in the plane z = 0 that looks along +z, x and y from -half to half.
+/// Returns a square in the plane z = 0 that faces +z, x and y from -half to half.
 inline Mesh square(double half, const Material& material) {
   Mesh mesh;
   mesh.positions = {{-half, -half, 0}, {half, -half, 0}, {half, half, 0}, {-half, half, 0}};
@@ -27,7 +27,7 @@ inline Mesh square(double half, const Material& material) {
   return mesh;
 }
 
-/// A sphere about the origin, with its normals.
+/// Returns a sphere around the origin with smooth normals.
 inline Mesh ball(double radius, const Material& material, int steps = 48) {
   Mesh mesh;
   for (int row = 0; row <= steps; ++row) {

@@ -16,7 +16,7 @@
 
 namespace raystage::testing {
 
-/// A square of cameras that stand on a plane, look along its normal, and see a scene of meshes.
+/// A square array of cameras on a plane that look along its normal at a scene of meshes.
 struct TracedRig {
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   double turn_deg = 0;  ///< about the y axis, counter-clockwise from above; 0: they look along -z
@@ -26,13 +26,13 @@ struct TracedRig {
   DepthRange depth_range{2.5, 7};
 };
 
-/// A folder with meshes to make scenes of, pictures of such scenes, and takes that see them.
+/// A folder with meshes; renders scenes of these meshes and takes of such scenes.
 class TracedScene {
  public:
   TracedScene() { write_meshes(); }
   std::filesystem::path path(const std::string& name) const { return folder_.path() / name; }
 
-  /// plane.obj: 2 by 2, faces +z; ball.obj: of radius 1.
+  /// Returns a layer of plane.obj (2 by 2, faces +z) or ball.obj (radius 1).
   static ShotDocument::Layer mesh(const std::string& name, const std::string& file,
                                   const std::array<double, 3>& position, double scale) {
     ShotDocument::Layer layer;
@@ -46,7 +46,7 @@ class TracedScene {
   }
   struct Picture {
     ExrImage image;
-    std::vector<float> front;  ///< id of the object that most of a pixel shows
+    std::vector<float> front;  ///< id of the object with the largest share of a pixel
   };
   Picture render(const ShotDocument& shot) const {
     write_shot(shot, path("shot.json"));
@@ -62,7 +62,7 @@ class TracedScene {
             read_exr_channels(path("out.0001.exr"), kIds, "").values};
   }
 
-  /// The take that an array makes of `scene`'s layers and lights: one instant.
+  /// Writes the take of one light field frame that an array records of `scene`.
   void write_take(const std::string& name, const ShotDocument& scene,
                   const TracedRig& array) const {
     TakeDocument take;
@@ -112,7 +112,7 @@ class TracedScene {
     write_timeline(build_timeline(Take(path(name)), 24, 0), path(name));
   }
 
-  /// Of sRGB codes, full scale 1, over the pixels where `counts`.
+  /// Returns the PSNR of sRGB codes (full scale 1) over the pixels with `counts`, dB.
   template <class Counts>
   static double psnr(const ExrImage& a, const ExrImage& b, const Counts& counts) {
     double sum = 0;

@@ -10,8 +10,8 @@
 #include "render/common/view.h"
 #include "rig/topology.h"
 
-/// The geometry of views in 50 decimal digits, for tests: by intersection, as a textbook has it,
-/// from the very doubles that the product is given. Whatever differs is the product's rounding.
+/// The geometry of views in 50 decimal digits, for tests: textbook intersections of the same
+/// doubles that the product receives. All differences are the product's rounding.
 namespace raystage::testing {
 
 using Real = boost::multiprecision::cpp_bin_float_50;
@@ -40,7 +40,7 @@ inline ExactVector cross(const ExactVector& a, const ExactVector& b) {
 }
 inline Real norm(const ExactVector& v) { return sqrt(dot(v, v)); }
 
-/// World direction of the ray through a pixel position of a view without distortion.
+/// Returns the world direction of the ray through a pixel position of a view without distortion.
 inline ExactVector exact_ray(const VirtualCamera& view, double x, double y) {
   const Intrinsics& k = view.intrinsics;
   const Real right = (Real(x) - k.cx) / k.fx, up = -(Real(y) - k.cy) / k.fy;
@@ -48,9 +48,9 @@ inline ExactVector exact_ray(const VirtualCamera& view, double x, double y) {
   return right * exact(r.col(0)) + (up * exact(r.col(1)) - exact(r.col(2)));
 }
 
-/// Weights of a cell's cameras where the line through the eye along `ray` crosses it: barycentric
-/// coordinates in a triangle, the linear ones in a strip along `up`. They sum to 1; negative
-/// outside of the cell. nullopt for a ray that runs along the cell.
+/// Returns the weights of a cell's cameras where the line through the eye along `ray` crosses it:
+/// barycentric coordinates in a triangle, linear ones in a strip along `up`. They sum to 1 and are
+/// negative outside of the cell. nullopt for a ray parallel to the cell.
 inline std::optional<std::array<Real, 3>> exact_weights(
     const std::array<Eigen::Vector3d, 3>& centres, int count, const Eigen::Vector3d& up,
     const Eigen::Vector3d& eye, const ExactVector& ray) {
@@ -68,14 +68,14 @@ inline std::optional<std::array<Real, 3>> exact_weights(
   return std::array<Real, 3>{1 - w1 - w2, w1, w2};
 }
 
-/// Signed distance of a point from a plane with a direction, metres.
+/// Returns the signed distance of a point from a plane that has a normal, metres.
 inline Real exact_plane_distance(const Eigen::Vector4d& plane, const Eigen::Vector3d& point) {
   const ExactVector normal = exact(plane.head<3>());
   return (dot(normal, exact(point)) + plane.w()) / norm(normal);
 }
 
-/// Planar depth at which a ray (scaled to 1 along the view's axis) meets a plane with a direction;
-/// negative behind the eye, nullopt along it.
+/// Returns the planar depth at which a ray (scaled to 1 along the view's axis) meets a plane that
+/// has a normal: negative behind the eye, nullopt if parallel.
 inline std::optional<Real> exact_depth(const Eigen::Vector4d& plane, const Eigen::Vector3d& eye,
                                        const ExactVector& ray) {
   const ExactVector normal = exact(plane.head<3>());
@@ -84,8 +84,8 @@ inline std::optional<Real> exact_depth(const Eigen::Vector4d& plane, const Eigen
   return -(dot(normal, exact(eye)) + plane.w()) / along;
 }
 
-/// Where a camera sees what lies along a direction of the world (any length), in pixels, however
-/// far outside of its image; nullopt where it does not look that way.
+/// Returns the pixel at which a camera sees a world direction (any length), even far outside of its
+/// image; nullopt if the direction is behind the camera.
 inline std::optional<std::array<Real, 2>> exact_projection(const Intrinsics& k, const Pose& camera,
                                                            const ExactVector& towards) {
   const Eigen::Matrix3d& r = camera.world_from_camera_rotation;
@@ -99,8 +99,8 @@ inline std::optional<std::array<Real, 2>> exact_projection(const Intrinsics& k, 
       k.fy * (y * radial + (rr + 2 * y * y) * d.p1 + 2 * x * y * d.p2) + k.cy};
 }
 
-/// Where a camera sees the point of `plane` on the ray; nullopt where the ray does not meet it
-/// ahead, or the camera does not look towards it.
+/// Returns the pixel at which a camera sees the point of `plane` on the ray; nullopt if the ray
+/// does not meet the plane in front of the eye, or the point is behind the camera.
 inline std::optional<std::array<Real, 2>> exact_pixel(const Intrinsics& k, const Pose& camera,
                                                       const Eigen::Vector4d& plane,
                                                       const Eigen::Vector3d& eye,
@@ -114,14 +114,13 @@ inline std::optional<std::array<Real, 2>> exact_pixel(const Intrinsics& k, const
   return exact_projection(k, camera, towards);
 }
 
-/// How large the terms are that a ray, scaled to 1 along the view's axis, is the sum of: doubles
-/// know it to some roundings of that, and no better.
+/// Returns the magnitude of the terms of a ray that is scaled to 1 along the view's axis: a double
+/// ray is accurate to some roundings of it.
 inline double ray_term_magnitude(const VirtualCamera& view, double x, double y) {
   const Intrinsics& k = view.intrinsics;
   return 1 + (std::abs(x) + std::abs(k.cx)) / k.fx + (std::abs(y) + std::abs(k.cy)) / k.fy;
 }
 
-/// How far a number is from the truth.
 inline double off(double value, const Real& truth) {
   return static_cast<double>(abs(Real(value) - truth));
 }

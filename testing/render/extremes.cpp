@@ -44,7 +44,7 @@ ExtremeView of_grid(const std::string& name, const ViewAt& at,
   return {name, "grid", view_of(at), plane, blank};
 }
 
-/// The same in the world of the array that is far off.
+/// Returns the view in the world of the array "far off".
 ExtremeView far_off(const ExtremeView& near) {
   ExtremeView far = near;
   far.name += ", 1e7 m off";

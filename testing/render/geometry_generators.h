@@ -12,12 +12,10 @@
 #include "rig/rig.h"
 #include "testing/render/synthetic_take.h"
 
-/// What property tests of geometry draw (RapidCheck), over all extremes of docs/numerics.md. To be
-/// called from within a property.
+/// RapidCheck generators over all extremes of docs/numerics.md. Call them only within a property.
 namespace raystage::testing {
 
-/// From 0 on, below 1; from a property's first case on all over it, where RapidCheck would begin
-/// near 0.
+/// Returns a number in [0, 1), from the first case on (RapidCheck would start near 0).
 inline double unit() {
   constexpr int kParts = 1 << 20;
   return *rc::gen::resize(rc::kNominalSize, rc::gen::inRange(0, kParts)) /
@@ -33,18 +31,18 @@ inline Eigen::Matrix3d rotation() {
   return Eigen::AngleAxisd(between(-3, 3), direction()).toRotationMatrix();
 }
 
-/// The world's origin, or 1e7 m from it.
+/// Returns the world's origin or a point 1e7 m away.
 inline Eigen::Vector3d random_origin() {
   const double far = *rc::gen::element(0.0, 0.0, 1e7);
   return {far, -far, 0.3 * far};
 }
 
-/// Turned any way, within `reach` metres of a place.
+/// Returns a pose with any rotation within `reach` metres of a point.
 inline Pose random_pose(const Eigen::Vector3d& around, double reach) {
   return {rotation(), around + reach * direction() * unit()};
 }
 
-/// `distance` ahead of the point, towards `ahead`, with an equation of any scale.
+/// Returns a plane `distance` from the point towards `ahead`; its equation has any scale.
 inline Eigen::Vector4d random_plane(const Eigen::Vector3d& point, double distance,
                                     const Eigen::Vector3d& ahead) {
   const Eigen::Vector3d normal = ahead * *rc::gen::element(1e-3, 1.0, 1e5);
@@ -56,7 +54,7 @@ inline Eigen::Vector4d random_plane(const Eigen::Vector3d& point, double distanc
   return random_plane(point, distance, direction());
 }
 
-/// Of 1 to 16384 pixels a row, 0.01 to 179 degrees wide.
+/// Returns a view of 1 to 16384 pixels per row, 0.01 to 179 degrees wide.
 inline VirtualCamera random_view(const Pose& pose) {
   const double degrees = *rc::gen::element(0.01, 1.0, 10.0, 50.0, 120.0, 179.0);
   const int width = *rc::gen::element(1, 24, 640, 16384);
@@ -64,7 +62,7 @@ inline VirtualCamera random_view(const Pose& pose) {
                                  pose);
 }
 
-/// Turned so that it looks at a target, which must not be where it stands.
+/// Returns a rotation that looks at a target, which must differ from the eye.
 inline Eigen::Matrix3d rotation_towards(const Eigen::Vector3d& eye, const Eigen::Vector3d& target) {
   return Eigen::Quaterniond::FromTwoVectors(-Eigen::Vector3d::UnitZ(), target - eye)
       .toRotationMatrix();
@@ -76,8 +74,7 @@ inline std::vector<int> all_cameras(const Rig& rig) {
   return cameras;
 }
 
-/// A jittered grid, a row or a single camera somewhere in the world, turned any way; spaced 1 mm to
-/// 5 m.
+/// Returns a jittered grid, a row or a single camera of any pose; spacing 1 mm to 5 m.
 inline Rig random_rig(int image_width = 64, int image_height = 48) {
   const int rows = *rc::gen::inRange(1, 4), columns = *rc::gen::inRange(1, 4);
   const double spacing = *rc::gen::element(0.001, 0.06, 5.0);

@@ -34,7 +34,7 @@ Rig rig_of(const ExtremeView& extreme) {
 }
 
 void raise(double& worst, double error) {
-  // Not std::max, which lets a not-a-number pass.
+  // Not std::max, which ignores NaN.
   if (!(error <= worst)) worst = error;
 }
 
@@ -42,7 +42,6 @@ double difference(double value, const Real& truth) {
   return static_cast<double>(abs(Real(value) - truth));
 }
 
-/// Compares one pixel.
 class PixelComparison {
  public:
   PixelComparison(const ExtremeView& extreme, const Rig& rig, const Topology& topology,
@@ -108,14 +107,14 @@ class PixelComparison {
                         ViewAccuracy& accuracy) const {
     const auto truth = exact_pixel(camera.model.intrinsics(), camera.pose, extreme_.plane,
                                    extreme_.view.pose.position, ray);
-    // Only what is well within the image: nearer to the border the kernels fade it out.
+    // Only positions well within the image: the kernels fade out at the border.
     if (!truth || (*truth)[0] < 1 || (*truth)[1] < 1 || (*truth)[0] > camera.model.width() - 1 ||
         (*truth)[1] > camera.model.height() - 1) {
       return;
     }
     const Eigen::Vector3d ideal = projection_.ideal_from_pixel(camera.pose) * pixel;
     const Eigen::Vector2d on_image(ideal.x() / ideal.z(), ideal.y() / ideal.z());
-    // Beyond its fold a lens has no image, whatever its polynomial says.
+    // Beyond the fold radius the distortion polynomial is not valid.
     if (on_image.squaredNorm() > 0.9 * camera.model.fold_radius_squared()) return;
     const auto position = camera.model.pixel_from_ideal(on_image);
     for (int axis = 0; axis < 2; ++axis) {
@@ -129,7 +128,7 @@ class PixelComparison {
     ++accuracy.in_kernels.positions_compared;
   }
 
-  static constexpr double kLost = 1e9;  // pixels: a camera that sees the point was left out
+  static constexpr double kLost = 1e9;  // pixels: a camera that sees the point was excluded
   const ExtremeView& extreme_;
   const Rig& rig_;
   const Topology& topology_;
@@ -148,7 +147,8 @@ ViewAccuracy measure_accuracy(const ExtremeView& extreme) {
   const PlaneProjection projection(extreme.view, extreme.plane);
   const PixelComparison comparison(extreme, rig, topology, cells, projection);
   ViewAccuracy accuracy;
-  if (!projection.at_infinity() && projection.distance() == 0) return accuracy;  // met by no ray
+  if (!projection.at_infinity() && projection.distance() == 0)
+    return accuracy;  // no ray meets the plane
   const auto pixels = probe_kernels(extreme.view, rig, cells, projection);
   const std::size_t step = std::max<std::size_t>(1, pixels.size() / 499);
   for (std::size_t i = 0; i < pixels.size(); i += step) comparison.add(pixels[i], accuracy);

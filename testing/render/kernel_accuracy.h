@@ -7,22 +7,22 @@
 
 namespace raystage::testing {
 
-/// The largest errors of a view's geometry against 50 digits, over its pixels.
+/// The largest errors of a view's geometry over its pixels, compared with 50 digits.
 struct GeometryErrors {
   double weight = 0;      ///< of a camera in its cell
-  double position = 0;    ///< where a camera is sampled, pixels of an image 960 wide
+  double position = 0;    ///< of a sample in a camera's image 960 pixels wide, pixels
   double depth = 0;       ///< relative
-  double weight_sum = 0;  ///< how far a pixel's weights are from 1 in all
+  double weight_sum = 0;  ///< difference of the sum of a pixel's weights from 1
   int weights_compared = 0, positions_compared = 0;
 };
 
-/// The same view in double (RayCells, PlaneProjection, CameraModel) and by the kernels.
+/// Errors of the same view in double (RayCells, PlaneProjection, CameraModel) and in the kernels.
 struct ViewAccuracy {
   GeometryErrors in_double, in_kernels;
 };
 
-/// Looks at some 500 pixels, through 9 cameras or fewer of 960 x 720 with lens distortion.
-/// The kernels run on the instruction set that is chosen at the time.
+/// Measures about 500 pixels with at most 9 cameras of 960 x 720 with lens distortion. The kernels
+/// use the current instruction set.
 ViewAccuracy measure_accuracy(const ExtremeView& extreme);
 
 }  // namespace raystage::testing

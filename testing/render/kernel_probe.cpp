@@ -16,7 +16,7 @@ constexpr int kCodesPerPixel = 64;  // of a coordinate picture
 
 std::array<double, 3> as_array(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
-/// Red grows to the right, green downwards.
+/// Red increases to the right, green downwards.
 std::vector<std::uint16_t> picture_of_coordinates(int width, int height) {
   std::vector<std::uint16_t> rgba;
   for (int y = 0; y < height; ++y) {
@@ -30,7 +30,7 @@ std::vector<std::uint16_t> picture_of_coordinates(int width, int height) {
   return rgba;
 }
 
-/// A 4 x 4 picture of one primary colour, which every ray meets in its middle.
+/// A 4 x 4 picture of one primary colour; every ray samples its middle.
 struct Primary {
   SourceView view;
   std::array<std::uint16_t, 64> rgba{};

@@ -22,22 +22,22 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 using testing::ProbedPosition;
 
-/// As sample_even() and sample_exactly() of the cost kernels.
+/// As sample_fitted() and sample_exactly() of the cost kernels.
 void probe(const MatchingCamera& camera, const CostRun& run, int begin, int count,
            std::vector<ProbedPosition>& found) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   CostScratch scratch(run.planes.count, 1);
   const BlockPositions positions = scratch.positions(0);
-  const BlockProjection sight(camera, run, begin, count);
-  PositionFit(sight, count).fit(run.planes.count, positions);
-  const double left = camera.frame->box().left + sight.column() + 0.5;
-  const double top = camera.frame->box().top + sight.row() + 0.5;
+  const BlockProjection projection(camera, run, begin, count);
+  PositionFit(projection, count).fit(run.planes.count, positions);
+  const double left = camera.frame->box().left + projection.column() + 0.5;
+  const double top = camera.frame->box().top + projection.row() + 0.5;
   for (int plane = 0; plane < run.planes.count; ++plane) {
     for (int x = 0; x < count; ++x) {
       const auto at = hn::Set(d, static_cast<float>(x));
       ProbedPosition position;
-      position.by_fit = positions.even[plane] != 0;
+      position.by_fit = positions.fitted[plane] != 0;
       if (position.by_fit) {
         const auto nearest = [&](const float* c0, const float* c1, const float* c2) HWY_ATTR {
           using V = hn::Vec<decltype(d)>;
@@ -53,7 +53,7 @@ void probe(const MatchingCamera& camera, const CostRun& run, int begin, int coun
         position.v = top + (positions.row[part] >> 2) + static_cast<double>(v) / (1 << kRowBits);
         position.seen = true;
       } else {
-        const auto place = sight.along_row(d, at, plane);
+        const auto place = projection.along_row(d, at, plane);
         position.seen = hn::AllTrue(d, place.seen);
         const auto rounded = [&](auto value, int bits) HWY_ATTR {
           const auto unit = hn::Set(d, static_cast<float>(1 << bits));

@@ -7,15 +7,15 @@
 
 namespace raystage::testing {
 
-/// Where the kernels look up a pixel of a block on a plane.
+/// The position at which the kernels sample a pixel of a block on a plane.
 struct ProbedPosition {
   double u = 0, v = 0;  ///< pixels of the camera's frame
-  bool by_fit = false;  ///< by the block's parabola, else by itself
-  bool seen = false;    ///< if by itself
+  bool by_fit = false;  ///< by the block's parabola, else exact
+  bool seen = false;    ///< if exact
 };
 
-/// Plane by plane of a run's, `count` pixels (kCostBlockSize at most) from `begin` on each.
-/// Run-time dispatch: see cost_kernel_target().
+/// Returns the positions plane by plane, of `count` pixels (at most kCostBlockSize) from `begin`
+/// on. Run-time dispatch: see cost_kernel_target().
 std::vector<ProbedPosition> probe_positions(const MatchingCamera& camera, const CostRun& run,
                                             int begin, int count);
 

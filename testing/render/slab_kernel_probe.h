@@ -10,10 +10,10 @@
 
 namespace raystage::testing {
 
-/// Samples of the images that positions are probed in.
+/// Size of the images that positions are probed in, in samples.
 inline constexpr int kProbedWidth = 640, kProbedHeight = 480;
 
-/// Four nodes' images of one size, with the padding that the kernel reads.
+/// Images of four nodes of equal size, with the padding that the kernel reads.
 class NodeImages {
  public:
   NodeImages(int width, int height) : width_(width) {
@@ -32,7 +32,7 @@ class NodeImages {
   std::array<std::vector<std::uint16_t>, 4> images_;
 };
 
-/// What the kernel makes of a run's pixel, read back from what it renders.
+/// The kernel's results for a run's pixel, derived from what it renders.
 class SlabKernelProbe {
  public:
   SlabKernelProbe() {
@@ -51,7 +51,7 @@ class SlabKernelProbe {
     }
   }
 
-  /// Of the four nodes at pixel x, wherever they look: upper left, upper right, lower left, lower
+  /// Weights of the nodes at pixel x, seen or not: upper left, upper right, lower left, lower
   /// right.
   std::array<double, 4> weights(SlabRun run, int x) const {
     for (std::size_t node = 0; node < 4; ++node) run.node[node] = primaries_.of(node);
@@ -64,7 +64,7 @@ class SlabKernelProbe {
             pixel.rgba[3] - pixel.rgba[0] - pixel.rgba[1] - pixel.rgba[2]};
   }
 
-  /// Where a node sees pixel x's point (samples; where alpha is 0, nothing) and its depth (metres).
+  /// Position of pixel x's point in a node (samples; undefined if alpha is 0), and depth (metres).
   struct Seen {
     double u = 0, v = 0, alpha = 0, z = 0;
   };

@@ -14,11 +14,12 @@
 #include "store/timeline.h"
 #include "testing/render/synthetic_take.h"
 #include "testing/render/test_poses.h"
+#include "testing/render/test_views.h"
 #include "testing/test_folder.h"
 
 namespace raystage::testing {
 
-/// More texture than the painted plane has, so that depth shows.
+/// Finer texture than the painted plane's, so that depth can be estimated.
 inline std::array<double, 3> texture(double x, double y) {
   const auto rgb = painted_plane(1.5 * x, 1.5 * y);
   const auto fine = painted_plane(4 * x + 1, 4 * y);
@@ -52,7 +53,7 @@ inline std::array<double, 3> slanted_scene(const Eigen::Vector3d& from,
   return texture(hit.x(), hit.y());
 }
 
-/// Takes of those scenes, rendered by depth.
+/// Writes takes of these scenes and renders them by method depth.
 class DepthTest : public ::testing::Test {
  protected:
   static SyntheticTake slanted(int rows, int columns, const Distortion& distortion = {}) {
@@ -95,13 +96,7 @@ inline VirtualCamera default_view() {
   return virtual_camera_with_fov(90, 64, 40 * kDegree, make_pose({0.02, 0.013, 0.03}, 2));
 }
 
-inline double mean_alpha(const RenderedView& view) {
-  double sum = 0;
-  for (std::size_t i = 3; i < view.rgba.size(); i += 4) sum += static_cast<double>(view.rgba[i]);
-  return sum / static_cast<double>(view.coverage.size());
-}
-
-/// Both blend on the same depths, so nothing may differ by more than floats do.
+/// Both results blend at the same depths, so they differ only by float rounding.
 inline void expect_equal(const RenderedView& fast, const RenderedView& slow) {
   for (std::size_t i = 0; i < fast.coverage.size(); ++i) {
     ASSERT_NEAR(fast.coverage[i], slow.coverage[i], 2e-3) << "pixel " << i;

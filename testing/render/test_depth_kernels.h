@@ -25,7 +25,7 @@ inline VirtualCamera camera_at(const Eigen::Vector3d& position, double yaw) {
   return virtual_camera_with_fov(kWidth, kHeight, 0.8, pose);
 }
 
-/// `bend` (k1 of the lens) above 0: the frame shows less than the pinhole's corners.
+/// `bend`: k1 of the lens. Above 0 the frame does not show the pinhole's corners.
 inline MatchingImage random_image(unsigned seed, const VirtualCamera& pinhole, double bend) {
   DecodedFrame frame;
   frame.width = pinhole.width;
@@ -90,7 +90,7 @@ inline double luma_at(const MatchingImage& image, double u, double v) {
     return static_cast<double>(word >> (8 * (x - left) + 16 * (y - top)) & 0xFFU);
   });
 }
-/// Whether an image knows what it shows at a position; nothing where rounding decides.
+/// Returns whether an image is known at a position; nullopt if rounding decides.
 inline std::optional<bool> is_known(const MatchingImage& image, const TransferredPoint& place) {
   int known = 0;
   for (int i = 0; i < 4; ++i) {
@@ -103,7 +103,6 @@ inline std::optional<bool> is_known(const MatchingImage& image, const Transferre
   return known == 4;
 }
 
-/// Random pictures and depths of some cameras.
 class DepthKernelsTest : public ::testing::Test {
  protected:
   DepthKernelsTest() {

@@ -10,18 +10,18 @@
 
 namespace raystage::testing {
 
-/// A matte that is a function of the camera and of the place of a pixel's centre in its frame.
+/// A matte defined by a function of the camera and the position of a pixel's centre in its frame.
 class FunctionMatte : public FrameMatte {
  public:
   using Function = std::function<double(int camera, double x, double y)>;
   explicit FunctionMatte(Function alpha) : alpha_(std::move(alpha)) {}
 
-  std::unique_ptr<const FrameKey> key_of(int camera, int, const CodeScale&) const override {
+  std::unique_ptr<const FrameKeyer> make_keyer(int camera, int, const CodeScale&) const override {
     return std::make_unique<Key>(alpha_, camera);
   }
 
  private:
-  class Key : public FrameKey {
+  class Key : public FrameKeyer {
    public:
     Key(const Function& alpha, int camera) : alpha_(alpha), camera_(camera) {}
     void key_row(int x, int y, std::span<std::uint16_t> rgba) const override {

@@ -8,7 +8,7 @@
 
 namespace raystage::testing {
 
-/// Writes the matte (docs/formats/mattes.md) of a frame of a camera: 8-bit grey codes, row by row.
+/// Writes the matte of a camera's frame (docs/formats/mattes.md): 8-bit grey codes, row by row.
 void write_matte(const std::filesystem::path& take, const std::string& camera, int frame, int width,
                  int height, std::span<const std::uint8_t> codes);
 

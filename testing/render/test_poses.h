@@ -10,7 +10,7 @@ namespace raystage::testing {
 
 inline constexpr double kDegree = std::numbers::pi / 180;
 
-/// From `position`, turned to the left and then upwards.
+/// Returns a pose at `position`, rotated to the left and then upwards.
 inline Pose make_pose(const Eigen::Vector3d& position, double yaw_degrees,
                       double pitch_degrees = 0) {
   Pose pose;

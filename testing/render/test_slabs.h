@@ -10,12 +10,12 @@
 #include "render/renderer.h"
 #include "testing/render/synthetic_take.h"
 #include "testing/render/test_poses.h"
+#include "testing/render/test_views.h"
 
 namespace raystage::testing {
 
 inline const Eigen::Vector4d kPaintedPlane(0, 0, 1, 4);
 
-/// A view, rendered either way.
 struct FastAndReference {
   RenderedView fast, reference;
 };
@@ -41,7 +41,6 @@ inline FastAndReference render_both(const Take& take, const VirtualCamera& view,
   return pair;
 }
 
-/// `least_alpha`: only pixels that both see at least so much; `tolerance` of the colour.
 inline void expect_equal(const FastAndReference& pair, double tolerance = 1e-3,
                          double alpha_tolerance = 1e-3) {
   double worst = 0;
@@ -57,12 +56,6 @@ inline void expect_equal(const FastAndReference& pair, double tolerance = 1e-3,
     }
   }
   EXPECT_LT(worst, tolerance);
-}
-
-inline double mean_alpha(const RenderedView& view) {
-  double sum = 0;
-  for (std::size_t i = 3; i < view.rgba.size(); i += 4) sum += static_cast<double>(view.rgba[i]);
-  return sum / static_cast<double>(view.coverage.size());
 }
 
 }  // namespace raystage::testing

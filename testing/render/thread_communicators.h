@@ -10,7 +10,7 @@
 
 namespace raystage::testing {
 
-/// Hosts that are threads of this process: each thread has a Group of its own.
+/// Hosts that are threads of this process; each has its own Group.
 class ThreadCommunicators {
  public:
   explicit ThreadCommunicators(int hosts)

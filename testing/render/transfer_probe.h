@@ -5,19 +5,18 @@
 
 namespace raystage::testing {
 
-/// What RowTransfer, which the kernels of depth stand on, makes of a pixel.
+/// The result of RowTransfer, which the depth kernels use, for one pixel.
 struct TransferredPixel {
   float u = 0, v = 0;       ///< pixels, if inside
   float inverse_depth = 0;  ///< 1/m, if inside
   bool inside = false;
 };
 
-/// Of pixel x of row y at an inverse depth (0 or more), into an image of a size, amid the pixels
-/// that a vector holds. Run-time dispatch.
+/// Transfers pixel x of row y at an inverse depth (not negative) to an image of width x height,
+/// within a vector of adjacent pixels. Run-time dispatch.
 TransferredPixel probe_transfer(const PixelTransfer& transfer, int x, int y, float inverse_depth,
                                 int width, int height);
 
-/// The instruction set in use.
-const char* transfer_target();
+const char* transfer_target();  ///< returns the name of the instruction set in use
 
 }  // namespace raystage::testing

@@ -13,13 +13,13 @@
 
 namespace raystage::testing {
 
-/// Holds a property's errors to what each of them may be, and at its end prints the largest
-/// (docs/numerics.md) and how much of its allowance an error used at most: far below 1 it would
-/// hide a fault. A test that compared nothing fails.
+/// Compares a property's errors with their bounds. At its end it prints the largest error
+/// (docs/numerics.md) and the largest ratio of error to bound; a small ratio could hide a fault.
+/// Fails if nothing was compared.
 class WorstError {
  public:
-  /// `what`: with its unit. Errors that may be larger than `of_interest` do not count as the
-  /// largest: there the answer is not known, to anybody's doubles.
+  /// `what`: with its unit. Errors whose bound exceeds `of_interest` are not printed as the
+  /// largest: they are ill-conditioned even in double.
   explicit WorstError(std::string what, double of_interest = 1e300)
       : what_(std::move(what)), of_interest_(of_interest) {}
   ~WorstError() {
@@ -31,7 +31,7 @@ class WorstError {
   WorstError(const WorstError&) = delete;
   WorstError& operator=(const WorstError&) = delete;
 
-  /// Within a property.
+  /// Call it only within a property.
   void expect(double error, double bound) {
     error = std::abs(error);
     if (!(error <= bound)) RC_LOG() << what_ << ": " << error << ", bound " << bound << '\n';

@@ -15,7 +15,7 @@
 
 namespace raystage::test {
 
-/// For tests: bytes that stand for a JPEG (archives do not look inside), the same for the same
+/// For tests: returns bytes in place of a JPEG (archives do not parse it), the same for the same
 /// seed. They contain Matroska's cluster identifier, as JPEG data may by chance.
 inline std::vector<std::byte> fake_jpeg(unsigned seed, std::size_t size = 60) {
   std::mt19937 random(seed);
@@ -34,7 +34,7 @@ inline std::vector<std::byte> bytes_of(const std::filesystem::path& file) {
   return {bytes.begin(), bytes.end()};
 }
 
-/// As write_file_atomically, but does not wait for the disk.
+/// Writes as write_file_atomically does, but does not wait for the disk.
 inline void overwrite(const std::filesystem::path& file, std::span<const std::byte> bytes) {
   std::ofstream stream(file, std::ios::binary | std::ios::trunc);
   stream.write(reinterpret_cast<const char*>(bytes.data()),

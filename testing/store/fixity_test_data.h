@@ -27,7 +27,8 @@ inline Nanoseconds frame_time(unsigned i) { return 1000 * (i + 1); }
 inline FrameOrigin frame_origin(unsigned i) { return {frame_time(i) + 13, i + 5}; }
 inline std::vector<std::byte> frame_bytes(unsigned i) { return fake_jpeg(i, 40 + 3 * (i % 10)); }
 
-/// `frames` frames, and a missing one behind each third. Where not closed, as a crash leaves it.
+/// Returns an archive of `frames` frames with a missing one after each third. If not `closed`, it
+/// is as a crash leaves it.
 inline PairBytes make_pair(unsigned frames, bool closed) {
   const TestFolder folder;
   const auto archive = folder.path() / "a.mkv", journal = folder.path() / "a.journal";
@@ -43,7 +44,7 @@ inline PairBytes make_pair(unsigned frames, bool closed) {
   return bytes;
 }
 
-/// The same with a journal of version 1.
+/// Returns the same with a journal of version 1.
 inline PairBytes with_journal_v1(PairBytes bytes) {
   const auto contents = journal::decode(bytes.journal, "journal");
   const auto header = journal::encode_header(description(), 1);

@@ -13,7 +13,7 @@
 
 namespace raystage::test {
 
-/// For tests: stamps of free-running cameras with known truth.
+/// For tests: time stamps of free-running cameras with known truth.
 struct SimulatedStamps {
   enum class Jitter { kGaussian, kDelay };  ///< kDelay: exponential, never negative
   struct Settings {
@@ -25,7 +25,7 @@ struct SimulatedStamps {
     double node_ppm = 0;      ///< sigma of each node's clock rate
     double drop = 0.03;
     int start_up_frames = 45;
-    double start_up_loss = 0.5;  ///< share of the start-up's frames that is lost
+    double start_up_loss = 0.5;  ///< share of the start-up frames that are lost
     double step_ms = 40, step_at_s = 31.2;
     int step_node = 2;     ///< -1: none
     double offset_ms = 0;  ///< largest error of a node's clock
@@ -35,9 +35,9 @@ struct SimulatedStamps {
     int node = 0;
     double period = 0,
            phase = 0;  ///< ns by the node's clock before the step; frame n at phase + n period
-    std::vector<std::int64_t> index;  ///< n of each frame there is
+    std::vector<std::int64_t> index;  ///< n of each frame that arrived
     std::vector<Nanoseconds> stamps;
-    std::vector<Nanoseconds> exposed;  ///< when it truly was, without step and jitter
+    std::vector<Nanoseconds> exposed;  ///< true time, without step and jitter
   };
   std::vector<Camera> cameras;
   std::vector<Nanoseconds> node_offsets;
@@ -81,9 +81,9 @@ struct SimulatedStamps {
   }
 };
 
-/// The stamps as resynchronisation is given them: cameras c0, c1, ... of node0, node1, ...
-inline std::vector<CameraStamps> cameras_of(const SimulatedStamps& truth) {
-  std::vector<CameraStamps> cameras;
+/// Returns the time stamps as input of resynchronisation: cameras c0, c1, ... of node0, node1, ...
+inline std::vector<CameraTimestamps> cameras_of(const SimulatedStamps& truth) {
+  std::vector<CameraTimestamps> cameras;
   for (const auto& camera : truth.cameras) {
     cameras.push_back({"c" + std::to_string(cameras.size()),
                        "node" + std::to_string(camera.node),
@@ -94,10 +94,11 @@ inline std::vector<CameraStamps> cameras_of(const SimulatedStamps& truth) {
   return cameras;
 }
 
-/// The same cameras' recording resumed `behind` later: the second's stamps move by as much.
-inline std::vector<CameraStamps> resumed(const SimulatedStamps& first,
-                                         const SimulatedStamps& second, Nanoseconds behind) {
-  std::vector<CameraStamps> cameras = cameras_of(first);
+/// Returns the recording of `first`, resumed `behind` later as `second`, whose time stamps are
+/// shifted by it.
+inline std::vector<CameraTimestamps> resumed(const SimulatedStamps& first,
+                                             const SimulatedStamps& second, Nanoseconds behind) {
+  std::vector<CameraTimestamps> cameras = cameras_of(first);
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     for (const Nanoseconds stamp : second.cameras[c].stamps) {
       cameras[c].stamps.push_back(stamp + behind);

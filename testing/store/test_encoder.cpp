@@ -9,7 +9,7 @@
 namespace raystage::test_images {
 namespace {
 
-void set_up(jpeg_compress_struct& info, const RgbImage& image, const OddJpeg& what) {
+void set_up(jpeg_compress_struct& info, const RgbImage& image, const JpegVariant& what) {
   info.image_width = static_cast<JDIMENSION>(image.width);
   info.image_height = static_cast<JDIMENSION>(image.height);
   info.input_components = what.cmyk ? 4 : 3;
@@ -30,7 +30,7 @@ void set_up(jpeg_compress_struct& info, const RgbImage& image, const OddJpeg& wh
 
 }  // namespace
 
-std::vector<std::byte> encode_odd(const RgbImage& image, const OddJpeg& what) {
+std::vector<std::byte> encode_jpeg_variant(const RgbImage& image, const JpegVariant& what) {
   std::vector<std::byte> bytes;
   std::vector<JSAMPLE> four(4 * static_cast<std::size_t>(image.width), 100);
   jpeg_scan_info scans[3] = {};
@@ -66,7 +66,7 @@ std::vector<std::byte> encode_odd(const RgbImage& image, const OddJpeg& what) {
 
 std::vector<std::byte> without_huffman_tables(const std::vector<std::byte>& jpeg) {
   MarkerReader markers(jpeg, "test");
-  markers.expect_start();
+  markers.read_soi();
   std::vector<std::byte> bytes(jpeg.begin(), jpeg.begin() + 2);
   for (;;) {
     const Marker marker = markers.next();

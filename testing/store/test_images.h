@@ -16,7 +16,7 @@ namespace raystage::test_images {
 
 enum class Kind { kNoise, kGradient, kEdges, kMixed };
 
-/// Pictures for tests: flat areas, saturated edges and noise, the same for every run.
+/// Returns a test picture: flat areas, saturated edges and noise, the same in every run.
 inline RgbImage make(Kind kind, int width, int height, std::uint32_t seed = 1) {
   std::mt19937 random(seed);
   RgbImage image{width, height, {}};
@@ -37,7 +37,7 @@ inline RgbImage make(Kind kind, int width, int height, std::uint32_t seed = 1) {
   return image;
 }
 
-/// The folder of the shared data sets, which may not be there.
+/// Returns the folder of the shared data sets, which may not exist.
 inline std::filesystem::path data_folder() {
   if (const char* folder = std::getenv("RAYSTAGE_DATA")) return folder;
   return RAYSTAGE_SOURCE_DIR "/../shared/data";

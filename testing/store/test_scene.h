@@ -12,14 +12,14 @@ namespace raystage::test {
 struct MovingBoard {
   int width = 160, height = 120;
   double size = 44;                    ///< of the board, pixels
-  double left = 40, top = 36;          ///< its place at time 0
+  double left = 40, top = 36;          ///< its position at time 0
   double speed_x = 12, speed_y = 4.5;  ///< pixels per unit of time
 
   bool covers(double x, double y, double time) const {
     const double u = x - left - speed_x * time, v = y - top - speed_y * time;
     return u >= 0 && v >= 0 && u < size && v < size;
   }
-  /// 2 x 2 samples a pixel; pixel (0, 0) is centred on (0, 0).
+  /// Returns the picture at `time` with 2 x 2 samples per pixel; pixel (0, 0) is centred on (0, 0).
   RgbImage at(double time) const {
     RgbImage image{width, height, {}};
     for (int y = 0; y < height; ++y) {
@@ -46,7 +46,7 @@ struct MovingBoard {
   }
 };
 
-/// PSNR, dB, over pixels for which `counts(x, y)`.
+/// Returns the PSNR in dB over the pixels for which `counts(x, y)` is true.
 template <class Counts>
 double psnr(const RgbImage& image, const RgbImage& truth, const Counts& counts) {
   double sum = 0, number = 0;

@@ -29,7 +29,7 @@ for set in ${SETS:-shop stanford_chess9x9 stanford_knights17x17 stage}; do
   fi
   for method in ${METHODS:-focal_plane plane_sweep depth}; do
     "$raystage" evaluate "$take" "$data/$set/views.json" --method "$method" \
-      --no-count --json "$work/result.json" >/dev/null 2>&1
+      --no-pixel-counts --json "$work/result.json" >/dev/null 2>&1
     python3 - "$set" "$method" "$work/result.json" <<'PYTHON'
 import json, sys
 name, method, file = sys.argv[1:]

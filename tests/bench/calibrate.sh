@@ -106,12 +106,12 @@ true_rig scene true.json all
 true_rig scene none.json
 true_rig scene known.json =r0c0
 true_rig scene lenses.json vignetting dark_pixels =r0c0
-raystage calibrate color white grey --dark black --vignetting --start none.json -o targets.json
-raystage calibrate color white grey --dark black --flat-field --start none.json -o map.json
+raystage calibrate color white grey --dark black --vignetting --initial-rig none.json -o targets.json
+raystage calibrate color white grey --dark black --flat-field --initial-rig none.json -o map.json
 echo "by the scene, lenses not known: $(seconds raystage calibrate color --scene scene \
-  --start known.json -o scene.json -q)"
+  --initial-rig known.json -o scene.json -q)"
 cat out.txt
-raystage calibrate color --scene scene --start lenses.json -o scene_lenses.json -q
+raystage calibrate color --scene scene --initial-rig lenses.json -o scene_lenses.json -q
 colours scene r0c0 none targets map scene scene_lenses true
 
 echo "## Colours of 16 cameras, 640x480, whose channels see up to 15 % of each other"
@@ -125,8 +125,8 @@ raystage sync mixed -q >/dev/null
 true_rig mixed true.json all
 true_rig mixed none.json
 reference=$(brightest_black mixed)
-by_targets="mixed_white mixed_grey --dark mixed_black --vignetting --reference $reference --start none.json"
+by_targets="mixed_white mixed_grey --dark mixed_black --vignetting --reference $reference --initial-rig none.json"
 raystage calibrate color $by_targets -o targets.json
-raystage calibrate color $by_targets --chart mixed_color_chart --published -o chart.json \
-  --sheet chart.jpg --sheet-of mixed
+raystage calibrate color $by_targets --chart mixed_color_chart --reference-values -o chart.json \
+  --contact-sheet chart.jpg --contact-sheet-take mixed
 colours mixed "$reference" none targets chart true

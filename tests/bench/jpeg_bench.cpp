@@ -12,10 +12,10 @@
 #include <vector>
 
 #include "base/atomic_file.h"
+#include "store/jpeg/convert_to_linear.h"
 #include "store/jpeg/decode.h"
 #include "store/jpeg/encode.h"
 #include "store/jpeg/layout.h"
-#include "store/jpeg/linear_pixels.h"
 #include "store/jpeg/scan_decoder.h"
 
 namespace raystage {

@@ -15,8 +15,8 @@
 #include <numeric>
 #include <random>
 
+#include "evaluation/bench.h"
 #include "render/common/ray_cells.h"
-#include "render/evaluation/bench.h"
 #include "render/methods.h"
 #include "render/renderer.h"
 #include "render/sampling/depth_sampling.h"
@@ -91,7 +91,7 @@ double disparity_of(const Take& take) {
 void BM_Threads(benchmark::State& state, const Take& take, const BenchSetting& setting) {
   RendererSettings settings;
   settings.cache_bytes = settings.result_cache_bytes = std::size_t{2} << 30;
-  settings.kept = std::make_shared<ResultCache>(settings.result_cache_bytes);
+  settings.result_cache = std::make_shared<ResultCache>(settings.result_cache_bytes);
   const LightFieldRenderer renderer(take, settings);
   const FrameSelection frames = select_frames(take, 0, kNanosecondsPerSecond);
   // The hull's rays cost 20 us each: a part of the view says as much of threads.

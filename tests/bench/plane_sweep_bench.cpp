@@ -43,8 +43,8 @@ ReconstructionSettings sweep(OptionValues options) {
 
 OptionValues as_opencv() {
   return {{"aggregation", std::string("box")},
-          {"look_up", std::string("linear")},
-          {"sub_plane", false}};
+          {"interpolation", std::string("linear")},
+          {"subplane_refinement", false}};
 }
 
 RenderedView render(const LightFieldRenderer& renderer, const OptionValues& options) {

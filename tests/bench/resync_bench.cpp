@@ -15,7 +15,7 @@
 namespace raystage {
 namespace {
 
-std::vector<CameraStamps> half_an_hour(test::SimulatedStamps::Jitter jitter) {
+std::vector<CameraTimestamps> half_an_hour(test::SimulatedStamps::Jitter jitter) {
   return test::cameras_of(
       test::SimulatedStamps({.seed = 1, .seconds = 1800, .step_at_s = 936, .jitter = jitter}));
 }
@@ -30,10 +30,11 @@ double peak_megabytes() {
 void BM_Resynchronise(benchmark::State& state) {
   const auto cameras = half_an_hour(static_cast<test::SimulatedStamps::Jitter>(state.range(0)));
   double frames = 0;
-  for (const CameraStamps& camera : cameras) frames += static_cast<double>(camera.stamps.size());
+  for (const CameraTimestamps& camera : cameras)
+    frames += static_cast<double>(camera.stamps.size());
   std::size_t bytes = 0, ticks = 0, steps = 0;
   for (auto _ : state) {
-    const Resync resync = resynchronise(cameras, {}, "bench");
+    const ResyncResult resync = resynchronise(cameras, {}, "bench");
     ticks = resync.timeline.ticks.size();
     steps = resync.steps.size();
     bytes = encode_timeline(resync.timeline, 1).size();

@@ -26,7 +26,7 @@ table() {  # NAME TAKE VIEWS FOCAL_DEPTH TICK_AT
   for method in nearest blend flow; do
     row "$method" "$2" "$3" "$4" --fps 15 --tick-at "$5" --retime "$method"
   done
-  row "flow, lost frames not bridged" "$2" "$3" "$4" --fps 15 --tick-at "$5" --retime flow --longest-gap 80
+  row "flow, lost frames not bridged" "$2" "$3" "$4" --fps 15 --tick-at "$5" --retime flow --max-gap 80
 }
 
 if [ -e "$data/stage/import.json" ]; then

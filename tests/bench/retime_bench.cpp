@@ -17,7 +17,7 @@
 #include "simulate/scene.h"
 #include "simulate/sensor_model.h"
 #include "simulate/simulated_rig.h"
-#include "store/processing/retime/in_between.h"
+#include "store/processing/retime/frame_interpolation.h"
 
 namespace raystage {
 namespace {
@@ -102,14 +102,14 @@ void compare(Stage& stage, double gap, const std::filesystem::path& folder) {
   Error2 nearest, blended, flowed;
   double blend_ms = 0, motion_ms = 0, between_ms = 0;
   int pictures = 0;
-  MotionEstimator estimator;
+  OpticalFlowEstimator estimator;
   for (std::size_t camera = 0; camera < stage.cameras(); ++camera) {
     for (int pair = 0; pair < kPairs; ++pair) {
       const double begin = 0.5 + 0.43 * pair;
-      const Picture a = picture_of(stage.picture(camera, begin, true));
-      const Picture b = picture_of(stage.picture(camera, begin + gap, true));
+      const FlowImage a = make_flow_image(stage.picture(camera, begin, true));
+      const FlowImage b = make_flow_image(stage.picture(camera, begin + gap, true));
       auto start = Clock::now();
-      const MotionField b_from_a = estimator.estimate(a, b), a_from_b = estimator.estimate(b, a);
+      const FlowField b_from_a = estimator.estimate(a, b), a_from_b = estimator.estimate(b, a);
       motion_ms += milliseconds_since(start);
       for (const double part : {0.1, 0.3, 0.5, 0.7, 0.9}) {
         const RgbImage truth = stage.picture(camera, begin + part * gap, false);
@@ -119,7 +119,7 @@ void compare(Stage& stage, double gap, const std::filesystem::path& folder) {
         const RgbImage blend_image = blend(a.rgb, b.rgb, part);
         blend_ms += milliseconds_since(start);
         start = Clock::now();
-        const RgbImage flow_image = in_between(a, b, b_from_a, a_from_b, part);
+        const RgbImage flow_image = interpolate_frame(a, b, b_from_a, a_from_b, part);
         between_ms += milliseconds_since(start);
         const RgbImage& near_image = part <= 0.5 ? a.rgb : b.rgb;
         nearest.add(near_image, truth, moves);

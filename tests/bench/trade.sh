@@ -4,7 +4,7 @@
 # Usage: tests/bench/trade.sh [DATA_FOLDER] [BENCH_OPTION...]
 #   DATA_FOLDER (default: $RAYSTAGE_DATA or ../shared/data) holds shop/, stanford_chess9x9/,
 #   stanford_knights17x17/ and stage/; a set that is not there is left out. Options go to every
-#   `raystage bench`, e.g. --views-step 8 to try, or --settings FILE. SETS="shop planes simulated" chooses
+#   `raystage bench`, e.g. --view-step 8 to try, or --settings FILE. SETS="shop planes simulated" chooses
 #   sets, PAGES=DIR keeps the pages, CSV and JSON. Needs build/check, as ./test.sh makes it.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."

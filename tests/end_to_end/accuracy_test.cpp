@@ -54,8 +54,8 @@ TEST_P(CapturedDepth, ShowsWhatNoCameraSawAsWellAsEver) {
   for (const Accuracy& reached : captured.reached) {
     const CommandResult result =
         run("raystage evaluate '" + take + "' '" + data->string() + "/views.json' --method " +
-            reached.method + " --no-count --views-step " + std::to_string(captured.views_step) +
-            " --json '" + file + "'");
+            reached.method + " --no-pixel-counts --view-step " +
+            std::to_string(captured.views_step) + " --json '" + file + "'");
     ASSERT_EQ(result.exit_code, 0) << result.err;
     const json mean = json::parse(std::ifstream(file)).at("mean");
     RecordProperty(reached.method, std::to_string(mean.at("psnr_db").get<double>()));

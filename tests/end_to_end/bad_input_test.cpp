@@ -95,7 +95,7 @@ TEST_F(BadInput, AFutureVersion) {
 
 TEST_F(BadInput, OptionsThatAreNotFinite) {
   ASSERT_EQ(import_manifest(small_manifest()).exit_code, 0);
-  const std::string evaluate = "raystage evaluate --leave-out b '" + path("take") + "' ";
+  const std::string evaluate = "raystage evaluate --exclude-cameras b '" + path("take") + "' ";
   EXPECT_EQ(run(evaluate + "--focal-depth 2").exit_code, 0);
   EXPECT_EQ(run(evaluate + "--focal-depth nan").exit_code, 2);
   EXPECT_EQ(run(evaluate + "--focal-depth 2 --memory nan").exit_code, 2);

@@ -116,7 +116,7 @@ TEST_F(BadShot, PlatesThatTheRenderItselfWrites) {
       "raystage render -q round.json --existing overwrite -o ../$(basename $PWD)/round/f.%04d.exr");
   EXPECT_EQ(result.exit_code, 2);
   EXPECT_THAT(result.err, AllOf(HasSubstr("round.json#/layers/2/plate"), HasSubstr("frame 1 shows"),
-                                HasSubstr("which rendering this shot writes")));
+                                HasSubstr("which this sequence would overwrite")));
   EXPECT_EQ(here("raystage render -q round.json -o elsewhere/f.####.exr").exit_code, 0);
 }
 

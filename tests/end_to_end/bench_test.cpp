@@ -30,8 +30,8 @@ class Bench : public ::testing::Test {
     write_synthetic_take(settings, take_);
   }
   std::string command(const std::string& options) const {
-    return "raystage bench '" + take_.string() + "' --leave-out r1c1 -o '" + out_.string() + "' " +
-           options;
+    return "raystage bench '" + take_.string() + "' --exclude-cameras r1c1 -o '" + out_.string() +
+           "' " + options;
   }
   nlohmann::json document() const { return nlohmann::json::parse(read_text(out_ / "trade.json")); }
 
@@ -96,7 +96,7 @@ TEST_F(Bench, WithoutADepthRangeSaysWhatToGive) {
       ++measured;
     } else {
       EXPECT_THAT(row["failure"].get<std::string>(),
-                  HasSubstr(method == "visual_hull" ? "matte" : "how deep the scene is"));
+                  HasSubstr(method == "visual_hull" ? "matte" : "depth range of the scene"));
     }
   }
   EXPECT_GE(measured, 5);
@@ -106,7 +106,7 @@ TEST_F(Bench, BadUsageIsNamed) {
   for (const char* options :
        {"--setting no_method", "--setting a:nearest --setting a:focal_plane", "--setting a::x=1",
         "--setting nearest:nearest:option=1", "--focal-depth -1", "--camera-step 0", "--threads -1",
-        "--repeat 0", "--settings none.json", "--leave-out nobody", "--pictures -1"}) {
+        "--repeat 0", "--settings none.json", "--exclude-cameras nobody", "--images -1"}) {
     SCOPED_TRACE(options);
     const CommandResult result = run(command(options));
     EXPECT_EQ(result.exit_code, 2) << result.err;

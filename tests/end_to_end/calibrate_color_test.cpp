@@ -59,7 +59,7 @@ TEST(CalibrateColor, TargetsMakeColoursAlike) {
   const std::string other = (folder.path() / "larger.json").string();
   write_rig(larger, other);
   const CommandResult size =
-      run("raystage calibrate color " + take("white") + " --start " + other + " -o " + rig);
+      run("raystage calibrate color " + take("white") + " --initial-rig " + other + " -o " + rig);
   EXPECT_EQ(size.exit_code, 2);
   EXPECT_THAT(size.err, HasSubstr("160x120"));
   const CommandResult dark = run("raystage calibrate color " + take("black") + " -o " + rig);
@@ -112,7 +112,7 @@ TEST(CalibrateColor, TargetsMendVignettingOffsetsAndHotPixels) {
   const std::string sheet = (folder.path() / "sheet.jpg").string();
   const CommandResult found =
       run("raystage calibrate color " + take("white") + " " + take("grey") + " --dark " +
-          take("black") + " --vignetting --sheet " + sheet + " --reference " +
+          take("black") + " --vignetting --contact-sheet " + sheet + " --reference " +
           truth.cameras[reference].geometry.id + " -o " + rig);
   ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
   // Two columns of three tiles each, two rows: on the right every tile is alike.
@@ -234,11 +234,11 @@ TEST(CalibrateColor, ASceneMakesColoursAlikeWithoutATarget) {
                 .exit_code,
             0);
   const std::string rig = (folder.path() / "rig.json").string();
-  const std::string command = "raystage calibrate color --scene " + take + " --start " +
+  const std::string command = "raystage calibrate color --scene " + take + " --initial-rig " +
                               colourless_rig_of(take) + " -q -o " + rig;
   const CommandResult wrong = run(command + " --near 0.2 --far 0.21");
   EXPECT_EQ(wrong.exit_code, 1) << wrong.out << wrong.err;
-  EXPECT_THAT(wrong.out, HasSubstr("Not sure"));
+  EXPECT_THAT(wrong.out, HasSubstr("Rejected"));
   EXPECT_FALSE(std::filesystem::exists(rig));
   EXPECT_EQ(run(command + " --near 3 --far 2").exit_code, 2);
   const CommandResult found = run(command + " --json");
@@ -308,7 +308,7 @@ TEST(CalibrateColor, AChartTellsWhatChannelsSeeOfEachOther) {
       }
     }
   }
-  const CommandResult published = run(command + " --published --json");
+  const CommandResult published = run(command + " --reference-values --json");
   ASSERT_EQ(published.exit_code, 0) << published.out << published.err;
   EXPECT_EQ(nlohmann::json::parse(published.out).at("steps").size(), 2U);
   const double scale = made_of(0, lights[0])[1] / 0.5;

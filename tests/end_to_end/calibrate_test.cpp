@@ -65,8 +65,8 @@ TEST(Calibrate, FromTheFirstFrameToTheRigInOneCommand) {
   }
   const CommandResult refined =
       run("raystage calibrate geometry " + table + " --cameras " +
-          (folder.path() / "light.cameras.json").string() + " -o " + again + " --start " + rig +
-          " --hold lens --hold r0c0 -q --json");
+          (folder.path() / "light.cameras.json").string() + " -o " + again + " --initial-rig " +
+          rig + " --fix lens --fix r0c0 -q --json");
   ASSERT_EQ(refined.exit_code, 0) << refined.out << refined.err;
   const auto report = nlohmann::json::parse(refined.out);
   EXPECT_EQ(report.at("scale_from"), "start");
@@ -102,7 +102,7 @@ TEST(Calibrate, ABoardTellsLensesThatALightCannot) {
   // The board also tells where the cameras stand, in metres.
   const std::string rig = (folder.path() / "rig.json").string();
   const CommandResult placed = run("raystage calibrate geometry " + take + board + " -o " + rig +
-                                   " --lens " + lens + " --lens-per-camera --hold lens --json");
+                                   " --lens " + lens + " --lens-per-camera --fix lens --json");
   ASSERT_EQ(placed.exit_code, 0) << placed.out << placed.err;
   EXPECT_EQ(nlohmann::json::parse(placed.out).at("scale_from"), "board");
   const auto compared = nlohmann::json::parse(
@@ -154,14 +154,15 @@ TEST(Calibrate, SaysWhatIsWrongWithWhatItIsGiven) {
   EXPECT_EQ(empty.exit_code, 2) << empty.err;
   EXPECT_THAT(empty.err, HasSubstr("no two cameras see enough"));
   const CommandResult held =
-      run("raystage calibrate geometry " + table + " -o " + rig + " --hold poses");
+      run("raystage calibrate geometry " + table + " -o " + rig + " --fix poses");
   EXPECT_EQ(held.exit_code, 2);
-  EXPECT_THAT(held.err, HasSubstr("--start"));
+  EXPECT_THAT(held.err, HasSubstr("--initial-rig"));
   const CommandResult unknown_lens =
-      run("raystage calibrate geometry " + table + " -o " + rig + " --hold lens");
+      run("raystage calibrate geometry " + table + " -o " + rig + " --fix lens");
   EXPECT_EQ(unknown_lens.exit_code, 2);
-  EXPECT_THAT(unknown_lens.err, HasSubstr("nothing says what it is"));
-  EXPECT_EQ(run("raystage calibrate geometry " + table + " -o " + rig + " --hold lense").exit_code,
+  EXPECT_THAT(unknown_lens.err,
+              AllOf(HasSubstr("no lens is given"), HasSubstr("(--lens, --initial-rig)")));
+  EXPECT_EQ(run("raystage calibrate geometry " + table + " -o " + rig + " --fix lense").exit_code,
             2);
   EXPECT_EQ(run("raystage calibrate geometry " + table + " -o " + nowhere + "/rig.json").exit_code,
             1);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recording while the disk is slow, stalls, refuses or lies: bad_disk.cpp stands between the
+// Recording while the disk is slow, stalls, refuses or lies: disk_faults.cpp is loaded between the
 // command and the kernel.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -111,10 +111,10 @@ TEST_F(BadDisk, OneThatCouldNotKeepWhatItTookFailsTheAudit) {
   const CommandResult result = record("SYNC 500000 1.2", 3);
   EXPECT_EQ(result.exit_code, 1) << result.err;
   const json account = session(take());
-  EXPECT_FALSE(account.at("audit").at("holds").get<bool>());
-  ASSERT_EQ(account.at("audit").at("complaints").size(), 1U);
-  EXPECT_THAT(account.at("audit").at("complaints")[0].get<std::string>(),
-              HasSubstr("cannot be brought to the disk: Input/output error"));
+  EXPECT_FALSE(account.at("audit").at("passed").get<bool>());
+  ASSERT_EQ(account.at("audit").at("problems").size(), 1U);
+  EXPECT_THAT(account.at("audit").at("problems")[0].get<std::string>(),
+              HasSubstr("cannot be synced to the disk: Input/output error"));
   for (const json& camera : account.at("cameras")) {
     EXPECT_EQ(camera.at("stored"), camera.at("arrived"));
   }
@@ -132,7 +132,7 @@ TEST_P(RefusingDisk, ForGoodIsSaidAndTheTakeGoesOnElsewhen) {
   const CommandResult result =
       record(GetParam().name + std::string(" 500000 1000"), 2, "--status none");
   EXPECT_EQ(result.exit_code, 1) << result.err;
-  EXPECT_THAT(result.out, HasSubstr("THE AUDIT FAILS"));
+  EXPECT_THAT(result.out, HasSubstr("THE AUDIT FAILED"));
   EXPECT_THAT(result.out, HasSubstr("frames arrived,"));
   EXPECT_THAT(result.out, HasSubstr(GetParam().text));
   EXPECT_FALSE(session(take()).contains("audit"));  // what stands there is the session's beginning

@@ -133,8 +133,8 @@ TEST(Pipeline, LeftOutCamerasAreTheTruth) {
   settings.cameras = testing::camera_grid(3, 3, 0.06, 96, 72, {-0.2, 0.03, 0, 0, 0});
   write_synthetic_take(settings, take);
   const CommandResult result =
-      run("raystage evaluate '" + take + "' --leave-out r1c1 --focal-depth 4 --json '" + take +
-          "/e.json' --quiet");
+      run("raystage evaluate '" + take + "' --exclude-cameras r1c1 --focal-depth 4 --json '" +
+          take + "/e.json' --quiet");
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_EQ(result.err, "");
   const json evaluation = evaluation_in(take + "/e.json");
@@ -143,7 +143,7 @@ TEST(Pipeline, LeftOutCamerasAreTheTruth) {
   EXPECT_EQ(evaluation.at("views")[0].at("id"), "r1c1");
   expect_quality(evaluation.at("views")[0], {42, 0.992, 0.93});  // the scene lies on the plane
   EXPECT_THAT(run("raystage info '" + take + "' >/dev/full").err, HasSubstr("No space left"));
-  EXPECT_EQ(run("raystage evaluate '" + take + "' --leave-out nobody").exit_code, 2);
+  EXPECT_EQ(run("raystage evaluate '" + take + "' --exclude-cameras nobody").exit_code, 2);
   EXPECT_EQ(run("raystage evaluate '" + take + "' --focal-depth -1").exit_code, 2);
 }
 

@@ -59,7 +59,7 @@ class RecordMemory : public ::testing::Test {
     constexpr double kLimit = 100, kBytesPerMb = 1e6;
     ASSERT_NE(result.exit_code, 2) << result.err;
     EXPECT_EQ(said(result.err, "RAM: (\\d+) MB for frames"), kLimit) << result.err;
-    const double all = kLimit + said(result.err, "beside it up to about (\\d+) MB");
+    const double all = kLimit + said(result.err, "plus up to about (\\d+) MB");
     const double peak = static_cast<double>(result.peak_memory) / kBytesPerMb;
     std::printf("peak %.0f MB of %.0f MB said\n", peak, all);
     EXPECT_LE(peak, all);
@@ -89,7 +89,7 @@ TEST_F(RecordMemory, AFiniteGraphWaitsForRoomAsAFileDoes) {
   const CommandResult result = record("--memory 6 --threads 1");
   EXPECT_EQ(result.exit_code, 0) << result.err;
   EXPECT_THAT(result.out, HasSubstr("every source has ended"));
-  EXPECT_THAT(result.out, HasSubstr("240 frames seen = 240 stored"));
+  EXPECT_THAT(result.out, HasSubstr("240 frames received = 240 stored"));
 }
 
 TEST_F(RecordMemory, MoreThanTheMachineHasIsRefused) {

@@ -48,7 +48,7 @@ TEST_F(Record, TwoNodesBecomeOneTake) {
   const CommandResult first = here("raystage record record.json -o one --duration 1 --quiet");
   ASSERT_EQ(first.exit_code, 0) << first.err;
   EXPECT_THAT(first.err, Not(HasSubstr("opening 2 cameras")));
-  EXPECT_THAT(first.out, HasSubstr("The audit holds."));
+  EXPECT_THAT(first.out, HasSubstr("The audit passed."));
   ASSERT_EQ(here("raystage record other.json -o two --duration 0.5 --status none").exit_code, 0);
   const CommandResult joined = here("raystage join one two -o take -q");
   ASSERT_EQ(joined.exit_code, 0) << joined.err;
@@ -78,8 +78,8 @@ TEST_F(Record, CtrlCIsTheProperEndAndStatusIsForPrograms) {
   }
   EXPECT_GE(count, 2);
   const json session = account("take/recording/one.json").at("sessions").at(0);
-  EXPECT_EQ(session.at("why_stopped"), "stopped as asked");
-  EXPECT_TRUE(session.at("audit").at("holds").get<bool>());
+  EXPECT_EQ(session.at("stop_reason"), "stopped as asked");
+  EXPECT_TRUE(session.at("audit").at("passed").get<bool>());
 }
 
 TEST_F(Record, AKilledRecordingOpensAndIsGoneOnWith) {
@@ -125,7 +125,7 @@ TEST_F(Record, FoldersAboveATakeAreMade) {
 TEST_F(Record, OnlyATakeCanBeGoneOnWith) {
   const CommandResult resumed = here("raystage record other.json -o none --resume --status none");
   EXPECT_EQ(resumed.exit_code, 2);
-  EXPECT_THAT(resumed.err, HasSubstr("none: there is no take to go on with. Leave out --resume"));
+  EXPECT_THAT(resumed.err, HasSubstr("none: there is no take to continue. Omit --resume"));
   EXPECT_FALSE(std::filesystem::exists(folder() / "none"));
 }
 
@@ -141,7 +141,7 @@ TEST_F(Record, ATimeThatHasPassedIsNoStart) {
       "--duration 9 --status none");  // the machine may hold it up by seconds
   EXPECT_EQ(late.exit_code, 0) << late.err;
   EXPECT_THAT(late.err, HasSubstr("s ago"));
-  EXPECT_THAT(late.out, HasSubstr("Too late for --start-at by "));
+  EXPECT_THAT(late.out, HasSubstr("s after --start-at: "));
   const RecordingDocument account = read_recording(folder() / "take/recording/two.json");
   EXPECT_GE(account.sessions.at(0).late(), 3 * kNanosecondsPerSecond);
   EXPECT_THAT(here("raystage info take").out, HasSubstr("after its --start-at"));
@@ -152,8 +152,8 @@ TEST_F(Record, OneMayGoOnOnlyWithinTheTakesTimes) {
       "raystage record other.json -o take --start-at $(date -u -d '+2 seconds' +%FT%TZ) "
       "--duration 0.2 --status none");
   EXPECT_EQ(first.exit_code, 0) << first.err;
-  EXPECT_THAT(first.err, HasSubstr("Frames count from"));
-  EXPECT_THAT(first.out, Not(HasSubstr("Too late")));
+  EXPECT_THAT(first.err, HasSubstr("Recording starts at"));
+  EXPECT_THAT(first.out, Not(HasSubstr("s after --start-at")));
   const auto before = testing::read_folder(folder() / "take");
   const CommandResult far = here(
       "raystage record other.json -o take --resume --start-at "
@@ -170,7 +170,7 @@ TEST_F(Record, OneMayGoOnOnlyWithinTheTakesTimes) {
 
 TEST_F(Record, HoldSaysHowLongTheMemoryLasts) {
   const CommandResult held =
-      here("raystage record other.json -o take --hold --duration 1 --status none");
+      here("raystage record other.json -o take --buffer-in-memory --duration 1 --status none");
   EXPECT_EQ(held.exit_code, 0) << held.err;
   // Of the 50 some are for the frames in hand, and for the records of what is missing.
   EXPECT_THAT(held.err, HasSubstr("48 MB of memory hold"));
@@ -209,18 +209,18 @@ class RecordFinite : public Record {
 };
 
 TEST_F(RecordFinite, EveryFrameIsStored) {
-  for (const std::string hold : {"", "--hold"}) {
+  for (const std::string hold : {"", "--buffer-in-memory"}) {
     for (const auto& [name, frames] : {std::pair{"movie", "50"}, std::pair{"images", "30"},
                                        std::pair{"graph", "50"}, std::pair{"pipe", "20"}}) {
       const CommandResult result = record(name, hold);
       EXPECT_EQ(result.exit_code, 0) << result.err;
       EXPECT_THAT(result.out,
-                  HasSubstr(std::string(frames) + " frames seen = " + frames + " stored"))
+                  HasSubstr(std::string(frames) + " frames received = " + frames + " stored"))
           << name << hold;
       const json camera =
           account(std::string(name) + "/recording/one.json").at("sessions")[0].at("cameras")[0];
-      EXPECT_EQ(camera.value("corrected_times", 0), 0) << name;
-      EXPECT_EQ(result.err.find("is not known") == std::string::npos, hold.empty()) << result.err;
+      EXPECT_EQ(camera.value("corrected_timestamps", 0), 0) << name;
+      EXPECT_EQ(result.err.find("is unknown") == std::string::npos, hold.empty()) << result.err;
       std::filesystem::remove_all(folder() / name);
     }
   }
@@ -229,7 +229,7 @@ TEST_F(RecordFinite, EveryFrameIsStored) {
 TEST_F(RecordFinite, ACameraWithoutAFrameIsNoSuccess) {
   const CommandResult result = record("pipe", "", 0);
   EXPECT_EQ(result.exit_code, 3) << result.err;
-  EXPECT_THAT(result.out, HasSubstr("gave no frame"));
+  EXPECT_THAT(result.out, HasSubstr("sent no frame"));
 }
 
 }  // namespace

@@ -36,9 +36,9 @@ class Shots : public ::testing::Test {
           {"other", "stage --seed 2" + apart},
           {"actor", "blue_screen" + apart},
           {"ahead", "stage --position 0,0,-0.2" + around},
-          {"left", "stage --position=-0.2,0,0 --turn-deg 90" + around},
-          {"behind", "stage --position 0,0,0.2 --turn-deg 180" + around},
-          {"right", "stage --position 0.2,0,0 --turn-deg -90" + around}}) {
+          {"left", "stage --position=-0.2,0,0 --rotation-deg 90" + around},
+          {"behind", "stage --position 0,0,0.2 --rotation-deg 180" + around},
+          {"right", "stage --position 0.2,0,0 --rotation-deg -90" + around}}) {
       const CommandResult made = here(
           "raystage simulate " + options +
           " -q --rows 4 --columns 4 --width 160 --height 120 --fps 10 --truth-views 0 -o takes/" +

@@ -52,8 +52,8 @@ TEST_F(SmallDisk, FullToTheEndEveryLossIsRecordedAndARoomierOneGoesOn) {
   const CommandResult result =
       on_disk("3m", kRecord + "4" + kSay + "raystage verify -q take >/dev/null" + kSay +
                         now("size=16m") + kRecord + "0.5 --resume" + kSay);
-  EXPECT_THAT(result.out, HasSubstr("The audit holds.\nexit 3\nexit 0\n")) << result.err;
-  EXPECT_THAT(result.out, ::testing::EndsWith("The audit holds.\nexit 0\n")) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("The audit passed.\nexit 3\nexit 0\n")) << result.err;
+  EXPECT_THAT(result.out, ::testing::EndsWith("The audit passed.\nexit 0\n")) << result.err;
   const auto first = session(kept() / "take", 0), second = session(kept() / "take", 1);
   expect_valid_audit(first, 4);
   expect_valid_audit(second, 0.5);
@@ -76,7 +76,7 @@ TEST_F(SmallDisk, FullToTheEndEveryLossIsRecordedAndARoomierOneGoesOn) {
 TEST_F(SmallDisk, RoomThatIsMadeMeanwhileIsUsed) {
   const CommandResult result = on_disk(
       "3m", "{ " + kRecord + "8 & }; " + kUntilStalled + now("size=16m") + "wait $!" + kSay);
-  EXPECT_THAT(result.out, HasSubstr("The audit holds.\nexit 3\n")) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("The audit passed.\nexit 3\n")) << result.err;
   const auto account = session(kept() / "take");
   expect_valid_audit(account, 8);
   for (int camera = 0; camera < kCameras; ++camera) {
@@ -95,7 +95,7 @@ TEST_F(SmallDisk, RoomThatIsMadeMeanwhileIsUsed) {
 TEST_F(SmallDisk, NearlyFullFromTheStartEveryLossIsRecorded) {
   write_config("drop_newest", 32);
   const CommandResult result = on_disk("400k", kRecord + "8" + kSay);
-  EXPECT_THAT(result.out, HasSubstr("The audit holds.\nexit 3\n")) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("The audit passed.\nexit 3\n")) << result.err;
   expect_valid_audit(session(kept() / "take"), 8);
   EXPECT_EQ(here("raystage verify -q kept/take").exit_code, 0);
 }

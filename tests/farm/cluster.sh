@@ -1,19 +1,19 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# A real Slurm cluster on this host, for tests: munged, slurmctld and N slurmd, all listening on 127.0.0.1, each
-# node in a PID and mount namespace of its own, so that killing it ends everything on it at once, and that it can
-# see other mounts than the rest. Root only.
+# Runs a real Slurm cluster on this host, for tests: munged, slurmctld and N slurmd, all listening on 127.0.0.1. Each
+# node has its own PID and mount namespace, so that killing it ends all its processes at once, and that it can have
+# other mounts than the other nodes. Root only.
 #
 #   cluster.sh DIR start N [LINE...]  starts it; LINEs are added to slurm.conf. Clients need SLURM_CONF=DIR/slurm.conf
 #                                     Environment: CPUS of a node (1); NODE_SHARE, per cent of a processor that all
 #                                     processes of a node get together (control group cpu, version 1; none: no limit)
 #   cluster.sh DIR stop               ends every process of it
-#   cluster.sh DIR kill-node NODE     a power cut; Slurm is told at once
+#   cluster.sh DIR kill-node NODE     simulates a power cut, and reports it to Slurm at once
 #   cluster.sh DIR kill-controller | start-controller
 #   cluster.sh DIR on NODE COMMAND... runs a command as that node sees the file system
 #
-# DIR: at most 60 characters (UNIX socket paths), new or empty. What works and why was measured on Debian 12's Slurm
-# 22.05: cred_expire below 5 means 120 (the time until a requeued task starts again).
+# DIR: at most 60 characters (UNIX socket paths), new or empty. Measured on Slurm 22.05 of Debian 12: cred_expire (the
+# time until a requeued task starts again) below 5 means 120.
 set -u
 PATH=/usr/sbin:/usr/bin:/sbin:/bin
 export PATH
@@ -24,13 +24,13 @@ shift 2
 [ ${#D} -le 60 ] || die "$D is too long for a socket's name"
 export SLURM_CONF="$D/slurm.conf"
 
-launch() {  # NAME COMMAND...: in a session of its own, without the caller's descriptors
+launch() {  # NAME COMMAND...: starts it in its own session, without the caller's descriptors
   name=$1
   shift
   setsid "$@" </dev/null >>"$D/log/$name.out" 2>&1 3>&- 4>&- 5>&- 6>&- 7>&- 8>&- 9>&- &
   echo $! >"$D/run/$name.pid"
 }
-await() {  # SECONDS COMMAND...: until it succeeds
+await() {  # SECONDS COMMAND...: repeats it until it succeeds
   tries=$(($1 * 20))
   shift
   until "$@" >/dev/null 2>&1; do
@@ -39,7 +39,7 @@ await() {  # SECONDS COMMAND...: until it succeeds
     sleep 0.05
   done
 }
-finish() {  # NAME SIGNAL: and wait for its end
+finish() {  # NAME SIGNAL: sends the signal and waits for the end
   [ -s "$D/run/$1.pid" ] || return 0
   pid=$(cat "$D/run/$1.pid")
   kill -s "$2" "$pid" 2>/dev/null
@@ -47,7 +47,7 @@ finish() {  # NAME SIGNAL: and wait for its end
     kill -s KILL "$pid" 2>/dev/null
   rm -f "$D/run/$1.pid"
 }
-free_ports() {  # FIRST COUNT: none of them is a local TCP port in use
+free_ports() {  # FIRST COUNT: succeeds if none of these local TCP ports is in use
   port=$1
   while [ $port -lt $(($1 + $2)) ]; do
     ! grep -qi "^ *[0-9]*: [0-9A-F]*$(printf ':%04X' $port) " /proc/net/tcp /proc/net/tcp6 2>/dev/null || return 1
@@ -62,7 +62,7 @@ start_node() {
       die "control groups cannot be written to"
   fi
   mkdir -p "$D/spool/$1"
-  # The namespace's first process reaps; its end is the end of all in it.
+  # The namespace's first process reaps the others; they end with it.
   limit=
   [ -z "${NODE_SHARE:-}" ] || limit=$(node_group "$1")/cgroup.procs
   # shellcheck disable=SC2016

@@ -16,12 +16,11 @@
 
 namespace raystage::testing {
 
-/// A folder with a small take, shots of it, and a copy of the programs in which a test may put
-/// others.
+/// A folder with a small take, shots of it, and a copy of the programs that a test may replace.
 class FarmJobTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    // Short: the names of Slurm's sockets are below it.
+    // A short path, because paths of UNIX sockets are limited.
     std::string name = (std::filesystem::temp_directory_path() / "farm-XXXXXX").string();
     ASSERT_NE(mkdtemp(name.data()), nullptr);
     folder_ = name;
@@ -40,7 +39,7 @@ class FarmJobTest : public ::testing::Test {
     std::filesystem::remove_all(folder_, ignored);
   }
 
-  /// `speed` 0 freezes the take.
+  /// Writes a shot. `speed` 0 freezes the take.
   void write_shot(const std::string& name, int frames, double speed, const std::string& method,
                   const std::string& options = "{}") const {
     write_text(
@@ -61,8 +60,8 @@ class FarmJobTest : public ::testing::Test {
                "':\"$PATH\" && " + command);
   }
 
-  /// Copies the programs to folder_/bin, where `script` stands in place of raystage-render; it
-  /// finds the true one as "$TRUE_RENDER".
+  /// Copies the programs to folder_/bin, where `script` replaces raystage-render and can run the
+  /// original as "$TRUE_RENDER".
   void replace_render_program(const std::string& script) const {
     const auto bin = folder_ / "bin";
     std::filesystem::create_directories(bin);
@@ -85,7 +84,7 @@ class FarmJobTest : public ::testing::Test {
     return nlohmann::json::parse(here("raystage farm status --json '" + output + "'").out);
   }
 
-  /// Frames by name, with their bytes.
+  /// Returns the bytes of frames by file name.
   static std::map<std::string, std::string> frames_in(const std::filesystem::path& folder) {
     std::map<std::string, std::string> frames;
     for (const auto& file : std::filesystem::directory_iterator(folder)) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Farm jobs on this machine: the same tasks as on a cluster, one after the other.
+// Tests farm jobs on this machine, which run the same tasks as on a cluster in sequence.
 #include <algorithm>
 
 #include "farm/slurm_scripts.h"
@@ -13,7 +13,7 @@ using ::testing::Not;
 
 class FarmLocal : public FarmJobTest {
  protected:
-  /// As a render manager does it: every step's command in order, for every value of its range.
+  /// Runs a template as a render manager does: each step's command for every value of its range.
   void run_openjd_session(std::string file) const {
     file.pop_back();  // the line break
     const auto document = nlohmann::json::parse(read_text(folder_ / file));
@@ -56,14 +56,14 @@ TEST_F(FarmLocal, AJobGivesTheFramesOfAPlainRender) {
   const auto job = folder_ / "o u t" / "s.farm" / "job-0001";
   EXPECT_TRUE(std::filesystem::exists(job / "preview.mp4"));
   EXPECT_TRUE(std::filesystem::exists(job / "contact-sheet.png"));
-  const auto told = status("o u t/s.####.exr");
-  EXPECT_EQ(told["state"], "done");
-  EXPECT_EQ(told["frames_done"], 48);
-  EXPECT_EQ(told["tasks"][0]["frames"], "1-41x10") << "every tenth frame first";
+  const auto report = status("o u t/s.####.exr");
+  EXPECT_EQ(report["state"], "done");
+  EXPECT_EQ(report["frames_done"], 48);
+  EXPECT_EQ(report["tasks"][0]["frames"], "1-41x10") << "every tenth frame first";
   const CommandResult page = here("raystage farm status 'o u t/s.####.exr' --html page.html");
   EXPECT_THAT(page.out, HasSubstr(": done\n"));
   EXPECT_THAT(read_text(folder_ / "page.html"), HasSubstr("48 of 48 frames done"));
-  // A stranger finds nothing left half-written.
+  // No temporary files are left.
   EXPECT_TRUE(find_files(folder_, ".tmp").empty());
 }
 
@@ -73,10 +73,10 @@ TEST_F(FarmLocal, DerivesEachInstantOnce) {
       "raystage farm submit 'show dir/freeze.json' -o out/s.####.exr --engine local --chunk 2 "
       "--no-preview");
   ASSERT_EQ(farm.exit_code, 0) << farm.err;
-  auto told = status("out/s.####.exr");
-  EXPECT_EQ(told["instants_solved"], 1) << "one instant, eight chunks";
+  auto report = status("out/s.####.exr");
+  EXPECT_EQ(report["light_field_frames_solved"], 1) << "one instant, eight chunks";
   int prepared = 0;
-  for (const auto& task : told["tasks"]) prepared += task["stage"] == "prepare";
+  for (const auto& task : report["tasks"]) prepared += task["stage"] == "prepare";
   EXPECT_EQ(prepared, 1);
   // Nothing stays pinned, and nothing is prepared that is stored.
   EXPECT_TRUE(find_files(folder_, "pin.").empty());
@@ -84,9 +84,9 @@ TEST_F(FarmLocal, DerivesEachInstantOnce) {
                  "--no-preview")
                 .exit_code,
             0);
-  told = status("out2/s.####.exr");
-  EXPECT_EQ(told["instants_solved"], 0);
-  EXPECT_EQ(told["tasks"][0]["stage"], "render");
+  report = status("out2/s.####.exr");
+  EXPECT_EQ(report["light_field_frames_solved"], 0);
+  EXPECT_EQ(report["tasks"][0]["stage"], "render");
 }
 
 TEST_F(FarmLocal, TriesAgainWhatFailsAndWithMoreMemoryWhatRanOutOfIt) {
@@ -100,11 +100,11 @@ esac)");
       "raystage farm submit 'show dir/shot.json' -o out/s.####.exr --engine local --chunk 10 "
       "--memory 0.4 -j 1 --no-preview");
   ASSERT_EQ(farm.exit_code, 0) << farm.err;
-  const auto told = status("out/s.####.exr");
-  EXPECT_EQ(told["rounds"], 3);
-  EXPECT_EQ(told["tasks"][1]["attempts"].size(), 3U);
-  EXPECT_EQ(told["tasks"][2]["attempts"].size(), 2U);
-  EXPECT_EQ(told["tasks"][2]["attempts"][0]["end"]["result"], "out_of_memory");
+  const auto report = status("out/s.####.exr");
+  EXPECT_EQ(report["rounds"], 3);
+  EXPECT_EQ(report["tasks"][1]["attempts"].size(), 3U);
+  EXPECT_EQ(report["tasks"][2]["attempts"].size(), 2U);
+  EXPECT_EQ(report["tasks"][2]["attempts"][0]["end"]["result"], "out_of_memory");
   const std::string calls = read_text(folder_ / "calls");
   EXPECT_THAT(calls, HasSubstr("--frames=21-30 --existing skip"));
   EXPECT_EQ(std::count(calls.begin(), calls.end(), '\n'), 5 + 2 + 1) << calls;
@@ -121,15 +121,15 @@ TEST_F(FarmLocal, GivesUpWhatFailsForGoodAndRetriesWhenAsked) {
       "raystage farm submit 'show dir/shot.json' -o out/s.####.exr --engine local --chunk 10 "
       "--attempts 2 --no-preview");
   EXPECT_EQ(farm.exit_code, 3);
-  auto told = status("out/s.####.exr");
-  EXPECT_EQ(told["state"], "failed");
-  EXPECT_EQ(told["missing_frames"], "11-20");
+  auto report = status("out/s.####.exr");
+  EXPECT_EQ(report["state"], "failed");
+  EXPECT_EQ(report["missing_frames"], "11-20");
   EXPECT_EQ(here("raystage farm status out/s.####.exr").exit_code, 3);
   write_text(folder_ / "mended", "");
   const CommandResult retried = here("raystage farm retry out/s.####.exr");
   EXPECT_EQ(retried.exit_code, 0) << retried.err;
-  told = status("out/s.####.exr");
-  EXPECT_EQ(told["state"], "done");
+  report = status("out/s.####.exr");
+  EXPECT_EQ(report["state"], "done");
   EXPECT_EQ(frames_in(folder_ / "out").size(), 48U);
 }
 
@@ -142,20 +142,20 @@ TEST_F(FarmLocal, RetryRendersWhatWasRemovedOrDamagedAndWhatIsNamed) {
   const auto whole = frames_in(folder_ / "out");
   CommandResult retried = here("raystage farm retry out/s.####.exr");
   EXPECT_EQ(retried.exit_code, 2);
-  EXPECT_THAT(retried.err, HasSubstr("every frame is whole"));
+  EXPECT_THAT(retried.err, HasSubstr("every frame is complete"));
   // One frame is gone, another is cut short.
   std::filesystem::remove(folder_ / "out" / "s.0005.exr");
   std::filesystem::resize_file(folder_ / "out" / "s.0040.exr", 2000);
-  const CommandResult told = here("raystage farm status out/s.####.exr");
-  EXPECT_EQ(told.exit_code, 3);
-  EXPECT_THAT(told.out, HasSubstr("missing: frames 5\n"));
+  const CommandResult report = here("raystage farm status out/s.####.exr");
+  EXPECT_EQ(report.exit_code, 3);
+  EXPECT_THAT(report.out, HasSubstr("missing: frames 5\n"));
   std::filesystem::remove(folder_ / "calls");
   retried = here("raystage farm retry out/s.####.exr");
   EXPECT_EQ(retried.exit_code, 0) << retried.err;
   EXPECT_THAT(retried.out, HasSubstr("round 2: 2 tasks to render"));
   EXPECT_TRUE(frames_in(folder_ / "out") == whole);
   EXPECT_EQ(here("raystage farm status out/s.####.exr").exit_code, 0);
-  // A frame that is named is rendered anew, and no other.
+  // Only the named frame is rendered again.
   std::filesystem::remove(folder_ / "calls");
   write_text(folder_ / "broken", "");  // the first attempt fails, and the old frame is whole
   EXPECT_EQ(here("raystage farm retry out/s.####.exr --frames 7,99").exit_code, 0);
@@ -175,7 +175,7 @@ TEST_F(FarmLocal, FramesHaveTheSubmittersUmask) {
                  "--engine local --no-queue")
                 .exit_code,
             0);
-  // A node's daemon has its own.
+  // A node's daemon has another umask.
   ASSERT_EQ(here("umask 0077 && raystage farm task out/s.farm/job-0001 render 0").exit_code, 0);
   EXPECT_EQ(std::filesystem::status(folder_ / "out" / "s.0001.exr").permissions(),
             std::filesystem::perms(0640));
@@ -186,17 +186,16 @@ TEST_F(FarmLocal, AQuotaThatIsUsedUpIsTheNodesFault) {
                  "--no-queue")
                 .exit_code,
             0);
-  // Only a write shows it. The room of the job's own records was reserved before: here they are
-  // elsewhere.
+  // Only a write detects the quota. The job folder moves to a folder without one.
   std::filesystem::rename(folder_ / "out" / "s.farm", folder_ / "s.farm");
   const CommandResult task = here("BAD_DISK_FOLDER='" + (folder_ / "out").string() +
                                   "' BAD_DISK='EDQUOT 200000 999' LD_PRELOAD=" RAYSTAGE_BAD_DISK
                                   " raystage farm task s.farm/job-0001 render 0");
   EXPECT_NE(task.exit_code, 0);
   std::filesystem::rename(folder_ / "s.farm", folder_ / "out" / "s.farm");
-  const auto told = status("out/s.####.exr");
-  const auto& attempt = told["tasks"][0]["attempts"][0];
-  ASSERT_TRUE(attempt.contains("end")) << told.dump(1);
+  const auto report = status("out/s.####.exr");
+  const auto& attempt = report["tasks"][0]["attempts"][0];
+  ASSERT_TRUE(attempt.contains("end")) << report.dump(1);
   EXPECT_TRUE(attempt["end"].value("node_fault", false)) << attempt.dump(1);
   EXPECT_THAT(attempt["end"]["reason"].get<std::string>(), HasSubstr("Disk quota exceeded"));
   EXPECT_TRUE(find_files(folder_ / "out", ".tmp").empty());
@@ -213,7 +212,7 @@ TEST_F(FarmLocal, StaleHandlesAreAwaited) {
   const std::string verify = "BAD_DISK_FOLDER='" + (folder_ / "out").string() +
                              "' BAD_DISK='ESTALE 0 2' LD_PRELOAD=" RAYSTAGE_BAD_DISK
                              " raystage farm task out/s.farm/job-0001 verify --patience ";
-  // Frames only: the records of the job are in the same folder, and a task could not begin.
+  // Let only frames fail: the job's records are in the same folder, and a task needs them to start.
   std::filesystem::rename(folder_ / "out" / "s.farm", folder_ / "s.farm");
   const auto moved = [&](const std::string& patience) {
     return here(replaced(verify, "out/s.farm", "s.farm") + patience);
@@ -223,12 +222,12 @@ TEST_F(FarmLocal, StaleHandlesAreAwaited) {
 }
 
 TEST_F(FarmLocal, WordsBeforeTheCommandRunIt) {
-  // As a container's: with an argument that is quoted, and a program of its own.
+  // A command prefix like that of a container, with a quoted argument and its own program.
   write_text(folder_ / "in box", "#!/bin/sh\n[ \"$1\" = 'a b' ] || exit 9\nshift\nexec \"$@\"\n");
   std::filesystem::permissions(folder_ / "in box", std::filesystem::perms::all);
   const CommandResult made = here(
       "raystage farm export --openjd 'show dir/shot.json' -o out/s.####.exr --frames 1-4 "
-      "--no-preview --program raystage --wrap \"'" +
+      "--no-preview --program raystage --command-prefix \"'" +
       (folder_ / "in box").string() + "' 'a b'\"");
   ASSERT_EQ(made.exit_code, 0) << made.err;
   run_openjd_session(made.out);
@@ -267,7 +266,7 @@ TEST_F(FarmLocal, RefusesWhatCannotBecomeAJob) {
   const CommandResult automatic =
       here("raystage farm submit 'show dir/chosen.json' -o out/s.####.exr --engine local");
   EXPECT_EQ(automatic.exit_code, 2);
-  EXPECT_THAT(automatic.err, HasSubstr("method auto chooses anew in every task"));
+  EXPECT_THAT(automatic.err, HasSubstr("method auto chooses again in every task"));
   EXPECT_EQ(here("raystage farm status nowhere").exit_code, 2);
   EXPECT_EQ(here("raystage farm task nowhere render 0").exit_code, 2);
 }
@@ -285,7 +284,7 @@ TEST_F(FarmLocal, PathsMayHaveOtherNamesOnTheNodes) {
   EXPECT_EQ(here("raystage farm task out/s.farm/job-0001 verify").exit_code, 0);
   EXPECT_EQ(frames_in(folder_ / "out").size(), 48U);
   std::filesystem::remove(folder_.string() + ".net");
-  // Without the nodes' names this is the submitting host: its own names apply.
+  // Without the nodes' paths this is the submitting host, which uses its own paths.
   std::filesystem::remove(folder_ / "out" / "s.0009.exr");
   EXPECT_EQ(here("raystage farm status out/s.####.exr").exit_code, 3);
   const CommandResult retried = here("raystage farm retry out/s.####.exr");
@@ -304,7 +303,7 @@ TEST_F(FarmLocal, ReadOnlyTakesGetACacheNextToTheOutput) {
   EXPECT_THAT(farm.err, HasSubstr("a take is read-only"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "show dir" / "take" / "depth"));
   EXPECT_EQ(find_files(folder_ / "out" / "s.farm" / "cache" / "depth", ".zst").size(), 1U);
-  EXPECT_EQ(status("out/s.####.exr")["instants_solved"], 1);
+  EXPECT_EQ(status("out/s.####.exr")["light_field_frames_solved"], 1);
 }
 
 TEST_F(FarmLocal, ExportsAJobForOtherRenderManagers) {
@@ -324,10 +323,10 @@ TEST_F(FarmLocal, OtherBuildsAreRefused) {
   replace_render_program("");
   const CommandResult other = here("bin/raystage farm task out/s.farm/job-0001 render 0");
   EXPECT_EQ(other.exit_code, 1);
-  const auto told = status("out/s.####.exr");
-  EXPECT_THAT(told["tasks"][0]["reason"].get<std::string>(),
+  const auto report = status("out/s.####.exr");
+  EXPECT_THAT(report["tasks"][0]["reason"].get<std::string>(),
               HasSubstr("the job was made with build"));
-  EXPECT_EQ(told["excluded_nodes"].size(), 1U);
+  EXPECT_EQ(report["excluded_nodes"].size(), 1U);
   EXPECT_EQ(here("bin/raystage farm doctor out/s.####.exr").exit_code, 1);
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Distributed jobs on a real Slurm cluster: each node has the archives of one camera.
+// Tests distributed jobs on a real Slurm cluster: each node has the archive of one camera.
 #include <unistd.h>
 
 #include "tests/farm/farm_job_test.h"
@@ -42,8 +42,8 @@ class FarmSlurmRanks : public FarmJobTest {
 
   static std::string node(int index) { return "n" + std::to_string(index + 1); }
 
-  /// The submitting host keeps the documents alone; each node sees a take with one camera's archive
-  /// under the same name. The whole take moves to "whole", for comparison.
+  /// Leaves only the documents on the submitting host. Each node sees a take with one camera's
+  /// archive under the same name. The complete take moves to "whole", for comparison.
   void give_archives_to_nodes() const {
     const fs::path take = folder_ / "show dir" / "take", whole = folder_ / "whole";
     fs::create_directories(whole);
@@ -79,13 +79,13 @@ class FarmSlurmRanks : public FarmJobTest {
         more);
   }
 
-  json told() const {
+  json query_status() const {
     return json::parse(on_cluster("raystage farm status --json out/s.####.exr").out);
   }
   json ended() const {
     json status;
     wait_for(240, [&] {
-      status = told();
+      status = query_status();
       return status["state"] != "running" && status["state"] != "waiting" &&
              status["state"] != "unknown";
     });
@@ -134,7 +134,7 @@ TEST_F(FarmSlurmRanks, GoOnAfterARankWasKilled) {
   ASSERT_EQ(submitted.exit_code, 0) << submitted.err;
   const fs::path first = folder_ / "out" / "s.0001.exr";
   ASSERT_TRUE(wait_for(120, [&] { return fs::exists(first); })) << logs();
-  // Names of processes are cut after 15 characters.
+  // Linux cuts the names of processes to 15 characters.
   EXPECT_EQ(cluster("on n3 pkill -KILL -x raystage-render").exit_code, 0);
   const auto written = fs::last_write_time(first);
   const json status = ended();
@@ -168,7 +168,7 @@ TEST_F(FarmSlurmRanks, RefuseWhatTheyCannotRenderBeforeAnythingIsQueued) {
     EXPECT_THAT(refused.err, HasSubstr("cannot be rendered from archives on several hosts"));
   }
   EXPECT_EQ(submit("shot", "--engine local").exit_code, 2);
-  EXPECT_EQ(submit("shot", "--wrap 'apptainer exec x'").exit_code, 2);
+  EXPECT_EQ(submit("shot", "--command-prefix 'apptainer exec x'").exit_code, 2);
   const CommandResult unknown = on_cluster(
       "raystage farm submit 'show dir/shot.json' -o out/s.####.exr --distributed --nodes n[3-9]");
   EXPECT_EQ(unknown.exit_code, 2);

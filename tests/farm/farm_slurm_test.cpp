@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Farm jobs on a real Slurm cluster.
+// Tests farm jobs on a real Slurm cluster.
 #include <unistd.h>
 
 #include <algorithm>
@@ -42,7 +42,7 @@ class FarmSlurm : public FarmJobTest {
   CommandResult on_cluster(const std::string& command) const {
     return here("export SLURM_CONF='" + (folder_ / "c" / "slurm.conf").string() + "'; " + command);
   }
-  /// On this node the output disk is another one, and full; the job folder is where it is.
+  /// Gives this node a full disk as its output disk; the job folder stays on the shared disk.
   void fill_disk_of(const std::string& node) const {
     const std::string out = (folder_ / "out").string();
     const CommandResult filled =
@@ -51,12 +51,12 @@ class FarmSlurm : public FarmJobTest {
                 out + "/s.farm && mount --bind /tmp/kept.$$ " + out + "/s.farm\"");
     ASSERT_EQ(filled.exit_code, 0) << filled.err;
   }
-  json told(const std::string& output = "out/s.####.exr") const {
+  json query_status(const std::string& output = "out/s.####.exr") const {
     return json::parse(on_cluster("raystage farm status --json '" + output + "'").out);
   }
   bool is_over(double seconds = kJobSeconds) const {
     return wait_for(seconds, [&] {
-      const json status = told();
+      const json status = query_status();
       return status["state"] != "running" && status["state"] != "waiting" &&
              status["state"] != "unknown";
     });
@@ -78,7 +78,7 @@ class FarmSlurm : public FarmJobTest {
   }
 };
 
-/// What happens to a farm, under each of the settings that sites have.
+/// Tests the faults of a farm, with each of the Slurm settings of sites.
 struct Site {
   const char* name;
   const char* settings;
@@ -105,13 +105,13 @@ sleep 1)");
   ASSERT_EQ(on_cluster("sh out/s.farm/job-0001/round-1.sh").exit_code, 0);
 
   // A node dies in the middle of a task.
-  ASSERT_TRUE(wait_for(60, [&] { return nodes_of(told(), "render").contains("n2"); }));
+  ASSERT_TRUE(wait_for(60, [&] { return nodes_of(query_status(), "render").contains("n2"); }));
   cluster("kill-node n2");
-  json status = told();
+  json status = query_status();
   EXPECT_EQ(status["state"], "running");
-  // The controller goes away and comes back; what is done is known all the same.
+  // The controller stops and restarts; the finished tasks are still known.
   cluster("kill-controller");
-  status = told();
+  status = query_status();
   EXPECT_EQ(status["state"], "unknown");
   int done = 0;
   for (const json& task : status["tasks"]) {
@@ -125,11 +125,11 @@ sleep 1)");
   EXPECT_EQ(status["frames_done"], done);
   ASSERT_EQ(cluster("start-controller").exit_code, 0);
 
-  ASSERT_TRUE(is_over()) << told().dump(1) << logs();
-  status = told();
+  ASSERT_TRUE(is_over()) << query_status().dump(1) << logs();
+  status = query_status();
   EXPECT_EQ(status["state"], "done") << status.dump(1) << logs();
   EXPECT_EQ(status["frames_done"], 48);
-  // The full disk cost no more than two tasks, and each of them went elsewhere.
+  // At most two tasks failed on the full disk, and each of them ran again on another node.
   int failed_on_full_disk = 0, failed_twice = 0;
   for (const json& task : status["tasks"]) {
     if (task["stage"] != "render") continue;
@@ -173,11 +173,11 @@ TEST_F(FarmSlurm, ANodeOfManySlotsWithAFullDiskFailsFewTasks) {
             0);
   fill_disk_of("n1");
   ASSERT_EQ(on_cluster("sh out/s.farm/job-0001/round-1.sh").exit_code, 0);
-  ASSERT_TRUE(is_over()) << told().dump(1) << logs();
-  const json status = told();
+  ASSERT_TRUE(is_over()) << query_status().dump(1) << logs();
+  const json status = query_status();
   EXPECT_EQ(status["state"], "done") << status.dump(1) << logs();
   EXPECT_TRUE(status["excluded_nodes"].contains("n1")) << "the test tests nothing";
-  // Its four slots start at once: the first task that looks excludes the node for the others.
+  // Its four slots start at once: the first task that checks the node excludes it for the others.
   int failed_there = 0, ran_there = 0;
   for (const json& task : status["tasks"]) {
     for (const json& attempt : task["attempts"]) {
@@ -222,12 +222,12 @@ TEST_F(FarmSlurm, ATaskThatSlurmEndsIsRecordedAndGetsMoreTime) {
                 .exit_code,
             0);
   ASSERT_TRUE(wait_for(60, [&] { return std::filesystem::exists(folder_ / "f"); }));
-  // As at a time limit, whose shortest is a minute: TERM to all processes of the task.
+  // Send TERM to all processes of the task, as at a time limit, which is at least a minute.
   ASSERT_EQ(on_cluster("scancel --full --signal=TERM $(cat out/s.farm/job-0001/slurm/render.1.1)")
                 .exit_code,
             0);
-  ASSERT_TRUE(is_over()) << told().dump(1) << logs();
-  const json status = told();
+  ASSERT_TRUE(is_over()) << query_status().dump(1) << logs();
+  const json status = query_status();
   EXPECT_EQ(status["state"], "done") << status.dump(1) << logs();
   EXPECT_EQ(status["tasks"][0]["attempts"][0]["end"]["result"], "stopped") << status.dump(1);
   EXPECT_THAT(read_text(folder_ / "out/s.farm/job-0001/round-2.sh"), HasSubstr("--time=40"));
@@ -239,8 +239,8 @@ TEST_F(FarmSlurm, AProgramThatNodesLackEndsTheJobWithThatReason) {
                        "-j 1 --no-measure --program /nowhere/raystage")
                 .exit_code,
             0);
-  ASSERT_TRUE(is_over()) << told().dump(1) << logs();
-  const json status = told();
+  ASSERT_TRUE(is_over()) << query_status().dump(1) << logs();
+  const json status = query_status();
   EXPECT_EQ(status["state"], "failed") << status.dump(1) << logs();
   EXPECT_THAT(status["reason"].get<std::string>(), HasSubstr("exit code 127"));
   const CommandResult shown = on_cluster("raystage farm logs out/s.####.exr 1");
@@ -256,9 +256,9 @@ TEST_F(FarmSlurm, AFreezeDerivesItsInstantOnceAndAMoveItsInstantsSideBySide) {
           .exit_code,
       0);
   ASSERT_TRUE(is_over());
-  json status = told();
+  json status = query_status();
   EXPECT_EQ(status["state"], "done") << status.dump(1) << logs();
-  EXPECT_EQ(status["instants_solved"], 1);
+  EXPECT_EQ(status["light_field_frames_solved"], 1);
   std::filesystem::remove_all(folder_ / "out");
   write_shot("move", 16, 2.4, "depth");  // a tick for every frame
   ASSERT_EQ(on_cluster("raystage farm submit 'show dir/move.json' -o out/s.####.exr --chunk 4 -j 1 "
@@ -266,12 +266,12 @@ TEST_F(FarmSlurm, AFreezeDerivesItsInstantOnceAndAMoveItsInstantsSideBySide) {
                 .exit_code,
             0);
   ASSERT_TRUE(is_over());
-  status = told();
+  status = query_status();
   EXPECT_EQ(status["state"], "done") << status.dump(1) << logs();
   int prepared = 0;
   for (const json& task : status["tasks"]) prepared += task["stage"] == "prepare";
   EXPECT_GE(prepared, 14);
-  EXPECT_EQ(status["instants_solved"], prepared);
+  EXPECT_EQ(status["light_field_frames_solved"], prepared);
   EXPECT_EQ(nodes_of(status, "prepare").size(), 4U);
   EXPECT_TRUE(find_files(folder_, "pin.").empty());
 }
@@ -289,17 +289,18 @@ TEST_F(FarmSlurm, OneLiveJobAnOutputAndTheNextBehindIt) {
   EXPECT_THAT(second.err, HasSubstr("a job of this output is not over: s-"));
   const CommandResult after = on_cluster(submit + "--after");
   ASSERT_EQ(after.exit_code, 0) << after.err;
-  json status = told("out/s.farm/job-0002");
+  json status = query_status("out/s.farm/job-0002");
   EXPECT_EQ(status["state"], "waiting");
   EXPECT_EQ(status["reason"], "it waits for the job before it");
   EXPECT_EQ(on_cluster("raystage farm retry out/s.farm/job-0001").exit_code, 2) << "both are live";
-  ASSERT_TRUE(wait_for(kJobSeconds, [&] { return told("out/s.farm/job-0002")["state"] == "done"; }))
-      << told("out/s.farm/job-0002").dump(1) << logs();
-  EXPECT_EQ(told("out/s.farm/job-0001")["state"], "done");
-  // And one that is cancelled leaves no task behind.
+  ASSERT_TRUE(
+      wait_for(kJobSeconds, [&] { return query_status("out/s.farm/job-0002")["state"] == "done"; }))
+      << query_status("out/s.farm/job-0002").dump(1) << logs();
+  EXPECT_EQ(query_status("out/s.farm/job-0001")["state"], "done");
+  // A cancelled job leaves no task in the queue.
   ASSERT_EQ(on_cluster(submit).exit_code, 0);
   EXPECT_EQ(on_cluster("raystage farm cancel out/s.####.exr").exit_code, 0);
-  EXPECT_EQ(told()["state"], "cancelled");
+  EXPECT_EQ(query_status()["state"], "cancelled");
   EXPECT_TRUE(wait_for(20, [&] { return on_cluster("squeue -h").out.empty(); }));
   EXPECT_EQ(on_cluster("raystage farm cancel out/s.####.exr").exit_code, 2);
 }
@@ -319,7 +320,7 @@ TEST_F(FarmSlurm, TheDoctorAsksEveryNode) {
   doctor = on_cluster("raystage farm doctor out/s.####.exr --nodes n1,n2,n9");
   EXPECT_EQ(doctor.exit_code, 1);
   EXPECT_THAT(doctor.out, HasSubstr("Slurm: down"));
-  EXPECT_THAT(doctor.out, HasSubstr("Slurm knows no such node"));
+  EXPECT_THAT(doctor.out, HasSubstr("Slurm has no node of this name"));
   doctor = on_cluster("raystage farm doctor out/s.####.exr --nodes n1,n3,n4");
   EXPECT_EQ(doctor.exit_code, 1);
   EXPECT_THAT(doctor.out, ::testing::ContainsRegex("n1 .*ready"));
@@ -336,14 +337,13 @@ TEST_F(FarmSlurm, NodesWithoutTheJobsFolderAreLeftAndALostVerificationIsQueuedAn
             0);
   ASSERT_EQ(cluster("on n1 mount -t tmpfs none '" + (folder_ / "out").string() + "'").exit_code, 0);
   ASSERT_EQ(on_cluster("sh out/s.farm/job-0001/round-1.sh").exit_code, 0);
-  // A controller that is killed forgets what it accepted last: as if the verification were
-  // cancelled.
+  // Cancel the verification, as a killed controller forgets the tasks that it accepted last.
   ASSERT_EQ(on_cluster("scancel $(cat out/s.farm/job-0001/slurm/verify.1)").exit_code, 0);
-  ASSERT_TRUE(is_over()) << told().dump(1) << logs();
-  const json status = told();
+  ASSERT_TRUE(is_over()) << query_status().dump(1) << logs();
+  const json status = query_status();
   EXPECT_EQ(status["state"], "done") << status.dump(1) << logs();
   EXPECT_FALSE(nodes_of(status, "render").contains("n1"));
-  EXPECT_EQ(status["excluded_nodes"]["n1"], "the job folder is not there");
+  EXPECT_EQ(status["excluded_nodes"]["n1"], "the job folder does not exist on this node");
 }
 
 }  // namespace

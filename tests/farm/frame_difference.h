@@ -12,7 +12,7 @@
 
 namespace raystage::testing {
 
-/// From one half to another, in units in the last place.
+/// Returns the distance of two halves in units in the last place.
 inline int half_steps(float a, float b) {
   const auto ordered = [](float value) {
     const int bits = Imath::half(value).bits();
@@ -21,13 +21,13 @@ inline int half_steps(float a, float b) {
   return std::abs(ordered(a) - ordered(b));
 }
 
-/// How two pictures differ in R, G, B and A.
+/// The difference of two pictures in R, G, B and A.
 struct FrameDifference {
-  int most = 0;         ///< units in the last place of half
-  int most_alpha = 0;   ///< the same, of A alone
+  int most = 0;         ///< maximum, in units in the last place of half
+  int most_alpha = 0;   ///< maximum of A, in the same units
   double share = 0;     ///< of values that differ
   double psnr_db = 99;  ///< full scale 1
-  float brightest = 0;  ///< value of the first
+  float brightest = 0;  ///< largest value of the first picture
 };
 
 inline FrameDifference frame_difference(const std::filesystem::path& a,

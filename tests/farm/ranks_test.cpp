@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shots rendered by MPI ranks, each with a folder that holds the archives of its own cameras alone.
+// Tests rendering by MPI ranks, each with a folder that has only the archives of its own cameras.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -31,11 +31,11 @@ class Ranks : public ::testing::Test {
     ASSERT_EQ(made.exit_code, 0) << made.err;
   }
 
-  /// A folder for each rank with the take's documents and the archives of a block of its cameras.
+  /// Makes a folder per rank with the take's documents and the archives of a block of cameras.
   void split(int ranks) const {
     fs::remove_all(folder_.path() / "ranks");
     const auto take = nlohmann::json::parse(read_text(folder_.path() / "take" / "take.json"));
-    const int columns = ranks >= 4 ? 2 : 1;  // of ranks
+    const int columns = ranks >= 4 ? 2 : 1;  // of the grid of ranks
     for (int rank = 0; rank < ranks; ++rank) {
       const fs::path to = folder_.path() / "ranks" / std::to_string(rank) / "take";
       fs::create_directories(to / "archive");
@@ -70,7 +70,7 @@ class Ranks : public ::testing::Test {
     return run("cd '" + folder_.path().string() + "' && " + command);
   }
 
-  /// mpirun on this host; it refuses to run as root and to take a busy machine, unless told.
+  /// Renders by mpirun on this host, with options that let it run as root and on a busy machine.
   CommandResult render_by(int ranks, const std::string& options) const {
     return here(
         "OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 mpirun --oversubscribe -n " +
@@ -215,7 +215,7 @@ TEST_F(Ranks, RefuseWhatCannotBeRenderedTogether) {
   EXPECT_THAT(alone.err, HasSubstr("mpirun"));
 }
 
-/// Frames in the middle of the cameras of rank 1 lose their markers.
+/// Overwrites the middle of the archives of rank 1, so that frames there lose their markers.
 void damage_frames(const std::filesystem::path& take_of_rank_1) {
   for (const auto& entry : std::filesystem::directory_iterator(take_of_rank_1 / "archive")) {
     if (entry.path().extension() != ".mkv") continue;
@@ -234,8 +234,8 @@ TEST_F(Ranks, ReportADamagedFrameOfAnotherHostAndGoOn) {
   EXPECT_THAT(some.err, HasSubstr("failed:"));
 }
 
-// Views in step: a rank that fails leaves the others in the middle of messages that are longer than
-// what MPI sends ahead of the receiver.
+// For lockstep views: a rank fails while the others send messages that are too long for MPI to
+// buffer.
 TEST_F(Ranks, GoOnWithTheNextViewWhereOneFailsInStep) {
   write_shot("depth", R"({"near": 2, "far": 12})", 5);
   split(4);

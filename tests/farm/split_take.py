@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Gives each of several ranks a folder OUT/RANK/take with a take's documents and the archives of a compact block of
-its cameras, which stand in a square grid, row by row. Archives are hard links.
+"""Makes a folder OUT/RANK/take per rank with a take's documents and the archives of a compact block of its cameras.
+The cameras form a square grid, row by row. Archives are hard links.
 Usage: split_take.py TAKE OUT RANKS      (RANKS: 1, 2, 4, 8, ...)"""
 import json
 import math

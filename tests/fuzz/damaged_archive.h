@@ -49,7 +49,7 @@ struct FuzzArchive {
   }
   void close() {
     const auto header = matroska::make_header(description());
-    const auto closing = matroska::make_closing(cues, header, archive.size());
+    const auto closing = matroska::make_trailer(cues, header, archive.size());
     const auto put = [&](std::size_t at, const std::vector<std::byte>& bytes) {
       std::ranges::copy(bytes, archive.begin() + static_cast<std::ptrdiff_t>(at));
     };

@@ -39,7 +39,7 @@ void round_trip(std::string_view text, Parse parse, Format format) {
 
 /// Offsets of clocks are only read: one a camera, each within a day.
 void read_offsets(std::string_view text) {
-  const std::vector<raystage::CameraStamps> cameras{{"a", "one", {}, {}}, {"b", "two", {}, {}}};
+  const std::vector<raystage::CameraTimestamps> cameras{{"a", "one", {}, {}}, {"b", "two", {}, {}}};
   try {
     const auto offsets = raystage::parse_node_offsets(text, "input", cameras);
     constexpr raystage::Nanoseconds kDay = 86'400 * raystage::kNanosecondsPerSecond;

@@ -13,7 +13,7 @@ namespace {
 using namespace raystage;
 
 void check_salvage(const FuzzArchive& damaged) {
-  const Salvage saved = salvage(damaged.pair());
+  const SalvageResult saved = salvage(damaged.pair());
   FuzzArchive repaired;
   repaired.begin(2);
   std::int64_t frames = 0;
@@ -30,11 +30,11 @@ void check_salvage(const FuzzArchive& damaged) {
     repaired.add(record, jpeg, 2);
   }
   repaired.close();
-  const ArchiveReport report = verify_archive(repaired.pair(), {});
+  const ArchiveFixityReport report = verify_archive(repaired.pair(), {});
   if (!report.whole() || report.frames != frames || frames != saved.frames) std::abort();
   // Nothing lost means that nothing is missing.
   if (saved.losses.empty() &&
-      saved.lost_bytes + static_cast<std::uint64_t>(saved.rotten_frames) > 0) {
+      saved.lost_bytes + static_cast<std::uint64_t>(saved.corrupt_frames) > 0) {
     std::abort();
   }
 }

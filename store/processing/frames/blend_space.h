@@ -3,13 +3,13 @@
 
 namespace raystage {
 
-/// On what scale several cameras' samples of one ray are averaged. The result is linear light.
+/// The scale on which the samples of several cameras for one ray are averaged. The result is linear
+/// light.
 enum class BlendSpace {
-  /// sRGB's curve. The samples are several estimates of one ray, and where they disagree (off the
-  /// focal surface) their mean on a scale of even steps to the eye is the better one: see
-  /// docs/decisions.md for figures.
+  /// The sRGB curve. Where the samples disagree (off the focal surface), their mean on a
+  /// perceptually uniform scale is the better estimate: docs/decisions.md has figures.
   kPerceptual,
-  /// Linear light: what a lens does that gathers several rays.
+  /// Linear light, as a lens averages the rays in its aperture.
   kLinear
 };
 

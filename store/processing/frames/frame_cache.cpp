@@ -14,7 +14,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "store/processing/frames/added_mcus.h"
+#include "store/processing/frames/incremental_decode.h"
 #include "store/processing/frames/photometric_correction.h"
 
 namespace raystage {
@@ -26,30 +26,30 @@ struct Entry {
   std::mutex decoding;
   std::shared_ptr<const JpegLayout> layout;
   std::shared_ptr<const DecodedFrame> frame;
-  FrameCache::Look look = FrameCache::kByItself;  // that asked for it, where it is held in part
-  std::list<Key>::iterator place;                 // in the order of use
+  FrameCache::FetchGroup fetch_group = FrameCache::kUngrouped;  // of the latest partial decode
+  std::list<Key>::iterator position;                            // in State::by_use
 };
 
-/// What was asked for of a camera before it was fetched.
+/// The latest read-ahead requests of a camera.
 struct ReadAhead {
-  static constexpr std::size_t kMost = 16;  // as many frames as are in flight at most
-  bool is_in_use = false;                   // a frame was fetched
-  std::deque<int> asked;                    // not held since then, the newest last; few
+  static constexpr std::size_t kMaxRequests = 16;  // the largest number of frames in flight
+  bool is_in_use = false;                          // whether a frame was fetched
+  std::deque<int> requested;                       // frames not in memory yet, the newest last
 };
 
 PictureSize size_of(const Rig::Camera& camera) {
   return {camera.model.width(), camera.model.height()};
 }
 
-double brightest(const Take& take) {
-  double most = 1;
+double max_linear_light_of_take(const Take& take) {
+  double light = 1;
   for (const Rig::Camera& camera : take.rig().cameras) {
-    most = std::max(most, brightest_light(camera.photometric, size_of(camera), take.document()));
+    light = std::max(light, max_linear_light(camera.photometric, size_of(camera), take.document()));
   }
-  return most;
+  return light;
 }
 
-bool holds(const DecodedFrame& frame, const McuMask& wanted) {
+bool contains(const DecodedFrame& frame, const McuMask& wanted) {
   if (frame.decoded.empty()) return true;
   if (wanted.empty()) return false;
   for (std::size_t i = 0; i < wanted.size(); ++i) {
@@ -61,11 +61,11 @@ bool holds(const DecodedFrame& frame, const McuMask& wanted) {
 }  // namespace
 
 struct FrameCache::State {
-  State(const Take& of_take, std::size_t budget_bytes, double brightest_linear, BlendSpace in_space,
+  State(const Take& of_take, std::size_t budget_bytes, double with_full_scale, BlendSpace in_space,
         std::shared_ptr<const FrameMatte> with_matte)
       : take(of_take),
         budget(budget_bytes),
-        full_scale(brightest_linear),
+        full_scale(with_full_scale),
         space(in_space),
         matte(std::move(with_matte)) {}
 
@@ -74,19 +74,19 @@ struct FrameCache::State {
   double full_scale;
   BlendSpace space;
   std::shared_ptr<const FrameMatte> matte;
-  bool is_white = false;  // see white()
+  bool is_white = false;
   std::vector<PhotometricCorrection> corrections;
   tbb::enumerable_thread_specific<JpegDecoder> decoders;
-  std::atomic<Look> looks = kByItself;
+  std::atomic<FetchGroup> last_fetch_group = kUngrouped;
   std::atomic<std::int64_t> decode_nanoseconds = 0, jpeg_bytes = 0;
 
-  std::mutex mutex;  // guards what follows
+  std::mutex mutex;  // guards the members below
   std::map<Key, std::shared_ptr<Entry>> entries;
   std::list<Key> by_use;  // most recent first
   std::size_t bytes = 0;
   std::vector<ReadAhead> ahead;  // per camera
   int read_ahead = 0;
-  /// Memory of frames thrown out, by size: fresh pages cost more than decoding into old ones.
+  /// Buffers of evicted frames, by size: allocating new pages costs more than reusing them.
   std::multimap<std::size_t, std::unique_ptr<std::uint16_t[]>> spare;
   std::size_t spare_bytes = 0;
   std::map<std::pair<int, int>, std::shared_ptr<const DecodedFrame>> white_frames;  // by size
@@ -122,9 +122,9 @@ struct FrameCache::State {
     if (!found) {
       found = std::make_shared<Entry>();
       by_use.push_front(key);
-      found->place = by_use.begin();
+      found->position = by_use.begin();
     } else {
-      by_use.splice(by_use.begin(), by_use, found->place);
+      by_use.splice(by_use.begin(), by_use, found->position);
     }
     return found;
   }
@@ -140,8 +140,8 @@ struct FrameCache::State {
           std::make_shared<JpegLayout>(take.archive(key.first).layout(key.second, name_of(key)));
       const CameraModel& model = take.rig().cameras[static_cast<std::size_t>(key.first)].model;
       if (layout->width != model.width() || layout->height != model.height()) {
-        throw Error::bad_input("the frame is " + std::to_string(layout->width) + "x" +
-                                   std::to_string(layout->height) + ", its camera " +
+        throw Error::bad_input("the frame has " + std::to_string(layout->width) + "x" +
+                                   std::to_string(layout->height) + " pixels, its camera " +
                                    std::to_string(model.width()) + "x" +
                                    std::to_string(model.height()),
                                name_of(key), "Import the take again with the right camera sizes");
@@ -163,7 +163,7 @@ struct FrameCache::State {
     return memory;
   }
 
-  /// Frames return their memory here when the last user lets go.
+  /// Returns a shared frame whose buffer returns to `spare` when its last user releases it.
   std::shared_ptr<const DecodedFrame> share(DecodedFrame&& frame,
                                             const std::shared_ptr<State>& self) {
     return {new DecodedFrame(std::move(frame)),
@@ -175,7 +175,7 @@ struct FrameCache::State {
 
   void recycle(DecodedFrame& frame) {
     const std::scoped_lock lock(mutex);
-    if (spare_bytes + frame.bytes > most_spare()) return;
+    if (spare_bytes + frame.bytes > max_spare_bytes()) return;
     spare_bytes += frame.bytes;
     spare.emplace(frame.bytes, std::move(frame.rgba));
   }
@@ -205,7 +205,7 @@ struct FrameCache::State {
         jpeg, layout, mcus, correction.table(), pixels_of(frame), name_of(key));
     correction.correct(pixels_of(frame), layout, mcus);
     if (matte) {
-      key_mcus(*matte->key_of(key.first, key.second, {space, full_scale}), frame, layout, mcus);
+      key_mcus(*matte->make_keyer(key.first, key.second, {space, full_scale}), frame, layout, mcus);
     }
     decode_nanoseconds += std::chrono::duration_cast<std::chrono::nanoseconds>(
                               std::chrono::steady_clock::now() - start)
@@ -214,7 +214,7 @@ struct FrameCache::State {
     return decoded;
   }
 
-  void key_mcus(const FrameKey& key, const DecodedFrame& frame, const JpegLayout& layout,
+  void key_mcus(const FrameKeyer& key, const DecodedFrame& frame, const JpegLayout& layout,
                 const McuMask& mcus) const {
     const auto columns = static_cast<std::size_t>(layout.mcus_per_row);
     for (int y = 0; y < frame.height; ++y) {
@@ -248,10 +248,10 @@ struct FrameCache::State {
     return frame;
   }
 
-  /// What is held, which others may be looking at, with the `wanted` MCUs added.
+  /// Returns a copy of `held`, which other threads may be using, with the `wanted` MCUs added.
   DecodedFrame decode_more(const Key& key, const JpegLayout& layout, const DecodedFrame& held,
                            const McuMask& wanted, std::int64_t& pixels_decoded) {
-    const AddedMcus added(layout, held.decoded, wanted);
+    const IncrementalDecode added(layout, held.decoded, wanted);
     DecodedFrame frame = unset_frame(layout);
     if (std::ranges::find(added.together(), 0) != added.together().end()) {
       frame.decoded = added.together();
@@ -261,27 +261,27 @@ struct FrameCache::State {
     return frame;
   }
 
-  /// A camera is in use from the first frame on that is fetched of it.
-  void read_what_waits_for(int camera, int fetched) {
+  /// Starts the camera's waiting read-ahead requests at its first fetch.
+  void start_waiting_requests(int camera, int fetched) {
     std::deque<int> waiting;
     {
       const std::scoped_lock lock(mutex);
       ReadAhead& of_camera = ahead[static_cast<std::size_t>(camera)];
       if (std::exchange(of_camera.is_in_use, true)) return;
-      waiting = of_camera.asked;
+      waiting = of_camera.requested;
       std::erase(waiting, fetched);
       read_ahead += static_cast<int>(waiting.size());
     }
     for (const int frame : waiting) take.archive(camera).read_ahead(frame);
   }
 
-  std::size_t most_spare() const { return budget / 8; }
+  std::size_t max_spare_bytes() const { return budget / 8; }
 
-  /// Lets go of the least recently used frames; those still in use keep their memory until done.
-  void make_room() {
-    std::vector<std::shared_ptr<const DecodedFrame>> dropped;  // freed after the lock
+  /// Evicts the least recently used frames; users of a frame keep it alive.
+  void evict() {
+    std::vector<std::shared_ptr<const DecodedFrame>> dropped;  // released after the lock
     const std::scoped_lock lock(mutex);
-    while (bytes > budget - most_spare() && by_use.size() > 1) {
+    while (bytes > budget - max_spare_bytes() && by_use.size() > 1) {
       const auto oldest = entries.find(by_use.back());
       if (oldest->second->frame) {
         bytes -= oldest->second->frame->bytes;
@@ -295,11 +295,11 @@ struct FrameCache::State {
 
 FrameCache::FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace space,
                        std::shared_ptr<const FrameMatte> matte)
-    : state_(
-          std::make_shared<State>(take, budget_bytes, brightest(take), space, std::move(matte))) {
+    : state_(std::make_shared<State>(take, budget_bytes, max_linear_light_of_take(take), space,
+                                     std::move(matte))) {
   LevelTable levels;
   for (const Rig::Camera& camera : take.rig().cameras) {
-    if (!levels && needs_pixels(camera.photometric)) levels = make_level_table(space);
+    if (!levels && needs_per_pixel_correction(camera.photometric)) levels = make_level_table(space);
     state_->corrections.emplace_back(camera.photometric, size_of(camera), take.document(),
                                      CodeScale{space, state_->full_scale}, levels);
   }
@@ -325,44 +325,46 @@ std::shared_ptr<const JpegLayout> FrameCache::layout(int camera, int frame) {
   return entry->layout;
 }
 
-FrameCache::Look FrameCache::new_look() { return ++state_->looks; }
+FrameCache::FetchGroup FrameCache::new_fetch_group() { return ++state_->last_fetch_group; }
 
 std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, const McuMask& wanted,
-                                                      std::int64_t& pixels_decoded, Look look) {
+                                                      std::int64_t& pixels_decoded,
+                                                      FetchGroup look) {
   if (state_->is_white) return state_->white_frame(camera);
   const Key key{camera, frame};
   const auto entry = state_->entry(key);
   const std::scoped_lock decoding(entry->decoding);
-  state_->read_what_waits_for(camera, frame);
+  state_->start_waiting_requests(camera, frame);
   std::shared_ptr<const DecodedFrame> held;
   {
     const std::scoped_lock lock(state_->mutex);
     held = entry->frame;
   }
-  if (held && holds(*held, wanted)) return held;
+  if (held && contains(*held, wanted)) return held;
 
   const JpegLayout& layout = state_->layout_of(key, *entry);
-  const bool adds = held && look != kByItself && look == entry->look && layout.regions_decodable();
+  const bool adds =
+      held && look != kUngrouped && look == entry->fetch_group && layout.regions_decodable();
   const bool whole = wanted.empty() || (held && !adds);
   const McuMask all(whole ? static_cast<std::size_t>(layout.mcu_count()) : 0, 1);
-  auto fresh = state_->share(
+  auto decoded = state_->share(
       adds && !whole ? state_->decode_more(key, layout, *held, wanted, pixels_decoded)
                      : state_->decode(key, layout, whole ? all : wanted, pixels_decoded),
       state_);
-  entry->look = look;
+  entry->fetch_group = look;
   {
     const std::scoped_lock lock(state_->mutex);
     const auto kept = state_->entries.find(key);
-    if (kept != state_->entries.end() && kept->second == entry) {  // not thrown out meanwhile
-      state_->bytes += fresh->bytes;
+    if (kept != state_->entries.end() && kept->second == entry) {  // not evicted meanwhile
+      state_->bytes += decoded->bytes;
       if (entry->frame) state_->bytes -= entry->frame->bytes;
-      entry->frame = fresh;
-      std::erase(state_->ahead[static_cast<std::size_t>(camera)].asked, frame);
+      entry->frame = decoded;
+      std::erase(state_->ahead[static_cast<std::size_t>(camera)].requested, frame);
     }
   }
   held.reset();
-  state_->make_room();
-  return fresh;
+  state_->evict();
+  return decoded;
 }
 
 void FrameCache::read_ahead(int camera, int frame) {
@@ -371,16 +373,16 @@ void FrameCache::read_ahead(int camera, int frame) {
     const auto found = state_->entries.find({camera, frame});
     if (found != state_->entries.end() && found->second->frame) return;
     ReadAhead& ahead = state_->ahead[static_cast<std::size_t>(camera)];
-    if (std::ranges::find(ahead.asked, frame) != ahead.asked.end()) return;
-    ahead.asked.push_back(frame);
-    if (ahead.asked.size() > ReadAhead::kMost) ahead.asked.pop_front();
+    if (std::ranges::find(ahead.requested, frame) != ahead.requested.end()) return;
+    ahead.requested.push_back(frame);
+    if (ahead.requested.size() > ReadAhead::kMaxRequests) ahead.requested.pop_front();
     if (!ahead.is_in_use) return;
     ++state_->read_ahead;
   }
   state_->take.archive(camera).read_ahead(frame);
 }
 
-bool FrameCache::holds_whole(int camera, int frame) {
+bool FrameCache::is_fully_decoded(int camera, int frame) {
   if (state_->is_white) return true;
   const std::scoped_lock lock(state_->mutex);
   const auto found = state_->entries.find({camera, frame});

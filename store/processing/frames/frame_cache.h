@@ -15,22 +15,22 @@
 
 namespace raystage {
 
-/// A camera's frame, photometrically corrected, whole or in part.
+/// A decoded frame of one camera after photometric correction, whole or in part.
 struct DecodedFrame {
-  int width = 0, height = 0;  ///< pixels; rows follow each other without padding
-  /// R, G, B, A per pixel, premultiplied; A = 65535 but where a matte says otherwise. Full scale
-  /// 65535 stands for FrameCache::full_scale(). One row and one pixel of padding follow, so that a
-  /// bilinear tap on the last pixel may read its right and lower neighbours (with weight 0). Pixels
-  /// outside decoded MCUs are undefined.
+  int width = 0, height = 0;  ///< pixels; rows without padding
+  /// R, G, B, A per pixel, premultiplied; A = 65535 without a matte. Code 65535 represents
+  /// FrameCache::full_scale(). One row and one pixel of padding follow, so that bilinear
+  /// interpolation at the last pixel may read its right and lower neighbours (with weight 0).
+  /// Pixels outside decoded MCUs are undefined.
   std::unique_ptr<std::uint16_t[]> rgba;
-  McuMask decoded;        ///< empty: everything
-  std::size_t bytes = 0;  ///< of memory held
+  McuMask decoded;        ///< empty: all MCUs
+  std::size_t bytes = 0;  ///< of memory
 };
 
-/// What decoding has taken, over all threads.
+/// The cost of decoding, summed over all threads.
 struct DecodeCosts {
-  double seconds = 0;           ///< of processors
-  std::int64_t jpeg_bytes = 0;  ///< of the frames that were decoded, each time they were
+  double seconds = 0;           ///< of processor time
+  std::int64_t jpeg_bytes = 0;  ///< of decoded frames; a frame counts each time it is decoded
   DecodeCosts& operator+=(const DecodeCosts& other) {
     seconds += other.seconds;
     jpeg_bytes += other.jpeg_bytes;
@@ -38,54 +38,56 @@ struct DecodeCosts {
   }
 };
 
-/// Decoded frames of a take within a bound of memory, an eighth of it for memory that waits to be
-/// used again, least recently used out first. A frame asked for again with more than it holds is
-/// decoded whole: the second look says that it will be looked at often. Parts of one look add up.
-/// Thread-safe; a frame is decoded once however many threads ask.
+/// A cache of the decoded frames of a take, within a memory budget; the least recently used frames
+/// are evicted first. An eighth of the budget is for buffers that wait for reuse. A second fetch of
+/// a frame that needs more MCUs decodes all of it, since more fetches are likely. Within one fetch
+/// group only the missing MCUs are added. Thread-safe; concurrent fetches decode a frame once.
 class FrameCache {
  public:
-  /// What fetches belong to: bands of a view, say, are parts of one look.
-  using Look = std::uint64_t;
-  static constexpr Look kByItself = 0;  ///< each fetch is a look of its own
+  /// Identifies fetches that belong together, for example those of the bands of one view.
+  using FetchGroup = std::uint64_t;
+  static constexpr FetchGroup kUngrouped = 0;  ///< each fetch is a group of its own
 
-  /// `matte`: what shows of the frames; null: all of them.
+  /// `matte`: gives the frames their alpha; null: all pixels are opaque.
   FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace space,
              std::shared_ptr<const FrameMatte> matte = nullptr);
-  /// White frames of the cameras' sizes in place of the take's: what is sampled of them are the
-  /// weights alone. Reads nothing of the take's archives.
+  /// Returns a cache of white frames in the cameras' sizes, whose samples are the blending weights
+  /// alone. Reads no archive.
   static FrameCache white(const Take& take, BlendSpace space);
   FrameCache(FrameCache&&) noexcept;
   ~FrameCache();
 
-  /// Throws Error (bad input) for a damaged frame or one whose size is not the camera's.
+  /// Returns the JPEG layout of a frame. Throws Error (bad input) if the frame is damaged or does
+  /// not have the camera's size.
   std::shared_ptr<const JpegLayout> layout(int camera, int frame);
 
-  /// One that no other is equal to.
-  Look new_look();
+  /// Returns a group that differs from all others.
+  FetchGroup new_fetch_group();
 
-  /// The frame with at least the `wanted` MCUs, all of it where `wanted` is empty (see
-  /// JpegDecoder::decode_region for what that promises at their borders). What is decoded for parts
-  /// of one look alone gains the MCUs that it lacks; without restart markers, where that costs as
-  /// much, it is decoded whole too. Adds the pixels entropy-decoded for it to `pixels_decoded`.
+  /// Returns the frame with at least the `wanted` MCUs decoded, or all of it if `wanted` is empty.
+  /// JpegDecoder::decode_region states what holds at the borders of MCUs. A partly decoded frame of
+  /// the same group gains the missing MCUs. Without restart markers, where that costs as much, it
+  /// is decoded whole. Adds the number of entropy-decoded pixels to `pixels_decoded`.
   std::shared_ptr<const DecodedFrame> fetch(int camera, int frame, const McuMask& wanted,
-                                            std::int64_t& pixels_decoded, Look look = kByItself);
+                                            std::int64_t& pixels_decoded,
+                                            FetchGroup look = kUngrouped);
 
-  /// Whether all of a frame is in memory, so that any part of it costs nothing.
-  bool holds_whole(int camera, int frame);
+  /// Returns whether all of a frame is in memory, so that fetching any part costs nothing.
+  bool is_fully_decoded(int camera, int frame);
 
-  /// Asks for a frame's bytes to be read from the disk while the caller goes on, unless the frame
-  /// is held or was among the last that were asked for of its camera. Cameras of which nothing has
-  /// been fetched wait until something is: those that a shot does not need cost it nothing.
+  /// Starts reading a frame's bytes from disk in the background, unless the frame is in memory or
+  /// among the camera's latest requests. Requests of a camera wait until its first fetch, so
+  /// cameras that a shot does not need cost nothing.
   void read_ahead(int camera, int frame);
 
   BlendSpace blend_space() const;
-  /// Whether frames may be transparent.
+  /// Returns whether frames may be transparent.
   bool has_matte() const;
-  /// Linear light that code 65535 stands for: at least 1, more where a camera's photometric
-  /// correction raises its white above 1.
+  /// Returns the linear light of code 65535: 1, or more if a camera's photometric correction raises
+  /// its white above 1.
   double full_scale() const;
   std::size_t bytes_held() const;
-  /// Frames that read_ahead() asked for.
+  /// Returns the number of frames that read_ahead() has requested from disk.
   int frames_read_ahead() const;
   DecodeCosts decode_costs() const;
 

@@ -54,14 +54,15 @@ class Cache : public ::testing::Test {
 
   /// What it takes to have a frame, whole or the first MCU alone.
   std::int64_t decoded(FrameCache& cache, int camera, int frame, bool whole = true) {
-    if (!whole) return decoded_of(cache, camera, frame, {0}, FrameCache::kByItself);
+    if (!whole) return decoded_of(cache, camera, frame, {0}, FrameCache::kUngrouped);
     std::int64_t pixels = 0;
     cache.fetch(camera, frame, {}, pixels);
     return pixels;
   }
   /// What it takes to have some MCUs of it.
   static std::int64_t decoded_of(FrameCache& cache, int camera, int frame,
-                                 const std::vector<std::size_t>& mcus, FrameCache::Look look) {
+                                 const std::vector<std::size_t>& mcus,
+                                 FrameCache::FetchGroup look) {
     McuMask wanted(static_cast<std::size_t>(cache.layout(camera, frame)->mcu_count()), 0);
     for (const std::size_t mcu : mcus) wanted[mcu] = 1;
     std::int64_t pixels = 0;
@@ -102,25 +103,25 @@ TEST_F(Cache, DecodesAPartAndAtTheSecondLookAll) {
   EXPECT_GT(part, 0);
   EXPECT_LT(part, kFramePixels / 4);
   EXPECT_EQ(decoded(cache, 1, 2, false), 0);
-  EXPECT_FALSE(cache.holds_whole(1, 2));
+  EXPECT_FALSE(cache.is_fully_decoded(1, 2));
   EXPECT_EQ(decoded(cache, 1, 2), kFramePixels);
-  EXPECT_TRUE(cache.holds_whole(1, 2));
+  EXPECT_TRUE(cache.is_fully_decoded(1, 2));
   EXPECT_EQ(cache.bytes_held(), kFrameBytes);
 }
 
 TEST_F(Cache, PartsOfOneLookAddUp) {
   FrameCache cache(*take_, 16 * kFrameBytes, BlendSpace::kPerceptual);
-  const FrameCache::Look look = cache.new_look(), other = cache.new_look();
+  const FrameCache::FetchGroup look = cache.new_fetch_group(), other = cache.new_fetch_group();
   constexpr std::int64_t kMcu = 64;
   EXPECT_EQ(decoded_of(cache, 0, 1, {0}, look), kMcu);
   EXPECT_EQ(decoded_of(cache, 0, 1, {0, 20}, look), kMcu);
   EXPECT_EQ(decoded_of(cache, 0, 1, {0, 20}, look), 0);
   EXPECT_EQ(decoded_of(cache, 0, 1, {0}, other), 0);
   EXPECT_EQ(decoded_of(cache, 0, 1, {40}, look), kMcu);
-  EXPECT_FALSE(cache.holds_whole(0, 1));
+  EXPECT_FALSE(cache.is_fully_decoded(0, 1));
   EXPECT_EQ(cache.bytes_held(), kFrameBytes);
   EXPECT_EQ(decoded_of(cache, 0, 1, {60}, other), kFramePixels);  // looked at again
-  EXPECT_TRUE(cache.holds_whole(0, 1));
+  EXPECT_TRUE(cache.is_fully_decoded(0, 1));
   EXPECT_EQ(decoded_of(cache, 0, 1, {80}, look), 0);
 }
 

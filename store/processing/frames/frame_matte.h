@@ -9,29 +9,30 @@
 
 namespace raystage {
 
-/// What the codes of decoded frames stand for.
+/// The meaning of the codes of decoded frames.
 struct CodeScale {
   BlendSpace space = BlendSpace::kPerceptual;
   double full_scale = 1;  ///< linear light of code 65535
 };
 
-/// What shows of one frame.
-class FrameKey {
+/// Computes the alpha of the pixels of one frame.
+class FrameKeyer {
  public:
-  virtual ~FrameKey() = default;
-  /// Pixels from (x, y) on to the right, R, G, B, 65535 each: become R, G, B, A, premultiplied.
-  /// Each by itself, whatever its neighbours in the row. Many threads may call it.
+  virtual ~FrameKeyer() = default;
+  /// Replaces the pixels from (x, y) to the right, R, G, B, 65535 each, by premultiplied R, G, B,
+  /// A. The result for a pixel does not depend on its neighbours. Thread-safe.
   virtual void key_row(int x, int y, std::span<std::uint16_t> rgba) const = 0;
 };
 
-/// What shows of a take's frames: A is put on them while they are decoded, so that the light field
-/// itself is transparent, whatever looks at it.
+/// The mattes of a take. Alpha is applied during decoding, so that the light field itself is
+/// transparent for every reconstruction method.
 class FrameMatte {
  public:
   virtual ~FrameMatte() = default;
-  /// Throws Error (bad input) where what it takes is missing or wrong. Many threads may call it.
-  virtual std::unique_ptr<const FrameKey> key_of(int camera, int frame,
-                                                 const CodeScale& scale) const = 0;
+  /// Returns the keyer of a frame. Throws Error (bad input) if an input of the matte is missing or
+  /// invalid. Thread-safe.
+  virtual std::unique_ptr<const FrameKeyer> make_keyer(int camera, int frame,
+                                                       const CodeScale& scale) const = 0;
 };
 
 }  // namespace raystage

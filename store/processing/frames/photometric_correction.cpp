@@ -1,4 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+// Photometric correction of decoded frames (thesis eq. 4.1 and section 4.3). A response with only
+// curve, contrast and brightness is one table of 256 codes per channel. Otherwise a pass over the
+// wanted MCUs subtracts hot pixels, multiplies by vignetting and gain map, applies the colour
+// matrix and converts by a table of 65536 levels. Hot pixels above a limit become the mean of
+// neighbours. Input and output: R, G, B, A, 16 bits, in place. Must match
+// PhotometricCorrection::reference(). Cost: constant per wanted pixel, in chunks of 128 that stay
+// in the L1 cache.
 #include "store/processing/frames/photometric_correction.h"
 
 #include <algorithm>
@@ -7,7 +14,7 @@
 #include <utility>
 
 #include "base/transfer_function.h"
-#include "store/code_light.h"
+#include "store/linear_from_frame_code.h"
 
 namespace raystage {
 namespace {
@@ -15,10 +22,10 @@ namespace {
 constexpr int kCodes = 256;
 constexpr std::size_t kLevels = 65536;
 
-double straight_light(const PhotometricResponse& response, const TakeDocument& take, std::size_t c,
-                      int code) {
-  const double straight = evaluate_response_curve(response.curve[c], code / double{kCodes - 1});
-  return linear_of_code(take, straight * (kCodes - 1));
+double linear_from_code(const PhotometricResponse& response, const TakeDocument& take,
+                        std::size_t c, int code) {
+  const double corrected = evaluate_response_curve(response.curve[c], code / double{kCodes - 1});
+  return linear_from_frame_code(take, corrected * (kCodes - 1));
 }
 
 std::uint16_t level_of(double light, const CodeScale& scale) {
@@ -27,14 +34,14 @@ std::uint16_t level_of(double light, const CodeScale& scale) {
   return static_cast<std::uint16_t>(value * (kLevels - 1) + 0.5);
 }
 
-bool is_lost(const HotPixel& pixel) {
+bool exceeds_limit(const HotPixel& pixel) {
   return std::ranges::max(pixel.light) > PhotometricResponse::kMaxHotPixelLevel;
 }
 
 }  // namespace
 
-double brightest_light(const PhotometricResponse& response, PictureSize size,
-                       const TakeDocument& take) {
+double max_linear_light(const PhotometricResponse& response, PictureSize size,
+                        const TakeDocument& take) {
   Rgb brightest{}, most_gain{1, 1, 1};
   if (response.gain_map) {
     for (const Rgb& node : response.gain_map->gain) {
@@ -45,7 +52,7 @@ double brightest_light(const PhotometricResponse& response, PictureSize size,
     PhotometricResponse lens;
     lens.vignetting = response.vignetting;
     double most = 0;
-    constexpr int kSteps = 16;  // it is smooth
+    constexpr int kSteps = 16;  // enough for a smooth polynomial
     for (int j = 0; j <= kSteps; ++j) {
       for (int i = 0; i <= kSteps; ++i) {
         const double x = 1.0 * i * size.width / kSteps, y = 1.0 * j * size.height / kSteps;
@@ -57,7 +64,7 @@ double brightest_light(const PhotometricResponse& response, PictureSize size,
   for (std::size_t c = 0; c < 3; ++c) {
     brightest[c] =
         most_gain[c] * (response.brightness[c] +
-                        response.contrast[c] * straight_light(response, take, c, kCodes - 1));
+                        response.contrast[c] * linear_from_code(response, take, c, kCodes - 1));
   }
   double most = 0;
   for (const Rgb& row : response.matrix) {
@@ -68,18 +75,18 @@ double brightest_light(const PhotometricResponse& response, PictureSize size,
   return most;
 }
 
-/// Gains of a picture, row by row.
+/// The gains of a frame, row by row.
 class PhotometricCorrection::Gains {
  public:
   Gains(const PhotometricResponse& response, PictureSize size)
       : size_(size), map_(response.gain_map), vignetting_(response.vignetting) {}
 
-  /// Of the pixels of row y, channel after channel.
+  /// Computes the gains of row y, channel after channel.
   void of_row(int y, std::vector<float>& gains) const {
     const auto width = static_cast<std::size_t>(size_.width);
     if (map_) {
       gains.resize(3 * width);
-      stretch_map(y, gains);
+      interpolate_map(y, gains);
     } else {
       gains.assign(3 * width, 1.0F);
     }
@@ -89,7 +96,7 @@ class PhotometricCorrection::Gains {
   }
 
  private:
-  void stretch_map(int y, std::vector<float>& gains) const {
+  void interpolate_map(int y, std::vector<float>& gains) const {
     const double down = (y + 0.5) / size_.height * (map_->rows - 1);
     const int row = std::min(static_cast<int>(down), map_->rows - 2);
     const auto share = static_cast<float>(down - row);
@@ -132,7 +139,7 @@ class PhotometricCorrection::Gains {
   std::optional<Vignetting> vignetting_;
 };
 
-/// The look at every pixel.
+/// The correction of single pixels.
 class PhotometricCorrection::Pixels {
  public:
   Pixels(const PhotometricResponse& response, PictureSize size, const TakeDocument& take,
@@ -143,7 +150,7 @@ class PhotometricCorrection::Pixels {
       for (int code = 0; code < kCodes; ++code) {
         light_[c][static_cast<std::size_t>(code)] =
             static_cast<float>(response.brightness[c] +
-                               response.contrast[c] * straight_light(response, take, c, code));
+                               response.contrast[c] * linear_from_code(response, take, c, code));
       }
       for (std::size_t k = 0; k < 3; ++k) {
         matrix_[c][k] = static_cast<float>(response.matrix[c][k] / scale.full_scale);
@@ -157,31 +164,33 @@ class PhotometricCorrection::Pixels {
     auto dark = dark_.begin();
     std::vector<float> gains;
     for (int row = 0; row < layout.mcu_rows; ++row) {
-      const std::uint8_t* const mine =
+      const std::uint8_t* const wanted_row =
           wanted.data() + static_cast<std::ptrdiff_t>(row) * layout.mcus_per_row;
       const int top = row * layout.mcu_height;
       const int bottom = std::min(top + layout.mcu_height, layout.height);
       const auto first_dark = dark;
       dark = std::find_if(dark, dark_.end(), [&](const HotPixel& p) { return p.y >= bottom; });
-      if (std::all_of(mine, mine + layout.mcus_per_row, [](auto is) { return is == 0; })) continue;
+      if (std::all_of(wanted_row, wanted_row + layout.mcus_per_row,
+                      [](auto is) { return is == 0; }))
+        continue;
       auto of_row = first_dark;
       for (int y = top; y < bottom; ++y) {
         if (gains_) gains_->of_row(y, gains);
         const auto begin = of_row;
         of_row = std::find_if(of_row, dark, [&](const HotPixel& p) { return p.y > y; });
         correct_row(&rgba[4 * static_cast<std::size_t>(y) * static_cast<std::size_t>(layout.width)],
-                    layout, mine, gains, {begin, of_row});
+                    layout, wanted_row, gains, {begin, of_row});
       }
       for (const HotPixel& pixel : std::span(first_dark, dark)) {
-        if (mine[pixel.x / layout.mcu_width] != 0 && is_lost(pixel)) {
-          show_neighbours(rgba, layout, pixel, {first_dark, dark});
+        if (wanted_row[pixel.x / layout.mcu_width] != 0 && exceeds_limit(pixel)) {
+          replace_by_neighbours(rgba, layout, pixel, {first_dark, dark});
         }
       }
     }
   }
 
  private:
-  static constexpr int kChunk = 128;  // pixels at a time: their values stay in the first cache
+  static constexpr int kChunk = 128;  // pixels; their values stay in the L1 cache
   using Values = std::array<float, kChunk>;
 
   void correct_row(std::uint16_t* row, const JpegLayout& layout, const std::uint8_t* wanted,
@@ -235,10 +244,10 @@ class PhotometricCorrection::Pixels {
     }
   }
 
-  /// The mean of the neighbours that are no nearer to the edge of their common MCU, so that it is
-  /// the same however much is decoded around it. `dark`: of this row of MCUs.
-  static void show_neighbours(std::span<std::uint16_t> rgba, const JpegLayout& layout,
-                              const HotPixel& pixel, std::span<const HotPixel> dark) {
+  /// Replaces a pixel by the mean of its neighbours within the MCU that are not nearer to the MCU's
+  /// edge, so that the result does not depend on other MCUs. `dark`: hot pixels of the MCU row.
+  static void replace_by_neighbours(std::span<std::uint16_t> rgba, const JpegLayout& layout,
+                                    const HotPixel& pixel, std::span<const HotPixel> dark) {
     const int left = pixel.x / layout.mcu_width * layout.mcu_width;
     const int top = pixel.y / layout.mcu_height * layout.mcu_height;
     const int right = std::min(left + layout.mcu_width, layout.width) - 1;
@@ -250,7 +259,7 @@ class PhotometricCorrection::Pixels {
       if (x < left || x > right || y < top || y > bottom) return false;
       if (from_edge(x, y) < from_edge(pixel.x, pixel.y)) return false;
       return std::ranges::none_of(
-          dark, [&](const HotPixel& p) { return p.x == x && p.y == y && is_lost(p); });
+          dark, [&](const HotPixel& p) { return p.x == x && p.y == y && exceeds_limit(p); });
     };
     std::array<std::uint32_t, 3> sum{};
     std::uint32_t count = 0;
@@ -265,7 +274,7 @@ class PhotometricCorrection::Pixels {
         ++count;
       }
     }
-    if (count == 0) return;  // a cluster: what is left of it by subtraction
+    if (count == 0) return;  // inside a cluster: keeps the value after subtraction
     for (std::size_t c = 0; c < 3; ++c) {
       rgba[at(pixel.x, pixel.y) + c] = static_cast<std::uint16_t>((sum[c] + count / 2) / count);
     }
@@ -273,8 +282,8 @@ class PhotometricCorrection::Pixels {
 
   std::vector<HotPixel> dark_;
   std::array<float, 3> contrast_{};
-  std::array<std::array<float, kCodes>, 3> light_{};  ///< of codes, before gain and matrix
-  std::array<std::array<float, 3>, 3> matrix_{};      ///< to full scale 1
+  std::array<std::array<float, kCodes>, 3> light_{};  ///< per code, before gain and matrix
+  std::array<std::array<float, 3>, 3> matrix_{};      ///< divided by the full scale
   LevelTable levels_;
   std::optional<Gains> gains_;
 };
@@ -288,7 +297,7 @@ LevelTable make_level_table(BlendSpace space) {
   return std::make_shared<const std::vector<std::uint16_t>>(std::move(levels));
 }
 
-bool needs_pixels(const PhotometricResponse& response) {
+bool needs_per_pixel_correction(const PhotometricResponse& response) {
   return response.vignetting || response.gain_map || response.matrix != kIdentityColorMatrix ||
          !response.hot_pixels.empty();
 }
@@ -296,11 +305,11 @@ bool needs_pixels(const PhotometricResponse& response) {
 PhotometricCorrection::PhotometricCorrection(const PhotometricResponse& response, PictureSize size,
                                              const TakeDocument& take, const CodeScale& scale,
                                              LevelTable levels) {
-  const bool by_pixel = needs_pixels(response);
+  const bool by_pixel = needs_per_pixel_correction(response);
   for (std::size_t c = 0; c < 3; ++c) {
     for (int code = 0; code < kCodes; ++code) {
       const double light =
-          response.brightness[c] + response.contrast[c] * straight_light(response, take, c, code);
+          response.brightness[c] + response.contrast[c] * linear_from_code(response, take, c, code);
       table_.code[c][code] = by_pixel ? static_cast<std::uint16_t>(code) : level_of(light, scale);
     }
   }
@@ -318,7 +327,7 @@ std::array<std::uint16_t, 3> PhotometricCorrection::reference(
     const PhotometricResponse& response, PictureSize size, const TakeDocument& take,
     const CodeScale& scale, int x, int y, const std::array<std::uint8_t, 3>& code) {
   Rgb shown{}, dark{};
-  for (std::size_t c = 0; c < 3; ++c) shown[c] = straight_light(response, take, c, code[c]);
+  for (std::size_t c = 0; c < 3; ++c) shown[c] = linear_from_code(response, take, c, code[c]);
   for (const HotPixel& pixel : response.hot_pixels) {
     if (pixel.x == x && pixel.y == y) dark = pixel.light;
   }

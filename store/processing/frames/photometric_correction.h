@@ -15,39 +15,40 @@
 
 namespace raystage {
 
-/// Light of the brightest pixel that a camera can show, of any channel.
-double brightest_light(const PhotometricResponse& response, PictureSize size,
-                       const TakeDocument& take);
+/// Returns the linear light of the brightest pixel that a camera can record, over all channels.
+double max_linear_light(const PhotometricResponse& response, PictureSize size,
+                        const TakeDocument& take);
 
-/// Levels, 0 to 65535, of light in 65536 steps of its root, so that they are as fine in the dark as
-/// the eye's; for a full scale of 1. Cameras share one.
+/// Levels, 0 to 65535, of light at 65536 equal steps of its square root, which resolves dark tones
+/// as finely as the eye; for full scale 1. Cameras share one table.
 using LevelTable = std::shared_ptr<const std::vector<std::uint16_t>>;
 LevelTable make_level_table(BlendSpace space);
 
-/// Whether a table by code alone is not enough.
-bool needs_pixels(const PhotometricResponse& response);
+/// Returns whether the correction depends on the pixel's position or on several channels, so that a
+/// table of codes is not enough.
+bool needs_per_pixel_correction(const PhotometricResponse& response);
 
-/// Turns a camera's codes into light (PhotometricResponse) while they are decoded: by a table alone
-/// where curve, contrast and brightness are all there is, which costs nothing; otherwise by a table
-/// that holds the codes and one more look at every pixel.
+/// Converts a camera's codes to light (PhotometricResponse) during decoding. Curve, contrast and
+/// brightness need only a table, at no extra cost. Otherwise the table keeps the codes, and a
+/// second pass corrects every pixel.
 class PhotometricCorrection {
  public:
-  /// `levels`: of scale.space; null: makes its own where it needs one.
+  /// `levels`: the table of scale.space; null: computed here if it is needed.
   PhotometricCorrection(const PhotometricResponse& response, PictureSize size,
                         const TakeDocument& take, const CodeScale& scale,
                         LevelTable levels = nullptr);
 
-  /// What JpegDecoder::decode_region looks codes up in.
+  /// Returns the table for JpegDecoder::decode_region.
   const LinearTable& table() const { return table_; }
-  bool is_table_alone() const { return !pixels_; }
+  bool is_table_only() const { return !pixels_; }
 
-  /// Turns the pixels of the wanted MCUs, codes by table() as yet, into light, in place. What a
-  /// pixel becomes depends on its own MCU alone; 4 values a pixel of the whole picture.
+  /// Converts the pixels of the `wanted` MCUs, decoded with table(), to light in place. The result
+  /// depends only on the pixel's own MCU. `rgba`: 4 values per pixel of the whole frame.
   void correct(std::span<std::uint16_t> rgba, const JpegLayout& layout,
                const McuMask& wanted) const;
 
-  /// The slow reference: what `code` at pixel (x, y) becomes, where it is not shown as its
-  /// neighbours are.
+  /// Returns the levels of `code` at pixel (x, y), R, G, B: the slow reference for correct(),
+  /// except for hot pixels that are replaced by their neighbours.
   static std::array<std::uint16_t, 3> reference(const PhotometricResponse& response,
                                                 PictureSize size, const TakeDocument& take,
                                                 const CodeScale& scale, int x, int y,

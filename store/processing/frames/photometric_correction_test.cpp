@@ -42,7 +42,7 @@ class Correction : public ::testing::TestWithParam<BlendSpace> {
   }
 
   CodeScale scale_of(const PhotometricResponse& response) const {
-    return {GetParam(), std::max(1.0, brightest_light(response, kSize, take_))};
+    return {GetParam(), std::max(1.0, max_linear_light(response, kSize, take_))};
   }
 
   Decoded decoded(const PhotometricResponse& response, const McuMask& wanted) const {
@@ -86,7 +86,7 @@ TEST_P(Correction, CurvesContrastAndBrightnessAreTheTableAlone) {
   response.contrast = {1.2, 0.8, 1};
   response.brightness = {0.01, -0.02, 0};
   response.curve = {{{0, 0.3, 0.55, 1}, {0.05, 1.1}, {0, 1}}};
-  EXPECT_TRUE(PhotometricCorrection(response, kSize, take_, {GetParam(), 1}).is_table_alone());
+  EXPECT_TRUE(PhotometricCorrection(response, kSize, take_, {GetParam(), 1}).is_table_only());
   EXPECT_EQ(worst(response), 0);
 }
 
@@ -94,7 +94,7 @@ TEST_P(Correction, GainsMatricesAndDarkPixelsAreAsTheReference) {
   constexpr int kAsPrecise = 12;  // of 65535; one step of a code is 257
   PhotometricResponse response;
   response.vignetting = Vignetting{110, 30, {0.35, 0.12, 0.01}};
-  EXPECT_FALSE(PhotometricCorrection(response, kSize, take_, {GetParam(), 1}).is_table_alone());
+  EXPECT_FALSE(PhotometricCorrection(response, kSize, take_, {GetParam(), 1}).is_table_only());
   EXPECT_LE(worst(response), kAsPrecise) << "vignetting";
 
   response = {};
@@ -187,13 +187,13 @@ TEST_P(Correction, TheBrightestPixelKeepsItsLight) {
   response.vignetting = Vignetting{kWidth / 2.0, kHeight / 2.0, {0.4, 0, 0}};
   response.matrix = {{{1.5, -0.2, -0.3}, {0, 1, 0}, {0, 0, 1}}};
   // Red alone, in the corner.
-  EXPECT_NEAR(brightest_light(response, kSize, take_), 1.2 * 1.4 * 1.5, 1e-3);
+  EXPECT_NEAR(max_linear_light(response, kSize, take_), 1.2 * 1.4 * 1.5, 1e-3);
   // Also where one node alone is bright.
   response = {};
   response.gain_map = GainMap{40, 2, std::vector<Rgb>(80, {1, 1, 1})};
   response.gain_map->gain[61][1] = 3;
-  EXPECT_NEAR(brightest_light(response, kSize, take_), 3, 1e-12);
-  EXPECT_NEAR(brightest_light({}, kSize, take_), 1, 1e-12);
+  EXPECT_NEAR(max_linear_light(response, kSize, take_), 3, 1e-12);
+  EXPECT_NEAR(max_linear_light({}, kSize, take_), 1, 1e-12);
 }
 
 INSTANTIATE_TEST_SUITE_P(BothSpaces, Correction,

@@ -9,13 +9,12 @@
 
 namespace raystage {
 
-/// TAKE/mattes/CAMERA/FRAME.png, see docs/formats/mattes.md. `frame`: index into the camera's
-/// archive.
-std::filesystem::path matte_file(const Take& take, int camera, int frame);
+/// Returns the path TAKE/mattes/CAMERA/FRAME.png (docs/formats/mattes.md). `frame`: index into the
+/// camera's archive.
+std::filesystem::path matte_file_path(const Take& take, int camera, int frame);
 
-/// Its codes, a byte a pixel. Throws Error (bad input) for a file that is no PNG or not of this
-/// size.
-std::vector<std::uint8_t> read_matte_codes(const std::filesystem::path& file, int width,
-                                           int height);
+/// Returns the codes of a matte file, one byte per pixel. Throws Error (bad input) if the file is
+/// not a PNG of this size.
+std::vector<std::uint8_t> read_matte_png(const std::filesystem::path& file, int width, int height);
 
 }  // namespace raystage

@@ -9,26 +9,26 @@
 
 #include "base/atomic_file.h"
 #include "base/error.h"
-#include "store/processing/mattes/code_curve.h"
+#include "store/processing/mattes/box_mask.h"
+#include "store/processing/mattes/clean_plate.h"
+#include "store/processing/mattes/keyers.h"
 #include "store/processing/mattes/matte_file.h"
-#include "store/processing/mattes/screen_key.h"
-#include "store/processing/mattes/screen_light.h"
-#include "store/processing/mattes/seen_boxes.h"
+#include "store/processing/mattes/transfer_function.h"
 
 namespace raystage {
 namespace {
 
 using Kind = MatteSettings::Kind;
 
-/// What is found once for a camera.
+/// The inputs of a camera's matte, computed once.
 struct CameraMatte {
-  std::once_flag found;
-  std::optional<EmptySet> empty;
-  std::vector<bool> shows;  // empty: everything
+  std::once_flag computed;
+  std::optional<CleanPlate> clean_plate;
+  std::vector<bool> mask;  // of visible pixels; empty: all
   int width = 0;
 };
 
-void store(const KeyedPixel& keyed, const CodeCurve& curve, std::uint16_t* rgba) {
+void store(const KeyedPixel& keyed, const TransferFunction& curve, std::uint16_t* rgba) {
   for (std::size_t c = 0; c < 3; ++c) {
     const float code = keyed.alpha > 0 ? curve.code(keyed.colour[c] / keyed.alpha) : 0;
     rgba[c] = static_cast<std::uint16_t>(keyed.alpha * code + 0.5F);
@@ -36,11 +36,11 @@ void store(const KeyedPixel& keyed, const CodeCurve& curve, std::uint16_t* rgba)
   rgba[3] = static_cast<std::uint16_t>(keyed.alpha * 65535 + 0.5F);
 }
 
-/// One frame's, by a function from the pixel and its place to what shows of it.
+/// The keyer of one frame, by a function from colour and position of a pixel to a KeyedPixel.
 template <class KeyPixel>
-class PixelKey : public FrameKey {
+class PixelKey : public FrameKeyer {
  public:
-  PixelKey(const CameraMatte& camera, const CodeCurve& curve, KeyPixel key)
+  PixelKey(const CameraMatte& camera, const TransferFunction& curve, KeyPixel key)
       : camera_(camera), curve_(curve), key_(std::move(key)) {}
 
   void key_row(int x, int y, std::span<std::uint16_t> rgba) const override {
@@ -49,7 +49,7 @@ class PixelKey : public FrameKey {
         static_cast<std::size_t>(x);
     for (std::size_t i = 0; i < rgba.size() / 4; ++i) {
       std::uint16_t* pixel = &rgba[4 * i];
-      if (!camera_.shows.empty() && !camera_.shows[first + i]) {
+      if (!camera_.mask.empty() && !camera_.mask[first + i]) {
         std::fill_n(pixel, 4, std::uint16_t{0});
         continue;
       }
@@ -61,13 +61,13 @@ class PixelKey : public FrameKey {
 
  private:
   const CameraMatte& camera_;
-  const CodeCurve& curve_;
+  const TransferFunction& curve_;
   KeyPixel key_;
 };
 
 template <class KeyPixel>
-std::unique_ptr<const FrameKey> pixel_key(const CameraMatte& camera, const CodeCurve& curve,
-                                          KeyPixel key) {
+std::unique_ptr<const FrameKeyer> pixel_key(const CameraMatte& camera,
+                                            const TransferFunction& curve, KeyPixel key) {
   return std::make_unique<PixelKey<KeyPixel>>(camera, curve, std::move(key));
 }
 
@@ -88,7 +88,7 @@ struct TakeMatte::State {
   std::vector<int> empty_camera;  // of the empty take, for each camera
   mutable std::vector<CameraMatte> cameras;
   mutable std::once_flag curve_made;
-  mutable std::optional<CodeCurve> curve;
+  mutable std::optional<TransferFunction> curve;
 
   void check_empty_take() {
     for (std::size_t i = 0; i < cameras.size(); ++i) {
@@ -101,7 +101,7 @@ struct TakeMatte::State {
       throw Error::bad_input(fmt::format("the empty take has no camera {} of {}x{} pixels", id,
                                          model.width(), model.height()),
                              clean_plate_take->folder().string(),
-                             "Name a take of the same array, taken with nobody before it");
+                             "Use an empty take that was recorded with the same array");
     }
   }
   const CameraModel& of_empty(std::size_t i) const {
@@ -110,28 +110,29 @@ struct TakeMatte::State {
 
   const CameraMatte& camera_matte(std::size_t i) const {
     CameraMatte& camera = cameras[i];
-    std::call_once(camera.found, [&] {
+    std::call_once(camera.computed, [&] {
       camera.width = take.rig().cameras[i].model.width();
       if (!settings.keep.empty() || !settings.garbage.empty()) {
-        camera.shows = rays_that_show(take.rig().cameras[i], settings.keep, settings.garbage);
+        camera.mask = compute_box_mask(take.rig().cameras[i], settings.keep, settings.garbage);
       }
-      if (settings.kind != Kind::kFiles) camera.empty = empty_set(i);
+      if (settings.kind != Kind::kFiles) camera.clean_plate = make_clean_plate(i);
     });
     return camera;
   }
 
-  EmptySet empty_set(std::size_t i) const {
-    if (clean_plate_take) return EmptySet::recorded(*clean_plate_take, empty_camera[i]);
+  CleanPlate make_clean_plate(std::size_t i) const {
+    if (clean_plate_take) return CleanPlate::recorded(*clean_plate_take, empty_camera[i]);
     if (settings.screen_color) {
       LinearColour colour;
       std::ranges::transform(*settings.screen_color, colour.begin(),
                              [](double light) { return static_cast<float>(light); });
-      return EmptySet(colour);
+      return CleanPlate(colour);
     }
     const int camera = static_cast<int>(i);
     const CameraModel& model = take.rig().cameras[i].model;
-    return EmptySet::fitted(linear_frame(take, camera, 0), model.width(), model.height(),
-                            ScreenKey(settings), take.document().cameras[i].archive + " frame 0");
+    return CleanPlate::fitted(linear_frame(take, camera, 0), model.width(), model.height(),
+                              ColorDifferenceKeyer(settings),
+                              take.document().cameras[i].archive + " frame 0");
   }
 };
 
@@ -141,18 +142,18 @@ TakeMatte::TakeMatte(const Take& take, const MatteSettings& settings,
 
 TakeMatte::~TakeMatte() = default;
 
-std::unique_ptr<const FrameKey> TakeMatte::key_of(int camera, int frame,
-                                                  const CodeScale& scale) const {
+std::unique_ptr<const FrameKeyer> TakeMatte::make_keyer(int camera, int frame,
+                                                        const CodeScale& scale) const {
   std::call_once(state_->curve_made, [&] { state_->curve.emplace(scale); });
-  const CodeCurve& curve = *state_->curve;
-  const CameraMatte& found = state_->camera_matte(static_cast<std::size_t>(camera));
+  const TransferFunction& curve = *state_->curve;
+  const CameraMatte& inputs = state_->camera_matte(static_cast<std::size_t>(camera));
   const MatteSettings& settings = state_->settings;
   if (settings.kind == Kind::kFiles) {
     const CameraModel& model = state_->take.rig().cameras[static_cast<std::size_t>(camera)].model;
     return pixel_key(
-        found, curve,
-        [codes = read_matte_codes(matte_file(state_->take, camera, frame), model.width(),
-                                  model.height()),
+        inputs, curve,
+        [codes = read_matte_png(matte_file_path(state_->take, camera, frame), model.width(),
+                                model.height()),
          width = static_cast<std::size_t>(model.width())](const LinearColour& colour, int x,
                                                           int y) {
           KeyedPixel keyed{colour, 0};
@@ -164,32 +165,33 @@ std::unique_ptr<const FrameKey> TakeMatte::key_of(int camera, int frame,
           return keyed;
         });
   }
-  const EmptySet& empty = *found.empty;
+  const CleanPlate& empty = *inputs.clean_plate;
   if (settings.kind == Kind::kDifference) {
-    return pixel_key(
-        found, curve,
-        [&empty, &curve, key = DifferenceKey(settings)](const LinearColour& colour, int x, int y) {
-          const LinearColour behind = empty.at(x, y);
-          LinearColour codes, codes_behind;
-          for (std::size_t c = 0; c < 3; ++c) {
-            codes[c] = curve.srgb(colour[c]);
-            codes_behind[c] = curve.srgb(behind[c]);
-          }
-          return key(colour, codes, behind, codes_behind);
-        });
+    return pixel_key(inputs, curve,
+                     [&empty, &curve, key = DifferenceKeyer(settings)](const LinearColour& colour,
+                                                                       int x, int y) {
+                       const LinearColour behind = empty.at(x, y);
+                       LinearColour codes, codes_behind;
+                       for (std::size_t c = 0; c < 3; ++c) {
+                         codes[c] = curve.srgb(colour[c]);
+                         codes_behind[c] = curve.srgb(behind[c]);
+                       }
+                       return key(colour, codes, behind, codes_behind);
+                     });
   }
-  return pixel_key(found, curve,
-                   [&empty, key = ScreenKey(settings)](const LinearColour& colour, int x, int y) {
-                     LinearColour screen = empty.at(x, y);
-                     // A hole in the screen keys nothing.
-                     if (!(key.excess(screen) > 1e-4F)) return KeyedPixel{colour, 1};
-                     return key(colour, screen);
-                   });
+  return pixel_key(
+      inputs, curve,
+      [&empty, key = ColorDifferenceKeyer(settings)](const LinearColour& colour, int x, int y) {
+        LinearColour screen = empty.at(x, y);
+        // Where the plate is not the screen's colour, the pixel is opaque.
+        if (!(key.excess(screen) > 1e-4F)) return KeyedPixel{colour, 1};
+        return key(colour, screen);
+      });
 }
 
-std::vector<std::filesystem::path> TakeMatte::files_read(int camera, int frame) const {
+std::vector<std::filesystem::path> TakeMatte::input_files(int camera, int frame) const {
   if (state_->settings.kind != Kind::kFiles) return {};
-  return {matte_file(state_->take, camera, frame)};
+  return {matte_file_path(state_->take, camera, frame)};
 }
 
 std::size_t TakeMatte::bytes() const {
@@ -214,7 +216,7 @@ std::string TakeMatte::sources() const {
     }
   };
   if (state_->clean_plate_take) {
-    // Colours of its cameras, and what its codes mean.
+    // Clean plates depend on the photometric correction and the transfer function.
     for (const char* name : {"take.json", "rig.json"}) {
       text += read_file(state_->clean_plate_take->folder() / name);
     }
@@ -222,7 +224,7 @@ std::string TakeMatte::sources() const {
   for (std::size_t i = 0; i < state_->cameras.size(); ++i) {
     if (state_->settings.kind == Kind::kFiles) break;
     if (state_->clean_plate_take) {
-      add(*state_->clean_plate_take, state_->empty_camera[i], EmptySet::kMostEmptyFrames);
+      add(*state_->clean_plate_take, state_->empty_camera[i], CleanPlate::kMaxCleanPlateFrames);
     } else if (!state_->settings.screen_color) {
       add(state_->take, static_cast<int>(i), 1);
     }

@@ -12,24 +12,24 @@
 
 namespace raystage {
 
-/// What shows of a take's frames, by the settings of a shot's layer. What a camera's empty set
-/// looks like is found when one of its frames is first decoded, and kept: 6 bytes a pixel where it
-/// comes from an empty take.
+/// The matte of a take, by the settings of a shot's layer. The clean plate of a camera is computed
+/// when one of its frames is first decoded, and kept: 6 bytes per pixel if it is an empty take's.
 class TakeMatte : public FrameMatte {
  public:
-  /// Throws Error (bad input) for an empty take with other cameras. `take` must live on. `folder`:
-  /// that paths of the settings are relative to.
+  /// Keeps a reference to `take`. `folder`: paths in the settings are relative to it. Throws Error
+  /// (bad input) if the empty take does not have the same cameras.
   TakeMatte(const Take& take, const MatteSettings& settings, const std::filesystem::path& folder);
   ~TakeMatte() override;
 
-  std::unique_ptr<const FrameKey> key_of(int camera, int frame,
-                                         const CodeScale& scale) const override;
+  std::unique_ptr<const FrameKeyer> make_keyer(int camera, int frame,
+                                               const CodeScale& scale) const override;
 
-  /// Files beside the archives that are read for a frame of a camera.
-  std::vector<std::filesystem::path> files_read(int camera, int frame) const;
-  /// Of memory that is kept, once all cameras have been looked at.
+  /// Returns the files, in addition to archives, that are read for a frame.
+  std::vector<std::filesystem::path> input_files(int camera, int frame) const;
+  /// Returns the memory in bytes that clean plates and masks of all cameras need.
   std::size_t bytes() const;
-  /// What else the mattes depend on, beside the settings: frames they are found from.
+  /// Returns a text that identifies the inputs of the mattes in addition to the settings: the
+  /// hashes of the frames from which clean plates are computed.
   std::string sources() const;
 
  private:

@@ -110,8 +110,8 @@ TEST_F(TakeMattes, FilesOfOthers) {
   MatteSettings settings;
   settings.kind = MatteSettings::Kind::kFiles;
   EXPECT_THROW(keyed(settings, 20), Error);
-  const auto file = matte_file(*take_, 0, 0);
-  EXPECT_EQ(TakeMatte(*take_, settings, "").files_read(0, 0), std::vector{file});
+  const auto file = matte_file_path(*take_, 0, 0);
+  EXPECT_EQ(TakeMatte(*take_, settings, "").input_files(0, 0), std::vector{file});
   std::filesystem::create_directories(file.parent_path());
   std::vector<std::uint8_t> codes(kWidth * kHeight, 51);
   png_image image{};
@@ -144,7 +144,7 @@ TEST_F(TakeMattes, PartsOfAFrameAreKeyedAsTheWhole) {
   const auto all = whole.fetch(0, 0, {}, decoded);
   const auto layout = parts.layout(0, 0);
   ASSERT_TRUE(layout->regions_decodable());
-  const FrameCache::Look look = parts.new_look();
+  const FrameCache::FetchGroup look = parts.new_fetch_group();
   McuMask wanted(static_cast<std::size_t>(layout->mcu_count()), 0);
   for (const std::size_t mcu : {5U, 6U, 40U, 7U}) {
     wanted[mcu] = 1;

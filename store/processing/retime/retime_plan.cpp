@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Chooses the source frames of every tick for one camera: a frame near its tick stays unchanged;
+// otherwise the tick is interpolated between the frames before and after it, if their distance is
+// small enough. Input: a timeline and corrected times, ns. Output: one RetimedFrame per tick. Cost:
+// O(ticks log frames).
 #include "store/processing/retime/retime_plan.h"
 
 #include <algorithm>
@@ -7,7 +11,7 @@
 namespace raystage {
 namespace {
 
-constexpr double kLongestGapInTicks = 2.5;
+constexpr double kMaxGapInTicks = 2.5;
 
 struct Usable {
   std::int32_t frame;
@@ -17,7 +21,7 @@ struct Usable {
 std::vector<Usable> usable_frames(const std::vector<Nanoseconds>& times) {
   std::vector<Usable> usable;
   for (std::size_t i = 0; i < times.size(); ++i) {
-    if (times[i] == kNoTime) continue;
+    if (times[i] == kExcludedTime) continue;
     if (!usable.empty() && times[i] <= usable.back().time) continue;
     usable.push_back({static_cast<std::int32_t>(i), times[i]});
   }
@@ -30,11 +34,10 @@ std::vector<RetimedFrame> plan_retiming(const Timeline& timeline, std::size_t ca
                                         const std::vector<Nanoseconds>& times,
                                         const RetimeSettings& settings) {
   const double period = static_cast<double>(kNanosecondsPerSecond) / timeline.fps;
-  const auto near_enough = static_cast<Nanoseconds>(kNearEnough * period);
-  const Nanoseconds longest =
-      settings.longest_gap > 0
-          ? settings.longest_gap
-          : static_cast<Nanoseconds>(std::llround(kLongestGapInTicks * period));
+  const auto near_enough = static_cast<Nanoseconds>(kTickToleranceFraction * period);
+  const Nanoseconds longest = settings.max_gap > 0
+                                  ? settings.max_gap
+                                  : static_cast<Nanoseconds>(std::llround(kMaxGapInTicks * period));
   const std::vector<Usable> usable = usable_frames(times);
 
   std::vector<RetimedFrame> plan;
@@ -43,7 +46,7 @@ std::vector<RetimedFrame> plan_retiming(const Timeline& timeline, std::size_t ca
     RetimedFrame planned;
     const std::int32_t nearest = tick.frame[camera];
     if (nearest >= 0) {
-      planned = {RetimedFrame::Kind::kAsItIs, nearest, -1, 0,
+      planned = {RetimedFrame::Kind::kUnchanged, nearest, -1, 0,
                  tick.time_ns + tick.difference[camera]};
     }
     const bool stays = nearest >= 0 && std::abs(tick.difference[camera]) <= near_enough;
@@ -53,7 +56,7 @@ std::vector<RetimedFrame> plan_retiming(const Timeline& timeline, std::size_t ca
         const Usable &a = *(after - 1), &b = *after;
         if (b.time - a.time <= longest) {
           planned = {
-              RetimedFrame::Kind::kBetween, a.frame, b.frame,
+              RetimedFrame::Kind::kInterpolated, a.frame, b.frame,
               static_cast<double>(tick.time_ns - a.time) / static_cast<double>(b.time - a.time),
               tick.time_ns};
         }

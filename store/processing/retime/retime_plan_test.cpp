@@ -28,7 +28,7 @@ struct RetimePlan : testing::Test {
 TEST_F(RetimePlan, FrameBetweenItsNeighbours) {
   const auto frames = plan({80 * kMs, 180 * kMs, 280 * kMs}, 2);
   ASSERT_EQ(frames.size(), 2U);
-  EXPECT_EQ(frames[0].kind, Kind::kBetween);
+  EXPECT_EQ(frames[0].kind, Kind::kInterpolated);
   EXPECT_EQ(frames[0].first, 0);
   EXPECT_EQ(frames[0].second, 1);
   EXPECT_DOUBLE_EQ(frames[0].part, 0.2);
@@ -40,51 +40,51 @@ TEST_F(RetimePlan, FrameBetweenItsNeighbours) {
 TEST_F(RetimePlan, FrameOnItsTickStaysAtItsOwnTime) {
   const Nanoseconds near = 200 * kMs + 400'000;  // 0.4 % of the period
   const auto frames = plan({100 * kMs, near, 301 * kMs, 400 * kMs}, 3);
-  EXPECT_EQ(frames[0].kind, Kind::kAsItIs);
+  EXPECT_EQ(frames[0].kind, Kind::kUnchanged);
   EXPECT_EQ(frames[0].time, 100 * kMs);
-  EXPECT_EQ(frames[1].kind, Kind::kAsItIs);
+  EXPECT_EQ(frames[1].kind, Kind::kUnchanged);
   EXPECT_EQ(frames[1].time, near);
-  EXPECT_EQ(frames[2].kind, Kind::kBetween);
+  EXPECT_EQ(frames[2].kind, Kind::kInterpolated);
 }
 
 TEST_F(RetimePlan, FirstAndLastFrameHaveNothingBeyondAndStay) {
   const auto frames = plan({120 * kMs, 220 * kMs}, 3);
-  EXPECT_EQ(frames[0].kind, Kind::kAsItIs);
+  EXPECT_EQ(frames[0].kind, Kind::kUnchanged);
   EXPECT_EQ(frames[0].time, 120 * kMs);
-  EXPECT_EQ(frames[1].kind, Kind::kBetween);
+  EXPECT_EQ(frames[1].kind, Kind::kInterpolated);
   EXPECT_EQ(frames[2].kind, Kind::kMissing);
 }
 
 TEST_F(RetimePlan, OneLostFrameIsBridgedAndTwoAreNot) {
   const auto one = plan({80 * kMs, 280 * kMs}, 2);
-  EXPECT_EQ(one[0].kind, Kind::kBetween);
-  EXPECT_EQ(one[1].kind, Kind::kBetween);
+  EXPECT_EQ(one[0].kind, Kind::kInterpolated);
+  EXPECT_EQ(one[1].kind, Kind::kInterpolated);
   EXPECT_DOUBLE_EQ(one[1].part, 0.6);
   const auto two = plan({80 * kMs, 380 * kMs}, 3);
-  EXPECT_EQ(two[0].kind, Kind::kAsItIs);  // 20 ms from its tick
+  EXPECT_EQ(two[0].kind, Kind::kUnchanged);  // 20 ms from its tick
   EXPECT_EQ(two[0].time, 80 * kMs);
   EXPECT_EQ(two[1].kind, Kind::kMissing);
   EXPECT_EQ(two[2].kind, Kind::kMissing);
 }
 
 TEST_F(RetimePlan, LongestGapIsASetting) {
-  settings.longest_gap = 150 * kMs;
+  settings.max_gap = 150 * kMs;
   EXPECT_EQ(plan({80 * kMs, 280 * kMs}, 2)[1].kind, Kind::kMissing);
-  settings.longest_gap = 300 * kMs;
-  EXPECT_EQ(plan({80 * kMs, 380 * kMs}, 3)[1].kind, Kind::kBetween);
+  settings.max_gap = 300 * kMs;
+  EXPECT_EQ(plan({80 * kMs, 380 * kMs}, 3)[1].kind, Kind::kInterpolated);
 }
 
 TEST_F(RetimePlan, NearestMovesNothing) {
   settings.method = RetimeMethod::kNearest;
   const auto frames = plan({80 * kMs, 180 * kMs, 380 * kMs}, 3);
-  EXPECT_EQ(frames[0].kind, Kind::kAsItIs);
+  EXPECT_EQ(frames[0].kind, Kind::kUnchanged);
   EXPECT_EQ(frames[0].time, 80 * kMs);
   EXPECT_EQ(frames[1].first, 1);
   EXPECT_EQ(frames[2].kind, Kind::kMissing);
 }
 
 TEST_F(RetimePlan, FramesWithoutATimeAreNotUsed) {
-  const auto frames = plan({80 * kMs, kNoTime, 180 * kMs}, 1);
+  const auto frames = plan({80 * kMs, kExcludedTime, 180 * kMs}, 1);
   EXPECT_EQ(frames[0].first, 0);
   EXPECT_EQ(frames[0].second, 2);
 }

@@ -45,12 +45,12 @@ TakeDocument retimed_document(const TakeDocument& original, RetimeMethod method,
   for (TakeDocument::Camera& camera : document.cameras) {
     camera.archive.clear();
     camera.journal.clear();
-    camera.node.clear();  // all stand on the array's clock now
+    camera.node.clear();  // all times are on the array's clock now
   }
   return document;
 }
 
-// Why a camera has nothing at an instant, as its journal says of the time around it.
+// The reasons for missing frames near a time, from a camera's journal.
 class MissingReasons {
  public:
   MissingReasons(const ArchiveReader& archive, const CameraClock& clock) {
@@ -70,16 +70,17 @@ class MissingReasons {
   std::map<Nanoseconds, FrameStatus> by_time_;
 };
 
-// Rot must not become a picture that is as good as any other.
+// Throws if the frame is damaged, so that a new hash never covers damaged data.
 void check_frame(const ArchiveReader& archive, std::int32_t frame, const std::string& name) {
-  if (archive.frames()[static_cast<std::size_t>(frame)].xxh3 == 0) return;  // of a torn journal
+  if (archive.frames()[static_cast<std::size_t>(frame)].xxh3 == 0) return;  // no hash
   if (archive.verify_frame(frame)) return;
-  throw Error::bad_input(fmt::format("frame {} is damaged: its hash is another", frame), name,
-                         "Run raystage verify, and raystage repair on it");
+  throw Error::bad_input(
+      fmt::format("frame {} is damaged: its hash differs from the journal's", frame), name,
+      "Run raystage verify on the take, then raystage repair");
 }
 
-// Makes pictures between the frames of one camera, in order of time: of a frame wanted again
-// nothing is done twice.
+// Interpolates between the frames of one camera, in order of time. Decoded frames and flow are
+// reused while the source frames stay the same.
 class Retimer {
  public:
   Retimer(const ArchiveReader& archive, std::string name, const RetimeSettings& settings)
@@ -87,7 +88,7 @@ class Retimer {
 
   std::vector<std::byte> make(const RetimedFrame& frame) {
     load(frame.first, frame.second);
-    const Picture &a = side_[0].picture, &b = side_[1].picture;
+    const FlowImage &a = side_[0].picture, &b = side_[1].picture;
     RgbImage image;
     if (settings_.method == RetimeMethod::kBlend) {
       image = blend(a.rgb, b.rgb, frame.part);
@@ -100,7 +101,7 @@ class Retimer {
         });
         motion_known_ = true;
       }
-      image = in_between(a, b, side_[0].motion, side_[1].motion, frame.part);
+      image = interpolate_frame(a, b, side_[0].motion, side_[1].motion, frame.part);
     }
     JpegEncodeSettings encode;
     encode.quality = settings_.quality;
@@ -110,8 +111,8 @@ class Retimer {
  private:
   struct Side {
     std::int32_t frame = -1;
-    Picture picture;
-    MotionField motion;  // to the other side
+    FlowImage picture;
+    FlowField motion;  // to the other side
   };
 
   void load(std::int32_t first, std::int32_t second) {
@@ -123,13 +124,13 @@ class Retimer {
     const RgbImage &a = side_[0].picture.rgb, &b = side_[1].picture.rgb;
     if (a.width != b.width || a.height != b.height) {
       throw Error::bad_input(fmt::format("frames {} and {} differ in size", first, second), name_,
-                             "Verify the take, and decode its frames meanwhile");
+                             "Verify the take; use it without retiming until it is repaired");
     }
   }
   void load(Side& side, std::int32_t frame) {
     if (side.frame == frame) return;
     check_frame(archive_, frame, name_);
-    side.picture = picture_of(
+    side.picture = make_flow_image(
         decoder_.decode(archive_.jpeg(frame), fmt::format("{}, frame {}", name_, frame)));
     side.frame = frame;
   }
@@ -139,7 +140,7 @@ class Retimer {
   const RetimeSettings& settings_;
   JpegDecoder decoder_;
   std::array<Side, 2> side_;
-  std::array<MotionEstimator, 2> estimators_;
+  std::array<OpticalFlowEstimator, 2> estimators_;
   bool motion_known_ = false;
 };
 
@@ -156,13 +157,14 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
                          const std::string& created_by, const std::function<void(double)>& progress,
                          const std::stop_token& stop) {
   if (settings.quality < 1 || settings.quality > 100) {
-    throw Error::bad_input(fmt::format("a JPEG quality of {}", settings.quality), "quality",
-                           "Give 1 to 100");
+    throw Error::bad_input(
+        fmt::format("the JPEG quality is {}, allowed: 1 to 100", settings.quality), "quality",
+        "Give a number from 1 to 100");
   }
-  take.refuse_inside(folder);
+  take.check_not_inside(folder);
   use_one_opencv_thread();
   const auto cameras = static_cast<std::size_t>(take.camera_count());
-  // Archives start at 0; corrected times may lie before it.
+  // Times in archives are not negative, but corrected times may be.
   const Nanoseconds half = timeline.tolerance + 1;
   const Nanoseconds later = std::max<Nanoseconds>(0, half - timeline.ticks.front().time_ns);
 
@@ -194,7 +196,7 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
     for (std::size_t k = 0; k < plan.size(); ++k) {
       if (stop.stop_requested()) {
         throw Error::failed("retiming was stopped", folder.string(),
-                            "Start it again; no take was left behind");
+                            "Start it again; no files remain");
       }
       const RetimedFrame& frame = plan[k];
       const Nanoseconds tick = timeline.ticks[k].time_ns;
@@ -202,16 +204,16 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
         return FrameOrigin{kUnknownTime, static_cast<std::uint64_t>(i)};
       };
       if (frame.kind == Kind::kMissing) {
-        // Where nobody recorded a loss there is none to record: the timeline says "absent".
+        // Without a record of the loss the frame is only absent in the timeline.
         if (const auto reason = reasons.near(tick, half)) {
           to.append_missing(*reason, tick + later, sequence(0));
         }
         ++report.missing;
       } else {
-        if (frame.kind == Kind::kAsItIs) {
+        if (frame.kind == Kind::kUnchanged) {
           check_frame(from, frame.first, name);
           to.append(from.jpeg(frame.first), frame.time + later, sequence(frame.first));
-          ++report.as_were;
+          ++report.unchanged;
         } else {
           const auto start = Clock::now();
           const std::vector<std::byte> jpeg = retimer.make(frame);
@@ -231,8 +233,7 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
       cameras, static_cast<std::size_t>(available_threads()), [&] { return stop.stop_requested(); },
       retime_camera);
   if (stop.stop_requested()) {
-    throw Error::failed("retiming was stopped", folder.string(),
-                        "Start it again; no take was left behind");
+    throw Error::failed("retiming was stopped", folder.string(), "Start it again; no files remain");
   }
   writer.finish();
   write_timeline(retimed, writer.working_folder());
@@ -242,11 +243,11 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
   double moving_ms = 0;
   for (const CameraResult& result : results) {
     sum.moved += result.report.moved;
-    sum.as_were += result.report.as_were;
+    sum.unchanged += result.report.unchanged;
     sum.missing += result.report.missing;
     moving_ms += result.moving_ms;
   }
-  if (sum.moved > 0) sum.ms_per_moved = moving_ms / static_cast<double>(sum.moved);
+  if (sum.moved > 0) sum.ms_per_interpolated = moving_ms / static_cast<double>(sum.moved);
   return sum;
 }
 

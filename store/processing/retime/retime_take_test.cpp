@@ -46,11 +46,11 @@ struct RetimeTake : testing::Test {
     writer.commit();
     take.emplace(folder.path() / "take");
     ResyncSettings settings;
-    settings.exact_stamps = true;
+    settings.trust_timestamps = true;
     settings.fps = 10;
     settings.offsets = std::vector<Nanoseconds>(3, ahead);
     settings.tick_at = 2 * kPeriod;
-    resync = resynchronise(stamps_of(*take), settings, "board");
+    resync = resynchronise(camera_timestamps(*take), settings, "board");
   }
   static Nanoseconds exposed(int camera, int frame) {
     return kPeriod + frame * kPeriod + (camera - 1) * 30'000'000;
@@ -74,7 +74,7 @@ struct RetimeTake : testing::Test {
   test::MovingBoard board{.left = 20, .top = 20, .speed_x = 25, .speed_y = 9};
   TestFolder folder;
   std::optional<Take> take;
-  Resync resync;
+  ResyncResult resync;
   std::stop_source stop;
 };
 
@@ -82,7 +82,7 @@ TEST_F(RetimeTake, MovesFramesToTheirTicks) {
   write();
   const RetimeReport report = retime(RetimeMethod::kFlow, "flow");
   EXPECT_GT(report.moved, 10U);
-  EXPECT_GT(report.ms_per_moved, 0);
+  EXPECT_GT(report.ms_per_interpolated, 0);
   const Take retimed(folder.path() / "flow");
   const Timeline timeline = read_timeline(retimed);
   ASSERT_EQ(timeline.ticks.size(), resync.timeline.ticks.size());
@@ -106,7 +106,7 @@ TEST_F(RetimeTake, MovesFramesToTheirTicks) {
     }
   }
   EXPECT_EQ(missing, report.missing);
-  EXPECT_EQ(present, report.moved + report.as_were);
+  EXPECT_EQ(present, report.moved + report.unchanged);
   const TakeDocument& document = retimed.document();
   ASSERT_TRUE(document.derived_from);
   EXPECT_EQ(document.derived_from->take, "board");

@@ -19,19 +19,19 @@ TEST(CapturedTakes, StageTicksHoldTheFramesThatAreNearest) {
   const auto file = test_data() / "stage" / "take.json";
   if (!std::filesystem::exists(file)) GTEST_SKIP() << "no captured light field stage";
   const auto json = nlohmann::json::parse(read_file(file));
-  std::vector<CameraStamps> cameras;
+  std::vector<CameraTimestamps> cameras;
   std::map<std::string, std::size_t> index;
   for (const auto& camera : json["cameras"]) {
     index[camera["id"]] = cameras.size();
     cameras.push_back({camera["id"], "", {}, {}});
   }
   for (const auto& frame : json["frames"]) {
-    CameraStamps& camera = cameras[index.at(frame["camera"])];
+    CameraTimestamps& camera = cameras[index.at(frame["camera"])];
     ASSERT_EQ(frame["frame"], camera.stamps.size());
     camera.stamps.push_back(std::llround(frame["time_s"].get<double>() * 1e9));
   }
   for (const bool exact : {true, false}) {
-    const Resync result = resynchronise(cameras, {.exact_stamps = exact}, "stage");
+    const ResyncResult result = resynchronise(cameras, {.trust_timestamps = exact}, "stage");
     EXPECT_NEAR(result.timeline.fps, 15, 0.03);
     EXPECT_TRUE(result.steps.empty());
     ASSERT_GE(result.timeline.ticks.size(), 5u);
@@ -62,7 +62,7 @@ TEST(CapturedTakes, FourWebcamsAreGroupedAsTheirOwnRecorderGroupedThem) {
   const auto folder = test_data() / "four_webcams";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no captured take four_webcams";
   const ImportManifest manifest = read_import_manifest(folder / "import.json");
-  std::vector<CameraStamps> cameras;
+  std::vector<CameraTimestamps> cameras;
   for (const auto& camera : manifest.cameras) {
     cameras.push_back({camera.geometry.id, "", camera.times_ns, {}});
   }
@@ -81,7 +81,7 @@ TEST(CapturedTakes, FourWebcamsAreGroupedAsTheirOwnRecorderGroupedThem) {
   ASSERT_EQ(groups.size(), 57u);
 
   for (const bool exact : {true, false}) {
-    const Resync result = resynchronise(cameras, {.exact_stamps = exact}, "four_webcams");
+    const ResyncResult result = resynchronise(cameras, {.trust_timestamps = exact}, "four_webcams");
     // Frame by frame: are its companions at its tick those of its group?
     int frames = 0, agreeing = 0;
     for (const auto& [number, group] : groups) {

@@ -15,26 +15,28 @@
 
 #include "base/parallel.h"
 #include "store/processing/sync/clock_steps.h"
+#include "store/processing/sync/envelope.h"
 #include "store/processing/sync/line_fit.h"
+#include "store/processing/sync/refine_phase_steps.h"
 
 namespace raystage {
 namespace {
 
-constexpr PhaseShiftSettings kOfGroup{7, 0.02}, kOfOneCamera{9, 0.1};
-constexpr std::size_t kSubsets = 4, kLeastToCompare = 64;
-constexpr std::size_t kLeastToShare = 4;  // cameras
-constexpr double kEarlyShare = 0.1;       // of a period, where stamps are never early
-constexpr double kClearlyBetter = 0.5;    // variance
+constexpr PhaseStepSettings kOfGroup{7, 0.02}, kOfOneCamera{9, 0.1};
+constexpr std::size_t kSubsets = 4, kMinFramesToCompare = 64;
+constexpr std::size_t kMinCamerasToShare = 4;
+constexpr double kEarlyShare = 0.1;        // of a period, if time stamps are never early
+constexpr double kMaxVarianceRatio = 0.5;  // of the envelope, to choose it
 
 struct Group {
   std::vector<std::size_t> cameras;
 };
 
-// Stamps with the breaks known so far taken off.
-std::vector<double> without_breaks(std::span<const double> times, const ClockFit& fit,
-                                   bool own_too) {
+// Returns time stamps minus the known phase steps.
+std::vector<double> without_phase_steps(std::span<const double> times, const ClockFit& fit,
+                                        bool own_too) {
   std::vector<double> moved(times.begin(), times.end());
-  for (const PhaseBreak& b : fit.breaks) {
+  for (const PhaseStep& b : fit.phase_steps) {
     if (b.group_step < 0 && !own_too) continue;
     for (std::size_t i = b.first_frame; i < moved.size(); ++i) moved[i] -= b.step;
   }
@@ -49,43 +51,43 @@ void add_group_steps(const std::vector<std::vector<double>>& times, const Group&
     columns.push_back(times[c]);
     periods.push_back(fits[c].lattice.period);
   }
-  const auto shifts = find_phase_shifts(columns, periods, kOfGroup);
+  const auto shifts = find_phase_steps(columns, periods, kOfGroup);
   for (std::size_t s = 0; s < shifts.size(); ++s) {
     for (std::size_t k = 0; k < group.cameras.size(); ++k) {
-      fits[group.cameras[k]].breaks.push_back(
+      fits[group.cameras[k]].phase_steps.push_back(
           {shifts[s].first_frame[k], shifts[s].step, static_cast<int>(s)});
     }
   }
 }
 
-void add_own_breaks(const std::vector<double>& times, ClockFit& fit) {
-  const std::vector<std::vector<double>> column{without_breaks(times, fit, false)};
+void add_own_phase_steps(const std::vector<double>& times, ClockFit& fit) {
+  const std::vector<std::vector<double>> column{without_phase_steps(times, fit, false)};
   const double period = fit.lattice.period;
-  for (const PhaseShift& shift : find_phase_shifts(column, {&period, 1}, kOfOneCamera)) {
-    fit.breaks.push_back({shift.first_frame[0], shift.step, -1});
+  for (const DetectedPhaseStep& shift : find_phase_steps(column, {&period, 1}, kOfOneCamera)) {
+    fit.phase_steps.push_back({shift.first_frame[0], shift.step, -1});
   }
-  std::ranges::stable_sort(fit.breaks, {}, &PhaseBreak::first_frame);
+  std::ranges::stable_sort(fit.phase_steps, {}, &PhaseStep::first_frame);
 }
 
 void count(const std::vector<double>& times, ClockFit& fit) {
-  const std::vector<double> moved = without_breaks(times, fit, true);
-  fit.lattice = fit_blocks(moved, fit.lattice.period);
-  fit.slots = count_frames(moved, fit.lattice, scatter_of(moved, fit.lattice));
+  const std::vector<double> moved = without_phase_steps(times, fit, true);
+  fit.lattice = fit_lattice(moved, fit.lattice.period);
+  fit.slots = assign_slots(moved, fit.lattice, residual_quantiles(moved, fit.lattice));
 }
 
-// A phase shift is known but for whole periods. A clock that jumps makes no camera lose frames: the
-// number of periods is the one that leaves most cameras without a gap.
+// A phase shift is known modulo the period. A clock step makes no camera lose frames, so the number
+// of whole periods is the one that leaves most cameras without a gap.
 bool add_whole_periods(const std::vector<std::vector<double>>& times, const Group& group, int step,
                        std::vector<ClockFit>& fits) {
   std::vector<double> gaps;
   for (const std::size_t c : group.cameras) {
     ClockFit& fit = fits[c];
-    const auto found = std::ranges::find(fit.breaks, step, &PhaseBreak::group_step);
-    if (fit.slots.empty() || found == fit.breaks.end() || found->first_frame == 0 ||
+    const auto found = std::ranges::find(fit.phase_steps, step, &PhaseStep::group_step);
+    if (fit.slots.empty() || found == fit.phase_steps.end() || found->first_frame == 0 ||
         found->first_frame >= times[c].size()) {
       continue;
     }
-    const std::vector<double> moved = without_breaks(times[c], fit, true);
+    const std::vector<double> moved = without_phase_steps(times[c], fit, true);
     const auto slot_at = [&](std::size_t i) {
       return std::round((moved[i] - fit.lattice.origin) / fit.lattice.period);
     };
@@ -94,7 +96,7 @@ bool add_whole_periods(const std::vector<std::vector<double>>& times, const Grou
   const double extra = gaps.empty() ? 0 : quantile(gaps, 0.5) - 1;
   if (extra == 0) return false;
   for (const std::size_t c : group.cameras) {
-    for (PhaseBreak& b : fits[c].breaks) {
+    for (PhaseStep& b : fits[c].phase_steps) {
       if (b.group_step == step) b.step += extra * fits[group.cameras[0]].lattice.period;
     }
   }
@@ -116,8 +118,8 @@ void fit_group(const std::vector<std::vector<double>>& times, const Group& group
   int steps = 0;
   for (const std::size_t c : group.cameras) {
     if (fits[c].lattice.period <= 0) continue;
-    for (const PhaseBreak& b : fits[c].breaks) steps = std::max(steps, b.group_step + 1);
-    add_own_breaks(times[c], fits[c]);
+    for (const PhaseStep& b : fits[c].phase_steps) steps = std::max(steps, b.group_step + 1);
+    add_own_phase_steps(times[c], fits[c]);
     count(times[c], fits[c]);
   }
   for (int step = 0; step < steps; ++step) {
@@ -130,12 +132,12 @@ void fit_group(const std::vector<std::vector<double>>& times, const Group& group
   constexpr int kRounds = 4;
   for (int round = 0; round < kRounds; ++round) {
     for (const CameraLine& line : lines) {
-      if (round == 1) {  // count anew by the lines of the first round
+      if (round == 1) {  // assign slots again, by the lines of the first round
         const double scale = std::max(line.fit->jitter, 1.0);
-        settle_breaks(line, {scale, scale, 0.5});
-        const auto moved = without_breaks(line.times, *line.fit, true);
+        refine_phase_steps(line, {scale, scale, 0.5});
+        const auto moved = without_phase_steps(line.times, *line.fit, true);
         line.fit->slots =
-            count_frames(moved, line.fit->lattice, scatter_of(moved, line.fit->lattice));
+            assign_slots(moved, line.fit->lattice, residual_quantiles(moved, line.fit->lattice));
       }
       update_residuals(line);
     }
@@ -144,18 +146,19 @@ void fit_group(const std::vector<std::vector<double>>& times, const Group& group
   for (const CameraLine& line : lines) update_residuals(line);
 }
 
-// Where stamps are never early, nearly all of a period is there for delays.
-void recount_delayed(const CameraLine& line) {
+// Assigns slots again if time stamps are never early: a slot's interval is then nearly all after
+// it.
+void assign_delayed_slots(const CameraLine& line) {
   if (!line.fit->regular) return;
   const double late = std::max(line.fit->jitter, 1.0);
-  settle_breaks(line, {late / 20, late, kEarlyShare});
-  const std::vector<double> moved = without_breaks(line.times, *line.fit, true);
-  Scatter scatter = scatter_of(moved, line.fit->lattice);
-  scatter.low = scatter.middle;  // count_frames() then keeps its least share for early frames
-  line.fit->slots = count_frames(moved, line.fit->lattice, scatter);
+  refine_phase_steps(line, {late / 20, late, kEarlyShare});
+  const std::vector<double> moved = without_phase_steps(line.times, *line.fit, true);
+  ResidualQuantiles scatter = residual_quantiles(moved, line.fit->lattice);
+  scatter.low = scatter.middle;  // leaves the smallest share for early frames
+  line.fit->slots = assign_slots(moved, line.fit->lattice, scatter);
 }
 
-// Variance of the period, as a share of it, that each method has with a quarter of the frames.
+// Relative variance of the period with a quarter of the frames, for each method.
 struct Comparison {
   double least_squares = 0, envelope = 0;
   int cameras = 0;
@@ -170,7 +173,7 @@ double relative_variance(std::span<const double> periods) {
 }
 
 Comparison compare_methods(const std::vector<double>& times, const ClockFit& fit) {
-  const std::vector<double> moved = without_breaks(times, fit, true);
+  const std::vector<double> moved = without_phase_steps(times, fit, true);
   const double edge = lower_edge(fit);
   std::vector<double> least_squares, envelope;
   for (std::size_t subset = 0; subset < kSubsets; ++subset) {
@@ -191,7 +194,7 @@ Comparison compare_methods(const std::vector<std::vector<double>>& times,
                            const std::vector<ClockFit>& fits) {
   Comparison sum;
   for (std::size_t c = 0; c < fits.size(); ++c) {
-    if (!fits[c].regular || times[c].size() < kLeastToCompare) continue;
+    if (!fits[c].regular || times[c].size() < kMinFramesToCompare) continue;
     const Comparison one = compare_methods(times[c], fits[c]);
     sum.least_squares += one.least_squares;
     sum.envelope += one.envelope;
@@ -204,21 +207,21 @@ Comparison compare_methods(const std::vector<std::vector<double>>& times,
   return sum;
 }
 
-// Draws the periods of a group's cameras towards their mean as far as they differ by no more than
-// their errors explain (empirical Bayes: a period's own error against the spread of true periods).
+// Shrinks the periods of a group's cameras towards their mean (empirical Bayes): the weight of a
+// camera's own period is the variance of true periods over its sum with the period's own variance.
 void share_periods(std::span<const CameraLine> group) {
   std::vector<ClockFit*> fits;
   for (const CameraLine& line : group) {
     if (line.fit->regular && line.fit->period_sigma > 0) fits.push_back(line.fit);
   }
-  if (fits.size() < kLeastToShare) return;
+  if (fits.size() < kMinCamerasToShare) return;
   std::vector<double> periods;
   for (const ClockFit* fit : fits) periods.push_back(fit->lattice.period);
   const double median = quantile(periods, 0.5);
-  std::erase_if(fits, [&](const ClockFit* fit) {  // of another rate
+  std::erase_if(fits, [&](const ClockFit* fit) {  // cameras of another rate
     return std::abs(fit->lattice.period / median - 1) > 1e-3;
   });
-  if (fits.size() < kLeastToShare) return;
+  if (fits.size() < kMinCamerasToShare) return;
   double mean = 0, weight = 0, error = 0, spread = 0;
   const auto count = static_cast<double>(fits.size());
   for (const ClockFit* fit : fits) {
@@ -231,10 +234,10 @@ void share_periods(std::span<const CameraLine> group) {
   for (const ClockFit* fit : fits) {
     spread += (fit->lattice.period - mean) * (fit->lattice.period - mean) / (count - 1);
   }
-  const double truly = std::max(0.0, spread - error);
+  const double true_variance = std::max(0.0, spread - error);
   for (ClockFit* fit : fits) {
     const double own = fit->period_sigma * fit->period_sigma;
-    const double kept = truly / (truly + own);
+    const double kept = true_variance / (true_variance + own);
     const double period = mean + kept * (fit->lattice.period - mean);
     double middle = 0, frames = 0;
     for (const std::int64_t slot : fit->slots) {
@@ -258,16 +261,17 @@ double ClockFit::slots_spanned() const {
   return static_cast<double>(*last) - static_cast<double>(*first) + 1;
 }
 
-double ClockFit::group_shift(std::size_t frame) const {
+double ClockFit::group_steps_before(std::size_t frame) const {
   double sum = 0;
-  for (const PhaseBreak& b : breaks)
+  for (const PhaseStep& b : phase_steps)
     sum += b.group_step >= 0 && b.first_frame <= frame ? b.step : 0;
   return sum;
 }
 
-double ClockFit::own_shift(std::size_t frame) const {
+double ClockFit::own_steps_before(std::size_t frame) const {
   double sum = 0;
-  for (const PhaseBreak& b : breaks) sum += b.group_step < 0 && b.first_frame <= frame ? b.step : 0;
+  for (const PhaseStep& b : phase_steps)
+    sum += b.group_step < 0 && b.first_frame <= frame ? b.step : 0;
   return sum;
 }
 
@@ -281,7 +285,7 @@ ClockFits fit_clocks(const std::vector<std::vector<double>>& times, const std::v
     ClockFit& fit = result.cameras[c];
     fit.slots.assign(times[c].size(), kNoSlot);
     fit.residual.assign(times[c].size(), 0);
-    if (times[c].size() >= 3) fit.lattice.period = coarse_period(times[c]);
+    if (times[c].size() >= 3) fit.lattice.period = estimate_period(times[c]);
   }
   std::vector<Group> groups;
   for (auto& [number, members] : by_number) groups.push_back(std::move(members));
@@ -294,19 +298,20 @@ ClockFits fit_clocks(const std::vector<std::vector<double>>& times, const std::v
     const Comparison comparison = compare_methods(times, result.cameras);
     result.least_squares_ppm = std::sqrt(comparison.least_squares) * 1e6;
     result.envelope_ppm = std::sqrt(comparison.envelope) * 1e6;
-    if (comparison.cameras > 0 && comparison.envelope < kClearlyBetter * comparison.least_squares) {
-      result.method = FitMethod::kEnvelope;
+    if (comparison.cameras > 0 &&
+        comparison.envelope < kMaxVarianceRatio * comparison.least_squares) {
+      result.method = ClockFitMethod::kEnvelope;
     }
   }
   each_group([&](const Group& members) {
     const std::vector<CameraLine> lines = lines_of(times, members, result.cameras);
-    if (result.method == FitMethod::kEnvelope) {
+    if (result.method == ClockFitMethod::kEnvelope) {
       fit_envelope(lines);
       for (const CameraLine& line : lines) {
-        recount_delayed(line);
+        assign_delayed_slots(line);
         update_residuals(line);
         line.fit->early_limit = std::max(line.fit->early_limit, -line.fit->jitter / 2);
-        // An envelope's error falls with the number of frames.
+        // The error of an envelope is inversely proportional to the number of frames.
         line.fit->period_sigma = result.envelope_ppm * 1e-6 * line.fit->lattice.period / kSubsets;
       }
     } else if (settings.share_periods) {

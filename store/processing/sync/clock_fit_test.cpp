@@ -73,7 +73,7 @@ struct Errors {
   double step_ms = 0;  ///< largest error of the step
   int within_two_ppm = 0;
   int cameras = 0, miscounted = 0, without_slot = 0, outliers = 0, steps = 0, own_breaks = 0;
-  FitMethod method = FitMethod::kLeastSquares;
+  ClockFitMethod method = ClockFitMethod::kLeastSquares;
   double rms_ppm() const { return std::sqrt(square_ppm / cameras); }
   double bound_ppm() const { return std::sqrt(bound_square_ppm / cameras); }
 };
@@ -103,7 +103,7 @@ void add_errors(const Settings& s, Errors& sum, const ClockFitSettings& fit_sett
       sum.without_slot += fit.slots[i] == kNoSlot ? 1 : 0;
       sum.miscounted += fit.slots[i] != kNoSlot && fit.slots[i] - camera.index[i] != zero ? 1 : 0;
     }
-    for (const PhaseBreak& b : fit.breaks) {
+    for (const PhaseStep& b : fit.phase_steps) {
       sum.own_breaks += b.group_step < 0 ? 1 : 0;
       if (b.group_step < 0) continue;
       ++sum.steps;
@@ -124,7 +124,7 @@ TEST(ClockFit, GaussianJitterReachesTheCramerRaoBound) {
   for (unsigned seed = 1; seed <= kSeeds; ++seed) add_errors({.seed = seed}, errors);
   std::printf("Gaussian: period rms %.2f ppm, bound %.2f ppm, largest %.1f ppm, phase %.2f ms\n",
               errors.rms_ppm(), errors.bound_ppm(), errors.largest_ppm, errors.largest_phase_ms);
-  EXPECT_EQ(errors.method, FitMethod::kLeastSquares);
+  EXPECT_EQ(errors.method, ClockFitMethod::kLeastSquares);
   EXPECT_GT(errors.bound_ppm(), 9);  // 2 ppm are out of reach
   EXPECT_LE(errors.rms_ppm(), 1.1 * errors.bound_ppm());
   EXPECT_LT(errors.largest_phase_ms, 1);
@@ -140,7 +140,7 @@ TEST(ClockFit, DelaysGivePeriodsWithinTwoPpm) {
   Errors all;
   for (unsigned seed = 1; seed <= kSeeds; ++seed) {
     add_errors({.seed = seed, .jitter = Jitter::kDelay}, all);
-    EXPECT_EQ(all.method, FitMethod::kEnvelope);
+    EXPECT_EQ(all.method, ClockFitMethod::kEnvelope);
   }
   std::printf(
       "delays: period rms %.2f ppm, largest %.2f ppm, %d of %d within 2 ppm, phase %.3f ms, "
@@ -201,7 +201,7 @@ TEST(ClockFit, NoStepWhereThereIsNone) {
   for (unsigned seed = 20; seed < 26; ++seed) {
     for (const Jitter jitter : {Jitter::kGaussian, Jitter::kDelay}) {
       const SimulatedStamps truth({.seed = seed, .step_node = -1, .jitter = jitter});
-      for (const ClockFit& fit : fits_of(truth).cameras) EXPECT_TRUE(fit.breaks.empty());
+      for (const ClockFit& fit : fits_of(truth).cameras) EXPECT_TRUE(fit.phase_steps.empty());
     }
   }
 }
@@ -212,9 +212,9 @@ TEST(ClockFit, ACameraThatRestartsJumpsAlone) {
   for (std::size_t i = 400; i < camera.stamps.size(); ++i) camera.stamps[i] += 20'000'000;
   const ClockFits fits = fits_of(truth);
   for (std::size_t c = 0; c < fits.cameras.size(); ++c) {
-    ASSERT_EQ(fits.cameras[c].breaks.size(), c == 5 ? 1u : 0u) << c;
+    ASSERT_EQ(fits.cameras[c].phase_steps.size(), c == 5 ? 1u : 0u) << c;
   }
-  const PhaseBreak& jump = fits.cameras[5].breaks[0];
+  const PhaseStep& jump = fits.cameras[5].phase_steps[0];
   EXPECT_EQ(jump.group_step, -1);
   EXPECT_EQ(jump.first_frame, 400u);
   EXPECT_NEAR(jump.step, 20e6, 0.3e6);
@@ -252,8 +252,8 @@ TEST(ClockFit, ALongGapLeavesTheRhythm) {
 
 TEST(CountFrames, LateFramesMoveBackExtraOnesHaveNoSlot) {
   const Lattice lattice{0, 100};
-  const Scatter even{-0.05, 0, 0.05};
-  const auto slots = [&](std::vector<double> times) { return count_frames(times, lattice, even); };
+  const ResidualQuantiles even{-0.05, 0, 0.05};
+  const auto slots = [&](std::vector<double> times) { return assign_slots(times, lattice, even); };
   using Slots = std::vector<std::int64_t>;
   EXPECT_EQ(slots({0, 101, 299, 400}), (Slots{0, 1, 3, 4}));
   EXPECT_EQ(slots({0, 160, 200, 300}), (Slots{0, 1, 2, 3}));  // the second came late
@@ -263,10 +263,10 @@ TEST(CountFrames, LateFramesMoveBackExtraOnesHaveNoSlot) {
 }
 
 TEST(CoarsePeriod, Extremes) {
-  EXPECT_EQ(coarse_period({}), 0);
-  EXPECT_EQ(coarse_period(std::vector<double>{5}), 0);
-  EXPECT_EQ(coarse_period(std::vector<double>{5, 5, 5}), 0);
-  EXPECT_EQ(coarse_period(std::vector<double>{0, 10, 20, 40}), 10);
+  EXPECT_EQ(estimate_period({}), 0);
+  EXPECT_EQ(estimate_period(std::vector<double>{5}), 0);
+  EXPECT_EQ(estimate_period(std::vector<double>{5, 5, 5}), 0);
+  EXPECT_EQ(estimate_period(std::vector<double>{0, 10, 20, 40}), 10);
 }
 
 }  // namespace

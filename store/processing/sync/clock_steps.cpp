@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+// Detects sudden phase shifts in the time stamps of a group of cameras. The phase of a frame is its
+// time modulo the camera's period, as a unit phasor. For instants two periods apart, the mean
+// phases of 24 frames before and after are compared, weighted by their circular variance (Mardia),
+// and pooled over cameras. The most significant instants are kept; each camera's first frame after
+// the shift is the split that fits both phases best. Input: increasing times and periods, ns.
+// Output: shifts modulo the period. Cost: O(frames log frames), by prefix sums of phasors.
 #include "store/processing/sync/clock_steps.h"
 
 #include <algorithm>
@@ -17,13 +23,13 @@ namespace {
 using Phasor = std::complex<double>;
 
 constexpr double kTurn = 2 * std::numbers::pi;
-constexpr std::size_t kWindow = 24, kLeastFrames = 12;  // frames to either side
-constexpr std::size_t kGuard = 6;  // frames next to a shift that is not yet placed exactly
-constexpr double kGridStep = 2;    // periods between the instants looked at
+constexpr std::size_t kWindow = 24, kMinFrames = 12;  // frames on each side
+constexpr std::size_t kGuard = 6;  // frames left out next to a shift whose position is not exact
+constexpr double kGridStep = 2;    // periods between tested instants
 constexpr double kSamePeriod = 0.01;
 constexpr double kAgreeingShare = 0.75;
 
-// Sums over the frames before an index make any window's mean phase one subtraction.
+// Prefix sums of phasors: the mean phase of any window is one subtraction.
 class PhaseSums {
  public:
   PhaseSums(std::span<const double> times, double period) : times_(times), period_(period) {
@@ -43,13 +49,13 @@ class PhaseSums {
   }
   Phasor sum(std::size_t begin, std::size_t end) const { return sums_[end] - sums_[begin]; }
 
-  // Windows up to the frame `at` and from it on; they must not reach over long gaps.
+  // The windows before the frame `at` and from it on, which must not contain long gaps.
   struct Windows {
     std::size_t begin = 0, at = 0, end = 0;
   };
   std::optional<Windows> windows(std::size_t at) const {
     const Windows w{at - std::min(at, kWindow), at, std::min(size(), at + kWindow)};
-    if (w.at - w.begin < kLeastFrames || w.end - w.at < kLeastFrames) return std::nullopt;
+    if (w.at - w.begin < kMinFrames || w.end - w.at < kMinFrames) return std::nullopt;
     const double longest = 4.0 * kWindow * period_;
     if (times_[w.end - 1] - times_[w.begin] > longest) return std::nullopt;
     return w;
@@ -65,8 +71,8 @@ struct Difference {
   double angle = 0, variance = 0;  // radians
 };
 
-// Variance of the angle of a mean phasor (Mardia: circular variance over n), with a floor against
-// windows that happen to scatter little.
+// Returns the variance of the angle of a mean phasor (Mardia: circular variance over n), with a
+// floor for windows with little scatter by chance.
 double angle_variance(Phasor sum, double count) {
   const double length = std::min(std::abs(sum) / count, 1.0);
   const double one = length > 1e-3 ? -2 * std::log(length) : 14.0;
@@ -100,7 +106,7 @@ Pooled pool(std::span<const PhaseSums> cameras, double time) {
     sum += std::polar(1 / d->variance, d->angle);
     weight += 1 / d->variance;
   }
-  // A few cameras that happen to have frames speak for the group; one of many does not.
+  // At least half of the running cameras are needed, and never one alone in a group.
   if (2 * differences.size() < running || differences.empty()) return {};
   if (cameras.size() > 1 && differences.size() == 1) return {};
   Pooled pooled;
@@ -114,7 +120,7 @@ Pooled pool(std::span<const PhaseSums> cameras, double time) {
   return pooled;
 }
 
-// Phases of a camera before and after a shift near `time`, without the frames next to it.
+// The phases of a camera before and after a shift, without the frames next to it.
 struct Sides {
   double before = 0, after = 0;  // radians, as PhaseSums counts them
 };
@@ -127,7 +133,8 @@ Sides sides_of(const PhaseSums& camera, std::size_t at, double angle) {
   return {std::arg(before), std::arg(before) + angle};
 }
 
-// How much better a frame fits the phase before than the one after; negative: after.
+// Returns how much better a frame fits the phase before the shift than the one after; negative:
+// after.
 double preference(const PhaseSums& camera, std::size_t frame, const Sides& sides) {
   const double angle = std::arg(camera.sum(frame, frame + 1));
   const double before = std::remainder(angle - sides.before, kTurn);
@@ -135,8 +142,8 @@ double preference(const PhaseSums& camera, std::size_t frame, const Sides& sides
   return after * after - before * before;
 }
 
-// The instant that parts the group's frames best.
-double parting_time(std::span<const PhaseSums> cameras, double time, double angle) {
+// Returns the instant that separates the group's frames best.
+double split_time(std::span<const PhaseSums> cameras, double time, double angle) {
   struct Vote {
     double time, preference;
   };
@@ -161,9 +168,9 @@ double parting_time(std::span<const PhaseSums> cameras, double time, double angl
   return best_time;
 }
 
-// A clock that jumps back stamps frames of the next camera before those of the last one, so each
-// camera chooses among its frames within 1.5 periods of the group's instant.
-std::size_t parting_frame(const PhaseSums& camera, double time, double angle) {
+// Returns the first frame of a camera after the shift, within 1.5 periods of the group's instant.
+// Cameras differ: after a step back, a later frame of one camera may have an earlier time stamp.
+std::size_t split_frame(const PhaseSums& camera, double time, double angle) {
   const std::size_t at = camera.first_at(time);
   const Sides sides = sides_of(camera, at, angle);
   const double reach = 1.5 * camera.period();
@@ -180,12 +187,12 @@ std::size_t parting_frame(const PhaseSums& camera, double time, double angle) {
   return best_frame;
 }
 
-// A coarse period may be wrong by what a step adds over the whole time; the median of the local
-// drifts is not.
-double settled_period(std::span<const double> times, double period) {
+// Returns the period corrected by the median of local drifts. A step distorts the average period of
+// the whole recording, but not the median.
+double robust_period(std::span<const double> times, double period) {
   const PhaseSums camera(times, period);
   std::vector<double> drifts;  // cycles per ns
-  for (std::size_t at = kLeastFrames; at < times.size(); at += kLeastFrames / 2) {
+  for (std::size_t at = kMinFrames; at < times.size(); at += kMinFrames / 2) {
     const auto w = camera.windows(at);
     if (!w) continue;
     const auto mean = [&](std::size_t begin, std::size_t end) {
@@ -202,9 +209,9 @@ double settled_period(std::span<const double> times, double period) {
 
 }  // namespace
 
-std::vector<PhaseShift> find_phase_shifts(std::span<const std::vector<double>> times,
-                                          std::span<const double> periods,
-                                          const PhaseShiftSettings& settings) {
+std::vector<DetectedPhaseStep> find_phase_steps(std::span<const std::vector<double>> times,
+                                                std::span<const double> periods,
+                                                const PhaseStepSettings& settings) {
   std::vector<double> known(periods.begin(), periods.end());
   std::erase(known, 0.0);
   if (known.empty()) return {};
@@ -215,7 +222,7 @@ std::vector<PhaseShift> find_phase_shifts(std::span<const std::vector<double>> t
   for (std::size_t c = 0; c < times.size(); ++c) {
     if (periods[c] <= 0 || std::abs(periods[c] / period - 1) > kSamePeriod) continue;
     usable[c] = true;
-    cameras.emplace_back(times[c], settled_period(times[c], periods[c]));
+    cameras.emplace_back(times[c], robust_period(times[c], periods[c]));
     begin = std::min(begin, times[c].front());
     end = std::max(end, times[c].back());
   }
@@ -226,11 +233,11 @@ std::vector<PhaseShift> find_phase_shifts(std::span<const std::vector<double>> t
   std::vector<Candidate> candidates;
   for (double time = begin; time <= end; time += kGridStep * period) {
     const Pooled pooled = pool(cameras, time);
-    if (pooled.score < settings.least_score || !pooled.agreed) continue;
-    if (std::abs(pooled.angle) < kTurn * settings.least_share) continue;
+    if (pooled.score < settings.min_z_score || !pooled.agreed) continue;
+    if (std::abs(pooled.angle) < kTurn * settings.min_period_fraction) continue;
     candidates.push_back({time, pooled.angle, pooled.score});
   }
-  // The clearest first; what overlaps its windows is the same shift seen from aside.
+  // By decreasing score; candidates with overlapping windows belong to the same shift.
   std::ranges::stable_sort(candidates, std::greater(), &Candidate::score);
   std::vector<Candidate> chosen;
   for (const Candidate& candidate : candidates) {
@@ -241,16 +248,16 @@ std::vector<PhaseShift> find_phase_shifts(std::span<const std::vector<double>> t
   }
   std::ranges::sort(chosen, {}, &Candidate::time);
 
-  std::vector<PhaseShift> shifts;
+  std::vector<DetectedPhaseStep> shifts;
   for (const Candidate& candidate : chosen) {
-    const double time = parting_time(cameras, candidate.time, candidate.angle);
-    PhaseShift shift;
+    const double time = split_time(cameras, candidate.time, candidate.angle);
+    DetectedPhaseStep shift;
     shift.step = candidate.angle / kTurn * period;
     std::size_t next = 0;
     for (std::size_t c = 0; c < times.size(); ++c) {
       const auto at =
           static_cast<std::size_t>(std::ranges::lower_bound(times[c], time) - times[c].begin());
-      shift.first_frame.push_back(usable[c] ? parting_frame(cameras[next++], time, candidate.angle)
+      shift.first_frame.push_back(usable[c] ? split_frame(cameras[next++], time, candidate.angle)
                                             : at);
     }
     shifts.push_back(std::move(shift));

@@ -7,25 +7,26 @@
 
 namespace raystage {
 
-/// A sudden shift of a group's stamps against the cameras' own rhythm.
-struct PhaseShift {
-  double step = 0;  ///< ns, known but for whole periods: within half a period of 0
-  /// Per camera the index of its first frame after the shift; the number of its frames where none
-  /// is.
+/// A sudden shift of a group's time stamps relative to the periods of the cameras.
+struct DetectedPhaseStep {
+  double step = 0;  ///< ns, modulo the period: within half a period of 0
+  /// For each camera the index of its first frame after the shift, or its number of frames if there
+  /// is none.
   std::vector<std::size_t> first_frame;
 };
 
-struct PhaseShiftSettings {
-  double least_score = 7;     ///< the shift over its standard error
-  double least_share = 0.02;  ///< the shift over the period
+struct PhaseStepSettings {
+  double min_z_score = 7;             ///< of the shift divided by its standard error
+  double min_period_fraction = 0.02;  ///< of the shift divided by the period
 };
 
-/// Shifts that the cameras share (one camera: its own), by increasing time. `times[c]` in ns,
-/// increasing; `periods[c]` as coarse_period() gives them. Before and after each instant the phases
-/// of 24 frames of each camera are averaged; a shift counts where the cameras' differences, each
-/// weighted by its precision, are beyond doubt and at least three quarters of the cameras agree.
-std::vector<PhaseShift> find_phase_shifts(std::span<const std::vector<double>> times,
-                                          std::span<const double> periods,
-                                          const PhaseShiftSettings& settings);
+/// Returns the shifts that the cameras share (for one camera: its own), by increasing time.
+/// Compares the mean phases of 24 frames of each camera before and after each instant. A shift is
+/// detected if the mean of the differences, weighted by precision, is significant and at least
+/// three quarters of the cameras agree. `times[c]`: increasing, ns; `periods[c]`: from
+/// estimate_period().
+std::vector<DetectedPhaseStep> find_phase_steps(std::span<const std::vector<double>> times,
+                                                std::span<const double> periods,
+                                                const PhaseStepSettings& settings);
 
 }  // namespace raystage

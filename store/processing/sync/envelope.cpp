@@ -1,14 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
+// Fits the lower envelope of (slot, time) pairs, for time stamps that are delayed but never early.
+// The line with the least sum of residuals is the edge of the lower convex hull over the mean slot.
+// For exponential delays, the posterior mean over all lines below is integrated exactly, piece by
+// piece over the hull's vertices (Pitman's estimator). Phase steps are found by golden section
+// search of the joint likelihood. Times in ns. Cost: O(frames) per line, O(hull) per trial step.
+#include "store/processing/sync/envelope.h"
+
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
-#include "store/processing/sync/line_fit.h"
-
 namespace raystage {
 namespace {
 
-// Frames that count, without their breaks.
+// The frames that the fit uses, with phase steps subtracted.
 struct Points {
   std::vector<double> slots, times;
   std::vector<std::size_t> frames;
@@ -24,8 +29,8 @@ Points points_of(const CameraLine& camera) {
   std::size_t next = 0;
   const double edge = lower_edge(fit);
   for (std::size_t i = 0; i < fit.slots.size(); ++i) {
-    for (; next < fit.breaks.size() && fit.breaks[next].first_frame <= i; ++next) {
-      shift += fit.breaks[next].step;
+    for (; next < fit.phase_steps.size() && fit.phase_steps[next].first_frame <= i; ++next) {
+      shift += fit.phase_steps[next].step;
     }
     if (fit.slots[i] == kNoSlot || fit.residual[i] < edge) continue;
     points.slots.push_back(static_cast<double>(fit.slots[i]));
@@ -35,7 +40,7 @@ Points points_of(const CameraLine& camera) {
   return points;
 }
 
-// Least of a convex function in [low, high].
+// Returns the minimum of a convex function in [low, high].
 template <typename Function>
 double golden_section(double low, double high, const Function& function) {
   constexpr double kGolden = 0.6180339887498949;
@@ -59,7 +64,7 @@ double golden_section(double low, double high, const Function& function) {
   return (low + high) / 2;
 }
 
-// Indices of the lower hull of points with increasing slots.
+// Returns the indices of the lower hull of points with increasing slots.
 std::vector<std::size_t> lower_hull(std::span<const double> slots, std::span<const double> times) {
   std::vector<std::size_t> hull;
   for (std::size_t i = 0; i < slots.size(); ++i) {
@@ -75,7 +80,7 @@ std::vector<std::size_t> lower_hull(std::span<const double> slots, std::span<con
   return hull;
 }
 
-// The hull's edge over `slot`: index of its right end.
+// Returns the index of the right end of the hull's edge over `slot`.
 std::size_t edge_over(std::span<const std::size_t> hull, std::span<const double> slots,
                       double slot) {
   std::size_t edge = 1;
@@ -83,11 +88,11 @@ std::size_t edge_over(std::span<const std::size_t> hull, std::span<const double>
   return edge;
 }
 
-// A camera's points on both sides of a break, reduced to what an envelope can touch: the hull of
-// all is the hull of both sides' hulls, however they are moved against each other.
+// A camera's points on both sides of a phase step, reduced to the hull of each side: the hull of
+// all points is the hull of both hulls for any size of the step.
 struct TwoSides {
   std::vector<double> slots, times;
-  std::size_t left = 0;  // points before the break
+  std::size_t left = 0;  // points before the step
   double count = 0, count_right = 0, mean_slot = 0, mean_time = 0;
 
   TwoSides(const Points& points, std::size_t first_frame) {
@@ -111,7 +116,7 @@ struct TwoSides {
     left = slots.size();
     add(split, points.slots.size());
   }
-  /// Sum of residuals over the envelope where the right side is moved down by `delta`.
+  /// Returns the sum of residuals over the envelope if the right side is moved down by `delta` ns.
   double misfit(double delta) const {
     if (slots.size() < 2) return 0;
     std::vector<double> moved = times;
@@ -126,13 +131,13 @@ struct TwoSides {
   }
 };
 
-// How far the steps of breaks[index_of[c]] of the cameras must move together for their envelopes to
-// fit best.
+// Returns the common correction, ns, of the steps phase_steps[index_of[c]] with which the envelopes
+// of the cameras fit best.
 double step_correction(std::span<const CameraLine> cameras, std::span<const std::size_t> index_of) {
   std::vector<TwoSides> sides;
   double jitter = 0;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
-    sides.emplace_back(points_of(cameras[c]), cameras[c].fit->breaks[index_of[c]].first_frame);
+    sides.emplace_back(points_of(cameras[c]), cameras[c].fit->phase_steps[index_of[c]].first_frame);
     jitter = std::max(jitter, cameras[c].fit->jitter);
   }
   const auto misfit = [&](double delta) {  // minus the log likelihood
@@ -143,8 +148,8 @@ double step_correction(std::span<const CameraLine> cameras, std::span<const std:
   const double best = golden_section(-jitter, jitter, misfit);
   if (jitter == 0) return best;
 
-  // As for the line, the mean over what is likely beats the most likely. For exponential delays the
-  // jitter as it is measured is 0.83 of the mean delay.
+  // As for the line, the posterior mean is better than the most likely value. For exponential
+  // delays the measured jitter is 0.83 of the mean delay.
   constexpr double kMeanDelay = 1.2, kUnlikely = 8;
   const double scale = kMeanDelay * jitter, least = misfit(best);
   double reach = jitter / 256;
@@ -187,7 +192,6 @@ double lower_edge(const ClockFit& fit) {
 Envelope lower_envelope(std::span<const double> slots, std::span<const double> times,
                         bool posterior_mean) {
   if (slots.size() < 2) return {};
-  // The hull's edge over the mean slot has the least sum of residuals among all lines below.
   const std::vector<std::size_t> hull = lower_hull(slots, times);
   const double mean =
       std::reduce(slots.begin(), slots.end(), 0.0) / static_cast<double>(slots.size());
@@ -216,7 +220,7 @@ Envelope lower_envelope(std::span<const double> slots, std::span<const double> t
   const double top = height(edge, slope(edge));
   double weight = 0, mean_slope = 0, mean_height = 0;
   for (std::size_t v = 0; v < hull.size(); ++v) {
-    // d(log posterior)/ds; the slopes about the best edge's, so that differences stay exact.
+    // d(log posterior)/ds. Slopes are relative to the best edge's, so that differences stay exact.
     const double gain = rate * (mean - slots[hull[v]]);
     if (gain == 0) continue;
     const double low = v > 0 ? slope(v) - envelope.line.period : 0;
@@ -234,7 +238,7 @@ Envelope lower_envelope(std::span<const double> slots, std::span<const double> t
         (at_to * log_posterior(to) - at_from * log_posterior(from)) / gain - integral;
     weight += integral;
     mean_slope += moment;
-    // The height itself lies one mean of its own exponential below the hull.
+    // The expected height is below the hull by the mean of its own exponential distribution.
     mean_height += (log_moment - integral) / rate;
   }
   if (!(weight > 0)) return envelope;
@@ -244,26 +248,27 @@ Envelope lower_envelope(std::span<const double> slots, std::span<const double> t
 }
 
 void fit_envelope(std::span<const CameraLine> group) {
-  // Twice, as each step is moved with the others held.
+  // Two rounds, because each step is corrected with the others fixed.
   for (int round = 0; round < 2; ++round) {
-    for (int step = 0; step < group_steps_of(group); ++step) {
+    for (int step = 0; step < group_step_count(group); ++step) {
       std::vector<CameraLine> cameras;
       std::vector<std::size_t> index_of;
       for (const CameraLine& camera : group) {
-        const auto found = std::ranges::find(camera.fit->breaks, step, &PhaseBreak::group_step);
-        if (found == camera.fit->breaks.end() || !camera.fit->regular) continue;
+        const auto found = std::ranges::find(camera.fit->phase_steps, step, &PhaseStep::group_step);
+        if (found == camera.fit->phase_steps.end() || !camera.fit->regular) continue;
         cameras.push_back(camera);
-        index_of.push_back(static_cast<std::size_t>(found - camera.fit->breaks.begin()));
+        index_of.push_back(static_cast<std::size_t>(found - camera.fit->phase_steps.begin()));
       }
       const double correction = step_correction(cameras, index_of);
       for (const CameraLine& camera : group) {
-        for (PhaseBreak& b : camera.fit->breaks) b.step += b.group_step == step ? correction : 0;
+        for (PhaseStep& b : camera.fit->phase_steps)
+          b.step += b.group_step == step ? correction : 0;
       }
     }
     for (const CameraLine& camera : group) {
-      for (std::size_t b = 0; b < camera.fit->breaks.size(); ++b) {
-        if (camera.fit->breaks[b].group_step >= 0) continue;
-        camera.fit->breaks[b].step += step_correction({&camera, 1}, {&b, 1});
+      for (std::size_t b = 0; b < camera.fit->phase_steps.size(); ++b) {
+        if (camera.fit->phase_steps[b].group_step >= 0) continue;
+        camera.fit->phase_steps[b].step += step_correction({&camera, 1}, {&b, 1});
       }
     }
   }

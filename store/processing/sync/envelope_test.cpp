@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The envelope against slow, obvious references.
+#include "store/processing/sync/envelope.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 #include <random>
-
-#include "store/processing/sync/line_fit.h"
 
 namespace raystage {
 namespace {

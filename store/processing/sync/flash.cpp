@@ -54,14 +54,14 @@ Meeting meeting_of(std::span<const Interval> intervals) {
 
 struct Seen {
   std::size_t camera = 0;
-  LightJump jump;
+  FlashOnset jump;
 };
 
 // Jumps of all cameras, one flash after the other; of one camera the strongest.
-std::vector<std::vector<Seen>> flashes_of(std::span<const std::vector<LightJump>> jumps) {
+std::vector<std::vector<Seen>> flashes_of(std::span<const std::vector<FlashOnset>> jumps) {
   std::vector<Seen> all;
   for (std::size_t c = 0; c < jumps.size(); ++c) {
-    for (const LightJump& jump : jumps[c]) all.push_back({c, jump});
+    for (const FlashOnset& jump : jumps[c]) all.push_back({c, jump});
   }
   std::ranges::stable_sort(all, {}, [](const Seen& seen) { return seen.jump.until; });
   std::vector<std::vector<Seen>> flashes;
@@ -83,11 +83,11 @@ std::vector<std::vector<Seen>> flashes_of(std::span<const std::vector<LightJump>
 
 }  // namespace
 
-std::vector<LightJump> find_light_jumps(std::span<const Nanoseconds> times,
-                                        std::span<const double> luminance) {
+std::vector<FlashOnset> find_flash_onsets(std::span<const Nanoseconds> times,
+                                          std::span<const double> luminance) {
   std::vector<std::size_t> frames;
   for (std::size_t i = 0; i < times.size(); ++i) {
-    if (times[i] != kNoTime && std::isfinite(luminance[i])) frames.push_back(i);
+    if (times[i] != kExcludedTime && std::isfinite(luminance[i])) frames.push_back(i);
   }
   std::vector<double> rises;
   for (std::size_t k = 1; k < frames.size(); ++k) {
@@ -101,10 +101,10 @@ std::vector<LightJump> find_light_jumps(std::span<const Nanoseconds> times,
   for (const double rise : rises) sizes.push_back(std::abs(rise));
   const double threshold = std::max(kLeastRise, kUsual * kMadToSigma * quantile(sizes, 0.5));
 
-  std::vector<LightJump> jumps;
+  std::vector<FlashOnset> jumps;
   for (std::size_t r = 0; r < rises.size(); ++r) {
     if (rises[r] < threshold) continue;
-    LightJump jump;
+    FlashOnset jump;
     jump.after = times[frames[r]];
     jump.until = times[frames[r + 1]];
     const std::size_t first = r;
@@ -119,7 +119,7 @@ std::vector<LightJump> find_light_jumps(std::span<const Nanoseconds> times,
   return jumps;
 }
 
-FlashOffsets offsets_from_flashes(std::span<const std::vector<LightJump>> jumps,
+FlashOffsets offsets_from_flashes(std::span<const std::vector<FlashOnset>> jumps,
                                   std::span<const std::string> group, std::string_view name) {
   const auto flashes = flashes_of(jumps);
   if (flashes.empty()) {

@@ -11,40 +11,41 @@
 
 namespace raystage {
 
-/// Sudden light in one camera: it began after `after` and not after `until` (times of the last dark
-/// and of the first bright frame, whatever part of an exposure they mark).
-struct LightJump {
+/// A flash in one camera, which began after `after` and not after `until`: the times of the last
+/// dark and of the first bright frame, whatever event of an exposure they mark.
+struct FlashOnset {
   Nanoseconds after = 0, until = 0;
   double strength = 0;  ///< rise of the mean luminance, codes of 255
 };
 
-/// Where the luminance of a camera rises above that of the frames before, by more than eight times
-/// what it usually changes and by at least three codes. `times` as resynchronised; frames at
-/// kNoTime or of luminance NaN count as not there. `after` is moved back by the part of a frame
-/// time in which a flash could stay below the threshold.
-std::vector<LightJump> find_light_jumps(std::span<const Nanoseconds> times,
-                                        std::span<const double> luminance);
+/// Returns the onsets: where the luminance exceeds the median of up to five frames before by more
+/// than eight times its usual change (robust sigma) and by at least three codes. `times`:
+/// corrected; frames with kExcludedTime or luminance NaN are ignored. `after` is moved back by the
+/// part of a frame time in which a flash would stay below the threshold.
+std::vector<FlashOnset> find_flash_onsets(std::span<const Nanoseconds> times,
+                                          std::span<const double> luminance);
 
-/// What a flash says of one clock.
+/// The offset of one clock, measured by flashes.
 struct FlashOffset {
   std::string group;                       ///< node or camera
-  Nanoseconds offset = 0;                  ///< ahead of the reference's clock
-  std::optional<Nanoseconds> uncertainty;  ///< +-; nothing where it saw no flash
-  int cameras = 0, flashes = 0;            ///< that it stands on
+  Nanoseconds offset = 0;                  ///< positive: ahead of the reference's clock
+  std::optional<Nanoseconds> uncertainty;  ///< +-; none if it saw no flash
+  int cameras = 0, flashes = 0;            ///< that the offset is measured from
 };
 
 struct FlashOffsets {
   std::vector<FlashOffset> groups;   ///< the first is the reference: offset 0
-  std::vector<Nanoseconds> flashes;  ///< about when, on the reference's clock
+  std::vector<Nanoseconds> flashes;  ///< approximate times on the reference's clock
 };
 
-/// Clock offsets from flashes that all cameras see. Each camera leaves one frame time in which the
-/// light began; free-running cameras of one clock divide it among them: it began where most of
-/// their intervals meet. The difference of two clocks lies within the sum of what is left for both,
-/// for every flash. `jumps[c]` and `group[c]` are of camera c. A flash counts if at least half of
-/// the cameras saw it; those of one flash lie within one second, so clocks may be that far apart
-/// and flashes must be further. Throws Error (bad input) where there was none.
-FlashOffsets offsets_from_flashes(std::span<const std::vector<LightJump>> jumps,
+/// Returns the clock offsets of groups from flashes that all cameras see. Each camera bounds the
+/// onset to one frame time. Free-running cameras on one clock narrow it to the interval that most
+/// of their bounds share. The difference of two clocks is within the sum of both intervals, for
+/// every flash. `jumps[c]`: onsets of camera c; `group[c]`: its node or camera. A flash counts if
+/// at least half of the cameras see it. Onsets within one second belong to one flash, so clocks may
+/// differ by less than that, and flashes must be further apart. `name`: the take in errors. Throws
+/// Error (bad input) if there is no flash.
+FlashOffsets offsets_from_flashes(std::span<const std::vector<FlashOnset>> jumps,
                                   std::span<const std::string> group, std::string_view name);
 
 }  // namespace raystage

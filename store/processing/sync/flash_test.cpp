@@ -34,7 +34,7 @@ RgbImage grey(int width, int height, double level, std::mt19937& random) {
 struct FlashTake {
   std::vector<Nanoseconds> offsets;
   std::vector<std::string> node;
-  std::vector<CameraStamps> cameras;
+  std::vector<CameraTimestamps> cameras;
   std::vector<std::vector<double>> brightness;
 
   FlashTake(unsigned seed, int nodes, int cameras_per_node, const std::vector<double>& flashes_s,
@@ -45,7 +45,7 @@ struct FlashTake {
     for (int n = 0; n < nodes; ++n) {
       offsets.push_back(std::llround((2 * uniform(random) - 1) * 200e6));
       for (int c = 0; c < cameras_per_node; ++c) {
-        CameraStamps camera{
+        CameraTimestamps camera{
             "c" + std::to_string(cameras.size()), "node" + std::to_string(n), {}, {}};
         std::vector<double> levels;
         const double phase = 1e9 + uniform(random) * kPeriod;
@@ -68,11 +68,11 @@ struct FlashTake {
   }
 
   FlashOffsets recover(const std::vector<std::vector<double>>& luminance, bool per_camera) const {
-    const Resync resync = resynchronise(cameras, {}, "test");
-    std::vector<std::vector<LightJump>> jumps;
+    const ResyncResult resync = resynchronise(cameras, {}, "test");
+    std::vector<std::vector<FlashOnset>> jumps;
     std::vector<std::string> group;
     for (std::size_t c = 0; c < cameras.size(); ++c) {
-      jumps.push_back(find_light_jumps(resync.times[c], luminance[c]));
+      jumps.push_back(find_flash_onsets(resync.times[c], luminance[c]));
       group.push_back(per_camera ? cameras[c].id : node[c]);
     }
     return offsets_from_flashes(jumps, group, "test");
@@ -150,7 +150,7 @@ TEST(Flash, FromPicturesOfATake) {
   TakeWriter writer(folder.path() / "take", document, test::rig_document(12));
   std::mt19937 random(1);
   for (int c = 0; c < 12; ++c) {
-    const CameraStamps& camera = truth.cameras[static_cast<std::size_t>(c)];
+    const CameraTimestamps& camera = truth.cameras[static_cast<std::size_t>(c)];
     for (std::size_t i = 0; i < camera.stamps.size(); ++i) {
       const double level = truth.brightness[static_cast<std::size_t>(c)][i];
       writer.archive(c).append(encode_jpeg(grey(48, 40, level, random), {.quality = 80}),
@@ -159,9 +159,9 @@ TEST(Flash, FromPicturesOfATake) {
   }
   writer.commit();
   const Take take(folder.path() / "take");
-  const Resync resync = resynchronise(stamps_of(take), {}, "test");
+  const ResyncResult resync = resynchronise(camera_timestamps(take), {}, "test");
   const auto luminance =
-      luminance_of(take, resync.times, 2'000 * kMs, 7'000 * kMs, [](double) {}, {});
+      measure_luminance(take, resync.times, 2'000 * kMs, 7'000 * kMs, [](double) {}, {});
   for (std::size_t c = 0; c < 12; ++c) {
     for (std::size_t i = 0; i < luminance[c].size(); ++i) {
       const bool inside = resync.times[c][i] >= 2'000 * kMs && resync.times[c][i] <= 7'000 * kMs;
@@ -192,16 +192,16 @@ TEST(Flash, OnlyASuddenRiseIsAJump) {
     times.push_back(i * 100 * kMs);
     luminance.push_back(50 + 0.5 * i + (i % 2));  // it dawns
   }
-  EXPECT_TRUE(find_light_jumps(times, luminance).empty());
+  EXPECT_TRUE(find_flash_onsets(times, luminance).empty());
   luminance[30] += 90;
   luminance[31] += 40;
-  const auto jumps = find_light_jumps(times, luminance);
+  const auto jumps = find_flash_onsets(times, luminance);
   ASSERT_EQ(jumps.size(), 1u);
   EXPECT_EQ(jumps[0].until, 3'000 * kMs);
   EXPECT_LE(jumps[0].after, 2'900 * kMs);
   EXPECT_GT(jumps[0].after, 2'850 * kMs);
   EXPECT_NEAR(jumps[0].strength, 91, 2);
-  EXPECT_TRUE(find_light_jumps({}, {}).empty());
+  EXPECT_TRUE(find_flash_onsets({}, {}).empty());
 }
 
 TEST(MeanLuminance, DamagedFramesHaveNone) {

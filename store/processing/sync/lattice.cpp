@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Estimates period and phase of one free-running camera and assigns its frames to slots. The phase
+// is the circular mean over blocks of 32 frames; a line through the unwrapped phases of blocks
+// corrects the period. Slots are assigned in one pass with a bounded chain of corrections. Input:
+// increasing times, ns. Cost: O(frames).
 #include "store/processing/sync/lattice.h"
 
 #include <algorithm>
@@ -10,12 +14,11 @@
 namespace raystage {
 namespace {
 
-constexpr double kLongestGap = 8;  // frames; longer ones could be counted wrong
+constexpr double kMaxGap = 8;  // periods; the number of periods in longer gaps is uncertain
 constexpr std::size_t kBlock = 32;
-constexpr std::size_t kLongestChain = 3;
-// Stamps without any scatter still get a share of the time to both sides.
-constexpr double kLeastScatter = 0.02;
-constexpr double kEarly = 0.1;  // cycles
+constexpr std::size_t kMaxChain = 3;
+constexpr double kMinScatter = 0.02;  // cycles; time stamps without scatter need a tolerance, too
+constexpr double kEarly = 0.1;        // cycles
 
 struct BlockPhase {
   double time = 0, cycles = 0;
@@ -52,7 +55,7 @@ double quantile(std::span<double> values, double share) {
   return values[at];
 }
 
-double coarse_period(std::span<const double> times) {
+double estimate_period(std::span<const double> times) {
   std::vector<double> intervals;
   for (std::size_t i = 1; i < times.size(); ++i) {
     if (times[i] > times[i - 1]) intervals.push_back(times[i] - times[i - 1]);
@@ -62,14 +65,14 @@ double coarse_period(std::span<const double> times) {
   double time = 0, frames = 0;
   for (const double interval : intervals) {
     const double count = std::round(interval / median);
-    if (count > kLongestGap) continue;
+    if (count > kMaxGap) continue;
     time += interval;
     frames += count;
   }
   return time / frames;
 }
 
-Lattice fit_blocks(std::span<const double> times, double period) {
+Lattice fit_lattice(std::span<const double> times, double period) {
   const std::vector<BlockPhase> blocks = block_phases(times, period);
   double mean_time = 0, mean_cycles = 0;
   for (const BlockPhase& block : blocks) {
@@ -83,31 +86,31 @@ Lattice fit_blocks(std::span<const double> times, double period) {
   }
   const double slope = along > 0 ? across / along : 0;
   const double cycles_at_zero = mean_cycles - slope * mean_time;
-  // Exposures are where t / period - n is the phase at t.
+  // At exposures, t / period - slot equals the phase at t.
   Lattice lattice;
   lattice.period = 1 / (1 / period - slope);
   lattice.origin = lattice.period * cycles_at_zero;
   return lattice;
 }
 
-Scatter scatter_of(std::span<const double> times, const Lattice& lattice) {
+ResidualQuantiles residual_quantiles(std::span<const double> times, const Lattice& lattice) {
   std::vector<double> cycles;
   cycles.reserve(times.size());
   for (const double time : times) {
     const double c = (time - lattice.origin) / lattice.period;
     cycles.push_back(c - std::round(c));
   }
-  Scatter scatter;
+  ResidualQuantiles scatter;
   scatter.low = quantile(cycles, 0.05);
   scatter.middle = quantile(cycles, 0.5);
   scatter.high = quantile(cycles, 0.95);
   return scatter;
 }
 
-std::vector<std::int64_t> count_frames(std::span<const double> times, const Lattice& lattice,
-                                       const Scatter& scatter) {
-  const double below = scatter.middle - scatter.low + kLeastScatter;
-  const double above = scatter.high - scatter.middle + kLeastScatter;
+std::vector<std::int64_t> assign_slots(std::span<const double> times, const Lattice& lattice,
+                                       const ResidualQuantiles& scatter) {
+  const double below = scatter.middle - scatter.low + kMinScatter;
+  const double above = scatter.high - scatter.middle + kMinScatter;
   const double early = std::clamp(below / (below + above), 0.15, 0.85) - scatter.middle;
   std::vector<std::int64_t> slots(times.size());
   std::vector<std::size_t> kept;  // frames that have a slot
@@ -119,18 +122,18 @@ std::vector<std::int64_t> count_frames(std::span<const double> times, const Latt
       continue;
     }
     const auto claim = slots[i];
-    std::size_t chain = 1;  // of the kept frames that would move back by one
+    std::size_t chain = 1;  // number of kept frames that would move back by one
     const auto deviation = [&](std::size_t frame) {  // cycles
       return (times[frame] - lattice.at(slots[frame])) / lattice.period - scatter.middle;
     };
-    const auto room = [&](std::size_t length) {
+    const auto has_free_slot = [&](std::size_t length) {
       const std::size_t first = kept.size() - length;
       if (first > 0) return slots[kept[first]] - slots[kept[first - 1]] >= 2;
-      // Before the first frame there is always room: only frames that look early may take it.
+      // The slot before the first frame is free, but only for frames that are early.
       return std::ranges::all_of(kept, [&](std::size_t k) { return deviation(k) < -kEarly; });
     };
-    while (chain <= kLongestChain && chain <= kept.size() && !room(chain)) ++chain;
-    if (claim == slots[kept.back()] && chain <= std::min(kLongestChain, kept.size())) {
+    while (chain <= kMaxChain && chain <= kept.size() && !has_free_slot(chain)) ++chain;
+    if (claim == slots[kept.back()] && chain <= std::min(kMaxChain, kept.size())) {
       for (std::size_t k = kept.size() - chain; k < kept.size(); ++k) --slots[kept[k]];
       kept.push_back(i);
       continue;

@@ -8,38 +8,41 @@
 
 namespace raystage {
 
-/// Times at which a free-running camera exposes: origin + n * period, ns, n any integer (a slot).
+/// The exposure times of a free-running camera: origin + slot * period, ns, slot any integer.
 struct Lattice {
   double origin = 0, period = 0;
   double at(std::int64_t slot) const { return origin + static_cast<double>(slot) * period; }
 };
 
-/// The slot of a frame that fits nowhere: one more than the camera exposes.
+/// The slot of a frame that has no free slot.
 inline constexpr std::int64_t kNoSlot = std::numeric_limits<std::int64_t>::min();
 
-/// Period of one camera from increasing times, ns: the median interval is taken for one frame, then
-/// all the time of intervals up to eight frames is divided by their frames. Good to the jitter over
-/// the camera's running time. 0 where there are no two different times.
-double coarse_period(std::span<const double> times);
+/// Returns the period of one camera from increasing times, ns, or 0 without two different times.
+/// The median interval counts as one period; the sum of all intervals up to eight periods is
+/// divided by their number of periods. Accuracy: the jitter divided by the camera's running time.
+double estimate_period(std::span<const double> times);
 
-/// Period and origin by circular means over blocks of frames: neither drops nor a few outliers
-/// count for much, and nothing needs counting. `period` must be good to a few per mille.
-Lattice fit_blocks(std::span<const double> times, double period);
+/// Returns period and origin from circular means over blocks of 32 frames, which dropped frames and
+/// a few outliers hardly affect. `period` must be accurate to a few per mille.
+Lattice fit_lattice(std::span<const double> times, double period);
 
-/// How far the stamps lie from their slots, as a share of the period in [-0.5, 0.5].
-struct Scatter {
-  double low = 0, middle = 0, high = 0;  ///< 5 %, 50 %, 95 % quantiles
+/// The 5 %, 50 % and 95 % quantiles of the difference of time stamp and nearest slot, as a fraction
+/// of the period in [-0.5, 0.5].
+struct ResidualQuantiles {
+  double low = 0, middle = 0, high = 0;
 };
-Scatter scatter_of(std::span<const double> times, const Lattice& lattice);
+/// Returns the quantiles for a camera's time stamps (ns).
+ResidualQuantiles residual_quantiles(std::span<const double> times, const Lattice& lattice);
 
-/// The slot of each frame, strictly increasing but for kNoSlot. A stamp counts for the slot before
-/// or behind it according to `scatter`: where delays reach further than earliness, so does a slot's
-/// share of the time behind it. Where two frames claim one slot, the earlier ones are late and move
-/// back if a slot is free at most three frames before; otherwise the worse one has none.
-std::vector<std::int64_t> count_frames(std::span<const double> times, const Lattice& lattice,
-                                       const Scatter& scatter);
+/// Returns the slot of each frame, strictly increasing except for kNoSlot. `scatter` sets the
+/// boundary between two slots: if time stamps are late further than early, a slot's interval
+/// extends further after it. If two frames claim one slot, the earlier frames move back by one slot
+/// if one is free at most three frames before. Otherwise the frame that is further from the slot
+/// has none.
+std::vector<std::int64_t> assign_slots(std::span<const double> times, const Lattice& lattice,
+                                       const ResidualQuantiles& scatter);
 
-/// The value below which `share` of the values lie; 0 for none. Reorders them.
+/// Returns the quantile of the values at `share` in [0, 1], or 0 without values. Reorders them.
 double quantile(std::span<double> values, double share);
 
 }  // namespace raystage

@@ -24,7 +24,7 @@ double weight_of(const ClockFit& fit, std::size_t i) {
   return (size <= bound ? 1 : bound / size) / (sigma * sigma);
 }
 
-// Normal equations of one camera: its line and own breaks (own), the group's steps (shared).
+// Normal equations of one camera: its line and own phase steps (own), the group's steps (shared).
 struct NormalEquations {
   Eigen::MatrixXd own, mixed, shared;
   Eigen::VectorXd own_right, shared_right;
@@ -32,22 +32,22 @@ struct NormalEquations {
 
 NormalEquations normal_equations(const CameraLine& camera, double middle, int group_steps) {
   const ClockFit& fit = *camera.fit;
-  const auto own_breaks = std::ranges::count(fit.breaks, -1, &PhaseBreak::group_step);
+  const auto own_breaks = std::ranges::count(fit.phase_steps, -1, &PhaseStep::group_step);
   const Eigen::Index own = 2 + own_breaks;
   const Eigen::Index all = own + group_steps;
   Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(all, all);
   Eigen::VectorXd right = Eigen::VectorXd::Zero(all);
-  // Between breaks every row is (1, slot, the same zeros and ones): five sums make a segment.
+  // Between phase steps every row is (1, slot, the same zeros and ones): five sums make a segment.
   std::vector<double> row(static_cast<std::size_t>(all), 0);
   std::size_t frame = 0, next = 0;
   Eigen::Index next_own = 2;
   while (frame < fit.slots.size()) {
-    for (; next < fit.breaks.size() && fit.breaks[next].first_frame <= frame; ++next) {
-      const PhaseBreak& b = fit.breaks[next];
+    for (; next < fit.phase_steps.size() && fit.phase_steps[next].first_frame <= frame; ++next) {
+      const PhaseStep& b = fit.phase_steps[next];
       row[static_cast<std::size_t>(b.group_step < 0 ? next_own++ : own + b.group_step)] = 1;
     }
-    const std::size_t end = next < fit.breaks.size()
-                                ? std::min(fit.breaks[next].first_frame, fit.slots.size())
+    const std::size_t end = next < fit.phase_steps.size()
+                                ? std::min(fit.phase_steps[next].first_frame, fit.slots.size())
                                 : fit.slots.size();
     double w = 0, wx = 0, wxx = 0, wy = 0, wxy = 0;
     for (; frame < end; ++frame) {
@@ -97,10 +97,10 @@ double middle_slot(const ClockFit& fit) {
 
 }  // namespace
 
-int group_steps_of(std::span<const CameraLine> group) {
+int group_step_count(std::span<const CameraLine> group) {
   int count = 0;
   for (const CameraLine& camera : group) {
-    for (const PhaseBreak& b : camera.fit->breaks) count = std::max(count, b.group_step + 1);
+    for (const PhaseStep& b : camera.fit->phase_steps) count = std::max(count, b.group_step + 1);
   }
   return count;
 }
@@ -129,8 +129,8 @@ void update_residuals(const CameraLine& camera) {
   double shift = 0;
   std::size_t next = 0, counted = 0;
   for (std::size_t i = 0; i < fit.slots.size(); ++i) {
-    for (; next < fit.breaks.size() && fit.breaks[next].first_frame <= i; ++next) {
-      shift += fit.breaks[next].step;
+    for (; next < fit.phase_steps.size() && fit.phase_steps[next].first_frame <= i; ++next) {
+      shift += fit.phase_steps[next].step;
     }
     if (fit.slots[i] == kNoSlot) continue;
     ++counted;
@@ -151,7 +151,7 @@ void update_residuals(const CameraLine& camera) {
 }
 
 void fit_least_squares(std::span<const CameraLine> group) {
-  const int steps = group_steps_of(group);
+  const int steps = group_step_count(group);
   std::vector<NormalEquations> equations;
   Eigen::MatrixXd shared = Eigen::MatrixXd::Identity(steps, steps) * 1e-30;
   Eigen::VectorXd right = Eigen::VectorXd::Zero(steps);
@@ -173,7 +173,7 @@ void fit_least_squares(std::span<const CameraLine> group) {
     fit.lattice.origin += own(0) - own(1) * middle_slot(fit);
     fit.lattice.period += own(1);
     Eigen::Index next = 2;
-    for (PhaseBreak& b : fit.breaks) {
+    for (PhaseStep& b : fit.phase_steps) {
       b.step = b.group_step < 0 ? own(next++) : group_steps(b.group_step);
     }
     Eigen::VectorXd unit = Eigen::VectorXd::Zero(e.own.rows());

@@ -18,7 +18,8 @@ double log_likelihood(double lost, double all) {
   return lost * std::log(lost / all) + (all - lost) * std::log(1 - lost / all);
 }
 
-std::int64_t recorded_in(const CameraStamps& camera, const CameraClock& clock, const LostRun& run) {
+std::int64_t recorded_in(const CameraTimestamps& camera, const CameraClock& clock,
+                         const LostRun& run) {
   const double end =
       static_cast<double>(run.time) + (static_cast<double>(run.count) - 0.5) * clock.period_ns;
   const auto begin = std::ranges::partition_point(camera.missing, [&](const FrameRecord& record) {
@@ -50,8 +51,8 @@ bool begins_with_losses(std::span<const double> lost, std::span<const double> pr
 
 }  // namespace
 
-std::vector<LostRun> lost_runs(const CameraStamps& camera, const ClockFit& fit,
-                               const CameraClock& clock, Nanoseconds base) {
+std::vector<LostRun> find_lost_runs(const CameraTimestamps& camera, const ClockFit& fit,
+                                    const CameraClock& clock, Nanoseconds base) {
   std::vector<LostRun> runs;
   std::int64_t first = kNoSlot, previous = kNoSlot;
   for (std::size_t i = 0; i < fit.slots.size(); ++i) {
@@ -63,7 +64,7 @@ std::vector<LostRun> lost_runs(const CameraStamps& camera, const ClockFit& fit,
       run.first = previous + 1 - first;
       run.count = slot - previous - 1;
       run.time = base - clock.offset_ns +
-                 std::llround(fit.lattice.at(previous + 1) + fit.own_shift(i - 1));
+                 std::llround(fit.lattice.at(previous + 1) + fit.own_steps_before(i - 1));
       run.recorded = recorded_in(camera, clock, run);
       runs.push_back(run);
     }
@@ -72,8 +73,8 @@ std::vector<LostRun> lost_runs(const CameraStamps& camera, const ClockFit& fit,
   return runs;
 }
 
-LostRun lost_between(const CameraStamps& camera, const CameraClock& clock, Nanoseconds last,
-                     Nanoseconds next) {
+LostRun find_lost_run_between(const CameraTimestamps& camera, const CameraClock& clock,
+                              Nanoseconds last, Nanoseconds next) {
   LostRun run;
   run.count = std::llround(static_cast<double>(next - last) / clock.period_ns) - 1;
   run.time = last + std::llround(clock.period_ns);
@@ -101,7 +102,7 @@ std::optional<Nanoseconds> find_start_up_end(std::span<const CameraSync> cameras
     const double own = clocks[c].period_ns;
     std::optional<Nanoseconds> first;
     for (const Nanoseconds time : times[c]) {
-      if (time == kNoTime) continue;
+      if (time == kExcludedTime) continue;
       if (!first) first = time;
       add(present, static_cast<double>(time));
     }

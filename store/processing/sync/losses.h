@@ -10,13 +10,13 @@ namespace raystage {
 
 /// Returns runs of slots without a frame between the camera's first and last frame. Times are on
 /// the corrected clock; `clock`: of the camera; `base`: the time that the fit's times count from.
-std::vector<LostRun> lost_runs(const CameraStamps& camera, const ClockFit& fit,
-                               const CameraClock& clock, Nanoseconds base);
+std::vector<LostRun> find_lost_runs(const CameraTimestamps& camera, const ClockFit& fit,
+                                    const CameraClock& clock, Nanoseconds base);
 
 /// Returns the frames lost in a gap between the corrected times of two frames; count 0: none. The
 /// caller sets `first`.
-LostRun lost_between(const CameraStamps& camera, const CameraClock& clock, Nanoseconds last,
-                     Nanoseconds next);
+LostRun find_lost_run_between(const CameraTimestamps& camera, const CameraClock& clock,
+                              Nanoseconds last, Nanoseconds next);
 
 /// Returns the end of the start-up: frames are lost at one rate before it, from the beginning on,
 /// and at a clearly lower rate after it (at least a third; at least a tenth of the frames before).

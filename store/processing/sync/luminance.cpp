@@ -53,11 +53,9 @@ class LuminanceMeter {
 
 double mean_luminance(std::span<const std::byte> jpeg) { return LuminanceMeter().measure(jpeg); }
 
-std::vector<std::vector<double>> luminance_of(const Take& take,
-                                              const std::vector<std::vector<Nanoseconds>>& times,
-                                              Nanoseconds begin, Nanoseconds end,
-                                              const std::function<void(double)>& progress,
-                                              std::stop_token stop) {
+std::vector<std::vector<double>> measure_luminance(
+    const Take& take, const std::vector<std::vector<Nanoseconds>>& times, Nanoseconds begin,
+    Nanoseconds end, const std::function<void(double)>& progress, std::stop_token stop) {
   std::vector<std::vector<double>> luminance(times.size());
   std::atomic<std::size_t> done = 0;
   parallel_for(std::size_t{0}, times.size(), [&](std::size_t c) {

@@ -19,10 +19,8 @@ double mean_luminance(std::span<const std::byte> jpeg);
 /// Returns the mean luminance of every frame of every camera whose time (`times[c][i]`, ns) is in
 /// [begin, end], and NaN for others. `progress` receives the fraction done, in [0, 1]. Stops early,
 /// with NaN for the rest, when `stop` is requested.
-std::vector<std::vector<double>> luminance_of(const Take& take,
-                                              const std::vector<std::vector<Nanoseconds>>& times,
-                                              Nanoseconds begin, Nanoseconds end,
-                                              const std::function<void(double)>& progress,
-                                              std::stop_token stop);
+std::vector<std::vector<double>> measure_luminance(
+    const Take& take, const std::vector<std::vector<Nanoseconds>>& times, Nanoseconds begin,
+    Nanoseconds end, const std::function<void(double)>& progress, std::stop_token stop);
 
 }  // namespace raystage

@@ -15,11 +15,12 @@ constexpr double kMostMs = 86'400'000;
 }  // namespace
 
 std::vector<Nanoseconds> parse_node_offsets(std::string_view text, std::string_view name,
-                                            const std::vector<CameraStamps>& cameras) {
+                                            const std::vector<CameraTimestamps>& cameras) {
   const nlohmann::json json = parse_json(text, name);
   if (!json.is_object()) {
-    throw json_value_error(name, "", "found " + found(json) + ", allowed: an object {\"node\": ms}",
-                           "Write the clocks' offsets in milliseconds");
+    throw json_value_error(
+        name, "", "found " + describe_json_value(json) + ", allowed: an object {\"node\": ms}",
+        "Write the clocks' offsets in milliseconds");
   }
   std::vector<Nanoseconds> offsets(cameras.size(), 0);
   // Nodes first, so that a camera's own entry has the last word.
@@ -27,10 +28,10 @@ std::vector<Nanoseconds> parse_node_offsets(std::string_view text, std::string_v
     for (const auto& item : json.items()) {
       const std::string& key = item.key();
       const nlohmann::json& value = item.value();
-      const auto matches = [&](const CameraStamps& camera) {
+      const auto matches = [&](const CameraTimestamps& camera) {
         return of_node ? camera.node == key && !key.empty() : camera.id == key;
       };
-      const auto known = [&](const CameraStamps& camera) {
+      const auto known = [&](const CameraTimestamps& camera) {
         return (camera.node == key && !key.empty()) || camera.id == key;
       };
       if (std::ranges::none_of(cameras, known)) {
@@ -38,9 +39,10 @@ std::vector<Nanoseconds> parse_node_offsets(std::string_view text, std::string_v
                                "no node and no camera has this name", "Use the names in take.json");
       }
       if (!value.is_number() || std::abs(value.get<double>()) > kMostMs) {
-        throw json_value_error(name, append_json_pointer("", key),
-                               "found " + found(value) + ", allowed: milliseconds within a day",
-                               "Write how far the clock is ahead, in milliseconds");
+        throw json_value_error(
+            name, append_json_pointer("", key),
+            "found " + describe_json_value(value) + ", allowed: milliseconds within a day",
+            "Write how far the clock is ahead, in milliseconds");
       }
       for (std::size_t c = 0; c < cameras.size(); ++c) {
         if (matches(cameras[c])) offsets[c] = std::llround(value.get<double>() * kNsPerMs);
@@ -51,12 +53,12 @@ std::vector<Nanoseconds> parse_node_offsets(std::string_view text, std::string_v
 }
 
 std::vector<Nanoseconds> read_node_offsets(const std::filesystem::path& file,
-                                           const std::vector<CameraStamps>& cameras) {
+                                           const std::vector<CameraTimestamps>& cameras) {
   return parse_node_offsets(read_file(file), file.string(), cameras);
 }
 
-void add_offsets(const FlashOffsets& flash, bool per_node, const std::vector<CameraStamps>& cameras,
-                 std::vector<Nanoseconds>& offsets) {
+void add_offsets(const FlashOffsets& flash, bool per_node,
+                 const std::vector<CameraTimestamps>& cameras, std::vector<Nanoseconds>& offsets) {
   offsets.resize(cameras.size(), 0);
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const bool by_node = per_node && !cameras[c].node.empty();

@@ -15,13 +15,13 @@ namespace raystage {
 /// camera's offset replaces its node's. Throws Error (bad input) if the file is no such object, a
 /// name is neither node nor camera, or a number exceeds a day.
 std::vector<Nanoseconds> read_node_offsets(const std::filesystem::path& file,
-                                           const std::vector<CameraStamps>& cameras);
+                                           const std::vector<CameraTimestamps>& cameras);
 /// Parses such a file's `text`; `name`: the file in errors.
 std::vector<Nanoseconds> parse_node_offsets(std::string_view text, std::string_view name,
-                                            const std::vector<CameraStamps>& cameras);
+                                            const std::vector<CameraTimestamps>& cameras);
 
 /// Adds the offsets that flashes show to each camera's offset (empty: none yet).
-void add_offsets(const FlashOffsets& flash, bool per_node, const std::vector<CameraStamps>& cameras,
-                 std::vector<Nanoseconds>& offsets);
+void add_offsets(const FlashOffsets& flash, bool per_node,
+                 const std::vector<CameraTimestamps>& cameras, std::vector<Nanoseconds>& offsets);
 
 }  // namespace raystage

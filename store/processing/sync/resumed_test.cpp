@@ -6,7 +6,7 @@
 #include <set>
 
 #include "store/processing/sync/resync.h"
-#include "store/processing/sync/verdict.h"
+#include "store/processing/sync/resync_report.h"
 #include "testing/store/simulated_stamps.h"
 
 namespace raystage::resumed_test {
@@ -31,17 +31,17 @@ Settings session(unsigned seed) {
 struct Resumed {
   SimulatedStamps first, second;
   Nanoseconds behind;
-  std::vector<CameraStamps> cameras;
+  std::vector<CameraTimestamps> cameras;
   Resumed(const Settings& a, const Settings& b, Nanoseconds later)
       : first(a), second(b), behind(later), cameras(resumed(first, second, later)) {}
 
-  void expect_exposures(const Resync& result, Nanoseconds margin) const {
+  void expect_exposures(const ResyncResult& result, Nanoseconds margin) const {
     for (std::size_t c = 0; c < cameras.size(); ++c) {
       std::vector<Nanoseconds> exposed = first.cameras[c].exposed;
       for (const Nanoseconds time : second.cameras[c].exposed) exposed.push_back(time + behind);
       ASSERT_EQ(result.times[c].size(), exposed.size());
       for (std::size_t f = 0; f < exposed.size(); ++f) {
-        if (result.times[c][f] == kNoTime) continue;
+        if (result.times[c][f] == kExcludedTime) continue;
         ASSERT_LE(std::abs(result.times[c][f] - exposed[f]), margin) << c << " frame " << f;
       }
     }
@@ -58,7 +58,7 @@ TEST(ResumedTake, EverySessionHasItsOwnPhases) {
     for (unsigned seed = 1; seed <= 3; ++seed) {
       const Resumed take(session(seed), session(seed + 50),
                          20 * kS + static_cast<Nanoseconds>(pause * 1e9));
-      const Resync result = resynchronise(take.cameras, {}, "test");
+      const ResyncResult result = resynchronise(take.cameras, {}, "test");
       take.expect_exposures(result, 2 * kMs);
       EXPECT_NEAR(result.timeline.fps, 15, 1e-3);
       EXPECT_TRUE(result.steps.empty());
@@ -68,7 +68,7 @@ TEST(ResumedTake, EverySessionHasItsOwnPhases) {
                   lost_of(take.first.cameras[c]) + lost_of(take.second.cameras[c]));
       }
       ASSERT_EQ(result.pauses.size(), 4u);
-      for (const Pause& p : result.pauses) {
+      for (const RecordingPause& p : result.pauses) {
         EXPECT_NEAR(static_cast<double>(p.end - p.begin) / 1e9, pause, 0.2);
       }
     }
@@ -88,7 +88,7 @@ TEST(ResumedTake, AClockStaysWhereItSteppedTo) {
       stamps[f] += 30 * kMs;
     }
   }
-  const Resync result = resynchronise(take.cameras, {}, "test");
+  const ResyncResult result = resynchronise(take.cameras, {}, "test");
   take.expect_exposures(result, 3 * kMs);
   ASSERT_EQ(result.steps.size(), 1u);
   EXPECT_EQ(result.steps[0].cameras, 4);
@@ -96,7 +96,7 @@ TEST(ResumedTake, AClockStaysWhereItSteppedTo) {
     const CameraClock& clock = result.timeline.clocks[c];
     EXPECT_EQ(clock.steps.size(), c / 4 == 2 ? 1u : 0u);
     for (std::size_t f = 0; f < take.cameras[c].stamps.size(); ++f) {
-      if (result.times[c][f] == kNoTime) continue;
+      if (result.times[c][f] == kExcludedTime) continue;
       EXPECT_NEAR(static_cast<double>(clock.corrected(take.cameras[c].stamps[f])),
                   static_cast<double>(result.times[c][f]), 25e6);
     }
@@ -109,7 +109,7 @@ TEST(ResumedTake, AStepIsFoundInTheSecondSessionToo) {
   second.step_ms = 30;
   second.step_at_s = 9;
   const Resumed take(session(9), second, 30 * kS);
-  const Resync result = resynchronise(take.cameras, {}, "test");
+  const ResyncResult result = resynchronise(take.cameras, {}, "test");
   take.expect_exposures(result, 3 * kMs);
   ASSERT_EQ(result.steps.size(), 1u);
   EXPECT_EQ(result.steps[0].node, "node1");
@@ -118,9 +118,9 @@ TEST(ResumedTake, AStepIsFoundInTheSecondSessionToo) {
 
 TEST(ResumedTake, TheVerdictNamesThePause) {
   const Resumed take(session(1), session(2), 30 * kS);
-  const Resync result = resynchronise(take.cameras, {}, "test");
+  const ResyncResult result = resynchronise(take.cameras, {}, "test");
   int named = 0;
-  for (const std::string& sentence : verdict_of(result, std::nullopt)) {
+  for (const std::string& sentence : resync_findings(result, std::nullopt)) {
     named += sentence.starts_with("Recording on node") ? 1 : 0;
   }
   EXPECT_EQ(named, 4);
@@ -130,7 +130,7 @@ TEST(ResumedTake, TheVerdictNamesThePause) {
 TEST(ResumedTake, ACameraThatWasAwayForLong) {
   for (const double phase : {0.0, 0.3, 0.5, 0.8}) {
     const SimulatedStamps truth(session(3));
-    std::vector<CameraStamps> cameras = test::cameras_of(truth);
+    std::vector<CameraTimestamps> cameras = test::cameras_of(truth);
     auto& stamps = cameras[5].stamps;
     std::vector<Nanoseconds> before, after;
     for (const Nanoseconds stamp : stamps) {
@@ -139,7 +139,7 @@ TEST(ResumedTake, ACameraThatWasAwayForLong) {
     }
     stamps = before;
     stamps.insert(stamps.end(), after.begin(), after.end());
-    const Resync result = resynchronise(cameras, {}, "test");
+    const ResyncResult result = resynchronise(cameras, {}, "test");
     EXPECT_NEAR(1e9 / result.timeline.clocks[5].period_ns, 15, 0.01);
     EXPECT_TRUE(result.steps.empty());
     EXPECT_TRUE(result.pauses.empty());

@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "base/parallel.h"
 #include "store/processing/sync/losses.h"
-#include "store/processing/sync/part_sync.h"
+#include "store/processing/sync/segment_sync.h"
 #include "store/recordings.h"
 #include "store/tick_phase.h"
 
@@ -21,9 +21,9 @@ constexpr double kLate = 5;  // periods
 constexpr Nanoseconds kLateAtLeast = kNanosecondsPerSecond;
 constexpr double kSameRate = 0.1;  // a period counts as a multiple within this
 
-Nanoseconds earliest_of(const std::vector<CameraStamps>& cameras) {
+Nanoseconds earliest_of(const std::vector<CameraTimestamps>& cameras) {
   Nanoseconds earliest = std::numeric_limits<Nanoseconds>::max();
-  for (const CameraStamps& camera : cameras) {
+  for (const CameraTimestamps& camera : cameras) {
     if (!camera.stamps.empty()) earliest = std::min(earliest, camera.stamps.front());
   }
   return earliest;
@@ -49,18 +49,18 @@ double drift_of(double period, double tick) {
   return (relative - 1) * 1e6;
 }
 
-std::vector<NodeStep> node_steps(const std::vector<CameraStamps>& cameras,
-                                 const std::vector<RhythmPart>& parts,
-                                 const std::vector<ClockFit>& fits) {
+std::vector<NodeClockStep> node_steps(const std::vector<CameraTimestamps>& cameras,
+                                      const std::vector<ClockSegment>& parts,
+                                      const std::vector<ClockFit>& fits) {
   struct Sum {
-    NodeStep step;
+    NodeClockStep step;
     std::set<std::size_t> cameras;
     std::vector<Nanoseconds> times;
   };
   std::map<std::pair<int, int>, Sum> sums;
   for (std::size_t p = 0; p < fits.size(); ++p) {
-    const CameraStamps& camera = cameras[parts[p].camera];
-    for (const PhaseBreak& b : fits[p].breaks) {
+    const CameraTimestamps& camera = cameras[parts[p].camera];
+    for (const PhaseStep& b : fits[p].phase_steps) {
       if (b.group_step < 0) continue;
       Sum& sum = sums[{parts[p].group, b.group_step}];
       sum.step.node = camera.node;
@@ -70,34 +70,34 @@ std::vector<NodeStep> node_steps(const std::vector<CameraStamps>& cameras,
       sum.times.push_back(camera.stamps[parts[p].first + b.first_frame] - sum.step.step);
     }
   }
-  std::vector<NodeStep> steps;
+  std::vector<NodeClockStep> steps;
   for (auto& [key, sum] : sums) {
     if (sum.times.empty()) continue;
     sum.step.cameras = static_cast<int>(sum.cameras.size());
     sum.step.time = std::ranges::min(sum.times);
     steps.push_back(sum.step);
   }
-  std::ranges::stable_sort(steps, {}, &NodeStep::time);
+  std::ranges::stable_sort(steps, {}, &NodeClockStep::time);
   return steps;
 }
 
-std::vector<Pause> pauses_of(const std::vector<CameraStamps>& cameras,
-                             const std::vector<RhythmPart>& parts,
-                             const std::vector<PartSync>& synced) {
-  std::map<int, std::pair<Pause, std::size_t>> of_group;  // where it runs, and its session
+std::vector<RecordingPause> pauses_of(const std::vector<CameraTimestamps>& cameras,
+                                      const std::vector<ClockSegment>& parts,
+                                      const std::vector<SegmentSync>& synced) {
+  std::map<int, std::pair<RecordingPause, std::size_t>> of_group;  // where it runs, and its session
   for (std::size_t p = 0; p < parts.size(); ++p) {
     for (const Nanoseconds time : synced[p].times) {
-      if (time == kNoTime) continue;
+      if (time == kExcludedTime) continue;
       const std::string& node = cameras[parts[p].camera].node;
-      const auto found = of_group.try_emplace(parts[p].group,
-                                              std::pair(Pause{node, time, time}, parts[p].session));
-      Pause& runs = found.first->second.first;
+      const auto found = of_group.try_emplace(
+          parts[p].group, std::pair(RecordingPause{node, time, time}, parts[p].session));
+      RecordingPause& runs = found.first->second.first;
       runs.begin = std::min(runs.begin, time);
       runs.end = std::max(runs.end, time);
     }
   }
-  std::vector<Pause> pauses;
-  const Pause* before = nullptr;
+  std::vector<RecordingPause> pauses;
+  const RecordingPause* before = nullptr;
   for (const auto& [group, runs] : of_group) {
     if (before != nullptr && before->node == runs.first.node) {
       pauses.push_back({before->node, before->end, runs.first.begin});
@@ -107,8 +107,8 @@ std::vector<Pause> pauses_of(const std::vector<CameraStamps>& cameras,
   return pauses;
 }
 
-ClockFits fit_parts(const std::vector<CameraStamps>& cameras, const std::vector<RhythmPart>& parts,
-                    Nanoseconds base) {
+ClockFits fit_parts(const std::vector<CameraTimestamps>& cameras,
+                    const std::vector<ClockSegment>& parts, Nanoseconds base) {
   std::vector<std::vector<double>> relative(parts.size());
   std::vector<int> group;
   for (std::size_t p = 0; p < parts.size(); ++p) {
@@ -121,7 +121,7 @@ ClockFits fit_parts(const std::vector<CameraStamps>& cameras, const std::vector<
   return fit_clocks(relative, group);
 }
 
-void mark_ends(Resync& result, const TimeRange& range, double period) {
+void mark_ends(ResyncResult& result, const TimeRange& range, double period) {
   const Nanoseconds late = std::max(kLateAtLeast, static_cast<Nanoseconds>(kLate * period));
   for (std::size_t c = 0; c < result.cameras.size(); ++c) {
     const TimeRange own = running_range({result.times[c]});
@@ -131,7 +131,7 @@ void mark_ends(Resync& result, const TimeRange& range, double period) {
   }
 }
 
-void mark_start_up(Resync& result) {
+void mark_start_up(ResyncResult& result) {
   for (std::size_t c = 0; c < result.cameras.size(); ++c) {
     const double period = result.timeline.clocks[c].period_ns;
     std::vector<LostRun> runs;
@@ -172,14 +172,14 @@ std::int64_t CameraSync::lost_unrecorded() const {
   return sum;
 }
 
-bool marks_arrivals(const TakeDocument& take) { return take.timestamp_event == "arrival"; }
+bool has_arrival_timestamps(const TakeDocument& take) { return take.timestamp_event == "arrival"; }
 
-std::vector<CameraStamps> stamps_of(const Take& take) {
-  std::vector<CameraStamps> cameras;
+std::vector<CameraTimestamps> camera_timestamps(const Take& take) {
+  std::vector<CameraTimestamps> cameras;
   std::vector<std::vector<Nanoseconds>> restarts = recorder_restarts(take);
   for (int c = 0; c < take.camera_count(); ++c) {
     const TakeDocument::Camera& document = take.document().cameras[static_cast<std::size_t>(c)];
-    CameraStamps camera;
+    CameraTimestamps camera;
     camera.id = document.id;
     camera.node = document.node;
     camera.restarts = std::move(restarts[static_cast<std::size_t>(c)]);
@@ -194,18 +194,18 @@ std::vector<CameraStamps> stamps_of(const Take& take) {
   return cameras;
 }
 
-Resync resynchronise(const std::vector<CameraStamps>& cameras, const ResyncSettings& settings,
-                     std::string_view name) {
-  check_settings(settings.fps, settings.tolerance, name);
-  if (std::ranges::all_of(cameras, [](const CameraStamps& c) { return c.stamps.empty(); })) {
+ResyncResult resynchronise(const std::vector<CameraTimestamps>& cameras,
+                           const ResyncSettings& settings, std::string_view name) {
+  check_timeline_settings(settings.fps, settings.tolerance, name);
+  if (std::ranges::all_of(cameras, [](const CameraTimestamps& c) { return c.stamps.empty(); })) {
     throw Error::bad_input("the take holds no frame", std::string(name),
                            "Record or import it again");
   }
   const Nanoseconds base = earliest_of(cameras);
-  const std::vector<RhythmPart> parts = rhythm_parts(cameras);
+  const std::vector<ClockSegment> parts = split_into_segments(cameras);
   const ClockFits fits = fit_parts(cameras, parts, base);
 
-  Resync result;
+  ResyncResult result;
   const auto offset_of = [&](std::size_t c) {
     return settings.offsets.empty() ? 0 : settings.offsets[c];
   };
@@ -215,21 +215,21 @@ Resync resynchronise(const std::vector<CameraStamps>& cameras, const ResyncSetti
   result.times.resize(cameras.size());
   result.cameras.resize(cameras.size());
   std::vector<CameraClock> clocks(cameras.size());
-  const std::vector<Nanoseconds> stepped = steps_before(parts, fits.cameras, cameras);
-  std::vector<PartSync> synced(parts.size());
+  const std::vector<Nanoseconds> stepped = session_clock_offsets(parts, fits.cameras, cameras);
+  std::vector<SegmentSync> synced(parts.size());
   parallel_for(std::size_t{0}, parts.size(), [&](std::size_t p) {
     const std::size_t c = parts[p].camera;
-    synced[p] = sync_part(stamps_of(cameras[c], parts[p]), fits.cameras[p],
-                          offset_of(c) + stepped[p], base, settings.exact_stamps);
+    synced[p] = sync_segment(camera_timestamps(cameras[c], parts[p]), fits.cameras[p],
+                             offset_of(c) + stepped[p], base, settings.trust_timestamps);
   });
   for (std::size_t begin = 0; begin < parts.size();) {
     const std::size_t c = parts[begin].camera;
     std::size_t end = begin;
     while (end < parts.size() && parts[end].camera == c) ++end;
-    PartSync whole =
-        join_parts(cameras[c], std::span(parts).subspan(begin, end - begin),
-                   std::span(fits.cameras).subspan(begin, end - begin),
-                   std::span<const PartSync>(synced).subspan(begin, end - begin), offset_of(c));
+    SegmentSync whole = join_segments(
+        cameras[c], std::span(parts).subspan(begin, end - begin),
+        std::span(fits.cameras).subspan(begin, end - begin),
+        std::span<const SegmentSync>(synced).subspan(begin, end - begin), offset_of(c));
     clocks[c] = std::move(whole.clock);
     result.cameras[c] = std::move(whole.sync);
     result.times[c] = std::move(whole.times);

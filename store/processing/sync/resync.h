@@ -14,7 +14,7 @@
 namespace raystage {
 
 /// Time stamps and journal records of a camera's frames before resynchronisation.
-struct CameraStamps {
+struct CameraTimestamps {
   std::string id, node;              ///< node: whose clock stamped the frames; may be empty
   std::vector<Nanoseconds> stamps;   ///< of the stored frames, increasing
   std::vector<FrameRecord> missing;  ///< the journal's records of frames that are not there
@@ -24,16 +24,16 @@ struct CameraStamps {
 };
 /// Returns the stamps of each camera of a take. Throws Error (bad input) if the archives or the
 /// reports in TAKE/recording cannot be read.
-std::vector<CameraStamps> stamps_of(const Take& take);
+std::vector<CameraTimestamps> camera_timestamps(const Take& take);
 
 struct ResyncSettings {
-  double fps = 0;             ///< ticks a second, Hz; 0: the array's own rate
+  double fps = 0;             ///< ticks per second, Hz; 0: the array's own rate
   Nanoseconds tolerance = 0;  ///< how far a frame may lie from its tick; 0: half a tick
   /// True: stamps are exposure times. False: they contain transfer delays, and the fitted clock of
   /// the camera replaces them.
-  bool exact_stamps = false;
+  bool trust_timestamps = false;
   std::optional<Nanoseconds> tick_at = {};  ///< time of one tick; none: the best phase is chosen
-  bool keep_start_up = false;               ///< whether ticks cover the start-up, too
+  bool keep_start_up = false;               ///< whether ticks also cover the start-up
   std::vector<Nanoseconds> offsets = {};    ///< of each camera's clock, subtracted; empty: none
   double nominal_fps = 0;                   ///< Hz, for takes with too few frames to measure it
 };
@@ -42,7 +42,7 @@ struct ResyncSettings {
 struct LostRun {
   std::int64_t first = 0, count = 0;  ///< period indices; the camera's first frame is 0
   Nanoseconds time = 0;               ///< of the first, corrected
-  std::int64_t recorded = 0;          ///< how many of them the journal has on record as missing
+  std::int64_t recorded = 0;          ///< how many of them the journal records as missing
   bool start_up = false;
 };
 
@@ -69,37 +69,37 @@ struct CameraSync {
 };
 
 /// A step of the clock of a node, shared by its cameras and subtracted from their stamps.
-struct NodeStep {
+struct NodeClockStep {
   std::string node;
   Nanoseconds time = 0, step = 0;  ///< time: corrected; step: positive: ahead
   int cameras = 0;
 };
 
 /// A time without recording on a node: its recorder was stopped or killed, and resumed.
-struct Pause {
+struct RecordingPause {
   std::string node;
   Nanoseconds begin = 0, end = 0;  ///< its last frame before, its first after; corrected
 };
 
-struct Resync {
+struct ResyncResult {
   Timeline timeline;  ///< its clocks are per camera, as `cameras`
   std::vector<CameraSync> cameras;
-  std::vector<NodeStep> steps;
-  std::vector<Pause> pauses;
+  std::vector<NodeClockStep> steps;
+  std::vector<RecordingPause> pauses;
   std::optional<Nanoseconds> start_up_end;  ///< where frames were lost more often before it
-  FitMethod method = FitMethod::kLeastSquares;
+  ClockFitMethod method = ClockFitMethod::kLeastSquares;
   double least_squares_ppm = 0, envelope_ppm = 0;  ///< see ClockFits
-  /// Corrected time of every frame, from which ticks were chosen; kNoTime: not used.
+  /// Corrected time of every frame, from which ticks were chosen; kExcludedTime: not used.
   std::vector<std::vector<Nanoseconds>> times;
 };
 
 /// Resynchronises a take as docs/resync.md describes. `name`: the take in errors. Throws Error
 /// (bad input) if settings are out of range, there is no frame, or there are too many ticks.
-Resync resynchronise(const std::vector<CameraStamps>& cameras, const ResyncSettings& settings,
-                     std::string_view name);
+ResyncResult resynchronise(const std::vector<CameraTimestamps>& cameras,
+                           const ResyncSettings& settings, std::string_view name);
 
 /// Returns whether the take declares its stamps as arrival times, which are late by the transfer
 /// delay. Stamps that mark exposures, or are not declared, are used unchanged.
-bool marks_arrivals(const TakeDocument& take);
+bool has_arrival_timestamps(const TakeDocument& take);
 
 }  // namespace raystage

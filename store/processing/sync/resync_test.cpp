@@ -21,8 +21,8 @@ using Settings = SimulatedStamps::Settings;
 
 constexpr Nanoseconds kMs = 1'000'000;
 
-std::vector<CameraStamps> cameras_at(std::vector<std::vector<Nanoseconds>> stamps) {
-  std::vector<CameraStamps> cameras;
+std::vector<CameraTimestamps> cameras_at(std::vector<std::vector<Nanoseconds>> stamps) {
+  std::vector<CameraTimestamps> cameras;
   for (auto& column : stamps) {
     cameras.push_back({"c" + std::to_string(cameras.size()), "", std::move(column), {}});
   }
@@ -52,7 +52,7 @@ void expect_as_reference(const Timeline& timeline,
   for (std::size_t c = 0; c < times.size(); ++c) {
     std::vector<std::int32_t> expected(timeline.ticks.size(), -1);
     for (std::size_t i = 0; i < times[c].size(); ++i) {
-      if (times[c][i] == kNoTime) continue;
+      if (times[c][i] == kExcludedTime) continue;
       const std::size_t k = nearest_tick(times[c][i]);
       const auto away = [&](std::size_t frame) {
         return std::abs(times[c][frame] - timeline.ticks[k].time_ns);
@@ -75,7 +75,7 @@ void expect_as_reference(const Timeline& timeline,
 
 void expect_truth(const Settings& s, Nanoseconds margin) {
   const SimulatedStamps truth(s);
-  const Resync result = resynchronise(cameras_of(truth), {}, "test");
+  const ResyncResult result = resynchronise(cameras_of(truth), {}, "test");
   const Timeline& timeline = result.timeline;
   const double period = 1e9 / timeline.fps;
   EXPECT_NEAR(timeline.fps, s.fps, 1e-4 * s.fps);
@@ -136,25 +136,25 @@ void expect_truth(const Settings& s, Nanoseconds margin) {
   EXPECT_NEAR(static_cast<double>(timeline.ticks[0].time_ns), 4.0e9, 0.3e9);
 }
 
-TEST(Resync, SixtyFourCamerasWithGaussianJitter) {
+TEST(ResyncResult, SixtyFourCamerasWithGaussianJitter) {
   for (unsigned seed = 1; seed <= 6; ++seed) expect_truth({.seed = seed}, 2 * kMs);
 }
 
-TEST(Resync, SixtyFourCamerasWithDelays) {
+TEST(ResyncResult, SixtyFourCamerasWithDelays) {
   for (unsigned seed = 1; seed <= 6; ++seed) {
     expect_truth({.seed = seed, .jitter = Jitter::kDelay}, kMs / 4);
   }
 }
 
-TEST(Resync, TicksAreTheSlowReferences) {
+TEST(ResyncResult, TicksAreTheSlowReferences) {
   for (unsigned seed = 1; seed <= 3; ++seed) {
     const SimulatedStamps truth({.seed = seed, .cameras = 8, .cameras_per_node = 4, .seconds = 12});
     for (const bool exact : {false, true}) {
       for (const double fps : {0.0, 24.0}) {
         for (const Nanoseconds tolerance : {0 * kMs, 9 * kMs, 80 * kMs}) {
-          const Resync result =
-              resynchronise(cameras_of(truth),
-                            {.fps = fps, .tolerance = tolerance, .exact_stamps = exact}, "test");
+          const ResyncResult result = resynchronise(
+              cameras_of(truth), {.fps = fps, .tolerance = tolerance, .trust_timestamps = exact},
+              "test");
           expect_as_reference(result.timeline, result.times);
         }
       }
@@ -162,7 +162,7 @@ TEST(Resync, TicksAreTheSlowReferences) {
   }
 }
 
-TEST(Resync, AnyStampsGiveASoundTable) {
+TEST(ResyncResult, AnyStampsGiveASoundTable) {
   rc::check([] {
     const auto cameras = *rc::gen::inRange(1, 6);
     std::vector<std::vector<Nanoseconds>> stamps;
@@ -174,14 +174,14 @@ TEST(Resync, AnyStampsGiveASoundTable) {
       stamps.push_back(std::move(column));
     }
     stamps[0].push_back(3'100'000'000);
-    const Resync result = resynchronise(cameras_at(stamps), {.nominal_fps = 15}, "test");
+    const ResyncResult result = resynchronise(cameras_at(stamps), {.nominal_fps = 15}, "test");
     RC_ASSERT(!result.timeline.ticks.empty());
     if (result.timeline.ticks.size() > 1) expect_as_reference(result.timeline, result.times);
     RC_ASSERT(!testing::Test::HasFailure());
   });
 }
 
-TEST(Resync, JournalRecordsAreCounted) {
+TEST(ResyncResult, JournalRecordsAreCounted) {
   auto cameras = cameras_at({frames(15, 0, 60), frames(15, 3 * kMs, 60)});
   auto& stamps = cameras[1].stamps;
   FrameRecord record;
@@ -190,7 +190,7 @@ TEST(Resync, JournalRecordsAreCounted) {
   cameras[1].missing = {record};
   stamps.erase(stamps.begin() + 40);
   stamps.erase(stamps.begin() + 20, stamps.begin() + 23);
-  const Resync result = resynchronise(cameras, {}, "test");
+  const ResyncResult result = resynchronise(cameras, {}, "test");
   ASSERT_EQ(result.cameras[1].lost.size(), 2u);
   EXPECT_EQ(result.cameras[1].lost[0].first, 20);
   EXPECT_EQ(result.cameras[1].lost[0].count, 3);
@@ -201,21 +201,21 @@ TEST(Resync, JournalRecordsAreCounted) {
   EXPECT_FALSE(result.start_up_end);
 }
 
-TEST(Resync, ALateFrameIsNamedAndLeftOut) {
+TEST(ResyncResult, ALateFrameIsNamedAndLeftOut) {
   auto cameras = cameras_at({frames(15, 0, 60), frames(15, 3 * kMs, 60)});
   cameras[1].stamps[30] += 25 * kMs;
-  const Resync result = resynchronise(cameras, {}, "test");
+  const ResyncResult result = resynchronise(cameras, {}, "test");
   ASSERT_EQ(result.cameras[1].outliers.size(), 1u);
   EXPECT_EQ(result.cameras[1].outliers[0].frame, 30);
   EXPECT_NEAR(static_cast<double>(result.cameras[1].outliers[0].by), 25e6, 1e4);
   for (const FrameSelection& tick : result.timeline.ticks) EXPECT_NE(tick.frame[1], 30);
   // Where a stamp is the exposure's own, it counts as it is.
-  const Resync exact = resynchronise(cameras, {.exact_stamps = true}, "test");
+  const ResyncResult exact = resynchronise(cameras, {.trust_timestamps = true}, "test");
   EXPECT_EQ(exact.timeline.ticks[30].frame[1], 30);
   EXPECT_EQ(exact.times[1][30], cameras[1].stamps[30]);
 }
 
-TEST(Resync, OffsetsAreTakenOff) {
+TEST(ResyncResult, OffsetsAreTakenOff) {
   const SimulatedStamps truth({.seed = 4,
                                .cameras = 8,
                                .cameras_per_node = 4,
@@ -228,7 +228,7 @@ TEST(Resync, OffsetsAreTakenOff) {
   for (const auto& camera : truth.cameras) {
     settings.offsets.push_back(truth.node_offsets[static_cast<std::size_t>(camera.node)]);
   }
-  const Resync result = resynchronise(cameras_of(truth), settings, "test");
+  const ResyncResult result = resynchronise(cameras_of(truth), settings, "test");
   for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
     EXPECT_EQ(result.timeline.clocks[c].offset_ns, settings.offsets[c]);
     for (std::size_t f = 0; f < truth.cameras[c].exposed.size(); ++f) {
@@ -238,31 +238,32 @@ TEST(Resync, OffsetsAreTakenOff) {
   }
 }
 
-TEST(Resync, AHoleIsNoStartUp) {
+TEST(ResyncResult, AHoleIsNoStartUp) {
   std::vector<std::vector<Nanoseconds>> stamps;
   for (int c = 0; c < 4; ++c) {
     stamps.push_back(frames(15, c * 11 * kMs, 45));
     const auto after = frames(15, 6'000 * kMs + c * 11 * kMs, 45);
     stamps.back().insert(stamps.back().end(), after.begin(), after.end());
   }
-  const Resync result = resynchronise(cameras_at(stamps), {}, "test");
+  const ResyncResult result = resynchronise(cameras_at(stamps), {}, "test");
   EXPECT_FALSE(result.start_up_end);
   EXPECT_EQ(result.cameras[0].dropped(), 45);
   EXPECT_EQ(result.timeline.ticks.size(), 135u);
 }
 
-TEST(Resync, OneCameraOneFrame) {
-  const Resync one = resynchronise(cameras_at({{5}}), {.nominal_fps = 15}, "test");
+TEST(ResyncResult, OneCameraOneFrame) {
+  const ResyncResult one = resynchronise(cameras_at({{5}}), {.nominal_fps = 15}, "test");
   ASSERT_EQ(one.timeline.ticks.size(), 1u);
   EXPECT_EQ(one.timeline.ticks[0].frame, (std::vector<std::int32_t>{0}));
-  const Resync two = resynchronise(cameras_at({{5, 100'000'005}}), {.nominal_fps = 15}, "test");
+  const ResyncResult two =
+      resynchronise(cameras_at({{5, 100'000'005}}), {.nominal_fps = 15}, "test");
   EXPECT_EQ(two.timeline.ticks.size(), 2u);
   EXPECT_THROW(resynchronise(cameras_at({{}, {}}), {}, "test"), Error);
   EXPECT_THROW(resynchronise(cameras_at({{5}}), {.fps = -1}, "test"), Error);
 }
 
-TEST(Resync, OneCamera) {
-  const Resync result = resynchronise(cameras_at({frames(15, 7, 100)}), {}, "test");
+TEST(ResyncResult, OneCamera) {
+  const ResyncResult result = resynchronise(cameras_at({frames(15, 7, 100)}), {}, "test");
   ASSERT_EQ(result.timeline.ticks.size(), 100u);
   EXPECT_NEAR(result.timeline.fps, 15, 1e-6);
   for (std::int32_t k = 0; k < 100; ++k) {
@@ -270,8 +271,8 @@ TEST(Resync, OneCamera) {
   }
 }
 
-TEST(Resync, DifferentRatesTickAtTheSlower) {
-  const Resync result =
+TEST(ResyncResult, DifferentRatesTickAtTheSlower) {
+  const ResyncResult result =
       resynchronise(cameras_at({frames(30, 0, 300), frames(60, kMs, 600), frames(60, 2 * kMs, 600),
                                 frames(30, 3 * kMs, 300)}),
                     {}, "test");
@@ -282,8 +283,8 @@ TEST(Resync, DifferentRatesTickAtTheSlower) {
   EXPECT_NEAR(result.timeline.clocks[1].period_ns, 1e9 / 60, 1);
 }
 
-TEST(Resync, ACameraThatDiesIsAbsentFromThenOn) {
-  const Resync result = resynchronise(
+TEST(ResyncResult, ACameraThatDiesIsAbsentFromThenOn) {
+  const ResyncResult result = resynchronise(
       cameras_at({frames(15, 0, 300), frames(15, kMs, 150), frames(15, 2 * kMs, 300)}), {}, "test");
   ASSERT_TRUE(result.cameras[1].early_end);
   EXPECT_FALSE(result.cameras[0].early_end);
@@ -293,22 +294,22 @@ TEST(Resync, ACameraThatDiesIsAbsentFromThenOn) {
   EXPECT_EQ(result.timeline.ticks[150].present(), 2);
 }
 
-TEST(Resync, ConstantStamps) {
+TEST(ResyncResult, ConstantStamps) {
   // No clock at all: all frames of a camera at one instant.
-  const Resync result = resynchronise(
+  const ResyncResult result = resynchronise(
       cameras_at({std::vector<Nanoseconds>(40, 77), std::vector<Nanoseconds>(40, 77)}),
       {.nominal_fps = 15}, "test");
   ASSERT_EQ(result.timeline.ticks.size(), 1u);
   EXPECT_EQ(result.timeline.ticks[0].present(), 2);
 }
 
-TEST(Resync, WholeMilliseconds) {
+TEST(ResyncResult, WholeMilliseconds) {
   std::vector<std::vector<Nanoseconds>> stamps;
   for (int c = 0; c < 16; ++c) {
     stamps.push_back(frames(30, c * 2'071'000, 900));
     for (Nanoseconds& time : stamps.back()) time = time / kMs * kMs;
   }
-  const Resync result = resynchronise(cameras_at(stamps), {}, "test");
+  const ResyncResult result = resynchronise(cameras_at(stamps), {}, "test");
   EXPECT_NEAR(result.timeline.fps, 30, 3e-4);
   EXPECT_TRUE(result.steps.empty());
   for (const CameraSync& camera : result.cameras) {

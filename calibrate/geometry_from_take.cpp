@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/geometry_from_take.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <numeric>
+
+#include "base/error.h"
+#include "calibrate/detect/board_detection.h"
+#include "store/timeline.h"
+
+namespace raystage {
+
+RecordedTracks record_light_tracks(const Take& take, const LightDetectionSettings& settings,
+                                   const std::function<void(double)>& progress,
+                                   const std::stop_token& stop) {
+  const auto times = synchronised_frame_times(take);
+  return {track_light(take, times, settings, progress, stop), detection_cameras(take),
+          median_frame_period(times)};
+}
+
+RecordedTracks record_board_tracks(const Take& take, const BoardDetector& detector,
+                                   const std::function<void(double)>& progress,
+                                   const std::stop_token& stop) {
+  const auto times = synchronised_frame_times(take);
+  return {track_board_corners(take, times, detector, progress, stop), detection_cameras(take),
+          median_frame_period(times)};
+}
+
+TrackCalibrationSettings board_calibration_settings(const Board& board,
+                                                    std::optional<int> max_instants) {
+  constexpr int kMaxInstants = 80;
+  TrackCalibrationSettings settings;
+  settings.points.max_points = max_instants.value_or(kMaxInstants);
+  settings.points.prefers_still_instants = true;
+  settings.points.min_step_px = 0;
+  settings.points.max_curvature_px = 20;  // frames are close to still instants
+  settings.calibration.board = board.all_corners();
+  return settings;
+}
+
+Detections match_scene_features(const Take& take, std::optional<Nanoseconds> time,
+                                const FeatureMatchingSettings& settings,
+                                const std::function<void(double)>& progress,
+                                const std::stop_token& stop) {
+  const TimeRange all = running_range(synchronised_frame_times(take));
+  return match_features(take, time.value_or(std::midpoint(all.begin, all.end)),
+                        default_frame_tolerance(take.document().nominal_fps), settings, progress,
+                        stop);
+}
+
+std::vector<Intrinsics> initial_lenses(const RigDocument& rig,
+                                       const std::filesystem::path& rig_file,
+                                       const std::vector<DetectionsDocument::Camera>& cameras) {
+  std::vector<Intrinsics> lenses;
+  for (const DetectionsDocument::Camera& camera : cameras) {
+    const auto own = std::ranges::find_if(
+        rig.cameras, [&](const auto& known) { return known.geometry.id == camera.id; });
+    if (own == rig.cameras.end() && rig.cameras.size() != 1) {
+      throw Error::bad_input(
+          "there is no lens for camera \"" + camera.id + "\"", rig_file.string(),
+          "Give a rig with all cameras, or with one camera whose lens is used for all");
+    }
+    const CameraGeometry& geometry =
+        own == rig.cameras.end() ? rig.cameras.front().geometry : own->geometry;
+    if (geometry.width != camera.width || geometry.height != camera.height) {
+      throw Error::bad_input(
+          fmt::format("the lens is for pictures of {}x{}, camera \"{}\" has {}x{}", geometry.width,
+                      geometry.height, camera.id, camera.width, camera.height),
+          rig_file.string(), "Measure the lens at the frame size that is recorded");
+    }
+    lenses.push_back(geometry.intrinsics);
+  }
+  return lenses;
+}
+
+void check_calibration_settings(const CalibrationSettings& settings,
+                                const std::vector<DetectionsDocument::Camera>& cameras) {
+  if (settings.solve.lens_is_known && settings.solve.lenses.empty() && !settings.start) {
+    throw Error::bad_input("the lens is to be held, but no lens is given",
+                           "the calibration settings",
+                           "Give a lens (raystage calibrate lens), or a rig to start from")
+        .concerning({"lens", "initial_rig"});
+  }
+  std::vector<std::string> named = settings.fixed_cameras;
+  if (settings.scale.distance) {
+    named.insert(named.end(), {settings.scale.distance->from, settings.scale.distance->to});
+  }
+  for (const std::string& id : named) {
+    if (std::ranges::find(cameras, id, &DetectionsDocument::Camera::id) != cameras.end()) continue;
+    throw Error::bad_input("there is no camera \"" + id + "\"", "the calibration settings",
+                           "Name cameras that are calibrated")
+        .concerning({"fix", "distance"});
+  }
+}
+
+}  // namespace raystage

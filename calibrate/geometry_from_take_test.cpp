@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/geometry_from_take.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+const std::vector<DetectionsDocument::Camera> kCameras{{"a", 640, 480}, {"b", 640, 480}};
+
+RigDocument lens_document(const std::vector<std::string>& ids, int width = 640) {
+  RigDocument rig;
+  for (const std::string& id : ids) {
+    RigDocument::Camera& camera = rig.cameras.emplace_back();
+    camera.geometry.id = id;
+    camera.geometry.width = width;
+    camera.geometry.height = 480;
+    camera.geometry.intrinsics = {
+        500.0 + static_cast<double>(rig.cameras.size()), 500, 320, 240, {}};
+  }
+  return rig;
+}
+
+template <typename Function>
+Error error_of(Function&& function) {
+  try {
+    function();
+  } catch (const Error& error) {
+    return error;
+  }
+  ADD_FAILURE() << "no error";
+  return Error::failed("", "", "");
+}
+
+TEST(InitialLenses, AreFoundByIdOrAreTheOnlyOne) {
+  const auto by_id = initial_lenses(lens_document({"b", "a"}), "lens.json", kCameras);
+  ASSERT_EQ(by_id.size(), 2U);
+  EXPECT_EQ(by_id[0].fx, 502);
+  EXPECT_EQ(by_id[1].fx, 501);
+  const auto only = initial_lenses(lens_document({"z"}), "lens.json", kCameras);
+  ASSERT_EQ(only.size(), 2U);
+  EXPECT_EQ(only[0].fx, 501);
+  EXPECT_EQ(only[1].fx, 501);
+}
+
+TEST(InitialLenses, AreRejectedForMissingCamerasAndOtherFrameSizes) {
+  for (const std::vector<std::string>& ids :
+       {std::vector<std::string>{}, std::vector<std::string>{"a", "z"}}) {
+    const Error missing =
+        error_of([&] { initial_lenses(lens_document(ids), "lens.json", kCameras); });
+    EXPECT_THAT(missing.what(), HasSubstr("there is no lens for camera"));
+    EXPECT_EQ(missing.where(), "lens.json");
+  }
+  const Error size = error_of([] {
+    initial_lenses(lens_document({"a", "b"}, 320), "lens.json", kCameras);
+  });
+  EXPECT_THAT(size.what(), HasSubstr("pictures of 320x480, camera \"a\" has 640x480"));
+}
+
+TEST(CalibrationSettings, NameTheSettingsThatContradict) {
+  CalibrationSettings settings;
+  EXPECT_NO_THROW(check_calibration_settings(settings, kCameras));
+  settings.solve.lens_is_known = true;
+  EXPECT_THAT(error_of([&] { check_calibration_settings(settings, kCameras); }).settings(),
+              ElementsAre("lens", "initial_rig"));
+  settings.solve.lenses = initial_lenses(lens_document({"a"}), "lens.json", kCameras);
+  EXPECT_NO_THROW(check_calibration_settings(settings, kCameras));
+  settings.fixed_cameras = {"b"};
+  settings.scale.distance = {"a", "c", 1.0};
+  EXPECT_THAT(error_of([&] { check_calibration_settings(settings, kCameras); }).what(),
+              HasSubstr("no camera \"c\""));
+}
+
+TEST(BoardCalibrationSettings, UseAllCornersOfStillInstants) {
+  Board board;
+  board.columns = 10;
+  board.rows = 7;
+  board.square = 0.03;
+  const TrackCalibrationSettings settings = board_calibration_settings(board, std::nullopt);
+  EXPECT_EQ(settings.calibration.board.size(), 54U);
+  EXPECT_TRUE(settings.points.prefers_still_instants);
+  EXPECT_EQ(settings.points.max_points, 80);
+  EXPECT_EQ(board_calibration_settings(board, 20).points.max_points, 20);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,322 @@
+// SPDX-License-Identifier: Apache-2.0
+// Renders the views of a case list and measures their error (PSNR, SSIM; render/common), time and
+// decoded pixels. Each view is rendered by a new renderer with empty frame caches, then repeatedly
+// for render times. Output: Evaluation; times in ms of wall clock. Cost: repeat + 2 renderings.
+#include "evaluation/evaluation.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "evaluation/evaluation_cases.h"
+#include "images/image_file.h"
+#include "render/memory_budgets.h"
+#include "render/methods.h"
+#include "render/renderer.h"
+#include "store/timeline.h"
+
+namespace raystage {
+namespace {
+
+/// Returns 1 per pixel that is covered and has a known truth.
+std::vector<std::uint8_t> measured_pixels(const RenderedView& view, const GroundTruth& truth) {
+  std::vector<std::uint8_t> measured = coverage_mask(view);
+  for (std::size_t i = 0; i < truth.known.size() && i < measured.size(); ++i) {
+    measured[i] &= truth.known[i];
+  }
+  return measured;
+}
+
+double known_share(const GroundTruth& truth) {
+  if (truth.known.empty()) return 1;
+  const auto known = static_cast<double>(std::ranges::count(truth.known, 1));
+  return std::max(1.0, known) / static_cast<double>(truth.known.size());
+}
+
+double focal_depth_of(const Take& take, const EvaluationSettings& settings) {
+  if (settings.focal_depth) return *settings.focal_depth;
+  if (!take.document().depth_range) {
+    throw Error::bad_input("the take has no depth range, so the focal plane cannot be chosen",
+                           take.folder().string(), "Set the depth of the focal plane in metres")
+        .concerning({"focal_depth"});
+  }
+  return optimal_focal_depth(*take.document().depth_range);
+}
+
+ViewEvaluation mean_of(const std::vector<ViewEvaluation>& views) {
+  ViewEvaluation mean;
+  mean.id = "mean";
+  mean.decoded_per_needed = 0;
+  double covering = 0, counted = 0;
+  for (const ViewEvaluation& view : views) {
+    mean.quality.covered += view.quality.covered / static_cast<double>(views.size());
+    mean.decode_ms += view.decode_ms / static_cast<double>(views.size());
+    mean.render_ms += view.render_ms / static_cast<double>(views.size());
+    mean.min_render_ms += view.min_render_ms / static_cast<double>(views.size());
+    mean.working_mb += view.working_mb / static_cast<double>(views.size());
+    mean.prepare_ms += view.prepare_ms / static_cast<double>(views.size());
+    if (std::isnan(view.quality.psnr_db)) continue;
+    ++covering;
+    mean.quality.psnr_db += view.quality.psnr_db;
+    mean.quality.ssim += view.quality.ssim;
+    if (!std::isnan(view.decoded_per_needed)) {
+      mean.decoded_per_needed += view.decoded_per_needed;
+      ++counted;
+    }
+  }
+  mean.quality.psnr_db /= covering;  // NaN if no view has covered pixels
+  mean.quality.ssim /= covering;
+  mean.decoded_per_needed /= counted;
+  return mean;
+}
+
+/// Returns a note on the views outside the take's time, or an empty string. Throws Error (bad
+/// input) if all views are outside.
+std::string outside_note(const std::vector<EvaluationCase>& subjects, const Take& take) {
+  const auto outside = static_cast<std::size_t>(std::ranges::count_if(
+      subjects, [](const EvaluationCase& subject) { return subject.frames.present() == 0; }));
+  if (outside == 0) return {};
+  if (outside == subjects.size()) {
+    throw Error::bad_input(
+        "no view lies within the take's time", take.folder().string(),
+        "Compare time_ns of the views with the take's time (raystage info prints it)");
+  }
+  return fmt::format("{} of {} views lie outside the take's time and show nothing", outside,
+                     subjects.size());
+}
+
+double prepare_ms_of(const std::vector<ViewEvaluation>& views) {
+  double sum = 0, count = 0;
+  for (const ViewEvaluation& view : views) {
+    sum += view.prepare_ms;
+    count += view.prepare_ms > 0 ? 1 : 0;
+  }
+  return count > 0 ? sum / count : 0;
+}
+
+/// Reads the frames of the views, so that the times of the first setting exclude the disk.
+void read_ahead(const Take& take, const std::vector<EvaluationCase>& subjects,
+                const std::vector<int>& excluded_cameras) {
+  std::set<Nanoseconds> seen;
+  std::uint64_t sum = 0;
+  for (const EvaluationCase& subject : subjects) {
+    if (!seen.insert(subject.frames.time_ns).second) continue;
+    for (int camera = 0; camera < take.camera_count(); ++camera) {
+      const int frame = subject.frames.frame[static_cast<std::size_t>(camera)];
+      if (frame < 0 || std::ranges::find(excluded_cameras, camera) != excluded_cameras.end())
+        continue;
+      constexpr std::size_t kPage = 4096;
+      const FrameBytes jpeg = take.archive(camera).jpeg(frame);
+      const std::span<const std::byte> bytes = jpeg;
+      for (std::size_t at = 0; at < bytes.size(); at += kPage) {
+        sum += static_cast<std::uint64_t>(bytes[at]);
+      }
+    }
+  }
+  [[maybe_unused]] volatile const std::uint64_t read = sum;  // or the compiler removes the reads
+}
+
+using Clock = std::chrono::steady_clock;
+
+double ms_since(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+class TimedView {
+ public:
+  TimedView(const Take& take, const RendererSettings& settings, const EvaluationCase& subject,
+            const ReconstructionSettings& reconstruction)
+      : take_(take), settings_(settings), subject_(subject), reconstruction_(reconstruction) {}
+
+  /// Fills the times of `result`. Uses a new renderer, so that no frame is cached.
+  RenderedView render(int repeat, ViewEvaluation& result) const {
+    const LightFieldRenderer renderer(take_, settings_);
+    const std::size_t kept_before = settings_.result_cache->bytes_held();
+    const auto start = Clock::now();
+    RenderedView view = renderer.render(subject_.camera, subject_.frames, reconstruction_);
+    const double first_ms = ms_since(start) - view.statistics.decode_ms;
+    const bool prepared = settings_.result_cache->bytes_held() != kept_before;
+    result.decode_ms = view.statistics.decode_ms;
+    result.working_mb = static_cast<double>(view.statistics.working_bytes) / 1e6;
+    result.render_ms = result.min_render_ms = first_ms;
+    if (repeat == 0) return view;
+
+    constexpr double kEnoughMs = 2000;
+    std::vector<double> times;
+    double sum = 0;
+    while (static_cast<int>(times.size()) < repeat && (times.empty() || sum < kEnoughMs)) {
+      const auto again = Clock::now();
+      const RenderedView same = renderer.render(subject_.camera, subject_.frames, reconstruction_);
+      times.push_back(ms_since(again) - same.statistics.decode_ms);
+      sum += times.back();
+    }
+    std::ranges::sort(times);
+    const std::size_t half = times.size() / 2;
+    result.render_ms = times.size() % 2 == 1 ? times[half] : (times[half - 1] + times[half]) / 2;
+    result.min_render_ms = times.front();
+    if (prepared) result.prepare_ms = std::max(0.0, first_ms - result.render_ms);
+    return view;
+  }
+
+  /// Returns the source pixels that `first` decoded (with empty caches) per needed pixel. Counting
+  /// takes time, so this rendering is not timed.
+  double decoded_per_needed(const RenderedView& first) const {
+    RendererSettings counting = settings_;
+    counting.count_needed_pixels = true;
+    const RenderStatistics counts = LightFieldRenderer(take_, counting)
+                                        .render(subject_.camera, subject_.frames, reconstruction_)
+                                        .statistics;
+    return counts.pixels_needed > 0 ? static_cast<double>(first.statistics.pixels_decoded) /
+                                          static_cast<double>(counts.pixels_needed)
+                                    : std::numeric_limits<double>::quiet_NaN();
+  }
+
+ private:
+  const Take& take_;
+  const RendererSettings& settings_;
+  const EvaluationCase& subject_;
+  const ReconstructionSettings& reconstruction_;
+};
+
+}  // namespace
+
+std::vector<int> excluded_camera_indices(const Take& take,
+                                         const std::vector<std::string>& excluded_camera_ids,
+                                         int camera_step) {
+  std::vector<int> excluded_cameras;
+  for (const std::string& id : excluded_camera_ids)
+    excluded_cameras.push_back(camera_named(take, id));
+  if (camera_step <= 1) return excluded_cameras;
+  // By rank, not by number: the rows of a grid may be 0, 2, 4.
+  std::set<int> rows, columns;
+  for (const Rig::Camera& camera : take.rig().cameras) {
+    if (!camera.row || !camera.column) {
+      throw Error::bad_input("camera '" + camera.id + "' has no row and column in the rig's grid",
+                             take.folder().string(), "Exclude cameras by id instead");
+    }
+    rows.insert(*camera.row);
+    columns.insert(*camera.column);
+  }
+  const auto kept = [camera_step](const std::set<int>& numbers, int number) {
+    return std::distance(numbers.begin(), numbers.find(number)) % camera_step == 0;
+  };
+  for (int i = 0; i < take.camera_count(); ++i) {
+    const Rig::Camera& camera = take.rig().cameras[static_cast<std::size_t>(i)];
+    const bool stays = kept(rows, *camera.row) && kept(columns, *camera.column);
+    if (!stays && std::ranges::find(excluded_cameras, i) == excluded_cameras.end())
+      excluded_cameras.push_back(i);
+  }
+  return excluded_cameras;
+}
+
+TemporalStability measure_temporal_stability(std::span<const ViewEvaluation> views) {
+  std::map<std::string_view, double> last_of_shot;
+  double sum = 0, squares = 0, count = 0;
+  TemporalStability temporal_stability;
+  for (const ViewEvaluation& view : views) {
+    const double psnr = view.quality.psnr_db;
+    if (!std::isfinite(psnr)) continue;
+    sum += psnr;
+    squares += psnr * psnr;
+    ++count;
+    const auto [last, is_first] = last_of_shot.try_emplace(shot_of_view(view.id), psnr);
+    if (!is_first) {
+      temporal_stability.max_step_db =
+          std::max(temporal_stability.max_step_db, std::abs(psnr - last->second));
+    }
+    last->second = psnr;
+  }
+  if (count == 0) return temporal_stability;
+  const double mean = sum / count;
+  temporal_stability.stddev_db = std::sqrt(std::max(0.0, squares / count - mean * mean));
+  return temporal_stability;
+}
+
+Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
+                          const std::filesystem::path& views_folder,
+                          const EvaluationSettings& settings,
+                          const std::function<void(double)>& progress, std::stop_token stop) {
+  const MethodOptions options(method_named(settings.method).options(), settings.options,
+                              settings.method);
+  if (!views.views.empty() && views.color_space != "srgb_texture") {
+    throw Error::bad_input(
+        "truth images have the unsupported colour space '" + views.color_space + "'",
+        views_folder.string(), "Convert the truth images to srgb_texture");
+  }
+  Evaluation evaluation;
+  evaluation.take = take.document().name;
+  evaluation.method = settings.method;
+  evaluation.options = options.values();
+  evaluation.focal_depth = focal_depth_of(take, settings);
+  const std::optional<Timeline> timeline = read_timeline_if_present(take);
+  const std::vector<EvaluationCase> subjects =
+      make_evaluation_cases(take, timeline ? &*timeline : nullptr, views, views_folder, settings);
+  if (auto note = outside_note(subjects, take); !note.empty()) {
+    evaluation.notes.push_back(std::move(note));
+  }
+  const ReconstructionSettings reconstruction{
+      settings.method, fronto_parallel_plane(take.rig(), evaluation.focal_depth), settings.options,
+      settings.fill};
+  RendererSettings renderer_settings;
+  const MemoryBudgets memory = split_memory_budget(settings.memory_bytes, reconstruction);
+  renderer_settings.cache_bytes = memory.cache;
+  renderer_settings.result_cache_bytes = memory.result_cache;
+  renderer_settings.working_bytes = memory.working;
+  renderer_settings.blend_space = settings.blend_space;
+  renderer_settings.excluded_cameras =
+      excluded_camera_indices(take, settings.excluded_camera_ids, settings.camera_step);
+  // Do not store data derived from fewer cameras.
+  renderer_settings.use_take_folder =
+      settings.use_take_folder && renderer_settings.excluded_cameras.empty();
+  renderer_settings.result_cache =
+      std::make_shared<ResultCache>(renderer_settings.result_cache_bytes);
+  if (timeline) renderer_settings.ticks = timeline->ticks;
+  evaluation.cameras =
+      take.camera_count() - static_cast<int>(renderer_settings.excluded_cameras.size());
+  if (!settings.image_folder.empty()) create_folder(settings.image_folder);
+  read_ahead(take, subjects, renderer_settings.excluded_cameras);
+
+  ShotErrors shot_errors;
+  for (const EvaluationCase& subject : subjects) {
+    if (stop.stop_requested()) {
+      throw Error::failed("the evaluation was stopped", take.folder().string(), "Run it again");
+    }
+    ViewEvaluation result;
+    result.id = subject.id;
+    const TimedView timed(take, renderer_settings, subject, reconstruction);
+    const RenderedView view = timed.render(settings.repeat, result);
+    if (settings.count_needed_pixels) result.decoded_per_needed = timed.decoded_per_needed(view);
+    const RgbImage image = srgb_image(view);
+    if (!settings.image_folder.empty()) {
+      write_image(image, settings.image_folder / (subject.id + ".png"));
+    }
+    const GroundTruth truth = subject.truth();
+    const std::vector<std::uint8_t> covered = measured_pixels(view, truth);
+    result.quality = compare_images(image, truth.image, covered);
+    result.quality.covered /= known_share(truth);
+    shot_errors.add(subject.id, image, truth.image, covered);
+    if (settings.on_view) {
+      settings.on_view(
+          {evaluation.views.size(), subjects.size(), subject.id, image, truth.image, covered});
+    }
+    for (const std::string& note : view.notes) {
+      if (std::ranges::count(evaluation.notes, note) == 0) evaluation.notes.push_back(note);
+    }
+    evaluation.views.push_back(result);
+    progress(static_cast<double>(evaluation.views.size()) / static_cast<double>(subjects.size()));
+  }
+  evaluation.mean = mean_of(evaluation.views);
+  evaluation.temporal_stability = measure_temporal_stability(evaluation.views);
+  evaluation.shots = shot_errors.temporal_stability();
+  evaluation.prepare_ms = prepare_ms_of(evaluation.views);
+  return evaluation;
+}
+
+}  // namespace raystage

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <limits>
+#include <optional>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "evaluation/shot_errors.h"
+#include "render/common/image_quality.h"
+#include "schemas/hole_fill.h"
+#include "schemas/option_values.h"
+#include "schemas/views_document.h"
+#include "store/processing/frames/blend_space.h"
+#include "store/take.h"
+
+namespace raystage {
+
+struct EvaluatedView {
+  std::size_t index, count;  ///< index of the view, and number of views
+  const std::string& id;
+  const RgbImage& image;
+  const RgbImage& truth;
+  std::span<const std::uint8_t> covered;  ///< 1 per pixel that counts
+};
+
+struct EvaluationSettings {
+  std::string method = "focal_plane";
+  OptionValues options;  ///< of the method
+  /// Metres in front of the array, parallel to it; nullopt: eq. 2.2 from the take's depth range.
+  std::optional<double> focal_depth;
+  /// Ids of cameras that do not contribute. Each of their frames in the timeline becomes a view
+  /// whose truth it is. If the lens distorts, both are without distortion
+  /// (undistorted_ground_truth()), so that times are those of the fast renderers.
+  std::vector<std::string> excluded_camera_ids;
+  /// Every n-th row and column of the camera grid contributes, from the first on.
+  int camera_step = 1;
+  HoleFill fill = HoleFill::kNone;  ///< if not none, all pixels are measured
+  int view_step = 1;                ///< every n-th view is rendered, from the first on
+  /// Timed renderings of each view after the first, with decoded frames and a filled result cache;
+  /// at most as many as take 2 s. 0: report the times of the first.
+  int repeat = 0;
+  bool count_needed_pixels = true;  ///< renders each view once more to count
+  BlendSpace blend_space = BlendSpace::kPerceptual;
+  /// As RendererSettings; false measures new computations. Ignored if cameras are excluded.
+  bool use_take_folder = true;
+  std::filesystem::path image_folder;                 ///< for rendered views as PNG; empty: none
+  std::size_t memory_bytes = 4'000'000'000;           ///< divided by split_memory_budget()
+  std::function<void(const EvaluatedView&)> on_view;  ///< called for every view; may be empty
+};
+
+struct ViewEvaluation {
+  std::string id;
+  ImageQuality quality;
+  double decode_ms = 0;  ///< wall clock, with empty caches
+  /// Wall clock without decoding: the median of the repeated renderings, else of the first one.
+  double render_ms = 0;
+  double min_render_ms = 0;  ///< the shortest of them
+  /// Wall clock of results that the method caches for other views. Measured only with repeated
+  /// renderings, otherwise part of `render_ms`.
+  double prepare_ms = 0;
+  double working_mb = 0;  ///< RenderStatistics::working_bytes, in 10^6 bytes
+  /// Source pixels entropy-decoded per distinct pixel sampled; NaN if none was sampled.
+  double decoded_per_needed = std::numeric_limits<double>::quiet_NaN();
+};
+
+/// The variation of finite PSNR over the views in their order.
+struct TemporalStability {
+  double stddev_db = 0;    ///< standard deviation over the views
+  double max_step_db = 0;  ///< largest change from a view of a shot (shot_of_view()) to its next
+};
+
+struct Evaluation {
+  std::string take, method;
+  OptionValues options;    ///< all options of the method, default or given
+  double focal_depth = 0;  ///< metres
+  int cameras = 0;         ///< that may contribute
+  std::vector<ViewEvaluation> views;
+  ViewEvaluation mean;  ///< over the views with covered pixels
+  TemporalStability temporal_stability;
+  std::vector<ShotStability> shots;  ///< with at least two views
+  double prepare_ms = 0;             ///< mean over the views that prepared an instant
+  /// Number of views outside the take's time; notes of the views (RenderedView::notes), each once.
+  std::vector<std::string> notes;
+};
+
+TemporalStability measure_temporal_stability(std::span<const ViewEvaluation> views);
+
+/// Returns the indices of the take's cameras that do not contribute. Throws Error (bad input) for
+/// an id that the take does not have, and for a camera without grid position if the step is above
+/// 1.
+std::vector<int> excluded_camera_indices(const Take& take,
+                                         const std::vector<std::string>& excluded_camera_ids,
+                                         int camera_step);
+
+/// Renders every view at its instant (see make_evaluation_cases()) and compares it with its truth
+/// image. `views` may be empty if cameras are excluded. Throws Error (bad input): unknown camera,
+/// no depth range for the optimal focal plane, unreadable truth, a truth image of another size, a
+/// timeline that is damaged or of another take, no view within the take's time.
+Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
+                          const std::filesystem::path& views_folder,
+                          const EvaluationSettings& settings,
+                          const std::function<void(double)>& progress, std::stop_token stop);
+
+/// Returns schema "raystage/evaluation/1", documented in docs/formats/evaluation.md.
+std::string evaluation_as_json(const Evaluation& evaluation);
+/// Returns a table for the terminal: a line per view and the mean.
+std::string evaluation_as_text(const Evaluation& evaluation);
+/// The two heading lines and a row of a Markdown table.
+std::string evaluation_table_heading();
+std::string evaluation_table_row(const Evaluation& evaluation, const std::string& label);
+
+}  // namespace raystage

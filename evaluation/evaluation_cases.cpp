@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "evaluation/evaluation_cases.h"
+
+#include "base/error.h"
+#include "images/image_file.h"
+#include "store/processing/frames/corrected_frame.h"
+
+namespace raystage {
+namespace {
+
+FrameSelection nothing_at(Nanoseconds time, const Take& take) {
+  const auto cameras = static_cast<std::size_t>(take.camera_count());
+  return {time, std::vector<std::int32_t>(cameras, -1), std::vector<Nanoseconds>(cameras, 0)};
+}
+
+FrameSelection by_stamps(Nanoseconds time, const Take& take) {
+  return select_frames(take, time, default_frame_tolerance(take.document().nominal_fps));
+}
+
+FrameSelection instant_at(Nanoseconds time, const Take& take, const Timeline* timeline) {
+  if (timeline == nullptr) return by_stamps(time, take);
+  const auto tick = nearest_tick(timeline->ticks, time);
+  return tick ? timeline->ticks[*tick] : nothing_at(time, take);
+}
+
+/// Returns the instants at which a camera has a frame, with their numbers.
+std::vector<std::pair<std::size_t, FrameSelection>> instants_of(int camera, const Take& take,
+                                                                const Timeline* timeline) {
+  std::vector<std::pair<std::size_t, FrameSelection>> instants;
+  if (timeline == nullptr) {
+    for (const FrameRecord& frame : take.archive(camera).frames()) {
+      instants.emplace_back(instants.size(), by_stamps(frame.time_ns, take));
+    }
+    return instants;
+  }
+  for (std::size_t tick = 0; tick < timeline->ticks.size(); ++tick) {
+    const FrameSelection& frames = timeline->ticks[tick];
+    if (frames.frame[static_cast<std::size_t>(camera)] >= 0) instants.emplace_back(tick, frames);
+  }
+  return instants;
+}
+
+/// Returns a camera's frame, photometrically calibrated as renderings are.
+RgbImage codes_of(const Take& take, const Rig::Camera& of, int camera, int frame) {
+  const CorrectedFrame picture = decode_corrected_frame(
+      take, camera, frame, {of.model.width(), of.model.height()}, of.photometric, {});
+  RgbImage image{picture.size.width, picture.size.height, {}};
+  image.pixels.reserve(picture.rgba.size() / 4 * 3);
+  for (std::size_t i = 0; i < picture.rgba.size(); ++i) {
+    constexpr unsigned kPerCode = 257;
+    if (i % 4 == 3) continue;
+    image.pixels.push_back(static_cast<std::uint8_t>((picture.rgba[i] + kPerCode / 2) / kPerCode));
+  }
+  return image;
+}
+
+void add_camera(int camera, const Take& take, const Timeline* timeline,
+                std::vector<EvaluationCase>& subjects) {
+  const Rig::Camera& left_out = take.rig().cameras[static_cast<std::size_t>(camera)];
+  const std::size_t instants =
+      timeline != nullptr ? timeline->ticks.size() : take.archive(camera).frames().size();
+  // Without distortion, so that the fast renderers are evaluated.
+  const VirtualCamera pinhole = undistorted(left_out.model, left_out.pose);
+  for (auto& [number, frames] : instants_of(camera, take, timeline)) {
+    const std::string name =
+        instants == 1 ? left_out.id : left_out.id + "_" + std::to_string(number);
+    const int frame = frames.frame[static_cast<std::size_t>(camera)];
+    const auto truth = [&take, &left_out, camera, frame, pinhole] {
+      RgbImage image = codes_of(take, left_out, camera, frame);
+      if (!left_out.model.has_distortion()) return GroundTruth{std::move(image), {}};
+      return undistorted_ground_truth(image, left_out.model, pinhole);
+    };
+    subjects.push_back({name, pinhole, std::move(frames), truth});
+  }
+}
+
+}  // namespace
+
+int camera_named(const Take& take, const std::string& id) {
+  const int camera = take.camera_index(id);
+  if (camera >= 0) return camera;
+  throw Error::bad_input("the take has no camera '" + id + "'", take.folder().string(),
+                         "Use a camera id of rig.json (raystage info prints them)");
+}
+
+std::vector<EvaluationCase> make_evaluation_cases(const Take& take, const Timeline* timeline,
+                                                  const ViewsDocument& views,
+                                                  const std::filesystem::path& views_folder,
+                                                  const EvaluationSettings& settings) {
+  std::vector<EvaluationCase> subjects;
+  for (const ViewsDocument::View& view : views.views) {
+    subjects.push_back({view.geometry.id, virtual_camera_from_geometry(view.geometry),
+                        instant_at(view.time_ns, take, timeline),
+                        [file = views_folder / view.file] {
+                          return GroundTruth{read_image(file), {}};
+                        }});
+  }
+  for (const std::string& id : settings.excluded_camera_ids) {
+    add_camera(camera_named(take, id), take, timeline, subjects);
+  }
+  std::vector<EvaluationCase> chosen;
+  for (std::size_t i = 0; i < subjects.size(); i += static_cast<std::size_t>(settings.view_step)) {
+    chosen.push_back(std::move(subjects[i]));
+  }
+  if (chosen.empty()) {
+    throw Error::bad_input("there is no view to evaluate", views_folder.string(),
+                           "Give a views document, or ids of cameras to exclude")
+        .concerning({"exclude_cameras"});
+  }
+  return chosen;
+}
+
+}  // namespace raystage

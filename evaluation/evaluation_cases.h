@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "evaluation/evaluation.h"
+#include "evaluation/undistorted_ground_truth.h"
+#include "render/common/view.h"
+#include "store/timeline.h"
+
+namespace raystage {
+
+struct EvaluationCase {
+  std::string id;
+  VirtualCamera camera;
+  FrameSelection frames;
+  std::function<GroundTruth()> truth;
+};
+
+/// Returns a camera's index. Throws Error (bad input) if the take has no such camera.
+int camera_named(const Take& take, const std::string& id);
+
+/// Returns the views of the document and of the excluded cameras, every settings.view_step-th of
+/// them.
+///
+/// Instants are selected as in a shot: a view shows the timeline's tick nearest to its time, and
+/// nothing if it is more than half a tick outside. An excluded camera has a view per tick that
+/// takes a frame of it, named ID_TICK, or ID in a still. Without a timeline (null), time stamps
+/// select: a view shows each camera's frame nearest to its time within default_frame_tolerance(),
+/// and an excluded camera has a view per frame, named ID_FRAME.
+///
+/// The take must outlive the result. Throws Error (bad input): unknown camera, no view at all.
+std::vector<EvaluationCase> make_evaluation_cases(const Take& take, const Timeline* timeline,
+                                                  const ViewsDocument& views,
+                                                  const std::filesystem::path& views_folder,
+                                                  const EvaluationSettings& settings);
+
+}  // namespace raystage

@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "evaluation/evaluation_cases.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <limits>
+#include <optional>
+
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "base/transfer_function.h"
+#include "images/image_file.h"
+#include "schemas/rig_document.h"
+#include "store/jpeg/encode.h"
+#include "store/take.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/test_folder.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr int kCameras = 4, kTicks = 5, kWidth = 64, kHeight = 48;
+constexpr Nanoseconds kInterval = kNanosecondsPerSecond / 10;
+/// How far the clock of camera 1 is ahead: by its stamps its frames are those of the next instant.
+constexpr Nanoseconds kAhead = kInterval * 7 / 10;
+
+int grey_at(int tick) { return 40 + 40 * tick; }
+
+/// A wall that gets brighter from tick to tick, of which camera 3 has lost one.
+class Subjects : public ::testing::Test {
+ protected:
+  Subjects() {
+    TakeDocument document;
+    document.name = "wall";
+    document.created_by = "test";
+    document.nominal_fps = 10;
+    document.color_space = "srgb_texture";
+    RigDocument rig;
+    rig.name = "four";
+    for (const CameraGeometry& geometry : testing::camera_grid(2, 2, 0.1, kWidth, kHeight)) {
+      document.cameras.push_back({geometry.id, "", "", ""});
+      rig.cameras.emplace_back().geometry = geometry;
+    }
+    std::vector<std::vector<Nanoseconds>> times(kCameras);  // by the array's clock
+    TakeWriter writer(folder_.path() / "take", document, rig);
+    for (int camera = 0; camera < kCameras; ++camera) {
+      for (int tick = 0; tick < kTicks; ++tick) {
+        if (camera == 3 && tick == 2) continue;
+        RgbImage image{kWidth, kHeight, {}};
+        image.pixels.assign(std::size_t{3} * kWidth * kHeight,
+                            static_cast<std::uint8_t>(grey_at(tick)));
+        const Nanoseconds time = (1 + tick) * kInterval;
+        times[static_cast<std::size_t>(camera)].push_back(time);
+        writer.archive(camera).append(encode_jpeg(image, {}), time + (camera == 1 ? kAhead : 0));
+      }
+    }
+    writer.commit();
+    take_.emplace(folder_.path() / "take");
+    timeline_ = build_timeline(times, 10, 10, 0, "test");
+    timeline_.clocks.resize(kCameras);
+    timeline_.clocks[1].offset_ns = kAhead;
+    write_timeline(timeline_, folder_.path() / "take");
+  }
+
+  std::vector<EvaluationCase> excluded_camera_ids(const std::string& id,
+                                                  const Timeline* timeline) const {
+    EvaluationSettings settings;
+    settings.excluded_camera_ids = {id};
+    return make_evaluation_cases(*take_, timeline, {}, {}, settings);
+  }
+
+  FrameSelection frames_of_view_at(Nanoseconds time, const Timeline* timeline) const {
+    ViewsDocument views;
+    views.views.push_back({testing::camera_grid(1, 1, 1, kWidth, kHeight).front(), "", time});
+    return make_evaluation_cases(*take_, timeline, views, {}, {}).front().frames;
+  }
+
+  TestFolder folder_;
+  std::optional<Take> take_;
+  Timeline timeline_;
+};
+
+std::vector<std::string> ids_of(const std::vector<EvaluationCase>& subjects) {
+  std::vector<std::string> ids;
+  for (const EvaluationCase& subject : subjects) ids.push_back(subject.id);
+  return ids;
+}
+
+TEST_F(Subjects, AViewShowsTheTickNearestToItsTime) {
+  ASSERT_EQ(timeline_.ticks.size(), static_cast<std::size_t>(kTicks));
+  const Nanoseconds third = timeline_.ticks[2].time_ns;
+  for (const Nanoseconds beside : {-kInterval / 3, Nanoseconds{0}, kInterval / 3}) {
+    const FrameSelection frames = frames_of_view_at(third + beside, &timeline_);
+    EXPECT_EQ(frames.time_ns, third);
+    EXPECT_THAT(frames.frame, ElementsAre(2, 2, 2, -1));
+  }
+  // By its time stamps camera 1 would show the instant before.
+  EXPECT_THAT(frames_of_view_at(third, nullptr).frame, ElementsAre(2, 1, 2, -1));
+}
+
+TEST_F(Subjects, BeyondTheTimelineThereIsNothing) {
+  const Nanoseconds last = timeline_.ticks.back().time_ns;
+  EXPECT_EQ(frames_of_view_at(last + kInterval / 3, &timeline_).present(), kCameras);
+  const FrameSelection beyond = frames_of_view_at(last + kInterval, &timeline_);
+  EXPECT_EQ(beyond.present(), 0);
+  EXPECT_EQ(beyond.frame.size(), static_cast<std::size_t>(kCameras));
+}
+
+TEST_F(Subjects, ACameraLeftOutHasAViewPerTickThatTakesItsFrame) {
+  const std::string fourth = take_->document().cameras[3].id;
+  const auto views = excluded_camera_ids(fourth, &timeline_);
+  EXPECT_THAT(ids_of(views),
+              ElementsAre(fourth + "_0", fourth + "_1", fourth + "_3", fourth + "_4"));
+  EXPECT_EQ(views[2].frames.frame, timeline_.ticks[3].frame);
+  EXPECT_NEAR(views[2].truth().image.pixels.front(), grey_at(3), 1);
+  timeline_.ticks[3].frame[3] = -1;  // there, but not to be trusted
+  EXPECT_THAT(ids_of(excluded_camera_ids(fourth, &timeline_)),
+              ElementsAre(fourth + "_0", fourth + "_1", fourth + "_4"));
+  timeline_.ticks.resize(1);
+  EXPECT_THAT(ids_of(excluded_camera_ids(fourth, &timeline_)), ElementsAre(fourth));
+}
+
+TEST_F(Subjects, ACameraLeftOutIsShownInTheColoursOfTheOthers) {
+  const std::filesystem::path file = folder_.path() / "take" / "rig.json";
+  RigDocument rig = read_rig(file);
+  rig.cameras[3].photometric.contrast = {0.5, 0.5, 0.5};
+  rig.cameras[3].photometric.matrix = {{{0, 1, 0}, {1, 0, 0}, {0, 0, 1.5}}};
+  write_rig(rig, file);
+  take_.emplace(folder_.path() / "take");
+  const auto views = excluded_camera_ids(take_->document().cameras[3].id, &timeline_);
+  const double light = linear_from_srgb(grey_at(3) / 255.0) / 2;
+  const RgbImage image = views[2].truth().image;
+  EXPECT_NEAR(image.pixels[0], 255 * srgb_from_linear(light), 2);
+  EXPECT_NEAR(image.pixels[2], 255 * srgb_from_linear(1.5 * light), 2);
+}
+
+TEST_F(Subjects, WithoutATimelineStampsChoose) {
+  const std::string fourth = take_->document().cameras[3].id;
+  const auto views = excluded_camera_ids(fourth, nullptr);
+  EXPECT_THAT(ids_of(views),
+              ElementsAre(fourth + "_0", fourth + "_1", fourth + "_2", fourth + "_3"));
+  EXPECT_THAT(views[2].frames.frame, ElementsAre(3, 2, 3, 2));
+}
+
+TEST_F(Subjects, WithoutATimelineOrARateTheNearestStampIsTaken) {
+  const std::filesystem::path document = folder_.path() / "take" / "take.json";
+  std::string text = read_file(document);
+  const std::string rate = "\"nominal_fps\": 10";
+  const std::size_t at = text.find(rate);
+  ASSERT_NE(at, std::string::npos) << text;
+  write_file_atomically(document, text.replace(at, rate.size(), "\"nominal_fps\": 0"));
+  take_.emplace(folder_.path() / "take");
+  EXPECT_THAT(frames_of_view_at(kInterval * 9, nullptr).frame, ElementsAre(4, 4, 4, 3));
+  // Of the third instant, of which camera 3 has lost its frame: the earlier of two as near.
+  EXPECT_THAT(frames_of_view_at(kInterval * 3, nullptr).frame, ElementsAre(2, 1, 2, 1));
+}
+
+TEST_F(Subjects, EvaluationsSayHowManyViewsLieOutsideTheTakesTime) {
+  const RgbImage grey{kWidth, kHeight,
+                      std::vector<std::uint8_t>(std::size_t{3} * kWidth * kHeight,
+                                                static_cast<std::uint8_t>(grey_at(2)))};
+  write_image(grey, folder_.path() / "truth.png");
+  const auto evaluate = [&](std::initializer_list<Nanoseconds> times) {
+    ViewsDocument views;
+    views.color_space = "srgb_texture";
+    for (const Nanoseconds time : times) {
+      views.views.push_back(
+          {testing::camera_grid(1, 1, 1, kWidth, kHeight).front(), "truth.png", time});
+    }
+    EvaluationSettings settings;
+    settings.focal_depth = 4;
+    return evaluate_views(*take_, views, folder_.path(), settings, [](double) {}, {});
+  };
+  const Nanoseconds within = timeline_.ticks[2].time_ns, outside = within + 100 * kInterval;
+  EXPECT_THAT(evaluate({within, within}).notes, IsEmpty());
+  const Evaluation partly = evaluate({outside, within, outside});
+  EXPECT_THAT(partly.notes,
+              ElementsAre("2 of 3 views lie outside the take's time and show nothing"));
+  EXPECT_EQ(partly.views[0].quality.covered, 0);
+  EXPECT_GT(partly.views[1].quality.covered, 0);
+  try {
+    evaluate({outside, -outside});
+    ADD_FAILURE() << "measured nothing";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+    EXPECT_THAT(error.what(), HasSubstr("no view lies within the take's time"));
+  }
+}
+
+/// What a camera saw at a tick, rendered from what the others saw then: not from what they stamped.
+TEST_F(Subjects, EvaluationsAreOfTheInstantsThatTheTimelineSays) {
+  EvaluationSettings settings;
+  settings.method = "lumigraph";  // a camera of the border has neighbours on one side only
+  settings.focal_depth = 4;
+  settings.excluded_camera_ids = {take_->document().cameras[0].id};
+  const auto worst = [&] {
+    double least = std::numeric_limits<double>::infinity();
+    const Evaluation evaluation = evaluate_views(*take_, {}, {}, settings, [](double) {}, {});
+    EXPECT_EQ(evaluation.views.size(), static_cast<std::size_t>(kTicks));
+    for (const ViewEvaluation& view : evaluation.views) {
+      EXPECT_GT(view.quality.covered, 0.1);
+      least = std::min(least, view.quality.psnr_db);
+    }
+    return least;
+  };
+  EXPECT_GT(worst(), 45);
+  std::filesystem::remove(folder_.path() / "take" / "timeline.zst");
+  EXPECT_LT(worst(), 30);
+}
+
+}  // namespace
+}  // namespace raystage

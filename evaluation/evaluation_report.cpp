@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "evaluation/evaluation.h"
+#include "evaluation/report_json.h"
+
+namespace raystage {
+namespace {
+
+nlohmann::ordered_json as_json(const ViewEvaluation& view) {
+  return {{"id", view.id},
+          {"psnr_db", json_number(view.quality.psnr_db)},
+          {"ssim", json_number(view.quality.ssim)},
+          {"covered", view.quality.covered},
+          {"decode_ms", view.decode_ms},
+          {"render_ms", view.render_ms},
+          {"working_mb", view.working_mb},
+          {"decoded_per_needed", json_number(view.decoded_per_needed)}};
+}
+
+std::string ratio_as_text(double ratio) {
+  return std::isnan(ratio) ? "-" : fmt::format("{:.3f}", ratio);
+}
+
+}  // namespace
+
+std::string evaluation_as_json(const Evaluation& evaluation) {
+  nlohmann::ordered_json document{{"schema", "raystage/evaluation/1"},
+                                  {"take", evaluation.take},
+                                  {"method", evaluation.method},
+                                  {"options", json_options(evaluation.options)},
+                                  {"focal_depth_m", json_number(evaluation.focal_depth)},
+                                  {"cameras", evaluation.cameras},
+                                  {"notes", evaluation.notes},
+                                  {"mean", as_json(evaluation.mean)}};
+  document["mean"].erase("id");
+  document["steadiness"] = {{"psnr_deviation_db", evaluation.temporal_stability.stddev_db},
+                            {"psnr_largest_step_db", evaluation.temporal_stability.max_step_db}};
+  document["shots"] = nlohmann::ordered_json::array();
+  for (const ShotStability& shot : evaluation.shots) {
+    document["shots"].push_back({{"id", shot.id},
+                                 {"views", shot.views},
+                                 {"error_variance", json_number(shot.error_variance)},
+                                 {"mean_square_error", json_number(shot.mean_square_error)}});
+  }
+  document["views"] = nlohmann::ordered_json::array();
+  for (const ViewEvaluation& view : evaluation.views) document["views"].push_back(as_json(view));
+  return document.dump(2) + "\n";
+}
+
+std::string evaluation_as_text(const Evaluation& evaluation) {
+  std::string text = fmt::format("{}: {}, focal plane {:.4g} m, {} cameras\n", evaluation.take,
+                                 evaluation.method, evaluation.focal_depth, evaluation.cameras);
+  text += fmt::format("{:<20} {:>8} {:>7} {:>8} {:>10} {:>10} {:>15}\n", "view", "PSNR dB", "SSIM",
+                      "covered", "decode ms", "render ms", "decoded/needed");
+  const auto add = [&](const ViewEvaluation& view) {
+    text += fmt::format("{:<20} {:>8.2f} {:>7.4f} {:>7.1f}% {:>10.2f} {:>10.2f} {:>15}\n", view.id,
+                        view.quality.psnr_db, view.quality.ssim, view.quality.covered * 100,
+                        view.decode_ms, view.render_ms, ratio_as_text(view.decoded_per_needed));
+  };
+  for (const ViewEvaluation& view : evaluation.views) add(view);
+  add(evaluation.mean);
+  if (evaluation.views.size() > 1) {
+    text += fmt::format(
+        "PSNR: standard deviation {:.2f} dB, largest step between views of a shot {:.2f} dB\n",
+        evaluation.temporal_stability.stddev_db, evaluation.temporal_stability.max_step_db);
+  }
+  for (const ShotStability& shot : evaluation.shots) {
+    text += fmt::format(
+        "shot {} ({} views): temporal variance of the error {:.2f}, mean square error {:.2f} "
+        "(squared 8-bit codes)\n",
+        shot.id, shot.views, shot.error_variance, shot.mean_square_error);
+  }
+  for (const std::string& note : evaluation.notes) text += "note: " + note + "\n";
+  return text;
+}
+
+std::string evaluation_table_heading() {
+  return "| setting | cameras | focal plane m | PSNR dB | SSIM | covered % | decode ms | render ms "
+         "| "
+         "decoded/needed |\n| --- | --: | --: | --: | --: | --: | --: | --: | --: |\n";
+}
+
+std::string evaluation_table_row(const Evaluation& evaluation, const std::string& label) {
+  const ViewEvaluation& mean = evaluation.mean;
+  return fmt::format("| {} | {} | {:.4g} | {:.2f} | {:.4f} | {:.1f} | {:.1f} | {:.1f} | {} |\n",
+                     label, evaluation.cameras, evaluation.focal_depth, mean.quality.psnr_db,
+                     mean.quality.ssim, mean.quality.covered * 100, mean.decode_ms, mean.render_ms,
+                     ratio_as_text(mean.decoded_per_needed));
+}
+
+}  // namespace raystage

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Accumulates sums of the signed errors (8-bit codes) and their squares per pixel and channel of
+// each shot; their difference is the variance over the views. Cost: O(pixels) per view.
+#include "evaluation/shot_errors.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace raystage {
+
+std::string_view shot_of_view(std::string_view id) {
+  const std::size_t last = id.find_last_not_of("0123456789");
+  const bool numbered = last != std::string_view::npos && last > 0 && last + 1 < id.size() &&
+                        (id[last] == '_' || id[last] == '-');
+  return numbered ? id.substr(0, last) : id;
+}
+
+void ShotErrors::add(std::string_view view_id, const RgbImage& image, const RgbImage& truth,
+                     std::span<const std::uint8_t> covered) {
+  const std::string_view id = shot_of_view(view_id);
+  auto shot = std::ranges::find(shots_, id, &Shot::id);
+  if (shot == shots_.end()) {
+    shots_.push_back({std::string(id), image.width, image.height, 0,
+                      std::vector<std::int32_t>(image.pixels.size()),
+                      std::vector<std::int32_t>(image.pixels.size()),
+                      std::vector<std::uint8_t>(covered.size(), 1)});
+    shot = std::prev(shots_.end());
+  }
+  if (shot->width != image.width || shot->height != image.height) return;
+  ++shot->views;
+  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+    const int error = int{image.pixels[i]} - int{truth.pixels[i]};
+    shot->sum[i] += error;
+    shot->square_sum[i] += error * error;
+  }
+  for (std::size_t i = 0; i < covered.size(); ++i) shot->covered[i] &= covered[i];
+}
+
+std::vector<ShotStability> ShotErrors::temporal_stability() const {
+  std::vector<ShotStability> all;
+  for (const Shot& shot : shots_) {
+    if (shot.views < 2) continue;
+    ShotStability temporal_stability{shot.id, shot.views};
+    double count = 0;
+    for (std::size_t i = 0; i < shot.sum.size(); ++i) {
+      if (shot.covered[i / 3] == 0) continue;
+      const double mean = static_cast<double>(shot.sum[i]) / shot.views;
+      const double mean_square = static_cast<double>(shot.square_sum[i]) / shot.views;
+      temporal_stability.error_variance += mean_square - mean * mean;
+      temporal_stability.mean_square_error += mean_square;
+      ++count;
+    }
+    const double none = std::numeric_limits<double>::quiet_NaN();
+    temporal_stability.error_variance =
+        count > 0 ? temporal_stability.error_variance / count : none;
+    temporal_stability.mean_square_error =
+        count > 0 ? temporal_stability.mean_square_error / count : none;
+    all.push_back(temporal_stability);
+  }
+  return all;
+}
+
+}  // namespace raystage

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "store/jpeg/rgb_image.h"
+
+namespace raystage {
+
+/// The temporal variation of a shot's error.
+struct ShotStability {
+  std::string id;
+  int views = 0;
+  /// Flicker: the variance over the views of a pixel's signed error, averaged over channels and the
+  /// pixels that all views cover. Squared 8-bit codes. 0 for one view, NaN without a pixel.
+  double error_variance = 0;
+  double mean_square_error = 0;  ///< over the same pixels: flicker and constant error
+};
+
+/// Returns the shot of a view: its id without a trailing number after '_' or '-' ("dolly_3":
+/// "dolly"); the id itself if there is none.
+std::string_view shot_of_view(std::string_view id);
+
+/// Accumulates the views' errors by shot. Memory: 9 bytes per pixel and channel for each shot.
+class ShotErrors {
+ public:
+  /// `covered`: 1 per pixel that counts. Views of another size than the first of their shot are
+  /// ignored.
+  void add(std::string_view view_id, const RgbImage& image, const RgbImage& truth,
+           std::span<const std::uint8_t> covered);
+  /// Returns the shots of at least two views, in order of appearance.
+  std::vector<ShotStability> temporal_stability() const;
+
+ private:
+  struct Shot {
+    std::string id;
+    int width = 0, height = 0, views = 0;
+    std::vector<std::int32_t> sum, square_sum;  ///< of errors in codes, per pixel and channel
+    std::vector<std::uint8_t> covered;          ///< 1 per pixel that all views cover
+  };
+  std::vector<Shot> shots_;
+};
+
+}  // namespace raystage

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "render/common/view.h"
+#include "rig/camera_model.h"
+#include "store/jpeg/rgb_image.h"
+
+namespace raystage {
+
+struct GroundTruth {
+  RgbImage image;
+  std::vector<std::uint8_t> known;  ///< 1 per known pixel; empty: all are known
+};
+
+/// Returns a camera's frame resampled without lens distortion (`pinhole`: its undistorted()), by
+/// cubic interpolation of codes (Catmull-Rom). Pixels outside the frame are unknown.
+GroundTruth undistorted_ground_truth(const RgbImage& frame, const CameraModel& model,
+                                     const VirtualCamera& pinhole);
+
+}  // namespace raystage

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "rig/rig.h"
+#include "schemas/matte_settings.h"
+
+namespace raystage {
+
+/// Returns for each pixel of a camera whether its ray is visible: it intersects one of the boxes to
+/// `keep` (if there are any) and none of the `garbage` boxes. Row by row, without padding.
+std::vector<bool> compute_box_mask(const Rig::Camera& camera,
+                                   std::span<const MatteSettings::Box> keep,
+                                   std::span<const MatteSettings::Box> garbage);
+
+}  // namespace raystage

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/processing/mattes/transfer_function.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/transfer_function.h"
+
+namespace raystage {
+namespace {
+
+constexpr std::size_t kRoots = 4096;  // linear interpolation is within 1e-6
+
+}  // namespace
+
+TransferFunction::TransferFunction(const CodeScale& scale)
+    : perceptual_(scale.space == BlendSpace::kPerceptual),
+      full_scale_(static_cast<float>(scale.full_scale)),
+      linear_(65536),
+      of_root_(kRoots + 2) {
+  for (std::size_t i = 0; i < linear_.size(); ++i) {
+    const double code = static_cast<double>(i) / 65535;
+    linear_[i] =
+        static_cast<float>(scale.full_scale * (perceptual_ ? linear_from_srgb(code) : code));
+  }
+  for (std::size_t i = 0; i < of_root_.size(); ++i) {
+    const double root = static_cast<double>(i) / kRoots;
+    of_root_[i] = static_cast<float>(srgb_from_linear(root * root));
+  }
+}
+
+float TransferFunction::srgb(float linear) const {
+  const float root = std::sqrt(std::clamp(linear, 0.0F, 1.0F)) * kRoots;
+  const auto below = static_cast<std::size_t>(root);
+  const float part = root - static_cast<float>(below);
+  return of_root_[below] + part * (of_root_[below + 1] - of_root_[below]);
+}
+
+float TransferFunction::code(float linear) const {
+  const float part = linear / full_scale_;
+  return 65535 * (perceptual_ ? srgb(part) : std::clamp(part, 0.0F, 1.0F));
+}
+
+}  // namespace raystage

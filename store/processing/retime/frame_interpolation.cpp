@@ -1,0 +1,267 @@
+// SPDX-License-Identifier: Apache-2.0
+// Interpolates a frame at a time between two frames by optical flow in both directions (Baker et
+// al., IJCV 2011, section 3.3.2). Forward-projects both flow fields to that time, keeps the vector
+// with the smallest photometric difference per pixel, fills holes from their borders, applies a
+// median filter, then samples both frames bicubically and weights them by time and visibility.
+// Inputs: two RGB frames of equal size, flow in pixels. Output: RGB. Cost: O(pixels).
+#include "store/processing/retime/frame_interpolation.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+namespace raystage {
+namespace {
+
+constexpr float kUnset = std::numeric_limits<float>::max();
+// Flow vectors that differ by less belong to one surface: pixels, and pixels per pixel of motion.
+constexpr float kSameShift = 1, kSamePerShift = 0.05F;
+// The largest component of a valid flow vector, pixels.
+constexpr float kMaxMotion = 65536;
+// Side of the window, in pixels, over which differences are averaged: single pixels match by
+// chance.
+constexpr int kWindow = 5;
+// Visibility of occluded frames: matters only where both frames are occluded.
+constexpr float kHidden = 1e-3F;
+
+// The flow at the intermediate time, as displacements from a to b.
+class MotionBetween {
+ public:
+  MotionBetween(int width, int height)
+      : width_(width),
+        height_(height),
+        shift_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)),
+        difference_(shift_.size(), kUnset) {}
+
+  // Projects every pixel of `from` by the fraction `part` of its flow. `sign`: -1 if `from` is b.
+  void project(const FlowImage& from, const FlowImage& to, const FlowField& motion, float part,
+               float sign) {
+    const cv::Mat difference = differences(from, to, motion);
+    std::size_t i = 0;
+    for (int y = 0; y < height_; ++y) {
+      for (int x = 0; x < width_; ++x, ++i) {
+        const FlowVector s = motion.shift[i];
+        if (!is_valid(s)) continue;
+        land(static_cast<float>(x) + part * s.x, static_cast<float>(y) + part * s.y,
+             {sign * s.x, sign * s.y}, difference.at<float>(y, x));
+      }
+    }
+  }
+
+  // Fills pixels without a vector, from their borders inwards.
+  void fill_holes() {
+    std::vector<std::size_t> ring;
+    for (std::size_t i = 0; i < shift_.size(); ++i) {
+      if (difference_[i] == kUnset && has_known_neighbour(i)) ring.push_back(i);
+    }
+    while (!ring.empty()) {
+      std::vector<FlowVector> values;
+      values.reserve(ring.size());
+      for (const std::size_t i : ring) values.push_back(mean_of_neighbours(i));
+      for (std::size_t k = 0; k < ring.size(); ++k) {
+        shift_[ring[k]] = values[k];
+        difference_[ring[k]] = 0;
+      }
+      std::vector<std::size_t> next;
+      for (const std::size_t i : ring) {
+        for_neighbours(i, [&](std::size_t n) {
+          if (difference_[n] == kUnset) {
+            difference_[n] = -1;  // already in `next`
+            next.push_back(n);
+          }
+        });
+      }
+      for (const std::size_t n : next) difference_[n] = kUnset;
+      ring = std::move(next);
+    }
+  }
+
+  void filter_medians() { median_filter_flow(shift_, width_, height_); }
+
+  const std::vector<FlowVector>& shift() const { return shift_; }
+
+ private:
+  // Flow may diverge where the frames have nothing in common.
+  static bool is_valid(FlowVector s) {
+    return std::abs(s.x) < kMaxMotion && std::abs(s.y) < kMaxMotion;
+  }
+
+  // CV_32FC1: mean absolute difference of luma along the flow around each pixel, codes.
+  cv::Mat differences(const FlowImage& from, const FlowImage& to, const FlowField& motion) const {
+    cv::Mat difference(height_, width_, CV_32FC1), mean;
+    std::size_t i = 0;
+    for (int y = 0; y < height_; ++y) {
+      for (int x = 0; x < width_; ++x, ++i) {
+        const FlowVector s = is_valid(motion.shift[i]) ? motion.shift[i] : FlowVector{};
+        difference.at<float>(y, x) =
+            std::abs(static_cast<float>(from.luma[i]) -
+                     luma_at(to, static_cast<float>(x) + s.x, static_cast<float>(y) + s.y));
+      }
+    }
+    cv::blur(difference, mean, {kWindow, kWindow});
+    return mean;
+  }
+
+  static float luma_at(const FlowImage& picture, float x, float y) {
+    const int width = picture.rgb.width, height = picture.rgb.height;
+    x = std::clamp(x, 0.0F, static_cast<float>(width - 1));
+    y = std::clamp(y, 0.0F, static_cast<float>(height - 1));
+    const int x0 = std::min(static_cast<int>(x), std::max(0, width - 2));
+    const int y0 = std::min(static_cast<int>(y), std::max(0, height - 2));
+    const int x1 = std::min(x0 + 1, width - 1), y1 = std::min(y0 + 1, height - 1);
+    const float u = x - static_cast<float>(x0), v = y - static_cast<float>(y0);
+    const auto at = [&](int column, int row) {
+      return static_cast<float>(
+          picture.luma[static_cast<std::size_t>(row) * static_cast<std::size_t>(width) +
+                       static_cast<std::size_t>(column)]);
+    };
+    return (1 - v) * ((1 - u) * at(x0, y0) + u * at(x1, y0)) +
+           v * ((1 - u) * at(x0, y1) + u * at(x1, y1));
+  }
+
+  void land(float x, float y, FlowVector shift, float difference) {
+    const int column = static_cast<int>(std::floor(x + 0.5F));
+    const int row = static_cast<int>(std::floor(y + 0.5F));
+    if (column < 0 || row < 0 || column >= width_ || row >= height_) return;
+    const std::size_t i = index(column, row);
+    if (difference >= difference_[i]) return;
+    difference_[i] = difference;
+    shift_[i] = shift;
+  }
+
+  std::size_t index(int column, int row) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
+           static_cast<std::size_t>(column);
+  }
+  template <class Visit>
+  void for_neighbours(std::size_t i, const Visit& visit) const {
+    const int x = static_cast<int>(i % static_cast<std::size_t>(width_));
+    const int y = static_cast<int>(i / static_cast<std::size_t>(width_));
+    for (int row = std::max(0, y - 1); row <= std::min(height_ - 1, y + 1); ++row) {
+      for (int column = std::max(0, x - 1); column <= std::min(width_ - 1, x + 1); ++column) {
+        const std::size_t n = index(column, row);
+        if (n != i) visit(n);
+      }
+    }
+  }
+  bool has_known_neighbour(std::size_t i) const {
+    bool known = false;
+    for_neighbours(i, [&](std::size_t n) { known = known || difference_[n] != kUnset; });
+    return known;
+  }
+  FlowVector mean_of_neighbours(std::size_t i) const {
+    FlowVector sum;
+    float count = 0;
+    for_neighbours(i, [&](std::size_t n) {
+      if (difference_[n] == kUnset) return;
+      sum.x += shift_[n].x;
+      sum.y += shift_[n].y;
+      ++count;
+    });
+    return {sum.x / count, sum.y / count};
+  }
+
+  int width_, height_;
+  std::vector<FlowVector> shift_;
+  std::vector<float> difference_;  // kUnset: no vector yet
+};
+
+// One of the two frames, sampled for the intermediate time.
+struct WarpedFrame {
+  cv::Mat rgb;     // CV_8UC3
+  cv::Mat motion;  // CV_32FC2: the frame's own flow at the sampled positions
+  cv::Mat x, y;    // sampled positions, pixels
+};
+
+// `way`: factor from the vectors in `between` to the displacement to the frame.
+WarpedFrame warp(const FlowImage& picture, const FlowField& motion,
+                 const std::vector<FlowVector>& between, float way) {
+  const int width = picture.rgb.width, height = picture.rgb.height;
+  WarpedFrame out;
+  out.x.create(height, width, CV_32FC1);
+  out.y.create(height, width, CV_32FC1);
+  for (int y = 0; y < height; ++y) {
+    auto* to_x = out.x.ptr<float>(y);
+    auto* to_y = out.y.ptr<float>(y);
+    const FlowVector* shift =
+        &between[static_cast<std::size_t>(y) * static_cast<std::size_t>(width)];
+    for (int x = 0; x < width; ++x) {
+      to_x[x] = static_cast<float>(x) + way * shift[x].x;
+      to_y[x] = static_cast<float>(y) + way * shift[x].y;
+    }
+  }
+  // cv::Mat has no const data; these matrices are only read.
+  const cv::Mat rgb(height, width, CV_8UC3, const_cast<std::uint8_t*>(picture.rgb.pixels.data()));
+  const cv::Mat own(height, width, CV_32FC2, const_cast<FlowVector*>(motion.shift.data()));
+  cv::remap(rgb, out.rgb, out.x, out.y, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
+  cv::remap(own, out.motion, out.x, out.y, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  return out;
+}
+
+// Returns 1 if the frame's own flow at (x, y) agrees with `shift`, towards 0 if it differs.
+float visibility(float x, float y, int width, int height, const cv::Vec2f& own, float sign,
+                 FlowVector shift) {
+  if (x < -0.5F || y < -0.5F || x > static_cast<float>(width) - 0.5F ||
+      y > static_cast<float>(height) - 0.5F) {
+    return 0;
+  }
+  const float dx = sign * own[0] - shift.x, dy = sign * own[1] - shift.y;
+  const float same = kSameShift + kSamePerShift * std::sqrt(shift.x * shift.x + shift.y * shift.y);
+  const float ratio = (dx * dx + dy * dy) / (same * same);
+  return 1 / (1 + ratio * ratio);
+}
+
+}  // namespace
+
+RgbImage blend(const RgbImage& a, const RgbImage& b, double part) {
+  RgbImage out{a.width, a.height, {}};
+  out.pixels.resize(a.pixels.size());
+  const auto weight = static_cast<float>(part);
+  for (std::size_t i = 0; i < out.pixels.size(); ++i) {
+    const float value =
+        (1 - weight) * static_cast<float>(a.pixels[i]) + weight * static_cast<float>(b.pixels[i]);
+    out.pixels[i] = static_cast<std::uint8_t>(value + 0.5F);
+  }
+  return out;
+}
+
+RgbImage interpolate_frame(const FlowImage& a, const FlowImage& b, const FlowField& b_from_a,
+                           const FlowField& a_from_b, double part) {
+  const int width = a.rgb.width, height = a.rgb.height;
+  const auto s = static_cast<float>(part);
+  MotionBetween between(width, height);
+  between.project(a, b, b_from_a, s, 1);
+  between.project(b, a, a_from_b, 1 - s, -1);
+  between.fill_holes();
+  between.filter_medians();
+  const std::vector<FlowVector>& shift = between.shift();
+  const WarpedFrame in_a = warp(a, b_from_a, shift, -s);
+  const WarpedFrame in_b = warp(b, a_from_b, shift, 1 - s);
+
+  RgbImage out{width, height, std::vector<std::uint8_t>(a.rgb.pixels.size())};
+  std::size_t i = 0;
+  for (int y = 0; y < height; ++y) {
+    const auto *xa = in_a.x.ptr<float>(y), *ya = in_a.y.ptr<float>(y);
+    const auto *xb = in_b.x.ptr<float>(y), *yb = in_b.y.ptr<float>(y);
+    const auto *own_a = in_a.motion.ptr<cv::Vec2f>(y), *own_b = in_b.motion.ptr<cv::Vec2f>(y);
+    const auto *rgb_a = in_a.rgb.ptr<cv::Vec3b>(y), *rgb_b = in_b.rgb.ptr<cv::Vec3b>(y);
+    for (int x = 0; x < width; ++x, ++i) {
+      const float seen_a = visibility(xa[x], ya[x], width, height, own_a[x], 1, shift[i]);
+      const float seen_b = visibility(xb[x], yb[x], width, height, own_b[x], -1, shift[i]);
+      const float weight_a = (1 - s) * (seen_a + kHidden), weight_b = s * (seen_b + kHidden);
+      const float scale = 1 / (weight_a + weight_b);
+      for (int c = 0; c < 3; ++c) {
+        const float value = scale * (weight_a * static_cast<float>(rgb_a[x][c]) +
+                                     weight_b * static_cast<float>(rgb_b[x][c]));
+        out.pixels[3 * i + static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(value + 0.5F);
+      }
+    }
+  }
+  return out;
+}
+
+}  // namespace raystage

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/processing/retime/frame_interpolation.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <random>
+
+#include "base/error.h"
+#include "testing/store/test_scene.h"
+
+namespace raystage {
+namespace {
+
+using test::MovingBoard;
+using test::psnr;
+
+struct InBetween : testing::Test {
+  InBetween() { use_one_opencv_thread(); }
+
+  RgbImage moved(const RgbImage& from, const RgbImage& to, double part) {
+    const FlowImage a = make_flow_image(from), b = make_flow_image(to);
+    return interpolate_frame(a, b, estimator.estimate(a, b), estimator.estimate(b, a), part);
+  }
+
+  MovingBoard board;
+  OpticalFlowEstimator estimator;
+  const RgbImage before = board.at(0), after = board.at(1);
+};
+
+TEST_F(InBetween, MotionIsThatOfTheBoard) {
+  const FlowField motion = estimator.estimate(make_flow_image(before), make_flow_image(after));
+  const auto shift = [&](int x, int y) {
+    return motion.shift[static_cast<std::size_t>(y * board.width + x)];
+  };
+  EXPECT_NEAR(shift(62, 58).x, board.speed_x, 0.3);
+  EXPECT_NEAR(shift(62, 58).y, board.speed_y, 0.3);
+  EXPECT_NEAR(shift(10, 10).x, 0, 0.1);
+  EXPECT_NEAR(shift(140, 100).y, 0, 0.1);
+}
+
+TEST_F(InBetween, MovesWhatMoves) {
+  for (const double part : {0.1, 0.25, 0.5, 0.75, 0.9}) {
+    const RgbImage truth = board.at(part);
+    const RgbImage& nearer = part <= 0.5 ? before : after;
+    const double flow = psnr(moved(before, after, part), truth);
+    EXPECT_GT(flow, 31) << part;
+    EXPECT_GT(flow, psnr(nearer, truth) + 5) << part;
+    EXPECT_GT(flow, psnr(blend(before, after, part), truth) + 5) << part;
+  }
+}
+
+// Wall that the board covers in one of the two pictures must come from the other alone.
+TEST_F(InBetween, TakesWhatIsHiddenInOneFromTheOther) {
+  const double part = 0.5;
+  const RgbImage truth = board.at(part), flow = moved(before, after, part);
+  const auto hidden_once = [&](int x, int y) {
+    // Two pixels away from the board's edge, where samples are mixed.
+    for (const int dx : {-2, 0, 2}) {
+      for (const int dy : {-2, 0, 2}) {
+        if (board.covers(x + dx, y + dy, part)) return false;
+      }
+    }
+    return board.covers(x, y, 0) != board.covers(x, y, 1);
+  };
+  EXPECT_GT(psnr(flow, truth, hidden_once), 26);
+  EXPECT_GT(psnr(flow, truth, hidden_once),
+            psnr(blend(before, after, part), truth, hidden_once) + 10);
+}
+
+TEST_F(InBetween, MeetsBothEnds) {
+  EXPECT_GT(psnr(moved(before, after, 0), before), 40);
+  EXPECT_GT(psnr(moved(before, after, 1), after), 40);
+}
+
+TEST_F(InBetween, IsTheSameForwardsAndBackwards) {
+  EXPECT_GT(psnr(moved(before, after, 0.3), moved(after, before, 0.7)), 45);
+}
+
+TEST_F(InBetween, LeavesStillPicturesAsTheyAre) {
+  EXPECT_EQ(moved(before, before, 0.4), before);
+  EXPECT_EQ(blend(before, before, 0.4), before);
+}
+
+TEST_F(InBetween, BlendIsTheMeanWeightedByTime) {
+  const RgbImage a{2, 1, {0, 10, 200, 255, 7, 100}}, b{2, 1, {255, 20, 100, 255, 8, 0}};
+  EXPECT_EQ(blend(a, b, 0), a);
+  EXPECT_EQ(blend(a, b, 1), b);
+  EXPECT_EQ(blend(a, b, 0.25).pixels, (std::vector<std::uint8_t>{64, 13, 175, 255, 7, 75}));
+}
+
+TEST_F(InBetween, TinyAndOddSizesWork) {
+  for (const auto& [width, height] : {std::pair{1, 1}, {1, 40}, {11, 3}, {12, 12}, {13, 97}}) {
+    MovingBoard small;
+    small.width = width;
+    small.height = height;
+    small.left = small.top = 2;
+    const RgbImage result = moved(small.at(0), small.at(1), 0.5);
+    EXPECT_EQ(result.width, width);
+    EXPECT_EQ(result.pixels.size(), static_cast<std::size_t>(3 * width * height));
+  }
+}
+
+TEST_F(InBetween, RefusesTwoSizes) {
+  MovingBoard other;
+  other.width = 150;
+  EXPECT_THROW(estimator.estimate(make_flow_image(before), make_flow_image(other.at(0))), Error);
+}
+
+// Noise that differs from picture to picture makes wrong motions look right by chance, here and
+// there; what is seen must not be speckled by them.
+TEST_F(InBetween, DoesNotLetChanceDecide) {
+  std::mt19937 random(7);
+  const auto noisy = [&](RgbImage image) {
+    std::normal_distribution<double> noise(0, 6);
+    for (std::uint8_t& code : image.pixels) {
+      code = static_cast<std::uint8_t>(std::clamp(code + noise(random), 0.0, 255.0));
+    }
+    return image;
+  };
+  const FlowImage a = make_flow_image(noisy(before)), b = make_flow_image(noisy(after));
+  const auto sprinkled = [&](FlowField motion) {
+    std::uniform_real_distribution<float> shift(-15, 15);
+    for (std::size_t i = 0; i < motion.shift.size(); i += 7)
+      motion.shift[i] = {shift(random), shift(random)};
+    return motion;
+  };
+  const FlowField there = estimator.estimate(a, b), back = estimator.estimate(b, a);
+  const RgbImage truth = board.at(0.5);
+  EXPECT_GT(psnr(interpolate_frame(a, b, sprinkled(there), sprinkled(back), 0.5), truth),
+            psnr(interpolate_frame(a, b, there, back, 0.5), truth) - 1);
+}
+
+// Nothing in common: no sense to be made, but no crash, and colours of the two.
+TEST_F(InBetween, SurvivesPicturesWithNothingInCommon) {
+  RgbImage black = before;
+  for (std::uint8_t& code : black.pixels) code = 0;
+  const RgbImage result = moved(black, after, 0.5);
+  EXPECT_EQ(result.pixels.size(), after.pixels.size());
+}
+
+}  // namespace
+}  // namespace raystage

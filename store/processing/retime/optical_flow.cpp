@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/processing/retime/optical_flow.h"
+
+#include <algorithm>
+#include <array>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+#include <utility>
+
+#include "base/error.h"
+
+namespace raystage {
+namespace {
+
+constexpr int kMinSide = 12;     // pixels; DIS cannot build a pyramid below
+constexpr int kMaxSide = 32766;  // pixels; OpenCV cannot remap larger images
+
+// cv::Mat has no const data; the matrices made here are only read.
+cv::Mat luma_of(const FlowImage& picture) {
+  return {picture.rgb.height, picture.rgb.width, CV_8UC1,
+          const_cast<std::uint8_t*>(picture.luma.data())};
+}
+
+}  // namespace
+
+FlowImage make_flow_image(RgbImage image) {
+  FlowImage picture;
+  picture.luma.resize(image.pixels.size() / 3);
+  for (std::size_t i = 0; i < picture.luma.size(); ++i) {
+    const std::uint8_t* p = &image.pixels[3 * i];
+    picture.luma[i] = static_cast<std::uint8_t>((77 * p[0] + 150 * p[1] + 29 * p[2] + 128) >> 8);
+  }
+  picture.rgb = std::move(image);
+  return picture;
+}
+
+void median_filter_flow(std::vector<FlowVector>& shift, int width, int height) {
+  constexpr int kMedian = 5;  // pixels per side
+  cv::Mat field(height, width, CV_32FC2, shift.data());
+  std::array<cv::Mat, 2> parts;
+  cv::split(field, parts.data());
+  for (cv::Mat& part : parts) cv::medianBlur(part, part, kMedian);
+  cv::merge(parts.data(), parts.size(), field);
+}
+
+struct OpticalFlowEstimator::State {
+  // Finest scale, no variational refinement: docs/resync.md has cost and accuracy of other
+  // settings.
+  State() {
+    flow->setFinestScale(0);
+    flow->setPatchSize(8);
+    flow->setPatchStride(4);
+    flow->setGradientDescentIterations(16);
+    flow->setVariationalRefinementIterations(0);
+  }
+  cv::Ptr<cv::DISOpticalFlow> flow = cv::DISOpticalFlow::create();
+};
+
+OpticalFlowEstimator::OpticalFlowEstimator() : state_(std::make_unique<State>()) {}
+OpticalFlowEstimator::~OpticalFlowEstimator() = default;
+OpticalFlowEstimator::OpticalFlowEstimator(OpticalFlowEstimator&&) noexcept = default;
+OpticalFlowEstimator& OpticalFlowEstimator::operator=(OpticalFlowEstimator&&) noexcept = default;
+
+FlowField OpticalFlowEstimator::estimate(const FlowImage& from, const FlowImage& to) {
+  const int width = from.rgb.width, height = from.rgb.height;
+  if (to.rgb.width != width || to.rgb.height != height) {
+    throw Error::bad_input("two frames of one camera differ in size", "retiming",
+                           "Verify the take; use it without retiming until it is repaired");
+  }
+  if (std::max(width, height) > kMaxSide) {
+    throw Error::bad_input("optical flow does not support frames wider or higher than 32766 pixels",
+                           "retiming", "Choose the retiming method nearest or blend")
+        .concerning({"retime"});
+  }
+  FlowField field{width, height, std::vector<FlowVector>(from.luma.size())};
+  if (std::min(width, height) < kMinSide) return field;
+  cv::Mat shift(height, width, CV_32FC2, field.shift.data());
+  state_->flow->calc(luma_of(from), luma_of(to), shift);
+  if (shift.data != reinterpret_cast<unsigned char*>(field.shift.data())) {
+    throw Error::failed("OpenCV did not write the flow to the given memory", "retiming",
+                        "Report this as a bug");
+  }
+  median_filter_flow(field.shift, width, height);
+  return field;
+}
+
+void use_one_opencv_thread() { cv::setNumThreads(1); }
+
+}  // namespace raystage

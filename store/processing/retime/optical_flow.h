@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "store/jpeg/rgb_image.h"
+
+namespace raystage {
+
+/// A frame of one camera with the luma from which motion is estimated.
+struct FlowImage {
+  RgbImage rgb;
+  std::vector<std::uint8_t> luma;  ///< one byte per pixel, row by row
+};
+/// Returns the image with its luma.
+FlowImage make_flow_image(RgbImage image);
+
+/// A displacement in pixels: x to the right, y down.
+struct FlowVector {
+  float x = 0, y = 0;
+};
+
+/// The displacement of each pixel of one frame to its position in another.
+struct FlowField {
+  int width = 0, height = 0;
+  std::vector<FlowVector> shift;  ///< row by row
+};
+
+/// Applies a 5 x 5 median filter to x and y in place, which removes outliers (Sun, Roth and Black,
+/// "Secrets of optical flow estimation and their principles", CVPR 2010). `shift`: row by row.
+void median_filter_flow(std::vector<FlowVector>& shift, int width, int height);
+
+/// Estimates dense optical flow (OpenCV's DIS: Kroeger et al., "Fast optical flow using dense
+/// inverse search", ECCV 2016), followed by a median filter. Keeps scratch memory; not thread-safe.
+/// Deterministic if OpenCV uses one thread (use_one_opencv_thread()).
+class OpticalFlowEstimator {
+ public:
+  OpticalFlowEstimator();
+  ~OpticalFlowEstimator();
+  OpticalFlowEstimator(OpticalFlowEstimator&&) noexcept;
+  OpticalFlowEstimator& operator=(OpticalFlowEstimator&&) noexcept;
+
+  /// Returns the flow from one frame to another. Throws Error (bad input) if sizes differ or a side
+  /// exceeds 32766 pixels. The flow is 0 if a side is below 12 pixels.
+  FlowField estimate(const FlowImage& from, const FlowImage& to);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// Restricts OpenCV to one thread in the whole process: the result of DIS depends on their number.
+void use_one_opencv_thread();
+
+}  // namespace raystage

@@ -94,7 +94,7 @@ TEST_F(Resume, SurvivesBeingKilledAtAnyMoment) {
   std::size_t acknowledged = 0;
   int while_open = 0;
   constexpr int kKills = 60;
-  // A slow disk needs more rounds to come to enough frames.
+  // A slow disk needs more rounds, and longer ones, to come to enough frames.
   for (int round = 0; round < kKills || (acknowledged <= 100 && round < 10 * kKills); ++round) {
     std::array<int, 2> ends{};
     ASSERT_EQ(pipe(ends.data()), 0);
@@ -110,7 +110,8 @@ TEST_F(Resume, SurvivesBeingKilledAtAnyMoment) {
       _exit(1);
     }
     close(ends[1]);
-    std::this_thread::sleep_for(std::chrono::microseconds(1000 + random() % 30'000));
+    const auto slower = 1 + static_cast<unsigned>(round / kKills);
+    std::this_thread::sleep_for(std::chrono::microseconds(1000 + random() % (slower * 30'000)));
     kill(child, SIGKILL);
     int status = 0;
     waitpid(child, &status, 0);

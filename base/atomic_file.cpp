@@ -7,7 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <array>
+#include <algorithm>
 #include <cerrno>
 #include <cstdint>
 #include <cstdio>
@@ -15,6 +15,8 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/posix_file.h"
+#include "base/resources.h"
 
 namespace raystage {
 namespace {
@@ -22,36 +24,8 @@ namespace {
 constexpr const char* kCheckDisk =
     "Check the folder, its permissions and the free space on the disk";
 
-/// Owns a file descriptor. close() reports the error that the destructor ignores.
-class Descriptor {
- public:
-  explicit Descriptor(int number) : number_(number) {}
-  ~Descriptor() {
-    if (number_ >= 0) ::close(number_);
-  }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-
-  bool open() const { return number_ >= 0; }
-  int number() const { return number_; }
-  bool close() { return ::close(std::exchange(number_, -1)) == 0; }
-
- private:
-  int number_;
-};
-
-std::string host_name() {
-  std::array<char, 256> name{};
-  if (gethostname(name.data(), name.size() - 1) != 0 || name[0] == '\0') return "host";
-  std::string host(name.data());
-  for (char& c : host) {
-    if (c == '/') c = '_';
-  }
-  return host;
-}
-
-/// Returns 64 random bits from the kernel. Host name and process number are not enough: containers
-/// and forked processes that write to one folder may share both.
+/// Returns 64 random bits from the kernel. Host name and process ID are not enough: containers and
+/// forked processes that write to one folder may share both.
 std::uint64_t random_bits(const std::filesystem::path& target) {
   std::uint64_t bits = 0;
   while (true) {
@@ -66,8 +40,9 @@ std::uint64_t random_bits(const std::filesystem::path& target) {
 
 std::filesystem::path temporary_beside(const std::filesystem::path& target) {
   const std::string extension = target.extension().string();
-  const std::string suffix =
+  std::string suffix =
       fmt::format(".{}.{}.{:016x}.tmp", host_name(), getpid(), random_bits(target));
+  std::ranges::replace(suffix, '/', '_');
   constexpr std::size_t kLongestName = 255;  // bytes, the limit of common file systems
   std::string name = fmt::format(".{}", target.filename().string());
   const std::size_t rest = suffix.size() + extension.size();
@@ -77,10 +52,10 @@ std::filesystem::path temporary_beside(const std::filesystem::path& target) {
 
 /// Creates a new, empty file next to `target` and returns its path.
 std::filesystem::path reserved_beside(const std::filesystem::path& target) {
-  constexpr int kMostTries = 16;  // already a second try needs a collision of 64 random bits
+  constexpr int kMostTries = 16;  // a second try already needs a collision of 64 random bits
   for (int tries = 1;; ++tries) {
     std::filesystem::path path = temporary_beside(target);
-    const Descriptor file(
+    const FileDescriptor file(
         ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666));
     if (file.open()) return path;
     if (errno != EEXIST || tries == kMostTries) {
@@ -99,6 +74,16 @@ void write_all(int descriptor, std::span<const std::byte> bytes,
   }
 }
 
+/// Rejects devices and pipes: commit() would replace them by a regular file.
+void check_is_no_other_kind(const std::filesystem::path& target) {
+  std::error_code unknown;
+  const auto there = std::filesystem::status(target, unknown);
+  if (std::filesystem::exists(there) && !std::filesystem::is_regular_file(there)) {
+    throw Error::failed("the target exists and is not a regular file", target.string(),
+                        "Choose the path of a regular file");
+  }
+}
+
 }  // namespace
 
 TemporaryFile::TemporaryFile(std::filesystem::path target, Creation creation)
@@ -114,7 +99,7 @@ TemporaryFile::~TemporaryFile() {
 
 void TemporaryFile::commit() {
   {
-    Descriptor file(::open(path_.c_str(), O_RDONLY | O_CLOEXEC));
+    FileDescriptor file(::open(path_.c_str(), O_RDONLY | O_CLOEXEC));
     if (!file.open()) {
       throw Error::from_errno("cannot write the file", target_.string(), kCheckDisk);
     }
@@ -127,27 +112,10 @@ void TemporaryFile::commit() {
                             kCheckDisk);
   }
   committed_ = true;
-  // The rename survives a power failure only after the folder is flushed. Not every file system
-  // supports that, and the file is complete either way: errors are ignored.
-  const std::filesystem::path parent = target_.parent_path();
-  const Descriptor folder(
-      ::open(parent.empty() ? "." : parent.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (folder.open()) fsync(folder.number());
+  // The rename survives a power failure only after the folder is flushed. Errors are ignored: not
+  // every file system supports it, and the file is complete either way.
+  sync_folder(target_.parent_path());
 }
-
-namespace {
-
-/// Rejects devices and pipes: the rename would replace them by a regular file.
-void check_is_no_other_kind(const std::filesystem::path& target) {
-  std::error_code unknown;
-  const auto there = std::filesystem::status(target, unknown);
-  if (std::filesystem::exists(there) && !std::filesystem::is_regular_file(there)) {
-    throw Error::failed("the target exists and is not a regular file", target.string(),
-                        "Choose the path of a regular file");
-  }
-}
-
-}  // namespace
 
 void check_writable(const std::filesystem::path& target) {
   check_is_no_other_kind(target);
@@ -158,7 +126,7 @@ void write_file_atomically(const std::filesystem::path& target, std::span<const 
   check_is_no_other_kind(target);
   TemporaryFile temporary(target);
   {
-    Descriptor file(::open(temporary.path().c_str(), O_WRONLY | O_NOFOLLOW | O_CLOEXEC));
+    FileDescriptor file(::open(temporary.path().c_str(), O_WRONLY | O_NOFOLLOW | O_CLOEXEC));
     if (!file.open()) {
       throw Error::from_errno("cannot create the file", target.string(), kCheckDisk);
     }
@@ -174,20 +142,24 @@ void write_file_atomically(const std::filesystem::path& target, std::string_view
   write_file_atomically(target, std::as_bytes(std::span(text.data(), text.size())));
 }
 
+bool file_exists(const std::filesystem::path& path) {
+  std::error_code ignored;
+  return std::filesystem::exists(path, ignored);
+}
+
 std::string read_file(const std::filesystem::path& file) {
   const auto refuse = [&](std::string_view reason) {
     return Error::bad_input("the file cannot be read: " + std::string(reason), file.string(),
                             "Check the path and its permissions");
   };
   const auto reason = [] { return std::generic_category().message(errno); };
-  const Descriptor descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
+  const FileDescriptor descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
   if (!descriptor.open()) throw refuse(reason());
   struct stat status {};
   if (fstat(descriptor.number(), &status) != 0) throw refuse(reason());
   if (S_ISDIR(status.st_mode)) throw refuse("it is a folder");
 
-  // The size is only a hint: pipes and /proc report 0. One extra byte lets the last read detect the
-  // end.
+  // The size is a hint: pipes and /proc report 0. One extra byte lets the last read find the end.
   std::string text(static_cast<std::size_t>(status.st_size) + 1, '\0');
   std::size_t filled = 0;
   while (true) {

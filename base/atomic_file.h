@@ -9,10 +9,10 @@
 
 namespace raystage {
 
-/// A hidden file in the target's folder that becomes the target when commit() renames it. Without
-/// commit(), the destructor removes it. Its name is .NAME.HOST.PID.RANDOM.tmp.EXT; 64 random bits
-/// make it unique even if host names or process numbers repeat. If two hosts write one target at
-/// once, the target is the complete file of one of them.
+/// A hidden file in the target's folder that commit() renames to the target. Without commit(), the
+/// destructor removes it. Its name is .NAME.HOST.PID.RANDOM.tmp.EXT; 64 random bits make it unique
+/// even if host names or process IDs repeat. If two hosts write one target at once, the target is
+/// the complete file of one of them.
 class TemporaryFile {
  public:
   enum class Creation {
@@ -36,8 +36,8 @@ class TemporaryFile {
   bool committed_ = false;
 };
 
-/// Throws Error (failed) if write_file_atomically() could not start writing `target`. Call it
-/// before a long computation whose result goes there. Leaves no file behind.
+/// Throws Error (failed) if write_file_atomically() could not start to write `target`. Call it
+/// before a long computation whose result goes there. It leaves no file behind.
 void check_writable(const std::filesystem::path& target);
 
 /// Writes a complete file under a temporary name and renames it. Throws Error (failed) if the disk
@@ -48,6 +48,9 @@ void write_file_atomically(const std::filesystem::path& target, std::string_view
 
 /// Returns the contents of a file. Throws Error (bad input) if it cannot be read.
 std::string read_file(const std::filesystem::path& file);
+
+/// Returns whether a file or folder exists and can be seen.
+bool file_exists(const std::filesystem::path& path);
 
 /// Creates the folder and its parents. Throws Error (failed) if that is not possible.
 void create_folder(const std::filesystem::path& folder);

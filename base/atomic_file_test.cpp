@@ -37,7 +37,7 @@ class AtomicFile : public ::testing::Test {
     std::sort(result.begin(), result.end());
     return result;
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 /// Limits the file size of this process to `bytes`, like a full disk, during its lifetime.
@@ -211,8 +211,8 @@ TEST_F(AtomicFile, AParentThatIsAFileOrMissingIsRefused) {
 }
 
 TEST_F(AtomicFile, AFolderWithoutPermissionIsRefused) {
-  make_world_writable(folder_.path());
-  const std::string closed = unprivileged_access_error(folder_.path());
+  testing::make_world_writable(folder_.path());
+  const std::string closed = testing::unprivileged_access_error(folder_.path());
   if (!closed.empty()) GTEST_SKIP() << closed;
   const auto write = [&]() -> std::string {
     write_file_atomically(folder_.path() / "a", "x");
@@ -223,14 +223,14 @@ TEST_F(AtomicFile, AFolderWithoutPermissionIsRefused) {
     return "created";
   };
   {
-    const ReadOnlyFolder locked(folder_.path());
-    EXPECT_THAT(run_unprivileged(write), HasSubstr("ermission denied"));
-    EXPECT_THAT(run_unprivileged(create), HasSubstr("ermission denied"));
+    const testing::ReadOnlyFolder locked(folder_.path());
+    EXPECT_THAT(testing::run_unprivileged(write), HasSubstr("ermission denied"));
+    EXPECT_THAT(testing::run_unprivileged(create), HasSubstr("ermission denied"));
     EXPECT_TRUE(names().empty());
   }
-  make_world_writable(folder_.path());  // so the failures came from the lock
-  EXPECT_EQ(run_unprivileged(write), "written");
-  EXPECT_EQ(run_unprivileged(create), "created");
+  testing::make_world_writable(folder_.path());  // so the failures came from the lock
+  EXPECT_EQ(testing::run_unprivileged(write), "written");
+  EXPECT_EQ(testing::run_unprivileged(create), "created");
 }
 
 TEST_F(AtomicFile, ReadingWhatIsNoFileIsBadInput) {

@@ -12,8 +12,7 @@ namespace raystage {
 /// Returns the base64 text of `bytes` (RFC 4648), with padding.
 std::string encode_base64(std::span<const std::byte> bytes);
 
-/// Returns the bytes that a base64 text encodes, or nullopt for any other text. Padding is
-/// optional.
+/// Returns the bytes of a base64 text, or nullopt for any other text. Padding is optional.
 std::optional<std::string> decode_base64(std::string_view text);
 
 }  // namespace raystage

@@ -20,7 +20,7 @@ class BufferPool {
   BufferPool(const BufferPool&) = delete;
   BufferPool& operator=(const BufferPool&) = delete;
 
-  /// Allocates `bytes` (a result of block_bytes()). Throws std::bad_alloc.
+  /// Allocates `bytes`. Throws std::bad_alloc.
   void* take(std::size_t bytes);
   void return_block(void* block, std::size_t bytes) noexcept;
   /// Frees the blocks that are not in use.

@@ -63,6 +63,15 @@ void parallel_for(const tbb::blocked_range<int>& range, const Body& body) {
   loop.join();
 }
 
+/// Runs body(index) over [first, last), about `grain` successive indices per task.
+template <class Body>
+void parallel_for_grains(int first, int last, int grain, const Body& body) {
+  parallel_for(tbb::blocked_range<int>(first, last, grain),
+               [&](const tbb::blocked_range<int>& part) {
+                 for (int i = part.begin(); i < part.end(); ++i) body(i);
+               });
+}
+
 /// Runs tbb::parallel_for over [first, last): body(index), or body(index, loop) for a long body
 /// that checks loop.failed() to stop early.
 template <class Index, class Body>

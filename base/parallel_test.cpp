@@ -19,8 +19,7 @@ TEST(Parallel, VisitsEveryIndexOnce) {
   raystage::parallel_for(std::size_t{0}, visits.size(), [&](std::size_t i) { ++visits[i]; });
   raystage::parallel_for(tbb::blocked_range<int>(0, 1000),
                          [&](const tbb::blocked_range<int>& part) {
-                           for (int row = part.begin(); row != part.end(); ++row)
-                             ++row_visits[static_cast<std::size_t>(row)];
+                           for (int row = part.begin(); row != part.end(); ++row) ++row_visits[row];
                          });
   EXPECT_EQ(visits, std::vector<int>(1000, 1));
   EXPECT_EQ(row_visits, std::vector<int>(1000, 1));

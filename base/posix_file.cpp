@@ -24,13 +24,27 @@ iovec part(std::span<const std::byte> bytes) {
   return {const_cast<std::byte*>(bytes.data()), bytes.size()};
 }
 
+/// Calls madvise() for the pages that contain `part`.
+int advise(std::span<const std::byte> part, int advice) {
+  static const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
+  const auto first = reinterpret_cast<std::uintptr_t>(part.data()) / page * page;
+  const auto last = reinterpret_cast<std::uintptr_t>(part.data() + part.size());
+  return madvise(reinterpret_cast<void*>(first), last - first, advice);
+}
+
 }  // namespace
 
-OutputFile::OutputFile(std::filesystem::path path, Open mode) : path_(std::move(path)) {
-  constexpr mode_t kMode = 0666;  // less the user's umask
-  const int create = mode == Open::kNew ? O_CREAT | O_EXCL : 0;
-  descriptor_ = open(path_.c_str(), O_WRONLY | O_CLOEXEC | create, kMode);
-  if (descriptor_ < 0) {
+FileDescriptor::~FileDescriptor() {
+  if (number_ >= 0) ::close(number_);
+}
+
+bool FileDescriptor::close() { return ::close(std::exchange(number_, -1)) == 0; }
+
+OutputFile::OutputFile(std::filesystem::path path, Open mode)
+    : path_(std::move(path)),
+      file_(open(path_.c_str(), O_WRONLY | O_CLOEXEC | (mode == Open::kNew ? O_CREAT | O_EXCL : 0),
+                 0666)) {  // minus the user's umask
+  if (!file_.open()) {
     throw mode == Open::kNew
         ? Error::from_errno("the file cannot be created", path_.string(),
                             "Choose a new file name in a writable folder")
@@ -38,16 +52,13 @@ OutputFile::OutputFile(std::filesystem::path path, Open mode) : path_(std::move(
                             "Check that it exists and is writable");
   }
   // The kernel releases the lock when the process ends, however it ends.
-  if (flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
-    close(descriptor_);
+  if (flock(file_.number(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
     throw Error::failed("another program is writing to the file", path_.string(),
                         "Wait until the recording has ended");
   }
 }
 
-OutputFile::~OutputFile() {
-  if (descriptor_ >= 0) close(descriptor_);
-}
+OutputFile::~OutputFile() = default;
 
 bool OutputFile::write_at(std::uint64_t offset, std::span<const std::byte> bytes) {
   return write_parts_at(offset, std::span(&bytes, 1));
@@ -61,7 +72,8 @@ bool OutputFile::write_parts_at(std::uint64_t offset,
   }
   for (std::size_t first = 0; first < left.size();) {
     const auto count = static_cast<int>(std::min<std::size_t>(left.size() - first, IOV_MAX));
-    const ssize_t written = pwritev(descriptor_, &left[first], count, static_cast<off_t>(offset));
+    const ssize_t written =
+        pwritev(file_.number(), &left[first], count, static_cast<off_t>(offset));
     if (written < 0 && errno == EINTR) continue;
     if (written <= 0) {
       if (written == 0) errno = ENOSPC;
@@ -81,15 +93,15 @@ bool OutputFile::write_parts_at(std::uint64_t offset,
 }
 
 bool OutputFile::truncate(std::uint64_t size) {
-  return ftruncate(descriptor_, static_cast<off_t>(size)) == 0;
+  return ftruncate(file_.number(), static_cast<off_t>(size)) == 0;
 }
 
-bool OutputFile::sync() const { return fdatasync(descriptor_) == 0; }
+bool OutputFile::sync() const { return fdatasync(file_.number()) == 0; }
 
-void OutputFile::uncache() const { posix_fadvise(descriptor_, 0, 0, POSIX_FADV_DONTNEED); }
+void OutputFile::uncache() const { posix_fadvise(file_.number(), 0, 0, POSIX_FADV_DONTNEED); }
 
 void OutputFile::discard() {
-  close(std::exchange(descriptor_, -1));
+  file_.close();
   unlink(path_.c_str());
 }
 
@@ -98,23 +110,14 @@ MappedFile::MappedFile(const std::filesystem::path& path) {
     return Error::bad_input("the file cannot be read: " + std::generic_category().message(reason),
                             path.string(), "Check that it exists and is readable");
   };
-  const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  if (descriptor < 0) throw refuse(errno);
+  const FileDescriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
   struct stat status {};
-  int reason = 0;
-  void* address = nullptr;
-  std::size_t size = 0;
-  if (fstat(descriptor, &status) != 0) {
-    reason = errno;
-  } else if (!S_ISREG(status.st_mode)) {
-    reason = EINVAL;
-  } else if (status.st_size > 0) {
-    size = static_cast<std::size_t>(status.st_size);
-    address = mmap(nullptr, size, PROT_READ, MAP_SHARED, descriptor, 0);
-    if (address == MAP_FAILED) reason = errno;
-  }
-  close(descriptor);
-  if (reason != 0) throw refuse(reason);
+  if (!file.open() || fstat(file.number(), &status) != 0) throw refuse(errno);
+  if (!S_ISREG(status.st_mode)) throw refuse(EINVAL);
+  if (status.st_size == 0) return;
+  const auto size = static_cast<std::size_t>(status.st_size);
+  void* address = mmap(nullptr, size, PROT_READ, MAP_SHARED, file.number(), 0);
+  if (address == MAP_FAILED) throw refuse(errno);
   bytes_ = {static_cast<const std::byte*>(address), size};
 }
 
@@ -128,18 +131,6 @@ void MappedFile::expect(Access access) const {
           access == Access::kSequential ? MADV_SEQUENTIAL : MADV_RANDOM);
 }
 
-namespace {
-
-/// Calls madvise() for the pages that contain `part`.
-int advise(std::span<const std::byte> part, int advice) {
-  static const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
-  const auto first = reinterpret_cast<std::uintptr_t>(part.data()) / page * page;
-  const auto last = reinterpret_cast<std::uintptr_t>(part.data() + part.size());
-  return madvise(reinterpret_cast<void*>(first), last - first, advice);
-}
-
-}  // namespace
-
 void MappedFile::read_ahead(std::span<const std::byte> part) const {
   if (!part.empty()) advise(part, MADV_WILLNEED);
 }
@@ -152,30 +143,24 @@ bool MappedFile::can_read(std::span<const std::byte> part) const {
 }
 
 void sync_folder(const std::filesystem::path& folder) {
-  const int descriptor =
-      open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (descriptor < 0) return;
-  fsync(descriptor);
-  close(descriptor);
+  const FileDescriptor file(
+      open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (file.open()) fsync(file.number());
 }
 
 void sync_files_below(const std::filesystem::path& folder) {
   const auto for_each_file = [&](auto&& act) {
     for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
       if (!entry.is_regular_file() && !entry.is_directory()) continue;
-      const int descriptor = open(entry.path().c_str(), O_RDONLY | O_CLOEXEC);
-      const bool done = descriptor >= 0 && act(descriptor, entry.is_directory());
-      const int reason = errno;
-      if (descriptor >= 0) close(descriptor);
-      errno = reason;
-      if (!done) {
+      const FileDescriptor file(open(entry.path().c_str(), O_RDONLY | O_CLOEXEC));
+      if (!file.open() || !act(file.number(), entry.is_directory())) {
         throw Error::from_errno("the data cannot be flushed to disk", entry.path().string(),
                                 "Check the disk for errors and free space");
       }
     }
   };
   for_each_file([](int descriptor, bool is_folder) {
-    // A hint: file systems without support do the work in the second pass.
+    // A hint: file systems that ignore it write in the second pass.
     if (!is_folder) sync_file_range(descriptor, 0, 0, SYNC_FILE_RANGE_WRITE);
     return true;
   });

@@ -10,6 +10,24 @@
 
 namespace raystage {
 
+/// Owns a file descriptor, negative if open() failed. close() reports the error that the destructor
+/// ignores.
+class FileDescriptor {
+ public:
+  explicit FileDescriptor(int number) : number_(number) {}
+  ~FileDescriptor();
+  FileDescriptor(const FileDescriptor&) = delete;
+  FileDescriptor& operator=(const FileDescriptor&) = delete;
+
+  bool open() const { return number_ >= 0; }
+  int number() const { return number_; }
+  /// Returns false and sets errno if that fails.
+  bool close();
+
+ private:
+  int number_;
+};
+
 /// A file that is written at explicit offsets. It is locked while open: no other OutputFile, in
 /// this process or another, can open it, if the file system supports locks.
 class OutputFile {
@@ -29,8 +47,9 @@ class OutputFile {
   /// Returns false and sets errno if not all bytes could be written.
   [[nodiscard]] bool write_parts_at(std::uint64_t offset,
                                     std::span<const std::span<const std::byte>> parts);
+  /// Sets the file's size in bytes. Returns false and sets errno if that fails.
   [[nodiscard]] bool truncate(std::uint64_t size);
-  /// Waits until everything written before the call is on disk; another thread may write meanwhile.
+  /// Waits until all data written before the call is on disk; another thread may write meanwhile.
   /// Returns false and sets errno if flushing fails.
   [[nodiscard]] bool sync() const;
   /// Drops flushed data from the kernel's page cache, for files not read again soon. A hint.
@@ -40,7 +59,7 @@ class OutputFile {
 
  private:
   std::filesystem::path path_;
-  int descriptor_ = -1;
+  FileDescriptor file_;
 };
 
 /// A complete file mapped for reading. If another process truncates the file, access to the removed
@@ -70,9 +89,8 @@ class MappedFile {
 /// Flushes a folder's directory entries to disk, if the file system supports it.
 void sync_folder(const std::filesystem::path& folder);
 
-/// Flushes every file below `folder` to disk. It starts the writeback of all files before it waits
-/// for any, so that they share the file system's commits; for many files this is much faster.
-/// Throws Error (failed) if flushing fails.
+/// Flushes every file below `folder` to disk. Throws Error (failed) if that fails. Writeback of all
+/// files starts before it waits for one, so that they share commits: much faster for many files.
 void sync_files_below(const std::filesystem::path& folder);
 
 }  // namespace raystage

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -18,8 +19,7 @@
 namespace raystage {
 namespace {
 
-/// Calls `visit` with the folder of this process's control group and of each of its parents,
-/// because a limit of any of them applies.
+/// Calls `visit` with the folders of this process's control group and its parents: all limit it.
 void for_each_control_group(const std::function<void(const std::filesystem::path&)>& visit) {
   const std::filesystem::path root = "/sys/fs/cgroup";
   std::ifstream groups("/proc/self/cgroup");
@@ -105,6 +105,12 @@ double cpu_seconds() {
     return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
   };
   return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+std::string host_name() {
+  std::array<char, 256> name{};
+  if (gethostname(name.data(), name.size() - 1) != 0 || name[0] == '\0') return "unknown";
+  return name.data();
 }
 
 bool reset_peak_memory() {

@@ -2,15 +2,18 @@
 #pragma once
 
 #include <cstddef>
+#include <string>
 
 namespace raystage {
+
+/// Returns the name of this machine, or "unknown".
+std::string host_name();
 
 /// Returns the number of threads that this process may keep busy, at least 1: its CPU affinity,
 /// limited by the CPU quota of its control group (cgroup v2). Slurm and containers set either.
 int available_threads();
 
-/// Returns the memory that this process may use, in bytes: the machine's memory, limited by the
-/// process's control group.
+/// Returns the memory this process may use, in bytes: the machine's, limited by its control group.
 std::size_t available_memory();
 
 /// Returns the memory, in bytes, that this process could allocate now without swapping: the

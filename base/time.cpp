@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <chrono>
-#include <limits>
 
 #include "base/error.h"
 
@@ -86,8 +85,8 @@ Nanoseconds parse_utc(std::string_view text) {
   }
   const std::int64_t days = std::chrono::sys_days{date}.time_since_epoch().count();
   std::int64_t seconds = ((days * 24 + hour) * 60 + minute) * 60 + second;
-  // The earliest second that int64 partly covers starts below its smallest value. Before 1970,
-  // therefore, count the fraction back from the next second.
+  // The earliest second of the range starts below the smallest int64. Before 1970, the fraction is
+  // therefore counted back from the next second.
   if (seconds < 0 && fraction > 0) {
     seconds += 1;
     fraction -= kNanosecondsPerSecond;

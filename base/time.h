@@ -8,7 +8,7 @@
 namespace raystage {
 
 /// A time or a duration in nanoseconds. Archives count from the take's epoch; an epoch counts from
-/// 1970-01-01T00:00:00Z (UTC, leap seconds not counted), which int64 carries until the year 2262.
+/// 1970-01-01T00:00:00Z (UTC without leap seconds), in the range of int64 until the year 2262.
 using Nanoseconds = std::int64_t;
 
 inline constexpr Nanoseconds kNanosecondsPerSecond = 1'000'000'000;

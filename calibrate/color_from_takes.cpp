@@ -15,10 +15,10 @@
 #include "store/scene_depth_range.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
-std::vector<std::string> camera_ids(const Take& take) {
+std::vector<std::string> camera_ids(const store::Take& take) {
   std::vector<std::string> ids;
   for (const auto& camera : take.document().cameras) ids.push_back(camera.id);
   return ids;
@@ -36,12 +36,12 @@ int reference_index(const std::string& reference, const std::vector<std::string>
 }
 
 /// Throws Error (bad input) if the rig has another frame size than the take.
-void check_frame_sizes(const Take& take, const RigDocument& rig) {
-  for (const RigDocument::Camera& camera : rig.cameras) {
-    const CameraGeometry& in_rig = camera.geometry;
+void check_frame_sizes(const store::Take& take, const schemas::RigDocument& rig) {
+  for (const schemas::RigDocument::Camera& camera : rig.cameras) {
+    const schemas::CameraGeometry& in_rig = camera.geometry;
     const int index = take.camera_index(in_rig.id);
     if (index < 0) continue;  // reported by with_color_responses()
-    const CameraModel& model = take.rig().cameras[static_cast<std::size_t>(index)].model;
+    const rig::CameraModel& model = take.rig().cameras[index].model;
     if (model.width() == in_rig.width && model.height() == in_rig.height) continue;
     throw Error::bad_input(
         fmt::format("camera \"{}\" has pictures of {}x{} pixels here, and of {}x{} in the rig",
@@ -52,7 +52,7 @@ void check_frame_sizes(const Take& take, const RigDocument& rig) {
 
 /// Flat targets, each a take of the same cameras; the dark one is last.
 struct Targets {
-  std::vector<std::unique_ptr<Take>> takes;
+  std::vector<std::unique_ptr<store::Take>> takes;
   std::vector<std::string> cameras;
 };
 
@@ -61,7 +61,7 @@ Targets open_targets(const ColorFromTakesSettings& settings) {
   if (!settings.dark.empty()) folders.push_back(settings.dark);
   Targets targets;
   for (const std::filesystem::path& folder : folders) {
-    targets.takes.push_back(std::make_unique<Take>(folder));
+    targets.takes.push_back(std::make_unique<store::Take>(folder));
     const std::vector<std::string> ids = camera_ids(*targets.takes.back());
     if (targets.cameras.empty()) targets.cameras = ids;
     if (ids != targets.cameras) {
@@ -73,7 +73,7 @@ Targets open_targets(const ColorFromTakesSettings& settings) {
 }
 
 std::vector<FlatFieldMeasurements> measure_targets(
-    const Targets& targets, const std::vector<PhotometricResponse>& responses,
+    const Targets& targets, const std::vector<schemas::PhotometricResponse>& responses,
     const std::stop_token& stop) {
   std::vector<FlatFieldMeasurements> measurements;
   for (const auto& take : targets.takes) {
@@ -123,7 +123,7 @@ void remove_overexposed(std::vector<FlatFieldMeasurements>& measurements) {
   std::erase_if(measurements, is_overexposed);
 }
 
-void match_targets(const ColorFromTakesSettings& settings, const RigDocument& rig,
+void match_targets(const ColorFromTakesSettings& settings, const schemas::RigDocument& rig,
                    ColorFromTakes& found, const std::stop_token& stop) {
   const Targets targets = open_targets(settings);
   for (const auto& take : targets.takes) check_frame_sizes(*take, rig);
@@ -148,15 +148,14 @@ void match_targets(const ColorFromTakesSettings& settings, const RigDocument& ri
 }
 
 /// Returns the rig with its cameras in the order of `cameras`.
-RigDocument reordered_rig(const std::vector<std::string>& cameras, const RigDocument& rig,
-                          const std::filesystem::path& rig_file) {
-  RigDocument ordered = rig;
+schemas::RigDocument reordered_rig(const std::vector<std::string>& cameras,
+                                   const schemas::RigDocument& rig,
+                                   const std::filesystem::path& rig_file) {
+  schemas::RigDocument ordered = rig;
   ordered.cameras.clear();
   for (const std::string& id : cameras) {
-    const auto same = std::ranges::find(
-        rig.cameras, id,
-        [](const RigDocument::Camera& camera) -> const std::string& { return camera.geometry.id; });
-    if (same == rig.cameras.end()) {
+    const schemas::RigDocument::Camera* same = rig.find(id);
+    if (same == nullptr) {
       throw Error::bad_input("the rig has no camera \"" + id + "\"", rig_file.string(),
                              "Give the rig of the take's cameras")
           .concerning({"initial_rig"});
@@ -167,12 +166,12 @@ RigDocument reordered_rig(const std::vector<std::string>& cameras, const RigDocu
 }
 
 /// Refines the responses of the targets, or else those of the rig.
-void match_chart(const ColorFromTakesSettings& settings, const RigDocument& rig,
+void match_chart(const ColorFromTakesSettings& settings, const schemas::RigDocument& rig,
                  const std::filesystem::path& rig_file, ColorFromTakes& found,
                  const std::stop_token& stop) {
-  const Take take(settings.chart);
+  const store::Take take(settings.chart);
   check_frame_sizes(take, rig);
-  std::vector<PhotometricResponse> responses;
+  std::vector<schemas::PhotometricResponse> responses;
   if (found.steps.empty()) {
     found.cameras = camera_ids(take);
     found.reference = reference_index(settings.reference, found.cameras);
@@ -191,32 +190,33 @@ void match_chart(const ColorFromTakesSettings& settings, const RigDocument& rig,
                                      {found.reference, settings.use_published_values}));
 }
 
-DepthRange search_depths(const ColorFromTakesSettings& settings, const Take& take) {
+schemas::DepthRange search_depths(const ColorFromTakesSettings& settings, const store::Take& take) {
   constexpr double kTolerance = 1.1;
   if (settings.focal_depth > 0) {
     return {settings.focal_depth / kTolerance, settings.focal_depth * kTolerance};
   }
   try {
-    return scene_depth_range(take, settings.depths, "matching colours",
-                             "Give the nearest and the farthest depth, or the depth of the focal "
-                             "plane, in metres in front of the array");
+    return store::scene_depth_range(
+        take, settings.depths, "matching colours",
+        "Give the nearest and the farthest depth, or the depth of the focal "
+        "plane, in metres in front of the array");
   } catch (const Error& error) {
     throw error.concerning({"near", "far", "focal_depth"});
   }
 }
 
-void match_scene(const ColorFromTakesSettings& settings, const RigDocument& document,
+void match_scene(const ColorFromTakesSettings& settings, const schemas::RigDocument& document,
                  const std::filesystem::path& rig_file, ColorFromTakes& found,
                  const std::function<void(double)>& progress, const std::stop_token& stop) {
-  const Take take(settings.scene);
+  const store::Take take(settings.scene);
   check_frame_sizes(take, document);
-  if (!is_calibrated(document)) {
+  if (!schemas::is_calibrated(document)) {
     throw Error::bad_input("the rig has no camera poses", rig_file.string(),
                            "Calibrate its geometry first (raystage calibrate geometry)");
   }
   found.cameras = camera_ids(take);
   found.reference = reference_index(settings.reference, found.cameras);
-  const Rig rig = rig_from_document(reordered_rig(found.cameras, document, rig_file));
+  const rig::Rig rig = rig::rig_from_document(reordered_rig(found.cameras, document, rig_file));
   PatchSearchSettings search;
   search.depths = search_depths(settings, take);
   const std::vector<ScenePatch> patches = find_scene_patches(take, rig, search, progress, stop);
@@ -229,7 +229,8 @@ bool ColorFromTakes::is_accepted() const {
   return std::ranges::all_of(steps, [](const ColorMatch& step) { return step.reasons.empty(); });
 }
 
-ColorFromTakes calibrate_color(const ColorFromTakesSettings& settings, const RigDocument& rig,
+ColorFromTakes calibrate_color(const ColorFromTakesSettings& settings,
+                               const schemas::RigDocument& rig,
                                const std::filesystem::path& rig_file,
                                const std::function<void(double)>& progress,
                                const std::stop_token& stop) {
@@ -247,18 +248,18 @@ ColorFromTakes calibrate_color(const ColorFromTakesSettings& settings, const Rig
   return found;
 }
 
-RigDocument with_color_responses(RigDocument rig, const std::filesystem::path& rig_file,
-                                 const ColorFromTakes& found) {
-  for (RigDocument::Camera& camera : rig.cameras) {
+schemas::RigDocument with_color_responses(schemas::RigDocument rig,
+                                          const std::filesystem::path& rig_file,
+                                          const ColorFromTakes& found) {
+  for (schemas::RigDocument::Camera& camera : rig.cameras) {
     const auto same = std::ranges::find(found.cameras, camera.geometry.id);
     if (same == found.cameras.end()) {
       throw Error::bad_input("the takes have no camera \"" + camera.geometry.id + "\"",
                              rig_file.string(), "Give the rig of the same cameras");
     }
-    camera.photometric =
-        found.steps.back().responses[static_cast<std::size_t>(same - found.cameras.begin())];
+    camera.photometric = found.steps.back().responses[same - found.cameras.begin()];
   }
   return rig;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -8,7 +8,7 @@
 #include "simulate/simulate.h"
 #include "testing/test_folder.h"
 
-namespace raystage::color_from_takes_test {
+namespace raystage::calibrate::color_from_takes_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -19,7 +19,7 @@ void no_progress(double) {}
 class ColorFromTakesTest : public ::testing::Test {
  protected:
   std::filesystem::path take(const std::string& scene, int columns = 2) {
-    SimulationSettings settings;
+    simulate::SimulationSettings settings;
     settings.scene = scene;
     settings.rows = 1;
     settings.columns = columns;
@@ -30,13 +30,13 @@ class ColorFromTakesTest : public ::testing::Test {
     settings.startup_loss_s = 0;
     settings.photometric_deviation = 0.1;
     const std::filesystem::path path = folder_.path() / (scene + std::to_string(columns));
-    if (!std::filesystem::exists(path)) simulate(settings, path, "test");
+    if (!std::filesystem::exists(path)) simulate::simulate(settings, path, "test");
     return path;
   }
 
   Error error_for(const ColorFromTakesSettings& settings, const std::filesystem::path& rig_file) {
     try {
-      calibrate_color(settings, read_rig(rig_file), rig_file, no_progress, {});
+      calibrate_color(settings, schemas::read_rig(rig_file), rig_file, no_progress, {});
     } catch (const Error& error) {
       return error;
     }
@@ -45,7 +45,7 @@ class ColorFromTakesTest : public ::testing::Test {
   }
 
  private:
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 TEST_F(ColorFromTakesTest, TargetsGiveEachCameraOfTheRigItsResponse) {
@@ -53,16 +53,16 @@ TEST_F(ColorFromTakesTest, TargetsGiveEachCameraOfTheRigItsResponse) {
   settings.targets = {take("white"), take("grey"), take("black")};
   settings.reference = "r0c1";
   const std::filesystem::path rig_file = take("white") / "rig.json";
-  const RigDocument rig = read_rig(rig_file);
+  const schemas::RigDocument rig = schemas::read_rig(rig_file);
   const ColorFromTakes found = calibrate_color(settings, rig, rig_file, no_progress, {});
   EXPECT_EQ(found.reference_id(), "r0c1");
   ASSERT_EQ(found.steps.size(), 1U);
   EXPECT_TRUE(found.is_accepted());
-  const RigDocument corrected = with_color_responses(rig, rig_file, found);
-  EXPECT_EQ(corrected.cameras[1].photometric.contrast, (Rgb{1, 1, 1})) << "the reference";
-  EXPECT_NE(corrected.cameras[0].photometric.contrast, (Rgb{1, 1, 1}));
+  const schemas::RigDocument corrected = with_color_responses(rig, rig_file, found);
+  EXPECT_EQ(corrected.cameras[1].photometric.contrast, (schemas::Rgb{1, 1, 1})) << "the reference";
+  EXPECT_NE(corrected.cameras[0].photometric.contrast, (schemas::Rgb{1, 1, 1}));
   EXPECT_EQ(corrected.cameras[0].photometric.contrast, found.steps[0].responses[0].contrast);
-  RigDocument larger = rig;
+  schemas::RigDocument larger = rig;
   larger.cameras.push_back(rig.cameras[0]);
   larger.cameras.back().geometry.id = "spare";
   EXPECT_THROW(with_color_responses(larger, rig_file, found), Error);
@@ -94,4 +94,4 @@ TEST_F(ColorFromTakesTest, ScenesNeedDepthsThatContainSomething) {
 }
 
 }  // namespace
-}  // namespace raystage::color_from_takes_test
+}  // namespace raystage::calibrate::color_from_takes_test

@@ -10,9 +10,9 @@
 #include "calibrate/detect/board_detection.h"
 #include "store/timeline.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
-RecordedTracks record_light_tracks(const Take& take, const LightDetectionSettings& settings,
+RecordedTracks record_light_tracks(const store::Take& take, const LightDetectionSettings& settings,
                                    const std::function<void(double)>& progress,
                                    const std::stop_token& stop) {
   const auto times = synchronised_frame_times(take);
@@ -20,7 +20,7 @@ RecordedTracks record_light_tracks(const Take& take, const LightDetectionSetting
           median_frame_period(times)};
 }
 
-RecordedTracks record_board_tracks(const Take& take, const BoardDetector& detector,
+RecordedTracks record_board_tracks(const store::Take& take, const BoardDetector& detector,
                                    const std::function<void(double)>& progress,
                                    const std::stop_token& stop) {
   const auto times = synchronised_frame_times(take);
@@ -40,30 +40,29 @@ TrackCalibrationSettings board_calibration_settings(const Board& board,
   return settings;
 }
 
-Detections match_scene_features(const Take& take, std::optional<Nanoseconds> time,
+Detections match_scene_features(const store::Take& take, std::optional<Nanoseconds> time,
                                 const FeatureMatchingSettings& settings,
                                 const std::function<void(double)>& progress,
                                 const std::stop_token& stop) {
-  const TimeRange all = running_range(synchronised_frame_times(take));
+  const store::TimeRange all = store::running_range(synchronised_frame_times(take));
   return match_features(take, time.value_or(std::midpoint(all.begin, all.end)),
-                        default_frame_tolerance(take.document().nominal_fps), settings, progress,
-                        stop);
+                        store::default_frame_tolerance(take.document().nominal_fps), settings,
+                        progress, stop);
 }
 
-std::vector<Intrinsics> initial_lenses(const RigDocument& rig,
-                                       const std::filesystem::path& rig_file,
-                                       const std::vector<DetectionsDocument::Camera>& cameras) {
-  std::vector<Intrinsics> lenses;
-  for (const DetectionsDocument::Camera& camera : cameras) {
-    const auto own = std::ranges::find_if(
-        rig.cameras, [&](const auto& known) { return known.geometry.id == camera.id; });
-    if (own == rig.cameras.end() && rig.cameras.size() != 1) {
+std::vector<schemas::Intrinsics> initial_lenses(
+    const schemas::RigDocument& rig, const std::filesystem::path& rig_file,
+    const std::vector<schemas::DetectionsDocument::Camera>& cameras) {
+  std::vector<schemas::Intrinsics> lenses;
+  for (const schemas::DetectionsDocument::Camera& camera : cameras) {
+    const schemas::RigDocument::Camera* own = rig.find(camera.id);
+    if (own == nullptr && rig.cameras.size() != 1) {
       throw Error::bad_input(
           "there is no lens for camera \"" + camera.id + "\"", rig_file.string(),
           "Give a rig with all cameras, or with one camera whose lens is used for all");
     }
-    const CameraGeometry& geometry =
-        own == rig.cameras.end() ? rig.cameras.front().geometry : own->geometry;
+    const schemas::CameraGeometry& geometry =
+        own == nullptr ? rig.cameras.front().geometry : own->geometry;
     if (geometry.width != camera.width || geometry.height != camera.height) {
       throw Error::bad_input(
           fmt::format("the lens is for pictures of {}x{}, camera \"{}\" has {}x{}", geometry.width,
@@ -76,7 +75,7 @@ std::vector<Intrinsics> initial_lenses(const RigDocument& rig,
 }
 
 void check_calibration_settings(const CalibrationSettings& settings,
-                                const std::vector<DetectionsDocument::Camera>& cameras) {
+                                const std::vector<schemas::DetectionsDocument::Camera>& cameras) {
   if (settings.solve.lens_is_known && settings.solve.lenses.empty() && !settings.start) {
     throw Error::bad_input("the lens is to be held, but no lens is given",
                            "the calibration settings",
@@ -88,11 +87,12 @@ void check_calibration_settings(const CalibrationSettings& settings,
     named.insert(named.end(), {settings.scale.distance->from, settings.scale.distance->to});
   }
   for (const std::string& id : named) {
-    if (std::ranges::find(cameras, id, &DetectionsDocument::Camera::id) != cameras.end()) continue;
+    if (std::ranges::find(cameras, id, &schemas::DetectionsDocument::Camera::id) != cameras.end())
+      continue;
     throw Error::bad_input("there is no camera \"" + id + "\"", "the calibration settings",
                            "Name cameras that are calibrated")
         .concerning({"fix", "distance"});
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -14,16 +14,16 @@
 #include "schemas/rig_document.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Returns the tracks of a small light in a take, in synchronised time. Errors and progress as
 /// track_light().
-RecordedTracks record_light_tracks(const Take& take, const LightDetectionSettings& settings,
+RecordedTracks record_light_tracks(const store::Take& take, const LightDetectionSettings& settings,
                                    const std::function<void(double)>& progress,
                                    const std::stop_token& stop);
 
 /// Returns the tracks of the corners of a board in a take. Errors and progress as track_light().
-RecordedTracks record_board_tracks(const Take& take, const BoardDetector& detector,
+RecordedTracks record_board_tracks(const store::Take& take, const BoardDetector& detector,
                                    const std::function<void(double)>& progress,
                                    const std::stop_token& stop);
 
@@ -35,7 +35,7 @@ TrackCalibrationSettings board_calibration_settings(const Board& board,
 
 /// Returns points of the scene itself (match_features()) from the frames at `time`; by default at
 /// the middle of the time in which all cameras ran.
-Detections match_scene_features(const Take& take, std::optional<Nanoseconds> time,
+Detections match_scene_features(const store::Take& take, std::optional<Nanoseconds> time,
                                 const FeatureMatchingSettings& settings,
                                 const std::function<void(double)>& progress,
                                 const std::stop_token& stop);
@@ -43,13 +43,13 @@ Detections match_scene_features(const Take& take, std::optional<Nanoseconds> tim
 /// Returns initial intrinsics for each camera: those of `rig` by id, or of its only camera for all.
 /// `rig_file` names it in errors. Throws Error (bad input) for a camera without a lens and for
 /// another frame size.
-std::vector<Intrinsics> initial_lenses(const RigDocument& rig,
-                                       const std::filesystem::path& rig_file,
-                                       const std::vector<DetectionsDocument::Camera>& cameras);
+std::vector<schemas::Intrinsics> initial_lenses(
+    const schemas::RigDocument& rig, const std::filesystem::path& rig_file,
+    const std::vector<schemas::DetectionsDocument::Camera>& cameras);
 
 /// Throws Error (bad input) if lenses are fixed and unknown, or if a fixed camera or a camera of
 /// the measured distance is not in `cameras`.
 void check_calibration_settings(const CalibrationSettings& settings,
-                                const std::vector<DetectionsDocument::Camera>& cameras);
+                                const std::vector<schemas::DetectionsDocument::Camera>& cameras);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -6,18 +6,18 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-const std::vector<DetectionsDocument::Camera> kCameras{{"a", 640, 480}, {"b", 640, 480}};
+const std::vector<schemas::DetectionsDocument::Camera> kCameras{{"a", 640, 480}, {"b", 640, 480}};
 
-RigDocument lens_document(const std::vector<std::string>& ids, int width = 640) {
-  RigDocument rig;
+schemas::RigDocument lens_document(const std::vector<std::string>& ids, int width = 640) {
+  schemas::RigDocument rig;
   for (const std::string& id : ids) {
-    RigDocument::Camera& camera = rig.cameras.emplace_back();
+    schemas::RigDocument::Camera& camera = rig.cameras.emplace_back();
     camera.geometry.id = id;
     camera.geometry.width = width;
     camera.geometry.height = 480;
@@ -90,4 +90,4 @@ TEST(BoardCalibrationSettings, UseAllCornersOfStillInstants) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -8,10 +8,10 @@
 #include "base/error.h"
 #include "calibrate/detect/board_detection.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
-std::vector<int> selected_cameras(const Take& take, const std::vector<std::string>& ids) {
+std::vector<int> selected_cameras(const store::Take& take, const std::vector<std::string>& ids) {
   std::vector<int> cameras;
   for (const std::string& id : ids) {
     cameras.push_back(take.camera_index(id));
@@ -42,14 +42,14 @@ std::vector<std::string> prior_group(const std::vector<CameraBoardViews>& select
 
 }  // namespace
 
-std::vector<CameraLens> calibrate_lenses(const Take& take, const BoardDetector& detector,
+std::vector<CameraLens> calibrate_lenses(const store::Take& take, const BoardDetector& detector,
                                          const LensesFromTakeSettings& settings,
                                          const std::function<void(double)>& progress,
                                          const std::stop_token& stop) {
   const std::vector<int> cameras = selected_cameras(take, settings.cameras);
   std::vector<CameraBoardViews> selected;
   for (const int index : cameras) {
-    const Rig::Camera& camera = take.rig().cameras[static_cast<std::size_t>(index)];
+    const rig::Rig::Camera& camera = take.rig().cameras[index];
     selected.push_back({camera.id, camera.model.width(), camera.model.height(), {}});
   }
   const std::vector<std::string> group = prior_group(selected, settings.shared_prior);
@@ -89,11 +89,11 @@ bool are_accepted(const std::vector<CameraLens>& lenses) {
       lenses, [](const CameraLens& lens) { return lens.calibration.reasons.empty(); });
 }
 
-RigDocument make_lens_document(const std::vector<CameraLens>& lenses) {
-  RigDocument document;
-  document.name = kUncalibratedRigName;
+schemas::RigDocument make_lens_document(const std::vector<CameraLens>& lenses) {
+  schemas::RigDocument document;
+  document.name = schemas::kUncalibratedRigName;
   for (const CameraLens& lens : lenses) {
-    RigDocument::Camera& camera = document.cameras.emplace_back();
+    schemas::RigDocument::Camera& camera = document.cameras.emplace_back();
     camera.geometry.id = lens.id;
     camera.geometry.width = lens.width;
     camera.geometry.height = lens.height;
@@ -120,4 +120,4 @@ std::string format_lens(const CameraLens& lens) {
   return text;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

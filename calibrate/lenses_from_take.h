@@ -11,7 +11,7 @@
 #include "schemas/rig_document.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 struct LensesFromTakeSettings {
   std::vector<std::string> cameras;       ///< ids; empty: all of the take
@@ -31,7 +31,7 @@ struct CameraLens {
 /// `shared_prior` share a prior (calibrate_lenses_with_shared_prior()). Returns one lens for each
 /// camera of `settings`. Calls `progress` with the share that is done, in [0, 1]. Throws Error
 /// (bad input) for unknown cameras, (failed) if a stop is requested.
-std::vector<CameraLens> calibrate_lenses(const Take& take, const BoardDetector& detector,
+std::vector<CameraLens> calibrate_lenses(const store::Take& take, const BoardDetector& detector,
                                          const LensesFromTakeSettings& settings,
                                          const std::function<void(double)>& progress,
                                          const std::stop_token& stop);
@@ -40,9 +40,9 @@ std::vector<CameraLens> calibrate_lenses(const Take& take, const BoardDetector& 
 bool are_accepted(const std::vector<CameraLens>& lenses);
 
 /// Returns the lenses as a rig without poses, for initial_lenses().
-RigDocument make_lens_document(const std::vector<CameraLens>& lenses);
+schemas::RigDocument make_lens_document(const std::vector<CameraLens>& lenses);
 
 /// Returns residuals, parameters, coverage, reasons and advice as lines of text.
 std::string format_lens(const CameraLens& lens);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -8,7 +8,7 @@
 #include "simulate/simulate.h"
 #include "testing/test_folder.h"
 
-namespace raystage::lenses_from_take_test {
+namespace raystage::calibrate::lenses_from_take_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -22,7 +22,7 @@ Board chessboard() {
 }
 
 /// Returns the message of the error that calibrating this take throws.
-std::string error_for(const Take& take, const LensesFromTakeSettings& settings) {
+std::string error_for(const store::Take& take, const LensesFromTakeSettings& settings) {
   try {
     calibrate_lenses(take, BoardDetector(chessboard()), settings, [](double) {}, {});
   } catch (const Error& error) {
@@ -32,8 +32,8 @@ std::string error_for(const Take& take, const LensesFromTakeSettings& settings) 
 }
 
 TEST(LensesFromTake, NameUnknownCamerasAndTakesWithoutABoard) {
-  const TestFolder folder;
-  SimulationSettings simulation;
+  const testing::TestFolder folder;
+  simulate::SimulationSettings simulation;
   simulation.scene = "white";
   simulation.rows = 1;
   simulation.columns = 2;
@@ -42,8 +42,8 @@ TEST(LensesFromTake, NameUnknownCamerasAndTakesWithoutABoard) {
   simulation.fps = 4;
   simulation.seconds = 1;
   simulation.startup_loss_s = 0;
-  simulate(simulation, folder.path() / "take", "test");
-  const Take take(folder.path() / "take");
+  simulate::simulate(simulation, folder.path() / "take", "test");
+  const store::Take take(folder.path() / "take");
   const std::string first = take.document().cameras[0].id;
   LensesFromTakeSettings settings;
   settings.cameras = {"nobody"};
@@ -65,8 +65,8 @@ TEST(LensesFromTake, BecomeARigWithoutPosesAndLinesOfText) {
   bad.calibration.reasons = {"too few tilts"};
   EXPECT_TRUE(are_accepted({good}));
   EXPECT_FALSE(are_accepted({good, bad}));
-  const RigDocument document = make_lens_document({good, bad});
-  EXPECT_FALSE(is_calibrated(document));
+  const schemas::RigDocument document = make_lens_document({good, bad});
+  EXPECT_FALSE(schemas::is_calibrated(document));
   ASSERT_EQ(document.cameras.size(), 2U);
   EXPECT_EQ(document.cameras[1].geometry.id, "b");
   EXPECT_EQ(document.cameras[1].geometry.intrinsics.fy, 621);
@@ -75,4 +75,4 @@ TEST(LensesFromTake, BecomeARigWithoutPosesAndLinesOfText) {
 }
 
 }  // namespace
-}  // namespace raystage::lenses_from_take_test
+}  // namespace raystage::calibrate::lenses_from_take_test

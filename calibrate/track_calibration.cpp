@@ -10,7 +10,9 @@
 #include <algorithm>
 #include <cmath>
 
-namespace raystage {
+#include "calibrate/geometry/median.h"
+
+namespace raystage::calibrate {
 namespace {
 
 using Eigen::Vector2d;
@@ -38,19 +40,19 @@ std::vector<std::vector<Lag>> lags_of(const ArrayModel& model, const Interpolate
                                       const PointTracks& tracks) {
   constexpr double kMostOff = 30;     // pixels; larger errors are another light
   constexpr double kLeastSpeed = 10;  // pixels per second
-  const std::vector<CameraModel> lenses = make_camera_models(model);
+  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
   std::vector<std::vector<Lag>> lags(tracks.size());
   for (const ArrayModel::Observation& o : model.observations) {
     const auto off = reprojection_residual(model, lenses, o);
     if (!off || !(off->norm() <= kMostOff)) continue;
-    const auto c = static_cast<std::size_t>(o.camera);
-    const int number = model.point_ids[static_cast<std::size_t>(o.point)];
+    const int number = model.point_ids[o.point];
     const auto target = static_cast<std::size_t>(number % points.targets);
-    const auto speed = track_velocity(
-        tracks[c][target], points.begin + number / points.targets * points.period, points.period);
+    const auto speed =
+        track_velocity(tracks[o.camera][target],
+                       points.begin + number / points.targets * points.period, points.period);
     if (!speed || !(speed->norm() >= kLeastSpeed)) continue;
     const double weight = speed->squaredNorm();
-    lags[c].push_back({-speed->dot(*off) / weight, weight});
+    lags[o.camera].push_back({-speed->dot(*off) / weight, weight});
   }
   return lags;
 }
@@ -93,10 +95,7 @@ double median_speed(const PointTracks& tracks) {
                        static_cast<double>(after.time - before.time));
     }
   }
-  if (speeds.empty()) return 0;
-  const auto middle = speeds.begin() + static_cast<std::ptrdiff_t>(speeds.size() / 2);
-  std::ranges::nth_element(speeds, middle);
-  return *middle;
+  return speeds.empty() ? 0 : median(std::move(speeds));
 }
 
 /// Returns settings that start from the poses and lenses of a calibration.
@@ -145,14 +144,13 @@ TrackCalibration calibrate_from_tracks(const RecordedTracks& light,
 }
 
 std::string format_clock_offsets(const TrackCalibration& found,
-                                 const std::vector<DetectionsDocument::Camera>& cameras) {
+                                 const std::vector<schemas::DetectionsDocument::Camera>& cameras) {
   const auto most = std::ranges::max_element(found.clock_offsets, {},
                                              [](Nanoseconds offset) { return std::abs(offset); });
   if (most == found.clock_offsets.end()) return {};
   return fmt::format(
       "Clocks     set from the motion of the light; largest offset: {} by {:.2f} ms\n",
-      cameras[static_cast<std::size_t>(most - found.clock_offsets.begin())].id,
-      static_cast<double>(*most) / kNsPerMs);
+      cameras[most - found.clock_offsets.begin()].id, static_cast<double>(*most) / kNsPerMs);
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -7,12 +7,12 @@
 #include "calibrate/detect/track_interpolation.h"
 #include "calibrate/geometry/calibration.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Tracks of a light or of board corners in a take.
 struct RecordedTracks {
   PointTracks tracks;
-  std::vector<DetectionsDocument::Camera> cameras;
+  std::vector<schemas::DetectionsDocument::Camera> cameras;
   Nanoseconds period = 0;  ///< between frames
 };
 
@@ -39,6 +39,6 @@ TrackCalibration calibrate_from_tracks(const RecordedTracks& light,
 
 /// Returns a line about the largest clock offset, for example "Clocks     set by up to 4.3 ms".
 std::string format_clock_offsets(const TrackCalibration& found,
-                                 const std::vector<DetectionsDocument::Camera>& cameras);
+                                 const std::vector<schemas::DetectionsDocument::Camera>& cameras);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -10,7 +10,7 @@
 
 #include "testing/calibrate/test_synthetic_array.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using Eigen::Vector2d;
@@ -25,7 +25,7 @@ Vector3d light_at(double seconds) {
 
 struct Recording {
   RecordedTracks light;
-  std::vector<Pose> poses;
+  std::vector<rig::Pose> poses;
   std::vector<double> clock_ms;  // ahead
 };
 
@@ -35,11 +35,12 @@ Recording recorded(double most_clock_ms, double noise_px) {
   std::normal_distribution<double> normal;
   Recording recording;
   recording.poses =
-      make_synthetic_array({.rows = 3, .columns = 3, .mounting_deg = 8, .points = 1}).poses;
+      testing::make_synthetic_array({.rows = 3, .columns = 3, .mounting_deg = 8, .points = 1})
+          .poses;
   recording.light.period = kPeriod;
   for (std::size_t c = 0; c < recording.poses.size(); ++c) {
     const std::string id = fmt::format("c{}", c);
-    const CameraModel lens({id, 640, 480, {530, 530, 322, 238, {}}, {}, {}, {}});
+    const rig::CameraModel lens({id, 640, 480, {530, 530, 322, 238, {}}, {}, {}, {}});
     const double clock = most_clock_ms * share(random), phase = 50 * (1 + share(random));
     PointTrack track;
     for (int i = 0; i < 150; ++i) {
@@ -64,7 +65,7 @@ TrackCalibration calibrated(const Recording& recording, bool estimates_clock_off
   TrackCalibrationSettings settings;
   settings.estimates_clock_offsets = estimates_clock_offsets;
   settings.calibration.scale.spacing_m = 0.06;
-  settings.calibration.solve.horizontal_fov = 60 * kTestDegree;
+  settings.calibration.solve.horizontal_fov = 60 * testing::kTestDegree;
   return calibrate_from_tracks(recording.light, settings);
 }
 
@@ -76,9 +77,8 @@ TEST(InterpolatedTracks, AreAtCommonTimes) {
   double worst = 0;
   for (const Detections::Detection& d : points.detections.detections) {
     const double seconds = 1e-9 * static_cast<double>(points.begin + d.point * kPeriod);
-    const CameraModel lens({"c", 640, 480, {530, 530, 322, 238, {}}, {}, {}, {}});
-    const auto there = lens.project(
-        recording.poses[static_cast<std::size_t>(d.camera)].camera_from_world(light_at(seconds)));
+    const rig::CameraModel lens({"c", 640, 480, {530, 530, 322, 238, {}}, {}, {}, {}});
+    const auto there = lens.project(recording.poses[d.camera].camera_from_world(light_at(seconds)));
     ASSERT_TRUE(there);
     worst = std::max(worst, (d.pixel - *there).norm());
   }
@@ -129,12 +129,12 @@ TEST(LightCalibrations, SetTheClocksToo) {
                 0.1)
         << c;
   }
-  const PoseErrors errors = pose_errors(found.calibration.model, recording.poses);
+  const testing::PoseErrors errors = testing::pose_errors(found.calibration.model, recording.poses);
   EXPECT_LE(errors.metres, 0.001);
   EXPECT_LE(errors.degrees, 0.05);
   EXPECT_LE(rms_reprojection_error(found.calibration.model), 0.2);
   EXPECT_TRUE(found.calibration.verdict.is_accepted())
-      << testing::PrintToString(found.calibration.verdict.reasons);
+      << ::testing::PrintToString(found.calibration.verdict.reasons);
 }
 
 TEST(LightCalibrations, WithWrongClocksAreNotVouchedFor) {
@@ -144,4 +144,4 @@ TEST(LightCalibrations, WithWrongClocksAreNotVouchedFor) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

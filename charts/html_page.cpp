@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-namespace raystage {
+namespace raystage::charts {
 namespace {
 
 // The policy allows only inline scripts and embedded pictures.
@@ -93,4 +93,4 @@ std::string html_section(std::string_view heading, std::string_view explanation,
                      explanation, content);
 }
 
-}  // namespace raystage
+}  // namespace raystage::charts

@@ -9,12 +9,12 @@
 
 #include "charts/html_page.h"
 
-namespace raystage {
+namespace raystage::charts {
 namespace {
 
 constexpr int kWidth = 1040, kHeight = 300, kLeft = 70, kRight = 18, kTop = 16;
 
-// Returns 1, 2 or 5 times a power of ten, so that about `count` steps cover the range.
+// Returns a step of 1, 2 or 5 times a power of ten; about `count` steps cover the range.
 double tick_step(double range, int count) {
   const double raw = range / count;
   const double power = std::pow(10, std::floor(std::log10(raw)));
@@ -28,7 +28,7 @@ int digits(double step) {
   return std::max(0, static_cast<int>(std::ceil(-std::log10(step) - 1e-9)));
 }
 
-/// A rectangle of the chart, pixels.
+/// A rectangle of the chart in pixels.
 struct Box {
   double left, top, right, bottom;
   bool meets(const Box& other) const {
@@ -105,8 +105,8 @@ void SvgChart::x_label(double x, std::string_view label, bool turned) {
 void SvgChart::dot(Dot dot) { dots_.push_back(std::move(dot)); }
 
 std::string SvgChart::dots() const {
-  // Names go to the right of their dots, or to the first free position around them. Names that must
-  // be shown are placed first.
+  // A name goes to the right of its dot, or to the first free position around it. Names that are
+  // always shown are placed first.
   constexpr double kRadius = 6, kLetter = 6.7, kLine = 14;
   std::vector<Box> taken;
   for (const Dot& dot : dots_) {
@@ -202,4 +202,4 @@ std::string SvgChart::str() const {
   return svg + "\n</svg>\n";
 }
 
-}  // namespace raystage
+}  // namespace raystage::charts

@@ -6,9 +6,9 @@
 #include <string_view>
 #include <vector>
 
-namespace raystage {
+namespace raystage::charts {
 
-/// One chart as inline SVG; the page's style sheet sets colours and fonts by class.
+/// A chart as inline SVG; the page's style sheet sets colours and fonts by class.
 class SvgChart {
  public:
   struct Axis {
@@ -23,10 +23,9 @@ class SvgChart {
   struct Point {
     double x, y;
   };
-  /// Adds a polyline, in the axes' units.
+  /// Adds a polyline in the axes' units.
   void line(std::span<const Point> points, std::string_view css_class);
-  /// A dot with its name next to it: always if `named`, otherwise only if there is space. `title`
-  /// is the tooltip.
+  /// A dot with tooltip `title`. Its name is next to it if there is space, always if `named`.
   struct Dot {
     double x = 0, y = 0;
     std::string css_class, name, title;
@@ -36,7 +35,7 @@ class SvgChart {
   /// Adds a bar from (x0, y0) to (x1, y1) in the axes' units.
   void bar(double x0, double x1, double y0, double y1, std::string_view css_class,
            std::string_view title = "");
-  /// Adds a labelled line across the chart.
+  /// Add a labelled line across the chart.
   void horizontal(double y, std::string_view label);
   void vertical(double x, std::string_view label);
   /// Adds a label below the x axis, rotated if `turned` (for many labels).
@@ -57,4 +56,4 @@ class SvgChart {
   int below_ = 46;  ///< pixels below the axis
 };
 
-}  // namespace raystage
+}  // namespace raystage::charts

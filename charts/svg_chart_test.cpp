@@ -9,11 +9,11 @@
 
 #include "charts/html_page.h"
 
-namespace raystage {
+namespace raystage::charts {
 namespace {
 
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::HasSubstr;
+using ::testing::Not;
 
 TEST(SvgChart, MarksWhatItIsGiven) {
   SvgChart chart("a \"chart\"", {0, 10, "x", true}, {0, 0.2, "y", true});
@@ -25,7 +25,7 @@ TEST(SvgChart, MarksWhatItIsGiven) {
   EXPECT_THAT(svg, HasSubstr(">10<"));
 }
 
-/// Where the circles stand, in the order drawn.
+/// Returns the x of the circles in the order in which they are drawn.
 std::vector<double> circle_places(const std::string& svg) {
   std::vector<double> places;
   const std::regex circle("cx=\"([0-9.]+)\"");
@@ -68,4 +68,4 @@ TEST(HtmlPage, LoadsNothing) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::charts

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <charconv>
 #include <string>
 
 #include "base/error.h"
 #include "calibrate/detect/board.h"
+#include "cli/command_line.h"
 
-namespace raystage {
+namespace raystage::cli {
 
 /// Options that describe a calibration board.
 struct BoardOptions {
@@ -18,34 +18,28 @@ struct BoardOptions {
   bool inverted = false;
 };
 
-inline void add_board_options(CLI::App& app, BoardOptions& o) {
-  const char* group = "Board";
-  auto* board = app.add_option("--board", o.squares,
-                               "Number of all squares of the board, across and down, e.g. 10x7")
-                    ->type_name("COLUMNSxROWS")
-                    ->group(group);
-  app.add_option("--square-mm", o.square_mm, "Side of a square, millimetres")
-      ->check(CLI::Range(0.1, 1e5).description(""))
-      ->needs(board)
-      ->group(group);
-  app.add_option("--charuco", o.dictionary,
-                 "The board has markers (ChArUco) of this dictionary: 4x4_50, 4x4_250, 4x4_1000, "
-                 "5x5_100, 6x6_250, 7x7_250, april_36h11 ... (default: a plain checkerboard)")
-      ->type_name("DICTIONARY")
-      ->needs(board)
-      ->group(group);
-  app.add_option("--marker", o.marker, "Side of a ChArUco marker relative to its square, 0-1")
-      ->capture_default_str()
-      ->needs(board)
-      ->group(group);
-  app.add_flag("--inverted", o.inverted, "Black and white are exchanged on the board")
-      ->needs(board)
-      ->group(group);
+inline void add_board_options(CommandLine& command, BoardOptions& o, bool is_required) {
+  CommandLine board = command.group("Board");
+  board.option("--board COLUMNSxROWS", o.squares, "Squares of the board across and down, e.g. 10x7")
+      .required(is_required);
+  board.option("--square-mm", o.square_mm, "Side of a square, millimetres")
+      .limits(0.1, 1e5)
+      .needs("--board")
+      .required(is_required);
+  board
+      .option("--charuco DICTIONARY", o.dictionary,
+              "The board has markers (ChArUco) of this dictionary: 4x4_50, 4x4_250, 4x4_1000, "
+              "5x5_100, 6x6_250, 7x7_250, april_36h11 ... (default: a plain checkerboard)")
+      .needs("--board");
+  board.option("--marker", o.marker, "Side of a ChArUco marker relative to its square, 0-1")
+      .show_default()
+      .needs("--board");
+  board.flag("--inverted", o.inverted, "The board has black and white exchanged").needs("--board");
 }
 
 /// Throws Error (bad input) for an invalid board; see check_board().
-inline Board make_board(const BoardOptions& options, bool unique_corners) {
-  Board board;
+inline calibrate::Board make_board(const BoardOptions& options, bool unique_corners) {
+  calibrate::Board board;
   const std::string& text = options.squares;
   const std::size_t cross = text.find('x');
   const char* end = text.data() + text.size();
@@ -58,14 +52,14 @@ inline Board make_board(const BoardOptions& options, bool unique_corners) {
   }
   if (!is_read) {
     throw Error::bad_input("found \"" + text + "\", allowed: COLUMNSxROWS, e.g. 10x7", "--board",
-                           "State the number of all squares, across and down");
+                           "Use the number of squares across and down");
   }
   board.square = options.square_mm / 1000;
   board.dictionary = options.dictionary;
   board.marker = options.marker;
   board.inverted = options.inverted;
-  check_board(board, unique_corners);
+  calibrate::check_board(board, unique_corners);
   return board;
 }
 
-}  // namespace raystage
+}  // namespace raystage::cli

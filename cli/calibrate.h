@@ -2,22 +2,13 @@
 // The parts of `raystage calibrate`.
 #pragma once
 
-#include <CLI/CLI.hpp>
+#include "cli/command_line_parsing.h"
 
-#include "cli/command.h"
+namespace raystage::cli {
 
-namespace raystage {
+Subcommand declare_calibrate_lens(CommandLine& calibrate);
+Subcommand declare_calibrate_geometry(CommandLine& calibrate);
+Subcommand declare_calibrate_color(CommandLine& calibrate);
+Subcommand declare_calibrate_compare(CommandLine& calibrate);
 
-/// A subcommand of `raystage calibrate` with its options and body. The body refers to options,
-/// which must outlive it.
-struct CalibrateCommand {
-  CLI::App* app = nullptr;
-  CommandBody body;
-};
-
-CalibrateCommand declare_calibrate_lens(CLI::App& calibrate);
-CalibrateCommand declare_calibrate_geometry(CLI::App& calibrate);
-CalibrateCommand declare_calibrate_color(CLI::App& calibrate);
-CalibrateCommand declare_calibrate_compare(CLI::App& calibrate);
-
-}  // namespace raystage
+}  // namespace raystage::cli

@@ -14,16 +14,16 @@
 #include "schemas/rig_document.h"
 #include "store/jpeg/encode.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
 /// Returns the take that the rig and the contact sheet come from by default.
-const std::filesystem::path& first_take(const ColorFromTakesSettings& settings) {
+const std::filesystem::path& first_take(const calibrate::ColorFromTakesSettings& settings) {
   if (!settings.targets.empty()) return settings.targets.front();
   const auto& take = settings.chart.empty() ? settings.scene : settings.chart;
   if (take.empty()) {
-    throw Error::bad_input("there is neither a target nor a scene", "calibrate color",
-                           "Give takes of targets, --chart TAKE or --scene TAKE");
+    throw Error::bad_input("no target, colour chart or scene", "calibrate color",
+                           "Add takes of targets, --chart TAKE or --scene TAKE");
   }
   return take;
 }
@@ -34,37 +34,38 @@ ExitCode run_calibrate_color(const CalibrateColorOptions& options, const std::st
   check_writable(options.output);
   if (!options.sheet.empty()) check_writable(options.sheet);
   const std::filesystem::path rig_file = options.start.empty() ? take / "rig.json" : options.start;
-  const RigDocument start = read_rig(rig_file);
+  const schemas::RigDocument start = schemas::read_rig(rig_file);
   Progress progress(!options.quiet);
-  const ColorFromTakes found = calibrate_color(
+  const calibrate::ColorFromTakes found = calibrate::calibrate_color(
       options.settings, start, rig_file, [&](double done) { progress.report(done); }, stop);
-  fmt::print("{}", options.json ? color_match_json(found.steps, found.reference_id(), found.cameras)
-                                : format_color_match(found.steps, found.reference_id()));
+  fmt::print("{}", options.json ? calibrate::color_match_json(found.steps, found.reference_id(),
+                                                              found.cameras)
+                                : calibrate::format_color_match(found.steps, found.reference_id()));
   if (!found.is_accepted() && !options.force) {
     throw Error::failed(
         "the rig was not written: the colour calibration was rejected (see \"Rejected\")",
         options.output.string(), "Use --force to write it anyway");
   }
-  const RigDocument rig = with_color_responses(start, rig_file, found);
+  const schemas::RigDocument rig = calibrate::with_color_responses(start, rig_file, found);
   std::vector<std::byte> sheet;  // before anything is written, as it may fail
   if (!options.sheet.empty()) {
-    const Take shown(options.sheet_of.empty() ? take : options.sheet_of);
-    sheet = encode_jpeg(make_color_contact_sheet(shown, rig), {});
+    const store::Take shown(options.sheet_of.empty() ? take : options.sheet_of);
+    sheet = store::encode_jpeg(calibrate::make_color_contact_sheet(shown, rig), {});
   }
   if (!sheet.empty()) write_file_atomically(options.sheet, sheet);
-  write_rig(rig, options.output);
+  schemas::write_rig(rig, options.output);
   return ExitCode::kSuccess;
 }
 
 }  // namespace
 
-CalibrateCommand declare_calibrate_color(CLI::App& calibrate) {
+Subcommand declare_calibrate_color(CommandLine& calibrate) {
   auto o = std::make_shared<CalibrateColorOptions>();
-  CLI::App* app = calibrate.add_subcommand(
+  CommandLine command = calibrate.subcommand(
       "color",
       "Estimate the colour response of every camera from flat targets, a colour chart or a scene");
-  add_calibrate_color_options(*app, *o);
-  return {app, [o](const std::stop_token& stop) { return run_calibrate_color(*o, stop); }};
+  add_calibrate_color_options(command, *o);
+  return {command, [o](const std::stop_token& stop) { return run_calibrate_color(*o, stop); }};
 }
 
-}  // namespace raystage
+}  // namespace raystage::cli

@@ -7,7 +7,7 @@
 #include "calibrate/geometry/rig_comparison.h"
 #include "cli/calibrate.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
 struct CompareOptions {
@@ -18,28 +18,28 @@ struct CompareOptions {
 
 }  // namespace
 
-CalibrateCommand declare_calibrate_compare(CLI::App& calibrate) {
+Subcommand declare_calibrate_compare(CommandLine& calibrate) {
   auto options = std::make_shared<CompareOptions>();
-  CLI::App* app = calibrate.add_subcommand(
-      "compare",
-      "How two rigs of the same cameras differ, once the second is brought over the first by a "
-      "rotation, a scale and a shift");
-  app->add_option("A", options->first, "The first rig (rig.json)")->required();
-  app->add_option("B", options->second, "The second rig (rig.json)")->required();
-  app->add_option(
-         "--nearest", options->nearest_m,
-         "Distance of the nearest points whose pixels are compared, metres; further ones "
-         "are twice and four times as far and at infinity (default: ten times the distance "
-         "from one camera to the next)")
-      ->check(CLI::Range(1e-6, 1e6).description(""));
-  app->add_flag("--json", options->json, "Print everything as JSON");
-  return {app, [options](const std::stop_token&) {
-            const RigComparison comparison = compare_rigs(
-                read_rig(options->first), read_rig(options->second), options->nearest_m);
-            fmt::print("{}", options->json ? rig_comparison_json(comparison)
-                                           : format_rig_comparison(comparison));
+  CommandLine command = calibrate.subcommand("compare",
+                                             "Compare two rigs of the same cameras after aligning "
+                                             "the second with the first by a similarity transform");
+  command.option("A", options->first, "The first rig (rig.json)").required();
+  command.option("B", options->second, "The second rig (rig.json)").required();
+  command
+      .option("--nearest", options->nearest_m,
+              "Distance of the nearest points whose pixels are compared, metres; the others are at "
+              "two and four times this distance and at infinity (default: ten times the distance "
+              "of adjacent cameras)")
+      .limits(1e-6, 1e6);
+  command.flag("--json", options->json, "Print the results as JSON");
+  return {command, [options](const std::stop_token&) {
+            const calibrate::RigComparison comparison =
+                calibrate::compare_rigs(schemas::read_rig(options->first),
+                                        schemas::read_rig(options->second), options->nearest_m);
+            fmt::print("{}", options->json ? calibrate::rig_comparison_json(comparison)
+                                           : calibrate::format_rig_comparison(comparison));
             return ExitCode::kSuccess;
           }};
 }
 
-}  // namespace raystage
+}  // namespace raystage::cli

@@ -12,13 +12,13 @@
 #include "cli/threads.h"
 #include "schemas/rig_document.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
 struct LensOptions {
   std::filesystem::path take, output;
   BoardOptions board;
-  LensesFromTakeSettings settings;
+  calibrate::LensesFromTakeSettings settings;
   int threads = 0;
   bool force = false, quiet = false;
 };
@@ -26,59 +26,49 @@ struct LensOptions {
 ExitCode run_calibrate_lens(const LensOptions& options, const std::stop_token& stop) {
   const ThreadLimit limit(options.threads);
   check_writable(options.output);
-  const BoardDetector detector(make_board(options.board, false));
+  const calibrate::BoardDetector detector(make_board(options.board, false));
   Progress progress(!options.quiet);
-  const std::vector<CameraLens> lenses = calibrate_lenses(
-      Take(options.take), detector, options.settings, [&](double done) { progress.report(done); },
-      stop);
-  for (const CameraLens& lens : lenses) fmt::print("{}", format_lens(lens));
-  if (!are_accepted(lenses) && !options.force) {
+  const std::vector<calibrate::CameraLens> lenses = calibrate::calibrate_lenses(
+      store::Take(options.take), detector, options.settings,
+      [&](double done) { progress.report(done); }, stop);
+  for (const calibrate::CameraLens& lens : lenses) fmt::print("{}", calibrate::format_lens(lens));
+  if (!calibrate::are_accepted(lenses) && !options.force) {
     throw Error::failed("the lens was not written: the calibration was rejected",
                         options.output.string(),
                         "Follow the advice under \"Next\", or use --force to write it anyway");
   }
-  write_rig(make_lens_document(lenses), options.output);
+  schemas::write_rig(calibrate::make_lens_document(lenses), options.output);
   return ExitCode::kSuccess;
 }
 
 }  // namespace
 
-CalibrateCommand declare_calibrate_lens(CLI::App& calibrate) {
+Subcommand declare_calibrate_lens(CommandLine& calibrate) {
   auto o = std::make_shared<LensOptions>();
-  CLI::App* app = calibrate.add_subcommand(
+  CommandLine command = calibrate.subcommand(
       "lens",
       "Estimate the lens of each camera from a checkerboard or ChArUco board (Zhang's method)");
-  app->add_option("TAKE", o->take, "The take that shows the board")->required();
-  app->add_option("-o,--output", o->output,
-                  "The lenses to write, as a rig without poses; for calibrate geometry --lens")
-      ->required()
-      ->type_name("LENS.json");
-  app->add_option("--camera", o->settings.cameras,
-                  "Cameras to calibrate (ids, comma separated; default: all of the take)")
-      ->delimiter(',')
-      ->allow_extra_args(false)
-      ->type_name("ID,...");
-  app->add_option(
-         "--shared-lens-prior", o->settings.shared_prior,
-         "Cameras of one model (ids, or: all), which share a prior: their lenses differ little "
-         "except in the principal point")
-      ->delimiter(',')
-      ->allow_extra_args(false)
-      ->type_name("ID,...");
-  add_board_options(*app, o->board);
-  app->get_option("--board")->required();
-  app->get_option("--square-mm")->required();
-  app->add_flag("--full-lens-model", o->settings.lens.full_lens_model,
-                "Also k3, tangential distortion and pixels that are not square (default: focal "
-                "length, principal point, k1, k2)");
-  app->add_option("--max-views", o->settings.max_views,
-                  "Maximum number of frames of each camera to search")
-      ->capture_default_str()
-      ->check(CLI::Range(3, 10000).description(""));
-  app->add_flag("--force", o->force, "Write the lens even if the calibration is rejected");
-  add_threads_option(*app, o->threads);
-  app->add_flag("-q,--quiet", o->quiet, "No progress on stderr");
-  return {app, [o](const std::stop_token& stop) { return run_calibrate_lens(*o, stop); }};
+  command.option("TAKE", o->take, "The take that shows the board").required();
+  command.option("-o,--output LENS.json", o->output, "Lenses to write: a rig without poses")
+      .required();
+  command.option("--camera ID,...", o->settings.cameras, "Cameras to calibrate (default: all)")
+      .one_argument(',');
+  command
+      .option("--shared-lens-prior ID,...", o->settings.shared_prior,
+              "Cameras of one model (ids, or: all), which share a prior: their lenses differ "
+              "little except in the principal point")
+      .one_argument(',');
+  add_board_options(command, o->board, true);
+  command.flag("--full-lens-model", o->settings.lens.full_lens_model,
+               "Also k3, tangential distortion and pixels that are not square (default: focal "
+               "length, principal point, k1, k2)");
+  command.option("--max-views", o->settings.max_views, "Maximum number of frames per camera")
+      .show_default()
+      .limits(3, 10000);
+  command.flag("--force", o->force, "Write the lens even if the calibration is rejected");
+  add_threads_option(command, o->threads);
+  command.flag("-q,--quiet", o->quiet, "No progress on stderr");
+  return {command, [o](const std::stop_token& stop) { return run_calibrate_lens(*o, stop); }};
 }
 
-}  // namespace raystage
+}  // namespace raystage::cli

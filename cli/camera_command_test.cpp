@@ -8,12 +8,12 @@
 #include "testing/cli/test_command.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
-struct CameraCommand : testing::Test {
+struct CameraCommand : ::testing::Test {
   CameraCommand() {
     shot.name = "push in";
     shot.width = 960;
@@ -23,49 +23,49 @@ struct CameraCommand : testing::Test {
     shot.camera.keys = {
         {.frame = 11, .position = {{0, 1, 2}}, .horizontal_fov_deg = 50, .target = {{0, 1, -3}}},
         {.frame = 14, .position = {{0, 1, 0.5}}}};
-    ShotDocument::Layer layer;
+    schemas::ShotDocument::Layer layer;
     layer.take = "take";  // need not be there
     shot.layers.push_back(layer);
   }
-  test::CommandResult run(const std::string& arguments) const {
-    write_shot(shot, folder.path() / "shot.json");
-    return test::run_raystage("camera '" + path("shot.json") + "' " + arguments);
+  testing::CommandResult run(const std::string& arguments) const {
+    schemas::write_shot(shot, folder.path() / "shot.json");
+    return testing::run_raystage("camera '" + path("shot.json") + "' " + arguments);
   }
   std::string path(const char* name) const { return (folder.path() / name).string(); }
 
-  TestFolder folder;
-  ShotDocument shot;
+  testing::TestFolder folder;
+  schemas::ShotDocument shot;
 };
 
 TEST_F(CameraCommand, WritesALineForEachFrame) {
-  const test::CommandResult result = run("-o '" + path("a.chan") + "'");
+  const testing::CommandResult result = run("-o '" + path("a.chan") + "'");
   EXPECT_EQ(result.exit_code, 0) << result.output;
   EXPECT_THAT(result.output, HasSubstr("4 frames, 11-14"));
   const std::string text = read_file(path("a.chan"));
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 4);
-  EXPECT_THAT(text, testing::StartsWith("11\t0\t1\t2\t"));
+  EXPECT_THAT(text, ::testing::StartsWith("11\t0\t1\t2\t"));
 }
 
 TEST_F(CameraCommand, WhatItWritesIsRead) {
   for (const char* name : {"a.chan", "a.gltf"}) {
     ASSERT_EQ(run("-o '" + path(name) + "'").exit_code, 0);
-    ShotDocument again = shot;
+    schemas::ShotDocument again = shot;
     again.camera = {};
-    again.camera.file = ShotDocument::CameraFile{.path = name};
-    write_shot(again, folder.path() / "again.json");
+    again.camera.file = schemas::ShotDocument::CameraFile{.path = name};
+    schemas::write_shot(again, folder.path() / "again.json");
     const std::string from = std::string("camera '") + path("again.json") + "' -o '";
-    EXPECT_EQ(test::run_raystage(from + path("b.chan") + "'").exit_code, 0);
+    EXPECT_EQ(testing::run_raystage(from + path("b.chan") + "'").exit_code, 0);
     EXPECT_THAT(read_file(path("b.chan")), HasSubstr("\n14\t0\t1\t0.5\t")) << name;
   }
 }
 
 TEST_F(CameraCommand, EyesAreThoseOfAStereoShot) {
   EXPECT_THAT(run("--eye left -o '" + path("a.chan") + "'").output, HasSubstr("is not stereo"));
-  shot.camera.stereo = ShotDocument::Stereo{.interaxial_m = 0.1, .convergence_m = 3};
-  const test::CommandResult result = run("--eye left -o '" + path("a.chan") + "'");
+  shot.camera.stereo = schemas::ShotDocument::Stereo{.interaxial_m = 0.1, .convergence_m = 3};
+  const testing::CommandResult result = run("--eye left -o '" + path("a.chan") + "'");
   EXPECT_EQ(result.exit_code, 0);
   EXPECT_THAT(result.output, HasSubstr("shifted to converge at 3 m"));
-  EXPECT_THAT(read_file(path("a.chan")), testing::StartsWith("11\t-0.05\t1\t2\t"));
+  EXPECT_THAT(read_file(path("a.chan")), ::testing::StartsWith("11\t-0.05\t1\t2\t"));
 }
 
 TEST_F(CameraCommand, RefusesOtherFilesAndBrokenCameras) {
@@ -73,10 +73,10 @@ TEST_F(CameraCommand, RefusesOtherFilesAndBrokenCameras) {
   EXPECT_FALSE(std::filesystem::exists(path("a.fbx")));
   shot.camera.keys[0].position.reset();
   shot.camera.keys[1].position.reset();
-  const test::CommandResult result = run("-o '" + path("a.chan") + "'");
+  const testing::CommandResult result = run("-o '" + path("a.chan") + "'");
   EXPECT_EQ(result.exit_code, 2);
   EXPECT_THAT(result.output, HasSubstr("the camera has no position"));
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::cli

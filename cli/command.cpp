@@ -15,11 +15,11 @@
 #include <system_error>
 #include <thread>
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
-// A signal handler may only access static data: it writes the number to a pipe, and a thread turns
-// it into a stop request.
+// A signal handler may only access static data: it writes the number to a pipe, and a thread
+// requests the stop.
 std::array<int, 2> signal_pipe{-1, -1};
 
 void on_signal(int number) {
@@ -27,7 +27,7 @@ void on_signal(int number) {
   [[maybe_unused]] const ssize_t written = write(signal_pipe[1], &byte, 1);
 }
 
-// fmt::print throws if it cannot write, which is no reason to end a render.
+// fmt::print throws if it cannot write, which must not end a render.
 void print_error(const std::string& text) { std::fputs(text.c_str(), stderr); }
 
 class SignalWatch {
@@ -157,4 +157,4 @@ void Progress::draw_bar() const {
   print_error(fmt::format("\r[{:=<{}}{: <{}}] {:3}%", "", filled, "", kWidth - filled, percent_));
 }
 
-}  // namespace raystage
+}  // namespace raystage::cli

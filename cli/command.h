@@ -10,14 +10,14 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::cli {
 
 /// Body of a command, called after parsing; SIGINT and SIGTERM request `stop`.
 using CommandBody = std::function<ExitCode(std::stop_token stop)>;
 
 /// Effect of a signal.
 enum class OnSignal {
-  kAbort,  ///< gives up: exit code 128 + the signal's number, unless all work was done nevertheless
+  kAbort,  ///< exit code 128 + the signal's number, unless all work was done
   kEnd     ///< normal end of the command: the body's exit code
 };
 
@@ -34,7 +34,7 @@ enum class ProgressStyle {
   kNone
 };
 
-/// Exit code by which render managers try again with more memory.
+/// Exit code after which render managers retry with more memory.
 inline constexpr int kOutOfMemoryCode = 33;
 
 /// Progress on stderr, flushed and never decreasing. Thread-safe.
@@ -58,4 +58,4 @@ class Progress {
   std::mutex mutex_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::cli

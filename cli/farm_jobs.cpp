@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// raystage farm status, retry, cancel, logs: what one does with a job.
+// raystage farm status, retry, cancel, logs: commands for a submitted job.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -18,7 +18,7 @@
 #include "farm/status.h"
 #include "farm/verification.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
 struct StatusOptions {
@@ -27,7 +27,7 @@ struct StatusOptions {
   double interval_s = 5;
 };
 
-/// As the job's end: 0 done or under way, 3 frames missing, 1 otherwise.
+/// Returns 0 for a job that is done or running, 3 for missing frames, otherwise 1.
 ExitCode exit_code_of(const farm::JobStatus& status) {
   switch (status.state) {
     case farm::JobState::kFailed:
@@ -69,16 +69,16 @@ ExitCode retry(const std::string& job_name, const std::string& frames,
                const std::stop_token& stop) {
   const farm::JobFolder folder = farm::find_job(job_name);
   std::optional<std::vector<int>> wanted;
-  if (!frames.empty()) wanted = parse_frame_range(frames);
-  const FarmRound round = farm::write_retry_round(folder, wanted, stop);
+  if (!frames.empty()) wanted = compose::parse_frame_range(frames);
+  const schemas::FarmRound round = farm::write_retry_round(folder, wanted, stop);
   print(fmt::format("round {}: {} tasks to render, {} to prepare\n", round.round,
                     round.render.size(), round.prepare.size()));
   std::fflush(stdout);
   switch (folder.job().engine) {
-    case FarmJobDocument::Engine::kSlurm:
+    case schemas::FarmJobDocument::Engine::kSlurm:
       farm::queue_round(folder, round);
       return ExitCode::kSuccess;
-    case FarmJobDocument::Engine::kLocal: {
+    case schemas::FarmJobDocument::Engine::kLocal: {
       Progress progress;
       farm::LocalOptions local;
       local.progress = [&](double done) { progress.report(done); };
@@ -86,7 +86,7 @@ ExitCode retry(const std::string& job_name, const std::string& frames,
       return farm::run_job_locally(folder, local, stop);
     }
     default:
-      print(fmt::format("the render manager has to run these tasks again, with --round {}\n",
+      print(fmt::format("run these tasks again in the render manager, with --round {}\n",
                         round.round));
       return ExitCode::kSuccess;
   }
@@ -94,31 +94,32 @@ ExitCode retry(const std::string& job_name, const std::string& frames,
 
 ExitCode cancel(const std::string& job_name) {
   const farm::JobFolder folder = farm::find_job(job_name);
-  const FarmJobDocument job = folder.local_job();
+  const schemas::FarmJobDocument job = folder.local_job();
   if (const auto end = folder.end()) {
-    throw Error::bad_input("the job is over: it is " + std::string(farm_end_state_name(end->state)),
-                           folder.path().string(), "Nothing is left to cancel");
+    throw Error::bad_input(
+        "the job has ended: it is " + std::string(schemas::farm_end_state_name(end->state)),
+        folder.path().string(), "Cancel only jobs that are queued or running");
   }
-  // First of all: a verification that ends now must queue nothing more.
+  // Written first, so that a verification that ends now queues nothing more.
   write_file_atomically(folder.cancel_file(), "");
-  if (job.engine == FarmJobDocument::Engine::kSlurm) farm::cancel_slurm_job(job);
-  if (job.engine == FarmJobDocument::Engine::kLocal) farm::stop_local_job(folder);
-  FarmEnd end;
-  end.state = FarmEnd::State::kCancelled;
+  if (job.engine == schemas::FarmJobDocument::Engine::kSlurm) farm::cancel_slurm_job(job);
+  if (job.engine == schemas::FarmJobDocument::Engine::kLocal) farm::stop_local_job(folder);
+  schemas::FarmEnd end;
+  end.state = schemas::FarmEnd::State::kCancelled;
   end.frames = static_cast<int>(farm::job_frames(job).size());
   farm::end_job(folder, job, end);
-  print(fmt::format("job {} is cancelled; frames that are there stay\n", job.id));
+  print(fmt::format("job {} is cancelled; its complete frames are kept\n", job.id));
   return ExitCode::kSuccess;
 }
 
 ExitCode show_logs(const std::string& job_name, int frame, int only_attempt) {
   const farm::JobFolder folder = farm::find_job(job_name);
-  const FarmJobDocument job = folder.job();
+  const schemas::FarmJobDocument job = folder.job();
   const std::vector<int> wanted{frame};
   const std::vector<int> chunks = farm::chunks_with_frames(job, wanted);
   if (chunks.empty()) {
     throw Error::bad_input(fmt::format("frame {} is not in the job, which has {}", frame,
-                                       format_frame_range(farm::job_frames(job))),
+                                       compose::format_frame_range(farm::job_frames(job))),
                            folder.path().string(), "Name a frame of the job");
   }
   const farm::TaskAttempts attempts = farm::read_attempts(folder);
@@ -126,31 +127,31 @@ ExitCode show_logs(const std::string& job_name, int frame, int only_attempt) {
   const auto show = [&](const std::string& stage, int index) {
     const auto found = attempts.find({stage, index});
     if (found == attempts.end()) return;
-    for (const FarmAttempt& attempt : found->second) {
+    for (const schemas::FarmAttempt& attempt : found->second) {
       if (only_attempt > 0 && attempt.attempt != only_attempt) continue;
       any = true;
       print(fmt::format(
           "==> {} on {}, started {}: {}\n", farm::attempt_name(attempt), attempt.node,
           format_utc(attempt.started_utc),
-          attempt.end ? fmt::format("{}{}{}", attempt_result_name(attempt.end->result),
+          attempt.end ? fmt::format("{}{}{}", schemas::attempt_result_name(attempt.end->result),
                                     attempt.end->reason.empty() ? "" : ": ", attempt.end->reason)
-                      : "no end is recorded"));
+                      : "end not recorded"));
       if (const auto log = farm::read_record(farm::attempt_log(folder, attempt))) print(*log);
     }
   };
   for (const int chunk : chunks) {
-    for (const int instant : job.chunks[static_cast<std::size_t>(chunk)].instants) {
+    for (const int instant : job.chunks[chunk].instants) {
       show("prepare", instant);
     }
     show("render", chunk);
   }
   if (!any && only_attempt > 0) {
-    throw Error::bad_input(fmt::format("there is no attempt {} at frame {}", only_attempt, frame),
-                           folder.path().string(), "Leave --attempt out to see all");
+    throw Error::bad_input(fmt::format("frame {1} has no attempt {0}", only_attempt, frame),
+                           folder.path().string(), "Omit --attempt to see all");
   }
   if (any) return ExitCode::kSuccess;
   print(fmt::format("no attempt at frame {} has started\n", frame));
-  for (const int chunk : chunks) {  // what the shell said of a command that it could not start
+  for (const int chunk : chunks) {  // the shell's messages, if it could not start the command
     const auto file = folder.logs() / fmt::format("slurm.render.{}.log", chunk);
     if (const auto log = farm::read_record(file)) {
       print(fmt::format("==> {}\n{}", file.filename().string(), *log));
@@ -161,53 +162,49 @@ ExitCode show_logs(const std::string& job_name, int frame, int only_attempt) {
 
 }  // namespace
 
-FarmCommand declare_farm_status(CLI::App& farm) {
-  CLI::App* app = farm.add_subcommand("status", "report what is done, runs, failed, and why");
+Subcommand declare_farm_status(CommandLine& farm) {
+  CommandLine command =
+      farm.subcommand("status", "report what is done, is running or failed, and why");
   auto options = std::make_shared<StatusOptions>();
-  add_job_argument(*app, options->job);
-  app->add_flag("--watch", options->watch, "repeat until the job is over");
-  app->add_option("--interval", options->interval_s, "seconds between two looks (default: 5)")
-      ->check(CLI::Range(0.1, 86400.0))
-      ->type_name("S");
-  app->add_flag("--all", options->all, "a line for every task, not only those that run or failed");
-  app->add_flag("--json", options->json, "as JSON");
-  app->add_option("--html", options->html, "write a page, in addition")->type_name("HTML");
-  app->footer(
-      "Exit codes: 0 done or under way; 1 failed, cancelled, stopped or stalled; 3 over, and "
-      "frames "
-      "are missing.");
-  return {app, [options](std::stop_token stop) { return show_status(*options, stop); }};
+  add_job_argument(command, options->job);
+  command.flag("--watch", options->watch, "repeat until the job ends");
+  command.option("--interval S", options->interval_s, "seconds between two reports (default: 5)")
+      .range(0.1, 86400.0);
+  command.flag("--all", options->all, "list all tasks, not only running and failed ones");
+  command.flag("--json", options->json, "as JSON");
+  command.option("--html HTML", options->html, "also write an HTML page");
+  command.footer(
+      "Exit codes: 0 done or running; 1 failed, cancelled, stopped or stalled; 3 ended, frames are "
+      "missing.");
+  return {command, [options](std::stop_token stop) { return show_status(*options, stop); }};
 }
 
-FarmCommand declare_farm_retry(CLI::App& farm) {
-  CLI::App* app = farm.add_subcommand("retry", "try the missing frames of a job again");
+Subcommand declare_farm_retry(CommandLine& farm) {
+  CommandLine command = farm.subcommand("retry", "render the missing frames of a job again");
   auto job = std::make_shared<std::string>(), frames = std::make_shared<std::string>();
-  add_job_argument(*app, *job);
-  app->add_option("--frames", *frames,
-                  "render these frames anew, whole or not (default: all that\nare not whole)")
-      ->type_name("RANGE");
-  return {app, [job, frames](std::stop_token stop) { return retry(*job, *frames, stop); }};
+  add_job_argument(command, *job);
+  command.option("--frames RANGE", *frames,
+                 "render these frames again, even complete ones (default: all\nincomplete frames)");
+  return {command, [job, frames](std::stop_token stop) { return retry(*job, *frames, stop); }};
 }
 
-FarmCommand declare_farm_cancel(CLI::App& farm) {
-  CLI::App* app = farm.add_subcommand("cancel", "cancel what waits or runs");
+Subcommand declare_farm_cancel(CommandLine& farm) {
+  CommandLine command = farm.subcommand("cancel", "cancel the queued and running tasks of a job");
   auto job = std::make_shared<std::string>();
-  add_job_argument(*app, *job);
-  return {app, [job](std::stop_token /*stop*/) { return cancel(*job); }};
+  add_job_argument(command, *job);
+  return {command, [job](std::stop_token /*stop*/) { return cancel(*job); }};
 }
 
-FarmCommand declare_farm_logs(CLI::App& farm) {
-  CLI::App* app = farm.add_subcommand("logs", "print the logs of a frame, attempt by attempt");
+Subcommand declare_farm_logs(CommandLine& farm) {
+  CommandLine command = farm.subcommand("logs", "print the logs of a frame, attempt by attempt");
   auto job = std::make_shared<std::string>();
   auto frame = std::make_shared<int>(0), attempt = std::make_shared<int>(0);
-  add_job_argument(*app, *job);
-  app->add_option("FRAME", *frame, "a frame number")->required();
-  app->add_option("--attempt", *attempt, "only this attempt (default: all)")
-      ->check(CLI::Range(1, 1000000))
-      ->type_name("N");
-  return {app, [job, frame, attempt](std::stop_token /*stop*/) {
+  add_job_argument(command, *job);
+  command.option("FRAME", *frame, "a frame number").required();
+  command.option("--attempt N", *attempt, "only this attempt (default: all)").range(1, 1000000);
+  return {command, [job, frame, attempt](std::stop_token /*stop*/) {
             return show_logs(*job, *frame, *attempt);
           }};
 }
 
-}  // namespace raystage
+}  // namespace raystage::cli

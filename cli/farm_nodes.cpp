@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// raystage farm doctor, estimate, task: the machines, and what runs on them.
+// raystage farm doctor, estimate, task: checks of nodes, cost model, a single task.
 #include <fmt/format.h>
 #include <tbb/task_arena.h>
 
@@ -7,7 +7,6 @@
 #include <memory>
 
 #include "base/atomic_file.h"
-#include "cli/choice_option.h"
 #include "cli/farm.h"
 #include "cli/threads.h"
 #include "farm/cost_model.h"
@@ -15,7 +14,7 @@
 #include "farm/doctor.h"
 #include "farm/task.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
 struct TaskOptions {
@@ -40,7 +39,7 @@ ExitCode run_task(const TaskOptions& options, const std::stop_token& stop) {
     print(farm::format_node_report(farm::check_node(mapped.job, options.job, options.node)));
     return ExitCode::kSuccess;
   }
-  request.stage = parse_farm_stage(options.stage);
+  request.stage = schemas::parse_farm_stage(options.stage);
   request.index = options.index;
   request.round = options.round;
   request.node = options.node;
@@ -48,7 +47,7 @@ ExitCode run_task(const TaskOptions& options, const std::stop_token& stop) {
   Progress progress(options.progress);
   request.progress = [&](double done) { progress.report(done); };
   request.on_message = [&](std::string_view line) { progress.say(line); };
-  // The command that a task runs has threads of its own; a verification reads with one.
+  // The command that a task runs has its own threads; a verification reads with one.
   const ThreadLimit limit(1);
   tbb::task_arena arena(1);
   return arena.execute([&] { return farm::run_task(request, stop); });
@@ -65,11 +64,11 @@ struct EstimateOptions {
 
 ExitCode estimate(EstimateOptions options) {
   const farm::JobFolder folder = farm::find_job(options.job);
-  const FarmJobDocument job = folder.local_job();
+  const schemas::FarmJobDocument job = folder.local_job();
   auto costs = farm::measured_costs(job, farm::read_attempts(folder));
   if (!costs) {
-    throw Error::bad_input("no task of stage render is done, so nothing is measured",
-                           folder.path().string(), "Wait for the first one");
+    throw Error::bad_input("no task of stage render is done, so no cost was measured",
+                           folder.path().string(), "Wait for the first task");
   }
   options.site.storage_read_bytes_per_s = options.read_mb * 1e6;
   options.site.storage_write_bytes_per_s = options.write_mb * 1e6;
@@ -93,26 +92,23 @@ ExitCode estimate(EstimateOptions options) {
 
 }  // namespace
 
-FarmCommand declare_farm_doctor(CLI::App& farm) {
-  CLI::App* app =
-      farm.add_subcommand("doctor", "ask every node whether it can carry out a job's tasks");
+Subcommand declare_farm_doctor(CommandLine& farm) {
+  CommandLine command = farm.subcommand("doctor", "check whether every node can run a job's tasks");
   struct Options {
     std::string job;
     std::vector<std::string> nodes;
     double patience_s = 60;
   };
   auto options = std::make_shared<Options>();
-  add_job_argument(*app, options->job);
-  app->add_option("--nodes", options->nodes, "only these nodes (default: all of the partition)")
-      ->delimiter(',')
-      ->type_name("NODE,...");
-  app->add_option("--wait", options->patience_s, "seconds to wait for answers (default: 60)")
-      ->check(CLI::Range(1.0, 86400.0))
-      ->type_name("S");
-  app->footer(
-      "To ask before anything is rendered: raystage farm submit --no-queue writes a job without\n"
-      "queueing it. Exit codes: 0 every node is ready; 1 some are not.");
-  return {app, [options](std::stop_token stop) {
+  add_job_argument(command, options->job);
+  command.option("--nodes NODE,...", options->nodes, "nodes to check (default: the partition's)")
+      .comma_separated();
+  command.option("--wait S", options->patience_s, "seconds to wait for answers (default: 60)")
+      .range(1.0, 86400.0);
+  command.footer(
+      "To check before rendering: raystage farm submit --no-queue writes a job without queueing "
+      "it.\nExit codes: 0 all nodes are ready; 1 some are not.");
+  return {command, [options](std::stop_token stop) {
             const auto reports = farm::check_nodes(farm::find_job(options->job), options->nodes,
                                                    options->patience_s, stop);
             print(farm::doctor_text(reports));
@@ -123,92 +119,68 @@ FarmCommand declare_farm_doctor(CLI::App& farm) {
           }};
 }
 
-FarmCommand declare_farm_estimate(CLI::App& farm) {
-  CLI::App* app =
-      farm.add_subcommand("estimate", "predict how a job scales, from what its tasks took");
+Subcommand declare_farm_estimate(CommandLine& farm) {
+  CommandLine command =
+      farm.subcommand("estimate", "predict how a job scales, from the measured costs of its tasks");
   auto options = std::make_shared<EstimateOptions>();
-  add_job_argument(*app, options->job);
-  app->add_option("--nodes", options->nodes, "numbers of nodes (default: 1,2,4,10,100,1000)")
-      ->delimiter(',')
-      ->check(CLI::Range(1, 1000000))
-      ->type_name("N,...");
-  app->add_option("--cores", options->site.cores_per_node, "cores of a node (default: 2)")
-      ->check(CLI::Range(1, 100000))
-      ->type_name("N");
-  app->add_option("--frames", options->frames, "frames of the shot (default: the job's)")
-      ->check(CLI::Range(1, 100000000))
-      ->type_name("N");
-  app->add_option("--tasks", options->chunks, "tasks of stage render (default: the job's)")
-      ->check(CLI::Range(1, 100000000))
-      ->type_name("N");
-  app->add_option("--instants", options->instants,
-                  "light field frames to prepare (default: the job's)")
-      ->check(CLI::Range(0, 100000000))
-      ->type_name("N");
-  app->add_option("--storage-read", options->read_mb, "shared storage reads, MB/s (default: 1000)")
-      ->check(CLI::PositiveNumber)
-      ->type_name("MB/S");
-  app->add_option("--storage-write", options->write_mb,
-                  "shared storage writes, MB/s (default: 1000)")
-      ->check(CLI::PositiveNumber)
-      ->type_name("MB/S");
-  app->add_option("--frame-read", options->frame_read_mb,
-                  "JPEG data that a frame reads, MB (default: as the job's records show)")
-      ->check(CLI::NonNegativeNumber)
-      ->type_name("MB");
-  app->add_option("--task-seconds", options->task_s,
-                  "seconds of a task besides its frames and the latency (default: as the job's "
-                  "records show)")
-      ->check(CLI::NonNegativeNumber)
-      ->type_name("S");
-  app->add_option("--latency", options->latency_s,
-                  "seconds from a free slot to a running task (default: as the job's records show)")
-      ->check(CLI::NonNegativeNumber)
-      ->type_name("S");
-  app->add_option("--starts", options->site.starts_per_s,
-                  "tasks that the scheduler starts in a second (default: 50)")
-      ->check(CLI::PositiveNumber)
-      ->type_name("N/S");
-  app->add_option("-o,--output", options->page, "page with a chart to write")->type_name("HTML");
-  return {app, [options](std::stop_token /*stop*/) { return estimate(*options); }};
+  add_job_argument(command, options->job);
+  command.option("--nodes N,...", options->nodes, "numbers of nodes (default: 1,2,4,10,100,1000)")
+      .comma_separated()
+      .range(1, 1000000);
+  command.option("--cores N", options->site.cores_per_node, "cores of a node (default: 2)")
+      .range(1, 100000);
+  command.option("--frames N", options->frames, "frames of the shot (default: the job's)")
+      .range(1, 100000000);
+  command.option("--tasks N", options->chunks, "tasks of stage render (default: the job's)")
+      .range(1, 100000000);
+  command.option("--instants N", options->instants, "light field frames (default: the job's)")
+      .range(0, 100000000);
+  command.option("--storage-read MB/S", options->read_mb, "storage reads, MB/s (default: 1000)")
+      .positive();
+  command.option("--storage-write MB/S", options->write_mb, "storage writes, MB/s (default: 1000)")
+      .positive();
+  command.option("--frame-read MB", options->frame_read_mb, "JPEG MB per frame (default: measured)")
+      .non_negative();
+  command
+      .option("--task-seconds S", options->task_s,
+              "seconds of a task in addition to frames and latency (default: measured)")
+      .non_negative();
+  command
+      .option("--latency S", options->latency_s,
+              "seconds from a free slot to a running task (default: measured)")
+      .non_negative();
+  command.option("--starts N/S", options->site.starts_per_s, "task starts per second (default: 50)")
+      .positive();
+  command.option("-o,--output HTML", options->page, "HTML page with a chart to write");
+  return {command, [options](std::stop_token /*stop*/) { return estimate(*options); }};
 }
 
-FarmCommand declare_farm_task(CLI::App& farm) {
-  CLI::App* app =
-      farm.add_subcommand("task", "carry out one task of a job: what the batch scripts run");
+Subcommand declare_farm_task(CommandLine& farm) {
+  CommandLine command = farm.subcommand("task", "run one task of a job, as the batch scripts do");
   auto options = std::make_shared<TaskOptions>();
-  app->add_option("JOB", options->job, "job folder")->required();
-  app->add_option("STAGE", options->stage, "prepare, render, verify, preview, or doctor")
-      ->required()
-      ->check(CLI::IsMember({"prepare", "render", "verify", "preview", "doctor"}).description(""))
-      ->type_name("STAGE");
-  app->add_option("INDEX", options->index, "task within the stage (default: 0)")
-      ->check(CLI::Range(0, 100000000));
-  app->add_option("--round", options->round, "round that queued it (default: 1)")
-      ->check(CLI::Range(1, 100000))
-      ->type_name("N");
-  app->add_option("--node", options->node,
-                  "the scheduler's name of this node (default: $SLURMD_NODENAME, else the host's "
-                  "name)")
-      ->type_name("NODE");
-  app->add_option("--map", options->maps, "a folder that has another name here; repeatable")
-      ->type_name("FROM=TO")
-      ->take_all()
-      ->allow_extra_args(false);
-  app->add_option("--path-mapping", options->path_mapping,
-                  "the same as an Open Job Description session writes it")
-      ->type_name("JSON");
-  app->add_option(
-         "--patience", options->patience_s,
-         "seconds that stage verify looks for files that are missing or stale (default: 60)")
-      ->check(CLI::Range(0.0, 86400.0))
-      ->type_name("S");
-  add_choice<ProgressStyle>(*app, "--progress", options->progress,
-                            {{"plain", ProgressStyle::kPlain},
-                             {"openjd", ProgressStyle::kOpenJd},
-                             {"none", ProgressStyle::kNone}},
-                            "on stderr (default: none; what a task prints is in JOB/logs)");
-  return {app, [options](std::stop_token stop) { return run_task(*options, stop); }};
+  command.option("JOB", options->job, "job folder").required();
+  command.option("STAGE", options->stage, "stage of the task")
+      .required()
+      .one_of({"prepare", "render", "verify", "preview", "doctor"});
+  command.option("INDEX", options->index, "task within the stage (default: 0)").range(0, 100000000);
+  command.option("--round N", options->round, "round of the task (default: 1)").range(1, 100000);
+  command.option(
+      "--node NODE", options->node,
+      "name of this node in the scheduler (default: $SLURMD_NODENAME, else the host's name)");
+  command.option("--map FROM=TO", options->maps, "path of a job's folder on this node; repeatable")
+      .one_argument();
+  command.option("--path-mapping JSON", options->path_mapping,
+                 "path mapping file of an Open Job Description session");
+  command
+      .option("--patience S", options->patience_s,
+              "seconds that stage verify waits for missing or stale files (default: 60)")
+      .range(0.0, 86400.0);
+  command.choice("--progress", options->progress,
+                 {{"plain", ProgressStyle::kPlain},
+                  {"openjd", ProgressStyle::kOpenJd},
+                  {"none", ProgressStyle::kNone}},
+                 "style of progress on stderr (default: none; a task's output is in JOB/logs)");
+  return {command, [options](std::stop_token stop) { return run_task(*options, stop); }};
 }
 
-}  // namespace raystage
+}  // namespace raystage::cli

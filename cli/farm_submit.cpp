@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// raystage farm submit and export: a shot becomes a job.
+// raystage farm submit and export: make a job of a shot.
 #include <fmt/format.h>
 
 #include <cstdio>
 #include <memory>
 
 #include "base/atomic_file.h"
-#include "cli/choice_option.h"
 #include "cli/farm.h"
 #include "compose/frame_range.h"
 #include "farm/local_engine.h"
@@ -17,15 +16,15 @@
 #include "farm/slurm_scripts.h"
 #include "farm/submission.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
 using farm::SubmissionOptions;
-using Engine = FarmJobDocument::Engine;
+using Engine = schemas::FarmJobDocument::Engine;
 
 constexpr double kLeastMemoryGb = 1e-3, kMostMemoryGb = 1e5;
 
-/// What the command line says; `submission` is complete once it is parsed.
+/// `submission` is completed after parsing, by completed().
 struct Options {
   SubmissionOptions submission;
   std::string shot, frames, chunk = "auto", openjd_file;
@@ -33,24 +32,24 @@ struct Options {
   bool dry_run = false, no_queue = false, quiet = false;
   bool is_distributed = false;
   std::string nodes;
-  FarmJobDocument::Distributed distributed;
+  schemas::FarmJobDocument::Distributed distributed;
   int minutes = 0;
 };
 
-/// "render:--exclusive" is for one stage, "--exclusive" for all.
+/// Adds options of sbatch: "render:--exclusive" to one stage, "--exclusive" to all.
 void add_to_stages(const std::vector<std::string>& values, const std::string& prefix,
                    SubmissionOptions& submission) {
   for (const std::string& value : values) {
     bool is_for_one = false;
-    for (const FarmStage stage : kFarmStages) {
-      const std::string name = std::string(farm_stage_name(stage)) + ":";
+    for (const schemas::FarmStage stage : schemas::kFarmStages) {
+      const std::string name = std::string(schemas::farm_stage_name(stage)) + ":";
       if (!value.starts_with(name)) continue;
       submission.sbatch[static_cast<std::size_t>(stage)].push_back(prefix +
                                                                    value.substr(name.size()));
       is_for_one = true;
     }
     if (is_for_one) continue;
-    // A licence's number follows a colon; nothing else has one.
+    // Only licences have a colon, before their number.
     const std::size_t colon = value.find(':');
     if (colon != std::string::npos && !prefix.empty() && prefix != "--licenses=") {
       throw Error::bad_input("there is no stage \"" + value.substr(0, colon) + "\"",
@@ -61,109 +60,88 @@ void add_to_stages(const std::vector<std::string>& values, const std::string& pr
   }
 }
 
-void declare_shot(CLI::App& app, Options& options) {
+void declare_shot(CommandLine& command, Options& options) {
   SubmissionOptions& submission = options.submission;
-  app.add_option("SHOT", options.shot, "the shot to render (shot.json)")->required();
-  app.add_option("-o,--output", submission.output,
-                 "name of the frames; #### is the frame number with that many digits")
-      ->required()
-      ->type_name("DIR/NAME.####.exr");
-  app.add_option("--frames", options.frames,
-                 "frames to render, e.g. 1-48 (default: all of the shot)")
-      ->type_name("RANGE");
-  app.add_option("--chunk", options.chunk,
-                 "frames of a task, or auto: a task of about five minutes by the measured frame\n"
-                 "(default: auto)")
-      ->check([](const std::string& text) -> std::string {
-        if (text == "auto") return "";
-        return CLI::Range(1, 1000000)(text);
-      })
-      ->type_name("N|auto");
-  app.add_flag("--preview-first", submission.preview_first, "queue every tenth frame first");
-  add_choice<ExistingFiles>(app, "--existing", submission.existing,
-                            {{"error", ExistingFiles::kError},
-                             {"skip", ExistingFiles::kSkip},
-                             {"overwrite", ExistingFiles::kOverwrite}},
-                            "frames whose file is there: error = refuse to submit; skip = keep "
-                            "files that are whole\nand were made from the same inputs; overwrite = "
-                            "render all (default: error)");
-  add_choice<MissingFrames>(app, "--missing", submission.missing,
-                            {{"error", MissingFrames::kError},
-                             {"hold", MissingFrames::kHold},
-                             {"black", MissingFrames::kBlack}},
-                            "frames before or after the take (default: error)");
-  app.add_option("--fill", submission.picture.fill,
-                 "rays that no camera saw (default: what the shot says)")
-      ->check(CLI::IsMember({"none", "push-pull"}).description(""))
-      ->type_name("none|push-pull");
-  app.add_option("--layout", submission.picture.layout,
-                 "layout of the EXR files (default: what the shot says)")
-      ->check(CLI::IsMember({"standard", "single", "nuke"}).description(""))
-      ->type_name("standard|single|nuke");
-  app.add_option("--ocio", submission.color_config,
-                 "OpenColorIO config for the colours of the files (default: what the shot says)")
-      ->type_name("CONFIG");
-  app.add_flag("--chromaticities", submission.picture.chromaticities,
+  command.option("SHOT", options.shot, "the shot to render (shot.json)").required();
+  command
+      .option("-o,--output DIR/NAME.####.exr", submission.output,
+              "name of the files; #### is the frame number with that many digits")
+      .required();
+  command.option("--frames RANGE", options.frames,
+                 "frames to render, e.g. 1-48 (default: all of the shot)");
+  command
+      .option("--chunk N|auto", options.chunk,
+              "frames per task; auto = as many as take about five minutes, by the measured "
+              "frame\n(default: auto)")
+      .word_or_limits("auto", 1, 1000000);
+  command.flag("--preview-first", submission.preview_first, "render every tenth frame first");
+  command.choice("--existing", submission.existing,
+                 {{"error", compose::ExistingFiles::kError},
+                  {"skip", compose::ExistingFiles::kSkip},
+                  {"overwrite", compose::ExistingFiles::kOverwrite}},
+                 "frames whose file exists: error = refuse to submit; skip = keep complete files "
+                 "made from the\nsame inputs; overwrite = render all (default: error)");
+  command.choice("--missing", submission.missing,
+                 {{"error", compose::MissingFrames::kError},
+                  {"hold", compose::MissingFrames::kHold},
+                  {"black", compose::MissingFrames::kBlack}},
+                 "frames before or after the take (default: error)");
+  command.option("--fill", submission.picture.fill, "unseen pixels (default: as in the shot)")
+      .one_of({"none", "push-pull"});
+  command.option("--layout", submission.picture.layout, "EXR layout (default: as in the shot)")
+      .one_of({"standard", "single", "nuke"});
+  command.option("--ocio CONFIG", submission.color_config,
+                 "OpenColorIO config for the colours of the files (default: as in the shot)");
+  command.flag("--chromaticities", submission.picture.chromaticities,
                "write the chromaticities attribute");
-  app.add_flag("--coverage", submission.picture.coverage, "write lf.cameras and lf.nearest");
-  app.add_flag("--confidence", submission.picture.confidence, "write lf.confidence");
-  app.add_flag("--deep", submission.picture.deep, "write deep files in addition");
-  app.add_option("--cache", submission.cache,
-                 "folder for derived data, seen by all nodes (default: the takes; where one is "
-                 "read-only,\nOUT/NAME.farm/cache)")
-      ->type_name("DIR");
+  command.flag("--coverage", submission.picture.coverage, "write lf.cameras and lf.nearest");
+  command.flag("--confidence", submission.picture.confidence, "write lf.confidence");
+  command.flag("--deep", submission.picture.deep, "also write deep files");
+  command.option("--cache DIR", submission.cache,
+                 "folder for derived data, shared by all nodes (default: the takes; for read-only "
+                 "ones,\nOUT/NAME.farm/cache)");
 }
 
-void declare_resources(CLI::App& app, Options& options) {
+void declare_resources(CommandLine& command, Options& options) {
   SubmissionOptions& submission = options.submission;
-  app.add_option("-j,--threads", submission.threads,
-                 "threads of a task (default: those of this machine, at most 8)")
-      ->check(CLI::Range(1, 1024))
-      ->type_name("N");
-  app.add_option("--memory", submission.memory_gb,
-                 "memory of a task's renderer, GB = 10^9 bytes; the scheduler is asked for a tenth "
-                 "and 0.4 GB\nmore (default: from the memory plan and the measured frame)")
-      ->check(CLI::Range(kLeastMemoryGb, kMostMemoryGb))
-      ->type_name("GB");
-  app.add_option("--time", options.minutes,
-                 "time limit of a task, minutes (default: four times what the measured frame "
-                 "predicts)")
-      ->check(CLI::Range(1, 1000000))
-      ->type_name("MINUTES");
-  app.add_flag("!--no-measure", submission.measure,
+  command.option("-j,--threads N", submission.threads, "threads per task (default: all, at most 8)")
+      .range(1, 1024);
+  command
+      .option("--memory GB", submission.memory_gb,
+              "memory of a task's renderer, GB = 10^9 bytes; 10 % and 0.4 GB more are requested "
+              "from the\nscheduler (default: from the memory plan and the measured frame)")
+      .range(kLeastMemoryGb, kMostMemoryGb);
+  command
+      .option(
+          "--time MINUTES", options.minutes,
+          "time limit of a task, minutes (default: four times what the measured frame predicts)")
+      .range(1, 1000000);
+  command.flag("!--no-measure", submission.measure,
                "do not render the first frame here to measure it");
-  app.add_option("--attempts", submission.attempts,
-                 "how often a task may fail before its frames are given up (default: 3)")
-      ->check(CLI::Range(1, 100))
-      ->type_name("N");
-  app.add_flag("!--no-preview", submission.preview, "make no movie and contact sheet at the end");
-  app.add_option("--simd", submission.simd,
-                 "SIMD level of every task, so that all nodes give the same bytes (default: avx2, "
-                 "or the best of\nthis machine where it lacks that)")
-      ->check(CLI::IsMember({"sse4", "avx2", "avx512"}).description(""))
-      ->type_name("sse4|avx2|avx512");
-  app.add_option("--map", options.maps,
-                 "a folder that has another name on the nodes; repeatable, the first that fits "
-                 "counts")
-      ->type_name("FROM=TO")
-      ->take_all()
-      ->allow_extra_args(false);
-  app.add_option("--command-prefix", submission.command_prefix,
-                 "words before the command of a task, e.g. \"apptainer exec /net/raystage.sif\"")
-      ->type_name("COMMAND");
-  app.add_option("--program", submission.program,
-                 "command that runs raystage on a node (default: this one, by its path)")
-      ->type_name("COMMAND");
-  app.add_flag("-q,--quiet", options.quiet, "No progress on stderr");
+  command.option("--attempts N", submission.attempts, "attempts before a task fails (default: 3)")
+      .range(1, 100);
+  command.flag("!--no-preview", submission.preview,
+               "do not make a movie and contact sheet at the end");
+  command
+      .option("--simd", submission.simd,
+              "instruction set of every task, for identical results on all nodes (default: avx2, "
+              "or the best\nof this machine if it lacks avx2)")
+      .one_of({"sse4", "avx2", "avx512"});
+  command
+      .option("--map FROM=TO", options.maps,
+              "path of a folder on the nodes; repeatable, the first match counts")
+      .one_argument();
+  command.option("--command-prefix COMMAND", submission.command_prefix,
+                 "words before the command of a task, e.g. \"apptainer exec /net/raystage.sif\"");
+  command.option("--program COMMAND", submission.program,
+                 "command that runs raystage on a node (default: this one, by its path)");
+  command.flag("-q,--quiet", options.quiet, "No progress on stderr");
 }
 
-void declare_slurm(CLI::App& app, Options& options) {
-  const auto add = [&](const char* name, std::vector<std::string>& values, const char* help) {
-    app.add_option(name, values, help)
-        ->type_name("[STAGE:]VALUE")
-        ->take_all()
-        ->allow_extra_args(false)
-        ->group("Slurm (for one stage: prepare:, render:, verify: or preview: before the value)");
+void declare_slurm(CommandLine command, Options& options) {
+  const auto add = [&](const std::string& name, std::vector<std::string>& values,
+                       const char* help) {
+    command.option(name + " [STAGE:]VALUE", values, help).one_argument();
   };
   add("--partition", options.partition, "partition");
   add("--account", options.account, "account");
@@ -174,46 +152,35 @@ void declare_slurm(CLI::App& app, Options& options) {
   add("--sbatch", options.sbatch, "any other option, e.g. --sbatch=render:--exclusive");
 }
 
-void declare_distributed(CLI::App& app, Options& options) {
-  const char* const group = "Archives on several nodes (docs/farm.md)";
-  app.add_flag(
-         "--distributed", options.is_distributed,
-         "archives stay on the nodes that hold them: a task runs on all of --nodes, under MPI")
-      ->group(group);
-  app.add_option("--nodes", options.nodes, "nodes that hold archives, as Slurm writes them")
-      ->type_name("n[1-4]")
-      ->group(group);
-  app.add_option("--mpirun", options.distributed.mpirun,
-                 "command that starts the ranks, with its options (default: mpirun)")
-      ->type_name("COMMAND")
-      ->group(group);
-  app.add_option(
-         "--missing-archives", options.distributed.missing_archives,
-         "cameras whose archives no node has: error = the job fails; absent = they are left "
-         "out and marked\n(default: error)")
-      ->check(CLI::IsMember({"error", "absent"}).description(""))
-      ->type_name("error|absent")
-      ->group(group);
-  app.add_option("--fragments", options.distributed.fragments,
-                 "how samples cross the network, see raystage render --help (default: float)")
-      ->check(CLI::IsMember({"float", "half", "jpeg"}).description(""))
-      ->type_name("float|half|jpeg")
-      ->group(group);
-  app.add_option("--fragment-quality", options.distributed.fragment_quality,
-                 "JPEG quality of fragments (default: 85)")
-      ->check(CLI::Range(1, 100))
-      ->type_name("Q")
-      ->group(group);
+void declare_distributed(CommandLine command, Options& options) {
+  command.flag("--distributed", options.is_distributed,
+               "each node renders with its own archives: a task runs on all of --nodes, under MPI");
+  command.option("--nodes n[1-4]", options.nodes, "nodes that hold archives, in Slurm's notation");
+  command.option("--mpirun COMMAND", options.distributed.mpirun,
+                 "command that starts the ranks, with its options (default: mpirun)");
+  command
+      .option("--missing-archives", options.distributed.missing_archives,
+              "cameras whose archives no node has: error = the job fails; absent = render without "
+              "them, and\nmark the files (default: error)")
+      .one_of({"error", "absent"});
+  command
+      .option("--fragments", options.distributed.fragments,
+              "encoding of samples on the network, see raystage render --help (default: float)")
+      .one_of({"float", "half", "jpeg"});
+  command
+      .option("--fragment-quality Q", options.distributed.fragment_quality,
+              "JPEG quality of fragments (default: 85)")
+      .range(1, 100);
 }
 
 void complete_distributed(const Options& options, SubmissionOptions& submission) {
   if (!options.is_distributed) {
     if (options.nodes.empty()) return;
-    throw Error::bad_input("nodes are named for a job that is not distributed", "--nodes",
-                           "Add --distributed, or leave --nodes out");
+    throw Error::bad_input("only a distributed job has nodes", "--nodes",
+                           "Add --distributed, or omit --nodes");
   }
   if (options.nodes.empty()) {
-    throw Error::bad_input("the nodes that hold the archives are not named", "--distributed",
+    throw Error::bad_input("the nodes that hold the archives are missing", "--distributed",
                            "Add --nodes, e.g. --nodes 'n[1-4]'");
   }
   submission.distributed = options.distributed;
@@ -223,7 +190,7 @@ void complete_distributed(const Options& options, SubmissionOptions& submission)
 SubmissionOptions completed(Options& options, Progress& progress) {
   SubmissionOptions& submission = options.submission;
   submission.shot = options.shot;
-  if (!options.frames.empty()) submission.frames = parse_frame_range(options.frames);
+  if (!options.frames.empty()) submission.frames = compose::parse_frame_range(options.frames);
   if (options.chunk != "auto") submission.chunk = std::stoi(options.chunk);
   if (options.minutes > 0) submission.minutes = options.minutes;
   for (const std::string& map : options.maps)
@@ -241,10 +208,11 @@ SubmissionOptions completed(Options& options, Progress& progress) {
   return submission;
 }
 
-std::string resources_line(const FarmJobDocument& job, FarmStage stage, std::size_t tasks) {
-  const FarmResources& resources = job.of(stage);
-  return fmt::format("{:<8} {:>6} {:>8} {:>8.2f} GB {:>9} {:>10}  {}\n", farm_stage_name(stage),
-                     tasks, resources.threads, resources.memory_gb,
+std::string resources_line(const schemas::FarmJobDocument& job, schemas::FarmStage stage,
+                           std::size_t tasks) {
+  const schemas::FarmResources& resources = job.of(stage);
+  return fmt::format("{:<8} {:>6} {:>8} {:>8.2f} GB {:>9} {:>10}  {}\n",
+                     schemas::farm_stage_name(stage), tasks, resources.threads, resources.memory_gb,
                      fmt::format("{} MiB", farm::slurm_megabytes(resources, 1)),
                      resources.minutes ? fmt::format("{} min", *resources.minutes) : "-",
                      fmt::join(resources.options, " "));
@@ -252,10 +220,11 @@ std::string resources_line(const FarmJobDocument& job, FarmStage stage, std::siz
 
 ExitCode show_plan(const SubmissionOptions& submission) {
   const farm::PlannedJob planned = farm::plan_submission(submission);
-  const FarmJobDocument& job = planned.job;
+  const schemas::FarmJobDocument& job = planned.job;
   print(fmt::format("frames   {} ({}) in {} tasks, the first of frames {}\n",
-                    farm::job_frames(job).size(), format_frame_range(farm::job_frames(job)),
-                    job.chunks.size(), job.chunks.front().frames));
+                    farm::job_frames(job).size(),
+                    compose::format_frame_range(farm::job_frames(job)), job.chunks.size(),
+                    job.chunks.front().frames));
   if (job.distributed) {
     print(fmt::format("nodes    {}, all for each task of stage render\n",
                       fmt::join(job.distributed->nodes, " ")));
@@ -264,18 +233,19 @@ ExitCode show_plan(const SubmissionOptions& submission) {
                     job.command_prefix.empty() ? "" : " ", job.program, job.simd));
   print(fmt::format("{:<8} {:>6} {:>8} {:>11} {:>9} {:>10}  {}\n", "stage", "tasks", "threads",
                     "memory", "of Slurm", "time", "options of sbatch"));
-  if (!job.instants.empty()) print(resources_line(job, FarmStage::kPrepare, job.instants.size()));
-  print(resources_line(job, FarmStage::kRender, job.chunks.size()));
-  print(resources_line(job, FarmStage::kVerify, 1));
-  if (job.preview) print(resources_line(job, FarmStage::kPreview, 1));
+  if (!job.instants.empty())
+    print(resources_line(job, schemas::FarmStage::kPrepare, job.instants.size()));
+  print(resources_line(job, schemas::FarmStage::kRender, job.chunks.size()));
+  print(resources_line(job, schemas::FarmStage::kVerify, 1));
+  if (job.preview) print(resources_line(job, schemas::FarmStage::kPreview, 1));
   const bool all_given = submission.chunk && submission.memory_gb > 0 && submission.minutes;
   if (submission.measure && !all_given && !job.distributed && job.engine == Engine::kSlurm) {
     print(
-        fmt::format("\nA submission renders frame {} here first: chunk, memory and time that are "
-                    "not given follow from it.\n",
+        fmt::format("\nfarm submit will render frame {} on this machine first, to set chunk, "
+                    "memory and time.\n",
                     farm::job_frames(job).front()));
   }
-  print("\nNothing was written or queued. --no-queue writes the job with its scripts.\n");
+  print("\nNothing was written or queued. Use --no-queue to write the job with its scripts.\n");
   return ExitCode::kSuccess;
 }
 
@@ -284,8 +254,8 @@ ExitCode submit(Options& options, std::stop_token stop) {
   const SubmissionOptions submission = completed(options, progress);
   if (options.dry_run) return show_plan(submission);
   if (submission.engine == Engine::kLocal && !submission.paths.empty() && !options.no_queue) {
-    throw Error::bad_input("this host runs the tasks itself, by its own paths", "--map",
-                           "Leave --map out, or use --engine slurm");
+    throw Error::bad_input("this host runs the tasks itself, with its own paths", "--map",
+                           "Omit --map, or use --engine slurm");
   }
   const farm::JobFolder folder = farm::write_submission(submission, stop);
   print(folder.path().string() + "\n");
@@ -309,7 +279,7 @@ ExitCode export_job(Options& options, std::stop_token stop) {
   const std::string text = farm::openjd_template(folder.job());
   if (const auto faults = farm::validate_openjd_template(text); !faults.empty()) {
     throw Error::bad_input(
-        "the template would break a rule of Open Job Description: " + faults.front(),
+        "the template violates the Open Job Description specification: " + faults.front(),
         folder.path().string(), "Use shorter paths and names");
   }
   const std::filesystem::path file = options.openjd_file.empty()
@@ -322,43 +292,46 @@ ExitCode export_job(Options& options, std::stop_token stop) {
 
 }  // namespace
 
-FarmCommand declare_farm_submit(CLI::App& farm) {
-  CLI::App* app = farm.add_subcommand("submit", "check a shot and queue it as a job");
+Subcommand declare_farm_submit(CommandLine& farm) {
+  CommandLine command = farm.subcommand("submit", "check a shot and queue it as a job");
   auto options = std::make_shared<Options>();
-  declare_shot(*app, *options);
-  add_choice<Engine>(*app, "--engine", options->submission.engine,
-                     {{"slurm", Engine::kSlurm}, {"local", Engine::kLocal}},
-                     "slurm = queue the tasks; local = run them here, one after the other "
-                     "(default: slurm)");
-  declare_resources(*app, *options);
-  declare_slurm(*app, *options);
-  declare_distributed(*app, *options);
-  app->add_flag("--after", options->submission.after,
-                "wait for a job of the same output that is not over");
-  app->add_flag("--dry-run", options->dry_run,
-                "check everything and print tasks and resources; write nothing but the output "
-                "folder");
-  app->add_flag("--no-queue", options->no_queue,
-                "write the job folder only; `sh JOB/round-1.sh` queues it (engine local: `raystage "
-                "farm\nretry JOB` starts it)");
-  app->footer("Prints the job folder. It holds the job (job.json), its scripts, records and logs.");
-  return {app, [options](std::stop_token stop) { return submit(*options, stop); }};
+  declare_shot(command, *options);
+  command.choice(
+      "--engine", options->submission.engine,
+      {{"slurm", Engine::kSlurm}, {"local", Engine::kLocal}},
+      "slurm = queue the tasks; local = run them on this machine, one by one (default: slurm)");
+  declare_resources(command, *options);
+  declare_slurm(
+      command.group(
+          "Slurm (for one stage: prepare:, render:, verify: or preview: before the value)"),
+      *options);
+  declare_distributed(command.group("Archives on several nodes (docs/farm.md)"), *options);
+  command.flag("--after", options->submission.after,
+               "wait for the end of another job with the same output");
+  command.flag(
+      "--dry-run", options->dry_run,
+      "check everything and print tasks and resources; write nothing but the output folder");
+  command.flag("--no-queue", options->no_queue,
+               "write the job folder only; `sh JOB/round-1.sh` queues it (engine local: `raystage "
+               "farm\nretry JOB` starts it)");
+  command.footer(
+      "Prints the job folder. It holds the job (job.json), its scripts, records and logs.");
+  return {command, [options](std::stop_token stop) { return submit(*options, stop); }};
 }
 
-FarmCommand declare_farm_export(CLI::App& farm) {
-  CLI::App* app = farm.add_subcommand(
+Subcommand declare_farm_export(CommandLine& farm) {
+  CommandLine command = farm.subcommand(
       "export", "write a job for another render manager: an Open Job Description template");
   auto options = std::make_shared<Options>();
-  declare_shot(*app, *options);
+  declare_shot(command, *options);
   auto openjd = std::make_shared<bool>(false);
-  app->add_flag("--openjd", *openjd, "as Open Job Description, version jobtemplate-2023-09")
-      ->required();
-  app->add_option("--template", options->openjd_file,
-                  "the template to write (default: template.json in the job folder)")
-      ->type_name("JSON");
-  declare_resources(*app, *options);
-  app->footer("The tasks run on the job folder, which is written next to the output.");
-  return {app, [options, openjd](std::stop_token stop) { return export_job(*options, stop); }};
+  command.flag("--openjd", *openjd, "as Open Job Description, version jobtemplate-2023-09")
+      .required();
+  command.option("--template JSON", options->openjd_file,
+                 "the template to write (default: template.json in the job folder)");
+  declare_resources(command, *options);
+  command.footer("The tasks run on the job folder, which is written next to the output.");
+  return {command, [options, openjd](std::stop_token stop) { return export_job(*options, stop); }};
 }
 
-}  // namespace raystage
+}  // namespace raystage::cli

@@ -10,49 +10,49 @@
 #include "testing/store/take_test_data.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
-using testing::HasSubstr;
-using testing::IsEmpty;
-using testing::Not;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
 
-struct FixityCommands : testing::Test {
+struct FixityCommands : ::testing::Test {
   FixityCommands() {
     std::vector<std::vector<Nanoseconds>> times(3);
     for (auto& column : times) {
       for (int i = 0; i < 10; ++i) column.push_back(i * 50'000'000);
     }
-    test::write_take(take, times, 20);
+    testing::write_take(take, times, 20);
   }
 
-  static test::CommandResult run(const std::string& arguments) {
-    return test::run_raystage(arguments);
+  static testing::CommandResult run(const std::string& arguments) {
+    return testing::run_raystage(arguments);
   }
   void flip(const std::string& name, std::size_t byte) const {
-    auto bytes = test::bytes_of(take / "archive" / name);
+    auto bytes = testing::bytes_of(take / "archive" / name);
     bytes.at(byte) ^= std::byte{1};
-    test::overwrite(take / "archive" / name, bytes);
+    testing::overwrite(take / "archive" / name, bytes);
   }
   std::size_t frame_offset(int camera, std::size_t frame) const {
-    return static_cast<std::size_t>(Take(take).archive(camera).frames()[frame].offset);
+    return static_cast<std::size_t>(store::Take(take).archive(camera).frames()[frame].offset);
   }
 
-  TestFolder folder;
+  testing::TestFolder folder;
   std::filesystem::path take = folder.path() / "a take";
   std::string quoted = "'" + take.string() + "'";
 };
 
 TEST_F(FixityCommands, AWholeTake) {
   for (const char* depth : {"", "--depth sizes ", "--depth journal ", "--depth hashes -j 1 "}) {
-    const test::CommandResult verify = run("verify -q " + std::string(depth) + quoted);
+    const testing::CommandResult verify = run("verify -q " + std::string(depth) + quoted);
     EXPECT_EQ(verify.exit_code, 0) << verify.output;
-    EXPECT_THAT(verify.output, HasSubstr("3 cameras: 3 whole, 0 not closed, 0 damaged"));
+    EXPECT_THAT(verify.output, HasSubstr("3 cameras: 3 intact, 0 not closed, 0 damaged"));
   }
   EXPECT_THAT(run("verify " + quoted).output, HasSubstr("Progress: 100%"));
-  const test::CommandResult repair = run("repair -q -j 2 " + quoted);
+  const testing::CommandResult repair = run("repair -q -j 2 " + quoted);
   EXPECT_EQ(repair.exit_code, 0) << repair.output;
-  EXPECT_THAT(repair.output, HasSubstr("3 of 3 cameras were whole"));
+  EXPECT_THAT(repair.output, HasSubstr("3 of 3 cameras were intact"));
 }
 
 TEST_F(FixityCommands, ARottenFrameIsFoundAndPutOnRecord) {
@@ -60,7 +60,8 @@ TEST_F(FixityCommands, ARottenFrameIsFoundAndPutOnRecord) {
   flip("c1.mkv", at + 3);
   EXPECT_EQ(run("verify -q --depth journal " + quoted).exit_code, 0);
   const auto json_file = folder.path() / "result.json";
-  const test::CommandResult verify = run("verify -q --json '" + json_file.string() + "' " + quoted);
+  const testing::CommandResult verify =
+      run("verify -q --json '" + json_file.string() + "' " + quoted);
   EXPECT_EQ(verify.exit_code, 1) << verify.output;
   EXPECT_THAT(verify.output, HasSubstr("archive/c1.mkv @" + std::to_string(at)));
   EXPECT_THAT(verify.output, HasSubstr("[frame 4 at 0.200000 s]"));
@@ -71,47 +72,47 @@ TEST_F(FixityCommands, ARottenFrameIsFoundAndPutOnRecord) {
   EXPECT_THAT(json["cameras"][2]["problems"], IsEmpty());
   EXPECT_EQ(nlohmann::json::parse(run("verify -q --json - " + quoted).output)["depth"], "hashes");
 
-  const auto before = test::bytes_of(take / "archive/c1.mkv");
-  const test::CommandResult dry = run("repair -q --dry-run " + quoted);
+  const auto before = testing::bytes_of(take / "archive/c1.mkv");
+  const testing::CommandResult dry = run("repair -q --dry-run " + quoted);
   EXPECT_EQ(dry.exit_code, 3) << dry.output;
-  EXPECT_THAT(dry.output, HasSubstr("c1: would be written anew, 9 frames"));
-  EXPECT_EQ(test::bytes_of(take / "archive/c1.mkv"), before);
+  EXPECT_THAT(dry.output, HasSubstr("c1: would be rewritten, 9 frames"));
+  EXPECT_EQ(testing::bytes_of(take / "archive/c1.mkv"), before);
 
-  const test::CommandResult repair = run("repair -q " + quoted);
+  const testing::CommandResult repair = run("repair -q " + quoted);
   EXPECT_EQ(repair.exit_code, 3) << repair.output;
-  EXPECT_THAT(repair.output, HasSubstr("frames lost, rotten: 1"));
+  EXPECT_THAT(repair.output, HasSubstr("frames lost, corrupt: 1"));
   EXPECT_THAT(repair.output, HasSubstr("at 0.200000000 s: a frame is corrupt"));
   EXPECT_THAT(repair.output, HasSubstr("kept as c1.mkv.damaged"));
-  EXPECT_EQ(test::bytes_of(take / "archive/c1.mkv.damaged"), before);
+  EXPECT_EQ(testing::bytes_of(take / "archive/c1.mkv.damaged"), before);
   EXPECT_EQ(run("verify -q " + quoted).exit_code, 0);
   EXPECT_THAT(run("info " + quoted).output, HasSubstr("1 torn"));
 }
 
 TEST_F(FixityCommands, LossesOfOneKindAreOneLine) {
   for (std::size_t i = 1; i < 8; ++i) flip("c1.mkv", frame_offset(1, i) + 3);
-  const test::CommandResult repair = run("repair -q " + quoted);
+  const testing::CommandResult repair = run("repair -q " + quoted);
   EXPECT_EQ(repair.exit_code, 3) << repair.output;
-  EXPECT_THAT(repair.output, HasSubstr("frames lost, rotten: 7"));
+  EXPECT_THAT(repair.output, HasSubstr("frames lost, corrupt: 7"));
   EXPECT_THAT(repair.output,
               HasSubstr("at 0.050000000 s, 0.100000000 s, 0.150000000 s, 0.200000000 s and 3 more: "
                         "a frame is corrupt"));
-  const std::size_t line = repair.output.find("lost or in doubt");
-  EXPECT_EQ(repair.output.find("lost or in doubt", line + 1), std::string::npos) << repair.output;
+  const std::size_t line = repair.output.find("lost or unverified");
+  EXPECT_EQ(repair.output.find("lost or unverified", line + 1), std::string::npos) << repair.output;
 }
 
 TEST_F(FixityCommands, RepairIsAdvisedWhereItHelps) {
   ASSERT_EQ(run("sync -q " + quoted).exit_code, 0);
-  auto timeline = test::bytes_of(take / "timeline.zst");
+  auto timeline = testing::bytes_of(take / "timeline.zst");
   timeline.at(timeline.size() / 2) ^= std::byte{1};
-  test::overwrite(take / "timeline.zst", timeline);
-  test::CommandResult verify = run("verify -q " + quoted);
+  testing::overwrite(take / "timeline.zst", timeline);
+  testing::CommandResult verify = run("verify -q " + quoted);
   EXPECT_EQ(verify.exit_code, 1);
   EXPECT_THAT(verify.output, HasSubstr("raystage sync"));
   EXPECT_THAT(verify.output, Not(HasSubstr("raystage repair")));
 
   std::filesystem::remove(take / "timeline.zst");
   std::filesystem::create_directory(take / "recording");
-  test::overwrite(take / "recording/one.json", std::as_bytes(std::span("{}")));
+  testing::overwrite(take / "recording/one.json", std::as_bytes(std::span("{}")));
   verify = run("verify -q " + quoted);
   EXPECT_EQ(verify.exit_code, 1);
   EXPECT_THAT(verify.output, HasSubstr("no frame depends on this report"));
@@ -139,14 +140,14 @@ TEST_F(FixityCommands, BadUsageAndInputExitWithTwo) {
     EXPECT_EQ(run(name).exit_code, 2);
     EXPECT_EQ(run(name + " --nonsense " + quoted).exit_code, 2);
     EXPECT_EQ(run(name + " '" + folder.path().string() + "'").exit_code, 2);
-    const test::CommandResult help = run(name + " --help");
+    const testing::CommandResult help = run(name + " --help");
     EXPECT_EQ(help.exit_code, 0);
     EXPECT_THAT(help.output, HasSubstr("default"));
   }
   EXPECT_EQ(run("verify --depth deep " + quoted).exit_code, 2);
-  test::overwrite(take / "take.json", std::as_bytes(std::span("{}")));
+  testing::overwrite(take / "take.json", std::as_bytes(std::span("{}")));
   EXPECT_EQ(run("verify -q " + quoted).exit_code, 2);
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::cli

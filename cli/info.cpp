@@ -17,23 +17,23 @@
 #include "schemas/former_names.h"
 #include "store/take_summary.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
 using Json = nlohmann::ordered_json;
-using Camera = TakeSummary::Camera;
+using Camera = store::TakeSummary::Camera;
 
 constexpr double kBytesPerMb = 1e6;
 
 double seconds(Nanoseconds time) { return static_cast<double>(time) / kNsPerS; }
 
-double megabytes_per_second(const TakeSummary& summary) {
+double megabytes_per_second(const store::TakeSummary& summary) {
   if (summary.duration <= 0) return 0;
   return static_cast<double>(summary.archive_bytes) / kBytesPerMb / seconds(summary.duration);
 }
 
 template <typename Keep>
-std::string ids_of(const TakeSummary& summary, Keep keep) {
+std::string ids_of(const store::TakeSummary& summary, Keep keep) {
   constexpr int kMost = 12;
   std::string text;
   int count = 0;
@@ -46,19 +46,19 @@ std::string ids_of(const TakeSummary& summary, Keep keep) {
 }
 
 template <typename Keep>
-long count_of(const TakeSummary& summary, Keep keep) {
+long count_of(const store::TakeSummary& summary, Keep keep) {
   return std::ranges::count_if(summary.cameras, keep);
 }
 
 void line(std::string_view name, const std::string& text) { fmt::print("{:<12}{}\n", name, text); }
 
 /// Returns "3 dropped, 45 start_up"; empty if nothing is missing.
-std::string by_reason(const std::array<int, kFrameStatusCount>& by_status) {
+std::string by_reason(const std::array<int, store::kFrameStatusCount>& by_status) {
   std::string text;
   for (std::size_t s = 1; s < by_status.size(); ++s) {
     if (by_status[s] == 0) continue;
     text += fmt::format("{}{} {}", text.empty() ? "" : ", ", by_status[s],
-                        name_of(static_cast<FrameStatus>(s)));
+                        store::name_of(static_cast<store::FrameStatus>(s)));
   }
   return text;
 }
@@ -67,10 +67,10 @@ int missing_of(const Camera& camera) {
   return std::reduce(camera.by_status.begin() + 1, camera.by_status.end());
 }
 
-/// Of a large array, prints only the cameras that miss most; --json lists all.
-void print_missing(const TakeSummary& summary) {
+/// Prints only the cameras with the most missing frames if many have some; --json lists all.
+void print_missing(const store::TakeSummary& summary) {
   constexpr std::size_t kMost = 8;
-  std::array<int, kFrameStatusCount> all{};
+  std::array<int, store::kFrameStatusCount> all{};
   std::vector<const Camera*> lacking;
   for (const Camera& camera : summary.cameras) {
     for (std::size_t s = 1; s < all.size(); ++s) all[s] += camera.by_status[s];
@@ -94,7 +94,7 @@ void print_missing(const TakeSummary& summary) {
   }
 }
 
-void print_archives(const TakeSummary& summary, const std::string& folder) {
+void print_archives(const store::TakeSummary& summary, const std::string& folder) {
   const auto open = [](const Camera& camera) { return camera.error.empty() && !camera.closed; };
   const long not_closed = count_of(summary, open);
   line("Archives",
@@ -119,7 +119,7 @@ void print_archives(const TakeSummary& summary, const std::string& folder) {
   }
 }
 
-std::string restart_markers(const TakeSummary& summary) {
+std::string restart_markers(const store::TakeSummary& summary) {
   const long with = count_of(summary, [](const Camera& c) { return c.restart_markers == true; });
   const long without =
       count_of(summary, [](const Camera& c) { return c.restart_markers == false; });
@@ -129,7 +129,7 @@ std::string restart_markers(const TakeSummary& summary) {
   return fmt::format("restart markers in {} of {} cameras", with, with + without);
 }
 
-std::string resolutions(const TakeSummary& summary) {
+std::string resolutions(const store::TakeSummary& summary) {
   std::set<std::pair<int, int>> sizes;
   for (const Camera& camera : summary.cameras) sizes.emplace(camera.width, camera.height);
   std::string text;
@@ -139,8 +139,8 @@ std::string resolutions(const TakeSummary& summary) {
   return text + " pixels";
 }
 
-void print_text(const Take& take, const TakeSummary& summary) {
-  const TakeDocument& document = take.document();
+void print_text(const store::Take& take, const store::TakeSummary& summary) {
+  const schemas::TakeDocument& document = take.document();
   const char* unit = document.arbitrary_scale ? "units" : "m";
   line("Take", fmt::format("{} ({})", document.name, take.folder().string()));
   line("Recorded", format_utc(document.epoch_utc) +
@@ -170,17 +170,17 @@ void print_text(const Take& take, const TakeSummary& summary) {
     line("On disk", fmt::format("{:.1f} MB", megabytes));
   }
   for (const Nanoseconds restart : summary.restarts) {
-    line("Resumed", fmt::format("at {:.3f} s, after the recording had stopped", seconds(restart)));
+    line("Resumed", fmt::format("at {:.3f} s, after an interruption", seconds(restart)));
   }
   for (const auto& [node, late] : summary.late_nodes) {
-    line("Late", fmt::format("node {} began {:.3f} s after its --start-at", node, seconds(late)));
+    line("Late", fmt::format("node {} started {:.3f} s after its --start-at", node, seconds(late)));
   }
   if (!summary.restarts_error.empty()) line("Resumed", summary.restarts_error);
   line("Colour", document.color_space);
   line("Clock", fmt::format("{}; time stamps mark {}", document.clock, document.timestamp_event));
   line("JPEG", restart_markers(summary));
   if (document.depth_range) {
-    const DepthRange range = *document.depth_range;
+    const schemas::DepthRange range = *document.depth_range;
     line("Depth", std::isfinite(range.far)
                       ? fmt::format("{:.4g} to {:.4g} {}", range.near, range.far, unit)
                       : fmt::format("{:.4g} {} to infinity", range.near, unit));
@@ -208,7 +208,7 @@ Json json_of(const Camera& camera) {
   Json missing = Json::object();
   for (std::size_t s = 1; s < camera.by_status.size(); ++s) {
     if (camera.by_status[s] > 0) {
-      missing[name_of(static_cast<FrameStatus>(s))] = camera.by_status[s];
+      missing[store::name_of(static_cast<store::FrameStatus>(s))] = camera.by_status[s];
     }
   }
   Json json{{"id", camera.id},
@@ -225,8 +225,8 @@ Json json_of(const Camera& camera) {
   return json;
 }
 
-void print_json(const Take& take, const TakeSummary& summary) {
-  const TakeDocument& document = take.document();
+void print_json(const store::Take& take, const store::TakeSummary& summary) {
+  const schemas::TakeDocument& document = take.document();
   Json cameras = Json::array();
   for (const Camera& camera : summary.cameras) cameras.push_back(json_of(camera));
   const auto measured = [&](double metres) { return summary.calibrated ? Json(metres) : Json(); };
@@ -271,32 +271,34 @@ void print_json(const Take& take, const TakeSummary& summary) {
         {"absent_total", std::reduce(statistics.absent.begin(), statistics.absent.end())}};
   }
   json["cameras"] = cameras;
-  constexpr FormerName kFormerNames[] = {{"timestamp_event", "time_marks"},
-                                         {"median_baseline_m", "spacing_m"},
-                                         {"min_alias_free_distance_m", "alias_free_distance_m"}};
-  add_former_names(json, kFormerNames);
+  constexpr schemas::FormerName kFormerNames[] = {
+      {"timestamp_event", "time_marks"},
+      {"median_baseline_m", "spacing_m"},
+      {"min_alias_free_distance_m", "alias_free_distance_m"}};
+  schemas::add_former_names(json, kFormerNames);
   fmt::print("{}\n", json.dump(2));
 }
 
 ExitCode info(const std::string& folder, bool json) {
-  const Take take(folder);
-  const TakeSummary summary = summarise_take(take);
+  const store::Take take(folder);
+  const store::TakeSummary summary = store::summarise_take(take);
   (json ? print_json : print_text)(take, summary);
   return summary.whole() ? ExitCode::kSuccess : ExitCode::kBadInput;
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::cli
 
 int main(int argc, char** argv) {
   using namespace raystage;
-  CLI::App app(
+  using namespace raystage::cli;
+  CommandLine command(
       "Shows the contents of a take and what is missing. Exit code 2 if an archive cannot be read.",
       "raystage info");
   std::string folder;
   bool json = false;
-  app.add_option("TAKE", folder, "Folder of the take")->required();
-  app.add_flag("--json", json, "Print as JSON (times in ns, lengths in m)");
-  return parse_and_run(app, argc, argv, "info",
+  command.option("TAKE", folder, "Folder of the take").required();
+  command.flag("--json", json, "Print as JSON (times in ns, lengths in m)");
+  return parse_and_run(command, argc, argv, "info",
                        [&](std::stop_token) { return info(folder, json); });
 }

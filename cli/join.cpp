@@ -12,7 +12,8 @@
 
 int main(int argc, char** argv) {
   using namespace raystage;
-  CLI::App app(
+  using namespace raystage::cli;
+  CommandLine command(
       "Joins the recordings of several nodes of one scene to one take. Frames are copied byte for\n"
       "byte and checked against their hashes; times count from the epoch of the earliest part.\n"
       "Warns on stderr if parts do not overlap in time, or if only some rigs are calibrated.",
@@ -20,21 +21,19 @@ int main(int argc, char** argv) {
   std::vector<std::filesystem::path> parts;
   std::filesystem::path output;
   bool quiet = false, documents_only = false;
-  app.add_option("PART", parts, "Takes of the nodes, two or more")
-      ->required()
-      ->expected(2, 10000)
-      ->option_text("PART ...");
-  app.add_option("-o,--output", output, "Folder of the new take; must not exist")
-      ->required()
-      ->type_name("TAKE");
-  app.add_flag("--documents-only", documents_only,
-               "Leave the archives in place: the take gets take.json, rig.json, journals and "
-               "the\nsession records of the nodes, for `raystage sync` and distributed rendering "
-               "(docs/farm.md)");
-  app.add_flag("-q,--quiet", quiet, "No progress on stderr");
-  return parse_and_run(app, argc, argv, "join", [&](std::stop_token stop) {
+  command.option("PART", parts, "Takes of the nodes, two or more")
+      .required()
+      .expected(2, 10000)
+      .help_text("PART ...");
+  command.option("-o,--output TAKE", output, "Folder of the new take; must not exist").required();
+  command.flag(
+      "--documents-only", documents_only,
+      "Leave the archives in place: the take gets take.json, rig.json, journals and the\nsession "
+      "records of the nodes, for `raystage sync` and distributed rendering (docs/farm.md)");
+  command.flag("-q,--quiet", quiet, "No progress on stderr");
+  return parse_and_run(command, argc, argv, "join", [&](std::stop_token stop) {
     Progress progress(!quiet);
-    const JoinReport report = join_takes(
+    const ingest::JoinReport report = ingest::join_takes(
         parts, output, "raystage " RAYSTAGE_VERSION, documents_only,
         [&](double done) { progress.report(done); }, stop);
     for (const std::string& warning : report.warnings) {

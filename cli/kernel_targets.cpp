@@ -6,8 +6,8 @@
 
 #include "cli/version.h"
 
-namespace raystage {
+namespace raystage::cli {
 
 const std::int64_t kCompiledKernelTargets = HWY_TARGETS;
 
-}  // namespace raystage
+}

@@ -19,7 +19,7 @@
 #include "compose/frame_range.h"
 #include "compose/sequence.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
 constexpr double kBytesPerGb = 1e9, kLeastMemoryGb = 1e-3, kMostMemoryGb = 1e5;
@@ -27,59 +27,55 @@ constexpr double kBytesPerGb = 1e9, kLeastMemoryGb = 1e-3, kMostMemoryGb = 1e5;
 struct Options {
   std::filesystem::path shot, cache_folder, color_config, relative_to;
   std::string frames, instants, pin, simd;
-  MissingFrames missing = MissingFrames::kError;
+  compose::MissingFrames missing = compose::MissingFrames::kError;
   int threads = 0;
   double memory_gb = 0;
   bool list = false;
   ProgressStyle progress = ProgressStyle::kAuto;
 };
 
-void declare(CLI::App& app, Options& options, char** argv) {
-  app.add_option("SHOT", options.shot, "the shot (shot.json)")->required();
-  app.add_option(
-         "--frames", options.frames,
-         "frames whose data is derived, e.g. 1-48, 1-48x2 (every second), 1,5,10-20; frames\n"
-         "outside the shot are ignored (default: all of the shot)")
-      ->type_name("RANGE");
-  app.add_option("--instants", options.instants,
+void declare(CommandLine& command, Options& options, char** argv) {
+  command.option("SHOT", options.shot, "the shot (shot.json)").required();
+  command.option("--frames RANGE", options.frames,
+                 "frames to derive data for, e.g. 1-48, 1-48x2 (every second), 1,5,10-20; frames "
+                 "outside\nthe shot are ignored (default: all of the shot)");
+  command.option("--instants LAYER:TICK,...", options.instants,
                  "restrict to these ticks of layers, both counted from 0, as --list prints them, "
-                 "e.g.\n0:12,0:13,2:5 (default: all that the frames need)")
-      ->type_name("LAYER:TICK,...");
-  add_missing_option(app, options.missing);
-  add_relative_to_option(app, options.relative_to);
-  add_cache_option(app, options.cache_folder);
-  app.add_option("--pin", options.pin,
+                 "e.g.\n0:12,0:13,2:5 (default: all ticks of the frames)");
+  add_missing_option(command, options.missing);
+  add_relative_to_option(command, options.relative_to);
+  add_cache_option(command, options.cache_folder);
+  command.option("--pin NAME", options.pin,
                  "keep the data from eviction for 30 days: writes a file pin.NAME to each folder "
-                 "with\ndata; delete that file to unpin it")
-      ->type_name("NAME");
-  app.add_option("--memory", options.memory_gb,
-                 "memory for decoded source frames and the method's buffers, GB = 10^9 bytes "
-                 "(default:\nhalf of the machine's or control group's, at most 4 GiB for each)")
-      ->check(CLI::Range(kLeastMemoryGb, kMostMemoryGb))
-      ->type_name("GB");
-  add_threads_option(app, options.threads);
-  add_simd_option(app, options.simd, argv);
-  app.add_option("--ocio", options.color_config,
-                 "OpenColorIO config of the shot, as raystage render (stored data does not depend "
-                 "on it)")
-      ->type_name("CONFIG");
-  add_progress_option(app, options.progress);
-  app.add_flag("--list", options.list,
-               "derive nothing; print a line for each light field frame, with tabs between "
-               "LAYER:TICK,\nstored or missing, the frames that need it, and the file")
-      ->excludes("--pin");
-  app.footer(
+                 "with\ndata; delete that file to unpin it");
+  command
+      .option("--memory GB", options.memory_gb,
+              "memory for decoded source frames and the method's buffers, GB = 10^9 bytes "
+              "(default:\nhalf of the machine's or control group's, at most 4 GiB for each)")
+      .range(kLeastMemoryGb, kMostMemoryGb);
+  add_threads_option(command, options.threads);
+  add_simd_option(command, options.simd, argv);
+  command.option(
+      "--ocio CONFIG", options.color_config,
+      "OpenColorIO config of the shot, as raystage render (stored data does not depend on it)");
+  add_progress_option(command, options.progress);
+  command
+      .flag("--list", options.list,
+            "derive nothing; print for each light field frame, separated by tabs: LAYER:TICK, "
+            "stored or\nmissing, the frames that need it, the file")
+      .excludes("--pin");
+  command.footer(
       "Exit codes: 0 all data is stored; 1 failed; 2 bad usage or input; 3 some failed, the rest\n"
       "is stored; 33 out of memory; 128+n stopped by signal n.");
 }
 
 /// Throws Error (bad input), which quotes the text that is not LAYER:TICK.
-std::vector<LayerTick> parse_instants(const std::string& text) {
-  std::vector<LayerTick> instants;
+std::vector<compose::LayerTick> parse_instants(const std::string& text) {
+  std::vector<compose::LayerTick> instants;
   for (std::size_t begin = 0; begin <= text.size();) {
     const std::size_t end = std::min(text.find(',', begin), text.size());
     const char *at = text.data() + begin, *last = text.data() + end;
-    LayerTick instant;
+    compose::LayerTick instant;
     const auto layer = std::from_chars(at, last, instant.layer);
     const bool has_colon = layer.ec == std::errc() && layer.ptr != last && *layer.ptr == ':';
     const auto tick = std::from_chars(has_colon ? layer.ptr + 1 : last, last, instant.tick);
@@ -94,17 +90,18 @@ std::vector<LayerTick> parse_instants(const std::string& text) {
   return instants;
 }
 
-void print_list(std::span<const DerivedFrameData> instants) {
-  for (const DerivedFrameData& instant : instants) {
-    const std::string line = fmt::format("{}:{}\t{}\t{}\t{}\n", instant.layer, instant.tick,
-                                         instant.is_stored ? "stored" : "missing",
-                                         format_frame_range(instant.frames), instant.file.string());
+void print_list(std::span<const compose::DerivedFrameData> instants) {
+  for (const compose::DerivedFrameData& instant : instants) {
+    const std::string line =
+        fmt::format("{}:{}\t{}\t{}\t{}\n", instant.layer, instant.tick,
+                    instant.is_stored ? "stored" : "missing",
+                    compose::format_frame_range(instant.frames), instant.file.string());
     std::fputs(line.c_str(), stdout);
   }
 }
 
-std::string summary_of(const PrepareReport& report) {
-  std::string text = format_stored_data_counts(report.derived, report.stored_before);
+std::string summary_of(const compose::PrepareReport& report) {
+  std::string text = compose::format_stored_data_counts(report.derived, report.stored_before);
   if (!report.failures.empty()) text += fmt::format("; {} failed", report.failures.size());
   return text;
 }
@@ -112,49 +109,52 @@ std::string summary_of(const PrepareReport& report) {
 ExitCode prepare(const Options& options, std::stop_token stop) {
   Progress progress(options.progress);
   const auto say = [&](std::string_view line) { progress.say(line); };
-  std::optional<std::vector<int>> asked;
-  if (!options.frames.empty()) asked = parse_frame_range(options.frames);
-  std::optional<std::vector<LayerTick>> wanted;
+  std::optional<std::vector<int>> requested;
+  if (!options.frames.empty()) requested = compose::parse_frame_range(options.frames);
+  std::optional<std::vector<compose::LayerTick>> wanted;
   if (!options.instants.empty()) wanted = parse_instants(options.instants);
 
-  ShotPlanOptions plan_options;
+  compose::ShotPlanOptions plan_options;
   plan_options.color_config = options.color_config;
-  plan_options.frames = asked;
+  plan_options.frames = requested;
   plan_options.cache_folder = options.cache_folder;
   plan_options.folder = options.relative_to;
-  const ShotPlan plan(options.shot, plan_options);
-  const std::vector<int> numbers = frames_to_render(plan.shot(), asked, say);
-  const std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
-  const std::vector<DerivedFrameData> instants =
-      wanted ? list_derived_data(plan, frames, *wanted) : list_derived_data(plan, frames);
+  const compose::ShotPlan plan(options.shot, plan_options);
+  const std::vector<int> numbers = compose::frames_to_render(plan.shot(), requested, say);
+  const std::vector<compose::PlannedFrame> frames = plan.plan(numbers, options.missing);
+  const std::vector<compose::DerivedFrameData> instants =
+      wanted ? compose::list_derived_data(plan, frames, *wanted)
+             : compose::list_derived_data(plan, frames);
   if (options.list) {
     print_list(instants);
     return ExitCode::kSuccess;
   }
   if (!options.pin.empty()) {
     std::vector<std::filesystem::path> files;
-    for (const DerivedFrameData& instant : instants) files.push_back(instant.file);
-    pin_derived_data(files, options.pin);
+    for (const compose::DerivedFrameData& instant : instants) files.push_back(instant.file);
+    compose::pin_derived_data(files, options.pin);
   }
-  PrepareOptions how;
+  compose::PrepareOptions how;
   how.memory_bytes = static_cast<std::size_t>(options.memory_gb * kBytesPerGb);
   how.progress = [&](double done) { progress.report(done); };
   how.on_message = say;
-  const PrepareReport report = prepare_derived_data(plan, instants, how, std::move(stop));
+  const compose::PrepareReport report =
+      compose::prepare_derived_data(plan, instants, how, std::move(stop));
   progress.say(summary_of(report));
   return report.exit_code();
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::cli
 
 int main(int argc, char** argv) {
   using namespace raystage;
-  CLI::App app{"Derives and stores the camera depths that the frames of a shot need.",
-               "raystage prepare"};
+  using namespace raystage::cli;
+  CommandLine command{"Derives and stores the camera depths that the frames of a shot need.",
+                      "raystage prepare"};
   Options options;
-  declare(app, options, argv);
-  return parse_and_run(app, argc, argv, "prepare", [&](std::stop_token stop) {
+  declare(command, options, argv);
+  return parse_and_run(command, argc, argv, "prepare", [&](std::stop_token stop) {
     const int threads = thread_count(options.threads);
     const ThreadLimit limit(threads);
     tbb::task_arena arena(threads);

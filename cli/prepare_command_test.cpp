@@ -7,7 +7,7 @@
 #include "testing/cli/test_command.h"
 #include "testing/compose/sequence_test_data.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
 namespace fs = std::filesystem;
@@ -21,10 +21,10 @@ struct PrepareCommand : ::testing::Test {
     testing::write_wall_take(folder.path() / "take");
     shot.layers.front().method = "depth";
   }
-  test::CommandResult run(const std::string& command, const std::string& options = "") const {
-    write_shot(shot, folder.path() / "shot.json");
-    return test::run_raystage(command + " '" + path("shot.json") + "' --cache '" + path("cache") +
-                              "' " + options);
+  testing::CommandResult run(const std::string& command, const std::string& options = "") const {
+    schemas::write_shot(shot, folder.path() / "shot.json");
+    return testing::run_raystage(command + " '" + path("shot.json") + "' --cache '" +
+                                 path("cache") + "' " + options);
   }
   std::string path(const char* name) const { return (folder.path() / name).string(); }
   int files(std::string_view start) const {
@@ -37,12 +37,12 @@ struct PrepareCommand : ::testing::Test {
     return count;
   }
 
-  TestFolder folder;
-  ShotDocument shot = testing::wall_shot();
+  testing::TestFolder folder;
+  schemas::ShotDocument shot = testing::wall_shot();
 };
 
 TEST_F(PrepareCommand, StoresWhatRenderReads) {
-  test::CommandResult result = run("prepare", "--frames 101-103 --memory 0.5 -j 2 --pin job");
+  testing::CommandResult result = run("prepare", "--frames 101-103 --memory 0.5 -j 2 --pin job");
   EXPECT_EQ(result.exit_code, 0) << result.output;
   EXPECT_THAT(result.output, HasSubstr("\ndepths of 3 light field frames solved, of 0 read\n"));
   EXPECT_THAT(result.output, HasSubstr("Progress: 100%\n"));
@@ -62,7 +62,7 @@ TEST_F(PrepareCommand, StoresWhatRenderReads) {
 }
 
 TEST_F(PrepareCommand, ListsAndStoresTicksThatAreNamed) {
-  test::CommandResult result = run("prepare", "--frames 101-103 --list");
+  testing::CommandResult result = run("prepare", "--frames 101-103 --list");
   EXPECT_EQ(result.exit_code, 0) << result.output;
   EXPECT_THAT(result.output, StartsWith("0:0\tmissing\t101\t" + path("cache") + "/depth/"));
   EXPECT_EQ(std::ranges::count(result.output, '\n'), 3);
@@ -76,7 +76,7 @@ TEST_F(PrepareCommand, ListsAndStoresTicksThatAreNamed) {
 
 TEST_F(PrepareCommand, RefusesWhatIsNoInstantOrNotNeeded) {
   for (const char* wrong : {"0", "0:", ":1", "0:x", "0:1,", "0:-1", "0:1:2", "0:1 ", "x:0"}) {
-    const test::CommandResult result = run("prepare", "--instants '" + std::string(wrong) + "'");
+    const testing::CommandResult result = run("prepare", "--instants '" + std::string(wrong) + "'");
     EXPECT_EQ(result.exit_code, 2) << wrong;
     EXPECT_THAT(result.output, HasSubstr("is not LAYER:TICK")) << wrong;
   }
@@ -92,11 +92,11 @@ TEST_F(PrepareCommand, RefusesWhatIsNoInstantOrNotNeeded) {
 
 TEST_F(PrepareCommand, FailsWhereNothingCanBeStored) {
   write_file_atomically(path("cache"), std::string_view("no folder"));
-  const test::CommandResult result = run("prepare", "--frames 101");
+  const testing::CommandResult result = run("prepare", "--frames 101");
   EXPECT_EQ(result.exit_code, 1) << result.output;
   EXPECT_THAT(result.output, HasSubstr("tick 0 of layer 0 failed"));
   EXPECT_EQ(run("render", "--frames 101 -o '" + path("out.####.exr") + "'").exit_code, 0);
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::cli

@@ -34,7 +34,7 @@ constexpr Command kCommands[] = {
     {"render", "render a shot as an EXR sequence"},
     {"farm", "render a shot as jobs on Slurm, or as the same tasks on this machine"},
     {"camera", "export the virtual camera of a shot: .chan, .gltf"},
-    {"evaluate", "measure error and time on views with known truth"},
+    {"evaluate", "measure error and time on views with ground truth"},
     {"bench", "compare methods: error against time, as an HTML page"},
     {"preview", "turn an EXR sequence into a movie and a contact sheet"},
 };
@@ -80,7 +80,7 @@ bool is_one_of_ranks(std::string_view command) {
 int main(int argc, char** argv) {
   const std::string_view command = argc > 1 ? argv[1] : "";
   if (command == "--version") {
-    std::puts(raystage::version_text().c_str());
+    std::puts(raystage::cli::version_text().c_str());
     return 0;
   }
   if (command == "--help" || command == "-h" || command == "help") {

@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <optional>
@@ -20,7 +19,7 @@
 #include "ingest/sources/open_frame_source.h"
 #include "raystage_version.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
 struct Options {
@@ -31,61 +30,50 @@ struct Options {
   bool hold = false, resume = false;
 };
 
-void declare(CLI::App& app, Options& options) {
-  app.add_option("CONFIG", options.config, "Configuration of the recording (record.json)")
-      ->required();
-  app.add_option("-o,--output", options.take,
-                 "Folder of the take; must not exist, except with --resume")
-      ->required()
-      ->type_name("TAKE");
-  app.add_option("--node", options.node,
-                 "Name of this node (default: from the configuration, else the host's name)")
-      ->type_name("NAME");
-  app.add_option("--duration", options.duration,
-                 "Stop after this many seconds (default: at Ctrl-C, SIGTERM or the sources' end)")
-      ->check(CLI::Range(0.001, 1e7))
-      ->type_name("S");
-  app.add_option("--start-at", options.start_at,
-                 "Record frames from this time on, UTC, e.g. 2026-01-01T12:00:00Z; nodes with the "
-                 "same time start together (default: now)")
-      ->type_name("UTC");
-  app.add_flag("--buffer-in-memory", options.hold,
-               "Keep all frames in memory and write them at the end; prints before the start how "
-               "long the memory lasts");
-  app.add_option("--memory", options.memory_mb,
-                 "Memory for all frames of all cameras, MB = 10^6 bytes (default: from the "
-                 "configuration, else 1024); further memory is reported at the start")
-      ->check(CLI::Range(1.0, 1e8))
-      ->type_name("MB");
-  app.add_flag("--resume", options.resume, "Continue a take after a crash or a stop");
-  app.add_option("--status", options.status,
-                 "auto = an updated line on stderr, or one every 10 s if no "
-                 "terminal is attached; json = a line of JSON per second on stdout; none "
-                 "(default: auto)")
-      ->check(CLI::IsMember({"auto", "json", "none"}).description(""))
-      ->type_name("auto|json|none");
-  app.add_flag_callback(
-         "-q,--quiet", [&] { options.status = "none"; }, "No progress on stderr: as --status none")
-      ->excludes("--status");
-  add_threads_option(app, options.threads);
-  app.footer(
-      "Exit codes: 0 every received frame is stored; 1 failed, or frames are unaccounted for; 2 "
-      "bad\n"
-      "usage or input; 3 frames were dropped, or a camera was lost or sent none; the take lists "
-      "them.\n"
+void declare(CommandLine& command, Options& options) {
+  command.option("CONFIG", options.config, "Configuration of the recording (record.json)")
+      .required();
+  command.option("-o,--output TAKE", options.take, "Folder of the take, new without --resume")
+      .required();
+  command.option("--node NAME", options.node,
+                 "Name of this node (default: from the configuration, else the host's name)");
+  command
+      .option("--duration S", options.duration,
+              "Stop after this many seconds (default: at Ctrl-C, SIGTERM or the sources' end)")
+      .range(0.001, 1e7);
+  command.option("--start-at UTC", options.start_at,
+                 "Start of the recording, UTC, e.g. 2026-01-01T12:00:00Z; nodes with the same time "
+                 "start together (default: now)");
+  command.flag("--buffer-in-memory", options.hold,
+               "Keep all frames in memory and write them at the end; reports at the start how long "
+               "memory lasts");
+  command
+      .option("--memory MB", options.memory_mb,
+              "Memory for all frames of all cameras, MB = 10^6 bytes (default: from the "
+              "configuration, else 1024); other memory is reported at the start")
+      .range(1.0, 1e8);
+  command.flag("--resume", options.resume, "Continue a take after a crash or a stop");
+  command
+      .option("--status", options.status,
+              "auto = an updated line on stderr, or one every 10 s if no terminal is attached; "
+              "json = a line of JSON per second on stdout; none (default: auto)")
+      .one_of({"auto", "json", "none"});
+  command
+      .flag(
+          "-q,--quiet", [&] { options.status = "none"; }, "No progress: as --status none")
+      .excludes("--status");
+  add_threads_option(command, options.threads);
+  command.footer(
+      "Exit codes: 0 every received frame is stored; 1 failed, or frames are unaccounted for;\n"
+      "2 bad usage or input; 3 frames were dropped, or a camera was lost or sent none (see TAKE).\n"
       "CONFIG names each camera and its source, \"ffmpeg\", \"aravis\" or \"simulated\":\n"
       "  {\"schema\": \"raystage/record/1\", \"name\": \"take one\", \"memory_mb\": 4000,\n"
-      "   \"when_full\": \"drop_newest\" (default) or \"drop_oldest\": frame to drop when "
-      "memory is full,\n"
+      "   \"when_full\": \"drop_newest\" (default) or \"drop_oldest\": frame to drop when memory "
+      "is full,\n"
       "   \"when_lost\": \"continue\" (default), \"reconnect\" or \"stop\": action when a camera "
       "is lost,\n"
       "   \"cameras\": [{\"id\": \"r0c0\", \"ffmpeg\": {\"url\": \"v4l2:/dev/video0\"}}]}\n"
       "All settings: docs/recording.md and docs/formats/documents.md.");
-}
-
-std::string host_name() {
-  std::array<char, 256> name{};
-  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "node";
 }
 
 /// Prints the status of a recording.
@@ -94,7 +82,7 @@ class StatusPrinter {
   explicit StatusPrinter(const std::string& style)
       : json_(style == "json"), none_(style == "none"), terminal_(isatty(STDERR_FILENO) == 1) {}
 
-  void show(const RecorderStatus& status) {
+  void show(const ingest::RecorderStatus& status) {
     constexpr double kPlainEvery = 10;  // seconds
     if (none_) return;
     if (json_) {
@@ -123,39 +111,41 @@ Nanoseconds whole_second(Nanoseconds utc) {
   return utc / kNanosecondsPerSecond * kNanosecondsPerSecond;
 }
 
-RecordingTake open_take(const Options& options, const RecordConfig& config,
-                        const std::vector<RecorderCamera>& cameras, const std::string& node,
-                        std::optional<Nanoseconds> start_utc) {
+ingest::RecordingTake open_take(const Options& options, const schemas::RecordConfig& config,
+                                const std::vector<ingest::RecorderCamera>& cameras,
+                                const std::string& node, std::optional<Nanoseconds> start_utc) {
   if (options.resume) {
     std::optional<double> duration_s;
     if (options.duration > 0) duration_s = options.duration;
-    return resume_take(options.take, cameras, node, start_utc, duration_s);
+    return ingest::resume_take(options.take, cameras, node, start_utc, duration_s);
   }
-  const Nanoseconds epoch = whole_second(start_utc.value_or(host_utc_now()));
-  return RecordingTake::create(
-      options.take, make_take_document(config, cameras, node, epoch, "raystage " RAYSTAGE_VERSION),
-      make_recording_rig(config, options.config.parent_path(), cameras), node);
+  const Nanoseconds epoch = whole_second(start_utc.value_or(ingest::host_utc_now()));
+  return ingest::RecordingTake::create(
+      options.take,
+      ingest::make_take_document(config, cameras, node, epoch, "raystage " RAYSTAGE_VERSION),
+      ingest::make_recording_rig(config, options.config.parent_path(), cameras), node);
 }
 
 /// Called before cameras are opened, which can take long.
-void check_there_is_a_take(const std::filesystem::path& take) {
+void check_take_exists(const std::filesystem::path& take) {
   if (std::filesystem::exists(take / "take.json")) return;
-  throw Error::bad_input("there is no take to continue", take.string(),
-                         "Omit --resume to begin a new take, or name the take to continue");
+  throw Error::bad_input(
+      "there is no take to resume", take.string(),
+      "Omit --resume to begin a new take, or use the folder of the take to resume");
 }
 
-/// Rejects a start time in the past, except for a node that starts a little late.
+/// Rejects a start time in the past, except for a node that starts up to a minute late.
 void check_start(Nanoseconds start, std::optional<double> duration_s) {
   constexpr double kALittle = 60;  // seconds
-  const double late = static_cast<double>(host_utc_now() - start) / 1e9;
+  const double late = static_cast<double>(ingest::host_utc_now() - start) / 1e9;
   if (late <= kALittle && (!duration_s || late < *duration_s)) return;
-  throw Error::bad_input(fmt::format("found a time {:.0f} s ago", late), "--start-at",
+  throw Error::bad_input(fmt::format("the time was {:.0f} s ago", late), "--start-at",
                          "Use a future time, UTC; without it recording starts at once");
 }
 
-/// Reports the distance to the start time after the sources are open, which may have taken long.
+/// Reports the time to the start, called after the sources are open, which may take long.
 void say_when_it_starts(Nanoseconds start, bool given) {
-  const double ahead = static_cast<double>(start - host_utc_now()) / 1e9;
+  const double ahead = static_cast<double>(start - ingest::host_utc_now()) / 1e9;
   if (given && ahead < 0) {
     fmt::print(stderr,
                "raystage record: --start-at was {:.1f} s ago: the frames since are missing\n",
@@ -167,9 +157,9 @@ void say_when_it_starts(Nanoseconds start, bool given) {
 }
 
 /// Prints the memory plan for this machine, which had `free_before` bytes when the program began.
-void say_what_memory_it_takes(const RecordingMemoryPlan& plan, std::size_t free_before) {
-  fmt::print(stderr, "{}\n", format_memory_plan(plan));
-  const std::string warning = memory_warning(plan, free_before);
+void say_what_memory_it_takes(const ingest::RecordingMemoryPlan& plan, std::size_t free_before) {
+  fmt::print(stderr, "{}\n", ingest::format_memory_plan(plan));
+  const std::string warning = ingest::memory_warning(plan, free_before);
   if (!warning.empty()) fmt::print(stderr, "raystage record: {}\n", warning);
 }
 
@@ -186,15 +176,15 @@ void say_how_long_memory_lasts(std::size_t bytes, std::optional<double> rate) {
 }
 
 ExitCode record(const Options& options, const std::stop_token& stop) {
-  if (options.resume) check_there_is_a_take(options.take);
-  RecordConfig config = read_record_config(options.config);
+  if (options.resume) check_take_exists(options.take);
+  schemas::RecordConfig config = schemas::read_record_config(options.config);
   if (options.hold) config.hold = true;
   if (options.memory_mb > 0) config.memory_mb = options.memory_mb;
   const std::string node = !options.node.empty()  ? options.node
                            : !config.node.empty() ? config.node
                                                   : host_name();
-  RecorderSettings settings = make_recorder_settings(config);
-  check_recording_memory(settings.memory_bytes, available_memory());
+  ingest::RecorderSettings settings = ingest::make_recorder_settings(config);
+  ingest::check_recording_memory(settings.memory_bytes, available_memory());
   const std::size_t free_before = free_memory();
   settings.threads = thread_count(options.threads);
   if (!options.start_at.empty()) settings.start_utc = parse_utc(options.start_at);
@@ -210,24 +200,25 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   if (options.status != "none") {
     fmt::print(stderr, "raystage record: opening {} cameras\n", config.cameras.size());
   }
-  auto cameras = open_cameras(config, [folder](const RecordConfig::Camera& camera) {
-    return open_frame_source(camera, folder);
-  });
+  auto cameras =
+      ingest::open_cameras(config, [folder](const schemas::RecordConfig::Camera& camera) {
+        return ingest::open_frame_source(camera, folder);
+      });
   constexpr double kMeasure = 2;  // seconds
-  const auto rate =
-      config.hold ? measure_data_rate(cameras, settings.jpeg, kMeasure) : std::optional<double>();
+  const auto rate = config.hold ? ingest::measure_data_rate(cameras, settings.jpeg, kMeasure)
+                                : std::optional<double>();
   check_stop();
-  RecordingTake take = open_take(options, config, cameras, node, settings.start_utc);
-  const RecordingMemoryPlan plan = plan_recording_memory(settings, cameras);
-  Recorder recorder(settings, std::move(cameras), take, "raystage " RAYSTAGE_VERSION);
+  ingest::RecordingTake take = open_take(options, config, cameras, node, settings.start_utc);
+  const ingest::RecordingMemoryPlan plan = ingest::plan_recording_memory(settings, cameras);
+  ingest::Recorder recorder(settings, std::move(cameras), take, "raystage " RAYSTAGE_VERSION);
   say_what_memory_it_takes(plan, free_before);
   say_when_it_starts(std::max(settings.start_utc.value_or(0), take.document().epoch_utc),
                      settings.start_utc.has_value());
   if (config.hold) say_how_long_memory_lasts(recorder.memory_for_frames(), rate);
   StatusPrinter printer(options.status);
   Progress writing(config.hold && options.status == "auto");
-  const RecordingDocument::Session session = recorder.run(
-      stop, [&](const RecorderStatus& status) { printer.show(status); },
+  const schemas::RecordingDocument::Session session = recorder.run(
+      stop, [&](const ingest::RecorderStatus& status) { printer.show(status); },
       [&](double done) {
         printer.finish();
         writing.report(done);
@@ -237,28 +228,29 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
              session.stop_reason, format_session_summary(session));
 
   if (!session.audit || !session.audit->holds) return ExitCode::kFailed;
-  bool whole = true;
-  for (const RecordingDocument::Camera& camera : session.cameras) {
+  bool is_complete = true;
+  for (const schemas::RecordingDocument::Camera& camera : session.cameras) {
     const bool lost = std::ranges::any_of(
         camera.events, [](const auto& event) { return event.what.starts_with("lost"); });
-    whole = whole && camera.arrived > 0 && camera.dropped.empty() &&
-            camera.skipped_by_source == 0 && !lost;
+    is_complete = is_complete && camera.arrived > 0 && camera.dropped.empty() &&
+                  camera.skipped_by_source == 0 && !lost;
   }
-  return whole ? ExitCode::kSuccess : ExitCode::kSomeFramesFailed;
+  return is_complete ? ExitCode::kSuccess : ExitCode::kSomeFramesFailed;
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::cli
 
 int main(int argc, char** argv) {
   using namespace raystage;
+  using namespace raystage::cli;
   // Frames are allocated by the cameras' threads and freed by others. With an arena per thread the
-  // C library keeps much freed memory: half as much again as the frames may take.
+  // C library keeps much freed memory: half of what the frames may take.
   mallopt(M_ARENA_MAX, 1);
-  CLI::App app("Records the cameras of one ingest node into a take.", "raystage record");
+  CommandLine command("Records the cameras of one ingest node into a take.", "raystage record");
   Options options;
-  declare(app, options);
-  return parse_and_run(app, argc, argv, "record",
+  declare(command, options);
+  return parse_and_run(command, argc, argv, "record",
                        [&](const std::stop_token& stop) { return record(options, stop); },
                        OnSignal::kEnd, {{"--hold", "--buffer-in-memory"}});
 }

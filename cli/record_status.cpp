@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
 constexpr double kMegabyte = 1e6;
@@ -14,21 +14,21 @@ constexpr std::size_t kFew = 4;    // largest number of cameras that are listed 
 constexpr std::size_t kNamed = 3;  // number of listed cameras of many, the worst
 constexpr double kLagging = 0.9;   // relative to the median rate
 
-const char* word_of(CameraCounters::State state) {
+const char* word_of(ingest::CameraCounters::State state) {
   switch (state) {
-    case CameraCounters::State::kRunning:
+    case ingest::CameraCounters::State::kRunning:
       return "running";
-    case CameraCounters::State::kLost:
+    case ingest::CameraCounters::State::kLost:
       return "lost";
-    case CameraCounters::State::kEnded:
+    case ingest::CameraCounters::State::kEnded:
       return "ended";
   }
   return "unknown";
 }
 
-std::string camera_text(const RecorderStatus::Camera& camera) {
+std::string camera_text(const ingest::RecorderStatus::Camera& camera) {
   std::string text = fmt::format("{} {:.1f}", camera.id, camera.fps);
-  if (camera.state != CameraCounters::State::kRunning) {
+  if (camera.state != ingest::CameraCounters::State::kRunning) {
     text += fmt::format(" {}", word_of(camera.state));
   }
   if (camera.dropped > 0) text += fmt::format(" -{}", camera.dropped);
@@ -36,26 +36,26 @@ std::string camera_text(const RecorderStatus::Camera& camera) {
 }
 
 /// Returns the median rate and the cameras that need attention.
-std::string many_cameras_text(const std::vector<RecorderStatus::Camera>& cameras) {
+std::string many_cameras_text(const std::vector<ingest::RecorderStatus::Camera>& cameras) {
   std::vector<double> rates;
   for (const auto& camera : cameras) rates.push_back(camera.fps);
   const auto middle = rates.begin() + static_cast<std::ptrdiff_t>(rates.size() / 2);
   std::nth_element(rates.begin(), middle, rates.end());
   const double median = *middle;
   std::string text = fmt::format("{} cameras at {:.1f} fps", cameras.size(), median);
-  std::vector<const RecorderStatus::Camera*> odd;
+  std::vector<const ingest::RecorderStatus::Camera*> worst;
   for (const auto& camera : cameras) {
-    if (camera.dropped > 0 || camera.state == CameraCounters::State::kLost ||
+    if (camera.dropped > 0 || camera.state == ingest::CameraCounters::State::kLost ||
         camera.fps < kLagging * median) {
-      odd.push_back(&camera);
+      worst.push_back(&camera);
     }
   }
-  std::ranges::stable_sort(odd, std::ranges::greater{}, [](const auto* c) { return c->dropped; });
-  for (std::size_t i = 0; i < std::min(odd.size(), kNamed); ++i) {
-    text += (i == 0 ? " (" : ", ") + camera_text(*odd[i]);
+  std::ranges::stable_sort(worst, std::ranges::greater{}, [](const auto* c) { return c->dropped; });
+  for (std::size_t i = 0; i < std::min(worst.size(), kNamed); ++i) {
+    text += (i == 0 ? " (" : ", ") + camera_text(*worst[i]);
   }
-  if (odd.size() > kNamed) text += fmt::format(", {} more", odd.size() - kNamed);
-  return odd.empty() ? text : text + ")";
+  if (worst.size() > kNamed) text += fmt::format(", {} more", worst.size() - kNamed);
+  return worst.empty() ? text : text + ")";
 }
 
 }  // namespace
@@ -69,7 +69,7 @@ std::string format_duration(double seconds) {
   return fmt::format("{} s", whole);
 }
 
-std::string status_line(const RecorderStatus& status) {
+std::string status_line(const ingest::RecorderStatus& status) {
   std::string text = fmt::format("{:.0f} s  ", status.seconds);
   if (status.cameras.size() <= kFew) {
     for (const auto& camera : status.cameras) text += camera_text(camera) + " fps  ";
@@ -92,7 +92,7 @@ std::string status_line(const RecorderStatus& status) {
   return text;
 }
 
-std::string status_json(const RecorderStatus& status) {
+std::string status_json(const ingest::RecorderStatus& status) {
   nlohmann::ordered_json json{{"seconds", status.seconds},
                               {"memory_used_bytes", status.memory_used},
                               {"memory_limit_bytes", status.memory_limit},
@@ -117,11 +117,11 @@ std::string status_json(const RecorderStatus& status) {
   return json.dump();
 }
 
-std::string format_session_summary(const RecordingDocument::Session& session) {
+std::string format_session_summary(const schemas::RecordingDocument::Session& session) {
   std::uint64_t arrived = 0, stored = 0, skipped = 0;
   std::map<std::string, std::uint64_t> dropped;
   std::string cameras;
-  for (const RecordingDocument::Camera& camera : session.cameras) {
+  for (const schemas::RecordingDocument::Camera& camera : session.cameras) {
     arrived += camera.arrived;
     stored += camera.stored;
     skipped += camera.skipped_by_source;
@@ -137,7 +137,7 @@ std::string format_session_summary(const RecordingDocument::Session& session) {
     if (reasons.empty() && camera.events.empty() && camera.arrived > 0) continue;
     cameras += fmt::format("  {:<10}{} received, {} stored{}\n", camera.id, camera.arrived,
                            camera.stored, reasons);
-    for (const RecordingDocument::Event& event : camera.events) {
+    for (const schemas::RecordingDocument::Event& event : camera.events) {
       cameras += fmt::format("            {}: {}\n", format_utc(event.time_utc), event.what);
     }
   }
@@ -160,4 +160,4 @@ std::string format_session_summary(const RecordingDocument::Session& session) {
   return text;
 }
 
-}  // namespace raystage
+}  // namespace raystage::cli

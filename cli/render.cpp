@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// raystage render: a shot as an EXR sequence.
+// raystage render: renders a shot as an EXR sequence.
 #include "base/error.h"
 #include "cli/render_command.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
 void check_alone(const RenderOptions& options) {
@@ -11,23 +11,23 @@ void check_alone(const RenderOptions& options) {
       options.jpeg_quality == 0) {
     return;
   }
-  throw Error::bad_input(
-      "there is one process, and options for several hosts",
-      "--take-folder, --missing-archives, --fragments, --fragment-quality",
-      "Start it as `mpirun -n RANKS raystage render ...`, or leave these options out");
+  throw Error::bad_input("options for several hosts were given to a single process",
+                         "--take-folder, --missing-archives, --fragments, --fragment-quality",
+                         "Use `mpirun -n RANKS raystage render ...`, or omit these options");
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::cli
 
 int main(int argc, char** argv) {
   using namespace raystage;
-  CLI::App app{"Renders a shot as an EXR sequence.", "raystage render"};
+  using namespace raystage::cli;
+  CommandLine command{"Renders a shot as an EXR sequence.", "raystage render"};
   RenderOptions options;
-  declare_render_options(app, options, argv);
-  return parse_and_run(app, argc, argv, "render", [&](std::stop_token stop) {
+  declare_render_options(command, options, argv);
+  return parse_and_run(command, argc, argv, "render", [&](std::stop_token stop) {
     check_alone(options);
     Progress progress(options.progress);
-    return render(options, progress, nullptr, "", stop);
+    return cli::render(options, progress, nullptr, "", stop);
   });
 }

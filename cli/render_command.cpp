@@ -3,13 +3,11 @@
 
 #include <fmt/format.h>
 #include <tbb/task_arena.h>
-#include <unistd.h>
 
-#include <array>
 #include <map>
 #include <optional>
 
-#include "cli/choice_option.h"
+#include "base/resources.h"
 #include "cli/command_line_parsing.h"
 #include "cli/shot_options.h"
 #include "cli/simd_option.h"
@@ -20,151 +18,125 @@
 #include "raystage_version.h"
 #include "render/methods.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
 constexpr double kBytesPerGb = 1e9, kLeastMemoryGb = 1e-3, kMostMemoryGb = 1e5;
 
 }  // namespace
 
-void declare_render_options(CLI::App& app, RenderOptions& options, char** argv) {
-  app.add_option("SHOT", options.shot, "the shot to render (shot.json)")->required();
-  add_relative_to_option(app, options.relative_to);
-  app.add_option("-o,--output", options.output,
-                 "name of the frames; #### is the frame number with that many digits, as is %04d\n"
-                 "(default: renders/SHOT_LAYER.####.exr beside the shot)")
-      ->type_name("DIR/NAME.####.exr");
-  app.add_option("--frames", options.frames,
-                 "frames to render, e.g. 1-48, 1-48x2 (every second), 1,5,10-20; frames outside\n"
-                 "the shot are left out (default: all of the shot)")
-      ->type_name("RANGE");
-  add_choice<ExistingFiles>(app, "--existing", options.existing,
-                            {{"error", ExistingFiles::kError},
-                             {"skip", ExistingFiles::kSkip},
-                             {"overwrite", ExistingFiles::kOverwrite}},
-                            "frames whose file is there: error = refuse to start; skip = keep a "
-                            "file that is\nwhole and was made from the same inputs, render the "
-                            "others; overwrite = render all\n(default: error)");
-  add_missing_option(app, options.missing);
-  add_choice<std::optional<HoleFill>>(
-      app, "--fill", options.fill, {{"none", HoleFill::kNone}, {"push-pull", HoleFill::kPushPull}},
-      "rays that no camera saw: none = transparent; push-pull = coloured from what was seen "
-      "around\nthem; lf.coverage still shows them (default: what the shot says)");
-  app.add_option("--target-error", options.target_error,
-                 "let raystage choose the cheapest method and settings whose error, measured at "
-                 "cameras left out,\nis at least this PSNR, dB; in place of the shot's method (see "
-                 "--methods: auto)")
-      ->check(CLI::Range(1.0, 100.0))
-      ->type_name("DB");
-  app.add_option("--target-time", options.target_time,
-                 "the same for the most accurate that takes at most this long for a frame, seconds "
-                 "on two threads\nof the machine of docs/benchmarks.md, to be rendered alone from "
-                 "decoded frames, one sample a\npixel; with --target-error the cheapest within it")
-      ->check(CLI::Range(1e-6, 1e6))
-      ->type_name("S");
-  add_threads_option(app, options.threads);
-  add_simd_option(app, options.simd, argv);
-  app.add_option("--frames-in-flight", options.frames_in_flight,
-                 "frames worked on at once (default: one per thread, at most 16)")
-      ->check(CLI::Range(1, 256))
-      ->type_name("N");
-  app.add_option("--memory", options.memory_gb,
-                 "memory for frames in flight, decoded source frames and what the method keeps and "
-                 "works\nwith, GB = 10^9 bytes "
-                 "(default: half of the machine's or control group's; at most 4 GiB of source "
-                 "frames)")
-      ->check(CLI::Range(kLeastMemoryGb, kMostMemoryGb))
-      ->type_name("GB");
-  app.add_option(
-         "--layout", options.layout,
-         "how layers and views are spread over an EXR file: standard = a part for each; "
-         "single = all\nin one part, for old readers; nuke = the same with depth as depth.Z "
-         "(default: what the shot\nsays, else standard)")
-      ->check(CLI::IsMember({"standard", "single", "nuke"}))
-      ->type_name("LAYOUT");
-  app.add_option("--ocio", options.color_config,
-                 "OpenColorIO config for the colours of the files (default: what the shot says, "
-                 "else the\nbuilt-in one; $OCIO is not looked at)")
-      ->type_name("CONFIG");
-  add_cache_option(app, options.cache_folder);
-  app.add_flag("--chromaticities", options.chromaticities,
+void declare_render_options(CommandLine& command, RenderOptions& options, char** argv) {
+  command.option("SHOT", options.shot, "the shot to render (shot.json)").required();
+  add_relative_to_option(command, options.relative_to);
+  command.option("-o,--output DIR/NAME.####.exr", options.output,
+                 "name of the files; #### or %04d is the frame number with that many "
+                 "digits\n(default: renders/SHOT_LAYER.####.exr next to the shot)");
+  command.option("--frames RANGE", options.frames,
+                 "frames to render, e.g. 1-48, 1-48x2 (every second), 1,5,10-20; frames "
+                 "outside\nthe shot are ignored (default: all of the shot)");
+  command.choice(
+      "--existing", options.existing,
+      {{"error", compose::ExistingFiles::kError},
+       {"skip", compose::ExistingFiles::kSkip},
+       {"overwrite", compose::ExistingFiles::kOverwrite}},
+      "frames whose file exists: error = refuse to start; skip = keep complete files made\nfrom "
+      "the same inputs, render the others; overwrite = render all (default: error)");
+  add_missing_option(command, options.missing);
+  command.choice("--fill", options.fill,
+                 {{"none", schemas::HoleFill::kNone}, {"push-pull", schemas::HoleFill::kPushPull}},
+                 "pixels that no camera saw: none = transparent; push-pull = filled from their "
+                 "surroundings;\nlf.coverage still marks them (default: as in the shot)");
+  command
+      .option("--target-error DB", options.target_error,
+              "minimum PSNR, dB: chooses the fastest method and settings that reach it at excluded "
+              "cameras,\ninstead of the shot's method (see --methods: auto)")
+      .range(1.0, 100.0);
+  command
+      .option(
+          "--target-time S", options.target_time,
+          "maximum seconds per frame: chooses the most accurate method and settings within it, or "
+          "the\nfastest with --target-error. Predicted for two threads of the machine in "
+          "docs/benchmarks.md,\nwith decoded frames, one frame at a time and one sample per pixel")
+      .range(1e-6, 1e6);
+  add_threads_option(command, options.threads);
+  add_simd_option(command, options.simd, argv);
+  command
+      .option("--frames-in-flight N", options.frames_in_flight,
+              "frames processed at the same time (default: one per thread, at most 16)")
+      .range(1, 256);
+  command
+      .option("--memory GB", options.memory_gb,
+              "memory for frames in flight, decoded source frames, the method's caches and "
+              "buffers,\nGB = 10^9 bytes (default: half of the machine's or control group's, at "
+              "most 4 GiB of it for\nsource frames)")
+      .range(kLeastMemoryGb, kMostMemoryGb);
+  command
+      .option("--layout LAYOUT", options.layout,
+              "parts of the EXR files: standard = one for each layer and view; single = one for "
+              "all, for old\nreaders; nuke = as single, with depth as depth.Z (default: as in the "
+              "shot, else standard)")
+      .one_of_listed({"standard", "single", "nuke"});
+  command.option("--ocio CONFIG", options.color_config,
+                 "OpenColorIO config for the colours of the files (default: as in the shot, else "
+                 "the built-in\none; $OCIO is ignored)");
+  add_cache_option(command, options.cache_folder);
+  command.flag("--chromaticities", options.chromaticities,
                "write the chromaticities attribute for readers that do not know colorInteropID");
-  app.add_flag(
-      "--coverage", options.coverage,
-      "write channels lf.cameras (how many cameras are behind a pixel) and lf.nearest (how near\n"
-      "the nearest of them passes to its ray, metres)");
-  app.add_flag(
+  command.flag("--coverage", options.coverage,
+               "write channels lf.cameras (number of cameras that contribute to a pixel) and "
+               "lf.nearest\n(distance of the nearest of them from the pixel's ray, metres)");
+  command.flag(
       "--confidence", options.confidence,
-      "write channel lf.confidence: how far the cameras about a pixel's ray agree with it, 0 to 1");
-  app.add_flag(
-      "--deep", options.deep,
-      "beside each file NAME.####.exr write NAME.deep.####.exr: the samples it is made of, "
-      "by depth,\none of each layer at most");
-  add_progress_option(app, options.progress);
-  const char* const of_hosts = "Archives on several hosts (mpirun raystage render; docs/farm.md)";
-  app.add_option("--take-folder", options.take_folders,
-                 "where a rank keeps the folders of takes below FROM; {rank} and {host} in TO are "
-                 "its number and\nhost name; repeatable, the first that fits counts (default: the "
-                 "same paths on all hosts)")
-      ->type_name("FROM=TO")
-      ->take_all()
-      ->allow_extra_args(false)
-      ->group(of_hosts);
-  add_choice<bool>(app, "--missing-archives", options.missing_archives,
-                   {{"error", false}, {"absent", true}},
-                   "cameras whose archives no rank has: error = refuse to start; absent = render "
-                   "without them and\nmark what is missing (default: error)")
-      ->group(of_hosts);
-  app.add_option("--fragments", options.fragments,
-                 "how samples cross the network: float = exact, 16 bytes; half = 8 bytes, each "
-                 "value to 2^-11 of it;\njpeg = about a fifth of a byte, lossy; half for method "
-                 "depth (default: float)")
-      ->check(CLI::IsMember({"float", "half", "jpeg"}).description(""))
-      ->type_name("float|half|jpeg")
-      ->group(of_hosts);
-  app.add_option("--fragment-quality", options.jpeg_quality,
-                 "JPEG quality of fragments, 1 to 100 (default: 85)")
-      ->check(CLI::Range(1, 100))
-      ->type_name("Q")
-      ->group(of_hosts);
-  app.add_option("--fingerprints", options.fingerprints,
-                 "write the fingerprint of each frame to FILE, before the first is rendered: lines "
-                 "FRAME FINGERPRINT")
-      ->type_name("FILE");
-  // Printed as the version is: at once, whatever else is missing.
-  app.add_flag_callback(
-      "--methods",
-      [] { throw CLI::CallForVersion("Reconstruction methods:" + describe_methods(), 0); },
-      "list the reconstruction methods, with the options of each, and exit");
-  app.footer(
-      "Exit codes: 0 every frame asked for is there, whole; 1 failed; 2 bad usage or input;\n"
-      "3 some frames failed, the rest is done; 33 out of memory; 128+n stopped by signal n.");
+      "write channel lf.confidence: agreement of the cameras near a pixel's ray with it, 0 to 1");
+  command.flag("--deep", options.deep,
+               "also write NAME.deep.####.exr for each NAME.####.exr: its samples by depth, at "
+               "most one of\neach layer");
+  add_progress_option(command, options.progress);
+  CommandLine hosts =
+      command.group("Archives on several hosts (mpirun raystage render; docs/farm.md)");
+  hosts
+      .option(
+          "--take-folder FROM=TO", options.take_folders,
+          "folder TO on a rank for takes below FROM; {rank} and {host} in TO are its number and "
+          "host\nname; repeatable, the first match counts (default: the same paths on all hosts)")
+      .one_argument();
+  hosts.choice("--missing-archives", options.missing_archives, {{"error", false}, {"absent", true}},
+               "cameras whose archives no rank has: error = refuse to start; absent = render "
+               "without them,\nand mark the files (default: error)");
+  hosts
+      .option(
+          "--fragments", options.fragments,
+          "encoding of samples on the network: float = exact, 16 bytes; half = 8 bytes, relative "
+          "error\n2^-11; jpeg = about 0.2 bytes, lossy, but half for method depth (default: float)")
+      .one_of({"float", "half", "jpeg"});
+  hosts.option("--fragment-quality Q", options.jpeg_quality, "JPEG quality (default: 85)")
+      .range(1, 100);
+  command.option(
+      "--fingerprints FILE", options.fingerprints,
+      "write the frames' fingerprints to FILE before rendering: lines FRAME FINGERPRINT");
+  command.text_flag(
+      "--methods", [] { return "Reconstruction methods:" + render::describe_methods(); },
+      "list the reconstruction methods with their options and exit");
+  command.footer(
+      "Exit codes: 0 all requested frames are complete; 1 failed; 2 bad usage or input;\n3 some "
+      "frames failed, the rest is done; 33 out of memory; 128+n stopped by signal n.");
 }
 
-namespace {
-
-std::string host_name() {
-  std::array<char, 256> name{};
-  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "unknown";
-}
-
-}  // namespace
-
-ExitCode render(const RenderOptions& options, Progress& progress, DistributedTakes* hosts,
+ExitCode render(const RenderOptions& options, Progress& progress, render::DistributedTakes* hosts,
                 std::string_view hosts_description, std::stop_token stop) {
   const int threads = thread_count(options.threads);
   progress.say(fmt::format(
       "raystage render {} on {}{}: {} threads, simd {}, SHOT {}, --existing {}, frames {}",
       RAYSTAGE_VERSION, host_name(), hosts_description, threads,
-      simd_level_name(kernel_simd_level()), options.shot,
-      options.existing == ExistingFiles::kError  ? "error"
-      : options.existing == ExistingFiles::kSkip ? "skip"
-                                                 : "overwrite",
+      render::simd_level_name(render::kernel_simd_level()), options.shot,
+      options.existing == compose::ExistingFiles::kError  ? "error"
+      : options.existing == compose::ExistingFiles::kSkip ? "skip"
+                                                          : "overwrite",
       options.frames.empty() ? "all" : options.frames));
 
-  SequenceOptions sequence;
+  compose::SequenceOptions sequence;
   sequence.output = options.output;
-  if (!options.frames.empty()) sequence.frames = parse_frame_range(options.frames);
+  if (!options.frames.empty()) sequence.frames = compose::parse_frame_range(options.frames);
   sequence.existing = options.existing;
   sequence.missing = options.missing;
   sequence.fill = options.fill;
@@ -188,15 +160,15 @@ ExitCode render(const RenderOptions& options, Progress& progress, DistributedTak
 
   const ThreadLimit limit(threads);
   tbb::task_arena arena(threads);
-  const SequenceReport report =
-      arena.execute([&] { return render_sequence(options.shot, sequence, stop); });
+  const compose::SequenceReport report =
+      arena.execute([&] { return compose::render_sequence(options.shot, sequence, stop); });
   if (report.light_field_frames_estimated + report.light_field_frames_loaded > 0) {
-    progress.say(format_stored_data_counts(report.light_field_frames_estimated,
-                                           report.light_field_frames_loaded));
+    progress.say(compose::format_stored_data_counts(report.light_field_frames_estimated,
+                                                    report.light_field_frames_loaded));
   }
   if (report.rendered > 0) progress.say(report.stages());
   progress.say(report.summary());
   return report.exit_code();
 }
 
-}  // namespace raystage
+}  // namespace raystage::cli

@@ -13,7 +13,7 @@
 #include "compose/sequence.h"
 #include "schemas/hole_fill.h"
 
-namespace raystage {
+namespace raystage::cli {
 
 /// Options of `raystage render`.
 struct RenderOptions {
@@ -23,9 +23,9 @@ struct RenderOptions {
   bool chromaticities = false, coverage = false, confidence = false, deep = false;
   std::string layout;
   std::filesystem::path color_config, cache_folder, relative_to;
-  ExistingFiles existing = ExistingFiles::kError;
-  MissingFrames missing = MissingFrames::kError;
-  std::optional<HoleFill> fill;
+  compose::ExistingFiles existing = compose::ExistingFiles::kError;
+  compose::MissingFrames missing = compose::MissingFrames::kError;
+  std::optional<schemas::HoleFill> fill;
   double target_error = 0, target_time = 0;
   ProgressStyle progress = ProgressStyle::kAuto;
   // For several hosts, see docs/farm.md.
@@ -36,10 +36,10 @@ struct RenderOptions {
   std::filesystem::path fingerprints;
 };
 
-void declare_render_options(CLI::App& app, RenderOptions& options, char** argv);
+void declare_render_options(CommandLine& command, RenderOptions& options, char** argv);
 
 /// Renders the shot. `hosts`: as SequenceOptions; `hosts_description`: part of the first log line.
-ExitCode render(const RenderOptions& options, Progress& progress, DistributedTakes* hosts,
+ExitCode render(const RenderOptions& options, Progress& progress, render::DistributedTakes* hosts,
                 std::string_view hosts_description, std::stop_token stop);
 
-}  // namespace raystage
+}  // namespace raystage::cli

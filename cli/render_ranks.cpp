@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// raystage render under MPI: one rank of those that hold the cameras of the shot's takes.
+// raystage render under MPI: one of the ranks, each of which holds some of the cameras.
 #include <fmt/format.h>
 
 #include <exception>
@@ -11,13 +11,13 @@
 #include "farm/ranks/root_rank.h"
 #include "farm/ranks/worker_rank.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
-FragmentEncodingSettings encoding_of(const RenderOptions& options) {
-  FragmentEncodingSettings settings;
-  if (options.fragments == "half") settings.encoding = FragmentEncoding::kHalf;
-  if (options.fragments == "jpeg") settings.encoding = FragmentEncoding::kJpeg;
+render::FragmentEncodingSettings encoding_of(const RenderOptions& options) {
+  render::FragmentEncodingSettings settings;
+  if (options.fragments == "half") settings.encoding = render::FragmentEncoding::kHalf;
+  if (options.fragments == "jpeg") settings.encoding = render::FragmentEncoding::kJpeg;
   if (options.jpeg_quality > 0) settings.jpeg_quality = options.jpeg_quality;
   return settings;
 }
@@ -35,8 +35,8 @@ constexpr double kMegabyte = 1e6;
 std::string traffic_text(const farm::RankTraffic& traffic) {
   const auto pixels = static_cast<double>(std::max<std::int64_t>(traffic.view_pixels, 1));
   return fmt::format(
-      "between ranks: {:.3f} samples per pixel of the views, {} fragments, {:.2f} MB; {} parts of "
-      "frames, {:.2f} MB; {:.2f} MB in all",
+      "between ranks: {:.3f} samples per view pixel, {} fragments, {:.2f} MB; {} parts of frames, "
+      "{:.2f} MB; {:.2f} MB in total",
       static_cast<double>(traffic.fragments.samples) / pixels, traffic.fragments.fragments,
       static_cast<double>(traffic.fragments.bytes) / kMegabyte, traffic.frames.requests,
       static_cast<double>(traffic.frames.bytes) / kMegabyte,
@@ -47,9 +47,9 @@ std::string costs_text(const farm::RankTraffic& traffic) {
   const auto views = static_cast<double>(std::max<std::int64_t>(traffic.views, 1));
   const farm::ReduceTimes& times = traffic.times;
   return fmt::format(
-      "all ranks: {:.2f} CPU seconds, {:.2f} of them waiting; milliseconds a view: own cameras of "
-      "rank 0 {:.1f}, then waiting {:.1f} and adding fragments {:.1f}; the slowest other rank: own "
-      "cameras {:.1f}, adding {:.1f}, encoding fragments {:.1f}; messages and turns {:.1f}",
+      "all ranks: {:.2f} CPU seconds, {:.2f} of them waiting; ms per view: rank 0: own cameras "
+      "{:.1f}, waiting {:.1f}, adding fragments {:.1f}; slowest other rank: own cameras {:.1f}, "
+      "adding {:.1f}, encoding fragments {:.1f}; messages and idle {:.1f}",
       traffic.costs.cpu_seconds, traffic.costs.waiting_cpu_seconds, times.local_ms / views,
       times.wait_ms / views, times.add_ms / views, times.slowest.local_ms / views,
       times.slowest.add_ms / views, times.slowest.encode_ms / views, times.travel_ms() / views);
@@ -80,22 +80,24 @@ void serve(farm::MpiWorld& world, const RenderOptions& options) {
   } catch (const std::bad_alloc&) {
     fmt::print(stderr, "raystage render: rank {}: out of memory\n", world.rank());
     world.abort(kOutOfMemoryCode);
-  } catch (const std::exception& error) {  // the other ranks would wait for this one
+  } catch (const std::exception& error) {  // otherwise the other ranks wait forever
     fmt::print(stderr, "raystage render: rank {}: {}\n", world.rank(), error.what());
     world.abort(static_cast<int>(ExitCode::kFailed));
   }
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::cli
 
 int main(int argc, char** argv) {
   using namespace raystage;
-  CLI::App app{"Renders a shot as an EXR sequence, as one rank of several.", "raystage render"};
+  using namespace raystage::cli;
+  CommandLine command{"Renders a shot as an EXR sequence, as one rank of several.",
+                      "raystage render"};
   RenderOptions options;
-  declare_render_options(app, options, argv);
-  return parse_and_run(app, argc, argv, "render", [&](std::stop_token stop) {
-    folders_of(options);  // refuses wrong ones before there are other ranks to wait for
+  declare_render_options(command, options, argv);
+  return parse_and_run(command, argc, argv, "render", [&](std::stop_token stop) {
+    folders_of(options);  // rejects invalid ones before other ranks wait
     farm::MpiWorld world(&argc, &argv);
     if (world.rank() == 0) return render_as_first(world, options, stop);
     serve(world, options);

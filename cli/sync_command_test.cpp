@@ -13,36 +13,36 @@
 #include "testing/store/take_test_data.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 constexpr Nanoseconds kMs = 1'000'000;
 
-struct SyncCommand : testing::Test {
+struct SyncCommand : ::testing::Test {
   // Two nodes of four cameras; node "b" is 80 ms ahead; a light goes on for 150 ms at 1.5 s.
   SyncCommand() {
-    TakeDocument document = test::take_document(8, 20);
+    schemas::TakeDocument document = testing::take_document(8, 20);
     for (std::size_t c = 0; c < 8; ++c) document.cameras[c].node = c < 4 ? "a" : "b";
-    TakeWriter writer(take, document, test::rig_document(8));
+    store::TakeWriter writer(take, document, testing::rig_document(8));
     for (int c = 0; c < 8; ++c) {
       for (int i = 0; i < 50; ++i) {
         const Nanoseconds exposed = 500 * kMs + i * 50 * kMs + (c * 37 % 50) * kMs;
         const bool lit = exposed >= 1500 * kMs && exposed < 1650 * kMs;
-        const RgbImage image{16, 16, std::vector<std::uint8_t>(768, lit ? 200 : 60)};
-        writer.archive(c).append(encode_jpeg(image, {.quality = 80}),
+        const store::RgbImage image{16, 16, std::vector<std::uint8_t>(768, lit ? 200 : 60)};
+        writer.archive(c).append(store::encode_jpeg(image, {.quality = 80}),
                                  exposed + (c < 4 ? 0 : 80 * kMs));
       }
     }
     writer.commit();
   }
 
-  static test::CommandResult run(const std::string& arguments) {
-    return test::run_raystage("sync " + arguments);
+  static testing::CommandResult run(const std::string& arguments) {
+    return testing::run_raystage("sync " + arguments);
   }
 
-  TestFolder folder;
+  testing::TestFolder folder;
   std::filesystem::path take = folder.path() / "take";
   std::string quoted = "'" + take.string() + "'";
 };
@@ -55,7 +55,7 @@ TEST_F(SyncCommand, FlashCorrectsTheNodesClock) {
   EXPECT_EQ(offset["group"], "b");
   EXPECT_NEAR(offset["offset_ms"].get<double>(), 80, offset["uncertainty_ms"].get<double>());
   EXPECT_LT(offset["uncertainty_ms"].get<double>(), 25);
-  const Timeline timeline = read_timeline(Take(take));
+  const store::Timeline timeline = store::read_timeline(store::Take(take));
   EXPECT_EQ(timeline.clocks[0].offset_ns, 0);
   EXPECT_NEAR(static_cast<double>(timeline.clocks[7].offset_ns), 80e6, 25e6);
 }
@@ -68,10 +68,10 @@ TEST_F(SyncCommand, GivenOffsetsAndReport) {
   ASSERT_EQ(exit_code, 0) << output;
   EXPECT_THAT(output, HasSubstr("All 8 cameras run at 20.000 Hz"));
   EXPECT_THAT(read_file(page), HasSubstr("All 8 cameras run at 20.000 Hz"));
-  const Timeline timeline = read_timeline(Take(take));
+  const store::Timeline timeline = store::read_timeline(store::Take(take));
   EXPECT_EQ(timeline.clocks[5].offset_ns, 80 * kMs);
   // With the clocks right, cameras of both nodes see the light at the same ticks.
-  for (const FrameSelection& tick : timeline.ticks) {
+  for (const store::FrameSelection& tick : timeline.ticks) {
     if (tick.frame[0] < 0 || tick.frame[4] < 0) continue;
     EXPECT_LE(std::abs(tick.difference[0] - tick.difference[4]), 50 * kMs);
   }
@@ -87,7 +87,7 @@ TEST_F(SyncCommand, RefusesWhatMakesNoSense) {
               HasSubstr("--stamps is deprecated and will be removed; use --timestamps"));
   const auto [exit_code, output] = run("-q --flash --flash-window 2 2.5 " + quoted);
   EXPECT_EQ(exit_code, 2);
-  EXPECT_THAT(output, HasSubstr("no flash was seen"));
+  EXPECT_THAT(output, HasSubstr("no flash was detected"));
   EXPECT_FALSE(std::filesystem::exists(take / "timeline.zst"));
 }
 
@@ -99,12 +99,13 @@ TEST_F(SyncCommand, RetimesIntoANewTake) {
         run(std::string("-q --retime ") + method + " -o '" + made.string() + "' " + quoted);
     ASSERT_EQ(exit_code, 0) << output;
     EXPECT_THAT(output, HasSubstr("Retimed    " + made.string()));
-    const Take retimed(made);
-    const Timeline timeline = read_timeline(retimed);
+    const store::Take retimed(made);
+    const store::Timeline timeline = store::read_timeline(retimed);
     int on_tick = 0;
-    for (const FrameSelection& tick : timeline.ticks) on_tick += tick.difference[3] == 0 ? 1 : 0;
+    for (const store::FrameSelection& tick : timeline.ticks)
+      on_tick += tick.difference[3] == 0 ? 1 : 0;
     EXPECT_GE(on_tick, std::string_view(method) == "nearest" ? 0 : 46);
-    EXPECT_EQ(test::run_raystage("verify -q '" + made.string() + "'").exit_code, 0);
+    EXPECT_EQ(testing::run_raystage("verify -q '" + made.string() + "'").exit_code, 0);
   }
   EXPECT_EQ(read_file(take / "archive/c3.mkv"), before);
   EXPECT_FALSE(std::filesystem::exists(take / "timeline.zst"));  // only read
@@ -120,7 +121,7 @@ TEST_F(SyncCommand, RetimingNeedsANewFolder) {
   EXPECT_THAT(without.output, HasSubstr("-o NEWTAKE"));
   const auto existing = run("--retime flow -o " + quoted + " " + quoted);
   EXPECT_EQ(existing.exit_code, 2);
-  EXPECT_THAT(existing.output, HasSubstr("exists already"));
+  EXPECT_THAT(existing.output, HasSubstr("the folder exists"));
   const auto inside = run("-o '" + (take / "new").string() + "' " + quoted);
   EXPECT_EQ(inside.exit_code, 2);
   EXPECT_THAT(inside.output, HasSubstr("would be inside of"));
@@ -136,11 +137,11 @@ TEST_F(SyncCommand, RetimingNeedsANewFolder) {
 TEST_F(SyncCommand, ATickFallsWhereItIsAskedFor) {
   ASSERT_EQ(run("-q --tick-at 1.0125 " + quoted).exit_code, 0);
   bool found = false;
-  for (const FrameSelection& tick : read_timeline(Take(take)).ticks) {
+  for (const store::FrameSelection& tick : store::read_timeline(store::Take(take)).ticks) {
     found = found || std::abs(tick.time_ns - 1'012'500'000) <= 10'000;
   }
   EXPECT_TRUE(found);
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::cli

@@ -9,43 +9,43 @@
 #include "testing/store/take_test_data.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::HasSubstr;
+using ::testing::Not;
 
-struct TakeCommands : testing::Test {
+struct TakeCommands : ::testing::Test {
   TakeCommands() {
     std::vector<std::vector<Nanoseconds>> times(4);
     for (int camera = 0; camera < 4; ++camera) {
       for (int i = 0; i < 10; ++i) {
         if (camera != 2 || i != 5) {
-          times[static_cast<std::size_t>(camera)].push_back(i * 50'000'000 + camera * 1'000'000);
+          times[camera].push_back(i * 50'000'000 + camera * 1'000'000);
         }
       }
     }
-    test::write_take(take, times, 20);
+    testing::write_take(take, times, 20);
   }
 
-  static test::CommandResult run(const std::string& arguments) {
-    return test::run_raystage(arguments);
+  static testing::CommandResult run(const std::string& arguments) {
+    return testing::run_raystage(arguments);
   }
 
-  TestFolder folder;
+  testing::TestFolder folder;
   std::filesystem::path take = folder.path() / "a take";
   std::string quoted = "'" + take.string() + "'";
 };
 
 TEST_F(TakeCommands, SyncThenInfo) {
-  test::CommandResult info = run("info " + quoted);
+  testing::CommandResult info = run("info " + quoted);
   EXPECT_EQ(info.exit_code, 0) << info.output;
   EXPECT_THAT(info.output, HasSubstr("raystage sync"));
   EXPECT_THAT(info.output, HasSubstr("320 x 240 pixels"));
   EXPECT_THAT(info.output, HasSubstr("39; 9 to 10 a camera"));
   EXPECT_THAT(info.output, HasSubstr("4, all closed"));
 
-  const test::CommandResult sync = run("sync " + quoted);
+  const testing::CommandResult sync = run("sync " + quoted);
   EXPECT_EQ(sync.exit_code, 0) << sync.output;
   EXPECT_THAT(sync.output, HasSubstr("20 Hz"));
   EXPECT_THAT(sync.output, HasSubstr("mean 3.000 ms, median 3.000 ms, at most 3.000 ms"));
@@ -58,13 +58,13 @@ TEST_F(TakeCommands, SyncThenInfo) {
 }
 
 TEST_F(TakeCommands, Json) {
-  const test::CommandResult sync = run("sync --json --fps 20 --tolerance 10 " + quoted);
+  const testing::CommandResult sync = run("sync --json --fps 20 --tolerance 10 " + quoted);
   ASSERT_EQ(sync.exit_code, 0) << sync.output;
   const auto synced = nlohmann::json::parse(sync.output);
   EXPECT_EQ(synced["ticks"], 10);
   EXPECT_EQ(synced["tolerance_ns"], 10'000'000);
   EXPECT_EQ(synced["absent"], (nlohmann::json{{"c2", 1}}));
-  const test::CommandResult info = run("info --json " + quoted);
+  const testing::CommandResult info = run("info --json " + quoted);
   ASSERT_EQ(info.exit_code, 0) << info.output;
   const auto json = nlohmann::json::parse(info.output);
   EXPECT_EQ(json["frames"], 39);
@@ -75,10 +75,10 @@ TEST_F(TakeCommands, Json) {
 }
 
 TEST_F(TakeCommands, GuessedPlacesAreNotMeasured) {
-  RigDocument rig = test::rig_document(4);
-  rig.name = kUncalibratedRigName;
-  write_rig(rig, take / "rig.json");
-  const test::CommandResult info = run("info " + quoted);
+  schemas::RigDocument rig = testing::rig_document(4);
+  rig.name = schemas::kUncalibratedRigName;
+  schemas::write_rig(rig, take / "rig.json");
+  const testing::CommandResult info = run("info " + quoted);
   EXPECT_THAT(info.output, HasSubstr("Spacing     unknown: the rig is not calibrated"));
   EXPECT_THAT(info.output, Not(HasSubstr("apart")));
   EXPECT_THAT(info.output, Not(HasSubstr("Alias-free")));
@@ -93,7 +93,7 @@ TEST_F(TakeCommands, BadUsageAndInputExitWithTwo) {
     const std::string name(command);
     EXPECT_EQ(run(name).exit_code, 2);
     EXPECT_EQ(run(name + " --nonsense " + quoted).exit_code, 2);
-    const test::CommandResult missing =
+    const testing::CommandResult missing =
         run(name + " '" + (folder.path() / "nothing").string() + "'");
     EXPECT_EQ(missing.exit_code, 2);
     EXPECT_THAT(missing.output, HasSubstr("take.json"));
@@ -108,7 +108,7 @@ TEST_F(TakeCommands, BadUsageAndInputExitWithTwo) {
 
 TEST_F(TakeCommands, InfoSaysWhichArchiveIsLost) {
   std::filesystem::remove(take / "archive" / "c1.mkv");
-  const test::CommandResult info = run("info " + quoted);
+  const testing::CommandResult info = run("info " + quoted);
   EXPECT_EQ(info.exit_code, 2);
   EXPECT_THAT(info.output, HasSubstr("c1.mkv"));
   EXPECT_THAT(info.output, HasSubstr("29; 0 to 10 a camera"));
@@ -128,12 +128,12 @@ TEST_F(TakeCommands, InfoOfALargeArrayNamesTheCamerasThatMissMost) {
   for (std::size_t camera = 0; camera < times.size(); ++camera) {
     for (int i = 0; i < 10; ++i) times[camera].push_back(i * 50'000'000);
   }
-  test::write_take(large, times, 20);
+  testing::write_take(large, times, 20);
   for (int camera = 0; camera < 20; ++camera) {
     const auto file = large / "archive" / ("c" + std::to_string(camera) + ".mkv");
     std::filesystem::resize_file(file, std::filesystem::file_size(file) / (camera == 7 ? 4 : 2));
   }
-  const test::CommandResult info = run("info '" + large.string() + "'");
+  const testing::CommandResult info = run("info '" + large.string() + "'");
   EXPECT_THAT(info.output, HasSubstr("in 20 cameras"));
   EXPECT_THAT(info.output, HasSubstr("\n  c7 "));
   EXPECT_THAT(info.output, HasSubstr("and 16 cameras more"));
@@ -142,7 +142,7 @@ TEST_F(TakeCommands, InfoOfALargeArrayNamesTheCamerasThatMissMost) {
 TEST_F(TakeCommands, InfoOfACutArchive) {
   const auto file = take / "archive" / "c3.mkv";
   std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);
-  const test::CommandResult info = run("info " + quoted);
+  const testing::CommandResult info = run("info " + quoted);
   EXPECT_EQ(info.exit_code, 0);
   EXPECT_THAT(info.output, HasSubstr("1 not closed"));
   EXPECT_THAT(info.output, HasSubstr(" torn"));
@@ -151,4 +151,4 @@ TEST_F(TakeCommands, InfoOfACutArchive) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::cli

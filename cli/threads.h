@@ -3,19 +3,19 @@
 
 #include <tbb/global_control.h>
 
-#include <CLI/CLI.hpp>
 #include <cstddef>
 
 #include "base/resources.h"
+#include "cli/command_line.h"
 
-namespace raystage {
+namespace raystage::cli {
 
 /// Adds -j, --threads N; 0, the default, is the number that this process may use.
-inline void add_threads_option(CLI::App& app, int& threads) {
-  app.add_option("-j,--threads", threads,
-                 "Threads (default: 0, as many as CPU affinity and control group grant)")
-      ->check(CLI::Range(0, 1024))
-      ->type_name("N");
+inline void add_threads_option(CommandLine& command, int& threads) {
+  command
+      .option("-j,--threads N", threads,
+              "Threads (default: 0, as many as CPU affinity and control group grant)")
+      .range(0, 1024);
 }
 
 inline int thread_count(int threads_option) {
@@ -33,4 +33,4 @@ class ThreadLimit {
   tbb::global_control limit_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::cli

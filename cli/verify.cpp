@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// raystage verify: whether a take is still what was recorded.
+// raystage verify: checks a take against its recorded hashes.
 #include "store/fixity/verify.h"
 
 #include <fmt/format.h>
@@ -15,15 +15,15 @@
 #include "cli/command_line_parsing.h"
 #include "schemas/former_names.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
 constexpr double kBytesPerMb = 1e6;
-const std::map<std::string, VerifyDepth> kDepths{{"sizes", VerifyDepth::kSizes},
-                                                 {"journal", VerifyDepth::kJournal},
-                                                 {"hashes", VerifyDepth::kHashes}};
+const std::map<std::string, store::VerifyDepth> kDepths{{"sizes", store::VerifyDepth::kSizes},
+                                                        {"journal", store::VerifyDepth::kJournal},
+                                                        {"hashes", store::VerifyDepth::kHashes}};
 
 struct Options {
   std::string take, json, depth = "hashes";
@@ -31,7 +31,7 @@ struct Options {
   int threads = 0;
 };
 
-std::string frames_text(const std::vector<AffectedFrame>& frames) {
+std::string frames_text(const std::vector<store::AffectedFrame>& frames) {
   constexpr std::size_t kMost = 4;
   std::string text;
   for (std::size_t i = 0; i < std::min(frames.size(), kMost); ++i) {
@@ -42,46 +42,47 @@ std::string frames_text(const std::vector<AffectedFrame>& frames) {
   return text.empty() ? "" : " [" + text + "]";
 }
 
-void print_problem(const FixityProblem& problem) {
+void print_problem(const store::FixityProblem& problem) {
   fmt::print("  {} @{}: {}{}\n", problem.file, problem.offset, problem.what,
              frames_text(problem.frames));
 }
 
-/// What helps the cameras; other problems say it themselves.
-void print_advice(const std::string& take, const TakeFixityReport& report) {
+/// Prints advice on the cameras; other problems state their own.
+void print_advice(const std::string& take, const store::TakeFixityReport& report) {
   bool not_closed = false, damaged = false;
-  for (const TakeFixityReport::Camera& camera : report.cameras) {
-    for (const FixityProblem& problem : camera.report.problems) {
+  for (const store::TakeFixityReport::Camera& camera : report.cameras) {
+    for (const store::FixityProblem& problem : camera.report.problems) {
       (problem.not_closed ? not_closed : damaged) = true;
     }
   }
   if (damaged) {
-    fmt::print("`raystage repair {}` saves what can be saved\n", take);
+    fmt::print("`raystage repair {}` recovers the undamaged frames\n", take);
   } else if (not_closed) {
     fmt::print(
-        "`raystage record CONFIG --resume -o {0}` goes on with the recording, `raystage "
-        "repair {0}` closes it\n",
+        "`raystage record CONFIG --resume -o {0}` continues the recording, `raystage repair {0}` "
+        "closes it\n",
         take);
   }
 }
 
-void print_text(const Options& options, const TakeFixityReport& report) {
-  long whole = 0, damaged = 0;
+void print_text(const Options& options, const store::TakeFixityReport& report) {
+  long intact = 0, damaged = 0;
   for (const auto& camera : report.cameras) {
-    const bool only_open = std::ranges::all_of(camera.report.problems, &FixityProblem::not_closed);
-    whole += camera.error.empty() && camera.report.whole() ? 1 : 0;
+    const bool only_open =
+        std::ranges::all_of(camera.report.problems, &store::FixityProblem::not_closed);
+    intact += camera.error.empty() && camera.report.whole() ? 1 : 0;
     damaged += !camera.error.empty() || !only_open ? 1 : 0;
   }
   const auto cameras = static_cast<long>(report.cameras.size());
-  fmt::print("{} cameras: {} whole, {} not closed, {} damaged (depth: {}{})\n", cameras, whole,
-             cameras - whole - damaged, damaged, options.depth,
+  fmt::print("{} cameras: {} intact, {} not closed, {} damaged (depth: {}{})\n", cameras, intact,
+             cameras - intact - damaged, damaged, options.depth,
              options.decode ? ", every frame decoded" : "");
-  for (const FixityProblem& problem : report.problems) print_problem(problem);
+  for (const store::FixityProblem& problem : report.problems) print_problem(problem);
   for (const auto& camera : report.cameras) {
     if (!camera.error.empty()) fmt::print("  {}\n", camera.error);
-    for (const FixityProblem& problem : camera.report.problems) print_problem(problem);
+    for (const store::FixityProblem& problem : camera.report.problems) print_problem(problem);
     if (camera.report.omitted_problems > 0) {
-      fmt::print("  {}: {} problems more\n", camera.id, camera.report.omitted_problems);
+      fmt::print("  {}: {} more problems\n", camera.id, camera.report.omitted_problems);
     }
   }
   const double megabytes = static_cast<double>(report.bytes()) / kBytesPerMb;
@@ -90,9 +91,9 @@ void print_text(const Options& options, const TakeFixityReport& report) {
   print_advice(options.take, report);
 }
 
-Json json_of(const FixityProblem& problem) {
+Json json_of(const store::FixityProblem& problem) {
   Json frames = Json::array();
-  for (const AffectedFrame& frame : problem.frames) {
+  for (const store::AffectedFrame& frame : problem.frames) {
     frames.push_back({{"frame", frame.number}, {"time_ns", frame.time_ns}});
   }
   return {{"file", problem.file},
@@ -102,13 +103,13 @@ Json json_of(const FixityProblem& problem) {
           {"frames", frames}};
 }
 
-Json json_of(const std::vector<FixityProblem>& problems) {
+Json json_of(const std::vector<store::FixityProblem>& problems) {
   Json json = Json::array();
-  for (const FixityProblem& problem : problems) json.push_back(json_of(problem));
+  for (const store::FixityProblem& problem : problems) json.push_back(json_of(problem));
   return json;
 }
 
-Json json_of(const Options& options, const TakeFixityReport& report) {
+Json json_of(const Options& options, const store::TakeFixityReport& report) {
   Json cameras = Json::array();
   for (const auto& camera : report.cameras) {
     Json json{{"id", camera.id},
@@ -129,9 +130,9 @@ Json json_of(const Options& options, const TakeFixityReport& report) {
             {"seconds", report.seconds},
             {"problems", json_of(report.problems)},
             {"cameras", cameras}};
-  constexpr FormerName kFormerNames[] = {
+  constexpr schemas::FormerName kFormerNames[] = {
       {"description", "what"}, {"intact", "whole"}, {"omitted_problems", "more_problems"}};
-  add_former_names(json, kFormerNames);
+  schemas::add_former_names(json, kFormerNames);
   return json;
 }
 
@@ -141,12 +142,12 @@ ExitCode verify(const Options& options, const std::stop_token& stop) {
       static_cast<std::size_t>(options.threads > 0 ? options.threads
                                                    : tbb::info::default_concurrency()));
   Progress progress(!options.quiet);
-  TakeVerifyOptions deep;
+  store::TakeVerifyOptions deep;
   deep.depth = kDepths.at(options.depth);
   deep.decode = options.decode;
   deep.progress = [&](double share) { progress.report(share); };
   deep.stop = stop;
-  const TakeFixityReport report = verify_take(options.take, deep);
+  const store::TakeFixityReport report = store::verify_take(options.take, deep);
   if (report.stopped) return ExitCode::kFailed;
   if (!options.json.empty()) {
     const std::string text = json_of(options, report).dump(2) + "\n";
@@ -162,33 +163,34 @@ ExitCode verify(const Options& options, const std::stop_token& stop) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::cli
 
 int main(int argc, char** argv) {
   using namespace raystage;
-  CLI::App app(
-      "Checks a take against its recorded hashes. Changes nothing. Exit code 0: intact, 1: damaged "
-      "or\n"
-      "not closed, 2: cannot be read at all.",
+  using namespace raystage::cli;
+  CommandLine command(
+      "Checks a take against its recorded hashes. Changes nothing. Exit code 0: intact, 1: "
+      "damaged\n"
+      "or not closed, 2: cannot be read at all.",
       "raystage verify");
   Options options;
-  app.add_option("TAKE", options.take, "Folder of the take")->required();
-  app.add_option("--depth", options.depth,
-                 "How closely to look: sizes (files are there and as long as they say), journal "
-                 "(every byte but the frames' own), hashes (every byte)")
-      ->check(CLI::IsMember({"sizes", "journal", "hashes"}))
-      ->capture_default_str();
-  app.add_flag("--decode", options.decode,
-               "Also decode every JPEG and look at its size; the depth is hashes then, whatever "
-               "--depth says (default: off)");
-  app.add_option("--json", options.json,
-                 "Write the result to this file as JSON; -: to stdout, and nothing else there "
-                 "(default: none)");
-  app.add_option("-j,--threads", options.threads,
-                 "Cameras looked at at the same time (default: 0, one per processor)")
-      ->check(CLI::Range(0, 1024).description(""));
-  app.add_flag("-q,--quiet", options.quiet, "No progress on stderr (default: off)");
-  return parse_and_run(app, argc, argv, "verify", [&](std::stop_token stop) {
+  command.option("TAKE", options.take, "Folder of the take").required();
+  command
+      .option("--depth TEXT", options.depth,
+              "What to check: sizes = files exist and have their recorded sizes; journal = every "
+              "byte except the frames'; hashes = every byte")
+      .one_of_listed({"sizes", "journal", "hashes"})
+      .show_default();
+  command.flag(
+      "--decode", options.decode,
+      "Also decode every JPEG and check its dimensions; implies --depth hashes (default: off)");
+  command.option(
+      "--json", options.json,
+      "Write the result as JSON to this file; - = to stdout, without the text (default: none)");
+  command.option("-j,--threads", options.threads, "Cameras at once (default: 0, one per processor)")
+      .limits(0, 1024);
+  command.flag("-q,--quiet", options.quiet, "No progress on stderr (default: off)");
+  return parse_and_run(command, argc, argv, "verify", [&](std::stop_token stop) {
     if (options.decode) options.depth = "hashes";
     return verify(options, stop);
   });

@@ -9,7 +9,7 @@
 #include "raystage_build.h"
 #include "raystage_version.h"
 
-namespace raystage {
+namespace raystage::cli {
 namespace {
 
 /// Returns the instruction set's name as processors list it: Highway calls AVX-512 "AVX3".
@@ -41,4 +41,4 @@ std::string version_text() {
          ", build type: " RAYSTAGE_BUILD_TYPE;
 }
 
-}  // namespace raystage
+}  // namespace raystage::cli

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-namespace raystage {
+namespace raystage::cli {
 
 /// Highway targets (HWY_AVX2 ...) for which kernels are compiled, one bit each.
 extern const std::int64_t kCompiledKernelTargets;
@@ -14,4 +14,4 @@ extern const std::int64_t kCompiledKernelTargets;
 /// newline.
 std::string version_text();
 
-}  // namespace raystage
+}  // namespace raystage::cli

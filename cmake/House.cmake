@@ -7,7 +7,7 @@ set(RAYSTAGE_TEST_OPTIMISATION -O1)
 if(RAYSTAGE_SANITIZE)
   set(RAYSTAGE_TEST_OPTIMISATION -O0)
 endif()
-set(RAYSTAGE_COMMAND_OPTIMISATION -O1)  # they parse a command line, each with all of CLI11
+set(RAYSTAGE_COMMAND_OPTIMISATION -O1)  # they parse options and print results: nothing to gain from more
 include(PrecompiledHeaders)
 
 # raystage_library(NAME SOURCES ... [ALONE ...] [PUBLIC ...] [PRIVATE ...])

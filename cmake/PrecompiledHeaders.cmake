@@ -46,9 +46,9 @@ if(RAYSTAGE_PRECOMPILED_HEADERS)
                                <tbb/parallel_pipeline.h>
                        LINKS Eigen3::Eigen fmt::fmt nlohmann_json::nlohmann_json TBB::tbb)
   raystage_header_host(raystage_command_headers executable
-                       HEADERS ${common_headers} <CLI/CLI.hpp> <nlohmann/json.hpp>
+                       HEADERS ${common_headers} <nlohmann/json.hpp>
                        OPTIONS ${RAYSTAGE_COMMAND_OPTIMISATION}
-                       LINKS Eigen3::Eigen fmt::fmt nlohmann_json::nlohmann_json CLI11::CLI11 TBB::tbb)
+                       LINKS Eigen3::Eigen fmt::fmt nlohmann_json::nlohmann_json TBB::tbb)
   if(RAYSTAGE_TESTS)
     raystage_header_host(raystage_test_headers executable
                          HEADERS ${common_headers} <gmock/gmock.h> <gtest/gtest.h>

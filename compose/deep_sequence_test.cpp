@@ -12,7 +12,7 @@
 #include "compose/sequence_name.h"
 #include "testing/compose/sequence_test_data.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 class DeepSequence : public testing::SequenceTest {
@@ -22,24 +22,24 @@ class DeepSequence : public testing::SequenceTest {
     SequenceTest::SetUp();
     std::ofstream(folder_.path() / "slant.obj")
         << "o slant\nv -0.6 -0.4 0.5\nv 0.6 -0.5 -0.7\nv 0.5 0.5 -0.6\nv -0.5 0.6 0.6\nf 1 2 3 4\n";
-    ShotDocument::Layer mesh;
+    schemas::ShotDocument::Layer mesh;
     mesh.name = "slant";
-    mesh.geometry =
-        ShotDocument::Geometry{.file = "slant.obj",
-                               .material = ShotDocument::Material{.color = {{0.9, 0.4, 0.1}}},
-                               .keys = {{.frame = 101, .position = {{0.03, -0.03, -3}}}},
-                               .samples = 9};
-    ShotDocument::Layer glass;
-    glass.solid = ShotDocument::Solid{{0.1, 0.3, 0.2}, 0.25, 1};
+    mesh.geometry = schemas::ShotDocument::Geometry{
+        .file = "slant.obj",
+        .material = schemas::ShotDocument::Material{.color = {{0.9, 0.4, 0.1}}},
+        .keys = {{.frame = 101, .position = {{0.03, -0.03, -3}}}},
+        .samples = 9};
+    schemas::ShotDocument::Layer glass;
+    glass.solid = schemas::ShotDocument::Solid{{0.1, 0.3, 0.2}, 0.25, 1};
     glass.clips = {{.screen = {.left = 0.3}, .feather = 0.2}};
-    ShotDocument::Layer far;
-    far.solid = ShotDocument::Solid{{0.2, 0.2, 0.8}, 0.5, 9};
+    schemas::ShotDocument::Layer far;
+    far.solid = schemas::ShotDocument::Solid{{0.2, 0.2, 0.8}, 0.5, 9};
     shot_.layers.push_back(mesh);
     shot_.layers.push_back(glass);
     shot_.layers.insert(shot_.layers.begin(), far);
     shot_.layers[1].opacity = 0.9;
     shot_.lights = {{.ambient = {{0.5, 0.5, 0.5}}}, {.direction = {{-0.3, -0.5, -1}}}};
-    shot_.merge = ShotDocument::Merge::kDepth;
+    shot_.merge = schemas::ShotDocument::Merge::kDepth;
     options_.frames = {101};
     options_.deep = true;
   }
@@ -71,4 +71,4 @@ TEST_F(DeepSequence, FlattensToOurPictureInAnotherReader) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -10,13 +10,14 @@
 #include <set>
 #include <utility>
 
+#include "base/atomic_file.h"
 #include "base/parallel.h"
 #include "base/resources.h"
 #include "render/depth/depth_store.h"
 #include "render/methods.h"
 #include "render/renderer.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 namespace fs = std::filesystem;
@@ -25,14 +26,9 @@ constexpr std::size_t kMaxByDefault = std::size_t{4} << 30;
 
 /// Returns the kind of query for which a method stores data. Methods that store data for views
 /// store the same for rays; plane_sweep stores depths for rays only.
-QueryKind storing_use(const ReconstructionSettings& reconstruction) {
-  return method_named(reconstruction.method).stores_data() ? QueryKind::kViews : QueryKind::kRays;
-}
-
-bool reads_adjacent_frames(const ReconstructionSettings& reconstruction) {
-  const Method& method = method_named(reconstruction.method);
-  return method.reads_adjacent_frames(
-      MethodOptions(method.options(), reconstruction.options, method.name()));
+render::QueryKind storing_use(const render::ReconstructionSettings& reconstruction) {
+  return render::method_named(reconstruction.method).stores_data() ? render::QueryKind::kViews
+                                                                   : render::QueryKind::kRays;
 }
 
 bool shows_geometry(const ShotPlan& plan, int frame) {
@@ -42,24 +38,17 @@ bool shows_geometry(const ShotPlan& plan, int frame) {
   return false;
 }
 
-bool is_light(const ShotPlan& plan, std::size_t layer) {
-  return std::ranges::any_of(plan.light_field_lights(),
-                             [&](const ShotPlan::LightFieldLight& light) {
-                               return std::ranges::find(light.layers, layer) != light.layers.end();
-                             });
-}
-
 /// Returns whether a frame may need the layer for queries of kind storing_use().
 bool is_used(const ShotPlan& plan, std::size_t layer, int frame) {
-  const bool as_light = is_light(plan, layer) && shows_geometry(plan, frame);
-  const ReconstructionSettings& reconstruction = plan.light_field(layer)->reconstruction();
-  if (storing_use(reconstruction) == QueryKind::kRays) return as_light;
+  const bool as_light = plan.is_light(layer) && shows_geometry(plan, frame);
+  const render::ReconstructionSettings& reconstruction = plan.light_field(layer)->reconstruction();
+  if (storing_use(reconstruction) == render::QueryKind::kRays) return as_light;
   return as_light || plan.is_visible(layer, frame);
 }
 
 /// Returns the shown tick, and the adjacent ones if the method reads them.
 std::vector<int> ticks_read(const LightFieldLayer& light_field, int shown) {
-  if (!reads_adjacent_frames(light_field.reconstruction())) return {shown};
+  if (!light_field.reads_adjacent_frames()) return {shown};
   const auto& ticks = light_field.timeline().ticks;
   std::vector<int> read;
   for (const int tick : {shown - 1, shown, shown + 1}) {
@@ -74,11 +63,11 @@ std::vector<DerivedFrameData> needed_instants(const ShotPlan& plan,
                                               std::span<const PlannedFrame> frames) {
   std::vector<DerivedFrameData> needed;
   std::map<LayerTick, std::size_t> known;
+  const std::vector<const LightFieldLayer*> light_fields = plan.light_fields();
   for (const PlannedFrame& frame : frames) {
-    for (std::size_t layer = 0; layer < plan.layers(); ++layer) {
-      const LightFieldLayer* light_field = plan.light_field(layer);
-      if (light_field == nullptr || !frame.shown[layer].tick) continue;
-      if (!is_used(plan, layer, frame.frame)) continue;
+    for (const LightFieldLayer* light_field : light_fields) {
+      const std::size_t layer = light_field->index();
+      if (!frame.shown[layer].tick || !is_used(plan, layer, frame.frame)) continue;
       for (const int tick : ticks_read(*light_field, *frame.shown[layer].tick)) {
         const auto [at, is_new] = known.try_emplace({layer, tick}, needed.size());
         if (is_new) needed.push_back({layer, tick, {}, false, {}});
@@ -90,35 +79,36 @@ std::vector<DerivedFrameData> needed_instants(const ShotPlan& plan,
 }
 
 /// Returns a renderer without the layer's matte: depths are computed from the recorded frames.
-std::unique_ptr<const LightFieldRenderer> renderer_of(const ShotPlan& plan, std::size_t layer,
-                                                      std::size_t cache_bytes,
-                                                      std::size_t working_bytes) {
-  RendererSettings settings;
+std::unique_ptr<const render::LightFieldRenderer> renderer_of(const ShotPlan& plan,
+                                                              std::size_t layer,
+                                                              std::size_t cache_bytes,
+                                                              std::size_t working_bytes) {
+  render::RendererSettings settings;
   settings.cache_bytes = cache_bytes;
   settings.result_cache_bytes = 0;
   settings.working_bytes = working_bytes;
   settings.cache_folder = plan.cache_folder();
-  return std::make_unique<const LightFieldRenderer>(plan.light_field(layer)->take(), settings);
+  return std::make_unique<const render::LightFieldRenderer>(plan.light_field(layer)->take(),
+                                                            settings);
 }
 
-const FrameSelection& frames_at(const ShotPlan& plan, const DerivedFrameData& instant) {
+const store::FrameSelection& frames_at(const ShotPlan& plan, const DerivedFrameData& instant) {
   const auto& ticks = plan.light_field(instant.layer)->timeline().ticks;
-  return ticks[static_cast<std::size_t>(instant.tick)];
+  return ticks[instant.tick];
 }
 
 void name_files(const ShotPlan& plan, std::vector<DerivedFrameData>& instants) {
-  std::map<std::size_t, std::unique_ptr<const LightFieldRenderer>> renderers;
+  std::map<std::size_t, std::unique_ptr<const render::LightFieldRenderer>> renderers;
   for (const DerivedFrameData& instant : instants) {
     if (renderers.contains(instant.layer)) continue;
     renderers.emplace(instant.layer, renderer_of(plan, instant.layer, 0, 0));
   }
   parallel_for(std::size_t{0}, instants.size(), [&](std::size_t i) {
     DerivedFrameData& instant = instants[i];
-    const ReconstructionSettings& how = plan.light_field(instant.layer)->reconstruction();
+    const render::ReconstructionSettings& how = plan.light_field(instant.layer)->reconstruction();
     const auto& renderer = renderers.at(instant.layer);
     instant.file = renderer->stored_file(frames_at(plan, instant), how, storing_use(how));
-    std::error_code error;
-    instant.is_stored = !instant.file.empty() && fs::exists(instant.file, error);
+    instant.is_stored = !instant.file.empty() && file_exists(instant.file);
   });
 }
 
@@ -207,10 +197,10 @@ PrepareReport prepare_derived_data(const ShotPlan& plan, std::span<const Derived
       report.failures.push_back({instant.layer, instant.tick, std::move(what), is_bad_input});
     };
     try {
-      const ReconstructionSettings& how = plan.light_field(instant.layer)->reconstruction();
+      const render::ReconstructionSettings& how = plan.light_field(instant.layer)->reconstruction();
       // A renderer for each: light field frames share no decoded frames.
       const auto renderer = renderer_of(plan, instant.layer, share, share);
-      StoreResult result = renderer->store(frames_at(plan, instant), how, storing_use(how));
+      render::StoreResult result = renderer->store(frames_at(plan, instant), how, storing_use(how));
       if (!result.failure_reason.empty()) {
         fail(std::move(result.failure_reason), false);
       } else {
@@ -222,21 +212,21 @@ PrepareReport prepare_derived_data(const ShotPlan& plan, std::span<const Derived
       const auto* known = dynamic_cast<const Error*>(&error);
       fail(error.what(), known != nullptr && known->exit_code() == ExitCode::kBadInput);
     }
-    options.progress(static_cast<double>(i + 1) / static_cast<double>(instants.size()));
+    options.progress(static_cast<double>(i + 1) / instants.size());
   }
   return report;
 }
 
 void pin_derived_data(std::span<const fs::path> files, std::string_view job) {
-  for (const fs::path& folder : folders_of(files)) pin_depth_set(folder, job);
+  for (const fs::path& folder : folders_of(files)) render::pin_depth_set(folder, job);
 }
 
 void unpin_derived_data(std::span<const fs::path> files, std::string_view job) {
-  for (const fs::path& folder : folders_of(files)) unpin_depth_set(folder, job);
+  for (const fs::path& folder : folders_of(files)) render::unpin_depth_set(folder, job);
 }
 
 std::string format_stored_data_counts(int solved, int read) {
   return fmt::format("depths of {} light field frames solved, of {} read", solved, read);
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

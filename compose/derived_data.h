@@ -16,7 +16,7 @@
 #include "base/error.h"
 #include "compose/shot_plan.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Data that a method derives once from a light field frame and stores: camera depths.
 struct DerivedFrameData {
@@ -89,4 +89,4 @@ void unpin_derived_data(std::span<const std::filesystem::path> files, std::strin
 /// Returns the line that the commands print: "depths of N light field frames solved, of M read".
 std::string format_stored_data_counts(int solved, int read);
 
-}  // namespace raystage
+}  // namespace raystage::compose

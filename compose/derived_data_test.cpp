@@ -13,7 +13,7 @@
 #include "simulate/simulate.h"
 #include "testing/compose/sequence_test_data.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 namespace fs = std::filesystem;
@@ -47,7 +47,7 @@ class Preparation : public testing::SequenceTest {
     std::vector<DerivedFrameData> instants;
   };
   Needed needed(const fs::path& cache_folder) {
-    write_shot(shot_, shot_file());
+    schemas::write_shot(shot_, shot_file());
     ShotPlanOptions options;
     options.cache_folder = cache_folder;
     Needed all{std::make_unique<const ShotPlan>(shot_file(), options), {}, {}};
@@ -82,7 +82,7 @@ class Preparation : public testing::SequenceTest {
   }
   /// An actor in front of a blue screen, 3 x 3 cameras.
   void write_actor_take(double spacing = 0.07) {
-    SimulationSettings simulation;
+    simulate::SimulationSettings simulation;
     simulation.scene = "blue_screen";
     simulation.rows = simulation.columns = 3;
     simulation.spacing = spacing;
@@ -92,18 +92,20 @@ class Preparation : public testing::SequenceTest {
     simulation.startup_loss_s = simulation.drop_probability = 0;
     simulation.jitter = simulation.period_error_ppm = simulation.clock_offset = 0;
     simulation.truth_views = 0;
-    simulate(simulation, folder_.path() / "actor", "test");
-    write_timeline(build_timeline(Take(folder_.path() / "actor"), simulation.fps, 0),
-                   folder_.path() / "actor");
+    simulate::simulate(simulation, folder_.path() / "actor", "test");
+    store::write_timeline(
+        store::build_timeline(store::Take(folder_.path() / "actor"), simulation.fps, 0),
+        folder_.path() / "actor");
   }
   /// A mesh in front of the camera, which light fields may light.
-  ShotDocument::Layer mesh() const {
+  schemas::ShotDocument::Layer mesh() const {
     std::ofstream(folder_.path() / "square.obj")
         << "v -0.5 -0.5 0\nv 0.5 -0.5 0\nv 0.5 0.5 0\nv -0.5 0.5 0\nf 1 2 3 4\n";
-    ShotDocument::Layer layer;
-    layer.geometry = ShotDocument::Geometry{.file = "square.obj",
-                                            .material = ShotDocument::Material{.kind = "mirror"},
-                                            .keys = {{.frame = 101, .position = {{0, 0, -2}}}}};
+    schemas::ShotDocument::Layer layer;
+    layer.geometry = schemas::ShotDocument::Geometry{
+        .file = "square.obj",
+        .material = schemas::ShotDocument::Material{.kind = "mirror"},
+        .keys = {{.frame = 101, .position = {{0, 0, -2}}}}};
     return layer;
   }
 };
@@ -114,7 +116,7 @@ TEST_F(Preparation, StoresTheFilesThatRenderingStores) { expect_prepared(kTicks)
 TEST_F(Preparation, StoresTheSameDepthsOfAKeyedSceneWithLittleMemoryAndOneThread) {
   write_actor_take();
   shot_.layers.front().take = "actor";
-  shot_.layers.front().matte = MatteSettings{};
+  shot_.layers.front().matte = schemas::MatteSettings{};
   shot_.layers.front().speed = 0;
   shot_.layers.front().options = {{"temporal", true}};
   shot_.last_frame = 101;
@@ -318,4 +320,4 @@ TEST_F(Preparation, WithoutACacheTheTakeHoldsTheDepths) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -1,21 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "compose/file_writer.h"
 
-#include <chrono>
 #include <utility>
 
 #include "base/atomic_file.h"
+#include "base/stopwatch.h"
 
-namespace raystage {
-namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
-
-}  // namespace
+namespace raystage::compose {
 
 FileWriter::FileWriter(std::size_t max_queued_calls)
     : max_queued_calls_(max_queued_calls), thread_([this] { work(); }) {}
@@ -23,14 +14,14 @@ FileWriter::FileWriter(std::size_t max_queued_calls)
 FileWriter::~FileWriter() { finish(); }
 
 double FileWriter::write(std::vector<File> files, Done done) {
-  const Clock::time_point start = Clock::now();
+  const Stopwatch watch;
   {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [&] { return queue_.size() < max_queued_calls_; });
     queue_.push_back({std::move(files), std::move(done)});
   }
   changed_.notify_all();
-  return seconds_since(start);
+  return watch.seconds();
 }
 
 void FileWriter::finish() {
@@ -53,7 +44,7 @@ void FileWriter::work() {
       queue_.pop_front();
     }
     changed_.notify_all();
-    const Clock::time_point start = Clock::now();
+    const Stopwatch watch;
     WriteResult written;
     try {
       for (const File& file : job.files) {
@@ -63,9 +54,9 @@ void FileWriter::work() {
     } catch (...) {
       written.error = std::current_exception();
     }
-    written.seconds = seconds_since(start);
+    written.seconds = watch.seconds();
     job.done(written);
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

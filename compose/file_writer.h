@@ -11,7 +11,7 @@
 #include <thread>
 #include <vector>
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Writes finished files on its own thread, in order, each by write_file_atomically(), so that a
 /// slow disk does not block rendering threads.
@@ -57,4 +57,4 @@ class FileWriter {
   std::thread thread_;  ///< last member: the others exist when it starts
 };
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -11,7 +11,7 @@
 #include "base/error.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 std::vector<std::byte> bytes_of(const std::string& text) {
@@ -20,7 +20,7 @@ std::vector<std::byte> bytes_of(const std::string& text) {
 }
 
 TEST(FileWriter, WritesAllFilesInOrderAndSaysSo) {
-  TestFolder folder;
+  testing::TestFolder folder;
   std::vector<std::size_t> written;
   {
     FileWriter writer(1);
@@ -41,7 +41,7 @@ TEST(FileWriter, WritesAllFilesInOrderAndSaysSo) {
 }
 
 TEST(FileWriter, AFileThatFailsLeavesTheOthers) {
-  TestFolder folder;
+  testing::TestFolder folder;
   int failed = 0, done = 0;
   FileWriter writer(2);
   for (const char* name : {"a", "nowhere/b", "c"}) {
@@ -60,7 +60,7 @@ TEST(FileWriter, AFileThatFailsLeavesTheOthers) {
 }
 
 TEST(FileWriter, HoldsNobodyUpUntilItsQueueIsFull) {
-  TestFolder folder;
+  testing::TestFolder folder;
   std::promise<void> disk_answers;
   const std::shared_future<void> answered = disk_answers.get_future().share();
   FileWriter writer(1);
@@ -86,4 +86,4 @@ TEST(FileWriter, HoldsNobodyUpUntilItsQueueIsFull) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

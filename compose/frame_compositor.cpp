@@ -5,18 +5,18 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <iterator>
 #include <limits>
 #include <utility>
 
+#include "base/stopwatch.h"
 #include "compose/geometry/frustum_culling.h"
 #include "compose/geometry/shadow_catcher.h"
 #include "compose/layers/cryptomatte.h"
 #include "compose/layers/merge.h"
 #include "compose/layers/volume_blending.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 bool is_opaque(const LayerImage& image) {
@@ -26,29 +26,10 @@ bool is_opaque(const LayerImage& image) {
   return true;
 }
 
-void add_statistics(const RenderStatistics& from, RenderStatistics& to) {
-  to.plan_ms += from.plan_ms;
-  to.decode_ms += from.decode_ms;
-  to.render_ms += from.render_ms;
-  to.pixels_decoded += from.pixels_decoded;
-}
-
-/// Measures the time since its construction.
-class Stopwatch {
- public:
-  double ms() const {
-    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_)
-        .count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
-
 }  // namespace
 
 FrameCompositor::FrameCompositor(const ShotPlan& plan, const SequenceMemoryPlan& memory)
-    : plan_(plan), stored_data_(std::make_shared<StoredDataCounts>()) {
+    : plan_(plan), stored_data_(std::make_shared<render::StoredDataCounts>()) {
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     renderers_.emplace_back();
     if (plan.layer(i) == nullptr) continue;
@@ -119,11 +100,11 @@ EnvironmentRadiance FrameCompositor::layer_light_radiance(const ShotPlan::LightF
   return [takes = std::move(takes), view_directions = std::move(view_directions),
           behind = std::move(behind), strength = static_cast<float>(light.strength),
           to_working = plan_.colors().working_from_scene_matrix,
-          ambient](std::span<const WorldRay> rays, std::span<const float> spread,
+          ambient](std::span<const render::WorldRay> rays, std::span<const float> spread,
                    std::span<Eigen::Vector3f> seen) {
     std::ranges::fill(seen, ambient);
     if (behind) behind(rays, spread, seen);
-    std::vector<std::vector<RaySample>> samples;
+    std::vector<std::vector<render::RaySample>> samples;
     for (const LayerRays& take : takes) {
       samples.emplace_back(rays.size());
       take.query(rays, samples.back());
@@ -142,7 +123,7 @@ EnvironmentRadiance FrameCompositor::layer_light_radiance(const ShotPlan::LightF
 
 LayerImage FrameCompositor::render_layer(std::size_t layer, const PlannedFrame& frame,
                                          const ExrCamera& camera, const Geometry& geometry) const {
-  const ShotDocument::Layer& document = plan_.shot().layers[layer];
+  const schemas::ShotDocument::Layer& document = plan_.shot().layers[layer];
   const std::vector<float> ids = cryptomatte_ids(layer);
   const LayerView view = layer_view(layer, frame, camera, geometry, ids);
   LayerImage image;
@@ -196,7 +177,7 @@ LayerImage FrameCompositor::render_volume(std::size_t foremost, std::size_t coun
     }
     blend();
   }
-  for (const LayerImage& image : images) add_statistics(image.statistics, result.statistics);
+  for (const LayerImage& image : images) result.statistics.add_part(image.statistics);
   return result;
 }
 
@@ -207,17 +188,17 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
   std::vector<double> uncovered_share(plan_.layers(), 0.0);
   std::vector<LayerImage> front_first;
   std::vector<bool> is_holdout;
-  RenderStatistics statistics;
+  render::RenderStatistics statistics;
   const Geometry geometry = geometry_in_frame(frame, camera);
   times.geometry_ms = total.ms();  // includes BVHs, which the first frame builds
-  const bool in_layer_order = plan_.shot().merge == ShotDocument::Merge::kLayerOrder;
+  const bool in_layer_order = plan_.shot().merge == schemas::ShotDocument::Merge::kLayerOrder;
   for (std::size_t i = plan_.layers(); i-- > 0 && !stop.stop_requested();) {
     const std::size_t of_picture = plan_.volume_layer_count(i);
     const bool is_volume = !plan_.shot().layers[i].volume.empty();
     const std::size_t foremost = i;
     i -= of_picture - 1;
     if (!is_volume && !plan_.is_visible(i, frame.frame)) continue;
-    const ShotDocument::Layer& document = plan_.shot().layers[i];
+    const schemas::ShotDocument::Layer& document = plan_.shot().layers[i];
     if (is_volume && document.opacity <= 0) continue;
     const Layer* opened = plan_.layer(i);  // null is possible in a volume
     if (!is_volume &&
@@ -231,7 +212,7 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
     if (plan_.shot().output.cryptomatte && image.ids.empty()) {
       assign_object_id(image, cryptomatte_ids(i).front());
     }
-    add_statistics(image.statistics, statistics);
+    statistics.add_part(image.statistics);
     uncovered_share[i] = uncovered_share_of_layer(i, image);
     if (!is_volume) {
       tbb::this_task_arena::isolate([&] { apply(plan_.clips(i), camera.view, image); });
@@ -272,7 +253,7 @@ double FrameCompositor::uncovered_share_of_layer(std::size_t layer, const LayerI
   if (opened == nullptr || !opened->is_transparent_where_unseen() || image.pixels() == 0) return 0;
   std::size_t empty = 0;
   for (std::size_t i = 3; i < image.rgba.size(); i += 4) empty += image.rgba[i] > 0 ? 0 : 1;
-  return static_cast<double>(empty) / static_cast<double>(image.pixels());
+  return static_cast<double>(empty) / image.pixels();
 }
 
 void FrameCompositor::convert_to_working_space(LayerImage& image) const {
@@ -308,7 +289,7 @@ void FrameCompositor::add_missing_aovs(LayerImage& image) const {
       wanted.push_back(std::move(aov));
     }
   };
-  if (std::ranges::any_of(layers, &ShotDocument::Layer::is_light_field)) {
+  if (std::ranges::any_of(layers, &schemas::ShotDocument::Layer::is_light_field)) {
     want("lf", {"coverage"});
     want("lf", {"confidence"});
     want("lf", {"cameras"});
@@ -357,8 +338,8 @@ int FrameCompositor::frames_read_ahead() const {
   return frames;
 }
 
-DecodeCosts FrameCompositor::decode_costs() const {
-  DecodeCosts costs;
+store::DecodeCosts FrameCompositor::decode_costs() const {
+  store::DecodeCosts costs;
   for (const auto& renderer : renderers_) {
     if (renderer) costs += renderer->decode_costs();
   }
@@ -371,4 +352,4 @@ std::size_t FrameCompositor::decoded_bytes_cached() const {
   return bytes;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -12,7 +12,7 @@
 #include "compose/shot_plan.h"
 #include "render/renderer.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Wall-clock time of a view by stage, measured in the thread of its frame.
 struct CompositingTimes {
@@ -48,9 +48,9 @@ class FrameCompositor {
   void read_ahead(const PlannedFrame& frame) const;
   int frames_read_ahead() const;
   std::size_t decoded_bytes_cached() const;
-  DecodeCosts decode_costs() const;
+  store::DecodeCosts decode_costs() const;
   /// Returns counts over all light fields and all views rendered so far.
-  const StoredDataCounts& stored_data() const { return *stored_data_; }
+  const render::StoredDataCounts& stored_data() const { return *stored_data_; }
 
  private:
   /// The geometry of a frame; `mesh_indices` as ShotPlan::geometry_at.
@@ -88,8 +88,8 @@ class FrameCompositor {
   void add_missing_aovs(LayerImage& image) const;
 
   const ShotPlan& plan_;
-  std::shared_ptr<StoredDataCounts> stored_data_;
+  std::shared_ptr<render::StoredDataCounts> stored_data_;
   std::vector<std::unique_ptr<const LayerRenderer>> renderers_;  ///< of each layer
 };
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -6,11 +6,10 @@
 #include <algorithm>
 #include <charconv>
 #include <cstdint>
-#include <optional>
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 // A typing error such as 1-1000000000 must not exhaust the memory.
@@ -131,4 +130,4 @@ std::string format_frame_range(std::span<const int> frames) {
   return text;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Returns the frames of a list of frames and ranges with optional steps, sorted, without
 /// duplicates: "1-48", "1-48x2", "1,5,10-20x2", "-5--1". Rejects 'y' (all but every n-th) and ':':
@@ -17,4 +17,4 @@ std::vector<int> parse_frame_range(std::string_view text);
 /// Returns the shortest such text for sorted, distinct frames ("" for none).
 std::string format_frame_range(std::span<const int> frames);
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -11,7 +11,7 @@
 #include "base/error.h"
 #include "compose/sequence_name.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using ::testing::ElementsAre;
@@ -131,4 +131,4 @@ TEST(SequenceName, RefusesTwoPlacesAndUnknownTokens) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -10,7 +10,7 @@
 #include "images/exr_channels.h"
 #include "testing/compose/sequence_test_data.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using ::testing::HasSubstr;
@@ -28,24 +28,24 @@ class GeometrySequence : public testing::SequenceTest {
     shot_.lights = {{.ambient = {{0.5, 0.5, 0.5}}}};
   }
 
-  static ShotDocument::Layer square(double z, const std::string& kind = "diffuse") {
-    ShotDocument::Layer layer;
+  static schemas::ShotDocument::Layer square(double z, const std::string& kind = "diffuse") {
+    schemas::ShotDocument::Layer layer;
     layer.name = "square";
-    ShotDocument::Geometry geometry{.file = "square.obj"};
-    geometry.material = ShotDocument::Material{.kind = kind, .color = {{1, 1, 1}}};
+    schemas::ShotDocument::Geometry geometry{.file = "square.obj"};
+    geometry.material = schemas::ShotDocument::Material{.kind = kind, .color = {{1, 1, 1}}};
     geometry.keys = {{.frame = 101, .position = {{0.03, -0.03, z}}}};
     geometry.samples = 4;
     layer.geometry = geometry;
     return layer;
   }
   float value(const char* channel, int x, int y) const {
-    const ExrChannel channels[] = {{channel}};
-    return read_exr_channels(file(101), channels, "").values[static_cast<std::size_t>(y * 40 + x)];
+    const images::ExrChannel channels[] = {{channel}};
+    return images::read_exr_channels(file(101), channels, "").values[y * 40 + x];
   }
 };
 
 TEST_F(GeometrySequence, StandsInTheLightFieldByDepth) {
-  shot_.merge = ShotDocument::Merge::kDepth;
+  shot_.merge = schemas::ShotDocument::Merge::kDepth;
   run();
   EXPECT_NEAR(value("R", 20, 15), 0.5, 1e-3);
   EXPECT_NEAR(value("Z", 20, 15), 2, 1e-4);
@@ -62,14 +62,14 @@ TEST_F(GeometrySequence, StandsInTheLightFieldByDepth) {
   EXPECT_NEAR(value("R", 20, 15), grey(0), 0.005);
   shot_.layers[1] = square(-2);
   std::swap(shot_.layers[0], shot_.layers[1]);
-  shot_.merge = ShotDocument::Merge::kLayerOrder;
+  shot_.merge = schemas::ShotDocument::Merge::kLayerOrder;
   run();
   EXPECT_NEAR(value("R", 20, 15), grey(0), 0.005) << "the rearmost is stated first";
 }
 
 TEST_F(GeometrySequence, ThrowsShadowsOnALightFieldThatReceivesThem) {
   // Light from behind the camera; the focal plane of the wall is 1 m behind the square.
-  shot_.merge = ShotDocument::Merge::kDepth;
+  shot_.merge = schemas::ShotDocument::Merge::kDepth;
   shot_.lights = {{.direction = {{0.5, 0, -1}}, .color = {1, 1, 1}}};
   run();
   const auto row = [&] {
@@ -78,7 +78,7 @@ TEST_F(GeometrySequence, ThrowsShadowsOnALightFieldThatReceivesThem) {
     return values;
   };
   const std::vector<float> without = row();
-  shot_.layers[0].shadows = ShotDocument::ReceivedShadows{.strength = 0.75, .rays = 0};
+  shot_.layers[0].shadows = schemas::ShotDocument::ReceivedShadows{.strength = 0.75, .rays = 0};
   run();
   const std::vector<float> with = row();
   int shadowed = 0;
@@ -108,9 +108,9 @@ TEST_F(GeometrySequence, ALightIsAskedForRaysAndSoNeedsAMethodThatHasThem) {
 }
 
 TEST_F(GeometrySequence, BehindASolidItIsStillInMirrorsBeforeIt) {
-  ShotDocument::Layer solid;
-  solid.solid = ShotDocument::Solid{{0, 0, 0}, 1, {}};
-  ShotDocument::Layer mirror = square(-2, "mirror"), seen = square(2);
+  schemas::ShotDocument::Layer solid;
+  solid.solid = schemas::ShotDocument::Solid{{0, 0, 0}, 1, {}};
+  schemas::ShotDocument::Layer mirror = square(-2, "mirror"), seen = square(2);
   seen.geometry->keys[0].scale = 9;  // behind the camera
   seen.geometry->material->color = {{0.6, 0.6, 0.6}};
   shot_.layers = {seen, solid, mirror};
@@ -135,7 +135,7 @@ TEST_F(GeometrySequence, HasTheSameChannelsInFramesThatDoNotShowIt) {
 }
 
 TEST_F(GeometrySequence, NamesItsObjectsInACryptomatte) {
-  shot_.merge = ShotDocument::Merge::kDepth;
+  shot_.merge = schemas::ShotDocument::Merge::kDepth;
   shot_.layers[0].name = "wall";
   shot_.output.cryptomatte = true;
   for (const char* layout : {"standard", "single"}) {
@@ -235,4 +235,4 @@ TEST_F(GeometrySequence, IsCountedInMemory) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -10,7 +10,7 @@
 #include "compose/layers/cryptomatte.h"
 #include "testing/compose/test_traced_scene.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using testing::TracedScene;
@@ -20,32 +20,34 @@ class GeometryTruth : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     scene_ = std::make_unique<TracedScene>();
-    ShotDocument seen = shot_from({0, 0, 0}, 56, 320, 240);
+    schemas::ShotDocument seen = shot_from({0, 0, 0}, 56, 320, 240);
     seen.layers = set();
-    for (ShotDocument::Layer& layer : seen.layers) layer.geometry->samples = 4;
+    for (schemas::ShotDocument::Layer& layer : seen.layers) layer.geometry->samples = 4;
     scene_->write_take("take", seen, {});
   }
   static void TearDownTestSuite() { scene_.reset(); }
 
   static std::filesystem::path path(const std::string& name) { return scene_->path(name); }
-  static TracedScene::Picture render(const ShotDocument& shot) { return scene_->render(shot); }
+  static TracedScene::Picture render(const schemas::ShotDocument& shot) {
+    return scene_->render(shot);
+  }
 
   /// The meshes that become the light field, and those that stay geometry.
-  static std::vector<ShotDocument::Layer> set() {
+  static std::vector<schemas::ShotDocument::Layer> set() {
     return {TracedScene::mesh("backdrop", "plane.obj", {0, 0, -6}, 6),
             TracedScene::mesh("left", "ball.obj", {-0.7, 0.1, -3.6}, 0.5)};
   }
-  static std::vector<ShotDocument::Layer> props() {
+  static std::vector<schemas::ShotDocument::Layer> props() {
     return {TracedScene::mesh("right", "ball.obj", {0.45, -0.1, -3.2}, 0.45),
             TracedScene::mesh("behind", "ball.obj", {-0.35, 0.35, -4.3}, 0.5)};
   }
 
-  static ShotDocument shot_from(const std::array<double, 3>& eye, double fov, int width,
-                                int height) {
-    ShotDocument shot;
+  static schemas::ShotDocument shot_from(const std::array<double, 3>& eye, double fov, int width,
+                                         int height) {
+    schemas::ShotDocument shot;
     shot.width = width;
     shot.height = height;
-    shot.merge = ShotDocument::Merge::kDepth;
+    shot.merge = schemas::ShotDocument::Merge::kDepth;
     shot.camera.keys = {testing::camera_key(1, {eye[0], eye[1], eye[2]}, fov)};
     shot.lights = {{.ambient = {{0.5, 0.5, 0.5}}},
                    {.direction = {{-0.3, -0.6, -0.7}}, .color = {0.4, 0.4, 0.4}, .shadows = false}};
@@ -53,8 +55,8 @@ class GeometryTruth : public ::testing::Test {
     return shot;
   }
 
-  static ShotDocument::Layer light_field() {
-    ShotDocument::Layer layer;
+  static schemas::ShotDocument::Layer light_field() {
+    schemas::ShotDocument::Layer layer;
     layer.name = "set";
     layer.take = "take";
     layer.method = "depth";
@@ -67,7 +69,7 @@ class GeometryTruth : public ::testing::Test {
 std::unique_ptr<TracedScene> GeometryTruth::scene_;
 
 TEST_F(GeometryTruth, HalfOfItAsALightFieldLooksTheSame) {
-  ShotDocument shot = shot_from({0.05, 0.03, -0.1}, 44, 240, 180);
+  schemas::ShotDocument shot = shot_from({0.05, 0.03, -0.1}, 44, 240, 180);
   shot.layers = set();
   for (const auto& layer : props()) shot.layers.push_back(layer);
   const TracedScene::Picture truth = render(shot);
@@ -94,18 +96,19 @@ TEST_F(GeometryTruth, HalfOfItAsALightFieldLooksTheSame) {
 
 TEST_F(GeometryTruth, ReflectionsByLightFieldAreNearerThanByEnvironmentMap) {
   // The floor is a mirror that reflects the backdrop and the left ball.
-  ShotDocument::Layer floor = TracedScene::mesh("floor", "plane.obj", {0, -0.75, -3.6}, 2);
-  floor.geometry->material = ShotDocument::Material{.kind = "mirror", .color = {{0.9, 0.9, 0.9}}};
+  schemas::ShotDocument::Layer floor = TracedScene::mesh("floor", "plane.obj", {0, -0.75, -3.6}, 2);
+  floor.geometry->material =
+      schemas::ShotDocument::Material{.kind = "mirror", .color = {{0.9, 0.9, 0.9}}};
   const double half = std::sqrt(0.5);
   floor.geometry->keys[0].orientation = {{half, -half, 0, 0}};  // faces up
-  ShotDocument shot = shot_from({0.05, 0.03, -0.1}, 44, 240, 180);
+  schemas::ShotDocument shot = shot_from({0.05, 0.03, -0.1}, 44, 240, 180);
   shot.output.cryptomatte = true;
   shot.layers = set();
   shot.layers.push_back(floor);
   const TracedScene::Picture truth = render(shot);
 
   // An environment map as the centre camera sees it, grey outside its view.
-  ShotDocument around = shot_from({0, 0, 0}, 120, 512, 512);
+  schemas::ShotDocument around = shot_from({0, 0, 0}, 120, 512, 512);
   around.layers = set();
   const ExrImage view = render(around).image;
   constexpr int kWidth = 1024, kHeight = 512;
@@ -130,7 +133,7 @@ TEST_F(GeometryTruth, ReflectionsByLightFieldAreNearerThanByEnvironmentMap) {
   }
   map.close();
 
-  ShotDocument mirrored = shot;
+  schemas::ShotDocument mirrored = shot;
   mirrored.layers = {light_field(), floor};
   mirrored.lights.push_back({.light_field = "set"});
   const TracedScene::Picture by_light_field = render(mirrored);
@@ -147,4 +150,4 @@ TEST_F(GeometryTruth, ReflectionsByLightFieldAreNearerThanByEnvironmentMap) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -10,7 +10,7 @@
 #include "compose/layers/cryptomatte.h"
 #include "testing/compose/test_traced_scene.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using testing::TracedScene;
@@ -27,9 +27,9 @@ class Immersive : public ::testing::Test {
   static void SetUpTestSuite() {
     room_ = std::make_unique<TracedScene>();
     write_room();
-    ShotDocument seen = shot_looking(0);
+    schemas::ShotDocument seen = shot_looking(0);
     seen.layers = walls();
-    for (ShotDocument::Layer& layer : seen.layers) layer.geometry->samples = 4;
+    for (schemas::ShotDocument::Layer& layer : seen.layers) layer.geometry->samples = 4;
     // The side of the volume is 0.4 m; planes extend by l / tan(A) (thesis, "Array layout").
     for (int side = 0; side < 4; ++side) {
       testing::TracedRig array{.turn_deg = 90.0 * side, .side = 3, .spacing = 0.25};
@@ -45,7 +45,7 @@ class Immersive : public ::testing::Test {
   static void TearDownTestSuite() { room_.reset(); }
 
   /// A room of 8 m with a ball in one of its corners.
-  static std::vector<ShotDocument::Layer> walls() {
+  static std::vector<schemas::ShotDocument::Layer> walls() {
     return {TracedScene::mesh("walls", "room.obj", {0, 0, 0}, 4),
             TracedScene::mesh("ball", "ball.obj", {2, 0, -2}, 0.6)};
   }
@@ -61,26 +61,26 @@ class Immersive : public ::testing::Test {
   }
 
   /// A view from within the volume.
-  static ShotDocument shot_looking(double degrees) {
-    ShotDocument shot;
+  static schemas::ShotDocument shot_looking(double degrees) {
+    schemas::ShotDocument shot;
     shot.width = 240;
     shot.height = 120;
-    shot.merge = ShotDocument::Merge::kDepth;
+    shot.merge = schemas::ShotDocument::Merge::kDepth;
     shot.camera.keys = {testing::camera_key(1, {0.08, 0.05, 0.06}, 80)};
     shot.camera.keys[0].orientation = turned(degrees);
     shot.lights = {{.ambient = {{0.9, 0.9, 0.9}}}};
     shot.output.cryptomatte = true;
     return shot;
   }
-  static ShotDocument::Layer take(int side, const std::string& volume) {
-    ShotDocument::Layer layer;
+  static schemas::ShotDocument::Layer take(int side, const std::string& volume) {
+    schemas::ShotDocument::Layer layer;
     layer.name = "side" + std::to_string(side);
     layer.take = "take" + std::to_string(side);
     layer.method = "depth";
     layer.volume = volume;
     return layer;
   }
-  static std::vector<ShotDocument::Layer> takes() {
+  static std::vector<schemas::ShotDocument::Layer> takes() {
     return {take(0, "room"), take(1, "room"), take(2, "room"), take(3, "room")};
   }
   static double everywhere(const TracedScene::Picture& a, const TracedScene::Picture& b) {
@@ -95,7 +95,7 @@ std::unique_ptr<TracedScene> Immersive::room_;
 TEST_F(Immersive, EveryRayIsAnsweredByATakeThatHoldsIt) {
   for (const double degrees : {0.0, -45.0, 110.0}) {
     SCOPED_TRACE(degrees);
-    ShotDocument shot = shot_looking(degrees);
+    schemas::ShotDocument shot = shot_looking(degrees);
     shot.layers = walls();
     const TracedScene::Picture truth = room_->render(shot);
     shot.layers = takes();
@@ -113,7 +113,7 @@ TEST_F(Immersive, EveryRayIsAnsweredByATakeThatHoldsIt) {
 }
 
 TEST_F(Immersive, TheSeamIsNotSeen) {
-  ShotDocument shot = shot_looking(-45);  // the seam is in the middle, and the ball
+  schemas::ShotDocument shot = shot_looking(-45);  // the seam is in the middle, and the ball
   shot.layers = walls();
   const TracedScene::Picture truth = room_->render(shot);
   shot.layers = takes();
@@ -130,15 +130,15 @@ TEST_F(Immersive, TheSeamIsNotSeen) {
   printf("in the seam %.2f dB, elsewhere %.2f dB\n", seam, rest);
   EXPECT_GT(seam, 34);  // all of the ball's edges are visible
   // For comparison: the takes as separate layers.
-  for (ShotDocument::Layer& layer : shot.layers) layer.volume.clear();
-  shot.merge = ShotDocument::Merge::kLayerOrder;
+  for (schemas::ShotDocument::Layer& layer : shot.layers) layer.volume.clear();
+  shot.merge = schemas::ShotDocument::Merge::kLayerOrder;
   EXPECT_LT(everywhere(truth, room_->render(shot)), everywhere(truth, room));
 }
 
 TEST_F(Immersive, AMirrorReflectsTheWholeRoom) {
-  ShotDocument::Layer ball = TracedScene::mesh("mirror", "ball.obj", {0, 0, -0.1}, 0.05);
-  ball.geometry->material = ShotDocument::Material{.kind = "mirror", .color = {{1, 1, 1}}};
-  ShotDocument shot = shot_looking(0);
+  schemas::ShotDocument::Layer ball = TracedScene::mesh("mirror", "ball.obj", {0, 0, -0.1}, 0.05);
+  ball.geometry->material = schemas::ShotDocument::Material{.kind = "mirror", .color = {{1, 1, 1}}};
+  schemas::ShotDocument shot = shot_looking(0);
   shot.camera.keys[0] = testing::camera_key(1, {0, 0, 0.15}, 30);
   shot.layers = walls();
   shot.layers.push_back(ball);
@@ -161,4 +161,4 @@ TEST_F(Immersive, AMirrorReflectsTheWholeRoom) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

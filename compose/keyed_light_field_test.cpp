@@ -10,7 +10,7 @@
 #include "testing/compose/sequence_test_data.h"
 #include "testing/ingest/test_moving_coverage.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 constexpr std::array<double, 3> kBehind{0.2, 0.35, 0.1};  // linear light
@@ -18,7 +18,7 @@ constexpr std::array<double, 3> kBehind{0.2, 0.35, 0.1};  // linear light
 class KeyedLightField : public ::testing::Test {
  protected:
   KeyedLightField() {
-    SimulationSettings simulation;
+    simulate::SimulationSettings simulation;
     simulation.scene = "blue_screen";
     simulation.rows = simulation.columns = 5;
     simulation.spacing = 0.07;
@@ -29,26 +29,27 @@ class KeyedLightField : public ::testing::Test {
     simulation.jitter = simulation.period_error_ppm = simulation.clock_offset = 0;
     simulation.edge_samples = 36;
     simulation.truth_views = 0;
-    simulate(simulation, folder_.path() / "take", "test");
-    write_timeline(build_timeline(Take(folder_.path() / "take"), simulation.fps, 0),
-                   folder_.path() / "take");
+    simulate::simulate(simulation, folder_.path() / "take", "test");
+    store::write_timeline(
+        store::build_timeline(store::Take(folder_.path() / "take"), simulation.fps, 0),
+        folder_.path() / "take");
     shot_.width = 200;
     shot_.height = 150;
-    shot_.merge = ShotDocument::Merge::kDepth;
+    shot_.merge = schemas::ShotDocument::Merge::kDepth;
     shot_.camera.keys = {testing::camera_key(1, {0.05, 0.03, -0.1}, 50)};
-    ShotDocument::Layer background;
-    background.solid = ShotDocument::Solid{kBehind, 1, 50};
-    ShotDocument::Layer actor;
+    schemas::ShotDocument::Layer background;
+    background.solid = schemas::ShotDocument::Solid{kBehind, 1, 50};
+    schemas::ShotDocument::Layer actor;
     actor.take = "take";
     actor.method = "depth";
     actor.speed = 0;
-    actor.matte = MatteSettings{};
+    actor.matte = schemas::MatteSettings{};
     shot_.layers = {background, actor};
   }
 
   /// The frame and the tick that it shows.
   ExrImage render() {
-    write_shot(shot_, folder_.path() / "shot.json");
+    schemas::write_shot(shot_, folder_.path() / "shot.json");
     SequenceOptions options;
     options.output = (folder_.path() / "out.exr").string();
     options.existing = ExistingFiles::kOverwrite;
@@ -57,31 +58,33 @@ class KeyedLightField : public ::testing::Test {
   }
 
   /// The picture and the figure's coverage of each pixel.
-  std::pair<LinearImage, std::vector<double>> traced(const std::string& scene_name,
-                                                     const VirtualCamera& view, double seconds) {
-    const Scene scene = make_scene(scene_name);
-    const SceneGeometry geometry(scene);
-    World world(geometry);
+  std::pair<simulate::LinearImage, std::vector<double>> traced(const std::string& scene_name,
+                                                               const render::VirtualCamera& view,
+                                                               double seconds) {
+    const simulate::Scene scene = simulate::make_scene(scene_name);
+    const simulate::SceneGeometry geometry(scene);
+    simulate::World world(geometry);
     world.set_time(seconds);
-    const PixelRays rays(
-        CameraModel({"view", view.width, view.height, view.intrinsics, {}, {}, {}}), view.pose);
-    LinearImage image;
-    CameraRenderer().render_supersampled(world, rays, 100, image);
+    const simulate::PixelRays rays(
+        rig::CameraModel({"view", view.width, view.height, view.intrinsics, {}, {}, {}}),
+        view.pose);
+    simulate::LinearImage image;
+    simulate::CameraRenderer().render_supersampled(world, rays, 100, image);
     return {std::move(image), testing::moving_part_coverage(world, rays)};
   }
 
-  TestFolder folder_;
-  ShotDocument shot_;
+  testing::TestFolder folder_;
+  schemas::ShotDocument shot_;
 };
 
 TEST_F(KeyedLightField, AnActorStandsBeforeAnythingAsIfTakenThere) {
   const ExrImage found = render();
   const ShotPlan plan(folder_.path() / "shot.json");
-  const VirtualCamera view = plan.camera(1, plan.eyes().front());
-  const Timeline timeline = read_timeline(Take(folder_.path() / "take"));
+  const render::VirtualCamera view = plan.camera(1, plan.eyes().front());
+  const store::Timeline timeline = store::read_timeline(store::Take(folder_.path() / "take"));
   const double seconds = static_cast<double>(timeline.ticks.front().time_ns) * 1e-9;
   const auto [with, alpha] = traced("blue_screen", view, seconds);
-  const LinearImage empty = traced("empty_blue_screen", view, seconds).first;
+  const simulate::LinearImage empty = traced("empty_blue_screen", view, seconds).first;
   double squares = 0, of_actor = 0;
   std::size_t actor = 0;
   const auto code = [](double light) { return srgb_from_linear(std::clamp(light, 0.0, 1.0)); };
@@ -113,10 +116,10 @@ TEST_F(KeyedLightField, WithoutItsMatteTheScreenStands) {
   shot_.layers[1].matte.reset();
   const ExrImage opaque = render();
   EXPECT_GT(opaque.rgba[4 * 10 + 2], 0.2F);  // blue
-  shot_.layers[1].matte = MatteSettings{};
+  shot_.layers[1].matte = schemas::MatteSettings{};
   const ExrImage keyed = render();
   for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(keyed.rgba[4 * 10 + c], kBehind[c], 1e-3);
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -14,7 +14,7 @@
 #include "images/exr_slice.h"
 #include "testing/compose/sequence_test_data.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using ::testing::Contains;
@@ -25,13 +25,14 @@ class LayeredSequence : public testing::SequenceTest {
  protected:
   LayeredSequence() { options_.frames = {101}; }
 
-  static ShotDocument::Layer solid(double grey, double alpha, std::optional<double> depth = {}) {
-    ShotDocument::Layer layer;
-    layer.solid = ShotDocument::Solid{{grey, grey, grey}, alpha, depth};
+  static schemas::ShotDocument::Layer solid(double grey, double alpha,
+                                            std::optional<double> depth = {}) {
+    schemas::ShotDocument::Layer layer;
+    layer.solid = schemas::ShotDocument::Solid{{grey, grey, grey}, alpha, depth};
     return layer;
   }
-  static ShotDocument::Layer later() {
-    ShotDocument::Layer layer;
+  static schemas::ShotDocument::Layer later() {
+    schemas::ShotDocument::Layer layer;
     layer.take = "take";
     layer.start_seconds = 0.2;
     return layer;
@@ -39,15 +40,15 @@ class LayeredSequence : public testing::SequenceTest {
   /// Linear value, alpha and depth of a pixel.
   std::array<float, 3> at(int x, int y) const {
     const ExrImage image = read_exr(file(101));
-    constexpr ExrChannel kZ[] = {{"Z"}};
+    constexpr images::ExrChannel kZ[] = {{"Z"}};
     const std::size_t pixel = static_cast<std::size_t>(y * 40 + x);
     return {image.rgba[4 * pixel], image.rgba[4 * pixel + 3],
-            read_exr_channels(file(101), kZ, "").values[pixel]};
+            images::read_exr_channels(file(101), kZ, "").values[pixel]};
   }
 };
 
 TEST_F(LayeredSequence, TwoTakesShareAPictureWithoutASeam) {
-  ShotDocument::Layer right = later();
+  schemas::ShotDocument::Layer right = later();
   right.clips = {{.screen = {.left = 0.5}}};
   shot_.layers.push_back(right);
   run();
@@ -71,15 +72,15 @@ std::vector<float> red_of_data_window(const std::filesystem::path& file, Imath::
   const int width = window.max.x - window.min.x + 1, height = window.max.y - window.min.y + 1;
   std::vector<float> red(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   Imf::FrameBuffer buffer;
-  buffer.insert("R",
-                make_exr_slice(Imf::FLOAT, red.data(), width, 1, window.min.x, window.min.y, 0.0));
+  buffer.insert("R", images::make_exr_slice(Imf::FLOAT, red.data(), width, 1, window.min.x,
+                                            window.min.y, 0.0));
   part.setFrameBuffer(buffer);
   part.readPixels(window.min.y, window.max.y);
   return red;
 }
 
 TEST_F(LayeredSequence, OverscanLiesBeyondThePicture) {
-  ShotDocument::Layer half = solid(0.5, 1);
+  schemas::ShotDocument::Layer half = solid(0.5, 1);
   half.clips = {{.screen = {.left = 0.5}}};
   shot_.layers.push_back(half);
   run();
@@ -111,7 +112,7 @@ TEST_F(LayeredSequence, OverscanLiesBeyondThePicture) {
   EXPECT_NEAR(red[25], grey(0), 0.005F);
   EXPECT_NEAR(red[26], 0.5F, 0.005F);
 
-  shot_.merge = ShotDocument::Merge::kDepth;
+  shot_.merge = schemas::ShotDocument::Merge::kDepth;
   options_.deep = true;
   EXPECT_EQ(run().rendered, 1);
   Imf::MultiPartInputFile deep(SequenceName(options_.output).with("deep").path(101).c_str());
@@ -152,7 +153,7 @@ TEST_F(LayeredSequence, FilesMayBeInOtherPrimaries) {
 }
 
 TEST_F(LayeredSequence, DeepFilesHoldWhatThePictureIsMadeOf) {
-  shot_.merge = ShotDocument::Merge::kDepth;
+  shot_.merge = schemas::ShotDocument::Merge::kDepth;
   shot_.layers.push_back(solid(0.5, 0.5, 1));
   options_.deep = true;
   run();
@@ -175,7 +176,7 @@ TEST_F(LayeredSequence, DeepFilesHoldWhatThePictureIsMadeOf) {
   EXPECT_EQ(run().rendered, 1);
   EXPECT_TRUE(std::filesystem::exists(deep_file));
 
-  shot_.merge = ShotDocument::Merge::kLayerOrder;
+  shot_.merge = schemas::ShotDocument::Merge::kLayerOrder;
   EXPECT_THAT(refusal(), HasSubstr("deep files merge layers by depth"));
 }
 
@@ -185,7 +186,7 @@ TEST_F(LayeredSequence, ASolidLiesWhereItIsStatedOrWhereItIsDeep) {
   EXPECT_NEAR(at(20, 15)[0], 0.5F * 0.75F + 0.5F * grey(0), 0.005F);
   EXPECT_FLOAT_EQ(at(20, 15)[2], 2) << "half of it";
   // The light field is on the best focal plane, 3 m in front of the array.
-  shot_.merge = ShotDocument::Merge::kDepth;
+  shot_.merge = schemas::ShotDocument::Merge::kDepth;
   shot_.layers[1].solid->depth_m = 5;
   options_.existing = ExistingFiles::kSkip;
   EXPECT_EQ(run().rendered, 1) << "the fingerprint knows the order and the depth";
@@ -214,7 +215,7 @@ TEST_F(LayeredSequence, OpacityAndRangesCount) {
 }
 
 TEST_F(LayeredSequence, WhatShowsNothingIsNotOpened) {
-  ShotDocument::Layer gone;
+  schemas::ShotDocument::Layer gone;
   gone.take = "gone";
   shot_.layers.insert(shot_.layers.begin(), gone);
   EXPECT_THAT(refusal(), HasSubstr("gone"));
@@ -233,7 +234,7 @@ TEST_F(LayeredSequence, WhatShowsNothingIsNotOpened) {
   shot_.layers[1].solid->alpha = 0.9;
   EXPECT_THAT(refusal(), HasSubstr("gone"));
   shot_.layers[1].solid->alpha = 1;
-  shot_.merge = ShotDocument::Merge::kDepth;
+  shot_.merge = schemas::ShotDocument::Merge::kDepth;
   EXPECT_THAT(refusal(), HasSubstr("gone"));
 }
 
@@ -243,8 +244,8 @@ TEST_F(LayeredSequence, WhatIsHiddenIsNotDecoded) {
   shot_.layers.push_back(solid(0.25, 1));
   EXPECT_EQ(run().pixels_decoded, 0);
   EXPECT_EQ(at(20, 15)[0], 0.25F);
-  constexpr ExrChannel kCoverage[] = {{"lf.coverage"}};
-  EXPECT_EQ(read_exr_channels(file(101), kCoverage, "").values[0], 0)
+  constexpr images::ExrChannel kCoverage[] = {{"lf.coverage"}};
+  EXPECT_EQ(images::read_exr_channels(file(101), kCoverage, "").values[0], 0)
       << "the channel is there in every frame";
 }
 
@@ -252,12 +253,12 @@ TEST_F(LayeredSequence, AShotNeedsNoLightField) {
   shot_.layers = {solid(0.5, 1)};
   EXPECT_EQ(run().rendered, 1);
   EXPECT_EQ(at(3, 3)[0], 0.5F);
-  constexpr ExrChannel kCoverage[] = {{"lf.coverage"}};
-  EXPECT_THROW(read_exr_channels(file(101), kCoverage, ""), Error);
+  constexpr images::ExrChannel kCoverage[] = {{"lf.coverage"}};
+  EXPECT_THROW(images::read_exr_channels(file(101), kCoverage, ""), Error);
 }
 
 TEST_F(LayeredSequence, EachLayersMissingFramesAreNamed) {
-  ShotDocument::Layer layer = later();
+  schemas::ShotDocument::Layer layer = later();
   layer.start_seconds = 100;
   shot_.layers.push_back(layer);
   EXPECT_THAT(refusal(), HasSubstr("shot.json#/layers/1: the take has no instant for"));
@@ -268,27 +269,27 @@ TEST_F(LayeredSequence, EachLayersMissingFramesAreNamed) {
 }
 
 TEST_F(LayeredSequence, FocusesWhereTheCameraDoes) {
-  shot_.layers[0].focal_plane.kind = ShotDocument::FocalPlane::Kind::kCamera;
+  shot_.layers[0].focal_plane.kind = schemas::ShotDocument::FocalPlane::Kind::kCamera;
   EXPECT_THAT(refusal(), HasSubstr("shot.json#/layers/0: the focal plane follows the camera"));
   shot_.camera.keys[0].focus_m = 2;
   shot_.camera.keys[1].focus_m = 4.5;
   options_.frames = {101, 106};
   run();
-  constexpr ExrChannel kZ[] = {{"Z"}};
-  EXPECT_NEAR(read_exr_channels(file(101), kZ, "").values[15 * 40 + 20], 2, 1e-4);
-  EXPECT_NEAR(read_exr_channels(file(106), kZ, "").values[15 * 40 + 20], 4.5, 1e-4);
+  constexpr images::ExrChannel kZ[] = {{"Z"}};
+  EXPECT_NEAR(images::read_exr_channels(file(101), kZ, "").values[15 * 40 + 20], 2, 1e-4);
+  EXPECT_NEAR(images::read_exr_channels(file(106), kZ, "").values[15 * 40 + 20], 4.5, 1e-4);
   options_.existing = ExistingFiles::kSkip;
-  shot_.layers[0].focal_plane.kind = ShotDocument::FocalPlane::Kind::kInfinity;
+  shot_.layers[0].focal_plane.kind = schemas::ShotDocument::FocalPlane::Kind::kInfinity;
   EXPECT_EQ(run().rendered, 2) << "another plane is another picture";
 }
 
 TEST_F(LayeredSequence, TheApertureIsTheCameras) {
   shot_.layers[0].method = "aperture";
-  shot_.layers[0].focal_plane.kind = ShotDocument::FocalPlane::Kind::kCamera;
+  shot_.layers[0].focal_plane.kind = schemas::ShotDocument::FocalPlane::Kind::kCamera;
   shot_.camera.keys[0].focus_m = 3;
   shot_.camera.film_back_mm = 24;
   const auto lens = [&] {
-    write_shot(shot_, shot_file());
+    schemas::write_shot(shot_, shot_file());
     const ShotPlan plan(shot_file());
     return plan.light_field(0)->reconstruction_for(plan.exr_camera(101, Eye::kBoth), 101).options;
   };
@@ -302,11 +303,11 @@ TEST_F(LayeredSequence, TheApertureIsTheCameras) {
 }
 
 TEST_F(LayeredSequence, SameBytesForAnyNumberOfThreads) {
-  ShotDocument::Layer right = later();
+  schemas::ShotDocument::Layer right = later();
   right.clips = {{.screen = {.left = 0.3}, .feather = 0.2}};
   shot_.layers.push_back(right);
   shot_.layers.push_back(solid(0.1, 0.3));
-  shot_.merge = ShotDocument::Merge::kDepth;
+  shot_.merge = schemas::ShotDocument::Merge::kDepth;
   std::string first;
   options_.existing = ExistingFiles::kOverwrite;
   for (const int frames_in_flight : {1, 4}) {
@@ -319,4 +320,4 @@ TEST_F(LayeredSequence, SameBytesForAnyNumberOfThreads) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -16,7 +16,7 @@
 #include "schemas/rig_document.h"
 #include "testing/compose/sequence_test_data.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using ::testing::ElementsAre;
@@ -29,13 +29,13 @@ class OutputSequence : public testing::SequenceTest {
     options_.existing = ExistingFiles::kOverwrite;
     std::ofstream(folder_.path() / "square.obj")
         << "o sign\nv -0.5 -0.5 0\nv 0.5 -0.5 0\nv 0.5 0.5 0\nv -0.5 0.5 0\nf 1 2 3 4\n";
-    ShotDocument::Layer square;
+    schemas::ShotDocument::Layer square;
     square.name = "square";
-    square.geometry =
-        ShotDocument::Geometry{.file = "square.obj",
-                               .material = ShotDocument::Material{.color = {{0.8, 0.2, 0.1}}},
-                               .keys = {{.frame = 101, .position = {{0.03, -0.03, -2}}}},
-                               .samples = 4};
+    square.geometry = schemas::ShotDocument::Geometry{
+        .file = "square.obj",
+        .material = schemas::ShotDocument::Material{.color = {{0.8, 0.2, 0.1}}},
+        .keys = {{.frame = 101, .position = {{0.03, -0.03, -2}}}},
+        .samples = 4};
     square.first_frame = 102;
     shot_.layers.push_back(square);
     shot_.lights = {{.ambient = {{0.5, 0.9, 0.2}}}};
@@ -73,8 +73,8 @@ TEST_F(OutputSequence, TellsTheAovsThatAreAskedFor) {
     EXPECT_THAT(channels(frame),
                 ElementsAre("A", "B", "G", "N.X", "N.Y", "N.Z", "R", "Z", "lf.confidence"));
   }
-  const ExrChannel confidence[] = {{"lf.confidence"}};
-  const auto values = read_exr_channels(file(102), confidence, "").values;
+  const images::ExrChannel confidence[] = {{"lf.confidence"}};
+  const auto values = images::read_exr_channels(file(102), confidence, "").values;
   EXPECT_EQ(values[15 * 40 + 20], 0) << "the mesh";
   EXPECT_GT(values[15 * 40 + 2], 0.9F) << "a wall of one colour";
   options_.aovs = {"lf.nearest"};
@@ -125,9 +125,9 @@ TEST_F(OutputSequence, LightsAndMergesInTheWorkingSpace) {
 /// Without lights or in white light, no colour depends on the working space.
 TEST_F(OutputSequence, WhatComesFromElsewhereIsTurnedIntoTheWorkingSpace) {
   // A light field of saturated colour, a texture, a plate of pure red.
-  RigDocument rig = read_rig(folder_.path() / "take" / "rig.json");
+  schemas::RigDocument rig = schemas::read_rig(folder_.path() / "take" / "rig.json");
   for (auto& camera : rig.cameras) camera.photometric.contrast = {1, 0.1, 0.3};
-  write_rig(rig, folder_.path() / "take" / "rig.json");
+  schemas::write_rig(rig, folder_.path() / "take" / "rig.json");
   {
     std::ofstream picture(folder_.path() / "green.ppm", std::ios::binary);
     picture << "P6 8 8 255\n";
@@ -136,33 +136,34 @@ TEST_F(OutputSequence, WhatComesFromElsewhereIsTurnedIntoTheWorkingSpace) {
   std::ofstream(folder_.path() / "textured.obj")
       << "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nv -2 -2 0\nv 2 -2 0\nv 2 2 0\nv -2 2 0\n"
          "f 1/1 2/2 3/3 4/4\n";
-  const ShotDocument::Layer wall = [&] {
-    ShotDocument::Layer layer = shot_.layers[0];
+  const schemas::ShotDocument::Layer wall = [&] {
+    schemas::ShotDocument::Layer layer = shot_.layers[0];
     layer.name = "wall";
     return layer;
   }();
-  const auto mesh = [&](const ShotDocument::Material& material) {
-    ShotDocument::Layer layer;
-    layer.geometry = ShotDocument::Geometry{.file = "textured.obj",
-                                            .material = material,
-                                            .keys = {{.frame = 101, .position = {{0, 0, -2}}}},
-                                            .samples = 1};
+  const auto mesh = [&](const schemas::ShotDocument::Material& material) {
+    schemas::ShotDocument::Layer layer;
+    layer.geometry =
+        schemas::ShotDocument::Geometry{.file = "textured.obj",
+                                        .material = material,
+                                        .keys = {{.frame = 101, .position = {{0, 0, -2}}}},
+                                        .samples = 1};
     return layer;
   };
-  ShotDocument::Layer red;
-  red.solid = ShotDocument::Solid{{1, 0, 0}, 1, {}};
+  schemas::ShotDocument::Layer red;
+  red.solid = schemas::ShotDocument::Solid{{1, 0, 0}, 1, {}};
   options_.frames = {101};
   const std::string output = options_.output;
   options_.output = (folder_.path() / "red.exr").string();
   shot_.layers = {red};
   ASSERT_EQ(run().rendered, 1);
   options_.output = output;
-  ShotDocument::Layer plate;
-  plate.plate = ShotDocument::Plate{.file = "red.exr"};
-  ShotDocument::Layer asked = wall;
+  schemas::ShotDocument::Layer plate;
+  plate.plate = schemas::ShotDocument::Plate{.file = "red.exr"};
+  schemas::ShotDocument::Layer asked = wall;
   asked.opacity = 0;
 
-  const std::vector<std::vector<ShotDocument::Layer>> pictures{
+  const std::vector<std::vector<schemas::ShotDocument::Layer>> pictures{
       {wall},
       {plate},
       {mesh({.kind = "diffuse", .color = {{1, 1, 1}}, .texture = "green.ppm"})},
@@ -222,13 +223,13 @@ TEST_F(OutputSequence, TellsWhatAViewDoesNotSeeAndAFocusDoesNotDo) {
   EXPECT_THAT(messages_,
               Contains(HasSubstr("of the view is seen by no camera, in frames 101-102")));
 
-  shot_.layers[0].focal_plane = {.kind = ShotDocument::FocalPlane::Kind::kKeys,
+  shot_.layers[0].focal_plane = {.kind = schemas::ShotDocument::FocalPlane::Kind::kKeys,
                                  .keys = {{101, 2}, {105, 4}}};
   shot_.layers[0].method = "plane_sweep";
   run();
   EXPECT_THAT(messages_, Contains(HasSubstr("ignores the focal plane")));
   shot_.layers[0].method = "focal_plane";
-  shot_.merge = ShotDocument::Merge::kDepth;
+  shot_.merge = schemas::ShotDocument::Merge::kDepth;
   shot_.layers.push_back(shot_.layers[0]);
   run();
   EXPECT_THAT(
@@ -237,13 +238,13 @@ TEST_F(OutputSequence, TellsWhatAViewDoesNotSeeAndAFocusDoesNotDo) {
 }
 
 TEST_F(OutputSequence, ALayersFocusIsPulledByItsKeys) {
-  using Kind = ShotDocument::FocalPlane::Kind;
+  using Kind = schemas::ShotDocument::FocalPlane::Kind;
   shot_.layers[0].focal_plane = {.kind = Kind::kKeys, .keys = {{101, 2}, {105, 4}}};
   options_.frames = {101, 103, 105, 106};
   EXPECT_EQ(run().rendered, 4);
-  const ExrChannel z[] = {{"Z"}};
+  const images::ExrChannel z[] = {{"Z"}};
   for (const auto& [frame, depth] : {std::pair{101, 2.0F}, {103, 3.0F}, {105, 4.0F}, {106, 4.0F}}) {
-    EXPECT_NEAR(read_exr_channels(file(frame), z, "").values[2], depth, 1e-4F) << frame;
+    EXPECT_NEAR(images::read_exr_channels(file(frame), z, "").values[2], depth, 1e-4F) << frame;
   }
   // A frame depends only on its adjacent keys.
   options_.existing = ExistingFiles::kSkip;
@@ -257,4 +258,4 @@ TEST_F(OutputSequence, ALayersFocusIsPulledByItsKeys) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -5,7 +5,6 @@
 #include <png.h>
 
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <cmath>
 #include <initializer_list>
@@ -21,10 +20,10 @@
 #include "store/jpeg/decode.h"
 #include "store/jpeg/layout.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
-constexpr ExrChannel kPicture[] = {{"R"}, {"G"}, {"B"}, {"A", 1.0F}};
+constexpr images::ExrChannel kPicture[] = {{"R"}, {"G"}, {"B"}, {"A", 1.0F}};
 constexpr const char* kFlatExr = "Give a flat EXR file with channels R, G and B";
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
@@ -49,9 +48,7 @@ CodeToLight make_code_to_light(bool by_srgb) {
 /// Clamps infinite values and NaN, which other renderers may write and "over" cannot handle.
 void make_finite(LayerImage& image) {
   constexpr float kMax = 65504;  // of half
-  for (float& value : image.rgba) {
-    value = std::isnan(value) ? 0.0F : std::clamp(value, -kMax, kMax);
-  }
+  for (float& value : image.rgba) value = std::isnan(value) ? 0.0F : std::clamp(value, -kMax, kMax);
   for (float& z : image.z) {
     if (std::isnan(z)) z = kInfinity;
   }
@@ -59,7 +56,8 @@ void make_finite(LayerImage& image) {
 
 LayerImage read_jpeg_plate(const std::filesystem::path& path, const CodeToLight& light) {
   const std::string bytes = read_file(path);
-  const RgbImage codes = JpegDecoder().decode(std::as_bytes(std::span(bytes)), path.string());
+  const store::RgbImage codes =
+      store::JpegDecoder().decode(std::as_bytes(std::span(bytes)), path.string());
   LayerImage image = transparent_layer_image(codes.width, codes.height);
   for (std::size_t i = 0; i < image.pixels(); ++i) {
     for (std::size_t c = 0; c < 3; ++c) image.rgba[4 * i + c] = light[codes.pixels[3 * i + c]];
@@ -75,10 +73,11 @@ Error bad_png(const std::string& why, const std::filesystem::path& path) {
 
 /// Returns the size of a plate of a supported format, without reading its pixels.
 std::array<int, 2> size_of(const std::filesystem::path& path) {
-  if (is_named(path, {".exr"})) return check_exr_channels(path, kPicture, kFlatExr);
+  if (is_named(path, {".exr"})) return images::check_exr_channels(path, kPicture, kFlatExr);
   if (!is_named(path, {".png"})) {
     const std::string bytes = read_file(path);
-    const JpegLayout layout = parse_jpeg_layout(std::as_bytes(std::span(bytes)), path.string());
+    const store::JpegLayout layout =
+        store::parse_jpeg_layout(std::as_bytes(std::span(bytes)), path.string());
     return {layout.width, layout.height};
   }
   png_image png{};
@@ -118,7 +117,7 @@ LayerImage read_png_plate(const std::filesystem::path& path, const CodeToLight& 
 
 }  // namespace
 
-PlateLayer::PlateLayer(const ShotDocument& shot, std::size_t index,
+PlateLayer::PlateLayer(const schemas::ShotDocument& shot, std::size_t index,
                        const std::filesystem::path& folder, std::optional<ColorConfig> config)
     : document_(*shot.layers[index].plate),
       width_(shot.width),
@@ -159,11 +158,11 @@ LayerImage PlateLayer::read(const std::filesystem::path& path) const {
   const bool by_srgb = document_.space.empty();
   if (is_named(path, {".png"})) return read_png_plate(path, make_code_to_light(by_srgb));
   if (is_named(path, {".jpg", ".jpeg"})) return read_jpeg_plate(path, make_code_to_light(by_srgb));
-  constexpr ExrChannel kDepth[] = {{"Z", kInfinity}};
-  const ExrChannelData pixels = read_exr_channels(path, kPicture, kFlatExr);
+  constexpr images::ExrChannel kDepth[] = {{"Z", kInfinity}};
+  const images::ExrChannelData pixels = images::read_exr_channels(path, kPicture, kFlatExr);
   LayerImage image = transparent_layer_image(pixels.width, pixels.height);
   std::ranges::copy(pixels.values, image.rgba.begin());
-  std::ranges::copy(read_exr_channels(path, kDepth, kFlatExr).values, image.z.begin());
+  std::ranges::copy(images::read_exr_channels(path, kDepth, kFlatExr).values, image.z.begin());
   make_finite(image);
   const bool has_id = !pixels.color_interop_id.empty() && pixels.color_interop_id != "unknown";
   const std::string& space = has_id ? pixels.color_interop_id : pixels.color_space;
@@ -223,4 +222,4 @@ void PlateLayer::add_to_fingerprint(Fingerprint& print, int frame,
   print.number("depth", document_.depth_m.value_or(0));
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -12,15 +12,15 @@
 #include "compose/sequence_name.h"
 #include "schemas/shot_document.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// A layer of images of the shot's size: EXR (with Z, unless the layer has a depth), PNG or JPEG.
 class PlateLayer final : public Layer {
  public:
   /// `folder`: what the path is relative to. `config`: OpenColorIO config for plates that are
   /// neither linear Rec.709 nor sRGB; none: the built-in one.
-  PlateLayer(const ShotDocument& shot, std::size_t index, const std::filesystem::path& folder,
-             std::optional<ColorConfig> config);
+  PlateLayer(const schemas::ShotDocument& shot, std::size_t index,
+             const std::filesystem::path& folder, std::optional<ColorConfig> config);
 
   std::filesystem::path file(int frame) const;
   /// Throws Error (bad input) if the file is missing, not supported, or not of the shot's size.
@@ -43,10 +43,10 @@ class PlateLayer final : public Layer {
   ColorConfig colors() const;
   void convert_to_scene_space(LayerImage& image, const std::string& space) const;
 
-  ShotDocument::Plate document_;
+  schemas::ShotDocument::Plate document_;
   int width_ = 0, height_ = 0;
   SequenceName name_;
   std::optional<ColorConfig> config_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -17,7 +17,7 @@
 #include "base/atomic_file.h"
 #include "testing/compose/sequence_test_data.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using ::testing::HasSubstr;
@@ -30,9 +30,9 @@ class Plates : public testing::SequenceTest {
     options_.frames = {101};
     options_.existing = ExistingFiles::kOverwrite;
   }
-  ShotDocument::Layer plate(const std::string& name) const {
-    ShotDocument::Layer layer;
-    layer.plate = ShotDocument::Plate{.file = name};
+  schemas::ShotDocument::Layer plate(const std::string& name) const {
+    schemas::ShotDocument::Layer layer;
+    layer.plate = schemas::ShotDocument::Plate{.file = name};
     return layer;
   }
   std::array<float, 4> rgba_at(int x, int y) const {
@@ -110,9 +110,9 @@ TEST_F(Plates, WhatIsNoNumberDoesNotShowThroughWhatHidesIt) {
     sun.setFrameBuffer(buffer);
     sun.writePixels(30);
   }
-  ShotDocument::Layer front;
-  front.solid = ShotDocument::Solid{{0.25, 0.5, 0.75}, 1, 2};
-  shot_.merge = ShotDocument::Merge::kDepth;
+  schemas::ShotDocument::Layer front;
+  front.solid = schemas::ShotDocument::Solid{{0.25, 0.5, 0.75}, 1, 2};
+  shot_.merge = schemas::ShotDocument::Merge::kDepth;
   shot_.layers = {plate("sun.exr"), front};
   ASSERT_EQ(run().rendered, 1);
   EXPECT_EQ(rgba_at(20, 15), (std::array<float, 4>{0.25F, 0.5F, 0.75F, 1}));
@@ -123,9 +123,9 @@ TEST_F(Plates, WhatIsNoNumberDoesNotShowThroughWhatHidesIt) {
 
 TEST_F(Plates, StandWhereTheirDepthSays) {
   render_plate();
-  shot_.merge = ShotDocument::Merge::kDepth;
-  ShotDocument::Layer glass;
-  glass.solid = ShotDocument::Solid{{1, 0, 0}, 1, 3.5};
+  shot_.merge = schemas::ShotDocument::Merge::kDepth;
+  schemas::ShotDocument::Layer glass;
+  glass.solid = schemas::ShotDocument::Solid{{1, 0, 0}, 1, 3.5};
   shot_.layers = {glass, plate("plate.####.exr")};
   ASSERT_EQ(run().rendered, 1);
   const float wall_depth = 3;  // best focal plane of 2 to 6 m
@@ -136,13 +136,13 @@ TEST_F(Plates, StandWhereTheirDepthSays) {
 }
 
 TEST_F(Plates, PngAndJpegAreCodesOfSrgb) {
-  RgbImage picture{40, 30, {}};
+  store::RgbImage picture{40, 30, {}};
   for (int i = 0; i < 40 * 30; ++i) {
     for (const int code : {200, 100, 50}) picture.pixels.push_back(static_cast<std::uint8_t>(code));
   }
-  JpegEncodeSettings jpeg;
+  store::JpegEncodeSettings jpeg;
   jpeg.quality = 100;
-  const auto bytes = encode_jpeg(picture, jpeg);
+  const auto bytes = store::encode_jpeg(picture, jpeg);
   write_file_atomically(folder_.path() / "p.jpg", std::as_bytes(std::span(bytes)));
   png_image png{};
   png.version = PNG_IMAGE_VERSION;
@@ -195,8 +195,8 @@ TEST_F(Plates, AnotherPictureIsAnotherFrame) {
   run();
   options_.existing = ExistingFiles::kSkip;
   EXPECT_EQ(run().skipped, 1);
-  ShotDocument::Layer red;
-  red.solid = ShotDocument::Solid{{1, 0, 0}, 1};
+  schemas::ShotDocument::Layer red;
+  red.solid = schemas::ShotDocument::Solid{{1, 0, 0}, 1};
   const auto layers = std::exchange(shot_.layers, {red});
   const std::string output =
       std::exchange(options_.output, (folder_.path() / "plate.####.exr").string());
@@ -207,4 +207,4 @@ TEST_F(Plates, AnotherPictureIsAnotherFrame) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -5,7 +5,7 @@
 #include "testing/compose/sequence_test_data.h"
 #include "testing/compose/test_camera_key.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using testing::kCameras;
@@ -108,4 +108,4 @@ TEST_F(ReadAhead, LeavesMemoryWithinWhatIsGranted) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -12,7 +12,7 @@
 #include "testing/render/synthetic_take.h"
 #include "testing/render/test_matte.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 constexpr int kWidth = 96, kHeight = 64;
@@ -34,7 +34,7 @@ struct Signature {
   double red = 0, across = 0, down = 0, alpha = 0, coverage = 0, nearness = 0;
 };
 
-Signature signature_of(const RenderedView& view) {
+Signature signature_of(const render::RenderedView& view) {
   Signature sum;
   const double pixels = kWidth * kHeight;
   const auto at = [&](int x, int y) { return static_cast<std::size_t>(y * kWidth + x); };
@@ -75,32 +75,32 @@ TEST(ReconstructionVersion, FiveHasThesePixels) {
       {"visual_hull", {0.18407, 0.03569, 0.03864, 0.48014, 0.48014, 0.49310}},
       {"auto", {0.39312, 0.05114, 0.04823, 1.00000, 1.00000, 0.35608}},
   };
-  const TestFolder folder;
+  const testing::TestFolder folder;
   testing::SyntheticTake settings;
   settings.cameras = testing::camera_grid(4, 4, 0.06, kWidth, kHeight);
   settings.scene = board_before_plane;
   settings.samples = 2;
-  settings.depth_range = DepthRange{2, 5};
+  settings.depth_range = schemas::DepthRange{2, 5};
   write_synthetic_take(settings, folder.path() / "take");
-  for (const CameraGeometry& camera : settings.cameras) {
+  for (const schemas::CameraGeometry& camera : settings.cameras) {
     std::vector<std::uint8_t> codes(static_cast<std::size_t>(kWidth) * kHeight, 0);
     for (int y = 16; y < 48; ++y) {
       std::fill_n(codes.begin() + y * kWidth + 24, 48, std::uint8_t{255});
     }
     testing::write_matte(folder.path() / "take", camera.id, 0, kWidth, kHeight, codes);
   }
-  const Take take(folder.path() / "take");
-  Pose pose;
+  const store::Take take(folder.path() / "take");
+  rig::Pose pose;
   pose.position = {0.013, -0.021, -0.05};
   pose.world_from_camera_rotation =
       Eigen::AngleAxisd(0.05, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
-  const VirtualCamera view = virtual_camera_with_fov(kWidth, kHeight, 0.8, pose);
-  const LightFieldRenderer renderer(take, {});
-  for (const Method* method : methods()) {
+  const render::VirtualCamera view = render::virtual_camera_with_fov(kWidth, kHeight, 0.8, pose);
+  const render::LightFieldRenderer renderer(take, {});
+  for (const render::Method* method : render::methods()) {
     const std::string name(method->name());
     const Signature found = signature_of(renderer.render(
-        view, select_frames(take, 0, kNanosecondsPerSecond),
-        {.method = name, .focal_plane = fronto_parallel_plane(take.rig(), 3), .options = {}}));
+        view, store::select_frames(take, 0, kNanosecondsPerSecond),
+        {.method = name, .focal_plane = rig::fronto_parallel_plane(take.rig(), 3), .options = {}}));
     const auto entry = known.find(name);
     // The last digits depend on the processor.
     constexpr double kSame = 5e-5;
@@ -114,4 +114,4 @@ TEST(ReconstructionVersion, FiveHasThesePixels) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -8,7 +8,7 @@
 #include "base/atomic_file.h"
 #include "testing/compose/sequence_test_data.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using ::testing::HasSubstr;
@@ -35,22 +35,22 @@ class RelativeShot : public testing::SequenceTest {
     options_.output = (folder / "plate.####.exr").string();
     run();
     options_.output = output;
-    ShotDocument::Layer square, plate;
+    schemas::ShotDocument::Layer square, plate;
     square.name = "square";
-    square.geometry = ShotDocument::Geometry{
+    square.geometry = schemas::ShotDocument::Geometry{
         .file = "square.obj", .keys = {{.frame = 101, .position = {{0.03, -0.03, -2}}}}};
-    plate.plate = ShotDocument::Plate{.file = "plate.####.exr"};
+    plate.plate = schemas::ShotDocument::Plate{.file = "plate.####.exr"};
     plate.opacity = 0.5;
     shot_.layers.insert(shot_.layers.end(), {square, plate});
     shot_.lights = {{.ambient = {{0.5, 0.9, 0.2}}}};
     shot_.camera = {};
-    shot_.camera.file = ShotDocument::CameraFile{.path = "move.chan"};
+    shot_.camera.file = schemas::ShotDocument::CameraFile{.path = "move.chan"};
     shot_.output.color.config = "studio.ocio";
     create_folder(snapshot().parent_path());
   }
   std::filesystem::path snapshot() const { return folder_.path() / "jobs" / "17" / "frozen.json"; }
   SequenceReport run_snapshot() {
-    write_shot(shot_, snapshot());
+    schemas::write_shot(shot_, snapshot());
     options_.folder = folder_.path();
     return render_sequence(snapshot(), options_, {});
   }
@@ -68,7 +68,7 @@ TEST_F(RelativeShot, HasTheSameFingerprintsAndBytes) {
 }
 
 TEST_F(RelativeShot, WithoutTheFolderNothingIsFound) {
-  write_shot(shot_, snapshot());
+  schemas::write_shot(shot_, snapshot());
   EXPECT_THROW(render_sequence(snapshot(), options_, {}), Error);
 }
 
@@ -98,4 +98,4 @@ TEST_F(RelativeShot, WithoutOutputFilesGoBesideTheCopy) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

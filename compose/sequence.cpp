@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <map>
 #include <mutex>
 #include <new>
@@ -14,18 +13,15 @@
 
 #include "base/atomic_file.h"
 #include "base/parallel.h"
-#include "base/resources.h"
+#include "base/stopwatch.h"
 #include "compose/exr/exr_deep_file.h"
 #include "compose/exr/exr_file.h"
 #include "compose/file_writer.h"
 #include "compose/frame_compositor.h"
 #include "compose/frame_range.h"
 #include "compose/sequence_checks.h"
-#include "compose/sequence_memory_plan.h"
-#include "compose/sequence_name.h"
-#include "compose/sequence_warnings.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 const char* view_name(Eye eye) {
@@ -35,8 +31,8 @@ const char* view_name(Eye eye) {
 /// Returns the methods of the light fields, such as "depth and focal_plane".
 std::string methods_text(const ShotPlan& plan) {
   std::set<std::string> names;
-  for (std::size_t i = 0; i < plan.layers(); ++i) {
-    if (plan.light_field(i) != nullptr) names.insert(plan.light_field(i)->reconstruction().method);
+  for (const auto* light_field : plan.light_fields()) {
+    names.insert(light_field->reconstruction().method);
   }
   return fmt::format("{}", fmt::join(names, " and "));
 }
@@ -56,7 +52,7 @@ class SequenceRun {
         stop_(std::move(stop)) {}
 
   SequenceReport run(int frames_in_flight) {
-    const Clock::time_point start = Clock::now();
+    const Stopwatch watch;
     parallel_for_in_order(
         frames_.size(), static_cast<std::size_t>(frames_in_flight),
         [this] { return stop_.stop_requested() || out_of_memory_; },
@@ -67,7 +63,7 @@ class SequenceRun {
     writer_.finish();
     if (out_of_memory_) throw std::bad_alloc();
     report_uncovered_views();
-    report_.seconds = ms_since(start) / 1e3;
+    report_.seconds = watch.ms() / 1e3;
     report_.frames_in_flight = frames_in_flight;
     report_.requested = static_cast<int>(frames_.size());
     report_.frames_read_ahead = compositor_.frames_read_ahead();
@@ -91,9 +87,8 @@ class SequenceRun {
   /// kept, which only reading it would show.
   void read_ahead(std::size_t index) {
     if (index >= frames_.size()) return;
-    std::error_code ignored;
     if (options_.existing == ExistingFiles::kSkip &&
-        std::filesystem::exists(name_.path(frames_[index].frame), ignored)) {
+        file_exists(name_.path(frames_[index].frame))) {
       return;
     }
     compositor_.read_ahead(frames_[index]);
@@ -149,18 +144,18 @@ class SequenceRun {
     // After the loop, because views keep references to elements of `painted`.
     for (std::size_t i = 0; i < eyes.size(); ++i) {
       views.push_back(exr_view(painted[i].picture, view_name(eyes[i])));
-      add_new(painted[i].picture.notes, metadata.notes);
+      render::add_notes(painted[i].picture.notes, metadata.notes);
     }
     advance(kPartsOfRender);
     parts_left -= kPartsOfRender;
 
-    const Clock::time_point encoding = Clock::now();
+    const Stopwatch encoding;
     std::vector<FileWriter::File> files;
     if (options_.deep) {
       files.push_back({deep_file, encode_deep_exr(deep_views(deep, eyes), cameras, metadata)});
     }
     files.push_back({file, encode_exr(views, cameras, metadata)});
-    account(painted, metadata, ms_since(encoding));
+    account(painted, metadata, encoding.ms());
     const double write_wait = writer_.write(
         std::move(files),
         [this, frame = frame.frame, parts_left](const FileWriter::WriteResult& written) {
@@ -231,11 +226,6 @@ class SequenceRun {
     return views;
   }
 
-  using Clock = std::chrono::steady_clock;
-  static double ms_since(Clock::time_point start) {
-    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-  }
-
   /// Reports views that leave the array: their transparent pixels look black and are easily missed.
   void report_uncovered_views() const {
     for (const auto& [layer, uncovered_share] : uncovered_) {
@@ -244,12 +234,6 @@ class SequenceRun {
                       layer_label(plan_, layer), 100 * uncovered_share.second,
                       format_frame_range(std::vector<int>(uncovered_share.first.begin(),
                                                           uncovered_share.first.end()))));
-    }
-  }
-
-  static void add_new(const std::vector<std::string>& from, std::vector<std::string>& to) {
-    for (const std::string& note : from) {
-      if (std::ranges::find(to, note) == to.end()) to.push_back(note);
     }
   }
 
@@ -288,7 +272,7 @@ void write_fingerprints(const CheckedSequence& checked, const SequenceOptions& o
 
 }  // namespace
 
-std::vector<int> frames_to_render(const ShotDocument& shot,
+std::vector<int> frames_to_render(const schemas::ShotDocument& shot,
                                   const std::optional<std::vector<int>>& requested,
                                   const std::function<void(std::string_view)>& say) {
   std::vector<int> frames;
@@ -311,7 +295,8 @@ std::vector<int> frames_to_render(const ShotDocument& shot,
   return frames;
 }
 
-std::string default_output(const std::filesystem::path& shot_file, const ShotDocument& shot) {
+std::string default_output(const std::filesystem::path& shot_file,
+                           const schemas::ShotDocument& shot) {
   const std::string shot_name = shot.name.empty() ? shot_file.stem().string() : shot.name;
   const std::string& layer = shot.layers.front().name;
   std::string name = layer.empty() ? shot_name : shot_name + "_" + layer;
@@ -330,7 +315,7 @@ CheckedSequence check_sequence(const std::filesystem::path& shot_file,
                                  options.hosts});
   const ShotPlan& plan = *opened;
   if (plan.hosts() != nullptr) check_distributed_archives(plan, shot_file);
-  const ShotDocument& shot = plan.shot();
+  const schemas::ShotDocument& shot = plan.shot();
   const std::vector<int> numbers = frames_to_render(shot, options.frames, options.on_message);
   std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
   plan.check_files(frames);
@@ -362,13 +347,11 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
   report_sequence_warnings(plan, checked.frames, options);
   std::string plan_text =
       fmt::format("writing {} frames to {}, {} in flight, {} of cache", checked.frames.size(),
-                  checked.name.pattern(), memory.frames_in_flight,
-                  format_byte_size(static_cast<double>(memory.cache)));
+                  checked.name.pattern(), memory.frames_in_flight, format_byte_size(memory.cache));
   if (memory.result_cache + memory.working > 0) {
-    plan_text +=
-        fmt::format(", {} for results of {}, {} of working memory for each frame",
-                    format_byte_size(static_cast<double>(memory.result_cache)), methods_text(plan),
-                    format_byte_size(static_cast<double>(memory.working)));
+    plan_text += fmt::format(", {} for results of {}, {} of working memory for each frame",
+                             format_byte_size(memory.result_cache), methods_text(plan),
+                             format_byte_size(memory.working));
   }
   options.on_message(plan_text);
   if (!memory.note.empty()) options.on_message(memory.note);
@@ -377,4 +360,4 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
       .run(memory.frames_in_flight);
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -17,7 +17,7 @@
 #include "compose/sequence_name.h"
 #include "compose/shot_plan.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// What to do with frames whose file exists.
 enum class ExistingFiles {
@@ -31,9 +31,9 @@ struct SequenceOptions {
   std::optional<std::vector<int>> frames;  ///< sorted; none: all frames of the shot
   ExistingFiles existing = ExistingFiles::kError;
   MissingFrames missing = MissingFrames::kError;
-  std::optional<HoleFill> fill;  ///< replaces that of the shot
-  OptionValues target;           ///< as ShotPlan
-  int frames_in_flight = 0;      ///< 0: one per thread of the TBB arena, at most 16
+  std::optional<schemas::HoleFill> fill;  ///< replaces that of the shot
+  schemas::OptionValues target;           ///< as ShotPlan
+  int frames_in_flight = 0;               ///< 0: one per thread of the TBB arena, at most 16
   std::size_t memory_bytes = 0;  ///< budget of frames, caches and working memory; 0: half of
                                  ///< available_memory(), of which the cache gets 4 GiB at most
   std::string layout;            ///< replaces that of the shot unless empty
@@ -42,9 +42,9 @@ struct SequenceOptions {
   std::vector<std::string> aovs;       ///< in addition to those of the shot: ShotDocument::Output
   /// Writes a deep file next to each file: SequenceName::with("deep").
   bool deep = false;
-  std::filesystem::path cache_folder;  ///< as ShotPlanOptions
-  std::filesystem::path folder;        ///< as ShotPlanOptions
-  DistributedTakes* hosts = nullptr;   ///< as ShotPlanOptions
+  std::filesystem::path cache_folder;         ///< as ShotPlanOptions
+  std::filesystem::path folder;               ///< as ShotPlanOptions
+  render::DistributedTakes* hosts = nullptr;  ///< as ShotPlanOptions
   /// If not empty: a text file that gets a line "FRAME FINGERPRINT" for each requested frame,
   /// before the first one is rendered.
   std::filesystem::path fingerprints_file;
@@ -83,8 +83,8 @@ struct SequenceReport {
   int frames_read_ahead = 0;  ///< camera frames requested from the disk before they were decoded
   std::size_t decoded_bytes_cached = 0;  ///< peak of the decoded frames in the cache
   StageTimes milliseconds;
-  DecodeCosts decoding;      ///< part of the time of light fields
-  int frames_in_flight = 1;  ///< largest number at once
+  store::DecodeCosts decoding;  ///< part of the time of light fields
+  int frames_in_flight = 1;     ///< largest number at once
 
   /// Returns kSuccess only if every requested frame exists whole; kBadInput if bad input caused all
   /// failures and no frame exists.
@@ -117,11 +117,12 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
 
 /// Returns the requested frames that belong to the shot, sorted; all frames of the shot if none are
 /// requested. Reports the number of others by `say`. Throws Error (bad input) if no frame is left.
-std::vector<int> frames_to_render(const ShotDocument& shot,
+std::vector<int> frames_to_render(const schemas::ShotDocument& shot,
                                   const std::optional<std::vector<int>>& requested,
                                   const std::function<void(std::string_view)>& say);
 
 /// Returns "renders/SHOT_LAYER.####.exr" in the folder of the shot.
-std::string default_output(const std::filesystem::path& shot_file, const ShotDocument& shot);
+std::string default_output(const std::filesystem::path& shot_file,
+                           const schemas::ShotDocument& shot);
 
-}  // namespace raystage
+}  // namespace raystage::compose

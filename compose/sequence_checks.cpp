@@ -15,8 +15,9 @@
 #include "compose/frame_range.h"
 #include "compose/sequence_memory_plan.h"
 #include "render/methods.h"
+#include "schemas/rig_document.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 namespace {
 
@@ -27,6 +28,27 @@ void write_probe(const std::filesystem::path& path) {
   std::ofstream file(probe.path());
   file << "probe" << std::flush;
   if (!file) throw Error::from_errno("cannot write a file", path.string(), "");
+}
+
+/// Reports unexpected effects of a focus pull.
+void report_focus_pull(const ShotPlan& plan, const LightFieldLayer& light_field,
+                       const SequenceOptions& options) {
+  using Kind = schemas::ShotDocument::FocalPlane::Kind;
+  const std::size_t layer = light_field.index();
+  const Kind kind = plan.shot().layers[layer].focal_plane.kind;
+  if (kind != Kind::kKeys && kind != Kind::kCamera) return;
+  const render::Method& method = light_field.method();
+  if (!method.uses_focal_plane()) {
+    options.on_message(
+        fmt::format("{}method {} estimates depth and ignores the focal plane: the focus pull has "
+                    "no effect",
+                    layer_label(plan, layer), method.name()));
+  } else if (plan.shot().merge == schemas::ShotDocument::Merge::kDepth && plan.layers() > 1) {
+    options.on_message(fmt::format(
+        "{}the whole light field has the depth of its focal plane, and moves with it in "
+        "front of and behind other layers",
+        layer_label(plan, layer)));
+  }
 }
 
 }  // namespace
@@ -47,8 +69,7 @@ void check_disk_space(const std::filesystem::path& folder, const ShotPlan& plan,
   std::error_code error;
   const std::filesystem::space_info space = std::filesystem::space(folder, error);
   if (error || space.available == std::numeric_limits<std::uintmax_t>::max()) return;
-  const double raw = static_cast<double>(uncompressed_file_bytes(plan, options.deep)) *
-                     static_cast<double>(frames);
+  const double raw = static_cast<double>(uncompressed_file_bytes(plan, options.deep)) * frames;
   // Lossless compression of images rarely exceeds a factor of four.
   const double least = plan.shot().output.compression == "none" ? raw : raw / 4;
   const double available = static_cast<double>(space.available);
@@ -62,9 +83,8 @@ void check_disk_space(const std::filesystem::path& folder, const ShotPlan& plan,
 
 void check_existing_files(const SequenceName& name, std::span<const int> frames) {
   std::vector<int> existing;
-  std::error_code ignored;
   std::copy_if(frames.begin(), frames.end(), std::back_inserter(existing),
-               [&](int frame) { return std::filesystem::exists(name.path(frame), ignored); });
+               [&](int frame) { return file_exists(name.path(frame)); });
   if (existing.empty()) return;
   throw Error::bad_input(fmt::format("{} of {} frames exist already ({})", existing.size(),
                                      frames.size(), format_frame_range(existing)),
@@ -75,7 +95,7 @@ void check_existing_files(const SequenceName& name, std::span<const int> frames)
 
 void check_plates_not_overwritten(const ShotPlan& plan, const SequenceName& name,
                                   const std::filesystem::path& shot_file) {
-  const ShotDocument& shot = plan.shot();
+  const schemas::ShotDocument& shot = plan.shot();
   std::error_code ignored;
   const auto canonical = [&](const std::filesystem::path& path) {
     return std::filesystem::weakly_canonical(path, ignored);
@@ -112,13 +132,12 @@ SequenceName checked_output_name(const SequenceOptions& options, std::size_t fra
 }
 
 void check_requested_aovs(const ShotPlan& plan, const std::filesystem::path& shot_file) {
-  for (std::size_t i = 0; i < plan.layers(); ++i) {
-    if (plan.light_field(i) == nullptr) continue;
-    const Method& method = method_named(plan.light_field(i)->reconstruction().method);
+  for (const LightFieldLayer* light_field : plan.light_fields()) {
+    const render::Method& method = light_field->method();
     if (method.measures_coverage()) continue;
     throw Error::bad_input(
         "method " + std::string(method.name()) + " does not measure its coverage",
-        fmt::format("{}#/layers/{}", shot_file.string(), i),
+        fmt::format("{}#/layers/{}", shot_file.string(), light_field->index()),
         "Remove lf.cameras and lf.nearest from output.aovs, or choose another method")
         .concerning({"coverage"});
   }
@@ -130,19 +149,17 @@ void check_distributed_archives(const ShotPlan& plan, const std::filesystem::pat
                            "Gather the archives in one take (docs/farm.md lists what is supported "
                            "for several hosts)");
   };
-  for (std::size_t i = 0; i < plan.layers(); ++i) {
-    const LightFieldLayer* light_field = plan.light_field(i);
-    if (light_field == nullptr) continue;
-    const ReconstructionSettings& reconstruction = light_field->reconstruction();
-    const Method& method = method_named(reconstruction.method);
-    const MethodOptions options(method.options(), reconstruction.options, method.name());
-    if (method.distribution(options) == DistributionMode::kNone) {
+  for (const LightFieldLayer* light_field : plan.light_fields()) {
+    const std::size_t i = light_field->index();
+    const render::Method& method = light_field->method();
+    const render::DistributionMode mode = method.distribution(light_field->method_options());
+    if (mode == render::DistributionMode::kNone) {
       refuse(i, "/method",
              fmt::format("method {} with these options cannot be rendered from archives on several "
                          "hosts",
                          method.name()));
     }
-    if (plan.measures_coverage() && method.distribution(options) == DistributionMode::kLockstep) {
+    if (plan.measures_coverage() && mode == render::DistributionMode::kLockstep) {
       refuse(i, "/method",
              fmt::format("the coverage of method {} cannot be measured from archives on several "
                          "hosts (lf.cameras, lf.nearest)",
@@ -151,8 +168,7 @@ void check_distributed_archives(const ShotPlan& plan, const std::filesystem::pat
     if (light_field->matte()) {
       refuse(i, "/matte", "a layer with a matte cannot be rendered from archives on several hosts");
     }
-    for (const ShotPlan::LightFieldLight& light : plan.light_field_lights()) {
-      if (std::ranges::find(light.layers, i) == light.layers.end()) continue;
+    if (plan.is_light(i)) {
       refuse(i, "", "a light field that is used as a light cannot be on several hosts");
     }
   }
@@ -167,11 +183,46 @@ void check_distributed_archives(const ShotPlan& plan, const std::filesystem::pat
 void check_deep_output(const ShotPlan& plan, const std::filesystem::path& shot_file) {
   std::size_t pictures = 0;  // layers around one volume count as one
   for (std::size_t i = plan.layers(); i > 0; i -= plan.volume_layer_count(i - 1)) ++pictures;
-  if (pictures == 1 || plan.shot().merge == ShotDocument::Merge::kDepth) return;
+  if (pictures == 1 || plan.shot().merge == schemas::ShotDocument::Merge::kDepth) return;
   throw Error::bad_input(
       "deep files merge layers by depth, but this shot merges them in layer order",
       shot_file.string() + "#/merge", "Set merge to \"depth\", or write no deep files")
       .concerning({"deep"});
 }
 
-}  // namespace raystage
+std::string layer_label(const ShotPlan& plan, std::size_t layer) {
+  if (plan.layers() == 1) return "";
+  const std::string& name = plan.shot().layers[layer].name;
+  return name.empty() ? fmt::format("layer {}: ", layer)
+                      : fmt::format("layer {} ({}): ", layer, name);
+}
+
+void report_sequence_warnings(const ShotPlan& plan, std::span<const PlannedFrame> frames,
+                              const SequenceOptions& options) {
+  for (const LightFieldLayer* light_field : plan.light_fields()) {
+    const std::size_t i = light_field->index();
+    const std::string of_layer = layer_label(plan, i);
+    report_focus_pull(plan, *light_field, options);
+    if (!schemas::is_calibrated(schemas::read_rig(light_field->take().folder() / "rig.json"))) {
+      options.on_message(
+          "warning: " + of_layer +
+          "the rig is not calibrated: camera poses and lenses are guesses, and the frames have "
+          "the same errors");
+    }
+    const auto held = std::ranges::count_if(
+        frames, [&](const PlannedFrame& frame) { return frame.shown[i].held; });
+    const auto black = std::ranges::count_if(frames, [&](const PlannedFrame& frame) {
+      return plan.is_visible(i, frame.frame) && !frame.shown[i].tick;
+    });
+    if (held > 0) {
+      options.on_message(fmt::format("{}{} frames show the nearest instant of the take that exists",
+                                     of_layer, held));
+    }
+    if (black > 0) {
+      options.on_message(
+          fmt::format("{}{} frames are empty: the take has no instant for them", of_layer, black));
+    }
+  }
+}
+
+}  // namespace raystage::compose

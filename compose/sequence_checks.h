@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Internal to compose/: checks before the first frame. Throw Error: bad input, or failed (disk).
+// Internal to compose/: checks and warnings before the first frame. Checks throw Error: bad input,
+// or failed (disk).
 #pragma once
 
 #include <cstddef>
 #include <filesystem>
 #include <span>
+#include <string>
 
 #include "compose/sequence.h"
 #include "compose/sequence_name.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Creates the folder and checks that files can be written to it.
 void check_output_folder(const std::filesystem::path& folder);
@@ -30,4 +32,12 @@ void check_requested_aovs(const ShotPlan& plan, const std::filesystem::path& sho
 /// Throws Error if deep output is requested and layers are not merged by depth, as readers do it.
 void check_deep_output(const ShotPlan& plan, const std::filesystem::path& shot_file);
 
-}  // namespace raystage
+/// Returns "layer 2 (actor): ", or "" if the shot has one layer.
+std::string layer_label(const ShotPlan& plan, std::size_t layer);
+
+/// Warns by SequenceOptions::on_message of what is probably not intended: an uncalibrated rig,
+/// frames for which a take has no light field frame, a focus pull without visible effect.
+void report_sequence_warnings(const ShotPlan& plan, std::span<const PlannedFrame> frames,
+                              const SequenceOptions& options);
+
+}  // namespace raystage::compose

@@ -10,7 +10,7 @@
 #include "schemas/rig_document.h"
 #include "testing/compose/sequence_test_data.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using ::testing::Contains;
@@ -42,26 +42,26 @@ TEST_F(SequenceExisting, SkipTrustsOnlyWholeFilesOfTheSameInputs) {
   // A change of the last key changes all frames but the first.
   (*shot_.camera.keys[1].position)[0] += 0.001;
   EXPECT_EQ(run().rendered, 5);
-  shot_.layers[0].focal_plane = {ShotDocument::FocalPlane::Kind::kDepth, 3.5, {}};
+  shot_.layers[0].focal_plane = {schemas::ShotDocument::FocalPlane::Kind::kDepth, 3.5, {}};
   EXPECT_EQ(run().rendered, 6);
   options_.chromaticities = true;
   EXPECT_EQ(run().rendered, 6);
   // Another calibration.
   const auto rig = folder_.path() / "take" / "rig.json";
-  RigDocument document = read_rig(rig);
+  schemas::RigDocument document = schemas::read_rig(rig);
   document.cameras[0].photometric.contrast[0] = 1.1;
-  write_rig(document, rig);
+  schemas::write_rig(document, rig);
   EXPECT_EQ(run().rendered, 6);
   EXPECT_EQ(run().skipped, 6);
   // A new resynchronisation with the same result changes nothing.
-  const Take take(folder_.path() / "take");
-  write_timeline(build_timeline(take, 10, 0), take.folder());
+  const store::Take take(folder_.path() / "take");
+  store::write_timeline(store::build_timeline(take, 10, 0), take.folder());
   EXPECT_EQ(run().skipped, 6);
 }
 
 TEST_F(SequenceExisting, SkipSurvivesAMoveOfTheProject) {
   run();
-  const TestFolder other;
+  const testing::TestFolder other;
   std::filesystem::copy(folder_.path(), other.path(), std::filesystem::copy_options::recursive);
   options_.output = (other.path() / "out" / "a.####.exr").string();
   options_.existing = ExistingFiles::kSkip;
@@ -80,12 +80,12 @@ TEST_F(SequenceExisting, FillColoursWhatNobodySawAndTheFingerprintKnows) {
   run();
   EXPECT_GT(transparent(), 100);
   options_.existing = ExistingFiles::kSkip;
-  options_.fill = HoleFill::kPushPull;
+  options_.fill = schemas::HoleFill::kPushPull;
   EXPECT_EQ(run().rendered, 1);
   EXPECT_EQ(transparent(), 0);
   EXPECT_NEAR(read_exr(file(101)).rgba[0], grey(0), 0.005F);
   options_.fill.reset();
-  shot_.layers[0].fill = HoleFill::kPushPull;
+  shot_.layers[0].fill = schemas::HoleFill::kPushPull;
   EXPECT_EQ(run().skipped, 1);
 }
 
@@ -107,4 +107,4 @@ TEST_F(SequenceExisting, ATargetTakesTheMethodsPlaceAndTheFileSaysWhatWasChosen)
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

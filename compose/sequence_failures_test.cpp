@@ -12,7 +12,7 @@
 #include "testing/compose/sequence_test_data.h"
 #include "testing/compose/test_camera_key.h"
 
-namespace raystage::sequence_failures_test {
+namespace raystage::compose::sequence_failures_test {
 namespace {
 
 using ::testing::Contains;
@@ -31,14 +31,14 @@ void make_noisy(const std::filesystem::path& take_folder) {
   const std::filesystem::path archive = take_folder / "archive" / "c0.mkv";
   const std::filesystem::path journal = take_folder / "archive" / "c0.journal";
   ASSERT_TRUE(std::filesystem::remove(archive) && std::filesystem::remove(journal));
-  ArchiveWriter writer(archive, journal,
-                       {"c0", kWidth, kHeight, 1'700'000'000 * kNanosecondsPerSecond});
+  store::ArchiveWriter writer(archive, journal,
+                              {"c0", kWidth, kHeight, 1'700'000'000 * kNanosecondsPerSecond});
   std::mt19937 random(1);
   for (int tick = 0; tick < kTicks; ++tick) {
-    RgbImage image{kWidth, kHeight, {}};
+    store::RgbImage image{kWidth, kHeight, {}};
     image.pixels.resize(static_cast<std::size_t>(kWidth) * kHeight * 3);
     for (std::uint8_t& value : image.pixels) value = static_cast<std::uint8_t>(random());
-    const auto jpeg = encode_jpeg(image, {.quality = 100});
+    const auto jpeg = store::encode_jpeg(image, {.quality = 100});
     ASSERT_GT(jpeg.size(), 8192U);
     writer.append(jpeg, kInterval + tick * kInterval);
   }
@@ -48,8 +48,8 @@ void make_noisy(const std::filesystem::path& take_folder) {
 TEST_F(SequenceFailures, AnArchiveThatIsCutMeanwhileCostsTheFramesThatAreLost) {
   const std::filesystem::path archive = folder_.path() / "take" / "archive" / "c0.mkv";
   make_noisy(folder_.path() / "take");
-  const Take noisy(folder_.path() / "take");
-  write_timeline(build_timeline(noisy, 10, 0), noisy.folder());
+  const store::Take noisy(folder_.path() / "take");
+  store::write_timeline(store::build_timeline(noisy, 10, 0), noisy.folder());
   const std::string whole = read_file(archive);
   for (const char* method : {"focal_plane", "depth"}) {
     write_file_atomically(archive, whole);
@@ -69,14 +69,12 @@ TEST_F(SequenceFailures, AnArchiveThatIsCutMeanwhileCostsTheFramesThatAreLost) {
 
 TEST_F(SequenceFailures, ADamagedFrameFailsAloneAndIsNamed) {
   {
-    const Take take(folder_.path() / "take");
+    const store::Take take(folder_.path() / "take");
     for (int camera = 0; camera < kCameras; ++camera) {
       // By time, because camera 3 dropped a frame.
       const auto index = take.archive(camera).nearest_frame(kInterval * 4);
-      const FrameRecord record =
-          take.archive(camera).frames()[static_cast<std::size_t>(index.value())];
-      std::fstream archive(folder_.path() / "take" /
-                               take.document().cameras[static_cast<std::size_t>(camera)].archive,
+      const store::FrameRecord record = take.archive(camera).frames()[index.value()];
+      std::fstream archive(folder_.path() / "take" / take.document().cameras[camera].archive,
                            std::ios::in | std::ios::out | std::ios::binary);
       archive.seekp(static_cast<std::streamoff>(record.offset));
       archive << "damaged";
@@ -107,7 +105,7 @@ TEST_F(SequenceFailures, FramesThatAllFailByBadInputNeedNoRetry) {
 TEST_F(SequenceFailures, ChecksTheMethodsOptionsFirst) {
   const struct {
     const char* method;
-    OptionValues options;
+    schemas::OptionValues options;
     const char* said;
   } cases[] = {
       {"aperture", {{"radius", 0.5}, {"f_number", 2.0}}, "both options radius and f_number"},
@@ -170,4 +168,4 @@ TEST_F(SequenceFailures, MemoryIsWhatTheHeaviestFrameTakesWhereverItIs) {
 }
 
 }  // namespace
-}  // namespace raystage::sequence_failures_test
+}  // namespace raystage::compose::sequence_failures_test

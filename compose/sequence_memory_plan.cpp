@@ -15,7 +15,7 @@
 #include "base/resources.h"
 #include "render/memory_budgets.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 constexpr int kMaxFramesInFlight = 16;
@@ -39,7 +39,7 @@ constexpr std::size_t kIdBytesPerPixel = 48, kIdBytesPerPixelMerged = 144;
 /// Per pixel: indices of samples, ours and OpenEXR's. Per sample: growing lists, halves, file.
 constexpr std::size_t kDeepBytesPerPixel = 48, kDeepBytesPerSample = 76;
 
-std::size_t pixels_of(const ShotDocument& shot) {
+std::size_t pixels_of(const schemas::ShotDocument& shot) {
   const auto [x, y] = shot.output.overscan;
   return static_cast<std::size_t>(shot.width + 2 * x) *
          static_cast<std::size_t>(shot.height + 2 * y);
@@ -49,14 +49,13 @@ std::size_t pixels_of(const ShotDocument& shot) {
 /// single frame of a zoom may need the most supersampling.
 std::size_t max_view_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames) {
   std::size_t most = pixels_of(plan.shot()) * kViewBytesPerPixel;
-  for (std::size_t i = 0; i < plan.layers(); ++i) {
-    const LightFieldLayer* light_field = plan.light_field(i);
-    if (light_field == nullptr) continue;
-    RendererSettings settings;
+  for (const LightFieldLayer* light_field : plan.light_fields()) {
+    const std::size_t i = light_field->index();
+    render::RendererSettings settings;
     settings.cache_bytes = settings.result_cache_bytes = 0;
     settings.measure_coverage = plan.measures_coverage();
     settings.measure_confidence = plan.writes_aov("lf.confidence");
-    const LightFieldRenderer renderer(light_field->take(), settings);
+    const render::LightFieldRenderer renderer(light_field->take(), settings);
     for (const PlannedFrame& frame : frames) {
       if (!frame.shown[i].tick) continue;
       for (const Eye eye : plan.eyes()) {
@@ -101,13 +100,13 @@ std::size_t frame_bytes(const ShotPlan& plan, std::span<const PlannedFrame> fram
 std::size_t decoded_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                           std::size_t frames_in_flight) {
   std::size_t bytes = 0;
-  for (std::size_t i = 0; i < plan.layers(); ++i) {
-    if (plan.light_field(i) == nullptr) continue;
+  for (const LightFieldLayer* light_field : plan.light_fields()) {
     std::set<int> ticks;
     for (const PlannedFrame& frame : frames) {
-      if (frame.shown[i].tick) ticks.insert(*frame.shown[i].tick);
+      const ShownTick& shown = frame.shown[light_field->index()];
+      if (shown.tick) ticks.insert(*shown.tick);
     }
-    bytes += std::min(frames_in_flight, ticks.size()) * plan.light_field(i)->decoded_frame_bytes();
+    bytes += std::min(frames_in_flight, ticks.size()) * light_field->decoded_frame_bytes();
   }
   return bytes;
 }
@@ -115,7 +114,7 @@ std::size_t decoded_bytes(const ShotPlan& plan, std::span<const PlannedFrame> fr
 /// Divides the `bytes` of one light field.
 LightFieldMemory divide_budget(const LightFieldLayer& light_field, std::size_t bytes,
                                std::size_t frames_in_flight, bool by_default) {
-  MemoryBudgets shares = split_memory_budget(bytes, light_field.reconstruction());
+  render::MemoryBudgets shares = render::split_memory_budget(bytes, light_field.reconstruction());
   if (by_default) {
     shares.result_cache = std::min(shares.result_cache, kDefaultResultCache);
     shares.working = std::min(shares.working, kDefaultResultCache);
@@ -135,8 +134,7 @@ std::string cache_note(const LightFieldLayer& light_field, std::size_t cache) {
   return fmt::format(
       "a view that uses all {} cameras needs {} of decoded frames, but their budget is {}: it "
       "exceeds the budget",
-      light_field.take().camera_count(), format_byte_size(static_cast<double>(instant)),
-      format_byte_size(static_cast<double>(cache)));
+      light_field.take().camera_count(), format_byte_size(instant), format_byte_size(cache));
 }
 
 constexpr std::size_t kHalf = 2, kFloat = 4;  // bytes
@@ -150,7 +148,8 @@ std::string format_byte_size(double bytes) {
 
 std::size_t uncompressed_file_bytes(const ShotPlan& plan, bool deep) {
   const auto& layers = plan.shot().layers;
-  const bool has_light_field = std::ranges::any_of(layers, &ShotDocument::Layer::is_light_field);
+  const bool has_light_field =
+      std::ranges::any_of(layers, &schemas::ShotDocument::Layer::is_light_field);
   const bool has_geometry =
       std::ranges::any_of(layers, [](const auto& layer) { return layer.geometry.has_value(); });
   std::size_t per_pixel = 4 * kHalf + kFloat;  // R, G, B, A and Z
@@ -194,8 +193,7 @@ SequenceMemoryPlan plan_sequence_memory(const ShotPlan& plan, std::span<const Pl
   const std::size_t least = held + per_frame + kMinCache;
   if (granted < least) {
     throw Error::bad_input(fmt::format("one frame needs {} of memory, but the budget is {}",
-                                       format_byte_size(static_cast<double>(least)),
-                                       format_byte_size(static_cast<double>(granted))),
+                                       format_byte_size(least), format_byte_size(granted)),
                            "", "Raise the memory budget")
         .concerning({"memory"});
   }
@@ -215,20 +213,18 @@ SequenceMemoryPlan plan_sequence_memory(const ShotPlan& plan, std::span<const Pl
   }
   const auto frames_in_flight = static_cast<std::size_t>(result.frames_in_flight);
   result.per_layer.resize(plan.layers());
-  std::size_t light_fields = 0;
-  for (std::size_t i = 0; i < plan.layers(); ++i) light_fields += plan.light_field(i) != nullptr;
-  for (std::size_t i = 0; i < plan.layers(); ++i) {
-    if (plan.light_field(i) == nullptr) continue;
-    LightFieldMemory& share = result.per_layer[i];
+  const std::vector<const LightFieldLayer*> light_fields = plan.light_fields();
+  for (const LightFieldLayer* light_field : light_fields) {
+    LightFieldMemory& share = result.per_layer[light_field->index()];
     share =
-        divide_budget(*plan.light_field(i), (budget - frames_in_flight * per_frame) / light_fields,
+        divide_budget(*light_field, (budget - frames_in_flight * per_frame) / light_fields.size(),
                       frames_in_flight, request.bytes == 0);
     result.result_cache += share.result_cache;
     result.working += share.working;
     result.cache += share.cache;
-    if (result.note.empty()) result.note = cache_note(*plan.light_field(i), share.cache);
+    if (result.note.empty()) result.note = cache_note(*light_field, share.cache);
   }
   return result;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

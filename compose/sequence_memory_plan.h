@@ -8,7 +8,7 @@
 
 #include "compose/shot_plan.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Returns "12.3 MB" or "1.23 GB" (10^6 and 10^9 bytes).
 std::string format_byte_size(double bytes);
@@ -44,4 +44,4 @@ std::size_t required_memory(const ShotPlan& plan, std::span<const PlannedFrame> 
 SequenceMemoryPlan plan_sequence_memory(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                                         const MemoryRequest& request);
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -9,7 +9,7 @@
 #include "testing/compose/test_camera_key.h"
 #include "testing/render/synthetic_take.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 constexpr int kFrames = 8;
@@ -21,22 +21,23 @@ class Memory : public ::testing::Test {
     testing::SyntheticTake settings;
     settings.cameras = testing::camera_grid(5, 5, 0.1, 640, 480);
     settings.frames = kFrames;
-    settings.depth_range = DepthRange{2, 8};
+    settings.depth_range = schemas::DepthRange{2, 8};
     write_synthetic_take(settings, folder_.path() / "take");
-    write_timeline(build_timeline(Take(folder_.path() / "take"), 15, 0), folder_.path() / "take");
+    store::write_timeline(store::build_timeline(store::Take(folder_.path() / "take"), 15, 0),
+                          folder_.path() / "take");
     shot_.width = 640;
     shot_.height = 480;
     shot_.fps = shot_.fps_numerator = 15;
     shot_.first_frame = 1;
     shot_.last_frame = kFrames;
     shot_.camera.keys.push_back(testing::camera_key(1, {0, 0, 0}, 60));
-    ShotDocument::Layer layer;
+    schemas::ShotDocument::Layer layer;
     layer.take = "take";
     shot_.layers.push_back(layer);
   }
 
   SequenceMemoryPlan planned(std::size_t megabytes, int frames_in_flight = 4) {
-    write_shot(shot_, folder_.path() / "shot.json");
+    schemas::write_shot(shot_, folder_.path() / "shot.json");
     const ShotPlan plan(folder_.path() / "shot.json");
     std::vector<int> frames;
     for (int frame = 1; frame <= kFrames; ++frame) frames.push_back(frame);
@@ -44,8 +45,8 @@ class Memory : public ::testing::Test {
                                 {megabytes * 1'000'000, frames_in_flight});
   }
 
-  TestFolder folder_;
-  ShotDocument shot_;
+  testing::TestFolder folder_;
+  schemas::ShotDocument shot_;
 };
 
 TEST_F(Memory, IsSharedOutAndNoMore) {
@@ -89,4 +90,4 @@ TEST_F(Memory, SaysWhereAViewMayTakeMore) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

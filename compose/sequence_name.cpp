@@ -3,11 +3,10 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
-
 #include "base/error.h"
+#include "base/number_text.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 constexpr int kMaxPadding = 16;
@@ -91,9 +90,7 @@ std::filesystem::path SequenceName::path(int frame) const {
 
 SequenceName SequenceName::with(std::string_view word) const {
   const std::string name = std::string(word) + ".";
-  if (has_token_) {
-    return SequenceName(before_ + name + pattern_.substr(before_.size()));
-  }
+  if (has_token_) return SequenceName(before_ + name + pattern_.substr(before_.size()));
   const std::string extension = std::filesystem::path(pattern_).extension();
   const std::size_t end = pattern_.size() - extension.size();
   return SequenceName(pattern_.substr(0, end) + "." + std::string(word) + extension);
@@ -109,12 +106,8 @@ std::optional<int> SequenceName::frame_from_file_name(std::string_view file_name
   }
   const std::string_view digits =
       file_name.substr(before.size(), file_name.size() - before.size() - after_.size());
-  int frame = 0;
-  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), frame);
-  if (error != std::errc{} || end != digits.data() + digits.size() || number(frame) != digits) {
-    return std::nullopt;
-  }
-  return frame;
+  const auto frame = parse_number<int>(digits);
+  return frame && number(*frame) == digits ? frame : std::nullopt;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-namespace raystage {
+namespace raystage::compose {
 
 /// The name of an image sequence: a path whose file name contains a token for the frame number.
 ///
@@ -39,4 +39,4 @@ class SequenceName {
   int padding_ = 0;
 };
 
-}  // namespace raystage
+}  // namespace raystage::compose

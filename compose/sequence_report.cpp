@@ -8,7 +8,7 @@
 #include "compose/sequence.h"
 #include "compose/sequence_memory_plan.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 ExitCode SequenceReport::exit_code() const {
   if (rendered + skipped == requested && requested > 0) return ExitCode::kSuccess;
@@ -33,9 +33,8 @@ std::string SequenceReport::summary() const {
   text += fmt::format("; {:.1f} s", seconds);
   if (rendered > 0 && seconds > 0) text += fmt::format(", {:.2f} frames/s", rendered / seconds);
   return text + fmt::format("; {:.1f} Mpixel decoded, {} written, peak memory {}",
-                            static_cast<double>(pixels_decoded) * 1e-6,
-                            format_byte_size(static_cast<double>(bytes_written)),
-                            format_byte_size(static_cast<double>(peak_memory())));
+                            pixels_decoded * 1e-6, format_byte_size(bytes_written),
+                            format_byte_size(peak_memory()));
 }
 
 std::string SequenceReport::stages() const {
@@ -47,11 +46,11 @@ std::string SequenceReport::stages() const {
       "of JPEG",
       frames_in_flight, of_frame(ms.light_fields), of_frame(ms.geometry), of_frame(ms.merge),
       of_frame(ms.encode), of_frame(ms.write), of_frame(1e3 * decoding.seconds),
-      of_frame(1e-6 * static_cast<double>(decoding.jpeg_bytes)));
+      of_frame(1e-6 * decoding.jpeg_bytes));
   if (of_frame(ms.write_wait) >= 10) {
     text += fmt::format("; frames waited {:.0f} for the disk", of_frame(ms.write_wait));
   }
   return text;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

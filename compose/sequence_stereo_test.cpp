@@ -8,7 +8,7 @@
 #include "images/exr_channels.h"
 #include "testing/compose/sequence_test_data.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using ::testing::ElementsAre;
@@ -18,7 +18,7 @@ class StereoSequence : public testing::SequenceTest {
  protected:
   StereoSequence() {
     options_.frames = {103};
-    shot_.camera.stereo = ShotDocument::Stereo{.interaxial_m = 0.02, .convergence_m = 3};
+    shot_.camera.stereo = schemas::ShotDocument::Stereo{.interaxial_m = 0.02, .convergence_m = 3};
   }
   std::vector<std::string> views() const {
     const Imf::MultiPartInputFile input(file(103).c_str());
@@ -68,15 +68,15 @@ TEST_F(StereoSequence, WhatTheTakeLacksIsBlackInBothEyes) {
   options_.aovs = {"lf.cameras", "lf.nearest"};
   options_.layout = "single";
   EXPECT_EQ(run().rendered, 2);
-  constexpr ExrChannel kChannels[] = {
+  constexpr images::ExrChannel kChannels[] = {
       {"A"}, {"right.A"}, {"lf.right.coverage"}, {"lf.right.cameras"}};
-  for (const float value : read_exr_channels(file(120), kChannels, "").values) {
+  for (const float value : images::read_exr_channels(file(120), kChannels, "").values) {
     ASSERT_EQ(value, 0);
   }
 }
 
 TEST_F(StereoSequence, ACameraThatIsNowhereIsRefusedBeforeTheFirstFrame) {
-  shot_.camera.dolly_zoom = ShotDocument::DollyZoom{.target = {0.03, -0.03, -1}};
+  shot_.camera.dolly_zoom = schemas::ShotDocument::DollyZoom{.target = {0.03, -0.03, -1}};
   shot_.camera.keys.back().position = {{0.03, -0.03, -2}};
   shot_.camera.keys.back().frame = 104;
   options_.frames = {101, 102, 103};
@@ -92,4 +92,4 @@ TEST_F(StereoSequence, MemoryCountsBothEyes) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

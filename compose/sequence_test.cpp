@@ -12,7 +12,7 @@
 #include "images/exr_channels.h"
 #include "testing/compose/sequence_test_data.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using ::testing::Contains;
@@ -39,7 +39,7 @@ TEST_F(Sequence, RendersEveryFrameAtItsTime) {
 }
 
 TEST_F(Sequence, StartAndSpeedChooseTheInstant) {
-  ShotDocument::Layer& layer = shot_.layers[0];
+  schemas::ShotDocument::Layer& layer = shot_.layers[0];
   layer.start_seconds = 0.5;
   layer.speed = -0.5;
   run();
@@ -58,10 +58,10 @@ TEST_F(Sequence, FramesOutsideTheShotAreLeftOutAndSaid) {
 }
 
 TEST_F(Sequence, ATakeOfOneInstantIsAStill) {
-  const Take take(folder_.path() / "take");
-  Timeline timeline = build_timeline(take, 10, 0);
+  const store::Take take(folder_.path() / "take");
+  store::Timeline timeline = store::build_timeline(take, 10, 0);
   timeline.ticks.resize(1);
-  write_timeline(timeline, take.folder());
+  store::write_timeline(timeline, take.folder());
   EXPECT_EQ(run().rendered, 6);
   EXPECT_NEAR(middle(106).first, grey(0), 0.005F);
 }
@@ -104,8 +104,8 @@ TEST_F(Sequence, CoverageMeasuresAreChannelsOnRequest) {
   EXPECT_EQ(run().rendered, 1) << "the fingerprint knows the difference";
   EXPECT_THAT(channels(),
               ElementsAre("A", "B", "G", "R", "Z", "lf.cameras", "lf.coverage", "lf.nearest"));
-  constexpr ExrChannel kMeasures[] = {{"lf.cameras"}, {"lf.nearest"}};
-  const std::vector<float> both = read_exr_channels(file(101), kMeasures, "").values;
+  constexpr images::ExrChannel kMeasures[] = {{"lf.cameras"}, {"lf.nearest"}};
+  const std::vector<float> both = images::read_exr_channels(file(101), kMeasures, "").values;
   std::vector<float> cameras, nearest;
   for (std::size_t i = 0; i < both.size(); i += 2) {
     cameras.push_back(both[i]);
@@ -147,7 +147,7 @@ TEST_F(Sequence, AStopDropsWhatIsUnderWay) {
 }
 
 TEST(DefaultOutput, StandsBesideTheShotAndIsOneSafeName) {
-  ShotDocument shot = wall_shot();
+  schemas::ShotDocument shot = wall_shot();
   shot.layers[0].name = "lf/beauty #1";
   EXPECT_EQ(default_output("p/shot.json", shot), "p/renders/sh_lf_beauty__1.####.exr");
   shot.name = shot.layers[0].name = "";
@@ -155,4 +155,4 @@ TEST(DefaultOutput, StandsBesideTheShotAndIsOneSafeName) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -5,14 +5,14 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 Eigen::Matrix3f matrix_of(const ColorTransform& transform) {
   Eigen::Matrix3f matrix;
   for (Eigen::Index c = 0; c < 3; ++c) {
     std::array<float, 3> unit{};
-    unit[static_cast<std::size_t>(c)] = 1;
+    unit[c] = 1;
     transform.apply_rgb(unit);
     matrix.col(c) << unit[0], unit[1], unit[2];
   }
@@ -21,11 +21,11 @@ Eigen::Matrix3f matrix_of(const ColorTransform& transform) {
 
 }  // namespace
 
-ShotColorSpaces make_shot_color_spaces(const ShotDocument& shot,
+ShotColorSpaces make_shot_color_spaces(const schemas::ShotDocument& shot,
                                        const std::filesystem::path& shot_file,
                                        const std::filesystem::path& folder,
                                        const std::filesystem::path& config_file) {
-  const ShotDocument::Color& color = shot.output.color;
+  const schemas::ShotDocument::Color& color = shot.output.color;
   const bool has_config = !config_file.empty() || !color.config.empty();
   ShotColorSpaces result;
   const bool works_in_scene = color.working_space == kSceneSpace;
@@ -52,4 +52,4 @@ ShotColorSpaces make_shot_color_spaces(const ShotDocument& shot,
   return result;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -9,7 +9,7 @@
 #include "compose/color/color_config.h"
 #include "schemas/shot_document.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Colour spaces of a shot. Light fields, plates and colours of mesh files are in kSceneSpace;
 /// layers are lit and merged in the working space; files are in the output space.
@@ -26,9 +26,9 @@ struct ShotColorSpaces {
 /// unless empty; without either the built-in config is used, and loaded only if needed. `folder`:
 /// what the path in the shot is relative to. Throws Error (bad input) for an unknown space, or an
 /// output space that is not linear light.
-ShotColorSpaces make_shot_color_spaces(const ShotDocument& shot,
+ShotColorSpaces make_shot_color_spaces(const schemas::ShotDocument& shot,
                                        const std::filesystem::path& shot_file,
                                        const std::filesystem::path& folder,
                                        const std::filesystem::path& config_file);
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <set>
 
 #include "base/error.h"
@@ -13,13 +12,13 @@
 #include "compose/layers/solid_layer.h"
 #include "compose/plate_layer.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 /// Budget of textures, which are loaded as tiles of the needed MIP levels.
 constexpr std::size_t kTextureBytes = std::size_t{256} << 20;
 
-ShotDocument shot_with(ShotDocument shot, const ShotPlanOptions& options) {
+schemas::ShotDocument shot_with(schemas::ShotDocument shot, const ShotPlanOptions& options) {
   if (!options.layout.empty()) shot.output.layout = options.layout;
   auto& aovs = shot.output.aovs;
   aovs.insert(aovs.end(), options.aovs.begin(), options.aovs.end());
@@ -29,20 +28,21 @@ ShotDocument shot_with(ShotDocument shot, const ShotPlanOptions& options) {
 }
 
 /// Converts shares of the picture to shares of the picture with overscan.
-ScreenClip screen_clip_from(const ShotDocument::Clip& document, const ShotDocument& shot) {
+ScreenClip screen_clip_from(const schemas::ShotDocument::Clip& document,
+                            const schemas::ShotDocument& shot) {
   const auto share_of = [](double share, int size, int overscan) {
     // An edge at the picture's border also keeps the overscan.
     if (share <= 0 || share >= 1) return share;
     return (share * size + overscan) / (size + 2.0 * overscan);
   };
   const auto [x, y] = shot.output.overscan;
-  const ShotDocument::ScreenRegion& s = document.screen;
+  const schemas::ShotDocument::ScreenRegion& s = document.screen;
   return {share_of(s.left, shot.width, x), share_of(s.right, shot.width, x),
           share_of(s.top, shot.height, y), share_of(s.bottom, shot.height, y),
           document.feather * shot.width / (shot.width + 2.0 * x)};
 }
 
-Clip clip_from(const ShotDocument::Clip& document, const ShotDocument& shot) {
+Clip clip_from(const schemas::ShotDocument::Clip& document, const schemas::ShotDocument& shot) {
   Clip clip;
   clip.inverted = document.inverted;
   if (document.plane) {
@@ -65,15 +65,15 @@ ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions
       cache_folder_(options.cache_folder),
       folder_(options.folder.empty() ? shot_file.parent_path() : options.folder),
       hosts_(options.hosts),
-      shot_(shot_with(read_shot(shot_file), options)),
+      shot_(shot_with(schemas::read_shot(shot_file), options)),
       camera_(shot_, shot_file, folder_),
       colors_(make_shot_color_spaces(shot_, shot_file, folder_, options.color_config)) {
   check_exr_compression(shot_.output.compression);
   if (!shot_.output.data_compression.empty()) check_exr_compression(shot_.output.data_compression);
   parse_exr_layout(shot_.output.layout);
-  for (const ShotDocument::Layer& layer : shot_.layers) {
+  for (const schemas::ShotDocument::Layer& layer : shot_.layers) {
     clips_.emplace_back();
-    for (const ShotDocument::Clip& clip : layer.clips)
+    for (const schemas::ShotDocument::Clip& clip : layer.clips)
       clips_.back().push_back(clip_from(clip, shot_));
   }
   find_light_field_lights();
@@ -86,7 +86,7 @@ ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions
 
 std::unique_ptr<const Layer> ShotPlan::open_layer(std::size_t layer,
                                                   const ShotPlanOptions& options) {
-  const ShotDocument::Layer& document = shot_.layers[layer];
+  const schemas::ShotDocument::Layer& document = shot_.layers[layer];
   if (document.geometry) return open_geometry(layer);
   if (document.plate) {
     return std::make_unique<const PlateLayer>(shot_, layer, folder_, colors_.studio);
@@ -100,8 +100,8 @@ std::unique_ptr<const Layer> ShotPlan::open_light_field(std::size_t layer,
   // A target is for views only; lights need rays.
   auto opened = std::make_unique<const LightFieldLayer>(
       shot_, layer, shot_file_, folder_, options.fill,
-      is_light(layer) ? OptionValues{} : options.target, options.hosts);
-  if (is_light(layer)) check_ray_query_support(opened->reconstruction());
+      is_light(layer) ? schemas::OptionValues{} : options.target, options.hosts);
+  if (is_light(layer)) render::check_ray_query_support(opened->reconstruction());
   return opened;
 }
 
@@ -109,7 +109,7 @@ void ShotPlan::assign_object_names() {
   object_names_.resize(layers());
   if (!shot_.output.cryptomatte) return;
   for (std::size_t i = 0; i < layers(); ++i) {
-    const ShotDocument::Layer& of_shot = shot_.layers[i];
+    const schemas::ShotDocument::Layer& of_shot = shot_.layers[i];
     const std::string& name = of_shot.volume.empty() ? of_shot.name : of_shot.volume;
     const std::string layer = name.empty() ? fmt::format("layer{}", i) : name;
     if (layers_[i]) {
@@ -122,17 +122,17 @@ void ShotPlan::assign_object_names() {
 
 void ShotPlan::find_light_field_lights() {
   for (std::size_t i = 0; i < shot_.lights.size(); ++i) {
-    const ShotDocument::Light& light = shot_.lights[i];
+    const schemas::ShotDocument::Light& light = shot_.lights[i];
     if (light.light_field.empty()) continue;
     LightFieldLight selected{{}, light.strength};
     for (std::size_t layer = 0; layer < layers(); ++layer) {
       if (shot_.layers[layer].volume == light.light_field) selected.layers.push_back(layer);
     }
     const auto layer =
-        std::ranges::find(shot_.layers, light.light_field, &ShotDocument::Layer::name);
+        std::ranges::find(shot_.layers, light.light_field, &schemas::ShotDocument::Layer::name);
     const bool is_there = layer != shot_.layers.end();
-    if (selected.layers.empty() &&
-        std::ranges::count(shot_.layers, light.light_field, &ShotDocument::Layer::name) > 1) {
+    if (selected.layers.empty() && std::ranges::count(shot_.layers, light.light_field,
+                                                      &schemas::ShotDocument::Layer::name) > 1) {
       throw Error::bad_input(
           fmt::format("the light uses the layer \"{}\", but several have this name",
                       light.light_field),
@@ -151,6 +151,13 @@ void ShotPlan::find_light_field_lights() {
   }
 }
 
+std::vector<const LightFieldLayer*> ShotPlan::light_fields() const {
+  std::vector<const LightFieldLayer*> found;
+  for (std::size_t i = 0; i < layers(); ++i) found.push_back(light_field(i));
+  std::erase(found, nullptr);
+  return found;
+}
+
 std::size_t ShotPlan::volume_layer_count(std::size_t layer) const {
   const std::string& volume = shot_.layers[layer].volume;
   std::size_t count = 1;
@@ -163,7 +170,7 @@ std::unique_ptr<const Layer> ShotPlan::open_geometry(std::size_t layer) {
     textures_ = std::make_unique<Textures>(kTextureBytes, colors_.working_from_scene_matrix);
     lights_ = make_lights(shot_.lights, folder_, *textures_);
     Fingerprint print;
-    raystage::add_to_fingerprint(print, shot_.lights, folder_);
+    compose::add_to_fingerprint(print, shot_.lights, folder_);
     lights_fingerprint_ = print.hex();
   }
   return std::make_unique<const GeometryLayer>(
@@ -200,16 +207,16 @@ bool ShotPlan::measures_coverage() const {
 }
 
 bool ShotPlan::is_shown(std::size_t layer, int frame) const {
-  const ShotDocument::Layer& document = shot_.layers[layer];
+  const schemas::ShotDocument::Layer& document = shot_.layers[layer];
   return frame >= document.first_frame.value_or(frame) &&
          frame <= document.last_frame.value_or(frame) && document.opacity > 0 &&
          keeps_any_pixel(clips_[layer]);
 }
 
 bool ShotPlan::is_occluded_by_solid(std::size_t layer, int frame) const {
-  if (shot_.merge != ShotDocument::Merge::kLayerOrder) return false;
+  if (shot_.merge != schemas::ShotDocument::Merge::kLayerOrder) return false;
   for (std::size_t i = layers(); --i > layer;) {
-    const ShotDocument::Layer& front = shot_.layers[i];
+    const schemas::ShotDocument::Layer& front = shot_.layers[i];
     if (!is_shown(i, frame)) continue;
     // Hidden geometry still casts shadows and appears in mirrors.
     const bool shows_geometry = front.geometry || front.shadows;
@@ -254,9 +261,8 @@ bool ShotPlan::is_visible_in_any(std::size_t layer,
 std::vector<PlannedFrame> ShotPlan::plan(std::span<const int> frames, MissingFrames policy) const {
   std::vector<PlannedFrame> planned;
   for (const int frame : frames) planned.push_back({frame, std::vector<ShownTick>(layers())});
-  for (std::size_t i = 0; i < layers(); ++i) {
-    const LightFieldLayer* take = light_field(i);
-    if (take == nullptr) continue;
+  for (const LightFieldLayer* take : light_fields()) {
+    const std::size_t i = take->index();
     std::vector<int> missing;
     for (PlannedFrame& one : planned) {
       if (!is_needed(i, one.frame)) continue;
@@ -335,4 +341,4 @@ ExrMetadata ShotPlan::metadata(const PlannedFrame& frame) const {
   return metadata;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

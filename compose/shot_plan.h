@@ -14,7 +14,6 @@
 #include "compose/geometry/geometry_layer.h"
 #include "compose/geometry/geometry_scene.h"
 #include "compose/layers/clip.h"
-#include "compose/layers/fingerprint.h"
 #include "compose/layers/layer.h"
 #include "compose/layers/light_field_layer.h"
 #include "compose/shot_color_spaces.h"
@@ -22,7 +21,7 @@
 #include "schemas/hole_fill.h"
 #include "schemas/shot_document.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Raised whenever the same inputs give other pixels, so that existing files count as out of date.
 inline constexpr int kReconstructionVersion = 5;
@@ -35,8 +34,8 @@ struct PlannedFrame {
 
 /// Settings that replace or extend those of the shot.
 struct ShotPlanOptions {
-  std::optional<HoleFill> fill = {};
-  OptionValues target =
+  std::optional<schemas::HoleFill> fill = {};
+  schemas::OptionValues target =
       {};  ///< not empty: the method `auto` with these options for every light field
   std::string layout = "";                  ///< not empty: of the EXR files
   std::filesystem::path color_config = {};  ///< not empty: OpenColorIO's
@@ -49,7 +48,7 @@ struct ShotPlanOptions {
   /// Folder that paths in the shot are relative to; empty: that of the shot file.
   std::filesystem::path folder = {};
   /// Access to archives on other hosts; null: each take's folder holds them. Referred to.
-  DistributedTakes* hosts = nullptr;
+  render::DistributedTakes* hosts = nullptr;
 };
 
 /// A shot whose visible layers are opened and checked as far as possible before rendering.
@@ -59,7 +58,7 @@ class ShotPlan {
   /// or layout is unknown.
   explicit ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions& options = {});
 
-  const ShotDocument& shot() const { return shot_; }
+  const schemas::ShotDocument& shot() const { return shot_; }
   std::size_t layers() const { return shot_.layers.size(); }
   /// Returns a layer; null: it shows nothing.
   const Layer* layer(std::size_t layer) const { return layers_[layer].get(); }
@@ -67,6 +66,8 @@ class ShotPlan {
   const LightFieldLayer* light_field(std::size_t layer) const {
     return dynamic_cast<const LightFieldLayer*>(layers_[layer].get());
   }
+  /// Returns all layers with a take that show something, in the order of the layers.
+  std::vector<const LightFieldLayer*> light_fields() const;
   /// Returns a layer with a mesh; null: it is of another kind, or shows nothing.
   const GeometryLayer* geometry(std::size_t layer) const {
     return dynamic_cast<const GeometryLayer*>(layers_[layer].get());
@@ -93,13 +94,15 @@ class ShotPlan {
     double strength = 1;
   };
   const std::vector<LightFieldLight>& light_field_lights() const { return light_field_lights_; }
+  /// Returns whether a light field is a light.
+  bool is_light(std::size_t layer) const;
   /// Returns the number of layers of the volume whose foremost layer this is; 1 without a volume.
   std::size_t volume_layer_count(std::size_t layer) const;
 
   const ShotColorSpaces& colors() const { return colors_; }
   /// As ShotPlanOptions.
   const std::filesystem::path& cache_folder() const { return cache_folder_; }
-  DistributedTakes* hosts() const { return hosts_; }
+  render::DistributedTakes* hosts() const { return hosts_; }
   /// Returns whether the files contain an AOV (ShotDocument::Output::aovs).
   bool writes_aov(std::string_view aov) const;
   /// Returns whether they contain one that needs RendererSettings::measure_coverage.
@@ -108,7 +111,7 @@ class ShotPlan {
   /// Returns the views of a frame: left and right, or one.
   std::vector<Eye> eyes() const { return camera_.eyes(); }
   /// Returns the camera with overscan.
-  VirtualCamera camera(int frame, Eye eye) const { return exr_camera(frame, eye).view; }
+  render::VirtualCamera camera(int frame, Eye eye) const { return exr_camera(frame, eye).view; }
 
   /// Returns the instants that the frames show. With kError throws Error (bad input), which lists
   /// the frames for which a take has no instant.
@@ -129,7 +132,6 @@ class ShotPlan {
 
  private:
   void find_light_field_lights();
-  bool is_light(std::size_t layer) const;
   bool is_shown(std::size_t layer, int frame) const;
   bool is_occluded_by_solid(std::size_t layer, int frame) const;
   void assign_object_names();
@@ -139,8 +141,8 @@ class ShotPlan {
   bool is_visible_in_any(std::size_t layer, const std::optional<std::vector<int>>& frames) const;
 
   std::filesystem::path shot_file_, cache_folder_, folder_;
-  DistributedTakes* hosts_;
-  ShotDocument shot_;
+  render::DistributedTakes* hosts_;
+  schemas::ShotDocument shot_;
   ShotCamera camera_;
   ShotColorSpaces colors_;
   std::vector<std::vector<Clip>> clips_;
@@ -152,4 +154,4 @@ class ShotPlan {
   std::vector<LightFieldLight> light_field_lights_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::compose

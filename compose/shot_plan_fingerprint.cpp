@@ -2,10 +2,10 @@
 // Hashes the inputs that determine the file of a frame.
 #include "compose/shot_plan.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
-void add_clip(const ShotDocument::Clip& clip, Fingerprint& print) {
+void add_clip(const schemas::ShotDocument::Clip& clip, Fingerprint& print) {
   print.integer("inverted", clip.inverted ? 1 : 0).number("feather", clip.feather);
   if (clip.plane) {
     for (const double value : *clip.plane) print.number("plane", value);
@@ -22,7 +22,7 @@ void add_clip(const ShotDocument::Clip& clip, Fingerprint& print) {
 }
 
 /// Adds the shot's settings that all frames share, except those of layers and colours.
-Fingerprint of_shot(const ShotDocument& shot) {
+Fingerprint of_shot(const schemas::ShotDocument& shot) {
   Fingerprint print;
   print.integer("reconstruction", kReconstructionVersion);
   print.integer("width", shot.width).integer("height", shot.height);
@@ -33,11 +33,11 @@ Fingerprint of_shot(const ShotDocument& shot) {
   print.text("data_compression", shot.output.data_compression).text("layout", shot.output.layout);
   print.integer("cryptomatte", shot.output.cryptomatte ? 1 : 0);
   for (const std::string& aov : shot.output.aovs) print.text("aov", aov);
-  print.integer("merge", shot.merge == ShotDocument::Merge::kDepth ? 1 : 0);
+  print.integer("merge", shot.merge == schemas::ShotDocument::Merge::kDepth ? 1 : 0);
   return print;
 }
 
-void add_layer(const ShotDocument::Layer& layer, Fingerprint& print) {
+void add_layer(const schemas::ShotDocument::Layer& layer, Fingerprint& print) {
   print.integer("holdout", layer.holdout ? 1 : 0).number("opacity", layer.opacity);
   print.text("volume", layer.volume);
   if (layer.shadows) {
@@ -45,7 +45,7 @@ void add_layer(const ShotDocument::Layer& layer, Fingerprint& print) {
         .number("reach", layer.shadows->occlusion_distance_m);
     print.integer("shadow rays", layer.shadows->rays);
   }
-  for (const ShotDocument::Clip& clip : layer.clips) add_clip(clip, print);
+  for (const schemas::ShotDocument::Clip& clip : layer.clips) add_clip(clip, print);
   if (!layer.solid) return;
   for (const double value : layer.solid->color) print.number("color", value);
   print.number("alpha", layer.solid->alpha).number("depth", layer.solid->depth_m.value_or(0));
@@ -53,7 +53,7 @@ void add_layer(const ShotDocument::Layer& layer, Fingerprint& print) {
 
 /// Adds all camera properties that pixels or headers depend on.
 void add_camera(const ExrCamera& camera, Fingerprint& print) {
-  const VirtualCamera& view = camera.view;
+  const render::VirtualCamera& view = camera.view;
   for (const double value : view.pose.world_from_camera_rotation.reshaped()) {
     print.number("rotation", value);
   }
@@ -97,4 +97,4 @@ std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities
   return print.hex();
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -12,7 +12,7 @@
 #include "evaluation/evaluation_cases.h"
 #include "testing/compose/sequence_test_data.h"
 
-namespace raystage::shot_plan_test {
+namespace raystage::compose::shot_plan_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -26,7 +26,7 @@ TEST_F(ShotPlans, AFrameThatLooksBesideDependsOnTheTicksThere) {
   const auto fingerprints = [&](bool temporal) {
     shot_.layers.front().method = "depth";
     shot_.layers.front().options = {{"temporal", temporal}};
-    write_shot(shot_, shot_file());
+    schemas::write_shot(shot_, shot_file());
     const ShotPlan plan(shot_file());
     std::vector<std::string> prints;
     for (const int tick : {0, 1, 2})
@@ -34,10 +34,10 @@ TEST_F(ShotPlans, AFrameThatLooksBesideDependsOnTheTicksThere) {
     return prints;
   };
   const auto alone = fingerprints(false), beside = fingerprints(true);
-  Timeline timeline = read_timeline(Take(folder_.path() / "take"));
+  store::Timeline timeline = store::read_timeline(store::Take(folder_.path() / "take"));
   timeline.ticks[0].frame[1] = -1;
   timeline.ticks[0].difference[1] = 0;
-  write_timeline(timeline, folder_.path() / "take");
+  store::write_timeline(timeline, folder_.path() / "take");
   const auto alone_now = fingerprints(false), beside_now = fingerprints(true);
   EXPECT_NE(alone_now[0], alone[0]);
   EXPECT_EQ(alone_now[1], alone[1]);
@@ -50,23 +50,23 @@ TEST_F(ShotPlans, EvaluationsShowTheInstantsThatAShotShows) {
   shot_.layers[0].start_seconds = -0.13;
   shot_.layers[0].speed = 0.37;
   shot_.last_frame = 130;
-  write_shot(shot_, shot_file());
+  schemas::write_shot(shot_, shot_file());
   const ShotPlan plan(shot_file());
   const LightFieldLayer& light_field = *plan.light_field(0);
   std::set<int> shown;
   for (int frame = shot_.first_frame; frame <= shot_.last_frame; ++frame) {
-    ViewsDocument views;
+    schemas::ViewsDocument views;
     views.views.emplace_back().time_ns = light_field.take_time(frame);
-    const auto subjects =
-        make_evaluation_cases(light_field.take(), &light_field.timeline(), views, {}, {});
+    const auto subjects = evaluation::make_evaluation_cases(light_field.take(),
+                                                            &light_field.timeline(), views, {}, {});
     const std::optional<int> tick = light_field.tick_at(frame);
     shown.insert(tick.value_or(-1));
-    const FrameSelection& frames = subjects.at(0).frames;
+    const store::FrameSelection& frames = subjects.at(0).frames;
     if (!tick) {
       EXPECT_EQ(frames.present(), 0) << frame;
       continue;
     }
-    const FrameSelection& expected = light_field.timeline().ticks[static_cast<std::size_t>(*tick)];
+    const store::FrameSelection& expected = light_field.timeline().ticks[*tick];
     EXPECT_EQ(frames.time_ns, expected.time_ns) << frame;
     EXPECT_EQ(frames.frame, expected.frame) << frame;
   }
@@ -76,11 +76,11 @@ TEST_F(ShotPlans, EvaluationsShowTheInstantsThatAShotShows) {
 TEST_F(ShotPlans, ATargetKeepsHowDeepTheLayerSaysItsSceneIs) {
   shot_.layers[0].method = "depth";
   shot_.layers[0].options = {{"near", 1.5}, {"far", 6.0}, {"neighbours", 4.0}};
-  write_shot(shot_, shot_file());
+  schemas::write_shot(shot_, shot_file());
   const ShotPlan plan(shot_file(), {.target = {{"target_error", 30.0}}});
-  const ReconstructionSettings& reconstruction = plan.light_field(0)->reconstruction();
+  const render::ReconstructionSettings& reconstruction = plan.light_field(0)->reconstruction();
   EXPECT_EQ(reconstruction.method, "auto");
-  EXPECT_EQ(options_to_text(reconstruction.options), "far=6,near=1.5,target_error=30");
+  EXPECT_EQ(render::options_to_text(reconstruction.options), "far=6,near=1.5,target_error=30");
 }
 
 TEST_F(ShotPlans, WithoutADepthRangeAutoNeedsAPlaneOrDepths) {
@@ -91,7 +91,7 @@ TEST_F(ShotPlans, WithoutADepthRangeAutoNeedsAPlaneOrDepths) {
   text.replace(at, std::string("\"depth_range_m\"").size(), "\"x_range\"");
   std::ofstream(file) << text;
   const auto plane = [&] {
-    write_shot(shot_, shot_file());
+    schemas::write_shot(shot_, shot_file());
     const ShotPlan plan(shot_file(), {.target = options_.target});
     return plan.light_field(0)->reconstruction().focal_plane;
   };
@@ -105,16 +105,16 @@ TEST_F(ShotPlans, WithoutADepthRangeAutoNeedsAPlaneOrDepths) {
 }
 
 TEST_F(ShotPlans, TheBestPlaneNeedsADepthRange) {
-  TakeDocument take = read_take(folder_.path() / "take" / "take.json");
+  schemas::TakeDocument take = schemas::read_take(folder_.path() / "take" / "take.json");
   take.depth_range.reset();
-  write_take(take, folder_.path() / "take" / "take.json");
+  schemas::write_take(take, folder_.path() / "take" / "take.json");
   const std::string text = refusal();
   EXPECT_THAT(text, HasSubstr("depth range"));
   EXPECT_THAT(text, HasSubstr("shot.json#/layers/0/focal_plane"));
 }
 
 TEST_F(ShotPlans, HeaderTellsWhatIsAbsentAndWhen) {
-  write_shot(shot_, shot_file());
+  schemas::write_shot(shot_, shot_file());
   const ShotPlan plan(shot_file());
   const auto frames = plan.plan(std::vector<int>{101, 103}, MissingFrames::kError);
   EXPECT_TRUE(plan.metadata(frames[0]).absent_cameras.empty());
@@ -127,12 +127,12 @@ TEST_F(ShotPlans, HeaderTellsWhatIsAbsentAndWhen) {
 }
 
 TEST_F(ShotPlans, FocalPlanesOfEveryKind) {
-  write_shot(shot_, shot_file());
+  schemas::write_shot(shot_, shot_file());
   const ShotPlan plan(shot_file());
-  const Rig& rig = plan.light_field(0)->take().rig();
-  using Kind = ShotDocument::FocalPlane::Kind;
-  const auto equation = [&](const ShotDocument::FocalPlane& plane) {
-    return focal_plane_equation(plane, rig, DepthRange{2, 6}, "here");
+  const rig::Rig& rig = plan.light_field(0)->take().rig();
+  using Kind = schemas::ShotDocument::FocalPlane::Kind;
+  const auto equation = [&](const schemas::ShotDocument::FocalPlane& plane) {
+    return focal_plane_equation(plane, rig, schemas::DepthRange{2, 6}, "here");
   };
   // 2 / (1/2 + 1/6) = 3 m in front of an array that looks along -z.
   const Eigen::Vector4d best = equation({Kind::kBest, 0, {}});
@@ -146,4 +146,4 @@ TEST_F(ShotPlans, FocalPlanesOfEveryKind) {
 }
 
 }  // namespace
-}  // namespace raystage::shot_plan_test
+}  // namespace raystage::compose::shot_plan_test

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Measures error, time and memory of every setting (evaluate_views()) with every camera step and
+// number of threads, one row at a time, and marks the Pareto fronts of PSNR and SSIM against time.
+// Adds the prediction of the sampling theorem (thesis eq. 2.1). Cost: one evaluation per row.
 #include "evaluation/bench.h"
 
 #include <malloc.h>
@@ -20,7 +23,7 @@
 #include "render/methods.h"
 #include "rig/plenoptic_sampling.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 namespace {
 
 /// Returns whether the text is one line of UTF-8, as tables and JSON require.
@@ -37,7 +40,7 @@ bool is_printable(const std::string& text) {
 
 void check(const BenchPlan& plan) {
   if (plan.settings.empty() || plan.camera_steps.empty() || plan.threads.empty()) {
-    throw Error::bad_input("there is nothing to measure", "bench",
+    throw Error::bad_input("no setting, camera step or number of threads is given", "bench",
                            "Set at least one setting, camera step and number of threads");
   }
   std::set<std::string> labels;
@@ -50,8 +53,8 @@ void check(const BenchPlan& plan) {
       throw Error::bad_input("two settings have the label '" + setting.label + "'", "bench",
                              "Give every setting a different label");
     }
-    MethodOptions(method_named(setting.method).options(), setting.options,
-                  "setting " + setting.label);
+    render::MethodOptions(render::method_named(setting.method).options(), setting.options,
+                          "setting " + setting.label);
   }
 }
 
@@ -66,7 +69,7 @@ std::string processor_name() {
 }
 
 /// Applies eq. 2.1 to the cameras of a row, with their mean focal length.
-std::optional<SpacingPrediction> prediction_of(const Take& take,
+std::optional<SpacingPrediction> prediction_of(const store::Take& take,
                                                const std::vector<std::string>& excluded_camera_ids,
                                                const BenchRow& row) {
   if (!take.document().depth_range) return std::nullopt;
@@ -77,16 +80,17 @@ std::optional<SpacingPrediction> prediction_of(const Take& take,
   for (int camera = 0; camera < take.camera_count(); ++camera) {
     if (std::ranges::find(excluded_cameras, camera) != excluded_cameras.end()) continue;
     cameras.push_back(camera);
-    focal_length += take.rig().cameras[static_cast<std::size_t>(camera)].model.intrinsics().fx;
+    focal_length += take.rig().cameras[camera].model.intrinsics().fx;
   }
   focal_length /= static_cast<double>(cameras.size());
   SpacingPrediction predicted;
-  predicted.spacing = max_neighbour_baseline(take.rig(), make_topology(take.rig(), cameras));
+  predicted.spacing =
+      rig::max_neighbour_baseline(take.rig(), rig::make_topology(take.rig(), cameras));
   predicted.disparity_px =
-      disparity_range(focal_length, predicted.spacing, *take.document().depth_range);
-  predicted.planes = alias_free_plane_count(predicted.disparity_px);
+      rig::disparity_range(focal_length, predicted.spacing, *take.document().depth_range);
+  predicted.planes = rig::alias_free_plane_count(predicted.disparity_px);
   predicted.alias_free =
-      alias_free_depth_range(focal_length, predicted.spacing, row.evaluation.focal_depth);
+      rig::alias_free_depth_range(focal_length, predicted.spacing, row.evaluation.focal_depth);
   return predicted;
 }
 
@@ -98,13 +102,13 @@ void mark_fronts(std::vector<BenchRow>& rows) {
   const auto alike = [](const BenchRow& a, const BenchRow& b) {
     return a.camera_step == b.camera_step && a.threads == b.threads;
   };
-  constexpr double kMostLeftOut = 0.15;
+  constexpr double kMaxLessCoverage = 0.15;
   const auto shows_enough = [&](const BenchRow& row) {
     double most_covered = 0;
     for (const BenchRow& other : rows) {
       if (alike(row, other)) most_covered = std::max(most_covered, covered(other));
     }
-    return covered(row) >= most_covered - kMostLeftOut;
+    return covered(row) >= most_covered - kMaxLessCoverage;
   };
   const auto mark = [&](auto quality_of, bool BenchRow::*flag) {
     for (BenchRow& row : rows) {
@@ -116,7 +120,7 @@ void mark_fronts(std::vector<BenchRow>& rows) {
             {comparable ? other.seconds_per_frame() : std::numeric_limits<double>::quiet_NaN(),
              quality_of(other)});
       }
-      row.*flag = pareto_front(points)[static_cast<std::size_t>(&row - rows.data())] != 0;
+      row.*flag = pareto_front(points)[&row - rows.data()] != 0;
     }
   };
   mark([](const BenchRow& row) { return row.evaluation.mean.quality.psnr_db; },
@@ -129,12 +133,14 @@ void mark_fronts(std::vector<BenchRow>& rows) {
 
 std::vector<BenchSetting> default_bench_settings() {
   std::vector<BenchSetting> settings;
-  for (const Method* method : methods()) {
+  for (const render::Method* method : render::methods()) {
     const std::string name(method->name());
     settings.push_back({name, name, {}, {}});
-    for (const MethodPreset& preset : method->presets()) {
-      settings.push_back(
-          {name + " " + std::string(preset.name), name, options_from_text(preset.options), {}});
+    for (const render::MethodPreset& preset : method->presets()) {
+      settings.push_back({name + " " + std::string(preset.name),
+                          name,
+                          render::options_from_text(preset.options),
+                          {}});
     }
   }
   return settings;
@@ -149,16 +155,16 @@ BenchSetting parse_bench_setting(std::string_view text) {
   if (first == 0 || second == 0) {
     throw Error::bad_input(
         "found '" + std::string(text) + "', allowed: LABEL:METHOD:NAME=VALUE,...", "setting",
-        "Write it like fine:plane_sweep:planes=96")
+        "Write it as in fine:plane_sweep:planes=96")
         .concerning({"setting"});
   }
   return {std::string(text.substr(0, first)),
           std::string(rest.substr(0, second)),
-          options_from_text(options),
+          render::options_from_text(options),
           {}};
 }
 
-BenchResult measure_bench(const Take& take, const ViewsDocument& views,
+BenchResult measure_bench(const store::Take& take, const schemas::ViewsDocument& views,
                           const std::filesystem::path& views_folder, const BenchPlan& plan,
                           const std::function<void(const BenchResult&)>& on_row,
                           const std::function<void(double)>& progress, std::stop_token stop) {
@@ -234,4 +240,4 @@ BenchResult measure_bench(const Take& take, const ViewsDocument& views,
   return trade;
 }
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -15,9 +15,9 @@
 #include "schemas/bench_document.h"
 #include "schemas/geometry.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 
-using BenchSetting = BenchDocument::Setting;
+using BenchSetting = schemas::BenchDocument::Setting;
 
 /// Returns every method with its default options and with each of its presets.
 std::vector<BenchSetting> default_bench_settings();
@@ -37,10 +37,10 @@ struct BenchPlan {
 
 /// The prediction of the sampling theorem for the cameras of a row (thesis 2.2, eq. 2.1).
 struct SpacingPrediction {
-  double spacing = 0;       ///< of neighbouring cameras, metres
-  double disparity_px = 0;  ///< range of neighbours' disparities over the scene's depths
-  double planes = 1;        ///< focal planes required to avoid ghosting
-  DepthRange alias_free;    ///< depths without ghosting for the row's focal plane, metres
+  double spacing = 0;              ///< of neighbouring cameras, metres
+  double disparity_px = 0;         ///< range of neighbours' disparities over the scene's depths
+  double planes = 1;               ///< focal planes required to avoid ghosting
+  schemas::DepthRange alias_free;  ///< depths without ghosting for the row's focal plane, metres
 };
 
 /// The measurement of a setting.
@@ -73,7 +73,7 @@ struct BenchResult {
 /// finished rows. A setting that cannot be rendered becomes a row with a failure. Throws Error (bad
 /// input) if there is no setting, two have equal labels, a method or option is unknown, or no row
 /// could be measured (as evaluate_views()).
-BenchResult measure_bench(const Take& take, const ViewsDocument& views,
+BenchResult measure_bench(const store::Take& take, const schemas::ViewsDocument& views,
                           const std::filesystem::path& views_folder, const BenchPlan& plan,
                           const std::function<void(const BenchResult&)>& on_row,
                           const std::function<void(double)>& progress, std::stop_token stop);
@@ -84,4 +84,4 @@ std::string bench_as_json(const BenchResult& trade);  ///< schema "raystage/trad
 /// A Markdown table with aligned columns, and below it the methods' notes on the rows.
 std::string bench_as_table(const BenchResult& trade);
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -9,13 +9,13 @@
 #include "evaluation/evaluation.h"
 #include "store/jpeg/encode.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 namespace {
 
-constexpr JpegEncodeSettings kJpeg{85, JpegEncodeSettings::Chroma::k420, 0};
+constexpr store::JpegEncodeSettings kJpeg{85, store::JpegEncodeSettings::Chroma::k420, 0};
 
-std::vector<std::byte> small_jpeg(const RgbImage& image) {
-  return encode_jpeg(scaled_to_width(image, BenchImages::kMaxWidth), kJpeg);
+std::vector<std::byte> small_jpeg(const store::RgbImage& image) {
+  return store::encode_jpeg(scaled_to_width(image, BenchImages::kMaxWidth), kJpeg);
 }
 
 bool is_chosen(std::size_t index, std::size_t count, int wanted) {
@@ -38,7 +38,7 @@ void BenchImages::add(std::size_t row, const EvaluatedView& picture, int wanted)
   std::vector<std::byte> truth;
   if (view == views_.end()) bytes += (truth = small_jpeg(picture.truth)).size();
   if (!has_room_for(bytes)) {
-    ++left_out_;
+    ++omitted_;
     return;
   }
   bytes_ += bytes;
@@ -55,12 +55,12 @@ void BenchImages::remove(std::size_t row) {
   });
 }
 
-RgbImage scaled_to_width(const RgbImage& image, int most_width) {
-  if (image.width <= most_width) return image;
-  const double scale = static_cast<double>(image.width) / most_width;
-  RgbImage small{most_width, std::max(1, static_cast<int>(std::lround(image.height / scale))), {}};
-  small.pixels.reserve(static_cast<std::size_t>(small.width) *
-                       static_cast<std::size_t>(small.height) * 3);
+store::RgbImage scaled_to_width(const store::RgbImage& image, int max_width) {
+  if (image.width <= max_width) return image;
+  const double scale = static_cast<double>(image.width) / max_width;
+  store::RgbImage small{
+      max_width, std::max(1, static_cast<int>(std::lround(image.height / scale))), {}};
+  small.pixels.reserve(static_cast<std::size_t>(small.width) * small.height * 3);
   const double down = static_cast<double>(image.height) / small.height;
   for (int y = 0; y < small.height; ++y) {
     const int y0 = static_cast<int>(y * down);
@@ -72,11 +72,8 @@ RgbImage scaled_to_width(const RgbImage& image, int most_width) {
         int sum = 0;
         for (int v = y0; v < y1; ++v) {
           for (int u = x0; u < x1; ++u) {
-            sum +=
-                image.pixels[(static_cast<std::size_t>(v) * static_cast<std::size_t>(image.width) +
-                              static_cast<std::size_t>(u)) *
-                                 3 +
-                             static_cast<std::size_t>(channel)];
+            sum += image.pixels[(static_cast<std::size_t>(v) * image.width + u) * 3 +
+                                static_cast<std::size_t>(channel)];
           }
         }
         const int count = (y1 - y0) * (x1 - x0);
@@ -87,17 +84,17 @@ RgbImage scaled_to_width(const RgbImage& image, int most_width) {
   return small;
 }
 
-RgbImage difference_image(const RgbImage& image, const RgbImage& truth,
-                          std::span<const std::uint8_t> covered, int gain) {
-  constexpr std::uint8_t kNotSeen = 48;
-  RgbImage difference{image.width, image.height, {}};
-  difference.pixels.resize(image.pixels.size(), kNotSeen);
+store::RgbImage difference_image(const store::RgbImage& image, const store::RgbImage& truth,
+                                 std::span<const std::uint8_t> covered, int gain) {
+  constexpr std::uint8_t kNotCovered = 48;
+  store::RgbImage difference{image.width, image.height, {}};
+  difference.pixels.resize(image.pixels.size(), kNotCovered);
   for (std::size_t i = 0; i < image.pixels.size(); ++i) {
     if (covered[i / 3] == 0) continue;
-    const int apart = std::abs(static_cast<int>(image.pixels[i]) - truth.pixels[i]);
-    difference.pixels[i] = static_cast<std::uint8_t>(std::min(255, gain * apart));
+    const int error = std::abs(static_cast<int>(image.pixels[i]) - truth.pixels[i]);
+    difference.pixels[i] = static_cast<std::uint8_t>(std::min(255, gain * error));
   }
   return difference;
 }
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -8,7 +8,7 @@
 
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 
 struct EvaluatedView;
 
@@ -35,7 +35,7 @@ class BenchImages {
 
   std::span<const View> views() const { return views_; }
   std::span<const Picture> pictures() const { return pictures_; }
-  int omitted_count() const { return left_out_; }  ///< pictures that exceeded kMaxBytes
+  int omitted_count() const { return omitted_; }  ///< pictures that exceeded kMaxBytes
 
  private:
   bool has_room_for(std::size_t bytes) const { return bytes_ + bytes <= kMaxBytes; }
@@ -43,16 +43,16 @@ class BenchImages {
   std::vector<View> views_;
   std::vector<Picture> pictures_;
   std::size_t bytes_ = 0;
-  int left_out_ = 0;
+  int omitted_ = 0;
 };
 
-/// Returns the image scaled down to `most_width` by area averaging with its aspect ratio kept;
+/// Returns the image scaled down to `max_width` by area averaging with its aspect ratio kept;
 /// unchanged if it is no wider.
-RgbImage scaled_to_width(const RgbImage& image, int most_width);
+store::RgbImage scaled_to_width(const store::RgbImage& image, int max_width);
 
 /// Returns `gain` times the absolute difference per channel for covered pixels, grey 48 elsewhere.
 /// Both images have the same size.
-RgbImage difference_image(const RgbImage& image, const RgbImage& truth,
-                          std::span<const std::uint8_t> covered, int gain);
+store::RgbImage difference_image(const store::RgbImage& image, const store::RgbImage& truth,
+                                 std::span<const std::uint8_t> covered, int gain);
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

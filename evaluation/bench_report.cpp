@@ -10,9 +10,10 @@
 #include "evaluation/number_format.h"
 #include "evaluation/report_json.h"
 #include "render/common/method_options.h"
+#include "schemas/former_names.h"
 #include "schemas/json_text.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 namespace {
 
 using nlohmann::ordered_json;
@@ -26,7 +27,7 @@ ordered_json fields_of(const BenchRow& row) {
   const Evaluation& e = row.evaluation;
   ordered_json fields{{"label", row.setting.label},
                       {"method", row.setting.method},
-                      {"options", options_to_text(row.setting.options)},
+                      {"options", render::options_to_text(row.setting.options)},
                       {"camera_step", row.camera_step},
                       {"threads", row.threads},
                       {"failure", text_or_null(row.failure)}};
@@ -39,14 +40,14 @@ ordered_json fields_of(const BenchRow& row) {
   measured("cameras", e.cameras);
   measured("views", static_cast<double>(e.views.size()));
   measured("psnr_db", e.mean.quality.psnr_db);
-  measured("psnr_deviation_db", e.temporal_stability.stddev_db);
-  measured("psnr_largest_step_db", e.temporal_stability.max_step_db);
+  measured("psnr_stddev_db", e.temporal_stability.stddev_db);
+  measured("psnr_max_step_db", e.temporal_stability.max_step_db);
   measured("ssim", e.mean.quality.ssim);
-  measured("covered", e.mean.quality.covered);
+  measured("coverage", e.mean.quality.covered);
   measured("seconds_per_frame", row.seconds_per_frame());
   measured("decode_ms", e.mean.decode_ms);
   measured("render_ms", e.mean.render_ms);
-  measured("render_least_ms", e.mean.min_render_ms);
+  measured("render_min_ms", e.mean.min_render_ms);
   measured("prepare_ms", e.prepare_ms);
   measured("peak_memory_bytes",
            row.peak_memory > 0 ? static_cast<double>(row.peak_memory) : nothing);
@@ -60,6 +61,11 @@ ordered_json fields_of(const BenchRow& row) {
   measured("alias_free_far_m", predicted.alias_free.far);
   fields["on_psnr_front"] = row.on_psnr_front;
   fields["on_ssim_front"] = row.on_ssim_front;
+  constexpr schemas::FormerName kFormerNames[] = {{"psnr_stddev_db", "psnr_deviation_db"},
+                                                  {"psnr_max_step_db", "psnr_largest_step_db"},
+                                                  {"coverage", "covered"},
+                                                  {"render_min_ms", "render_least_ms"}};
+  schemas::add_former_names(fields, kFormerNames);
   return fields;
 }
 
@@ -106,7 +112,7 @@ std::string bench_as_json(const BenchResult& trade) {
     }
     rows.push_back(std::move(fields));
   }
-  return format_json(document);
+  return schemas::format_json(document);
 }
 
 namespace {
@@ -178,4 +184,4 @@ std::string bench_as_table(const BenchResult& trade) {
   return text + notes_of(trade);
 }
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -18,7 +18,7 @@
 #include "testing/render/synthetic_take.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 namespace {
 
 using nlohmann::json;
@@ -31,7 +31,7 @@ class MeasuredTake : public ::testing::Test {
   void SetUp() override {
     testing::SyntheticTake settings;
     settings.cameras = testing::camera_grid(5, 5, 0.03, 640, 480);
-    settings.depth_range = DepthRange{2, 8};
+    settings.depth_range = schemas::DepthRange{2, 8};
     write_synthetic_take(settings, folder_.path() / "take");
     plan_.common.focal_depth = 4;
     plan_.common.excluded_camera_ids = {"r1c1", "r2c2"};
@@ -41,10 +41,10 @@ class MeasuredTake : public ::testing::Test {
   }
   BenchResult measure(std::stop_token stop = {}) {
     return measure_bench(
-        Take(folder_.path() / "take"), {}, {}, plan_, [&](const BenchResult&) { ++rows_seen_; },
-        [](double) {}, stop);
+        store::Take(folder_.path() / "take"), {}, {}, plan_,
+        [&](const BenchResult&) { ++rows_seen_; }, [](double) {}, stop);
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
   BenchPlan plan_;
   int rows_seen_ = 0;
 };
@@ -84,7 +84,8 @@ TEST_F(MeasuredTake, HasARowForEverySettingStepAndThreads) {
   // One view's pictures, for the rows of one number of threads.
   EXPECT_EQ(trade.pictures.views().size(), 1U);
   EXPECT_EQ(trade.pictures.pictures().size(), 4U);
-  const RgbImage picture = JpegDecoder().decode(trade.pictures.pictures()[0].image, "picture");
+  const store::RgbImage picture =
+      store::JpegDecoder().decode(trade.pictures.pictures()[0].image, "picture");
   EXPECT_EQ(picture.width, 640);
   EXPECT_EQ(picture.height, 480);
 }
@@ -129,7 +130,7 @@ TEST_F(MeasuredTake, ThePageStandsAlone) {
   plan_.camera_steps = {1, 2};
   plan_.threads = {1, 2};
   const BenchResult trade = measure();
-  const std::string page = bench_as_page(trade);
+  const std::string page = reports::bench_as_page(trade);
   EXPECT_THAT(page, Not(HasSubstr("://")));
   EXPECT_THAT(page, Not(HasSubstr("<link")));
   EXPECT_THAT(page, Not(HasSubstr("@import")));
@@ -160,7 +161,7 @@ TEST_F(MeasuredTake, ThePageSaysWhatMethodsHaveToSay) {
   plan_.settings.resize(1);
   BenchResult trade = measure();
   trade.rows[0].evaluation.notes = {"near < far"};
-  EXPECT_THAT(bench_as_page(trade), HasSubstr("near &lt; far"));
+  EXPECT_THAT(reports::bench_as_page(trade), HasSubstr("near &lt; far"));
   EXPECT_THAT(bench_as_table(trade), ::testing::EndsWith("|\n\n* the <near> one: near < far\n"));
 }
 
@@ -183,12 +184,12 @@ TEST_F(MeasuredTake, SaysWhatAutoChoseForATarget) {
 TEST_F(MeasuredTake, AStopLeavesWhatIsFinished) {
   std::stop_source source;
   const BenchResult trade = measure_bench(
-      Take(folder_.path() / "take"), {}, {}, plan_,
+      store::Take(folder_.path() / "take"), {}, {}, plan_,
       [&](const BenchResult&) { source.request_stop(); }, [](double) {}, source.get_token());
   EXPECT_EQ(trade.rows.size(), 1U);
   EXPECT_FALSE(trade.complete);
   EXPECT_EQ(json::parse(bench_as_json(trade))["complete"], false);
-  EXPECT_THAT(bench_as_page(trade), HasSubstr("before it was stopped"));
+  EXPECT_THAT(reports::bench_as_page(trade), HasSubstr("before it was stopped"));
 }
 
 TEST_F(MeasuredTake, WhatCannotBeMeasuredSaysWhy) {
@@ -205,7 +206,7 @@ TEST_F(MeasuredTake, WhatCannotBeMeasuredSaysWhy) {
   EXPECT_TRUE(json::parse(bench_as_json(trade))["rows"][0]["spacing_m"].is_null());
   EXPECT_THAT(trade.rows[1].failure, HasSubstr("no depth range"));
   EXPECT_FALSE(trade.rows[1].on_psnr_front);
-  EXPECT_THAT(bench_as_page(trade), HasSubstr("no depth range"));
+  EXPECT_THAT(reports::bench_as_page(trade), HasSubstr("no depth range"));
   EXPECT_THAT(bench_as_table(trade), HasSubstr("failed"));
   plan_.settings[0].focal_depth.reset();
   EXPECT_THROW(measure(), Error);  // nothing at all
@@ -219,17 +220,17 @@ TEST_F(MeasuredTake, ARowThatShowsNothingHasDashesForNumbers) {
   nothing.mean.quality = {nan, nan, 0};
   nothing.temporal_stability = {nan, nan};
   for (ViewEvaluation& view : nothing.views) view.quality = nothing.mean.quality;
-  for (const std::string& text : {bench_as_table(trade), bench_as_page(trade)}) {
+  for (const std::string& text : {bench_as_table(trade), reports::bench_as_page(trade)}) {
     EXPECT_FALSE(std::regex_search(text, std::regex("[> -]nan\\b"))) << text;
   }
   EXPECT_THAT(bench_as_table(trade), HasSubstr(" - |"));
-  EXPECT_THAT(bench_as_page(trade), HasSubstr("- dB"));
+  EXPECT_THAT(reports::bench_as_page(trade), HasSubstr("- dB"));
 }
 
 TEST_F(MeasuredTake, FrontsAreOfRowsWithTheSameCameras) {
   plan_.settings.resize(1);
   plan_.camera_steps = {1, 3};
-  plan_.common.excluded_camera_ids = {"r1c1", "r3c3"};  // every 3rd camera stands beside the second
+  plan_.common.excluded_camera_ids = {"r1c1", "r3c3"};  // at step 3, r3c3 is outside the array
   const BenchResult trade = measure();
   ASSERT_EQ(trade.rows.size(), 2U);
   EXPECT_LT(trade.rows[1].evaluation.mean.quality.covered,
@@ -270,37 +271,38 @@ TEST(TradeSettings, ComeFromTextAndFromTheMethods) {
           "fine", "plane_sweep", {{"planes", 96.0}, {"aggregation", std::string("box")}}, {}}));
   EXPECT_EQ(parse_bench_setting("a:nearest"), (BenchSetting{"a", "nearest", {}, {}}));
   EXPECT_EQ(parse_bench_setting("a:m:mesh=c:d").options,
-            (OptionValues{{"mesh", std::string("c:d")}}));
+            (schemas::OptionValues{{"mesh", std::string("c:d")}}));
   for (const char* text : {":nearest", "a::x=1", "a:nearest:x"}) {
     EXPECT_THROW(parse_bench_setting(text), Error) << text;
   }
   std::size_t all = 0;
-  for (const Method* method : methods()) all += 1 + method->presets().size();
+  for (const render::Method* method : render::methods()) all += 1 + method->presets().size();
   EXPECT_EQ(default_bench_settings().size(), all);
 }
 
 TEST(BenchImages, AreScaledByArea) {
-  const RgbImage image{4, 2, {0, 0, 0,  10, 20, 30, 100, 0, 0, 200, 0, 0,
-                              4, 8, 12, 10, 20, 30, 100, 0, 0, 200, 0, 0}};
-  const RgbImage small = scaled_to_width(image, 2);
-  EXPECT_EQ(small, (RgbImage{2, 1, {6, 12, 18, 150, 0, 0}}));
+  const store::RgbImage image{4, 2, {0, 0, 0,  10, 20, 30, 100, 0, 0, 200, 0, 0,
+                                     4, 8, 12, 10, 20, 30, 100, 0, 0, 200, 0, 0}};
+  const store::RgbImage small = scaled_to_width(image, 2);
+  EXPECT_EQ(small, (store::RgbImage{2, 1, {6, 12, 18, 150, 0, 0}}));
   EXPECT_EQ(scaled_to_width(image, 4), image);
-  const RgbImage odd = scaled_to_width(RgbImage{7, 3, std::vector<std::uint8_t>(63, 9)}, 5);
-  EXPECT_EQ(odd, (RgbImage{5, 2, std::vector<std::uint8_t>(30, 9)}));
+  const store::RgbImage odd =
+      scaled_to_width(store::RgbImage{7, 3, std::vector<std::uint8_t>(63, 9)}, 5);
+  EXPECT_EQ(odd, (store::RgbImage{5, 2, std::vector<std::uint8_t>(30, 9)}));
 }
 
 TEST(BenchImages, ShowDifferencesWhereThereIsATruth) {
-  const RgbImage image{2, 1, {10, 20, 200, 1, 2, 3}}, truth{2, 1, {12, 20, 100, 9, 9, 9}};
+  const store::RgbImage image{2, 1, {10, 20, 200, 1, 2, 3}}, truth{2, 1, {12, 20, 100, 9, 9, 9}};
   const std::vector<std::uint8_t> covered{1, 0};
   EXPECT_EQ(difference_image(image, truth, covered, 4).pixels,
             (std::vector<std::uint8_t>{8, 0, 255, 48, 48, 48}));
 }
 
 TEST(BenchImages, StayWithinTheirBound) {
-  RgbImage noise{480, 480, std::vector<std::uint8_t>(480 * 480 * 3)};
+  store::RgbImage noise{480, 480, std::vector<std::uint8_t>(480 * 480 * 3)};
   std::mt19937 random(1);
   for (auto& code : noise.pixels) code = static_cast<std::uint8_t>(random());
-  RgbImage truth = noise;
+  store::RgbImage truth = noise;
   for (auto& code : truth.pixels) code = static_cast<std::uint8_t>(random());
   const std::vector<std::uint8_t> covered(480 * 480, 1);
   BenchImages pictures;
@@ -320,4 +322,4 @@ TEST(BenchImages, StayWithinTheirBound) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::evaluation

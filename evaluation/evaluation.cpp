@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -15,6 +14,7 @@
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "base/stopwatch.h"
 #include "evaluation/evaluation_cases.h"
 #include "images/image_file.h"
 #include "render/memory_budgets.h"
@@ -22,12 +22,13 @@
 #include "render/renderer.h"
 #include "store/timeline.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 namespace {
 
 /// Returns 1 per pixel that is covered and has a known truth.
-std::vector<std::uint8_t> measured_pixels(const RenderedView& view, const GroundTruth& truth) {
-  std::vector<std::uint8_t> measured = coverage_mask(view);
+std::vector<std::uint8_t> measured_pixels(const render::RenderedView& view,
+                                          const GroundTruth& truth) {
+  std::vector<std::uint8_t> measured = render::coverage_mask(view);
   for (std::size_t i = 0; i < truth.known.size() && i < measured.size(); ++i) {
     measured[i] &= truth.known[i];
   }
@@ -40,14 +41,14 @@ double known_share(const GroundTruth& truth) {
   return std::max(1.0, known) / static_cast<double>(truth.known.size());
 }
 
-double focal_depth_of(const Take& take, const EvaluationSettings& settings) {
+double focal_depth_of(const store::Take& take, const EvaluationSettings& settings) {
   if (settings.focal_depth) return *settings.focal_depth;
   if (!take.document().depth_range) {
-    throw Error::bad_input("the take has no depth range, so the focal plane cannot be chosen",
+    throw Error::bad_input("the focal plane cannot be chosen: the take has no depth range",
                            take.folder().string(), "Set the depth of the focal plane in metres")
         .concerning({"focal_depth"});
   }
-  return optimal_focal_depth(*take.document().depth_range);
+  return rig::optimal_focal_depth(*take.document().depth_range);
 }
 
 ViewEvaluation mean_of(const std::vector<ViewEvaluation>& views) {
@@ -79,16 +80,16 @@ ViewEvaluation mean_of(const std::vector<ViewEvaluation>& views) {
 
 /// Returns a note on the views outside the take's time, or an empty string. Throws Error (bad
 /// input) if all views are outside.
-std::string outside_note(const std::vector<EvaluationCase>& subjects, const Take& take) {
+std::string outside_note(const std::vector<EvaluationCase>& subjects, const store::Take& take) {
   const auto outside = static_cast<std::size_t>(std::ranges::count_if(
       subjects, [](const EvaluationCase& subject) { return subject.frames.present() == 0; }));
   if (outside == 0) return {};
   if (outside == subjects.size()) {
     throw Error::bad_input(
-        "no view lies within the take's time", take.folder().string(),
+        "no view is within the take's time", take.folder().string(),
         "Compare time_ns of the views with the take's time (raystage info prints it)");
   }
-  return fmt::format("{} of {} views lie outside the take's time and show nothing", outside,
+  return fmt::format("{} of {} views are outside the take's time and empty", outside,
                      subjects.size());
 }
 
@@ -102,18 +103,18 @@ double prepare_ms_of(const std::vector<ViewEvaluation>& views) {
 }
 
 /// Reads the frames of the views, so that the times of the first setting exclude the disk.
-void read_ahead(const Take& take, const std::vector<EvaluationCase>& subjects,
+void read_ahead(const store::Take& take, const std::vector<EvaluationCase>& subjects,
                 const std::vector<int>& excluded_cameras) {
   std::set<Nanoseconds> seen;
   std::uint64_t sum = 0;
   for (const EvaluationCase& subject : subjects) {
     if (!seen.insert(subject.frames.time_ns).second) continue;
     for (int camera = 0; camera < take.camera_count(); ++camera) {
-      const int frame = subject.frames.frame[static_cast<std::size_t>(camera)];
+      const int frame = subject.frames.frame[camera];
       if (frame < 0 || std::ranges::find(excluded_cameras, camera) != excluded_cameras.end())
         continue;
       constexpr std::size_t kPage = 4096;
-      const FrameBytes jpeg = take.archive(camera).jpeg(frame);
+      const store::FrameBytes jpeg = take.archive(camera).jpeg(frame);
       const std::span<const std::byte> bytes = jpeg;
       for (std::size_t at = 0; at < bytes.size(); at += kPage) {
         sum += static_cast<std::uint64_t>(bytes[at]);
@@ -123,25 +124,19 @@ void read_ahead(const Take& take, const std::vector<EvaluationCase>& subjects,
   [[maybe_unused]] volatile const std::uint64_t read = sum;  // or the compiler removes the reads
 }
 
-using Clock = std::chrono::steady_clock;
-
-double ms_since(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
-
 class TimedView {
  public:
-  TimedView(const Take& take, const RendererSettings& settings, const EvaluationCase& subject,
-            const ReconstructionSettings& reconstruction)
+  TimedView(const store::Take& take, const render::RendererSettings& settings,
+            const EvaluationCase& subject, const render::ReconstructionSettings& reconstruction)
       : take_(take), settings_(settings), subject_(subject), reconstruction_(reconstruction) {}
 
   /// Fills the times of `result`. Uses a new renderer, so that no frame is cached.
-  RenderedView render(int repeat, ViewEvaluation& result) const {
-    const LightFieldRenderer renderer(take_, settings_);
+  render::RenderedView render(int repeat, ViewEvaluation& result) const {
+    const render::LightFieldRenderer renderer(take_, settings_);
     const std::size_t kept_before = settings_.result_cache->bytes_held();
-    const auto start = Clock::now();
-    RenderedView view = renderer.render(subject_.camera, subject_.frames, reconstruction_);
-    const double first_ms = ms_since(start) - view.statistics.decode_ms;
+    const Stopwatch watch;
+    render::RenderedView view = renderer.render(subject_.camera, subject_.frames, reconstruction_);
+    const double first_ms = watch.ms() - view.statistics.decode_ms;
     const bool prepared = settings_.result_cache->bytes_held() != kept_before;
     result.decode_ms = view.statistics.decode_ms;
     result.working_mb = static_cast<double>(view.statistics.working_bytes) / 1e6;
@@ -152,9 +147,10 @@ class TimedView {
     std::vector<double> times;
     double sum = 0;
     while (static_cast<int>(times.size()) < repeat && (times.empty() || sum < kEnoughMs)) {
-      const auto again = Clock::now();
-      const RenderedView same = renderer.render(subject_.camera, subject_.frames, reconstruction_);
-      times.push_back(ms_since(again) - same.statistics.decode_ms);
+      const Stopwatch again;
+      const render::RenderedView same =
+          renderer.render(subject_.camera, subject_.frames, reconstruction_);
+      times.push_back(again.ms() - same.statistics.decode_ms);
       sum += times.back();
     }
     std::ranges::sort(times);
@@ -167,36 +163,37 @@ class TimedView {
 
   /// Returns the source pixels that `first` decoded (with empty caches) per needed pixel. Counting
   /// takes time, so this rendering is not timed.
-  double decoded_per_needed(const RenderedView& first) const {
-    RendererSettings counting = settings_;
+  double decoded_per_needed(const render::RenderedView& first) const {
+    render::RendererSettings counting = settings_;
     counting.count_needed_pixels = true;
-    const RenderStatistics counts = LightFieldRenderer(take_, counting)
-                                        .render(subject_.camera, subject_.frames, reconstruction_)
-                                        .statistics;
+    const render::RenderStatistics counts =
+        render::LightFieldRenderer(take_, counting)
+            .render(subject_.camera, subject_.frames, reconstruction_)
+            .statistics;
     return counts.pixels_needed > 0 ? static_cast<double>(first.statistics.pixels_decoded) /
                                           static_cast<double>(counts.pixels_needed)
                                     : std::numeric_limits<double>::quiet_NaN();
   }
 
  private:
-  const Take& take_;
-  const RendererSettings& settings_;
+  const store::Take& take_;
+  const render::RendererSettings& settings_;
   const EvaluationCase& subject_;
-  const ReconstructionSettings& reconstruction_;
+  const render::ReconstructionSettings& reconstruction_;
 };
 
 }  // namespace
 
-std::vector<int> excluded_camera_indices(const Take& take,
+std::vector<int> excluded_camera_indices(const store::Take& take,
                                          const std::vector<std::string>& excluded_camera_ids,
                                          int camera_step) {
   std::vector<int> excluded_cameras;
   for (const std::string& id : excluded_camera_ids)
     excluded_cameras.push_back(camera_named(take, id));
   if (camera_step <= 1) return excluded_cameras;
-  // By rank, not by number: the rows of a grid may be 0, 2, 4.
+  // By rank, not by index: the rows of a grid may be 0, 2, 4.
   std::set<int> rows, columns;
-  for (const Rig::Camera& camera : take.rig().cameras) {
+  for (const rig::Rig::Camera& camera : take.rig().cameras) {
     if (!camera.row || !camera.column) {
       throw Error::bad_input("camera '" + camera.id + "' has no row and column in the rig's grid",
                              take.folder().string(), "Exclude cameras by id instead");
@@ -208,7 +205,7 @@ std::vector<int> excluded_camera_indices(const Take& take,
     return std::distance(numbers.begin(), numbers.find(number)) % camera_step == 0;
   };
   for (int i = 0; i < take.camera_count(); ++i) {
-    const Rig::Camera& camera = take.rig().cameras[static_cast<std::size_t>(i)];
+    const rig::Rig::Camera& camera = take.rig().cameras[i];
     const bool stays = kept(rows, *camera.row) && kept(columns, *camera.column);
     if (!stays && std::ranges::find(excluded_cameras, i) == excluded_cameras.end())
       excluded_cameras.push_back(i);
@@ -239,12 +236,12 @@ TemporalStability measure_temporal_stability(std::span<const ViewEvaluation> vie
   return temporal_stability;
 }
 
-Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
+Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument& views,
                           const std::filesystem::path& views_folder,
                           const EvaluationSettings& settings,
                           const std::function<void(double)>& progress, std::stop_token stop) {
-  const MethodOptions options(method_named(settings.method).options(), settings.options,
-                              settings.method);
+  const render::MethodOptions options(render::method_named(settings.method).options(),
+                                      settings.options, settings.method);
   if (!views.views.empty() && views.color_space != "srgb_texture") {
     throw Error::bad_input(
         "truth images have the unsupported colour space '" + views.color_space + "'",
@@ -255,17 +252,18 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   evaluation.method = settings.method;
   evaluation.options = options.values();
   evaluation.focal_depth = focal_depth_of(take, settings);
-  const std::optional<Timeline> timeline = read_timeline_if_present(take);
+  const std::optional<store::Timeline> timeline = store::read_timeline_if_present(take);
   const std::vector<EvaluationCase> subjects =
       make_evaluation_cases(take, timeline ? &*timeline : nullptr, views, views_folder, settings);
   if (auto note = outside_note(subjects, take); !note.empty()) {
     evaluation.notes.push_back(std::move(note));
   }
-  const ReconstructionSettings reconstruction{
-      settings.method, fronto_parallel_plane(take.rig(), evaluation.focal_depth), settings.options,
-      settings.fill};
-  RendererSettings renderer_settings;
-  const MemoryBudgets memory = split_memory_budget(settings.memory_bytes, reconstruction);
+  const render::ReconstructionSettings reconstruction{
+      settings.method, rig::fronto_parallel_plane(take.rig(), evaluation.focal_depth),
+      settings.options, settings.fill};
+  render::RendererSettings renderer_settings;
+  const render::MemoryBudgets memory =
+      render::split_memory_budget(settings.memory_bytes, reconstruction);
   renderer_settings.cache_bytes = memory.cache;
   renderer_settings.result_cache_bytes = memory.result_cache;
   renderer_settings.working_bytes = memory.working;
@@ -276,7 +274,7 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   renderer_settings.use_take_folder =
       settings.use_take_folder && renderer_settings.excluded_cameras.empty();
   renderer_settings.result_cache =
-      std::make_shared<ResultCache>(renderer_settings.result_cache_bytes);
+      std::make_shared<render::ResultCache>(renderer_settings.result_cache_bytes);
   if (timeline) renderer_settings.ticks = timeline->ticks;
   evaluation.cameras =
       take.camera_count() - static_cast<int>(renderer_settings.excluded_cameras.size());
@@ -291,15 +289,15 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
     ViewEvaluation result;
     result.id = subject.id;
     const TimedView timed(take, renderer_settings, subject, reconstruction);
-    const RenderedView view = timed.render(settings.repeat, result);
+    const render::RenderedView view = timed.render(settings.repeat, result);
     if (settings.count_needed_pixels) result.decoded_per_needed = timed.decoded_per_needed(view);
-    const RgbImage image = srgb_image(view);
+    const store::RgbImage image = render::srgb_image(view);
     if (!settings.image_folder.empty()) {
-      write_image(image, settings.image_folder / (subject.id + ".png"));
+      images::write_image(image, settings.image_folder / (subject.id + ".png"));
     }
     const GroundTruth truth = subject.truth();
     const std::vector<std::uint8_t> covered = measured_pixels(view, truth);
-    result.quality = compare_images(image, truth.image, covered);
+    result.quality = render::compare_images(image, truth.image, covered);
     result.quality.covered /= known_share(truth);
     shot_errors.add(subject.id, image, truth.image, covered);
     if (settings.on_view) {
@@ -319,4 +317,4 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   return evaluation;
 }
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -19,34 +19,34 @@
 #include "store/processing/frames/blend_space.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 
 struct EvaluatedView {
   std::size_t index, count;  ///< index of the view, and number of views
   const std::string& id;
-  const RgbImage& image;
-  const RgbImage& truth;
+  const store::RgbImage& image;
+  const store::RgbImage& truth;
   std::span<const std::uint8_t> covered;  ///< 1 per pixel that counts
 };
 
 struct EvaluationSettings {
   std::string method = "focal_plane";
-  OptionValues options;  ///< of the method
+  schemas::OptionValues options;  ///< of the method
   /// Metres in front of the array, parallel to it; nullopt: eq. 2.2 from the take's depth range.
   std::optional<double> focal_depth;
-  /// Ids of cameras that do not contribute. Each of their frames in the timeline becomes a view
-  /// whose truth it is. If the lens distorts, both are without distortion
-  /// (undistorted_ground_truth()), so that times are those of the fast renderers.
+  /// Ids of cameras that do not contribute. Each of their frames in the timeline is the truth of a
+  /// view. For a lens with distortion, view and truth are undistorted (undistorted_ground_truth()),
+  /// so that times are those of the fast renderers.
   std::vector<std::string> excluded_camera_ids;
   /// Every n-th row and column of the camera grid contributes, from the first on.
   int camera_step = 1;
-  HoleFill fill = HoleFill::kNone;  ///< if not none, all pixels are measured
-  int view_step = 1;                ///< every n-th view is rendered, from the first on
+  schemas::HoleFill fill = schemas::HoleFill::kNone;  ///< if not none, all pixels are measured
+  int view_step = 1;  ///< every n-th view is rendered, from the first on
   /// Timed renderings of each view after the first, with decoded frames and a filled result cache;
   /// at most as many as take 2 s. 0: report the times of the first.
   int repeat = 0;
   bool count_needed_pixels = true;  ///< renders each view once more to count
-  BlendSpace blend_space = BlendSpace::kPerceptual;
+  store::BlendSpace blend_space = store::BlendSpace::kPerceptual;
   /// As RendererSettings; false measures new computations. Ignored if cameras are excluded.
   bool use_take_folder = true;
   std::filesystem::path image_folder;                 ///< for rendered views as PNG; empty: none
@@ -56,7 +56,7 @@ struct EvaluationSettings {
 
 struct ViewEvaluation {
   std::string id;
-  ImageQuality quality;
+  render::ImageQuality quality;
   double decode_ms = 0;  ///< wall clock, with empty caches
   /// Wall clock without decoding: the median of the repeated renderings, else of the first one.
   double render_ms = 0;
@@ -77,9 +77,9 @@ struct TemporalStability {
 
 struct Evaluation {
   std::string take, method;
-  OptionValues options;    ///< all options of the method, default or given
-  double focal_depth = 0;  ///< metres
-  int cameras = 0;         ///< that may contribute
+  schemas::OptionValues options;  ///< all options of the method, default or given
+  double focal_depth = 0;         ///< metres
+  int cameras = 0;                ///< that may contribute
   std::vector<ViewEvaluation> views;
   ViewEvaluation mean;  ///< over the views with covered pixels
   TemporalStability temporal_stability;
@@ -94,7 +94,7 @@ TemporalStability measure_temporal_stability(std::span<const ViewEvaluation> vie
 /// Returns the indices of the take's cameras that do not contribute. Throws Error (bad input) for
 /// an id that the take does not have, and for a camera without grid position if the step is above
 /// 1.
-std::vector<int> excluded_camera_indices(const Take& take,
+std::vector<int> excluded_camera_indices(const store::Take& take,
                                          const std::vector<std::string>& excluded_camera_ids,
                                          int camera_step);
 
@@ -102,7 +102,7 @@ std::vector<int> excluded_camera_indices(const Take& take,
 /// image. `views` may be empty if cameras are excluded. Throws Error (bad input): unknown camera,
 /// no depth range for the optimal focal plane, unreadable truth, a truth image of another size, a
 /// timeline that is damaged or of another take, no view within the take's time.
-Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
+Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument& views,
                           const std::filesystem::path& views_folder,
                           const EvaluationSettings& settings,
                           const std::function<void(double)>& progress, std::stop_token stop);
@@ -115,4 +115,4 @@ std::string evaluation_as_text(const Evaluation& evaluation);
 std::string evaluation_table_heading();
 std::string evaluation_table_row(const Evaluation& evaluation, const std::string& label);
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -5,70 +5,74 @@
 #include "images/image_file.h"
 #include "store/processing/frames/corrected_frame.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 namespace {
 
-FrameSelection nothing_at(Nanoseconds time, const Take& take) {
+store::FrameSelection nothing_at(Nanoseconds time, const store::Take& take) {
   const auto cameras = static_cast<std::size_t>(take.camera_count());
   return {time, std::vector<std::int32_t>(cameras, -1), std::vector<Nanoseconds>(cameras, 0)};
 }
 
-FrameSelection by_stamps(Nanoseconds time, const Take& take) {
-  return select_frames(take, time, default_frame_tolerance(take.document().nominal_fps));
+store::FrameSelection by_stamps(Nanoseconds time, const store::Take& take) {
+  return store::select_frames(take, time,
+                              store::default_frame_tolerance(take.document().nominal_fps));
 }
 
-FrameSelection instant_at(Nanoseconds time, const Take& take, const Timeline* timeline) {
+store::FrameSelection instant_at(Nanoseconds time, const store::Take& take,
+                                 const store::Timeline* timeline) {
   if (timeline == nullptr) return by_stamps(time, take);
-  const auto tick = nearest_tick(timeline->ticks, time);
+  const auto tick = store::nearest_tick(timeline->ticks, time);
   return tick ? timeline->ticks[*tick] : nothing_at(time, take);
 }
 
 /// Returns the instants at which a camera has a frame, with their numbers.
-std::vector<std::pair<std::size_t, FrameSelection>> instants_of(int camera, const Take& take,
-                                                                const Timeline* timeline) {
-  std::vector<std::pair<std::size_t, FrameSelection>> instants;
+std::vector<std::pair<std::size_t, store::FrameSelection>> instants_of(
+    int camera, const store::Take& take, const store::Timeline* timeline) {
+  std::vector<std::pair<std::size_t, store::FrameSelection>> instants;
   if (timeline == nullptr) {
-    for (const FrameRecord& frame : take.archive(camera).frames()) {
+    for (const store::FrameRecord& frame : take.archive(camera).frames()) {
       instants.emplace_back(instants.size(), by_stamps(frame.time_ns, take));
     }
     return instants;
   }
   for (std::size_t tick = 0; tick < timeline->ticks.size(); ++tick) {
-    const FrameSelection& frames = timeline->ticks[tick];
-    if (frames.frame[static_cast<std::size_t>(camera)] >= 0) instants.emplace_back(tick, frames);
+    const store::FrameSelection& frames = timeline->ticks[tick];
+    if (frames.frame[camera] >= 0) instants.emplace_back(tick, frames);
   }
   return instants;
 }
 
 /// Returns a camera's frame, photometrically calibrated as renderings are.
-RgbImage codes_of(const Take& take, const Rig::Camera& of, int camera, int frame) {
-  const CorrectedFrame picture = decode_corrected_frame(
+store::RgbImage codes_of(const store::Take& take, const rig::Rig::Camera& of, int camera,
+                         int frame) {
+  const store::CorrectedFrame picture = store::decode_corrected_frame(
       take, camera, frame, {of.model.width(), of.model.height()}, of.photometric, {});
-  RgbImage image{picture.size.width, picture.size.height, {}};
-  image.pixels.reserve(picture.rgba.size() / 4 * 3);
-  for (std::size_t i = 0; i < picture.rgba.size(); ++i) {
+  store::RgbImage image{picture.width, picture.height, {}};
+  image.pixels.reserve(picture.values.size() / 4 * 3);
+  for (std::size_t i = 0; i < picture.values.size(); ++i) {
     constexpr unsigned kPerCode = 257;
     if (i % 4 == 3) continue;
-    image.pixels.push_back(static_cast<std::uint8_t>((picture.rgba[i] + kPerCode / 2) / kPerCode));
+    image.pixels.push_back(
+        static_cast<std::uint8_t>((picture.values[i] + kPerCode / 2) / kPerCode));
   }
   return image;
 }
 
-void add_camera(int camera, const Take& take, const Timeline* timeline,
+void add_camera(int camera, const store::Take& take, const store::Timeline* timeline,
                 std::vector<EvaluationCase>& subjects) {
-  const Rig::Camera& left_out = take.rig().cameras[static_cast<std::size_t>(camera)];
+  const rig::Rig::Camera& excluded = take.rig().cameras[camera];
   const std::size_t instants =
       timeline != nullptr ? timeline->ticks.size() : take.archive(camera).frames().size();
   // Without distortion, so that the fast renderers are evaluated.
-  const VirtualCamera pinhole = undistorted(left_out.model, left_out.pose);
+  const render::VirtualCamera pinhole = render::undistorted(excluded.model, excluded.pose);
   for (auto& [number, frames] : instants_of(camera, take, timeline)) {
     const std::string name =
-        instants == 1 ? left_out.id : left_out.id + "_" + std::to_string(number);
-    const int frame = frames.frame[static_cast<std::size_t>(camera)];
-    const auto truth = [&take, &left_out, camera, frame, pinhole] {
-      RgbImage image = codes_of(take, left_out, camera, frame);
-      if (!left_out.model.has_distortion()) return GroundTruth{std::move(image), {}};
-      return undistorted_ground_truth(image, left_out.model, pinhole);
+        instants == 1 ? excluded.id : excluded.id + "_" + std::to_string(number);
+    const int frame = frames.frame[camera];
+    const auto truth = [&take, &excluded, camera, frame, pinhole] {
+      store::RgbImage image = codes_of(take, excluded, camera, frame);
+      if (!excluded.model.has_distortion()) return GroundTruth{std::move(image), {}};
+      return undistorted_ground_truth(image, excluded.model, pinhole);
     };
     subjects.push_back({name, pinhole, std::move(frames), truth});
   }
@@ -76,23 +80,24 @@ void add_camera(int camera, const Take& take, const Timeline* timeline,
 
 }  // namespace
 
-int camera_named(const Take& take, const std::string& id) {
+int camera_named(const store::Take& take, const std::string& id) {
   const int camera = take.camera_index(id);
   if (camera >= 0) return camera;
   throw Error::bad_input("the take has no camera '" + id + "'", take.folder().string(),
                          "Use a camera id of rig.json (raystage info prints them)");
 }
 
-std::vector<EvaluationCase> make_evaluation_cases(const Take& take, const Timeline* timeline,
-                                                  const ViewsDocument& views,
+std::vector<EvaluationCase> make_evaluation_cases(const store::Take& take,
+                                                  const store::Timeline* timeline,
+                                                  const schemas::ViewsDocument& views,
                                                   const std::filesystem::path& views_folder,
                                                   const EvaluationSettings& settings) {
   std::vector<EvaluationCase> subjects;
-  for (const ViewsDocument::View& view : views.views) {
-    subjects.push_back({view.geometry.id, virtual_camera_from_geometry(view.geometry),
+  for (const schemas::ViewsDocument::View& view : views.views) {
+    subjects.push_back({view.geometry.id, render::virtual_camera_from_geometry(view.geometry),
                         instant_at(view.time_ns, take, timeline),
                         [file = views_folder / view.file] {
-                          return GroundTruth{read_image(file), {}};
+                          return GroundTruth{images::read_image(file), {}};
                         }});
   }
   for (const std::string& id : settings.excluded_camera_ids) {
@@ -110,4 +115,4 @@ std::vector<EvaluationCase> make_evaluation_cases(const Take& take, const Timeli
   return chosen;
 }
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -11,17 +11,17 @@
 #include "render/common/view.h"
 #include "store/timeline.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 
 struct EvaluationCase {
   std::string id;
-  VirtualCamera camera;
-  FrameSelection frames;
+  render::VirtualCamera camera;
+  store::FrameSelection frames;
   std::function<GroundTruth()> truth;
 };
 
 /// Returns a camera's index. Throws Error (bad input) if the take has no such camera.
-int camera_named(const Take& take, const std::string& id);
+int camera_named(const store::Take& take, const std::string& id);
 
 /// Returns the views of the document and of the excluded cameras, every settings.view_step-th of
 /// them.
@@ -33,9 +33,10 @@ int camera_named(const Take& take, const std::string& id);
 /// and an excluded camera has a view per frame, named ID_FRAME.
 ///
 /// The take must outlive the result. Throws Error (bad input): unknown camera, no view at all.
-std::vector<EvaluationCase> make_evaluation_cases(const Take& take, const Timeline* timeline,
-                                                  const ViewsDocument& views,
+std::vector<EvaluationCase> make_evaluation_cases(const store::Take& take,
+                                                  const store::Timeline* timeline,
+                                                  const schemas::ViewsDocument& views,
                                                   const std::filesystem::path& views_folder,
                                                   const EvaluationSettings& settings);
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -18,7 +18,7 @@
 #include "testing/render/synthetic_take.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 namespace {
 
 using ::testing::ElementsAre;
@@ -27,63 +27,65 @@ using ::testing::IsEmpty;
 
 constexpr int kCameras = 4, kTicks = 5, kWidth = 64, kHeight = 48;
 constexpr Nanoseconds kInterval = kNanosecondsPerSecond / 10;
-/// How far the clock of camera 1 is ahead: by its stamps its frames are those of the next instant.
+/// Clock offset of camera 1: its time stamps assign its frames to the next instant.
 constexpr Nanoseconds kAhead = kInterval * 7 / 10;
 
 int grey_at(int tick) { return 40 + 40 * tick; }
 
-/// A wall that gets brighter from tick to tick, of which camera 3 has lost one.
+/// A wall that gets brighter from tick to tick; camera 3 lost one frame.
 class Subjects : public ::testing::Test {
  protected:
   Subjects() {
-    TakeDocument document;
+    schemas::TakeDocument document;
     document.name = "wall";
     document.created_by = "test";
     document.nominal_fps = 10;
     document.color_space = "srgb_texture";
-    RigDocument rig;
+    schemas::RigDocument rig;
     rig.name = "four";
-    for (const CameraGeometry& geometry : testing::camera_grid(2, 2, 0.1, kWidth, kHeight)) {
+    for (const schemas::CameraGeometry& geometry :
+         testing::camera_grid(2, 2, 0.1, kWidth, kHeight)) {
       document.cameras.push_back({geometry.id, "", "", ""});
       rig.cameras.emplace_back().geometry = geometry;
     }
     std::vector<std::vector<Nanoseconds>> times(kCameras);  // by the array's clock
-    TakeWriter writer(folder_.path() / "take", document, rig);
+    store::TakeWriter writer(folder_.path() / "take", document, rig);
     for (int camera = 0; camera < kCameras; ++camera) {
       for (int tick = 0; tick < kTicks; ++tick) {
         if (camera == 3 && tick == 2) continue;
-        RgbImage image{kWidth, kHeight, {}};
+        store::RgbImage image{kWidth, kHeight, {}};
         image.pixels.assign(std::size_t{3} * kWidth * kHeight,
                             static_cast<std::uint8_t>(grey_at(tick)));
         const Nanoseconds time = (1 + tick) * kInterval;
-        times[static_cast<std::size_t>(camera)].push_back(time);
-        writer.archive(camera).append(encode_jpeg(image, {}), time + (camera == 1 ? kAhead : 0));
+        times[camera].push_back(time);
+        writer.archive(camera).append(store::encode_jpeg(image, {}),
+                                      time + (camera == 1 ? kAhead : 0));
       }
     }
     writer.commit();
     take_.emplace(folder_.path() / "take");
-    timeline_ = build_timeline(times, 10, 10, 0, "test");
+    timeline_ = store::build_timeline(times, 10, 10, 0, "test");
     timeline_.clocks.resize(kCameras);
     timeline_.clocks[1].offset_ns = kAhead;
-    write_timeline(timeline_, folder_.path() / "take");
+    store::write_timeline(timeline_, folder_.path() / "take");
   }
 
   std::vector<EvaluationCase> excluded_camera_ids(const std::string& id,
-                                                  const Timeline* timeline) const {
+                                                  const store::Timeline* timeline) const {
     EvaluationSettings settings;
     settings.excluded_camera_ids = {id};
     return make_evaluation_cases(*take_, timeline, {}, {}, settings);
   }
 
-  FrameSelection frames_of_view_at(Nanoseconds time, const Timeline* timeline) const {
-    ViewsDocument views;
+  store::FrameSelection frames_of_view_at(Nanoseconds time, const store::Timeline* timeline) const {
+    schemas::ViewsDocument views;
     views.views.push_back({testing::camera_grid(1, 1, 1, kWidth, kHeight).front(), "", time});
     return make_evaluation_cases(*take_, timeline, views, {}, {}).front().frames;
   }
 
-  TestFolder folder_;
-  std::optional<Take> take_;
-  Timeline timeline_;
+  testing::TestFolder folder_;
+  std::optional<store::Take> take_;
+  store::Timeline timeline_;
 };
 
 std::vector<std::string> ids_of(const std::vector<EvaluationCase>& subjects) {
@@ -96,18 +98,18 @@ TEST_F(Subjects, AViewShowsTheTickNearestToItsTime) {
   ASSERT_EQ(timeline_.ticks.size(), static_cast<std::size_t>(kTicks));
   const Nanoseconds third = timeline_.ticks[2].time_ns;
   for (const Nanoseconds beside : {-kInterval / 3, Nanoseconds{0}, kInterval / 3}) {
-    const FrameSelection frames = frames_of_view_at(third + beside, &timeline_);
+    const store::FrameSelection frames = frames_of_view_at(third + beside, &timeline_);
     EXPECT_EQ(frames.time_ns, third);
     EXPECT_THAT(frames.frame, ElementsAre(2, 2, 2, -1));
   }
-  // By its time stamps camera 1 would show the instant before.
+  // By its time stamps camera 1 would show the previous instant.
   EXPECT_THAT(frames_of_view_at(third, nullptr).frame, ElementsAre(2, 1, 2, -1));
 }
 
 TEST_F(Subjects, BeyondTheTimelineThereIsNothing) {
   const Nanoseconds last = timeline_.ticks.back().time_ns;
   EXPECT_EQ(frames_of_view_at(last + kInterval / 3, &timeline_).present(), kCameras);
-  const FrameSelection beyond = frames_of_view_at(last + kInterval, &timeline_);
+  const store::FrameSelection beyond = frames_of_view_at(last + kInterval, &timeline_);
   EXPECT_EQ(beyond.present(), 0);
   EXPECT_EQ(beyond.frame.size(), static_cast<std::size_t>(kCameras));
 }
@@ -128,14 +130,14 @@ TEST_F(Subjects, ACameraLeftOutHasAViewPerTickThatTakesItsFrame) {
 
 TEST_F(Subjects, ACameraLeftOutIsShownInTheColoursOfTheOthers) {
   const std::filesystem::path file = folder_.path() / "take" / "rig.json";
-  RigDocument rig = read_rig(file);
+  schemas::RigDocument rig = schemas::read_rig(file);
   rig.cameras[3].photometric.contrast = {0.5, 0.5, 0.5};
   rig.cameras[3].photometric.matrix = {{{0, 1, 0}, {1, 0, 0}, {0, 0, 1.5}}};
-  write_rig(rig, file);
+  schemas::write_rig(rig, file);
   take_.emplace(folder_.path() / "take");
   const auto views = excluded_camera_ids(take_->document().cameras[3].id, &timeline_);
   const double light = linear_from_srgb(grey_at(3) / 255.0) / 2;
-  const RgbImage image = views[2].truth().image;
+  const store::RgbImage image = views[2].truth().image;
   EXPECT_NEAR(image.pixels[0], 255 * srgb_from_linear(light), 2);
   EXPECT_NEAR(image.pixels[2], 255 * srgb_from_linear(1.5 * light), 2);
 }
@@ -157,17 +159,17 @@ TEST_F(Subjects, WithoutATimelineOrARateTheNearestStampIsTaken) {
   write_file_atomically(document, text.replace(at, rate.size(), "\"nominal_fps\": 0"));
   take_.emplace(folder_.path() / "take");
   EXPECT_THAT(frames_of_view_at(kInterval * 9, nullptr).frame, ElementsAre(4, 4, 4, 3));
-  // Of the third instant, of which camera 3 has lost its frame: the earlier of two as near.
+  // At the third instant camera 3 has no frame: the earlier of two equally near frames is used.
   EXPECT_THAT(frames_of_view_at(kInterval * 3, nullptr).frame, ElementsAre(2, 1, 2, 1));
 }
 
 TEST_F(Subjects, EvaluationsSayHowManyViewsLieOutsideTheTakesTime) {
-  const RgbImage grey{kWidth, kHeight,
-                      std::vector<std::uint8_t>(std::size_t{3} * kWidth * kHeight,
-                                                static_cast<std::uint8_t>(grey_at(2)))};
-  write_image(grey, folder_.path() / "truth.png");
+  const store::RgbImage grey{kWidth, kHeight,
+                             std::vector<std::uint8_t>(std::size_t{3} * kWidth * kHeight,
+                                                       static_cast<std::uint8_t>(grey_at(2)))};
+  images::write_image(grey, folder_.path() / "truth.png");
   const auto evaluate = [&](std::initializer_list<Nanoseconds> times) {
-    ViewsDocument views;
+    schemas::ViewsDocument views;
     views.color_space = "srgb_texture";
     for (const Nanoseconds time : times) {
       views.views.push_back(
@@ -180,8 +182,7 @@ TEST_F(Subjects, EvaluationsSayHowManyViewsLieOutsideTheTakesTime) {
   const Nanoseconds within = timeline_.ticks[2].time_ns, outside = within + 100 * kInterval;
   EXPECT_THAT(evaluate({within, within}).notes, IsEmpty());
   const Evaluation partly = evaluate({outside, within, outside});
-  EXPECT_THAT(partly.notes,
-              ElementsAre("2 of 3 views lie outside the take's time and show nothing"));
+  EXPECT_THAT(partly.notes, ElementsAre("2 of 3 views are outside the take's time and empty"));
   EXPECT_EQ(partly.views[0].quality.covered, 0);
   EXPECT_GT(partly.views[1].quality.covered, 0);
   try {
@@ -189,11 +190,12 @@ TEST_F(Subjects, EvaluationsSayHowManyViewsLieOutsideTheTakesTime) {
     ADD_FAILURE() << "measured nothing";
   } catch (const Error& error) {
     EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
-    EXPECT_THAT(error.what(), HasSubstr("no view lies within the take's time"));
+    EXPECT_THAT(error.what(), HasSubstr("no view is within the take's time"));
   }
 }
 
-/// What a camera saw at a tick, rendered from what the others saw then: not from what they stamped.
+/// A camera's frame at a tick is rendered from the other cameras' frames at that tick, whatever
+/// their time stamps are.
 TEST_F(Subjects, EvaluationsAreOfTheInstantsThatTheTimelineSays) {
   EvaluationSettings settings;
   settings.method = "lumigraph";  // a camera of the border has neighbours on one side only
@@ -215,4 +217,4 @@ TEST_F(Subjects, EvaluationsAreOfTheInstantsThatTheTimelineSays) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -5,15 +5,16 @@
 
 #include "evaluation/evaluation.h"
 #include "evaluation/report_json.h"
+#include "schemas/former_names.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 namespace {
 
 nlohmann::ordered_json as_json(const ViewEvaluation& view) {
   return {{"id", view.id},
           {"psnr_db", json_number(view.quality.psnr_db)},
           {"ssim", json_number(view.quality.ssim)},
-          {"covered", view.quality.covered},
+          {"coverage", view.quality.covered},
           {"decode_ms", view.decode_ms},
           {"render_ms", view.render_ms},
           {"working_mb", view.working_mb},
@@ -36,8 +37,9 @@ std::string evaluation_as_json(const Evaluation& evaluation) {
                                   {"notes", evaluation.notes},
                                   {"mean", as_json(evaluation.mean)}};
   document["mean"].erase("id");
-  document["steadiness"] = {{"psnr_deviation_db", evaluation.temporal_stability.stddev_db},
-                            {"psnr_largest_step_db", evaluation.temporal_stability.max_step_db}};
+  document["temporal_stability"] = {
+      {"psnr_stddev_db", evaluation.temporal_stability.stddev_db},
+      {"psnr_max_step_db", evaluation.temporal_stability.max_step_db}};
   document["shots"] = nlohmann::ordered_json::array();
   for (const ShotStability& shot : evaluation.shots) {
     document["shots"].push_back({{"id", shot.id},
@@ -47,6 +49,11 @@ std::string evaluation_as_json(const Evaluation& evaluation) {
   }
   document["views"] = nlohmann::ordered_json::array();
   for (const ViewEvaluation& view : evaluation.views) document["views"].push_back(as_json(view));
+  constexpr schemas::FormerName kFormerNames[] = {{"coverage", "covered"},
+                                                  {"temporal_stability", "steadiness"},
+                                                  {"psnr_stddev_db", "psnr_deviation_db"},
+                                                  {"psnr_max_step_db", "psnr_largest_step_db"}};
+  schemas::add_former_names(document, kFormerNames);
   return document.dump(2) + "\n";
 }
 
@@ -91,4 +98,4 @@ std::string evaluation_table_row(const Evaluation& evaluation, const std::string
                      ratio_as_text(mean.decoded_per_needed));
 }
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -17,7 +17,7 @@
 #include "testing/render/synthetic_take.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 namespace {
 
 using ::testing::ElementsAre;
@@ -62,8 +62,8 @@ class EvaluatedTake : public ::testing::Test {
   void SetUp() override {
     testing::SyntheticTake settings;
     settings.cameras = testing::camera_grid(5, 5, 0.03, 64, 48);
-    for (CameraGeometry& camera : settings.cameras) {
-      // As a set of which every second row and column was kept.
+    for (schemas::CameraGeometry& camera : settings.cameras) {
+      // Like a rig of which only every second row and column was kept.
       camera.row = 2 * *camera.row;
       camera.column = 2 * *camera.column;
     }
@@ -71,15 +71,15 @@ class EvaluatedTake : public ::testing::Test {
     settings_.focal_depth = 4;
     settings_.excluded_camera_ids = {"r2c2"};
   }
-  Evaluation evaluate(const Take& take) const {
+  Evaluation evaluate(const store::Take& take) const {
     return evaluate_views(take, {}, {}, settings_, [](double) {}, {});
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
   EvaluationSettings settings_;
 };
 
 TEST_F(EvaluatedTake, StepsCountRowsNotTheirNumbers) {
-  const Take take(folder_.path() / "take");
+  const store::Take take(folder_.path() / "take");
   EXPECT_TRUE(excluded_camera_indices(take, {}, 1).empty());
   // Rows 0, 4, 8 of 0, 2, 4, 6, 8: 9 of 25 stay.
   const std::vector<int> second = excluded_camera_indices(take, {}, 2);
@@ -90,7 +90,7 @@ TEST_F(EvaluatedTake, StepsCountRowsNotTheirNumbers) {
 }
 
 TEST_F(EvaluatedTake, RepeatingChangesTimesOnly) {
-  const Take take(folder_.path() / "take");
+  const store::Take take(folder_.path() / "take");
   const Evaluation once = evaluate(take);
   settings_.repeat = 4;
   settings_.count_needed_pixels = false;
@@ -116,7 +116,7 @@ TEST_F(EvaluatedTake, RepeatingChangesTimesOnly) {
 }
 
 TEST_F(EvaluatedTake, EveryNthView) {
-  const Take take(folder_.path() / "take");
+  const store::Take take(folder_.path() / "take");
   settings_.excluded_camera_ids = {"r2c2", "r1c1", "r3c3"};
   settings_.view_step = 2;
   Evaluation evaluation = evaluate(take);
@@ -124,29 +124,32 @@ TEST_F(EvaluatedTake, EveryNthView) {
   EXPECT_EQ(evaluation.views[1].id, "r3c3");
   EXPECT_EQ(evaluation.cameras, 22);
   const auto json = nlohmann::json::parse(evaluation_as_json(evaluation));
-  EXPECT_EQ(json["steadiness"]["psnr_largest_step_db"], 0);  // two places, not a shot
+  EXPECT_EQ(json["temporal_stability"]["psnr_max_step_db"], 0);  // two places, not a shot
   EXPECT_NEAR(
-      json["steadiness"]["psnr_deviation_db"].get<double>(),
+      json["temporal_stability"]["psnr_stddev_db"].get<double>(),
       std::abs(evaluation.views[0].quality.psnr_db - evaluation.views[1].quality.psnr_db) / 2,
       1e-6);
+  EXPECT_EQ(json["steadiness"]["psnr_deviation_db"], json["temporal_stability"]["psnr_stddev_db"]);
+  EXPECT_EQ(json["mean"]["covered"], json["mean"]["coverage"]) << "a deprecated alias";
   EXPECT_THAT(evaluation_as_text(evaluation), HasSubstr("largest step"));
   evaluation.notes = {"auto: focal_plane: it is enough"};
   EXPECT_THAT(evaluation_as_text(evaluation),
               HasSubstr("\nnote: auto: focal_plane: it is enough\n"));
 }
 
-/// A camera left out whose lens distorts, against its view through the lens by the reference.
+/// Compares an excluded camera with lens distortion with its distorted view by the reference.
 TEST_F(EvaluatedTake, ADistortedCameraIsMeasuredByTheFastWayAndNoWorse) {
   testing::SyntheticTake distorted;
   distorted.cameras = testing::camera_grid(3, 3, 0.05, 320, 240, {-0.15, 0.03, 0.001, 0, 0});
   write_synthetic_take(distorted, folder_.path() / "distorted");
-  const Take take(folder_.path() / "distorted");
+  const store::Take take(folder_.path() / "distorted");
   settings_.excluded_camera_ids = {"r1c1"};
   const Evaluation left_out = evaluate(take);
   EXPECT_TRUE(left_out.notes.empty()) << left_out.notes.front();
 
-  write_image(JpegDecoder().decode(take.archive(4).jpeg(0), "frame"), folder_.path() / "r1c1.png");
-  ViewsDocument views;
+  images::write_image(store::JpegDecoder().decode(take.archive(4).jpeg(0), "frame"),
+                      folder_.path() / "r1c1.png");
+  schemas::ViewsDocument views;
   views.color_space = "srgb_texture";
   views.views.push_back({distorted.cameras[4], "r1c1.png", 0});
   views.views.back().geometry.id = "lens";
@@ -172,7 +175,7 @@ TEST_F(EvaluatedTake, WhatFewerCamerasTellIsNotKeptInTheTake) {
   const auto before = files();
   settings_.method = "depth";
   settings_.options = {{"near", 3.0}, {"far", 6.0}};
-  const Take take(folder);
+  const store::Take take(folder);
   EXPECT_GT(evaluate(take).mean.quality.psnr_db, 20);
   EXPECT_EQ(files(), before);
   settings_.camera_step = 2;
@@ -181,7 +184,7 @@ TEST_F(EvaluatedTake, WhatFewerCamerasTellIsNotKeptInTheTake) {
 }
 
 TEST_F(EvaluatedTake, TheMemoryGrantedBoundsWhatTheMethodWorksInToo) {
-  const Take take(folder_.path() / "take");
+  const store::Take take(folder_.path() / "take");
   settings_.method = "depth";
   const double most_mb = evaluate(take).mean.working_mb;
   settings_.memory_bytes = static_cast<std::size_t>(most_mb * 1e6 * 4 * 0.8);
@@ -191,12 +194,12 @@ TEST_F(EvaluatedTake, TheMemoryGrantedBoundsWhatTheMethodWorksInToo) {
 }
 
 TEST_F(EvaluatedTake, ReportsAllOptionsAndWhatTheMethodHasToSay) {
-  const Take take(folder_.path() / "take");
+  const store::Take take(folder_.path() / "take");
   settings_.method = "plane_sweep";
   settings_.options = {{"near", 0.05}, {"far", 1e3}, {"step_px", 0.05}};
   settings_.options["aggregation"] = std::string("none");
   const auto json = nlohmann::json::parse(evaluation_as_json(evaluate(take)));
-  EXPECT_EQ(json["options"].size(), method_named("plane_sweep").options().size());
+  EXPECT_EQ(json["options"].size(), render::method_named("plane_sweep").options().size());
   EXPECT_EQ(json["options"]["near"], 0.05);
   EXPECT_EQ(json["options"]["aggregation"], "none");
   EXPECT_EQ(json["options"]["subplane_refinement"], true);  // not given
@@ -214,4 +217,4 @@ TEST_F(EvaluatedTake, ReportsAllOptionsAndWhatTheMethodHasToSay) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -6,11 +6,11 @@
 #include <cmath>
 #include <string>
 
-namespace raystage {
+namespace raystage::evaluation {
 
 /// Returns "-" for NaN: a view without covered pixels has no error.
 inline std::string format_number_or_dash(double value, int decimals) {
   return std::isnan(value) ? "-" : fmt::format("{:.{}f}", value, decimals);
 }
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

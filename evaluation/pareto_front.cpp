@@ -8,7 +8,7 @@
 #include <cstddef>
 #include <limits>
 
-namespace raystage {
+namespace raystage::evaluation {
 
 std::vector<char> pareto_front(std::span<const ParetoPoint> points) {
   std::vector<std::size_t> order;
@@ -31,4 +31,4 @@ std::vector<char> pareto_front(std::span<const ParetoPoint> points) {
   return front;
 }
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

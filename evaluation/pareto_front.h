@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-namespace raystage {
+namespace raystage::evaluation {
 
 struct ParetoPoint {
   double cost = 0, quality = 0;
@@ -14,4 +14,4 @@ struct ParetoPoint {
 /// quality, and differs. Points with a NaN are dominated.
 std::vector<char> pareto_front(std::span<const ParetoPoint> points);
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

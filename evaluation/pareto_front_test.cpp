@@ -7,10 +7,10 @@
 #include <limits>
 #include <random>
 
-namespace raystage {
+namespace raystage::evaluation {
 namespace {
 
-/// By the definition: compares every point with every other.
+/// Computes the front by its definition: compares every point with every other.
 std::vector<char> front_reference(std::span<const ParetoPoint> points) {
   std::vector<char> front;
   for (const ParetoPoint& point : points) {
@@ -45,4 +45,4 @@ TEST(ParetoFront, KeepsWhatIsWorthItsCost) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -6,14 +6,14 @@
 
 #include "schemas/option_values.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 
 /// Returns the number, or null for infinities and NaN, which JSON does not have.
 inline nlohmann::ordered_json json_number(double value) {
   return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
 }
 
-inline nlohmann::ordered_json json_options(const OptionValues& options) {
+inline nlohmann::ordered_json json_options(const schemas::OptionValues& options) {
   auto object = nlohmann::ordered_json::object();
   for (const auto& [name, value] : options) {
     std::visit([&object, &key = name](const auto& of_type) { object[key] = of_type; }, value);
@@ -21,4 +21,4 @@ inline nlohmann::ordered_json json_options(const OptionValues& options) {
   return object;
 }
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <limits>
 
-namespace raystage {
+namespace raystage::evaluation {
 
 std::string_view shot_of_view(std::string_view id) {
   const std::size_t last = id.find_last_not_of("0123456789");
@@ -15,8 +15,8 @@ std::string_view shot_of_view(std::string_view id) {
   return numbered ? id.substr(0, last) : id;
 }
 
-void ShotErrors::add(std::string_view view_id, const RgbImage& image, const RgbImage& truth,
-                     std::span<const std::uint8_t> covered) {
+void ShotErrors::add(std::string_view view_id, const store::RgbImage& image,
+                     const store::RgbImage& truth, std::span<const std::uint8_t> covered) {
   const std::string_view id = shot_of_view(view_id);
   auto shot = std::ranges::find(shots_, id, &Shot::id);
   if (shot == shots_.end()) {
@@ -60,4 +60,4 @@ std::vector<ShotStability> ShotErrors::temporal_stability() const {
   return all;
 }
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -9,7 +9,7 @@
 
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 
 /// The temporal variation of a shot's error.
 struct ShotStability {
@@ -30,7 +30,7 @@ class ShotErrors {
  public:
   /// `covered`: 1 per pixel that counts. Views of another size than the first of their shot are
   /// ignored.
-  void add(std::string_view view_id, const RgbImage& image, const RgbImage& truth,
+  void add(std::string_view view_id, const store::RgbImage& image, const store::RgbImage& truth,
            std::span<const std::uint8_t> covered);
   /// Returns the shots of at least two views, in order of appearance.
   std::vector<ShotStability> temporal_stability() const;
@@ -45,4 +45,4 @@ class ShotErrors {
   std::vector<Shot> shots_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

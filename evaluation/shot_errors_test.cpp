@@ -5,11 +5,11 @@
 
 #include <cmath>
 
-namespace raystage {
+namespace raystage::evaluation {
 namespace {
 
-RgbImage grey(int width, int height, std::uint8_t code) {
-  RgbImage image{width, height, {}};
+store::RgbImage grey(int width, int height, std::uint8_t code) {
+  store::RgbImage image{width, height, {}};
   image.pixels.assign(static_cast<std::size_t>(3 * width * height), code);
   return image;
 }
@@ -42,7 +42,7 @@ TEST(ShotErrors, AnErrorThatStaysDoesNotFlicker) {
 TEST(ShotErrors, IsTheVarianceOverTheViewsOfOneShot) {
   ShotErrors errors;
   const std::vector<std::uint8_t> all(6, 1);
-  // Between views of one shot come those of another, which stands still.
+  // The views of one shot alternate with those of another, which does not move.
   errors.add("a_0", grey(3, 2, 96), grey(3, 2, 100), all);
   errors.add("b_0", grey(3, 2, 50), grey(3, 2, 50), all);
   errors.add("a_1", grey(3, 2, 104), grey(3, 2, 100), all);
@@ -57,7 +57,7 @@ TEST(ShotErrors, IsTheVarianceOverTheViewsOfOneShot) {
 
 TEST(ShotErrors, CountsWhatAllViewsCover) {
   ShotErrors errors;
-  RgbImage wrong = grey(3, 2, 100);
+  store::RgbImage wrong = grey(3, 2, 100);
   for (std::size_t c = 0; c < 3; ++c) wrong.pixels[c] = 255;  // in the first pixel
   std::vector<std::uint8_t> but_first(6, 1), all(6, 1), none(6, 0);
   but_first[0] = 0;
@@ -71,4 +71,4 @@ TEST(ShotErrors, CountsWhatAllViewsCover) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -9,7 +9,7 @@
 
 #include "base/parallel.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 namespace {
 
 /// Returns the weights of four samples for a position `t` (0 to 1) from the second to the third.
@@ -19,7 +19,7 @@ std::array<double, 4> catmull_rom(double t) {
 }
 
 /// Samples at a pixel position within the frame; border pixels are repeated outwards.
-void sample(const RgbImage& frame, const Eigen::Vector2d& at, std::uint8_t* rgb) {
+void sample(const store::RgbImage& frame, const Eigen::Vector2d& at, std::uint8_t* rgb) {
   const double left = std::floor(at.x() - 0.5), top = std::floor(at.y() - 0.5);
   const auto across = catmull_rom(at.x() - 0.5 - left), down = catmull_rom(at.y() - 0.5 - top);
   std::array<double, 3> sum{};
@@ -28,9 +28,7 @@ void sample(const RgbImage& frame, const Eigen::Vector2d& at, std::uint8_t* rgb)
     for (std::size_t i = 0; i < 4; ++i) {
       const int x =
           std::clamp(static_cast<int>(left) + static_cast<int>(i) - 1, 0, frame.width - 1);
-      const std::size_t from =
-          3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(frame.width) +
-               static_cast<std::size_t>(x));
+      const std::size_t from = 3 * (static_cast<std::size_t>(y) * frame.width + x);
       for (std::size_t c = 0; c < 3; ++c) sum[c] += down[j] * across[i] * frame.pixels[from + c];
     }
   }
@@ -41,19 +39,19 @@ void sample(const RgbImage& frame, const Eigen::Vector2d& at, std::uint8_t* rgb)
 
 }  // namespace
 
-GroundTruth undistorted_ground_truth(const RgbImage& frame, const CameraModel& model,
-                                     const VirtualCamera& pinhole) {
+GroundTruth undistorted_ground_truth(const store::RgbImage& frame, const rig::CameraModel& model,
+                                     const render::VirtualCamera& pinhole) {
   const auto width = static_cast<std::size_t>(pinhole.width);
-  const std::size_t pixels = width * static_cast<std::size_t>(pinhole.height);
+  const std::size_t pixels = width * pinhole.height;
   GroundTruth truth{{pinhole.width, pinhole.height, {}}, {}};
   truth.image.pixels.resize(3 * pixels);
   truth.known.resize(pixels);
-  const Intrinsics& k = pinhole.intrinsics;
+  const schemas::Intrinsics& k = pinhole.intrinsics;
   raystage::parallel_for(0, pinhole.height, [&](int y) {
     for (int x = 0; x < pinhole.width; ++x) {
       const auto pixel = model.pixel_from_ideal({(x + 0.5 - k.cx) / k.fx, (y + 0.5 - k.cy) / k.fy});
       if (!pixel || !model.contains(*pixel)) continue;
-      const std::size_t at = static_cast<std::size_t>(y) * width + static_cast<std::size_t>(x);
+      const std::size_t at = static_cast<std::size_t>(y) * width + x;
       truth.known[at] = 1;
       sample(frame, *pixel, &truth.image.pixels[3 * at]);
     }
@@ -61,4 +59,4 @@ GroundTruth undistorted_ground_truth(const RgbImage& frame, const CameraModel& m
   return truth;
 }
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -8,16 +8,16 @@
 #include "rig/camera_model.h"
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage {
+namespace raystage::evaluation {
 
 struct GroundTruth {
-  RgbImage image;
+  store::RgbImage image;
   std::vector<std::uint8_t> known;  ///< 1 per known pixel; empty: all are known
 };
 
 /// Returns a camera's frame resampled without lens distortion (`pinhole`: its undistorted()), by
 /// cubic interpolation of codes (Catmull-Rom). Pixels outside the frame are unknown.
-GroundTruth undistorted_ground_truth(const RgbImage& frame, const CameraModel& model,
-                                     const VirtualCamera& pinhole);
+GroundTruth undistorted_ground_truth(const store::RgbImage& frame, const rig::CameraModel& model,
+                                     const render::VirtualCamera& pinhole);
 
-}  // namespace raystage
+}  // namespace raystage::evaluation

@@ -7,10 +7,10 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "base/number_text.h"
 
 namespace raystage::farm {
 namespace {
@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 constexpr std::size_t kRecordBytes = 8192;
 constexpr std::size_t kLongestText = 1500;
 
-fs::path record_file(const JobFolder& folder, const FarmAttempt& attempt) {
+fs::path record_file(const JobFolder& folder, const schemas::FarmAttempt& attempt) {
   return folder.attempts() / (attempt_name(attempt) + ".json");
 }
 
@@ -39,13 +39,13 @@ std::string shortened_range(const std::string& frames) {
   return comma == std::string::npos ? std::string() : frames.substr(0, comma);
 }
 
-std::string record_text(FarmAttempt attempt) {
+std::string record_text(schemas::FarmAttempt attempt) {
   attempt.frames = shortened_range(attempt.frames);
   if (attempt.end) {
     attempt.end->reason.resize(std::min(attempt.end->reason.size(), kLongestText));
     attempt.end->failed_frames = shortened_range(attempt.end->failed_frames);
   }
-  return padded(format_farm_attempt(attempt));
+  return padded(schemas::format_farm_attempt(attempt));
 }
 
 bool write_all(int descriptor, const std::string& text) {
@@ -60,37 +60,36 @@ bool write_all(int descriptor, const std::string& text) {
 }
 
 /// Returns the attempt that a file name such as "render.0003.02.json" identifies, or nothing.
-std::optional<FarmAttempt> attempt_from_name(const std::string& name) {
+std::optional<schemas::FarmAttempt> attempt_from_name(const std::string& name) {
   const std::size_t first = name.find('.'), second = name.find('.', first + 1);
   if (first == std::string::npos || second == std::string::npos || !name.ends_with(".json") ||
       name.starts_with('.')) {
     return std::nullopt;
   }
-  FarmAttempt attempt;
+  schemas::FarmAttempt attempt;
   attempt.stage = name.substr(0, first);
   attempt.node = "unknown";
-  const auto number = [&](std::size_t begin, std::size_t end, int& value) {
-    const auto [stop, error] = std::from_chars(name.data() + begin, name.data() + end, value);
-    return error == std::errc{} && stop == name.data() + end;
+  const auto number = [&](std::size_t begin, std::size_t end) {
+    return parse_number<int>(std::string_view(name).substr(begin, end - begin));
   };
-  if (!number(first + 1, second, attempt.index) ||
-      !number(second + 1, name.size() - 5, attempt.attempt)) {
-    return std::nullopt;
-  }
+  const auto index = number(first + 1, second), count = number(second + 1, name.size() - 5);
+  if (!index || !count) return std::nullopt;
+  attempt.index = *index;
+  attempt.attempt = *count;
   return attempt;
 }
 
 }  // namespace
 
-std::string attempt_name(const FarmAttempt& attempt) {
+std::string attempt_name(const schemas::FarmAttempt& attempt) {
   return fmt::format("{}.{:04}.{:02}", attempt.stage, attempt.index, attempt.attempt);
 }
 
-fs::path attempt_log(const JobFolder& folder, const FarmAttempt& attempt) {
+fs::path attempt_log(const JobFolder& folder, const schemas::FarmAttempt& attempt) {
   return folder.logs() / (attempt_name(attempt) + ".log");
 }
 
-void record_attempt_start(const JobFolder& folder, FarmAttempt& attempt) {
+void record_attempt_start(const JobFolder& folder, schemas::FarmAttempt& attempt) {
   for (attempt.attempt = 1;; ++attempt.attempt) {
     const fs::path file = record_file(folder, attempt);
     const int descriptor = open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
@@ -105,7 +104,7 @@ void record_attempt_start(const JobFolder& folder, FarmAttempt& attempt) {
   }
 }
 
-void record_attempt_end(const JobFolder& folder, const FarmAttempt& attempt) {
+void record_attempt_end(const JobFolder& folder, const schemas::FarmAttempt& attempt) {
   const std::string text = record_text(attempt);
   const fs::path file = record_file(folder, attempt);
   try {
@@ -123,22 +122,19 @@ void record_attempt_end(const JobFolder& folder, const FarmAttempt& attempt) {
 
 TaskAttempts read_attempts(const JobFolder& folder) {
   TaskAttempts tasks;
-  std::error_code error;
-  for (fs::directory_iterator entry(folder.attempts(), error), end; entry != end;
-       entry.increment(error)) {
-    auto attempt = attempt_from_name(entry->path().filename().string());
+  for (const fs::path& file : entries_of(folder.attempts())) {
+    auto attempt = attempt_from_name(file.filename().string());
     if (!attempt) continue;
-    if (const auto text = read_record(entry->path())) {
+    if (const auto text = read_record(file)) {
       try {
-        attempt = parse_farm_attempt(*text, entry->path().string());
+        attempt = schemas::parse_farm_attempt(*text, file.string());
       } catch (const Error&) {  // being written, or damaged: only its name is known
       }
     }
     tasks[{attempt->stage, attempt->index}].push_back(std::move(*attempt));
   }
-  for (auto& [task, attempts] : tasks) {
-    std::ranges::sort(attempts, {}, &FarmAttempt::attempt);
-  }
+  for (auto& [task, attempts] : tasks)
+    std::ranges::sort(attempts, {}, &schemas::FarmAttempt::attempt);
   return tasks;
 }
 

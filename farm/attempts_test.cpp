@@ -14,14 +14,14 @@ namespace raystage::farm {
 namespace {
 
 TEST(Attempts, AreNumberedOnceHoweverManyStartAtATime) {
-  const TestFolder parent;
+  const testing::TestFolder parent;
   const JobFolder folder = testing::write_small_job(parent.path());
   constexpr int kThreads = 8, kEach = 5;
   std::vector<std::thread> threads;
   for (int i = 0; i < kThreads; ++i) {
     threads.emplace_back([&] {
       for (int j = 0; j < kEach; ++j) {
-        FarmAttempt attempt = testing::make_attempt(2, AttemptResult::kDone);
+        schemas::FarmAttempt attempt = testing::make_attempt(2, schemas::AttemptResult::kDone);
         attempt.end.reset();
         record_attempt_start(folder, attempt);
       }
@@ -36,9 +36,10 @@ TEST(Attempts, AreNumberedOnceHoweverManyStartAtATime) {
 }
 
 TEST(Attempts, KeepTheirEnd) {
-  const TestFolder parent;
+  const testing::TestFolder parent;
   const JobFolder folder = testing::write_small_job(parent.path());
-  FarmAttempt attempt = testing::make_attempt(1, AttemptResult::kFailed, "node 7/ä");
+  schemas::FarmAttempt attempt =
+      testing::make_attempt(1, schemas::AttemptResult::kFailed, "node 7/ä");
   const auto end = attempt.end;
   attempt.end.reset();
   record_attempt_start(folder, attempt);
@@ -47,7 +48,7 @@ TEST(Attempts, KeepTheirEnd) {
   attempt.end->reason = std::string(5000, 'x');
   attempt.end->failed_frames = "4-6";
   record_attempt_end(folder, attempt);
-  const FarmAttempt back = read_attempts(folder).at({"render", 1})[0];
+  const schemas::FarmAttempt back = read_attempts(folder).at({"render", 1})[0];
   ASSERT_TRUE(back.end);
   EXPECT_EQ(back.node, "node 7/ä");
   EXPECT_EQ(back.end->failed_frames, "4-6");
@@ -55,9 +56,9 @@ TEST(Attempts, KeepTheirEnd) {
 }
 
 TEST(Attempts, EndIsWrittenOverItsStartWhereNoFileCanBeCreated) {
-  const TestFolder parent;
+  const testing::TestFolder parent;
   const JobFolder folder = testing::write_small_job(parent.path());
-  FarmAttempt attempt = testing::make_attempt(1, AttemptResult::kDone);
+  schemas::FarmAttempt attempt = testing::make_attempt(1, schemas::AttemptResult::kDone);
   const auto end = attempt.end;
   attempt.end.reset();
   record_attempt_start(folder, attempt);
@@ -72,7 +73,7 @@ TEST(Attempts, EndIsWrittenOverItsStartWhereNoFileCanBeCreated) {
 }
 
 TEST(Attempts, ThatAreUnreadableCountWithoutAnEnd) {
-  const TestFolder parent;
+  const testing::TestFolder parent;
   const JobFolder folder = testing::write_small_job(parent.path());
   std::ofstream(folder.attempts() / "render.0003.02.json") << "{\"schema";
   std::ofstream(folder.attempts() / "render.0003.json") << "{}";

@@ -11,11 +11,11 @@
 
 #include <array>
 #include <cerrno>
-#include <chrono>
 #include <thread>
 #include <utility>
 
 #include "base/error.h"
+#include "base/stopwatch.h"
 
 extern char** environ;  // NOLINT: POSIX's name
 
@@ -88,7 +88,7 @@ pid_t start(const std::vector<std::string>& command, int in, int out) {
 }
 
 double seconds(const timeval& time) {
-  return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+  return static_cast<double>(time.tv_sec) + 1e-6 * time.tv_usec;
 }
 
 /// Splits a stream into lines.
@@ -117,9 +117,8 @@ class Lines {
 }  // namespace
 
 ChildResult run_child(const std::vector<std::string>& command, const ChildOptions& options) {
-  using Clock = std::chrono::steady_clock;
   Pipe out = make_pipe(), in = make_pipe();
-  const Clock::time_point begin = Clock::now();
+  const Stopwatch watch;
   const pid_t child = start(command, in.read.number(), out.write.number());
   out.write.close();
   in.read.close();
@@ -141,13 +140,13 @@ ChildResult run_child(const std::vector<std::string>& command, const ChildOption
   bool terminated = false, open_stream = true, ended = false;
   int status = 0;
   rusage used{};
-  const auto elapsed = [&] { return std::chrono::duration<double>(Clock::now() - begin).count(); };
   while (open_stream || !ended) {
     if (options.stop.stop_requested() && !terminated) {
       kill(child, SIGTERM);
       terminated = true;
     }
-    if (options.timeout_seconds > 0 && elapsed() > options.timeout_seconds && !result.timed_out) {
+    if (options.timeout_seconds > 0 && watch.seconds() > options.timeout_seconds &&
+        !result.timed_out) {
       kill(child, SIGKILL);
       result.timed_out = true;
     }
@@ -173,7 +172,7 @@ ChildResult run_child(const std::vector<std::string>& command, const ChildOption
   }
   lines.flush();
   feeder.join();
-  result.wall_seconds = elapsed();
+  result.wall_seconds = watch.seconds();
   result.cpu_seconds = seconds(used.ru_utime) + seconds(used.ru_stime);
   result.peak_memory_bytes = static_cast<double>(used.ru_maxrss) * 1024;  // Linux counts in KiB
   result.signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;

@@ -15,7 +15,7 @@ namespace raystage::farm {
 namespace {
 
 TEST(ChildProcess, TellsItsLinesCodeAndCosts) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   std::vector<std::string> lines;
   ChildOptions options;
   options.log = folder.path() / "log";

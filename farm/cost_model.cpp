@@ -60,7 +60,7 @@ double seconds_on(const JobCosts& job, const SiteParameters& site, int nodes,
                   CostLimit::kStorageWrite);
   result.prepare_s = prepare.seconds;
   result.render_s = render.seconds;
-  result.serial_s = job.submit_s + job.frames * job.verify_s + site.start_latency_s;
+  result.serial_s = job.frames * job.verify_s + site.start_latency_s;
   result.limit = render.limit;
   if (prepare.seconds > render.seconds) result.limit = prepare.limit;
   if (result.serial_s > std::max(prepare.seconds, render.seconds))
@@ -75,7 +75,7 @@ std::optional<double> mean_gap(const TaskAttempts& attempts) {
   std::map<std::string, std::vector<std::pair<Nanoseconds, Nanoseconds>>> runs;  // by node
   for (const auto& [task, list] : attempts) {
     if (task.first != "render" && task.first != "prepare") continue;
-    for (const FarmAttempt& attempt : list) {
+    for (const schemas::FarmAttempt& attempt : list) {
       if (!attempt.end || !attempt.end->ended_utc) continue;
       runs[attempt.node].emplace_back(attempt.started_utc, *attempt.end->ended_utc);
     }
@@ -85,8 +85,7 @@ std::optional<double> mean_gap(const TaskAttempts& attempts) {
     std::ranges::sort(times);
     for (std::size_t i = 1; i < times.size(); ++i) {
       // Tasks that overlap on a node have no gap.
-      gaps.push_back(
-          std::max(0.0, 1e-9 * static_cast<double>(times[i].first - times[i - 1].second)));
+      gaps.push_back(std::max(0.0, 1e-9 * (times[i].first - times[i - 1].second)));
     }
   }
   if (gaps.empty()) return std::nullopt;
@@ -96,30 +95,23 @@ std::optional<double> mean_gap(const TaskAttempts& attempts) {
   return std::accumulate(gaps.begin(), gaps.end(), 0.0) / static_cast<double>(gaps.size());
 }
 
+/// The costs per frame.
+constexpr std::array kPerFrame{
+    &schemas::RenderStageCosts::light_fields_s, &schemas::RenderStageCosts::geometry_s,
+    &schemas::RenderStageCosts::merge_s,        &schemas::RenderStageCosts::encode_s,
+    &schemas::RenderStageCosts::write_s,        &schemas::RenderStageCosts::decode_s,
+    &schemas::RenderStageCosts::read_bytes};
+
 /// Adds stages in seconds per frame (`from`) to stages in seconds of all frames (`to`).
-void add_stages(const RenderStageCosts& from, RenderStageCosts& to) {
-  const double frames = from.frames;
+void add_stages(const schemas::RenderStageCosts& from, schemas::RenderStageCosts& to) {
   to.frames += from.frames;
   to.frames_in_flight = std::max(to.frames_in_flight, from.frames_in_flight);
   to.seconds += from.seconds;
-  to.light_fields_s += frames * from.light_fields_s;
-  to.geometry_s += frames * from.geometry_s;
-  to.merge_s += frames * from.merge_s;
-  to.encode_s += frames * from.encode_s;
-  to.write_s += frames * from.write_s;
-  to.decode_s += frames * from.decode_s;
-  to.read_bytes += frames * from.read_bytes;
-}
-
-void divide_stages(int frames, RenderStageCosts& stages) {
-  for (double* sum : {&stages.light_fields_s, &stages.geometry_s, &stages.merge_s, &stages.encode_s,
-                      &stages.write_s, &stages.decode_s, &stages.read_bytes}) {
-    *sum /= frames;
-  }
+  for (const auto cost : kPerFrame) to.*cost += from.frames * from.*cost;
 }
 
 std::string stages_text(const JobCosts& job) {
-  const RenderStageCosts& stages = job.stages;
+  const schemas::RenderStageCosts& stages = job.stages;
   if (stages.frames == 0) return "";
   const double write_rate = stages.write_s > 0 ? job.frame_write_bytes / stages.write_s * 1e-6 : 0;
   return fmt::format(
@@ -144,13 +136,14 @@ ScalingPrediction predict_scaling(const JobCosts& job, const SiteParameters& sit
   return result;
 }
 
-std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAttempts& attempts) {
+std::optional<JobCosts> measured_costs(const schemas::FarmJobDocument& job,
+                                       const TaskAttempts& attempts) {
   JobCosts costs;
   costs.chunks = static_cast<int>(job.chunks.size());
   costs.instants = static_cast<int>(job.instants.size());
-  costs.threads = job.of(FarmStage::kRender).threads;
+  costs.threads = job.of(schemas::FarmStage::kRender).threads;
   costs.frames = 0;
-  const SequenceName name(job.output);
+  const compose::SequenceName name(job.output);
   double cpu = 0, wall = 0, bytes = 0, solve = 0;
   int timed = 0, files = 0, solved = 0, tasks = 0;
   std::error_code error;
@@ -159,7 +152,7 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
     return task.second.back().end && task.second.back().end->rendering;
   });
   for (std::size_t i = 0; i < job.chunks.size(); ++i) {
-    const std::vector<int> frames = parse_frame_range(job.chunks[i].frames);
+    const std::vector<int> frames = compose::parse_frame_range(job.chunks[i].frames);
     costs.frames += static_cast<int>(frames.size());
     for (const int frame : frames) {
       const auto size = std::filesystem::file_size(name.path(frame), error);
@@ -169,8 +162,8 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
     }
     const auto found = attempts.find({"render", static_cast<int>(i)});
     if (found == attempts.end() || !found->second.back().end) continue;
-    const FarmAttempt::End& end = *found->second.back().end;
-    if (end.result != AttemptResult::kDone || (any_rendered && !end.rendering)) continue;
+    const schemas::FarmAttempt::End& end = *found->second.back().end;
+    if (end.result != schemas::AttemptResult::kDone || (any_rendered && !end.rendering)) continue;
     cpu += end.cpu_seconds;
     wall += end.wall_seconds;
     // Some frames may have existed: the measured one, or those of an earlier attempt.
@@ -179,7 +172,7 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
     if (end.rendering) add_stages(*end.rendering, costs.stages);
   }
   for (const auto& [task, list] : attempts) {
-    const bool done = list.back().end && list.back().end->result == AttemptResult::kDone;
+    const bool done = list.back().end && list.back().end->result == schemas::AttemptResult::kDone;
     if (!done) continue;
     if (task.first == "prepare") {
       solve += list.back().end->wall_seconds;
@@ -196,7 +189,7 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
     costs.task_s = (wall - costs.stages.seconds) / tasks;
   }
   if (costs.stages.frames > 0) {
-    divide_stages(costs.stages.frames, costs.stages);
+    for (const auto cost : kPerFrame) costs.stages.*cost /= costs.stages.frames;
     costs.frame_read_bytes = costs.stages.read_bytes;
   }
   costs.gap_s = mean_gap(attempts);

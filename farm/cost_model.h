@@ -16,17 +16,16 @@ namespace raystage::farm {
 /// of `threads` threads at a time.
 struct JobCosts {
   int frames = 1, chunks = 1, instants = 0;
-  int threads = 1;                   ///< per task
-  double solve_s = 0;                ///< per instant, in stage prepare
-  double frame_s = 0;                ///< per frame, with frames rendered concurrently
-  double frame_cpu_s = 0;            ///< CPU time per frame, the task's other work included
-  double task_s = 0;                 ///< overhead per task: start and records
-  RenderStageCosts stages = {};      ///< mean per frame; frames 0: not in the records
-  std::optional<double> gap_s = {};  ///< mean time between two tasks on the same node
-  double frame_read_bytes = 0;       ///< JPEG data read per frame
-  double frame_write_bytes = 0;      ///< size of the files of a frame
-  double verify_s = 0;               ///< wall-clock time per frame
-  double submit_s = 0;               ///< wall-clock time of the submission
+  int threads = 1;                        ///< per task
+  double solve_s = 0;                     ///< per instant, in stage prepare
+  double frame_s = 0;                     ///< per frame, with frames rendered concurrently
+  double frame_cpu_s = 0;                 ///< CPU time per frame, the task's other work included
+  double task_s = 0;                      ///< overhead per task: start and records
+  schemas::RenderStageCosts stages = {};  ///< mean per frame; frames 0: not in the records
+  std::optional<double> gap_s = {};       ///< mean time between two tasks on the same node
+  double frame_read_bytes = 0;            ///< JPEG data read per frame
+  double frame_write_bytes = 0;           ///< size of the files of a frame
+  double verify_s = 0;                    ///< wall-clock time per frame
 };
 
 /// The parameters of a cluster. `start_latency_s` is how long a task waits although a slot is free;
@@ -63,7 +62,8 @@ struct ScalingPrediction {
 ScalingPrediction predict_scaling(const JobCosts& job, const SiteParameters& site, int nodes);
 
 /// Returns the costs of a job from its records, or nothing if no chunk is done.
-std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAttempts& attempts);
+std::optional<JobCosts> measured_costs(const schemas::FarmJobDocument& job,
+                                       const TaskAttempts& attempts);
 
 /// Returns the prediction as a text table.
 std::string cost_text(const JobCosts& job, const SiteParameters& site, std::span<const int> nodes);

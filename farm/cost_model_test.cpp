@@ -62,12 +62,12 @@ TEST(CostModel, LatencyCountsForEveryWaveAndThroughputForTheWhole) {
 }
 
 TEST(CostModel, MeasuresAJobByItsRecords) {
-  FarmJobDocument job = testing::make_small_job();
+  schemas::FarmJobDocument job = testing::make_small_job();
   TaskAttempts attempts;
   EXPECT_FALSE(measured_costs(job, attempts)) << "nothing has run";
   Nanoseconds now = 0;
   for (int i = 0; i < 3; ++i) {
-    FarmAttempt attempt = testing::make_attempt(i, AttemptResult::kDone);
+    schemas::FarmAttempt attempt = testing::make_attempt(i, schemas::AttemptResult::kDone);
     attempt.started_utc = now;
     attempt.end->cpu_seconds = 9;
     now += 6 * kNanosecondsPerSecond;
@@ -85,11 +85,12 @@ TEST(CostModel, MeasuresAJobByItsRecords) {
 }
 
 TEST(CostModel, TellsFramesFromTheRestOfATask) {
-  FarmJobDocument job = testing::make_small_job();
+  schemas::FarmJobDocument job = testing::make_small_job();
   TaskAttempts attempts;
   for (int i = 0; i < 2; ++i) {
-    FarmAttempt attempt = testing::make_attempt(i, AttemptResult::kDone);  // 6 s, three frames
-    RenderStageCosts& stages = attempt.end->rendering.emplace();
+    schemas::FarmAttempt attempt =
+        testing::make_attempt(i, schemas::AttemptResult::kDone);  // 6 s, three frames
+    schemas::RenderStageCosts& stages = attempt.end->rendering.emplace();
     stages.frames = i == 0 ? 2 : 3;  // one was whole before
     stages.seconds = i == 0 ? 3.0 : 4.5;
     stages.encode_s = i == 0 ? 1.0 : 2.0;

@@ -21,9 +21,9 @@ pre{overflow-x:auto})";
 
 std::string chart(const JobCosts& job, const SiteParameters& site, std::span<const int> nodes) {
   const double most = std::max(10, *std::ranges::max_element(nodes));
-  SvgChart chart("Efficiency over the number of nodes", {1, most, "nodes", true, true},
-                 {0, 100, "efficiency relative to one node, %"});
-  std::vector<SvgChart::Point> points;
+  charts::SvgChart chart("Efficiency over the number of nodes", {1, most, "nodes", true, true},
+                         {0, 100, "efficiency relative to one node, %"});
+  std::vector<charts::SvgChart::Point> points;
   const int steps = static_cast<int>(std::log10(most) * kStepsPerDecade);
   for (int i = 0; i <= steps; ++i) {
     const int count = static_cast<int>(std::lround(std::pow(10, double(i) / kStepsPerDecade)));
@@ -47,12 +47,14 @@ std::string chart(const JobCosts& job, const SiteParameters& site, std::span<con
 std::string cost_page(const JobCosts& job, const SiteParameters& site, std::span<const int> nodes,
                       std::string_view title) {
   const std::string body =
-      html_section("How the job scales",
-                   "Each stage takes as long as the resource that saturates first. Predicted from "
-                   "the measured costs of one node.",
-                   chart(job, site, nodes)) +
-      html_section("Numbers", "", "<pre>" + escape_html(cost_text(job, site, nodes)) + "</pre>");
-  return html_page(
+      charts::html_section(
+          "How the job scales",
+          "Each stage takes as long as the resource that saturates first. Predicted from "
+          "the measured costs of one node.",
+          chart(job, site, nodes)) +
+      charts::html_section("Numbers", "",
+                           "<pre>" + charts::escape_html(cost_text(job, site, nodes)) + "</pre>");
+  return charts::html_page(
       title,
       fmt::format("{} cores per node, storage {:.0f} MB/s read, {:.0f} MB/s written, {:g} "
                   "task starts per second, {:.2g} s latency",

@@ -12,6 +12,7 @@
 
 #include "base/atomic_file.h"
 #include "base/resources.h"
+#include "base/stopwatch.h"
 #include "compose/sequence_name.h"
 #include "farm/child_process.h"
 #include "farm/node_checks.h"
@@ -26,7 +27,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string doctor_script(const FarmJobDocument& job, const std::string& folder) {
+std::string doctor_script(const schemas::FarmJobDocument& job, const std::string& folder) {
   const std::string command_prefix = job.command_prefix.empty() ? "" : job.command_prefix + " ";
   // A node writes its answer to a file with its name. Without the job folder it cannot answer.
   return fmt::format(
@@ -55,8 +56,8 @@ bool is_usable(const std::string& state) {
 }
 
 /// Returns why the node is too small for a task of stage render, or nothing.
-std::string size_fault(const FarmJobDocument& job, const SlurmNode& node) {
-  const FarmResources& needed = job.of(FarmStage::kRender);
+std::string size_fault(const schemas::FarmJobDocument& job, const SlurmNode& node) {
+  const schemas::FarmResources& needed = job.of(schemas::FarmStage::kRender);
   const int mebibytes = slurm_megabytes(needed, 1);
   if (node.processors < needed.threads) {
     return fmt::format("Slurm offers {} processors there, a task needs {}", node.processors,
@@ -75,7 +76,8 @@ std::string slurm_state_of(const std::string& id) {
   return result.exit_code == 0 ? result.out : std::string();
 }
 
-std::vector<NodeReport> check_slurm_nodes(const JobFolder& folder, const FarmJobDocument& job,
+std::vector<NodeReport> check_slurm_nodes(const JobFolder& folder,
+                                          const schemas::FarmJobDocument& job,
                                           const std::vector<std::string>& wanted,
                                           double timeout_seconds, const std::stop_token& stop) {
   std::map<std::string, NodeReport> reports;
@@ -83,7 +85,8 @@ std::vector<NodeReport> check_slurm_nodes(const JobFolder& folder, const FarmJob
   const std::string answers = fmt::format("doctor.{:x}", static_cast<std::uint64_t>(utc_now()));
   create_folder(folder.path() / answers);
   write_file_atomically(folder.path() / "doctor.sbatch", doctor_script(job, answers));
-  for (const SlurmNode& node : slurm_nodes(sbatch_partition(job.of(FarmStage::kRender).options))) {
+  for (const SlurmNode& node :
+       slurm_nodes(sbatch_partition(job.of(schemas::FarmStage::kRender).options))) {
     if (!wanted.empty() && std::ranges::find(wanted, node.name) == wanted.end()) continue;
     sizes[node.name] = size_fault(job, node);
     if (!is_usable(node.state)) {
@@ -92,7 +95,8 @@ std::vector<NodeReport> check_slurm_nodes(const JobFolder& folder, const FarmJob
     }
     std::vector<std::string> command{"sbatch", "--parsable", "--nodelist=" + node.name};
     // The doctor uses the partition and account of the tasks.
-    for (const std::string& option : job.of(FarmStage::kRender).options) command.push_back(option);
+    for (const std::string& option : job.of(schemas::FarmStage::kRender).options)
+      command.push_back(option);
     command.push_back((folder.path() / "doctor.sbatch").string());
     const ChildResult result = run_child(command);
     if (result.exit_code != 0) {
@@ -107,7 +111,7 @@ std::vector<NodeReport> check_slurm_nodes(const JobFolder& folder, const FarmJob
       reports[node] = fault_report(node, "Slurm has no node of this name");
     }
   }
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   while (!checks.empty() && !stop.stop_requested()) {
     std::erase_if(checks, [&](const auto& check) {
       const std::string& node = check.first;
@@ -122,9 +126,7 @@ std::vector<NodeReport> check_slurm_nodes(const JobFolder& folder, const FarmJob
       }
       return true;
     });
-    const double waited =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    if (waited > timeout_seconds) break;
+    if (watch.seconds() > timeout_seconds) break;
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
   for (const auto& [node, id] : checks) {
@@ -148,19 +150,20 @@ std::vector<NodeReport> check_slurm_nodes(const JobFolder& folder, const FarmJob
 
 }  // namespace
 
-NodeReport check_node(const FarmJobDocument& job, const fs::path& folder, const std::string& node) {
+NodeReport check_node(const schemas::FarmJobDocument& job, const fs::path& folder,
+                      const std::string& node) {
   NodeReport report;
   report.node = node.empty() ? node_name() : node;
   report.answered = true;
   report.fault = node_fault(job, folder).value_or("");
   report.version = RAYSTAGE_VERSION;
   report.build = build_id();
-  report.simd = simd_level_name(best_simd_level());
+  report.simd = render::simd_level_name(render::best_simd_level());
   report.threads = available_threads();
   report.memory_bytes = static_cast<double>(available_memory());
   std::error_code error;
   report.can_read_shot = fs::is_directory(job.shot_folder, error);
-  const fs::path output = SequenceName(job.output).folder();
+  const fs::path output = compose::SequenceName(job.output).folder();
   report.can_write_output = fs::is_directory(output, error);
   const fs::space_info space = fs::space(output, error);
   if (!error) report.free_bytes = static_cast<double>(space.available);
@@ -183,21 +186,22 @@ std::string format_node_report(const NodeReport& report) {
 }
 
 NodeReport parse_node_report(std::string_view text, std::string_view name) {
-  const nlohmann::json json = parse_json(text, name);
+  const nlohmann::json json = schemas::parse_json(text, name);
   const auto value = [&](const char* key, auto otherwise) {
     using T = decltype(otherwise);
     try {
       return json.is_object() ? json.value(key, otherwise) : otherwise;
     } catch (const nlohmann::json::exception&) {
-      throw json_value_error(name, fmt::format("/{}", key), "the node's answer is damaged",
-                             "Run the check again");
+      throw schemas::json_value_error(name, fmt::format("/{}", key), "the node's answer is damaged",
+                                      "Run the check again");
     }
     return T{};
   };
   NodeReport report;
   report.node = value("node", std::string());
   if (report.node.empty())
-    throw json_value_error(name, "/node", "the answer names no node", "Run the check again");
+    throw schemas::json_value_error(name, "/node", "the answer names no node",
+                                    "Run the check again");
   report.answered = true;
   report.fault = value("fault", std::string());
   report.version = value("version", std::string());
@@ -213,8 +217,9 @@ NodeReport parse_node_report(std::string_view text, std::string_view name) {
 
 std::vector<NodeReport> check_nodes(const JobFolder& folder, const std::vector<std::string>& nodes,
                                     double timeout_seconds, const std::stop_token& stop) {
-  const FarmJobDocument job = folder.job();
-  if (job.engine != FarmJobDocument::Engine::kSlurm) return {check_node(job, folder.path())};
+  const schemas::FarmJobDocument job = folder.job();
+  if (job.engine != schemas::FarmJobDocument::Engine::kSlurm)
+    return {check_node(job, folder.path())};
   return check_slurm_nodes(folder, job, nodes, timeout_seconds, stop);
 }
 

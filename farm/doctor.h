@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <optional>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -24,7 +23,7 @@ struct NodeReport {
 };
 
 /// Checks this machine. `node` is the scheduler's name of it; empty: its own name.
-NodeReport check_node(const FarmJobDocument& job, const std::filesystem::path& folder,
+NodeReport check_node(const schemas::FarmJobDocument& job, const std::filesystem::path& folder,
                       const std::string& node = {});
 
 /// Formats a report as one line of JSON, and parses it. parse_node_report() throws Error (bad

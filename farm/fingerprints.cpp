@@ -5,7 +5,8 @@
 
 #include <fstream>
 #include <sstream>
-#include <system_error>
+
+#include "farm/job_folder.h"
 
 namespace raystage::farm {
 namespace {
@@ -22,11 +23,9 @@ fs::path fingerprints_file(const fs::path& job_folder, int task) {
 
 std::map<int, std::string> read_fingerprints(const fs::path& job_folder) {
   std::map<int, std::string> known;
-  std::error_code error;
-  for (fs::directory_iterator entry(job_folder / kFolder, error), end; entry != end;
-       entry.increment(error)) {
-    if (entry->path().filename().string().starts_with('.')) continue;  // not complete
-    std::ifstream file(entry->path());
+  for (const fs::path& path : entries_of(job_folder / kFolder)) {
+    if (path.filename().string().starts_with('.')) continue;  // not complete
+    std::ifstream file(path);
     for (std::string line; std::getline(file, line);) {
       std::istringstream words(line);
       int frame = 0;

@@ -10,7 +10,6 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <chrono>
 #include <cstdlib>
 #include <system_error>
@@ -18,6 +17,8 @@
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "base/number_text.h"
+#include "base/resources.h"
 #include "compose/sequence_name.h"
 #include "farm/path_map.h"
 
@@ -32,11 +33,8 @@ constexpr std::array kSubfolders{"attempts", "logs", "progress", "excluded", "sl
 
 std::optional<int> number_after(std::string_view prefix, std::string_view name) {
   if (!name.starts_with(prefix)) return std::nullopt;
-  name.remove_prefix(prefix.size());
-  int number = 0;
-  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), number);
-  if (error != std::errc{} || end != name.data() + name.size() || number < 1) return std::nullopt;
-  return number;
+  const auto number = parse_number<int>(name.substr(prefix.size()));
+  return number && *number >= 1 ? number : std::nullopt;
 }
 
 /// Returns a file name for a node, whose name may have any characters.
@@ -52,7 +50,8 @@ std::string as_file_name(std::string_view node) {
 bool is_same_sequence(const std::string& a, const std::string& b) {
   constexpr std::array kFrames{1, 12345};
   return std::ranges::all_of(kFrames, [&](int frame) {
-    return SequenceName(a).path(frame).filename() == SequenceName(b).path(frame).filename();
+    return compose::SequenceName(a).path(frame).filename() ==
+           compose::SequenceName(b).path(frame).filename();
   });
 }
 
@@ -83,44 +82,44 @@ fs::path JobFolder::round_file(int round) const {
   return path_ / "rounds" / fmt::format("{}.json", round);
 }
 
-FarmJobDocument JobFolder::job() const {
+schemas::FarmJobDocument JobFolder::job() const {
   const auto text = read_record(job_file());
   if (!text) {
     throw Error::bad_input("found no farm job", path_.string(),
                            "Name a job folder, the folder of an output's jobs, or the output");
   }
-  return parse_farm_job(*text, job_file().string());
+  return schemas::parse_farm_job(*text, job_file().string());
 }
 
-FarmJobDocument JobFolder::local_job() const {
-  FarmJobDocument here = job();
+schemas::FarmJobDocument JobFolder::local_job() const {
+  schemas::FarmJobDocument here = job();
   map_paths(here, local_path_rules(here, path_));
   return here;
 }
 
-std::vector<FarmRound> JobFolder::rounds() const {
-  std::vector<FarmRound> rounds;
+std::vector<schemas::FarmRound> JobFolder::rounds() const {
+  std::vector<schemas::FarmRound> rounds;
   for (int n = 1;; ++n) {
     const auto text = read_record(round_file(n));
     if (!text) return rounds;
-    rounds.push_back(parse_farm_round(*text, round_file(n).string()));
+    rounds.push_back(schemas::parse_farm_round(*text, round_file(n).string()));
   }
 }
 
-std::optional<FarmEnd> JobFolder::end() const {
+std::optional<schemas::FarmEnd> JobFolder::end() const {
   const auto text = read_record(end_file());
   if (!text) return std::nullopt;
-  return parse_farm_end(*text, end_file().string());
+  return schemas::parse_farm_end(*text, end_file().string());
 }
 
-void JobFolder::write_end(const FarmEnd& end) const {
-  write_file_atomically(end_file(), format_farm_end(end));
+void JobFolder::write_end(const schemas::FarmEnd& end) const {
+  write_file_atomically(end_file(), schemas::format_farm_end(end));
 }
 
 void JobFolder::reopen() const {
   std::error_code ignored;
   int n = 1;
-  while (fs::exists(path_ / fmt::format("ended.{}.json", n), ignored)) ++n;
+  while (file_exists(path_ / fmt::format("ended.{}.json", n))) ++n;
   std::error_code error;
   fs::rename(end_file(), path_ / fmt::format("ended.{}.json", n), error);
   fs::remove(cancel_file(), ignored);
@@ -132,11 +131,10 @@ void JobFolder::reopen() const {
 
 std::vector<std::pair<std::string, std::string>> JobFolder::excluded_nodes() const {
   std::vector<std::pair<std::string, std::string>> nodes;
-  std::error_code error;
-  for (fs::directory_iterator entry(excluded(), error), end; entry != end; entry.increment(error)) {
-    std::string name = entry->path().filename().string();
+  for (const fs::path& file : entries_of(excluded())) {
+    std::string name = file.filename().string();
     if (name.starts_with('.')) continue;
-    std::string reason = read_record(entry->path()).value_or("");
+    std::string reason = read_record(file).value_or("");
     while (!reason.empty() && reason.back() == '\n') reason.pop_back();
     nodes.emplace_back(std::move(name), std::move(reason));
   }
@@ -145,8 +143,7 @@ std::vector<std::pair<std::string, std::string>> JobFolder::excluded_nodes() con
 }
 
 bool JobFolder::is_excluded(std::string_view node) const {
-  std::error_code ignored;
-  return fs::exists(excluded() / as_file_name(node), ignored);
+  return file_exists(excluded() / as_file_name(node));
 }
 
 void JobFolder::exclude(std::string_view node, std::string_view reason) const {
@@ -175,7 +172,7 @@ NodeLock::~NodeLock() {
 }
 
 fs::path farm_folder(const std::string& output) {
-  const SequenceName name(output);
+  const compose::SequenceName name(output);
   std::string stem = fs::path(output).stem().string();
   for (const char token : {'#', '@'})
     stem.erase(std::remove(stem.begin(), stem.end(), token), stem.end());
@@ -192,10 +189,9 @@ fs::path farm_folder(const std::string& output) {
 std::vector<JobFolder> list_jobs(const fs::path& farm_folder) {
   std::vector<std::pair<int, fs::path>> found;
   std::error_code error;
-  for (fs::directory_iterator entry(farm_folder, error), end; entry != end;
-       entry.increment(error)) {
-    const auto number = number_after(kJobPrefix, entry->path().filename().string());
-    if (number && entry->is_directory(error)) found.emplace_back(*number, entry->path());
+  for (const fs::path& path : entries_of(farm_folder)) {
+    const auto number = number_after(kJobPrefix, path.filename().string());
+    if (number && fs::is_directory(path, error)) found.emplace_back(*number, path);
   }
   std::ranges::sort(found);
   std::vector<JobFolder> jobs;
@@ -206,14 +202,11 @@ std::vector<JobFolder> list_jobs(const fs::path& farm_folder) {
 std::optional<JobFolder> find_live_job(const std::string& output, const fs::path& before) {
   std::optional<JobFolder> live;
   for (const JobFolder& folder : list_jobs(farm_folder(output))) {
-    std::error_code ignored;
     if (!before.empty() && folder.path().filename() == before.filename()) break;
-    if (fs::exists(folder.end_file(), ignored)) continue;
+    if (file_exists(folder.end_file())) continue;
     const auto text = read_record(folder.job_file());
     // A job without a document is being created, perhaps for this output.
-    if (!text || is_same_sequence(folder.job().output, output)) {
-      live = folder;
-    }
+    if (!text || is_same_sequence(folder.job().output, output)) live = folder;
   }
   return live;
 }
@@ -239,12 +232,12 @@ JobFolder create_job_folder(const std::string& output) {
 }
 
 JobFolder find_job(const fs::path& named) {
-  std::error_code ignored;
   const fs::path absolute = fs::absolute(named).lexically_normal();
   const fs::path path = absolute.has_filename() ? absolute : absolute.parent_path();
   if (path.filename() == "job.json") return JobFolder(path.parent_path());
-  if (fs::exists(path / "job.json", ignored)) return JobFolder(path);
+  if (file_exists(path / "job.json")) return JobFolder(path);
   std::vector<JobFolder> jobs = list_jobs(path);
+  std::error_code ignored;
   if (jobs.empty() && !fs::is_directory(path, ignored)) {
     try {
       jobs = list_jobs(farm_folder(path.string()));
@@ -264,14 +257,21 @@ JobFolder find_job(const fs::path& named) {
   return jobs.back();
 }
 
+std::vector<fs::path> entries_of(const fs::path& folder) {
+  std::vector<fs::path> entries;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; entry != end; entry.increment(error)) {
+    entries.push_back(entry->path());
+  }
+  return entries;
+}
+
 std::string node_name() {
   // Several nodes may share one host; Slurm sets the variable in every task.
   if (const char* slurm = std::getenv("SLURMD_NODENAME"); slurm != nullptr && *slurm != '\0') {
     return slurm;
   }
-  std::array<char, 256> name{};
-  if (gethostname(name.data(), name.size() - 1) != 0 || name[0] == '\0') return "unknown";
-  return name.data();
+  return host_name();
 }
 
 Nanoseconds utc_now() {

@@ -36,14 +36,14 @@ class JobFolder {
 
   /// Returns the job with paths as the nodes see them. Throws Error (bad input) if there is no job
   /// or its document is damaged.
-  FarmJobDocument job() const;
+  schemas::FarmJobDocument job() const;
   /// Returns the job with paths as this host sees them, whether submitting host or node.
-  FarmJobDocument local_job() const;
+  schemas::FarmJobDocument local_job() const;
   /// Returns the written rounds, sorted by number.
-  std::vector<FarmRound> rounds() const;
+  std::vector<schemas::FarmRound> rounds() const;
   /// Returns how the job ended, or nothing while it is not over.
-  std::optional<FarmEnd> end() const;
-  void write_end(const FarmEnd& end) const;
+  std::optional<schemas::FarmEnd> end() const;
+  void write_end(const schemas::FarmEnd& end) const;
   /// Moves the end to ended.N.json, so that the job can continue.
   void reopen() const;
 
@@ -93,6 +93,9 @@ JobFolder find_job(const std::filesystem::path& named);
 /// Reads a small text file of a job folder without following links. Returns nothing if the file is
 /// missing or larger than 16 MiB.
 std::optional<std::string> read_record(const std::filesystem::path& file);
+
+/// Returns the paths of a folder's entries; none if it cannot be read.
+std::vector<std::filesystem::path> entries_of(const std::filesystem::path& folder);
 
 /// Returns the name of the node within a Slurm task (SLURMD_NODENAME), otherwise the host's name.
 std::string node_name();

@@ -22,7 +22,7 @@ TEST(JobFolder, StandsNextToTheOutput) {
 }
 
 TEST(JobFolder, IsGivenToOneSubmissionOnly) {
-  const TestFolder parent;
+  const testing::TestFolder parent;
   const std::string output = (parent.path() / "f.####.exr").string();
   std::vector<std::thread> threads;
   std::vector<std::string> made(8);
@@ -34,7 +34,7 @@ TEST(JobFolder, IsGivenToOneSubmissionOnly) {
 }
 
 TEST(JobFolder, ALiveJobIsFoundByItsOutput) {
-  const TestFolder parent;
+  const testing::TestFolder parent;
   const std::string output = (parent.path() / "f.####.exr").string();
   EXPECT_FALSE(find_live_job(output));
   const JobFolder folder = testing::write_small_job(parent.path());
@@ -43,7 +43,7 @@ TEST(JobFolder, ALiveJobIsFoundByItsOutput) {
   EXPECT_FALSE(find_live_job((parent.path() / "f_####.exr").string())) << "another sequence";
   EXPECT_TRUE(find_live_job((parent.path() / "f.%04d.exr").string())) << "the same files";
   EXPECT_FALSE(find_live_job(output, folder.path())) << "no job before it";
-  FarmEnd end;
+  schemas::FarmEnd end;
   end.ended_utc = utc_now();
   folder.write_end(end);
   EXPECT_FALSE(find_live_job(output));
@@ -53,7 +53,7 @@ TEST(JobFolder, ALiveJobIsFoundByItsOutput) {
 }
 
 TEST(JobFolder, IsFoundByAnyOfItsNames) {
-  const TestFolder parent;
+  const testing::TestFolder parent;
   testing::write_small_job(parent.path());
   const JobFolder second = testing::write_small_job(parent.path());
   EXPECT_EQ(second.path().filename(), "job-0002");
@@ -66,7 +66,7 @@ TEST(JobFolder, IsFoundByAnyOfItsNames) {
 }
 
 TEST(JobFolder, ExcludedNodesStayWithTheirReasons) {
-  const TestFolder parent;
+  const testing::TestFolder parent;
   const JobFolder folder = testing::write_small_job(parent.path());
   folder.exclude("n3", "the disk is full");
   folder.exclude("n3", "another reason");

@@ -75,12 +75,12 @@ int automatic_chunk_size(std::size_t frames, std::optional<double> seconds_per_f
   return static_cast<int>(chunk);
 }
 
-std::vector<ChunkGroup> group_chunks(const FarmJobDocument& job, std::span<const int> prepare,
-                                     std::span<const int> render) {
+std::vector<ChunkGroup> group_chunks(const schemas::FarmJobDocument& job,
+                                     std::span<const int> prepare, std::span<const int> render) {
   std::map<std::vector<int>, std::vector<int>> groups;
   for (const int chunk : render) {
     std::vector<int> waits;
-    for (const int instant : job.chunks[static_cast<std::size_t>(chunk)].instants) {
+    for (const int instant : job.chunks[chunk].instants) {
       if (std::ranges::binary_search(prepare, instant)) waits.push_back(instant);
     }
     std::ranges::sort(waits);

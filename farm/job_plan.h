@@ -33,8 +33,8 @@ struct ChunkGroup {
 /// Groups the chunks of a round by the instants that they depend on. Instants that are not prepared
 /// in this round are ignored. Each group is one array, so that a chunk waits only for its own
 /// instants. If there are more than 100 groups, adjacent groups are merged.
-std::vector<ChunkGroup> group_chunks(const FarmJobDocument& job, std::span<const int> prepare,
-                                     std::span<const int> render);
+std::vector<ChunkGroup> group_chunks(const schemas::FarmJobDocument& job,
+                                     std::span<const int> prepare, std::span<const int> render);
 
 /// A part of an array: array index `i` of Slurm is task `i + offset` of the stage.
 struct ArrayPart {

@@ -49,8 +49,8 @@ TEST(JobPlan, TasksLastMinutesAndStayManyEnough) {
 }
 
 TEST(JobPlan, AChunkWaitsOnlyForItsInstants) {
-  const FarmJobDocument job = testing::make_small_job();
-  const FarmRound round = testing::first_round();
+  const schemas::FarmJobDocument job = testing::make_small_job();
+  const schemas::FarmRound round = testing::first_round();
   const auto groups = group_chunks(job, round.prepare, round.render);
   ASSERT_EQ(groups.size(), 3U);
   EXPECT_THAT(groups[0].instants, ElementsAre(0));
@@ -66,7 +66,7 @@ TEST(JobPlan, AChunkWaitsOnlyForItsInstants) {
 }
 
 TEST(JobPlan, LongMovesTakeABoundedNumberOfSubmissions) {
-  FarmJobDocument job = testing::make_small_job();
+  schemas::FarmJobDocument job = testing::make_small_job();
   job.chunks.clear();
   job.instants.assign(1000, job.instants[0]);
   std::vector<int> all(1000);

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <array>
 #include <chrono>
 #include <csignal>
 #include <fstream>
@@ -12,7 +11,7 @@
 #include <thread>
 
 #include "base/atomic_file.h"
-#include "farm/rounds.h"
+#include "base/resources.h"
 #include "farm/task.h"
 #include "farm/verification.h"
 
@@ -33,51 +32,45 @@ std::string start_of_process(std::int64_t process) {
   return field;
 }
 
-/// Returns the name of the machine, also within a Slurm task.
-std::string host_name() {
-  std::array<char, 256> name{};
-  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "unknown";
-}
-
 class LocalRun {
  public:
   LocalRun(const JobFolder& folder, const LocalOptions& options, const std::stop_token& stop)
       : folder_(folder), options_(options), stop_(stop), job_(folder.job()) {}
 
   ExitCode run() {
-    for (FarmRound round = folder_.rounds().back();;) {
+    for (schemas::FarmRound round = folder_.rounds().back();;) {
       sign(round);
       run_round(round);
       if (stop_.stop_requested()) return stopped();
-      run_task_of(FarmStage::kVerify, 0, round.round);
+      run_task_of(schemas::FarmStage::kVerify, 0, round.round);
       if (stop_.stop_requested()) return stopped();
-      const std::vector<FarmRound> rounds = folder_.rounds();
+      const std::vector<schemas::FarmRound> rounds = folder_.rounds();
       if (rounds.back().round == round.round) break;
       round = rounds.back();
     }
-    const std::optional<FarmEnd> end = folder_.end();
-    if (!end || end->state != FarmEnd::State::kDone) {
+    const std::optional<schemas::FarmEnd> end = folder_.end();
+    if (!end || end->state != schemas::FarmEnd::State::kDone) {
       if (end)
         options_.on_message(
             fmt::format("missing frames: {}. {}", end->missing_frames, end->reason));
       return end && end->missing_frames.empty() ? ExitCode::kFailed : ExitCode::kSomeFramesFailed;
     }
     options_.progress(1);
-    return job_.preview ? run_task_of(FarmStage::kPreview, 0, 1) : ExitCode::kSuccess;
+    return job_.preview ? run_task_of(schemas::FarmStage::kPreview, 0, 1) : ExitCode::kSuccess;
   }
 
  private:
-  void sign(FarmRound& round) {
+  void sign(schemas::FarmRound& round) {
     round.host = host_name();
     round.process = getpid();
     round.process_start = start_of_process(round.process);
-    write_file_atomically(folder_.round_file(round.round), format_farm_round(round));
+    write_file_atomically(folder_.round_file(round.round), schemas::format_farm_round(round));
   }
 
-  void run_round(const FarmRound& round) {
+  void run_round(const schemas::FarmRound& round) {
     const double tasks = static_cast<double>(round.prepare.size() + round.render.size());
     double done = 0;
-    const auto run_all = [&](FarmStage stage, const std::vector<int>& indices) {
+    const auto run_all = [&](schemas::FarmStage stage, const std::vector<int>& indices) {
       for (const int index : indices) {
         if (stop_.stop_requested()) return;
         run_task_of(stage, index, round.round,
@@ -85,12 +78,13 @@ class LocalRun {
         done += 1;
       }
     };
-    run_all(FarmStage::kPrepare, round.prepare);
-    run_all(FarmStage::kRender, round.render);
+    run_all(schemas::FarmStage::kPrepare, round.prepare);
+    run_all(schemas::FarmStage::kRender, round.render);
   }
 
   ExitCode run_task_of(
-      FarmStage stage, int index, int round, std::function<void(double)> progress = [](double) {}) {
+      schemas::FarmStage stage, int index, int round,
+      std::function<void(double)> progress = [](double) {}) {
     TaskRequest request{folder_, stage, index, round};
     request.timeout_seconds = 0;  // this host wrote the frames
     request.progress = std::move(progress);
@@ -99,18 +93,15 @@ class LocalRun {
   }
 
   ExitCode stopped() {
-    FarmEnd end;
-    end.state = FarmEnd::State::kStopped;
-    end.reason = "the process that ran the job was stopped";
-    end.frames = static_cast<int>(job_frames(job_).size());
-    end_job(folder_, job_, end);
+    end_job(folder_, job_,
+            {schemas::FarmEnd::State::kStopped, "the process that ran the job was stopped"});
     return ExitCode::kFailed;
   }
 
   const JobFolder& folder_;
   const LocalOptions& options_;
   const std::stop_token& stop_;
-  const FarmJobDocument job_;
+  const schemas::FarmJobDocument job_;
 };
 
 }  // namespace
@@ -123,7 +114,7 @@ ExitCode run_job_locally(const JobFolder& folder, const LocalOptions& options,
 void stop_local_job(const JobFolder& folder) {
   constexpr int kMostLooks = 600;
   constexpr std::chrono::milliseconds kBetweenLooks{100};
-  for (const FarmRound& round : folder.rounds()) {
+  for (const schemas::FarmRound& round : folder.rounds()) {
     if (round.host.empty()) continue;
     for (int looks = 0; is_local_job_running(round) != false; ++looks) {
       if (!is_local_job_running(round) || looks == kMostLooks) {
@@ -135,7 +126,7 @@ void stop_local_job(const JobFolder& folder) {
   }
 }
 
-std::optional<bool> is_local_job_running(const FarmRound& round) {
+std::optional<bool> is_local_job_running(const schemas::FarmRound& round) {
   if (round.host.empty()) return false;
   if (round.host != host_name()) return std::nullopt;
   const std::string start = start_of_process(round.process);

@@ -23,7 +23,7 @@ ExitCode run_job_locally(const JobFolder& folder, const LocalOptions& options,
 
 /// Returns whether the process that runs the job (engine local) is alive, or nothing if the job
 /// runs on another host.
-std::optional<bool> is_local_job_running(const FarmRound& round);
+std::optional<bool> is_local_job_running(const schemas::FarmRound& round);
 
 /// Stops the process that runs the job on this host, and waits up to a minute for its end. Throws
 /// Error (failed) if it does not end, or runs on another host.

@@ -91,8 +91,7 @@ std::optional<std::string> write_fault(const fs::path& folder, std::uintmax_t by
   const fs::space_info space = fs::space(folder, error);
   if (!error && space.available < bytes) {
     return fmt::format("{}: the disk has room for {:.1f} MB, a frame needs {:.1f} MB",
-                       folder.string(), static_cast<double>(space.available) * 1e-6,
-                       static_cast<double>(bytes) * 1e-6);
+                       folder.string(), space.available * 1e-6, bytes * 1e-6);
   }
   try {
     // Only a write detects quotas and disks that are mounted read-only.
@@ -112,14 +111,15 @@ std::optional<std::string> write_fault(const fs::path& folder, std::uintmax_t by
   return std::nullopt;
 }
 
-std::optional<std::string> node_fault(const FarmJobDocument& job, const fs::path& folder) {
+std::optional<std::string> node_fault(const schemas::FarmJobDocument& job, const fs::path& folder) {
   std::error_code error;
   const std::string wanted = job.build.empty() ? first_build(folder / "build") : job.build;
   if (const std::string build = build_id(); build != wanted) {
     return fmt::format("build {} is installed, the job was made with build {}", build, wanted);
   }
-  if (const SimdLevel best = best_simd_level(); parse_simd_level(job.simd) > best) {
-    return fmt::format("the processor supports {}, the job needs {}", simd_level_name(best),
+  if (const render::SimdLevel best = render::best_simd_level();
+      render::parse_simd_level(job.simd) > best) {
+    return fmt::format("the processor supports {}, the job needs {}", render::simd_level_name(best),
                        job.simd);
   }
   if (!fs::is_directory(job.shot_folder, error)) {
@@ -130,7 +130,7 @@ std::optional<std::string> node_fault(const FarmJobDocument& job, const fs::path
       return fmt::format("{}: cannot be read: {}", input, std::generic_category().message(errno));
     }
   }
-  return write_fault(SequenceName(job.output).folder(),
+  return write_fault(compose::SequenceName(job.output).folder(),
                      static_cast<std::uintmax_t>(job.frame_bytes));
 }
 

@@ -19,7 +19,7 @@ std::string build_id();
 /// can: a missing folder, an output folder that is not writable, an unreadable input, no disk space
 /// for a frame, or another build. A job without a build (its tasks run in a container) takes the
 /// build of the first node that is checked, stored in `folder`/build.
-std::optional<std::string> node_fault(const FarmJobDocument& job,
+std::optional<std::string> node_fault(const schemas::FarmJobDocument& job,
                                       const std::filesystem::path& folder);
 
 /// Returns why a file of `bytes` cannot be written to this folder and flushed, or nothing if it

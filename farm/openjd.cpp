@@ -14,7 +14,7 @@ using OrderedJson = nlohmann::ordered_json;
 
 constexpr std::size_t kLongestName = 64;
 
-OrderedJson host_requirements(const FarmResources& resources) {
+OrderedJson host_requirements(const schemas::FarmResources& resources) {
   // amount.worker.memory is in MiB (specification 3.3.1).
   const double mebibytes = resources.memory_gb * 1e9 * 1.1 / (1 << 20) + 400;
   return {
@@ -26,15 +26,15 @@ OrderedJson host_requirements(const FarmResources& resources) {
 }
 
 /// Returns the script of a step. A shell runs the command if it has a prefix, which is shell text.
-OrderedJson script(const std::string& command_prefix, FarmStage stage, const std::string& index,
-                   const FarmResources& resources) {
+OrderedJson script(const std::string& command_prefix, schemas::FarmStage stage,
+                   const std::string& index, const schemas::FarmResources& resources) {
   OrderedJson arguments = OrderedJson::array();
   if (!command_prefix.empty())
     arguments = {"-c", command_prefix + " \"$@\"", "sh", "{{Param.Raystage}}"};
   for (const std::string_view word : {"farm", "task", "{{Param.JobFolder}}"}) {
     arguments.push_back(word);
   }
-  arguments.push_back(farm_stage_name(stage));
+  arguments.push_back(schemas::farm_stage_name(stage));
   arguments.push_back(index);
   for (const std::string_view word :
        {"--progress", "openjd", "--path-mapping", "{{Session.PathMappingRulesFile}}"}) {
@@ -49,15 +49,16 @@ OrderedJson script(const std::string& command_prefix, FarmStage stage, const std
   return {{"actions", {{"onRun", std::move(on_run)}}}};
 }
 
-std::string step_name(FarmStage stage) {
-  std::string name(farm_stage_name(stage));
+std::string step_name(schemas::FarmStage stage) {
+  std::string name(schemas::farm_stage_name(stage));
   name.front() = static_cast<char>(name.front() - 'a' + 'A');
   return name;
 }
 
-OrderedJson step(const FarmJobDocument& job, FarmStage stage, std::size_t tasks) {
+OrderedJson step(const schemas::FarmJobDocument& job, schemas::FarmStage stage, std::size_t tasks) {
   OrderedJson result{{"name", step_name(stage)}};
-  const bool has_space = stage == FarmStage::kPrepare || stage == FarmStage::kRender;
+  const bool has_space =
+      stage == schemas::FarmStage::kPrepare || stage == schemas::FarmStage::kRender;
   result["hostRequirements"] = host_requirements(job.of(stage));
   if (has_space) {
     result["parameterSpace"] = {
@@ -73,7 +74,7 @@ OrderedJson step(const FarmJobDocument& job, FarmStage stage, std::size_t tasks)
 
 }  // namespace
 
-std::string openjd_template(const FarmJobDocument& job) {
+std::string openjd_template(const schemas::FarmJobDocument& job) {
   OrderedJson json{{"specificationVersion", "jobtemplate-2023-09"},
                    {"name", job.id.substr(0, kLongestName)}};
   json["description"] =
@@ -91,21 +92,21 @@ std::string openjd_template(const FarmJobDocument& job) {
         {"default", job.program},
         {"description", "Command that runs Raystage on a worker."}}});
   OrderedJson& steps = json["steps"] = OrderedJson::array();
-  const auto depends = [&](OrderedJson made, FarmStage on) {
+  const auto depends = [&](OrderedJson made, schemas::FarmStage on) {
     made["dependencies"] = OrderedJson::array({{{"dependsOn", step_name(on)}}});
     steps.push_back(std::move(made));
   };
   const bool prepares = !job.instants.empty();
-  if (prepares) steps.push_back(step(job, FarmStage::kPrepare, job.instants.size()));
-  OrderedJson render = step(job, FarmStage::kRender, job.chunks.size());
+  if (prepares) steps.push_back(step(job, schemas::FarmStage::kPrepare, job.instants.size()));
+  OrderedJson render = step(job, schemas::FarmStage::kRender, job.chunks.size());
   if (prepares) {
-    depends(std::move(render), FarmStage::kPrepare);
+    depends(std::move(render), schemas::FarmStage::kPrepare);
   } else {
     steps.push_back(std::move(render));
   }
-  depends(step(job, FarmStage::kVerify, 1), FarmStage::kRender);
-  if (job.preview) depends(step(job, FarmStage::kPreview, 1), FarmStage::kVerify);
-  return format_json(json);
+  depends(step(job, schemas::FarmStage::kVerify, 1), schemas::FarmStage::kRender);
+  if (job.preview) depends(step(job, schemas::FarmStage::kPreview, 1), schemas::FarmStage::kVerify);
+  return schemas::format_json(json);
 }
 
 }  // namespace raystage::farm

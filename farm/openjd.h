@@ -13,7 +13,7 @@ namespace raystage::farm {
 /// with a step per stage and a task per task of the stage. Tasks run `raystage farm task` on the
 /// job folder, which is a parameter of the template, so that a session's path mapping applies. The
 /// render manager is responsible for retries.
-std::string openjd_template(const FarmJobDocument& job);
+std::string openjd_template(const schemas::FarmJobDocument& job);
 
 /// Returns the violations of the published rules in a template, each with its JSON pointer. Checks
 /// what openjd_template() uses: document structure, names, lengths, references in format strings,

@@ -17,7 +17,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 TEST(OpenJd, TheTemplateKeepsThePublishedRules) {
-  const FarmJobDocument job = testing::make_small_job();
+  const schemas::FarmJobDocument job = testing::make_small_job();
   const std::string text = openjd_template(job);
   EXPECT_THAT(validate_openjd_template(text), IsEmpty()) << text;
   const json document = json::parse(text);
@@ -31,7 +31,7 @@ TEST(OpenJd, TheTemplateKeepsThePublishedRules) {
 }
 
 TEST(OpenJd, StagesThatAJobLacksAreNoSteps) {
-  FarmJobDocument job = testing::make_small_job();
+  schemas::FarmJobDocument job = testing::make_small_job();
   job.instants.clear();
   job.preview = false;
   job.chunks = {{"1", {}}};
@@ -41,7 +41,7 @@ TEST(OpenJd, StagesThatAJobLacksAreNoSteps) {
 }
 
 TEST(OpenJd, WordsBeforeTheCommandAreTheShells) {
-  FarmJobDocument job = testing::make_small_job();
+  schemas::FarmJobDocument job = testing::make_small_job();
   job.command_prefix = "apptainer exec -B '/a b' /net/x.sif";
   const std::string text = openjd_template(job);
   EXPECT_THAT(validate_openjd_template(text), IsEmpty()) << text;

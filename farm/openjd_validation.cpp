@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <nlohmann/json.hpp>
 #include <regex>
 #include <set>
@@ -283,7 +282,7 @@ class TemplateCheck {
 
 std::vector<std::string> validate_openjd_template(std::string_view template_text) {
   try {
-    return TemplateCheck().run(parse_json(template_text, "template"));
+    return TemplateCheck().run(schemas::parse_json(template_text, "template"));
   } catch (const Error& error) {
     return {error.what()};
   } catch (const Json::exception& error) {  // a value has the wrong type

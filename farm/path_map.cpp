@@ -36,11 +36,11 @@ PathMappingRule parse_path_rule(std::string_view text) {
 }
 
 std::vector<PathMappingRule> read_path_mapping(const std::filesystem::path& file) {
-  const nlohmann::json json = parse_json(read_file(file), file.string());
+  const nlohmann::json json = schemas::parse_json(read_file(file), file.string());
   const auto refuse = [&](const std::string& pointer) {
-    return json_value_error(file.string(), pointer,
-                            "the file is not a path mapping of version pathmapping-1.0",
-                            "Use the file that the session names");
+    return schemas::json_value_error(file.string(), pointer,
+                                     "the file is not a path mapping of version pathmapping-1.0",
+                                     "Use the file that the session names");
   };
   if (!json.is_object() || json.value("version", nlohmann::json()) != "pathmapping-1.0") {
     throw refuse("/version");
@@ -73,12 +73,12 @@ std::string map_path(const std::string& path, std::span<const PathMappingRule> r
   return path;
 }
 
-void map_paths(FarmJobDocument& job, std::span<const PathMappingRule> rules) {
+void map_paths(schemas::FarmJobDocument& job, std::span<const PathMappingRule> rules) {
   for (std::string* path :
        {&job.folder, &job.shot_folder, &job.output, &job.cache, &job.color_config}) {
     *path = map_path(*path, rules);
   }
-  for (FarmJobDocument::PrepareTask& instant : job.instants)
+  for (schemas::FarmJobDocument::PrepareTask& instant : job.instants)
     instant.file = map_path(instant.file, rules);
   for (std::string& file : job.inputs) file = map_path(file, rules);
   for (std::string& file : job.pinned) file = map_path(file, rules);
@@ -87,12 +87,12 @@ void map_paths(FarmJobDocument& job, std::span<const PathMappingRule> rules) {
 std::string map_shot_paths(std::string_view shot_text, std::string_view name,
                            std::span<const PathMappingRule> rules) {
   if (rules.empty()) return std::string(shot_text);
-  nlohmann::ordered_json json = parse_json(shot_text, name);
+  nlohmann::ordered_json json = schemas::parse_json(shot_text, name);
   map_strings(json, rules);
-  return format_json(json);
+  return schemas::format_json(json);
 }
 
-std::vector<PathMappingRule> local_path_rules(const FarmJobDocument& job,
+std::vector<PathMappingRule> local_path_rules(const schemas::FarmJobDocument& job,
                                               const std::filesystem::path& folder) {
   std::error_code ignored;
   std::vector<PathMappingRule> reversed;

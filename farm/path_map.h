@@ -11,7 +11,7 @@
 
 namespace raystage::farm {
 
-using PathMappingRule = FarmJobDocument::PathMappingRule;
+using PathMappingRule = schemas::FarmJobDocument::PathMappingRule;
 
 /// Parses "FROM=TO", two absolute paths. Throws Error (bad input).
 PathMappingRule parse_path_rule(std::string_view text);
@@ -27,14 +27,14 @@ bool path_rule_matches(const PathMappingRule& rule, std::string_view path);
 std::string map_path(const std::string& path, std::span<const PathMappingRule> rules);
 
 /// Maps every path of a job except the program's, or every absolute path in the text of a shot.
-void map_paths(FarmJobDocument& job, std::span<const PathMappingRule> rules);
+void map_paths(schemas::FarmJobDocument& job, std::span<const PathMappingRule> rules);
 std::string map_shot_paths(std::string_view shot_text, std::string_view name,
                            std::span<const PathMappingRule> rules);
 
 /// Returns the rules that map the paths of a job's document to those of this host, whose job folder
 /// is `folder`: no rules if the nodes use the same path of the folder, otherwise the job's own
 /// mapping reversed.
-std::vector<PathMappingRule> local_path_rules(const FarmJobDocument& job,
+std::vector<PathMappingRule> local_path_rules(const schemas::FarmJobDocument& job,
                                               const std::filesystem::path& folder);
 
 }  // namespace raystage::farm

@@ -26,7 +26,7 @@ TEST(PathMap, MapsWholeNamesByTheFirstRule) {
 }
 
 TEST(PathMap, ReachesEveryPathOfAJobAndAShot) {
-  FarmJobDocument job = testing::make_small_job();
+  schemas::FarmJobDocument job = testing::make_small_job();
   const std::vector<PathMappingRule> rules{{"/take", "/net/take"}, {"/show", "/net/show"}};
   job.pinned = {"/take/depth/a/b.zst"};
   map_paths(job, rules);
@@ -38,8 +38,8 @@ TEST(PathMap, ReachesEveryPathOfAJobAndAShot) {
 }
 
 TEST(PathMap, KnowsWhichHostsNamesApply) {
-  const TestFolder folder;
-  FarmJobDocument job = testing::make_small_job();
+  const testing::TestFolder folder;
+  schemas::FarmJobDocument job = testing::make_small_job();
   job.paths = {{"/mnt/show", "/net/show"}};
   job.folder = folder.path().string();
   EXPECT_TRUE(local_path_rules(job, folder.path() / ".").empty()) << "the nodes' names";
@@ -50,7 +50,7 @@ TEST(PathMap, KnowsWhichHostsNamesApply) {
 }
 
 TEST(PathMap, ReadsASessionsRules) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const auto file = folder.path() / "rules.json";
   write_file_atomically(file, R"({"version": "pathmapping-1.0", "path_mapping_rules": [
     {"source_path_format": "WINDOWS", "source_path": "Z:\\x", "destination_path": "/x"},

@@ -1,26 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parses the lines of SequenceReport::stages() and summary(), depths_line() and the renderer's
-// failures. render_log_parser_test.cpp checks that the texts match.
+// Parses the lines of SequenceReport::stages() and summary() and the renderer's failures.
+// render_log_parser_test.cpp checks that the texts match.
 #include "farm/render_log_parser.h"
 
-#include <charconv>
+#include "base/number_text.h"
 
 namespace raystage::farm {
 namespace {
 
 /// Returns the number that follows `label` in the line, or 0 if there is none.
 double value_after(std::string_view line, std::string_view label) {
-  double number = 0;
   const std::size_t at = line.find(label);
-  if (at == std::string_view::npos) return number;
-  const std::string_view text = line.substr(at + label.size());
-  std::from_chars(text.data(), text.data() + text.size(), number);
-  return number;
+  return at == std::string_view::npos ? 0 : number_at_start<double>(line.substr(at + label.size()));
 }
 
-RenderStageCosts costs_of(std::string_view line) {
+schemas::RenderStageCosts costs_of(std::string_view line) {
   constexpr double kSeconds = 1e-3, kBytes = 1e6;
-  RenderStageCosts costs;
+  schemas::RenderStageCosts costs;
   costs.frames_in_flight = static_cast<int>(value_after(line, "milliseconds a frame, "));
   costs.light_fields_s = kSeconds * value_after(line, "light fields ");
   costs.geometry_s = kSeconds * value_after(line, "geometry ");
@@ -58,10 +54,8 @@ void RenderLogParser::parse_line(std::string_view line) {
   if (failed_at == std::string_view::npos) return;
   if (first_failure.empty()) first_failure = line;
   if (!line.starts_with(kFrame)) return;
-  int frame = 0;
-  const char* end = line.data() + failed_at;
-  const auto number = std::from_chars(line.data() + kFrame.size(), end, frame);
-  if (number.ec == std::errc() && number.ptr == end) failed_frames.insert(frame);
+  const auto frame = parse_number<int>(line.substr(kFrame.size(), failed_at - kFrame.size()));
+  if (frame) failed_frames.insert(*frame);
 }
 
 }  // namespace raystage::farm

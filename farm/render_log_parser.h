@@ -23,7 +23,7 @@ class RenderLogParser {
   int solved = 0, read = 0;  ///< light field frames whose depths were estimated, or read
   std::string last, first_failure, error_message;
   std::set<int> failed_frames;
-  std::optional<RenderStageCosts> rendering;
+  std::optional<schemas::RenderStageCosts> rendering;
 };
 
 }  // namespace raystage::farm

@@ -9,7 +9,7 @@ namespace raystage::farm {
 namespace {
 
 TEST(RenderLogParser, ReadsWhatTheRendererReports) {
-  SequenceReport report;
+  compose::SequenceReport report;
   report.requested = 12;
   report.rendered = 10;
   report.failures = {{3, "x", false}, {4, "x", false}};
@@ -49,7 +49,7 @@ TEST(RenderLogParser, FindsTheReasonAmongWhatMpirunSays) {
 }
 
 TEST(RenderLogParser, KnowsNoCostsWhereNothingWasRendered) {
-  SequenceReport report;
+  compose::SequenceReport report;
   report.requested = report.skipped = 4;
   RenderLogParser log;
   log.parse_line(report.stages());

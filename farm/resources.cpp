@@ -18,12 +18,11 @@ constexpr int kLeastMinutes = 10;
 
 double rounded_up(double gb) { return std::ceil(std::max(gb, kLeastGb) / kStep) * kStep; }
 
-double camera_pixels(const ShotPlan& plan) {
+double camera_pixels(const compose::ShotPlan& plan) {
   double most = 0;
-  for (std::size_t i = 0; i < plan.layers(); ++i) {
-    if (plan.light_field(i) == nullptr) continue;
+  for (const compose::LightFieldLayer* light_field : plan.light_fields()) {
     double pixels = 0;
-    for (const Rig::Camera& camera : plan.light_field(i)->take().rig().cameras) {
+    for (const rig::Rig::Camera& camera : light_field->take().rig().cameras) {
       pixels += static_cast<double>(camera.model.width()) * camera.model.height();
     }
     most = std::max(most, pixels);
@@ -35,8 +34,8 @@ double camera_pixels(const ShotPlan& plan) {
 double render_gb(const ResourceRequest& request) {
   const auto frames_in_flight =
       static_cast<std::size_t>(std::clamp(request.threads, 1, kMostFramesInFlight));
-  const double planned = 2e-9 * static_cast<double>(required_memory(
-                                    request.plan, request.frames, frames_in_flight, request.deep));
+  const double planned =
+      2e-9 * compose::required_memory(request.plan, request.frames, frames_in_flight, request.deep);
   const double measured =
       request.measured ? 1e-9 * kMoreThanMeasured * request.measured->peak_memory_bytes : 0;
   return rounded_up(std::max(planned, measured));
@@ -50,15 +49,16 @@ std::optional<int> minutes_for(double seconds, const ResourceRequest& request) {
 
 }  // namespace
 
-double estimate_frame_bytes(const ShotPlan& plan, bool deep) {
-  return static_cast<double>(uncompressed_file_bytes(plan, deep)) / 4;
+double estimate_frame_bytes(const compose::ShotPlan& plan, bool deep) {
+  return static_cast<double>(compose::uncompressed_file_bytes(plan, deep)) / 4;
 }
 
-FarmResources estimate_resources(FarmStage stage, const ResourceRequest& request) {
-  FarmResources resources;
+schemas::FarmResources estimate_resources(schemas::FarmStage stage,
+                                          const ResourceRequest& request) {
+  schemas::FarmResources resources;
   const double frame_seconds = request.measured ? request.measured->wall_seconds : 0;
   switch (stage) {
-    case FarmStage::kPrepare:
+    case schemas::FarmStage::kPrepare:
       resources.threads = request.threads;
       resources.memory_gb =
           request.memory_gb > 0
@@ -68,16 +68,16 @@ FarmResources estimate_resources(FarmStage stage, const ResourceRequest& request
       // At least 10 minutes per instant: the measured frame may have found its depths stored.
       resources.minutes = minutes_for(std::max(frame_seconds, 600.0), request);
       break;
-    case FarmStage::kRender:
+    case schemas::FarmStage::kRender:
       resources.threads = request.threads;
       resources.memory_gb = request.memory_gb > 0 ? request.memory_gb : render_gb(request);
       resources.minutes = minutes_for(frame_seconds * request.longest_chunk, request);
       break;
-    case FarmStage::kVerify:
-    case FarmStage::kPreview:
+    case schemas::FarmStage::kVerify:
+    case schemas::FarmStage::kPreview:
       resources.threads = 1;
-      resources.memory_gb = rounded_up(
-          4e-9 * static_cast<double>(uncompressed_file_bytes(request.plan, request.deep)));
+      resources.memory_gb =
+          rounded_up(4e-9 * compose::uncompressed_file_bytes(request.plan, request.deep));
       break;
   }
   return resources;

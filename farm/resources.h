@@ -12,22 +12,23 @@ namespace raystage::farm {
 
 /// The inputs of estimate_resources().
 struct ResourceRequest {
-  const ShotPlan& plan;
-  std::span<const PlannedFrame> frames;
+  const compose::ShotPlan& plan;
+  std::span<const compose::PlannedFrame> frames;
   bool deep = false;
-  int threads = 1;                                  ///< per task of stage render or prepare
-  double memory_gb = 0;                             ///< requested; 0: estimate it
-  std::optional<int> minutes = {};                  ///< requested; none: estimate it
-  int longest_chunk = 1;                            ///< frames
-  const std::optional<FarmAttempt::End>& measured;  ///< the measured first frame; none: unknown
+  int threads = 1;                  ///< per task of stage render or prepare
+  double memory_gb = 0;             ///< requested; 0: estimate it
+  std::optional<int> minutes = {};  ///< requested; none: estimate it
+  int longest_chunk = 1;            ///< frames
+  const std::optional<schemas::FarmAttempt::End>&
+      measured;  ///< the measured first frame; none: unknown
 };
 
 /// Returns the resources of a task. Memory comes from the memory plan and is raised if the measured
 /// frame took more. If a frame was measured, the time limit is four times the expected time of the
 /// longest task, at least ten minutes.
-FarmResources estimate_resources(FarmStage stage, const ResourceRequest& request);
+schemas::FarmResources estimate_resources(schemas::FarmStage stage, const ResourceRequest& request);
 
 /// Returns the disk space for one frame in bytes: a quarter of its uncompressed size.
-double estimate_frame_bytes(const ShotPlan& plan, bool deep);
+double estimate_frame_bytes(const compose::ShotPlan& plan, bool deep);
 
 }  // namespace raystage::farm

@@ -9,6 +9,7 @@
 #include <set>
 #include <system_error>
 
+#include "base/atomic_file.h"
 #include "base/error.h"
 #include "compose/derived_data.h"
 #include "compose/frame_range.h"
@@ -24,12 +25,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::vector<int> frames_in_chunks(const FarmJobDocument& job, const std::vector<int>& chunks) {
+std::vector<int> frames_in_chunks(const schemas::FarmJobDocument& job,
+                                  const std::vector<int>& chunks) {
   std::set<int> frames;
   for (const int chunk : chunks) {
-    for (const int frame : parse_frame_range(job.chunks[static_cast<std::size_t>(chunk)].frames)) {
+    for (const int frame : compose::parse_frame_range(job.chunks[chunk].frames))
       frames.insert(frame);
-    }
   }
   return {frames.begin(), frames.end()};
 }
@@ -54,12 +55,12 @@ void check_no_other(const JobFolder& folder) {
 }
 
 /// Returns the instants of these chunks whose derived data is not stored.
-std::vector<int> missing_instants(const FarmJobDocument& job, const std::vector<int>& chunks) {
+std::vector<int> missing_instants(const schemas::FarmJobDocument& job,
+                                  const std::vector<int>& chunks) {
   std::set<int> missing;
-  std::error_code ignored;
   for (const int chunk : chunks) {
-    for (const int i : job.chunks[static_cast<std::size_t>(chunk)].instants) {
-      if (!fs::exists(job.instants[static_cast<std::size_t>(i)].file, ignored)) missing.insert(i);
+    for (const int i : job.chunks[chunk].instants) {
+      if (!file_exists(job.instants[i].file)) missing.insert(i);
     }
   }
   return {missing.begin(), missing.end()};
@@ -67,40 +68,37 @@ std::vector<int> missing_instants(const FarmJobDocument& job, const std::vector<
 
 }  // namespace
 
-void queue_round(const JobFolder& folder, const FarmRound& round) {
-  std::error_code ignored;
-  const bool waits = round.round == 1 && fs::exists(folder.after_file(), ignored);
+void queue_round(const JobFolder& folder, const schemas::FarmRound& round) {
+  const bool waits = round.round == 1 && file_exists(folder.after_file());
   try {
     run_queue_script(folder, waits ? "start.sh" : fmt::format("round-{}.sh", round.round));
   } catch (const Error& error) {
-    const FarmJobDocument job = folder.local_job();
+    const schemas::FarmJobDocument job = folder.local_job();
     try {
       cancel_slurm_job(job);  // the tasks that Slurm accepted
     } catch (const Error&) {  // report the first error only
     }
-    FarmEnd end;
-    end.state = FarmEnd::State::kFailed;
-    end.reason = error.what();
-    end.frames = static_cast<int>(job_frames(job).size());
-    end.missing_frames = format_frame_range(frames_in_chunks(job, round.render));
-    end_job(folder, job, end);
+    end_job(folder, job,
+            {schemas::FarmEnd::State::kFailed, error.what(),
+             compose::format_frame_range(frames_in_chunks(job, round.render))});
     throw;
   }
 }
 
-FarmRound write_retry_round(const JobFolder& folder, const std::optional<std::vector<int>>& frames,
-                            const std::stop_token& stop) {
+schemas::FarmRound write_retry_round(const JobFolder& folder,
+                                     const std::optional<std::vector<int>>& frames,
+                                     const std::stop_token& stop) {
   check_not_live(folder);
   check_no_other(folder);
   const MappedJob here = read_local_job(folder);
-  const FarmJobDocument& job = here.job;
-  FarmRound round;
+  const schemas::FarmJobDocument& job = here.job;
+  schemas::FarmRound round;
   round.round = static_cast<int>(folder.rounds().size()) + 1;
   round.fresh = true;
   std::vector<int> wanted;
   if (frames) {
     std::ranges::set_intersection(*frames, job_frames(job), std::back_inserter(wanted));
-    round.frames = format_frame_range(wanted);
+    round.frames = compose::format_frame_range(wanted);
   } else {
     wanted = find_incomplete_frames({folder, job, here.shot, round.round, 0, [](double) {}}, stop);
   }
@@ -108,14 +106,14 @@ FarmRound write_retry_round(const JobFolder& folder, const std::optional<std::ve
   if (round.render.empty()) {
     throw frames
         ? Error::bad_input("the job has none of these frames; its frames are " +
-                               format_frame_range(job_frames(job)),
+                               compose::format_frame_range(job_frames(job)),
                            folder.path().string(), "Name frames of the job")
         : Error::bad_input("nothing to retry: every frame is complete", folder.path().string(),
                            "Name the frames to render again. To make only the movie, run "
                            "raystage preview");
   }
   round.prepare = missing_instants(job, round.render);
-  pin_derived_data(std::vector<fs::path>(job.pinned.begin(), job.pinned.end()), job.id);
+  compose::pin_derived_data(std::vector<fs::path>(job.pinned.begin(), job.pinned.end()), job.id);
   // Faulty nodes may have been repaired since.
   std::error_code ignored;
   for (const auto& [node, reason] : folder.excluded_nodes()) {

@@ -33,19 +33,19 @@ struct TaskHistory {
   std::string reason;      ///< of the last failure
 };
 
-TaskHistory history_of(const std::vector<FarmAttempt>& attempts, int first_round) {
+TaskHistory history_of(const std::vector<schemas::FarmAttempt>& attempts, int first_round) {
   TaskHistory history;
-  for (const FarmAttempt& attempt : attempts) {
+  for (const schemas::FarmAttempt& attempt : attempts) {
     if (attempt.round < first_round) continue;
     if (!attempt.end) {
       ++history.without_blame;
       continue;
     }
-    const FarmAttempt::End& end = *attempt.end;
-    history.bad_input = end.result == AttemptResult::kBadInput;
-    history.stopped = end.result == AttemptResult::kStopped;
-    if (end.result == AttemptResult::kOutOfMemory) ++history.out_of_memory;
-    if (end.result == AttemptResult::kDeclined || end.node_fault) {
+    const schemas::FarmAttempt::End& end = *attempt.end;
+    history.bad_input = end.result == schemas::AttemptResult::kBadInput;
+    history.stopped = end.result == schemas::AttemptResult::kStopped;
+    if (end.result == schemas::AttemptResult::kOutOfMemory) ++history.out_of_memory;
+    if (end.result == schemas::AttemptResult::kDeclined || end.node_fault) {
       ++history.without_blame;
     } else {
       ++history.failed;  // also a successful attempt, because its frames are missing
@@ -55,14 +55,14 @@ TaskHistory history_of(const std::vector<FarmAttempt>& attempts, int first_round
   return history;
 }
 
-bool may_try_again(const FarmJobDocument& job, const TaskHistory& history) {
+bool may_try_again(const schemas::FarmJobDocument& job, const TaskHistory& history) {
   return !history.bad_input && history.out_of_memory < 2 && history.failed < job.attempts &&
          history.without_blame < kMostLost;
 }
 
 /// Adds the instants of a chunk that must be prepared again to the next round.
-void add_instants(const RoundOutcome& state, int chunk, FarmRound& next) {
-  for (const int instant : state.job.chunks[static_cast<std::size_t>(chunk)].instants) {
+void add_instants(const RoundOutcome& state, int chunk, schemas::FarmRound& next) {
+  for (const int instant : state.job.chunks[chunk].instants) {
     const auto found = state.attempts.find({"prepare", instant});
     if (found == state.attempts.end() || needs_no_preparation(found->second)) continue;
     if (std::ranges::find(next.prepare, instant) != next.prepare.end()) continue;
@@ -79,7 +79,7 @@ bool is_every_node_at_fault(const RoundOutcome& state) {
   std::set<std::string> tried;
   for (const auto& [task, attempts] : state.attempts) {
     if (task.first != "prepare" && task.first != "render") continue;
-    for (const FarmAttempt& attempt : attempts) tried.insert(attempt.node);
+    for (const schemas::FarmAttempt& attempt : attempts) tried.insert(attempt.node);
   }
   if (state.excluded.size() > std::max(kMostExcluded, tried.size() / kMostExcludedPart))
     return true;
@@ -90,21 +90,22 @@ bool is_every_node_at_fault(const RoundOutcome& state) {
 
 }  // namespace
 
-bool needs_no_preparation(const std::vector<FarmAttempt>& attempts) {
+bool needs_no_preparation(const std::vector<schemas::FarmAttempt>& attempts) {
   int failed = 0;
-  for (const FarmAttempt& attempt : attempts) {
+  for (const schemas::FarmAttempt& attempt : attempts) {
     if (!attempt.end || attempt.end->node_fault) continue;
-    if (attempt.end->result == AttemptResult::kDone) return true;
-    if (attempt.end->result == AttemptResult::kDeclined) continue;
+    if (attempt.end->result == schemas::AttemptResult::kDone) return true;
+    if (attempt.end->result == schemas::AttemptResult::kDeclined) continue;
     ++failed;
   }
   return failed >= 2;
 }
 
-std::vector<int> chunks_with_frames(const FarmJobDocument& job, std::span<const int> frames) {
+std::vector<int> chunks_with_frames(const schemas::FarmJobDocument& job,
+                                    std::span<const int> frames) {
   std::vector<int> chunks;
   for (std::size_t i = 0; i < job.chunks.size(); ++i) {
-    const std::vector<int> own = parse_frame_range(job.chunks[i].frames);
+    const std::vector<int> own = compose::parse_frame_range(job.chunks[i].frames);
     if (std::ranges::any_of(own, [&](int f) { return std::ranges::binary_search(frames, f); })) {
       chunks.push_back(static_cast<int>(i));
     }
@@ -112,10 +113,10 @@ std::vector<int> chunks_with_frames(const FarmJobDocument& job, std::span<const 
   return chunks;
 }
 
-std::vector<int> job_frames(const FarmJobDocument& job) {
+std::vector<int> job_frames(const schemas::FarmJobDocument& job) {
   std::set<int> frames;
-  for (const FarmJobDocument::Chunk& chunk : job.chunks) {
-    for (const int frame : parse_frame_range(chunk.frames)) frames.insert(frame);
+  for (const schemas::FarmJobDocument::Chunk& chunk : job.chunks) {
+    for (const int frame : compose::parse_frame_range(chunk.frames)) frames.insert(frame);
   }
   return {frames.begin(), frames.end()};
 }
@@ -124,7 +125,7 @@ RoundDecision decide_next_round(const RoundOutcome& state) {
   RoundDecision verdict;
   verdict.end.frames = static_cast<int>(job_frames(state.job).size());
   if (state.missing_frames.empty()) return verdict;
-  FarmRound next;
+  schemas::FarmRound next;
   next.round = state.round + 1;
   next.exclude = state.excluded;
   std::map<std::string, std::vector<int>> given_up;  // by reason
@@ -134,8 +135,7 @@ RoundDecision decide_next_round(const RoundOutcome& state) {
                                     ? TaskHistory{}
                                     : history_of(found->second, state.first_round);
     if (!may_try_again(state.job, history)) {
-      const std::vector<int> own =
-          parse_frame_range(state.job.chunks[static_cast<std::size_t>(chunk)].frames);
+      const std::vector<int> own = compose::parse_frame_range(state.job.chunks[chunk].frames);
       std::ranges::copy_if(own, std::back_inserter(given_up[history.reason]), [&](int f) {
         return std::ranges::binary_search(state.missing_frames, f);
       });
@@ -152,13 +152,13 @@ RoundDecision decide_next_round(const RoundOutcome& state) {
     verdict.next = next;
     return verdict;
   }
-  verdict.end.state = FarmEnd::State::kFailed;
+  verdict.end.state = schemas::FarmEnd::State::kFailed;
   verdict.end.missing_frames =
-      format_frame_range({state.missing_frames.begin(), state.missing_frames.end()});
+      compose::format_frame_range({state.missing_frames.begin(), state.missing_frames.end()});
   for (auto& [reason, frames] : given_up) {
     std::ranges::sort(frames);
     verdict.end.reason += fmt::format("{}frames {}: {}", verdict.end.reason.empty() ? "" : "; ",
-                                      format_frame_range(frames),
+                                      compose::format_frame_range(frames),
                                       reason.empty() ? "no attempt recorded a reason" : reason);
     if (verdict.end.reason.size() > kLongestReason) break;
   }

@@ -14,14 +14,14 @@ namespace raystage::farm {
 
 /// The decision after a verification.
 struct RoundDecision {
-  std::optional<FarmRound> next;  ///< none: the job is over
-  FarmEnd end = {};               ///< valid if the job is over
-  bool no_node_left = false;      ///< the job is over because no usable node is left
+  std::optional<schemas::FarmRound> next;  ///< none: the job is over
+  schemas::FarmEnd end = {};               ///< valid if the job is over
+  bool no_node_left = false;               ///< the job is over because no usable node is left
 };
 
 /// The state of the job at the end of a round.
 struct RoundOutcome {
-  const FarmJobDocument& job;
+  const schemas::FarmJobDocument& job;
   const TaskAttempts& attempts;
   std::span<const int> missing_frames;  ///< sorted
   std::vector<std::string> excluded;    ///< nodes
@@ -39,12 +39,13 @@ RoundDecision decide_next_round(const RoundOutcome& state);
 
 /// Returns whether chunks no longer wait for an instant: it was prepared, or its preparation failed
 /// twice and each chunk derives the data itself.
-bool needs_no_preparation(const std::vector<FarmAttempt>& attempts);
+bool needs_no_preparation(const std::vector<schemas::FarmAttempt>& attempts);
 
 /// Returns the indices of the chunks that contain any of the frames, sorted.
-std::vector<int> chunks_with_frames(const FarmJobDocument& job, std::span<const int> frames);
+std::vector<int> chunks_with_frames(const schemas::FarmJobDocument& job,
+                                    std::span<const int> frames);
 
 /// Returns all frames of the job, sorted.
-std::vector<int> job_frames(const FarmJobDocument& job);
+std::vector<int> job_frames(const schemas::FarmJobDocument& job);
 
 }  // namespace raystage::farm

@@ -15,7 +15,7 @@ using testing::make_attempt;
 
 class Rounds : public ::testing::Test {
  protected:
-  void happened(const FarmAttempt& attempt) {
+  void happened(const schemas::FarmAttempt& attempt) {
     attempts_[{attempt.stage, attempt.index}].push_back(attempt);
   }
   RoundDecision verdict(std::vector<int> missing, int round = 1, int first_round = 1) {
@@ -23,7 +23,7 @@ class Rounds : public ::testing::Test {
     return decide_next_round({job_, attempts_, missing_, excluded_, round, first_round});
   }
 
-  const FarmJobDocument job_ = testing::make_small_job();
+  const schemas::FarmJobDocument job_ = testing::make_small_job();
   TaskAttempts attempts_;
   std::vector<int> missing_;
   std::vector<std::string> excluded_;
@@ -32,14 +32,14 @@ class Rounds : public ::testing::Test {
 TEST_F(Rounds, EndWhereNothingIsMissing) {
   const RoundDecision end = verdict({});
   EXPECT_FALSE(end.next);
-  EXPECT_EQ(end.end.state, FarmEnd::State::kDone);
+  EXPECT_EQ(end.end.state, schemas::FarmEnd::State::kDone);
   EXPECT_EQ(end.end.frames, 12);
 }
 
 TEST_F(Rounds, TryAgainOnlyChunksWithMissingFrames) {
-  happened(make_attempt(1, AttemptResult::kFailed));
+  happened(make_attempt(1, schemas::AttemptResult::kFailed));
   excluded_ = {"n3"};
-  happened(make_attempt(0, AttemptResult::kDone, "n2"));
+  happened(make_attempt(0, schemas::AttemptResult::kDone, "n2"));
   const RoundDecision next = verdict({5, 8});
   ASSERT_TRUE(next.next);
   EXPECT_EQ(next.next->round, 2);
@@ -49,34 +49,35 @@ TEST_F(Rounds, TryAgainOnlyChunksWithMissingFrames) {
 }
 
 TEST_F(Rounds, GiveUpAfterTheAttemptsOfTheJob) {
-  for (int i = 0; i < job_.attempts; ++i) happened(make_attempt(1, AttemptResult::kFailed));
+  for (int i = 0; i < job_.attempts; ++i)
+    happened(make_attempt(1, schemas::AttemptResult::kFailed));
   const RoundDecision over = verdict({4, 5});
   EXPECT_FALSE(over.next);
-  EXPECT_EQ(over.end.state, FarmEnd::State::kFailed);
+  EXPECT_EQ(over.end.state, schemas::FarmEnd::State::kFailed);
   EXPECT_EQ(over.end.missing_frames, "4-5");
   EXPECT_THAT(over.end.reason, HasSubstr("frames 4-5: it broke"));
   EXPECT_TRUE(verdict({4, 5}, 5, 5).next) << "a retry by hand begins to count anew";
 }
 
 TEST_F(Rounds, NeverTryBadInputAgain) {
-  happened(make_attempt(3, AttemptResult::kBadInput));
+  happened(make_attempt(3, schemas::AttemptResult::kBadInput));
   EXPECT_FALSE(verdict({10}).next);
 }
 
 TEST_F(Rounds, RaiseMemoryOnce) {
-  happened(make_attempt(0, AttemptResult::kOutOfMemory));
+  happened(make_attempt(0, schemas::AttemptResult::kOutOfMemory));
   ASSERT_TRUE(verdict({1}).next);
   EXPECT_EQ(verdict({1}).next->memory_factor, 1.5);
-  happened(make_attempt(0, AttemptResult::kOutOfMemory));
+  happened(make_attempt(0, schemas::AttemptResult::kOutOfMemory));
   EXPECT_FALSE(verdict({1}, 2).next);
 }
 
 TEST_F(Rounds, PrepareAgainOnceWhatRanOutOfMemory) {
-  FarmAttempt prepare = make_attempt(0, AttemptResult::kOutOfMemory);
+  schemas::FarmAttempt prepare = make_attempt(0, schemas::AttemptResult::kOutOfMemory);
   prepare.stage = "prepare";
   happened(prepare);
-  happened(make_attempt(0, AttemptResult::kDeclined));
-  happened(make_attempt(1, AttemptResult::kDeclined));
+  happened(make_attempt(0, schemas::AttemptResult::kDeclined));
+  happened(make_attempt(1, schemas::AttemptResult::kDeclined));
   const RoundDecision next = verdict({1, 2, 3, 4});
   ASSERT_TRUE(next.next);
   EXPECT_THAT(next.next->prepare, ElementsAre(0)) << "one task for both chunks";
@@ -86,27 +87,29 @@ TEST_F(Rounds, PrepareAgainOnceWhatRanOutOfMemory) {
 }
 
 TEST_F(Rounds, DoubleTheTimeOfWhatWasStopped) {
-  happened(make_attempt(0, AttemptResult::kStopped));
+  happened(make_attempt(0, schemas::AttemptResult::kStopped));
   ASSERT_TRUE(verdict({1}).next);
   EXPECT_EQ(verdict({1}).next->time_factor, 2);
 }
 
 TEST_F(Rounds, LostNodesCostATaskNoAttempt) {
   for (int i = 0; i < 5; ++i) {
-    FarmAttempt lost = make_attempt(0, AttemptResult::kDone, "n" + std::to_string(i));
+    schemas::FarmAttempt lost =
+        make_attempt(0, schemas::AttemptResult::kDone, "n" + std::to_string(i));
     lost.end.reset();
     happened(lost);
-    FarmAttempt fault = make_attempt(0, AttemptResult::kFailed, "n9");
+    schemas::FarmAttempt fault = make_attempt(0, schemas::AttemptResult::kFailed, "n9");
     fault.end->node_fault = i % 2 == 0;
-    fault.end->result = i % 2 == 0 ? AttemptResult::kFailed : AttemptResult::kDeclined;
+    fault.end->result =
+        i % 2 == 0 ? schemas::AttemptResult::kFailed : schemas::AttemptResult::kDeclined;
     if (i < 4) happened(fault);
   }
   EXPECT_TRUE(verdict({1}).next);
 }
 
 TEST_F(Rounds, BlameNoNodesWhereAllAreAtFault) {
-  happened(make_attempt(0, AttemptResult::kFailed, "n1"));
-  happened(make_attempt(1, AttemptResult::kFailed, "n2"));
+  happened(make_attempt(0, schemas::AttemptResult::kFailed, "n1"));
+  happened(make_attempt(1, schemas::AttemptResult::kFailed, "n2"));
   excluded_ = {"n1", "n2"};
   const RoundDecision over = verdict({1, 4});
   EXPECT_FALSE(over.next) << "it would wait for ever for a node";
@@ -115,7 +118,7 @@ TEST_F(Rounds, BlameNoNodesWhereAllAreAtFault) {
 
 TEST_F(Rounds, LargeFarmsMayLoseMoreNodes) {
   for (int i = 0; i < 40; ++i) {
-    happened(make_attempt(1 + i % 3, AttemptResult::kDone, "n" + std::to_string(i)));
+    happened(make_attempt(1 + i % 3, schemas::AttemptResult::kDone, "n" + std::to_string(i)));
   }
   excluded_ = {"n1", "n2", "n3", "n4", "n5", "n6"};
   EXPECT_TRUE(verdict({1}).next) << "6 of 40";

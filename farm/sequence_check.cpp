@@ -12,12 +12,12 @@
 #include <thread>
 
 #include "base/parallel.h"
+#include "base/stopwatch.h"
 #include "compose/exr/exr_file.h"
 
 namespace raystage::farm {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 constexpr std::chrono::milliseconds kBetweenLooks{500};
 
 /// Returns whether a later check may find the file: on a network file system ENOENT and ESTALE may
@@ -40,14 +40,15 @@ void refresh_folder(const std::filesystem::path& folder) {
 
 }  // namespace
 
-std::vector<int> missing_frames(const SequenceName& name, std::span<const ExpectedFrame> frames,
+std::vector<int> missing_frames(const compose::SequenceName& name,
+                                std::span<const ExpectedFrame> frames,
                                 const SequenceCheckSettings& settings,
                                 const std::stop_token& stop) {
-  const SequenceName deep = name.with("deep");
+  const compose::SequenceName deep = name.with("deep");
   std::vector<char> is_missing(frames.size(), 0);
   const auto is_whole = [&](const ExpectedFrame& frame) {
-    return is_complete_exr(name.path(frame.frame), frame.fingerprint) &&
-           (!settings.deep || is_complete_exr(deep.path(frame.frame), frame.fingerprint));
+    return compose::is_complete_exr(name.path(frame.frame), frame.fingerprint) &&
+           (!settings.deep || compose::is_complete_exr(deep.path(frame.frame), frame.fingerprint));
   };
   const auto may_come = [&](const ExpectedFrame& frame) {
     return may_appear(name.path(frame.frame)) ||
@@ -56,17 +57,14 @@ std::vector<int> missing_frames(const SequenceName& name, std::span<const Expect
   std::atomic<std::size_t> done = 0;
   raystage::parallel_for(std::size_t{0}, frames.size(), [&](std::size_t i) {
     is_missing[i] = stop.stop_requested() || is_whole(frames[i]) ? 0 : 1;
-    settings.progress(static_cast<double>(++done) / static_cast<double>(frames.size()));
+    settings.progress(static_cast<double>(++done) / frames.size());
   });
   // The timeout starts after the first check, however long that took.
-  const Clock::time_point start = Clock::now();
-  const auto time_left = [&] {
-    return std::chrono::duration<double>(Clock::now() - start).count() < settings.timeout_seconds;
-  };
+  const Stopwatch watch;
   const auto is_expected_on_disk = [&](std::size_t i) {
     return is_missing[i] != 0 && frames[i].is_expected_on_disk && may_come(frames[i]);
   };
-  while (time_left() && !stop.stop_requested()) {
+  while (watch.seconds() < settings.timeout_seconds && !stop.stop_requested()) {
     bool any = false;
     for (std::size_t i = 0; i < frames.size(); ++i) any = any || is_expected_on_disk(i);
     if (!any) break;

@@ -30,7 +30,8 @@ struct SequenceCheckSettings {
 
 /// Returns the frames that are incomplete (a pixel of a part is missing) or have another
 /// fingerprint, sorted. Only reads files.
-std::vector<int> missing_frames(const SequenceName& name, std::span<const ExpectedFrame> frames,
+std::vector<int> missing_frames(const compose::SequenceName& name,
+                                std::span<const ExpectedFrame> frames,
                                 const SequenceCheckSettings& settings, const std::stop_token& stop);
 
 }  // namespace raystage::farm

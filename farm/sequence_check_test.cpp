@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "compose/exr/exr_file.h"
+#include "testing/compose/test_exr_view.h"
 #include "testing/test_folder.h"
 
 namespace raystage::farm {
@@ -23,13 +24,13 @@ class SequenceCheck : public ::testing::Test {
   static void write(const std::filesystem::path& file, const std::string& fingerprint) {
     constexpr int kSize = 8;
     const std::vector<float> rgba(kSize * kSize * 4, 0.5F);
-    const ExrView view{"", {{"", {"R", "G", "B", "A"}, true, rgba, 0}}};
-    ExrCamera camera;
+    const compose::ExrView view{"", {{"", {"R", "G", "B", "A"}, true, rgba, 0}}};
+    compose::ExrCamera camera;
     camera.view.width = camera.view.height = kSize;
     camera.view.intrinsics = {kSize, kSize, kSize / 2.0, kSize / 2.0, {}};
-    ExrMetadata metadata;
+    compose::ExrMetadata metadata;
     metadata.fingerprint = fingerprint;
-    write_exr({&view, 1}, {&camera, 1}, metadata, file);
+    raystage::testing::write_exr({&view, 1}, {&camera, 1}, metadata, file);
   }
   std::vector<int> missing(double patience = 0, bool deep = false) const {
     SequenceCheckSettings settings;
@@ -37,8 +38,8 @@ class SequenceCheck : public ::testing::Test {
     settings.deep = deep;
     return missing_frames(name_, frames_, settings, {});
   }
-  TestFolder folder_;
-  const SequenceName name_{(folder_.path() / "f.####.exr").string()};
+  testing::TestFolder folder_;
+  const compose::SequenceName name_{(folder_.path() / "f.####.exr").string()};
   std::vector<ExpectedFrame> frames_{{1, "one"}, {2, "two"}, {3, "three"}};
 };
 

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "base/error.h"
+#include "base/number_text.h"
 #include "farm/child_process.h"
 #include "farm/slurm_scripts.h"
 
@@ -48,9 +49,18 @@ std::vector<std::string> words_of(const std::string& line, char separator) {
   return words;
 }
 
+/// Returns the lines that sinfo prints about a partition; empty: about all.
+std::vector<std::string> sinfo(std::vector<std::string> command, const std::string& partition) {
+  command.insert(command.begin(), {"sinfo", "-h"});
+  if (!partition.empty()) command.push_back("--partition=" + partition);
+  const ChildResult result = ask(command);
+  if (result.exit_code != 0) throw unavailable(result, "sinfo");
+  return words_of(result.out, '\n');
+}
+
 }  // namespace
 
-std::optional<std::map<std::string, SlurmTask>> slurm_tasks(const FarmJobDocument& job) {
+std::optional<std::map<std::string, SlurmTask>> slurm_tasks(const schemas::FarmJobDocument& job) {
   std::string names;
   for (const std::string_view stage : kStages) {
     names += (names.empty() ? "" : ",") + slurm_job_name(job, stage);
@@ -65,8 +75,7 @@ std::optional<std::map<std::string, SlurmTask>> slurm_tasks(const FarmJobDocumen
   }
   if (result.exit_code != 0) return std::nullopt;
   std::map<std::string, SlurmTask> tasks;
-  std::istringstream lines(result.out);
-  for (std::string line; std::getline(lines, line);) {
+  for (const std::string& line : words_of(result.out, '\n')) {
     std::vector<std::string> words = words_of(line, '|');
     if (words.size() < 6) continue;
     for (std::string& word : words) {
@@ -81,7 +90,7 @@ std::optional<std::map<std::string, SlurmTask>> slurm_tasks(const FarmJobDocumen
     task.state = words[2];
     task.reason = words[3] == "None" ? "" : words[3];
     task.node = words[4];
-    std::from_chars(words[5].data(), words[5].data() + words[5].size(), task.restarts);
+    task.restarts = number_at_start(words[5]);
     tasks[task.task] = std::move(task);
   }
   return tasks;
@@ -93,9 +102,9 @@ int slurm_max_array() {
   if (result.exit_code != 0 || at == std::string::npos) {
     throw unavailable(result, "scontrol show config");
   }
-  int size = 0;
   const std::size_t digit = result.out.find_first_of("0123456789", at);
-  std::from_chars(result.out.data() + digit, result.out.data() + result.out.size(), size);
+  const int size =
+      digit == std::string::npos ? 0 : number_at_start(std::string_view(result.out).substr(digit));
   if (size < 1) {
     throw Error::failed("Slurm allows no arrays (MaxArraySize 0)", "scontrol show config",
                         "Ask the cluster's administrator, or use engine local");
@@ -104,19 +113,12 @@ int slurm_max_array() {
 }
 
 std::vector<SlurmNode> slurm_nodes(const std::string& partition) {
-  std::vector<std::string> command{"sinfo", "-h", "-N", "-o", "%N|%T|%c|%m"};
-  if (!partition.empty()) command.push_back("--partition=" + partition);
-  const ChildResult result = ask(command);
-  if (result.exit_code != 0) throw unavailable(result, "sinfo");
   std::map<std::string, SlurmNode> by_name;  // a node may be in several partitions
-  std::istringstream lines(result.out);
-  for (std::string line; std::getline(lines, line);) {
+  for (const std::string& line : sinfo({"-N", "-o", "%N|%T|%c|%m"}, partition)) {
     const std::vector<std::string> words = words_of(line, '|');
     if (words.size() != 4) continue;
-    SlurmNode node{words[0], words[1]};
-    std::from_chars(words[2].data(), words[2].data() + words[2].size(), node.processors);
-    std::from_chars(words[3].data(), words[3].data() + words[3].size(), node.memory_mebibytes);
-    by_name[node.name] = node;
+    by_name[words[0]] = {words[0], words[1], number_at_start(words[2]),
+                         number_at_start<double>(words[3])};
   }
   std::vector<SlurmNode> nodes;
   for (auto& [name, node] : by_name) nodes.push_back(std::move(node));
@@ -126,11 +128,8 @@ std::vector<SlurmNode> slurm_nodes(const std::string& partition) {
 std::vector<std::string> expand_node_list(const std::string& list) {
   const ChildResult result = ask({"scontrol", "show", "hostnames", list});
   if (result.exit_code != 0) throw unavailable(result, "scontrol show hostnames");
-  std::vector<std::string> nodes;
-  std::istringstream lines(result.out);
-  for (std::string line; std::getline(lines, line);) {
-    if (!line.empty()) nodes.push_back(line);
-  }
+  std::vector<std::string> nodes = words_of(result.out, '\n');
+  std::erase(nodes, "");
   std::set<std::string> known;
   for (const SlurmNode& node : slurm_nodes("")) known.insert(node.name);
   for (const std::string& node : nodes) {
@@ -141,12 +140,7 @@ std::vector<std::string> expand_node_list(const std::string& list) {
 }
 
 std::optional<int> slurm_max_minutes(const std::string& partition) {
-  std::vector<std::string> command{"sinfo", "-h", "-o", "%P|%l"};
-  if (!partition.empty()) command.push_back("--partition=" + partition);
-  const ChildResult result = ask(command);
-  if (result.exit_code != 0) throw unavailable(result, "sinfo");
-  std::istringstream lines(result.out);
-  for (std::string line; std::getline(lines, line);) {
+  for (const std::string& line : sinfo({"-o", "%P|%l"}, partition)) {
     const std::vector<std::string> words = words_of(line, '|');
     // The default partition is marked with a star.
     if (words.size() != 2 || (partition.empty() && !words[0].ends_with('*'))) continue;
@@ -187,18 +181,18 @@ std::string sbatch_partition(std::span<const std::string> sbatch_options) {
   return sbatch_option_value(sbatch_options, "--partition=", "-p");
 }
 
-void test_batch_scripts(const JobFolder& folder, const FarmJobDocument& job) {
-  for (const FarmStage stage : kFarmStages) {
-    if (stage == FarmStage::kPrepare && job.instants.empty()) continue;
-    if (stage == FarmStage::kPreview && !job.preview) continue;
-    const std::string script = fmt::format("{}.sbatch", farm_stage_name(stage));
+void test_batch_scripts(const JobFolder& folder, const schemas::FarmJobDocument& job) {
+  for (const schemas::FarmStage stage : schemas::kFarmStages) {
+    if (stage == schemas::FarmStage::kPrepare && job.instants.empty()) continue;
+    if (stage == schemas::FarmStage::kPreview && !job.preview) continue;
+    const std::string script = fmt::format("{}.sbatch", schemas::farm_stage_name(stage));
     const ChildResult result =
         ask({"sbatch", "--test-only", (folder.path() / script).string(), "1", "0"});
     const bool is_down = result.out.find("Required node not available") != std::string::npos;
     if (result.exit_code == 0 || is_down) continue;
     throw Error::bad_input(
         fmt::format("Slurm would reject a task of stage {} ({} threads, {} MiB): {}",
-                    farm_stage_name(stage), job.of(stage).threads,
+                    schemas::farm_stage_name(stage), job.of(stage).threads,
                     slurm_megabytes(job.of(stage), 1), one_line(result.out)),
         "sbatch", "Correct the named option, or give tasks fewer threads or less memory");
   }
@@ -212,7 +206,7 @@ void run_queue_script(const JobFolder& folder, const std::string& script) {
                       "Correct the named option and submit again");
 }
 
-void cancel_slurm_job(const FarmJobDocument& job) {
+void cancel_slurm_job(const schemas::FarmJobDocument& job) {
   for (const std::string_view stage : kStages) {
     const ChildResult result = ask({"scancel", "--quiet", "--name=" + slurm_job_name(job, stage)});
     if (result.exit_code != 0) throw unavailable(result, "scancel");

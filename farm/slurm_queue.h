@@ -24,7 +24,7 @@ struct SlurmTask {
 
 /// Returns all tasks of a job that Slurm still knows, by name of the task, or nothing if the
 /// controller does not answer.
-std::optional<std::map<std::string, SlurmTask>> slurm_tasks(const FarmJobDocument& job);
+std::optional<std::map<std::string, SlurmTask>> slurm_tasks(const schemas::FarmJobDocument& job);
 
 /// Returns Slurm's MaxArraySize. Throws Error (failed) if Slurm does not answer.
 int slurm_max_array();
@@ -57,12 +57,12 @@ std::string sbatch_partition(std::span<const std::string> sbatch_options);
 
 /// Tests whether Slurm would accept the job's scripts, without queueing them (sbatch --test-only).
 /// Throws Error (bad input) with Slurm's answer if it would not. Ignores nodes that are down.
-void test_batch_scripts(const JobFolder& folder, const FarmJobDocument& job);
+void test_batch_scripts(const JobFolder& folder, const schemas::FarmJobDocument& job);
 
 /// Runs a script of the job folder (round-N.sh). Throws Error (failed) with its output if it fails.
 void run_queue_script(const JobFolder& folder, const std::string& script);
 
 /// Cancels all queued and running tasks of the job.
-void cancel_slurm_job(const FarmJobDocument& job);
+void cancel_slurm_job(const schemas::FarmJobDocument& job);
 
 }  // namespace raystage::farm

@@ -5,10 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 
 #include "base/atomic_file.h"
-#include "base/error.h"
 #include "farm/job_plan.h"
 #include "farm/slurm_queue.h"
 #include "farm/slurm_shell.h"
@@ -24,29 +22,29 @@ std::string given_exclusion(const std::vector<std::string>& options) {
   return sbatch_option_value(options, "--exclude=", "-x");
 }
 
-std::string folder_lines(const FarmJobDocument& job, FarmStage stage) {
+std::string folder_lines(const schemas::FarmJobDocument& job, schemas::FarmStage stage) {
   return fmt::format("JOB={}\nJOB_ID={}\nEXCLUDED={}\n", shell_quote(job.folder),
                      shell_quote(job.id), shell_quote(given_exclusion(job.of(stage).options)));
 }
 
-bool is_on_all_nodes(const FarmJobDocument& job, FarmStage stage) {
-  return job.distributed && stage == FarmStage::kRender;
+bool is_on_all_nodes(const schemas::FarmJobDocument& job, schemas::FarmStage stage) {
+  return job.distributed && stage == schemas::FarmStage::kRender;
 }
 
 /// Returns sbatch's options for the nodes of a task and the processes on each.
-std::string node_options(const FarmJobDocument& job, FarmStage stage) {
+std::string node_options(const schemas::FarmJobDocument& job, schemas::FarmStage stage) {
   if (!is_on_all_nodes(job, stage)) return "--nodes=1 --ntasks=1";
   const std::vector<std::string>& nodes = job.distributed->nodes;
   return fmt::format("--nodes={} --ntasks-per-node=1 --nodelist={}", nodes.size(),
                      fmt::join(nodes, ","));
 }
 
-std::string task_command(const FarmJobDocument& job, FarmStage stage) {
+std::string task_command(const schemas::FarmJobDocument& job, schemas::FarmStage stage) {
   const std::string command_prefix = job.command_prefix.empty() ? "" : job.command_prefix + " ";
   return fmt::format(
       "{}{} farm task \"$JOB\" {} \"$INDEX\" --round \"$ROUND\" "
       "--node \"$SLURMD_NODENAME\"",
-      command_prefix, shell_quote(job.program), farm_stage_name(stage));
+      command_prefix, shell_quote(job.program), schemas::farm_stage_name(stage));
 }
 
 std::string array_text(const std::vector<int>& indices) {
@@ -63,9 +61,10 @@ std::string array_text(const std::vector<int>& indices) {
 }
 
 /// Returns sbatch's options that a later round changes, with the nodes that it excludes.
-std::string round_options(const FarmJobDocument& job, FarmStage stage, const FarmRound& round) {
+std::string round_options(const schemas::FarmJobDocument& job, schemas::FarmStage stage,
+                          const schemas::FarmRound& round) {
   std::string options;
-  const FarmResources& resources = job.of(stage);
+  const schemas::FarmResources& resources = job.of(stage);
   if (round.memory_factor != 1) {
     options += fmt::format(" --mem={}M", slurm_megabytes(resources, round.memory_factor));
   }
@@ -93,9 +92,9 @@ std::string variable_of(const QueuedArray& array) {
 /// Returns lines that set $exclude to the nodes that the round and the submission exclude: an
 /// --exclude for sbatch replaces that of the script. If no node would remain, the round excludes
 /// none.
-std::string exclude_lines(const FarmJobDocument& job, const FarmRound& round) {
+std::string exclude_lines(const schemas::FarmJobDocument& job, const schemas::FarmRound& round) {
   if (round.exclude.empty()) return "";
-  const std::vector<std::string>& options = job.of(FarmStage::kRender).options;
+  const std::vector<std::string>& options = job.of(schemas::FarmStage::kRender).options;
   std::string nodes = fmt::format("{}", fmt::join(round.exclude, ","));
   const std::string given = given_exclusion(options);
   if (!given.empty()) nodes += "," + given;
@@ -112,7 +111,8 @@ std::string exclude_lines(const FarmJobDocument& job, const FarmRound& round) {
       round.exclude.size());
 }
 
-std::vector<QueuedArray> prepare_arrays(const FarmJobDocument& job, const FarmRound& round) {
+std::vector<QueuedArray> prepare_arrays(const schemas::FarmJobDocument& job,
+                                        const schemas::FarmRound& round) {
   std::vector<QueuedArray> arrays;
   for (ArrayPart& part : split_array(round.prepare, job.max_array_size)) {
     arrays.push_back(
@@ -146,27 +146,21 @@ std::string shell_quote(std::string_view text) {
     return std::string(text);
   }
   std::string quoted = "'";
-  for (const char c : text) {
-    if (c == '\'') {
-      quoted += "'\\''";
-    } else {
-      quoted += c;
-    }
-  }
+  for (const char c : text) quoted += c == '\'' ? "'\\''" : std::string(1, c);
   return quoted + "'";
 }
 
-std::string slurm_job_name(const FarmJobDocument& job, std::string_view stage) {
+std::string slurm_job_name(const schemas::FarmJobDocument& job, std::string_view stage) {
   return fmt::format("{}.{}", job.id, stage);
 }
 
-int slurm_megabytes(const FarmResources& resources, double factor) {
+int slurm_megabytes(const schemas::FarmResources& resources, double factor) {
   const double bytes = resources.memory_gb * 1e9 * factor * kMemoryFactor + kUnbudgetedBytes;
   return static_cast<int>(std::ceil(bytes / (1 << 20)));
 }
 
-std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
-  const FarmResources& resources = job.of(stage);
+std::string batch_script(const schemas::FarmJobDocument& job, schemas::FarmStage stage) {
+  const schemas::FarmResources& resources = job.of(stage);
   std::string text = fmt::format(
       "#!/bin/sh\n"
       "# Stage {} of farm job {}. To queue by hand: sh round-1.sh, or one task:\n"
@@ -174,9 +168,9 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
       "#SBATCH --job-name={}\n"
       "#SBATCH {} --cpus-per-task={}\n"
       "#SBATCH --mem={}M\n",
-      farm_stage_name(stage), job.id, farm_stage_name(stage),
-      slurm_job_name(job, farm_stage_name(stage)), node_options(job, stage), resources.threads,
-      slurm_megabytes(resources, 1));
+      schemas::farm_stage_name(stage), job.id, schemas::farm_stage_name(stage),
+      slurm_job_name(job, schemas::farm_stage_name(stage)), node_options(job, stage),
+      resources.threads, slurm_megabytes(resources, 1));
   if (resources.minutes) text += fmt::format("#SBATCH --time={}\n", *resources.minutes);
   // Slurm opens the file of --output before the script starts, so the script could not report that
   // a node lacks the job folder.
@@ -188,8 +182,9 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
   text += folder_lines(job, stage);
   text += "ROUND=${1:-1}\nINDEX=$((${SLURM_ARRAY_TASK_ID:-0} + ${2:-0}))\n";
   text += kExcludeNode;
-  text += fmt::format("exec >>\"logs/slurm.{}.$INDEX.log\" 2>&1\n", farm_stage_name(stage));
-  if (stage == FarmStage::kVerify) {
+  text +=
+      fmt::format("exec >>\"logs/slurm.{}.$INDEX.log\" 2>&1\n", schemas::farm_stage_name(stage));
+  if (stage == schemas::FarmStage::kVerify) {
     text += kNoteExcluded.substr(1);
     text += kFailJob.substr(1);
     text += kTrap;
@@ -202,7 +197,7 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
   // mpirun starts its daemons by srun, which would pass no environment on.
   if (is_on_all_nodes(job, stage)) text += "unset SLURM_EXPORT_ENV\n";
   text += task_command(job, stage) + "\n";
-  if (stage == FarmStage::kPreview) return text;
+  if (stage == schemas::FarmStage::kPreview) return text;
   text += "code=$?\n";
   text += kStartFailure.substr(1);
   text += kUnsetSlurmVariables.substr(1);
@@ -215,9 +210,9 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
   return text;
 }
 
-std::string start_script(const FarmJobDocument& job, const std::string& job_before) {
+std::string start_script(const schemas::FarmJobDocument& job, const std::string& job_before) {
   std::string options;
-  for (const std::string& option : job.of(FarmStage::kVerify).options) {
+  for (const std::string& option : job.of(schemas::FarmStage::kVerify).options) {
     options += "#SBATCH " + option + "\n";
   }
   return fmt::format(
@@ -228,11 +223,11 @@ std::string start_script(const FarmJobDocument& job, const std::string& job_befo
       "#SBATCH --export=NONE\n#SBATCH --requeue\n#SBATCH --output=/dev/null\n"
       "{}{}BEFORE={}\n{}{}{}",
       job.id, job_before, slurm_job_name(job, "start"), options,
-      folder_lines(job, FarmStage::kVerify), shell_quote(job_before), kExcludeNode.substr(1),
-      kFailJob.substr(1), kStart.substr(1));
+      folder_lines(job, schemas::FarmStage::kVerify), shell_quote(job_before),
+      kExcludeNode.substr(1), kFailJob.substr(1), kStart.substr(1));
 }
 
-std::string queue_start_script(const FarmJobDocument& job) {
+std::string queue_start_script(const schemas::FarmJobDocument& job) {
   return fmt::format(
       "#!/bin/sh\n"
       "# Queues start.sbatch of farm job {} after the newest verification of the job in ./after.\n"
@@ -241,7 +236,7 @@ std::string queue_start_script(const FarmJobDocument& job) {
       job.id, kUnsetSlurmVariables.substr(1), kQueueStart.substr(1));
 }
 
-std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
+std::string round_script(const schemas::FarmJobDocument& job, const schemas::FarmRound& round) {
   const std::vector<QueuedArray> prepare = prepare_arrays(job, round);
   const std::vector<ChunkGroup> groups = group_chunks(job, round.prepare, round.render);
   std::string text = fmt::format(
@@ -257,10 +252,10 @@ std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
   text += exclude_lines(job, round);
   // Hold arrays until all are queued: a forgotten task that is over cannot be a dependency.
   for (const QueuedArray& array : prepare) {
-    text +=
-        fmt::format("queue {} --hold --array={}{} prepare.sbatch {} {} >/dev/null\n", array.name,
-                    array_text(array.part.indices), round_options(job, FarmStage::kPrepare, round),
-                    round.round, array.part.offset);
+    text += fmt::format("queue {} --hold --array={}{} prepare.sbatch {} {} >/dev/null\n",
+                        array.name, array_text(array.part.indices),
+                        round_options(job, schemas::FarmStage::kPrepare, round), round.round,
+                        array.part.offset);
     text += fmt::format("{}=$(cat slurm/{})\n", variable_of(array), array.name);
   }
   std::string all;
@@ -273,8 +268,9 @@ std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
               ? ""
               : fmt::format(" --dependency={}", dependency_on(group.instants, prepare));
       text += fmt::format("queue {} --array={}{}{} render.sbatch {} {} >/dev/null\n", name,
-                          array_text(part.indices), round_options(job, FarmStage::kRender, round),
-                          dependency, round.round, part.offset);
+                          array_text(part.indices),
+                          round_options(job, schemas::FarmStage::kRender, round), dependency,
+                          round.round, part.offset);
       all += fmt::format(":$(cat slurm/{})", name);
     }
   }
@@ -287,7 +283,7 @@ std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
   return text;
 }
 
-std::string preview_script(const FarmJobDocument& job, int round) {
+std::string preview_script(const schemas::FarmJobDocument& job, int round) {
   return fmt::format(
       "#!/bin/sh\n# Queues the preview of farm job {}.\nset -eu\ncd \"$(dirname "
       "\"$0\")\"\n{}unset_slurm_variables\n{}"
@@ -295,16 +291,17 @@ std::string preview_script(const FarmJobDocument& job, int round) {
       job.id, kUnsetSlurmVariables, kQueue.substr(1), round, round);
 }
 
-void write_batch_scripts(const JobFolder& folder, const FarmJobDocument& job) {
-  for (const FarmStage stage : kFarmStages) {
-    write_file_atomically(folder.path() / fmt::format("{}.sbatch", farm_stage_name(stage)),
+void write_batch_scripts(const JobFolder& folder, const schemas::FarmJobDocument& job) {
+  for (const schemas::FarmStage stage : schemas::kFarmStages) {
+    write_file_atomically(folder.path() / fmt::format("{}.sbatch", schemas::farm_stage_name(stage)),
                           batch_script(job, stage));
   }
 }
 
-void write_round(const JobFolder& folder, const FarmJobDocument& job, const FarmRound& round) {
-  write_file_atomically(folder.round_file(round.round), format_farm_round(round));
-  if (job.engine != FarmJobDocument::Engine::kSlurm) return;
+void write_round(const JobFolder& folder, const schemas::FarmJobDocument& job,
+                 const schemas::FarmRound& round) {
+  write_file_atomically(folder.round_file(round.round), schemas::format_farm_round(round));
+  if (job.engine != schemas::FarmJobDocument::Engine::kSlurm) return;
   write_file_atomically(folder.path() / fmt::format("round-{}.sh", round.round),
                         round_script(job, round));
 }

@@ -26,10 +26,10 @@ std::string shell_complaint(const std::string& script) {
 }
 
 TEST(SlurmScripts, AreShellWhateverThePathsAre) {
-  FarmJobDocument job = testing::make_small_job("/a b/it's $HOME \"x\"/`id`");
+  schemas::FarmJobDocument job = testing::make_small_job("/a b/it's $HOME \"x\"/`id`");
   job.program = "/opt/my programs/raystage";
   job.command_prefix = "apptainer exec /net/x.sif";
-  for (const FarmStage stage : kFarmStages) {
+  for (const schemas::FarmStage stage : schemas::kFarmStages) {
     EXPECT_EQ(shell_complaint(batch_script(job, stage)), "");
   }
   EXPECT_EQ(shell_complaint(round_script(job, testing::first_round())), "");
@@ -46,29 +46,29 @@ TEST(SlurmScripts, AskForNoMoreTimeThanThePartitionAllows) {
   EXPECT_EQ(parse_slurm_minutes("2:00:00"), 120);
   EXPECT_EQ(parse_slurm_minutes("30:00"), 30);
   EXPECT_FALSE(parse_slurm_minutes("infinite"));
-  FarmJobDocument job = testing::make_small_job();
+  schemas::FarmJobDocument job = testing::make_small_job();
   job.max_minutes = 30;
-  FarmRound round = testing::first_round();
+  schemas::FarmRound round = testing::first_round();
   round.time_factor = 2;
   EXPECT_THAT(round_script(job, round), HasSubstr("--time=30 "));
 }
 
 TEST(SlurmScripts, AskForWhatAStageMayUse) {
-  FarmJobDocument job = testing::make_small_job();
-  job.of(FarmStage::kRender).options = {"--partition=fast", "--licenses=store:1"};
-  const std::string script = batch_script(job, FarmStage::kRender);
+  schemas::FarmJobDocument job = testing::make_small_job();
+  job.of(schemas::FarmStage::kRender).options = {"--partition=fast", "--licenses=store:1"};
+  const std::string script = batch_script(job, schemas::FarmStage::kRender);
   EXPECT_THAT(script, HasSubstr("#SBATCH --partition=fast\n"));
   EXPECT_THAT(script, HasSubstr("--cpus-per-task=2"));
   EXPECT_THAT(script, HasSubstr("#SBATCH --time=20\n"));
   EXPECT_THAT(script, HasSubstr("#SBATCH --export=NONE\n"));
   EXPECT_THAT(script, HasSubstr("#SBATCH --mem=906M\n"));  // (0.5 * 1.1 + 0.4) GB in MiB
-  EXPECT_THAT(batch_script(job, FarmStage::kVerify), Not(HasSubstr("--partition")));
+  EXPECT_THAT(batch_script(job, schemas::FarmStage::kVerify), Not(HasSubstr("--partition")));
 }
 
 /// A script with false commands of Slurm that write down how they were called.
 class RoundScript : public ::testing::Test {
  protected:
-  std::string run(const FarmJobDocument& job, const FarmRound& round) {
+  std::string run(const schemas::FarmJobDocument& job, const schemas::FarmRound& round) {
     return run_script(round_script(job, round));
   }
   /// Runs a script in the folder "job" and returns what it asked of Slurm.
@@ -96,7 +96,7 @@ class RoundScript : public ::testing::Test {
     std::ofstream(file) << "#!/bin/sh\n" << text << "\n";
     std::filesystem::permissions(file, std::filesystem::perms::all);
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 TEST_F(RoundScript, QueuesEachChunkBehindItsInstants) {
@@ -116,11 +116,11 @@ TEST_F(RoundScript, QueuesNothingTwice) {
 }
 
 TEST_F(RoundScript, SplitsArraysAndLeavesNodesOut) {
-  FarmJobDocument job = testing::make_small_job();
+  schemas::FarmJobDocument job = testing::make_small_job();
   job.max_array_size = 3;
   job.instants.clear();
   for (auto& chunk : job.chunks) chunk.instants.clear();
-  FarmRound round;
+  schemas::FarmRound round;
   round.round = 2;
   round.render = {1, 2, 3};
   round.exclude = {"n3", "n4"};
@@ -149,7 +149,7 @@ class WaitingJob : public RoundScript {
   std::string look(const std::string& idle_looks, const std::string& squeue) {
     return run_script(start_script(job_, "before-1"), idle_looks, squeue);
   }
-  FarmJobDocument job_ = testing::make_small_job();
+  schemas::FarmJobDocument job_ = testing::make_small_job();
 };
 
 TEST_F(WaitingJob, LooksAgainBehindTheNewestVerification) {
@@ -166,7 +166,7 @@ TEST_F(WaitingJob, EndsWhereTheOtherIsStalled) {
   EXPECT_EQ(look("19", ""), "") << "nothing is queued";
   const JobFolder folder(folder_.path() / "job");
   ASSERT_TRUE(folder.end());
-  EXPECT_EQ(folder.end()->state, FarmEnd::State::kFailed);
+  EXPECT_EQ(folder.end()->state, schemas::FarmEnd::State::kFailed);
   EXPECT_THAT(folder.end()->reason, HasSubstr("stalled"));
 }
 

@@ -5,9 +5,10 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <map>
 
+#include "base/atomic_file.h"
+#include "base/number_text.h"
 #include "compose/frame_range.h"
 #include "compose/sequence_name.h"
 #include "farm/local_engine.h"
@@ -36,12 +37,10 @@ bool is_one_of(const std::array<std::string_view, N>& reasons, std::string_view 
 }
 
 bool is_over(const std::string& slurm_state) {
-  constexpr std::array<std::string_view, 5> kLive{"PENDING", "RUNNING", "COMPLETING", "CONFIGURING",
-                                                  "SUSPENDED"};
-  return std::ranges::find(kLive, slurm_state) == kLive.end() && slurm_state != "REQUEUED" &&
-         slurm_state != "REQUEUE_HOLD" && slurm_state != "SPECIAL_EXIT" &&
-         slurm_state != "RESIZING" && slurm_state != "STAGE_OUT" && slurm_state != "SIGNALING" &&
-         slurm_state != "STOPPED";
+  constexpr std::array<std::string_view, 12> kLive{
+      "PENDING",      "RUNNING",      "COMPLETING", "CONFIGURING", "SUSPENDED", "REQUEUED",
+      "REQUEUE_HOLD", "SPECIAL_EXIT", "RESIZING",   "STAGE_OUT",   "SIGNALING", "STOPPED"};
+  return std::ranges::find(kLive, slurm_state) == kLive.end();
 }
 
 /// Finds Slurm's tasks by stage and index. An index is the array index plus the array's offset,
@@ -54,15 +53,13 @@ class QueuedTasks {
       const std::size_t underscore = name.find('_');
       int index = 0;
       if (underscore != std::string::npos) {
-        std::from_chars(name.data() + underscore + 1, name.data() + name.size(), index);
-        index += offset_of(folder, name.substr(0, underscore));
+        index = number_at_start(name.substr(underscore + 1)) +
+                offset_of(folder, name.substr(0, underscore));
       }
       // Prefer tasks that are not over, then the newest.
       const auto key = std::pair(task.stage, index);
       const auto [known, is_new] = tasks_.emplace(key, &task);
-      if (!is_new && (is_over(known->second->state) || !is_over(task.state))) {
-        known->second = &task;
-      }
+      if (!is_new && (is_over(known->second->state) || !is_over(task.state))) known->second = &task;
     }
   }
   const SlurmTask* find(const std::string& stage, int index) const {
@@ -76,8 +73,7 @@ class QueuedTasks {
     const auto [known, is_new] = offsets_.emplace(array, 0);
     if (!is_new) return known->second;
     const auto text = read_record(folder.slurm_ids() / ("offset." + array));
-    if (text) std::from_chars(text->data(), text->data() + text->size(), known->second);
-    return known->second;
+    return known->second = number_at_start(text.value_or(""));
   }
 
   std::map<std::pair<std::string, int>, const SlurmTask*> tasks_;
@@ -86,19 +82,17 @@ class QueuedTasks {
 
 int percent_of(const JobFolder& folder, const std::string& stage, int index) {
   const auto text = read_record(folder.progress() / fmt::format("{}.{:04}", stage, index));
-  int percent = 0;
-  if (text) std::from_chars(text->data(), text->data() + text->size(), percent);
-  return std::clamp(percent, 0, 100);
+  return std::clamp(number_at_start(text.value_or("")), 0, 100);
 }
 
 /// Sets the state of a task without attempts, or whose last attempt has no end.
 void ask_scheduler(const SchedulerAnswer& answer, const SlurmTask* slurm, bool has_started,
-                   bool job_is_over, FarmJobDocument::Engine engine, TaskStatus& task) {
+                   bool job_is_over, schemas::FarmJobDocument::Engine engine, TaskStatus& task) {
   if (job_is_over) {
     task.state = has_started ? TaskState::kLost : TaskState::kNotQueued;
     return;
   }
-  if (engine == FarmJobDocument::Engine::kLocal) {
+  if (engine == schemas::FarmJobDocument::Engine::kLocal) {
     task.state = !answer.is_local_job_running                  ? TaskState::kUnknown
                  : has_started && *answer.is_local_job_running ? TaskState::kRunning
                  : *answer.is_local_job_running                ? TaskState::kWaiting
@@ -127,26 +121,27 @@ void ask_scheduler(const SchedulerAnswer& answer, const SlurmTask* slurm, bool h
 }
 
 bool is_done(const JobFolder& folder) {
-  const std::optional<FarmEnd> end = folder.end();
-  return end && end->state == FarmEnd::State::kDone;
+  const std::optional<schemas::FarmEnd> end = folder.end();
+  return end && end->state == schemas::FarmEnd::State::kDone;
 }
 
 TaskStatus status_of(const JobFolder& folder, const SchedulerAnswer& answer,
                      const QueuedTasks& queued, const TaskAttempts& attempts, bool job_is_over,
-                     const FarmJobDocument& job, const std::string& stage, int index) {
+                     const schemas::FarmJobDocument& job, const std::string& stage, int index) {
   TaskStatus task;
   task.stage = stage;
   task.index = index;
   if (stage == "preview" && is_done(folder)) job_is_over = false;  // previews run after the end
-  if (stage == "render") task.frames = job.chunks[static_cast<std::size_t>(index)].frames;
+  if (stage == "render") task.frames = job.chunks[index].frames;
   if (const auto found = attempts.find({stage, index}); found != attempts.end()) {
     task.attempts = found->second;
   }
-  const FarmAttempt* last = task.attempts.empty() ? nullptr : &task.attempts.back();
+  const schemas::FarmAttempt* last = task.attempts.empty() ? nullptr : &task.attempts.back();
   if (last != nullptr) task.node = last->node;
   if (last != nullptr && last->end) {
     task.reason = last->end->reason;
-    task.state = last->end->result == AttemptResult::kDone ? TaskState::kDone : TaskState::kFailed;
+    task.state =
+        last->end->result == schemas::AttemptResult::kDone ? TaskState::kDone : TaskState::kFailed;
     const SlurmTask* slurm = queued.find(stage, index);
     // A task that is queued again waits, whatever the result of its last attempt.
     if (slurm != nullptr && !job_is_over && slurm->state == "PENDING") {
@@ -163,13 +158,13 @@ void count_frames(JobStatus& status) {
   double seconds = 0, frames_timed = 0, running = 0;
   double left = 0;
   for (const TaskStatus& task : status.tasks) {
-    for (const FarmAttempt& attempt : task.attempts) {
+    for (const schemas::FarmAttempt& attempt : task.attempts) {
       if (!attempt.end) continue;
       status.cpu_seconds += attempt.end->cpu_seconds;
       status.light_field_frames_estimated += attempt.end->light_field_frames_estimated;
     }
     if (task.stage != "render") continue;
-    const auto own = static_cast<int>(parse_frame_range(task.frames).size());
+    const auto own = static_cast<int>(compose::parse_frame_range(task.frames).size());
     status.frames += own;
     if (task.state == TaskState::kDone) {
       status.frames_done += own;
@@ -185,7 +180,7 @@ void count_frames(JobStatus& status) {
       const int failed =
           failed_frames.empty()
               ? own
-              : std::min(own, static_cast<int>(parse_frame_range(failed_frames).size()));
+              : std::min(own, static_cast<int>(compose::parse_frame_range(failed_frames).size()));
       status.frames_failed += failed;
       status.frames_done += own - failed;
     }
@@ -198,15 +193,15 @@ void count_frames(JobStatus& status) {
   }
 }
 
-JobState state_of_end(const FarmEnd& end) {
+JobState state_of_end(const schemas::FarmEnd& end) {
   switch (end.state) {
-    case FarmEnd::State::kDone:
+    case schemas::FarmEnd::State::kDone:
       return JobState::kDone;
-    case FarmEnd::State::kFailed:
+    case schemas::FarmEnd::State::kFailed:
       return JobState::kFailed;
-    case FarmEnd::State::kCancelled:
+    case schemas::FarmEnd::State::kCancelled:
       return JobState::kCancelled;
-    case FarmEnd::State::kStopped:
+    case schemas::FarmEnd::State::kStopped:
       break;
   }
   return JobState::kStopped;
@@ -276,12 +271,12 @@ JobState state_of(const JobFolder& folder, const SchedulerAnswer& answer, JobSta
     return state_of_end(*end);
   }
   switch (status.job.engine) {
-    case FarmJobDocument::Engine::kLocal:
+    case schemas::FarmJobDocument::Engine::kLocal:
       return state_of_local_job(answer, status);
-    case FarmJobDocument::Engine::kOpenJd:
+    case schemas::FarmJobDocument::Engine::kOpenJd:
       status.reason = "a render manager runs it: query that for waiting and running tasks";
       return has_begun(status) ? JobState::kUnknown : JobState::kWaiting;
-    case FarmJobDocument::Engine::kSlurm:
+    case schemas::FarmJobDocument::Engine::kSlurm:
       break;
   }
   if (!answer.tasks) {
@@ -294,15 +289,14 @@ JobState state_of(const JobFolder& folder, const SchedulerAnswer& answer, JobSta
 /// Reports frames of a finished job that were deleted or moved since.
 void find_removed_frames(const JobFolder& folder, JobStatus& status) {
   if (status.state != JobState::kDone) return;
-  const FarmJobDocument here = folder.local_job();
-  const SequenceName name(here.output);
+  const schemas::FarmJobDocument here = folder.local_job();
+  const compose::SequenceName name(here.output);
   std::vector<int> gone;
-  std::error_code ignored;
   for (const int frame : job_frames(here)) {
-    if (!std::filesystem::exists(name.path(frame), ignored)) gone.push_back(frame);
+    if (!file_exists(name.path(frame))) gone.push_back(frame);
   }
   if (gone.empty()) return;
-  status.missing_frames = format_frame_range(gone);
+  status.missing_frames = compose::format_frame_range(gone);
   status.reason = "frames have been removed since; raystage farm retry renders them again";
 }
 
@@ -331,9 +325,8 @@ JobStatus job_status(const JobFolder& folder, const SchedulerAnswer& answer) {
   status.job = folder.job();
   status.excluded_nodes = folder.excluded_nodes();
   status.rounds = static_cast<int>(folder.rounds().size());
-  std::error_code ignored;
   // Read before the attempts: if the job ends in between, its attempts are complete.
-  const bool is_over = std::filesystem::exists(folder.end_file(), ignored);
+  const bool is_over = file_exists(folder.end_file());
   const TaskAttempts attempts = read_attempts(folder);
   const QueuedTasks queued(folder, answer);
   const auto add = [&](const std::string& stage, std::size_t count) {
@@ -351,7 +344,7 @@ JobStatus job_status(const JobFolder& folder, const SchedulerAnswer& answer) {
   find_removed_frames(folder, status);
   count_frames(status);
   if (!status.missing_frames.empty()) {  // the verification overrides the tasks' reports
-    const auto missing = static_cast<int>(parse_frame_range(status.missing_frames).size());
+    const auto missing = static_cast<int>(compose::parse_frame_range(status.missing_frames).size());
     status.frames_failed = status.state == JobState::kDone ? 0 : missing;  // else removed since
     status.frames_done = status.frames - missing;
   }
@@ -360,16 +353,16 @@ JobStatus job_status(const JobFolder& folder, const SchedulerAnswer& answer) {
 
 JobStatus job_status(const JobFolder& folder) {
   SchedulerAnswer answer;
-  const FarmJobDocument job = folder.job();
-  const std::optional<FarmEnd> end = folder.end();
+  const schemas::FarmJobDocument job = folder.job();
+  const std::optional<schemas::FarmEnd> end = folder.end();
   // A finished job may still make its preview.
-  if (end && !(job.preview && end->state == FarmEnd::State::kDone)) {
+  if (end && !(job.preview && end->state == schemas::FarmEnd::State::kDone)) {
     return job_status(folder, answer);
   }
-  if (job.engine == FarmJobDocument::Engine::kSlurm) answer.tasks = slurm_tasks(job);
-  if (job.engine == FarmJobDocument::Engine::kLocal) {
+  if (job.engine == schemas::FarmJobDocument::Engine::kSlurm) answer.tasks = slurm_tasks(job);
+  if (job.engine == schemas::FarmJobDocument::Engine::kLocal) {
     answer.is_local_job_running = false;  // if it was never started
-    for (const FarmRound& round : folder.rounds()) {
+    for (const schemas::FarmRound& round : folder.rounds()) {
       if (!round.host.empty()) answer.is_local_job_running = is_local_job_running(round);
     }
   }

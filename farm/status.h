@@ -31,7 +31,7 @@ struct TaskStatus {
   TaskState state = TaskState::kUnknown;
   std::string frames, node, reason;
   int percent = 0;  ///< progress of a running task
-  std::vector<FarmAttempt> attempts;
+  std::vector<schemas::FarmAttempt> attempts;
 };
 
 enum class JobState {
@@ -48,7 +48,7 @@ enum class JobState {
 std::string_view job_state_name(JobState state);
 
 struct JobStatus {
-  FarmJobDocument job;
+  schemas::FarmJobDocument job;
   JobState state = JobState::kUnknown;
   std::string reason;
   std::vector<TaskStatus> tasks;  ///< by stage, then index

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -60,8 +59,8 @@ bool deserves_a_line(const TaskStatus& task) {
          task.state == TaskState::kLost;
 }
 
-OrderedJson json_from(const FarmAttempt& attempt) {
-  return OrderedJson::parse(format_farm_attempt(attempt));
+OrderedJson json_from(const schemas::FarmAttempt& attempt) {
+  return OrderedJson::parse(schemas::format_farm_attempt(attempt));
 }
 
 constexpr std::string_view kStyle = R"(
@@ -83,9 +82,9 @@ std::string bar_of(const JobStatus& status, const std::string& stage) {
   std::string bar = "<div class=\"bar\">";
   for (const TaskStatus& task : status.tasks) {
     if (task.stage != stage) continue;
-    const auto weight = task.frames.empty() ? 1 : parse_frame_range(task.frames).size();
+    const auto weight = task.frames.empty() ? 1 : compose::parse_frame_range(task.frames).size();
     bar += fmt::format("<i class=\"{}\" style=\"flex:{}\" title=\"{}\"></i>", css_class(task.state),
-                       weight, escape_html(task_line(task)));
+                       weight, charts::escape_html(task_line(task)));
   }
   return bar + "</div>";
 }
@@ -95,18 +94,18 @@ std::string table_of(const JobStatus& status) {
       "<table><tr><th>task</th><th>frames</th><th>state</th><th>node</th><th>attempts</th>"
       "<th>time</th><th>memory</th><th>reason</th></tr>";
   for (const TaskStatus& task : status.tasks) {
-    const FarmAttempt* last = task.attempts.empty() ? nullptr : &task.attempts.back();
+    const schemas::FarmAttempt* last = task.attempts.empty() ? nullptr : &task.attempts.back();
     const bool has_end = last != nullptr && last->end;
     rows += fmt::format(
         "<tr><td>{} {}</td><td>{}</td><td><b class=\"{}\"></b>{}{}</td><td>{}</td><td>{}</td>"
         "<td>{}</td><td>{}</td><td>{}</td></tr>",
-        task.stage, task.index, escape_html(task.frames), css_class(task.state),
+        task.stage, task.index, charts::escape_html(task.frames), css_class(task.state),
         task_state_name(task.state),
         task.state == TaskState::kRunning ? fmt::format(" {} %", task.percent) : "",
-        escape_html(task.node), task.attempts.size(),
+        charts::escape_html(task.node), task.attempts.size(),
         has_end ? time_text(last->end->wall_seconds) : "",
         has_end ? fmt::format("{:.2f} GB", last->end->peak_memory_bytes * 1e-9) : "",
-        escape_html(task.reason));
+        charts::escape_html(task.reason));
   }
   return rows + "</table>";
 }
@@ -143,7 +142,7 @@ std::string status_text(const JobStatus& status, bool all_tasks) {
 std::string status_json(const JobStatus& status) {
   OrderedJson json{{"job", status.job.id},
                    {"folder", status.job.folder},
-                   {"engine", farm_engine_name(status.job.engine)},
+                   {"engine", schemas::farm_engine_name(status.job.engine)},
                    {"state", job_state_name(status.state)},
                    {"reason", status.reason},
                    {"frames", status.frames},
@@ -166,36 +165,38 @@ std::string status_json(const JobStatus& status) {
                        {"percent", task.state == TaskState::kDone ? 100 : task.percent},
                        {"reason", task.reason},
                        {"attempts", OrderedJson::array()}};
-    for (const FarmAttempt& attempt : task.attempts) {
+    for (const schemas::FarmAttempt& attempt : task.attempts) {
       object["attempts"].push_back(json_from(attempt));
     }
     tasks.push_back(std::move(object));
   }
-  return format_json(json);
+  return schemas::format_json(json);
 }
 
 std::string status_html(const JobStatus& status, const JobFolder& folder) {
   std::string bars;
   for (const std::string& stage : stages_of(status)) {
-    bars += fmt::format("<p>{}: {}</p>{}", stage, escape_html(counts_text(status, stage)),
+    bars += fmt::format("<p>{}: {}</p>{}", stage, charts::escape_html(counts_text(status, stage)),
                         bar_of(status, stage));
   }
   std::string summary = summary_text(status);
   if (!status.missing_frames.empty()) summary += "; missing: frames " + status.missing_frames;
   std::string body =
-      html_section("Progress", escape_html(summary), bars) +
-      html_section("Tasks", "The last attempt of each. Logs: raystage farm logs", table_of(status));
+      charts::html_section("Progress", charts::escape_html(summary), bars) +
+      charts::html_section("Tasks", "The last attempt of each. Logs: raystage farm logs",
+                           table_of(status));
   if (!status.excluded_nodes.empty()) {
     std::string nodes;
     for (const auto& [node, reason] : status.excluded_nodes) {
-      nodes += fmt::format("<li>{}: {}</li>", escape_html(node), escape_html(reason));
+      nodes +=
+          fmt::format("<li>{}: {}</li>", charts::escape_html(node), charts::escape_html(reason));
     }
-    body += html_section("Excluded nodes", "", "<ul>" + nodes + "</ul>");
+    body += charts::html_section("Excluded nodes", "", "<ul>" + nodes + "</ul>");
   }
   const std::string subtitle =
       fmt::format("{}{} · {}", job_state_name(status.state),
                   status.reason.empty() ? "" : " (" + status.reason + ")", folder.path().string());
-  return html_page("Farm job " + status.job.id, subtitle, body, kStyle);
+  return charts::html_page("Farm job " + status.job.id, subtitle, body, kStyle);
 }
 
 }  // namespace raystage::farm

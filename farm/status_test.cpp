@@ -17,7 +17,7 @@ using ::testing::HasSubstr;
 
 class Status : public ::testing::Test {
  protected:
-  void happened(FarmAttempt attempt) {
+  void happened(schemas::FarmAttempt attempt) {
     const auto end = attempt.end;
     attempt.end.reset();
     record_attempt_start(folder_, attempt);
@@ -27,7 +27,8 @@ class Status : public ::testing::Test {
     }
   }
   void started(int chunk, const std::string& node) {
-    FarmAttempt attempt = testing::make_attempt(chunk, AttemptResult::kDone, node);
+    schemas::FarmAttempt attempt =
+        testing::make_attempt(chunk, schemas::AttemptResult::kDone, node);
     attempt.end.reset();
     happened(attempt);
   }
@@ -41,12 +42,12 @@ class Status : public ::testing::Test {
     });
   }
 
-  TestFolder parent_;
+  testing::TestFolder parent_;
   const JobFolder folder_ = testing::write_small_job(parent_.path());
 };
 
 TEST_F(Status, IsKnownFromRecordsWhileTheControllerIsDown) {
-  happened(testing::make_attempt(0, AttemptResult::kDone));
+  happened(testing::make_attempt(0, schemas::AttemptResult::kDone));
   started(1, "n2");
   const JobStatus status = job_status(folder_, SchedulerAnswer{});
   EXPECT_EQ(status.state, JobState::kUnknown);
@@ -59,7 +60,7 @@ TEST_F(Status, IsKnownFromRecordsWhileTheControllerIsDown) {
 }
 
 TEST_F(Status, AsksSlurmForWhatIsNotOver) {
-  happened(testing::make_attempt(0, AttemptResult::kDone));
+  happened(testing::make_attempt(0, schemas::AttemptResult::kDone));
   started(1, "n2");
   started(2, "n3");
   std::ofstream(folder_.progress() / "render.0001") << "40\n";
@@ -101,9 +102,9 @@ TEST_F(Status, ATaskThatSlurmCouldNotStartHasFailedWithoutARecord) {
 }
 
 TEST_F(Status, AFrameThatIsMissingIsNotDoneWhateverItsTaskSaid) {
-  for (int i = 0; i < 4; ++i) happened(testing::make_attempt(i, AttemptResult::kDone));
-  FarmEnd end;
-  end.state = FarmEnd::State::kFailed;
+  for (int i = 0; i < 4; ++i) happened(testing::make_attempt(i, schemas::AttemptResult::kDone));
+  schemas::FarmEnd end;
+  end.state = schemas::FarmEnd::State::kFailed;
   end.missing_frames = "3";
   end.ended_utc = utc_now();
   folder_.write_end(end);
@@ -141,11 +142,11 @@ TEST_F(Status, WhatSlurmNeverStartsIsStalled) {
 }
 
 TEST_F(Status, ADoneJobGoesOnWithItsPreviewAndMissesFramesThatWereRemoved) {
-  for (int i = 0; i < 4; ++i) happened(testing::make_attempt(i, AttemptResult::kDone));
-  FarmEnd end;
+  for (int i = 0; i < 4; ++i) happened(testing::make_attempt(i, schemas::AttemptResult::kDone));
+  schemas::FarmEnd end;
   end.ended_utc = utc_now();
   folder_.write_end(end);
-  const SequenceName name(folder_.job().output);
+  const compose::SequenceName name(folder_.job().output);
   for (int frame = 1; frame <= 12; ++frame) std::ofstream(name.path(frame)) << "x";
   SchedulerAnswer answer;
   answer.tasks.emplace();
@@ -165,10 +166,11 @@ TEST_F(Status, ADoneJobGoesOnWithItsPreviewAndMissesFramesThatWereRemoved) {
 
 TEST_F(Status, TheEndIsTheRecordsWhateverSlurmSays) {
   for (int i = 0; i < 4; ++i) {
-    happened(testing::make_attempt(i, i == 2 ? AttemptResult::kFailed : AttemptResult::kDone));
+    happened(testing::make_attempt(
+        i, i == 2 ? schemas::AttemptResult::kFailed : schemas::AttemptResult::kDone));
   }
-  FarmEnd end;
-  end.state = FarmEnd::State::kFailed;
+  schemas::FarmEnd end;
+  end.state = schemas::FarmEnd::State::kFailed;
   end.missing_frames = "7-9";
   end.reason = "frames 7-9: it broke";
   end.frames = 12;
@@ -185,8 +187,9 @@ TEST_F(Status, TheEndIsTheRecordsWhateverSlurmSays) {
 }
 
 TEST_F(Status, OfALocalJobIsThatOfItsProcess) {
-  const TestFolder parent;
-  const JobFolder folder = testing::write_small_job(parent.path(), FarmJobDocument::Engine::kLocal);
+  const testing::TestFolder parent;
+  const JobFolder folder =
+      testing::write_small_job(parent.path(), schemas::FarmJobDocument::Engine::kLocal);
   EXPECT_EQ(job_status(folder).state, JobState::kNotQueued);
   SchedulerAnswer answer;
   answer.is_local_job_running = true;

@@ -15,15 +15,15 @@
 #include "base/resources.h"
 #include "compose/derived_data.h"
 #include "compose/frame_range.h"
+#include "farm/attempts.h"
 #include "farm/child_process.h"
 #include "farm/job_plan.h"
-#include "farm/measurement.h"
 #include "farm/node_checks.h"
 #include "farm/resources.h"
-#include "farm/rounds.h"
 #include "farm/slurm_queue.h"
 #include "farm/slurm_scripts.h"
 #include "farm/submission_checks.h"
+#include "farm/task_commands.h"
 #include "raystage_version.h"
 #include "render/common/simd_level.h"
 
@@ -31,7 +31,7 @@ namespace raystage::farm {
 namespace {
 
 namespace fs = std::filesystem;
-using Engine = FarmJobDocument::Engine;
+using Engine = schemas::FarmJobDocument::Engine;
 
 constexpr int kMostThreadsByDefault = 8;
 
@@ -59,8 +59,7 @@ void check_not_live(const SubmissionOptions& options) {
   }
   const auto live = find_live_job(options.output);
   if (!live) return;
-  std::error_code ignored;
-  if (!fs::exists(live->job_file(), ignored)) {
+  if (!file_exists(live->job_file())) {
     throw Error::bad_input("a job of this output is being submitted", live->path().string(),
                            "Wait for it; if its submission was killed, delete the folder");
   }
@@ -75,15 +74,15 @@ void check_not_live(const SubmissionOptions& options) {
                          "for live jobs enabled");
 }
 
-std::vector<int> numbers_of(const std::vector<PlannedFrame>& frames) {
+std::vector<int> numbers_of(const std::vector<compose::PlannedFrame>& frames) {
   std::vector<int> numbers;
-  for (const PlannedFrame& frame : frames) numbers.push_back(frame.frame);
+  for (const compose::PlannedFrame& frame : frames) numbers.push_back(frame.frame);
   return numbers;
 }
 
 /// Returns the indices of the instants that the frames wait for.
 std::vector<int> instants_for(const std::vector<int>& frames,
-                              const std::vector<const DerivedFrameData*>& missing) {
+                              const std::vector<const compose::DerivedFrameData*>& missing) {
   std::vector<int> indices;
   for (std::size_t i = 0; i < missing.size(); ++i) {
     const bool needed = std::ranges::any_of(
@@ -98,18 +97,17 @@ std::string path_text(const fs::path& path) {
 }
 
 /// Returns the inputs that a node must be able to read: take.json of all takes.
-std::vector<std::string> inputs_of(const ShotPlan& plan) {
+std::vector<std::string> inputs_of(const compose::ShotPlan& plan) {
   std::set<std::string> inputs;
-  for (std::size_t i = 0; i < plan.layers(); ++i) {
-    if (plan.light_field(i) != nullptr) {
-      inputs.insert(path_text(plan.light_field(i)->take().folder() / "take.json"));
-    }
+  for (const compose::LightFieldLayer* light_field : plan.light_fields()) {
+    inputs.insert(path_text(light_field->take().folder() / "take.json"));
   }
   return {inputs.begin(), inputs.end()};
 }
 
-FarmJobDocument new_job(const SubmissionOptions& options, const SubmissionCheckResult& checked) {
-  FarmJobDocument job;
+schemas::FarmJobDocument new_job(const SubmissionOptions& options,
+                                 const SubmissionCheckResult& checked) {
+  schemas::FarmJobDocument job;
   job.id = new_job_id(options.output);
   job.engine = options.engine;
   job.submitted_utc = utc_now();
@@ -118,9 +116,10 @@ FarmJobDocument new_job(const SubmissionOptions& options, const SubmissionCheckR
   job.program_version = RAYSTAGE_VERSION;
   // A container may have other libraries: then the first task determines the build.
   if (options.command_prefix.empty()) job.build = build_id();
-  const SimdLevel best = best_simd_level();
-  job.simd =
-      options.simd.empty() ? simd_level_name(std::min(best, SimdLevel::kAvx2)) : options.simd;
+  const render::SimdLevel best = render::best_simd_level();
+  job.simd = options.simd.empty()
+                 ? render::simd_level_name(std::min(best, render::SimdLevel::kAvx2))
+                 : options.simd;
   const mode_t mask = umask(0);
   umask(mask);
   job.umask = static_cast<int>(mask);
@@ -133,10 +132,10 @@ FarmJobDocument new_job(const SubmissionOptions& options, const SubmissionCheckR
   job.output = path_text(options.output);
   job.cache = path_text(checked.cache);
   job.color_config = path_text(options.color_config);
-  job.existing = options.existing == ExistingFiles::kOverwrite ? "overwrite" : "skip";
-  job.missing = options.missing == MissingFrames::kHold    ? "hold"
-                : options.missing == MissingFrames::kBlack ? "black"
-                                                           : "error";
+  job.existing = options.existing == compose::ExistingFiles::kOverwrite ? "overwrite" : "skip";
+  job.missing = options.missing == compose::MissingFrames::kHold    ? "hold"
+                : options.missing == compose::MissingFrames::kBlack ? "black"
+                                                                    : "error";
   job.picture = options.picture;
   job.inputs = inputs_of(*checked.sequence.plan);
   if (!job.color_config.empty()) job.inputs.push_back(job.color_config);
@@ -147,7 +146,7 @@ FarmJobDocument new_job(const SubmissionOptions& options, const SubmissionCheckR
   job.frame_bytes = estimate_frame_bytes(*checked.sequence.plan, options.picture.deep);
   if (job.engine == Engine::kSlurm) {
     job.max_array_size = slurm_max_array();
-    const auto& of_render = options.sbatch[static_cast<std::size_t>(FarmStage::kRender)];
+    const auto& of_render = options.sbatch[static_cast<std::size_t>(schemas::FarmStage::kRender)];
     job.max_minutes = slurm_max_minutes(sbatch_partition(of_render));
     if (job.max_minutes && options.minutes.value_or(0) > *job.max_minutes) {
       throw Error::bad_input(fmt::format("a task gets {} minutes, the partition allows {}",
@@ -164,7 +163,7 @@ int threads_of(const SubmissionOptions& options) {
   int threads = std::min(available_threads(), kMostThreadsByDefault);
   if (options.engine != Engine::kSlurm) return threads;
   int most = 0;
-  const auto& of_render = options.sbatch[static_cast<std::size_t>(FarmStage::kRender)];
+  const auto& of_render = options.sbatch[static_cast<std::size_t>(schemas::FarmStage::kRender)];
   for (const SlurmNode& node : slurm_nodes(sbatch_partition(of_render))) {
     most = std::max(most, node.processors);
   }
@@ -173,14 +172,14 @@ int threads_of(const SubmissionOptions& options) {
 
 /// Adds the tasks and their resources to the job. `measured`: the first frame, if it was measured.
 void add_tasks(const SubmissionOptions& options, const SubmissionCheckResult& checked,
-               const std::optional<FarmAttempt::End>& measured, FarmJobDocument& job) {
+               const std::optional<schemas::FarmAttempt::End>& measured,
+               schemas::FarmJobDocument& job) {
   const std::vector<int> frames = numbers_of(checked.sequence.frames);
   if (measured) job.seconds_per_frame = measured->wall_seconds;
-  std::vector<const DerivedFrameData*> missing;
-  std::error_code ignored;
-  for (const DerivedFrameData& instant : checked.instants) {
+  std::vector<const compose::DerivedFrameData*> missing;
+  for (const compose::DerivedFrameData& instant : checked.instants) {
     job.pinned.push_back(path_text(instant.file));
-    if (fs::exists(instant.file, ignored)) continue;
+    if (file_exists(instant.file)) continue;
     missing.push_back(&instant);
     job.instants.push_back(
         {static_cast<int>(instant.layer), instant.tick, path_text(instant.file)});
@@ -191,14 +190,14 @@ void add_tasks(const SubmissionOptions& options, const SubmissionCheckResult& ch
                           : automatic_chunk_size(frames.size(), job.seconds_per_frame));
   std::size_t longest = 1;
   for (const auto& chunk : split_into_chunks(frames, {per_chunk, options.preview_first})) {
-    job.chunks.push_back({format_frame_range(chunk), instants_for(chunk, missing)});
+    job.chunks.push_back({compose::format_frame_range(chunk), instants_for(chunk, missing)});
     longest = std::max(longest, chunk.size());
   }
   const ResourceRequest request{*checked.sequence.plan,    checked.sequence.frames,
                                 options.picture.deep,      threads_of(options),
                                 options.memory_gb,         options.minutes,
                                 static_cast<int>(longest), measured};
-  for (const FarmStage stage : kFarmStages) {
+  for (const schemas::FarmStage stage : schemas::kFarmStages) {
     job.of(stage) = estimate_resources(stage, request);
     std::optional<int>& minutes = job.of(stage).minutes;
     if (minutes && job.max_minutes) minutes = std::min(*minutes, *job.max_minutes);
@@ -206,8 +205,8 @@ void add_tasks(const SubmissionOptions& options, const SubmissionCheckResult& ch
   }
 }
 
-FarmRound first_round(const FarmJobDocument& job) {
-  FarmRound round;
+schemas::FarmRound first_round(const schemas::FarmJobDocument& job) {
+  schemas::FarmRound round;
   for (std::size_t i = 0; i < job.instants.size(); ++i)
     round.prepare.push_back(static_cast<int>(i));
   for (std::size_t i = 0; i < job.chunks.size(); ++i) round.render.push_back(static_cast<int>(i));
@@ -219,15 +218,52 @@ bool wants_measure(const SubmissionOptions& options) {
   return options.measure && !options.distributed && options.engine != Engine::kLocal && !all_given;
 }
 
-/// Renders the first frame on this host to its output file, which the job's tasks keep.
-std::optional<FarmAttempt::End> measure_first_frame(const SubmissionOptions& options,
-                                                    const SubmissionCheckResult& checked,
-                                                    FarmJobDocument job, const JobFolder& folder,
-                                                    const std::stop_token& stop) {
+/// Renders the first frame on this host to its output file, which the job's tasks keep, with the
+/// resources of a task, and records the attempt as stage "measure". Returns nothing if the frame
+/// existed, as nothing was measured. Throws Error (bad input or failed, as the renderer reports) if
+/// the frame cannot be rendered.
+std::optional<schemas::FarmAttempt::End> measure_first_frame(const SubmissionOptions& options,
+                                                             const SubmissionCheckResult& checked,
+                                                             schemas::FarmJobDocument job,
+                                                             const JobFolder& folder,
+                                                             const std::stop_token& stop) {
   add_tasks(options, checked, std::nullopt, job);
   const int first = checked.sequence.frames.front().frame;
   options.on_message(fmt::format("rendering frame {} to measure it", first));
-  return measure_frame({folder, job, options.shot, first}, stop);
+  schemas::FarmAttempt attempt;
+  attempt.stage = "measure";
+  attempt.node = node_name();
+  attempt.process = getpid();
+  attempt.frames = std::to_string(first);
+  attempt.started_utc = utc_now();
+  record_attempt_start(folder, attempt);
+  ChildOptions child_options;
+  child_options.log = attempt_log(folder, attempt);
+  child_options.stop = stop;
+  std::string last;
+  bool rendered = true;
+  child_options.line = [&](std::string_view line) {
+    if (!line.starts_with("Progress: ")) last = line;
+    if (line.starts_with("0 of 1 frames rendered")) rendered = false;
+  };
+  const ChildResult child = run_child(
+      render_command(job, options.shot, 0, attempt.frames, job.existing, 1), child_options);
+  schemas::FarmAttempt::End end;
+  end.result =
+      child.exit_code == 0 ? schemas::AttemptResult::kDone : schemas::AttemptResult::kFailed;
+  end.exit_code = child.exit_code;
+  end.wall_seconds = child.wall_seconds;
+  end.cpu_seconds = child.cpu_seconds;
+  end.peak_memory_bytes = child.peak_memory_bytes;
+  end.ended_utc = utc_now();
+  attempt.end = end;
+  record_attempt_end(folder, attempt);
+  if (child.exit_code == 0) return rendered ? std::optional(end) : std::nullopt;
+  const std::string what =
+      fmt::format("the first frame (frame {}) cannot be rendered: {}", first, last);
+  const std::string advice = "Correct the cause, or submit without measuring the first frame";
+  throw child.exit_code == 2 ? Error::bad_input(what, options.shot.string(), advice)
+                             : Error::failed(what, options.shot.string(), advice);
 }
 
 /// A new job folder, which is removed unless the submission is complete.
@@ -271,7 +307,7 @@ PlannedJob plan_submission(const SubmissionOptions& options) {
 JobFolder write_submission(const SubmissionOptions& options, const std::stop_token& stop) {
   check_not_live(options);
   const SubmissionCheckResult checked = check_submission(options);
-  FarmJobDocument job = new_job(options, checked);
+  schemas::FarmJobDocument job = new_job(options, checked);
   const auto live = find_live_job(options.output);
   NewFolder folder(options.output);
   job.folder = path_text(folder->path());
@@ -282,17 +318,17 @@ JobFolder write_submission(const SubmissionOptions& options, const std::stop_tok
   }
   if (job.engine == Engine::kSlurm) {
     // Test before anything is rendered, with resources as if no frame were measured.
-    FarmJobDocument draft = job;
+    schemas::FarmJobDocument draft = job;
     add_tasks(options, checked, std::nullopt, draft);
     write_batch_scripts(*folder, draft);
     test_batch_scripts(*folder, draft);
   }
-  std::optional<FarmAttempt::End> measured;
+  std::optional<schemas::FarmAttempt::End> measured;
   if (wants_measure(options)) measured = measure_first_frame(options, checked, job, *folder, stop);
   add_tasks(options, checked, measured, job);
   std::vector<fs::path> derived;
-  for (const DerivedFrameData& instant : checked.instants) derived.push_back(instant.file);
-  pin_derived_data(derived, job.id);
+  for (const compose::DerivedFrameData& instant : checked.instants) derived.push_back(instant.file);
+  compose::pin_derived_data(derived, job.id);
   if (live && options.after) {
     // A relative path, which is the same on every host.
     write_file_atomically(folder->after_file(), "../" + live->path().filename().string() + "\n");
@@ -308,7 +344,8 @@ JobFolder write_submission(const SubmissionOptions& options, const std::stop_tok
     }
   }
   write_round(*folder, job, first_round(job));
-  write_file_atomically(folder->job_file(), format_farm_job(job));  // last: the job is complete
+  write_file_atomically(folder->job_file(),
+                        schemas::format_farm_job(job));  // last: the job is complete
   return folder.release();
 }
 

@@ -20,10 +20,10 @@ struct SubmissionOptions {
   std::filesystem::path shot;
   std::string output;  ///< SequenceName pattern
   std::optional<std::vector<int>> frames = {};
-  FarmJobDocument::Engine engine = FarmJobDocument::Engine::kSlurm;
-  ExistingFiles existing = ExistingFiles::kError;
-  MissingFrames missing = MissingFrames::kError;
-  FarmJobDocument::OutputOverrides picture = {};
+  schemas::FarmJobDocument::Engine engine = schemas::FarmJobDocument::Engine::kSlurm;
+  compose::ExistingFiles existing = compose::ExistingFiles::kError;
+  compose::MissingFrames missing = compose::MissingFrames::kError;
+  schemas::FarmJobDocument::OutputOverrides picture = {};
   std::filesystem::path color_config = {};
   /// Empty: the takes, or a folder next to the output if a take is read-only.
   std::filesystem::path cache = {};
@@ -39,18 +39,19 @@ struct SubmissionOptions {
   std::string program = {};  ///< on the nodes; empty: the mapped path of this program
   std::string simd = {};     ///< empty: avx2, or this machine's best level if it lacks avx2
   std::vector<PathMappingRule> paths = {};
-  std::array<std::vector<std::string>, kFarmStages.size()> sbatch = {};  ///< options by stage
+  std::array<std::vector<std::string>, schemas::kFarmStages.size()> sbatch =
+      {};              ///< options by stage
   bool after = false;  ///< wait for a live job of the same output
   /// Nodes that hold the archives; engine slurm only. The submitting host needs only the documents
   /// of the takes.
-  std::optional<FarmJobDocument::Distributed> distributed = {};
+  std::optional<schemas::FarmJobDocument::Distributed> distributed = {};
   std::function<void(std::string_view)> on_message = [](std::string_view) {};
 };
 
 /// A job as it would be queued.
 struct PlannedJob {
-  FarmJobDocument job;
-  FarmRound round;  ///< the first
+  schemas::FarmJobDocument job;
+  schemas::FarmRound round;  ///< the first
   std::string shot_text;
 };
 

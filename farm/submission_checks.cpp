@@ -5,20 +5,43 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <system_error>
+#include <stdexcept>
 
+#include "base/atomic_file.h"
 #include "base/error.h"
 #include "compose/sequence_memory_plan.h"
-#include "farm/document_only_takes.h"
 #include "farm/job_folder.h"
 #include "farm/task_commands.h"
+#include "render/distributed_rendering.h"
 #include "render/methods.h"
 
 namespace raystage::farm {
 namespace {
 
 namespace fs = std::filesystem;
-using Engine = FarmJobDocument::Engine;
+using Engine = schemas::FarmJobDocument::Engine;
+
+class UnknownArchives : public store::RemoteArchives {
+ public:
+  std::optional<store::ArchiveReader> open(int /*camera*/) const override {
+    return store::ArchiveReader({}, {}, nullptr);
+  }
+  bool is_missing(int /*camera*/) const override { return false; }
+  bool are_unknown() const override { return true; }
+};
+
+/// Opens takes of which this host has only the documents (take.json, rig.json and timeline), to
+/// plan a job whose archives are on its nodes. Frames come from the timeline, which is not checked.
+/// Such takes cannot be rendered.
+class DocumentOnlyTakes : public render::DistributedTakes {
+ public:
+  store::Take open(const fs::path& folder) override {
+    return store::Take(folder, std::make_shared<const UnknownArchives>());
+  }
+  void share(const store::Take& /*take*/, render::RendererSettings& /*settings*/) override {
+    throw std::logic_error("a take without archives cannot be rendered");
+  }
+};
 
 void check_sbatch_options(const SubmissionOptions& options) {
   for (const auto& of_stage : options.sbatch) {
@@ -37,32 +60,28 @@ void check_sbatch_options(const SubmissionOptions& options) {
 }
 
 /// Rejects method `auto`: each task would choose by itself, and tasks could differ.
-void check_methods(const ShotPlan& plan, const fs::path& shot) {
-  for (std::size_t i = 0; i < plan.layers(); ++i) {
-    if (plan.light_field(i) == nullptr) continue;
-    if (!method_named(plan.light_field(i)->reconstruction().method).chooses_by_measuring())
-      continue;
+void check_methods(const compose::ShotPlan& plan, const fs::path& shot) {
+  for (const compose::LightFieldLayer* light_field : plan.light_fields()) {
+    if (!light_field->method().chooses_by_measuring()) continue;
     throw Error::bad_input(
         "method auto chooses again in every task, so tasks could differ",
-        fmt::format("{}#/layers/{}/method", shot.string(), i),
+        fmt::format("{}#/layers/{}/method", shot.string(), light_field->index()),
         "Render one frame locally and write the method that its log names into the shot");
   }
 }
 
 /// Returns whether derived data can be stored in the folders of all takes that need it.
-bool are_takes_writable(const std::vector<DerivedFrameData>& instants) {
-  return std::ranges::all_of(instants, [](const DerivedFrameData& instant) {
+bool are_takes_writable(const std::vector<compose::DerivedFrameData>& instants) {
+  return std::ranges::all_of(instants, [](const compose::DerivedFrameData& instant) {
     fs::path folder = instant.file.parent_path();
-    std::error_code ignored;
-    while (!fs::exists(folder, ignored) && folder.has_relative_path())
-      folder = folder.parent_path();
+    while (!file_exists(folder) && folder.has_relative_path()) folder = folder.parent_path();
     return access(folder.c_str(), W_OK) == 0;
   });
 }
 
-SequenceOptions sequence_options(const SubmissionOptions& options, const fs::path& cache,
-                                 DistributedTakes* hosts) {
-  SequenceOptions sequence;
+compose::SequenceOptions sequence_options(const SubmissionOptions& options, const fs::path& cache,
+                                          render::DistributedTakes* hosts) {
+  compose::SequenceOptions sequence;
   sequence.output = options.output;
   sequence.frames = options.frames;
   sequence.existing = options.existing;
@@ -95,10 +114,10 @@ void check_distributed(const SubmissionOptions& options) {
   }
 }
 
-void check_memory(const SubmissionOptions& options, const CheckedSequence& sequence) {
+void check_memory(const SubmissionOptions& options, const compose::CheckedSequence& sequence) {
   if (options.memory_gb <= 0) return;
-  const double needed = 1e-9 * static_cast<double>(required_memory(*sequence.plan, sequence.frames,
-                                                                   1, options.picture.deep));
+  const double needed =
+      1e-9 * compose::required_memory(*sequence.plan, sequence.frames, 1, options.picture.deep);
   if (needed <= options.memory_gb) return;
   throw Error::bad_input(
       fmt::format("one frame needs {:.2f} GB, a task gets {:.2f} GB", needed, options.memory_gb),
@@ -111,21 +130,21 @@ SubmissionCheckResult check_submission(const SubmissionOptions& options) {
   check_sbatch_options(options);
   check_distributed(options);
   DocumentOnlyTakes documents;
-  DistributedTakes* hosts = options.distributed ? &documents : nullptr;
+  render::DistributedTakes* hosts = options.distributed ? &documents : nullptr;
   SubmissionCheckResult checked{
-      check_sequence(options.shot, sequence_options(options, options.cache, hosts)),
+      compose::check_sequence(options.shot, sequence_options(options, options.cache, hosts)),
       {},
       options.cache};
   check_methods(*checked.sequence.plan, options.shot);
   check_memory(options, checked.sequence);
   if (options.distributed) return checked;  // ranks store the depths of their own cameras
-  checked.instants = list_derived_data(*checked.sequence.plan, checked.sequence.frames);
+  checked.instants = compose::list_derived_data(*checked.sequence.plan, checked.sequence.frames);
   if (checked.cache.empty() && !are_takes_writable(checked.instants)) {
     checked.cache = fs::absolute(farm_folder(options.output) / "cache");
     options.on_message("a take is read-only: derived data goes to " + checked.cache.string());
     checked.sequence =
-        check_sequence(options.shot, sequence_options(options, checked.cache, nullptr));
-    checked.instants = list_derived_data(*checked.sequence.plan, checked.sequence.frames);
+        compose::check_sequence(options.shot, sequence_options(options, checked.cache, nullptr));
+    checked.instants = compose::list_derived_data(*checked.sequence.plan, checked.sequence.frames);
   }
   return checked;
 }

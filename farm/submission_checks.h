@@ -12,8 +12,8 @@ namespace raystage::farm {
 
 /// The result of check_submission().
 struct SubmissionCheckResult {
-  CheckedSequence sequence;
-  std::vector<DerivedFrameData> instants;
+  compose::CheckedSequence sequence;
+  std::vector<compose::DerivedFrameData> instants;
   std::filesystem::path cache;  ///< for derived data; empty: the takes
 };
 

@@ -7,7 +7,6 @@
 #include <xxhash.h>
 
 #include <algorithm>
-#include <charconv>
 #include <csignal>
 #include <cstdlib>
 #include <fstream>
@@ -15,6 +14,7 @@
 #include <set>
 
 #include "base/atomic_file.h"
+#include "base/number_text.h"
 #include "compose/frame_range.h"
 #include "farm/attempts.h"
 #include "farm/child_process.h"
@@ -35,32 +35,27 @@ std::string environment(const char* name) {
   return value == nullptr ? "" : value;
 }
 
-int number_in(std::string_view text) {
-  int number = 0;
-  std::from_chars(text.data(), text.data() + text.size(), number);
-  return number;
-}
-
 /// Returns the task's round. A task that is started by hand may have no written round.
-FarmRound round_of(const TaskRequest& request) {
+schemas::FarmRound round_of(const TaskRequest& request) {
   const std::filesystem::path file = request.folder.round_file(request.round);
   const auto text = read_record(file);
-  return text ? parse_farm_round(*text, file.string()) : FarmRound{};
+  return text ? schemas::parse_farm_round(*text, file.string()) : schemas::FarmRound{};
 }
 
 /// Returns the frames of a task of stage render: its whole chunk, or those to render again.
-std::string frames_of_task(const std::string& chunk, const FarmRound& round) {
+std::string frames_of_task(const std::string& chunk, const schemas::FarmRound& round) {
   if (round.frames.empty()) return chunk;
   std::vector<int> frames;
-  std::ranges::set_intersection(parse_frame_range(chunk), parse_frame_range(round.frames),
+  std::ranges::set_intersection(compose::parse_frame_range(chunk),
+                                compose::parse_frame_range(round.frames),
                                 std::back_inserter(frames));
-  return format_frame_range(frames);
+  return compose::format_frame_range(frames);
 }
 
-FarmAttempt new_attempt(const TaskRequest& request, const FarmJobDocument& job,
-                        const FarmRound& round) {
-  FarmAttempt attempt;
-  attempt.stage = farm_stage_name(request.stage);
+schemas::FarmAttempt new_attempt(const TaskRequest& request, const schemas::FarmJobDocument& job,
+                                 const schemas::FarmRound& round) {
+  schemas::FarmAttempt attempt;
+  attempt.stage = schemas::farm_stage_name(request.stage);
   attempt.index = request.index;
   attempt.round = request.round;
   attempt.node = request.node.empty() ? node_name() : request.node;
@@ -68,36 +63,35 @@ FarmAttempt new_attempt(const TaskRequest& request, const FarmJobDocument& job,
   const std::string array = environment("SLURM_ARRAY_JOB_ID");
   attempt.slurm_task = array.empty() ? environment("SLURM_JOB_ID")
                                      : array + "_" + environment("SLURM_ARRAY_TASK_ID");
-  attempt.restart = number_in(environment("SLURM_RESTART_COUNT"));
+  attempt.restart = number_at_start(environment("SLURM_RESTART_COUNT"));
   attempt.build = job.build;
   attempt.started_utc = utc_now();
-  if (request.stage == FarmStage::kRender) {
-    attempt.frames =
-        frames_of_task(job.chunks[static_cast<std::size_t>(request.index)].frames, round);
+  if (request.stage == schemas::FarmStage::kRender) {
+    attempt.frames = frames_of_task(job.chunks[request.index].frames, round);
   }
   return attempt;
 }
 
-void check_index(const TaskRequest& request, const FarmJobDocument& job) {
-  const std::size_t tasks = request.stage == FarmStage::kPrepare  ? job.instants.size()
-                            : request.stage == FarmStage::kRender ? job.chunks.size()
-                                                                  : 1;
+void check_index(const TaskRequest& request, const schemas::FarmJobDocument& job) {
+  const std::size_t tasks = request.stage == schemas::FarmStage::kPrepare  ? job.instants.size()
+                            : request.stage == schemas::FarmStage::kRender ? job.chunks.size()
+                                                                           : 1;
   if (request.index >= 0 && static_cast<std::size_t>(request.index) < tasks) return;
   throw Error::bad_input(fmt::format("stage {} has {} tasks, there is no task {}",
-                                     farm_stage_name(request.stage), tasks, request.index),
+                                     schemas::farm_stage_name(request.stage), tasks, request.index),
                          request.folder.job_file().string(), "Use an index from 0");
 }
 
 /// Writes the command's progress for `status` to a small file, at most once per percent.
 class ProgressFile {
  public:
-  ProgressFile(const TaskRequest& request, const FarmAttempt& attempt)
+  ProgressFile(const TaskRequest& request, const schemas::FarmAttempt& attempt)
       : request_(request),
         file_(request.folder.progress() / fmt::format("{}.{:04}", attempt.stage, attempt.index)) {}
 
   void parse_line(std::string_view line) {
     constexpr std::string_view kBegin = "Progress: ";
-    if (line.starts_with(kBegin)) report(number_in(line.substr(kBegin.size())));
+    if (line.starts_with(kBegin)) report(number_at_start(line.substr(kBegin.size())));
   }
   void report(int percent) {
     if (percent <= percent_) return;
@@ -112,26 +106,27 @@ class ProgressFile {
   int percent_ = -1;
 };
 
-AttemptResult result_of(const ChildResult& child, bool stopped) {
-  if (child.exit_code == 0) return AttemptResult::kDone;
-  if (stopped) return AttemptResult::kStopped;
-  if (child.exit_code == 2) return AttemptResult::kBadInput;
+schemas::AttemptResult result_of(const ChildResult& child, bool stopped) {
+  if (child.exit_code == 0) return schemas::AttemptResult::kDone;
+  if (stopped) return schemas::AttemptResult::kStopped;
+  if (child.exit_code == 2) return schemas::AttemptResult::kBadInput;
   // The kernel kills processes that exceed their memory.
   if (child.exit_code == kOutOfMemory || child.signal == SIGKILL) {
-    return AttemptResult::kOutOfMemory;
+    return schemas::AttemptResult::kOutOfMemory;
   }
-  return child.signal == SIGTERM || child.exit_code == 128 + SIGTERM ? AttemptResult::kStopped
-                                                                     : AttemptResult::kFailed;
+  return child.signal == SIGTERM || child.exit_code == 128 + SIGTERM
+             ? schemas::AttemptResult::kStopped
+             : schemas::AttemptResult::kFailed;
 }
 
-std::string reason_of(AttemptResult result, const RenderLogParser& log, bool stopped) {
+std::string reason_of(schemas::AttemptResult result, const RenderLogParser& log, bool stopped) {
   switch (result) {
-    case AttemptResult::kDone:
+    case schemas::AttemptResult::kDone:
       return "";
-    case AttemptResult::kStopped:
+    case schemas::AttemptResult::kStopped:
       return stopped ? "stopped by a signal: time limit, preemption or cancellation"
                      : "the command was stopped by a signal";
-    case AttemptResult::kOutOfMemory:
+    case schemas::AttemptResult::kOutOfMemory:
       return "out of memory";
     default:
       return log.reason();
@@ -143,12 +138,12 @@ std::string reason_of(AttemptResult result, const RenderLogParser& log, bool sto
 std::size_t failures_on(const JobFolder& folder, const std::string& node) {
   std::set<std::pair<std::string, int>> failed_tasks;
   int first_round = 1;
-  for (const FarmRound& round : folder.rounds()) {
+  for (const schemas::FarmRound& round : folder.rounds()) {
     if (round.fresh) first_round = round.round;
   }
   for (const auto& [task, attempts] : read_attempts(folder)) {
-    for (const FarmAttempt& attempt : attempts) {
-      const bool failed = attempt.end && attempt.end->result == AttemptResult::kFailed;
+    for (const schemas::FarmAttempt& attempt : attempts) {
+      const bool failed = attempt.end && attempt.end->result == schemas::AttemptResult::kFailed;
       const bool counts = failed && attempt.node == node && attempt.round >= first_round;
       if (counts && task.first != "verify") failed_tasks.insert(task);
     }
@@ -157,12 +152,13 @@ std::size_t failures_on(const JobFolder& folder, const std::string& node) {
 }
 
 std::vector<std::string> command_of(const TaskRequest& request, const MappedJob& mapped,
-                                    const FarmRound& round, const FarmAttempt& attempt) {
-  const FarmJobDocument& job = mapped.job;
+                                    const schemas::FarmRound& round,
+                                    const schemas::FarmAttempt& attempt) {
+  const schemas::FarmJobDocument& job = mapped.job;
   switch (request.stage) {
-    case FarmStage::kPrepare:
+    case schemas::FarmStage::kPrepare:
       return prepare_command(job, mapped.shot, request.index, round.memory_factor);
-    case FarmStage::kRender:
+    case schemas::FarmStage::kRender:
       return render_command(job, mapped.shot, request.index, attempt.frames,
                             round.frames.empty() ? job.existing : "overwrite", round.memory_factor);
     default:
@@ -183,15 +179,16 @@ class Attempt {
   }
 
   ExitCode run(const std::stop_token& stop) {
-    FarmAttempt::End end = declined_or_run(stop);
+    schemas::FarmAttempt::End end = declined_or_run(stop);
     end.ended_utc = utc_now();
     attempt_.end = end;
     // Exclude the node before the record is written, so that readers of the record see both.
     if (end.node_fault) request_.folder.exclude(attempt_.node, end.reason);
     record_attempt_end(request_.folder, attempt_);
-    if (end.result == AttemptResult::kFailed && !end.node_fault &&
-        request_.stage != FarmStage::kVerify &&
-        mapped_.job.engine != FarmJobDocument::Engine::kLocal &&  // these have no other node
+    if (end.result == schemas::AttemptResult::kFailed && !end.node_fault &&
+        request_.stage != schemas::FarmStage::kVerify &&
+        mapped_.job.engine !=
+            schemas::FarmJobDocument::Engine::kLocal &&  // these have no other node
         !mapped_.job.distributed &&
         failures_on(request_.folder, attempt_.node) >= kMostFailuresOfNode) {
       request_.folder.exclude(attempt_.node, fmt::format("{} tasks failed here, the last: {}",
@@ -203,69 +200,63 @@ class Attempt {
   }
 
  private:
-  static FarmAttempt::End ended(AttemptResult result, std::string reason) {
-    FarmAttempt::End end;
+  static schemas::FarmAttempt::End ended(schemas::AttemptResult result, std::string reason) {
+    schemas::FarmAttempt::End end;
     end.result = result;
     end.reason = std::move(reason);
     return end;
   }
 
-  FarmAttempt::End declined_or_run(const std::stop_token& stop) {
-    std::error_code ignored;
-    if (std::filesystem::exists(request_.folder.cancel_file(), ignored)) {
-      if (request_.stage == FarmStage::kVerify && !request_.folder.end()) {
+  schemas::FarmAttempt::End declined_or_run(const std::stop_token& stop) {
+    if (file_exists(request_.folder.cancel_file())) {
+      if (request_.stage == schemas::FarmStage::kVerify && !request_.folder.end()) {
         // The cancelling process may not have reached the scheduler.
-        FarmEnd cancelled;
-        cancelled.state = FarmEnd::State::kCancelled;
-        cancelled.frames = static_cast<int>(job_frames(mapped_.job).size());
-        end_job(request_.folder, mapped_.job, cancelled);
+        end_job(request_.folder, mapped_.job, {schemas::FarmEnd::State::kCancelled});
       }
-      return ended(AttemptResult::kDeclined, "the job was cancelled");
+      return ended(schemas::AttemptResult::kDeclined, "the job was cancelled");
     }
-    const bool uses_node =
-        request_.stage == FarmStage::kPrepare || request_.stage == FarmStage::kRender;
+    const bool uses_node = request_.stage == schemas::FarmStage::kPrepare ||
+                           request_.stage == schemas::FarmStage::kRender;
     if (uses_node) {
       if (auto declined = declined_by_node()) return *declined;
     }
-    if (request_.stage == FarmStage::kRender && lacks_an_instant()) {
-      return ended(AttemptResult::kDeclined,
+    if (request_.stage == schemas::FarmStage::kRender && lacks_an_instant()) {
+      return ended(schemas::AttemptResult::kDeclined,
                    "a light field frame could not be prepared; the next round tries again");
     }
-    return request_.stage == FarmStage::kVerify ? verify(stop) : run_command(stop);
+    return request_.stage == schemas::FarmStage::kVerify ? verify(stop) : run_command(stop);
   }
 
   /// Returns the end of the attempt if the node is excluded or has a fault. Simultaneous tasks
   /// check the node in turn: the first one excludes it, and only that one loses an attempt.
-  std::optional<FarmAttempt::End> declined_by_node() const {
+  std::optional<schemas::FarmAttempt::End> declined_by_node() const {
     const NodeLock turn(request_.folder, attempt_.node);
     if (request_.folder.is_excluded(attempt_.node)) {
-      return ended(AttemptResult::kDeclined, "this node is excluded from the job");
+      return ended(schemas::AttemptResult::kDeclined, "this node is excluded from the job");
     }
     std::optional<std::string> fault = node_fault(mapped_.job, request_.folder.path());
     if (!fault) return std::nullopt;
     // Only the job's nodes have the archives: no other node could run the task.
-    if (mapped_.job.distributed) return ended(AttemptResult::kFailed, std::move(*fault));
+    if (mapped_.job.distributed) return ended(schemas::AttemptResult::kFailed, std::move(*fault));
     request_.folder.exclude(attempt_.node, *fault);
-    FarmAttempt::End end = ended(AttemptResult::kDeclined, std::move(*fault));
+    schemas::FarmAttempt::End end = ended(schemas::AttemptResult::kDeclined, std::move(*fault));
     end.node_fault = true;
     return end;
   }
 
   /// Returns whether the next round will prepare an instant of this chunk again.
   bool lacks_an_instant() const {
-    const auto& instants = mapped_.job.chunks[static_cast<std::size_t>(request_.index)].instants;
+    const auto& instants = mapped_.job.chunks[request_.index].instants;
     if (instants.empty()) return false;
     const TaskAttempts attempts = read_attempts(request_.folder);
-    std::error_code ignored;
     return std::ranges::any_of(instants, [&](int instant) {
       const auto found = attempts.find({"prepare", instant});
       return found != attempts.end() && !needs_no_preparation(found->second) &&
-             !std::filesystem::exists(mapped_.job.instants[static_cast<std::size_t>(instant)].file,
-                                      ignored);
+             !file_exists(mapped_.job.instants[instant].file);
     });
   }
 
-  FarmAttempt::End verify(const std::stop_token& stop) {
+  schemas::FarmAttempt::End verify(const std::stop_token& stop) {
     ProgressFile progress(request_, attempt_);
     VerificationRequest request{
         request_.folder,
@@ -277,7 +268,7 @@ class Attempt {
     return verify_job(request, stop);
   }
 
-  FarmAttempt::End run_command(const std::stop_token& stop) {
+  schemas::FarmAttempt::End run_command(const std::stop_token& stop) {
     ProgressFile progress(request_, attempt_);
     RenderLogParser log;
     ChildOptions options;
@@ -289,8 +280,9 @@ class Attempt {
     };
     // Record the stop at once: the node may be killed before the frames in flight are complete.
     const std::stop_callback record_stop(stop, [&] {
-      FarmAttempt stopped = attempt_;
-      stopped.end = ended(AttemptResult::kStopped, reason_of(AttemptResult::kStopped, {}, true));
+      schemas::FarmAttempt stopped = attempt_;
+      stopped.end = ended(schemas::AttemptResult::kStopped,
+                          reason_of(schemas::AttemptResult::kStopped, {}, true));
       stopped.end->ended_utc = utc_now();
       try {
         record_attempt_end(request_.folder, stopped);
@@ -298,24 +290,24 @@ class Attempt {
       }
     });
     const ChildResult child = run_child(command_of(request_, mapped_, round_, attempt_), options);
-    FarmAttempt::End end;
+    schemas::FarmAttempt::End end;
     end.result = result_of(child, stop.stop_requested());
     end.exit_code = child.exit_code;
     end.reason = reason_of(end.result, log, stop.stop_requested());
     end.wall_seconds = child.wall_seconds;
     end.cpu_seconds = child.cpu_seconds;
     end.peak_memory_bytes = child.peak_memory_bytes;
-    end.failed_frames =
-        format_frame_range(std::vector<int>(log.failed_frames.begin(), log.failed_frames.end()));
+    end.failed_frames = compose::format_frame_range(
+        std::vector<int>(log.failed_frames.begin(), log.failed_frames.end()));
     end.light_field_frames_estimated = log.solved;
     end.light_field_frames_loaded = log.read;
     end.rendering = log.rendering;
-    const bool may_be_the_node =
-        end.result == AttemptResult::kFailed || end.result == AttemptResult::kBadInput;
-    if (may_be_the_node && request_.stage != FarmStage::kPreview) {
+    const bool may_be_the_node = end.result == schemas::AttemptResult::kFailed ||
+                                 end.result == schemas::AttemptResult::kBadInput;
+    if (may_be_the_node && request_.stage != schemas::FarmStage::kPreview) {
       // The cause may be a fault of the node, e.g. a full disk or a lost mount.
       if (auto fault = node_fault(mapped_.job, request_.folder.path())) {
-        end.result = AttemptResult::kFailed;
+        end.result = schemas::AttemptResult::kFailed;
         end.reason = std::move(*fault);
         end.node_fault = true;
       }
@@ -325,8 +317,8 @@ class Attempt {
 
   const TaskRequest& request_;
   const MappedJob& mapped_;
-  const FarmRound round_;
-  FarmAttempt attempt_;
+  const schemas::FarmRound round_;
+  schemas::FarmAttempt attempt_;
 };
 
 }  // namespace
@@ -340,8 +332,7 @@ MappedJob read_mapped_job(const JobFolder& folder, std::span<const PathMappingRu
   // The name has a hash of the content, so that tasks with other rules use other files.
   mapped.shot =
       folder.path() / fmt::format("shot.{:016x}.json", XXH3_64bits(after.data(), after.size()));
-  std::error_code ignored;
-  if (!std::filesystem::exists(mapped.shot, ignored)) write_file_atomically(mapped.shot, after);
+  if (!file_exists(mapped.shot)) write_file_atomically(mapped.shot, after);
   return mapped;
 }
 

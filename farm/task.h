@@ -15,7 +15,7 @@ namespace raystage::farm {
 /// One task of a job on the node that runs it.
 struct TaskRequest {
   JobFolder folder;
-  FarmStage stage = FarmStage::kRender;
+  schemas::FarmStage stage = schemas::FarmStage::kRender;
   int index = 0;  ///< within the stage
   int round = 1;
   std::string node = {};  ///< the scheduler's name of this node; empty: node_name()
@@ -35,7 +35,7 @@ ExitCode run_task(const TaskRequest& request, const std::stop_token& stop);
 /// The job as a node with these path rules sees it, and its shot (JOB/shot.json, or a copy of it
 /// with its paths mapped).
 struct MappedJob {
-  FarmJobDocument job;
+  schemas::FarmJobDocument job;
   std::filesystem::path shot;
 };
 MappedJob read_mapped_job(const JobFolder& folder, std::span<const PathMappingRule> rules);

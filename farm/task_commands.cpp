@@ -19,8 +19,8 @@ void add(Command& command, std::initializer_list<std::string> words) {
   command.insert(command.end(), words);
 }
 
-void add_common(const FarmJobDocument& job, const FarmResources& resources, double memory_factor,
-                Command& command) {
+void add_common(const schemas::FarmJobDocument& job, const schemas::FarmResources& resources,
+                double memory_factor, Command& command) {
   add(command, {"--relative-to", job.shot_folder, "--missing", job.missing, "--threads",
                 std::to_string(resources.threads), "--memory",
                 fmt::format("{:.3f}", resources.memory_gb * memory_factor), "--simd", job.simd,
@@ -31,20 +31,21 @@ void add_common(const FarmJobDocument& job, const FarmResources& resources, doub
 
 }  // namespace
 
-Command prepare_command(const FarmJobDocument& job, const std::filesystem::path& shot, int instant,
-                        double memory_factor) {
-  const FarmJobDocument::PrepareTask& wanted = job.instants[static_cast<std::size_t>(instant)];
+Command prepare_command(const schemas::FarmJobDocument& job, const std::filesystem::path& shot,
+                        int instant, double memory_factor) {
+  const schemas::FarmJobDocument::PrepareTask& wanted = job.instants[instant];
   Command command{sibling_program("raystage-prepare").string(),    shot.string(), "--instants",
                   fmt::format("{}:{}", wanted.layer, wanted.tick), "--pin",       job.id};
-  add_common(job, job.of(FarmStage::kPrepare), memory_factor, command);
+  add_common(job, job.of(schemas::FarmStage::kPrepare), memory_factor, command);
   return command;
 }
 
 namespace {
 
 /// Returns the mpirun command. By default mpirun would bind each rank to a single processor.
-Command ranks_command(const FarmJobDocument& job, const std::filesystem::path& shot, int task) {
-  const FarmJobDocument::Distributed& distributed = *job.distributed;
+Command ranks_command(const schemas::FarmJobDocument& job, const std::filesystem::path& shot,
+                      int task) {
+  const schemas::FarmJobDocument::Distributed& distributed = *job.distributed;
   Command command;
   std::istringstream words(distributed.mpirun);
   for (std::string word; words >> word;) command.push_back(word);
@@ -60,15 +61,15 @@ Command ranks_command(const FarmJobDocument& job, const std::filesystem::path& s
 
 }  // namespace
 
-Command render_command(const FarmJobDocument& job, const std::filesystem::path& shot, int task,
-                       const std::string& frames, const std::string& existing,
+Command render_command(const schemas::FarmJobDocument& job, const std::filesystem::path& shot,
+                       int task, const std::string& frames, const std::string& existing,
                        double memory_factor) {
   Command command = job.distributed
                         ? ranks_command(job, shot, task)
                         : Command{sibling_program("raystage-render").string(), shot.string()};
   add(command, {"--output", job.output, "--frames=" + frames, "--existing", existing});
-  add_common(job, job.of(FarmStage::kRender), memory_factor, command);
-  const FarmJobDocument::OutputOverrides& picture = job.picture;
+  add_common(job, job.of(schemas::FarmStage::kRender), memory_factor, command);
+  const schemas::FarmJobDocument::OutputOverrides& picture = job.picture;
   if (!picture.fill.empty()) add(command, {"--fill", picture.fill});
   if (!picture.layout.empty()) add(command, {"--layout", picture.layout});
   if (picture.chromaticities) add(command, {"--chromaticities"});
@@ -78,16 +79,16 @@ Command render_command(const FarmJobDocument& job, const std::filesystem::path& 
   return command;
 }
 
-Command preview_command(const FarmJobDocument& job, const JobFolder& folder) {
+Command preview_command(const schemas::FarmJobDocument& job, const JobFolder& folder) {
   Command command{sibling_program("raystage-preview").string(), job.output,
-                  "--frames=" + format_frame_range(job_frames(job)), "--contact-sheet",
+                  "--frames=" + compose::format_frame_range(job_frames(job)), "--contact-sheet",
                   (folder.path() / "contact-sheet.png").string()};
   if (job_frames(job).size() > 1) add(command, {"-o", (folder.path() / "preview.mp4").string()});
   return command;
 }
 
-ShotPlanOptions plan_options(const FarmJobDocument& job) {
-  ShotPlanOptions options;
+compose::ShotPlanOptions plan_options(const schemas::FarmJobDocument& job) {
+  compose::ShotPlanOptions options;
   apply_picture_settings(job.picture, options);
   options.color_config = job.color_config;
   options.frames = job_frames(job);
@@ -96,10 +97,10 @@ ShotPlanOptions plan_options(const FarmJobDocument& job) {
   return options;
 }
 
-MissingFrames missing_frames_policy(const FarmJobDocument& job) {
-  return job.missing == "hold"    ? MissingFrames::kHold
-         : job.missing == "black" ? MissingFrames::kBlack
-                                  : MissingFrames::kError;
+compose::MissingFrames missing_frames_policy(const schemas::FarmJobDocument& job) {
+  return job.missing == "hold"    ? compose::MissingFrames::kHold
+         : job.missing == "black" ? compose::MissingFrames::kBlack
+                                  : compose::MissingFrames::kError;
 }
 
 }  // namespace raystage::farm

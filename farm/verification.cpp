@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <map>
 #include <optional>
 #include <set>
@@ -12,6 +11,7 @@
 #include "base/atomic_file.h"
 #include "base/error.h"
 #include "base/resources.h"
+#include "base/stopwatch.h"
 #include "compose/derived_data.h"
 #include "compose/frame_range.h"
 #include "farm/attempts.h"
@@ -29,10 +29,10 @@ std::set<int> frames_of_failed_tasks(const VerificationRequest& request) {
   std::set<int> failed;
   for (const auto& [task, attempts] : read_attempts(request.folder)) {
     if (task.first != "render" || !attempts.back().end) continue;
-    if (attempts.back().end->result == AttemptResult::kDone) continue;
+    if (attempts.back().end->result == schemas::AttemptResult::kDone) continue;
     const auto chunk = static_cast<std::size_t>(task.second);
     if (chunk >= request.job.chunks.size()) continue;
-    for (const int frame : parse_frame_range(request.job.chunks[chunk].frames)) {
+    for (const int frame : compose::parse_frame_range(request.job.chunks[chunk].frames)) {
       failed.insert(frame);
     }
   }
@@ -52,10 +52,11 @@ std::vector<ExpectedFrame> expected_frames(const VerificationRequest& request) {
     }
     return frames;
   }
-  const ShotPlan plan(request.shot, plan_options(request.job));
+  const compose::ShotPlan plan(request.shot, plan_options(request.job));
   const std::vector<int> numbers = job_frames(request.job);
   std::vector<ExpectedFrame> frames;
-  for (const PlannedFrame& frame : plan.plan(numbers, missing_frames_policy(request.job))) {
+  for (const compose::PlannedFrame& frame :
+       plan.plan(numbers, missing_frames_policy(request.job))) {
     frames.push_back({frame.frame, plan.fingerprint(frame, request.job.picture.chromaticities),
                       !failed.contains(frame.frame)});
   }
@@ -66,9 +67,9 @@ std::vector<ExpectedFrame> expected_frames(const VerificationRequest& request) {
 /// has replaced since.
 std::set<int> frames_not_replaced(const VerificationRequest& request, int first_round) {
   std::optional<std::set<int>> named;
-  for (const FarmRound& round : request.folder.rounds()) {
+  for (const schemas::FarmRound& round : request.folder.rounds()) {
     if (round.round < first_round || round.round > request.round || round.frames.empty()) continue;
-    const std::vector<int> frames = parse_frame_range(round.frames);
+    const std::vector<int> frames = compose::parse_frame_range(round.frames);
     if (!named) named.emplace(frames.begin(), frames.end());
   }
   if (!named && request.job.existing != "overwrite") return {};
@@ -76,14 +77,15 @@ std::set<int> frames_not_replaced(const VerificationRequest& request, int first_
   std::set<int> left;
   for (std::size_t i = 0; i < request.job.chunks.size(); ++i) {
     const auto found = attempts.find({"render", static_cast<int>(i)});
-    const bool is_replaced = found != attempts.end() &&
-                             std::ranges::any_of(found->second, [&](const FarmAttempt& attempt) {
-                               const int since = named ? first_round : 1;
-                               return attempt.round >= since && attempt.end &&
-                                      attempt.end->result == AttemptResult::kDone;
-                             });
+    const bool is_replaced =
+        found != attempts.end() &&
+        std::ranges::any_of(found->second, [&](const schemas::FarmAttempt& attempt) {
+          const int since = named ? first_round : 1;
+          return attempt.round >= since && attempt.end &&
+                 attempt.end->result == schemas::AttemptResult::kDone;
+        });
     if (is_replaced) continue;
-    for (const int frame : parse_frame_range(request.job.chunks[i].frames)) {
+    for (const int frame : compose::parse_frame_range(request.job.chunks[i].frames)) {
       if (!named || named->contains(frame)) left.insert(frame);
     }
   }
@@ -107,20 +109,21 @@ std::string reasons_of(const std::vector<std::pair<std::string, std::string>>& e
 /// Writes the script that queues the next round or the preview. The verification's batch script
 /// runs it, because sbatch is not available in a container that wraps the tasks.
 void write_follower(const VerificationRequest& request, const std::string& script) {
-  if (request.job.engine != FarmJobDocument::Engine::kSlurm) return;
+  if (request.job.engine != schemas::FarmJobDocument::Engine::kSlurm) return;
   write_file_atomically(
       request.folder.path() / fmt::format("after-verify-{}.sh", request.round),
       fmt::format("#!/bin/sh\n# Runs after round {}.\ncd \"$(dirname \"$0\")\" && sh {}\n",
                   request.round, script));
 }
 
-FarmAttempt::End conclude(const VerificationRequest& request, const std::vector<int>& not_whole) {
+schemas::FarmAttempt::End conclude(const VerificationRequest& request,
+                                   const std::vector<int>& not_whole) {
   const auto excluded_nodes = request.folder.excluded_nodes();
   std::vector<std::string> excluded;
   for (const auto& [node, reason] : excluded_nodes) excluded.push_back(node);
   const TaskAttempts attempts = read_attempts(request.folder);
   int first_round = 1;
-  for (const FarmRound& round : request.folder.rounds()) {
+  for (const schemas::FarmRound& round : request.folder.rounds()) {
     if (round.fresh && round.round <= request.round) first_round = round.round;
   }
   std::set<int> all_missing = frames_not_replaced(request, first_round);
@@ -129,25 +132,25 @@ FarmAttempt::End conclude(const VerificationRequest& request, const std::vector<
   const std::vector<int> missing(all_missing.begin(), all_missing.end());
   RoundDecision verdict =
       decide_next_round({request.job, attempts, missing, excluded, request.round, first_round});
-  FarmAttempt::End end;
-  end.result = missing.empty() ? AttemptResult::kDone : AttemptResult::kFailed;
+  schemas::FarmAttempt::End end;
+  end.result = missing.empty() ? schemas::AttemptResult::kDone : schemas::AttemptResult::kFailed;
   end.exit_code =
       static_cast<int>(missing.empty() ? ExitCode::kSuccess : ExitCode::kSomeFramesFailed);
-  end.failed_frames = format_frame_range(missing);
+  end.failed_frames = compose::format_frame_range(missing);
   if (!missing.empty()) {
     end.reason =
         fmt::format("{} frames are incomplete or outdated: {}", missing.size(), end.failed_frames);
   }
   if (verdict.next) {
-    if (replaces) verdict.next->frames = format_frame_range(missing);
+    if (replaces) verdict.next->frames = compose::format_frame_range(missing);
     write_round(request.folder, request.job, *verdict.next);
     write_follower(request, fmt::format("round-{}.sh", verdict.next->round));
     return end;
   }
   if (verdict.no_node_left) verdict.end.reason += ". " + reasons_of(excluded_nodes);
   end_job(request.folder, request.job, verdict.end);
-  if (verdict.end.state == FarmEnd::State::kDone && request.job.preview) {
-    if (request.job.engine == FarmJobDocument::Engine::kSlurm) {
+  if (verdict.end.state == schemas::FarmEnd::State::kDone && request.job.preview) {
+    if (request.job.engine == schemas::FarmJobDocument::Engine::kSlurm) {
       write_file_atomically(request.folder.path() / "preview.sh",
                             preview_script(request.job, request.round));
     }
@@ -158,10 +161,11 @@ FarmAttempt::End conclude(const VerificationRequest& request, const std::vector<
 
 }  // namespace
 
-void end_job(const JobFolder& folder, const FarmJobDocument& job, FarmEnd end) {
+void end_job(const JobFolder& folder, const schemas::FarmJobDocument& job, schemas::FarmEnd end) {
   // Written last, so that readers of the end can rely on the rest.
   const std::vector<std::filesystem::path> pinned(job.pinned.begin(), job.pinned.end());
-  unpin_derived_data(pinned, job.id);
+  compose::unpin_derived_data(pinned, job.id);
+  end.frames = static_cast<int>(job_frames(job).size());
   end.ended_utc = utc_now();
   folder.write_end(end);
 }
@@ -172,34 +176,33 @@ std::vector<int> find_incomplete_frames(const VerificationRequest& request,
   settings.deep = request.job.picture.deep;
   settings.timeout_seconds = request.timeout_seconds;
   settings.progress = request.progress;
-  return missing_frames(SequenceName(request.job.output), expected_frames(request), settings, stop);
+  return missing_frames(compose::SequenceName(request.job.output), expected_frames(request),
+                        settings, stop);
 }
 
-FarmAttempt::End verify_job(const VerificationRequest& request, const std::stop_token& stop) {
-  const auto start = std::chrono::steady_clock::now();
+schemas::FarmAttempt::End verify_job(const VerificationRequest& request,
+                                     const std::stop_token& stop) {
+  const Stopwatch watch;
   const double cpu_before = cpu_seconds();
-  FarmAttempt::End end;
+  schemas::FarmAttempt::End end;
   try {
     const std::vector<int> missing = find_incomplete_frames(request, stop);
     if (stop.stop_requested()) {
-      end.result = AttemptResult::kStopped;
+      end.result = schemas::AttemptResult::kStopped;
       end.reason = "stopped by a signal";
     } else {
       end = conclude(request, missing);
     }
   } catch (const Error& error) {
     // Another round cannot help: the shot's take was removed or changed.
-    end.result = AttemptResult::kBadInput;
+    end.result = schemas::AttemptResult::kBadInput;
     end.exit_code = static_cast<int>(error.exit_code());
     end.reason = error.what();
-    FarmEnd failed;
-    failed.state = FarmEnd::State::kFailed;
-    failed.reason = fmt::format("the frames cannot be verified: {}", error.what());
-    failed.frames = static_cast<int>(job_frames(request.job).size());
-    end_job(request.folder, request.job, failed);
+    end_job(request.folder, request.job,
+            {schemas::FarmEnd::State::kFailed,
+             fmt::format("the frames cannot be verified: {}", error.what())});
   }
-  end.wall_seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  end.wall_seconds = watch.seconds();
   end.cpu_seconds = cpu_seconds() - cpu_before;
   end.peak_memory_bytes = static_cast<double>(peak_memory());
   return end;

@@ -12,7 +12,7 @@ namespace raystage::farm {
 
 struct VerificationRequest {
   const JobFolder& folder;
-  const FarmJobDocument& job;
+  const schemas::FarmJobDocument& job;
   std::filesystem::path shot;
   int round = 1;
   double timeout_seconds = 60;  ///< as SequenceCheckSettings
@@ -27,9 +27,10 @@ std::vector<int> find_incomplete_frames(const VerificationRequest& request,
 /// Checks every frame of the job against its fingerprint, then writes the next round or the end of
 /// the job, and unpins its derived data at the end. For Slurm, after-verify-N.sh queues the round.
 /// The result is "done" only if every frame is complete and its fingerprint matches.
-FarmAttempt::End verify_job(const VerificationRequest& request, const std::stop_token& stop);
+schemas::FarmAttempt::End verify_job(const VerificationRequest& request,
+                                     const std::stop_token& stop);
 
-/// Ends a job: writes ended.json and unpins its derived data.
-void end_job(const JobFolder& folder, const FarmJobDocument& job, FarmEnd end);
+/// Ends a job: writes ended.json with the job's frames and this time, and unpins its derived data.
+void end_job(const JobFolder& folder, const schemas::FarmJobDocument& job, schemas::FarmEnd end);
 
 }  // namespace raystage::farm

@@ -19,16 +19,16 @@
 #include "base/error.h"
 #include "images/exr_slice.h"
 
-namespace raystage {
+namespace raystage::images {
 namespace {
 
 std::int64_t area(const Imath::Box2i& box) {
   return (std::int64_t{box.max.x} - box.min.x + 1) * (std::int64_t{box.max.y} - box.min.y + 1);
 }
 
-/// Returns the values of the display window, given those of the data window.
-std::vector<float> within(const Imath::Box2i& display, const Imath::Box2i& data,
-                          std::vector<float> values, std::size_t channels) {
+/// Returns the values of the display window from those of the data window, 0 outside it.
+std::vector<float> crop_to_display(const Imath::Box2i& display, const Imath::Box2i& data,
+                                   std::vector<float> values, std::size_t channels) {
   if (data == display) return values;
   std::vector<float> shown(static_cast<std::size_t>(area(display)) * channels, 0.0F);
   const int x0 = std::max(data.min.x, display.min.x), x1 = std::min(data.max.x, display.max.x);
@@ -46,8 +46,8 @@ std::vector<float> within(const Imath::Box2i& display, const Imath::Box2i& data,
   return shown;
 }
 
-/// Returns a required channel that the part lacks, or null if it has all and is not deep.
-const char* lacking(const Imf::Header& header, std::span<const ExrChannel> channels) {
+/// Returns a required channel that the part lacks, or null if it is flat and has all.
+const char* missing_channel(const Imf::Header& header, std::span<const ExrChannel> channels) {
   if (header.hasType() && Imf::isDeepData(header.type())) return channels.front().name;
   for (const ExrChannel& channel : channels) {
     if (!channel.fallback && header.channels().findChannel(channel.name) == nullptr) {
@@ -87,10 +87,10 @@ int part_with(const Imf::MultiPartInputFile& input, const std::filesystem::path&
     }
   }
   for (int part = 0; part < input.parts(); ++part) {
-    if (lacking(input.header(part), channels) == nullptr) return part;
+    if (missing_channel(input.header(part), channels) == nullptr) return part;
   }
   throw Error::bad_input(
-      std::string("the EXR file has no channel ") + lacking(input.header(0), channels),
+      std::string("the EXR file has no channel ") + missing_channel(input.header(0), channels),
       file.string(), what_to_do);
 }
 
@@ -118,7 +118,7 @@ ExrChannelData read_open_file(Imf::MultiPartInputFile& file_parts,
   ExrChannelData pixels;
   pixels.width = display.max.x - display.min.x + 1;
   pixels.height = display.max.y - display.min.y + 1;
-  pixels.values = within(display, data, std::move(values), channels.size());
+  pixels.values = crop_to_display(display, data, std::move(values), channels.size());
   if (Imf::hasFramesPerSecond(header)) {
     const Imf::Rational fps = Imf::framesPerSecond(header);
     if (fps.n > 0 && fps.d > 0 && fps.d <= static_cast<unsigned>(std::numeric_limits<int>::max())) {
@@ -171,4 +171,4 @@ std::array<int, 2> check_exr_channels(const std::filesystem::path& file,
   });
 }
 
-}  // namespace raystage
+}  // namespace raystage::images

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace raystage {
+namespace raystage::images {
 
 /// A channel to read.
 struct ExrChannel {
@@ -21,16 +21,15 @@ struct ExrChannel {
 struct ExrChannelData {
   int width = 0, height = 0;  ///< of the display window
   std::vector<float> values;  ///< interleaved: row by row, pixel by pixel, one value per channel
-  /// Frame rate of the header; 0 without a rate above 0.
+  /// Frame rate of the header; 0 if it has none above 0.
   int fps_numerator = 0, fps_denominator = 0;
   std::string time_code;  ///< of the header, "HH:MM:SS:FF"; empty if absent
-  /// Attributes `colorInteropID` (ASWF ColorInterop) and `lf:colorSpace` (a config's name); empty
-  /// if absent.
+  /// Attributes `colorInteropID` (ASWF ColorInterop) and `lf:colorSpace` (config's name), or empty.
   std::string color_interop_id, color_space;
 };
 
-/// Reads channels from the first flat part of an EXR that has all required channels, or, if none is
-/// required, any of the channels. The result covers the display window; it is 0 outside the data
+/// Reads channels from the first flat part of an EXR file that has all required channels or, if
+/// none is required, any channel. The result covers the display window and is 0 outside the data
 /// window. Throws Error (bad input, with `what_to_do`) if the file is missing, damaged, larger than
 /// 2^29 pixels, or lacks a required channel.
 ExrChannelData read_exr_channels(const std::filesystem::path& file,
@@ -43,4 +42,4 @@ std::array<int, 2> check_exr_channels(const std::filesystem::path& file,
                                       std::span<const ExrChannel> channels,
                                       const std::string& what_to_do);
 
-}  // namespace raystage
+}  // namespace raystage::images

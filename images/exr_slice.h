@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace raystage {
+namespace raystage::images {
 
 /// Returns a slice over a window that is `width` pixels wide and starts at (x0, y0), with
 /// `channels` samples per pixel. OpenEXR needs the address of pixel (0, 0), which may be outside
@@ -26,4 +26,4 @@ Imf::Slice make_exr_slice(Imf::PixelType type, T* first, int width, int channels
           fill};
 }
 
-}  // namespace raystage
+}  // namespace raystage::images

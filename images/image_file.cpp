@@ -9,9 +9,9 @@
 #include "base/atomic_file.h"
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::images {
 
-RgbImage read_image(const std::filesystem::path& file) {
+store::RgbImage read_image(const std::filesystem::path& file) {
   const auto input = OIIO::ImageInput::open(file.string());
   if (!input) {
     throw Error::bad_input("the image cannot be read: " + OIIO::geterror(), file.string(),
@@ -24,7 +24,7 @@ RgbImage read_image(const std::filesystem::path& file) {
     throw Error::bad_input("the image is damaged: " + input->geterror(), file.string(),
                            "Replace the file");
   }
-  RgbImage image{spec.width, spec.height, {}};
+  store::RgbImage image{spec.width, spec.height, {}};
   image.pixels.resize(static_cast<std::size_t>(spec.width) * spec.height * 3);
   for (std::size_t pixel = 0; pixel < image.pixels.size() / 3; ++pixel) {
     for (std::size_t c = 0; c < 3; ++c) {
@@ -35,17 +35,17 @@ RgbImage read_image(const std::filesystem::path& file) {
   return image;
 }
 
-void write_image(const RgbImage& image, const std::filesystem::path& file) {
-  // Created by file name: OpenImageIO accepts an extension only without its dot.
+void write_image(const store::RgbImage& image, const std::filesystem::path& file) {
+  // By file name: OpenImageIO accepts an extension only without its dot.
   const auto output = OIIO::ImageOutput::create(file.string());
   if (!output) {
     throw Error::bad_input("the file extension is not that of a supported image format",
                            file.string(), "Use .png");
   }
   if (output->supports("ioproxy") == 0) {
-    throw Error::bad_input("this image format cannot be written safely", file.string(), "Use .png");
+    throw Error::bad_input("writing this image format is not supported", file.string(), "Use .png");
   }
-  // Encoded in memory first: OpenImageIO ignores a full disk when it closes a file.
+  // Encoded in memory first, because OpenImageIO ignores a full disk when it closes a file.
   OIIO::Filesystem::IOVecOutput encoded;
   output->set_ioproxy(&encoded);
   const OIIO::ImageSpec spec(image.width, image.height, 3, OIIO::TypeDesc::UINT8);
@@ -57,4 +57,4 @@ void write_image(const RgbImage& image, const std::filesystem::path& file) {
   write_file_atomically(file, std::as_bytes(std::span(encoded.buffer())));
 }
 
-}  // namespace raystage
+}  // namespace raystage::images

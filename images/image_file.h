@@ -5,14 +5,14 @@
 
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage {
+namespace raystage::images {
 
 /// Reads any image that OpenImageIO supports (PNG, JPEG, TIFF, ...) as 8-bit RGB codes, without
 /// colour conversion; grey becomes R = G = B, alpha is dropped. Throws Error (bad input).
-RgbImage read_image(const std::filesystem::path& file);
+store::RgbImage read_image(const std::filesystem::path& file);
 
-/// Writes a PNG (or the format of the extension) under a temporary name and renames it. Throws
-/// Error.
-void write_image(const RgbImage& image, const std::filesystem::path& file);
+/// Writes an image in the format of the extension under a temporary name and renames it. Throws
+/// Error (bad input) for an unsupported format, Error (failed) if the file cannot be written.
+void write_image(const store::RgbImage& image, const std::filesystem::path& file);
 
-}  // namespace raystage
+}  // namespace raystage::images

@@ -17,16 +17,20 @@
 #include "base/error.h"
 #include "rig/pose.h"
 
-namespace raystage {
+// Converts a COLMAP text model: inverts its poses (camera_from_world to world_from_camera) and
+// negates the camera's y and z axes (y down, +z forward to y up, -z forward). Lens parameters and
+// world coordinates stay unchanged. Cost: linear in the size of the two files.
+
+namespace raystage::ingest {
 namespace {
 
-/// A text file by lines, each by words.
+/// Reads a text file line by line, and a line word by word.
 class LineReader {
  public:
   explicit LineReader(const std::filesystem::path& file)
       : name_(file.string()), text_(read_file(file)), rest_(text_) {}
 
-  /// The next line, whatever it holds; false at the end.
+  /// Goes to the next line; returns false at the end.
   bool next_line() {
     if (rest_.empty()) return false;
     const std::size_t end = std::min(rest_.find('\n'), rest_.size());
@@ -36,7 +40,7 @@ class LineReader {
     ++number_;
     return true;
   }
-  /// The next line that is neither empty nor a remark.
+  /// Goes to the next line that is neither empty nor a comment; returns false at the end.
   bool next_entry() {
     while (next_line()) {
       const std::size_t first = line_.find_first_not_of(" \t");
@@ -52,7 +56,7 @@ class LineReader {
     line_.remove_prefix(end);
     return result;
   }
-  /// What is left of the line: a file name may hold spaces.
+  /// Returns the rest of the line: a file name may contain spaces.
   std::string_view rest_of_line(std::string_view what) {
     skip_space();
     if (line_.empty()) throw refuse(fmt::format("the {} is missing", what));
@@ -87,20 +91,20 @@ class LineReader {
 
 struct ColmapCamera {
   int width = 0, height = 0;
-  Intrinsics intrinsics;
+  schemas::Intrinsics intrinsics;
 };
 
-/// Where a model's parameters go, in their order (colmap/src/colmap/sensor/models.h).
+/// The parameters of a camera model in their order (colmap/src/colmap/sensor/models.h).
 struct ColmapCameraModel {
   std::string_view name;
-  std::vector<double Intrinsics::*> pinhole;
-  std::vector<double Distortion::*> distortion;
+  std::vector<double schemas::Intrinsics::*> pinhole;
+  std::vector<double schemas::Distortion::*> distortion;
   bool one_focal_length;
 };
 
 const ColmapCameraModel* find_model(std::string_view name) {
-  using I = Intrinsics;
-  using D = Distortion;
+  using I = schemas::Intrinsics;
+  using D = schemas::Distortion;
   static const std::array<ColmapCameraModel, 5> kModels{{
       {"SIMPLE_PINHOLE", {&I::fx, &I::cx, &I::cy}, {}, true},
       {"PINHOLE", {&I::fx, &I::fy, &I::cx, &I::cy}, {}, false},
@@ -129,19 +133,19 @@ ColmapCamera read_camera(LineReader& lines) {
     throw lines.refuse(fmt::format("found the size {}x{}, allowed: 1 to 65535 pixels", camera.width,
                                    camera.height));
   }
-  Intrinsics& intrinsics = camera.intrinsics;
+  schemas::Intrinsics& intrinsics = camera.intrinsics;
   for (const auto member : model->pinhole) {
-    intrinsics.*member = lines.number<double>("camera parameters");
+    intrinsics.*member = lines.number<double>("camera parameter");
   }
   for (const auto member : model->distortion) {
-    intrinsics.distortion.*member = lines.number<double>("camera parameters");
+    intrinsics.distortion.*member = lines.number<double>("camera parameter");
   }
   if (model->one_focal_length) intrinsics.fy = intrinsics.fx;
   if (!lines.at_end_of_line()) {
-    throw lines.refuse(fmt::format("there are more parameters than {} has", name));
+    throw lines.refuse(fmt::format("found more parameters than {} has", name));
   }
   if (intrinsics.fx <= 0 || intrinsics.fy <= 0) {
-    throw lines.refuse("the focal length is not greater than 0");
+    throw lines.refuse("the focal length must be greater than 0");
   }
   return camera;
 }
@@ -150,9 +154,9 @@ std::map<std::int64_t, ColmapCamera> read_cameras(const std::filesystem::path& f
   LineReader lines(file);
   std::map<std::int64_t, ColmapCamera> cameras;
   while (lines.next_entry()) {
-    const auto id = lines.number<std::int64_t>("camera's number");
+    const auto id = lines.number<std::int64_t>("camera id");
     if (!cameras.emplace(id, read_camera(lines)).second) {
-      throw lines.refuse(fmt::format("the camera {} comes twice", id));
+      throw lines.refuse(fmt::format("the camera id {} comes twice", id));
     }
   }
   return cameras;
@@ -161,10 +165,10 @@ std::map<std::int64_t, ColmapCamera> read_cameras(const std::filesystem::path& f
 struct ColmapImage {
   std::string name;
   ColmapCamera camera;
-  Matrix4 world_from_camera{};
+  schemas::Matrix4 world_from_camera{};
 };
 
-Matrix4 read_pose(LineReader& lines) {
+schemas::Matrix4 read_pose(LineReader& lines) {
   std::array<double, 7> values{};
   for (double& value : values) value = lines.number<double>("pose");
   Eigen::Quaterniond camera_from_world(values[0], values[1], values[2], values[3]);
@@ -173,10 +177,10 @@ Matrix4 read_pose(LineReader& lines) {
   camera_from_world.normalize();
   const Eigen::Matrix3d world_from_camera =
       camera_from_world.toRotationMatrix().transpose();  // y down, +z forward
-  Pose pose;
+  rig::Pose pose;
   pose.position = -(world_from_camera * Eigen::Vector3d(values[4], values[5], values[6]));
   pose.world_from_camera_rotation = world_from_camera * Eigen::Vector3d(1, -1, -1).asDiagonal();
-  return matrix_from_pose(pose);
+  return rig::matrix_from_pose(pose);
 }
 
 std::vector<ColmapImage> read_images(const std::filesystem::path& file,
@@ -185,17 +189,17 @@ std::vector<ColmapImage> read_images(const std::filesystem::path& file,
   std::vector<ColmapImage> images;
   while (lines.next_entry()) {
     ColmapImage image;
-    lines.word("image's number");
+    lines.word("image id");
     image.world_from_camera = read_pose(lines);
-    const auto id = lines.number<std::int64_t>("camera's number");
+    const auto id = lines.number<std::int64_t>("camera id");
     const auto camera = cameras.find(id);
     if (camera == cameras.end()) {
       throw lines.refuse(fmt::format("the camera {} is not in cameras.txt", id));
     }
     image.camera = camera->second;
-    image.name = lines.rest_of_line("image's name");
+    image.name = lines.rest_of_line("image name");
     images.push_back(std::move(image));
-    lines.next_line();  // the image's 2-D points: may be empty, and are of no use here
+    lines.next_line();  // skips the image's 2-D points, which may be empty
   }
   std::sort(images.begin(), images.end(),
             [](const auto& a, const auto& b) { return a.name < b.name; });
@@ -204,13 +208,13 @@ std::vector<ColmapImage> read_images(const std::filesystem::path& file,
 
 }  // namespace
 
-ImportManifest read_colmap_model(const std::filesystem::path& folder,
-                                 const ModelImportSettings& settings) {
+schemas::ImportManifest read_colmap_model(const std::filesystem::path& folder,
+                                          const ModelImportSettings& settings) {
   const std::filesystem::path file = folder / "images.txt";
   const auto images = read_images(file, read_cameras(folder / "cameras.txt"));
   if (images.empty()) {
     throw Error::bad_input("the model has no registered image", file.string(),
-                           "Export a model with images");
+                           "Export a model with registered images");
   }
   std::vector<std::filesystem::path> folders;
   if (settings.images) {
@@ -225,10 +229,10 @@ ImportManifest read_colmap_model(const std::filesystem::path& folder,
   for (const ColmapImage& image : images) names.push_back(image.name);
   const std::vector<std::string> ids = make_camera_ids(names);
 
-  ImportManifest manifest = make_model_manifest(file, settings);
+  schemas::ImportManifest manifest = make_model_manifest(file, settings);
   for (std::size_t i = 0; i < images.size(); ++i) {
     const ColmapCamera& camera = images[i].camera;
-    ImportManifest::Camera entry;
+    schemas::ImportManifest::Camera entry;
     entry.geometry = {.id = ids[i],
                       .width = camera.width,
                       .height = camera.height,
@@ -242,4 +246,4 @@ ImportManifest read_colmap_model(const std::filesystem::path& folder,
   return manifest;
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -5,7 +5,7 @@
 
 #include "ingest/model_manifest.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// Reads a COLMAP text model (cameras.txt and images.txt in `folder`). Every registered image
 /// becomes a camera at time 0; cameras are sorted by image name. Supported camera models:
@@ -18,7 +18,7 @@ namespace raystage {
 /// Images are searched in settings.images if it is given. Otherwise they are searched in images/
 /// next to `folder`, next to its parent and inside `folder`, then in `folder` itself. Their paths
 /// in the manifest are relative to the current folder. Throws Error (bad input) with file and line.
-ImportManifest read_colmap_model(const std::filesystem::path& folder,
-                                 const ModelImportSettings& settings);
+schemas::ImportManifest read_colmap_model(const std::filesystem::path& folder,
+                                          const ModelImportSettings& settings);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ingest/import_source.h"
 
-#include <string_view>
 #include <system_error>
 
 #include "base/atomic_file.h"
@@ -10,7 +9,7 @@
 #include "ingest/nerf_transforms.h"
 #include "schemas/json_text.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 namespace fs = std::filesystem;
@@ -20,14 +19,14 @@ bool is_file(const fs::path& path) {
   return fs::is_regular_file(path, ignored);
 }
 
-bool holds_colmap_text(const fs::path& folder) {
+bool has_colmap_text(const fs::path& folder) {
   return is_file(folder / "cameras.txt") && is_file(folder / "images.txt");
 }
 
-Error not_understood(const fs::path& path, std::string what_happened) {
+Error unsupported(const fs::path& path, std::string what_happened) {
   return Error::bad_input(
       std::move(what_happened), path.string(),
-      "Give an import manifest (\"schema\": \"raystage/import/1\"), a NeRF transforms.json, or a "
+      "Choose an import manifest (\"schema\": \"raystage/import/1\"), a NeRF transforms.json, or a "
       "COLMAP text model (cameras.txt and images.txt)");
 }
 
@@ -35,20 +34,20 @@ ImportSource from_json(const fs::path& file, const ModelImportSettings& settings
   const std::string text = read_file(file);
   const std::size_t first = text.find_first_not_of(" \t\r\n\xEF\xBB\xBF");
   if (first == text.npos || text[first] != '{') {
-    throw not_understood(file, "the format of this file is not supported");
+    throw unsupported(file, "the format of this file is not supported");
   }
-  const nlohmann::json document = parse_json(text, file.string());
+  const nlohmann::json document = schemas::parse_json(text, file.string());
   const fs::path base = file.parent_path();
   if (document.contains("schema") || !document.contains("frames")) {
     if (!document.contains("schema")) {
-      throw not_understood(file, "this JSON file has neither \"schema\" nor \"frames\"");
+      throw unsupported(file, "this JSON file has neither \"schema\" nor \"frames\"");
     }
     if (settings.images) {
-      throw Error::bad_input("an import manifest says itself where its images are", file.string(),
-                             "Do not give a folder of images; that is for COLMAP and NeRF models")
+      throw Error::bad_input("an import manifest contains the paths of its images", file.string(),
+                             "Remove the folder of images: it is for COLMAP and NeRF models")
           .concerning({"images"});
     }
-    return {parse_import_manifest(text, file.string()), base};
+    return {schemas::parse_import_manifest(text, file.string()), base};
   }
   return {read_nerf_transforms(file, text, settings), {}};
 }
@@ -57,7 +56,7 @@ ImportSource from_folder(const fs::path& folder, const ModelImportSettings& sett
   if (is_file(folder / "import.json")) return from_json(folder / "import.json", settings);
   for (const char* place : {"", "sparse/0", "sparse"}) {
     const fs::path model = *place == '\0' ? folder : folder / place;
-    if (holds_colmap_text(model)) return {read_colmap_model(model, settings), {}};
+    if (has_colmap_text(model)) return {read_colmap_model(model, settings), {}};
   }
   if (is_file(folder / "transforms.json")) return from_json(folder / "transforms.json", settings);
   for (const char* place : {"cameras.bin", "sparse/0/cameras.bin", "sparse/cameras.bin"}) {
@@ -65,7 +64,7 @@ ImportSource from_folder(const fs::path& folder, const ModelImportSettings& sett
     throw Error::bad_input("this is a binary COLMAP model", (folder / place).string(),
                            "Convert it with colmap model_converter --output_type TXT");
   }
-  throw not_understood(folder, "the folder has no supported model or manifest");
+  throw unsupported(folder, "the folder has no supported model or manifest");
 }
 
 }  // namespace
@@ -85,4 +84,4 @@ ImportSource open_import_source(const fs::path& path, const ModelImportSettings&
   return from_json(path, settings);
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -5,11 +5,11 @@
 
 #include "ingest/model_manifest.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// The manifest of a take, and the folder of its relative paths (empty: the current folder).
 struct ImportSource {
-  ImportManifest manifest;
+  schemas::ImportManifest manifest;
   std::filesystem::path base;
 };
 
@@ -20,4 +20,4 @@ struct ImportSource {
 ImportSource open_import_source(const std::filesystem::path& path,
                                 const ModelImportSettings& settings);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -7,7 +7,6 @@
 #include <span>
 #include <system_error>
 #include <utility>
-#include <vector>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
@@ -17,50 +16,49 @@
 #include "store/jpeg/layout.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 bool is_jpeg(std::span<const std::byte> bytes) {
   return bytes.size() >= 2 && bytes[0] == std::byte{0xFF} && bytes[1] == std::byte{0xD8};
 }
 
-std::int64_t frames_of(const ImportManifest::Camera& camera) {
+std::int64_t frames_of(const schemas::ImportManifest::Camera& camera) {
   return static_cast<std::int64_t>(camera.movie.empty() ? camera.frames.size()
                                                         : camera.times_ns.size());
 }
 
-/// One import: what its cameras share.
 class Importer {
  public:
-  Importer(const ImportManifest& manifest, const std::filesystem::path& base,
+  Importer(const schemas::ImportManifest& manifest, const std::filesystem::path& base,
            const ImportSettings& settings, std::stop_token stop)
       : manifest_(manifest), base_(base), settings_(settings), stop_(std::move(stop)) {
     for (const auto& camera : manifest.cameras) total_ += frames_of(camera);
   }
 
   void check_files() const;
-  void import_camera(const ImportManifest::Camera& camera, ArchiveWriter& archive,
+  void import_camera(const schemas::ImportManifest::Camera& camera, store::ArchiveWriter& archive,
                      const ParallelLoop& loop);
   ImportSummary summary() const;
 
  private:
   struct Target {
-    const CameraGeometry& geometry;
-    ArchiveWriter& archive;
-    const ParallelLoop& loop;  // over the cameras
+    const schemas::CameraGeometry& geometry;
+    store::ArchiveWriter& archive;
+    const ParallelLoop& loop;  // over all cameras
     SourceImageSize size() const { return {geometry.width, geometry.height}; }
   };
 
   bool linear() const { return manifest_.color_space == "lin_rec709_scene"; }
-  void import_file(const ImportManifest::Frame& frame, const Target& target);
-  void import_movie(const ImportManifest::Camera& camera, const Target& target);
+  void import_file(const schemas::ImportManifest::Frame& frame, const Target& target);
+  void import_movie(const schemas::ImportManifest::Camera& camera, const Target& target);
   void append_jpeg(std::span<const std::byte> jpeg, Nanoseconds time, const Target& target,
                    const std::string& name);
-  void append_image(const RgbImage& image, Nanoseconds time, const Target& target);
+  void append_image(const store::RgbImage& image, Nanoseconds time, const Target& target);
   void append(std::span<const std::byte> jpeg, Nanoseconds time, const Target& target);
   void stop_if_asked(const Target& target) const;
 
-  const ImportManifest& manifest_;
+  const schemas::ImportManifest& manifest_;
   const std::filesystem::path& base_;
   const ImportSettings& settings_;
   const std::stop_token stop_;
@@ -69,36 +67,36 @@ class Importer {
   std::atomic<std::uint64_t> jpeg_bytes_ = 0;
 };
 
-/// Says that a file is missing before the first frame is written, not an hour later.
+/// Reports a missing file before the first frame is written, not an hour later.
 void Importer::check_files() const {
   const auto check = [&](const std::string& file, const std::string& camera) {
     const std::filesystem::path path = base_ / file;
     std::error_code error;
     if (std::filesystem::is_regular_file(path, error)) return;
     throw Error::bad_input(
-        fmt::format("the file of camera \"{}\" is not there", camera), path.string(),
-        "Correct the manifest, whose paths are relative to its folder, or bring the file");
+        fmt::format("the file of camera \"{}\" was not found", camera), path.string(),
+        "Correct the path in the manifest (relative to its folder), or restore the file");
   };
-  for (const ImportManifest::Camera& camera : manifest_.cameras) {
+  for (const schemas::ImportManifest::Camera& camera : manifest_.cameras) {
     if (!camera.movie.empty()) check(camera.movie, camera.geometry.id);
     for (const auto& frame : camera.frames) check(frame.file, camera.geometry.id);
   }
 }
 
-void Importer::import_camera(const ImportManifest::Camera& camera, ArchiveWriter& archive,
-                             const ParallelLoop& loop) {
+void Importer::import_camera(const schemas::ImportManifest::Camera& camera,
+                             store::ArchiveWriter& archive, const ParallelLoop& loop) {
   const Target target{camera.geometry, archive, loop};
   if (!camera.movie.empty()) {
     import_movie(camera, target);
     return;
   }
-  for (const ImportManifest::Frame& frame : camera.frames) {
+  for (const schemas::ImportManifest::Frame& frame : camera.frames) {
     stop_if_asked(target);
     import_file(frame, target);
   }
 }
 
-void Importer::import_file(const ImportManifest::Frame& frame, const Target& target) {
+void Importer::import_file(const schemas::ImportManifest::Frame& frame, const Target& target) {
   const std::filesystem::path file = base_ / frame.file;
   const std::string text = read_file(file);
   const auto bytes = std::as_bytes(std::span(text));
@@ -109,14 +107,14 @@ void Importer::import_file(const ImportManifest::Frame& frame, const Target& tar
   }
 }
 
-void Importer::import_movie(const ImportManifest::Camera& camera, const Target& target) {
+void Importer::import_movie(const schemas::ImportManifest::Camera& camera, const Target& target) {
   const std::filesystem::path file = base_ / camera.movie;
   const std::size_t times = camera.times_ns.size();
   const auto refuse_count = [&](std::size_t frames) {
     throw Error::bad_input(
         fmt::format("the movie has {} frames, but the camera \"{}\" has {} times", frames,
                     camera.geometry.id, times),
-        file.string(), "Give one time per frame in \"times_ns\"");
+        file.string(), "Set one time per frame in \"times_ns\"");
   };
   MovieReader movie(file);
   MovieFrame frame;
@@ -129,8 +127,8 @@ void Importer::import_movie(const ImportManifest::Camera& camera, const Target& 
       append_jpeg(frame.jpeg, camera.times_ns[count], target, name);
     } else {
       if (linear()) {
-        throw Error::bad_input("a movie holds no linear light, but color_space says so",
-                               file.string(), "Give color_space \"srgb_texture\"");
+        throw Error::bad_input("color_space is \"lin_rec709_scene\", but a movie is not linear",
+                               file.string(), "Set color_space to \"srgb_texture\"");
       }
       check_image_size({frame.image.width, frame.image.height}, target.size(), name);
       append_image(frame.image, camera.times_ns[count], target);
@@ -142,13 +140,13 @@ void Importer::import_movie(const ImportManifest::Camera& camera, const Target& 
 void Importer::append_jpeg(std::span<const std::byte> jpeg, Nanoseconds time, const Target& target,
                            const std::string& name) {
   if (linear()) {
-    throw Error::bad_input("a JPEG holds no linear light, but color_space says so", name,
-                           "Give color_space \"srgb_texture\"");
+    throw Error::bad_input("color_space is \"lin_rec709_scene\", but a JPEG is not linear", name,
+                           "Set color_space to \"srgb_texture\"");
   }
-  const JpegLayout layout = parse_jpeg_layout(jpeg, name);
+  const store::JpegLayout layout = store::parse_jpeg_layout(jpeg, name);
   check_image_size({layout.width, layout.height}, target.size(), name);
   if (settings_.restart_markers) {
-    append(add_restart_markers(jpeg, *settings_.restart_markers, name), time, target);
+    append(store::add_restart_markers(jpeg, *settings_.restart_markers, name), time, target);
     ++rewritten_;
   } else {
     append(jpeg, time, target);
@@ -156,8 +154,8 @@ void Importer::append_jpeg(std::span<const std::byte> jpeg, Nanoseconds time, co
   }
 }
 
-void Importer::append_image(const RgbImage& image, Nanoseconds time, const Target& target) {
-  append(encode_jpeg(image, settings_.encode), time, target);
+void Importer::append_image(const store::RgbImage& image, Nanoseconds time, const Target& target) {
+  append(store::encode_jpeg(image, settings_.encode), time, target);
   ++encoded_;
 }
 
@@ -171,9 +169,9 @@ void Importer::append(std::span<const std::byte> jpeg, Nanoseconds time, const T
 }
 
 void Importer::stop_if_asked(const Target& target) const {
-  // The second question: another camera failed, and this one's work is for nothing.
+  // If another camera failed, no take will be written.
   if (stop_.stop_requested() || target.loop.failed()) {
-    throw Error::failed("the import was stopped", "", "Start it again; no take was left behind");
+    throw Error::failed("the import was stopped", "", "Start it again: no take was written");
   }
 }
 
@@ -186,13 +184,14 @@ ImportSummary Importer::summary() const {
           .jpeg_bytes = jpeg_bytes_};
 }
 
-TakeDocument take_document(const ImportManifest& manifest, const ImportSettings& settings) {
-  TakeDocument take;
+schemas::TakeDocument take_document(const schemas::ImportManifest& manifest,
+                                    const ImportSettings& settings) {
+  schemas::TakeDocument take;
   take.name = manifest.name;
   take.created_by = settings.created_by;
   take.epoch_utc = manifest.epoch_utc;
   take.nominal_fps = manifest.nominal_fps;
-  take.color_space = "srgb_texture";  // linear images are converted on the way
+  take.color_space = "srgb_texture";  // linear images are encoded with its curve
   take.clock = "manifest";
   take.arbitrary_scale = manifest.arbitrary_scale;
   take.depth_range = manifest.depth_range;
@@ -202,8 +201,8 @@ TakeDocument take_document(const ImportManifest& manifest, const ImportSettings&
   return take;
 }
 
-RigDocument rig_document(const ImportManifest& manifest) {
-  RigDocument rig;
+schemas::RigDocument rig_document(const schemas::ImportManifest& manifest) {
+  schemas::RigDocument rig;
   rig.name = manifest.name;
   for (const auto& camera : manifest.cameras) rig.cameras.push_back({camera.geometry, {}});
   return rig;
@@ -211,12 +210,13 @@ RigDocument rig_document(const ImportManifest& manifest) {
 
 }  // namespace
 
-ImportSummary import_take(const ImportManifest& manifest, const std::filesystem::path& base,
+ImportSummary import_take(const schemas::ImportManifest& manifest,
+                          const std::filesystem::path& base,
                           const std::filesystem::path& take_folder, const ImportSettings& settings,
                           std::stop_token stop) {
   Importer importer(manifest, base, settings, std::move(stop));
   importer.check_files();
-  TakeWriter writer(take_folder, take_document(manifest, settings), rig_document(manifest));
+  store::TakeWriter writer(take_folder, take_document(manifest, settings), rig_document(manifest));
   const auto import_camera = [&](std::size_t index, const ParallelLoop& loop) {
     importer.import_camera(manifest.cameras[index], writer.archive(static_cast<int>(index)), loop);
   };
@@ -225,4 +225,4 @@ ImportSummary import_take(const ImportManifest& manifest, const std::filesystem:
   return importer.summary();
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

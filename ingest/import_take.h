@@ -11,10 +11,11 @@
 #include "schemas/import_manifest.h"
 #include "store/jpeg/encode.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 struct ImportSettings {
-  JpegEncodeSettings encode{};  ///< for images that are not JPEG, with their restart_interval
+  store::JpegEncodeSettings
+      encode{};  ///< for images that are not JPEG, with their restart_interval
   /// Interval in MCUs of the restart markers that are added to JPEG input without a change of its
   /// coefficients (-1: default_restart_interval). Without a value JPEG is stored byte for byte.
   std::optional<int> restart_markers{};
@@ -35,8 +36,9 @@ struct ImportSummary {
 /// each camera in memory. Throws Error (bad input) if an image is missing, damaged or of the wrong
 /// size, or if a movie's numbers of frames and times differ. Throws Error (failed) if the take
 /// exists, on a disk error, or on a stop. No take is left behind after an error.
-ImportSummary import_take(const ImportManifest& manifest, const std::filesystem::path& base,
+ImportSummary import_take(const schemas::ImportManifest& manifest,
+                          const std::filesystem::path& base,
                           const std::filesystem::path& take_folder, const ImportSettings& settings,
                           std::stop_token stop = {});
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -19,12 +19,12 @@
 #include "testing/test_folder.h"
 #include "testing/test_permissions.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
-using test::picture;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using testing::picture;
 
 class ImportTake : public ::testing::Test {
  protected:
@@ -34,11 +34,11 @@ class ImportTake : public ::testing::Test {
   std::filesystem::path outputs() const { return folder_.path() / "out"; }
   std::filesystem::path take() const { return outputs() / "take"; }
 
-  ImportSummary run(const ImportManifest& manifest, const ImportSettings& settings = {}) {
+  ImportSummary run(const schemas::ImportManifest& manifest, const ImportSettings& settings = {}) {
     return import_take(manifest, inputs(), take(), settings);
   }
-  /// The refusal; that nothing was left of the take is checked.
-  std::string refusal(const ImportManifest& manifest, ExitCode exit_code) {
+  /// Returns the error message, and checks that no take was written.
+  std::string refusal(const schemas::ImportManifest& manifest, ExitCode exit_code) {
     std::string message = "accepted";
     try {
       run(manifest);
@@ -49,21 +49,21 @@ class ImportTake : public ::testing::Test {
     EXPECT_TRUE(std::filesystem::is_empty(outputs()));
     return message;
   }
-  /// A manifest of one camera with one image file.
-  ImportManifest one_image(const std::string& file, int width = 48, int height = 40) const {
-    ImportManifest manifest = test::empty_manifest();
-    manifest.cameras.push_back(test::camera("a", width, height));
+  schemas::ImportManifest one_image(const std::string& file, int width = 48,
+                                    int height = 40) const {
+    schemas::ImportManifest manifest = testing::empty_manifest();
+    manifest.cameras.push_back(testing::camera("a", width, height));
     manifest.cameras[0].frames.push_back({file, 0});
     return manifest;
   }
-  RgbImage decoded(int camera, int frame) const {
-    return JpegDecoder().decode(Take(take()).archive(camera).jpeg(frame), "frame");
+  store::RgbImage decoded(int camera, int frame) const {
+    return store::JpegDecoder().decode(store::Take(take()).archive(camera).jpeg(frame), "frame");
   }
 
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
-double largest_difference(const RgbImage& a, const RgbImage& b) {
+double largest_difference(const store::RgbImage& a, const store::RgbImage& b) {
   double worst = a.pixels.size() == b.pixels.size() ? 0 : 1000;
   for (std::size_t i = 0; i < std::min(a.pixels.size(), b.pixels.size()); ++i) {
     worst = std::max(worst, std::abs(double{1} * a.pixels[i] - b.pixels[i]));
@@ -72,8 +72,8 @@ double largest_difference(const RgbImage& a, const RgbImage& b) {
 }
 
 TEST_F(ImportTake, StoresJpegByteForByte) {
-  ImportManifest manifest = test::write_two_cameras(inputs());
-  manifest.depth_range = DepthRange{1, std::numeric_limits<double>::infinity()};
+  schemas::ImportManifest manifest = testing::write_two_cameras(inputs());
+  manifest.depth_range = schemas::DepthRange{1, std::numeric_limits<double>::infinity()};
   manifest.arbitrary_scale = true;
   manifest.cameras[1].geometry.row = 0;
   manifest.cameras[1].geometry.column = 1;
@@ -83,16 +83,16 @@ TEST_F(ImportTake, StoresJpegByteForByte) {
   EXPECT_EQ(summary.frames, 6);
   EXPECT_EQ(summary.copied, 6);
 
-  const Take read(take());
+  const store::Take read(take());
   std::uint64_t bytes = 0;
   for (int c = 0; c < 2; ++c) {
     ASSERT_EQ(read.archive(c).frames().size(), 3u);
     EXPECT_TRUE(read.archive(c).was_closed());
     for (int i = 0; i < 3; ++i) {
-      const auto& frame =
-          manifest.cameras[static_cast<std::size_t>(c)].frames[static_cast<std::size_t>(i)];
-      EXPECT_EQ(test::bytes_to_string(read.archive(c).jpeg(i)), read_file(inputs() / frame.file));
-      EXPECT_EQ(read.archive(c).frames()[static_cast<std::size_t>(i)].time_ns, frame.time_ns);
+      const auto& frame = manifest.cameras[c].frames[i];
+      EXPECT_EQ(testing::bytes_to_string(read.archive(c).jpeg(i)),
+                read_file(inputs() / frame.file));
+      EXPECT_EQ(read.archive(c).frames()[i].time_ns, frame.time_ns);
       bytes += read.archive(c).jpeg(i).size();
     }
   }
@@ -103,21 +103,21 @@ TEST_F(ImportTake, StoresJpegByteForByte) {
   EXPECT_EQ(read.document().clock, "manifest");
   EXPECT_TRUE(read.document().arbitrary_scale);
   EXPECT_EQ(read.document().depth_range, manifest.depth_range);
-  EXPECT_EQ(read_rig(take() / "rig.json").cameras[1].geometry, manifest.cameras[1].geometry);
+  EXPECT_EQ(schemas::read_rig(take() / "rig.json").cameras[1].geometry,
+            manifest.cameras[1].geometry);
 }
 
 TEST_F(ImportTake, RestartMarkersChangeNoPixel) {
-  const ImportManifest manifest = test::write_two_cameras(inputs());
+  const schemas::ImportManifest manifest = testing::write_two_cameras(inputs());
   const ImportSummary summary = run(manifest, {.restart_markers = -1});
   EXPECT_EQ(summary.rewritten, 6);
-  const Take read(take());
-  JpegDecoder decoder;
+  const store::Take read(take());
+  store::JpegDecoder decoder;
   for (int c = 0; c < 2; ++c) {
     for (int i = 0; i < 3; ++i) {
       const auto jpeg = read.archive(c).jpeg(i);
-      EXPECT_TRUE(parse_jpeg_layout(jpeg, "").regions_decodable());
-      const auto& frame =
-          manifest.cameras[static_cast<std::size_t>(c)].frames[static_cast<std::size_t>(i)];
+      EXPECT_TRUE(store::parse_jpeg_layout(jpeg, "").regions_decodable());
+      const auto& frame = manifest.cameras[c].frames[i];
       const std::string original = read_file(inputs() / frame.file);
       EXPECT_EQ(decoder.decode(jpeg, ""), decoder.decode(std::as_bytes(std::span(original)), ""));
     }
@@ -125,22 +125,24 @@ TEST_F(ImportTake, RestartMarkersChangeNoPixel) {
 }
 
 TEST_F(ImportTake, OtherImagesAreEncodedOnceAndWell) {
-  const RgbImage image = picture(48, 40, 1);
-  write_image(image, inputs() / "a.png");
+  const store::RgbImage image = picture(48, 40, 1);
+  images::write_image(image, inputs() / "a.png");
   const ImportSummary summary = run(one_image("a.png"));
   EXPECT_EQ(summary.encoded, 1);
   EXPECT_LE(largest_difference(decoded(0, 0), image), 6);
-  const JpegLayout layout = parse_jpeg_layout(Take(take()).archive(0).jpeg(0), "");
+  const store::JpegLayout layout =
+      store::parse_jpeg_layout(store::Take(take()).archive(0).jpeg(0), "");
   EXPECT_TRUE(layout.regions_decodable());
   EXPECT_EQ(layout.h[0], layout.h[1]);  // 4:4:4
 }
 
 TEST_F(ImportTake, QualityAndChromaAreAsAsked) {
-  write_image(picture(48, 40, 1), inputs() / "a.png");
+  images::write_image(picture(48, 40, 1), inputs() / "a.png");
   ImportSettings settings;
-  settings.encode = {.quality = 30, .chroma = JpegEncodeSettings::Chroma::k420};
+  settings.encode = {.quality = 30, .chroma = store::JpegEncodeSettings::Chroma::k420};
   const ImportSummary summary = run(one_image("a.png"), settings);
-  const JpegLayout layout = parse_jpeg_layout(Take(take()).archive(0).jpeg(0), "");
+  const store::JpegLayout layout =
+      store::parse_jpeg_layout(store::Take(take()).archive(0).jpeg(0), "");
   EXPECT_EQ(layout.h[0], 2 * layout.h[1]);
   std::filesystem::remove_all(take());
   EXPECT_LT(summary.jpeg_bytes, run(one_image("a.png")).jpeg_bytes);
@@ -176,14 +178,14 @@ TEST_F(ImportTake, LinearImagesBecomeSrgb) {
     values.insert(values.end(), {0.2F, 5.0F, std::numeric_limits<float>::quiet_NaN()});
   }
   write_with_oiio(inputs() / "a.exr", 16, 16, 3, OIIO::TypeDesc::FLOAT, values);
-  ImportManifest manifest = one_image("a.exr", 16, 16);
+  schemas::ImportManifest manifest = one_image("a.exr", 16, 16);
   manifest.color_space = "lin_rec709_scene";
   run(manifest);
-  const RgbImage image = decoded(0, 0);
+  const store::RgbImage image = decoded(0, 0);
   EXPECT_NEAR(image.pixels[0], srgb_from_linear(0.2) * 255, 2);
   EXPECT_NEAR(image.pixels[1], 255, 2);
   EXPECT_NEAR(image.pixels[2], 0, 2);
-  EXPECT_EQ(Take(take()).document().color_space, "srgb_texture");
+  EXPECT_EQ(store::Take(take()).document().color_space, "srgb_texture");
 }
 
 TEST_F(ImportTake, FloatingPointWithoutLinearLightIsRefused) {
@@ -194,22 +196,22 @@ TEST_F(ImportTake, FloatingPointWithoutLinearLightIsRefused) {
 }
 
 TEST_F(ImportTake, LinearJpegIsRefused) {
-  ImportManifest manifest = test::write_two_cameras(inputs());
+  schemas::ImportManifest manifest = testing::write_two_cameras(inputs());
   manifest.color_space = "lin_rec709_scene";
-  EXPECT_THAT(refusal(manifest, ExitCode::kBadInput), HasSubstr("a JPEG holds no linear light"));
+  EXPECT_THAT(refusal(manifest, ExitCode::kBadInput), HasSubstr("but a JPEG is not linear"));
 }
 
 TEST_F(ImportTake, MissingFilesAreNamedFirst) {
-  ImportManifest manifest = test::write_two_cameras(inputs());
+  schemas::ImportManifest manifest = testing::write_two_cameras(inputs());
   manifest.cameras[1].frames[2].file = "gone.jpg";
   EXPECT_THAT(refusal(manifest, ExitCode::kBadInput),
-              AllOf(HasSubstr("gone.jpg"), HasSubstr("\"cam1\" is not there")));
+              AllOf(HasSubstr("gone.jpg"), HasSubstr("\"cam1\" was not found")));
   manifest.cameras[1].frames[2].file = "out";  // a folder
-  EXPECT_THAT(refusal(manifest, ExitCode::kBadInput), HasSubstr("is not there"));
+  EXPECT_THAT(refusal(manifest, ExitCode::kBadInput), HasSubstr("was not found"));
 }
 
 TEST_F(ImportTake, ATruncatedJpegIsRefused) {
-  const ImportManifest manifest = test::write_two_cameras(inputs());
+  const schemas::ImportManifest manifest = testing::write_two_cameras(inputs());
   const auto file = inputs() / manifest.cameras[1].frames[1].file;
   const std::string whole = read_file(file);
   for (const std::size_t size :
@@ -227,16 +229,16 @@ TEST_F(ImportTake, FilesThatAreNoImagesAreRefused) {
 }
 
 TEST_F(ImportTake, AnImageOfTheWrongSizeIsRefused) {
-  ImportManifest manifest = test::write_two_cameras(inputs());
+  schemas::ImportManifest manifest = testing::write_two_cameras(inputs());
   manifest.cameras[0].geometry.width = 47;
   EXPECT_THAT(refusal(manifest, ExitCode::kBadInput),
               AllOf(HasSubstr("0_"), HasSubstr("the image is 48x40, but its camera is 47x40")));
-  write_image(picture(48, 40, 1), inputs() / "a.png");
+  images::write_image(picture(48, 40, 1), inputs() / "a.png");
   EXPECT_THAT(refusal(one_image("a.png", 48, 41), ExitCode::kBadInput), HasSubstr("48x41"));
 }
 
 TEST_F(ImportTake, AnExistingTakeIsLeftAlone) {
-  const ImportManifest manifest = test::write_two_cameras(inputs());
+  const schemas::ImportManifest manifest = testing::write_two_cameras(inputs());
   run(manifest);
   const std::string before = read_file(take() / "take.json");
   try {
@@ -250,8 +252,8 @@ TEST_F(ImportTake, AnExistingTakeIsLeftAlone) {
 }
 
 TEST_F(ImportTake, AFullDiskLeavesNothing) {
-  const ImportManifest manifest = test::write_two_cameras(inputs());
-  // Files of this process may not grow beyond a few bytes, as on a full disk.
+  const schemas::ImportManifest manifest = testing::write_two_cameras(inputs());
+  // Limits files of this process to a few bytes, as on a full disk.
   auto* const handler = std::signal(SIGXFSZ, SIG_IGN);
   rlimit old{};
   getrlimit(RLIMIT_FSIZE, &old);
@@ -264,27 +266,28 @@ TEST_F(ImportTake, AFullDiskLeavesNothing) {
 }
 
 TEST_F(ImportTake, AFolderWithoutPermissionIsRefused) {
-  const ImportManifest manifest = test::write_two_cameras(inputs());
-  make_world_writable(inputs());
-  const std::string closed = unprivileged_access_error(inputs());
+  const schemas::ImportManifest manifest = testing::write_two_cameras(inputs());
+  testing::make_world_writable(inputs());
+  const std::string closed = testing::unprivileged_access_error(inputs());
   if (!closed.empty()) GTEST_SKIP() << closed;
-  const ReadOnlyFolder locked(outputs());
-  const std::string refused = run_unprivileged([&]() -> std::string {  // before TBB's first thread
-    try {
-      run(manifest);
-    } catch (const Error& error) {
-      return "exit code " + std::to_string(static_cast<int>(error.exit_code())) + ", " +
-             error.what();
-    }
-    return "accepted";
-  });
+  const testing::ReadOnlyFolder locked(outputs());
+  const std::string refused =
+      testing::run_unprivileged([&]() -> std::string {  // before TBB's first thread
+        try {
+          run(manifest);
+        } catch (const Error& error) {
+          return "exit code " + std::to_string(static_cast<int>(error.exit_code())) + ", " +
+                 error.what();
+        }
+        return "accepted";
+      });
   EXPECT_THAT(refused, AllOf(HasSubstr("exit code 1, "), HasSubstr(take().string()),
                              HasSubstr("ermission denied")));
   EXPECT_TRUE(std::filesystem::is_empty(outputs()));
 }
 
 TEST_F(ImportTake, AStopLeavesNothing) {
-  const ImportManifest manifest = test::write_two_cameras(inputs());
+  const schemas::ImportManifest manifest = testing::write_two_cameras(inputs());
   std::stop_source source;
   ImportSettings settings;
   settings.progress = [&](double) { source.request_stop(); };
@@ -299,10 +302,10 @@ TEST_F(ImportTake, ProgressEndsAtOne) {
     ++calls;
     if (done == 1) ++ends;
   };
-  run(test::write_two_cameras(inputs()), settings);
+  run(testing::write_two_cameras(inputs()), settings);
   EXPECT_EQ(calls, 6);
   EXPECT_EQ(ends, 1);
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// COLMAP and NeRF models, and telling what a path is.
+// Tests the import of COLMAP and NeRF models, and the detection of formats.
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -20,7 +20,7 @@
 #include "testing/ingest/import_test_data.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using nlohmann::json;
@@ -42,7 +42,7 @@ class Model : public ::testing::Test {
     write_file_atomically(folder_.path() / file, text);
   }
   void write_jpeg(const std::string& file) const {
-    write(file, test::jpeg_as_string(test::picture(48, 40, 1)));
+    write(file, testing::jpeg_as_string(testing::picture(48, 40, 1)));
   }
   ImportSource open(const std::string& path, const ModelImportSettings& settings = {}) const {
     return open_import_source(folder_.path() / path, settings);
@@ -57,14 +57,15 @@ class Model : public ::testing::Test {
     }
     return "accepted";
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
-/// Pixel of a point by our conventions: camera looks down -z, y up; image y down.
-Eigen::Vector2d pixel_by_ours(const CameraGeometry& camera, const Eigen::Vector3d& x_in_world) {
+/// Returns the pixel of a point. The camera looks along -z with y up; image y is down.
+Eigen::Vector2d pixel_by_ours(const schemas::CameraGeometry& camera,
+                              const Eigen::Vector3d& x_in_world) {
   const Eigen::Vector3d p =
-      pose_from_matrix(camera.world_from_camera).camera_from_world(x_in_world);
-  const Intrinsics& k = camera.intrinsics;
+      rig::pose_from_matrix(camera.world_from_camera).camera_from_world(x_in_world);
+  const schemas::Intrinsics& k = camera.intrinsics;
   return {k.fx * p.x() / -p.z() + k.cx, k.fy * -p.y() / -p.z() + k.cy};
 }
 
@@ -90,8 +91,8 @@ TEST_F(Colmap, ProjectsAsColmapDoes) {
     write_model("sparse", kPinhole,
                 fmt::format("1 {} {} {} {} {} {} {} 7 a.jpg\n\n", q.w(), q.x(), q.y(), q.z(), t.x(),
                             t.y(), t.z()));
-    const ImportManifest manifest = open("sparse").manifest;
-    // A point before the camera, by COLMAP: x_in_camera = R x_in_world + t, +z forward, y down.
+    const schemas::ImportManifest manifest = open("sparse").manifest;
+    // A point in front of the camera. COLMAP: x_camera = R x_world + t, +z forward, y down.
     const Eigen::Vector3d x_in_camera(number(-50, 50), number(-50, 50), number(50, 300));
     const Eigen::Vector3d x_in_world = q.normalized().inverse() * (x_in_camera - t);
     const Eigen::Vector2d expected(50 * x_in_camera.x() / x_in_camera.z() + 24,
@@ -119,7 +120,7 @@ TEST_F(Colmap, ReadsEveryCameraModel) {
   }
   const ImportSource source =
       open("m/cameras.txt", {.images = {}, .epoch_utc = 77, .nominal_fps = 12});
-  const ImportManifest& manifest = source.manifest;
+  const schemas::ImportManifest& manifest = source.manifest;
   EXPECT_EQ(manifest.name, "m");
   EXPECT_EQ(manifest.epoch_utc, 77);
   EXPECT_EQ(manifest.nominal_fps, 12);
@@ -127,15 +128,16 @@ TEST_F(Colmap, ReadsEveryCameraModel) {
   ASSERT_EQ(manifest.cameras.size(), 5u);
   const auto& cameras = manifest.cameras;
   EXPECT_EQ(cameras[1].geometry.id, "b_b");
-  EXPECT_EQ(cameras[0].geometry.intrinsics, (Intrinsics{50, 50, 24, 20, {}}));
-  EXPECT_EQ(cameras[1].geometry.intrinsics, (Intrinsics{50, 51, 24, 20, {}}));
-  EXPECT_EQ(cameras[2].geometry.intrinsics, (Intrinsics{50, 50, 24, 20, {.k1 = 0.1}}));
-  EXPECT_EQ(cameras[3].geometry.intrinsics, (Intrinsics{50, 50, 24, 20, {.k1 = 0.1, .k2 = 0.2}}));
+  EXPECT_EQ(cameras[0].geometry.intrinsics, (schemas::Intrinsics{50, 50, 24, 20, {}}));
+  EXPECT_EQ(cameras[1].geometry.intrinsics, (schemas::Intrinsics{50, 51, 24, 20, {}}));
+  EXPECT_EQ(cameras[2].geometry.intrinsics, (schemas::Intrinsics{50, 50, 24, 20, {.k1 = 0.1}}));
+  EXPECT_EQ(cameras[3].geometry.intrinsics,
+            (schemas::Intrinsics{50, 50, 24, 20, {.k1 = 0.1, .k2 = 0.2}}));
   EXPECT_EQ(cameras[4].geometry.intrinsics,
-            (Intrinsics{50, 51, 24, 20, {.k1 = 0.1, .k2 = 0.2, .p1 = 0.3, .p2 = 0.4}}));
+            (schemas::Intrinsics{50, 51, 24, 20, {.k1 = 0.1, .k2 = 0.2, .p1 = 0.3, .p2 = 0.4}}));
   const ImportSummary summary = import_take(manifest, source.base, folder_.path() / "take", {});
   EXPECT_EQ(summary.copied, 5);
-  EXPECT_EQ(Take(folder_.path() / "take").document().cameras[4].id, "e");
+  EXPECT_EQ(store::Take(folder_.path() / "take").document().cameras[4].id, "e");
 }
 
 TEST_F(Colmap, FindsItsImages) {
@@ -164,12 +166,12 @@ TEST_F(Colmap, BadModelsAreRefusedByLine) {
   for (const Case& c :
        {Case{"\n7 FULL_OPENCV 48 40 1 1 1 1 0 0 0 0 0 0 0 0\n", kImages, "cameras.txt:2"},
         Case{"7 FISHEYE 1 1 1\n", kImages, "FISHEYE is not supported"},
-        Case{"7 PINHOLE 48 40 50 51 24\n", kImages, "parameters is missing"},
+        Case{"7 PINHOLE 48 40 50 51 24\n", kImages, "camera parameter is missing"},
         Case{"7 PINHOLE 48 40 50 51 24 20 1\n", kImages, "more parameters than PINHOLE has"},
         Case{"7 PINHOLE 48 40 nan 51 24 20\n", kImages, "found \"nan\""},
         Case{"7 PINHOLE 48 40 50x 51 24 20\n", kImages, "found \"50x\""},
         Case{"7 PINHOLE 48 40 1e999 51 24 20\n", kImages, "a finite number"},
-        Case{"7 PINHOLE 48 40 -50 51 24 20\n", kImages, "not greater than 0"},
+        Case{"7 PINHOLE 48 40 -50 51 24 20\n", kImages, "must be greater than 0"},
         Case{"7 PINHOLE 0 40 50 51 24 20\n", kImages, "0x40"},
         Case{"7 PINHOLE 48 40 50 51 24 20\n7 PINHOLE 48 40 50 51 24 20\n", kImages, "comes twice"},
         Case{"8 PINHOLE 48 40 50 51 24 20\n", kImages, "camera 7 is not in cameras.txt"},
@@ -200,7 +202,7 @@ class Nerf : public Model {
     }
     document_["camera_angle_x"] = std::numbers::pi / 2;
   }
-  ImportManifest read(const ModelImportSettings& settings = {}) const {
+  schemas::ImportManifest read(const ModelImportSettings& settings = {}) const {
     write("transforms.json", document_.dump());
     return open("transforms.json", settings).manifest;
   }
@@ -212,9 +214,9 @@ class Nerf : public Model {
 };
 
 TEST_F(Nerf, ReadsTheOriginalForm) {
-  const ImportManifest manifest = read();
+  const schemas::ImportManifest manifest = read();
   ASSERT_EQ(manifest.cameras.size(), 2u);
-  const CameraGeometry& camera = manifest.cameras[0].geometry;
+  const schemas::CameraGeometry& camera = manifest.cameras[0].geometry;
   EXPECT_EQ(camera.id, "r_0");
   EXPECT_EQ(camera.width, 48);
   EXPECT_EQ(camera.height, 40);
@@ -222,7 +224,7 @@ TEST_F(Nerf, ReadsTheOriginalForm) {
   EXPECT_NEAR(camera.intrinsics.fy, 24, 1e-12);
   EXPECT_EQ(camera.intrinsics.cx, 24);
   EXPECT_EQ(camera.intrinsics.cy, 20);
-  const Pose pose = pose_from_matrix(camera.world_from_camera);
+  const rig::Pose pose = rig::pose_from_matrix(camera.world_from_camera);
   EXPECT_NEAR((pose.position - Eigen::Vector3d(1, 2, 3)).norm(), 0, 1e-15);
   EXPECT_NEAR((pose.viewing_direction() - Eigen::Vector3d(0, 1, 0)).norm(), 0, 1e-15);
   const ImportSource source = open("transforms.json");
@@ -235,16 +237,16 @@ TEST_F(Nerf, FramesOverrideTheWhole) {
   document_["camera_model"] = "OPENCV";
   document_["aabb_scale"] = 16;
   document_["frames"][1].update({{"fl_x", 40}, {"k1", 0}});
-  const ImportManifest manifest = read();
+  const schemas::ImportManifest manifest = read();
   EXPECT_EQ(manifest.cameras[0].geometry.intrinsics,
-            (Intrinsics{30, 31, 23, 19, {0.1, 0.2, 0.3, 0.4, 0.5}}));
+            (schemas::Intrinsics{30, 31, 23, 19, {0.1, 0.2, 0.3, 0.4, 0.5}}));
   EXPECT_EQ(manifest.cameras[1].geometry.intrinsics,
-            (Intrinsics{40, 31, 23, 19, {0, 0.2, 0.3, 0.4, 0.5}}));
+            (schemas::Intrinsics{40, 31, 23, 19, {0, 0.2, 0.3, 0.4, 0.5}}));
 }
 
 TEST_F(Nerf, AUniformScaleIsRemoved) {
   document_["frames"][0]["transform_matrix"] = {{0, -3, 0, 1}, {3, 0, 0, 2}, {0, 0, 3, 3}};
-  const Pose pose = pose_from_matrix(read().cameras[0].geometry.world_from_camera);
+  const rig::Pose pose = rig::pose_from_matrix(read().cameras[0].geometry.world_from_camera);
   EXPECT_NEAR(pose.world_from_camera_rotation(1, 0), 1, 1e-12);
   EXPECT_NEAR(pose.position.y(), 2, 1e-15);
 }
@@ -291,13 +293,13 @@ TEST_F(Nerf, BadModelsAreRefusedAtThePlace) {
 class ImportSources : public Model {};
 
 TEST_F(ImportSources, AreToldByTheirContents) {
-  const ImportManifest manifest = test::write_two_cameras(folder_.path());
-  write_import_manifest(manifest, folder_.path() / "anything.txt");
+  const schemas::ImportManifest manifest = testing::write_two_cameras(folder_.path());
+  schemas::write_import_manifest(manifest, folder_.path() / "anything.txt");
   EXPECT_EQ(open("anything.txt").manifest.name, "test");
   EXPECT_EQ(open("anything.txt").base, folder_.path());
   EXPECT_THAT(refusal("anything.txt", {.images = "x", .epoch_utc = 0}),
               HasSubstr("folder of images"));
-  write_import_manifest(manifest, folder_.path() / "import.json");
+  schemas::write_import_manifest(manifest, folder_.path() / "import.json");
   EXPECT_EQ(open("").manifest.name, "test");
 }
 
@@ -320,4 +322,4 @@ TEST_F(ImportSources, OthersAreRefused) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

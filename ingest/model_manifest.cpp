@@ -9,10 +9,10 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
-constexpr std::size_t kLongestId = 90;  // leaves room for a number within the 100 of an id
+constexpr std::size_t kLongestId = 90;  // leaves 10 of an id's 100 characters for a number
 
 std::string safe_id(std::string text) {
   if (text.size() > kLongestId) text.erase(0, text.size() - kLongestId);
@@ -33,9 +33,9 @@ std::string path_without_extension(const std::string& name) {
 
 }  // namespace
 
-ImportManifest make_model_manifest(const std::filesystem::path& file,
-                                   const ModelImportSettings& settings) {
-  ImportManifest manifest;
+schemas::ImportManifest make_model_manifest(const std::filesystem::path& file,
+                                            const ModelImportSettings& settings) {
+  schemas::ImportManifest manifest;
   std::error_code ignored;
   const auto folder = std::filesystem::weakly_canonical(file, ignored).parent_path();
   manifest.name = folder.filename().string();
@@ -66,17 +66,17 @@ std::vector<std::string> make_camera_ids(std::span<const std::string> image_name
 std::filesystem::path find_image_folder(std::span<const std::filesystem::path> folders,
                                         const std::string& image,
                                         const std::filesystem::path& model) {
-  std::string looked;
+  std::string searched;
   for (const std::filesystem::path& folder : folders) {
     std::error_code ignored;
     if (std::filesystem::is_regular_file(folder / image, ignored)) return folder;
-    if (!looked.empty()) looked += ", ";
-    looked += folder.string();
+    if (!searched.empty()) searched += ", ";
+    searched += folder.string();
   }
   throw Error::bad_input(
-      fmt::format("the model's image \"{}\" is not there; looked in {}", image, looked),
-      model.string(), "Name the folder of the images")
+      fmt::format("the model's image \"{}\" was not found in {}", image, searched), model.string(),
+      "Set the folder of the images")
       .concerning({"images"});
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -9,7 +9,7 @@
 
 #include "schemas/import_manifest.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// Settings of a take that a COLMAP or NeRF model does not contain.
 struct ModelImportSettings {
@@ -19,8 +19,8 @@ struct ModelImportSettings {
 };
 
 /// Returns a manifest without cameras, named after the folder of the model file.
-ImportManifest make_model_manifest(const std::filesystem::path& file,
-                                   const ModelImportSettings& settings);
+schemas::ImportManifest make_model_manifest(const std::filesystem::path& file,
+                                            const ModelImportSettings& settings);
 
 /// Returns a camera id for each image file name: the name without folder and extension, reduced to
 /// characters that are safe in file names. Names that are not unique keep their folders as a
@@ -32,4 +32,4 @@ std::filesystem::path find_image_folder(std::span<const std::filesystem::path> f
                                         const std::string& image,
                                         const std::filesystem::path& model);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

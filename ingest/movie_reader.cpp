@@ -1,12 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ingest/movie_reader.h"
 
-extern "C" {
-#include <libavcodec/avcodec.h>
-#include <libavformat/avformat.h>
-#include <libswscale/swscale.h>
-}
-
 #include <fmt/format.h>
 
 #include <array>
@@ -14,60 +8,29 @@ extern "C" {
 #include <utility>
 
 #include "base/error.h"
+#include "ingest/sources/ffmpeg_pointers.h"
 
-namespace raystage {
-namespace {
-
-struct FormatCloser {
-  void operator()(AVFormatContext* context) const { avformat_close_input(&context); }
-};
-struct CodecCloser {
-  void operator()(AVCodecContext* context) const { avcodec_free_context(&context); }
-};
-struct FrameFreer {
-  void operator()(AVFrame* frame) const { av_frame_free(&frame); }
-};
-struct PacketFreer {
-  void operator()(AVPacket* packet) const { av_packet_free(&packet); }
-};
-struct ScalerFreer {
-  void operator()(SwsContext* context) const { sws_freeContext(context); }
-};
-
-std::string reason(int code) {
-  std::array<char, AV_ERROR_MAX_STRING_SIZE> text{};
-  av_strerror(code, text.data(), text.size());
-  return text.data();
-}
-
-template <typename T>
-T* check_allocation(T* pointer) {
-  if (pointer == nullptr) throw std::bad_alloc();
-  return pointer;
-}
-
-}  // namespace
-
+namespace raystage::ingest {
 struct MovieReader::State {
   std::filesystem::path file;
-  std::unique_ptr<AVFormatContext, FormatCloser> format;
-  std::unique_ptr<AVCodecContext, CodecCloser> codec;  // null for Motion JPEG
-  std::unique_ptr<AVPacket, PacketFreer> packet{check_allocation(av_packet_alloc())};
-  std::unique_ptr<AVFrame, FrameFreer> picture{check_allocation(av_frame_alloc())};
-  std::unique_ptr<SwsContext, ScalerFreer> scaler;
+  AvPtr<AVFormatContext> format;
+  AvPtr<AVCodecContext> codec;  // null for Motion JPEG
+  AvPtr<AVPacket> packet{check_allocation(av_packet_alloc())};
+  AvPtr<AVFrame> picture{check_allocation(av_frame_alloc())};
+  AvPtr<SwsContext> scaler;
   int stream = -1;
-  int frames = 0;  // handed out so far
+  int frames = 0;  // delivered so far
   bool draining = false;
 
   Error damaged(const std::string& why) const {
     return Error::bad_input(fmt::format("frame {} of the movie is damaged: {}", frames, why),
-                            file.string(), "Repair the movie, or cut it and its times");
+                            file.string(), "Repair the movie, or cut it and its \"times_ns\"");
   }
   void open();
   void open_decoder(const AVCodecParameters& parameters);
   bool read_packet();
   bool decode();
-  void convert(RgbImage& image);
+  void convert(store::RgbImage& image);
 };
 
 void MovieReader::State::open() {
@@ -75,22 +38,21 @@ void MovieReader::State::open() {
     return Error::bad_input(std::move(what), file.string(), std::move(advice));
   };
   AVFormatContext* context = nullptr;
-  AVDictionary* options = nullptr;
-  // A play list must not make us fetch anything from elsewhere.
-  av_dict_set(&options, "protocol_whitelist", "file", 0);
+  FfmpegOptions options;
+  // Prevents a playlist from opening network addresses.
+  options.set("protocol_whitelist", "file");
   const int opened =
-      avformat_open_input(&context, ("file:" + file.string()).c_str(), nullptr, &options);
-  av_dict_free(&options);
+      avformat_open_input(&context, ("file:" + file.string()).c_str(), nullptr, options.get());
   if (opened < 0) {
-    throw refuse("the movie cannot be read: " + reason(opened),
+    throw refuse("the movie cannot be read: " + av_error_text(opened),
                  "Check that the file exists and is a movie");
   }
   format.reset(context);
   if (const int code = avformat_find_stream_info(context, nullptr); code < 0) {
-    throw refuse("the movie is damaged: " + reason(code), "Replace the file");
+    throw refuse("the movie is damaged: " + av_error_text(code), "Replace the file");
   }
   stream = av_find_best_stream(context, AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
-  if (stream < 0) throw refuse("there is no video in this file", "Check that it is the right file");
+  if (stream < 0) throw refuse("the file has no video stream", "Choose a file with video");
   for (unsigned i = 0; i < context->nb_streams; ++i) {
     if (static_cast<int>(i) != stream) context->streams[i]->discard = AVDISCARD_ALL;
   }
@@ -101,56 +63,56 @@ void MovieReader::State::open() {
 void MovieReader::State::open_decoder(const AVCodecParameters& parameters) {
   const AVCodec* decoder = avcodec_find_decoder(parameters.codec_id);
   if (decoder == nullptr) {
-    throw Error::bad_input(fmt::format("there is no decoder for this movie's codec ({})",
+    throw Error::bad_input(fmt::format("FFmpeg has no decoder for the movie's codec {}",
                                        avcodec_get_name(parameters.codec_id)),
                            file.string(),
                            "Convert the movie to a codec that `ffmpeg -decoders` lists");
   }
   codec.reset(check_allocation(avcodec_alloc_context3(decoder)));
-  codec->thread_count = 1;  // cameras are read in parallel already
+  codec->thread_count = 1;  // cameras are imported in parallel
   int code = avcodec_parameters_to_context(codec.get(), &parameters);
   if (code >= 0) code = avcodec_open2(codec.get(), decoder, nullptr);
   if (code < 0) {
-    throw Error::bad_input("the movie's decoder does not start: " + reason(code), file.string(),
-                           "Replace the file");
+    throw Error::bad_input("the movie's decoder does not start: " + av_error_text(code),
+                           file.string(), "Replace the file");
   }
 }
 
-/// The next packet of our stream; false at the end.
+/// Reads the next packet of the stream; returns false at the end.
 bool MovieReader::State::read_packet() {
   for (;;) {
     av_packet_unref(packet.get());
     const int code = av_read_frame(format.get(), packet.get());
     if (code == AVERROR_EOF) return false;
-    if (code < 0) throw damaged(reason(code));
+    if (code < 0) throw damaged(av_error_text(code));
     if (packet->stream_index != stream || packet->size == 0) continue;
     if ((packet->flags & AV_PKT_FLAG_CORRUPT) != 0) throw damaged("its bytes are incomplete");
     return true;
   }
 }
 
-/// Decodes one picture; false at the end.
+/// Decodes one picture; returns false at the end.
 bool MovieReader::State::decode() {
   for (;;) {
     const int code = avcodec_receive_frame(codec.get(), picture.get());
     if (code == AVERROR_EOF) return false;
     if (code == 0) {
       if (picture->decode_error_flags != 0 || (picture->flags & AV_FRAME_FLAG_CORRUPT) != 0) {
-        throw damaged("it cannot be decoded whole");
+        throw damaged("it cannot be decoded completely");
       }
       return true;
     }
-    if (code != AVERROR(EAGAIN)) throw damaged(reason(code));
-    if (draining) throw damaged("the decoder does not end");
+    if (code != AVERROR(EAGAIN)) throw damaged(av_error_text(code));
+    if (draining) throw damaged("its decoder does not finish");
     draining = !read_packet();
     const int sent = avcodec_send_packet(codec.get(), draining ? nullptr : packet.get());
-    if (sent < 0) throw damaged(reason(sent));
+    if (sent < 0) throw damaged(av_error_text(sent));
   }
 }
 
-void MovieReader::State::convert(RgbImage& image) {
+void MovieReader::State::convert(store::RgbImage& image) {
   const auto source = static_cast<AVPixelFormat>(picture->format);
-  // sws_getCachedContext keeps or replaces what it is given.
+  // sws_getCachedContext returns the given context or frees and replaces it.
   scaler.reset(sws_getCachedContext(
       scaler.release(), picture->width, picture->height, source, picture->width, picture->height,
       AV_PIX_FMT_RGB24,
@@ -165,7 +127,7 @@ void MovieReader::State::convert(RgbImage& image) {
           ? SWS_CS_DEFAULT
           : static_cast<int>(picture->colorspace);
   constexpr int kUnchanged = 1 << 16;  // contrast and saturation, 16.16 fixed point
-  // It refuses for RGB sources only, which have neither matrix nor range.
+  // The call fails only for RGB sources, which have neither matrix nor range.
   sws_setColorspaceDetails(scaler.get(), sws_getCoefficients(matrix), full_range ? 1 : 0,
                            sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, kUnchanged, kUnchanged);
   image.width = picture->width;
@@ -180,7 +142,7 @@ void MovieReader::State::convert(RgbImage& image) {
 }
 
 MovieReader::MovieReader(std::filesystem::path file) : state_(std::make_unique<State>()) {
-  av_log_set_level(AV_LOG_QUIET);  // what is wrong with a file is said once, by our Error
+  av_log_set_level(AV_LOG_QUIET);  // our Error reports failures once
   state_->file = std::move(file);
   state_->open();
 }
@@ -208,4 +170,4 @@ int MovieReader::skip_rest() {
   return state_->frames - before;
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -8,12 +8,12 @@
 
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// One frame of a movie: its JPEG bytes as stored in the file, or else the decoded image.
 struct MovieFrame {
   std::vector<std::byte> jpeg;  ///< not empty if the stream is Motion JPEG
-  RgbImage image;               ///< otherwise
+  store::RgbImage image;        ///< otherwise
 };
 
 /// Reads the frames of a movie's best video stream through FFmpeg, in presentation order. Motion
@@ -39,4 +39,4 @@ class MovieReader {
   std::unique_ptr<State> state_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Movies: read alone, and as cameras of an import.
+// Tests movies that are read directly, and movies as cameras of an import.
 #include "ingest/movie_reader.h"
 
 #include <gmock/gmock.h>
@@ -16,7 +16,7 @@
 #include "testing/test_data.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using ::testing::AllOf;
@@ -27,26 +27,26 @@ class Movie : public ::testing::Test {
   std::filesystem::path file(const std::string& name) const { return folder_.path() / name; }
   std::filesystem::path take() const { return folder_.path() / "take"; }
 
-  /// Our own archive is a Motion JPEG movie that any reader understands.
+  /// Writes an archive, which is a Motion JPEG movie.
   std::vector<std::string> write_mjpeg(const std::string& name, int frames) const {
     std::vector<std::string> jpegs;
-    ArchiveWriter writer(file(name), file(name + ".journal"),
-                         {.camera_id = "a", .width = 48, .height = 40, .epoch_utc = 0});
+    store::ArchiveWriter writer(file(name), file(name + ".journal"),
+                                {.camera_id = "a", .width = 48, .height = 40, .epoch_utc = 0});
     for (int i = 0; i < frames; ++i) {
-      jpegs.push_back(test::jpeg_as_string(test::picture(48, 40, i)));
+      jpegs.push_back(testing::jpeg_as_string(testing::picture(48, 40, i)));
       writer.append(std::as_bytes(std::span(jpegs.back())), i * 40'000'000LL);
     }
     writer.close();
     return jpegs;
   }
-  ImportManifest manifest(const std::string& movie, int times) const {
-    ImportManifest result = test::empty_manifest();
-    result.cameras.push_back(test::camera("a", 48, 40));
+  schemas::ImportManifest manifest(const std::string& movie, int times) const {
+    schemas::ImportManifest result = testing::empty_manifest();
+    result.cameras.push_back(testing::camera("a", 48, 40));
     result.cameras[0].movie = movie;
     for (int i = 0; i < times; ++i) result.cameras[0].times_ns.push_back(i * 41'234'567LL);
     return result;
   }
-  std::string refusal(const ImportManifest& what) const {
+  std::string refusal(const schemas::ImportManifest& what) const {
     try {
       import_take(what, folder_.path(), take(), {});
     } catch (const Error& error) {
@@ -56,18 +56,18 @@ class Movie : public ::testing::Test {
     }
     return "accepted";
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 TEST_F(Movie, MotionJpegIsStoredByteForByte) {
   const std::vector<std::string> jpegs = write_mjpeg("m.mkv", 5);
-  const ImportManifest what = manifest("m.mkv", 5);
+  const schemas::ImportManifest what = manifest("m.mkv", 5);
   const ImportSummary summary = import_take(what, folder_.path(), take(), {});
   EXPECT_EQ(summary.copied, 5);
-  const Take read(take());
+  const store::Take read(take());
   ASSERT_EQ(read.archive(0).frames().size(), 5u);
   for (std::size_t i = 0; i < 5; ++i) {
-    EXPECT_EQ(test::bytes_to_string(read.archive(0).jpeg(static_cast<int>(i))), jpegs[i]);
+    EXPECT_EQ(testing::bytes_to_string(read.archive(0).jpeg(static_cast<int>(i))), jpegs[i]);
     EXPECT_EQ(read.archive(0).frames()[i].time_ns, what.cameras[0].times_ns[i]);
   }
 }
@@ -77,12 +77,13 @@ TEST_F(Movie, MotionJpegTakesRestartMarkers) {
   const auto summary =
       import_take(manifest("m.mkv", 2), folder_.path(), take(), {.restart_markers = 1});
   EXPECT_EQ(summary.rewritten, 2);
-  EXPECT_EQ(parse_jpeg_layout(Take(take()).archive(0).jpeg(1), "").restart_interval, 1);
+  EXPECT_EQ(store::parse_jpeg_layout(store::Take(take()).archive(0).jpeg(1), "").restart_interval,
+            1);
 }
 
 TEST_F(Movie, OneTimePerFrame) {
   write_mjpeg("m.mkv", 5);
-  test::write_movie(file("v.mkv"), {.width = 48, .height = 40, .frames = 5});
+  testing::write_movie(file("v.mkv"), {.width = 48, .height = 40, .frames = 5});
   for (const char* movie : {"m.mkv", "v.mkv"}) {
     for (const int times : {1, 4, 6}) {
       EXPECT_THAT(refusal(manifest(movie, times)),
@@ -92,7 +93,7 @@ TEST_F(Movie, OneTimePerFrame) {
   }
 }
 
-/// R, G, B in [0, 255] of a Y, Cb, Cr code, by the standards' formulas.
+/// Returns R, G, B in [0, 255] of a Y, Cb, Cr code, by the formulas of the standards.
 std::array<double, 3> rgb_of(std::array<int, 3> yuv, double kr, double kb, bool full_range) {
   const double y = full_range ? yuv[0] : (yuv[0] - 16) * 255 / 219.0;
   const double scale = full_range ? 1 : 255 / 224.0;
@@ -111,12 +112,12 @@ TEST_F(Movie, MatrixAndRangeAreHonoured) {
        {Standard{AVCOL_SPC_BT709, 0.2126, 0.0722}, Standard{AVCOL_SPC_SMPTE170M, 0.299, 0.114},
         Standard{AVCOL_SPC_UNSPECIFIED, 0.299, 0.114}}) {
     for (const AVColorRange range : {AVCOL_RANGE_MPEG, AVCOL_RANGE_JPEG}) {
-      test::write_movie(file("v.mkv"), {.width = 48,
-                                        .height = 40,
-                                        .frames = 1,
-                                        .yuv = kYuv,
-                                        .matrix = standard.matrix,
-                                        .range = range});
+      testing::write_movie(file("v.mkv"), {.width = 48,
+                                           .height = 40,
+                                           .frames = 1,
+                                           .yuv = kYuv,
+                                           .matrix = standard.matrix,
+                                           .range = range});
       MovieReader reader(file("v.mkv"));
       MovieFrame frame;
       ASSERT_TRUE(reader.next(frame));
@@ -132,16 +133,16 @@ TEST_F(Movie, MatrixAndRangeAreHonoured) {
 }
 
 TEST_F(Movie, OtherCodecsAreEncoded) {
-  test::write_movie(file("v.mkv"), {.width = 48, .height = 40, .frames = 3});
+  testing::write_movie(file("v.mkv"), {.width = 48, .height = 40, .frames = 3});
   const ImportSummary summary = import_take(manifest("v.mkv", 3), folder_.path(), take(), {});
   EXPECT_EQ(summary.encoded, 3);
 }
 
 TEST_F(Movie, TheSizeMustBeTheCameras) {
   write_mjpeg("m.mkv", 1);
-  test::write_movie(file("v.mkv"), {.width = 48, .height = 40, .frames = 1});
+  testing::write_movie(file("v.mkv"), {.width = 48, .height = 40, .frames = 1});
   for (const char* movie : {"m.mkv", "v.mkv"}) {
-    ImportManifest what = manifest(movie, 1);
+    schemas::ImportManifest what = manifest(movie, 1);
     what.cameras[0].geometry.height = 64;
     EXPECT_THAT(refusal(what), HasSubstr("the image is 48x40, but its camera is 48x64"));
   }
@@ -164,20 +165,20 @@ TEST_F(Movie, ACutMovieIsRefused) {
 }
 
 TEST_F(Movie, RecordedWebcams) {
-  const auto data = test_data() / "four_webcams" / "import.json";
+  const auto data = testing::test_data() / "four_webcams" / "import.json";
   if (!std::filesystem::exists(data)) GTEST_SKIP() << "no data at " << data;
-  const ImportManifest what = read_import_manifest(data);
+  const schemas::ImportManifest what = schemas::read_import_manifest(data);
   const ImportSummary summary = import_take(what, data.parent_path(), take(), {});
   EXPECT_EQ(summary.encoded, 4 * 57);
-  const Take read(take());
+  const store::Take read(take());
   for (int c = 0; c < 4; ++c) {
     const auto frames = read.archive(c).frames();
     ASSERT_EQ(frames.size(), 57u);
     for (std::size_t i = 0; i < frames.size(); ++i) {
-      EXPECT_EQ(frames[i].time_ns, what.cameras[static_cast<std::size_t>(c)].times_ns[i]);
+      EXPECT_EQ(frames[i].time_ns, what.cameras[c].times_ns[i]);
     }
   }
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

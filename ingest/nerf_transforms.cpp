@@ -16,12 +16,17 @@
 #include "schemas/json_text.h"
 #include "schemas/validator.h"
 
-namespace raystage {
+// Converts a NeRF transforms.json. Focal lengths come from fl_x and fl_y in pixels, or from the
+// angles: fl = size / (2 tan(angle / 2)). transform_matrix is world_from_camera (y up, -z forward):
+// its uniform scale, the cube root of the determinant, is removed. Cost: linear in the frames, and
+// one file header per frame without a size.
+
+namespace raystage::ingest {
 namespace {
 
 using nlohmann::json;
 
-// What is used of the format; further properties are theirs.
+// The properties that are read; all others are ignored.
 constexpr const char* kSchema = R"({
   "$defs": {
     "number": {"type": "number"},
@@ -64,23 +69,24 @@ constexpr const char* kSchema = R"({
 
 void check_schema(const json& document, std::string_view name) {
   const json schema = json::parse(kSchema);
-  SchemaValidator(schema).validate(document, name);
-  // The camera's properties may stand at the top and, overriding those, in each frame.
+  schemas::SchemaValidator(schema).validate(document, name);
+  // Camera properties may be at the top level; those of a frame override them.
   json camera = schema["$defs"]["camera"];
   camera["$defs"] = schema["$defs"];
-  const SchemaValidator camera_validator(std::move(camera));
+  const schemas::SchemaValidator camera_validator(std::move(camera));
   camera_validator.validate(document, name);
   for (std::size_t i = 0; i < document["frames"].size(); ++i) {
     try {
       camera_validator.validate(document["frames"][i], "");
-    } catch (const Error& error) {  // its pointer begins at the frame: "#/fl_x"
-      throw json_value_error(name, append_json_pointer("/frames", i) + error.where().substr(1),
-                             error.what_happened(), error.what_to_do());
+    } catch (const Error& error) {  // its JSON pointer starts at the frame: "#/fl_x"
+      throw schemas::json_value_error(
+          name, schemas::append_json_pointer("/frames", i) + error.where().substr(1),
+          error.what_happened(), error.what_to_do());
     }
   }
 }
 
-/// The properties of one frame, with those of the whole document behind them.
+/// Looks up a property in one frame, then at the top level of the document.
 class FrameProperties {
  public:
   FrameProperties(const json& document, const json& frame) : document_(document), frame_(frame) {}
@@ -92,7 +98,7 @@ class FrameProperties {
     }
     return std::nullopt;
   }
-  double number(const char* key, double otherwise) const { return number(key).value_or(otherwise); }
+  double number(const char* key, double fallback) const { return number(key).value_or(fallback); }
 
  private:
   const json& document_;
@@ -107,26 +113,26 @@ std::filesystem::path find_image(const std::filesystem::path& folder, const std:
     const std::filesystem::path file = folder / (path + extension);
     if (std::filesystem::is_regular_file(file, ignored)) return file;
   }
-  throw json_value_error(
+  throw schemas::json_value_error(
       name, pointer,
-      fmt::format("the image \"{}\" is not there, with or without an extension, in {}", path,
+      fmt::format("the image \"{}\" was not found, with or without an extension, in {}", path,
                   folder.string()),
-      "Name the folder of the images")
+      "Set the folder of the images")
       .concerning({"images"});
 }
 
-Intrinsics intrinsics_of(const FrameProperties& frame, SourceImageSize size,
-                         const std::string& name, const std::string& pointer) {
+schemas::Intrinsics intrinsics_of(const FrameProperties& frame, SourceImageSize size,
+                                  const std::string& name, const std::string& pointer) {
   const auto focal = [](double pixels, double angle) { return pixels / 2 / std::tan(angle / 2); };
-  Intrinsics result;
+  schemas::Intrinsics result;
   if (const auto fl_x = frame.number("fl_x")) {
     result.fx = *fl_x;
   } else if (const auto angle = frame.number("camera_angle_x")) {
     result.fx = focal(size.width, *angle);
   } else {
-    throw json_value_error(name, pointer,
-                           "neither \"fl_x\" (pixels) nor \"camera_angle_x\" (radians) is given",
-                           "Add one of them to the frame or to the whole file");
+    throw schemas::json_value_error(
+        name, pointer, "neither \"fl_x\" (pixels) nor \"camera_angle_x\" (radians) is given",
+        "Add one of them to the frame or to the whole file");
   }
   result.fy = result.fx;
   if (const auto fl_y = frame.number("fl_y")) {
@@ -144,55 +150,57 @@ Intrinsics intrinsics_of(const FrameProperties& frame, SourceImageSize size,
   return result;
 }
 
-/// Removes a uniform scale and rounding; refuses more than that.
-Matrix4 pose_of(const json& matrix, const std::string& name, const std::string& pointer) {
+/// Returns the matrix without its uniform scale and rounding errors. Throws for other deviations.
+schemas::Matrix4 pose_of(const json& matrix, const std::string& name, const std::string& pointer) {
   Eigen::Matrix3d axes;
-  Pose pose;
+  rig::Pose pose;
   for (Eigen::Index row = 0; row < 3; ++row) {
-    const json& values = matrix[static_cast<std::size_t>(row)];
+    const json& values = matrix[row];
     for (Eigen::Index column = 0; column < 3; ++column) {
-      axes(row, column) = values[static_cast<std::size_t>(column)].get<double>();
+      axes(row, column) = values[column].get<double>();
     }
     pose.position[row] = values[3].get<double>();
   }
   const double scale = std::cbrt(axes.determinant());
   constexpr double kSmallest = 1e-9, kTolerance = 1e-3;
   if (!(scale > kSmallest)) {
-    throw json_value_error(name, pointer, "the matrix mirrors or is flat, allowed: a rotation",
-                           "Use right-handed axes: camera x right, y up, looking down -z");
+    throw schemas::json_value_error(name, pointer,
+                                    "the matrix mirrors or is singular, allowed: a rotation",
+                                    "Use right-handed axes: camera x right, y up, looking down -z");
   }
   axes /= scale;
   const double off = (axes.transpose() * axes - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (off > kTolerance) {
-    throw json_value_error(
+    throw schemas::json_value_error(
         name, pointer,
         fmt::format("the matrix is skewed or scaled unevenly by {:.3g}, allowed: a "
                     "rotation with one scale",
                     off),
-        "Export rigid cameras");
+        "Export rigid poses, without skew and with one scale");
   }
   pose.world_from_camera_rotation = Eigen::Quaterniond(axes).normalized().toRotationMatrix();
-  return matrix_from_pose(pose);
+  return rig::matrix_from_pose(pose);
 }
 
 }  // namespace
 
-ImportManifest read_nerf_transforms(const std::filesystem::path& file, std::string_view text,
-                                    const ModelImportSettings& settings) {
+schemas::ImportManifest read_nerf_transforms(const std::filesystem::path& file,
+                                             std::string_view text,
+                                             const ModelImportSettings& settings) {
   const std::string name = file.string();
-  const json document = parse_json(text, name);
+  const json document = schemas::parse_json(text, name);
   check_schema(document, name);
   const json& frames = document["frames"];
   const std::filesystem::path folder = settings.images.value_or(file.parent_path());
 
-  ImportManifest manifest = make_model_manifest(file, settings);
+  schemas::ImportManifest manifest = make_model_manifest(file, settings);
   std::vector<std::string> names;
   for (const json& frame : frames) names.push_back(frame["file_path"].get<std::string>());
   const std::vector<std::string> ids = make_camera_ids(names);
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    const std::string pointer = append_json_pointer("/frames", i);
+    const std::string pointer = schemas::append_json_pointer("/frames", i);
     const std::filesystem::path image =
-        find_image(folder, names[i], name, append_json_pointer(pointer, "file_path"));
+        find_image(folder, names[i], name, schemas::append_json_pointer(pointer, "file_path"));
     const FrameProperties properties(document, frames[i]);
     SourceImageSize size;
     if (properties.number("w") && properties.number("h")) {
@@ -200,14 +208,14 @@ ImportManifest read_nerf_transforms(const std::filesystem::path& file, std::stri
     } else {
       size = image_size(image);
     }
-    ImportManifest::Camera camera;
+    schemas::ImportManifest::Camera camera;
     camera.geometry = {
         .id = ids[i],
         .width = size.width,
         .height = size.height,
         .intrinsics = intrinsics_of(properties, size, name, pointer),
         .world_from_camera = pose_of(frames[i]["transform_matrix"], name,
-                                     append_json_pointer(pointer, "transform_matrix")),
+                                     schemas::append_json_pointer(pointer, "transform_matrix")),
         .row = std::nullopt,
         .column = std::nullopt};
     camera.frames.push_back({image.string(), 0});
@@ -216,4 +224,4 @@ ImportManifest read_nerf_transforms(const std::filesystem::path& file, std::stri
   return manifest;
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -6,7 +6,7 @@
 
 #include "ingest/model_manifest.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// Reads a NeRF transforms.json (of NeRF's own data sets, instant-ngp or nerfstudio): `text` is the
 /// content of `file`. Every frame becomes a camera at time 0, in the order of the file.
@@ -18,7 +18,8 @@ namespace raystage {
 /// removed from it. World coordinates are not changed. file_path may lack its extension and is
 /// relative to settings.images or to the file's folder.
 /// Throws Error (bad input) with the JSON pointer.
-ImportManifest read_nerf_transforms(const std::filesystem::path& file, std::string_view text,
-                                    const ModelImportSettings& settings);
+schemas::ImportManifest read_nerf_transforms(const std::filesystem::path& file,
+                                             std::string_view text,
+                                             const ModelImportSettings& settings);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -12,7 +12,7 @@
 #include "base/transfer_function.h"
 #include "images/image_file.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 std::unique_ptr<OIIO::ImageInput> open_image(const std::filesystem::path& file) {
@@ -25,12 +25,12 @@ std::unique_ptr<OIIO::ImageInput> open_image(const std::filesystem::path& file) 
 }
 
 std::uint8_t code_from_linear(float linear) {
-  // Written so that NaN becomes black.
+  // This comparison maps NaN to black.
   const double clipped = linear > 0 ? std::min<double>(linear, 1) : 0;
   return static_cast<std::uint8_t>(std::lround(srgb_from_linear(clipped) * 255));
 }
 
-RgbImage read_linear(OIIO::ImageInput& input, const std::filesystem::path& file) {
+store::RgbImage read_linear(OIIO::ImageInput& input, const std::filesystem::path& file) {
   const OIIO::ImageSpec& spec = input.spec();
   const auto channels = static_cast<std::size_t>(spec.nchannels);
   const auto pixels = static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.height);
@@ -39,7 +39,7 @@ RgbImage read_linear(OIIO::ImageInput& input, const std::filesystem::path& file)
     throw Error::bad_input("the image is damaged: " + input.geterror(), file.string(),
                            "Replace the file");
   }
-  RgbImage image{spec.width, spec.height, std::vector<std::uint8_t>(pixels * 3)};
+  store::RgbImage image{spec.width, spec.height, std::vector<std::uint8_t>(pixels * 3)};
   for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
     for (std::size_t c = 0; c < 3; ++c) {
       const std::size_t source = channels >= 3 ? c : 0;
@@ -56,19 +56,19 @@ SourceImageSize image_size(const std::filesystem::path& file) {
   return {input->spec().width, input->spec().height};
 }
 
-RgbImage read_source_image(const std::filesystem::path& file, SourceImageSize size, bool linear) {
+store::RgbImage read_source_image(const std::filesystem::path& file, SourceImageSize size,
+                                  bool linear) {
   const auto input = open_image(file);
   const OIIO::ImageSpec& spec = input->spec();
   check_image_size({spec.width, spec.height}, size, file.string());
   if (linear) return read_linear(*input, file);
   if (spec.format.is_floating_point()) {
     throw Error::bad_input(
-        "the image holds floating-point values, but its color_space is \"srgb_texture\"",
-        file.string(),
-        "Give color_space \"lin_rec709_scene\" if the values are linear light, or convert the "
+        "the image has floating-point values, but color_space is \"srgb_texture\"", file.string(),
+        "Set color_space to \"lin_rec709_scene\" if the values are linear light, or convert the "
         "image to 8 or 16 bits");
   }
-  return read_image(file);
+  return images::read_image(file);
 }
 
 void check_image_size(SourceImageSize found, SourceImageSize expected, std::string_view name) {
@@ -79,4 +79,4 @@ void check_image_size(SourceImageSize found, SourceImageSize expected, std::stri
                          "Correct the camera's width and height, or replace the image");
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

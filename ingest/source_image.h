@@ -6,7 +6,7 @@
 
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// Size of an image in pixels.
 struct SourceImageSize {
@@ -22,10 +22,11 @@ SourceImageSize image_size(const std::filesystem::path& file);
 /// sRGB curve. Otherwise they are sRGB codes of 8 or 16 bits (rounded to 8). Grey becomes
 /// R = G = B; alpha is dropped. Throws Error (bad input) if the file is unreadable, is not of
 /// `size`, or has floating-point values that are not linear.
-RgbImage read_source_image(const std::filesystem::path& file, SourceImageSize size, bool linear);
+store::RgbImage read_source_image(const std::filesystem::path& file, SourceImageSize size,
+                                  bool linear);
 
 /// Throws Error (bad input) if the size of an image differs from that of its camera. `name`
 /// identifies the image in the error.
 void check_image_size(SourceImageSize found, SourceImageSize expected, std::string_view name);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

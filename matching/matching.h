@@ -8,8 +8,10 @@
 #include <vector>
 
 namespace raystage {
-
 class BufferPool;
+}
+
+namespace raystage::matching {
 
 /// The size of a cost volume: one of `planes` hypotheses (depths, disparities) is chosen per pixel.
 struct CostVolume {
@@ -30,6 +32,13 @@ using FillCosts = std::function<void(int y, std::span<std::uint8_t> costs)>;
 
 /// The chosen hypothesis of each pixel, row-major.
 struct PlaneMap {
+  PlaneMap() = default;
+  PlaneMap(int columns, int rows)
+      : width(columns),
+        height(rows),
+        plane(static_cast<std::size_t>(columns) * rows),
+        cost(plane.size()) {}
+
   int width = 0, height = 0;
   std::vector<float> plane;        ///< 0 to planes - 1; fractional with subplane_refinement
   std::vector<std::uint8_t> cost;  ///< the filled-in cost of the nearest integer plane
@@ -40,8 +49,8 @@ struct SemiGlobalSettings {
   int p2 = 200;  ///< penalty for larger differences: p1 to 4000
   bool subplane_refinement = true;
   /// The guide image for edges: one byte per pixel, row-major; may be empty. A step in it lowers p2
-  /// to p2 / (1 + |step| / guide_scale), but not below p1, so that depth may jump where the image
-  /// does.
+  /// to p2 / (1 + |step| / guide_scale), but not below p1, so that depth steps are cheaper at edges
+  /// of the image.
   std::span<const std::uint8_t> guide;
   double guide_scale = 10;                           ///< above 0
   std::size_t working_bytes = std::size_t{1} << 30;  ///< see semi_global_match()
@@ -71,13 +80,13 @@ PlaneMap box_match(const CostVolume& volume, const FillCosts& fill, int radius,
 /// + 4 rows of the volume each.
 std::size_t box_bytes(const CostVolume& volume, int radius, int threads);
 
-/// The references: bit-identical to semi_global_match() and box_match().
+/// Reference implementations, bit-identical to semi_global_match() and box_match().
 PlaneMap semi_global_match_reference(const CostVolume& volume, const FillCosts& fill,
                                      const SemiGlobalSettings& settings);
 PlaneMap box_match_reference(const CostVolume& volume, const FillCosts& fill, int radius,
                              bool subplane_refinement);
 
-/// Returns the vertex of the parabola through three costs around the minimum, -0.5 to 0.5; 0 where
+/// Returns the vertex of the parabola through three costs around the minimum, -0.5 to 0.5, or 0 if
 /// all are equal. Requires `before`, `after` >= `least`.
 inline float parabola_vertex(int before, int least, int after) {
   const int curvature = (before - least) + (after - least);
@@ -85,7 +94,7 @@ inline float parabola_vertex(int before, int least, int after) {
                         : 0.5F * static_cast<float>(before - after) / static_cast<float>(curvature);
 }
 
-/// Returns p2 by the size of the guide's step; constant without a guide.
+/// Returns p2 for each size of a step in the guide image (0 to 255); constant without a guide.
 std::vector<std::uint16_t> p2_by_guide_step(const SemiGlobalSettings& settings);
 
-}  // namespace raystage
+}  // namespace raystage::matching

@@ -11,7 +11,7 @@
 #include "matching/matching.h"
 #include "matching/path_kernels.h"
 
-namespace raystage {
+namespace raystage::matching {
 namespace {
 
 constexpr int kStripRows = 32;
@@ -26,7 +26,7 @@ class BoxStrip {
         radius_(radius),
         sub_plane_(subplane_refinement),
         stride_(static_cast<std::size_t>(plane_stride(volume.planes))),
-        row_(stride_ * static_cast<std::size_t>(volume.width)),
+        row_(stride_ * volume.width),
         rows_(row_ * static_cast<std::size_t>(2 * radius + 1)),
         none_(row_),
         column_sums_(row_),
@@ -43,8 +43,8 @@ class BoxStrip {
       } else if (goes >= top) {
         update_running_sums(column_sums_.data(), none_.data(), cost_row(goes), row_);
       }
-      match_row(y, &map.plane[static_cast<std::size_t>(y) * static_cast<std::size_t>(map.width)],
-                &map.cost[static_cast<std::size_t>(y) * static_cast<std::size_t>(map.width)]);
+      match_row(y, &map.plane[static_cast<std::size_t>(y) * map.width],
+                &map.cost[static_cast<std::size_t>(y) * map.width]);
     }
   }
 
@@ -97,9 +97,8 @@ int strips_of(const CostVolume& volume) { return (volume.height + kStripRows - 1
 
 std::size_t box_bytes(const CostVolume& volume, int radius, int threads) {
   const auto stride = static_cast<std::size_t>(plane_stride(volume.planes));
-  const std::size_t row = stride * static_cast<std::size_t>(volume.width);
-  const std::size_t strip =
-      row * static_cast<std::size_t>(2 * radius + 2) + (row + 2 * stride) * sizeof(std::uint16_t);
+  const std::size_t row = stride * volume.width;
+  const std::size_t strip = row * (2 * radius + 2) + (row + 2 * stride) * sizeof(std::uint16_t);
   return strip * static_cast<std::size_t>(std::min(threads, strips_of(volume)));
 }
 
@@ -108,11 +107,7 @@ PlaneMap box_match(const CostVolume& volume, const FillCosts& fill, int radius,
   if (volume.width < 1 || volume.height < 1 || volume.planes < 1 || radius < 0 || radius > 7) {
     throw std::logic_error("box matching: no pixels, no planes, or radius not in 0 to 7");
   }
-  PlaneMap map{volume.width, volume.height, {}, {}};
-  const std::size_t pixels =
-      static_cast<std::size_t>(volume.width) * static_cast<std::size_t>(volume.height);
-  map.plane.resize(pixels);
-  map.cost.resize(pixels);
+  PlaneMap map(volume.width, volume.height);
   raystage::parallel_for(0, strips_of(volume), [&](int strip) {
     BoxStrip(volume, fill, radius, subplane_refinement)
         .match(strip * kStripRows, std::min(volume.height, (strip + 1) * kStripRows), map);
@@ -120,4 +115,4 @@ PlaneMap box_match(const CostVolume& volume, const FillCosts& fill, int radius,
   return map;
 }
 
-}  // namespace raystage
+}  // namespace raystage::matching

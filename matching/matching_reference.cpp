@@ -7,20 +7,19 @@
 
 #include "matching/matching.h"
 
-namespace raystage {
+namespace raystage::matching {
 namespace {
 
 /// The complete cost volume: costs per pixel and plane.
 struct Volume {
   Volume(const CostVolume& of, const FillCosts& fill) : shape(of) {
     const auto stride = static_cast<std::size_t>(plane_stride(of.planes));
-    std::vector<std::uint8_t> row(stride * static_cast<std::size_t>(of.width));
+    std::vector<std::uint8_t> row(stride * of.width);
     for (int y = 0; y < of.height; ++y) {
       fill(y, row);
       for (int x = 0; x < of.width; ++x) {
         for (int plane = 0; plane < of.planes; ++plane) {
-          cost.push_back(
-              row[static_cast<std::size_t>(x) * stride + static_cast<std::size_t>(plane)]);
+          cost.push_back(row[static_cast<std::size_t>(x) * stride + plane]);
         }
       }
     }
@@ -28,12 +27,9 @@ struct Volume {
   bool contains(int x, int y) const {
     return x >= 0 && y >= 0 && x < shape.width && y < shape.height;
   }
-  std::size_t pixel(int x, int y) const {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(shape.width) +
-           static_cast<std::size_t>(x);
-  }
+  std::size_t pixel(int x, int y) const { return static_cast<std::size_t>(y) * shape.width + x; }
   std::size_t at(int x, int y, int plane) const {
-    return pixel(x, y) * static_cast<std::size_t>(shape.planes) + static_cast<std::size_t>(plane);
+    return pixel(x, y) * static_cast<std::size_t>(shape.planes) + plane;
   }
 
   CostVolume shape;
@@ -41,7 +37,7 @@ struct Volume {
 };
 
 PlaneMap choose(const Volume& volume, const std::vector<int>& sums, bool subplane_refinement) {
-  PlaneMap map{volume.shape.width, volume.shape.height, {}, {}};
+  PlaneMap map(volume.shape.width, volume.shape.height);
   for (int y = 0; y < map.height; ++y) {
     for (int x = 0; x < map.width; ++x) {
       int best = 0;
@@ -50,9 +46,10 @@ PlaneMap choose(const Volume& volume, const std::vector<int>& sums, bool subplan
       }
       const std::size_t at = volume.at(x, y, best);
       const bool between = subplane_refinement && best > 0 && best + 1 < volume.shape.planes;
-      map.plane.push_back(static_cast<float>(best) +
-                          (between ? parabola_vertex(sums[at - 1], sums[at], sums[at + 1]) : 0));
-      map.cost.push_back(volume.cost[at]);
+      map.plane[volume.pixel(x, y)] =
+          static_cast<float>(best) +
+          (between ? parabola_vertex(sums[at - 1], sums[at], sums[at + 1]) : 0);
+      map.cost[volume.pixel(x, y)] = volume.cost[at];
     }
   }
   return map;
@@ -72,8 +69,8 @@ void add_paths(const Volume& volume, const SemiGlobalSettings& settings, int dx,
       int p2 = settings.p2, least = 0;
       if (!enters) {
         if (!settings.guide.empty()) {
-          p2 = p2_table[static_cast<std::size_t>(
-              std::abs(settings.guide[volume.pixel(x, y)] - settings.guide[volume.pixel(px, py)]))];
+          p2 = p2_table[std::abs(settings.guide[volume.pixel(x, y)] -
+                                 settings.guide[volume.pixel(px, py)])];
         }
         const auto first = path.begin() + static_cast<std::ptrdiff_t>(volume.at(px, py, 0));
         least = *std::min_element(first, first + planes);
@@ -129,4 +126,4 @@ PlaneMap box_match_reference(const CostVolume& shape, const FillCosts& fill, int
   return choose(volume, sums, subplane_refinement);
 }
 
-}  // namespace raystage
+}  // namespace raystage::matching

@@ -13,7 +13,7 @@
 #include "matching/matching.h"
 #include "matching/path_kernels.h"
 
-namespace raystage {
+namespace raystage::matching {
 
 int plane_stride(int planes) { return (planes + 31) / 32 * 32; }
 
@@ -38,14 +38,12 @@ class Lines {
   Lines(int count, int planes)
       : planes_(planes),
         pitch_(plane_stride(planes) + kLinePadding),
-        elements_(static_cast<std::size_t>(count) * static_cast<std::size_t>(pitch_) + kLinePadding,
-                  kInvalidCost),
+        elements_(static_cast<std::size_t>(count) * pitch_ + kLinePadding, kInvalidCost),
         least_(static_cast<std::size_t>(count), 0) {
     for (int line = 0; line < count; ++line) restart(line);
   }
   static std::size_t bytes(int count, int planes) {
-    return static_cast<std::size_t>(count) *
-           static_cast<std::size_t>(plane_stride(planes) + kLinePadding + 1) *
+    return static_cast<std::size_t>(count) * (plane_stride(planes) + kLinePadding + 1) *
            sizeof(std::uint16_t);
   }
 
@@ -194,7 +192,7 @@ class Sweep {
     for (int x = begin; x < end; ++x) {
       const int here = guide(x, y);
       const auto from = [&](int px, int py, bool inside) {
-        return p2_[static_cast<std::size_t>(inside ? std::abs(guide(px, py) - here) : 0)];
+        return p2_[inside ? std::abs(guide(px, py) - here) : 0];
       };
       *p2++ = from(x - 1, y, x > 0);
       *p2++ = from(x, y - 1, has_above);
@@ -212,8 +210,7 @@ class Sweep {
 /// Returns the memory for strips of this many rows.
 std::size_t bytes_of_strips(const CostVolume& volume, int rows) {
   const std::size_t elements = static_cast<std::size_t>(volume.width) *
-                               static_cast<std::size_t>(plane_stride(volume.planes)) *
-                               static_cast<std::size_t>(rows);
+                               plane_stride(volume.planes) * static_cast<std::size_t>(rows);
   const int strips = (volume.height + rows - 1) / rows;
   return LargeBuffer<std::uint8_t>::bytes(elements) + LargeBuffer<std::uint16_t>::bytes(elements) +
          Sweep::bytes(volume.width, rows, volume.planes) +
@@ -236,21 +233,15 @@ class SemiGlobal {
  public:
   SemiGlobal(const CostVolume& volume, const FillCosts& fill, const SemiGlobalSettings& settings)
       : volume_(volume), fill_(fill), settings_(settings), p2_(p2_by_guide_step(settings)) {
-    row_ = static_cast<std::size_t>(volume.width) *
-           static_cast<std::size_t>(plane_stride(volume.planes));
+    row_ = static_cast<std::size_t>(volume.width) * plane_stride(volume.planes);
     strip_rows_ = rows_of_strip(volume, settings.working_bytes);
-    const std::size_t elements = row_ * static_cast<std::size_t>(strip_rows_);
+    const std::size_t elements = row_ * strip_rows_;
     costs_ = LargeBuffer<std::uint8_t>(elements, settings.buffers);
     sums_ = LargeBuffer<std::uint16_t>(elements, settings.buffers);
   }
 
   PlaneMap match() {
-    PlaneMap map{volume_.width, volume_.height, {}, {}};
-    const std::size_t pixels =
-        static_cast<std::size_t>(volume_.width) * static_cast<std::size_t>(volume_.height);
-    map.plane.resize(pixels);
-    map.cost.resize(pixels);
-
+    PlaneMap map(volume_.width, volume_.height);
     const int strips = (volume_.height + strip_rows_ - 1) / strip_rows_;
     // Downward paths as they enter each strip. Their costs within it are computed again with the
     // upward paths.
@@ -259,12 +250,12 @@ class SemiGlobal {
     for (int i = 0; i + 1 < strips; ++i) {
       fill_strip(i);
       downwards.push_back(std::make_unique<Entering>(volume_.width, volume_.planes));
-      sweep_down(i, *downwards[static_cast<std::size_t>(i)], downwards.back().get());
+      sweep_down(i, *downwards[i], downwards.back().get());
     }
     Entering upwards(volume_.width, volume_.planes);
     for (int i = strips - 1; i >= 0; --i) {
       fill_strip(i);
-      sweep_down(i, *downwards[static_cast<std::size_t>(i)], nullptr);
+      sweep_down(i, *downwards[i], nullptr);
       downwards.pop_back();
       sweep_up(i, upwards, map);
     }
@@ -332,10 +323,9 @@ class SemiGlobal {
       std::array<int, kMaxPathPixels> best;
       complete_path_sums(run, best.data());
       const std::size_t at =
-          static_cast<std::size_t>(last_row - y) * static_cast<std::size_t>(volume_.width) +
-          static_cast<std::size_t>(volume_.width - 1 - x);
+          static_cast<std::size_t>(last_row - y) * volume_.width + (volume_.width - 1 - x);
       for (int i = 0; i < run.count; ++i) {
-        const int plane = best[static_cast<std::size_t>(i)];
+        const int plane = best[i];
         const std::uint16_t* sums = run.sums + i * run.pixel_step;
         const bool between =
             settings_.subplane_refinement && plane > 0 && plane + 1 < volume_.planes;
@@ -362,8 +352,7 @@ void check(const CostVolume& volume, const SemiGlobalSettings& s) {
   if (volume.width < 1 || volume.height < 1 || volume.planes < 1) {
     throw std::logic_error("semi-global matching: no pixels or no planes");
   }
-  const std::size_t pixels =
-      static_cast<std::size_t>(volume.width) * static_cast<std::size_t>(volume.height);
+  const std::size_t pixels = static_cast<std::size_t>(volume.width) * volume.height;
   if (s.p1 < 0 || s.p2 < s.p1 || s.p2 > 4000 || !(s.guide_scale > 0) ||
       (!s.guide.empty() && s.guide.size() != pixels)) {
     throw std::logic_error("semi-global matching: settings out of range");
@@ -382,4 +371,4 @@ PlaneMap semi_global_match(const CostVolume& volume, const FillCosts& fill,
   return SemiGlobal(volume, fill, settings).match();
 }
 
-}  // namespace raystage
+}  // namespace raystage::matching

@@ -11,11 +11,11 @@
 #include "matching/path_kernels.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::matching {
 namespace {
 
-/// Random costs, some planes agreeing over stretches of a row so that paths have something to find.
-/// What lies between the planes and the stride is filled with costs that would win.
+/// Random costs with planes that agree over parts of a row, so that paths matter. Elements between
+/// the planes and the stride have costs that would be chosen by mistake.
 struct RandomCosts {
   RandomCosts(const CostVolume& of, unsigned seed) : volume(of) {
     std::mt19937 random(seed);
@@ -109,7 +109,7 @@ TEST(Matching, WorksInTheMemoryThatItIsGivenOrInTheLeast) {
   EXPECT_GT(semi_global_bytes(volume, kAll), std::size_t{3} * 1920 * 1080 * 512);
   EXPECT_LE(semi_global_bytes(volume, 1000 * kMega), 1000 * kMega);
   EXPECT_LE(semi_global_bytes(volume, 400 * kMega), 400 * kMega);
-  // Of more strips, more entering paths are kept than costs are saved.
+  // More strips need more memory for entering paths than they save for costs.
   const std::size_t least = semi_global_bytes(volume, 0);
   EXPECT_LT(least, 300 * kMega);
   for (std::size_t bytes = least; bytes < 3 * least; bytes += least / 10) {
@@ -123,7 +123,7 @@ TEST(Matching, PathsCarryAPlaneThroughPixelsThatDoNotTell) {
     std::fill(row.begin(), row.end(), std::uint8_t{100});
     for (int x = 0; x < volume.width; ++x) {
       const int plane = x < 20 ? 3 : 11;  // a step edge, with texture on every third pixel
-      if ((x + y) % 3 == 0) row[static_cast<std::size_t>(x * 32 + plane)] = 0;
+      if ((x + y) % 3 == 0) row[x * 32 + plane] = 0;
     }
   };
   SemiGlobalSettings settings;
@@ -132,13 +132,13 @@ TEST(Matching, PathsCarryAPlaneThroughPixelsThatDoNotTell) {
   int wrong = 0;
   for (int y = 0; y < volume.height; ++y) {
     for (int x = 0; x < volume.width; ++x) {
-      if (x >= 18 && x < 22) continue;  // where it steps, either may be had
-      wrong += found.plane[static_cast<std::size_t>(y * volume.width + x)] != (x < 20 ? 3 : 11);
+      if (x >= 18 && x < 22) continue;  // at the step, either plane is correct
+      wrong += found.plane[y * volume.width + x] != (x < 20 ? 3 : 11);
     }
   }
   EXPECT_EQ(wrong, 0);
   const PlaneMap alone = box_match(volume, fill, 0, false);
-  EXPECT_EQ(alone.plane[1], 0);  // nothing tells there
+  EXPECT_EQ(alone.plane[1], 0);  // not determined there
 }
 
 TEST(Matching, ParabolaFindsTheVertexBetweenPlanes) {
@@ -160,7 +160,7 @@ TEST(Matching, TakesItsMemoryFromThePoolAndLeavesItThere) {
   SemiGlobalSettings settings;
   settings.buffers = &buffers;
   std::size_t left = 0;
-  for (int again = 0; again < 3; ++again) {  // of what the last one left behind, too
+  for (int again = 0; again < 3; ++again) {  // also with the previous contents of the buffers
     EXPECT_EQ(semi_global_match(volume, fill, settings).plane, fresh.plane);
     if (again == 0) left = buffers.free_bytes();
     EXPECT_EQ(buffers.free_bytes(), left);
@@ -200,4 +200,4 @@ TEST(Matching, RefusesSettingsOutOfRange) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::matching

@@ -15,7 +15,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::matching {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -169,11 +169,11 @@ const char* target() { return hwy::TargetName(HWY_TARGET); }
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::matching
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::matching {
 
 HWY_EXPORT(begin);
 HWY_EXPORT(finish);
@@ -197,5 +197,5 @@ int index_of_min(const std::uint16_t* sums, int planes) {
 }
 const char* matching_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
 
-}  // namespace raystage
+}  // namespace raystage::matching
 #endif

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace raystage {
+namespace raystage::matching {
 
 /// The accumulated costs of a path are a line of u16 that is updated in place: one per plane from
 /// element 0 on, then kInvalidCost up to and beyond the stride. The padding allows neighbours of
@@ -48,4 +48,4 @@ int index_of_min(const std::uint16_t* sums, int planes);
 /// Returns the name of the instruction set in use.
 const char* matching_target();
 
-}  // namespace raystage
+}  // namespace raystage::matching

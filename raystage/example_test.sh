@@ -16,7 +16,7 @@ cmake -S "$source/examples/render_view" -B "$work/build" -G Ninja -DCMAKE_PREFIX
 cmake --build "$work/build" >/dev/null
 shown="$(nm -D --defined-only -C "$work"/prefix/lib*/libraystage.so "$work"/prefix/lib*/*/libraystage.so 2>/dev/null |
          awk '$2 ~ /[TDBVWu]/' | grep raystage:: | grep -cvE 'raystage::(LightField|make_virtual_camera|reconstruction_methods|PinholeCamera|RecordedFrame|Reconstruct|LightRay)' || true)"
-[ "$shown" -eq 0 ] || fail "$shown names beside those of raystage.h are visible"
+[ "$shown" -eq 0 ] || fail "$shown names that are not in raystage.h are visible"
 
 "$build/bin/raystage" simulate -o "$work/take" --rows 1 --columns 2 --seconds 1 --width 160 --height 120 \
   --truth-views 0 -q

@@ -20,7 +20,8 @@
 namespace raystage {
 namespace {
 
-/// Calls `function` and replaces our Error by standard exceptions, which need no symbol of ours.
+/// Calls `function` and replaces Error by standard exceptions, which callers can catch without
+/// symbols of this library.
 template <typename Function>
 auto with_standard_exceptions(Function&& function) {
   try {
@@ -31,7 +32,7 @@ auto with_standard_exceptions(Function&& function) {
   }
 }
 
-PinholeCamera pinhole_camera(const std::string& id, const VirtualCamera& camera) {
+PinholeCamera pinhole_camera(const std::string& id, const render::VirtualCamera& camera) {
   PinholeCamera result;
   result.id = id;
   result.width = camera.width;
@@ -40,63 +41,67 @@ PinholeCamera pinhole_camera(const std::string& id, const VirtualCamera& camera)
   result.fy = camera.intrinsics.fy;
   result.cx = camera.intrinsics.cx;
   result.cy = camera.intrinsics.cy;
-  result.world_from_camera = matrix_from_pose(camera.pose);
+  result.world_from_camera = rig::matrix_from_pose(camera.pose);
   return result;
 }
 
-VirtualCamera virtual_camera(const PinholeCamera& camera) {
-  CameraGeometry geometry;
+render::VirtualCamera virtual_camera(const PinholeCamera& camera) {
+  schemas::CameraGeometry geometry;
   geometry.id = camera.id.empty() ? "the view" : camera.id;
   geometry.width = camera.width;
   geometry.height = camera.height;
   geometry.intrinsics = {camera.fx, camera.fy, camera.cx, camera.cy, {}};
   geometry.world_from_camera = camera.world_from_camera;
-  const CameraModel checked(geometry);  // throws for what is not a camera
-  return virtual_camera_from_geometry(geometry);
+  const rig::CameraModel checked(geometry);  // throws if it is not a valid camera
+  return render::virtual_camera_from_geometry(geometry);
 }
 
 }  // namespace
 
 struct LightField::State {
   State(const std::filesystem::path& folder, const LightFieldSettings& settings)
-      : take(folder), timeline(read_timeline(take)), renderer(take, renderer_settings(settings)) {
-    for (const Rig::Camera& camera : take.rig().cameras) {
-      cameras.push_back(pinhole_camera(camera.id, undistorted(camera.model, camera.pose)));
+      : take(folder),
+        timeline(store::read_timeline(take)),
+        renderer(take, renderer_settings(settings)) {
+    for (const rig::Rig::Camera& camera : take.rig().cameras) {
+      cameras.push_back(pinhole_camera(camera.id, render::undistorted(camera.model, camera.pose)));
     }
   }
 
-  RendererSettings renderer_settings(const LightFieldSettings& settings) const {
-    RendererSettings result;
+  render::RendererSettings renderer_settings(const LightFieldSettings& settings) const {
+    render::RendererSettings result;
     result.cache_bytes = settings.cache_bytes;
     result.cache_folder = settings.cache_folder;
     result.ticks = timeline.ticks;
     return result;
   }
 
-  const FrameSelection& tick(int index) const {
+  const store::FrameSelection& tick(int index) const {
     if (index < 0 || static_cast<std::size_t>(index) >= timeline.ticks.size()) {
       throw Error::bad_input("there is no tick " + std::to_string(index), take.folder().string(),
                              "Use 0 to " + std::to_string(timeline.ticks.size()) + " exclusive");
     }
-    return timeline.ticks[static_cast<std::size_t>(index)];
+    return timeline.ticks[index];
   }
 
-  ReconstructionSettings reconstruction_settings(const Reconstruction& reconstruction) const {
+  render::ReconstructionSettings reconstruction_settings(
+      const Reconstruction& reconstruction) const {
     if (!(reconstruction.focal_depth > 0)) {
       throw Error::bad_input("the focal depth is not above 0", "the reconstruction",
-                             "Give metres in front of the array, or infinity");
+                             "Set the distance in front of the array in metres, or infinity");
     }
-    ReconstructionSettings result;
+    render::ReconstructionSettings result;
     result.method = reconstruction.method;
-    result.focal_plane = fronto_parallel_plane(take.rig(), reconstruction.focal_depth);
+    result.focal_plane = rig::fronto_parallel_plane(take.rig(), reconstruction.focal_depth);
     result.options = reconstruction.options;
-    result.fill = reconstruction.fill_holes ? HoleFill::kPushPull : HoleFill::kNone;
+    result.fill =
+        reconstruction.fill_holes ? schemas::HoleFill::kPushPull : schemas::HoleFill::kNone;
     return result;
   }
 
-  Take take;
-  Timeline timeline;
-  LightFieldRenderer renderer;
+  store::Take take;
+  store::Timeline timeline;
+  render::LightFieldRenderer renderer;
   std::vector<PinholeCamera> cameras;
 };
 
@@ -104,8 +109,8 @@ PinholeCamera make_virtual_camera(int width, int height, double horizontal_fov,
                                   const std::array<double, 16>& world_from_camera) {
   return with_standard_exceptions([&] {
     if (!(horizontal_fov > 0 && horizontal_fov < std::numbers::pi) || width < 1 || height < 1) {
-      throw Error::bad_input("the size or the field of view is not that of a camera", "the view",
-                             "Use pixels above 0, and an angle between 0 and pi");
+      throw Error::bad_input("the size or the field of view is out of range", "the view",
+                             "Use at least 1 x 1 pixels and an angle between 0 and pi");
     }
     PinholeCamera camera;
     camera.width = width;
@@ -121,7 +126,7 @@ PinholeCamera make_virtual_camera(int width, int height, double horizontal_fov,
 
 std::vector<std::string> reconstruction_methods() {
   std::vector<std::string> names;
-  for (const auto& method : methods()) names.emplace_back(method->name());
+  for (const auto& method : render::methods()) names.emplace_back(method->name());
   return names;
 }
 
@@ -137,8 +142,8 @@ double LightField::tick_rate() const { return state_->timeline.fps; }
 
 RecordedFrame LightField::read_frame(int camera, int tick) const {
   return with_standard_exceptions([&] {
-    const Take& take = state_->take;
-    const FrameSelection& selection = state_->tick(tick);
+    const store::Take& take = state_->take;
+    const store::FrameSelection& selection = state_->tick(tick);
     if (camera < 0 || camera >= take.camera_count()) {
       throw Error::bad_input("there is no camera " + std::to_string(camera), take.folder().string(),
                              "Use 0 to " + std::to_string(take.camera_count()) + " exclusive");
@@ -147,8 +152,8 @@ RecordedFrame LightField::read_frame(int camera, int tick) const {
     const auto c = static_cast<std::size_t>(camera);
     const int frame = selection.frame[c];
     if (frame < 0) return result;
-    RgbImage image =
-        JpegDecoder().decode(take.archive(camera).jpeg(frame), take.document().cameras[c].id);
+    store::RgbImage image = store::JpegDecoder().decode(take.archive(camera).jpeg(frame),
+                                                        take.document().cameras[c].id);
     result.width = image.width;
     result.height = image.height;
     result.rgb = std::move(image.pixels);
@@ -162,7 +167,7 @@ RecordedFrame LightField::read_frame(int camera, int tick) const {
 ReconstructedView LightField::render(const PinholeCamera& view, int tick,
                                      const Reconstruction& reconstruction) const {
   return with_standard_exceptions([&] {
-    RenderedView rendered = state_->renderer.render(
+    render::RenderedView rendered = state_->renderer.render(
         virtual_camera(view), state_->tick(tick), state_->reconstruction_settings(reconstruction));
     ReconstructedView result;
     result.width = rendered.width;
@@ -178,16 +183,16 @@ ReconstructedView LightField::render(const PinholeCamera& view, int tick,
 std::vector<LightRaySample> LightField::sample(std::span<const LightRay> rays, int tick,
                                                const Reconstruction& reconstruction) const {
   return with_standard_exceptions([&] {
-    std::vector<WorldRay> world(rays.size());
+    std::vector<render::WorldRay> world(rays.size());
     std::ranges::transform(rays, world.begin(), [](const LightRay& ray) {
       const Eigen::Vector3d direction(ray.direction.data());
-      return WorldRay{Eigen::Vector3d(ray.origin.data()), direction.stableNormalized()};
+      return render::WorldRay{Eigen::Vector3d(ray.origin.data()), direction.stableNormalized()};
     });
-    std::vector<RaySample> samples(rays.size());
+    std::vector<render::RaySample> samples(rays.size());
     state_->renderer.query(world, state_->tick(tick),
                            state_->reconstruction_settings(reconstruction), samples);
     std::vector<LightRaySample> result(rays.size());
-    std::ranges::transform(samples, result.begin(), [](const RaySample& sample) {
+    std::ranges::transform(samples, result.begin(), [](const render::RaySample& sample) {
       return LightRaySample{sample.rgba, sample.coverage, sample.depth};
     });
     return result;

@@ -6,7 +6,7 @@
 // corner, y down, pixel centres at +0.5. Times: seconds since the first tick of the take.
 //
 // Functions throw std::invalid_argument for bad input and std::runtime_error if the machine fails
-// (disk, memory). The message says what happened, where, and what to do.
+// (disk, memory). The message states what happened, where, and what to do.
 #pragma once
 
 #include <array>
@@ -59,8 +59,8 @@ struct Reconstruction {
 /// A rendered view.
 struct ReconstructedView {
   int width = 0, height = 0;
-  std::vector<float> rgba;  ///< scene-linear Rec.709, premultiplied; A is 0 where nothing was seen
-  std::vector<float> coverage;  ///< per pixel, 0 to 1: the share of the array that saw the ray
+  std::vector<float> rgba;  ///< scene-linear Rec.709, premultiplied; A is 0 where no camera saw it
+  std::vector<float> coverage;  ///< per pixel, 0 to 1: share of the blending weights that saw it
   std::vector<float> depth;  ///< per pixel, along the view's axis, metres; infinity where unknown
   std::vector<std::string> notes;  ///< for the user, e.g. that the view exceeds the resolution
 };
@@ -80,7 +80,7 @@ struct LightRaySample {
 
 /// Limits of a light field.
 struct LightFieldSettings {
-  std::size_t cache_bytes = std::size_t{1} << 30;  ///< decoded frames kept in memory
+  std::size_t cache_bytes = std::size_t{1} << 30;  ///< for decoded frames in memory
   /// Folder for depth maps that `depth` stores; empty: the take's own folder.
   std::filesystem::path cache_folder;
 };

@@ -11,7 +11,7 @@
 #include "render/confidence.h"
 #include "store/processing/frames/blend_space.h"
 
-namespace raystage::confidence {
+namespace raystage::render::confidence {
 
 inline constexpr int kConfidenceCameras = 4;  ///< number of cameras compared with a pixel
 
@@ -33,11 +33,7 @@ inline InverseDepthRange shown_inverse_depth_range(const RenderedView& image) {
 /// Returns the blending field of the cameras to compare, for rays at these depths.
 inline BlendingField make_blending_field(const VirtualCamera& view, const LightFieldFrame& instant,
                                          const InverseDepthRange& range) {
-  std::vector<int> present;
-  for (const int camera : instant.included_cameras) {
-    if (instant.is_present(camera)) present.push_back(camera);
-  }
-  return {view, *instant.rig, std::move(present), range, kConfidenceCameras};
+  return {view, *instant.rig, instant.present_cameras(), range, kConfidenceCameras};
 }
 
 /// R, G and B on the sRGB scale, full scale 1.
@@ -53,11 +49,12 @@ inline SrgbCode srgb_code_of_pixel(const float* rgba, double full_scale) {
 }
 
 /// Converts a camera's sample: codes of the blend space times alpha, full scale 1.
-inline SrgbCode srgb_code_of_sample(const SrgbCode& times_alpha, double alpha, BlendSpace space) {
+inline SrgbCode srgb_code_of_sample(const SrgbCode& times_alpha, double alpha,
+                                    store::BlendSpace space) {
   SrgbCode code;
   for (std::size_t c = 0; c < 3; ++c) {
     const double own = std::max(0.0, times_alpha[c] / alpha);
-    code[c] = space == BlendSpace::kPerceptual ? own : srgb_from_linear(own);
+    code[c] = space == store::BlendSpace::kPerceptual ? own : srgb_from_linear(own);
   }
   return code;
 }
@@ -71,4 +68,4 @@ inline double agreement(const SrgbCode& sample, double alpha, const SrgbCode& pi
   return std::min(1.0, alpha / pixel_alpha) / (1 + sum / (3 * kHalf * kHalf));
 }
 
-}  // namespace raystage::confidence
+}  // namespace raystage::render::confidence

@@ -22,7 +22,7 @@
 #include "testing/render/synthetic_take.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using ::testing::AllOf;
@@ -32,7 +32,7 @@ constexpr int kWidth = 117, kHeight = 83;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 VirtualCamera default_view(int width = kWidth, int height = kHeight) {
-  Pose pose;
+  rig::Pose pose;
   pose.position = {0.01, -0.02, 0.07};
   pose.world_from_camera_rotation =
       Eigen::AngleAxisd(0.03, Eigen::Vector3d(0.3, 1, 0.1).normalized()).toRotationMatrix();
@@ -60,7 +60,7 @@ class ApertureDepthMap : public ::testing::Test {
     settings.cameras =
         testing::camera_grid(4, 4, 0.06, 160, 120, {-0.2, 0.05, 0.001, -0.002, 0.003});
     write_synthetic_take(settings, folder_.path() / "take");
-    take_ = std::make_unique<Take>(folder_.path() / "take");
+    take_ = std::make_unique<store::Take>(folder_.path() / "take");
   }
 
   void write_map(const std::vector<float>& z, int width = kWidth, int height = kHeight) {
@@ -70,10 +70,10 @@ class ApertureDepthMap : public ::testing::Test {
 
   RenderedView render(const VirtualCamera& view, RendererSettings settings,
                       const Eigen::Vector4d& plane = {0, 0, 1, 4}, bool on_map = true) {
-    OptionValues options{{"radius", 0.09}};
+    schemas::OptionValues options{{"radius", 0.09}};
     if (on_map) options["depth_map"] = std::string("z.exr");
     return LightFieldRenderer(*take_, settings)
-        .render(view, select_frames(*take_, 0, kNanosecondsPerSecond),
+        .render(view, store::select_frames(*take_, 0, kNanosecondsPerSecond),
                 {"aperture", plane, options});
   }
 
@@ -100,8 +100,8 @@ class ApertureDepthMap : public ::testing::Test {
     return fast;
   }
 
-  TestFolder folder_;
-  std::unique_ptr<Take> take_;
+  testing::TestFolder folder_;
+  std::unique_ptr<store::Take> take_;
 };
 
 /// Steps between 0.8 and 6 m, and pixels at infinity and without depth.
@@ -224,7 +224,7 @@ TEST_F(ApertureDepthMap, IsRefusedWhereItDoesNotFit) {
 
 TEST_F(ApertureDepthMap, CountsAmongTheFilesThatDetermineThePixels) {
   const Method& method = method_named("aperture");
-  const FrameSelection frames = select_frames(*take_, 0, kNanosecondsPerSecond);
+  const store::FrameSelection frames = store::select_frames(*take_, 0, kNanosecondsPerSecond);
   const MethodOptions with(method.options(), {{"depth_map", std::string("z.exr")}}, "aperture");
   const MethodOptions without(method.options(), {}, "aperture");
   EXPECT_THAT(method.input_files(with, *take_, frames), ::testing::ElementsAre(file()));
@@ -232,4 +232,4 @@ TEST_F(ApertureDepthMap, CountsAmongTheFilesThatDetermineThePixels) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -15,7 +15,7 @@
 #include "testing/render/synthetic_take.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using testing::SyntheticTake;
@@ -24,7 +24,7 @@ constexpr double kDegree = std::numbers::pi / 180;
 
 VirtualCamera view_from(const Eigen::Vector3d& position, double yaw_degrees = 0, int width = 110,
                         int height = 75, double fov_degrees = 40) {
-  Pose pose;
+  rig::Pose pose;
   pose.position = position;
   pose.world_from_camera_rotation =
       Eigen::AngleAxisd(yaw_degrees * kDegree, Eigen::Vector3d::UnitY()).toRotationMatrix();
@@ -33,38 +33,38 @@ VirtualCamera view_from(const Eigen::Vector3d& position, double yaw_degrees = 0,
 
 class Aperture : public ::testing::Test {
  protected:
-  Take write(const SyntheticTake& settings) {
+  store::Take write(const SyntheticTake& settings) {
     const auto folder = folder_.path() / std::to_string(++takes_);
     write_synthetic_take(settings, folder);
-    return Take(folder);
+    return store::Take(folder);
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
   int takes_ = 0;
 };
 
-SyntheticTake grid_take(int rows, int columns, const Distortion& distortion = {}) {
+SyntheticTake grid_take(int rows, int columns, const schemas::Distortion& distortion = {}) {
   SyntheticTake take;
   take.cameras = testing::camera_grid(rows, columns, 0.06, 160, 120, distortion);
   return take;
 }
 
 struct RenderCase {
-  OptionValues options = {};
+  schemas::OptionValues options = {};
   Eigen::Vector4d plane{0, 0, 1, 4};
   int frame = 0;
   RendererSettings settings = {};
   std::string method = "aperture";
 };
 
-RenderedView render(const Take& take, const VirtualCamera& view, const RenderCase& asked) {
-  const FrameSelection frames =
-      select_frames(take, asked.frame * kNanosecondsPerSecond / 15, 30'000'000);
+RenderedView render(const store::Take& take, const VirtualCamera& view, const RenderCase& asked) {
+  const store::FrameSelection frames =
+      store::select_frames(take, asked.frame * kNanosecondsPerSecond / 15, 30'000'000);
   return LightFieldRenderer(take, asked.settings)
       .render(view, frames, {asked.method, asked.plane, asked.options});
 }
 
 /// Renders fast and slowly; they must agree.
-RenderedView render_both(const Take& take, const VirtualCamera& view, RenderCase asked) {
+RenderedView render_both(const store::Take& take, const VirtualCamera& view, RenderCase asked) {
   asked.settings.count_needed_pixels = true;
   RenderedView fast = render(take, view, asked);
   asked.settings.reference = true;
@@ -102,7 +102,7 @@ double detail(const RenderedView& view) {
 }
 
 TEST_F(Aperture, AgreesWithTheReferenceFromEverywhere) {
-  const Take take = write(grid_take(5, 5, {-0.2, 0.05, 0.001, -0.002, 0.003}));
+  const store::Take take = write(grid_take(5, 5, {-0.2, 0.05, 0.001, -0.002, 0.003}));
   for (const auto& [position, yaw, fov] :
        {std::tuple{Eigen::Vector3d(0.01, 0.02, 0), 0.0, 50.0},  // on the array
         {Eigen::Vector3d(0.06, 0, 0), 0.0, 62.0},               // at a camera
@@ -120,7 +120,7 @@ TEST_F(Aperture, AgreesWithTheReferenceFromEverywhere) {
 }
 
 TEST_F(Aperture, AgreesWithTheReferenceForEveryShapePlaneAndScale) {
-  const Take take = write(grid_take(5, 5));
+  const store::Take take = write(grid_take(5, 5));
   const VirtualCamera view = view_from({0.01, 0.01, 0.1}, 2);
   for (const char* shape : {"round", "square", "hexagon", "octagon"}) {
     for (const double soft : {0.3, 1.0}) {
@@ -138,13 +138,13 @@ TEST_F(Aperture, AgreesWithTheReferenceForEveryShapePlaneAndScale) {
   }
   RenderCase linear{{{"radius", 0.1}}, {0, 0, 1, 1}};
   const RenderedView perceptual = render_both(take, view, linear);
-  linear.settings.blend_space = BlendSpace::kLinear;
+  linear.settings.blend_space = store::BlendSpace::kLinear;
   EXPECT_NE(render_both(take, view, linear).rgba, perceptual.rgba);
 }
 
 TEST_F(Aperture, EveryInstructionSetAgreesWithTheReference) {
-  const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
-  const Take without_distortion = write(grid_take(4, 4));
+  const store::Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
+  const store::Take without_distortion = write(grid_take(4, 4));
   testing::for_each_simd_target(kernel_target, [&] {
     render_both(take, view_from({0, 0.01, 0.1}, 2, 117, 83, 45),
                 {{{"radius", 0.09}, {"shape", "hexagon"}}, {0, 0, 1, 3.7}});
@@ -164,14 +164,14 @@ TEST_F(Aperture, CamerasTurnedAboutTheirAxesAgreeWithTheReference) {
                                                {0.0, 16, 12}}) {
     SyntheticTake settings;
     settings.cameras = testing::camera_grid(3, 3, 0.06, width, height);
-    for (CameraGeometry& camera : settings.cameras) {
+    for (schemas::CameraGeometry& camera : settings.cameras) {
       const double c = std::cos(degrees * kDegree), s = std::sin(degrees * kDegree);
       auto& m = camera.world_from_camera;
       m[0] = m[5] = c;
       m[1] = -s;
       m[4] = s;
     }
-    const Take take = write(settings);
+    const store::Take take = write(settings);
     for (const int view_width : {60, 131, 531}) {  // larger and smaller than the frames
       SCOPED_TRACE(std::to_string(degrees) + " degrees, " + std::to_string(view_width));
       const VirtualCamera view = view_from({0.003, 0.01, 0.05}, 1, view_width, view_width / 2, 32);
@@ -182,11 +182,11 @@ TEST_F(Aperture, CamerasTurnedAboutTheirAxesAgreeWithTheReference) {
 }
 
 TEST_F(Aperture, ASceneInFocusComesOutTrueAndAsFocalPlaneSeesIt) {
-  const Take take = write(grid_take(5, 5));
+  const store::Take take = write(grid_take(5, 5));
   const VirtualCamera view = view_from({0.013, -0.02, 0.05}, 3);
   const RenderedView image = render_both(take, view, {{{"radius", 0.1}}});
   const RenderedView three = render(take, view, {{}, {0, 0, 1, 4}, 0, {}, "focal_plane"});
-  const CameraModel model({"v", view.width, view.height, view.intrinsics, {}, {}, {}});
+  const rig::CameraModel model({"v", view.width, view.height, view.intrinsics, {}, {}, {}});
   double worst = 0, apart = 0;
   for (int y = 0; y < view.height; ++y) {
     for (int x = 0; x < view.width; ++x) {
@@ -213,7 +213,7 @@ TEST_F(Aperture, ASceneInFocusComesOutTrueAndAsFocalPlaneSeesIt) {
 }
 
 TEST_F(Aperture, AWiderApertureBlursWhatIsOutOfFocusOnly) {
-  const Take take = write(grid_take(7, 7));
+  const store::Take take = write(grid_take(7, 7));
   const VirtualCamera view = view_from({0, 0, 0.05}, 0, 110, 75, 30);
   const auto at = [&](double radius, double depth) {
     return detail(render(take, view, {{{"radius", radius}}, {0, 0, 1, depth}}));
@@ -223,7 +223,7 @@ TEST_F(Aperture, AWiderApertureBlursWhatIsOutOfFocusOnly) {
 }
 
 TEST_F(Aperture, TheSmallestApertureLeavesNoHolesBetweenCameras) {
-  const Take take = write(grid_take(4, 4));
+  const store::Take take = write(grid_take(4, 4));
   const VirtualCamera view = view_from({0.002, 0.001, 0.3}, 0, 90, 60, 20);
   const RenderedView three = render(take, view, {{}, {0, 0, 1, 4}, 0, {}, "focal_plane"});
   for (const double radius : {0.0, 1e-12}) {
@@ -238,7 +238,7 @@ TEST_F(Aperture, DegenerateArraysRender) {
   for (const auto& [rows, columns] : {std::pair{1, 4}, {4, 1}, {1, 1}, {1, 2}}) {
     for (const double radius : {0.0, 0.2}) {
       SCOPED_TRACE(std::to_string(rows) + "x" + std::to_string(columns));
-      const Take take = write(grid_take(rows, columns));
+      const store::Take take = write(grid_take(rows, columns));
       const RenderedView image =
           render_both(take, view_from({0.005, 0.002, 0.01}), {{{"radius", radius}}});
       EXPECT_GT(mean_alpha(image), 0.2);
@@ -247,7 +247,7 @@ TEST_F(Aperture, DegenerateArraysRender) {
 }
 
 TEST_F(Aperture, MissingRaysAreMissing) {
-  const Take take = write(grid_take(3, 3));
+  const store::Take take = write(grid_take(3, 3));
   const RenderedView beside = render_both(take, view_from({5, 0, 0.1}), {{{"radius", 0.5}}});
   EXPECT_EQ(mean_alpha(beside), 0);
   EXPECT_EQ(beside.z[0], std::numeric_limits<float>::infinity());
@@ -260,7 +260,7 @@ TEST_F(Aperture, CoverageOwnsUpToAbsentCamerasAndLeftOutOnesDoNotCount) {
   SyntheticTake settings = grid_take(3, 3);
   settings.frames = 2;
   settings.absent = {{4, 1}};  // the middle camera, second frame
-  const Take take = write(settings);
+  const store::Take take = write(settings);
   const VirtualCamera view = view_from({0, 0, 0.2}, 0, 90, 90, 20);
   const std::size_t middle = 45 * 90 + 45;
   RenderCase asked{{{"radius", 0.1}}};
@@ -278,7 +278,7 @@ TEST_F(Aperture, CoverageOwnsUpToAbsentCamerasAndLeftOutOnesDoNotCount) {
 }
 
 TEST_F(Aperture, SameBytesForAnyNumberOfThreadsAndWhateverIsInMemory) {
-  const Take take = write(grid_take(4, 4, {-0.2, 0, 0, 0, 0}));
+  const store::Take take = write(grid_take(4, 4, {-0.2, 0, 0, 0, 0}));
   const VirtualCamera view = view_from({0, 0.01, 0.1}, 2);
   const RenderCase asked{{{"radius", 0.1}}};
   const RenderedView first = render(take, view, asked);
@@ -289,7 +289,7 @@ TEST_F(Aperture, SameBytesForAnyNumberOfThreadsAndWhateverIsInMemory) {
     EXPECT_EQ(first.z, other.z);
   }
   const LightFieldRenderer renderer(take, {});
-  const FrameSelection frames = select_frames(take, 0, 1);
+  const store::FrameSelection frames = store::select_frames(take, 0, 1);
   for (const double x : {0.03, -0.03, 0.0, 0.0}) {  // in part, then whole
     const RenderedView image = renderer.render(view_from({x, 0.01, 0.1}, 2), frames,
                                                {"aperture", asked.plane, asked.options});
@@ -308,7 +308,7 @@ TEST_F(Aperture, IsNamedAsPhotographersDo) {
   EXPECT_NEAR(aperture_radius(view, 4, 72, kFar), 0.0125, 1e-12);
   EXPECT_NEAR(aperture_radius(view, 1, 36, 1), 0.5 / (1 / 0.05 + 1), 1e-12);
 
-  const Take take = write(grid_take(3, 3));
+  const store::Take take = write(grid_take(3, 3));
   const VirtualCamera ours = view_from({0.01, 0, 0.1}, 5);
   const double radius = aperture_radius(ours, 0.25, 36, 3.5);
   EXPECT_EQ(render(take, ours, {{{"f_number", 0.25}, {"focus_distance", 3.5}}}).rgba,
@@ -324,4 +324,4 @@ TEST_F(Aperture, IsNamedAsPhotographersDo) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -24,7 +24,7 @@
 #include "render/renderer.h"
 #include "testing/render/synthetic_take.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using ::testing::Each;
@@ -35,15 +35,15 @@ using ::testing::StartsWith;
 /// A take of a painted plane 4 m away, on a grid of 4 x 4, and what a method is asked for.
 class Automatic : public ::testing::Test {
  protected:
-  void write(double spacing, std::optional<DepthRange> range, int frames = 1) {
+  void write(double spacing, std::optional<schemas::DepthRange> range, int frames = 1) {
     testing::SyntheticTake settings;
     settings.cameras = testing::camera_grid(4, 4, spacing, 96, 64);
     settings.depth_range = range;
     settings.frames = frames;
     settings.has_depth_range = range.has_value();
     testing::write_synthetic_take(settings, folder_.path() / "take");
-    take_ = std::make_unique<Take>(folder_.path() / "take");
-    cache_ = std::make_unique<FrameCache>(*take_, 1 << 28, BlendSpace::kPerceptual);
+    take_ = std::make_unique<store::Take>(folder_.path() / "take");
+    cache_ = std::make_unique<store::FrameCache>(*take_, 1 << 28, store::BlendSpace::kPerceptual);
     instant_.take = take_.get();
     instant_.rig = &take_->rig();
     instant_.cache = cache_.get();
@@ -51,7 +51,7 @@ class Automatic : public ::testing::Test {
     std::vector<int> all;
     for (int i = 0; i < 16; ++i) all.push_back(i);
     instant_.included_cameras = all;
-    instant_.present = std::make_shared<const Topology>(make_topology(take_->rig(), all));
+    instant_.present = std::make_shared<const rig::Topology>(rig::make_topology(take_->rig(), all));
     instant_.complete = instant_.present;
   }
 
@@ -73,9 +73,9 @@ class Automatic : public ::testing::Test {
     return {quick, slow, best};
   }
 
-  TestFolder folder_;
-  std::unique_ptr<Take> take_;
-  std::unique_ptr<FrameCache> cache_;
+  testing::TestFolder folder_;
+  std::unique_ptr<store::Take> take_;
+  std::unique_ptr<store::FrameCache> cache_;
   LightFieldFrame instant_;
   ResultCache kept_{1 << 28};
   BufferPool buffers_;
@@ -84,7 +84,7 @@ class Automatic : public ::testing::Test {
 };
 
 TEST_F(Automatic, ASinglePlaneIsUsedWhereItIsFreeOfGhosts) {
-  write(0.02, DepthRange{3, 5});
+  write(0.02, schemas::DepthRange{3, 5});
   // f = 80 px: 80 * 0.02 * (1/3 - 1/5) = 0.21 px.
   const MethodChoice choice = choose(ladder(), {.psnr_db = 90}, request());
   EXPECT_EQ(choice.candidate, 0U);
@@ -94,14 +94,14 @@ TEST_F(Automatic, ASinglePlaneIsUsedWhereItIsFreeOfGhosts) {
 }
 
 TEST_F(Automatic, WithoutATargetTheMostAccurateIsTaken) {
-  write(0.2, DepthRange{1, 5});  // 12.8 px
+  write(0.2, schemas::DepthRange{1, 5});  // 12.8 px
   const MethodChoice choice = choose(ladder(), {}, request());
   EXPECT_EQ(choice.candidate, 2U);
   EXPECT_THAT(choice.why, StartsWith("best: the most accurate"));
 }
 
 TEST_F(Automatic, TheMostAccurateWithinTheTimeIsTaken) {
-  write(0.2, DepthRange{1, 5});
+  write(0.2, schemas::DepthRange{1, 5});
   // A megapixel on two threads: 5 ms, 0.5 s, 501 s.
   EXPECT_EQ(choose(ladder(), {.seconds_per_frame = 600}, request()).candidate, 2U);
   EXPECT_EQ(choose(ladder(), {.seconds_per_frame = 500}, request()).candidate, 1U);
@@ -112,7 +112,7 @@ TEST_F(Automatic, TheMostAccurateWithinTheTimeIsTaken) {
 }
 
 TEST_F(Automatic, TheCheapestThatMeetsTheErrorIsTaken) {
-  write(0.2, DepthRange{2.5, 10});  // best at 4 m
+  write(0.2, schemas::DepthRange{2.5, 10});  // best at 4 m
   // The plane is where the scene is, so focal_plane is good and nearest as good.
   const double good =
       measure_leave_one_out_quality(focal_plane_method(), {}, request()).expected_db();
@@ -125,7 +125,7 @@ TEST_F(Automatic, TheCheapestThatMeetsTheErrorIsTaken) {
 
 TEST_F(Automatic, SaysOfWhatItDidNotMeasureThatItMayMissTheTarget) {
   const auto warning = HasSubstr("not measured and may miss the target of 20.0 dB");
-  write(0.2, DepthRange{2.5, 10});
+  write(0.2, schemas::DepthRange{2.5, 10});
   const MethodCandidate first = ladder().front();
   const std::span<const MethodCandidate> alone(&first, 1);
   EXPECT_THAT(choose(alone, {.psnr_db = 20}, request()).why, warning);
@@ -135,7 +135,7 @@ TEST_F(Automatic, SaysOfWhatItDidNotMeasureThatItMayMissTheTarget) {
 }
 
 TEST_F(Automatic, AWrongPlaneIsMeasuredAsSuch) {
-  write(0.2, DepthRange{1, 5});
+  write(0.2, schemas::DepthRange{1, 5});
   const double right =
       measure_leave_one_out_quality(focal_plane_method(), {}, request(4)).expected_db();
   const double wrong =
@@ -152,8 +152,8 @@ TEST_F(Automatic, WithoutADepthRangeThereIsOnlyThePlane) {
 }
 
 TEST_F(Automatic, GivesWhatTheChosenMethodGivesAndSaysWhich) {
-  write(0.02, DepthRange{3, 5});
-  const FrameSelection frames = select_frames(*take_, 0, 1);
+  write(0.02, schemas::DepthRange{3, 5});
+  const store::FrameSelection frames = store::select_frames(*take_, 0, 1);
   const VirtualCamera view = virtual_camera_with_fov(40, 30, 0.6, {});
   const LightFieldRenderer renderer(*take_, {});
   // Free of ghosts on the plane of eq. 2.2 (3.75 m), whatever plane is asked for.
@@ -167,7 +167,7 @@ TEST_F(Automatic, GivesWhatTheChosenMethodGivesAndSaysWhich) {
 
 TEST_F(Automatic, WithoutADepthRangeEachViewHasThePlaneThatItAsksFor) {
   write(0.2, std::nullopt);
-  const FrameSelection frames = select_frames(*take_, 0, 1);
+  const store::FrameSelection frames = store::select_frames(*take_, 0, 1);
   const VirtualCamera view = virtual_camera_with_fov(40, 30, 0.6, {});
   const LightFieldRenderer renderer(*take_, {});
   const auto rendered = [&](const char* method, double depth) {
@@ -180,14 +180,15 @@ TEST_F(Automatic, WithoutADepthRangeEachViewHasThePlaneThatItAsksFor) {
 }
 
 TEST_F(Automatic, SaysThatSamplesBesideTheFirstAreNotInTheTime) {
-  write(0.2, DepthRange{1, 5});
+  write(0.2, schemas::DepthRange{1, 5});
   const LightFieldRenderer renderer(*take_, {});
-  const auto note = [&](int width, const OptionValues& options) {
+  const auto note = [&](int width, const schemas::OptionValues& options) {
     const VirtualCamera view = virtual_camera_with_fov(width, width, 0.6, {});
-    return renderer.render(view, select_frames(*take_, 0, 1), {"auto", {0, 0, 1, 4}, options})
+    return renderer
+        .render(view, store::select_frames(*take_, 0, 1), {"auto", {0, 0, 1, 4}, options})
         .notes.at(0);
   };
-  const OptionValues timed{{"target_time", 1e-6}};  // a pixel covers 5 x 5 of the cameras'
+  const schemas::OptionValues timed{{"target_time", 1e-6}};  // a pixel covers 5 x 5 of the cameras'
   EXPECT_THAT(note(10, timed), HasSubstr("for one sample per pixel, this view takes 25"));
   EXPECT_THAT(note(40, timed), Not(HasSubstr("sample per pixel")));
   EXPECT_THAT(note(10, {{"target_error", 1.0}}), Not(HasSubstr("sample per pixel")));
@@ -199,10 +200,10 @@ class AutomaticAmongAll : public ::testing::Test {
   AutomaticAmongAll() {
     testing::SyntheticTake settings;
     settings.cameras = testing::camera_grid(4, 4, 0.1, 96, 72);
-    settings.depth_range = DepthRange{2, 8};  // 80 px * 0.1 m * (1/2 - 1/8) = 3 px
+    settings.depth_range = schemas::DepthRange{2, 8};  // 80 px * 0.1 m * (1/2 - 1/8) = 3 px
     settings.scene = two_walls;
     testing::write_synthetic_take(settings, folder_.path() / "take");
-    take_ = std::make_unique<Take>(folder_.path() / "take");
+    take_ = std::make_unique<store::Take>(folder_.path() / "take");
   }
 
   static std::array<double, 3> two_walls(const Eigen::Vector3d& from,
@@ -218,10 +219,10 @@ class AutomaticAmongAll : public ::testing::Test {
     double psnr_db = 0;  ///< against the truth
     double seconds = 0;  ///< of the processor for a view, on two threads
   };
-  Rendered render(const std::string& method, const OptionValues& options) const {
+  Rendered render(const std::string& method, const schemas::OptionValues& options) const {
     const LightFieldRenderer renderer(*take_, {});
     const VirtualCamera view = unseen_view();
-    const FrameSelection frames = select_frames(*take_, 0, 1);
+    const store::FrameSelection frames = store::select_frames(*take_, 0, 1);
     Rendered rendered;
     std::vector<std::clock_t> took;
     for (int run = 0; run < 4; ++run) {  // the first chooses, decodes, and prepares the instant
@@ -242,13 +243,13 @@ class AutomaticAmongAll : public ::testing::Test {
   }
 
   static VirtualCamera unseen_view() {
-    Pose pose;
+    rig::Pose pose;
     pose.position = {0.05, -0.04, 0.01};
     return virtual_camera_with_fov(320, 240, 0.7, pose);
   }
-  static RgbImage truth(const VirtualCamera& view) {
+  static store::RgbImage truth(const VirtualCamera& view) {
     const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
-    RgbImage image{view.width, view.height, {}};
+    store::RgbImage image{view.width, view.height, {}};
     for (int y = 0; y < view.height; ++y) {
       for (int x = 0; x < view.width; ++x) {
         const auto linear =
@@ -262,8 +263,8 @@ class AutomaticAmongAll : public ::testing::Test {
     return image;
   }
 
-  TestFolder folder_;
-  std::unique_ptr<Take> take_;
+  testing::TestFolder folder_;
+  std::unique_ptr<store::Take> take_;
 };
 
 TEST_F(AutomaticAmongAll, MeetsATargetOfErrorByTheCheapestThatDoes) {
@@ -332,7 +333,7 @@ class OnlyTheTop final : public ChangedFocalPlane {
 };
 
 TEST_F(Automatic, WhatShowsLittleDoesNotMeetATarget) {
-  write(0.2, DepthRange{2.5, 10});
+  write(0.2, schemas::DepthRange{2.5, 10});
   std::vector<MethodCandidate> all = ladder();
   const OnlyTheTop tenth(10), nearly_all(98);
   all[0].method = &tenth;
@@ -371,16 +372,16 @@ class Noting final : public ChangedFocalPlane {
 };
 
 TEST_F(Automatic, CountsOnThePartOfThePicturesThatFaresWorst) {
-  write(0.2, DepthRange{2.5, 10});
+  write(0.2, schemas::DepthRange{2.5, 10});
   const WrongInTheMiddle wrong;
   const LightFieldFrame rest = instant_;
-  const Rig::Camera& camera = take_->rig().cameras[5];
+  const rig::Rig::Camera& camera = take_->rig().cameras[5];
   const VirtualCamera view{camera.model.width(), camera.model.height(), camera.model.intrinsics(),
                            camera.pose};
   const MethodOptions options(wrong.options(), {}, wrong.name());
   const ViewRequest there{view, rest, {0, 0, 1, 4}, options, kept_, 1 << 28, buffers_, false};
-  const RgbImage right = srgb_image(focal_plane_method().render(there));
-  const RgbImage image = srgb_image(wrong.render(there));
+  const store::RgbImage right = srgb_image(focal_plane_method().render(there));
+  const store::RgbImage image = srgb_image(wrong.render(there));
   const std::vector<std::uint8_t> all(image.pixels.size() / 3, 1);
   const double whole = compare_images(image, right, all).psnr_db;
   // The same error in four ninths of the pixels.
@@ -389,7 +390,7 @@ TEST_F(Automatic, CountsOnThePartOfThePicturesThatFaresWorst) {
 }
 
 TEST_F(Automatic, MeasuresCamerasFromTheCentreToTheRimAndNoneAtTheCorners) {
-  write(0.2, DepthRange{2.5, 10});
+  write(0.2, schemas::DepthRange{2.5, 10});
   const Noting noting;
   EXPECT_EQ(measure_leave_one_out_quality(noting, {}, request()).cameras, 9);
   int rim = 0;
@@ -403,12 +404,12 @@ TEST_F(Automatic, MeasuresCamerasFromTheCentreToTheRimAndNoneAtTheCorners) {
 }
 
 TEST_F(Automatic, PixelsThatTheCameraDidNotSeeAreNoTruth) {
-  CameraGeometry geometry = testing::camera_grid(1, 1, 1, 96, 64).front();
+  schemas::CameraGeometry geometry = testing::camera_grid(1, 1, 1, 96, 64).front();
   geometry.intrinsics.distortion.k1 = 0.4;  // a pinhole's corners lie beyond the frame
-  const CameraModel model(geometry);
-  DecodedFrame frame{96, 64, std::make_unique<std::uint16_t[]>((96 * 65 + 1) * 4), {}, 0};
+  const rig::CameraModel model(geometry);
+  store::DecodedFrame frame{96, 64, std::make_unique<std::uint16_t[]>((96 * 65 + 1) * 4), {}, 0};
   std::fill_n(frame.rgba.get(), (96 * 65 + 1) * 4, 65535);
-  const UndistortedImage picture = undistort_frame(frame, model, 1, BlendSpace::kPerceptual);
+  const UndistortedImage picture = undistort_frame(frame, model, 1, store::BlendSpace::kPerceptual);
   EXPECT_EQ(picture.within.front(), 0);
   EXPECT_EQ(picture.image.pixels.front(), 0);
   EXPECT_EQ(picture.within[32 * 96 + 48], 1);
@@ -416,10 +417,10 @@ TEST_F(Automatic, PixelsThatTheCameraDidNotSeeAreNoTruth) {
 }
 
 TEST_F(Automatic, SaysThatNoCameraCanBeLeftOut) {
-  write(0.2, DepthRange{2.5, 10});
+  write(0.2, schemas::DepthRange{2.5, 10});
   instant_.included_cameras = {0, 1, 4};
-  instant_.present =
-      std::make_shared<const Topology>(make_topology(take_->rig(), instant_.included_cameras));
+  instant_.present = std::make_shared<const rig::Topology>(
+      rig::make_topology(take_->rig(), instant_.included_cameras));
   instant_.complete = instant_.present;
   const MethodChoice choice = choose(ladder(), {.psnr_db = 20}, request());
   EXPECT_EQ(choice.candidate, 2U);
@@ -427,13 +428,13 @@ TEST_F(Automatic, SaysThatNoCameraCanBeLeftOut) {
 }
 
 TEST_F(Automatic, MeasuresTheFramesThatTheTimelineSelects) {
-  write(0.2, DepthRange{2.5, 10}, 4);
-  Timeline timeline = build_timeline(*take_, 15, 0);
-  for (FrameSelection& tick : timeline.ticks) {
+  write(0.2, schemas::DepthRange{2.5, 10}, 4);
+  store::Timeline timeline = store::build_timeline(*take_, 15, 0);
+  for (store::FrameSelection& tick : timeline.ticks) {
     tick.frame[7] = -1;  // not to be trusted
     tick.difference[7] = 0;
   }
-  write_timeline(timeline, folder_.path() / "take");
+  store::write_timeline(timeline, folder_.path() / "take");
   const LightFieldSequence instants(instant_);
   ASSERT_EQ(instants.count(), 4);
   EXPECT_EQ(instants.at(0).frame_of_camera[4], 0);
@@ -442,14 +443,14 @@ TEST_F(Automatic, MeasuresTheFramesThatTheTimelineSelects) {
 }
 
 TEST_F(Automatic, WithoutATimelineOrARateItTakesTheNearestFrames) {
-  write(0.2, DepthRange{2.5, 10}, 4);
+  write(0.2, schemas::DepthRange{2.5, 10}, 4);
   const std::filesystem::path document = folder_.path() / "take" / "take.json";
   std::string text = read_file(document);
   const std::string rate = "\"nominal_fps\": 15";
   const std::size_t at = text.find(rate);
   ASSERT_NE(at, std::string::npos) << text;
   write_file_atomically(document, text.replace(at, rate.size(), "\"nominal_fps\": 0"));
-  const Take unrated(folder_.path() / "take");
+  const store::Take unrated(folder_.path() / "take");
   instant_.take = &unrated;
   const LightFieldSequence instants(instant_);
   ASSERT_EQ(instants.count(), 4);
@@ -457,7 +458,7 @@ TEST_F(Automatic, WithoutATimelineOrARateItTakesTheNearestFrames) {
 }
 
 TEST_F(Automatic, SaysWhereAViewLiesOffTheArray) {
-  write(0.2, DepthRange{2.5, 10});
+  write(0.2, schemas::DepthRange{2.5, 10});
   const auto note = [&](const Eigen::Vector3d& position) {
     VirtualCamera view = view_;
     view.pose.position = position;
@@ -474,9 +475,9 @@ TEST_F(Automatic, TakesTheSceneFromItsOptionsWhereTheTakeDoesNotSay) {
   write(0.2, std::nullopt);
   const LightFieldRenderer renderer(*take_, {});
   const VirtualCamera view = virtual_camera_with_fov(40, 30, 0.6, {});
-  const FrameSelection frames = select_frames(*take_, 0, 1);
-  const OptionValues scene{{"near", 2.5}, {"far", 10.0}}, timed{{"target_time", 1e-6}};
-  OptionValues both = scene;
+  const store::FrameSelection frames = store::select_frames(*take_, 0, 1);
+  const schemas::OptionValues scene{{"near", 2.5}, {"far", 10.0}}, timed{{"target_time", 1e-6}};
+  schemas::OptionValues both = scene;
   both.insert(timed.begin(), timed.end());
   const RenderedView chosen = renderer.render(view, frames, {"auto", {0, 0, 0, 1}, both});
   EXPECT_EQ(chosen.rgba, renderer.render(view, frames, {"focal_plane", {0, 0, 1, 4}}).rgba);
@@ -487,7 +488,7 @@ TEST_F(Automatic, TakesTheSceneFromItsOptionsWhereTheTakeDoesNotSay) {
 }
 
 TEST_F(Automatic, ChoosesAlikeHoweverFinelyAViewIsSampled) {
-  write(0.2, DepthRange{1, 5});
+  write(0.2, schemas::DepthRange{1, 5});
   const ViewRequest coarse = request();
   VirtualCamera larger = coarse.view;
   larger.width *= 4;
@@ -511,4 +512,4 @@ TEST_F(Automatic, ChoosesAlikeHoweverFinelyAViewIsSampled) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -4,7 +4,7 @@
 #include "render/common/light_field_frame.h"
 #include "render/common/view.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// The colour difference at which a camera agrees by half: 8-bit codes, root mean square over R, G
 /// and B on the sRGB scale. It is above the differences left by JPEG and between cameras, and below
@@ -25,4 +25,4 @@ void measure_confidence(const VirtualCamera& view, const LightFieldFrame& instan
 void measure_confidence_reference(const VirtualCamera& view, const LightFieldFrame& instant,
                                   RenderedView& image);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -7,7 +7,7 @@
 #include "render/sampling/depth_sampling.h"
 #include "store/processing/frames/frame_cache.h"
 
-namespace raystage {
+namespace raystage::render {
 
 void measure_confidence_reference(const VirtualCamera& view, const LightFieldFrame& instant,
                                   RenderedView& image) {
@@ -15,34 +15,32 @@ void measure_confidence_reference(const VirtualCamera& view, const LightFieldFra
   image.confidence.assign(image.coverage.size(), 0.0F);
   const BlendingField field = make_blending_field(view, instant, shown_inverse_depth_range(image));
   const ViewRays rays(view);
-  std::map<int, std::shared_ptr<const DecodedFrame>> frames;
-  for (int i = 0; i < field.columns() * field.rows(); ++i) {
-    for (const auto& chosen : field.tile(i % field.columns(), i / field.columns()).cameras) {
+  std::map<int, std::shared_ptr<const store::DecodedFrame>> frames;
+  for (const BlendingField::Tile& tile : field.tiles()) {
+    for (const BlendingField::TileCamera& chosen : tile.cameras) {
       auto& frame = frames[chosen.camera];
       if (frame) continue;
-      const int shown = instant.frame_of_camera[static_cast<std::size_t>(chosen.camera)];
+      const int shown = instant.frame_of_camera[chosen.camera];
       const auto layout = instant.cache->layout(chosen.camera, shown);
       std::int64_t decoded = 0;
       frame = instant.cache->fetch(
           chosen.camera, shown,
-          McuMask(static_cast<std::size_t>(layout->mcu_count()), std::uint8_t{1}), decoded);
+          store::McuMask(static_cast<std::size_t>(layout->mcu_count()), std::uint8_t{1}), decoded);
       image.statistics.pixels_decoded += decoded;
     }
   }
   raystage::parallel_for(0, view.height, [&](int y) {
     for (int x = 0; x < view.width; ++x) {
-      const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width) +
-                             static_cast<std::size_t>(x);
+      const std::size_t at = image.index(x, y);
       const float* rgba = &image.rgba[4 * at];
       const auto ray = rays.through(x + 0.5, y + 0.5);
       if (!(rgba[3] > 0) || !ray) continue;
-      const auto& tile = field.tile(x / BlendingField::kTile, y / BlendingField::kTile);
+      const auto& tile = field.tile_at(x, y);
       double sum = 0;
       for (const BlendingField::TileCamera& camera : tile.cameras) {
-        const DepthSample sample =
-            sample_at_depth_reference(view.pose.position, *ray, inverse_depth_of(image.z[at]),
-                                      instant.rig->cameras[static_cast<std::size_t>(camera.camera)],
-                                      *frames[camera.camera], Interpolation::kLinear);
+        const DepthSample sample = sample_at_depth_reference(
+            view.pose.position, *ray, inverse_depth_of(image.z[at]),
+            instant.rig->cameras[camera.camera], *frames[camera.camera], Interpolation::kLinear);
         const double alpha = sample.alpha * sample.seen;
         if (!(alpha > 0)) continue;
         const SrgbCode code =
@@ -56,4 +54,4 @@ void measure_confidence_reference(const VirtualCamera& view, const LightFieldFra
   });
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

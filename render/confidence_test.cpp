@@ -11,7 +11,7 @@
 #include "render/renderer.h"
 #include "testing/render/synthetic_take.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -32,14 +32,14 @@ class Confidence : public ::testing::Test {
     testing::SyntheticTake settings;
     settings.cameras = testing::camera_grid(3, 3, 0.1, 320, 240, {-0.1, 0.02, 0, 0, 0});
     settings.scene = wall_and_square;
-    settings.depth_range = DepthRange{1.8, 4.5};
+    settings.depth_range = schemas::DepthRange{1.8, 4.5};
     settings.samples = 2;
     settings.absent = {{8, 0}};
     write_synthetic_take(settings, folder_.path() / "take");
   }
   RenderedView render(const std::string& method, double plane, bool reference = false,
-                      const Distortion& distortion = {}, int width = kWidth) const {
-    const Take take(folder_.path() / "take");
+                      const schemas::Distortion& distortion = {}, int width = kWidth) const {
+    const store::Take take(folder_.path() / "take");
     VirtualCamera view =
         virtual_camera_with_fov(width, width * 3 / 4, 0.8, {Eigen::Matrix3d::Identity(), kEye});
     view.intrinsics.distortion = distortion;
@@ -47,19 +47,19 @@ class Confidence : public ::testing::Test {
     settings.measure_confidence = true;
     settings.reference = reference;
     return LightFieldRenderer(take, settings)
-        .render(view, select_frames(take, 0, 1), {method, {0, 0, 1, plane}, {}});
+        .render(view, store::select_frames(take, 0, 1), {method, {0, 0, 1, plane}, {}});
   }
   static float mean(const RenderedView& image, int left, int right, int top, int bottom) {
     float sum = 0;
     for (int y = top; y < bottom; ++y) {
       for (int x = left; x < right; ++x) {
-        sum += image.confidence[static_cast<std::size_t>(y * image.width + x)];
+        sum += image.confidence[y * image.width + x];
       }
     }
     return sum / static_cast<float>((right - left) * (bottom - top));
   }
   static inline const Vector3d kEye{0.03, 0.02, 0};
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 TEST_F(Confidence, IsHighWhereThePlaneIsRightAndLowWhereItIsNot) {
@@ -70,7 +70,7 @@ TEST_F(Confidence, IsHighWhereThePlaneIsRightAndLowWhereItIsNot) {
   const auto least = [](const RenderedView& image) {
     float found = 1;
     for (int x = 40; x < 80; ++x) {
-      found = std::min(found, image.confidence[static_cast<std::size_t>(45 * kWidth + x)]);
+      found = std::min(found, image.confidence[45 * kWidth + x]);
     }
     return found;
   };
@@ -114,12 +114,12 @@ TEST_F(Confidence, IsToldOfLensesThatDistortAndOfCoarseViews) {
 }
 
 TEST_F(Confidence, IsNoneWhereThereIsNothing) {
-  const Take take(folder_.path() / "take");
+  const store::Take take(folder_.path() / "take");
   RendererSettings settings;
   settings.measure_confidence = true;
   const VirtualCamera view =
       virtual_camera_with_fov(kWidth, kHeight, 0.8, {Eigen::Matrix3d::Identity(), kEye});
-  FrameSelection nothing = select_frames(take, 0, 1);
+  store::FrameSelection nothing = store::select_frames(take, 0, 1);
   std::ranges::fill(nothing.frame, -1);
   const RenderedView image =
       LightFieldRenderer(take, settings).render(view, nothing, {"focal_plane", {0, 0, 1, 4}, {}});
@@ -129,4 +129,4 @@ TEST_F(Confidence, IsNoneWhereThereIsNothing) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

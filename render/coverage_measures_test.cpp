@@ -11,7 +11,7 @@
 #include "testing/render/synthetic_take.h"
 #include "testing/render/test_matte.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -24,23 +24,23 @@ class CoverageMeasures : public ::testing::Test {
     settings.absent = {{8, 0}};
     write_synthetic_take(settings, folder_.path() / "take");
     const std::vector<std::uint8_t> all(std::size_t{160} * 120, 255);
-    for (const CameraGeometry& camera : settings.cameras) {
+    for (const schemas::CameraGeometry& camera : settings.cameras) {
       testing::write_matte(folder_.path() / "take", camera.id, 0, 160, 120, all);
     }
   }
   RenderedView render(const std::string& method, const Vector3d& eye, bool reference = false,
-                      bool measured = true, const OptionValues& options = {},
+                      bool measured = true, const schemas::OptionValues& options = {},
                       const Eigen::Matrix3d& rotation = Eigen::Matrix3d::Identity()) const {
-    const Take take(folder_.path() / "take");
+    const store::Take take(folder_.path() / "take");
     VirtualCamera view = virtual_camera_with_fov(91, 71, 0.8, {rotation, eye});
     RendererSettings settings;
     settings.measure_coverage = measured;
     settings.reference = reference;
     return LightFieldRenderer(take, settings)
-        .render(view, select_frames(take, 0, 1), {method, {0, 0, 1, 4}, options});
+        .render(view, store::select_frames(take, 0, 1), {method, {0, 0, 1, 4}, options});
   }
   static constexpr std::size_t kMiddle = 35 * 91 + 45;
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 TEST_F(CoverageMeasures, AgreeWithTheReferenceForEveryMethod) {
@@ -145,17 +145,17 @@ TEST_F(CoverageMeasures, CamerasThatSomethingHidesThePointFromDoNotCount) {
   testing::SyntheticTake settings;
   settings.cameras = testing::camera_grid(1, 5, 0.1, 160, 120);
   settings.scene = screen_scene;
-  settings.depth_range = DepthRange{1.8, 7};
+  settings.depth_range = schemas::DepthRange{1.8, 7};
   const auto folder = folder_.path() / "screen";
   write_synthetic_take(settings, folder);
-  const Take take(folder);
+  const store::Take take(folder);
   VirtualCamera view = virtual_camera_with_fov(160, 120, 0.8, {});
   view.pose.position = {0.05, 0, 0};
   RendererSettings measuring;
   measuring.measure_coverage = true;
   const RenderedView image =
       LightFieldRenderer(take, measuring)
-          .render(view, select_frames(take, 0, 1), {"depth", {0, 0, 0, 1}, {}});
+          .render(view, store::select_frames(take, 0, 1), {"depth", {0, 0, 0, 1}, {}});
   // Just right of the screen: the cameras to the left look at it.
   const auto column = [&](double x_over_depth) {
     return static_cast<std::size_t>(view.intrinsics.fx * x_over_depth + view.intrinsics.cx);
@@ -168,4 +168,4 @@ TEST_F(CoverageMeasures, CamerasThatSomethingHidesThePointFromDoNotCount) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

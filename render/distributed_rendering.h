@@ -15,15 +15,15 @@
 #include "store/take.h"
 #include "store/timeline.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// A view that several ranks render together: what a rank needs to contribute to it.
 struct DistributedViewRequest {
-  VirtualCamera view;     ///< as ViewRequest::view
-  FrameSelection frames;  ///< of the timeline; without frames of excluded cameras
+  VirtualCamera view;            ///< as ViewRequest::view
+  store::FrameSelection frames;  ///< of the timeline; without frames of excluded cameras
   std::vector<std::vector<int>> adjacent_frames;  ///< as LightFieldFrame
   std::string method;
-  OptionValues options;  ///< of the method
+  schemas::OptionValues options;  ///< of the method
   Eigen::Vector4d focal_plane{0, 0, 0, 1};
   int supersampling = 1, first_row = 0, full_height = 0;  ///< as ViewRequest
   bool is_lockstep = false;  ///< DistributionMode::kLockstep: ranks render one such view at a time
@@ -52,10 +52,10 @@ class DistributedTakes {
   /// Opens a take whose folder contains, on each rank, the documents and some cameras' archives.
   /// Throws Error (bad input) as Take does, and where an archive is missing on all ranks unless
   /// that is accepted.
-  virtual Take open(const std::filesystem::path& folder) = 0;
+  virtual store::Take open(const std::filesystem::path& folder) = 0;
   /// Prepares all ranks to contribute to views of a take that open() returned, and sets `settings`
   /// accordingly (hosts, rank_of_camera, this_rank).
-  virtual void share(const Take& take, RendererSettings& settings) = 0;
+  virtual void share(const store::Take& take, RendererSettings& settings) = 0;
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -21,7 +21,7 @@
 #include "testing/render/thread_communicators.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// How cameras of a grid are given to hosts.
@@ -42,28 +42,28 @@ class DistributedViews : public ::testing::Test {
   void SetUp() override {
     testing::SyntheticTake settings;
     settings.cameras = testing::camera_grid(kSide, kSide, 0.2, 96, 64);
-    settings.depth_range = DepthRange{2.5, 10};
+    settings.depth_range = schemas::DepthRange{2.5, 10};
     testing::write_synthetic_take(settings, folder_.path() / "take");
-    take_ = std::make_unique<Take>(folder_.path() / "take");
-    cache_ = std::make_unique<FrameCache>(*take_, 1 << 28, BlendSpace::kPerceptual);
+    take_ = std::make_unique<store::Take>(folder_.path() / "take");
+    cache_ = std::make_unique<store::FrameCache>(*take_, 1 << 28, store::BlendSpace::kPerceptual);
     instant_.take = take_.get();
     instant_.rig = &take_->rig();
     instant_.cache = cache_.get();
     instant_.frame_of_camera.assign(kCameras, 0);
     for (int i = 0; i < kCameras; ++i) instant_.included_cameras.push_back(i);
-    instant_.complete =
-        std::make_shared<const Topology>(make_topology(take_->rig(), instant_.included_cameras));
+    instant_.complete = std::make_shared<const rig::Topology>(
+        rig::make_topology(take_->rig(), instant_.included_cameras));
     instant_.present = instant_.complete;
   }
 
   void lose(const std::vector<int>& cameras) {
     std::vector<int> present;
-    for (const int camera : cameras)
-      instant_.frame_of_camera[static_cast<std::size_t>(camera)] = -1;
+    for (const int camera : cameras) instant_.frame_of_camera[camera] = -1;
     for (const int camera : instant_.included_cameras) {
       if (instant_.is_present(camera)) present.push_back(camera);
     }
-    instant_.present = std::make_shared<const Topology>(make_topology(take_->rig(), present));
+    instant_.present =
+        std::make_shared<const rig::Topology>(rig::make_topology(take_->rig(), present));
   }
 
   static int host_of(int camera, int hosts, Split split) {
@@ -97,7 +97,7 @@ class DistributedViews : public ::testing::Test {
       ViewRequest asked = request(own, options, kept);
       asked.measure_coverage = false;
       if (is_lockstep) asked.group = &group;
-      contributions[static_cast<std::size_t>(host)] = method.contribute(asked);
+      contributions[host] = method.contribute(asked);
     };
     if (is_lockstep) {
       std::vector<std::jthread> running;
@@ -139,7 +139,7 @@ class DistributedViews : public ::testing::Test {
     EXPECT_EQ(distributed.nearest_ray, local.nearest_ray) << what;
   }
 
-  void expect_all_same(const std::string& name, const OptionValues& values) {
+  void expect_all_same(const std::string& name, const schemas::OptionValues& values) {
     const Method& method = method_named(name);
     const MethodOptions options(method.options(), values, name);
     ASSERT_THAT(method.distribution(options),
@@ -169,14 +169,14 @@ class DistributedViews : public ::testing::Test {
     expect_all_same("slabs", {{"columns", 3.0}, {"rows", 5.0}});
   }
 
-  TestFolder folder_;
-  std::unique_ptr<Take> take_;
-  std::unique_ptr<FrameCache> cache_;
+  testing::TestFolder folder_;
+  std::unique_ptr<store::Take> take_;
+  std::unique_ptr<store::FrameCache> cache_;
   LightFieldFrame instant_;
   ResultCache kept_{1 << 28};
   BufferPool buffers_;
   VirtualCamera view_ = virtual_camera_with_fov(
-      83, 61, 0.9, Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.06, -0.03, 0.2)});
+      83, 61, 0.9, rig::Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.06, -0.03, 0.2)});
   Eigen::Vector4d plane_{0, 0, 1, 4};
   bool measure_coverage_ = false;
   std::size_t working_bytes_ = 1 << 28;
@@ -203,15 +203,15 @@ TEST_F(DistributedViews, EqualItWhereCamerasHaveNoFrame) {
 }
 
 TEST_F(DistributedViews, EqualItWhereTheViewLeavesTheArray) {
-  view_ = virtual_camera_with_fov(70, 50, 1.8,
-                                  Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.5, 0, 1)});
+  view_ = virtual_camera_with_fov(
+      70, 50, 1.8, rig::Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.5, 0, 1)});
   expect_all_methods_same();
 }
 
 TEST_F(DistributedViews, EqualItWithPlanesOfObjects) {
-  const PlanesDocument planes{
+  const schemas::PlanesDocument planes{
       {{"a", {{-0.5, -0.5, -3}, {0.1, -0.5, -3}, {0.1, 0.5, -3}, {-0.5, 0.5, -3}}}}};
-  std::ofstream(folder_.path() / "take" / "planes.json") << format_planes(planes);
+  std::ofstream(folder_.path() / "take" / "planes.json") << schemas::format_planes(planes);
   expect_all_same("focal_plane", {{"objects", std::string("planes.json")}});
   expect_all_same("nearest", {{"objects", std::string("planes.json")}});
 }
@@ -231,8 +231,8 @@ TEST_F(DistributedViews, CrossAsSamplesOfThePictureNotOfTheCameras) {
   const Method& method = method_named("focal_plane");
   const MethodOptions none(method.options(), {}, "focal_plane");
   // As large as the array, which stands between it and the scene: all cameras contribute.
-  view_ = virtual_camera_with_fov(240, 240, 0.8,
-                                  Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0, 0, 0.7)});
+  view_ = virtual_camera_with_fov(
+      240, 240, 0.8, rig::Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0, 0, 0.7)});
   distributed(method, none, 4, Split::kBlocks);
   EXPECT_LE(static_cast<double>(counts_.samples) / (240 * 240), 1.75);  // 15 / 9 but for the edges
   counts_ = {};
@@ -241,7 +241,7 @@ TEST_F(DistributedViews, CrossAsSamplesOfThePictureNotOfTheCameras) {
 }
 
 TEST_F(DistributedViews, AreRefusedByMethodsThatCannot) {
-  const auto is_distributed = [](std::string_view name, const OptionValues& values) {
+  const auto is_distributed = [](std::string_view name, const schemas::OptionValues& values) {
     const Method& method = method_named(name);
     return method.distribution({method.options(), values, name}) != DistributionMode::kNone;
   };
@@ -253,4 +253,4 @@ TEST_F(DistributedViews, AreRefusedByMethodsThatCannot) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -15,7 +15,7 @@
 #include "testing/render/test_poses.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage::focal_plane_test {
+namespace raystage::render::focal_plane_test {
 namespace {
 
 using testing::kDegree;
@@ -27,12 +27,13 @@ struct FastAndReference {
   RenderedView fast, reference;
 };
 
-FastAndReference render_both(const Take& take, const VirtualCamera& view,
+FastAndReference render_both(const store::Take& take, const VirtualCamera& view,
                              const Eigen::Vector4d& plane, int frame = 0,
                              std::vector<int> excluded_cameras = {},
-                             BlendSpace space = BlendSpace::kPerceptual,
+                             store::BlendSpace space = store::BlendSpace::kPerceptual,
                              const std::string& method = "focal_plane") {
-  const FrameSelection frames = select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
+  const store::FrameSelection frames =
+      store::select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
   RendererSettings settings;
   settings.excluded_cameras = std::move(excluded_cameras);
   settings.count_needed_pixels = true;
@@ -67,21 +68,21 @@ double mean_alpha(const RenderedView& view) {
 
 class FocalPlane : public ::testing::Test {
  protected:
-  Take write(const SyntheticTake& settings) {
+  store::Take write(const SyntheticTake& settings) {
     write_synthetic_take(settings, folder_.path() / "take");
-    return Take(folder_.path() / "take");
+    return store::Take(folder_.path() / "take");
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
-SyntheticTake grid_take(int rows, int columns, const Distortion& distortion = {}) {
+SyntheticTake grid_take(int rows, int columns, const schemas::Distortion& distortion = {}) {
   SyntheticTake take;
   take.cameras = testing::camera_grid(rows, columns, 0.06, 160, 120, distortion);
   return take;
 }
 
 TEST_F(FocalPlane, AgreesWithTheReferenceFromEverywhere) {
-  const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
+  const store::Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
   const Eigen::Vector4d plane(0, 0, 1, 4);
   for (const auto& [position, yaw, pitch, fov] :
        {std::tuple{Eigen::Vector3d(0.01, 0.02, 0), 0.0, 0.0, 50.0},  // on the array
@@ -100,7 +101,7 @@ TEST_F(FocalPlane, AgreesWithTheReferenceFromEverywhere) {
 }
 
 TEST_F(FocalPlane, AgreesWithTheReferenceForAnyPlane) {
-  const Take take = write(grid_take(3, 3, {-0.1, 0, 0, 0, 0}));
+  const store::Take take = write(grid_take(3, 3, {-0.1, 0, 0, 0, 0}));
   const VirtualCamera view =
       virtual_camera_with_fov(120, 90, 45 * kDegree, make_pose({0.01, 0.01, 0.05}, 2));
   for (const Eigen::Vector4d& plane :
@@ -112,15 +113,16 @@ TEST_F(FocalPlane, AgreesWithTheReferenceForAnyPlane) {
 }
 
 TEST_F(FocalPlane, AgreesWithTheReferenceForEverySampling) {
-  for (const auto chroma : {JpegEncodeSettings::Chroma::k444, JpegEncodeSettings::Chroma::k422,
-                            JpegEncodeSettings::Chroma::k420}) {
+  for (const auto chroma :
+       {store::JpegEncodeSettings::Chroma::k444, store::JpegEncodeSettings::Chroma::k422,
+        store::JpegEncodeSettings::Chroma::k420}) {
     for (const int interval : {0, -1, 1, 7}) {
       SyntheticTake settings = grid_take(3, 3);
       settings.jpeg = {80, chroma, interval};
       const auto folder = folder_.path() / (std::to_string(static_cast<int>(chroma)) + "_" +
                                             std::to_string(interval));
       write_synthetic_take(settings, folder);
-      const Take take(folder);
+      const store::Take take(folder);
       expect_equal(render_both(
           take, virtual_camera_with_fov(120, 90, 30 * kDegree, make_pose({0.01, 0.01, 0.4}, 2)),
           {0, 0, 1, 4}));
@@ -129,7 +131,7 @@ TEST_F(FocalPlane, AgreesWithTheReferenceForEverySampling) {
 }
 
 TEST_F(FocalPlane, ASceneOnThePlaneComesOutTrue) {
-  const Take take = write(grid_take(4, 4, {-0.15, 0.02, 0, 0, 0}));
+  const store::Take take = write(grid_take(4, 4, {-0.15, 0.02, 0, 0, 0}));
   const VirtualCamera view =
       virtual_camera_with_fov(160, 120, 45 * kDegree, make_pose({0.013, -0.02, 0.02}, 3));
   const FastAndReference pair = render_both(take, view, {0, 0, 1, 4});
@@ -138,7 +140,7 @@ TEST_F(FocalPlane, ASceneOnThePlaneComesOutTrue) {
     for (int x = 0; x < view.width; ++x) {
       const std::size_t at = static_cast<std::size_t>(y * view.width + x);
       if (pair.fast.rgba[at * 4 + 3] < 0.999F) continue;
-      const auto ray = CameraModel({"v", view.width, view.height, view.intrinsics, {}, {}, {}})
+      const auto ray = rig::CameraModel({"v", view.width, view.height, view.intrinsics, {}, {}, {}})
                            .unproject({x + 0.5, y + 0.5});
       const Eigen::Vector3d direction = view.pose.world_from_camera_rotation * *ray;
       const double t = (-4 - view.pose.position.z()) / direction.z();
@@ -156,7 +158,7 @@ TEST_F(FocalPlane, ASceneOnThePlaneComesOutTrue) {
 }
 
 TEST_F(FocalPlane, MissingRaysAreMissing) {
-  const Take take = write(grid_take(3, 3));
+  const store::Take take = write(grid_take(3, 3));
   const VirtualCamera beside =  // looks past the array's edge
       virtual_camera_with_fov(60, 40, 50 * kDegree, make_pose({5, 0, 0.1}, 0));
   const FastAndReference nothing = render_both(take, beside, {0, 0, 1, 4});
@@ -181,7 +183,7 @@ TEST_F(FocalPlane, DegenerateArraysRender) {
     SCOPED_TRACE(std::to_string(rows) + "x" + std::to_string(columns));
     const auto folder = folder_.path() / (std::to_string(rows) + std::to_string(columns));
     write_synthetic_take(grid_take(rows, columns), folder);
-    const Take take(folder);
+    const store::Take take(folder);
     const FastAndReference pair = render_both(
         take, virtual_camera_with_fov(80, 60, 40 * kDegree, make_pose({0.005, 0.002, 0.01}, 0)),
         {0, 0, 1, 4});
@@ -194,7 +196,7 @@ TEST_F(FocalPlane, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
   SyntheticTake settings = grid_take(3, 3);
   settings.frames = 2;
   settings.absent = {{4, 1}};  // the middle camera, second frame
-  const Take take = write(settings);
+  const store::Take take = write(settings);
   const VirtualCamera view =
       virtual_camera_with_fov(90, 90, 20 * kDegree, make_pose({0, 0, 0.2}, 0));
   const FastAndReference whole = render_both(take, view, {0, 0, 1, 4}, 0);
@@ -208,7 +210,7 @@ TEST_F(FocalPlane, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
 }
 
 TEST_F(FocalPlane, LeftOutCamerasDoNotCount) {
-  const Take take = write(grid_take(3, 3));
+  const store::Take take = write(grid_take(3, 3));
   const VirtualCamera view =
       virtual_camera_with_fov(90, 90, 20 * kDegree, make_pose({0, 0, 0.2}, 0));
   const FastAndReference pair = render_both(take, view, {0, 0, 1, 4}, 0, {4});
@@ -222,7 +224,7 @@ TEST_F(FocalPlane, PhotometricCorrectionIsAppliedAndMayExceedFullScale) {
   SyntheticTake settings = grid_take(2, 2);
   settings.photometric.contrast = {1.6, 0.9, 1.2};
   settings.photometric.brightness = {-0.02, 0.01, 0};
-  const Take take = write(settings);
+  const store::Take take = write(settings);
   const VirtualCamera view =
       virtual_camera_with_fov(80, 60, 40 * kDegree, make_pose({0.005, 0.002, 0.01}, 0));
   const FastAndReference pair = render_both(take, view, {0, 0, 1, 4});
@@ -236,8 +238,8 @@ TEST_F(FocalPlane, PhotometricCorrectionIsAppliedAndMayExceedFullScale) {
 }
 
 TEST_F(FocalPlane, SameBytesForAnyNumberOfThreads) {
-  const Take take = write(grid_take(4, 4, {-0.2, 0, 0, 0, 0}));
-  const FrameSelection frames = select_frames(take, 0, 1);
+  const store::Take take = write(grid_take(4, 4, {-0.2, 0, 0, 0, 0}));
+  const store::FrameSelection frames = store::select_frames(take, 0, 1);
   const VirtualCamera view = virtual_camera_with_fov(160, 120, 0.8, make_pose({0, 0.01, 0.1}, 2));
   std::vector<RenderedView> images;
   for (const std::size_t threads : {1, 2, 5}) {
@@ -251,7 +253,7 @@ TEST_F(FocalPlane, SameBytesForAnyNumberOfThreads) {
 }
 
 TEST_F(FocalPlane, EveryInstructionSetAgreesWithTheReference) {
-  const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
+  const store::Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
   const VirtualCamera view = virtual_camera_with_fov(117, 83, 0.8, make_pose({0, 0.01, 0.1}, 2));
   testing::for_each_simd_target(kernel_target, [&] {
     expect_equal(render_both(take, view, {0, 0, 1, 3.7}));
@@ -259,8 +261,8 @@ TEST_F(FocalPlane, EveryInstructionSetAgreesWithTheReference) {
 }
 
 TEST_F(FocalPlane, ATinyCacheOnlyCostsTime) {
-  const Take take = write(grid_take(4, 4));
-  const FrameSelection frames = select_frames(take, 0, 1);
+  const store::Take take = write(grid_take(4, 4));
+  const store::FrameSelection frames = store::select_frames(take, 0, 1);
   const VirtualCamera view = virtual_camera_with_fov(160, 120, 0.8, make_pose({0, 0.01, 0.1}, 2));
   RendererSettings tiny;
   tiny.cache_bytes = 1;
@@ -275,8 +277,8 @@ TEST_F(FocalPlane, ATinyCacheOnlyCostsTime) {
 TEST_F(FocalPlane, DecodesLittleMoreThanItNeeds) {
   SyntheticTake settings;
   settings.cameras = testing::camera_grid(4, 4, 0.06, 640, 480);
-  settings.jpeg = {90, JpegEncodeSettings::Chroma::k420, -1};
-  const Take take = write(settings);
+  settings.jpeg = {90, store::JpegEncodeSettings::Chroma::k420, -1};
+  const store::Take take = write(settings);
   const VirtualCamera view =
       virtual_camera_with_fov(480, 360, 40 * kDegree, make_pose({0, 0, 0.2}, 0));
   const FastAndReference pair = render_both(take, view, {0, 0, 1, 4});
@@ -287,20 +289,21 @@ TEST_F(FocalPlane, DecodesLittleMoreThanItNeeds) {
 }
 
 TEST_F(FocalPlane, BothBlendSpacesAgreeWithTheReference) {
-  const Take take = write(grid_take(3, 3));
+  const store::Take take = write(grid_take(3, 3));
   const VirtualCamera view =
       virtual_camera_with_fov(90, 70, 30 * kDegree, make_pose({0.01, 0.02, 0.2}, 1));
   const Eigen::Vector4d ghosting(0, 0, 1, 1);  // far from the painted plane: the samples disagree
   const FastAndReference perceptual = render_both(take, view, ghosting);
-  const FastAndReference linear = render_both(take, view, ghosting, 0, {}, BlendSpace::kLinear);
+  const FastAndReference linear =
+      render_both(take, view, ghosting, 0, {}, store::BlendSpace::kLinear);
   expect_equal(perceptual);
   expect_equal(linear);
   EXPECT_NE(perceptual.fast.rgba, linear.fast.rgba);
 }
 
 TEST_F(FocalPlane, WhatIsInMemoryIsNotPlannedForAgain) {
-  const Take take = write(grid_take(3, 3));
-  const FrameSelection frames = select_frames(take, 0, 1);
+  const store::Take take = write(grid_take(3, 3));
+  const store::FrameSelection frames = store::select_frames(take, 0, 1);
   const LightFieldRenderer renderer(take, {});
   std::vector<RenderedView> views;
   for (int again = 0; again < 4; ++again) {  // in part, then whole, then from memory
@@ -319,8 +322,8 @@ TEST_F(FocalPlane, WhatIsInMemoryIsNotPlannedForAgain) {
 TEST_F(FocalPlane, AFrameWithoutRestartMarkersIsNotTakenForWholeEither) {
   SyntheticTake settings = grid_take(3, 3);
   settings.jpeg.restart_interval = 0;
-  const Take take = write(settings);
-  const FrameSelection frames = select_frames(take, 0, 1);
+  const store::Take take = write(settings);
+  const store::FrameSelection frames = store::select_frames(take, 0, 1);
   const LightFieldRenderer renderer(take, {});
   for (const double yaw : {-12.0, 12.0}) {  // elsewhere in the frames
     const VirtualCamera view = virtual_camera_with_fov(60, 40, 0.2, make_pose({0, 0.01, 0.2}, yaw));
@@ -336,14 +339,14 @@ TEST_F(FocalPlane, RefusesAnUnknownMethod) {
 }
 
 TEST_F(FocalPlane, NearestAgreesWithTheReferenceButWhereItCuts) {
-  const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
+  const store::Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
   const Eigen::Vector4d ghosting(0, 0, 1, 1);  // the cameras disagree
   for (const auto& [position, fov] :
        {std::pair{Eigen::Vector3d(0.01, 0.02, 0), 50.0}, {Eigen::Vector3d(0, 0, 0.25), 40.0}}) {
     const VirtualCamera view =
         virtual_camera_with_fov(150, 100, fov * kDegree, make_pose(position, 3, -2));
     const FastAndReference pair =
-        render_both(take, view, ghosting, 0, {}, BlendSpace::kPerceptual, "nearest");
+        render_both(take, view, ghosting, 0, {}, store::BlendSpace::kPerceptual, "nearest");
     std::size_t differ = 0;
     for (std::size_t i = 0; i < pair.fast.rgba.size(); i += 4) {
       const float by = std::abs(pair.fast.rgba[i] - pair.reference.rgba[i]);
@@ -357,4 +360,4 @@ TEST_F(FocalPlane, NearestAgreesWithTheReferenceButWhereItCuts) {
 }
 
 }  // namespace
-}  // namespace raystage::focal_plane_test
+}  // namespace raystage::render::focal_plane_test

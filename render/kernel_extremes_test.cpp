@@ -7,7 +7,7 @@
 #include "testing/render/kernel_accuracy.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using testing::ExtremeView;
@@ -39,4 +39,4 @@ TEST(KernelExtremes, EveryInstructionSetIsNearTo50Digits) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -19,7 +19,7 @@
 #include "testing/render/test_views.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using testing::mean_alpha;
@@ -33,10 +33,11 @@ struct FastAndReference {
   RenderedView fast, reference;
 };
 
-FastAndReference render_both(const Take& take, const VirtualCamera& view,
-                             const Eigen::Vector4d& plane, const OptionValues& options = {},
-                             int frame = 0) {
-  const FrameSelection frames = select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
+FastAndReference render_both(const store::Take& take, const VirtualCamera& view,
+                             const Eigen::Vector4d& plane,
+                             const schemas::OptionValues& options = {}, int frame = 0) {
+  const store::FrameSelection frames =
+      store::select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
   RendererSettings settings;
   settings.count_needed_pixels = true;
   const ReconstructionSettings reconstruction{"lumigraph", plane, options};
@@ -67,21 +68,21 @@ void expect_equal(const FastAndReference& pair) {
 
 class Lumigraph : public ::testing::Test {
  protected:
-  Take write(const SyntheticTake& settings) {
+  store::Take write(const SyntheticTake& settings) {
     write_synthetic_take(settings, folder_.path() / "take");
-    return Take(folder_.path() / "take");
+    return store::Take(folder_.path() / "take");
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
-SyntheticTake grid_take(int rows, int columns, const Distortion& distortion = {}) {
+SyntheticTake grid_take(int rows, int columns, const schemas::Distortion& distortion = {}) {
   SyntheticTake take;
   take.cameras = testing::camera_grid(rows, columns, 0.06, 160, 120, distortion);
   return take;
 }
 
 TEST_F(Lumigraph, AgreesWithTheReferenceFromEverywhere) {
-  const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
+  const store::Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
   for (const auto& [position, yaw, pitch, fov] :
        {std::tuple{Vector3d(0.01, 0.02, 0), 0.0, 0.0, 50.0},  // on the array
         {Vector3d(0.03, 0.03, 0), 0.0, 0.0, 62.0},            // at a camera
@@ -99,7 +100,7 @@ TEST_F(Lumigraph, AgreesWithTheReferenceFromEverywhere) {
 }
 
 TEST_F(Lumigraph, AgreesWithTheReferenceOnEveryInstructionSet) {
-  const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
+  const store::Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
   testing::for_each_simd_target(kernel_target, [&] {
     expect_equal(render_both(
         take, virtual_camera_with_fov(117, 83, 45 * kDegree, make_pose({0, 0.01, 0.1}, 2, 40)),
@@ -111,7 +112,7 @@ TEST_F(Lumigraph, AgreesWithTheReferenceOnEveryInstructionSet) {
 }
 
 TEST_F(Lumigraph, AgreesWithTheReferenceOnEveryPlane) {
-  const Take take = write(grid_take(3, 3));
+  const store::Take take = write(grid_take(3, 3));
   const VirtualCamera view =
       virtual_camera_with_fov(90, 70, 40 * kDegree, make_pose({0.01, 0.02, 0.1}, 3, 2));
   for (const Eigen::Vector4d& plane :
@@ -125,14 +126,14 @@ TEST_F(Lumigraph, AgreesWithTheReferenceOnEveryPlane) {
 }
 
 TEST_F(Lumigraph, ASceneOnThePlaneComesOutTrueOnAMeshToo) {
-  const Take take = write(grid_take(4, 4, {-0.15, 0.02, 0, 0, 0}));
+  const store::Take take = write(grid_take(4, 4, {-0.15, 0.02, 0, 0, 0}));
   write_file_atomically(take.folder() / "wall.obj",
                         "v -9 -9 -4\nv 9 -9 -4\nv 9 9 -4\nv -9 9 -4\nf 1 2 3 4\n");
   const VirtualCamera view =
       virtual_camera_with_fov(160, 120, 45 * kDegree, make_pose({0.013, -0.02, 0.02}, 3));
   const Eigen::Vector4d wrong(0, 0, 1, 1);  // the mesh stands before what the plane says
   for (const auto& [plane, options] :
-       {std::pair{Eigen::Vector4d(0, 0, 1, 4), OptionValues{}},
+       {std::pair{Eigen::Vector4d(0, 0, 1, 4), schemas::OptionValues{}},
         {wrong, {{"proxy", std::string("mesh")}, {"mesh", std::string("wall.obj")}}}}) {
     const FastAndReference pair = render_both(take, view, plane, options);
     expect_equal(pair);
@@ -158,7 +159,7 @@ TEST_F(Lumigraph, ASceneOnThePlaneComesOutTrueOnAMeshToo) {
 }
 
 TEST_F(Lumigraph, BeyondAMeshThePlaneIsLookedAt) {
-  const Take take = write(grid_take(3, 3));
+  const store::Take take = write(grid_take(3, 3));
   write_file_atomically(take.folder() / "patch.obj",
                         "v -0.3 -0.3 -3\nv 0.3 -0.3 -3\nv 0.3 0.3 -3\nf 1 2 3\n");
   const FastAndReference pair = render_both(
@@ -172,7 +173,7 @@ TEST_F(Lumigraph, BeyondAMeshThePlaneIsLookedAt) {
 }
 
 TEST_F(Lumigraph, AMeshThatIsNotThereIsRefused) {
-  const Take take = write(grid_take(2, 2));
+  const store::Take take = write(grid_take(2, 2));
   const VirtualCamera view = virtual_camera_with_fov(9, 9, 1, {});
   EXPECT_THROW(render_both(take, view, {0, 0, 1, 4}, {{"proxy", std::string("mesh")}}), Error);
   EXPECT_THROW(render_both(take, view, {0, 0, 1, 4},
@@ -185,11 +186,11 @@ TEST_F(Lumigraph, AMeshThatIsNotThereIsRefused) {
 }
 
 TEST_F(Lumigraph, TheBlendingFieldComesClose) {
-  const Take take = write(grid_take(5, 5));
+  const store::Take take = write(grid_take(5, 5));
   const VirtualCamera view =
       virtual_camera_with_fov(320, 240, 40 * kDegree, make_pose({0.01, 0.02, 0.3}, 1));
   const Eigen::Vector4d ghosting(0, 0, 1, 3.5);
-  const FrameSelection frames = select_frames(take, 0, 1);
+  const store::FrameSelection frames = store::select_frames(take, 0, 1);
   const LightFieldRenderer renderer(take, {});
   const RenderedView pixels = renderer.render(view, frames, {"lumigraph", ghosting});
   const RenderedView field = renderer.render(
@@ -210,7 +211,7 @@ TEST_F(Lumigraph, DegenerateArraysRender) {
     const auto folder = folder_.path() / (std::to_string(rows) + std::to_string(columns));
     write_synthetic_take(grid_take(rows, columns), folder);
     const FastAndReference pair = render_both(
-        Take(folder),
+        store::Take(folder),
         virtual_camera_with_fov(80, 60, 40 * kDegree, make_pose({0.005, 0.002, 0.01}, 0)),
         {0, 0, 1, 4});
     expect_equal(pair);
@@ -222,7 +223,7 @@ TEST_F(Lumigraph, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
   SyntheticTake settings = grid_take(3, 3);
   settings.frames = 2;
   settings.absent = {{4, 1}};  // the middle camera, second frame
-  const Take take = write(settings);
+  const store::Take take = write(settings);
   const VirtualCamera view =
       virtual_camera_with_fov(90, 90, 20 * kDegree, make_pose({0, 0, 0.2}, 0));
   const FastAndReference whole = render_both(take, view, {0, 0, 1, 4}, {}, 0);
@@ -236,8 +237,8 @@ TEST_F(Lumigraph, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
 }
 
 TEST_F(Lumigraph, SameBytesForAnyNumberOfThreads) {
-  const Take take = write(grid_take(4, 4, {-0.2, 0, 0, 0, 0}));
-  const FrameSelection frames = select_frames(take, 0, 1);
+  const store::Take take = write(grid_take(4, 4, {-0.2, 0, 0, 0, 0}));
+  const store::FrameSelection frames = store::select_frames(take, 0, 1);
   const VirtualCamera view = virtual_camera_with_fov(160, 120, 0.8, make_pose({0, 0.01, 0.1}, 2));
   for (const std::string weights : {"per_pixel", "blending_field"}) {
     std::vector<RenderedView> images;
@@ -255,9 +256,9 @@ TEST_F(Lumigraph, SameBytesForAnyNumberOfThreads) {
 TEST_F(Lumigraph, DecodesLittleMoreThanItNeeds) {
   SyntheticTake settings;
   settings.cameras = testing::camera_grid(3, 3, 0.06, 960, 720);
-  settings.jpeg = {90, JpegEncodeSettings::Chroma::k420, -1};
-  const Take take = write(settings);
-  const FrameSelection frames = select_frames(take, 0, 1);
+  settings.jpeg = {90, store::JpegEncodeSettings::Chroma::k420, -1};
+  const store::Take take = write(settings);
+  const store::FrameSelection frames = store::select_frames(take, 0, 1);
   const VirtualCamera view =
       virtual_camera_with_fov(720, 540, 40 * kDegree, make_pose({0, 0, 0.2}, 0));
   RendererSettings settings_of_renderer;
@@ -283,4 +284,4 @@ TEST_F(Lumigraph, DecodesLittleMoreThanItNeeds) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -18,7 +18,7 @@
 #include "testing/render/test_poses.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -26,16 +26,16 @@ using testing::kDegree;
 using testing::make_pose;
 using testing::SyntheticTake;
 
-Rig grid_rig(int rows, int columns, const Distortion& distortion = {}) {
-  RigDocument document;
-  for (const CameraGeometry& camera :
+rig::Rig grid_rig(int rows, int columns, const schemas::Distortion& distortion = {}) {
+  schemas::RigDocument document;
+  for (const schemas::CameraGeometry& camera :
        testing::camera_grid(rows, columns, 0.06, 160, 120, distortion)) {
     document.cameras.push_back({camera, {}});
   }
-  return rig_from_document(document);
+  return rig::rig_from_document(document);
 }
 
-std::vector<int> all_cameras(const Rig& rig) {
+std::vector<int> all_cameras(const rig::Rig& rig) {
   std::vector<int> all;
   for (int i = 0; i < static_cast<int>(rig.cameras.size()); ++i) all.push_back(i);
   return all;
@@ -43,7 +43,7 @@ std::vector<int> all_cameras(const Rig& rig) {
 
 /// Calls on_ray(weights of all cameras, index in them) with what the kernels make of each ray.
 template <class OnRay>
-void weigh_rays(const Rig& rig, const std::vector<WorldRay>& rays,
+void weigh_rays(const rig::Rig& rig, const std::vector<WorldRay>& rays,
                 const std::vector<double>& inverse_distance, const RayWeightSettings& weighing,
                 const OnRay& on_ray) {
   const std::vector<ChunkCamera> cameras = chunk_cameras(rig);
@@ -62,7 +62,7 @@ void weigh_rays(const Rig& rig, const std::vector<WorldRay>& rays,
 }
 
 /// The same, as the reference returns it.
-std::vector<std::vector<double>> weights_of(const Rig& rig, const std::vector<WorldRay>& rays,
+std::vector<std::vector<double>> weights_of(const rig::Rig& rig, const std::vector<WorldRay>& rays,
                                             const std::vector<double>& inverse_distance,
                                             const RayWeightSettings& weighing) {
   std::vector<std::vector<double>> result;
@@ -76,20 +76,20 @@ std::vector<std::vector<double>> weights_of(const Rig& rig, const std::vector<Wo
   return result;
 }
 
-std::vector<double> reference_weights(const Rig& rig, const WorldRay& ray, double inverse_distance,
-                                      const RayWeightSettings& weighing) {
+std::vector<double> reference_weights(const rig::Rig& rig, const WorldRay& ray,
+                                      double inverse_distance, const RayWeightSettings& weighing) {
   std::vector<double> weights(rig.cameras.size());
   double seen = 0;
   const auto found = compute_camera_weights_reference(rig, all_cameras(rig), ray, inverse_distance,
                                                       weighing, mean_nearest_baseline(rig));
   for (const WeightedCamera& camera : found) seen = std::max(seen, camera.seen);
   for (const WeightedCamera& camera : found) {
-    weights[static_cast<std::size_t>(camera.camera)] = camera.weight * seen;
+    weights[camera.camera] = camera.weight * seen;
   }
   return weights;
 }
 
-void expect_weights_agree(const Rig& rig, const std::vector<WorldRay>& rays,
+void expect_weights_agree(const rig::Rig& rig, const std::vector<WorldRay>& rays,
                           const std::vector<double>& inverse_distance,
                           const RayWeightSettings& weighing) {
   const auto fast = weights_of(rig, rays, inverse_distance, weighing);
@@ -125,7 +125,7 @@ SomeRays rays_from(const Vector3d& eye, double spread, std::pair<double, double>
 }
 
 TEST(LumigraphWeights, AgreeWithTheReferenceOnEveryInstructionSet) {
-  const Rig rig = grid_rig(5, 6, {-0.2, 0.05, 0.001, -0.002, 0.003});
+  const rig::Rig rig = grid_rig(5, 6, {-0.2, 0.05, 0.001, -0.002, 0.003});
   testing::for_each_simd_target(kernel_target, [&] {
     for (const int k : {1, 4, 16}) {
       RayWeightSettings weighing;
@@ -184,7 +184,7 @@ TEST(LumigraphRays, OfAViewAreThoseOfItsPixelsOnEveryInstructionSet) {
 /// Weights must be finite, and sum to what the best camera that counts sees of the point: 1, but
 /// for a pixel's width at the images' borders, or 0. Adds to `whole` how many rays' weights sum
 /// to 1.
-void expect_sound_weights(const Rig& rig, const std::vector<WorldRay>& rays,
+void expect_sound_weights(const rig::Rig& rig, const std::vector<WorldRay>& rays,
                           const std::vector<double>& inverse_distance,
                           const RayWeightSettings& weighing, int& whole) {
   weigh_rays(rig, rays, inverse_distance, weighing,
@@ -208,14 +208,14 @@ TEST(LumigraphWeights, SumToOneOrNothingIsSeenAtTheExtremes) {
     for (const testing::ExtremeView& extreme : testing::extremes()) {
       SCOPED_TRACE(extreme.name);
       const SyntheticTake take = testing::make_extreme_array(extreme.array);
-      RigDocument document;
-      for (CameraGeometry camera : take.cameras) {
+      schemas::RigDocument document;
+      for (schemas::CameraGeometry camera : take.cameras) {
         for (std::size_t axis = 0; axis < 3; ++axis) {
           camera.world_from_camera[4 * axis + 3] += take.origin[axis];
         }
         document.cameras.push_back({camera, {}});
       }
-      const Rig rig = rig_from_document(document);
+      const rig::Rig rig = rig::rig_from_document(document);
       const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(extreme.view);
       const double height = signed_plane_distance(extreme.plane, extreme.view.pose.position);
       std::vector<WorldRay> rays;
@@ -245,11 +245,11 @@ TEST(LumigraphWeights, SumToOneOrNothingIsSeenAtTheExtremes) {
 }
 
 TEST(LumigraphWeights, SumToOneOrNothingIsSeenAmongManyCameras) {
-  Rig crowd = grid_rig(17, 17);
-  Rig one_place = crowd;
-  for (Rig::Camera& camera : one_place.cameras) camera.pose = crowd.cameras[0].pose;
+  rig::Rig crowd = grid_rig(17, 17);
+  rig::Rig one_place = crowd;
+  for (rig::Rig::Camera& camera : one_place.cameras) camera.pose = crowd.cameras[0].pose;
   testing::for_each_simd_target(kernel_target, [&] {
-    for (const Rig* rig : {&crowd, &one_place}) {
+    for (const rig::Rig* rig : {&crowd, &one_place}) {
       for (const int cameras : {1, 4, kMaxWeightedCameras}) {
         RayWeightSettings weighing;
         weighing.cameras = cameras;
@@ -268,8 +268,8 @@ TEST(LumigraphWeights, SumToOneOrNothingIsSeenAmongManyCameras) {
 
 TEST(LumigraphWeights, AreFiniteForAnyDistanceAndPenalty) {
   for (const Vector3d& offset : {Vector3d(0, 0, 0), Vector3d(1e7, -1e7, 1e7)}) {
-    Rig rig = grid_rig(3, 3);
-    for (Rig::Camera& camera : rig.cameras) camera.pose.position += offset;
+    rig::Rig rig = grid_rig(3, 3);
+    for (rig::Rig::Camera& camera : rig.cameras) camera.pose.position += offset;
     for (const double weight : {0.0, 1.0, 1e6}) {
       RayWeightSettings weighing;
       weighing.angular = weighing.resolution = weighing.field_of_view = weight;
@@ -287,8 +287,8 @@ TEST(LumigraphWeights, AreFiniteForAnyDistanceAndPenalty) {
 }
 
 TEST(LumigraphWeights, CoincidentCamerasShareAlike) {
-  Rig rig = grid_rig(1, 3);
-  for (Rig::Camera& camera : rig.cameras) camera.pose = rig.cameras[0].pose;
+  rig::Rig rig = grid_rig(1, 3);
+  for (rig::Rig::Camera& camera : rig.cameras) camera.pose = rig.cameras[0].pose;
   RayWeightSettings weighing;
   weighing.cameras = 1;  // all three are second best, too
   const WorldRay ray{rig.cameras[0].pose.position + Vector3d(0.02, 0, 0), -Vector3d::UnitZ()};
@@ -301,7 +301,7 @@ TEST(LumigraphWeights, CoincidentCamerasShareAlike) {
 }
 
 TEST(LumigraphWeights, ACameraOnTheRayTakesItAndItsNeighboursComeInSmoothly) {
-  const Rig rig = grid_rig(5, 5);
+  const rig::Rig rig = grid_rig(5, 5);
   const RayWeightSettings weighing;
   std::vector<double> before;
   for (int step = 0; step <= 600; ++step) {
@@ -321,7 +321,7 @@ TEST(LumigraphWeights, ACameraOnTheRayTakesItAndItsNeighboursComeInSmoothly) {
 }
 
 TEST(LumigraphWeights, ACameraThatStopsSeeingFadesOut) {
-  const Rig rig = grid_rig(1, 2);
+  const rig::Rig rig = grid_rig(1, 2);
   RayWeightSettings weighing;
   const double edge = std::tan(31 * kDegree);
   double before = -1;
@@ -342,7 +342,7 @@ TEST(LumigraphWeights, ACameraThatStopsSeeingFadesOut) {
 }
 
 TEST(LumigraphWeights, ACoarserCameraCountsLess) {
-  Rig rig = grid_rig(1, 2);
+  rig::Rig rig = grid_rig(1, 2);
   rig.cameras[1].pose.position.z() += 1;  // a metre further away
   const WorldRay ray{{0, 0, 0}, -Vector3d::UnitZ()};
   RayWeightSettings weighing;
@@ -353,7 +353,7 @@ TEST(LumigraphWeights, ACoarserCameraCountsLess) {
 }
 
 TEST(LumigraphWeights, LeavingOutCamerasThatCannotCountChangesNothing) {
-  const Rig rig = grid_rig(9, 9, {-0.1, 0, 0, 0, 0});
+  const rig::Rig rig = grid_rig(9, 9, {-0.1, 0, 0, 0, 0});
   const std::vector<int> all = all_cameras(rig);
   const double spacing = mean_nearest_baseline(rig);
   const RayWeightSettings weighing;
@@ -399,4 +399,4 @@ TEST(LumigraphWeights, LeavingOutCamerasThatCannotCountChangesNothing) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -12,14 +12,14 @@
 #include "testing/render/synthetic_take.h"
 #include "testing/render/test_function_matte.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using testing::FunctionMatte;
 
 struct Tried {
   const char* method;
-  OptionValues options;
+  schemas::OptionValues options;
 };
 
 class LightFieldsWithMattes : public ::testing::TestWithParam<Tried> {
@@ -40,7 +40,8 @@ class LightFieldsWithMattes : public ::testing::TestWithParam<Tried> {
     how_.focal_plane = {0, 0, 1, settings_.plane_depth};
   }
 
-  RenderedView render(std::shared_ptr<const FrameMatte> matte, bool reference = false) const {
+  RenderedView render(std::shared_ptr<const store::FrameMatte> matte,
+                      bool reference = false) const {
     RendererSettings settings;
     settings.matte = std::move(matte);
     settings.reference = reference;
@@ -52,9 +53,9 @@ class LightFieldsWithMattes : public ::testing::TestWithParam<Tried> {
   double alpha_at(double x) const { return std::clamp(0.5 + x / 1.5, 0.0, 1.0); }
 
   /// That, as each camera sees it.
-  std::shared_ptr<const FrameMatte> matte_of_plane() const {
+  std::shared_ptr<const store::FrameMatte> matte_of_plane() const {
     return std::make_shared<FunctionMatte>([this](int camera, double x, double y) {
-      const Rig::Camera& source = take_->rig().cameras[static_cast<std::size_t>(camera)];
+      const rig::Rig::Camera& source = take_->rig().cameras[camera];
       const auto direction = source.model.unproject({x, y});
       if (!direction) return 0.0;
       const Eigen::Vector3d ray = source.pose.world_from_camera_rotation * *direction;
@@ -78,9 +79,9 @@ class LightFieldsWithMattes : public ::testing::TestWithParam<Tried> {
   }
 
   testing::SyntheticTake settings_;
-  TestFolder folder_;
-  std::optional<Take> take_;
-  FrameSelection timeline_;
+  testing::TestFolder folder_;
+  std::optional<store::Take> take_;
+  store::FrameSelection timeline_;
   VirtualCamera view_;
   ReconstructionSettings how_;
 };
@@ -144,4 +145,4 @@ INSTANTIATE_TEST_SUITE_P(
     });
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

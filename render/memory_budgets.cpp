@@ -3,7 +3,7 @@
 
 #include "render/methods.h"
 
-namespace raystage {
+namespace raystage::render {
 
 bool caches_frames_only(const ReconstructionSettings& reconstruction) {
   const Method& method = method_named(reconstruction.method);
@@ -17,4 +17,4 @@ MemoryBudgets split_memory_budget(std::size_t bytes, const ReconstructionSetting
   return {bytes - 2 * quarter, quarter, quarter};
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -5,7 +5,7 @@
 
 #include "render/renderer.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Whether the method needs memory only for decoded frames; see Method::caches_frames_only.
 bool caches_frames_only(const ReconstructionSettings& reconstruction);
@@ -22,4 +22,4 @@ struct MemoryBudgets {
 /// decoded frames.
 MemoryBudgets split_memory_budget(std::size_t bytes, const ReconstructionSettings& reconstruction);
 
-}  // namespace raystage
+}  // namespace raystage::render

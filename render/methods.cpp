@@ -16,7 +16,7 @@
 #include "render/slabs/slabs.h"
 #include "render/sweep/plane_sweep.h"
 
-namespace raystage {
+namespace raystage::render {
 
 std::span<const Method* const> methods() {
   static const std::array all{&focal_plane_method(), &nearest_method(),     &aperture_method(),
@@ -56,4 +56,4 @@ std::string describe_methods() {
   return text;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -7,9 +7,9 @@
 
 #include "render/common/method.h"
 
-namespace raystage {
+namespace raystage::render {
 
-/// Returns all methods, sorted by name.
+/// Returns all methods.
 std::span<const Method* const> methods();
 
 /// Returns the method of that name, or null.
@@ -24,4 +24,4 @@ std::string method_names();
 /// Returns help for the user: one line per method, followed by its options.
 std::string describe_methods();
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -23,7 +23,7 @@
 #include "testing/render/extremes.h"
 #include "testing/render/test_matte.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using testing::extremes;
@@ -70,16 +70,16 @@ class MethodExtremes : public ::testing::TestWithParam<Setting> {
  protected:
   /// The array's take, with mattes that hold all of its pictures, a mesh of the painted plane, and
   /// a card that covers some of it.
-  const Take& take_of(const std::string& array, Scene scene) {
+  const store::Take& take_of(const std::string& array, Scene scene) {
     const std::string name = array + " " + std::to_string(static_cast<int>(scene));
     if (!takes_.contains(name)) {
       SyntheticTake take = testing::make_extreme_array(array);
       if (scene == Scene::kWhite) {
         take.scene = [](const auto&, const auto&) { return std::array<double, 3>{1, 1, 1}; };
       } else if (scene == Scene::kOneDepth) {
-        take.depth_range = DepthRange{take.plane_depth, take.plane_depth};
+        take.depth_range = schemas::DepthRange{take.plane_depth, take.plane_depth};
       } else if (scene == Scene::kDeep) {
-        take.depth_range = DepthRange{take.plane_depth / 2, take.plane_depth * 10};
+        take.depth_range = schemas::DepthRange{take.plane_depth / 2, take.plane_depth * 10};
       }
       if (GetParam().has("temporal")) take.frames = 2;
       write_synthetic_take(take, folder_.path() / name);
@@ -87,9 +87,9 @@ class MethodExtremes : public ::testing::TestWithParam<Setting> {
                             "v -9 -9 -4\nv 9 -9 -4\nv 9 9 -4\nv -9 9 -4\nf 1 2 3 4\n");
       write_file_atomically(
           folder_.path() / name / "card.json",
-          format_planes(
+          schemas::format_planes(
               {{{"card", {{-0.4, -0.4, -2}, {0.3, -0.4, -2}, {0.3, 0.3, -2}, {-0.4, 0.3, -2}}}}}));
-      for (const CameraGeometry& camera : take.cameras) {
+      for (const schemas::CameraGeometry& camera : take.cameras) {
         const std::vector<std::uint8_t> all(
             static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height), 255);
         testing::write_matte(folder_.path() / name, camera.id, 0, camera.width, camera.height, all);
@@ -124,8 +124,8 @@ class MethodExtremes : public ::testing::TestWithParam<Setting> {
 
   /// nullopt where the method refuses, as it may.
   std::optional<RenderedView> render(const ExtremeView& extreme, Scene scene, bool reference,
-                                     BlendSpace space = BlendSpace::kPerceptual) {
-    const Take& take = take_of(extreme.array, scene);
+                                     store::BlendSpace space = store::BlendSpace::kPerceptual) {
+    const store::Take& take = take_of(extreme.array, scene);
     RendererSettings settings;
     settings.reference = reference;
     settings.blend_space = space;
@@ -133,7 +133,7 @@ class MethodExtremes : public ::testing::TestWithParam<Setting> {
     if (GetParam().has("depth_map")) write_depth_map(take.folder() / "z.exr", extreme.view);
     try {
       return LightFieldRenderer(take, settings)
-          .render(extreme.view, select_frames(take, 0, 1),
+          .render(extreme.view, store::select_frames(take, 0, 1),
                   {GetParam().method, extreme.plane, options_from_text(GetParam().options)});
     } catch (const Error& error) {
       return std::nullopt;
@@ -141,8 +141,8 @@ class MethodExtremes : public ::testing::TestWithParam<Setting> {
   }
 
  private:
-  TestFolder folder_;
-  std::map<std::string, Take> takes_;
+  testing::TestFolder folder_;
+  std::map<std::string, store::Take> takes_;
 };
 
 /// What every rendered view must be; empty where it is.
@@ -218,7 +218,7 @@ Difference difference(const RenderedView& fast, const RenderedView& reference,
 /// That images are sound and alike must not be because they are empty.
 TEST_P(MethodExtremes, ImagesAreSoundSeeWhatCanBeSeenAndTheFastOneIsTheReference) {
   const Tolerance tolerance = tolerance_of(GetParam().method);
-  const std::vector<CameraGeometry> cameras = testing::make_extreme_array("grid").cameras;
+  const std::vector<schemas::CameraGeometry> cameras = testing::make_extreme_array("grid").cameras;
   const double pixel_metres = cameras[0].intrinsics.fx *
                               (cameras[1].world_from_camera[3] - cameras[0].world_from_camera[3]);
   for (const ExtremeView& extreme : rows()) {
@@ -248,7 +248,8 @@ TEST_P(MethodExtremes, ImagesAreSoundSeeWhatCanBeSeenAndTheFastOneIsTheReference
 TEST_P(MethodExtremes, AWhiteWorldStaysWhite) {
   for (const ExtremeView& extreme : rows()) {
     SCOPED_TRACE(extreme.name);
-    for (const BlendSpace space : {BlendSpace::kPerceptual, BlendSpace::kLinear}) {
+    for (const store::BlendSpace space :
+         {store::BlendSpace::kPerceptual, store::BlendSpace::kLinear}) {
       for (const bool reference : {false, true}) {
         if (reference && !has_quick_reference()) continue;
         const auto image = render(extreme, Scene::kWhite, reference, space);
@@ -268,7 +269,7 @@ std::vector<Setting> settings() {
   // Rougher than the reference by more than is asked here: weights every 16 pixels (up to 3 of 432
   // pixels differ), half as many samples (nearly all do), planes four times as far apart.
   static const std::set<std::string> rough{"weights=blending_field", "uv_scale=0.5",
-                                           "step_px=2,aggregation=box,look_up=linear"};
+                                           "step_px=2,aggregation=box,interpolation=linear"};
   std::vector<Setting> all;
   for (const Method* method : methods()) {
     all.push_back({std::string(method->name()), ""});
@@ -305,4 +306,4 @@ std::string name_of(const ::testing::TestParamInfo<Setting>& info) {
 INSTANTIATE_TEST_SUITE_P(Every, MethodExtremes, ::testing::ValuesIn(settings()), name_of);
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

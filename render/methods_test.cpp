@@ -10,7 +10,7 @@
 #include "base/atomic_file.h"
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 TEST(Methods, AreFoundByNameAndTheirOptionsAreSound) {
@@ -28,7 +28,7 @@ TEST(Methods, AreFoundByNameAndTheirOptionsAreSound) {
     EXPECT_NO_THROW(MethodOptions(method->options(), fallbacks.values(), method->name()))
         << method->name();
     for (const MethodPreset& preset : method->presets()) {
-      const OptionValues values = options_from_text(preset.options);
+      const schemas::OptionValues values = options_from_text(preset.options);
       EXPECT_FALSE(values.empty()) << method->name() << ' ' << preset.name;
       EXPECT_NO_THROW(MethodOptions(method->options(), values, method->name())) << preset.options;
     }
@@ -56,7 +56,7 @@ TEST(Methods, AreAllInTheDocuments) {
   const std::string artist = read_file(docs + "artist.md");
   const std::string performance = read_file(docs + "performance.md");
   const std::string farm = read_file(docs + "farm.md");
-  const std::size_t distributed = farm.find("| method | what crosses |");
+  const std::size_t distributed = farm.find("| method | what is sent |");
   const std::size_t refused = farm.find("Not distributed");
   ASSERT_LT(distributed, refused);
   ASSERT_NE(refused, std::string::npos);
@@ -73,4 +73,4 @@ TEST(Methods, AreAllInTheDocuments) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

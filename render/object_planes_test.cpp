@@ -17,7 +17,7 @@
 #include "render/renderer.h"
 #include "testing/render/synthetic_take.h"
 
-namespace raystage::object_planes_test {
+namespace raystage::render::object_planes_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -26,17 +26,18 @@ using ::testing::HasSubstr;
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-PlanesDocument::Plane card(double left, double right, double bottom, double top, double depth) {
+schemas::PlanesDocument::Plane card(double left, double right, double bottom, double top,
+                                    double depth) {
   return {
       "card",
       {{left, bottom, -depth}, {right, bottom, -depth}, {right, top, -depth}, {left, top, -depth}}};
 }
 
-std::vector<ObjectPlane> objects_of(std::vector<PlanesDocument::Plane> planes) {
+std::vector<ObjectPlane> objects_of(std::vector<schemas::PlanesDocument::Plane> planes) {
   return make_object_planes({std::move(planes)}, "planes.json");
 }
 
-std::string refusal(const PlanesDocument::Plane& plane) {
+std::string refusal(const schemas::PlanesDocument::Plane& plane) {
   try {
     objects_of({card(0, 1, 0, 1, 3), plane});
   } catch (const Error& error) {
@@ -46,7 +47,7 @@ std::string refusal(const PlanesDocument::Plane& plane) {
 }
 
 TEST(ObjectPlanes, WhatIsNoFlatConvexPolygonIsRefused) {
-  PlanesDocument::Plane bent = card(0, 1, 0, 1, 3);
+  schemas::PlanesDocument::Plane bent = card(0, 1, 0, 1, 3);
   bent.corners[2][2] = -3.3;
   EXPECT_THAT(refusal(bent), HasSubstr("m from the plane"));
   EXPECT_THAT(refusal(bent), HasSubstr("planes.json#/planes/1/corners"));
@@ -56,7 +57,7 @@ TEST(ObjectPlanes, WhatIsNoFlatConvexPolygonIsRefused) {
   EXPECT_THAT(refusal({"point", {{1, 1, 1}, {1, 1, 1}, {1, 1, 1}}}), HasSubstr("no area"));
   EXPECT_THAT(refusal({"arrow", {{0, 0, 0}, {2, 1, 0}, {0, 2, 0}, {1, 1, 0}}}),
               HasSubstr("not convex"));
-  PlanesDocument::Plane star{"star", {}};
+  schemas::PlanesDocument::Plane star{"star", {}};
   for (int i = 0; i < 5; ++i) {
     star.corners.push_back({std::cos(i * 144 * kDegree), std::sin(i * 144 * kDegree), 0});
   }
@@ -70,12 +71,12 @@ TEST(ObjectPlanes, RegionsAreWhatRaysMeetFirst) {
   for (int round = 0; round < 40; ++round) {
     // Polygons on circles anywhere around the view, also behind it and across its plane.
     const double scale = std::pow(10, 6 * any(random));
-    std::vector<PlanesDocument::Plane> planes;
+    std::vector<schemas::PlanesDocument::Plane> planes;
     for (int i = 0; i < 5; ++i) {
       const Eigen::Quaterniond turn =
           Eigen::Quaterniond(any(random), any(random), any(random), any(random)).normalized();
       const Vector3d middle(2 * any(random), 2 * any(random), 3 * any(random));
-      PlanesDocument::Plane plane{"p" + std::to_string(i), {}};
+      schemas::PlanesDocument::Plane plane{"p" + std::to_string(i), {}};
       for (int corner = 0; corner < 3 + i; ++corner) {
         const double angle = 2 * std::numbers::pi * corner / (3 + i) * (round % 2 == 0 ? 1 : -1);
         const Vector3d at =
@@ -85,7 +86,7 @@ TEST(ObjectPlanes, RegionsAreWhatRaysMeetFirst) {
       planes.push_back(plane);
     }
     const std::vector<ObjectPlane> objects = objects_of(planes);
-    Pose pose;
+    rig::Pose pose;
     pose.position = scale * Vector3d(any(random), any(random), any(random));
     const VirtualCamera view =
         virtual_camera_with_fov(48, 32, (round % 3 == 0 ? 150 : 60) * kDegree, pose);
@@ -97,9 +98,9 @@ TEST(ObjectPlanes, RegionsAreWhatRaysMeetFirst) {
       std::vector<std::size_t> owner(48, 99);
       int pixels = 0;
       for (std::size_t i = 0; i < regions.size(); ++i) {
-        for (const PixelInterval& interval : regions[i][static_cast<std::size_t>(y)]) {
+        for (const PixelInterval& interval : regions[i][y]) {
           for (int x = interval.begin; x < interval.end; ++x, ++pixels) {
-            owner[static_cast<std::size_t>(x)] = i;
+            owner[x] = i;
           }
         }
       }
@@ -114,7 +115,7 @@ TEST(ObjectPlanes, RegionsAreWhatRaysMeetFirst) {
           nearest = *along;
           first = i;
         }
-        differ += owner[static_cast<std::size_t>(x)] != first ? 1 : 0;
+        differ += owner[x] != first ? 1 : 0;
         met += first < objects.size() ? 1 : 0;
       }
     }
@@ -124,14 +125,14 @@ TEST(ObjectPlanes, RegionsAreWhatRaysMeetFirst) {
 }
 
 TEST(ObjectPlanes, AnEyeInItsPlaneMeetsNone) {
-  Pose pose;
+  rig::Pose pose;
   pose.position = {0, 0, -3};
   const VirtualCamera view = virtual_camera_with_fov(16, 8, 60 * kDegree, pose);
   const auto objects = objects_of({card(-1, 1, -1, 1, 3)});
   const auto regions = object_regions(view, objects);
   for (int y = 0; y < view.height; ++y) {
-    EXPECT_TRUE(regions[0][static_cast<std::size_t>(y)].empty());
-    EXPECT_THAT(regions[1][static_cast<std::size_t>(y)], ElementsAre(PixelInterval{0, 16}));
+    EXPECT_TRUE(regions[0][y].empty());
+    EXPECT_THAT(regions[1][y], ElementsAre(PixelInterval{0, 16}));
   }
 }
 
@@ -144,12 +145,12 @@ class CardBeforeWall : public ::testing::Test {
     settings.scene = [](const Vector3d& origin, const Vector3d& direction) {
       return seen(origin, direction);
     };
-    settings.depth_range = DepthRange{2, 6};
-    settings.jpeg.chroma = JpegEncodeSettings::Chroma::k444;
+    settings.depth_range = schemas::DepthRange{2, 6};
+    settings.jpeg.chroma = store::JpegEncodeSettings::Chroma::k444;
     write_synthetic_take(settings, folder_.path() / "take");
     take_.emplace(folder_.path() / "take");
     write_file_atomically(folder_.path() / "take" / "planes.json",
-                          format_planes({{card(-0.35, 0.3, -0.4, 0.25, 2)}}));
+                          schemas::format_planes({{card(-0.35, 0.3, -0.4, 0.25, 2)}}));
   }
 
   static std::array<double, 3> seen(const Vector3d& origin, const Vector3d& direction) {
@@ -161,14 +162,14 @@ class CardBeforeWall : public ::testing::Test {
     return {0.3 + 0.2 * wave, on_card ? 0.6 : 0.2, 0.3 - 0.2 * wave};
   }
 
-  RenderedView render(const VirtualCamera& view, const OptionValues& options, bool reference,
-                      const std::string& method = "focal_plane") const {
+  RenderedView render(const VirtualCamera& view, const schemas::OptionValues& options,
+                      bool reference, const std::string& method = "focal_plane") const {
     RendererSettings settings;
     settings.reference = reference;
     settings.count_needed_pixels = true;
     return LightFieldRenderer(*take_, settings)
-        .render(view, select_frames(*take_, 0, 1'000'000),
-                {method, fronto_parallel_plane(take_->rig(), 6), options});
+        .render(view, store::select_frames(*take_, 0, 1'000'000),
+                {method, rig::fronto_parallel_plane(take_->rig(), 6), options});
   }
 
   /// Root mean square against the truth, sRGB codes, over covered pixels; not at the card's edges,
@@ -198,12 +199,12 @@ class CardBeforeWall : public ::testing::Test {
     return std::sqrt(squares / count);
   }
 
-  TestFolder folder_;
-  std::optional<Take> take_;
+  testing::TestFolder folder_;
+  std::optional<store::Take> take_;
 };
 
 VirtualCamera between_cameras() {
-  Pose pose;
+  rig::Pose pose;
   pose.position = {0.013, -0.017, 0.02};
   return virtual_camera_with_fov(140, 100, 45 * kDegree, pose);
 }
@@ -217,7 +218,7 @@ TEST_F(CardBeforeWall, IsSharpOnBothPlanesOfItsOwn) {
 }
 
 TEST_F(CardBeforeWall, AgreesWithTheReference) {
-  const OptionValues options{{"objects", std::string("planes.json")}};
+  const schemas::OptionValues options{{"objects", std::string("planes.json")}};
   VirtualCamera turned = between_cameras();
   turned.pose.position = {0.1, 0.05, 0.3};
   turned.pose.world_from_camera_rotation =
@@ -249,7 +250,7 @@ TEST_F(CardBeforeWall, AgreesWithTheReference) {
 
 TEST_F(CardBeforeWall, IsPartOfTheFingerprint) {
   const Method& method = method_named("focal_plane");
-  const FrameSelection frames = select_frames(*take_, 0, 1'000'000);
+  const store::FrameSelection frames = store::select_frames(*take_, 0, 1'000'000);
   EXPECT_TRUE(method.input_files(MethodOptions(method.options(), {}, "focal_plane"), *take_, frames)
                   .empty());
   EXPECT_THAT(
@@ -261,4 +262,4 @@ TEST_F(CardBeforeWall, IsPartOfTheFingerprint) {
 }
 
 }  // namespace
-}  // namespace raystage::object_planes_test
+}  // namespace raystage::render::object_planes_test

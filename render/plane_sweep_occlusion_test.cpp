@@ -3,8 +3,10 @@
 
 #include "testing/render/test_sweep.h"
 
-namespace raystage::testing {
+namespace raystage::render {
 namespace {
+
+using testing::PlaneSweep;
 
 /// Of a view of step_edge(): the share of pixels, `beside` pixels off the edge and more, whose
 /// depth is not that of their side.
@@ -14,12 +16,12 @@ double wrong_side(const RenderedView& image, const VirtualCamera& view, int besi
   for (int y = 4; y < view.height - 4; ++y) {
     for (int x = 4; x < view.width - 4; ++x) {
       const auto side = [&](double at) {
-        return hits_wall(view.pose.position, *rays.through(at, y + 0.5));
+        return testing::hits_wall(view.pose.position, *rays.through(at, y + 0.5));
       };
       if (side(x + 0.5 - beside) != side(x + 0.5 + beside)) continue;
-      const Plane& plane = side(x + 0.5) ? kFront : kBack;
+      const testing::Plane& plane = side(x + 0.5) ? testing::kFront : testing::kBack;
       const double depth = plane.distance(view.pose.position, *rays.through(x + 0.5, y + 0.5));
-      const auto found = static_cast<double>(image.z[static_cast<std::size_t>(y * view.width + x)]);
+      const auto found = static_cast<double>(image.z[y * view.width + x]);
       wrong += std::abs(found / depth - 1) > 0.05;
       ++count;
     }
@@ -28,26 +30,26 @@ double wrong_side(const RenderedView& image, const VirtualCamera& view, int besi
 }
 
 TEST_F(PlaneSweep, KeepsTheTwoSidesOfAStepApart) {
-  const Take take = write(step_edge());
-  EXPECT_LT(wrong_side(render(take, default_view()), default_view(), 4), 0.02);
+  const store::Take take = write(step_edge());
+  EXPECT_LT(wrong_side(render(take, testing::default_view()), testing::default_view(), 4), 0.02);
 }
 
 /// A dark wall before a bright one, of little texture: what it costs to jump between them is more
 /// than what costs there can tell.
 TEST_F(PlaneSweep, LetsDepthJumpWhereLightDoes) {
-  SyntheticTake settings = step_edge();
+  testing::SyntheticTake settings = step_edge();
   settings.scene = [](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
-    const bool wall = hits_wall(from, direction);
-    const Plane& plane = wall ? kFront : kBack;
+    const bool wall = testing::hits_wall(from, direction);
+    const testing::Plane& plane = wall ? testing::kFront : testing::kBack;
     const Eigen::Vector3d hit = from + plane.distance(from, direction) * direction;
-    auto rgb = texture(hit.x(), hit.y() + plane.c);
+    auto rgb = testing::texture(hit.x(), hit.y() + plane.c);
     for (double& c : rgb) c = (wall ? 0.02 : 0.5) + 0.3 * c;
     return rgb;
   };
-  const Take take = write(settings);
+  const store::Take take = write(settings);
   const auto wrong = [&](double edge_scale) {
-    return wrong_side(render(take, default_view(), {{"edge_scale", edge_scale}}), default_view(),
-                      1);
+    return wrong_side(render(take, testing::default_view(), {{"edge_scale", edge_scale}}),
+                      testing::default_view(), 1);
   };
   EXPECT_LT(wrong(2), 0.02);
   EXPECT_GT(wrong(0), 0.05);
@@ -55,25 +57,25 @@ TEST_F(PlaneSweep, LetsDepthJumpWhereLightDoes) {
 
 /// Something that a single camera of nine looks at, as if it stood right before its lens.
 TEST_F(PlaneSweep, LeavesOutTheCameraThatSeesSomethingElse) {
-  SyntheticTake settings = slanted(3, 3);
+  testing::SyntheticTake settings = slanted(3, 3);
   const auto scene = settings.scene;
   settings.scene = [scene](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
     return from.norm() < 1e-9 ? std::array<double, 3>{1, 1, 1} : scene(from, direction);
   };
-  const Take take = write(settings);
-  const VirtualCamera view = default_view();
+  const store::Take take = write(settings);
+  const VirtualCamera view = testing::default_view();
   const auto errors = [&](double left_out) {
-    return measure_slanted_errors(
+    return testing::measure_slanted_errors(
         render(
             take, view,
             {{"outlier_cameras", left_out}, {"cameras", 6.0}, {"aggregation", std::string("box")}}),
         view);
   };
-  const SlantedErrors all = errors(0), selected = errors(1);
+  const testing::SlantedErrors all = errors(0), selected = errors(1);
   EXPECT_LT(selected.disparity, 0.75 * all.disparity);
   EXPECT_LT(selected.disparity, 0.2);
   EXPECT_LT(selected.colour, 0.2 * all.colour);  // nor is what it sees blended
 }
 
 }  // namespace
-}  // namespace raystage::testing
+}  // namespace raystage::render

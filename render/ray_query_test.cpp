@@ -17,7 +17,7 @@
 #include "testing/render/synthetic_take.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -26,24 +26,24 @@ using testing::SyntheticTake;
 
 class RayQuery : public ::testing::Test {
  protected:
-  Take write(std::vector<std::pair<int, int>> absent = {}) {
+  store::Take write(std::vector<std::pair<int, int>> absent = {}) {
     SyntheticTake settings;
     settings.cameras = testing::camera_grid(4, 4, 0.06, 160, 120, {-0.15, 0.02, 0, 0, 0});
     settings.absent = std::move(absent);
     write_synthetic_take(settings, folder_.path() / "take");
-    return Take(folder_.path() / "take");
+    return store::Take(folder_.path() / "take");
   }
-  static std::vector<RaySample> ask(const Take& take, const std::vector<WorldRay>& rays,
+  static std::vector<RaySample> ask(const store::Take& take, const std::vector<WorldRay>& rays,
                                     const ReconstructionSettings& reconstruction,
                                     bool reference = false) {
     RendererSettings settings;
     settings.reference = reference;
     std::vector<RaySample> samples(rays.size());
     LightFieldRenderer(take, settings)
-        .query(rays, select_frames(take, 0, 1), reconstruction, samples);
+        .query(rays, store::select_frames(take, 0, 1), reconstruction, samples);
     return samples;
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 /// From all over, most of them towards the scene.
@@ -76,7 +76,7 @@ void expect_equal(const std::vector<RaySample>& fast, const std::vector<RaySampl
 }
 
 TEST_F(RayQuery, AgreesWithTheReference) {
-  const Take take = write();
+  const store::Take take = write();
   write_file_atomically(take.folder() / "wall.obj",
                         "v -9 -9 -4\nv 9 -9 -4\nv 9 9 -4\nv -9 9 -4\nf 1 2 3 4\n");
   const std::vector<WorldRay> rays = some_rays(3000);
@@ -93,7 +93,7 @@ TEST_F(RayQuery, AgreesWithTheReference) {
 }
 
 TEST_F(RayQuery, AgreesWithTheReferenceOnEveryInstructionSet) {
-  const Take take = write();
+  const store::Take take = write();
   const std::vector<WorldRay> rays = some_rays(500);
   const ReconstructionSettings reconstruction{"lumigraph", {0, 0, 1, 4}};
   const std::vector<RaySample> reference = ask(take, rays, reconstruction, true);
@@ -102,12 +102,12 @@ TEST_F(RayQuery, AgreesWithTheReferenceOnEveryInstructionSet) {
 }
 
 TEST_F(RayQuery, AnswersAViewsRaysAsTheViewIsRendered) {
-  const Take take = write();
+  const store::Take take = write();
   VirtualCamera view = virtual_camera_with_fov(90, 70, 0.7, {});
   view.pose.position = {0.013, -0.02, 0.1};
   const ReconstructionSettings reconstruction{"lumigraph", {0.1, 0, 1, 3.5}};
   const RenderedView image =
-      LightFieldRenderer(take, {}).render(view, select_frames(take, 0, 1), reconstruction);
+      LightFieldRenderer(take, {}).render(view, store::select_frames(take, 0, 1), reconstruction);
   std::vector<WorldRay> rays;
   for (int y = 0; y < view.height; ++y) {
     for (int x = 0; x < view.width; ++x) {
@@ -128,7 +128,7 @@ TEST_F(RayQuery, AnswersAViewsRaysAsTheViewIsRendered) {
 }
 
 TEST_F(RayQuery, ARayThroughACameraIsItsOwnAndSaysHowNear) {
-  const Take take = write();
+  const store::Take take = write();
   const Vector3d centre = take.rig().cameras[5].pose.position;
   const Vector3d direction = Vector3d(0.1, 0.05, -1).normalized();
   const auto samples = ask(take,
@@ -145,7 +145,7 @@ TEST_F(RayQuery, ARayThroughACameraIsItsOwnAndSaysHowNear) {
 }
 
 TEST_F(RayQuery, WhatIsNoRayOrSeesNothingIsTransparent) {
-  const Take take = write({{5, 0}});
+  const store::Take take = write({{5, 0}});
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const double infinity = std::numeric_limits<double>::infinity();
   const auto samples = ask(take,
@@ -167,7 +167,7 @@ TEST_F(RayQuery, WhatIsNoRayOrSeesNothingIsTransparent) {
 }
 
 TEST_F(RayQuery, MethodsThatChooseForViewsRefuseRaysAndSayWhy) {
-  const Take take = write();
+  const store::Take take = write();
   const auto refused = [&](const ReconstructionSettings& reconstruction) -> std::string {
     try {
       ask(take, {{{0, 0, 0}, {0, 0, -1}}}, reconstruction);
@@ -183,7 +183,7 @@ TEST_F(RayQuery, MethodsThatChooseForViewsRefuseRaysAndSayWhy) {
 }
 
 TEST_F(RayQuery, SlabsAreAnsweredOnTheFocalPlane) {
-  const Take take = write();
+  const store::Take take = write();
   const std::vector<WorldRay> rays = some_rays(300);
   const std::vector<RaySample> slabs = ask(take, rays, {"slabs", {0, 0.1, 1, 3}});
   const std::vector<RaySample> plane = ask(take, rays, {"lumigraph", {0, 0.1, 1, 3}});
@@ -194,7 +194,7 @@ TEST_F(RayQuery, SlabsAreAnsweredOnTheFocalPlane) {
 }
 
 TEST_F(RayQuery, SameBytesForAnyNumberOfThreads) {
-  const Take take = write();
+  const store::Take take = write();
   const std::vector<WorldRay> rays = some_rays(5000);
   std::vector<std::vector<RaySample>> answers;
   for (const std::size_t threads : {1, 2, 5}) {
@@ -209,4 +209,4 @@ TEST_F(RayQuery, SameBytesForAnyNumberOfThreads) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -23,10 +23,10 @@
 #include "render/methods.h"
 #include "store/processing/frames/frame_cache.h"
 
-namespace raystage {
+namespace raystage::render {
 
 struct LightFieldRenderer::State {
-  State(const Take& of_take, const RendererSettings& with_settings)
+  State(const store::Take& of_take, const RendererSettings& with_settings)
       : take(of_take),
         settings(with_settings),
         cache(of_take, cache_bytes(with_settings), with_settings.blend_space, with_settings.matte),
@@ -42,37 +42,37 @@ struct LightFieldRenderer::State {
     return settings.matte ? settings.cache_bytes / 4 * 3 : settings.cache_bytes;
   }
 
-  const Take& take;
+  const store::Take& take;
   RendererSettings settings;
-  FrameCache cache;
-  std::optional<FrameCache> opaque;  // the frames without their matte
+  store::FrameCache cache;
+  std::optional<store::FrameCache> opaque;  // the frames without their matte
   std::shared_ptr<ResultCache> result_cache;
   BufferPool buffers;
   std::vector<int> included_cameras;  // cameras that are not excluded
   std::mutex mutex;
-  std::map<std::vector<int>, std::shared_ptr<const Topology>> topologies;  // by cameras present
+  std::map<std::vector<int>, std::shared_ptr<const rig::Topology>>
+      topologies;  // by cameras present
 
-  std::shared_ptr<const Topology> topology(const std::vector<int>& cameras) {
+  std::shared_ptr<const rig::Topology> topology(const std::vector<int>& cameras) {
     constexpr std::size_t kMost =
         64;  // limits takes whose set of present cameras changes at every frame
     const std::scoped_lock lock(mutex);
     if (topologies.size() >= kMost && !topologies.contains(cameras)) topologies.clear();
     auto& known = topologies[cameras];
-    if (!known) known = std::make_shared<const Topology>(make_topology(take.rig(), cameras));
+    if (!known)
+      known = std::make_shared<const rig::Topology>(rig::make_topology(take.rig(), cameras));
     return known;
   }
 
-  std::vector<int> frames_of_members(const FrameSelection& frames) const {
+  std::vector<int> frames_of_members(const store::FrameSelection& frames) const {
     std::vector<int> of_camera(static_cast<std::size_t>(take.camera_count()), -1);
-    for (const int camera : included_cameras) {
-      of_camera[static_cast<std::size_t>(camera)] = frames.frame[static_cast<std::size_t>(camera)];
-    }
+    for (const int camera : included_cameras) of_camera[camera] = frames.frame[camera];
     return of_camera;
   }
 
   std::vector<std::vector<int>> adjacent_frames(Nanoseconds time) const {
-    const std::span<const FrameSelection> ticks = settings.ticks;
-    const auto now = nearest_tick(ticks, time);
+    const std::span<const store::FrameSelection> ticks = settings.ticks;
+    const auto now = store::nearest_tick(ticks, time);
     std::vector<std::vector<int>> beside;
     if (!now) return beside;
     if (*now > 0) beside.push_back(frames_of_members(ticks[*now - 1]));
@@ -81,7 +81,7 @@ struct LightFieldRenderer::State {
   }
 
   /// Returns the light field frame, without topologies where no camera is present.
-  LightFieldFrame instant(const FrameSelection& frames) {
+  LightFieldFrame instant(const store::FrameSelection& frames) {
     LightFieldFrame instant;
     instant.take = &take;
     instant.time_ns = frames.time_ns;
@@ -94,10 +94,7 @@ struct LightFieldRenderer::State {
     instant.included_cameras = included_cameras;
     instant.cache_folder = settings.cache_folder;
     instant.stored_data_counts = settings.stored_data_counts.get();
-    std::vector<int> present;
-    for (const int camera : included_cameras) {
-      if (instant.is_present(camera)) present.push_back(camera);
-    }
+    const std::vector<int> present = instant.present_cameras();
     if (present.empty()) return instant;
     instant.present = topology(present);
     instant.complete = present == included_cameras ? instant.present : topology(included_cameras);
@@ -106,7 +103,7 @@ struct LightFieldRenderer::State {
 
   /// Computes the weights of all cameras: their contribution with white frames.
   void add_weights(const Method& method, const ViewRequest& request, Contribution& all) const {
-    FrameCache white = FrameCache::white(take, cache.blend_space());
+    store::FrameCache white = store::FrameCache::white(take, cache.blend_space());
     LightFieldFrame of_white = request.instant;
     of_white.cache = &white;
     ResultCache none(0);
@@ -139,21 +136,11 @@ struct LightFieldRenderer::State {
       LightFieldFrame own = request.instant;
       own.rank_of_camera = settings.rank_of_camera;
       own.this_rank = settings.this_rank;
-      ViewRequest of_own{request.view,
-                         own,
-                         request.focal_plane,
-                         request.options,
-                         request.result_cache,
-                         request.working_bytes,
-                         request.buffers,
-                         request.count_needed_pixels,
-                         false,
-                         request.use_take_folder,
-                         request.supersampling,
-                         request.first_row,
-                         request.full_height,
-                         group};
-      return method.contribute(of_own);
+      return method.contribute({request.view, own, request.focal_plane, request.options,
+                                request.result_cache, request.working_bytes, request.buffers,
+                                request.count_needed_pixels, false, request.use_take_folder,
+                                request.supersampling, request.first_row, request.full_height,
+                                group});
     });
     if (settings.hosts->omits_weights(asked)) add_weights(method, request, all);
     RenderedView image = method.combine(request, std::move(all.planes));
@@ -185,7 +172,7 @@ std::size_t bytes_per_pixel(const Method& method, const RendererSettings& settin
 }
 
 std::size_t pixels_of(const VirtualCamera& view) {
-  return static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
+  return static_cast<std::size_t>(view.width) * view.height;
 }
 
 /// Returns the samples per axis for a pixel that covers `ratio` pixels of the cameras. Steps of up
@@ -196,7 +183,7 @@ int wanted_supersampling(double ratio) {
 
 bool is_row_independent(const Method& method, const MethodOptions& options,
                         const VirtualCamera& view) {
-  return method.is_row_independent(options) && view.intrinsics.distortion == Distortion{};
+  return method.is_row_independent(options) && view.intrinsics.distortion == schemas::Distortion{};
 }
 
 /// How a view is sampled: `factor` times along each axis, `rows` of its rows at a time.
@@ -233,7 +220,7 @@ double filtered_pixels(const VirtualCamera& view, const LightFieldFrame& instant
   Eigen::Vector4d plane = focal_plane;
   const auto scene = instant.take->document().depth_range;
   if (!method.uses_focal_plane() && scene) {
-    plane = fronto_parallel_plane(*instant.rig, optimal_focal_depth(*scene));
+    plane = rig::fronto_parallel_plane(*instant.rig, rig::optimal_focal_depth(*scene));
   }
   const double ratio = source_pixels_per_pixel(view, instant, plane);
   return ratio > 0 ? ratio : source_pixels_per_pixel(view, instant, {0, 0, 0, 1});
@@ -271,7 +258,7 @@ void check_ray_query_support(const ReconstructionSettings& reconstruction) {
   chosen.method.check_ray_support(chosen.options);
 }
 
-LightFieldRenderer::LightFieldRenderer(const Take& take, const RendererSettings& settings)
+LightFieldRenderer::LightFieldRenderer(const store::Take& take, const RendererSettings& settings)
     : state_(std::make_unique<State>(take, settings)) {
   for (int camera = 0; camera < take.camera_count(); ++camera) {
     const auto& excluded_cameras = settings.excluded_cameras;
@@ -288,7 +275,8 @@ LightFieldRenderer::LightFieldRenderer(const Take& take, const RendererSettings&
 
 LightFieldRenderer::~LightFieldRenderer() = default;
 
-RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSelection& frames,
+RenderedView LightFieldRenderer::render(const VirtualCamera& view,
+                                        const store::FrameSelection& frames,
                                         const ReconstructionSettings& reconstruction) const {
   const ChosenMethod chosen = chosen_by(reconstruction);
   const Method& method = chosen.method;
@@ -302,16 +290,14 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   if (!instant.present) {
     RenderedView nothing = empty_view(view);
     if (state_->settings.measure_confidence) nothing.confidence = nothing.coverage;
-    if (!state_->settings.measure_coverage) return nothing;
-    nothing.cameras.assign(nothing.coverage.size(), 0.0F);
-    nothing.nearest_ray = nothing.z;  // infinity
+    if (state_->settings.measure_coverage) clear_coverage_measures(nothing);
     return nothing;
   }
 
   const double ratio = filtered_pixels(view, instant, method, reconstruction.focal_plane);
   const auto [factor, rows] =
       sampling_of(ratio, view, state_->settings, is_row_independent(method, options, view));
-  const bool distorted = !(view.intrinsics.distortion == Distortion{});
+  const bool distorted = !(view.intrinsics.distortion == schemas::Distortion{});
   const bool by_reference = state_->settings.reference || distorted;
   const bool is_together =
       state_->settings.hosts != nullptr && is_summed(method.distribution(options));
@@ -352,7 +338,7 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
         "the view's lens distorts: each ray was computed by the slow reference; the times do not "
         "apply to other views");
   }
-  if (reconstruction.fill == HoleFill::kPushPull) {
+  if (reconstruction.fill == schemas::HoleFill::kPushPull) {
     const auto fill = state_->settings.reference ? fill_push_pull_reference : fill_push_pull;
     fill(image);
   }
@@ -388,7 +374,8 @@ Contribution LightFieldRenderer::contribute(const DistributedViewRequest& view,
                             view.full_height, group});
 }
 
-std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view, const FrameSelection& frames,
+std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view,
+                                           const store::FrameSelection& frames,
                                            const ReconstructionSettings& reconstruction) const {
   const LightFieldFrame instant = state_->instant(frames);
   const auto& [method, options] = chosen_by(reconstruction);
@@ -405,7 +392,7 @@ std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view, const Fram
   return bytes + (pixels_of(fine) + part) * of_pixel;  // samples and their mean
 }
 
-void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelection& frames,
+void LightFieldRenderer::query(std::span<const WorldRay> rays, const store::FrameSelection& frames,
                                const ReconstructionSettings& reconstruction,
                                std::span<RaySample> samples) const {
   const LightFieldFrame instant = state_->instant(frames);
@@ -425,7 +412,7 @@ void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelect
   answer(rays, instant, surface, weighing, samples);
 }
 
-std::filesystem::path LightFieldRenderer::stored_file(const FrameSelection& frames,
+std::filesystem::path LightFieldRenderer::stored_file(const store::FrameSelection& frames,
                                                       const ReconstructionSettings& reconstruction,
                                                       QueryKind as) const {
   const auto& [method, options] = storing(reconstruction, as);
@@ -434,7 +421,7 @@ std::filesystem::path LightFieldRenderer::stored_file(const FrameSelection& fram
   return method.stored_file(options, instant);
 }
 
-StoreResult LightFieldRenderer::store(const FrameSelection& frames,
+StoreResult LightFieldRenderer::store(const store::FrameSelection& frames,
                                       const ReconstructionSettings& reconstruction,
                                       QueryKind as) const {
   if (stored_file(frames, reconstruction, as).empty()) return {};
@@ -442,17 +429,17 @@ StoreResult LightFieldRenderer::store(const FrameSelection& frames,
   return method.store(options, state_->instant(frames), state_->settings.working_bytes);
 }
 
-void LightFieldRenderer::read_ahead(const FrameSelection& frames) const {
+void LightFieldRenderer::read_ahead(const store::FrameSelection& frames) const {
   for (const int camera : state_->included_cameras) {
-    const int frame = frames.frame[static_cast<std::size_t>(camera)];
+    const int frame = frames.frame[camera];
     if (frame >= 0) state_->cache.read_ahead(camera, frame);
   }
 }
 
 int LightFieldRenderer::frames_read_ahead() const { return state_->cache.frames_read_ahead(); }
 
-DecodeCosts LightFieldRenderer::decode_costs() const {
-  DecodeCosts costs = state_->cache.decode_costs();
+store::DecodeCosts LightFieldRenderer::decode_costs() const {
+  store::DecodeCosts costs = state_->cache.decode_costs();
   if (state_->opaque) costs += state_->opaque->decode_costs();
   return costs;
 }
@@ -461,4 +448,4 @@ std::size_t LightFieldRenderer::decoded_bytes_cached() const {
   return state_->cache.bytes_held() + (state_->opaque ? state_->opaque->bytes_held() : 0);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -22,7 +22,7 @@
 #include "store/take.h"
 #include "store/timeline.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Selects how rays are reconstructed.
 struct ReconstructionSettings {
@@ -30,8 +30,8 @@ struct ReconstructionSettings {
   /// a x + b y + c z + d = 0 in the world; (0, 0, 0, 1) lies at infinity. See
   /// fronto_parallel_plane().
   Eigen::Vector4d focal_plane{0, 0, 0, 1};
-  OptionValues options = {};  ///< of the method, by name; see Method::options()
-  HoleFill fill = HoleFill::kNone;
+  schemas::OptionValues options = {};  ///< of the method, by name; see Method::options()
+  schemas::HoleFill fill = schemas::HoleFill::kNone;
 };
 
 struct RendererSettings {
@@ -39,7 +39,7 @@ struct RendererSettings {
   /// The matte of the frames; null: everything is visible. `depth` searches for surfaces in the
   /// frames without matte, for which a quarter of the cache is reserved; its results are valid for
   /// every matte.
-  std::shared_ptr<const FrameMatte> matte = nullptr;
+  std::shared_ptr<const store::FrameMatte> matte = nullptr;
   std::size_t result_cache_bytes = std::size_t{1} << 30;  ///< budget of the result cache
   /// The result cache, shared with other renderers of the same take and cameras. Null: the renderer
   /// creates its own, of `result_cache_bytes`.
@@ -49,8 +49,8 @@ struct RendererSettings {
   /// The take's timeline, by increasing time, for methods that use temporal neighbours: the ticks
   /// before and after the one nearest to the requested frames, within half a tick. Empty: none.
   /// Must outlive the renderer.
-  std::span<const FrameSelection> ticks;
-  BlendSpace blend_space = BlendSpace::kPerceptual;
+  std::span<const store::FrameSelection> ticks;
+  store::BlendSpace blend_space = store::BlendSpace::kPerceptual;
   /// Maximum supersampling along each axis, 1 to 64; 1: never. Views with less resolution than the
   /// light field are rendered with an integer multiple of their pixels, large enough for steps as
   /// short as the cameras' pixels, and averaged in linear light (thesis 5.3). The samples held at
@@ -90,13 +90,13 @@ void check_ray_query_support(const ReconstructionSettings& reconstruction);
 class LightFieldRenderer {
  public:
   /// Throws Error (bad input) where all cameras are excluded. Keeps a reference to `take`.
-  LightFieldRenderer(const Take& take, const RendererSettings& settings);
+  LightFieldRenderer(const store::Take& take, const RendererSettings& settings);
   ~LightFieldRenderer();
 
   /// Renders a view. Adds a note to views with at least one and a half times the light field's
   /// resolution, and to views with too little supersampling. Throws Error (bad input) for an
   /// unknown method, unknown options and frames that cannot be read.
-  RenderedView render(const VirtualCamera& view, const FrameSelection& frames,
+  RenderedView render(const VirtualCamera& view, const store::FrameSelection& frames,
                       const ReconstructionSettings& reconstruction) const;
 
   /// Returns the contribution of this rank's cameras to a view that another rank assembles.
@@ -105,16 +105,16 @@ class LightFieldRenderer {
 
   /// Returns the bytes of the view's own values while it is rendered, including requested measures
   /// and, with supersampling, both the samples and their mean.
-  std::size_t view_bytes(const VirtualCamera& view, const FrameSelection& frames,
+  std::size_t view_bytes(const VirtualCamera& view, const store::FrameSelection& frames,
                          const ReconstructionSettings& reconstruction) const;
 
   /// Starts reading from disk the frames that a later render() will need. This is a hint: frames of
   /// cameras that earlier views did not use are not read.
-  void read_ahead(const FrameSelection& frames) const;
+  void read_ahead(const store::FrameSelection& frames) const;
   /// Returns how many of those frames were requested before they were decoded.
   int frames_read_ahead() const;
   /// Returns the cost of decoding frames since the renderer was created.
-  DecodeCosts decode_costs() const;
+  store::DecodeCosts decode_costs() const;
   /// Returns the bytes of decoded frames cached for later views: at most
   /// RendererSettings::cache_bytes, unless a single frame is larger.
   std::size_t decoded_bytes_cached() const;
@@ -131,23 +131,23 @@ class LightFieldRenderer {
   ///                ignored
   /// Throws Error (bad input) as render(), for `auto`, which chooses only for views, and for
   /// `slabs` in a box, which has a focal plane per face.
-  void query(std::span<const WorldRay> rays, const FrameSelection& frames,
+  void query(std::span<const WorldRay> rays, const store::FrameSelection& frames,
              const ReconstructionSettings& reconstruction, std::span<RaySample> samples) const;
 
   /// Returns the file in which render() or query() stores what the method derives once per light
   /// field frame (Method::stored_file); empty: none. Empty also for `auto`, which chooses a method
   /// when it renders. Throws Error (bad input) as render() does.
-  std::filesystem::path stored_file(const FrameSelection& frames,
+  std::filesystem::path stored_file(const store::FrameSelection& frames,
                                     const ReconstructionSettings& reconstruction,
                                     QueryKind as) const;
   /// Writes that file, unless it exists and is complete: the same bytes as render() and query()
   /// write. Throws Error as render() does.
-  StoreResult store(const FrameSelection& frames, const ReconstructionSettings& reconstruction,
-                    QueryKind as) const;
+  StoreResult store(const store::FrameSelection& frames,
+                    const ReconstructionSettings& reconstruction, QueryKind as) const;
 
  private:
   struct State;
   std::unique_ptr<State> state_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -15,7 +15,7 @@
 #include "testing/render/synthetic_take.h"
 #include "testing/render/test_matte.h"
 
-namespace raystage::row_bands_test {
+namespace raystage::render::row_bands_test {
 namespace {
 
 constexpr int kWidth = 20, kHeight = 15, kFactor = 6;
@@ -34,7 +34,7 @@ class Bands : public ::testing::Test {
     write_synthetic_take(settings, folder_.path() / "take");
     std::vector<std::uint8_t> codes(std::size_t{160} * 120, 0);
     for (int y = 30; y < 90; ++y) std::fill_n(codes.begin() + y * 160 + 40, 80, std::uint8_t{255});
-    for (const CameraGeometry& camera : settings.cameras) {
+    for (const schemas::CameraGeometry& camera : settings.cameras) {
       testing::write_matte(folder_.path() / "take", camera.id, 0, 160, 120, codes);
     }
     write_file_atomically(folder_.path() / "take" / "wall.obj",
@@ -46,21 +46,21 @@ class Bands : public ::testing::Test {
 
   /// Behind the array: different rows of it pass between different cameras.
   static VirtualCamera view() {
-    Pose pose;
+    rig::Pose pose;
     pose.position = {0.013, 0.01, 0.1};
     return virtual_camera_with_fov(kWidth, kHeight, 50 * std::numbers::pi / 180, pose);
   }
-  FrameSelection frames() const { return select_frames(*take_, 0, 1); }
+  store::FrameSelection frames() const { return store::select_frames(*take_, 0, 1); }
   RenderedView render(const RendererSettings& settings, const ReconstructionSettings& how) const {
     return LightFieldRenderer(*take_, settings).render(view(), frames(), how);
   }
 
-  TestFolder folder_;
-  std::optional<Take> take_;
+  testing::TestFolder folder_;
+  std::optional<store::Take> take_;
   RendererSettings in_bands_;
 };
 
-ReconstructionSettings by(const std::string& method, const OptionValues& options = {}) {
+ReconstructionSettings by(const std::string& method, const schemas::OptionValues& options = {}) {
   return {method, kPlane, options};
 }
 
@@ -151,17 +151,18 @@ TEST_F(Bands, HoldTheSamplesOfOneAtATime) {
 TEST_F(Bands, DecodeLittleMoreThanTheWhole) {
   testing::SyntheticTake settings;
   settings.cameras = testing::camera_grid(2, 2, 0.06, 640, 480);
-  settings.jpeg.chroma = JpegEncodeSettings::Chroma::k420;  // reaches across the bands' borders
+  settings.jpeg.chroma =
+      store::JpegEncodeSettings::Chroma::k420;  // reaches across the bands' borders
   write_synthetic_take(settings, folder_.path() / "fine");
-  const Take take(folder_.path() / "fine");
+  const store::Take take(folder_.path() / "fine");
   constexpr int kWide = 80, kHigh = 60, kTimes = 6, kRowsOfBand = 24;
-  Pose pose;
+  rig::Pose pose;
   pose.position = {0.013, 0.01, 0};
   const VirtualCamera view =
       virtual_camera_with_fov(kWide, kHigh, 50 * std::numbers::pi / 180, pose);
   const auto rendered = [&](const RendererSettings& with, const ReconstructionSettings& how) {
     RenderedView image =
-        LightFieldRenderer(take, with).render(view, select_frames(take, 0, 1), how);
+        LightFieldRenderer(take, with).render(view, store::select_frames(take, 0, 1), how);
     EXPECT_EQ(image.statistics.supersampling, kTimes);
     return image;
   };
@@ -255,4 +256,4 @@ TEST_F(Bands, OfAMethodCountNothingTwice) {
 }
 
 }  // namespace
-}  // namespace raystage::row_bands_test
+}  // namespace raystage::render::row_bands_test

@@ -10,7 +10,7 @@
 #include "testing/render/synthetic_take.h"
 #include "testing/render/test_slabs.h"
 
-namespace raystage::slabs_box_test {
+namespace raystage::render::slabs_box_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -24,26 +24,26 @@ using testing::SyntheticTake;
 
 class SlabsBox : public ::testing::Test {
  protected:
-  Take write(const SyntheticTake& settings, const std::string& name = "take") {
+  store::Take write(const SyntheticTake& settings, const std::string& name = "take") {
     write_synthetic_take(settings, folder_.path() / name);
-    return Take(folder_.path() / name);
+    return store::Take(folder_.path() / name);
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 /// 24 cameras on the faces of a box, make_pose outwards.
 SyntheticTake box_take() {
   SyntheticTake settings;
   for (int side = 0; side < 6; ++side) {
-    const Pose out =
+    const rig::Pose out =
         side < 4 ? make_pose({0, 0, 0}, side * 90) : make_pose({0, 0, 0}, 0, side == 4 ? 90 : -90);
-    for (CameraGeometry camera : testing::camera_grid(2, 2, 0.8, 120, 120)) {
+    for (schemas::CameraGeometry camera : testing::camera_grid(2, 2, 0.8, 120, 120)) {
       camera.id = std::to_string(side) + camera.id;
       camera.intrinsics.fx = camera.intrinsics.fy = 55;  // 95 degrees
-      Pose pose = pose_from_matrix(camera.world_from_camera);
+      rig::Pose pose = rig::pose_from_matrix(camera.world_from_camera);
       pose.position = out.world_from_camera_rotation * (pose.position - Vector3d(0, 0, 0.2));
       pose.world_from_camera_rotation = out.world_from_camera_rotation;
-      camera.world_from_camera = matrix_from_pose(pose);
+      camera.world_from_camera = rig::matrix_from_pose(pose);
       settings.cameras.push_back(camera);
     }
   }
@@ -78,7 +78,7 @@ TEST_F(SlabsBox, ABoxLooksAllAround) {
   SyntheticTake settings = box_take();
   // A world at infinity: what is seen depends on the direction alone.
   settings.scene = [](const Vector3d&, const Vector3d& d) { return painted_direction(d); };
-  const Take take = write(settings);
+  const store::Take take = write(settings);
   const RenderCase box{.plane = {0, 0, 0, 1}, .options = {{"layout", "box"}}};
   for (const auto& [yaw, pitch] : {std::pair{0.0, 0.0},
                                    {45.0, 0.0},
@@ -96,7 +96,7 @@ TEST_F(SlabsBox, ABoxLooksAllAround) {
   }
   // A side without cameras is empty, the others go on.
   settings.cameras.erase(settings.cameras.begin(), settings.cameras.begin() + 4);
-  const Take open = write(settings, "open");
+  const store::Take open = write(settings, "open");
   const FastAndReference front = render_both(
       open, virtual_camera_with_fov(90, 60, 60 * kDegree, make_pose({0.03, 0.02, -0.01}, 0)), box);
   expect_equal(front);
@@ -117,7 +117,7 @@ TEST_F(SlabsBox, EveryFaceOfABoxIsInFocusAtTheSameDistance) {
   settings.scene = [&](const Vector3d& origin, const Vector3d& d) {
     return painted_direction(on_wall(origin, d));
   };
-  const Take take = write(settings);
+  const store::Take take = write(settings);
   const RenderCase box{.plane = {0, 0, 1, 5}, .options = {{"layout", "box"}}};
   for (const auto& [yaw, pitch] :
        {std::pair{0.0, 0.0}, {90.0, 0.0}, {180.0, 0.0}, {-90.0, 0.0}, {0.0, 90.0}, {0.0, -90.0}}) {
@@ -132,4 +132,4 @@ TEST_F(SlabsBox, EveryFaceOfABoxIsInFocusAtTheSameDistance) {
 }
 
 }  // namespace
-}  // namespace raystage::slabs_box_test
+}  // namespace raystage::render::slabs_box_test

@@ -12,7 +12,7 @@
 #include "testing/render/synthetic_take.h"
 #include "testing/render/test_slabs.h"
 
-namespace raystage::slabs_test {
+namespace raystage::render::slabs_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -37,7 +37,7 @@ double error_against_truth(const RenderedView& image, const VirtualCamera& view)
     for (int x = 0; x < view.width; ++x) {
       const std::size_t at = static_cast<std::size_t>(y * view.width + x);
       if (image.rgba[at * 4 + 3] < 0.999F) continue;
-      const auto ray = CameraModel({"v", view.width, view.height, view.intrinsics, {}, {}, {}})
+      const auto ray = rig::CameraModel({"v", view.width, view.height, view.intrinsics, {}, {}, {}})
                            .unproject({x + 0.5, y + 0.5});
       const Vector3d direction = view.pose.world_from_camera_rotation * *ray;
       const double t = (-4 - view.pose.position.z()) / direction.z();
@@ -51,30 +51,30 @@ double error_against_truth(const RenderedView& image, const VirtualCamera& view)
   return worst;
 }
 
-SyntheticTake grid_take(int rows, int columns, const Distortion& distortion = {}) {
+SyntheticTake grid_take(int rows, int columns, const schemas::Distortion& distortion = {}) {
   SyntheticTake take;
   take.cameras = testing::camera_grid(rows, columns, 0.06, 160, 120, distortion);
   return take;
 }
 
-void turn(CameraGeometry& camera, double yaw_degrees, double pitch_degrees = 0) {
-  Pose pose = pose_from_matrix(camera.world_from_camera);
+void turn(schemas::CameraGeometry& camera, double yaw_degrees, double pitch_degrees = 0) {
+  rig::Pose pose = rig::pose_from_matrix(camera.world_from_camera);
   pose.world_from_camera_rotation =
       make_pose({0, 0, 0}, yaw_degrees, pitch_degrees).world_from_camera_rotation;
-  camera.world_from_camera = matrix_from_pose(pose);
+  camera.world_from_camera = rig::matrix_from_pose(pose);
 }
 
 class Slabs : public ::testing::Test {
  protected:
-  Take write(const SyntheticTake& settings, const std::string& name = "take") {
+  store::Take write(const SyntheticTake& settings, const std::string& name = "take") {
     write_synthetic_take(settings, folder_.path() / name);
-    return Take(folder_.path() / name);
+    return store::Take(folder_.path() / name);
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 TEST_F(Slabs, AWallEyedArrayIsExactFromEverywhere) {
-  const Take take = write(grid_take(4, 5));
+  const store::Take take = write(grid_take(4, 5));
   for (const auto& view : {view_from({0.01, 0.02, 0}, 0, 50),      // on the camera plane
                            view_from({0.06, 0.03, 0}, 0, 62),      // at a camera
                            view_from({0.06, 0.03, 1e-12}, 0, 62),  // as good as
@@ -92,9 +92,9 @@ TEST_F(Slabs, AWallEyedArrayIsExactFromEverywhere) {
 }
 
 TEST_F(Slabs, AnyFocalPlaneEntersWhenRaysAreLookedUp) {
-  const Take take = write(grid_take(3, 3));
+  const store::Take take = write(grid_take(3, 3));
   const VirtualCamera view = view_from({0.01, 0.01, 0.05}, 2, 45);
-  const FrameSelection frames = select_frames(take, 0, 1);
+  const store::FrameSelection frames = store::select_frames(take, 0, 1);
   const std::vector<Vector4d> planes{{0, 0, 0, 1},    {0, 0, 1, 1e9},   {0, 0, 1, 0.8},
                                      {0, 0, 1, 1e-3}, {0.4, 0.2, 1, 3}, {0, 1, 0, 0.5},
                                      {0, 0, 1, -0.05}};  // the last through the eye
@@ -118,12 +118,12 @@ TEST_F(Slabs, AnyFocalPlaneEntersWhenRaysAreLookedUp) {
 TEST_F(Slabs, DistortedAndToedInCamerasAreRectified) {
   SyntheticTake distorted = grid_take(3, 4, {-0.2, 0.05, 0.001, -0.002, 0.003});
   SyntheticTake toed_in = distorted;
-  for (CameraGeometry& camera : toed_in.cameras) {
+  for (schemas::CameraGeometry& camera : toed_in.cameras) {
     turn(camera, (*camera.column - 1.5) * 6, (*camera.row - 1) * 4);
   }
   int number = 0;
   for (const SyntheticTake& settings : {distorted, toed_in}) {
-    const Take take = write(settings, std::to_string(number++));
+    const store::Take take = write(settings, std::to_string(number++));
     for (const auto& view : {view_from({0.01, 0.02, 0.02}, 2, 40), view_from({0, 0, 0.3}, 0, 30)}) {
       const FastAndReference pair = render_both(take, view);
       // The rectified picture is interpolated once more; its border falls elsewhere.
@@ -147,14 +147,14 @@ TEST_F(Slabs, DistortedAndToedInCamerasAreRectified) {
 TEST_F(Slabs, CamerasThatStandAnywhereAreResampled) {
   SyntheticTake settings = grid_take(4, 4);
   int i = 0;
-  for (CameraGeometry& camera : settings.cameras) {
+  for (schemas::CameraGeometry& camera : settings.cameras) {
     camera.row.reset();
     camera.column.reset();
     camera.world_from_camera[3] += 0.013 * std::sin(5.0 * i);
     camera.world_from_camera[7] += 0.011 * std::cos(3.0 * i);
     camera.world_from_camera[11] += 0.006 * std::cos(7.0 * i++);
   }
-  const Take take = write(settings);
+  const store::Take take = write(settings);
   const VirtualCamera view = view_from({0.01, 0.02, 0.1}, 2, 30);
   const FastAndReference pair = render_both(take, view);
   expect_equal(pair, 0.01, 1);
@@ -168,7 +168,7 @@ TEST_F(Slabs, CamerasThatStandAnywhereAreResampled) {
 }
 
 TEST_F(Slabs, InterpolationMayBeCoarser) {
-  const Take take = write(grid_take(3, 3));
+  const store::Take take = write(grid_take(3, 3));
   const VirtualCamera view = view_from({0.013, 0.017, 0.1}, 2, 30);
   std::vector<RenderedView> images;
   for (const char* interpolation : {"quadrilinear", "bilinear_st", "nearest"}) {
@@ -189,7 +189,7 @@ TEST_F(Slabs, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
   SyntheticTake settings = grid_take(3, 3);
   settings.frames = 2;
   settings.absent = {{4, 1}};  // the middle camera, second frame
-  const Take take = write(settings);
+  const store::Take take = write(settings);
   const VirtualCamera view = view_from({0, 0, 0.2}, 0, 20, 90, 90);
   const FastAndReference whole = render_both(take, view);
   const FastAndReference lacking = render_both(take, view, {.frame = 1});
@@ -206,7 +206,7 @@ TEST_F(Slabs, LinesAndSingleCamerasRender) {
   for (const auto& [rows, columns] : {std::pair{1, 4}, {4, 1}, {1, 1}, {1, 2}}) {
     const std::string name = std::to_string(rows) + "x" + std::to_string(columns);
     SCOPED_TRACE(name);
-    const Take take = write(grid_take(rows, columns), name);
+    const store::Take take = write(grid_take(rows, columns), name);
     const VirtualCamera view = view_from({0.005, 0.002, 0.01}, 0, 40, 80, 60);
     const FastAndReference pair = render_both(take, view);
     expect_equal(pair);
@@ -216,7 +216,7 @@ TEST_F(Slabs, LinesAndSingleCamerasRender) {
 }
 
 TEST_F(Slabs, MissingRaysAreMissing) {
-  const Take take = write(grid_take(3, 3));
+  const store::Take take = write(grid_take(3, 3));
   for (const auto& [view, plane] :
        {std::pair{view_from({5, 0, 0.1}, 0, 50), kPaintedPlane},      // past the array's edge
         {view_from({0, 0, 0.1}, 0, 50), Vector4d(0, 0, 1, -2)},       // the plane behind the view
@@ -237,20 +237,20 @@ TEST_F(Slabs, MissingRaysAreMissing) {
 TEST_F(Slabs, BothBlendSpacesAgreeWithTheReference) {
   SyntheticTake settings = grid_take(3, 3);
   settings.photometric.contrast = {1.6, 0.9, 1.2};
-  const Take take = write(settings);
+  const store::Take take = write(settings);
   const VirtualCamera view = view_from({0.01, 0.02, 0.2}, 1, 30);
   const Vector4d ghosting(0, 0, 1, 1);
   const FastAndReference perceptual = render_both(take, view, {.plane = ghosting});
   const FastAndReference linear =
-      render_both(take, view, {.plane = ghosting, .space = BlendSpace::kLinear});
+      render_both(take, view, {.plane = ghosting, .space = store::BlendSpace::kLinear});
   expect_equal(perceptual);
   expect_equal(linear);
   EXPECT_NE(perceptual.fast.rgba, linear.fast.rgba);
 }
 
 TEST_F(Slabs, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
-  const Take take = write(grid_take(4, 4, {-0.2, 0, 0, 0, 0}));
-  const FrameSelection frames = select_frames(take, 0, 1);
+  const store::Take take = write(grid_take(4, 4, {-0.2, 0, 0, 0, 0}));
+  const store::FrameSelection frames = store::select_frames(take, 0, 1);
   const VirtualCamera view = view_from({0, 0.01, 0.1}, 2, 46, 160, 120);
   const auto render = [&](const RendererSettings& settings) {
     return LightFieldRenderer(take, settings).render(view, frames, {"slabs", kPaintedPlane});
@@ -280,14 +280,14 @@ TEST_F(Slabs, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
 }
 
 TEST_F(Slabs, CountsThePixelsThatTheViewDependsOn) {
-  const Take take = write(grid_take(3, 3, {-0.1, 0.02, 0.001, -0.002, 0}));
+  const store::Take take = write(grid_take(3, 3, {-0.1, 0.02, 0.001, -0.002, 0}));
   const VirtualCamera view = view_from({0.013, 0.017, 0.1}, 2, 15, 48, 32);
-  const auto counted = [&](const OptionValues& options, bool reference) {
+  const auto counted = [&](const schemas::OptionValues& options, bool reference) {
     RendererSettings settings;
     settings.count_needed_pixels = true;
     settings.reference = reference;
     return LightFieldRenderer(take, settings)
-        .render(view, select_frames(take, 0, 1), {"slabs", kPaintedPlane, options})
+        .render(view, store::select_frames(take, 0, 1), {"slabs", kPaintedPlane, options})
         .statistics;
   };
   const RenderStatistics fast = counted({}, false), slow = counted({}, true);
@@ -302,17 +302,17 @@ TEST_F(Slabs, CountsThePixelsThatTheViewDependsOn) {
 }
 
 TEST_F(Slabs, RefusesOptionsThatItDoesNotHave) {
-  const Take take = write(grid_take(1, 2));
-  const FrameSelection frames = select_frames(take, 0, 1);
+  const store::Take take = write(grid_take(1, 2));
+  const store::FrameSelection frames = store::select_frames(take, 0, 1);
   const LightFieldRenderer renderer(take, {});
   const VirtualCamera view = view_from({0, 0, 0}, 0, 40);
-  for (const OptionValues& wrong : {OptionValues{{"uv_scale", 0.0}},
-                                    {{"layout", "sphere"}},
-                                    {{"columns", 1.5}},
-                                    {{"k", 3.0}}}) {
+  for (const schemas::OptionValues& wrong : {schemas::OptionValues{{"uv_scale", 0.0}},
+                                             {{"layout", "sphere"}},
+                                             {{"columns", 1.5}},
+                                             {{"k", 3.0}}}) {
     EXPECT_THROW(renderer.render(view, frames, {"slabs", kPaintedPlane, wrong}), Error);
   }
 }
 
 }  // namespace
-}  // namespace raystage::slabs_test
+}  // namespace raystage::render::slabs_test

@@ -10,7 +10,7 @@
 #include "render/renderer.h"
 #include "testing/render/synthetic_take.h"
 
-namespace raystage::supersampling_test {
+namespace raystage::render::supersampling_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -34,19 +34,19 @@ class Filtering : public ::testing::Test {
       return std::array{stripes, stripes, stripes};
     };
     write_synthetic_take(settings, folder_.path() / "take");
-    take_ = std::make_unique<Take>(folder_.path() / "take");
+    take_ = std::make_unique<store::Take>(folder_.path() / "take");
   }
 
   static VirtualCamera view_of(int width) {
-    Pose pose;
+    rig::Pose pose;
     pose.position = {0.013, 0.01, 0};
     return virtual_camera_with_fov(width, width * 3 / 4, 50 * kDegree, pose);
   }
 
   RenderedView render(int width, const std::string& method, RendererSettings settings = {},
-                      OptionValues options = {}) const {
+                      schemas::OptionValues options = {}) const {
     return LightFieldRenderer(*take_, settings)
-        .render(view_of(width), select_frames(*take_, 0, 1), {method, kPlane, options});
+        .render(view_of(width), store::select_frames(*take_, 0, 1), {method, kPlane, options});
   }
 
   /// Root mean square of the difference from the stripes' mean: what is left of them.
@@ -59,8 +59,8 @@ class Filtering : public ::testing::Test {
     return std::sqrt(sum / static_cast<double>(image.coverage.size()));
   }
 
-  TestFolder folder_;
-  std::unique_ptr<Take> take_;
+  testing::TestFolder folder_;
+  std::unique_ptr<store::Take> take_;
 };
 
 TEST_F(Filtering, CoarseViewsAverageInsteadOfAliasing) {
@@ -133,7 +133,7 @@ TEST_F(Filtering, MemoryOfAViewIsWhatItsValuesTake) {
     RendererSettings settings;
     settings.measure_coverage = measure_coverage;
     return LightFieldRenderer(*take_, settings)
-        .view_bytes(view_of(width), select_frames(*take_, 0, 1), {method, kPlane});
+        .view_bytes(view_of(width), store::select_frames(*take_, 0, 1), {method, kPlane});
   };
   constexpr std::size_t kFine = 160 * 120, kCoarse = 20 * 15, kSamples = 6 * 6;
   const auto factor = static_cast<std::size_t>(render(20, "focal_plane").statistics.supersampling);
@@ -160,4 +160,4 @@ TEST_F(Filtering, WhatIsMeasuredBesideDoesNotChangeThePixels) {
 }
 
 }  // namespace
-}  // namespace raystage::supersampling_test
+}  // namespace raystage::render::supersampling_test

@@ -22,7 +22,7 @@
 #include "testing/render/test_matte.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -41,8 +41,8 @@ std::optional<double> sphere_hit(const Vector3d& eye, const Vector3d& direction)
   return along - std::sqrt(squared);
 }
 
-Pose around(double turn_degrees, double rise_degrees, double distance) {
-  Pose pose;
+rig::Pose around(double turn_degrees, double rise_degrees, double distance) {
+  rig::Pose pose;
   pose.world_from_camera_rotation = (Eigen::AngleAxisd(turn_degrees * kDegree, Vector3d::UnitY()) *
                                      Eigen::AngleAxisd(-rise_degrees * kDegree, Vector3d::UnitX()))
                                         .toRotationMatrix();
@@ -50,13 +50,15 @@ Pose around(double turn_degrees, double rise_degrees, double distance) {
   return pose;
 }
 
-std::vector<CameraGeometry> cameras_around(int width, int height,
-                                           const Distortion& distortion = {-0.15, 0.02, 0, 0, 0}) {
-  std::vector<CameraGeometry> cameras;
+std::vector<schemas::CameraGeometry> cameras_around(int width, int height,
+                                                    const schemas::Distortion& distortion = {
+                                                        -0.15, 0.02, 0, 0, 0}) {
+  std::vector<schemas::CameraGeometry> cameras;
   const auto add = [&](double turn, double rise) {
-    CameraGeometry camera = testing::camera_grid(1, 1, 1, width, height, distortion).front();
+    schemas::CameraGeometry camera =
+        testing::camera_grid(1, 1, 1, width, height, distortion).front();
     camera.id = "c" + std::to_string(cameras.size());
-    camera.world_from_camera = matrix_from_pose(around(turn, rise, 2.5));
+    camera.world_from_camera = rig::matrix_from_pose(around(turn, rise, 2.5));
     camera.row.reset();
     camera.column.reset();
     cameras.push_back(camera);
@@ -70,24 +72,24 @@ std::vector<CameraGeometry> cameras_around(int width, int height,
 class VisualHull : public ::testing::Test {
  protected:
   /// A take of the sphere in `cameras`, with a matte for each.
-  void write(const std::vector<CameraGeometry>& cameras) {
-    TakeDocument take;
+  void write(const std::vector<schemas::CameraGeometry>& cameras) {
+    schemas::TakeDocument take;
     take.name = "sphere";
     take.created_by = "test";
     take.nominal_fps = 15;
     take.color_space = "srgb_texture";
-    RigDocument rig;
+    schemas::RigDocument rig;
     rig.name = "around";
-    for (const CameraGeometry& camera : cameras) {
+    for (const schemas::CameraGeometry& camera : cameras) {
       take.cameras.push_back({camera.id, "", "", ""});
       rig.cameras.push_back({camera, {}});
     }
-    TakeWriter writer(folder(), take, rig);
+    store::TakeWriter writer(folder(), take, rig);
     for (std::size_t i = 0; i < cameras.size(); ++i) {
-      const CameraGeometry& camera = cameras[i];
-      const CameraModel model(camera);
-      const Pose pose = pose_from_matrix(camera.world_from_camera);
-      RgbImage picture{camera.width, camera.height, {}};
+      const schemas::CameraGeometry& camera = cameras[i];
+      const rig::CameraModel model(camera);
+      const rig::Pose pose = rig::pose_from_matrix(camera.world_from_camera);
+      store::RgbImage picture{camera.width, camera.height, {}};
       std::vector<std::uint8_t> matte;
       for (int y = 0; y < camera.height; ++y) {
         for (int x = 0; x < camera.width; ++x) {
@@ -104,7 +106,7 @@ class VisualHull : public ::testing::Test {
           }
         }
       }
-      writer.archive(static_cast<int>(i)).append(encode_jpeg(picture, {}), 0);
+      writer.archive(static_cast<int>(i)).append(store::encode_jpeg(picture, {}), 0);
       mattes_.push_back(std::move(matte));
     }
     writer.commit();
@@ -123,17 +125,18 @@ class VisualHull : public ::testing::Test {
     return testing::painted_plane(point.x() + point.z(), point.y());
   }
   RenderedView render(const VirtualCamera& view, bool reference = false,
-                      const OptionValues& options = {{"nearest", 1.0}},
-                      HoleFill fill = HoleFill::kNone) const {
-    const Take take(folder());
+                      const schemas::OptionValues& options = {{"nearest", 1.0}},
+                      schemas::HoleFill fill = schemas::HoleFill::kNone) const {
+    const store::Take take(folder());
     RendererSettings settings;
     settings.reference = reference;
     return LightFieldRenderer(take, settings)
-        .render(view, select_frames(take, 0, 1), {"visual_hull", {0, 0, 0, 1}, options, fill});
+        .render(view, store::select_frames(take, 0, 1),
+                {"visual_hull", {0, 0, 0, 1}, options, fill});
   }
   std::filesystem::path folder() const { return folder_.path() / "take"; }
 
-  TestFolder folder_;
+  testing::TestFolder folder_;
   std::vector<std::vector<std::uint8_t>> mattes_;
 };
 
@@ -179,8 +182,8 @@ TEST_F(VisualHull, IsTheSphereThatAllCamerasSee) {
 
 TEST_F(VisualHull, AgreesWithTheReference) {
   // With a lens, half a pixel more: it is taken out beforehand here, at every point there.
-  for (const auto& [distortion, tolerance] :
-       {std::pair{Distortion{}, 0.03F}, {Distortion{-0.15, 0.02, 0, 0, 0}, 0.08F}}) {
+  for (const auto& [distortion, tolerance] : {std::pair{schemas::Distortion{}, 0.03F},
+                                              {schemas::Distortion{-0.15, 0.02, 0, 0, 0}, 0.08F}}) {
     std::filesystem::remove_all(folder());
     mattes_.clear();
     write(cameras_around(160, 120, distortion));  // a matte's pixel is 19 mm wide at the sphere
@@ -209,7 +212,8 @@ TEST_F(VisualHull, AFillPaintsNothingBesideTheHull) {
     for (const bool reference : {false, true}) {
       if (reference && width > 30) continue;  // slow
       const RenderedView plain = render(view, reference, {{"nearest", 1.0}});
-      const RenderedView filled = render(view, reference, {{"nearest", 1.0}}, HoleFill::kPushPull);
+      const RenderedView filled =
+          render(view, reference, {{"nearest", 1.0}}, schemas::HoleFill::kPushPull);
       int outside = 0, inside = 0;
       for (std::size_t i = 0; i < plain.coverage.size(); ++i) {
         outside += plain.rgba[i * 4 + 3] == 0 ? 1 : 0;
@@ -238,13 +242,13 @@ TEST_F(VisualHull, RaysOfAViewAreAnsweredAsTheViewShowsThem) {
                       (world_ray_from_pixel(view) * Vector3d(x + 0.5, y + 0.5, 1)).normalized()});
     }
   }
-  const Take take(folder());
+  const store::Take take(folder());
   for (const bool reference : {false, true}) {
     RendererSettings settings;
     settings.reference = reference;
     settings.max_supersampling = 1;  // a ray a pixel
     const LightFieldRenderer renderer(take, settings);
-    const FrameSelection frames = select_frames(take, 0, 1);
+    const store::FrameSelection frames = store::select_frames(take, 0, 1);
     // The focal plane, through the sphere's middle, must not matter.
     const ReconstructionSettings by_hull{"visual_hull", {0, 0, 1, 3}, {{"nearest", 1.0}}};
     const RenderedView image = renderer.render(view, frames, by_hull);
@@ -291,15 +295,16 @@ TEST_F(VisualHull, MattesAreCountedAsPicturesAreNotAsInstants) {
   settings.frames = 3;
   settings.absent = {{0, 1}};
   testing::write_synthetic_take(settings, folder());
-  const Take take(folder());
-  for (const CameraGeometry& camera : settings.cameras) {
+  const store::Take take(folder());
+  for (const schemas::CameraGeometry& camera : settings.cameras) {
     for (int frame = 0; frame < 3; ++frame) {
       testing::write_matte(folder(), camera.id, frame, 32, 24,
                            std::vector<std::uint8_t>(32 * 24, 255));
     }
   }
   const Method& method = visual_hull_method();
-  const FrameSelection third = select_frames(take, 2 * kNanosecondsPerSecond / 15, 10'000'000);
+  const store::FrameSelection third =
+      store::select_frames(take, 2 * kNanosecondsPerSecond / 15, 10'000'000);
   const auto matte = [&](std::size_t camera, const char* file) {
     return folder() / "mattes" / settings.cameras[camera].id / file;
   };
@@ -375,11 +380,11 @@ TEST_F(VisualHull, SameBytesForAnyNumberOfThreads) {
 }
 
 TEST(Carving, KeepsWhatNoCameraSeesOfARayButShowsOnlyWhatOneDoes) {
-  RigDocument document;
-  for (const CameraGeometry& camera : testing::camera_grid(1, 2, 0.5, 100, 100)) {
+  schemas::RigDocument document;
+  for (const schemas::CameraGeometry& camera : testing::camera_grid(1, 2, 0.5, 100, 100)) {
     document.cameras.push_back({camera, {}});
   }
-  const Rig rig = rig_from_document(document);
+  const rig::Rig rig = rig::rig_from_document(document);
   // Left: foreground everywhere. Right: only its left half, so what lies left of x = 0.25.
   std::vector<std::uint8_t> all(100 * 100, 255), left_half = all;
   for (std::size_t i = 0; i < left_half.size(); ++i) left_half[i] = i % 100 < 50 ? 255 : 0;
@@ -412,4 +417,4 @@ TEST(Carving, KeepsWhatNoCameraSeesOfARayButShowsOnlyWhatOneDoes) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -14,7 +14,7 @@
 #include "reports/bench_charts.h"
 #include "reports/bench_viewer.h"
 
-namespace raystage {
+namespace raystage::reports {
 namespace {
 
 constexpr std::string_view kStyle = R"(
@@ -50,25 +50,25 @@ figcaption { color:var(--soft); font-size:14px; padding-top:6px }
 kbd { border:1px solid var(--rule); border-radius:3px; padding:0 5px; font:inherit }
 )";
 
-std::string threads_section(const BenchResult& trade) {
+std::string threads_section(const evaluation::BenchResult& trade) {
   std::set<int> counts;
-  for (const BenchRow& row : trade.rows) counts.insert(row.threads);
+  for (const evaluation::BenchRow& row : trade.rows) counts.insert(row.threads);
   if (counts.size() < 2) return "";
   std::string table = "<div class=\"wide\"><table><thead><tr><th>setting</th>";
   for (const int threads : counts) {
     table += fmt::format("<th>{} thread{}, ms</th>", threads, threads == 1 ? "" : "s");
   }
-  table += "<th>times as fast</th></tr></thead><tbody>\n";
-  for (const BenchRow& first : trade.rows) {
+  table += "<th>speed-up</th></tr></thead><tbody>\n";
+  for (const evaluation::BenchRow& first : trade.rows) {
     if (first.threads != *counts.begin() || !first.failure.empty()) continue;
     std::map<int, double> times;
-    for (const BenchRow& row : trade.rows) {
+    for (const evaluation::BenchRow& row : trade.rows) {
       if (row.setting.label == first.setting.label && row.camera_step == first.camera_step &&
           row.failure.empty()) {
         times[row.threads] = 1e3 * row.seconds_per_frame();
       }
     }
-    table += fmt::format("<tr><td>{}, {} cameras</td>", escape_html(first.setting.label),
+    table += fmt::format("<tr><td>{}, {} cameras</td>", charts::escape_html(first.setting.label),
                          first.evaluation.cameras);
     for (const int threads : counts) {
       table += times.contains(threads) ? fmt::format("<td>{:.1f}</td>", times[threads])
@@ -79,26 +79,27 @@ std::string threads_section(const BenchResult& trade) {
                  ? fmt::format("<td>{:.2f}</td></tr>\n", times[first.threads] / most->second)
                  : std::string("<td>-</td></tr>\n");
   }
-  return html_section("Time against threads", "Decoding and rendering of a frame.",
-                      table + "</tbody></table></div>\n");
+  return charts::html_section("Time against threads",
+                              "Wall-clock time for decoding and rendering of one frame.",
+                              table + "</tbody></table></div>\n");
 }
 
-/// What the setting was told, and what it had to say.
-std::string told(const BenchRow& row) {
-  std::string options = options_to_text(row.setting.options);
+/// Returns the options of a setting and the notes of its method as HTML.
+std::string options_and_notes(const evaluation::BenchRow& row) {
+  std::string options = render::options_to_text(row.setting.options);
   if (row.setting.focal_depth) options += fmt::format(" plane at {:g} m", *row.setting.focal_depth);
   std::string html;
-  for (const char c : escape_html(options)) {
+  for (const char c : charts::escape_html(options)) {
     html += c;
     if (c == ',') html += "<wbr>";
   }
   for (const std::string& note : row.evaluation.notes) {
-    html += (html.empty() ? "" : "<br>") + escape_html(note);
+    html += (html.empty() ? "" : "<br>") + charts::escape_html(note);
   }
   return html;
 }
 
-std::string table_of(const BenchResult& trade, const MethodColours& colours) {
+std::string table_of(const evaluation::BenchResult& trade, const MethodColours& colours) {
   std::string table =
       "<div class=\"wide every\"><table><thead><tr><th>setting</th><th class=\"options\">options, "
       "notes</th>"
@@ -106,60 +107,61 @@ std::string table_of(const BenchResult& trade, const MethodColours& colours) {
       "step</th>"
       "<th>SSIM</th><th>covered %</th><th>s per frame</th><th>decode ms</th><th>render ms</th>"
       "<th>prepare ms</th><th>MB</th></tr></thead><tbody>\n";
-  for (const BenchRow& row : trade.rows) {
-    const Evaluation& e = row.evaluation;
-    table +=
-        fmt::format("<tr{}><td class=\"{}\">{}{}</td><td class=\"options\">{}</td>",
-                    row.on_psnr_front ? " class=\"front\"" : "", colours.of(row.setting.method),
-                    escape_html(row.setting.label), row.on_psnr_front ? " &#9679;" : "", told(row));
+  for (const evaluation::BenchRow& row : trade.rows) {
+    const evaluation::Evaluation& e = row.evaluation;
+    table += fmt::format("<tr{}><td class=\"{}\">{}{}</td><td class=\"options\">{}</td>",
+                         row.on_psnr_front ? " class=\"front\"" : "",
+                         colours.of(row.setting.method), charts::escape_html(row.setting.label),
+                         row.on_psnr_front ? " &#9679;" : "", options_and_notes(row));
     if (!row.failure.empty()) {
       table += fmt::format("<td colspan=\"12\" class=\"failure\">{}</td></tr>\n",
-                           escape_html(row.failure));
+                           charts::escape_html(row.failure));
       continue;
     }
     table += fmt::format(
         "<td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>"
         "<td>{:.1f}</td><td>{:.3g}</td><td>{:.1f}</td><td>{:.1f}</td><td>{:.0f}</td>"
         "<td>{}</td></tr>\n",
-        e.cameras, row.threads, format_number_or_dash(e.mean.quality.psnr_db, 2),
-        format_number_or_dash(e.temporal_stability.stddev_db, 2),
-        format_number_or_dash(e.temporal_stability.max_step_db, 2),
-        format_number_or_dash(e.mean.quality.ssim, 4), e.mean.quality.covered * 100,
+        e.cameras, row.threads, evaluation::format_number_or_dash(e.mean.quality.psnr_db, 2),
+        evaluation::format_number_or_dash(e.temporal_stability.stddev_db, 2),
+        evaluation::format_number_or_dash(e.temporal_stability.max_step_db, 2),
+        evaluation::format_number_or_dash(e.mean.quality.ssim, 4), e.mean.quality.covered * 100,
         row.seconds_per_frame(), e.mean.decode_ms, e.mean.render_ms, e.prepare_ms,
         row.peak_memory == 0 ? "-"
                              : fmt::format("{:.0f}", 1e-6 * static_cast<double>(row.peak_memory)));
   }
-  return html_section(
-      "Every setting",
-      "&#9679; on the PSNR front. Deviation and largest step: of PSNR from view to view, dB. "
-      "Prepare: "
-      "once an instant, not in the time per frame. Memory: resident at most, the cache of decoded "
-      "frames included.",
+  return charts::html_section(
+      "All settings",
+      "&#9679;: on the Pareto front of PSNR. Deviation, largest step: of PSNR between views, dB. "
+      "Prepare: once per instant, not part of the time per frame. Memory: maximum resident memory, "
+      "including the cache of decoded frames.",
       table + "</tbody></table></div>\n");
 }
 
 }  // namespace
 
-std::string bench_as_page(const BenchResult& trade) {
+std::string bench_as_page(const evaluation::BenchResult& trade) {
   const MethodColours colours(trade);
   const std::string how =
-      "A dot is a setting: decoding and rendering of one frame, median, against the truth. Filled "
-      "and joined by steps: the Pareto front, settings that no other beats in both. A line to the "
-      "right of a dot ends at the time with what the method prepares once an instant. " +
+      "A dot is a setting: its error against the median time to decode and render one frame. "
+      "Filled "
+      "dots joined by steps are the Pareto front: no other setting is better in both. A line to "
+      "the "
+      "right of a dot adds the time to prepare an instant, which is spent once per instant. " +
       colours.key();
-  std::string body =
-      html_section("Error against time", how, bench_chart(trade, QualityMeasure::kPsnr, colours));
-  body += html_section("Structural similarity against time",
-                       "The same settings by SSIM, which weighs structure rather than codes.",
-                       bench_chart(trade, QualityMeasure::kSsim, colours));
+  std::string body = charts::html_section("Error against time", how,
+                                          bench_chart(trade, QualityMeasure::kPsnr, colours));
+  body += charts::html_section("Structural similarity against time",
+                               "The same settings measured by SSIM (structural similarity).",
+                               bench_chart(trade, QualityMeasure::kSsim, colours));
   body += spacing_section(trade, colours) + threads_section(trade) + images_section(trade) +
           table_of(trade, colours);
-  return html_page(
+  return charts::html_page(
       trade.take + ": speed against accuracy",
-      fmt::format("{} views whose truth is known, {} rows measured{}; {}", trade.views.size(),
-                  std::ranges::count(trade.rows, std::string(), &BenchRow::failure),
+      fmt::format("{} views with known truth, {} rows measured{}; {}", trade.views.size(),
+                  std::ranges::count(trade.rows, std::string(), &evaluation::BenchRow::failure),
                   trade.complete ? "" : " before it was stopped", trade.cpu),
       body, kStyle);
 }
 
-}  // namespace raystage
+}  // namespace raystage::reports

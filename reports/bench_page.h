@@ -5,10 +5,10 @@
 
 #include "evaluation/bench.h"
 
-namespace raystage {
+namespace raystage::reports {
 
 /// Returns the result of `raystage bench` as one self-contained HTML page: charts of error against
 /// time, pictures to compare, a table.
-std::string bench_as_page(const BenchResult& trade);
+std::string bench_as_page(const evaluation::BenchResult& trade);
 
-}  // namespace raystage
+}  // namespace raystage::reports

@@ -11,7 +11,7 @@
 #include "charts/html_page.h"
 #include "evaluation/number_format.h"
 
-namespace raystage {
+namespace raystage::reports {
 namespace {
 
 constexpr std::string_view kScript = R"(
@@ -27,7 +27,7 @@ function show() {
     r.label + ', difference from the truth, ' + data.gain + ' times') +
     ' - view ' + v.id + (kind === 'truth' ? '' :
       (p ? ': ' + p.numbers : '') + ' - over all views ' + r.numbers) +
-    (source ? '' : ' - no room for this picture');
+    (source ? '' : ' - omitted: the page is full');
   by('setting').value = row;
   by('view').value = view;
   for (const k of ['truth', 'image', 'difference'])
@@ -59,43 +59,45 @@ document.onkeydown = e => {
 show();
 )";
 
-std::string name_of(const BenchRow& row, const BenchResult& trade) {
-  const bool many_steps = std::ranges::any_of(
-      trade.rows, [&](const BenchRow& other) { return other.camera_step != row.camera_step; });
+std::string name_of(const evaluation::BenchRow& row, const evaluation::BenchResult& trade) {
+  const bool many_steps = std::ranges::any_of(trade.rows, [&](const evaluation::BenchRow& other) {
+    return other.camera_step != row.camera_step;
+  });
   const bool many_threads = std::ranges::any_of(
-      trade.rows, [&](const BenchRow& other) { return other.threads != row.threads; });
+      trade.rows, [&](const evaluation::BenchRow& other) { return other.threads != row.threads; });
   return row.setting.label +
          (many_steps ? fmt::format(", {} cameras", row.evaluation.cameras) : "") +
          (many_threads ? fmt::format(", {} thread{}", row.threads, row.threads == 1 ? "" : "s")
                        : "");
 }
 
-std::string numbers_of(const ViewEvaluation& view) {
-  return fmt::format("{} dB, SSIM {}, {:.3g} s", format_number_or_dash(view.quality.psnr_db, 2),
-                     format_number_or_dash(view.quality.ssim, 4),
+std::string numbers_of(const evaluation::ViewEvaluation& view) {
+  return fmt::format("{} dB, SSIM {}, {:.3g} s",
+                     evaluation::format_number_or_dash(view.quality.psnr_db, 2),
+                     evaluation::format_number_or_dash(view.quality.ssim, 4),
                      (view.decode_ms + view.render_ms) / 1e3);
 }
 
-/// Of the picture's view; empty where it was not measured.
-std::string numbers_of(const BenchRow& row, const std::string& view_id) {
+/// Returns the results of a view, or an empty text if it was not measured.
+std::string numbers_of(const evaluation::BenchRow& row, const std::string& view_id) {
   const auto& views = row.evaluation.views;
-  const auto view = std::ranges::find(views, view_id, &ViewEvaluation::id);
+  const auto view = std::ranges::find(views, view_id, &evaluation::ViewEvaluation::id);
   return view == views.end() ? "" : numbers_of(*view);
 }
 
 }  // namespace
 
-std::string images_section(const BenchResult& trade) {
+std::string images_section(const evaluation::BenchResult& trade) {
   const auto views = trade.pictures.views();
-  nlohmann::ordered_json data{{"gain", BenchImages::kDifferenceGain}};
-  for (const BenchImages::View& view : views) {
+  nlohmann::ordered_json data{{"gain", evaluation::BenchImages::kDifferenceGain}};
+  for (const evaluation::BenchImages::View& view : views) {
     data["views"].push_back({{"id", view.id}, {"truth", encode_base64(view.truth)}});
   }
   std::string settings;
   for (std::size_t r = 0; r < trade.rows.size(); ++r) {
-    const BenchRow& row = trade.rows[r];
+    const evaluation::BenchRow& row = trade.rows[r];
     nlohmann::ordered_json pictures = nlohmann::ordered_json::object();
-    for (const BenchImages::Picture& picture : trade.pictures.pictures()) {
+    for (const evaluation::BenchImages::Picture& picture : trade.pictures.pictures()) {
       if (picture.row != r || !row.failure.empty()) continue;
       pictures[std::to_string(picture.view)] = {
           {"image", encode_base64(picture.image)},
@@ -105,7 +107,7 @@ std::string images_section(const BenchResult& trade) {
     if (pictures.empty()) continue;
     settings += fmt::format("<option value=\"{}\">{}</option>",
                             data.contains("rows") ? data["rows"].size() : 0,
-                            escape_html(name_of(row, trade)));
+                            charts::escape_html(name_of(row, trade)));
     data["rows"].push_back({{"row", r},
                             {"label", name_of(row, trade)},
                             {"numbers", numbers_of(row.evaluation.mean)},
@@ -114,25 +116,23 @@ std::string images_section(const BenchResult& trade) {
   if (!data.contains("rows")) return "";
   std::string choices;
   for (std::size_t v = 0; v < views.size(); ++v) {
-    choices += fmt::format("<option value=\"{}\">view {}</option>", v, escape_html(views[v].id));
+    choices +=
+        fmt::format("<option value=\"{}\">view {}</option>", v, charts::escape_html(views[v].id));
   }
   // A "<" within a script could end it.
   std::string json;
   for (const char c : data.dump()) json += c == '<' ? std::string("\\u003c") : std::string(1, c);
-  const std::string omitted_count =
-      trade.pictures.omitted_count() > 0
-          ? fmt::format(" {} pictures had no room on this page.", trade.pictures.omitted_count())
-          : "";
+  const std::string omitted_count = trade.pictures.omitted_count() > 0
+                                        ? fmt::format(" {} pictures are omitted: the page is full.",
+                                                      trade.pictures.omitted_count())
+                                        : "";
   return "<div id=\"viewer\"></div>\n" +
-         html_section(
+         charts::html_section(
              "Pictures",
              "<kbd>t</kbd> truth, <kbd>p</kbd> picture, <kbd>d</kbd> difference, <kbd>space</kbd> "
-             "flips truth and picture, <kbd>&larr;</kbd> <kbd>&rarr;</kbd> setting, <kbd>v</kbd> "
-             "next "
-             "view; a dot of the first charts shows its setting here." +
-                 omitted_count +
-                 "<noscript> Flipping needs JavaScript; all else on this page does not."
-                 "</noscript>",
+             "switches between truth and picture, <kbd>&larr;</kbd> <kbd>&rarr;</kbd> setting, "
+             "<kbd>v</kbd> next view. Click a dot of the first charts to show its setting here." +
+                 omitted_count + "<noscript> Only this viewer requires JavaScript.</noscript>",
              "<div class=\"bar\"><button id=\"truth\">truth</button>"
              "<button id=\"image\">picture</button><button id=\"difference\">difference</button>"
              "<select id=\"setting\" aria-label=\"setting\">" +
@@ -142,4 +142,4 @@ std::string images_section(const BenchResult& trade) {
                  json + "</script>\n<script>" + std::string(kScript) + "</script>\n");
 }
 
-}  // namespace raystage
+}  // namespace raystage::reports

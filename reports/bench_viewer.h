@@ -5,10 +5,10 @@
 
 #include "evaluation/bench.h"
 
-namespace raystage {
+namespace raystage::reports {
 
 /// Returns a viewer as HTML with its script, which switches between images, truth and differences
 /// of the results. Returns an empty text without pictures.
-std::string images_section(const BenchResult& trade);
+std::string images_section(const evaluation::BenchResult& trade);
 
-}  // namespace raystage
+}  // namespace raystage::reports

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Fits a plane to the camera centres of an array by principal component analysis (eigenvectors of
-// the 3x3 covariance). The second direction is computed from the residual of the first, which keeps
-// it exact for nearly collinear arrays. Input: n centres (world, metres) and n unit viewing
-// directions. Output: axes, distinct centres, and their coordinates in the plane, snapped to
-// integer multiples of 2^-26 of the extent for exact predicates. Cost: O(n^2), from coincidence
-// tests.
+// the 3x3 covariance). The second direction is that of the residuals of the first, which is exact
+// even for nearly collinear arrays. Input: n centres (world, metres) and n unit viewing directions.
+// Output: axes, distinct centres, and their coordinates in the plane, snapped to integer multiples
+// of 2^-26 of the extent for exact predicates. Cost: O(n^2), from coincidence tests.
 #include "rig/array_plane.h"
 
 #include <Eigen/Eigenvalues>
@@ -15,7 +14,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::rig {
 namespace {
 
 constexpr double kCoincident = 1e-9;
@@ -24,15 +23,15 @@ constexpr double kGridUnits = 67108864.0;  // 2^26 in the extent
 
 using Points = std::vector<Eigen::Vector3d>;
 
-// Returns v or -v so that its largest component is positive: independent of a line's orientation.
+// Returns v or -v, whichever has a positive largest component: an eigenvector's sign is arbitrary.
 Eigen::Vector3d with_largest_positive(const Eigen::Vector3d& v) {
   Eigen::Index largest = 0;
   v.cwiseAbs().maxCoeff(&largest);
   return v(largest) < 0 ? Eigen::Vector3d(-v) : v;
 }
 
-// Returns the unit vector perpendicular to `normal` that is closest to a world axis. The rows and
-// columns of an array parallel to the world's axes stay exact.
+// Returns the unit vector perpendicular to `normal` that is closest to a world axis, so that rows
+// and columns parallel to world axes stay exact.
 Eigen::Vector3d world_axis_across(const Eigen::Vector3d& normal, int axis) {
   const int other = axis == 0 ? 1 : 0;
   const Eigen::Vector3d chosen = Eigen::Vector3d::Unit(std::abs(normal(axis)) < 0.9 ? axis : other);
@@ -109,7 +108,7 @@ ArrayPlane fit_array_plane(std::span<const Eigen::Vector3d> centres,
       viewing.norm() > 1e-9 ? Eigen::Vector3d(-viewing.normalized()) : -viewing_directions[0];
 
   ArrayPlane plane;
-  Points scaled;  // distinct centres from the first, in extents
+  Points scaled;  // distinct centres relative to the first, in units of the extent
   for (std::size_t i = 0; i < centres.size(); ++i) {
     const Eigen::Vector3d p =
         extent > 0 ? Eigen::Vector3d((centres[i] - centres[0]) / extent) : Eigen::Vector3d::Zero();
@@ -140,7 +139,6 @@ ArrayPlane fit_array_plane(std::span<const Eigen::Vector3d> centres,
     return plane;
   }
 
-  // The second direction comes from the residual: exact even for a nearly collinear array.
   plane.dimension = 2;
   Points rest = across(scaled, line);
   const double spread = largest_spread(rest);
@@ -153,4 +151,4 @@ ArrayPlane fit_array_plane(std::span<const Eigen::Vector3d> centres,
   return plane;
 }
 
-}  // namespace raystage
+}  // namespace raystage::rig

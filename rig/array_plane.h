@@ -7,13 +7,13 @@
 
 #include "rig/delaunay.h"
 
-namespace raystage {
+namespace raystage::rig {
 
 /// The best-fit plane of an array's camera centres, axes in it, and the dimension of their span.
 struct ArrayPlane {
   int dimension = 0;               ///< 0: one distinct centre, 1: a line, 2: a plane or a cloud
-  std::vector<int> distinct;       ///< centres that are not coincident with an earlier one
-  std::vector<GridPoint> snapped;  ///< of `distinct`, along (along, up), units of 2^-26 extent
+  std::vector<int> distinct;       ///< indices of centres not coincident with an earlier one
+  std::vector<GridPoint> snapped;  ///< `distinct` on the axes (along, up), in 2^-26 of the extent
   /// Right-handed unit axes in the world. `normal` points against the mean viewing direction.
   /// `along` is the line's direction if dimension is 1.
   Eigen::Vector3d along = Eigen::Vector3d::UnitX();
@@ -24,9 +24,8 @@ struct ArrayPlane {
 /// Fits the plane to `centres` (world, metres). Centres closer than 1e-9 of the extent (the
 /// diagonal of the bounding box), or snapped to the same point, are coincident. The array is
 /// collinear if all centres are closer than 1e-7 of the extent to a line. `viewing_directions`:
-/// unit, world, one per centre. Throws Error (bad input) without a centre or with one that is not
-/// finite.
+/// unit, world, one per centre. Throws Error (bad input) for no centre or one that is not finite.
 ArrayPlane fit_array_plane(std::span<const Eigen::Vector3d> centres,
                            std::span<const Eigen::Vector3d> viewing_directions);
 
-}  // namespace raystage
+}  // namespace raystage::rig

@@ -3,8 +3,7 @@
 // OpenCV's coefficients k1, k2, p1, p2, k3). The constructor finds the radius at which the
 // distortion folds back from the roots of the eigenvalue polynomials of its Jacobian. Undistortion
 // uses Newton's method: first on the radius, within a bracket, then in the plane. Inputs: points in
-// the camera (metres) or pixels; outputs: pixels or rays. Cost: constant per point, a few
-// iterations.
+// the camera (metres) or pixels; outputs: pixels or rays. Cost: a few iterations per point.
 #include "rig/camera_model.h"
 
 #include <Eigen/LU>
@@ -17,10 +16,10 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::rig {
 namespace {
 
-// Larger ideal radii (rays within 1e-8 rad of the camera's plane) do not occur.
+// The largest ideal radius; rays beyond it, within 1e-8 rad of the camera's plane, do not occur.
 constexpr double kLargestRadius = 1e8;
 // Tolerance of the inverse, with a margin to the documented 1e-9 px.
 constexpr double kInversePixels = 2e-10;
@@ -34,8 +33,7 @@ double evaluate(const Polynomial& p, double r) {
   return value;
 }
 
-// Returns the root of `p` between `low` and `high`, where p has different signs, by bisection to
-// adjacent doubles.
+// Returns the root of `p` between `low` and `high`, where its signs differ, to adjacent doubles.
 double bisect(const Polynomial& p, double low, double high) {
   const bool low_positive = evaluate(p, low) > 0;
   for (;;) {
@@ -45,8 +43,8 @@ double bisect(const Polynomial& p, double low, double high) {
   }
 }
 
-// Returns the radii in (0, kLargestRadius) at which `p` changes sign, increasing. There is at most
-// one between two sign changes of the derivative, so each is bracketed.
+// Returns the increasing radii in (0, kLargestRadius) at which `p` changes sign. The sign changes
+// of the derivative bracket them: there is at most one between two.
 std::vector<double> sign_changes(const Polynomial& p) {
   Polynomial derivative{};
   bool constant = true;
@@ -57,44 +55,44 @@ std::vector<double> sign_changes(const Polynomial& p) {
   if (constant) return {};
   std::vector<double> ends = sign_changes(derivative);
   ends.push_back(kLargestRadius);
-  std::vector<double> places;
+  std::vector<double> roots;
   double low = 0;
   for (const double high : ends) {
-    if ((evaluate(p, low) > 0) != (evaluate(p, high) > 0)) places.push_back(bisect(p, low, high));
+    if ((evaluate(p, low) > 0) != (evaluate(p, high) > 0)) roots.push_back(bisect(p, low, high));
     low = high;
   }
-  return places;
+  return roots;
 }
 
-// The distortion is the gradient of a potential: its Jacobian is symmetric, with the radial
-// eigenvalue q = d(rL)/dr and the tangential eigenvalue L. p1 and p2 change both by at most 6 |p| r
-// (exactly that much in the worst direction of q). If both are positive on a disc, the map is
-// one-to-one there.
-double fold_radius(const Distortion& d) {
+// Returns the ideal radius at which the distortion folds back, or infinity. The distortion is the
+// gradient of a potential: its Jacobian is symmetric, with the radial eigenvalue q = d(rL)/dr and
+// the tangential eigenvalue L. p1 and p2 change both by at most 6 |p| r (exactly that much in the
+// worst direction of q). If both are positive on a disc, the map is one-to-one there.
+double fold_radius(const schemas::Distortion& d) {
   const double tangential = -6 * std::hypot(d.p1, d.p2);
   const std::array<Polynomial, 2> eigenvalues{
       Polynomial{1, tangential, 3 * d.k1, 0, 5 * d.k2, 0, 7 * d.k3},
       Polynomial{1, tangential, d.k1, 0, d.k2, 0, d.k3}};
   double radius = std::numeric_limits<double>::infinity();
   for (const Polynomial& eigenvalue : eigenvalues) {
-    const std::vector<double> places = sign_changes(eigenvalue);
-    if (!places.empty()) radius = std::min(radius, places.front());
+    const std::vector<double> roots = sign_changes(eigenvalue);
+    if (!roots.empty()) radius = std::min(radius, roots.front());
   }
   return radius;
 }
 
-double radial_factor(const Distortion& d, double s) {
+double radial_factor(const schemas::Distortion& d, double s) {
   return 1 + s * (d.k1 + s * (d.k2 + s * d.k3));
 }
 
-Eigen::Vector2d distort(const Distortion& d, const Eigen::Vector2d& x) {
+Eigen::Vector2d distort(const schemas::Distortion& d, const Eigen::Vector2d& x) {
   const double s = x.squaredNorm();
   const double factor = radial_factor(d, s);
   return {x.x() * factor + 2 * d.p1 * x.x() * x.y() + d.p2 * (s + 2 * x.x() * x.x()),
           x.y() * factor + d.p1 * (s + 2 * x.y() * x.y()) + 2 * d.p2 * x.x() * x.y()};
 }
 
-Eigen::Matrix2d distortion_jacobian(const Distortion& d, const Eigen::Vector2d& x) {
+Eigen::Matrix2d distortion_jacobian(const schemas::Distortion& d, const Eigen::Vector2d& x) {
   const double s = x.squaredNorm();
   const double slope = 2 * (d.k1 + s * (2 * d.k2 + 3 * d.k3 * s));  // d(factor)/ds, twice
   Eigen::Matrix2d jacobian = slope * x * x.transpose();
@@ -109,7 +107,8 @@ Eigen::Matrix2d distortion_jacobian(const Distortion& d, const Eigen::Vector2d& 
 
 // Returns r in [0, limit] with r L(r^2) = `distorted`, by Newton's method within a shrinking
 // bracket, or nullopt if the polynomial does not reach that value.
-std::optional<double> undistort_radius(const Distortion& d, double distorted, double limit) {
+std::optional<double> undistort_radius(const schemas::Distortion& d, double distorted,
+                                       double limit) {
   const auto excess = [&](double r) { return r * radial_factor(d, r * r) - distorted; };
   double low = 0;
   double high = limit;
@@ -135,10 +134,12 @@ std::optional<double> undistort_radius(const Distortion& d, double distorted, do
   return r;
 }
 
-// Newton's method in the plane. Steps are halved until they stay within the fold and reduce the
-// error.
-std::optional<Eigen::Vector2d> undistort(const Distortion& d, const Eigen::Vector2d& distorted,
-                                         double limit, Eigen::Vector2d x, double tolerance) {
+// Returns the ideal point of a distorted one by Newton's method in the plane from `x`, or nullopt
+// if the error stays above `tolerance`. Steps are halved until they stay within the fold radius
+// `limit` and reduce the error.
+std::optional<Eigen::Vector2d> undistort(const schemas::Distortion& d,
+                                         const Eigen::Vector2d& distorted, double limit,
+                                         Eigen::Vector2d x, double tolerance) {
   double error = (distort(d, x) - distorted).norm();
   for (int step = 0; step < 100 && error > 0; ++step) {
     const Eigen::Vector2d move = distortion_jacobian(d, x).inverse() * (distorted - distort(d, x));
@@ -161,9 +162,9 @@ std::optional<Eigen::Vector2d> undistort(const Distortion& d, const Eigen::Vecto
 
 }  // namespace
 
-CameraModel::CameraModel(const CameraGeometry& geometry)
+CameraModel::CameraModel(const schemas::CameraGeometry& geometry)
     : intrinsics_(geometry.intrinsics), width_(geometry.width), height_(geometry.height) {
-  const Distortion& d = intrinsics_.distortion;
+  const schemas::Distortion& d = intrinsics_.distortion;
   const std::array<double, 9> numbers{
       intrinsics_.fx, intrinsics_.fy, intrinsics_.cx, intrinsics_.cy, d.k1, d.k2, d.p1, d.p2, d.k3};
   const std::string where = "camera " + geometry.id;
@@ -218,7 +219,7 @@ std::optional<Eigen::Vector2d> CameraModel::ideal_from_pixel(const Eigen::Vector
   const Eigen::Vector2d distorted((pixel.x() - intrinsics_.cx) / intrinsics_.fx,
                                   (pixel.y() - intrinsics_.cy) / intrinsics_.fy);
   if (!has_distortion()) return distorted;
-  const Distortion& d = intrinsics_.distortion;
+  const schemas::Distortion& d = intrinsics_.distortion;
   const double limit = std::sqrt(fold_radius_squared_);
   const double radius = distorted.norm();
   if (radius == 0) return distorted;
@@ -230,7 +231,7 @@ std::optional<Eigen::Vector2d> CameraModel::ideal_from_pixel(const Eigen::Vector
   const double largest = std::max(intrinsics_.fx, intrinsics_.fy);
   const double tolerance = kInversePixels / largest;
   const double start = undistorted.value_or(std::min(limit, kLargestRadius));
-  // The first start nearly always does; the others are for pixels near the fold.
+  // The first start nearly always converges; the others are for pixels near the fold.
   for (const double part : {1.0, 0.9, 0.5, 0.0}) {
     const Eigen::Vector2d first = distorted * (part * start / radius);
     if (const auto ideal = undistort(d, distorted, limit, first, tolerance)) return ideal;
@@ -242,4 +243,4 @@ bool CameraModel::contains(const Eigen::Vector2d& pixel) const {
   return pixel.x() >= 0 && pixel.x() <= width_ && pixel.y() >= 0 && pixel.y() <= height_;
 }
 
-}  // namespace raystage
+}  // namespace raystage::rig

@@ -6,7 +6,7 @@
 
 #include "schemas/geometry.h"
 
-namespace raystage {
+namespace raystage::rig {
 
 /// A pinhole camera with Brown-Conrady distortion (thesis 4.3; OpenCV's coefficients).
 ///
@@ -17,14 +17,13 @@ namespace raystage {
 /// radius two rays would map to one pixel. The model ends there: such points have no projection.
 class CameraModel {
  public:
-  /// Throws Error (bad input) for non-finite values, a focal length or a size that is not positive,
-  /// or a distortion that folds back at the principal point itself. `id` names the camera in
-  /// errors.
-  explicit CameraModel(const CameraGeometry& geometry);
+  /// Throws Error (bad input), with the camera's id, for non-finite values, a focal length or size
+  /// that is not positive, or a distortion that folds back at the principal point itself.
+  explicit CameraModel(const schemas::CameraGeometry& geometry);
 
   int width() const { return width_; }
   int height() const { return height_; }
-  const Intrinsics& intrinsics() const { return intrinsics_; }
+  const schemas::Intrinsics& intrinsics() const { return intrinsics_; }
 
   /// Returns the pixel of a point, or nullopt at or behind the camera's plane (z >= 0) or beyond
   /// the fold. The pixel may lie outside the image.
@@ -38,17 +37,16 @@ class CameraModel {
   /// Returns the ideal image point of a pixel, or nullopt if the pixel is beyond the fold.
   std::optional<Eigen::Vector2d> ideal_from_pixel(const Eigen::Vector2d& pixel) const;
 
-  /// Returns the squared ideal radius at which the distortion folds back, or infinity if it never
-  /// does.
+  /// Returns the squared ideal radius at which the distortion folds back, or infinity.
   double fold_radius_squared() const { return fold_radius_squared_; }
-  bool has_distortion() const { return !(intrinsics_.distortion == Distortion{}); }
+  bool has_distortion() const { return !(intrinsics_.distortion == schemas::Distortion{}); }
   /// Returns whether a pixel position is within the image, [0, width] x [0, height].
   bool contains(const Eigen::Vector2d& pixel) const;
 
  private:
-  Intrinsics intrinsics_;
+  schemas::Intrinsics intrinsics_;
   int width_ = 0, height_ = 0;
   double fold_radius_squared_ = 0;
 };
 
-}  // namespace raystage
+}  // namespace raystage::rig

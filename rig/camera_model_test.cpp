@@ -17,13 +17,14 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::rig {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-CameraGeometry camera(int width, int height, double focal, const Distortion& distortion) {
-  CameraGeometry geometry;
+schemas::CameraGeometry camera(int width, int height, double focal,
+                               const schemas::Distortion& distortion) {
+  schemas::CameraGeometry geometry;
   geometry.id = "test";
   geometry.width = width;
   geometry.height = height;
@@ -35,8 +36,7 @@ double fov_focal(int width, double fov_deg) {
   return width / 2.0 / std::tan(fov_deg * std::numbers::pi / 360);
 }
 
-// Visits the image on a lattice that holds its corners; returns how many pixels had a ray, and
-// checks those to 1e-9 px.
+// Returns the number of pixels with a ray on a lattice over the image, and checks them to 1e-9 px.
 int check_round_trip(const CameraModel& model) {
   int answered = 0;
   for (int row = 0; row <= 40; ++row) {
@@ -58,7 +58,7 @@ int check_round_trip(const CameraModel& model) {
 
 TEST(CameraModel, ProjectsAsThePageSays) {
   const CameraModel model(camera(320, 240, 300, {}));
-  // Right and up of the axis: to the right of and above the middle, y down.
+  // Right of and above the axis: right of and above the principal point, with y down.
   const auto pixel = model.project({0.2, 0.1, -1});
   ASSERT_TRUE(pixel);
   EXPECT_DOUBLE_EQ(pixel->x(), 160 + 60);
@@ -70,7 +70,7 @@ TEST(CameraModel, ProjectsAsThePageSays) {
 
 TEST(CameraModel, DistortsAsOpenCv) {
   const CameraModel model(camera(640, 480, 500, {-0.3, 0.1, 0.001, -0.002, 0.02}));
-  // cv2.projectPoints' formula for x = 0.3, y = -0.2 (y down), written out by hand.
+  // The formula of cv2.projectPoints for x = 0.3, y = -0.2 (y down).
   const double x = 0.3, y = -0.2, r2 = 0.13;
   const double factor = 1 - 0.3 * r2 + 0.1 * r2 * r2 + 0.02 * r2 * r2 * r2;
   const double xd = x * factor + 2 * 0.001 * x * y - 0.002 * (r2 + 2 * x * x);
@@ -108,7 +108,7 @@ TEST(CameraModel, RoundTripsRealWebcams) {
   int cameras = 0;
   for (std::sregex_iterator match(toml.begin(), toml.end(), matrix), end; match != end; ++match) {
     const auto value = [&](std::size_t group) { return std::stod((*match)[group].str()); };
-    CameraGeometry geometry = camera(1280, 720, 1, {});
+    schemas::CameraGeometry geometry = camera(1280, 720, 1, {});
     geometry.intrinsics = {value(1),
                            value(3),
                            value(2) + 0.5,
@@ -154,7 +154,7 @@ TEST(CameraModel, FindsTheFirstOfSeveralFolds) {
 }
 
 TEST(CameraModel, RefusesWhatIsUnusable) {
-  const auto refused = [](const CameraGeometry& geometry) {
+  const auto refused = [](const schemas::CameraGeometry& geometry) {
     try {
       const CameraModel model(geometry);
     } catch (const Error& error) {
@@ -162,10 +162,10 @@ TEST(CameraModel, RefusesWhatIsUnusable) {
     }
     return false;
   };
-  CameraGeometry good = camera(320, 240, 300, {});
+  schemas::CameraGeometry good = camera(320, 240, 300, {});
   EXPECT_FALSE(refused(good));
   for (const double bad : {std::nan(""), kInfinity, -kInfinity}) {
-    CameraGeometry geometry = good;
+    schemas::CameraGeometry geometry = good;
     geometry.intrinsics.cx = bad;
     EXPECT_TRUE(refused(geometry));
     geometry = good;
@@ -176,11 +176,11 @@ TEST(CameraModel, RefusesWhatIsUnusable) {
     EXPECT_TRUE(refused(geometry));
   }
   for (const double bad : {0.0, -300.0, std::nan("")}) {
-    CameraGeometry geometry = good;
+    schemas::CameraGeometry geometry = good;
     geometry.intrinsics.fy = bad;
     EXPECT_TRUE(refused(geometry));
   }
-  CameraGeometry flat = good;
+  schemas::CameraGeometry flat = good;
   flat.height = 0;
   EXPECT_TRUE(refused(flat));
   EXPECT_TRUE(refused(camera(320, 240, 300, {-1e12, 0, 0, 0, 0})));
@@ -202,8 +202,8 @@ TEST(CameraModelProperty, RoundTripsWhereverItAnswers) {
   EXPECT_TRUE(rc::check("project(unproject(p)) == p to 1e-9 px, on either side of a fold", [] {
     const bool extreme = *rc::gen::arbitrary<bool>();
     const double k = extreme ? 2.0 : 0.4, p = extreme ? 0.1 : 0.005;
-    const Distortion distortion{uniform(-k, k), uniform(-k, k), uniform(-p, p), uniform(-p, p),
-                                uniform(-k, k)};
+    const schemas::Distortion distortion{uniform(-k, k), uniform(-k, k), uniform(-p, p),
+                                         uniform(-p, p), uniform(-k, k)};
     const int width = *rc::gen::inRange(16, 8000);
     const CameraModel model(
         camera(width, width * 3 / 4, fov_focal(width, uniform(10, 150)), distortion));
@@ -222,12 +222,12 @@ TEST(CameraModelProperty, RoundTripsWhereverItAnswers) {
 TEST(CameraModelProperty, AnswersWhateverItReaches) {
   EXPECT_TRUE(rc::check("a projected point is found again, and is the only one", [] {
     const double p = *rc::gen::arbitrary<bool>() ? 0.02 : 0.0;
-    const Distortion distortion{uniform(-0.5, 0.5), uniform(-0.3, 0.3), uniform(-p, p),
-                                uniform(-p, p), uniform(-0.2, 0.2)};
+    const schemas::Distortion distortion{uniform(-0.5, 0.5), uniform(-0.3, 0.3), uniform(-p, p),
+                                         uniform(-p, p), uniform(-0.2, 0.2)};
     const CameraModel model(camera(1000, 1000, 600, distortion));
     const double limit = std::min(2.0, std::sqrt(model.fold_radius_squared()));
     for (int i = 0; i < 20; ++i) {
-      // Short of the fold by a little: there the inverse has the slope of a square root.
+      // Just inside the fold, where the inverse has the slope of a square root.
       const double radius = uniform(0, 0.999) * limit, angle = uniform(0, 2 * std::numbers::pi);
       const Eigen::Vector2d ideal(radius * std::cos(angle), radius * std::sin(angle));
       const auto pixel = model.pixel_from_ideal(ideal);
@@ -240,4 +240,4 @@ TEST(CameraModelProperty, AnswersWhateverItReaches) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::rig

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+// Converts X-Rite's CIE L*a*b* values (D50, 2 degrees) of the 24 patches of a ColorChecker Classic
+// to linear light with Rec.709 primaries (CIE 15:2004), after Bradford adaptation from D50 to D65.
+// Output: 24 x R, G, B, 1 = a perfect white. Cost: constant.
 #include "rig/color_checker.h"
 
 #include <Eigen/Dense>
-#include <cmath>
 
-namespace raystage {
+namespace raystage::rig {
 namespace {
 
 constexpr std::array<std::array<double, 3>, kChartPatches> kLab{{
@@ -22,14 +24,14 @@ double inverse_lab_f(double t) {
   return t > kKnee ? t * t * t : 3 * kKnee * kKnee * (t - 4.0 / 29);
 }
 
-/// Returns the Bradford matrix: cone responses from XYZ.
+/// Returns the Bradford matrix, from XYZ to cone responses.
 Eigen::Matrix3d bradford() {
   Eigen::Matrix3d m;
   m << 0.8951, 0.2664, -0.1614, -0.7502, 1.7135, 0.0367, 0.0389, -0.0685, 1.0296;
   return m;
 }
 
-/// Returns the matrix from linear Rec.709 (primaries of ITU-R BT.709) to XYZ for a white.
+/// Returns the matrix from linear light with ITU-R BT.709 primaries to XYZ for a white point.
 Eigen::Matrix3d xyz_from_rec709(const Eigen::Vector3d& white) {
   Eigen::Matrix3d primaries;
   primaries << 0.64, 0.30, 0.15, 0.33, 0.60, 0.06, 0.03, 0.10, 0.79;
@@ -57,4 +59,4 @@ PatchColors color_checker_reference() {
   return light;
 }
 
-}  // namespace raystage
+}  // namespace raystage::rig

@@ -8,11 +8,11 @@
 
 #include "base/transfer_function.h"
 
-namespace raystage {
+namespace raystage::rig {
 namespace {
 
 /// Codes of sRGB, 0 to 255.
-std::array<double, 3> codes_of(const Rgb& light) {
+std::array<double, 3> codes_of(const schemas::Rgb& light) {
   std::array<double, 3> codes{};
   for (std::size_t c = 0; c < 3; ++c) {
     codes[c] = 255 * srgb_from_linear(std::clamp(light[c], 0.0, 1.0));
@@ -43,8 +43,8 @@ TEST(ColorChecker, IsNearToTheMakersCodesOfOlderCharts) {
 }
 
 TEST(ColorChecker, ReflectsAsMuchAsItsLightnessSays) {
-  // White for white, whatever it is adapted to: L* 95.19 is a luminance of 0.8806.
-  const Rgb white = color_checker_reference()[kFirstNeutralPatch];
+  // The adaptation maps white to white: L* 95.19 is a luminance of 0.8806.
+  const schemas::Rgb white = color_checker_reference()[kFirstNeutralPatch];
   EXPECT_NEAR(0.2126 * white[0] + 0.7152 * white[1] + 0.0722 * white[2], 0.8806, 0.002);
 }
 
@@ -60,4 +60,4 @@ TEST(ColorChecker, GreysAreGreyAndFallInEvenSteps) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::rig

@@ -9,7 +9,7 @@
 #include <numeric>
 #include <utility>
 
-namespace raystage {
+namespace raystage::rig {
 namespace {
 
 __extension__ using Int128 = __int128;
@@ -18,7 +18,8 @@ constexpr int kGhost = -1;
 
 int sign(Int128 value) { return value > 0 ? 1 : (value < 0 ? -1 : 0); }
 
-// A ghost triangle is (a, b, kGhost); the outside of the hull is to the left of a -> b.
+// Returns the triangle rotated so that a ghost vertex is last. In a ghost triangle (a, b, kGhost)
+// the outside of the hull is to the left of a -> b.
 Triangle with_ghost_last(Triangle triangle) {
   while (triangle[2] != kGhost && (triangle[0] == kGhost || triangle[1] == kGhost)) {
     std::rotate(triangle.begin(), triangle.begin() + 1, triangle.end());
@@ -29,18 +30,18 @@ Triangle with_ghost_last(Triangle triangle) {
 // Returns whether `p` is inside the triangle's open circumcircle. For a ghost triangle that is the
 // open half-plane outside its edge, and the open edge itself.
 bool conflicts(std::span<const GridPoint> points, const Triangle& triangle, GridPoint p) {
-  const GridPoint a = points[static_cast<std::size_t>(triangle[0])];
-  const GridPoint b = points[static_cast<std::size_t>(triangle[1])];
+  const GridPoint a = points[triangle[0]];
+  const GridPoint b = points[triangle[1]];
   if (triangle[2] == kGhost) {
     const int side = orientation(a, b, p);
     if (side != 0) return side > 0;
     return std::min(a, b) < p && p < std::max(a, b);
   }
-  return in_circle(a, b, points[static_cast<std::size_t>(triangle[2])], p) > 0;
+  return in_circle(a, b, points[triangle[2]], p) > 0;
 }
 
 void insert(std::vector<Triangle>& triangles, std::span<const GridPoint> points, int index) {
-  const GridPoint p = points[static_cast<std::size_t>(index)];
+  const GridPoint p = points[index];
   const auto cavity = std::partition(triangles.begin(), triangles.end(),
                                      [&](const Triangle& t) { return !conflicts(points, t, p); });
   std::vector<std::pair<int, int>> edges;
@@ -87,7 +88,7 @@ std::vector<Triangle> delaunay_triangulation(std::span<const GridPoint> points) 
   }));
   std::vector<int> order(points.size());
   std::iota(order.begin(), order.end(), 0);
-  const auto point = [&](int index) { return points[static_cast<std::size_t>(index)]; };
+  const auto point = [&](int index) { return points[index]; };
   std::ranges::sort(order, {}, point);
   if (order.size() < 3) return {};
 
@@ -100,9 +101,7 @@ std::vector<Triangle> delaunay_triangulation(std::span<const GridPoint> points) 
   Triangle start{first, second, *third};
   if (orientation(point(first), point(second), point(*third)) < 0) std::swap(start[1], start[2]);
   std::vector<Triangle> triangles{start};
-  for (std::size_t i = 0; i < 3; ++i) {
-    triangles.push_back({start[(i + 1) % 3], start[i], kGhost});
-  }
+  for (std::size_t i = 0; i < 3; ++i) triangles.push_back({start[(i + 1) % 3], start[i], kGhost});
   for (const int index : order) {
     if (std::ranges::find(start, index) == start.end()) insert(triangles, points, index);
   }
@@ -112,4 +111,4 @@ std::vector<Triangle> delaunay_triangulation(std::span<const GridPoint> points) 
   return triangles;
 }
 
-}  // namespace raystage
+}  // namespace raystage::rig

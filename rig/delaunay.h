@@ -6,31 +6,29 @@
 #include <span>
 #include <vector>
 
-namespace raystage {
+namespace raystage::rig {
 
-/// A point on an integer grid; coordinates within +-2^26, so that the predicates are exact in 128
-/// bits.
+/// A point of an integer grid. Coordinates are within +-2^26: predicates are exact in 128 bits.
 struct GridPoint {
   std::int64_t x = 0, y = 0;
   auto operator<=>(const GridPoint&) const = default;
 };
 inline constexpr std::int64_t kGridPointLimit = std::int64_t{1} << 26;
 
-/// Three indices, counter-clockwise with y up.
+/// Three indices of points, counter-clockwise with y up.
 using Triangle = std::array<int, 3>;
 
 /// Returns +1 if a, b, c turn counter-clockwise (y up), -1 if clockwise, 0 if collinear. Exact.
 int orientation(GridPoint a, GridPoint b, GridPoint c);
-/// Returns +1 if d is inside the circle through a, b, c (counter-clockwise), -1 outside, 0 on it.
-/// Exact.
+/// Returns, exactly, +1 for d inside the circle a, b, c (counter-clockwise), 0 on it, -1 outside.
 int in_circle(GridPoint a, GridPoint b, GridPoint c, GridPoint d);
 
-/// Returns the Delaunay triangulation of distinct points, or nothing if all are collinear. For four
-/// or more co-circular points the result depends on positions, not on the order of the points.
-/// Triangles start at their smallest index and are sorted. Cost: O(n^2).
+/// Returns the Delaunay triangulation of distinct points, empty if all are collinear. For four or
+/// more co-circular points the result depends on their positions, not on their order. Triangles
+/// start at their smallest index and are sorted. Cost: O(n^2).
 std::vector<Triangle> delaunay_triangulation(std::span<const GridPoint> points);
 
 /// Returns the same triangle, starting at its smallest index.
 Triangle rotate_smallest_first(Triangle triangle);
 
-}  // namespace raystage
+}  // namespace raystage::rig

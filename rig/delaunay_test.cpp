@@ -9,14 +9,14 @@
 #include <set>
 #include <utility>
 
-namespace raystage {
+namespace raystage::rig {
 namespace {
 
 std::int64_t doubled_area(GridPoint a, GridPoint b, GridPoint c) {
   return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }
 
-// Doubled area of the convex hull (Andrew's monotone chain).
+// Returns twice the area of the convex hull (Andrew's monotone chain).
 std::int64_t doubled_hull_area(std::vector<GridPoint> points) {
   std::ranges::sort(points);
   std::vector<GridPoint> hull;
@@ -39,10 +39,10 @@ std::int64_t doubled_hull_area(std::vector<GridPoint> points) {
   return area;
 }
 
-// Everything a Delaunay triangulation has to be; empty text where it is.
+// Returns the violated property of a Delaunay triangulation, or an empty text.
 std::string what_is_wrong(const std::vector<GridPoint>& points,
                           const std::vector<Triangle>& triangles) {
-  const auto at = [&](int i) { return points[static_cast<std::size_t>(i)]; };
+  const auto at = [&](int i) { return points[i]; };
   std::map<std::pair<int, int>, int> edges;
   std::set<int> used;
   std::int64_t area = 0;
@@ -102,7 +102,7 @@ TEST(Delaunay, DoesNotDependOnTheOrderOfThePoints) {
     std::set<std::set<GridPoint>> result;
     for (const Triangle& t : delaunay_triangulation(p)) {
       std::set<GridPoint> corners;
-      for (const int i : t) corners.insert(p[static_cast<std::size_t>(i)]);
+      for (const int i : t) corners.insert(p[i]);
       result.insert(corners);
     }
     return result;
@@ -132,4 +132,4 @@ TEST(DelaunayProperty, IsDelaunay) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::rig

@@ -11,42 +11,41 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::rig {
 namespace {
 
-double vignetting_gain(const Vignetting& lens, PictureSize size, double x, double y) {
+double vignetting_gain(const schemas::Vignetting& lens, PictureSize size, double x, double y) {
   const double half_diagonal = std::hypot(size.width, size.height) / 2;
   const double across = (x - lens.cx) / half_diagonal, down = (y - lens.cy) / half_diagonal;
   const double r2 = across * across + down * down;
   return 1 + r2 * (lens.a[0] + r2 * (lens.a[1] + r2 * lens.a[2]));
 }
 
-/// The interval of evenly spaced nodes that contains a position: its first node and the linear
-/// interpolation weight of the second.
-struct Between {
-  int first = 0;
-  double share = 0;
+/// The interval of evenly spaced nodes that contains a position.
+struct Interval {
+  int first = 0;      ///< its first node
+  double weight = 0;  ///< linear interpolation weight of the second node
 };
-Between between(double x, double length, int nodes) {
-  const double place = x / length * (nodes - 1);
-  const int first = std::clamp(static_cast<int>(place), 0, nodes - 2);
-  return {first, place - first};
+Interval interval_at(double x, double length, int nodes) {
+  const double position = x / length * (nodes - 1);
+  const int first = std::clamp(static_cast<int>(position), 0, nodes - 2);
+  return {first, position - first};
 }
 
-Rgb map_gain(const GainMap& map, PictureSize size, double x, double y) {
-  const Between column = between(x, size.width, map.columns);
-  const Between row = between(y, size.height, map.rows);
-  const auto node = [&](int i, int j) -> const Rgb& {
+schemas::Rgb map_gain(const schemas::GainMap& map, PictureSize size, double x, double y) {
+  const Interval column = interval_at(x, size.width, map.columns);
+  const Interval row = interval_at(y, size.height, map.rows);
+  const auto node = [&](int i, int j) -> const schemas::Rgb& {
     return map.gain[static_cast<std::size_t>(j) * static_cast<std::size_t>(map.columns) +
                     static_cast<std::size_t>(i)];
   };
-  Rgb gain{};
+  schemas::Rgb gain{};
   for (std::size_t c = 0; c < 3; ++c) {
     const double above = std::lerp(node(column.first, row.first)[c],
-                                   node(column.first + 1, row.first)[c], column.share);
+                                   node(column.first + 1, row.first)[c], column.weight);
     const double below = std::lerp(node(column.first, row.first + 1)[c],
-                                   node(column.first + 1, row.first + 1)[c], column.share);
-    gain[c] = std::lerp(above, below, row.share);
+                                   node(column.first + 1, row.first + 1)[c], column.weight);
+    gain[c] = std::lerp(above, below, row.weight);
   }
   return gain;
 }
@@ -55,9 +54,9 @@ Rgb map_gain(const GainMap& map, PictureSize size, double x, double y) {
 
 double evaluate_response_curve(const std::vector<double>& curve, double code) {
   if (curve.empty()) return code;
-  const Between at = between(code, 1, static_cast<int>(curve.size()));
+  const Interval at = interval_at(code, 1, static_cast<int>(curve.size()));
   const auto first = static_cast<std::size_t>(at.first);
-  return std::lerp(curve[first], curve[first + 1], at.share);
+  return std::lerp(curve[first], curve[first + 1], at.weight);
 }
 
 double invert_response_curve(const std::vector<double>& curve, double corrected) {
@@ -70,8 +69,9 @@ double invert_response_curve(const std::vector<double>& curve, double corrected)
          static_cast<double>(curve.size() - 1);
 }
 
-Rgb gain_at(const PhotometricResponse& response, PictureSize size, double x, double y) {
-  Rgb gain{1, 1, 1};
+schemas::Rgb gain_at(const schemas::PhotometricResponse& response, PictureSize size, double x,
+                     double y) {
+  schemas::Rgb gain{1, 1, 1};
   if (response.gain_map) gain = map_gain(*response.gain_map, size, x, y);
   if (response.vignetting) {
     const double lens = vignetting_gain(*response.vignetting, size, x, y);
@@ -80,55 +80,48 @@ Rgb gain_at(const PhotometricResponse& response, PictureSize size, double x, dou
   return gain;
 }
 
-Rgb multiply(const ColorMatrix& matrix, const Rgb& color) {
-  Rgb result{};
+schemas::Rgb multiply(const schemas::ColorMatrix& matrix, const schemas::Rgb& color) {
+  schemas::Rgb result{};
   for (std::size_t row = 0; row < 3; ++row) {
     for (std::size_t c = 0; c < 3; ++c) result[row] += matrix[row][c] * color[c];
   }
   return result;
 }
 
-ColorMatrix inverse(const ColorMatrix& matrix) {
-  Eigen::Matrix3d m;
-  for (std::size_t row = 0; row < 3; ++row) {
-    for (std::size_t c = 0; c < 3; ++c) {
-      m(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(c)) = matrix[row][c];
-    }
-  }
+schemas::ColorMatrix inverse(const schemas::ColorMatrix& matrix) {
+  using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+  const Eigen::Matrix3d m = Eigen::Map<const RowMajor>(matrix.front().data());
   const Eigen::FullPivLU<Eigen::Matrix3d> solver(m);
   if (!solver.isInvertible()) {
     throw Error::bad_input("the colour matrix has no inverse", "photometric/matrix",
                            "Give an invertible 3x3 matrix");
   }
-  const Eigen::Matrix3d i = solver.inverse();
-  ColorMatrix result{};
-  for (std::size_t row = 0; row < 3; ++row) {
-    for (std::size_t c = 0; c < 3; ++c) {
-      result[row][c] = i(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(c));
-    }
-  }
+  schemas::ColorMatrix result{};
+  Eigen::Map<RowMajor>(result.front().data()) = solver.inverse();
   return result;
 }
 
-Rgb apply_photometric_correction(const PhotometricResponse& response, PictureSize size, int x,
-                                 int y, const Rgb& shown, const Rgb& dark) {
-  const Rgb gain = gain_at(response, size, x + 0.5, y + 0.5);
-  Rgb light{};
+schemas::Rgb apply_photometric_correction(const schemas::PhotometricResponse& response,
+                                          PictureSize size, int x, int y, const schemas::Rgb& shown,
+                                          const schemas::Rgb& dark) {
+  const schemas::Rgb gain = gain_at(response, size, x + 0.5, y + 0.5);
+  schemas::Rgb light{};
   for (std::size_t c = 0; c < 3; ++c) {
     light[c] = gain[c] * (response.brightness[c] + response.contrast[c] * (shown[c] - dark[c]));
   }
   return multiply(response.matrix, light);
 }
 
-Rgb invert_photometric_correction(const PhotometricResponse& response, PictureSize size, int x,
-                                  int y, const Rgb& light, const Rgb& dark) {
-  const Rgb gain = gain_at(response, size, x + 0.5, y + 0.5);
-  const Rgb unmixed = multiply(inverse(response.matrix), light);
-  Rgb shown{};
+schemas::Rgb invert_photometric_correction(const schemas::PhotometricResponse& response,
+                                           PictureSize size, int x, int y,
+                                           const schemas::Rgb& light, const schemas::Rgb& dark) {
+  const schemas::Rgb gain = gain_at(response, size, x + 0.5, y + 0.5);
+  const schemas::Rgb unmixed = multiply(inverse(response.matrix), light);
+  schemas::Rgb shown{};
   for (std::size_t c = 0; c < 3; ++c) {
     shown[c] = (unmixed[c] / gain[c] - response.brightness[c]) / response.contrast[c] + dark[c];
   }
   return shown;
 }
 
-}  // namespace raystage
+}  // namespace raystage::rig

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Limits of sampling without ghosting (thesis eq. 2.1 and 2.2): the disparity of a point is
+// focal_length * spacing / depth, and a focal plane allows an error of one pixel on each side.
+// Inputs: pixels, metres, and the n cells of a topology; outputs: pixels or metres. Cost: O(n).
 #include "rig/plenoptic_sampling.h"
 
 #include <algorithm>
@@ -6,30 +9,30 @@
 #include <cmath>
 #include <limits>
 
-namespace raystage {
+namespace raystage::rig {
 namespace {
 
-double inverse_depth_range(DepthRange range) { return 1 / range.near - 1 / range.far; }
+double inverse_depth_range(schemas::DepthRange range) { return 1 / range.near - 1 / range.far; }
 
 }  // namespace
 
-double disparity_range(double focal_length, double spacing, DepthRange range) {
+double disparity_range(double focal_length, double spacing, schemas::DepthRange range) {
   return focal_length * spacing * inverse_depth_range(range);
 }
 
-double max_alias_free_baseline(double focal_length, DepthRange range) {
+double max_alias_free_baseline(double focal_length, schemas::DepthRange range) {
   const double depths = inverse_depth_range(range);
   return depths > 0 ? kMaxAliasFreeDisparity / (focal_length * depths)
                     : std::numeric_limits<double>::infinity();
 }
 
 double alias_free_plane_count(double disparity_range) {
-  // The tolerance keeps rounding errors from adding a plane to a range that fits exactly.
+  // The tolerance prevents that a rounding error adds a plane to a range that fits exactly.
   return std::max(1.0, std::ceil(disparity_range / kMaxAliasFreeDisparity - 1e-9));
 }
 
-DepthRange alias_free_depth_range(double focal_length, double spacing, double focal_depth) {
-  // A point at inverse depth q has a disparity of focal_length * spacing * q between cameras.
+schemas::DepthRange alias_free_depth_range(double focal_length, double spacing,
+                                           double focal_depth) {
   const double reach = kMaxAliasFreeDisparity / 2 / (focal_length * spacing);
   const double farthest = 1 / focal_depth - reach;
   return {1 / (1 / focal_depth + reach),
@@ -38,9 +41,7 @@ DepthRange alias_free_depth_range(double focal_length, double spacing, double fo
 
 double max_neighbour_baseline(const Rig& rig, const Topology& topology) {
   const auto distance = [&](int a, int b) {
-    return (rig.cameras[static_cast<std::size_t>(a)].pose.position -
-            rig.cameras[static_cast<std::size_t>(b)].pose.position)
-        .norm();
+    return (rig.cameras[a].pose.position - rig.cameras[b].pose.position).norm();
   };
   double widest = 0;
   for (const Topology::Cell& cell : topology.cells) {
@@ -57,4 +58,4 @@ double max_neighbour_baseline(const Rig& rig, const Topology& topology) {
   return widest;
 }
 
-}  // namespace raystage
+}  // namespace raystage::rig

@@ -7,21 +7,21 @@
 #include <limits>
 #include <numbers>
 
-namespace raystage::plenoptic_sampling_test {
+namespace raystage::rig::plenoptic_sampling_test {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 Rig rig_at(const std::vector<Eigen::Vector3d>& centres) {
-  RigDocument document;
+  schemas::RigDocument document;
   for (std::size_t i = 0; i < centres.size(); ++i) {
-    CameraGeometry camera;
+    schemas::CameraGeometry camera;
     camera.id = "c" + std::to_string(i);
     camera.width = 320;
     camera.height = 240;
     camera.intrinsics = {266, 266, 160, 120, {}};
     for (int axis = 0; axis < 3; ++axis) {
-      camera.world_from_camera[static_cast<std::size_t>(4 * axis + 3)] = centres[i][axis];
+      camera.world_from_camera[4 * axis + 3] = centres[i][axis];
     }
     document.cameras.push_back({camera, {}});
   }
@@ -50,12 +50,12 @@ TEST(SamplingLimits, ASceneWithoutDepthHasNoLimit) {
 TEST(SamplingLimits, OnePlaneFreesAPixelOfDisparityEitherWay) {
   const double focal_length = 160 / std::tan(31 * std::numbers::pi / 180);
   const double nearest = 0.06 * focal_length / 2;  // eq. 4.3
-  const DepthRange whole = alias_free_depth_range(focal_length, 0.06, 2 * nearest);
+  const schemas::DepthRange whole = alias_free_depth_range(focal_length, 0.06, 2 * nearest);
   EXPECT_NEAR(whole.near, nearest, 1e-9);
   EXPECT_GT(whole.far, 1e6);
-  const DepthRange wider = alias_free_depth_range(focal_length, 0.12, 2 * nearest);
+  const schemas::DepthRange wider = alias_free_depth_range(focal_length, 0.12, 2 * nearest);
   EXPECT_NEAR(disparity_range(focal_length, 0.12, wider), kMaxAliasFreeDisparity, 1e-9);
-  const DepthRange alone = alias_free_depth_range(focal_length, 0, 4);
+  const schemas::DepthRange alone = alias_free_depth_range(focal_length, 0, 4);
   EXPECT_EQ(alone.near, 0);
   EXPECT_EQ(alone.far, kInfinity);
   EXPECT_EQ(alias_free_depth_range(focal_length, 0.06, kInfinity).far, kInfinity);
@@ -79,4 +79,4 @@ TEST(SamplingLimits, SpacingOfALineAndOfOneCamera) {
 }
 
 }  // namespace
-}  // namespace raystage::plenoptic_sampling_test
+}  // namespace raystage::rig::plenoptic_sampling_test

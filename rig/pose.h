@@ -5,7 +5,7 @@
 
 #include "schemas/geometry.h"
 
-namespace raystage {
+namespace raystage::rig {
 
 /// Position and rotation of a camera: x_in_world = rotation * x_in_camera + position.
 /// Camera x right, y up, looks down -z; world right-handed, metres, y up.
@@ -24,7 +24,7 @@ struct Pose {
 };
 
 /// Returns the pose of a rigid matrix. Rigidity is checked when documents are read, not here.
-Pose pose_from_matrix(const Matrix4& world_from_camera);
-Matrix4 matrix_from_pose(const Pose& pose);
+Pose pose_from_matrix(const schemas::Matrix4& world_from_camera);
+schemas::Matrix4 matrix_from_pose(const Pose& pose);
 
-}  // namespace raystage
+}  // namespace raystage::rig

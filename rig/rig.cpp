@@ -1,17 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rig/rig.h"
 
-#include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <limits>
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::rig {
 
 Eigen::Vector3d Rig::centre() const {
-  // Relative to the first camera: an array far from the origin loses no precision.
+  // Relative to the first camera, so that an array far from the origin loses no precision.
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const Camera& camera : cameras) sum += camera.pose.position - cameras[0].pose.position;
   return cameras[0].pose.position + sum / static_cast<double>(cameras.size());
@@ -25,14 +23,14 @@ Eigen::Vector3d Rig::mean_viewing_direction() const {
   return sum.normalized();
 }
 
-Rig rig_from_document(const RigDocument& document) {
+Rig rig_from_document(const schemas::RigDocument& document) {
   if (document.cameras.empty()) {
     throw Error::bad_input("the rig contains no camera", document.name, "Give at least one camera");
   }
   Rig rig;
   rig.topology_kind = document.topology;
-  for (const RigDocument::Camera& camera : document.cameras) {
-    const CameraGeometry& geometry = camera.geometry;
+  for (const schemas::RigDocument::Camera& camera : document.cameras) {
+    const schemas::CameraGeometry& geometry = camera.geometry;
     if (document.topology == "grid" && !(geometry.row && geometry.column)) {
       throw Error::bad_input("the camera has no row and column, but the rig's topology is \"grid\"",
                              "camera " + geometry.id,
@@ -49,7 +47,7 @@ Topology make_topology(const Rig& rig, std::span<const int> cameras) {
   std::vector<Eigen::Vector3d> centres, directions;
   std::vector<int> rows, columns;
   for (const int index : cameras) {
-    const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(index)];
+    const Rig::Camera& camera = rig.cameras[index];
     centres.push_back(camera.pose.position);
     directions.push_back(camera.pose.viewing_direction());
     if (camera.row && camera.column) {
@@ -62,7 +60,7 @@ Topology make_topology(const Rig& rig, std::span<const int> cameras) {
                            : delaunay_topology(centres, directions);
   for (Topology::Cell& cell : topology.cells) {
     for (int& corner : cell) {
-      if (corner >= 0) corner = cameras[static_cast<std::size_t>(corner)];
+      if (corner >= 0) corner = cameras[corner];
     }
   }
   return topology;
@@ -75,7 +73,7 @@ Eigen::Vector4d fronto_parallel_plane(const Rig& rig, double depth) {
   return {normal.x(), normal.y(), normal.z(), -(normal.dot(rig.centre()) + depth)};
 }
 
-double optimal_focal_depth(DepthRange range) {
+double optimal_focal_depth(schemas::DepthRange range) {
   if (!(range.near > 0 && range.far >= range.near && std::isfinite(range.near))) {
     throw Error::bad_input("the depth range is invalid", "depth_range",
                            "Give 0 < near <= far, in metres; far may be infinite");
@@ -84,4 +82,4 @@ double optimal_focal_depth(DepthRange range) {
   return range.near / (0.5 + 0.5 * (range.near / range.far));
 }
 
-}  // namespace raystage
+}  // namespace raystage::rig

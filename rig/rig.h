@@ -9,7 +9,7 @@
 #include "rig/topology.h"
 #include "schemas/rig_document.h"
 
-namespace raystage {
+namespace raystage::rig {
 
 /// The physical camera array with its camera models and poses.
 struct Rig {
@@ -17,7 +17,7 @@ struct Rig {
     std::string id;
     CameraModel model;
     Pose pose;
-    PhotometricResponse photometric;
+    schemas::PhotometricResponse photometric;
     std::optional<int> row, column;
   };
   std::string topology_kind = "auto";  ///< as in rig.json: "auto" | "grid" | "delaunay"
@@ -27,21 +27,20 @@ struct Rig {
   Eigen::Vector3d mean_viewing_direction() const;  ///< unit, world
 };
 
-/// Returns the rig of a document. Throws Error (bad input) if it contains no camera or an invalid
-/// one.
-Rig rig_from_document(const RigDocument& document);
+/// Returns the rig of a document. Throws Error (bad input) for no camera or an invalid one.
+Rig rig_from_document(const schemas::RigDocument& document);
 
 /// Returns the topology of the given cameras (distinct, in increasing order); cells index into
 /// `Rig::cameras`. "auto" uses the grid if every camera has a row and column, otherwise Delaunay.
 Topology make_topology(const Rig& rig, std::span<const int> cameras);
 
-/// Returns the plane parallel to the array (perpendicular to the mean viewing direction), `depth`
-/// metres in front of its centre, as a x + b y + c z + d = 0 in the world, (a, b, c) unit. Infinity
-/// gives (0, 0, 0, 1).
+/// Returns the plane a x + b y + c z + d = 0 in the world, (a, b, c) unit, perpendicular to the
+/// mean viewing direction, `depth` metres in front of the array's centre; for infinity (0, 0, 0,
+/// 1).
 Eigen::Vector4d fronto_parallel_plane(const Rig& rig, double depth);
 
-/// Returns the optimal focal depth in metres (eq. 2.2): 1/zopt = (1/zmin + 1/zmax) / 2; zmax may be
-/// infinite. Throws Error (bad input) for an invalid range.
-double optimal_focal_depth(DepthRange range);
+/// Returns the optimal focal depth in metres (thesis eq. 2.2): 1/zopt = (1/zmin + 1/zmax) / 2; zmax
+/// may be infinite. Throws Error (bad input) for an invalid range.
+double optimal_focal_depth(schemas::DepthRange range);
 
-}  // namespace raystage
+}  // namespace raystage::rig

@@ -9,15 +9,15 @@
 
 #include "base/error.h"
 
-namespace raystage::rig_test {
+namespace raystage::rig::rig_test {
 namespace {
 
-RigDocument document_of_grid(int rows, int columns) {
-  RigDocument document;
+schemas::RigDocument document_of_grid(int rows, int columns) {
+  schemas::RigDocument document;
   document.name = "test";
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {
-      RigDocument::Camera camera;
+      schemas::RigDocument::Camera camera;
       camera.geometry.id = std::to_string(row) + "_" + std::to_string(column);
       camera.geometry.width = 320;
       camera.geometry.height = 240;
@@ -52,8 +52,8 @@ TEST(Rig, CentreAndDirection) {
 }
 
 TEST(Rig, RefusesUnusableDocuments) {
-  EXPECT_THROW(rig_from_document(RigDocument{}), Error);
-  RigDocument document = document_of_grid(2, 2);
+  EXPECT_THROW(rig_from_document(schemas::RigDocument{}), Error);
+  schemas::RigDocument document = document_of_grid(2, 2);
   document.cameras[1].geometry.intrinsics.fx = -1;
   EXPECT_THROW(rig_from_document(document), Error);
   document = document_of_grid(2, 2);
@@ -63,7 +63,7 @@ TEST(Rig, RefusesUnusableDocuments) {
 }
 
 TEST(Rig, TopologyOfSomeCamerasIndexesTheRig) {
-  RigDocument document = document_of_grid(3, 3);
+  schemas::RigDocument document = document_of_grid(3, 3);
   const std::vector<int> without_first{1, 2, 3, 4, 5, 6, 7, 8};
   for (const char* kind : {"auto", "grid", "delaunay"}) {
     document.topology = kind;
@@ -79,14 +79,14 @@ TEST(Rig, TopologyOfSomeCamerasIndexesTheRig) {
 }
 
 TEST(Rig, AutoTakesDelaunayWithoutPlaces) {
-  RigDocument document = document_of_grid(3, 3);
+  schemas::RigDocument document = document_of_grid(3, 3);
   document.cameras[4].geometry.column.reset();
   const std::vector<int> all{0, 1, 2, 3, 4, 5, 6, 7, 8};
   EXPECT_EQ(make_topology(rig_from_document(document), all).cells.size(), 8U);
 }
 
 TEST(Rig, PlaneInFront) {
-  RigDocument document = document_of_grid(3, 3);
+  schemas::RigDocument document = document_of_grid(3, 3);
   const Rig rig = rig_from_document(document);
   const Eigen::Vector4d plane = fronto_parallel_plane(rig, 8);
   EXPECT_NEAR(plane.head<3>().norm(), 1, 1e-15);
@@ -117,7 +117,7 @@ TEST(Rig, BestFocalDepthAtTheEndsOfDoubles) {
   EXPECT_DOUBLE_EQ(optimal_focal_depth({1e-3, 1e9}), 2 / (1e3 + 1e-9));
 }
 
-/// The rig moved to somewhere in the world.
+/// Returns the rig moved in the world.
 Rig moved(Rig rig, const Eigen::Vector3d& by) {
   for (Rig::Camera& camera : rig.cameras) camera.pose.position += by;
   return rig;
@@ -125,13 +125,13 @@ Rig moved(Rig rig, const Eigen::Vector3d& by) {
 
 TEST(Rig, FarFromTheWorldsOriginItIsTheSame) {
   for (const auto& [rows, columns] : {std::pair{4, 4}, {1, 5}, {1, 1}}) {
-    RigDocument document;
+    schemas::RigDocument document;
     std::vector<int> all;
     for (int i = 0; i < rows * columns; ++i) {
-      CameraGeometry camera;
+      schemas::CameraGeometry camera;
       camera.id = std::to_string(i);
       camera.width = camera.height = 8;
-      // 1/16 m, a multiple of what doubles resolve at 1e7 m: the moved rig is the very same.
+      // 1/16 m is a multiple of the resolution of doubles at 1e7 m: the moved rig is exact.
       camera.world_from_camera[3] = (i % columns) / 16.0;
       camera.world_from_camera[7] = (i / columns) / 16.0;
       document.cameras.push_back({camera, {}});
@@ -152,4 +152,4 @@ TEST(Rig, FarFromTheWorldsOriginItIsTheSame) {
 }
 
 }  // namespace
-}  // namespace raystage::rig_test
+}  // namespace raystage::rig::rig_test

@@ -16,7 +16,7 @@
 #include "rig/array_plane.h"
 #include "rig/delaunay.h"
 
-namespace raystage {
+namespace raystage::rig {
 namespace {
 
 using Edge = std::pair<int, int>;
@@ -25,11 +25,10 @@ double length(GridPoint a, GridPoint b) {
   return std::hypot(static_cast<double>(b.x - a.x), static_cast<double>(b.y - a.y));
 }
 
-// Removes triangles on a straight border that are flat at the resolution of the snapping: snapping
-// displaces border points by up to one unit.
+// Removes triangles on a straight border that are flat within the snapping error of one unit.
 void drop_flat_border(std::vector<Triangle>& triangles, std::span<const GridPoint> points) {
   constexpr double kFlat = 2;  // units of the grid
-  const auto point = [&](int index) { return points[static_cast<std::size_t>(index)]; };
+  const auto point = [&](int index) { return points[index]; };
   bool changed = true;
   while (changed) {
     changed = false;
@@ -47,8 +46,8 @@ void drop_flat_border(std::vector<Triangle>& triangles, std::span<const GridPoin
         if (edges.contains({to, from}) || border.contains(apex)) continue;
         const double base = length(point(from), point(to));
         const GridPoint a = point(from), b = point(to), c = point(apex);
-        const double height = (static_cast<double>(b.x - a.x) * static_cast<double>(c.y - a.y) -
-                               static_cast<double>(b.y - a.y) * static_cast<double>(c.x - a.x)) /
+        const double height = (static_cast<double>(b.x - a.x) * (c.y - a.y) -
+                               static_cast<double>(b.y - a.y) * (c.x - a.x)) /
                               base;
         changed = height <= kFlat && base >= length(b, c) && base >= length(c, a);
       }
@@ -65,10 +64,9 @@ Topology line_topology(const ArrayPlane& plane) {
   topology.kind = Topology::Kind::kSegments;
   std::vector<int> order(plane.distinct.size());
   std::iota(order.begin(), order.end(), 0);
-  std::ranges::sort(order, {}, [&](int i) { return plane.snapped[static_cast<std::size_t>(i)].x; });
+  std::ranges::sort(order, {}, [&](int i) { return plane.snapped[i].x; });
   for (std::size_t i = 0; i + 1 < order.size(); ++i) {
-    topology.cells.push_back({plane.distinct[static_cast<std::size_t>(order[i])],
-                              plane.distinct[static_cast<std::size_t>(order[i + 1])], -1});
+    topology.cells.push_back({plane.distinct[order[i]], plane.distinct[order[i + 1]], -1});
   }
   return topology;
 }
@@ -77,9 +75,7 @@ Topology triangle_topology(const ArrayPlane& plane, std::span<const Triangle> tr
   Topology topology;
   topology.kind = Topology::Kind::kTriangles;
   for (const Triangle& t : triangles) {
-    const auto centre = [&](std::size_t corner) {
-      return plane.distinct[static_cast<std::size_t>(t[corner])];
-    };
+    const auto centre = [&](std::size_t corner) { return plane.distinct[t[corner]]; };
     topology.cells.push_back(rotate_smallest_first({centre(0), centre(1), centre(2)}));
   }
   std::ranges::sort(topology.cells);
@@ -160,20 +156,17 @@ class EdgeFlips {
   std::map<Edge, int> apex_;
 };
 
-// Triangulates the grid positions, then chooses edges by the centres: the shorter diagonal in each
-// cell of four neighbours, Delaunay in the holes. Returns nullopt if positions and centres
-// disagree.
-std::optional<std::vector<Triangle>> triangulate_grid(std::span<const GridPoint> places,
+// Triangulates the grid positions, with edges chosen by the centres: the shorter diagonal in cells
+// of four neighbours, Delaunay in the holes. Returns nullopt if positions and centres disagree.
+std::optional<std::vector<Triangle>> triangulate_grid(std::span<const GridPoint> positions,
                                                       std::span<const GridPoint> centres) {
-  std::vector<Triangle> flat = delaunay_triangulation(places);
+  std::vector<Triangle> flat = delaunay_triangulation(positions);
   if (flat.empty()) return std::nullopt;
-  const auto at = [](std::span<const GridPoint> points, int i) {
-    return points[static_cast<std::size_t>(i)];
-  };
+  const auto at = [](std::span<const GridPoint> points, int i) { return points[i]; };
   const auto side = [&](int a, int b, int c) {
     return orientation(at(centres, a), at(centres, b), at(centres, c));
   };
-  // If rows count against `up`, every triangle has the opposite orientation.
+  // If rows increase against `up`, every triangle has the opposite orientation.
   const int turn = side(flat[0][0], flat[0][1], flat[0][2]);
   for (const Triangle& t : flat) {
     if (turn == 0 || side(t[0], t[1], t[2]) != turn) return std::nullopt;
@@ -186,12 +179,12 @@ std::optional<std::vector<Triangle>> triangulate_grid(std::span<const GridPoint>
     return side(right, edge.second, left) > 0 && side(left, edge.first, right) > 0;
   };
   const auto is_cell = [&](Edge edge, int left, int right) {
-    const GridPoint a = at(places, edge.first), b = at(places, edge.second);
+    const GridPoint a = at(positions, edge.first), b = at(positions, edge.second);
     const auto corner = [&](GridPoint p) {
       return (p.x == a.x && p.y == b.y) || (p.x == b.x && p.y == a.y);
     };
-    return std::abs(a.x - b.x) == 1 && std::abs(a.y - b.y) == 1 && corner(at(places, left)) &&
-           corner(at(places, right));
+    return std::abs(a.x - b.x) == 1 && std::abs(a.y - b.y) == 1 && corner(at(positions, left)) &&
+           corner(at(positions, right));
   };
 
   std::set<Edge> cell_edges;  // edges of complete cells: they are not flipped below
@@ -206,14 +199,13 @@ std::optional<std::vector<Triangle>> triangulate_grid(std::span<const GridPoint>
     cell_edges.insert(std::minmax(left, right));
     const double now = length(at(centres, a), at(centres, b));
     const double other = length(at(centres, left), at(centres, right));
-    const GridPoint p = at(places, a), q = at(places, b);
+    const GridPoint p = at(positions, a), q = at(positions, b);
     const bool rising = (q.x - p.x) * (q.y - p.y) > 0;
-    // Equality within the snapping error is a tie.
-    const bool tie = std::abs(now - other) <= 4;
+    const bool tie = std::abs(now - other) <= 4;  // the snapping error
     if ((tie ? !rising : other < now) && convex(edge, left, right)) mesh.flip(edge);
   }
 
-  // Lawson's flips: each moves the triangulation closer to Delaunay, so the loop terminates.
+  // Lawson's flips: each one brings the triangulation closer to Delaunay, so the loop terminates.
   for (bool changed = true; changed;) {
     changed = false;
     for (const Edge& edge : mesh.inner_edges()) {
@@ -241,16 +233,16 @@ Topology grid_topology(std::span<const Eigen::Vector3d> centres,
                        std::span<const Eigen::Vector3d> viewing_directions,
                        std::span<const int> rows, std::span<const int> columns) {
   const ArrayPlane plane = fit_array_plane(centres, viewing_directions);
-  std::vector<GridPoint> places;
+  std::vector<GridPoint> positions;
   const std::vector<int> row_ranks = ranks(rows), column_ranks = ranks(columns);
   for (std::size_t i = 0; i < centres.size(); ++i) {
-    places.push_back({column_ranks[i], row_ranks[i]});
+    positions.push_back({column_ranks[i], row_ranks[i]});
   }
-  const std::set<GridPoint> distinct_places(places.begin(), places.end());
+  const std::set<GridPoint> distinct_positions(positions.begin(), positions.end());
   const bool one_each =
-      plane.distinct.size() == centres.size() && distinct_places.size() == centres.size();
+      plane.distinct.size() == centres.size() && distinct_positions.size() == centres.size();
   if (plane.dimension == 2 && one_each) {
-    if (const auto triangles = triangulate_grid(places, plane.snapped)) {
+    if (const auto triangles = triangulate_grid(positions, plane.snapped)) {
       Topology topology = triangle_topology(plane, *triangles);
       topology.normal = plane.normal;
       topology.up = plane.up;
@@ -260,4 +252,4 @@ Topology grid_topology(std::span<const Eigen::Vector3d> centres,
   return delaunay_of(plane);
 }
 
-}  // namespace raystage
+}  // namespace raystage::rig

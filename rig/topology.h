@@ -6,10 +6,10 @@
 #include <span>
 #include <vector>
 
-namespace raystage {
+namespace raystage::rig {
 
-/// The neighbourhood of the cameras (thesis 4.1.2): cells within which rays are interpolated. Its
-/// kind follows the span of the camera centres; coincident cameras count once.
+/// The neighbourhoods of the cameras (thesis 4.1.2): cells within which rays are interpolated. The
+/// kind depends on the span of the camera centres; coincident cameras count once.
 struct Topology {
   enum class Kind {
     kTriangles,  ///< the usual array: cells of three cameras
@@ -25,7 +25,7 @@ struct Topology {
   /// Unit normal of the best-fit plane of the centres, turned towards the back of the cameras
   /// (against the mean viewing direction).
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
-  /// Unit, in the plane, across the line of a kSegments array.
+  /// Unit vector in the plane, perpendicular to the line of a kSegments array.
   Eigen::Vector3d up = Eigen::Vector3d::UnitY();
 };
 
@@ -33,8 +33,7 @@ struct Topology {
 /// Predicates are exact (centres snapped to 2^-26 of the extent), so co-circular centres, as in a
 /// regular grid, give one deterministic triangulation. Centres closer than 1e-9 of the extent (or
 /// coincident) are merged into the first; centres all closer than 1e-7 of the extent to a line are
-/// collinear. `viewing_directions`: unit, world, one per centre. Throws Error (bad input) without a
-/// centre.
+/// collinear. `viewing_directions`: unit, world, one per centre. No centre: Error (bad input).
 Topology delaunay_topology(std::span<const Eigen::Vector3d> centres,
                            std::span<const Eigen::Vector3d> viewing_directions);
 
@@ -46,4 +45,4 @@ Topology grid_topology(std::span<const Eigen::Vector3d> centres,
                        std::span<const Eigen::Vector3d> viewing_directions,
                        std::span<const int> rows, std::span<const int> columns);
 
-}  // namespace raystage
+}  // namespace raystage::rig

@@ -14,7 +14,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::rig {
 namespace {
 
 using ::testing::ElementsAre;
@@ -41,7 +41,7 @@ Points grid(int rows, int columns, double spacing, const Eigen::Vector3d& origin
 double area(const Topology& topology, const Points& centres) {
   double sum = 0;
   for (const auto& cell : topology.cells) {
-    const auto corner = [&](std::size_t i) { return centres[static_cast<std::size_t>(cell[i])]; };
+    const auto corner = [&](std::size_t i) { return centres[cell[i]]; };
     const double doubled =
         topology.normal.dot((corner(1) - corner(0)).cross(corner(2) - corner(0)));
     EXPECT_GT(doubled, 0) << "not counter-clockwise as seen from the normal's side";
@@ -50,8 +50,8 @@ double area(const Topology& topology, const Points& centres) {
   return sum;
 }
 
-// Each edge in at most one triangle per direction; the border is one closed ring; every centre of
-// `expected` (all by default) is a corner.
+// Checks that each directed edge is in at most one triangle, that the border is one closed ring,
+// and that every centre of `expected` (all by default) is a corner.
 void expect_watertight(const Topology& topology, std::size_t expected) {
   ASSERT_EQ(topology.kind, Topology::Kind::kTriangles);
   std::set<std::pair<int, int>> edges;
@@ -110,7 +110,7 @@ TEST(DelaunayTopology, AnyScaleAndPlace) {
     expect_watertight(delaunay(centres), 20);
     EXPECT_EQ(delaunay(centres).cells.size(), 24U) << spacing;
   }
-  // 10 000 km from the origin a double still tells 2 nm.
+  // At 10 000 km from the origin a double resolves 2 nm.
   expect_watertight(delaunay(grid(4, 5, 0.06, {1e7, -1e7, 1e7})), 20);
 }
 
@@ -185,7 +185,7 @@ TEST(DelaunayTopology, NearlyALine) {
 }
 
 TEST(DelaunayTopology, CamerasOnAnArc) {
-  // As fountain-P11: a horizontal arc around the subject, heights a little uneven.
+  // Like fountain-P11: a horizontal arc around the subject with slightly uneven heights.
   Points centres, directions;
   for (int i = 0; i < 11; ++i) {
     const double angle = -0.9 + 0.18 * i;
@@ -206,7 +206,7 @@ struct Grid {
   std::vector<int> rows, columns;
 };
 
-// `absent`: row * 100 + column of places without a camera.
+// `absent`: row * 100 + column of positions without a camera.
 Grid places(int rows, int columns, const std::set<int>& absent, double error = 0) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> uniform(-error, error);
@@ -234,7 +234,7 @@ TEST(GridTopology, SplitsEqualDiagonalsFromLowToHigh) {
   expect_watertight(topology, 64);
   EXPECT_NEAR(area(topology, g.centres), 0.42 * 0.42, 1e-12);
   for (const auto& cell : topology.cells) {
-    // The long edge joins (row, column) and (row + 1, column + 1).
+    // The diagonal connects (row, column) and (row + 1, column + 1).
     std::set<int> corners(cell.begin(), cell.end());
     EXPECT_TRUE(corners.contains(*corners.begin() + 9));
   }
@@ -256,7 +256,7 @@ TEST(GridTopology, MountingErrorsKeepTheGrid) {
 }
 
 TEST(GridTopology, ClosesHoles) {
-  // One inside, a pair inside, one on the border, a corner.
+  // A single hole inside, a pair inside, one on the border, one at a corner.
   for (const std::set<int>& absent : {std::set<int>{202},
                                       {202, 203},
                                       {3},
@@ -294,4 +294,4 @@ TEST(GridTopology, FallsBackToDelaunay) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::rig

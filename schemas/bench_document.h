@@ -9,7 +9,7 @@
 
 #include "schemas/option_values.h"
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// Schema "raystage/bench/1": rendering settings that a benchmark compares.
 struct BenchDocument {
@@ -30,4 +30,4 @@ BenchDocument read_bench(const std::filesystem::path& file);
 BenchDocument parse_bench(std::string_view text, std::string_view name);
 std::string format_bench(const BenchDocument& bench);
 
-}  // namespace raystage
+}  // namespace raystage::schemas

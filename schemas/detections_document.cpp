@@ -1,34 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "schemas/detections_document.h"
 
-#include <functional>
-#include <set>
+#include "schemas/fields.h"
 
-#include "base/atomic_file.h"
-#include "schemas/document.h"
+namespace raystage::schemas {
+namespace {
 
-namespace raystage {
+using DetectionCamera = DetectionsDocument::Camera;
+
+constexpr Fields kDetections(
+    required("cameras", &DetectionsDocument::cameras,
+             list_with_ids(Fields(required("id", &DetectionCamera::id),
+                                  required("width", &DetectionCamera::width),
+                                  required("height", &DetectionCamera::height)))));
+
+}  // namespace
 
 DetectionsDocument parse_detections_document(std::string_view text, std::string_view name) {
-  const nlohmann::json json = parse_document("detections", text, name);
-  const JsonNode cameras = JsonNode{json, name, ""}.at("cameras");
-  DetectionsDocument document;
-  std::set<std::string, std::less<>> seen;
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    const JsonNode object = cameras.at(i);
-    document.cameras.push_back({unique_id_from(object, seen), object.at("width").get<int>(),
-                                object.at("height").get<int>()});
-  }
-  return document;
+  return parse_document_as<DetectionsDocument>("detections", kDetections, text, name);
 }
 
 std::string format_detections_document(const DetectionsDocument& document) {
-  nlohmann::ordered_json json = make_document("detections");
-  auto& cameras = json["cameras"] = nlohmann::ordered_json::array();
-  for (const DetectionsDocument::Camera& camera : document.cameras) {
-    cameras.push_back({{"id", camera.id}, {"width", camera.width}, {"height", camera.height}});
-  }
-  return format_json(json);
+  return format_document("detections", kDetections, document);
 }
 
 DetectionsDocument read_detections_document(const std::filesystem::path& file) {
@@ -37,9 +30,7 @@ DetectionsDocument read_detections_document(const std::filesystem::path& file) {
 
 void write_detections_document(const DetectionsDocument& document,
                                const std::filesystem::path& file) {
-  const std::string text = format_detections_document(document);
-  parse_detections_document(text, file.string());  // what cannot be read again must not be written
-  write_file_atomically(file, text);
+  write_document(format_detections_document(document), parse_detections_document, file);
 }
 
-}  // namespace raystage
+}  // namespace raystage::schemas

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// Schema "raystage/detections/1": the cameras to which a table of detections refers.
 struct DetectionsDocument {
@@ -25,4 +25,4 @@ void write_detections_document(const DetectionsDocument& document,
 DetectionsDocument parse_detections_document(std::string_view text, std::string_view name);
 std::string format_detections_document(const DetectionsDocument& document);
 
-}  // namespace raystage
+}  // namespace raystage::schemas

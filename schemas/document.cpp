@@ -8,26 +8,25 @@
 #include <limits>
 #include <memory>
 #include <mutex>
-#include <utility>
 #include <vector>
 
 #include "schemas/embedded_schemas.h"
 #include "schemas/former_names.h"
 #include "schemas/validator.h"
 
-namespace raystage {
+namespace raystage::schemas {
 namespace {
 
 using nlohmann::json;
 
-/// Versions start at 1. A schema without older versions is embedded once.
+/// Returns the newest version of a kind of document. Versions start at 1.
 int newest_version(std::string_view kind) { return kind == "shot" ? 2 : 1; }
 
 std::string schema_name(std::string_view kind) {
   return fmt::format("raystage/{}/{}", kind, newest_version(kind));
 }
 
-/// Each validator is created once, on first use: most commands need one or two.
+/// Returns the validator of a schema. It is created on first use: most commands need one or two.
 const SchemaValidator& validator_of(std::string_view kind) {
   struct Slot {
     std::once_flag once;
@@ -36,16 +35,16 @@ const SchemaValidator& validator_of(std::string_view kind) {
   static std::vector<Slot> slots(embedded_schemas().size());
   const auto schema = std::ranges::find(embedded_schemas(), kind, &EmbeddedSchema::name);
   if (schema == embedded_schemas().end()) {
-    throw std::logic_error("no schema of this name was built in: " + std::string(kind));
+    throw std::logic_error("there is no embedded schema of this name: " + std::string(kind));
   }
-  Slot& slot = slots[static_cast<std::size_t>(schema - embedded_schemas().begin())];
+  Slot& slot = slots[schema - embedded_schemas().begin()];
   std::call_once(slot.once, [&] {
     slot.validator = std::make_unique<const SchemaValidator>(json::parse(schema->text));
   });
   return *slot.validator;
 }
 
-/// Returns the version that the document states. Throws Error (bad input) if it is not readable.
+/// Returns the version that the document states. Throws Error (bad input) if it is not supported.
 int version_of(std::string_view kind, const json& document, std::string_view name) {
   const std::string expected = schema_name(kind);
   if (!document.is_object()) {
@@ -72,11 +71,11 @@ int version_of(std::string_view kind, const json& document, std::string_view nam
     const bool too_large = error == std::errc::result_out_of_range;
     if (begin != end && stop == end && (too_large || version > newest)) {
       throw json_value_error(name, "/schema",
-                             fmt::format("this file is version {}, this program reads up to {}",
+                             fmt::format("the file has version {}, but this program reads up to {}",
                                          std::string_view(begin, end), newest),
-                             "Update raystage");
+                             "Update Raystage");
     }
-    // One spelling only: not "raystage/shot/01".
+    // Only one spelling is valid: not "raystage/shot/01".
     if (version >= 1 && text == fmt::format("{}{}", prefix, version)) return version;
   }
   throw json_value_error(
@@ -119,7 +118,7 @@ std::string unique_id_from(const JsonNode& object, std::set<std::string, std::le
   const JsonNode id = object.at("id");
   auto text = id.get<std::string>();
   if (!seen.insert(text).second) {
-    throw id.input_error(fmt::format("the id \"{}\" comes twice", text),
+    throw id.input_error(fmt::format("the id \"{}\" is used twice", text),
                          "Give each item a unique id");
   }
   return text;
@@ -158,9 +157,7 @@ Nanoseconds utc_from(const JsonNode& text) {
   }
 }
 
-std::optional<DepthRange> depth_range_from(const JsonNode& object) {
-  if (!object.has("depth_range_m")) return std::nullopt;
-  const JsonNode range = object.at("depth_range_m");
+DepthRange depth_range_from(const JsonNode& range) {
   const json& values = range.value;
   DepthRange result{0, std::numeric_limits<double>::infinity()};
   if (values[0].is_number()) result.near = values[0].get<double>();
@@ -169,19 +166,14 @@ std::optional<DepthRange> depth_range_from(const JsonNode& object) {
     throw range.input_error(
         fmt::format("found {}, allowed: the nearest and then the farthest distance, in metres",
                     values.dump()),
-        "Correct the range; leave out the farthest for infinity");
+        "Correct the range; omit the farthest distance for infinity");
   }
   return result;
 }
 
-void add_depth_range(const std::optional<DepthRange>& range, nlohmann::ordered_json& object) {
-  if (!range) return;
-  auto& values = object["depth_range_m"] = nlohmann::ordered_json::array({range->near});
-  if (range->far == std::numeric_limits<double>::infinity()) {
-    values.push_back(nullptr);
-  } else {
-    values.push_back(range->far);
-  }
+nlohmann::ordered_json json_from(const DepthRange& range) {
+  if (range.far == std::numeric_limits<double>::infinity()) return {range.near, nullptr};
+  return {range.near, range.far};
 }
 
 OptionValues options_from(const JsonNode& object) {
@@ -198,7 +190,7 @@ OptionValues options_from(const JsonNode& object) {
       throw object.at(name).input_error(
           fmt::format("found {}, allowed: a number, text, true or false",
                       describe_json_value(value)),
-          "docs/artist.md says which options a method has");
+          "Correct the value; docs/artist.md lists the options of each method");
     }
   }
   return options;
@@ -212,4 +204,4 @@ nlohmann::ordered_json json_from(const OptionValues& options) {
   return json;
 }
 
-}  // namespace raystage
+}  // namespace raystage::schemas

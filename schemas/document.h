@@ -4,7 +4,6 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
@@ -15,7 +14,7 @@
 #include "schemas/option_values.h"
 #include "schemas/photometric_response.h"
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// A JSON value with its JSON pointer in a document.
 struct JsonNode {
@@ -32,16 +31,6 @@ struct JsonNode {
   T get() const {
     return value.get<T>();
   }
-  template <typename T>
-  T get(std::string_view key, T otherwise) const {
-    return has(key) ? at(key).get<T>() : otherwise;
-  }
-  /// Returns the property, or nullopt if it is absent.
-  template <typename T>
-  std::optional<T> get_if(std::string_view key) const {
-    if (!has(key)) return std::nullopt;
-    return at(key).get<T>();
-  }
   /// Returns Error (bad input) at this value.
   Error input_error(std::string what_happened, std::string what_to_do) const {
     return json_value_error(name, pointer, std::move(what_happened), std::move(what_to_do));
@@ -53,7 +42,7 @@ struct VersionedDocument {
   int version = 1;
 };
 /// Parses a document of schema "raystage/KIND/VERSION", any version up to the newest, and validates
-/// it with that schema. Throws Error (bad input).
+/// it against that schema. Throws Error (bad input).
 VersionedDocument parse_versioned_document(std::string_view kind, std::string_view text,
                                            std::string_view name);
 /// Returns the JSON of parse_versioned_document() for a kind with a single version.
@@ -62,29 +51,24 @@ nlohmann::json parse_document(std::string_view kind, std::string_view text, std:
 /// Returns an object whose first member is the schema's name and version.
 nlohmann::ordered_json make_document(std::string_view kind);
 
-/// Sets `key` if `value` is given.
-template <typename T>
-void add_optional(nlohmann::ordered_json& object, const char* key, const std::optional<T>& value) {
-  if (value) object[key] = *value;
-}
-
-/// Returns the object's id and adds it to `seen`. Throws Error (bad input) if it is there already.
+/// Returns the object's id and adds it to `seen`. Throws Error (bad input) if `seen` contains it.
 std::string unique_id_from(const JsonNode& object, std::set<std::string, std::less<>>& seen);
 /// Returns a path. Throws Error (bad input) if it contains control characters.
 std::string path_from(const JsonNode& text);
 /// Returns a relative path. Throws Error (bad input) if it leaves its folder.
 std::string relative_path_from(const JsonNode& text);
+/// Returns a time since 1970. Throws Error (bad input) at `text` if parse_utc() does.
 Nanoseconds utc_from(const JsonNode& text);
 
-std::optional<DepthRange> depth_range_from(const JsonNode& object);
-void add_depth_range(const std::optional<DepthRange>& range, nlohmann::ordered_json& object);
+DepthRange depth_range_from(const JsonNode& range);
+nlohmann::ordered_json json_from(const DepthRange& range);
 
-/// Reads id, size, intrinsics, pose, row and column. Throws Error (bad input) for a pose that is
-/// not rigid.
-CameraGeometry camera_from(const JsonNode& object, std::set<std::string, std::less<>>& seen);
+/// Reads id, size, intrinsics, pose, row and column. Throws Error (bad input) for a non-rigid pose.
+CameraGeometry camera_from(const JsonNode& object);
 nlohmann::ordered_json json_from(const CameraGeometry& camera);
 
-/// Reads a camera's photometric response; hot pixels must be inside the camera's picture.
+/// Reads a camera's photometric response. Throws Error (bad input) for a curve that does not
+/// increase, a gain that is not positive, or hot pixels that are unsorted or outside the picture.
 PhotometricResponse photometric_from(const JsonNode& object, const CameraGeometry& camera);
 nlohmann::ordered_json json_from(const PhotometricResponse& response);
 
@@ -92,4 +76,4 @@ nlohmann::ordered_json json_from(const PhotometricResponse& response);
 OptionValues options_from(const JsonNode& object);
 nlohmann::ordered_json json_from(const OptionValues& options);
 
-}  // namespace raystage
+}  // namespace raystage::schemas

@@ -2,37 +2,29 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 
-#include "schemas/document.h"
+#include "schemas/fields.h"
 
-namespace raystage {
+namespace raystage::schemas {
 namespace {
 
 using nlohmann::ordered_json;
 
-// Six digits a number, as surveys are often printed, keep within this.
+// Matrices printed with six digits per number, as by many surveys, are within this.
 constexpr double kRigidTolerance = 1e-4;
 
-Distortion distortion_from(const JsonNode& object) {
-  return {.k1 = object.get("k1", 0.0),
-          .k2 = object.get("k2", 0.0),
-          .p1 = object.get("p1", 0.0),
-          .p2 = object.get("p2", 0.0),
-          .k3 = object.get("k3", 0.0)};
-}
-
-Intrinsics intrinsics_from(const JsonNode& object) {
-  Intrinsics result{.fx = object.at("fx").get<double>(),
-                    .fy = object.at("fy").get<double>(),
-                    .cx = object.at("cx").get<double>(),
-                    .cy = object.at("cy").get<double>(),
-                    .distortion = {}};
-  if (object.has("distortion")) result.distortion = distortion_from(object.at("distortion"));
-  return result;
-}
+constexpr Fields kDistortion(custom([](const JsonNode&, Distortion&) {},
+                                    [](const Distortion&, ordered_json& object) {
+                                      object["model"] = "brown_conrady";
+                                    }),
+                             defaulted("k1", &Distortion::k1), defaulted("k2", &Distortion::k2),
+                             defaulted("p1", &Distortion::p1), defaulted("p2", &Distortion::p2),
+                             defaulted("k3", &Distortion::k3));
+constexpr Fields kIntrinsics(required("fx", &Intrinsics::fx), required("fy", &Intrinsics::fy),
+                             required("cx", &Intrinsics::cx), required("cy", &Intrinsics::cy),
+                             optional("distortion", &Intrinsics::distortion, kDistortion));
 
 void check_rigid(const Matrix4& m, const JsonNode& matrix) {
   const auto element = [&](std::size_t row, std::size_t column) { return m[row * 4 + column]; };
@@ -56,13 +48,13 @@ void check_rigid(const Matrix4& m, const JsonNode& matrix) {
   if (worst > kRigidTolerance) {
     throw matrix.input_error(
         fmt::format(
-            "the matrix is not rigid: its axes are scaled or skewed, off by {:.3g}, allowed: "
-            "a rotation within {}",
+            "the matrix is not rigid: its axes are scaled or skewed, with an error of {:.3g}, "
+            "allowed: up to {}",
             worst, kRigidTolerance),
-        "Remove the scale from the rotation, and give more digits");
+        "Remove the scale from the rotation, or give more digits");
   }
   if (determinant < 0) {
-    throw matrix.input_error("the matrix mirrors (determinant -1), allowed: a rotation",
+    throw matrix.input_error("the matrix is a reflection (determinant -1), allowed: a rotation",
                              "Use right-handed axes: camera x right, y up, looking down -z");
   }
 }
@@ -78,54 +70,37 @@ Matrix4 pose_from(const JsonNode& matrix) {
   return result;
 }
 
+ordered_json rows_of(const Matrix4& matrix) {
+  ordered_json rows = ordered_json::array();
+  for (std::size_t i = 0; i < 16; i += 4) {
+    rows.push_back({matrix[i], matrix[i + 1], matrix[i + 2], matrix[i + 3]});
+  }
+  return rows;
+}
+
+void check_grid_position(const JsonNode& object, const CameraGeometry&) {
+  if (object.has("row") == object.has("col")) return;
+  throw object.input_error("found only one of \"row\" and \"col\", allowed: both or neither",
+                           "Add the missing property");
+}
+
+constexpr Fields kCameraGeometry(required("id", &CameraGeometry::id),
+                                 required("width", &CameraGeometry::width),
+                                 required("height", &CameraGeometry::height),
+                                 required("intrinsics", &CameraGeometry::intrinsics, kIntrinsics),
+                                 required("world_from_camera", &CameraGeometry::world_from_camera,
+                                          Converter(pose_from, rows_of)),
+                                 check(check_grid_position), optional("row", &CameraGeometry::row),
+                                 optional("col", &CameraGeometry::column));
+
 }  // namespace
 
-CameraGeometry camera_from(const JsonNode& object, std::set<std::string, std::less<>>& seen) {
-  CameraGeometry camera{.id = unique_id_from(object, seen),
-                        .width = object.at("width").get<int>(),
-                        .height = object.at("height").get<int>(),
-                        .intrinsics = intrinsics_from(object.at("intrinsics")),
-                        .world_from_camera = pose_from(object.at("world_from_camera")),
-                        .row = std::nullopt,
-                        .column = std::nullopt};
-  if (object.has("row") != object.has("col")) {
-    throw object.input_error("found only one of \"row\" and \"col\", allowed: both or neither",
-                             "Add the missing one");
-  }
-  if (object.has("row")) {
-    camera.row = object.at("row").get<int>();
-    camera.column = object.at("col").get<int>();
-  }
-  return camera;
+CameraGeometry camera_from(const JsonNode& object) {
+  return kCameraGeometry.make<CameraGeometry>(object);
 }
 
 nlohmann::ordered_json json_from(const CameraGeometry& camera) {
-  const Intrinsics& k = camera.intrinsics;
-  ordered_json intrinsics{{"fx", k.fx}, {"fy", k.fy}, {"cx", k.cx}, {"cy", k.cy}};
-  if (const Distortion& d = k.distortion; d != Distortion{}) {
-    intrinsics["distortion"] = {{"model", "brown_conrady"},
-                                {"k1", d.k1},
-                                {"k2", d.k2},
-                                {"p1", d.p1},
-                                {"p2", d.p2},
-                                {"k3", d.k3}};
-  }
-  ordered_json rows = ordered_json::array();
-  for (std::size_t row = 0; row < 4; ++row) {
-    ordered_json values = ordered_json::array();
-    for (std::size_t column = 0; column < 4; ++column) {
-      values.push_back(camera.world_from_camera[row * 4 + column]);
-    }
-    rows.push_back(values);
-  }
-  ordered_json result{{"id", camera.id},
-                      {"width", camera.width},
-                      {"height", camera.height},
-                      {"intrinsics", intrinsics},
-                      {"world_from_camera", rows}};
-  if (camera.row) result["row"] = *camera.row;
-  if (camera.column) result["col"] = *camera.column;
-  return result;
+  return kCameraGeometry.write(camera);
 }
 
-}  // namespace raystage
+}  // namespace raystage::schemas

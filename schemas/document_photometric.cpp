@@ -6,29 +6,33 @@
 #include <cmath>
 #include <utility>
 
-#include "schemas/document.h"
+#include "schemas/fields.h"
 #include "schemas/photometric_response.h"
 
-namespace raystage {
+namespace raystage::schemas {
 namespace {
 
 using nlohmann::ordered_json;
 
-std::vector<double> curve_from(const JsonNode& codes) {
-  auto curve = codes.get<std::vector<double>>();
+void check_curve(const JsonNode& codes, const std::vector<double>& curve) {
   const auto fall = std::ranges::adjacent_find(curve, std::ranges::greater_equal{});
   if (fall != curve.end()) {
     throw codes.at(static_cast<std::size_t>(fall - curve.begin()) + 1)
         .input_error(
-            fmt::format("the curve does not rise: {:.6g} comes after {:.6g}", fall[1], fall[0]),
+            fmt::format("the curve does not increase: {:.6g} comes after {:.6g}", fall[1], fall[0]),
             "Give values that increase with the code");
   }
-  return curve;
 }
 
-Vignetting vignetting_from(const JsonNode& object, const CameraGeometry& camera) {
-  Vignetting lens{object.at("cx").get<double>(), object.at("cy").get<double>(),
-                  object.at("a").get<std::array<double, 3>>()};
+void check_curves(const JsonNode& object, const PhotometricResponse& response) {
+  if (!object.has("curve")) return;
+  for (std::size_t c = 0; c < 3; ++c) check_curve(object.at("curve").at(c), response.curve[c]);
+}
+
+bool has_curve(const PhotometricResponse& response) { return !response.curve[0].empty(); }
+
+void check_vignetting(const JsonNode& object, const Vignetting& lens,
+                      const CameraGeometry& camera) {
   // Checked up to the picture's farthest corner.
   const double half_diagonal = std::hypot(camera.width, camera.height) / 2;
   const double farthest =
@@ -45,19 +49,15 @@ Vignetting vignetting_from(const JsonNode& object, const CameraGeometry& camera)
           "Give a gain that stays above 0 in the whole picture");
     }
   }
-  return lens;
 }
 
-GainMap gain_map_from(const JsonNode& object) {
-  GainMap map{object.at("columns").get<int>(), object.at("rows").get<int>(),
-              object.at("gain").get<std::vector<Rgb>>()};
+void check_gain_map(const JsonNode& object, const GainMap& map) {
   const auto nodes = static_cast<std::size_t>(map.columns) * static_cast<std::size_t>(map.rows);
   if (map.gain.size() != nodes) {
     throw object.at("gain").input_error(
         fmt::format("found {} nodes, allowed: columns * rows = {}", map.gain.size(), nodes),
         "Give R, G, B of every node, row by row");
   }
-  return map;
 }
 
 std::vector<HotPixel> dark_pixels_from(const JsonNode& list, const CameraGeometry& camera) {
@@ -76,7 +76,7 @@ std::vector<HotPixel> dark_pixels_from(const JsonNode& list, const CameraGeometr
     HotPixel pixel{static_cast<int>(n[0]), static_cast<int>(n[1]), {n[2], n[3], n[4]}};
     if (!pixels.empty() &&
         std::pair(pixel.y, pixel.x) <= std::pair(pixels.back().y, pixels.back().x)) {
-      throw list.at(i).input_error("the pixel does not come after the one before it",
+      throw list.at(i).input_error("the pixel is not sorted after the one before it",
                                    "List each pixel once, sorted by row and then by column");
     }
     pixels.push_back(pixel);
@@ -84,21 +84,28 @@ std::vector<HotPixel> dark_pixels_from(const JsonNode& list, const CameraGeometr
   return pixels;
 }
 
+constexpr Fields kVignetting(required("cx", &Vignetting::cx), required("cy", &Vignetting::cy),
+                             required("a", &Vignetting::a));
+
+constexpr Fields kGainMap(required("columns", &GainMap::columns), required("rows", &GainMap::rows),
+                          required("gain", &GainMap::gain), check(check_gain_map));
+
+/// Without the hot pixels.
+constexpr Fields kResponse(required("contrast", &PhotometricResponse::contrast),
+                           required("brightness", &PhotometricResponse::brightness),
+                           written_if(has_curve, defaulted("curve", &PhotometricResponse::curve)),
+                           check(check_curves),
+                           optional("vignetting", &PhotometricResponse::vignetting, kVignetting),
+                           optional("gain_map", &PhotometricResponse::gain_map, kGainMap),
+                           optional("matrix", &PhotometricResponse::matrix));
+
 }  // namespace
 
 PhotometricResponse photometric_from(const JsonNode& object, const CameraGeometry& camera) {
-  PhotometricResponse response;
-  response.contrast = object.at("contrast").get<Rgb>();
-  response.brightness = object.at("brightness").get<Rgb>();
-  if (object.has("curve")) {
-    const JsonNode curve = object.at("curve");
-    for (std::size_t c = 0; c < 3; ++c) response.curve[c] = curve_from(curve.at(c));
+  auto response = kResponse.make<PhotometricResponse>(object);
+  if (response.vignetting) {
+    check_vignetting(object.at("vignetting"), *response.vignetting, camera);
   }
-  if (object.has("vignetting")) {
-    response.vignetting = vignetting_from(object.at("vignetting"), camera);
-  }
-  if (object.has("gain_map")) response.gain_map = gain_map_from(object.at("gain_map"));
-  response.matrix = object.get("matrix", kIdentityColorMatrix);
   if (object.has("hot_pixels")) {
     response.hot_pixels = dark_pixels_from(object.at("hot_pixels"), camera);
   }
@@ -106,24 +113,12 @@ PhotometricResponse photometric_from(const JsonNode& object, const CameraGeometr
 }
 
 ordered_json json_from(const PhotometricResponse& response) {
-  ordered_json object{{"contrast", response.contrast}, {"brightness", response.brightness}};
-  if (!response.curve[0].empty()) object["curve"] = response.curve;
-  if (response.vignetting) {
-    const Vignetting& lens = *response.vignetting;
-    object["vignetting"] = {{"cx", lens.cx}, {"cy", lens.cy}, {"a", lens.a}};
-  }
-  if (response.gain_map) {
-    const GainMap& map = *response.gain_map;
-    object["gain_map"] = {{"columns", map.columns}, {"rows", map.rows}, {"gain", map.gain}};
-  }
-  if (response.matrix != kIdentityColorMatrix) object["matrix"] = response.matrix;
-  if (!response.hot_pixels.empty()) {
-    ordered_json& list = object["hot_pixels"] = ordered_json::array();
-    for (const HotPixel& pixel : response.hot_pixels) {
-      list.push_back({pixel.x, pixel.y, pixel.light[0], pixel.light[1], pixel.light[2]});
-    }
+  ordered_json object = kResponse.write(response);
+  for (const HotPixel& pixel : response.hot_pixels) {
+    object["hot_pixels"].push_back(
+        {pixel.x, pixel.y, pixel.light[0], pixel.light[1], pixel.light[2]});
   }
   return object;
 }
 
-}  // namespace raystage
+}  // namespace raystage::schemas

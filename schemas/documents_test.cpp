@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every document: what is read, what comes back, what is refused and where.
+// Every document: reading, writing, and rejection at the right JSON pointer.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@
 #include "testing/test_data.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::schemas {
 namespace {
 
 using nlohmann::json;
@@ -143,11 +143,11 @@ TEST_P(EveryDocument, NewerVersionsAreRefusedWithAdvice) {
   document["a_future_property"] = 1;
   EXPECT_THAT(
       refusal(GetParam(), document),
-      AllOf(StartsWith("f.json#/schema: this file is version " + std::to_string(newest + 1) +
-                       ", this program reads up to " + std::to_string(newest)),
-            HasSubstr("Update raystage")));
+      AllOf(StartsWith("f.json#/schema: the file has version " + std::to_string(newest + 1) +
+                       ", but this program reads up to " + std::to_string(newest)),
+            HasSubstr("Update Raystage")));
   document["schema"] = std::string("raystage/") + GetParam() + "/99999999999999";
-  EXPECT_THAT(refusal(GetParam(), document), HasSubstr("this file is version 99999999999999"));
+  EXPECT_THAT(refusal(GetParam(), document), HasSubstr("the file has version 99999999999999"));
 }
 
 TEST_P(EveryDocument, OtherDocumentsAreRefused) {
@@ -224,7 +224,7 @@ INSTANTIATE_TEST_SUITE_P(
     Cameras, DamagedDocument,
     ::testing::Values(
         Damage{"rig", "/cameras", json::array(), "/cameras", "an array of at least 1"},
-        Damage{"rig", "/cameras/1/id", "a", "/cameras/1/id", "the id \"a\" comes twice"},
+        Damage{"rig", "/cameras/1/id", "a", "/cameras/1/id", "the id \"a\" is used twice"},
         Damage{"rig", "/cameras/1/id", "../a", "/cameras/1/id", "found \"../a\""},
         Damage{"rig", "/cameras/1/id", ".a", "/cameras/1/id", "found \".a\""},
         Damage{"rig", "/cameras/1/id", "", "/cameras/1/id", "found \"\""},
@@ -248,7 +248,7 @@ INSTANTIATE_TEST_SUITE_P(
                {{"k1", 0.1}},
                "/cameras/1/intrinsics/distortion",
                "\"model\" is missing"},
-        Damage{"rig", kPose, kMirrored, kPose, "mirrors"},
+        Damage{"rig", kPose, kMirrored, kPose, "is a reflection"},
         Damage{"rig", kPose, kScaled, kPose, "not rigid"},
         Damage{"rig", kPose, kByColumns, "/cameras/1/world_from_camera/3", "[0, 0, 0, 1]"},
         Damage{"rig", "/cameras/1/world_from_camera/0/0", 1.001, kPose, "not rigid"},
@@ -267,7 +267,7 @@ TEST(Documents, PhotometricDamageIsToldWhereItIs) {
     const char *property, *value, *where, *message;
   };
   for (const Case& wrong : {
-           Case{"curve", "[[0, 1], [0, 0.5, 0.5], [0, 1]]", "/1/2", "does not rise"},
+           Case{"curve", "[[0, 1], [0, 0.5, 0.5], [0, 1]]", "/1/2", "does not increase"},
            Case{"curve", "[[0, 1], [0, 1]]", "", "array of 2"},
            Case{"vignetting", R"({"cx": 2, "cy": 2, "a": [-1, 0, 0]})", "", "greater than 0"},
            Case{"gain_map",
@@ -277,7 +277,7 @@ TEST(Documents, PhotometricDamageIsToldWhereItIs) {
            Case{"hot_pixels", "[[1, 1, 0, 0, 0], [70000, 0, 0, 0, 0]]", "/1/0", "65535"},
            Case{"hot_pixels", "[[60000, 0, 0, 0, 0]]", "/0", "in the picture"},
            Case{"hot_pixels", "[[0.5, 0, 0, 0, 0]]", "/0", "whole numbers"},
-           Case{"hot_pixels", "[[1, 0, 0, 0, 0], [1, 0, 1, 1, 1]]", "/1", "does not come after"},
+           Case{"hot_pixels", "[[1, 0, 0, 0, 0], [1, 0, 1, 1, 1]]", "/1", "is not sorted after"},
        }) {
     json rig = good("rig");
     rig["cameras"][0]["photometric"] = {{"contrast", {1, 1, 1}}, {"brightness", {0, 0, 0}}};
@@ -301,7 +301,7 @@ INSTANTIATE_TEST_SUITE_P(
         Damage{"take", "/color_space", "sRGB", "/color_space", "allowed: \"srgb_texture\""},
         Damage{"take", "/clock", "ptp", "/clock", "\"host\" or \"device\""},
         Damage{"take", "/timestamp_event", "middle", "/timestamp_event", "\"exposure_middle\""},
-        Damage{"take", "/cameras/1/id", "a", "/cameras/1/id", "comes twice"},
+        Damage{"take", "/cameras/1/id", "a", "/cameras/1/id", "is used twice"},
         Damage{"take", "/cameras/1/archive", "/etc/passwd", "/cameras/1/archive",
                "inside the take"},
         Damage{"take", "/cameras/1/journal", "a/../../b", "/cameras/1/journal", "inside the take"},
@@ -316,7 +316,7 @@ INSTANTIATE_TEST_SUITE_P(
     Imports, DamagedDocument,
     ::testing::Values(
         Damage{"import", "/cameras", json::array(), "/cameras", "an array of at least 1"},
-        Damage{"import", "/cameras/1/id", "a", "/cameras/1/id", "comes twice"},
+        Damage{"import", "/cameras/1/id", "a", "/cameras/1/id", "is used twice"},
         Damage{"import", "/nominal_fps", 0, "/nominal_fps", "greater than 0"},
         Damage{"import", "/cameras/0/frames", json::array(), "/cameras/0/frames", "at least 1"},
         Damage{"import", "/cameras/0/frames/1/time_ns", 0, "/cameras/0/frames/1/time_ns",
@@ -343,7 +343,7 @@ INSTANTIATE_TEST_SUITE_P(
         Damage{"shot", "/camera/1/orientation", {0, 0, 0, 0}, "/camera/1/orientation", "length 0"},
         Damage{
             "shot", "/camera/1/orientation", {1, 0, 0}, "/camera/1/orientation", "an array of 4"},
-        Damage{"shot", "/last_frame", 0, "/last_frame", "first_frame, which is 1, or later"},
+        Damage{"shot", "/last_frame", 0, "/last_frame", "at least first_frame, which is 1"},
         Damage{"shot", "/fps", 0, "/fps", "found 0"},
         Damage{"shot", "/fps", "24/0", "/fps", "found \"24/0\""},
         Damage{"shot", "/fps", "fast", "/fps", "found \"fast\""},
@@ -371,7 +371,7 @@ INSTANTIATE_TEST_SUITE_P(
                "/output/compression",
                "\"none\" or \"rle\""},
         Damage{"views", "/views", json::array(), "/views", "at least 1"},
-        Damage{"views", "/views/1/id", "a", "/views/1/id", "comes twice"},
+        Damage{"views", "/views/1/id", "a", "/views/1/id", "is used twice"},
         Damage{"views", "/views/1/time_ns", -1, "/views/1/time_ns", "found -1"}));
 
 TEST(ImportManifest, ACameraThatLooksBackIsRefusedByName) {
@@ -391,11 +391,12 @@ TEST(ImportManifest, ACameraThatLooksBackIsRefusedByName) {
 TEST(ImportManifest, ACameraBeyondTheNearestPlaneIsRefusedByName) {
   json document = good("import");
   document["depth_range_m"] = {1, 5};
-  document["cameras"][1]["world_from_camera"][2][3] = -1.9;  // its middle is at half of that
+  document["cameras"][1]["world_from_camera"][2][3] =
+      -1.9;  // the centre of the array is at half of that
   EXPECT_EQ(refusal("import", document), "accepted");
   document["cameras"][1]["world_from_camera"][2][3] = -2.1;
   EXPECT_THAT(refusal("import", document), AllOf(StartsWith("f.json#/cameras/1/world_from_camera:"),
-                                                 HasSubstr("camera \"b\" stands 1.05 m in front")));
+                                                 HasSubstr("camera \"b\" is 1.05 m in front")));
 }
 
 TEST(ImportManifest, ARingWithADepthRangeIsRefused) {
@@ -403,7 +404,7 @@ TEST(ImportManifest, ARingWithADepthRangeIsRefused) {
   document["cameras"][1]["world_from_camera"] = {
       {-1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, -1, 0}, {0, 0, 0, 1}};
   document["depth_range_m"] = {1, 5};
-  EXPECT_THAT(refusal("import", document), HasSubstr("look every way"));
+  EXPECT_THAT(refusal("import", document), HasSubstr("have no mean viewing direction"));
 }
 
 TEST(ImportManifest, ReadsEveryField) {
@@ -496,7 +497,7 @@ TEST(Documents, BenchSettingsAreRead) {
 }
 
 TEST(Documents, WhatCannotBeReadAgainIsNotWritten) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   RigDocument rig = parse_rig(good("rig").dump(), "f");
   write_rig(rig, folder.path() / "rig.json");
   const std::string before = read_file(folder.path() / "rig.json");
@@ -506,7 +507,7 @@ TEST(Documents, WhatCannotBeReadAgainIsNotWritten) {
 }
 
 TEST(Documents, DoublesComeBackExactly) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   RigDocument rig = parse_rig(good("rig").dump(), "f");
   rig.cameras[0].geometry.intrinsics = {1.0 / 3, std::nextafter(1, 2), -0.0, 1e-300,
                                         Distortion{0.1, 0.2, 0.3, 1e-17, -1.0 / 7}};
@@ -535,9 +536,10 @@ TEST(Documents, MissingFilesAreBadInput) {
 }
 
 TEST(Documents, RecordedLightFieldsAreReadAndComeBackTheSame) {
-  if (!std::filesystem::exists(test_data())) GTEST_SKIP() << "no data at " << test_data();
+  if (!std::filesystem::exists(testing::test_data()))
+    GTEST_SKIP() << "no data at " << testing::test_data();
   int manifests = 0, views = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(test_data())) {
+  for (const auto& entry : std::filesystem::directory_iterator(testing::test_data())) {
     if (const auto file = entry.path() / "import.json"; std::filesystem::exists(file)) {
       const ImportManifest manifest = read_import_manifest(file);
       const std::string once = format_import_manifest(manifest);
@@ -554,4 +556,4 @@ TEST(Documents, RecordedLightFieldsAreReadAndComeBackTheSame) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::schemas

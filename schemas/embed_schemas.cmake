@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# Writes OUTPUT, a .cpp with the text of the schemas NAME.schema.json in SOURCE_DIR for each NAME of
-# NAMES (separated by ','), so that programs need no path at run time.
+# Writes OUTPUT, a .cpp file with the text of SOURCE_DIR/NAME.schema.json for each NAME of NAMES
+# (separated by ','), so that programs do not read schemas at run time.
 string(REPLACE "," ";" NAMES "${NAMES}")
 set(entries "")
 foreach(name IN LISTS NAMES)
@@ -8,10 +8,10 @@ foreach(name IN LISTS NAMES)
   string(APPEND entries "    {\"${name}\", R\"SCHEMA(${text})SCHEMA\"},\n")
 endforeach()
 file(WRITE "${OUTPUT}" "// SPDX-License-Identifier: Apache-2.0
-// Made of schemas/*.schema.json by embed_schemas.cmake.
+// Generated from schemas/*.schema.json by embed_schemas.cmake.
 #include \"schemas/embedded_schemas.h\"
 
-namespace raystage {
+namespace raystage::schemas {
 namespace {
 
 constexpr EmbeddedSchema kSchemas[] = {
@@ -21,5 +21,5 @@ ${entries}};
 
 std::span<const EmbeddedSchema> embedded_schemas() { return kSchemas; }
 
-}  // namespace raystage
+}  // namespace raystage::schemas
 ")

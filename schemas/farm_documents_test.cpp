@@ -6,7 +6,7 @@
 #include "schemas/farm_job_document.h"
 #include "schemas/farm_records.h"
 
-namespace raystage {
+namespace raystage::schemas {
 namespace {
 
 using ::testing::HasSubstr;
@@ -136,4 +136,4 @@ TEST(FarmDocuments, StagesHaveNames) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::schemas

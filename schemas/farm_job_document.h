@@ -11,7 +11,7 @@
 
 #include "base/time.h"
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// The stages of a job in the order in which their tasks are queued.
 enum class FarmStage { kPrepare, kRender, kVerify, kPreview };
@@ -30,14 +30,13 @@ struct FarmResources {
   std::vector<std::string> options = {};  ///< sbatch options, e.g. "--partition=fast"
 };
 
-/// Schema "raystage/farm_job/1" (JOB/job.json): a shot split into tasks. Paths are those that the
-/// nodes use.
+/// Schema "raystage/farm_job/1" (JOB/job.json): a shot split into tasks. Paths are the nodes'.
 struct FarmJobDocument {
   /// A task of stage prepare: it derives data that several frames use.
   struct PrepareTask {
-    int layer = 0;  ///< index into the shot's layers
-    int tick = 0;   ///< index into the timeline of the layer's take
-    std::string file;
+    int layer = 0;     ///< index into the shot's layers
+    int tick = 0;      ///< index into the timeline of the layer's take
+    std::string file;  ///< of the derived data
   };
   /// A task of stage render.
   struct Chunk {
@@ -86,10 +85,9 @@ struct FarmJobDocument {
   double frame_bytes = 0;  ///< free space that one frame needs on a node's output disk
   std::vector<PrepareTask> instants = {};
   std::vector<Chunk> chunks = {};
-  std::vector<std::string> pinned = {};
-  std::vector<std::string> inputs = {};  ///< files that a node must be able to read
-  std::vector<PathMappingRule> paths =
-      {};  ///< from paths of the submitting host to paths of the nodes
+  std::vector<std::string> pinned = {};     ///< files that are not evicted until the job ends
+  std::vector<std::string> inputs = {};     ///< files that a node must be able to read
+  std::vector<PathMappingRule> paths = {};  ///< from the submitting host to the nodes
   std::optional<Distributed> distributed = {};
 
   const FarmResources& of(FarmStage stage) const {
@@ -100,10 +98,9 @@ struct FarmJobDocument {
 
 std::string_view farm_engine_name(FarmJobDocument::Engine engine);
 
-FarmJobDocument read_farm_job(const std::filesystem::path& file);
-/// Parses and formats the document in memory; errors use `name` as the file name. Throws Error (bad
-/// input).
+/// Throws Error (bad input) with the file, the JSON pointer, the value found and what is allowed.
+/// `name`: the file name in errors.
 FarmJobDocument parse_farm_job(std::string_view text, std::string_view name);
 std::string format_farm_job(const FarmJobDocument& job);
 
-}  // namespace raystage
+}  // namespace raystage::schemas

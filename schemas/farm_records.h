@@ -9,7 +9,7 @@
 
 #include "base/time.h"
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// The result of one attempt at a task.
 enum class AttemptResult {
@@ -23,12 +23,12 @@ enum class AttemptResult {
 /// Returns the name used in documents, e.g. "out_of_memory".
 std::string_view attempt_result_name(AttemptResult result);
 
-/// The costs of the rendering stages in one attempt, per frame, in seconds and bytes, from its log.
+/// The costs of the rendering stages of an attempt, in seconds and bytes per frame, from its log.
 /// Several frames are rendered concurrently, and writing overlaps the other stages.
 struct RenderStageCosts {
   int frames = 0, frames_in_flight = 1;  ///< frames rendered; frames rendered concurrently
   double seconds = 0;                    ///< wall-clock seconds of all frames
-  double light_fields_s = 0;             ///< including decoding and solving
+  double light_fields_s = 0;             ///< including decoding and depth estimation
   double geometry_s = 0, merge_s = 0, encode_s = 0, write_s = 0;
   double decode_s = 0;  ///< CPU seconds
   double read_bytes = 0;
@@ -44,8 +44,8 @@ struct FarmAttempt {
     std::string failed_frames = {};  ///< a frame range; empty: none or unknown
     double wall_seconds = 0, cpu_seconds = 0;
     double peak_memory_bytes = 0;
-    int light_field_frames_estimated = 0,
-        light_field_frames_loaded = 0;  ///< light field frames whose depths were estimated, loaded
+    /// Numbers of light field frames whose depths were estimated, or loaded from disk.
+    int light_field_frames_estimated = 0, light_field_frames_loaded = 0;
     std::optional<RenderStageCosts> rendering = {};  ///< present if a frame was rendered
     std::optional<Nanoseconds> ended_utc = {};
   };
@@ -68,12 +68,11 @@ std::string format_farm_attempt(const FarmAttempt& attempt);
 struct FarmRound {
   int round = 1;
   std::vector<int> prepare = {}, render = {};  ///< indices of tasks
-  /// A frame range: the frames of the chunks that are rendered again, complete or not. Empty: the
-  /// incomplete frames.
+  /// Range of the frames that are rendered again, complete or not; empty: the incomplete frames.
   std::string frames = {};
   double memory_factor = 1, time_factor = 1;  ///< factors on the job's settings
   std::vector<std::string> exclude = {};      ///< names of excluded nodes
-  bool fresh = false;  ///< started by a user: attempts of earlier rounds do not count
+  bool fresh = false;  ///< a user started it: attempts of earlier rounds do not count
   /// For engine "local": the process that runs the round.
   std::string host = {}, process_start = {};
   std::int64_t process = 0;
@@ -93,4 +92,4 @@ std::string_view farm_end_state_name(FarmEnd::State state);
 FarmEnd parse_farm_end(std::string_view text, std::string_view name);
 std::string format_farm_end(const FarmEnd& end);
 
-}  // namespace raystage
+}  // namespace raystage::schemas

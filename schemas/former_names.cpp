@@ -6,7 +6,7 @@
 #include "base/error.h"
 #include "schemas/json_text.h"
 
-namespace raystage {
+namespace raystage::schemas {
 namespace {
 
 /// Walks a document along its schema. Branches of oneOf and anyOf are applied one after the other:
@@ -78,4 +78,4 @@ void replace_former_names(const nlohmann::json& schema, nlohmann::json& document
   FormerNames(schema, name).replace_in(schema, document, "");
 }
 
-}  // namespace raystage
+}  // namespace raystage::schemas

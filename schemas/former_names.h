@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// Renames the properties of a document that have a former name: those that `schema` lists under
 /// "formerly" of a property, e.g. "hot_pixels": {"formerly": ["dark_pixels"], ...}. Former names
@@ -36,4 +36,4 @@ void add_former_names(Json& report, std::span<const FormerName> names) {
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::schemas

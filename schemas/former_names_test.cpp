@@ -8,7 +8,7 @@
 #include "schemas/embedded_schemas.h"
 #include "schemas/rig_document.h"
 
-namespace raystage::former_names_test {
+namespace raystage::schemas::former_names_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -68,4 +68,4 @@ TEST(FormerNames, OfDocumentsAreStillRead) {
 }
 
 }  // namespace
-}  // namespace raystage::former_names_test
+}  // namespace raystage::schemas::former_names_test

@@ -5,15 +5,14 @@
 #include <optional>
 #include <string>
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// A 4x4 matrix, row-major, for column vectors (translation in the last column).
 using Matrix4 = std::array<double, 16>;
 
-/// Brown-Conrady lens distortion on normalised image coordinates (x/z, y/z, y down), with
-/// OpenCV's coefficients. Unitless.
+/// Brown-Conrady distortion on normalised image coordinates (x/z, y/z, y down), as in OpenCV.
 struct Distortion {
-  double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;
+  double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;  ///< unitless
   bool operator==(const Distortion&) const = default;
 };
 
@@ -25,22 +24,20 @@ struct Intrinsics {
   bool operator==(const Intrinsics&) const = default;
 };
 
-/// One camera as stored in the documents.
-/// `world_from_camera`: rigid; camera x right, y up, looks down -z; metres.
+/// A camera. `world_from_camera` is rigid, in metres: camera x right, y up, looks down -z.
 struct CameraGeometry {
   std::string id;
   int width = 0, height = 0;  ///< pixels
   Intrinsics intrinsics;
   Matrix4 world_from_camera{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
-  std::optional<int> row, column;  ///< position in the grid, if there is one
+  std::optional<int> row, column;  ///< position in the grid; nullopt: none
   bool operator==(const CameraGeometry&) const = default;
 };
 
-/// The nearest and the farthest distance of the scene in front of the array, in metres; far may be
-/// infinite.
+/// Nearest and farthest distance of the scene in front of the array, metres; far may be infinite.
 struct DepthRange {
   double near = 0, far = 0;
   bool operator==(const DepthRange&) const = default;
 };
 
-}  // namespace raystage
+}  // namespace raystage::schemas

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-namespace raystage {
+namespace raystage::schemas {
 
-/// The treatment of rays that no camera recorded.
+/// Treatment of rays that no camera recorded.
 enum class HoleFill {
   kNone,     ///< they remain transparent
   kPushPull  ///< push-pull interpolation from the surrounding pixels
 };
 
-}  // namespace raystage
+}  // namespace raystage::schemas

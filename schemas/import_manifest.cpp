@@ -7,10 +7,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "base/atomic_file.h"
-#include "schemas/document.h"
+#include "schemas/fields.h"
 
-namespace raystage {
+namespace raystage::schemas {
 namespace {
 
 using Vector3 = std::array<double, 3>;
@@ -27,24 +26,24 @@ Vector3 centre(const CameraGeometry& camera) {
   return {m[3], m[7], m[11]};
 }
 
-/// A depth range is counted from the middle of the array along its mean viewing direction. It means
-/// something only where every camera has the whole range before it: none looks back, and none
-/// stands beyond the nearest plane.
-void check_depth_range(const ImportManifest& manifest, const JsonNode& cameras) {
+/// Throws Error (bad input) unless the whole depth range is in front of every camera. It is counted
+/// from the array's centre along its mean viewing direction.
+void check_depth_range(const JsonNode& document, const ImportManifest& manifest) {
   if (!manifest.depth_range) return;
+  const JsonNode cameras = document.at("cameras");
   const auto count = static_cast<double>(manifest.cameras.size());
-  Vector3 forward{}, middle{};
+  Vector3 forward{}, mean_centre{};
   for (const auto& camera : manifest.cameras) {
     for (std::size_t i = 0; i < 3; ++i) {
       forward[i] += viewing_direction(camera.geometry)[i] / count;
-      middle[i] += centre(camera.geometry)[i] / count;
+      mean_centre[i] += centre(camera.geometry)[i] / count;
     }
   }
   const double length = std::sqrt(dot(forward, forward));
   constexpr double kNoDirection = 1e-3;
   if (length < kNoDirection) {
     throw cameras.input_error(
-        "the cameras look every way, so a depth range in front of the array is undefined",
+        "the cameras have no mean viewing direction, so a depth range is undefined",
         "Remove \"depth_range_m\", or correct \"world_from_camera\"");
   }
   for (double& value : forward) value /= length;
@@ -55,19 +54,20 @@ void check_depth_range(const ImportManifest& manifest, const JsonNode& cameras) 
     if (cosine <= 0) {
       const double degrees = std::acos(std::max(cosine, -1.0)) * 180 / std::numbers::pi;
       throw matrix.input_error(
-          fmt::format("the camera \"{}\" looks {:.1f} degrees away from the mean of the array, "
-                      "allowed with a depth range: less than 90",
+          fmt::format("the camera \"{}\" looks {:.1f} degrees away from the mean viewing "
+                      "direction, allowed with a depth range: less than 90",
                       camera.id, degrees),
-          "A camera looks down -z with y up: turn matrices of OpenCV or COLMAP (y down, +z "
-          "forward) by negating their second and third column");
+          "Give poses with y up, looking down -z: negate the second and third column of matrices "
+          "of OpenCV or COLMAP (y down, +z forward)");
     }
     const Vector3 c = centre(camera);
-    const double advance = dot({c[0] - middle[0], c[1] - middle[1], c[2] - middle[2]}, forward);
+    const double advance =
+        dot({c[0] - mean_centre[0], c[1] - mean_centre[1], c[2] - mean_centre[2]}, forward);
     if (advance >= manifest.depth_range->near) {
       throw matrix.input_error(
           fmt::format(
-              "the camera \"{}\" stands {:.6g} m in front of the array's middle, beyond the "
-              "nearest plane of the depth range at {:.6g} m, which is behind it",
+              "the camera \"{}\" is {:.6g} m in front of the array's centre, beyond the near "
+              "end of the depth range at {:.6g} m",
               camera.id, advance, manifest.depth_range->near),
           "Correct the position or \"depth_range_m\"");
     }
@@ -91,9 +91,7 @@ class IncreasingTimes {
   Nanoseconds last_ = -1;
 };
 
-ImportManifest::Camera import_camera_from(const JsonNode& object,
-                                          std::set<std::string, std::less<>>& seen) {
-  ImportManifest::Camera camera{camera_from(object, seen), {}, {}, {}};
+void check_form(const JsonNode& object, const ImportManifest::Camera& camera) {
   const bool movie = object.has("movie");
   if (movie != object.has("times_ns") || movie == object.has("frames")) {
     throw object.input_error(
@@ -103,65 +101,54 @@ ImportManifest::Camera import_camera_from(const JsonNode& object,
                     object.has("times_ns") ? "" : "no "),
         "Keep one of the two forms");
   }
-  IncreasingTimes times;
-  if (movie) {
-    camera.movie = path_from(object.at("movie"));
-    const JsonNode list = object.at("times_ns");
-    for (std::size_t i = 0; i < list.size(); ++i) camera.times_ns.push_back(times.next(list.at(i)));
-    return camera;
-  }
-  const JsonNode frames = object.at("frames");
-  for (std::size_t i = 0; i < frames.size(); ++i) {
-    const JsonNode frame = frames.at(i);
-    camera.frames.push_back({path_from(frame.at("file")), times.next(frame.at("time_ns"))});
-  }
-  return camera;
 }
+
+/// Throws Error (bad input) for a time that is not after the previous one.
+void check_time(const JsonNode& node, Nanoseconds time, Nanoseconds previous) {
+  if (time > previous) return;
+  throw node.input_error(
+      fmt::format("found {} after {}, allowed: increasing times", time, previous),
+      "Sort the frames by time and list each once");
+}
+
+constexpr auto kTimes =
+    list_of(PlainCodec{}, [](const JsonNode& node, const std::vector<Nanoseconds>& times) {
+      check_time(node, times.back(), times.size() > 1 ? times[times.size() - 2] : -1);
+    });
+constexpr auto kFrames =
+    list_of(Fields(required("file", &ImportManifest::Frame::file, kPath),
+                   required("time_ns", &ImportManifest::Frame::time_ns)),
+            [](const JsonNode& object, const std::vector<ImportManifest::Frame>& frames) {
+              check_time(object.at("time_ns"), frames.back().time_ns,
+                         frames.size() > 1 ? frames[frames.size() - 2].time_ns : -1);
+            });
+
+bool has_frames(const ImportManifest::Camera& camera) { return camera.movie.empty(); }
+
+constexpr Fields kImportCamera(
+    kGeometryFields, check(check_form),
+    written_if(has_frames, defaulted("frames", &ImportManifest::Camera::frames, kFrames)),
+    written_if(std::not_fn(has_frames), defaulted("movie", &ImportManifest::Camera::movie, kPath),
+               defaulted("times_ns", &ImportManifest::Camera::times_ns, kTimes)));
+
+constexpr Fields kImport(required("name", &ImportManifest::name),
+                         required("epoch_utc", &ImportManifest::epoch_utc, kUtc),
+                         required("nominal_fps", &ImportManifest::nominal_fps),
+                         required("color_space", &ImportManifest::color_space),
+                         optional("scale", &ImportManifest::arbitrary_scale, kScaleNames),
+                         optional("depth_range_m", &ImportManifest::depth_range, kDepthRange),
+                         required("cameras", &ImportManifest::cameras,
+                                  list_with_ids(kImportCamera)),
+                         check(check_depth_range));
 
 }  // namespace
 
 ImportManifest parse_import_manifest(std::string_view text, std::string_view name) {
-  const nlohmann::json json = parse_document("import", text, name);
-  const JsonNode document{json, name, ""};
-  ImportManifest manifest;
-  manifest.name = document.at("name").get<std::string>();
-  manifest.epoch_utc = utc_from(document.at("epoch_utc"));
-  manifest.nominal_fps = document.at("nominal_fps").get<double>();
-  manifest.color_space = document.at("color_space").get<std::string>();
-  manifest.arbitrary_scale = document.get<std::string>("scale", "metres") == "arbitrary";
-  manifest.depth_range = depth_range_from(document);
-  const JsonNode cameras = document.at("cameras");
-  std::set<std::string, std::less<>> seen;
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    manifest.cameras.push_back(import_camera_from(cameras.at(i), seen));
-  }
-  check_depth_range(manifest, cameras);
-  return manifest;
+  return parse_document_as<ImportManifest>("import", kImport, text, name);
 }
 
 std::string format_import_manifest(const ImportManifest& manifest) {
-  nlohmann::ordered_json json = make_document("import");
-  json["name"] = manifest.name;
-  json["epoch_utc"] = format_utc(manifest.epoch_utc);
-  json["nominal_fps"] = manifest.nominal_fps;
-  json["color_space"] = manifest.color_space;
-  if (manifest.arbitrary_scale) json["scale"] = "arbitrary";
-  add_depth_range(manifest.depth_range, json);
-  auto& cameras = json["cameras"] = nlohmann::ordered_json::array();
-  for (const ImportManifest::Camera& camera : manifest.cameras) {
-    nlohmann::ordered_json object = json_from(camera.geometry);
-    if (camera.movie.empty()) {
-      auto& frames = object["frames"] = nlohmann::ordered_json::array();
-      for (const ImportManifest::Frame& frame : camera.frames) {
-        frames.push_back({{"file", frame.file}, {"time_ns", frame.time_ns}});
-      }
-    } else {
-      object["movie"] = camera.movie;
-      object["times_ns"] = camera.times_ns;
-    }
-    cameras.push_back(std::move(object));
-  }
-  return format_json(json);
+  return format_document("import", kImport, manifest);
 }
 
 ImportManifest read_import_manifest(const std::filesystem::path& file) {
@@ -169,9 +156,7 @@ ImportManifest read_import_manifest(const std::filesystem::path& file) {
 }
 
 void write_import_manifest(const ImportManifest& manifest, const std::filesystem::path& file) {
-  const std::string text = format_import_manifest(manifest);
-  parse_import_manifest(text, file.string());  // what cannot be read again must not be written
-  write_file_atomically(file, text);
+  write_document(format_import_manifest(manifest), parse_import_manifest, file);
 }
 
-}  // namespace raystage
+}  // namespace raystage::schemas

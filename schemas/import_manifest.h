@@ -10,7 +10,7 @@
 #include "base/time.h"
 #include "schemas/geometry.h"
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// Schema "raystage/import/1": the input of `raystage import`.
 struct ImportManifest {
@@ -34,13 +34,13 @@ struct ImportManifest {
 };
 
 /// Throws Error (bad input) with the file, the JSON pointer, the value found and what is allowed.
-/// Checks in addition to the schema: unique ids, rigid poses, increasing times and their number.
+/// Beyond the schema, it checks that ids are unique, poses rigid and times increasing, and that
+/// every camera has the whole depth range in front of it.
 ImportManifest read_import_manifest(const std::filesystem::path& file);
-
 void write_import_manifest(const ImportManifest& manifest, const std::filesystem::path& file);
 
 /// Parses and formats the document in memory; errors use `name` as the file name.
 ImportManifest parse_import_manifest(std::string_view text, std::string_view name);
 std::string format_import_manifest(const ImportManifest& manifest);
 
-}  // namespace raystage
+}  // namespace raystage::schemas

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-namespace raystage {
+namespace raystage::schemas {
 namespace {
 
 using nlohmann::json;
@@ -15,9 +15,9 @@ using nlohmann::ordered_json;
 
 constexpr std::size_t kDeepest = 64;
 constexpr std::size_t kColumns = 100;
-constexpr const char* kMendSyntax = "Correct the file; it must be strict JSON";
+constexpr const char* kCorrectSyntax = "Correct the file; it must be strict JSON";
 
-/// "NAME:line:column" of the byte before `end` (where the parser stopped).
+/// Returns "NAME:line:column" of the byte before `end`, where the parser stopped.
 std::string place_in_text(std::string_view text, std::size_t end, std::string_view name) {
   const std::string_view before = text.substr(0, std::min(end == 0 ? 0 : end - 1, text.size()));
   const auto line = 1 + std::count(before.begin(), before.end(), '\n');
@@ -49,7 +49,7 @@ class DocumentBuilder final : public json::json_sax_t {
     level.key = std::move(key);
     if (level.container->contains(level.key)) {
       throw json_value_error(name_, pointer(),
-                             fmt::format("the property \"{}\" comes twice", level.key),
+                             fmt::format("the property \"{}\" is given twice", level.key),
                              "Keep one of them");
     }
     return true;
@@ -58,14 +58,14 @@ class DocumentBuilder final : public json::json_sax_t {
   bool parse_error(std::size_t position, const std::string&,
                    const nlohmann::detail::exception& error) override {
     std::string reason = error.what();
-    // nlohmann puts "[json.exception...] parse error at line 1, column 5: " in front.
+    // Removes nlohmann's prefix "[json.exception...] parse error at line 1, column 5: ".
     for (const std::string_view lead : {"] ", "parse error", ": "}) {
       const std::size_t at = reason.find(lead);
       if (at == reason.npos) continue;
       if (lead != "parse error") reason.erase(0, at + lead.size());
     }
     throw Error::bad_input("this is not valid JSON: " + reason,
-                           place_in_text(text_, position, name_), kMendSyntax);
+                           place_in_text(text_, position, name_), kCorrectSyntax);
   }
 
  private:
@@ -96,7 +96,7 @@ class DocumentBuilder final : public json::json_sax_t {
     if (levels_.size() == kDeepest) {
       throw json_value_error(name_, pointer(),
                              fmt::format("arrays and objects are nested deeper than {}", kDeepest),
-                             "Correct the file");
+                             "Reduce the nesting");
     }
     levels_.push_back({place(std::move(empty)), {}});
     return true;
@@ -215,4 +215,4 @@ std::string describe_json_value(const nlohmann::json& value) {
   return text;
 }
 
-}  // namespace raystage
+}  // namespace raystage::schemas

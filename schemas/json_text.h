@@ -8,15 +8,14 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// Parses strict JSON. Throws Error (bad input) for a syntax error (at "NAME:line:column"), a
 /// duplicate key, a number too large for a double, or nesting deeper than 64.
 nlohmann::json parse_json(std::string_view text, std::string_view name);
 
-/// Returns human-readable JSON, indented by two spaces. Arrays and objects of plain values are on
-/// one line if they fit into 100 columns: a matrix has one row per line. Doubles round-trip
-/// exactly.
+/// Returns JSON indented by two spaces; doubles round-trip exactly. Arrays and objects of plain
+/// values are on one line if they fit into 100 columns: a matrix has one row per line.
 std::string format_json(const nlohmann::ordered_json& value);
 
 /// Returns `pointer` extended by one reference token (RFC 6901).
@@ -30,4 +29,4 @@ Error json_value_error(std::string_view name, std::string_view pointer, std::str
 /// Returns a description of a value that is short enough for an error message.
 std::string describe_json_value(const nlohmann::json& value);
 
-}  // namespace raystage
+}  // namespace raystage::schemas

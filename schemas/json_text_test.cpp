@@ -8,7 +8,7 @@
 #include <bit>
 #include <cmath>
 
-namespace raystage {
+namespace raystage::schemas {
 namespace {
 
 using ::testing::HasSubstr;
@@ -95,4 +95,4 @@ TEST(JsonText, FoundIsShort) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::schemas

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "schemas/matte_settings.h"
 
-#include "schemas/shot_matte.h"
+#include "schemas/shot.h"
 
-namespace raystage {
+namespace raystage::schemas {
 
 std::string format_matte(const MatteSettings& matte) { return json_from(matte).dump(); }
 
-}  // namespace raystage
+}  // namespace raystage::schemas

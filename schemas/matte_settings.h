@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-namespace raystage {
+namespace raystage::schemas {
 
-/// How the subject of a take is separated from its background: "matte" of a shot's layer.
+/// Settings that separate the subject of a take from its background: "matte" of a shot's layer.
 struct MatteSettings {
   using Box = std::array<std::array<double, 3>, 2>;  ///< minimum and maximum corner, world, metres
   enum class Kind {
@@ -17,26 +17,24 @@ struct MatteSettings {
     kDifference,  ///< difference from the clean plate take
     kFiles        ///< TAKE/mattes, docs/formats/mattes.md
   } kind = Kind::kBlueScreen;
-  /// Screen keys: colour of the screen, scene-linear. Without it and without a clean plate take, it
-  /// is determined from the take itself.
+  /// Screen keys: colour of the screen, scene-linear. nullopt: determined from the clean plate take
+  /// or, without one, from the take itself.
   std::optional<std::array<double, 3>> screen_color = {};
-  std::string clean_plate_take =
-      {};  ///< same array without the subject; relative to the shot's folder
+  /// Take of the same array without the subject, relative to the shot's folder; may be empty.
+  std::string clean_plate_take = {};
   /// Screen keys: limit of the screen's channel in the subject: the larger (1) or the smaller (0)
   /// of the other two channels.
   double balance = 0.5;
-  double despill =
-      1;  ///< screen keys: share of the screen's spill that is removed from the subject
+  double despill = 1;  ///< screen keys: share of the spill that is removed from the subject
   /// Alpha at or below `black` becomes 0, at or above `white` 1.
   double black = 0.05, white = 0.95;
   /// Difference key, in codes of 255: transparent up to `low`, opaque from `high`.
   double low = 10, high = 30;
-  std::vector<Box> keep =
-      {};  ///< if any: pixels whose ray meets none of these boxes are transparent
-  std::vector<Box> garbage = {};  ///< pixels whose ray meets one of these boxes are transparent
+  /// Pixels whose ray meets no box of `keep` (if it has any) or one of `garbage` are transparent.
+  std::vector<Box> keep = {}, garbage = {};
 };
 
 /// Returns the JSON text of a shot's "matte", with the defaults of settings that are not given.
 std::string format_matte(const MatteSettings& matte);
 
-}  // namespace raystage
+}  // namespace raystage::schemas

@@ -5,12 +5,12 @@
 #include <string>
 #include <variant>
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// The value of an option in a document or on a command line.
 using OptionValue = std::variant<bool, double, std::string>;
 
-/// Options by name, as given. Their reader defines which names exist and what they mean.
+/// Options by name, not validated: the reader defines the names and their meaning.
 using OptionValues = std::map<std::string, OptionValue>;
 
-}  // namespace raystage
+}  // namespace raystage::schemas

@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-namespace raystage {
+namespace raystage::schemas {
 
 using Rgb = std::array<double, 3>;  ///< linear light, full scale 1
 
@@ -17,8 +17,8 @@ struct Vignetting {
   bool operator==(const Vignetting&) const = default;
 };
 
-/// Gains over the picture (a flat field; DNG's opcode GainMap): nodes are evenly spaced from corner
-/// to corner of the picture, with bilinear interpolation between them.
+/// Gains over the picture (a flat field; DNG's opcode GainMap): nodes evenly spaced from corner to
+/// corner of the picture, with bilinear interpolation.
 struct GainMap {
   int columns = 0, rows = 0;  ///< at least 2 each
   std::vector<Rgb> gain;      ///< columns * rows, row by row
@@ -28,7 +28,7 @@ struct GainMap {
 /// A pixel with a signal in the dark frame (fixed-pattern noise).
 struct HotPixel {
   int x = 0, y = 0;
-  Rgb light{};
+  Rgb light{};  ///< in the dark frame
   bool operator==(const HotPixel&) const = default;
 };
 
@@ -40,19 +40,19 @@ inline constexpr ColorMatrix kIdentityColorMatrix{{{1, 0, 0}, {0, 1, 0}, {0, 0, 
 ///
 ///     light = matrix * (gain at the pixel * (brightness + contrast * (shown - dark)))
 ///
-/// where shown is the light of the code after `curve`, in the colour space of the take, and dark
-/// that of the pixel in the dark frame. See rig/photometric_model.h.
+/// where `shown` is the light of the code after `curve`, in the colour space of the take, and
+/// `dark` that of the pixel in the dark frame. See rig/photometric_model.h.
 struct PhotometricResponse {
   Rgb contrast{1, 1, 1};
   Rgb brightness{0, 0, 0};
-  /// Per channel: the corrected codes, full scale 1, increasing, at codes evenly spaced from 0 to
-  /// full scale, with linear interpolation between them. Empty: codes are correct.
+  /// Per channel: corrected codes, full scale 1, increasing, at codes evenly spaced from 0 to full
+  /// scale, with linear interpolation. Empty: codes are correct.
   std::array<std::vector<double>, 3> curve{};
   std::optional<Vignetting> vignetting{};
   std::optional<GainMap> gain_map{};
   ColorMatrix matrix = kIdentityColorMatrix;
   /// Sorted by row, then column. A pixel above kMaxHotPixelLevel in a channel has too little range
-  /// left and is replaced by interpolation of its neighbours.
+  /// left: it is interpolated from its neighbours.
   std::vector<HotPixel> hot_pixels{};
   static constexpr double kMaxHotPixelLevel = 0.25;
   static constexpr std::size_t kMaxHotPixels = 20000;
@@ -60,4 +60,4 @@ struct PhotometricResponse {
   bool operator==(const PhotometricResponse&) const = default;
 };
 
-}  // namespace raystage
+}  // namespace raystage::schemas

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// Schema "raystage/planes/1": flat polygons that approximate objects.
 struct PlanesDocument {
@@ -27,4 +27,4 @@ PlanesDocument read_planes(const std::filesystem::path& file);
 PlanesDocument parse_planes(std::string_view text, std::string_view name);
 std::string format_planes(const PlanesDocument& planes);
 
-}  // namespace raystage
+}  // namespace raystage::schemas

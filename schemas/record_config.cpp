@@ -3,131 +3,81 @@
 
 #include <fmt/format.h>
 
-#include <array>
-#include <set>
-#include <utility>
+#include "schemas/fields.h"
 
-#include "base/atomic_file.h"
-#include "schemas/document.h"
-
-namespace raystage {
+namespace raystage::schemas {
 namespace {
 
 using nlohmann::ordered_json;
+using FfmpegSource = RecordConfig::FfmpegSource;
+using AravisSource = RecordConfig::AravisSource;
+using SimulatedSource = RecordConfig::SimulatedSource;
 
-/// An enumeration's values in the words of the document.
-template <typename Value, std::size_t count>
-using Words = std::array<std::pair<Value, const char*>, count>;
+constexpr auto kWhenFull = enum_names<RecordConfig::OverflowPolicy>("drop_newest", "drop_oldest");
+constexpr auto kWhenLost =
+    enum_names<RecordConfig::LostSourcePolicy>("continue", "reconnect", "stop");
+constexpr auto kChroma = enum_names<RecordConfig::Chroma>("444", "422", "420");
 
-constexpr Words<RecordConfig::OverflowPolicy, 2> kWhenFull{
-    {{RecordConfig::OverflowPolicy::kDropNewest, "drop_newest"},
-     {RecordConfig::OverflowPolicy::kDropOldest, "drop_oldest"}}};
-constexpr Words<RecordConfig::LostSourcePolicy, 3> kWhenLost{
-    {{RecordConfig::LostSourcePolicy::kContinue, "continue"},
-     {RecordConfig::LostSourcePolicy::kReconnect, "reconnect"},
-     {RecordConfig::LostSourcePolicy::kStop, "stop"}}};
-constexpr Words<RecordConfig::Chroma, 3> kChroma{{{RecordConfig::Chroma::k444, "444"},
-                                                  {RecordConfig::Chroma::k422, "422"},
-                                                  {RecordConfig::Chroma::k420, "420"}}};
-
-/// Reads one of the words, which the schema has checked.
-template <typename Value, std::size_t count>
-void read_word(const JsonNode& object, std::string_view key, const Words<Value, count>& words,
-               Value& value) {
-  if (!object.has(key)) return;
-  const auto text = object.at(key).template get<std::string>();
-  for (const auto& [meaning, word] : words) {
-    if (text == word) value = meaning;
-  }
-}
-
-template <typename Value, std::size_t count>
-const char* word_of(Value value, const Words<Value, count>& words) {
-  for (const auto& [meaning, word] : words) {
-    if (meaning == value) return word;
-  }
-  return words.front().second;
-}
-
-/// Returns text for another library. Rejects control characters, which may truncate it.
-std::string plain_text(const JsonNode& object, std::string_view key) {
-  if (!object.has(key)) return {};
-  const JsonNode text = object.at(key);
+/// Returns a text. Throws Error (bad input) for control characters: libraries may truncate there.
+std::string plain_text_from(const JsonNode& text) {
   auto result = text.get<std::string>();
   for (const char c : result) {
     if (static_cast<unsigned char>(c) < ' ') {
       throw text.input_error(
           fmt::format("found {}, text with a control character", describe_json_value(text.value)),
-          "Remove it");
+          "Remove the character");
     }
   }
   return result;
 }
+constexpr Converter kPlainText(plain_text_from, std::identity{});
 
-template <typename T>
-void read_optional(const JsonNode& object, std::string_view key, std::optional<T>& value) {
-  if (object.has(key)) value = object.at(key).template get<T>();
-}
-
-void add_text(ordered_json& object, const char* key, const std::string& text) {
-  if (!text.empty()) object[key] = text;
-}
-
-RecordConfig::FfmpegSource ffmpeg_from(const JsonNode& object) {
-  RecordConfig::FfmpegSource source;
-  source.url = plain_text(object, "url");
-  source.format = plain_text(object, "format");
-  source.realtime = object.get("realtime", source.realtime);
-  if (!object.has("options")) return source;
-  const JsonNode options = object.at("options");
+std::map<std::string, std::string> ffmpeg_options_from(const JsonNode& options) {
+  std::map<std::string, std::string> result;
   for (const auto& [key, value] : options.value.items()) {
     if (key.empty() || !value.is_string()) {
       throw options.at(key).input_error(
           fmt::format("found {}, allowed: an option's value as text", describe_json_value(value)),
           "Write it as a string, as on FFmpeg's command line");
     }
-    source.options.emplace(key, plain_text(options, key));
+    result.emplace(key, plain_text_from(options.at(key)));
   }
-  return source;
+  return result;
 }
 
-RecordConfig::AravisSource aravis_from(const JsonNode& object) {
-  RecordConfig::AravisSource source;
-  source.device = plain_text(object, "device");
-  read_optional(object, "exposure_us", source.exposure_us);
-  read_optional(object, "gain", source.gain);
-  read_optional(object, "fps", source.fps);
-  source.trigger = plain_text(object, "trigger");
-  source.pixel_format = plain_text(object, "pixel_format");
-  read_optional(object, "packet_size", source.packet_size);
-  source.buffers = object.get("buffers", source.buffers);
-  source.packet_resend = object.get("packet_resend", source.packet_resend);
-  source.packet_socket = object.get("packet_socket", source.packet_socket);
-  source.socket_buffer_bytes = object.get("socket_buffer_bytes", source.socket_buffer_bytes);
-  return source;
-}
+constexpr Fields kFfmpeg(required("url", &FfmpegSource::url, kPlainText),
+                         optional("format", &FfmpegSource::format, kPlainText),
+                         optional("options", &FfmpegSource::options,
+                                  Converter(ffmpeg_options_from, std::identity{})),
+                         defaulted("realtime", &FfmpegSource::realtime));
 
-RecordConfig::SimulatedSource simulated_from(const JsonNode& object) {
-  RecordConfig::SimulatedSource source;
-  source.scene = object.has("scene") ? plain_text(object, "scene") : source.scene;
-  source.seed = object.get("seed", source.seed);
-  source.rows = object.get("rows", source.rows);
-  source.columns = object.get("columns", source.columns);
-  source.index = object.get("index", source.index);
-  source.width = object.get("width", source.width);
-  source.height = object.get("height", source.height);
-  source.fps = object.get("fps", source.fps);
-  source.seconds = object.get("seconds", source.seconds);
-  source.jpeg = object.get("jpeg", source.jpeg);
+constexpr Fields kAravis(optional("device", &AravisSource::device, kPlainText),
+                         optional("exposure_us", &AravisSource::exposure_us),
+                         optional("gain", &AravisSource::gain), optional("fps", &AravisSource::fps),
+                         optional("trigger", &AravisSource::trigger, kPlainText),
+                         optional("pixel_format", &AravisSource::pixel_format, kPlainText),
+                         optional("packet_size", &AravisSource::packet_size),
+                         defaulted("buffers", &AravisSource::buffers),
+                         defaulted("packet_resend", &AravisSource::packet_resend),
+                         defaulted("packet_socket", &AravisSource::packet_socket),
+                         defaulted("socket_buffer_bytes", &AravisSource::socket_buffer_bytes));
+
+void check_index(const JsonNode& object, const SimulatedSource& source) {
   const int cameras = source.rows * source.columns;
-  if (source.index >= cameras) {
-    throw object.at("index").input_error(
-        fmt::format("found {}, allowed: less than the {} cameras of the array", source.index,
-                    cameras),
-        "Correct the index, or \"rows\" and \"columns\"");
-  }
-  return source;
+  if (source.index < cameras) return;
+  throw object.at("index").input_error(
+      fmt::format("found {}, allowed: less than the {} cameras of the array", source.index,
+                  cameras),
+      "Correct the index, or \"rows\" and \"columns\"");
 }
+
+constexpr Fields kSimulated(
+    defaulted("scene", &SimulatedSource::scene, kPlainText),
+    defaulted("seed", &SimulatedSource::seed), defaulted("rows", &SimulatedSource::rows),
+    defaulted("columns", &SimulatedSource::columns), defaulted("index", &SimulatedSource::index),
+    defaulted("width", &SimulatedSource::width), defaulted("height", &SimulatedSource::height),
+    defaulted("fps", &SimulatedSource::fps), defaulted("seconds", &SimulatedSource::seconds),
+    defaulted("jpeg", &SimulatedSource::jpeg), check(check_index));
 
 RecordConfig::Source source_from(const JsonNode& camera) {
   const bool ffmpeg = camera.has("ffmpeg"), aravis = camera.has("aravis"),
@@ -138,108 +88,70 @@ RecordConfig::Source source_from(const JsonNode& camera) {
                     ffmpeg || aravis || simulated ? "several sources" : "no source"),
         "Give each camera exactly one source");
   }
-  if (ffmpeg) return ffmpeg_from(camera.at("ffmpeg"));
-  if (aravis) return aravis_from(camera.at("aravis"));
-  return simulated_from(camera.at("simulated"));
+  if (ffmpeg) return kFfmpeg.make<FfmpegSource>(camera.at("ffmpeg"));
+  if (aravis) return kAravis.make<AravisSource>(camera.at("aravis"));
+  return kSimulated.make<SimulatedSource>(camera.at("simulated"));
 }
 
-ordered_json json_from(const RecordConfig::FfmpegSource& source) {
-  ordered_json object{{"url", source.url}};
-  add_text(object, "format", source.format);
-  if (!source.options.empty()) object["options"] = source.options;
-  object["realtime"] = source.realtime;
-  return object;
-}
+constexpr auto kCameras = custom(
+    [](const JsonNode& document, RecordConfig& config) {
+      const JsonNode cameras = document.at("cameras");
+      std::set<std::string, std::less<>> seen;
+      for (std::size_t i = 0; i < cameras.size(); ++i) {
+        const JsonNode camera = cameras.at(i);
+        config.cameras.push_back({unique_id_from(camera, seen), source_from(camera)});
+      }
+    },
+    [](const RecordConfig& config, ordered_json& document) {
+      ordered_json& cameras = document["cameras"] = ordered_json::array();
+      for (const RecordConfig::Camera& camera : config.cameras) {
+        ordered_json& object = cameras.emplace_back();
+        object["id"] = camera.id;
+        const auto* ffmpeg = std::get_if<FfmpegSource>(&camera.source);
+        const auto* aravis = std::get_if<AravisSource>(&camera.source);
+        const auto* simulated = std::get_if<SimulatedSource>(&camera.source);
+        if (ffmpeg != nullptr) object["ffmpeg"] = kFfmpeg.write(*ffmpeg);
+        if (aravis != nullptr) object["aravis"] = kAravis.write(*aravis);
+        if (simulated != nullptr) object["simulated"] = kSimulated.write(*simulated);
+      }
+    });
 
-ordered_json json_from(const RecordConfig::AravisSource& source) {
-  ordered_json object = ordered_json::object();
-  add_text(object, "device", source.device);
-  add_optional(object, "exposure_us", source.exposure_us);
-  add_optional(object, "gain", source.gain);
-  add_optional(object, "fps", source.fps);
-  add_text(object, "trigger", source.trigger);
-  add_text(object, "pixel_format", source.pixel_format);
-  add_optional(object, "packet_size", source.packet_size);
-  object["buffers"] = source.buffers;
-  object["packet_resend"] = source.packet_resend;
-  object["packet_socket"] = source.packet_socket;
-  object["socket_buffer_bytes"] = source.socket_buffer_bytes;
-  return object;
-}
+/// "jpeg": members of the document.
+constexpr Fields kJpeg(defaulted("quality", &RecordConfig::quality),
+                       defaulted("chroma", &RecordConfig::chroma, kChroma),
+                       optional("restart_interval", &RecordConfig::restart_interval));
+constexpr auto kJpegField = custom(
+    [](const JsonNode& document, RecordConfig& config) {
+      if (document.has("jpeg")) kJpeg.read(document.at("jpeg"), config);
+    },
+    [](const RecordConfig& config, ordered_json& document) {
+      document["jpeg"] = kJpeg.write(config);
+    });
 
-ordered_json json_from(const RecordConfig::SimulatedSource& source) {
-  return {{"scene", source.scene},     {"seed", source.seed},   {"rows", source.rows},
-          {"columns", source.columns}, {"index", source.index}, {"width", source.width},
-          {"height", source.height},   {"fps", source.fps},     {"seconds", source.seconds},
-          {"jpeg", source.jpeg}};
-}
-
-/// The property of a camera that holds its source.
-const char* kind_of(const RecordConfig::Source& source) {
-  if (std::holds_alternative<RecordConfig::FfmpegSource>(source)) return "ffmpeg";
-  if (std::holds_alternative<RecordConfig::AravisSource>(source)) return "aravis";
-  return "simulated";
-}
+constexpr Fields kRecordConfig(required("name", &RecordConfig::name),
+                               optional("node", &RecordConfig::node, kPlainText),
+                               optional("rig", &RecordConfig::rig, kPath),
+                               optional("nominal_fps", &RecordConfig::nominal_fps),
+                               defaulted("color_space", &RecordConfig::color_space),
+                               defaulted("memory_mb", &RecordConfig::memory_mb),
+                               defaulted("buffer_in_memory", &RecordConfig::hold),
+                               defaulted("when_full", &RecordConfig::when_full, kWhenFull),
+                               defaulted("when_lost", &RecordConfig::when_lost, kWhenLost),
+                               defaulted("lost_after_seconds", &RecordConfig::lost_after_seconds),
+                               kJpegField, kCameras);
 
 }  // namespace
 
 RecordConfig parse_record_config(std::string_view text, std::string_view name) {
-  const nlohmann::json json = parse_document("record", text, name);
-  const JsonNode document{json, name, ""};
-  RecordConfig config;
-  config.name = document.at("name").get<std::string>();
-  config.node = plain_text(document, "node");
-  if (document.has("rig")) config.rig = path_from(document.at("rig"));
-  config.nominal_fps = document.get("nominal_fps", config.nominal_fps);
-  config.color_space = document.get("color_space", config.color_space);
-  config.memory_mb = document.get("memory_mb", config.memory_mb);
-  config.hold = document.get("buffer_in_memory", config.hold);
-  read_word(document, "when_full", kWhenFull, config.when_full);
-  read_word(document, "when_lost", kWhenLost, config.when_lost);
-  config.lost_after_seconds = document.get("lost_after_seconds", config.lost_after_seconds);
-  if (document.has("jpeg")) {
-    const JsonNode jpeg = document.at("jpeg");
-    config.quality = jpeg.get("quality", config.quality);
-    read_word(jpeg, "chroma", kChroma, config.chroma);
-    config.restart_interval = jpeg.get("restart_interval", config.restart_interval);
-  }
-  const JsonNode cameras = document.at("cameras");
-  std::set<std::string, std::less<>> seen;
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    const JsonNode camera = cameras.at(i);
-    std::string id = unique_id_from(camera, seen);
-    config.cameras.push_back({std::move(id), source_from(camera)});
-  }
-  return config;
+  return parse_document_as<RecordConfig>("record", kRecordConfig, text, name);
 }
 
 std::string format_record_config(const RecordConfig& config) {
-  ordered_json json = make_document("record");
-  json["name"] = config.name;
-  add_text(json, "node", config.node);
-  add_text(json, "rig", config.rig);
-  if (config.nominal_fps > 0) json["nominal_fps"] = config.nominal_fps;
-  json["color_space"] = config.color_space;
-  json["memory_mb"] = config.memory_mb;
-  json["buffer_in_memory"] = config.hold;
-  json["when_full"] = word_of(config.when_full, kWhenFull);
-  json["when_lost"] = word_of(config.when_lost, kWhenLost);
-  json["lost_after_seconds"] = config.lost_after_seconds;
-  ordered_json& jpeg = json["jpeg"];
-  jpeg = {{"quality", config.quality}, {"chroma", word_of(config.chroma, kChroma)}};
-  if (config.restart_interval >= 0) jpeg["restart_interval"] = config.restart_interval;
-  ordered_json& cameras = json["cameras"] = ordered_json::array();
-  for (const RecordConfig::Camera& camera : config.cameras) {
-    ordered_json object{{"id", camera.id}};
-    object[kind_of(camera.source)] =
-        std::visit([](const auto& source) { return json_from(source); }, camera.source);
-    cameras.push_back(std::move(object));
-  }
-  return format_json(json);
+  return format_document("record", kRecordConfig, config);
 }
 
 RecordConfig read_record_config(const std::filesystem::path& file) {
   return parse_record_config(read_file(file), file.string());
 }
 
-}  // namespace raystage
+}  // namespace raystage::schemas

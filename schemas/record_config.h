@@ -12,7 +12,7 @@
 
 #include "base/time.h"
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// Schema "raystage/record/1": what one ingest node records, and how.
 struct RecordConfig {
@@ -25,7 +25,7 @@ struct RecordConfig {
   };
   /// A GigE Vision or USB3 Vision camera.
   struct AravisSource {
-    std::string device;  ///< Aravis's id or serial number; empty: the first device found
+    std::string device;  ///< Aravis's ID or serial number; empty: the first device found
     std::optional<double> exposure_us;  ///< microseconds
     std::optional<double> gain;         ///< in the device's unit, mostly dB
     std::optional<double> fps;
@@ -44,9 +44,8 @@ struct RecordConfig {
     int rows = 8, columns = 8, index = 0;
     int width = 320, height = 240;
     double fps = 15;
-    double seconds =
-        3.8;  ///< of the scene that are rendered in advance, then played forwards and backwards
-    bool jpeg = false;  ///< deliver JPEG like a webcam, not raw pixels
+    double seconds = 3.8;  ///< of the scene, rendered in advance, played forwards and backwards
+    bool jpeg = false;     ///< deliver JPEG like a webcam, not raw pixels
   };
   using Source = std::variant<FfmpegSource, AravisSource, SimulatedSource>;
 
@@ -67,18 +66,17 @@ struct RecordConfig {
   bool hold = false;        ///< keep everything in memory until the end
   OverflowPolicy when_full = OverflowPolicy::kDropNewest;
   LostSourcePolicy when_lost = LostSourcePolicy::kContinue;
-  double lost_after_seconds = 5;  ///< without a frame, after which a source is lost
+  double lost_after_seconds = 5;  ///< time without a frame after which a source is lost
   int quality = 90;               ///< JPEG quality of encoded raw frames, libjpeg's scale
   Chroma chroma = Chroma::k420;
   int restart_interval = -1;  ///< MCUs; -1: the default, 0: none
   std::vector<Camera> cameras;
 };
 
-/// Throws Error (bad input) at "FILE#/json/pointer" for a value that the schema or this program
-/// rejects.
+/// Throws Error (bad input) at "FILE#/json/pointer" with the value found and what is allowed.
 RecordConfig read_record_config(const std::filesystem::path& file);
 /// Parses and formats the document in memory; errors use `name` as the file name.
 RecordConfig parse_record_config(std::string_view text, std::string_view name);
 std::string format_record_config(const RecordConfig& config);
 
-}  // namespace raystage
+}  // namespace raystage::schemas

@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "testing/test_folder.h"
 
-namespace raystage::record_config_test {
+namespace raystage::schemas::record_config_test {
 namespace {
 
 using nlohmann::json;
@@ -54,7 +54,7 @@ std::string refusal(const json& document) {
 }
 
 TEST(RecordConfig, WhatIsWrittenIsWhatWasRead) {
-  // Every property of the schema is in the text: none is lost, none is invented.
+  // The text has exactly the properties of the schema.
   const json document = full();
   EXPECT_EQ(json::parse(format_record_config(parse_record_config(document.dump(), "f"))), document);
 }
@@ -105,7 +105,7 @@ TEST(RecordConfig, EmptySourcesAreTheDefaultsAndComeBack) {
 }
 
 TEST(RecordConfig, IsReadFromAFile) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   write_file_atomically(folder.path() / "record.json", full().dump());
   EXPECT_EQ(read_record_config(folder.path() / "record.json").name, "rehearsal");
   EXPECT_THROW(read_record_config(folder.path() / "missing.json"), Error);
@@ -114,7 +114,8 @@ TEST(RecordConfig, IsReadFromAFile) {
 TEST(RecordConfig, OtherVersionsAndDocumentsAreRefused) {
   json document = minimal();
   document["schema"] = "raystage/record/2";
-  EXPECT_THAT(refusal(document), HasSubstr("this file is version 2, this program reads up to 1"));
+  EXPECT_THAT(refusal(document),
+              HasSubstr("the file has version 2, but this program reads up to 1"));
   document["schema"] = "raystage/take/1";
   EXPECT_THAT(refusal(document), StartsWith("f.json#/schema: found \"raystage/take/1\""));
 }
@@ -173,7 +174,7 @@ INSTANTIATE_TEST_SUITE_P(
     Cameras, DamagedRecordConfig,
     ::testing::Values(
         Damage{"/cameras", json::array(), "/cameras", "an array of 1 to 10000"},
-        Damage{"/cameras/1/id", "a", "/cameras/1/id", "the id \"a\" comes twice"},
+        Damage{"/cameras/1/id", "a", "/cameras/1/id", "the id \"a\" is used twice"},
         Damage{"/cameras/1/id", "../a", "/cameras/1/id", "found \"../a\""},
         Damage{"/cameras/1", {{"id", "b"}}, "/cameras/1", "found no source"},
         Damage{"/cameras/1/simulated", json::object(), "/cameras/1", "found several sources"},
@@ -195,4 +196,4 @@ INSTANTIATE_TEST_SUITE_P(
                "greater than 0"}));
 
 }  // namespace
-}  // namespace raystage::record_config_test
+}  // namespace raystage::schemas::record_config_test

@@ -11,7 +11,7 @@
 
 #include "base/time.h"
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// Schema "raystage/recording/1" (TAKE/recording/NODE.json): how a node recorded its cameras.
 struct RecordingDocument {
@@ -19,7 +19,7 @@ struct RecordingDocument {
     Nanoseconds time_utc = 0;  ///< since 1970
     std::string what;
   };
-  /// What happened to the frames of one camera in a session.
+  /// The frames of one camera in a session.
   struct Camera {
     std::string id;
     std::string source;  ///< description for the user
@@ -47,13 +47,13 @@ struct RecordingDocument {
     std::optional<Nanoseconds> stopped_utc;   ///< absent: running, or killed
     std::string stop_reason;
     std::uint64_t memory_bytes = 0, memory_peak_bytes = 0;
-    bool held = false;
+    bool held = false;  ///< whether frames stayed in memory until the end
     Clock clock;
     std::vector<Camera> cameras;
     std::optional<AuditResult> audit;  ///< with stopped_utc
 
     /// Returns the delay after start_at_utc, or 0. Frames of that time are missing on this node,
-    /// though other nodes may have them.
+    /// but other nodes may have them.
     Nanoseconds late() const {
       return start_at_utc && started_utc > *start_at_utc ? started_utc - *start_at_utc : 0;
     }
@@ -69,4 +69,4 @@ void write_recording(const RecordingDocument& recording, const std::filesystem::
 RecordingDocument parse_recording(std::string_view text, std::string_view name);
 std::string format_recording(const RecordingDocument& recording);
 
-}  // namespace raystage
+}  // namespace raystage::schemas

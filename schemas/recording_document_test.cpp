@@ -6,7 +6,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::schemas {
 namespace {
 
 RecordingDocument example() {
@@ -78,4 +78,4 @@ TEST(RecordingDocument, RefusesWhatIsWrong) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::schemas

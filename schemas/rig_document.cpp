@@ -1,53 +1,48 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "schemas/rig_document.h"
 
-#include "base/atomic_file.h"
-#include "schemas/document.h"
+#include <algorithm>
 
-namespace raystage {
+#include "schemas/fields.h"
+
+namespace raystage::schemas {
+namespace {
+
+constexpr auto kPhotometric = custom(
+    [](const JsonNode& object, RigDocument::Camera& camera) {
+      if (!object.has("photometric")) return;
+      camera.photometric = photometric_from(object.at("photometric"), camera.geometry);
+    },
+    [](const RigDocument::Camera& camera, nlohmann::ordered_json& object) {
+      if (camera.photometric == PhotometricResponse{}) return;
+      object["photometric"] = json_from(camera.photometric);
+    });
+
+constexpr Fields kRig(defaulted("name", &RigDocument::name),
+                      defaulted("topology", &RigDocument::topology),
+                      required("cameras", &RigDocument::cameras,
+                               list_with_ids(Fields(kGeometryFields, kPhotometric))));
+
+}  // namespace
+
+const RigDocument::Camera* RigDocument::find(std::string_view id) const {
+  const auto found =
+      std::ranges::find_if(cameras, [&](const Camera& camera) { return camera.geometry.id == id; });
+  return found == cameras.end() ? nullptr : &*found;
+}
 
 RigDocument parse_rig(std::string_view text, std::string_view name) {
-  const nlohmann::json json = parse_document("rig", text, name);
-  const JsonNode document{json, name, ""};
-  RigDocument rig;
-  rig.name = document.get("name", rig.name);
-  rig.topology = document.get("topology", rig.topology);
-  const JsonNode cameras = document.at("cameras");
-  std::set<std::string, std::less<>> seen;
-  for (std::size_t i = 0; i < cameras.size(); ++i) {
-    const JsonNode object = cameras.at(i);
-    RigDocument::Camera camera{camera_from(object, seen), {}};
-    if (object.has("photometric")) {
-      camera.photometric = photometric_from(object.at("photometric"), camera.geometry);
-    }
-    rig.cameras.push_back(std::move(camera));
-  }
-  return rig;
+  return parse_document_as<RigDocument>("rig", kRig, text, name);
 }
 
-std::string format_rig(const RigDocument& rig) {
-  nlohmann::ordered_json json = make_document("rig");
-  json["name"] = rig.name;
-  json["topology"] = rig.topology;
-  auto& cameras = json["cameras"] = nlohmann::ordered_json::array();
-  for (const RigDocument::Camera& camera : rig.cameras) {
-    nlohmann::ordered_json object = json_from(camera.geometry);
-    if (camera.photometric != PhotometricResponse{}) {
-      object["photometric"] = json_from(camera.photometric);
-    }
-    cameras.push_back(std::move(object));
-  }
-  return format_json(json);
-}
+std::string format_rig(const RigDocument& rig) { return format_document("rig", kRig, rig); }
 
 RigDocument read_rig(const std::filesystem::path& file) {
   return parse_rig(read_file(file), file.string());
 }
 
 void write_rig(const RigDocument& rig, const std::filesystem::path& file) {
-  const std::string text = format_rig(rig);
-  parse_rig(text, file.string());  // what cannot be read again must not be written
-  write_file_atomically(file, text);
+  write_document(format_rig(rig), parse_rig, file);
 }
 
-}  // namespace raystage
+}  // namespace raystage::schemas

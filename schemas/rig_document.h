@@ -9,7 +9,7 @@
 #include "schemas/geometry.h"
 #include "schemas/photometric_response.h"
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// Schema "raystage/rig/1" (TAKE/rig.json): the physical array.
 struct RigDocument {
@@ -20,9 +20,12 @@ struct RigDocument {
   std::string name;
   std::string topology = "auto";  ///< "auto" | "grid" | "delaunay": which cameras are neighbours
   std::vector<Camera> cameras;
+
+  /// Returns a camera; null if the rig has none with the ID.
+  const Camera* find(std::string_view id) const;
 };
 
-/// The name of an uncalibrated rig: without a rig, `raystage record` assumes default lenses and
+/// The name of an uncalibrated rig. Without a rig, `raystage record` assumes default lenses, and
 /// cameras in a row with this spacing (metres).
 inline constexpr std::string_view kUncalibratedRigName = "not calibrated";
 inline constexpr double kDefaultCameraSpacing = 0.1;
@@ -35,4 +38,4 @@ void write_rig(const RigDocument& rig, const std::filesystem::path& file);
 RigDocument parse_rig(std::string_view text, std::string_view name);
 std::string format_rig(const RigDocument& rig);
 
-}  // namespace raystage
+}  // namespace raystage::schemas

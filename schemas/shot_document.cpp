@@ -5,17 +5,16 @@
 
 #include <algorithm>
 
-#include "base/atomic_file.h"
 #include "base/frame_rate.h"
-#include "schemas/document.h"
-#include "schemas/shot_camera.h"
-#include "schemas/shot_geometry.h"
-#include "schemas/shot_layer.h"
+#include "schemas/fields.h"
+#include "schemas/shot.h"
 
-namespace raystage {
+namespace raystage::schemas {
 namespace {
 
 using nlohmann::ordered_json;
+using Color = ShotDocument::Color;
+using Output = ShotDocument::Output;
 
 FrameRate frame_rate_at(const JsonNode& fps) {
   const auto rate = fps.value.is_string() ? frame_rate_from(fps.get<std::string>())
@@ -28,110 +27,108 @@ FrameRate frame_rate_at(const JsonNode& fps) {
       "Write the exact ratio, for example \"24000/1001\"");
 }
 
-/// Layers around one volume are one picture: nothing can lie between them, or fade one of them.
-void check_volumes(const std::vector<ShotDocument::Layer>& layers, const JsonNode& located) {
+/// Throws Error (bad input) unless the layers of a volume, which form one picture, are consecutive
+/// and have the same opacity and holdout.
+void check_volumes(const JsonNode& document, const ShotDocument& shot) {
+  const std::vector<ShotDocument::Layer>& layers = shot.layers;
   for (std::size_t i = 1; i < layers.size(); ++i) {
     if (layers[i].volume.empty()) continue;
-    const JsonNode place = located.at(i);
+    const JsonNode node = document.at("layers").at(i);
     const auto first = std::ranges::find(layers, layers[i].volume, &ShotDocument::Layer::volume);
     if (first == layers.begin() + static_cast<std::ptrdiff_t>(i)) continue;
     if (layers[i - 1].volume != layers[i].volume) {
-      throw place.at("volume").input_error("found another layer between those of the volume",
-                                           "List the volume's layers consecutively");
+      throw node.at("volume").input_error("found another layer between those of the volume",
+                                          "List the volume's layers consecutively");
     }
     if (layers[i].opacity != first->opacity || layers[i].holdout != first->holdout) {
-      throw place.input_error("found another opacity or holdout than the volume's first layer has",
-                              "Give all layers of a volume the same opacity and holdout");
+      throw node.input_error("the opacity or holdout differs from that of the volume's first layer",
+                             "Give all layers of a volume the same opacity and holdout");
     }
   }
+}
+
+constexpr auto kFrameRate = custom(
+    [](const JsonNode& document, ShotDocument& shot) {
+      const FrameRate rate = frame_rate_at(document.at("fps"));
+      shot.fps = rate.fps();
+      shot.fps_numerator = rate.numerator;
+      shot.fps_denominator = rate.denominator;
+    },
+    [](const ShotDocument& shot, ordered_json& document) {
+      if (shot.fps_denominator == 1) {
+        document["fps"] = shot.fps_numerator;
+      } else {
+        document["fps"] = fmt::format("{}/{}", shot.fps_numerator, shot.fps_denominator);
+      }
+    });
+
+constexpr Fields kFrameRange(required("first_frame", &ShotDocument::first_frame),
+                             required("last_frame", &ShotDocument::last_frame),
+                             check([](const JsonNode& document, const ShotDocument& shot) {
+                               check_frame_range(document, shot.first_frame, shot.last_frame);
+                             }));
+
+constexpr Fields kColor(defaulted("color_space", &Color::color_space),
+                        optional("config", &Color::config, kPath),
+                        optional("rec709_space", &Color::rec709_space),
+                        defaulted("working_space", &Color::working_space));
+
+constexpr Fields kOutput(defaulted("compression", &Output::compression),
+                         optional("data_compression", &Output::data_compression),
+                         defaulted("layout", &Output::layout),
+                         optional("cryptomatte", &Output::cryptomatte),
+                         optional("overscan", &Output::overscan), defaulted("aovs", &Output::aovs),
+                         defaulted("color", &Output::color, kColor));
+
+/// The properties of a shot of schema version `version`.
+auto shot_fields(int version) {
+  const auto camera_of_version = [version](const JsonNode& camera) {
+    return shot_camera_from(camera, version);
+  };
+  return Fields(
+      defaulted("name", &ShotDocument::name), required("width", &ShotDocument::width),
+      required("height", &ShotDocument::height), kFrameRate, kFrameRange,
+      required("camera", &ShotDocument::camera, Converter(camera_of_version, JsonFrom{})),
+      required("layers", &ShotDocument::layers, list_of(Converter(shot_layer_from, JsonFrom{}))),
+      check(check_volumes),
+      optional("lights", &ShotDocument::lights, list_of(Converter(shot_light_from, JsonFrom{}))),
+      defaulted("merge", &ShotDocument::merge, enum_names<ShotDocument::Merge>("stated", "depth")),
+      defaulted("output", &ShotDocument::output, kOutput));
 }
 
 }  // namespace
 
+void reject_keys(const JsonNode& object, std::initializer_list<const char*> keys,
+                 const std::string& what_happened, const std::string& what_to_do) {
+  for (const char* key : keys) {
+    if (object.has(key)) throw object.at(key).input_error(what_happened, what_to_do);
+  }
+}
+
+void check_box(const JsonNode& node, const MatteSettings::Box& box) {
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    if (box[0][axis] < box[1][axis]) continue;
+    throw node.input_error("found an empty box",
+                           "Give the corner with the smallest x, y and z first");
+  }
+}
+
+void check_frame_range(const JsonNode& object, int first, int last) {
+  if (first <= last) return;
+  throw object.at("last_frame")
+      .input_error(fmt::format("found {}, allowed: at least first_frame, which is {}", last, first),
+                   "Correct the range");
+}
+
 ShotDocument parse_shot(std::string_view text, std::string_view name) {
   const auto [json, version] = parse_versioned_document("shot", text, name);
-  const JsonNode document{json, name, ""};
   ShotDocument shot;
-  shot.name = document.get("name", shot.name);
-  shot.width = document.at("width").get<int>();
-  shot.height = document.at("height").get<int>();
-  const FrameRate rate = frame_rate_at(document.at("fps"));
-  shot.fps = rate.fps();
-  shot.fps_numerator = rate.numerator;
-  shot.fps_denominator = rate.denominator;
-  shot.first_frame = document.at("first_frame").get<int>();
-  shot.last_frame = document.at("last_frame").get<int>();
-  if (shot.first_frame > shot.last_frame) {
-    throw document.at("last_frame")
-        .input_error(fmt::format("found {}, allowed: first_frame, which is {}, or later",
-                                 shot.last_frame, shot.first_frame),
-                     "Correct the range");
-  }
-  shot.camera = shot_camera_from(document.at("camera"), version);
-  const JsonNode layers = document.at("layers");
-  for (std::size_t i = 0; i < layers.size(); ++i)
-    shot.layers.push_back(shot_layer_from(layers.at(i)));
-  check_volumes(shot.layers, layers);
-  if (document.has("lights")) {
-    const JsonNode lights = document.at("lights");
-    for (std::size_t i = 0; i < lights.size(); ++i) {
-      shot.lights.push_back(shot_light_from(lights.at(i)));
-    }
-  }
-  if (document.get("merge", std::string()) == "depth") shot.merge = ShotDocument::Merge::kDepth;
-  if (document.has("output")) {
-    const JsonNode output = document.at("output");
-    shot.output.compression = output.get("compression", shot.output.compression);
-    shot.output.data_compression = output.get("data_compression", shot.output.data_compression);
-    shot.output.layout = output.get("layout", shot.output.layout);
-    shot.output.cryptomatte = output.get("cryptomatte", shot.output.cryptomatte);
-    shot.output.overscan = output.get("overscan", shot.output.overscan);
-    shot.output.aovs = output.get("aovs", shot.output.aovs);
-    if (output.has("color")) {
-      const JsonNode color = output.at("color");
-      shot.output.color.color_space = color.get("color_space", shot.output.color.color_space);
-      if (color.has("config")) shot.output.color.config = path_from(color.at("config"));
-      shot.output.color.rec709_space = color.get("rec709_space", shot.output.color.rec709_space);
-      shot.output.color.working_space = color.get("working_space", shot.output.color.working_space);
-    }
-  }
+  shot_fields(version).read(JsonNode{json, name, ""}, shot);
   return shot;
 }
 
 std::string format_shot(const ShotDocument& shot) {
-  ordered_json json = make_document("shot");
-  json["name"] = shot.name;
-  json["width"] = shot.width;
-  json["height"] = shot.height;
-  if (shot.fps_denominator == 1) {
-    json["fps"] = shot.fps_numerator;
-  } else {
-    json["fps"] = fmt::format("{}/{}", shot.fps_numerator, shot.fps_denominator);
-  }
-  json["first_frame"] = shot.first_frame;
-  json["last_frame"] = shot.last_frame;
-  json["camera"] = json_from(shot.camera);
-  auto& layers = json["layers"] = ordered_json::array();
-  for (const ShotDocument::Layer& layer : shot.layers) layers.push_back(json_from(layer));
-  if (!shot.lights.empty()) {
-    auto& lights = json["lights"] = nlohmann::ordered_json::array();
-    for (const ShotDocument::Light& light : shot.lights) lights.push_back(json_from(light));
-  }
-  json["merge"] = shot.merge == ShotDocument::Merge::kDepth ? "depth" : "stated";
-  auto& output = json["output"] = {{"compression", shot.output.compression}};
-  if (!shot.output.data_compression.empty()) {
-    output["data_compression"] = shot.output.data_compression;
-  }
-  output["layout"] = shot.output.layout;
-  if (shot.output.cryptomatte) output["cryptomatte"] = true;
-  if (shot.output.overscan != std::array{0, 0}) output["overscan"] = shot.output.overscan;
-  output["aovs"] = shot.output.aovs;
-  const ShotDocument::Color& color = shot.output.color;
-  output["color"] = {{"color_space", color.color_space}};
-  if (!color.config.empty()) output["color"]["config"] = color.config;
-  if (!color.rec709_space.empty()) output["color"]["rec709_space"] = color.rec709_space;
-  output["color"]["working_space"] = color.working_space;
-  return format_json(json);
+  return format_document("shot", shot_fields(2), shot);
 }
 
 ShotDocument read_shot(const std::filesystem::path& file) {
@@ -139,9 +136,7 @@ ShotDocument read_shot(const std::filesystem::path& file) {
 }
 
 void write_shot(const ShotDocument& shot, const std::filesystem::path& file) {
-  const std::string text = format_shot(shot);
-  parse_shot(text, file.string());  // what cannot be read again must not be written
-  write_file_atomically(file, text);
+  write_document(format_shot(shot), parse_shot, file);
 }
 
-}  // namespace raystage
+}  // namespace raystage::schemas

@@ -13,7 +13,7 @@
 #include "schemas/matte_settings.h"
 #include "schemas/option_values.h"
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// Schema "raystage/shot/2": what to render. Shots of version 1 are converted when read.
 struct ShotDocument {
@@ -25,8 +25,7 @@ struct ShotDocument {
     /// Full angle in degrees, (0, 180). Either this or a focal length is given.
     std::optional<double> horizontal_fov_deg = {};
     std::optional<double> focal_length_mm = {};
-    std::optional<std::array<double, 3>> target =
-        {};  ///< point at the picture's centre; world, metres
+    std::optional<std::array<double, 3>> target = {};  ///< at the picture's centre; world, metres
     std::optional<double> roll_deg = {}, orbit_deg = {}, focus_m = {}, f_number = {},
                           shutter_deg = {};
   };
@@ -82,20 +81,19 @@ struct ShotDocument {
   struct Plate {
     std::string file;      ///< EXR, PNG or JPEG, as a sequence name; relative to the shot's folder
     int frame_offset = 0;  ///< frame n shows file n + frame_offset
-    std::optional<double> depth_m =
-        {};  ///< along the view's axis; nullopt: the file's Z, else behind everything
-    std::string space = {};  ///< colour space; empty: the file's, else linear or sRGB
+    /// Metres along the view's axis; nullopt: the file's Z, otherwise behind everything.
+    std::optional<double> depth_m = {};
+    std::string space = {};  ///< colour space; empty: the file's, otherwise linear or sRGB
   };
-  /// A rectangle as fractions of the picture's width and height from the top left.
+  /// A rectangle: fractions of the picture's width and height from the top left.
   struct ScreenRegion {
     double left = 0, right = 1, top = 0, bottom = 1;
   };
   /// The region to which a layer is clipped: one side of a plane, a box or a part of the picture.
   struct Clip {
     std::optional<std::array<double, 4>> plane = {};  ///< a x + b y + c z + d = 0, world
-    std::optional<std::array<std::array<double, 3>, 2>> box =
-        {};                    ///< minimum and maximum corner, world
-    ScreenRegion screen = {};  ///< if there is neither
+    std::optional<std::array<std::array<double, 3>, 2>> box = {};  ///< min. and max. corner, world
+    ScreenRegion screen = {};  ///< used if there is neither a plane nor a box
     double feather = 0;        ///< metres; for `screen` a fraction of the picture's width
     bool inverted = false;
   };
@@ -126,10 +124,9 @@ struct ShotDocument {
     bool shadows = true;
     std::string environment = {};  ///< panorama file, relative to the shot's folder
     double rotation_deg = 0;       ///< of the environment about the y axis, counter-clockwise
-    std::string light_field =
-        {};               ///< name of the layer that supplies radiance for rays that it recorded
-    double strength = 1;  ///< of the environment or light field
-    int rays = 0;         ///< per sample, with which diffuse surfaces gather the light
+    std::string light_field = {};  ///< layer that supplies radiance for rays that it recorded
+    double strength = 1;           ///< of the environment or light field
+    int rays = 0;                  ///< per sample, with which diffuse surfaces gather the light
   };
   /// How a light field layer receives shadows of geometry.
   struct ReceivedShadows {
@@ -154,12 +151,10 @@ struct ShotDocument {
     OptionValues options;  ///< of the method; the renderer defines them
     FocalPlane focal_plane;
     HoleFill fill = HoleFill::kNone;
-    std::optional<MatteSettings> matte =
-        {};                    ///< mattes of the take's frames; nullopt: everything is visible
+    std::optional<MatteSettings> matte = {};  ///< of the take's frames; nullopt: all is visible
     double start_seconds = 0;  ///< time in the take at first_frame, since its first tick
     double speed = 1;          ///< take seconds per shot second; 0: frozen, negative: backwards
-    /// Takes around one volume share this name; each ray is taken from the take that faces its
-    /// direction.
+    /// Takes around a volume share its name; each ray is taken from the take that faces it.
     std::string volume = {};
     std::optional<ReceivedShadows> shadows = {};  ///< of geometry; nullopt: no shadows are received
   };
@@ -180,8 +175,8 @@ struct ShotDocument {
     /// Additional channels of the files, by EXR name, from the layers that have them.
     std::vector<std::string> aovs{"lf.coverage", "P", "N", "albedo"};
     Color color = {};
-    std::array<int, 2> overscan{0,
-                                0};  ///< pixels beyond the picture: left and right, top and bottom
+    /// Pixels beyond the picture: on the left and right each, on the top and bottom each.
+    std::array<int, 2> overscan{0, 0};
   };
   std::string name;
   int width = 0, height = 0;
@@ -207,4 +202,4 @@ void write_shot(const ShotDocument& shot, const std::filesystem::path& file);
 ShotDocument parse_shot(std::string_view text, std::string_view name);
 std::string format_shot(const ShotDocument& shot);
 
-}  // namespace raystage
+}  // namespace raystage::schemas

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What version 2 of a shot adds; the rest stands in documents_test.cpp.
+// The additions of version 2 of a shot; documents_test.cpp tests the rest.
 #include "schemas/shot_document.h"
 
 #include <gmock/gmock.h>
@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::schemas {
 namespace {
 
 using nlohmann::json;
@@ -96,7 +96,7 @@ TEST(ShotOutputDocument, ReadsAovsWorkingSpaceAndFocusKeys) {
   EXPECT_NE(refusal(shot), "none");
   shot["layers"][0].erase("focal_plane");
   shot["layers"][0]["clips"] = {{{"screen", {{"left", 0.7}, {"right", 0.3}}}}};
-  EXPECT_THAT(refusal(shot), HasSubstr("has no inside"));
+  EXPECT_THAT(refusal(shot), HasSubstr("found an empty part of the picture"));
   shot["layers"][0].erase("clips");
   shot["output"]["aovs"] = {"velocity"};
   EXPECT_THAT(refusal(shot), HasSubstr("#/output/aovs/0"));
@@ -205,16 +205,16 @@ TEST(ShotLayerDocument, RefusesWhatIsNoLayer) {
     shot["layers"] = {layer};
     return refusal(shot);
   };
-  EXPECT_THAT(of({{"name", "none"}}), HasSubstr("#/layers/0: found not exactly one of \"take\""));
-  EXPECT_THAT(of({{"take", "a"}, {"solid", {{"color", {0, 0, 0}}}}}), HasSubstr("not exactly one"));
+  EXPECT_THAT(of({{"name", "none"}}), HasSubstr("#/layers/0: found 0 of \"take\""));
+  EXPECT_THAT(of({{"take", "a"}, {"solid", {{"color", {0, 0, 0}}}}}), HasSubstr("found 2 of"));
   EXPECT_THAT(of({{"solid", {{"color", {0, 0, 0}}}}, {"speed", 0}}),
               HasSubstr("#/layers/0/speed: only light field layers have this property"));
   EXPECT_THAT(of({{"take", "a"}, {"first_frame", 9}, {"last_frame", 3}}),
               HasSubstr("#/layers/0/last_frame"));
   const auto clip = [&](const json& c) { return of({{"take", "a"}, {"clips", {c}}}); };
-  EXPECT_THAT(clip({{"feather", 1}}), HasSubstr("#/layers/0/clips/0: found not exactly one"));
+  EXPECT_THAT(clip({{"feather", 1}}), HasSubstr("#/layers/0/clips/0: found 0 of \"plane\""));
   EXPECT_THAT(clip({{"plane", {0, 0, 0, 1}}}), HasSubstr("#/layers/0/clips/0/plane"));
-  EXPECT_THAT(clip({{"box", {{0, 0, 0}, {1, 0, 1}}}}), HasSubstr("a box without an inside"));
+  EXPECT_THAT(clip({{"box", {{0, 0, 0}, {1, 0, 1}}}}), HasSubstr("found an empty box"));
 }
 
 TEST(ShotLayerDocument, LayersAroundAVolumeAreOnePicture) {
@@ -235,8 +235,8 @@ TEST(ShotLayerDocument, LayersAroundAVolumeAreOnePicture) {
   json faded = back, cut = back;
   faded["opacity"] = 0.5;
   cut["holdout"] = true;
-  EXPECT_THAT(refusal(with({front, faded})), HasSubstr("#/layers/1: found another opacity"));
-  EXPECT_THAT(refusal(with({front, cut})), HasSubstr("#/layers/1: found another opacity"));
+  EXPECT_THAT(refusal(with({front, faded})), HasSubstr("#/layers/1: the opacity or holdout"));
+  EXPECT_THAT(refusal(with({front, cut})), HasSubstr("#/layers/1: the opacity or holdout"));
   const json solid = {{"solid", {{"color", {0, 0, 0}}}}, {"volume", "room"}};
   EXPECT_THAT(refusal(with({solid})),
               HasSubstr("#/layers/0/volume: only light field layers have this property"));
@@ -286,7 +286,7 @@ TEST(ShotMatteDocument, RefusesWhatMeansNothing) {
   EXPECT_THAT(of({{"kind", "blue_screen"}, {"screen_color", {0, 0, 1}}, {"clean_plate_take", "e"}}),
               HasSubstr("found both"));
   EXPECT_THAT(of({{"kind", "blue_screen"}, {"keep", {{{0, 0, 0}, {1, 0, 1}}}}}),
-              HasSubstr("#/layers/0/matte/keep/0: found a box without an inside"));
+              HasSubstr("#/layers/0/matte/keep/0: found an empty box"));
   json filled = shot_with_matte({{"kind", "files"}});
   filled["layers"][0]["fill"] = "push_pull";
   EXPECT_THAT(refusal(filled), HasSubstr("#/layers/0/fill"));
@@ -351,11 +351,11 @@ TEST(ShotGeometryDocument, RefusesWhatMeansNothing) {
     shot["lights"] = {one};
     return refusal(shot);
   };
-  EXPECT_THAT(light({{"strength", 1}}), HasSubstr("#/lights/0: found not exactly one"));
+  EXPECT_THAT(light({{"strength", 1}}), HasSubstr("#/lights/0: found 0 of \"ambient\""));
   EXPECT_THAT(light({{"ambient", {1, 1, 1}}, {"rays", 4}}), HasSubstr("#/lights/0/rays: only"));
   EXPECT_THAT(light({{"direction", {0, 0, 0}}}), HasSubstr("length 0"));
   EXPECT_THAT(light({{"ambient", {1, -1, 1}}}), HasSubstr("#/lights/0/ambient"));
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::schemas

@@ -1,267 +1,172 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "schemas/shot_layer.h"
+#include <array>
 
-#include <fmt/format.h>
+#include "schemas/fields.h"
+#include "schemas/shot.h"
 
-#include <algorithm>
-#include <initializer_list>
-
-#include "schemas/shot_geometry.h"
-#include "schemas/shot_matte.h"
-
-namespace raystage {
+namespace raystage::schemas {
 namespace {
 
 using nlohmann::ordered_json;
+using Clip = ShotDocument::Clip;
 using FocalPlane = ShotDocument::FocalPlane;
 using Layer = ShotDocument::Layer;
+using Plate = ShotDocument::Plate;
+using ReceivedShadows = ShotDocument::ReceivedShadows;
+using ScreenRegion = ShotDocument::ScreenRegion;
+using Solid = ShotDocument::Solid;
 
-std::ptrdiff_t count_of(const JsonNode& object, std::initializer_list<const char*> words) {
-  return std::ranges::count_if(words, [&](const char* word) { return object.has(word); });
+bool has_normal(const std::array<double, 4>& plane) {
+  return plane[0] != 0 || plane[1] != 0 || plane[2] != 0;
 }
+
+void check_focal_frames(const JsonNode& key, const std::vector<FocalPlane::Key>& keys) {
+  if (keys.size() < 2 || keys.back().frame > keys[keys.size() - 2].frame) return;
+  throw key.at("frame").input_error("the frame is not after that of the previous key",
+                                    "Sort the keys by frame, and keep one key per frame");
+}
+
+void check_equation(const JsonNode& plane, const FocalPlane& found) {
+  if (has_normal(found.equation)) return;
+  throw plane.at("equation")
+      .input_error("found a plane without a normal: a, b and c are 0",
+                   "Write \"infinity\" for the plane at infinity");
+}
+
+constexpr Fields kFocalKey(required("frame", &FocalPlane::Key::frame),
+                           required("depth_m", &FocalPlane::Key::depth));
+constexpr Fields kDepthPlane(required("depth_m", &FocalPlane::depth));
+constexpr Fields kKeyedPlane(required("keys", &FocalPlane::keys,
+                                      list_of(kFocalKey, check_focal_frames)));
+constexpr Fields kEquationPlane(required("equation", &FocalPlane::equation), check(check_equation));
 
 FocalPlane focal_plane_from(const JsonNode& plane) {
   if (plane.value == "best") return {.kind = FocalPlane::Kind::kBest};
   if (plane.value == "infinity") return {.kind = FocalPlane::Kind::kInfinity};
   if (plane.value == "camera") return {.kind = FocalPlane::Kind::kCamera};
+  FocalPlane result;
   if (plane.has("depth_m")) {
-    return {.kind = FocalPlane::Kind::kDepth, .depth = plane.at("depth_m").get<double>()};
-  }
-  if (plane.has("keys")) {
-    FocalPlane result{.kind = FocalPlane::Kind::kKeys};
-    const JsonNode keys = plane.at("keys");
-    for (std::size_t i = 0; i < keys.size(); ++i) {
-      const JsonNode key = keys.at(i);
-      const double frame = key.at("frame").get<double>();
-      if (!result.keys.empty() && !(frame > result.keys.back().frame)) {
-        throw key.at("frame").input_error("found a key that does not come after the one before it",
-                                          "Order the keys by frame");
-      }
-      result.keys.push_back({frame, key.at("depth_m").get<double>()});
-    }
-    return result;
-  }
-  const JsonNode equation = plane.at("equation");
-  FocalPlane result{.kind = FocalPlane::Kind::kEquation};
-  result.equation = equation.get<std::array<double, 4>>();
-  const auto& e = result.equation;
-  if (e[0] == 0 && e[1] == 0 && e[2] == 0) {
-    throw equation.input_error("found a plane without a normal: a, b and c are 0",
-                               "Write \"infinity\" for the plane at infinity");
+    result.kind = FocalPlane::Kind::kDepth;
+    kDepthPlane.read(plane, result);
+  } else if (plane.has("keys")) {
+    result.kind = FocalPlane::Kind::kKeys;
+    kKeyedPlane.read(plane, result);
+  } else {
+    result.kind = FocalPlane::Kind::kEquation;
+    kEquationPlane.read(plane, result);
   }
   return result;
 }
 
-ordered_json json_from(const FocalPlane& plane) {
+ordered_json focal_plane_json(const FocalPlane& plane) {
   switch (plane.kind) {
     case FocalPlane::Kind::kInfinity:
       return "infinity";
     case FocalPlane::Kind::kCamera:
       return "camera";
     case FocalPlane::Kind::kDepth:
-      return {{"depth_m", plane.depth}};
+      return kDepthPlane.write(plane);
     case FocalPlane::Kind::kEquation:
-      return {{"equation", plane.equation}};
-    case FocalPlane::Kind::kKeys: {
-      ordered_json keys = ordered_json::array();
-      for (const FocalPlane::Key& key : plane.keys) {
-        keys.push_back({{"frame", key.frame}, {"depth_m", key.depth}});
-      }
-      return {{"keys", keys}};
-    }
+      return kEquationPlane.write(plane);
+    case FocalPlane::Kind::kKeys:
+      return kKeyedPlane.write(plane);
     case FocalPlane::Kind::kBest:
       break;
   }
   return "best";
 }
 
-ShotDocument::Solid solid_from(const JsonNode& object) {
-  ShotDocument::Solid solid{.color = object.at("color").get<std::array<double, 3>>()};
-  solid.alpha = object.get("alpha", solid.alpha);
-  solid.depth_m = object.get_if<double>("depth_m");
-  return solid;
-}
+constexpr Fields kSolid(required("color", &Solid::color), defaulted("alpha", &Solid::alpha),
+                        optional("depth_m", &Solid::depth_m));
 
-ordered_json json_from(const ShotDocument::Solid& solid) {
-  ordered_json object{{"color", solid.color}, {"alpha", solid.alpha}};
-  add_optional(object, "depth_m", solid.depth_m);
-  return object;
-}
+constexpr Fields kPlate(required("file", &Plate::file, kPath),
+                        optional("frame_offset", &Plate::frame_offset),
+                        optional("depth_m", &Plate::depth_m),
+                        optional("color_space", &Plate::space));
 
-ShotDocument::Plate plate_from(const JsonNode& object) {
-  ShotDocument::Plate plate{.file = path_from(object.at("file"))};
-  plate.frame_offset = object.get("frame_offset", plate.frame_offset);
-  plate.depth_m = object.get_if<double>("depth_m");
-  plate.space = object.get("color_space", plate.space);
-  return plate;
-}
+constexpr Fields kScreenRegion(defaulted("left", &ScreenRegion::left),
+                               defaulted("right", &ScreenRegion::right),
+                               defaulted("top", &ScreenRegion::top),
+                               defaulted("bottom", &ScreenRegion::bottom));
 
-ordered_json json_from(const ShotDocument::Plate& plate) {
-  ordered_json object{{"file", plate.file}};
-  if (plate.frame_offset != 0) object["frame_offset"] = plate.frame_offset;
-  add_optional(object, "depth_m", plate.depth_m);
-  if (!plate.space.empty()) object["color_space"] = plate.space;
-  return object;
-}
-
-ShotDocument::Clip clip_from(const JsonNode& object) {
-  if (count_of(object, {"plane", "box", "screen"}) != 1) {
-    throw object.input_error("found not exactly one of \"plane\", \"box\" and \"screen\"",
-                             "Use one clip for each; a layer is cut to all of its clips");
+void check_clip(const JsonNode& object, const Clip& clip) {
+  if (clip.plane && !has_normal(*clip.plane)) {
+    throw object.at("plane").input_error("found a plane without a normal: a, b and c are 0",
+                                         "Give a normal that points to the side to keep");
   }
-  ShotDocument::Clip clip;
-  clip.feather = object.get("feather", clip.feather);
-  clip.inverted = object.get("invert", clip.inverted);
-  clip.plane = object.get_if<std::array<double, 4>>("plane");
-  clip.box = object.get_if<std::array<std::array<double, 3>, 2>>("box");
-  if (clip.plane) {
-    const auto& p = *clip.plane;
-    if (p[0] == 0 && p[1] == 0 && p[2] == 0) {
-      throw object.at("plane").input_error("found a plane without a normal: a, b and c are 0",
-                                           "Give the direction of the side that is kept");
-    }
-  }
-  if (clip.box) {
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      if ((*clip.box)[0][axis] < (*clip.box)[1][axis]) continue;
-      throw object.at("box").input_error("found a box without an inside",
-                                         "Give the corner with the smallest x, y and z first");
-    }
-  }
-  if (object.has("screen")) {
-    const JsonNode screen = object.at("screen");
-    clip.screen.left = screen.get("left", clip.screen.left);
-    clip.screen.right = screen.get("right", clip.screen.right);
-    clip.screen.top = screen.get("top", clip.screen.top);
-    clip.screen.bottom = screen.get("bottom", clip.screen.bottom);
-    if (clip.screen.left > clip.screen.right || clip.screen.top > clip.screen.bottom) {
-      throw screen.input_error("found a part of the picture that has no inside",
-                               "Give left below right and top below bottom");
-    }
-  }
-  return clip;
-}
-
-ordered_json json_from(const ShotDocument::Clip& clip) {
-  ordered_json object;
-  if (clip.plane) {
-    object["plane"] = *clip.plane;
-  } else if (clip.box) {
-    object["box"] = *clip.box;
-  } else {
-    object["screen"] = {{"left", clip.screen.left},
-                        {"right", clip.screen.right},
-                        {"top", clip.screen.top},
-                        {"bottom", clip.screen.bottom}};
-  }
-  object["feather"] = clip.feather;
-  object["invert"] = clip.inverted;
-  return object;
-}
-
-void read_light_field(const JsonNode& object, Layer& layer) {
-  layer.take = path_from(object.at("take"));
-  layer.method = object.get("method", layer.method);
-  if (object.has("options")) layer.options = options_from(object.at("options"));
-  if (object.has("focal_plane")) layer.focal_plane = focal_plane_from(object.at("focal_plane"));
-  if (object.get("fill", std::string()) == "push_pull") layer.fill = HoleFill::kPushPull;
-  layer.start_seconds = object.get("start_seconds", layer.start_seconds);
-  layer.speed = object.get("speed", layer.speed);
-  layer.volume = object.get("volume", layer.volume);
-  if (object.has("receives_shadows")) {
-    const JsonNode from = object.at("receives_shadows");
-    ShotDocument::ReceivedShadows shadows;
-    shadows.strength = from.get("strength", shadows.strength);
-    shadows.occlusion_distance_m = from.get("occlusion_distance_m", shadows.occlusion_distance_m);
-    shadows.rays = from.get("rays", shadows.rays);
-    layer.shadows = shadows;
-  }
-  if (object.has("matte")) layer.matte = matte_settings_from(object.at("matte"));
-  if (layer.matte && layer.fill != HoleFill::kNone) {
-    throw object.at("fill").input_error(
-        "hole filling would fill the transparent areas of the matte",
-        "Remove \"fill\" or \"matte\"");
+  if (clip.box) check_box(object.at("box"), *clip.box);
+  if (clip.screen.left > clip.screen.right || clip.screen.top > clip.screen.bottom) {
+    throw object.at("screen").input_error("found an empty part of the picture",
+                                          "Give left below right and top below bottom");
   }
 }
 
-/// Rejects properties of light fields in other layers, where they would have no effect.
-void refuse_light_field_words(const JsonNode& object) {
-  for (const char* word : {"method", "options", "focal_plane", "fill", "start_seconds", "speed",
-                           "matte", "volume", "receives_shadows"}) {
-    if (!object.has(word)) continue;
-    throw object.at(word).input_error("only light field layers have this property",
-                                      "Remove it, or give the layer a take instead");
-  }
+bool is_screen_clip(const Clip& clip) { return !clip.plane && !clip.box; }
+
+constexpr Fields kClip(
+    exactly_one_of("\"plane\", \"box\" and \"screen\"",
+                   "Use exactly one per clip; a layer is clipped to all of its clips", "plane",
+                   "box", "screen"),
+    optional("plane", &Clip::plane), optional("box", &Clip::box),
+    written_if(is_screen_clip, defaulted("screen", &Clip::screen, kScreenRegion)),
+    check(check_clip), defaulted("feather", &Clip::feather), defaulted("invert", &Clip::inverted));
+
+constexpr Fields kShadows(defaulted("strength", &ReceivedShadows::strength),
+                          defaulted("occlusion_distance_m", &ReceivedShadows::occlusion_distance_m),
+                          defaulted("rays", &ReceivedShadows::rays));
+
+void check_matte_fill(const JsonNode& object, const Layer& layer) {
+  if (!layer.matte || layer.fill == HoleFill::kNone) return;
+  throw object.at("fill").input_error("hole filling would fill the transparent areas of the matte",
+                                      "Remove \"fill\" or \"matte\"");
 }
+
+constexpr Fields kLightField(
+    required("take", &Layer::take, kPath), defaulted("method", &Layer::method),
+    defaulted("options", &Layer::options, kOptionValues),
+    defaulted("focal_plane", &Layer::focal_plane, Converter(focal_plane_from, focal_plane_json)),
+    defaulted("fill", &Layer::fill, enum_names<HoleFill>("none", "push_pull")),
+    defaulted("start_seconds", &Layer::start_seconds), defaulted("speed", &Layer::speed),
+    optional("volume", &Layer::volume), optional("receives_shadows", &Layer::shadows, kShadows),
+    optional("matte", &Layer::matte, Converter(matte_settings_from, JsonFrom{})),
+    check(check_matte_fill));
+
+constexpr auto kContent = custom(
+    [](const JsonNode& object, Layer& layer) {
+      if (object.has("take")) {
+        kLightField.read(object, layer);
+      } else {
+        reject_keys(object,
+                    {"method", "options", "focal_plane", "fill", "start_seconds", "speed", "matte",
+                     "volume", "receives_shadows"},
+                    "only light field layers have this property",
+                    "Remove it, or give the layer a take instead");
+      }
+    },
+    [](const Layer& layer, ordered_json& object) {
+      if (!layer.solid && !layer.plate && !layer.geometry) kLightField.write(layer, object);
+    });
+
+void check_frames(const JsonNode& object, const Layer& layer) {
+  if (!layer.first_frame || !layer.last_frame) return;
+  check_frame_range(object, *layer.first_frame, *layer.last_frame);
+}
+
+constexpr Fields kLayer(
+    exactly_one_of("\"take\", \"geometry\", \"plate\" and \"solid\"",
+                   "Give the layer exactly one of these properties", "take", "geometry", "plate",
+                   "solid"),
+    defaulted("name", &Layer::name), kContent, optional("solid", &Layer::solid, kSolid),
+    optional("plate", &Layer::plate, kPlate),
+    optional("geometry", &Layer::geometry, Converter(shot_geometry_from, JsonFrom{})),
+    optional("clips", &Layer::clips, list_of(kClip)), optional("holdout", &Layer::holdout),
+    optional("opacity", &Layer::opacity), optional("first_frame", &Layer::first_frame),
+    optional("last_frame", &Layer::last_frame), check(check_frames));
 
 }  // namespace
 
-Layer shot_layer_from(const JsonNode& object) {
-  if (count_of(object, {"take", "geometry", "plate", "solid"}) != 1) {
-    throw object.input_error(
-        "found not exactly one of \"take\", \"geometry\", \"plate\" and \"solid\"",
-        "Give the layer exactly one of these properties");
-  }
-  Layer layer;
-  layer.name = object.get("name", layer.name);
-  if (object.has("take")) {
-    read_light_field(object, layer);
-  } else {
-    refuse_light_field_words(object);
-    if (object.has("solid")) layer.solid = solid_from(object.at("solid"));
-    if (object.has("plate")) layer.plate = plate_from(object.at("plate"));
-    if (object.has("geometry")) layer.geometry = shot_geometry_from(object.at("geometry"));
-  }
-  if (object.has("clips")) {
-    const JsonNode clips = object.at("clips");
-    for (std::size_t i = 0; i < clips.size(); ++i) layer.clips.push_back(clip_from(clips.at(i)));
-  }
-  layer.holdout = object.get("holdout", layer.holdout);
-  layer.opacity = object.get("opacity", layer.opacity);
-  layer.first_frame = object.get_if<int>("first_frame");
-  layer.last_frame = object.get_if<int>("last_frame");
-  if (layer.first_frame && layer.last_frame && *layer.first_frame > *layer.last_frame) {
-    throw object.at("last_frame")
-        .input_error(fmt::format("found {}, allowed: first_frame, which is {}, or later",
-                                 *layer.last_frame, *layer.first_frame),
-                     "Correct the range");
-  }
-  return layer;
-}
+Layer shot_layer_from(const JsonNode& object) { return kLayer.make<Layer>(object); }
 
-ordered_json json_from(const Layer& layer) {
-  ordered_json object{{"name", layer.name}};
-  if (layer.solid) {
-    object["solid"] = json_from(*layer.solid);
-  } else if (layer.plate) {
-    object["plate"] = json_from(*layer.plate);
-  } else if (layer.geometry) {
-    object["geometry"] = json_from(*layer.geometry);
-  } else {
-    object["take"] = layer.take;
-    object["method"] = layer.method;
-    object["options"] = json_from(layer.options);
-    object["focal_plane"] = json_from(layer.focal_plane);
-    object["fill"] = layer.fill == HoleFill::kPushPull ? "push_pull" : "none";
-    object["start_seconds"] = layer.start_seconds;
-    object["speed"] = layer.speed;
-    if (!layer.volume.empty()) object["volume"] = layer.volume;
-    if (layer.shadows) {
-      object["receives_shadows"] = {{"strength", layer.shadows->strength},
-                                    {"occlusion_distance_m", layer.shadows->occlusion_distance_m},
-                                    {"rays", layer.shadows->rays}};
-    }
-    if (layer.matte) object["matte"] = json_from(*layer.matte);
-  }
-  if (!layer.clips.empty()) {
-    auto& clips = object["clips"] = ordered_json::array();
-    for (const ShotDocument::Clip& clip : layer.clips) clips.push_back(json_from(clip));
-  }
-  if (layer.holdout) object["holdout"] = true;
-  if (layer.opacity != 1) object["opacity"] = layer.opacity;
-  add_optional(object, "first_frame", layer.first_frame);
-  add_optional(object, "last_frame", layer.last_frame);
-  return object;
-}
+ordered_json json_from(const Layer& layer) { return kLayer.write(layer); }
 
-}  // namespace raystage
+}  // namespace raystage::schemas

@@ -10,10 +10,9 @@
 #include "base/time.h"
 #include "schemas/geometry.h"
 
-namespace raystage {
+namespace raystage::schemas {
 
-/// Schema "raystage/take/1" (TAKE/take.json): one recording with a rig. Camera i has the id of
-/// camera i of rig.json.
+/// Schema "raystage/take/1" (TAKE/take.json): a recording. Camera i is camera i of rig.json.
 struct TakeDocument {
   struct Camera {
     std::string id;
@@ -48,4 +47,4 @@ void write_take(const TakeDocument& take, const std::filesystem::path& file);
 TakeDocument parse_take(std::string_view text, std::string_view name);
 std::string format_take(const TakeDocument& take);
 
-}  // namespace raystage
+}  // namespace raystage::schemas

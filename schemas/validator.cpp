@@ -13,7 +13,7 @@
 
 #include "schemas/json_text.h"
 
-namespace raystage {
+namespace raystage::schemas {
 namespace {
 
 using nlohmann::json;
@@ -46,7 +46,7 @@ constexpr std::string_view kUnderstood[] = {"$schema",
                                             "anyOf",
                                             "patternProperties",
                                             "additionalProperties"};
-// std::regex recurses once per character: longer text is refused by maxLength first.
+// std::regex recurses once per character: maxLength rejects longer text first.
 constexpr int kLongestForPattern = 1000;
 
 bool is_integer(const json& value) {
@@ -67,7 +67,7 @@ bool has_type(const json& value, std::string_view type) {
 }
 
 std::string with_article(std::string_view type) {
-  if (type == "null") return "null";
+  if (type == "null" || type == "anything") return std::string(type);
   const bool vowel = type.find_first_of("aeio") == 0;
   return fmt::format("{} {}", vowel ? "an" : "a", type);
 }
@@ -111,11 +111,11 @@ SchemaValidator::SchemaValidator(nlohmann::json schema) : schema_(std::move(sche
 }
 
 void SchemaValidator::adopt(const Json& schema) {
-  if (!schema.is_object()) throw std::logic_error("schema: only objects are understood");
+  if (!schema.is_object()) throw std::logic_error("schema: a schema must be an object");
   for (const auto& [keyword, rule] : schema.items()) {
     if (std::find(std::begin(kUnderstood), std::end(kUnderstood), keyword) ==
         std::end(kUnderstood)) {
-      throw std::logic_error("schema: the keyword is not understood: " + keyword);
+      throw std::logic_error("schema: the keyword is not supported: " + keyword);
     }
     if (keyword == "$defs" || keyword == "properties") {
       for (const auto& [name, child] : rule.items()) adopt(child);
@@ -127,7 +127,7 @@ void SchemaValidator::adopt(const Json& schema) {
       const auto target = rule.get<std::string>();
       if (!target.starts_with(kDefinitions) ||
           !schema_.at("$defs").contains(target.substr(kDefinitions.size()))) {
-        throw std::logic_error("schema: the reference leads nowhere: " + target);
+        throw std::logic_error("schema: the definition does not exist: " + target);
       }
     } else if (keyword == "pattern") {
       if (schema.value("maxLength", kLongestForPattern + 1) > kLongestForPattern) {
@@ -262,14 +262,14 @@ void SchemaValidator::check_object(const Json& schema, const Json& value,
     if (free) continue;
     throw json_value_error(place.name, append_json_pointer(place.pointer, key),
                            unknown_property(key, properties),
-                           "Remove it; names of remarks begin with \"x_\" or \"comment\"");
+                           "Remove it, or begin the name of a remark with \"x_\" or \"comment\"");
   }
 }
 
 void SchemaValidator::check_choice(const Json& schema, const Json& branches, bool exactly_one,
                                    const Json& value, const Place& place) const {
   int matches = 0;
-  std::optional<Error> nearest;  // of the branch that fits this value, but not all inside it
+  std::optional<Error> nearest;  // of the branch that accepts the value except for a part of it
   for (const Json& branch : branches) {
     try {
       check(branch, value, place);
@@ -281,7 +281,7 @@ void SchemaValidator::check_choice(const Json& schema, const Json& branches, boo
     }
   }
   if (exactly_one ? matches == 1 : matches > 0) return;
-  // An unknown property is named by its own pointer, but does not say which branch was meant.
+  // The pointer of an unknown property is deeper, but does not show which branch was meant.
   if (matches == 0 && nearest &&
       nearest->what_happened().find("unknown property") == std::string::npos) {
     throw Error(*nearest);
@@ -316,12 +316,13 @@ std::string SchemaValidator::allowed(const Json& unresolved) const {
   append("exclusiveMinimum", "greater than");
   append("maximum", "up to");
   append("exclusiveMaximum", "less than");
-  const auto described = schema.find("patternDescription");
   if (type == "string" && schema.contains("maxLength")) {
     text +=
         fmt::format(" of {} to {} bytes", schema.value("minLength", 0), schema["maxLength"].dump());
   }
-  if (described != schema.end()) text += ": " + described->get<std::string>();
+  if (schema.contains("patternDescription")) {
+    text += ": " + schema["patternDescription"].get<std::string>();
+  }
   if (type == "array") {
     const int least = schema.value("minItems", 0);
     const int most = schema.value("maxItems", -1);
@@ -337,4 +338,4 @@ std::string SchemaValidator::allowed(const Json& unresolved) const {
   return text;
 }
 
-}  // namespace raystage
+}  // namespace raystage::schemas

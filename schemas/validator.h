@@ -8,20 +8,20 @@
 #include <string>
 #include <string_view>
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// Validates documents with a subset of JSON Schema, draft 2020-12: type, const, enum, minimum,
 /// exclusiveMinimum, maximum, exclusiveMaximum, minLength, maxLength (bytes), pattern, items,
 /// minItems, maxItems, properties, patternProperties ("^prefix" only, any value),
 /// additionalProperties (false only), required, oneOf, anyOf and $ref to "#/$defs/NAME"; and of our
-/// own "patternDescription" (a pattern in words) and "formerly" (former_names.h).
+/// own "patternDescription" (a pattern in words) and "formerly" (former_names.h). Messages
+/// state a pattern in the words of "patternDescription", never as a regular expression.
 class SchemaValidator {
  public:
-  /// Throws std::logic_error for a schema with any other keyword, so that no rule is silently
-  /// ignored.
+  /// Throws std::logic_error for any other keyword, so that no rule is silently ignored.
   explicit SchemaValidator(nlohmann::json schema);
 
-  /// Throws Error (bad input) at "NAME#/json/pointer" with the value found and what is allowed.
+  /// Throws Error (bad input) at "NAME#/json/pointer" with the value found and the values allowed.
   void validate(const nlohmann::json& document, std::string_view name) const;
   const nlohmann::json& schema() const { return schema_; }
 
@@ -47,4 +47,4 @@ class SchemaValidator {
   std::map<std::string, std::regex, std::less<>> patterns_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::schemas

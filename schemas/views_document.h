@@ -9,7 +9,7 @@
 #include "base/time.h"
 #include "schemas/geometry.h"
 
-namespace raystage {
+namespace raystage::schemas {
 
 /// Schema "raystage/views/1": views that no camera recorded, with their ground-truth images.
 struct ViewsDocument {
@@ -30,4 +30,4 @@ void write_views(const ViewsDocument& views, const std::filesystem::path& file);
 ViewsDocument parse_views(std::string_view text, std::string_view name);
 std::string format_views(const ViewsDocument& views);
 
-}  // namespace raystage
+}  // namespace raystage::schemas

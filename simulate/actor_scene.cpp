@@ -9,7 +9,7 @@
 #include "simulate/procedural_textures.h"
 #include "simulate/scene.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 using Eigen::Isometry3f;
@@ -111,4 +111,4 @@ Scene make_screen_scene(const Vector3f& screen_colour, bool with_figure) {
   return scene;
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

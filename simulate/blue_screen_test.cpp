@@ -11,7 +11,7 @@
 #include "testing/ingest/test_moving_coverage.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 SimulationSettings settings_of(const std::string& scene) {
@@ -35,23 +35,23 @@ struct AlphaError {
   double solid = 0;  ///< of those that are covered
 };
 
-AlphaError error_of(const std::string& scene_name, const MatteSettings& settings,
+AlphaError error_of(const std::string& scene_name, const schemas::MatteSettings& settings,
                     const std::filesystem::path& folder) {
   const SimulationSettings simulation = settings_of(scene_name);
-  const Take take(folder / scene_name);
+  const store::Take take(folder / scene_name);
   const ExposureSchedule schedule = make_exposure_schedule(simulation);
   const Scene scene = make_scene(scene_name);
   const SceneGeometry geometry(scene);
   AlphaError error;
   int pixels = 0, mixed = 0, solid = 0;
-  FrameCache cache(take, std::size_t{1} << 26, BlendSpace::kPerceptual,
-                   std::make_shared<TakeMatte>(take, settings, folder));
+  store::FrameCache cache(take, std::size_t{1} << 26, store::BlendSpace::kPerceptual,
+                          std::make_shared<store::TakeMatte>(take, settings, folder));
   for (int camera = 0; camera < take.camera_count(); ++camera) {
     constexpr int kFrame = 2;
     const auto i = static_cast<std::size_t>(camera);
     World world(geometry);
     world.set_time(static_cast<double>(schedule.cameras[i].frames[kFrame].true_time) * 1e-9);
-    const Rig::Camera& source = take.rig().cameras[i];
+    const rig::Rig::Camera& source = take.rig().cameras[i];
     const std::vector<double> truth =
         testing::moving_part_coverage(world, PixelRays(source.model, source.pose));
     std::int64_t decoded = 0;
@@ -83,13 +83,13 @@ class BlueScreens : public ::testing::Test {
   void simulate_scene(const std::string& name) {
     simulate(settings_of(name), folder_.path() / name, "test");
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 TEST_F(BlueScreens, AreKeyedToTheTruthWithHair) {
   simulate_scene("blue_screen");
   simulate_scene("empty_blue_screen");
-  MatteSettings settings;
+  schemas::MatteSettings settings;
   AlphaError error = error_of("blue_screen", settings, folder_.path());
   EXPECT_LT(error.all, 0.03);
   EXPECT_LT(error.mixed, 0.15);
@@ -102,12 +102,12 @@ TEST_F(BlueScreens, AreKeyedToTheTruthWithHair) {
 
 TEST_F(BlueScreens, MayBeGreen) {
   simulate_scene("green_screen");
-  MatteSettings settings;
-  settings.kind = MatteSettings::Kind::kGreenScreen;
+  schemas::MatteSettings settings;
+  settings.kind = schemas::MatteSettings::Kind::kGreenScreen;
   const AlphaError error = error_of("green_screen", settings, folder_.path());
   EXPECT_LT(error.all, 0.03);
   EXPECT_LT(error.mixed, 0.15);
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -6,18 +6,28 @@
 #include "rig/color_checker.h"
 #include "simulate/scene.h"
 
-namespace raystage {
+namespace raystage::simulate {
+namespace {
+
+using Eigen::Isometry3f;
+using Eigen::Vector3f;
+
+/// Returns an empty scene without a lamp.
+Scene make_empty_scene(const char* name, double focus, float sky, float ground, float background) {
+  Scene scene;
+  scene.name = name;
+  scene.focus = focus;
+  scene.light_colour = Vector3f::Zero();
+  scene.sky_colour = Vector3f::Constant(sky);
+  scene.ground_colour = Vector3f::Constant(ground);
+  scene.background = Vector3f::Constant(background);
+  return scene;
+}
+
+}  // namespace
 
 Scene make_moving_light_scene() {
-  using Eigen::Isometry3f;
-  using Eigen::Vector3f;
-  Scene scene;
-  scene.name = "moving light";
-  scene.focus = 2;
-  scene.light_colour = Vector3f::Zero();
-  scene.sky_colour = Vector3f::Constant(0.004F);
-  scene.ground_colour = Vector3f::Constant(0.003F);
-  scene.background = Vector3f::Constant(0.001F);
+  Scene scene = make_empty_scene("moving light", 2, 0.004F, 0.003F, 0.001F);
 
   // Covers near and far depths and the corners of every picture; no frequency divides another.
   scene.motions.push_back([](double seconds) {
@@ -49,12 +59,7 @@ Scene make_moving_light_scene() {
 }
 
 Scene make_flat_field_scene(float light) {
-  using Eigen::Vector3f;
-  Scene scene;
-  scene.name = "flat target";
-  scene.focus = 1;
-  scene.light_colour = scene.sky_colour = scene.ground_colour = Vector3f::Zero();
-  scene.background = Vector3f::Zero();
+  Scene scene = make_empty_scene("flat target", 1, 0, 0, 0);
   scene.parts.push_back({"target",
                          make_quad({-20, 20, -1}, {40, 0, 0}, {0, -40, 0}),
                          {.colour = {1, 0.96F, 0.9F}, .emission = light}});
@@ -62,24 +67,20 @@ Scene make_flat_field_scene(float light) {
 }
 
 Scene make_color_chart_scene() {
-  using Eigen::Vector3f;
-  Scene scene;
-  scene.name = "color chart";
-  scene.focus = 0.9;
-  scene.light_colour = scene.sky_colour = scene.ground_colour = Vector3f::Zero();
-  scene.background = Vector3f::Constant(0.25F);
+  Scene scene = make_empty_scene("color chart", 0.9, 0, 0, 0.25F);
   scene.textures.emplace_back(2048, 1024, [](float u, float v) -> Vector3f {
     constexpr float kPatch = 2.5F, kBetween = 0.25F, kBorder = 0.5F, kPitch = kPatch + kBetween;
-    const float x = u * (kChartColumns * kPitch + kBetween + 2 * kBorder) - kBorder - kBetween;
-    const float y = v * (kChartRows * kPitch + kBetween + 2 * kBorder) - kBorder - kBetween;
+    const float x = u * (rig::kChartColumns * kPitch + kBetween + 2 * kBorder) - kBorder - kBetween;
+    const float y = v * (rig::kChartRows * kPitch + kBetween + 2 * kBorder) - kBorder - kBetween;
     const int column = static_cast<int>(std::floor(x / kPitch));
     const int row = static_cast<int>(std::floor(y / kPitch));
-    const bool is_patch = column >= 0 && row >= 0 && column < kChartColumns && row < kChartRows &&
+    const bool is_patch = column >= 0 && row >= 0 && column < rig::kChartColumns &&
+                          row < rig::kChartRows &&
                           x - static_cast<float>(column) * kPitch < kPatch &&
                           y - static_cast<float>(row) * kPitch < kPatch;
     if (!is_patch) return Vector3f::Constant(0.02F);
-    static const PatchColors light = color_checker_reference();
-    const Rgb& patch = light[static_cast<std::size_t>(row * kChartColumns + column)];
+    static const rig::PatchColors light = rig::color_checker_reference();
+    const schemas::Rgb& patch = light[row * rig::kChartColumns + column];
     return {std::max(0.0F, static_cast<float>(patch[0])), static_cast<float>(patch[1]),
             static_cast<float>(patch[2])};
   });
@@ -93,15 +94,7 @@ Scene make_color_chart_scene() {
 }
 
 Scene make_checkerboard_scene() {
-  using Eigen::Isometry3f;
-  using Eigen::Vector3f;
-  Scene scene;
-  scene.name = "board";
-  scene.focus = 0.7;
-  scene.light_colour = Vector3f::Zero();
-  scene.sky_colour = Vector3f::Constant(0.75F);
-  scene.ground_colour = Vector3f::Constant(0.7F);
-  scene.background = Vector3f::Constant(0.1F);
+  Scene scene = make_empty_scene("board", 0.7, 0.75F, 0.7F, 0.1F);
   constexpr int kColumns = kSimulatedBoardColumns, kRows = kSimulatedBoardRows;
   scene.textures.emplace_back(1024, 1024, [](float u, float v) -> Vector3f {
     const float x = u * (kColumns + 2) - 1, y = v * (kRows + 2) - 1;
@@ -133,4 +126,4 @@ Scene make_checkerboard_scene() {
   return scene;
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -7,7 +7,6 @@
 #include "simulate/camera_renderer.h"
 
 #include <algorithm>
-#include <array>
 #include <cassert>
 #include <cmath>
 #include <limits>
@@ -15,7 +14,7 @@
 #include "base/transfer_function.h"
 #include "simulate/hash_random.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 using Eigen::Vector2f;
@@ -35,18 +34,19 @@ bool differ(const LightSample& a, const LightSample& b) {
 
 }  // namespace
 
-PixelRays::PixelRays(const CameraModel& model, const Pose& pose)
+PixelRays::PixelRays(const rig::CameraModel& model, const rig::Pose& pose)
     : width_(model.width()),
       height_(model.height()),
       footprint_(static_cast<float>(2 / (model.intrinsics().fx + model.intrinsics().fy))),
       world_from_camera_(pose.world_from_camera_rotation.cast<float>()),
       position_(pose.position.cast<float>()),
-      forward_(pose.viewing_direction().cast<float>()) {
+      ideal_(width_ + 2, height_ + 2) {
   constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
   for (int row = -1; row <= height_; ++row) {
     for (int column = -1; column <= width_; ++column) {
       const auto point = model.ideal_from_pixel({column + 0.5, row + 0.5});
-      ideal_.push_back(point ? Vector2f(point->cast<float>()) : Vector2f(kNone, kNone));
+      ideal_.at(column + 1, row + 1) =
+          point ? Vector2f(point->cast<float>()) : Vector2f(kNone, kNone);
     }
   }
 }
@@ -285,4 +285,4 @@ void CameraRenderer::render_supersampled(const World& world, const PixelRays& ra
   supersample(world, rays, pixels_, samples, nullptr, image);
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -6,16 +6,17 @@
 #include <span>
 #include <vector>
 
+#include "base/image.h"
 #include "rig/camera_model.h"
 #include "rig/pose.h"
 #include "simulate/radiance_sampler.h"
 
-namespace raystage {
+namespace raystage::simulate {
 
 /// Computes the ray of every pixel of a camera once. Coordinates: world, metres.
 class PixelRays {
  public:
-  explicit PixelRays(const CameraModel& model, const Pose& pose);
+  explicit PixelRays(const rig::CameraModel& model, const rig::Pose& pose);
 
   int width() const { return width_; }
   int height() const { return height_; }
@@ -25,20 +26,15 @@ class PixelRays {
   Ray ray(int column, int row, float x, float y) const;
   /// Returns the width of a pixel at a distance of 1 m, in metres.
   float footprint() const { return footprint_; }
-  /// Returns the ratio of a point's depth to its distance along the ray.
-  float depth_per_distance(const Ray& ray) const { return forward_.dot(ray.direction); }
 
  private:
-  const Eigen::Vector2f& ideal(int column, int row) const {
-    return ideal_[static_cast<std::size_t>(row + 1) * static_cast<std::size_t>(width_ + 2) +
-                  static_cast<std::size_t>(column + 1)];
-  }
+  const Eigen::Vector2f& ideal(int column, int row) const { return ideal_.at(column + 1, row + 1); }
 
   int width_, height_;
   float footprint_;
   Eigen::Matrix3f world_from_camera_;
-  Eigen::Vector3f position_, forward_;
-  std::vector<Eigen::Vector2f> ideal_;  ///< at pixel centres, border of 1 pixel; NaN: no ray
+  Eigen::Vector3f position_;
+  Image<Eigen::Vector2f> ideal_;  ///< at pixel centres, border of 1 pixel; NaN: no ray
 };
 
 /// An image in linear light (full scale 1), and the sample at each pixel centre; row by row.
@@ -106,4 +102,4 @@ class CameraRenderer {
   std::vector<std::size_t> missing_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::simulate

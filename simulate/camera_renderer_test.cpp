@@ -13,7 +13,7 @@
 #include "simulate/sensor_model.h"
 #include "simulate/simulated_rig.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 // A camera with distortion and mounting errors, and its image.
@@ -24,9 +24,9 @@ struct Shoot {
     settings.width = width;
     settings.height = height;
     settings.rows = settings.columns = 2;
-    rig = rig_from_document(make_simulated_rig(settings).truth);
+    rig = rig::rig_from_document(make_simulated_rig(settings).truth);
   }
-  const Rig::Camera& camera() const { return rig.cameras[1]; }
+  const rig::Rig::Camera& camera() const { return rig.cameras[1]; }
   PixelRays rays() const { return PixelRays(camera().model, camera().pose); }
   int part(const std::string& name) const {
     for (std::size_t i = 0; i < scene.parts.size(); ++i) {
@@ -38,11 +38,11 @@ struct Shoot {
   Scene scene;
   SceneGeometry geometry;
   World world;
-  Rig rig;
+  rig::Rig rig;
   CameraRenderer renderer;
 };
 
-double psnr(const RgbImage& a, const RgbImage& b) {
+double psnr(const store::RgbImage& a, const store::RgbImage& b) {
   double sum = 0;
   for (std::size_t i = 0; i < a.pixels.size(); ++i) {
     const double difference = static_cast<double>(a.pixels[i]) - b.pixels[i];
@@ -60,8 +60,7 @@ TEST(CameraImage, PixelsSeeWhatTheCameraModelProjectsThere) {
   std::map<int, Eigen::Vector3d> centroid;  // of the pixels of each part: x, y, count
   for (int row = 0; row < image.height; ++row) {
     for (int column = 0; column < image.width; ++column) {
-      const LightSample& sample =
-          image.centre[static_cast<std::size_t>(row * image.width + column)];
+      const LightSample& sample = image.centre[row * image.width + column];
       ASSERT_GE(sample.part, 0);
       const Ray ray = rays.ray(column, row, 0.5F, 0.5F);
       const Eigen::Vector3d point = (ray.origin + ray.direction * sample.distance).cast<double>();
@@ -144,13 +143,12 @@ TEST_F(StageImage, MirrorFollowsTheLawOfReflection) {
   StaticSampleCache cache;
   LinearImage image;
   shoot.renderer.render(shoot.world, rays, 1, cache, image);
-  const SceneMesh& glass = shoot.scene.parts[static_cast<std::size_t>(shoot.part("mirror"))].mesh;
+  const SceneMesh& glass = shoot.scene.parts[shoot.part("mirror")].mesh;
   const Eigen::Vector3f normal = glass.normals[0], corner = glass.positions[0];
   int checked = 0;
   for (int row = 0; row < image.height; ++row) {
     for (int column = 0; column < image.width; ++column) {
-      const LightSample& sample =
-          image.centre[static_cast<std::size_t>(row * image.width + column)];
+      const LightSample& sample = image.centre[row * image.width + column];
       if (sample.reflected_part != shoot.part("floor")) continue;
       // Equivalent: a camera behind the mirror whose ray continues straight to the floor.
       Ray ray = rays.ray(column, row, 0.5F, 0.5F);
@@ -238,4 +236,4 @@ TEST(Scene, UnknownNamesAreRefused) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -10,7 +10,7 @@
 
 #include "simulate/hash_random.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 constexpr std::uint64_t kNodeSalt = 11, kCameraSalt = 12, kFrameSalt = 13;
@@ -37,7 +37,7 @@ ExposureSchedule make_exposure_schedule(const SimulationSettings& s) {
     camera.node = index / s.cameras_per_node;
     const double phase = lead + random.uniform() / s.fps;
     const double period = (1 + s.period_error_ppm * 1e-6 * random.normal()) / s.fps;
-    const Nanoseconds offset = schedule.clock_offset[static_cast<std::size_t>(camera.node)];
+    const Nanoseconds offset = schedule.clock_offset[camera.node];
     camera.phase = nanoseconds(phase);
     camera.period_ns = period * kNanosecondsPerSecond;
     for (int number = 0; number < s.frames_per_camera(); ++number) {
@@ -47,9 +47,9 @@ ExposureSchedule make_exposure_schedule(const SimulationSettings& s) {
       frame.true_time = nanoseconds(phase + number * period + jitter);
       frame.stamped_time = frame.true_time + offset;
       if (frame.true_time < nanoseconds(s.startup_loss_s)) {
-        frame.status = FrameStatus::kStartUp;
+        frame.status = store::FrameStatus::kStartUp;
       } else if (chance.uniform() < s.drop_probability) {
-        frame.status = FrameStatus::kDroppedBySource;
+        frame.status = store::FrameStatus::kDroppedBySource;
       }
       camera.frames.push_back(frame);
     }
@@ -58,4 +58,4 @@ ExposureSchedule make_exposure_schedule(const SimulationSettings& s) {
   return schedule;
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

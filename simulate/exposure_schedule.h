@@ -7,7 +7,7 @@
 #include "simulate/simulation_settings.h"
 #include "store/archive.h"
 
-namespace raystage {
+namespace raystage::simulate {
 
 /// The exposure times of each camera, their time stamps by the clock of its node, and the status of
 /// each frame. Times are in nanoseconds since the take's epoch.
@@ -15,7 +15,7 @@ struct ExposureSchedule {
   struct Frame {
     Nanoseconds true_time = 0;     ///< middle of the exposure
     Nanoseconds stamped_time = 0;  ///< by the clock of the camera's node
-    FrameStatus status = FrameStatus::kStored;
+    store::FrameStatus status = store::FrameStatus::kStored;
   };
   struct Camera {
     int node = 0;
@@ -29,4 +29,4 @@ struct ExposureSchedule {
 
 ExposureSchedule make_exposure_schedule(const SimulationSettings& settings);
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -11,7 +11,7 @@
 #include "rig/rig.h"
 #include "simulate/simulated_rig.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 constexpr double kFrame = 1e9 / 15;
@@ -30,8 +30,7 @@ TEST(ExposureSchedule, StampsAreTrueTimesByTheClockOfTheNode) {
     EXPECT_NEAR(camera.period_ns, kFrame, kFrame * 300e-6);
     for (std::size_t i = 0; i < camera.frames.size(); ++i) {
       const ExposureSchedule::Frame& frame = camera.frames[i];
-      EXPECT_EQ(frame.stamped_time - frame.true_time,
-                schedule.clock_offset[static_cast<std::size_t>(camera.node)]);
+      EXPECT_EQ(frame.stamped_time - frame.true_time, schedule.clock_offset[camera.node]);
       EXPECT_GE(frame.stamped_time, 0);
       EXPECT_NEAR(static_cast<double>(frame.true_time),
                   static_cast<double>(camera.phase) + static_cast<double>(i) * camera.period_ns,
@@ -39,7 +38,7 @@ TEST(ExposureSchedule, StampsAreTrueTimesByTheClockOfTheNode) {
       if (i > 0) {
         EXPECT_GT(frame.stamped_time, camera.frames[i - 1].stamped_time);
       }
-      EXPECT_EQ(frame.status == FrameStatus::kStartUp, frame.true_time < 500'000'000);
+      EXPECT_EQ(frame.status == store::FrameStatus::kStartUp, frame.true_time < 500'000'000);
     }
   }
   EXPECT_EQ(phases.size(), 64U) << "free running";
@@ -52,8 +51,8 @@ TEST(ExposureSchedule, DropsAsOftenAsAsked) {
   int dropped = 0, due = 0;
   for (const ExposureSchedule::Camera& camera : make_exposure_schedule(settings).cameras) {
     for (const ExposureSchedule::Frame& frame : camera.frames) {
-      due += frame.status != FrameStatus::kStartUp ? 1 : 0;
-      dropped += frame.status == FrameStatus::kDroppedBySource ? 1 : 0;
+      due += frame.status != store::FrameStatus::kStartUp ? 1 : 0;
+      dropped += frame.status == store::FrameStatus::kDroppedBySource ? 1 : 0;
     }
   }
   EXPECT_NEAR(dropped / static_cast<double>(due), 0.1, 0.01);
@@ -73,7 +72,8 @@ TEST(Array, IsBuiltWithinItsErrors) {
   SimulationSettings settings;
   settings.photometric_deviation = 0.05;
   const SimulatedRig array = make_simulated_rig(settings);
-  const Rig nominal = rig_from_document(array.nominal), truth = rig_from_document(array.truth);
+  const rig::Rig nominal = rig::rig_from_document(array.nominal),
+                 truth = rig::rig_from_document(array.truth);
   ASSERT_EQ(truth.cameras.size(), 64U);
   double farthest = 0, most_turned = 0;
   for (std::size_t i = 0; i < 64; ++i) {
@@ -81,8 +81,8 @@ TEST(Array, IsBuiltWithinItsErrors) {
                         (truth.cameras[i].pose.position - nominal.cameras[i].pose.position).norm());
     const double cosine = ((truth.cameras[i].pose.world_from_camera_rotation.trace() - 1) / 2);
     most_turned = std::max(most_turned, std::acos(std::min(1.0, cosine)) * 180 / M_PI);
-    EXPECT_NE(truth.cameras[i].photometric, PhotometricResponse{});
-    EXPECT_EQ(nominal.cameras[i].photometric, PhotometricResponse{});
+    EXPECT_NE(truth.cameras[i].photometric, schemas::PhotometricResponse{});
+    EXPECT_EQ(nominal.cameras[i].photometric, schemas::PhotometricResponse{});
   }
   EXPECT_LE(farthest, 0.003);
   EXPECT_GT(farthest, 0.002);
@@ -115,4 +115,4 @@ TEST(Settings, RefusesWhatCannotBe) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::simulate

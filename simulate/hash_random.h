@@ -6,7 +6,7 @@
 #include <initializer_list>
 #include <numbers>
 
-namespace raystage {
+namespace raystage::simulate {
 
 /// Mixes 64 bits as splitmix64 does. Random numbers are hashes of their purpose (seed, camera,
 /// frame, ...), so that they do not depend on the order of threads.
@@ -43,4 +43,4 @@ class HashRandom {
   std::uint64_t state_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -6,7 +6,7 @@
 #include <functional>
 #include <numbers>
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 using Eigen::Vector2f;
@@ -157,4 +157,4 @@ SceneMesh make_wheel(float radius, float spoke_radius, int spokes) {
   return mesh;
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-namespace raystage {
+namespace raystage::simulate {
 
 /// Triangles with a unit normal and texture coordinates at each corner; positions in metres.
 struct SceneMesh {
@@ -41,4 +41,4 @@ SceneMesh make_curtain(float width, float height, float depth, int folds);
 /// A wheel with rim, hub and spokes in the plane z = 0 around the origin.
 SceneMesh make_wheel(float radius, float spoke_radius, int spokes);
 
-}  // namespace raystage
+}  // namespace raystage::simulate

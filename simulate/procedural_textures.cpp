@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 using Eigen::Vector3f;
@@ -241,4 +241,4 @@ Vector3f paint_chart(float u, float v) {
              {cell_value(x, y, 161), cell_value(x, y, 162), cell_value(x, y, 163)}, 0.3F);
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

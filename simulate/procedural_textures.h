@@ -5,7 +5,7 @@
 
 #include "simulate/texture.h"
 
-namespace raystage {
+namespace raystage::simulate {
 
 /// The textures of the built-in scenes: linear light R, G, B at (u, v), see ProceduralTexture. All
 /// except backdrop, poster and chart are periodic.
@@ -21,4 +21,4 @@ Eigen::Vector3f paint_crate(float u, float v);
 Eigen::Vector3f paint_twist(float u, float v);  ///< stripes that wind around a torus
 Eigen::Vector3f paint_chart(float u, float v);  ///< large and small squares with random greys
 
-}  // namespace raystage
+}  // namespace raystage::simulate

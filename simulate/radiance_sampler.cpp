@@ -9,9 +9,8 @@
 #include "simulate/radiance_sampler.h"
 
 #include <algorithm>
-#include <cmath>
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 using Eigen::Vector2f;
@@ -32,7 +31,7 @@ struct SurfacePoint {
 SurfacePoint surface_at(const World& world, const Ray& ray, const Hit& hit, float travelled,
                         float footprint) {
   const Scene& scene = world.geometry().scene();
-  const ScenePart& part = scene.parts[static_cast<std::size_t>(hit.part)];
+  const ScenePart& part = scene.parts[hit.part];
   const TriangleShape& shape = world.geometry().triangle(hit.part, hit.triangle);
   const Eigen::Isometry3f& world_from_part = world.world_from_part(hit.part);
   const Eigen::Matrix3f rotation = world_from_part.linear();
@@ -66,7 +65,7 @@ SurfacePoint surface_at(const World& world, const Ray& ray, const Hit& hit, floa
 
   point.albedo = part.material.colour;
   if (part.material.texture >= 0) {
-    const Texture& texture = scene.textures[static_cast<std::size_t>(part.material.texture)];
+    const Texture& texture = scene.textures[part.material.texture];
     const Vector2f uv = shape.uv[0] * w + shape.uv[1] * hit.u + shape.uv[2] * hit.v;
     // The footprint is a disc perpendicular to the ray; its projection is stretched by 1 / cosine.
     const float width = footprint * travelled;
@@ -94,7 +93,7 @@ struct Shade {
 Shade shade(const World& world, const Ray& ray, const Hit& hit, float travelled, float footprint,
             const Vector3f& tint) {
   const Scene& scene = world.geometry().scene();
-  const SceneMaterial& material = scene.parts[static_cast<std::size_t>(hit.part)].material;
+  const SceneMaterial& material = scene.parts[hit.part].material;
   const SurfacePoint point = surface_at(world, ray, hit, travelled, footprint);
   const Vector3f albedo = tint.cwiseProduct(point.albedo);
   const Vector3f fill = scene.ground_colour +
@@ -125,7 +124,7 @@ void RadianceSampler::reflect(const World& world, std::span<const Ray> rays,
   reflected_index_.clear();
   for (std::size_t i = 0; i < rays.size(); ++i) {
     const Hit& hit = hits_[i];
-    if (hit.part < 0 || !scene.parts[static_cast<std::size_t>(hit.part)].material.mirror) continue;
+    if (hit.part < 0 || !scene.parts[hit.part].material.mirror) continue;
     const SurfacePoint point = surface_at(world, rays[i], hit, hit.distance, 0);
     const Vector3f direction =
         rays[i].direction - 2 * rays[i].direction.dot(point.flat) * point.flat;
@@ -172,9 +171,8 @@ void RadianceSampler::sample_static(const World& world, std::span<const Ray> ray
   for (std::size_t i = 0; i < rays.size(); ++i) {
     StaticSample& sample = samples[i];
     const Ray& ray = sample.mirror ? sample.reflected_ray : rays[i];
-    const Vector3f tint = sample.mirror
-                              ? scene.parts[static_cast<std::size_t>(sample.part)].material.colour
-                              : Vector3f(Vector3f::Ones());
+    const Vector3f tint =
+        sample.mirror ? scene.parts[sample.part].material.colour : Vector3f(Vector3f::Ones());
     sample.unlit = tint.cwiseProduct(scene.background);
     sample.normal = -ray.direction;
     if (hits_[i].part < 0) continue;
@@ -226,7 +224,7 @@ void RadianceSampler::trace_reflections(const World& world, float footprint,
     const Hit& hit = reflected_hits_[m];
     if (hit.part < 0) continue;
     const std::size_t i = reflected_index_[m];
-    const Vector3f tint = scene.parts[static_cast<std::size_t>(still[i]->part)].material.colour;
+    const Vector3f tint = scene.parts[still[i]->part].material.colour;
     add_moving_surface(world, reflected_rays_[m], hit, still[i]->distance + hit.distance, footprint,
                        tint, i, samples[i]);
     samples[i].reflected_part = hit.part;
@@ -284,4 +282,4 @@ void RadianceSampler::sample(const World& world, std::span<const Ray> rays, floa
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -9,7 +9,7 @@
 
 #include "simulate/world.h"
 
-namespace raystage {
+namespace raystage::simulate {
 
 /// The light that a camera receives along a ray, and the surface that the ray shows.
 struct LightSample {
@@ -75,4 +75,4 @@ class RadianceSampler {
   std::vector<PendingShadowRay> pending_shadow_rays_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -4,7 +4,7 @@
 #include "base/error.h"
 #include "simulate/procedural_textures.h"
 
-namespace raystage {
+namespace raystage::simulate {
 
 std::vector<SceneName> scene_names() {
   return {{"stage", "a small stage set in motion: backdrop, lamps on wires, wheel, balls, mirror"},
@@ -66,4 +66,4 @@ Scene make_chart_scene() {
   return scene;
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -10,7 +10,7 @@
 #include "simulate/mesh.h"
 #include "simulate/texture.h"
 
-namespace raystage {
+namespace raystage::simulate {
 
 /// The reflection model of a surface, in linear light with Rec.709 primaries.
 struct SceneMaterial {
@@ -71,4 +71,4 @@ Scene make_moving_light_scene();
 /// Returns a coloured screen; the name of its part is "screen".
 Scene make_screen_scene(const Eigen::Vector3f& screen_colour, bool with_figure);
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -11,7 +11,7 @@
 #include "base/transfer_function.h"
 #include "simulate/hash_random.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 constexpr std::size_t kShownLevels = 65536;
@@ -20,7 +20,8 @@ std::vector<std::uint8_t> codes_by(const std::vector<double>& curve) {
   std::vector<std::uint8_t> codes(kShownLevels);
   for (std::size_t i = 0; i < codes.size(); ++i) {
     const double straight = srgb_from_linear(static_cast<double>(i) / (kShownLevels - 1));
-    codes[i] = static_cast<std::uint8_t>(std::lround(255 * invert_response_curve(curve, straight)));
+    codes[i] =
+        static_cast<std::uint8_t>(std::lround(255 * rig::invert_response_curve(curve, straight)));
   }
   return codes;
 }
@@ -33,11 +34,12 @@ float quick_normal(std::uint64_t bits) {
 
 }  // namespace
 
-SensorModel::SensorModel(const PhotometricResponse& response, PictureSize size, double noise)
+SensorModel::SensorModel(const schemas::PhotometricResponse& response, rig::PictureSize size,
+                         double noise)
     : noise_(static_cast<float>(noise)),
-      mixes_(response.matrix != kIdentityColorMatrix),
+      mixes_(response.matrix != schemas::kIdentityColorMatrix),
       hot_pixels_(response.hot_pixels) {
-  const ColorMatrix unmixed = inverse(response.matrix);
+  const schemas::ColorMatrix unmixed = rig::inverse(response.matrix);
   for (std::size_t c = 0; c < 3; ++c) {
     gain_[c] = static_cast<float>(1 / response.contrast[c]);
     offset_[c] = static_cast<float>(-response.brightness[c]) * gain_[c];
@@ -49,16 +51,17 @@ SensorModel::SensorModel(const PhotometricResponse& response, PictureSize size, 
   if (!response.vignetting && !response.gain_map) return;
   for (int y = 0; y < size.height; ++y) {
     for (int x = 0; x < size.width; ++x) {
-      for (const double gain : gain_at(response, size, x + 0.5, y + 0.5)) {
+      for (const double gain : rig::gain_at(response, size, x + 0.5, y + 0.5)) {
         vignetting_.push_back(static_cast<float>(1 / gain));
       }
     }
   }
 }
 
-RgbImage SensorModel::develop(const LinearImage& image, std::uint64_t noise_seed) const {
+store::RgbImage SensorModel::develop(const LinearImage& image, std::uint64_t noise_seed) const {
   static const std::vector<std::uint8_t> srgb_codes = codes_by({});
-  RgbImage result{image.width, image.height, std::vector<std::uint8_t>(image.light.size() * 3)};
+  store::RgbImage result{image.width, image.height,
+                         std::vector<std::uint8_t>(image.light.size() * 3)};
   auto hot = hot_pixels_.begin();
   for (std::size_t i = 0; i < image.light.size(); ++i) {
     std::array<float, 3> light{image.light[i].x(), image.light[i].y(), image.light[i].z()};
@@ -83,15 +86,15 @@ RgbImage SensorModel::develop(const LinearImage& image, std::uint64_t noise_seed
       }
       const float scaled = std::clamp(shown, 0.0F, 1.0F) * (kShownLevels - 1) + 0.5F;
       const std::vector<std::uint8_t>& codes = codes_[c].empty() ? srgb_codes : codes_[c];
-      result.pixels[3 * i + c] = codes[static_cast<std::size_t>(scaled)];
+      result.pixels[3 * i + c] = codes[scaled];
     }
     if (is_hot) ++hot;
   }
   return result;
 }
 
-RgbImage develop(const LinearImage& image) {
+store::RgbImage develop(const LinearImage& image) {
   return SensorModel({}, {image.width, image.height}, 0).develop(image);
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -9,16 +9,16 @@
 #include "simulate/camera_renderer.h"
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage {
+namespace raystage::simulate {
 
 /// Converts light (full scale 1) to the 8-bit codes of a camera: the inverse of `response`.
 class SensorModel {
  public:
   /// `noise`: standard deviation at full scale, proportional to the square root of the light.
-  SensorModel(const PhotometricResponse& response, PictureSize size, double noise);
+  SensorModel(const schemas::PhotometricResponse& response, rig::PictureSize size, double noise);
 
   /// The image must have the size given above. Noise depends on its seed only.
-  RgbImage develop(const LinearImage& image, std::uint64_t noise_seed = 0) const;
+  store::RgbImage develop(const LinearImage& image, std::uint64_t noise_seed = 0) const;
 
  private:
   std::array<float, 3> gain_{}, offset_{};
@@ -26,12 +26,12 @@ class SensorModel {
   bool mixes_;
   std::array<std::array<float, 3>, 3> sensor_from_light_{};
   std::vector<float> vignetting_;  ///< factor, R, G, B per pixel; empty: 1
-  std::vector<HotPixel> hot_pixels_;
+  std::vector<schemas::HotPixel> hot_pixels_;
   /// Codes of 65536 light levels, per channel; empty: those of sRGB.
   std::array<std::vector<std::uint8_t>, 3> codes_;
 };
 
 /// Converts light to the codes of an ideal camera (sRGB, no noise).
-RgbImage develop(const LinearImage& image);
+store::RgbImage develop(const LinearImage& image);
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -8,7 +8,7 @@
 #include "base/transfer_function.h"
 #include "simulate/simulated_response.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 LinearImage even_image(int width, int height, const Eigen::Vector3f& light) {
@@ -22,10 +22,10 @@ TEST(SensorModel, AppliesTheInverseOfTheResponse) {
   const LinearImage image = even_image(1, 1, {0.5F, 0.5F, 0.5F});
   EXPECT_EQ(develop(image).pixels[0], 188);  // sRGB of 0.5
   // light = brightness + contrast * shown
-  PhotometricResponse response;
+  schemas::PhotometricResponse response;
   response.contrast = {2, 1, 1};
   response.brightness = {0, 0.25, 0};
-  const RgbImage codes = SensorModel(response, {1, 1}, 0).develop(image);
+  const store::RgbImage codes = SensorModel(response, {1, 1}, 0).develop(image);
   EXPECT_EQ(codes.pixels[0], 137);  // sRGB of 0.25
   EXPECT_EQ(codes.pixels[1], 137);
   EXPECT_EQ(codes.pixels[2], 188);
@@ -34,7 +34,7 @@ TEST(SensorModel, AppliesTheInverseOfTheResponse) {
 TEST(SensorModel, NoiseHasTheStrengthAsked) {
   const LinearImage image = even_image(100, 100, {0.5F, 0.5F, 0.5F});
   const SensorModel noisy({}, {100, 100}, 0.02);
-  const RgbImage codes = noisy.develop(image, 5);
+  const store::RgbImage codes = noisy.develop(image, 5);
   double sum = 0, squares = 0;
   for (const std::uint8_t code : codes.pixels) {
     sum += code - 188.0;
@@ -52,30 +52,33 @@ TEST(SensorModel, WhatItShowsTheResponseTurnsBackIntoLight) {
   settings.width = 96;
   settings.height = 64;
   settings.color_errors = {0.2, 0.1, 0.03, 0.3, 0.1, 0.1, 40};
-  const PictureSize size{settings.width, settings.height};
+  const rig::PictureSize size{settings.width, settings.height};
   for (const std::uint64_t camera : {0U, 1U, 2U}) {
-    const PhotometricResponse response = simulated_response(settings, camera);
-    const Rgb light{0.4, 0.45, 0.35};
-    const RgbImage codes = SensorModel(response, size, 0)
-                               .develop(even_image(size.width, size.height, {0.4F, 0.45F, 0.35F}));
+    const schemas::PhotometricResponse response = simulated_response(settings, camera);
+    const schemas::Rgb light{0.4, 0.45, 0.35};
+    const store::RgbImage codes =
+        SensorModel(response, size, 0)
+            .develop(even_image(size.width, size.height, {0.4F, 0.45F, 0.35F}));
     EXPECT_NEAR(static_cast<double>(response.hot_pixels.size()), 40, 3);
-    EXPECT_LE(1 / gain_at(response, size, 96, 64)[0], 0.85);
-    EXPECT_GE(1 / gain_at(response, size, 96, 64)[0], 0.65);
+    EXPECT_LE(1 / rig::gain_at(response, size, 96, 64)[0], 0.85);
+    EXPECT_GE(1 / rig::gain_at(response, size, 96, 64)[0], 0.65);
     for (int y = 0; y < size.height; ++y) {
       for (int x = 0; x < size.width; ++x) {
-        Rgb dark{};
-        for (const HotPixel& pixel : response.hot_pixels) {
+        schemas::Rgb dark{};
+        for (const schemas::HotPixel& pixel : response.hot_pixels) {
           if (pixel.x == x && pixel.y == y) dark = pixel.light;
         }
-        Rgb shown{};
+        schemas::Rgb shown{};
         bool is_clipped = false;
         for (std::size_t c = 0; c < 3; ++c) {
           const int code = codes.pixels[3 * static_cast<std::size_t>(y * size.width + x) + c];
           is_clipped = is_clipped || code == 255;
-          shown[c] = linear_from_srgb(evaluate_response_curve(response.curve[c], code / 255.0));
+          shown[c] =
+              linear_from_srgb(rig::evaluate_response_curve(response.curve[c], code / 255.0));
         }
         if (is_clipped) continue;
-        const Rgb found = apply_photometric_correction(response, size, x, y, shown, dark);
+        const schemas::Rgb found =
+            rig::apply_photometric_correction(response, size, x, y, shown, dark);
         for (std::size_t c = 0; c < 3; ++c)
           EXPECT_NEAR(found[c], light[c], 0.007);  // half a code, gained
       }
@@ -84,4 +87,4 @@ TEST(SensorModel, WhatItShowsTheResponseTurnsBackIntoLight) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::simulate

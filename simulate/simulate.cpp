@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "simulate/simulate.h"
 
+#include <tbb/enumerable_thread_specific.h>
+
 #include <algorithm>
-#include <atomic>
 #include <cmath>
-#include <memory>
 #include <mutex>
 #include <vector>
 
@@ -23,7 +23,7 @@
 #include "store/jpeg/encode.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 constexpr std::uint64_t kNoiseSalt = 21;
@@ -40,47 +40,6 @@ struct Worker {
   LinearImage image;
 };
 
-// Lends workers to threads and creates one if none is idle.
-class WorkerPool {
- public:
-  explicit WorkerPool(const SceneGeometry& geometry) : geometry_(geometry) {}
-
-  class Loan {
-   public:
-    Loan(WorkerPool& pool, std::unique_ptr<Worker> worker)
-        : pool_(pool), worker_(std::move(worker)) {}
-    ~Loan() {
-      const std::scoped_lock lock(pool_.mutex_);
-      pool_.idle_.push_back(std::move(worker_));
-    }
-    Loan(const Loan&) = delete;
-    Loan& operator=(const Loan&) = delete;
-    Worker* operator->() const { return worker_.get(); }
-
-   private:
-    WorkerPool& pool_;
-    std::unique_ptr<Worker> worker_;
-  };
-
-  Loan borrow() {
-    std::unique_ptr<Worker> worker;
-    {
-      const std::scoped_lock lock(mutex_);
-      if (!idle_.empty()) {
-        worker = std::move(idle_.back());
-        idle_.pop_back();
-      }
-    }
-    if (!worker) worker = std::make_unique<Worker>(geometry_);
-    return {*this, std::move(worker)};
-  }
-
- private:
-  const SceneGeometry& geometry_;
-  std::mutex mutex_;
-  std::vector<std::unique_ptr<Worker>> idle_;
-};
-
 class Simulation {
  public:
   Simulation(const SimulationSettings& settings, const std::function<void(double)>& progress,
@@ -90,11 +49,11 @@ class Simulation {
         stop_(std::move(stop)),
         scene_(make_scene(settings.scene)),
         geometry_(scene_),
-        workers_(geometry_),
+        workers_([this] { return Worker(geometry_); }),
         array_(make_simulated_rig(settings)),
         schedule_(make_exposure_schedule(settings)),
         path_(make_simulated_shot(settings, schedule_, scene_.focus)),
-        true_rig_(rig_from_document(array_.truth)) {
+        true_rig_(rig::rig_from_document(array_.truth)) {
     // Costs are in frames: a truth image takes about as long as half its samples in frames.
     truth_cost_ = std::max(1.0, settings.truth_samples / 2.0) * settings.view_width() *
                   settings.view_height() / settings.width / settings.height;
@@ -104,8 +63,8 @@ class Simulation {
 
   SimulationReport run(const std::filesystem::path& folder, const std::string& created_by) {
     // Before rendering, so that an unwritable folder is reported at once.
-    TakeWriter writer(folder, take_document(created_by),
-                      settings_.nominal_calibration ? array_.nominal : array_.truth);
+    store::TakeWriter writer(folder, take_document(created_by),
+                             settings_.nominal_calibration ? array_.nominal : array_.truth);
     SimulationReport report;
     report.cameras = settings_.camera_count();
     report.truth_views = settings_.truth_views;
@@ -114,14 +73,15 @@ class Simulation {
     });
     for (const ExposureSchedule::Camera& camera : schedule_.cameras) {
       for (const ExposureSchedule::Frame& frame : camera.frames) {
-        (frame.status == FrameStatus::kStored ? report.frames_stored : report.frames_missing)++;
+        (frame.status == store::FrameStatus::kStored ? report.frames_stored
+                                                     : report.frames_missing)++;
       }
     }
     if (settings_.truth_views > 0) {
       write_truth_images(writer.working_folder());
-      write_views(path_.views, writer.working_folder() / "views.json");
+      schemas::write_views(path_.views, writer.working_folder() / "views.json");
     }
-    write_shot(path_.shot, writer.working_folder() / "shot.json");
+    schemas::write_shot(path_.shot, writer.working_folder() / "shot.json");
     write_file_atomically(writer.working_folder() / "truth.json",
                           format_truth_document(settings_, array_, schedule_));
     writer.commit();
@@ -144,8 +104,8 @@ class Simulation {
     progress_(std::min(1.0, done_cost_ / total_cost_));
   }
 
-  TakeDocument take_document(const std::string& created_by) {
-    TakeDocument take;
+  schemas::TakeDocument take_document(const std::string& created_by) {
+    schemas::TakeDocument take;
     take.name = "simulated " + scene_.name;
     take.created_by = created_by;
     take.epoch_utc = kEpoch;
@@ -155,7 +115,7 @@ class Simulation {
     take.timestamp_event = "exposure_middle";
     take.depth_range = visible_depths();
     for (std::size_t i = 0; i < array_.truth.cameras.size(); ++i) {
-      TakeDocument::Camera camera;
+      schemas::TakeDocument::Camera camera;
       camera.id = array_.truth.cameras[i].geometry.id;
       camera.node = "node" + std::to_string(schedule_.cameras[i].node);
       take.cameras.push_back(std::move(camera));
@@ -165,7 +125,7 @@ class Simulation {
 
   // Returns the depths of the nearest and farthest surface that the corner and middle cameras see
   // during the take, rounded outwards to a centimetre.
-  std::optional<DepthRange> visible_depths() {
+  std::optional<schemas::DepthRange> visible_depths() {
     const int last_row = settings_.rows - 1, last_column = settings_.columns - 1;
     const std::vector<int> cameras{0, last_column, last_row * settings_.columns,
                                    settings_.camera_count() - 1, settings_.camera_count() / 2};
@@ -176,9 +136,9 @@ class Simulation {
     std::mutex mutex;
     float nearest = std::numeric_limits<float>::infinity(), farthest = 0;
     const auto trace_camera = [&](std::size_t index, const ParallelLoop& loop) {
-      const Rig::Camera& camera = true_rig_.cameras[static_cast<std::size_t>(cameras[index])];
+      const rig::Rig::Camera& camera = true_rig_.cameras[cameras[index]];
       const PixelRays pixels(camera.model, camera.pose);
-      const auto worker = workers_.borrow();
+      Worker& worker = workers_.local();
       std::vector<Ray> rays;
       for (int row = 0; row < pixels.height(); row += kStride) {
         for (int column = 0; column < pixels.width(); column += kStride) {
@@ -186,13 +146,13 @@ class Simulation {
         }
       }
       std::vector<Hit> hits(rays.size()), moving_hits(rays.size());
-      worker->world.trace_static(rays, hits);
+      worker.world.trace_static(rays, hits);
       std::vector<float> limits;
       for (const Hit& hit : hits) limits.push_back(hit.distance);
       for (int instant = 0; instant < kInstants; ++instant) {
         check_stop(loop);
-        worker->world.set_time(settings_.seconds * instant / (kInstants - 1));
-        worker->world.trace_moving(rays, limits, moving_hits);
+        worker.world.set_time(settings_.seconds * instant / (kInstants - 1));
+        worker.world.trace_moving(rays, limits, moving_hits);
         const std::scoped_lock lock(mutex);
         for (std::size_t i = 0; i < rays.size(); ++i) {
           const float distance = std::min(hits[i].distance, moving_hits[i].distance);
@@ -205,31 +165,31 @@ class Simulation {
     };
     raystage::parallel_for(std::size_t{0}, cameras.size(), trace_camera);
     if (!(nearest > 0 && farthest >= nearest)) return std::nullopt;
-    return DepthRange{std::max(0.01, std::floor(static_cast<double>(nearest) * 100) / 100),
-                      std::ceil(static_cast<double>(farthest) * 100) / 100};
+    return schemas::DepthRange{std::max(0.01, std::floor(static_cast<double>(nearest) * 100) / 100),
+                               std::ceil(static_cast<double>(farthest) * 100) / 100};
   }
 
   // Writes all frames of one camera in temporal order.
-  void record(TakeWriter& writer, int index, const ParallelLoop& loop) {
-    const Rig::Camera& camera = true_rig_.cameras[static_cast<std::size_t>(index)];
-    const ExposureSchedule::Camera& times = schedule_.cameras[static_cast<std::size_t>(index)];
+  void record(store::TakeWriter& writer, int index, const ParallelLoop& loop) {
+    const rig::Rig::Camera& camera = true_rig_.cameras[index];
+    const ExposureSchedule::Camera& times = schedule_.cameras[index];
     const PixelRays rays(camera.model, camera.pose);
     const SensorModel developer(camera.photometric, {rays.width(), rays.height()}, settings_.noise);
-    ArchiveWriter& archive = writer.archive(index);
-    const auto worker = workers_.borrow();
+    store::ArchiveWriter& archive = writer.archive(index);
+    Worker& worker = workers_.local();
     StaticSampleCache cache;
     for (std::size_t number = 0; number < times.frames.size(); ++number) {
       const ExposureSchedule::Frame& frame = times.frames[number];
-      if (frame.status != FrameStatus::kStored) {
+      if (frame.status != store::FrameStatus::kStored) {
         archive.append_missing(frame.status, frame.stamped_time);
       } else {
         check_stop(loop);
-        worker->world.set_time(seconds_of(frame.true_time));
-        worker->renderer.render(worker->world, rays, settings_.edge_samples, cache, worker->image);
-        const RgbImage picture = developer.develop(
-            worker->image,
+        worker.world.set_time(seconds_of(frame.true_time));
+        worker.renderer.render(worker.world, rays, settings_.edge_samples, cache, worker.image);
+        const store::RgbImage picture = developer.develop(
+            worker.image,
             hash_keys({settings_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number}));
-        archive.append(encode_jpeg(picture, settings_.jpeg), frame.stamped_time);
+        archive.append(store::encode_jpeg(picture, settings_.jpeg), frame.stamped_time);
       }
       advance(1);
     }
@@ -240,14 +200,14 @@ class Simulation {
     create_folder(folder / "truth");
     const auto render = [&](std::size_t index, const ParallelLoop& loop) {
       check_stop(loop);
-      const ViewsDocument::View& view = path_.views.views[index];
-      const PixelRays rays(CameraModel(view.geometry),
-                           pose_from_matrix(view.geometry.world_from_camera));
-      const auto worker = workers_.borrow();
-      worker->world.set_time(seconds_of(view.time_ns));
-      worker->renderer.render_supersampled(worker->world, rays, settings_.truth_samples,
-                                           worker->image);
-      write_image(develop(worker->image), folder / view.file);
+      const schemas::ViewsDocument::View& view = path_.views.views[index];
+      const PixelRays rays(rig::CameraModel(view.geometry),
+                           rig::pose_from_matrix(view.geometry.world_from_camera));
+      Worker& worker = workers_.local();
+      worker.world.set_time(seconds_of(view.time_ns));
+      worker.renderer.render_supersampled(worker.world, rays, settings_.truth_samples,
+                                          worker.image);
+      images::write_image(develop(worker.image), folder / view.file);
       advance(truth_cost_);
     };
     raystage::parallel_for(std::size_t{0}, path_.views.views.size(), render);
@@ -258,11 +218,12 @@ class Simulation {
   std::stop_token stop_;
   Scene scene_;
   SceneGeometry geometry_;
-  WorkerPool workers_;
+  // Nothing that uses a worker waits for tasks of another camera: see commit() in world.cpp.
+  tbb::enumerable_thread_specific<Worker> workers_;
   SimulatedRig array_;
   ExposureSchedule schedule_;
   SimulatedShot path_;
-  Rig true_rig_;
+  rig::Rig true_rig_;
   double truth_cost_ = 0, total_cost_ = 0, done_cost_ = 0;
   std::mutex progress_mutex_;
 };
@@ -276,4 +237,4 @@ SimulationReport simulate(const SimulationSettings& settings, const std::filesys
   return Simulation(settings, progress, std::move(stop)).run(folder, created_by);
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

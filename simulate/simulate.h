@@ -8,7 +8,7 @@
 
 #include "simulate/simulation_settings.h"
 
-namespace raystage {
+namespace raystage::simulate {
 
 /// Counts of the data that a simulation wrote.
 struct SimulationReport {
@@ -27,4 +27,4 @@ SimulationReport simulate(const SimulationSettings& settings, const std::filesys
                           const std::function<void(double)>& progress = {},
                           std::stop_token stop = {});
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -22,7 +22,7 @@
 #include "store/timeline.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 namespace fs = std::filesystem;
@@ -60,7 +60,7 @@ std::map<std::string, std::string> contents(const fs::path& folder) {
 }
 
 TEST(Simulate, SameBytesForAnyNumberOfThreads) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   SimulationSettings settings = small_settings();
   settings.scene = "stage";
   simulate_with(1, settings, folder.path() / "one");
@@ -77,40 +77,39 @@ TEST(Simulate, SameBytesForAnyNumberOfThreads) {
 class SmallTake : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    folder_ = std::make_unique<TestFolder>();
+    folder_ = std::make_unique<testing::TestFolder>();
     simulate(small_settings(), take_folder(), "test 1.0");
   }
   static void TearDownTestSuite() { folder_.reset(); }
   static fs::path take_folder() { return folder_->path() / "take"; }
-  static inline std::unique_ptr<TestFolder> folder_;
+  static inline std::unique_ptr<testing::TestFolder> folder_;
 };
 
 TEST_F(SmallTake, ArchivesHoldTheStampedTimesAndWhatIsMissing) {
-  const Take take(take_folder());
+  const store::Take take(take_folder());
   EXPECT_EQ(take.document().created_by, "test 1.0");
   EXPECT_EQ(take.document().clock, "simulated");
   EXPECT_EQ(take.document().timestamp_event, "exposure_middle");
   const ExposureSchedule schedule = make_exposure_schedule(small_settings());
   int missing = 0;
   for (int i = 0; i < take.camera_count(); ++i) {
-    const ExposureSchedule::Camera& camera = schedule.cameras[static_cast<std::size_t>(i)];
-    EXPECT_EQ(take.document().cameras[static_cast<std::size_t>(i)].node,
-              std::to_string(camera.node).insert(0, "node"));
+    const ExposureSchedule::Camera& camera = schedule.cameras[i];
+    EXPECT_EQ(take.document().cameras[i].node, std::to_string(camera.node).insert(0, "node"));
     const auto records = take.archive(i).records();
     ASSERT_EQ(records.size(), camera.frames.size());
     for (std::size_t n = 0; n < records.size(); ++n) {
       EXPECT_EQ(records[n].time_ns, camera.frames[n].stamped_time);
       EXPECT_EQ(records[n].status, camera.frames[n].status);
-      missing += records[n].status != FrameStatus::kStored ? 1 : 0;
+      missing += records[n].status != store::FrameStatus::kStored ? 1 : 0;
     }
     EXPECT_TRUE(take.archive(i).was_closed());
   }
   EXPECT_GT(missing, 6 * 2) << "start-up and some drops";
-  JpegDecoder decoder;
-  const RgbImage frame = decoder.decode(take.archive(0).jpeg(0), "frame");
+  store::JpegDecoder decoder;
+  const store::RgbImage frame = decoder.decode(take.archive(0).jpeg(0), "frame");
   EXPECT_EQ(frame.width, 48);
   EXPECT_EQ(frame.height, 36);
-  EXPECT_TRUE(parse_jpeg_layout(take.archive(0).jpeg(0), "frame").regions_decodable());
+  EXPECT_TRUE(store::parse_jpeg_layout(take.archive(0).jpeg(0), "frame").regions_decodable());
 }
 
 TEST_F(SmallTake, TruthSaysWhatWasDone) {
@@ -120,31 +119,32 @@ TEST_F(SmallTake, TruthSaysWhatWasDone) {
   std::map<std::string, std::int64_t> offset;
   for (const auto& node : truth.at("nodes")) offset[node.at("id")] = node.at("clock_offset_ns");
   EXPECT_EQ(offset.size(), 3U);
-  const Take take(take_folder());
+  const store::Take take(take_folder());
   ASSERT_EQ(truth.at("cameras").size(), 6U);
   for (int i = 0; i < 6; ++i) {
-    const auto& camera = truth.at("cameras").at(static_cast<std::size_t>(i));
+    const auto& camera = truth.at("cameras").at(i);
     const auto records = take.archive(i).records();
     for (std::size_t n = 0; n < records.size(); ++n) {
       EXPECT_EQ(camera.at("stamped_time_ns").at(n), records[n].time_ns);
-      EXPECT_EQ(camera.at("status").at(n), name_of(records[n].status));
+      EXPECT_EQ(camera.at("status").at(n), store::name_of(records[n].status));
       EXPECT_EQ(records[n].time_ns - camera.at("true_time_ns").at(n).get<std::int64_t>(),
                 offset.at(camera.at("node")));
     }
   }
-  const RigDocument rig = parse_rig(truth.at("rig").dump(), "truth.json");
-  EXPECT_EQ(rig.cameras[4].geometry, read_rig(take_folder() / "rig.json").cameras[4].geometry);
+  const schemas::RigDocument rig = schemas::parse_rig(truth.at("rig").dump(), "truth.json");
+  EXPECT_EQ(rig.cameras[4].geometry,
+            schemas::read_rig(take_folder() / "rig.json").cameras[4].geometry);
 }
 
 TEST_F(SmallTake, ViewsLieOnTheShot) {
-  const ViewsDocument views = read_views(take_folder() / "views.json");
-  const ShotDocument shot = read_shot(take_folder() / "shot.json");
+  const schemas::ViewsDocument views = schemas::read_views(take_folder() / "views.json");
+  const schemas::ShotDocument shot = schemas::read_shot(take_folder() / "shot.json");
   ASSERT_EQ(views.views.size(), 3U);
   EXPECT_EQ(shot.last_frame - shot.first_frame + 1, 48);
-  const Take take(take_folder());
-  const Timeline timeline = build_timeline(take, 0, 0);
-  const ShotDocument::Layer& layer = shot.layers.at(0);
-  for (const ViewsDocument::View& view : views.views) {
+  const store::Take take(take_folder());
+  const store::Timeline timeline = store::build_timeline(take, 0, 0);
+  const schemas::ShotDocument::Layer& layer = shot.layers.at(0);
+  for (const schemas::ViewsDocument::View& view : views.views) {
     const double seconds =
         static_cast<double>(view.time_ns - timeline.ticks.front().time_ns) * 1e-9;
     const double frame = shot.first_frame + (seconds - layer.start_seconds) / layer.speed *
@@ -152,7 +152,7 @@ TEST_F(SmallTake, ViewsLieOnTheShot) {
     EXPECT_NEAR(frame, std::round(frame), 1e-5);
     EXPECT_LE(view.time_ns, timeline.ticks.back().time_ns);
     bool found = false;
-    for (const ShotDocument::CameraKey& key : shot.camera.keys) {
+    for (const schemas::ShotDocument::CameraKey& key : shot.camera.keys) {
       if (std::abs(key.frame - frame) > 1e-3) continue;
       found = true;
       const auto& pose = view.geometry.world_from_camera;
@@ -166,7 +166,7 @@ TEST_F(SmallTake, ViewsLieOnTheShot) {
                   24 / std::tan(*key.horizontal_fov_deg * std::numbers::pi / 360), 1e-9);
     }
     EXPECT_TRUE(found) << "no key at frame " << frame;
-    const RgbImage truth = read_image(take_folder() / view.file);
+    const store::RgbImage truth = images::read_image(take_folder() / view.file);
     EXPECT_EQ(truth.width, 48);
     EXPECT_EQ(truth.height, 36);
   }
@@ -177,19 +177,19 @@ TEST(Simulate, AnArrayMayStandElsewhereAndLookElsewhere) {
   settings.scene = "still";
   settings.position = {0.5, 0.25, -1};
   settings.turn_deg = 90;
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const fs::path made = folder.path() / "take";
   simulate_with(2, settings, made);
-  const Take take(made);
+  const store::Take take(made);
   EXPECT_LT((take.rig().centre() - Eigen::Vector3d(0.5, 0.25, -1)).norm(), 0.003);
   EXPECT_GT(take.rig().mean_viewing_direction().dot(-Eigen::Vector3d::UnitX()), 0.9999);
   // The wall on the left stands at -6; corners are seen that lie no farther.
   ASSERT_TRUE(take.document().depth_range);
   EXPECT_NEAR(take.document().depth_range->far, 6.5, 0.03);
-  const ShotDocument shot = read_shot(made / "shot.json");
-  const ViewsDocument views = read_views(made / "views.json");
+  const schemas::ShotDocument shot = schemas::read_shot(made / "shot.json");
+  const schemas::ViewsDocument views = schemas::read_views(made / "views.json");
   for (const auto& view : views.views) {
-    const Pose pose = pose_from_matrix(view.geometry.world_from_camera);
+    const rig::Pose pose = rig::pose_from_matrix(view.geometry.world_from_camera);
     EXPECT_LT((pose.position - Eigen::Vector3d(0.5, 0.25, -1)).norm(), 0.2);
     EXPECT_GT(pose.viewing_direction().dot(-Eigen::Vector3d::UnitX()), 0.98);
   }
@@ -198,7 +198,7 @@ TEST(Simulate, AnArrayMayStandElsewhereAndLookElsewhere) {
 }
 
 TEST_F(SmallTake, DepthRangeIsTheScenes) {
-  const Take take(take_folder());
+  const store::Take take(take_folder());
   ASSERT_TRUE(take.document().depth_range);
   // The nearest ball is 2 m away, its radius 6 cm; the chart stands at 4 m.
   EXPECT_NEAR(take.document().depth_range->near, 1.94, 0.03);
@@ -206,24 +206,24 @@ TEST_F(SmallTake, DepthRangeIsTheScenes) {
 }
 
 TEST(Simulate, NominalCalibrationHidesTheTruth) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   SimulationSettings settings = small_settings();
   settings.seconds = 0.3;
   settings.truth_views = 0;
   settings.nominal_calibration = true;
   simulate(settings, folder.path() / "take", "test");
-  const RigDocument rig = read_rig(folder.path() / "take" / "rig.json");
+  const schemas::RigDocument rig = schemas::read_rig(folder.path() / "take" / "rig.json");
   EXPECT_EQ(rig.cameras[0].geometry.world_from_camera[3], -0.06);
   const auto truth = nlohmann::json::parse(read_file(folder.path() / "take" / "truth.json"));
-  EXPECT_NE(parse_rig(truth.at("rig").dump(), "truth").cameras[0].geometry,
+  EXPECT_NE(schemas::parse_rig(truth.at("rig").dump(), "truth").cameras[0].geometry,
             rig.cameras[0].geometry);
-  EXPECT_EQ(parse_rig(truth.at("nominal_rig").dump(), "truth").cameras[0].geometry,
+  EXPECT_EQ(schemas::parse_rig(truth.at("nominal_rig").dump(), "truth").cameras[0].geometry,
             rig.cameras[0].geometry);
   EXPECT_FALSE(fs::exists(folder.path() / "take" / "views.json"));
 }
 
 TEST(Simulate, LeavesNothingWhenStopped) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   std::stop_source stop;
   SimulationSettings settings = small_settings();
   EXPECT_THROW(simulate(
@@ -237,7 +237,7 @@ TEST(Simulate, LeavesNothingWhenStopped) {
 }
 
 TEST(Simulate, DoesNotTouchWhatIsThere) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   create_folder(folder.path() / "take");
   write_file_atomically(folder.path() / "take" / "note", std::string_view("mine"));
   EXPECT_THROW(simulate(small_settings(), folder.path() / "take", "test"), Error);
@@ -245,4 +245,4 @@ TEST(Simulate, DoesNotTouchWhatIsThere) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -6,12 +6,13 @@
 
 #include "simulate/hash_random.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 constexpr std::uint64_t kColourSalt = 3, kErrorSalt = 31, kHotSalt = 32;
 
-void add_contrast(const ColorErrors& errors, HashRandom& random, PhotometricResponse& response) {
+void add_contrast(const ColorErrors& errors, HashRandom& random,
+                  schemas::PhotometricResponse& response) {
   const double gain = 1 + errors.gain * random.uniform(-1, 1);
   for (std::size_t c = 0; c < 3; ++c) {
     const double balance = 1 + errors.white_balance * random.uniform(-1, 1);
@@ -22,7 +23,7 @@ void add_contrast(const ColorErrors& errors, HashRandom& random, PhotometricResp
   }
 }
 
-Vignetting random_vignetting(const SimulationSettings& s, HashRandom& random) {
+schemas::Vignetting random_vignetting(const SimulationSettings& s, HashRandom& random) {
   const double lost = s.color_errors.vignetting * random.uniform(0.7, 1);  // in the corner
   const double gain = 1 / (1 - lost) - 1;
   constexpr double kOffCentre = 0.02, kSquareShare = 0.7;
@@ -32,8 +33,8 @@ Vignetting random_vignetting(const SimulationSettings& s, HashRandom& random) {
 }
 
 /// Returns the matrix that corrects the crosstalk of a random sensor; white stays white.
-ColorMatrix random_matrix(double mix, HashRandom& random) {
-  ColorMatrix sensor = kIdentityColorMatrix;
+schemas::ColorMatrix random_matrix(double mix, HashRandom& random) {
+  schemas::ColorMatrix sensor = schemas::kIdentityColorMatrix;
   for (std::size_t row = 0; row < 3; ++row) {
     for (std::size_t c = 0; c < 3; ++c) {
       if (row == c) continue;
@@ -41,7 +42,7 @@ ColorMatrix random_matrix(double mix, HashRandom& random) {
       sensor[row][row] -= sensor[row][c];
     }
   }
-  return inverse(sensor);
+  return rig::inverse(sensor);
 }
 
 std::vector<double> random_curve(double deviation, HashRandom& random) {
@@ -54,24 +55,24 @@ std::vector<double> random_curve(double deviation, HashRandom& random) {
   return curve;
 }
 
-std::vector<HotPixel> random_hot_pixels(const SimulationSettings& s, std::uint64_t index) {
+std::vector<schemas::HotPixel> random_hot_pixels(const SimulationSettings& s, std::uint64_t index) {
   HashRandom random{s.seed, kHotSalt, index};
-  std::map<std::pair<int, int>, Rgb> by_place;  // row, column
+  std::map<std::pair<int, int>, schemas::Rgb> by_place;  // row, column
   for (int i = 0; i < s.color_errors.hot_pixels; ++i) {
     const auto x = static_cast<int>(random.uniform(0, s.width));
     const auto y = static_cast<int>(random.uniform(0, s.height));
     const double light = random.uniform(0.02, 0.8);
     by_place[{y, x}] = {light, light * random.uniform(0.7, 1), light * random.uniform(0.7, 1)};
   }
-  std::vector<HotPixel> pixels;
+  std::vector<schemas::HotPixel> pixels;
   for (const auto& [place, light] : by_place) pixels.push_back({place.second, place.first, light});
   return pixels;
 }
 
 }  // namespace
 
-PhotometricResponse simulated_response(const SimulationSettings& s, std::uint64_t index) {
-  PhotometricResponse response;
+schemas::PhotometricResponse simulated_response(const SimulationSettings& s, std::uint64_t index) {
+  schemas::PhotometricResponse response;
   HashRandom colour{s.seed, kColourSalt, index};
   for (std::size_t c = 0; c < 3; ++c) {
     response.contrast[c] = std::exp(s.photometric_deviation * colour.normal());
@@ -89,4 +90,4 @@ PhotometricResponse simulated_response(const SimulationSettings& s, std::uint64_
   return response;
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

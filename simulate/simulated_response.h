@@ -4,10 +4,11 @@
 #include "rig/photometric_model.h"
 #include "simulate/simulation_settings.h"
 
-namespace raystage {
+namespace raystage::simulate {
 
 /// Returns the true photometric response of camera `index`: the calibration that corrects its
 /// simulated colour errors.
-PhotometricResponse simulated_response(const SimulationSettings& settings, std::uint64_t index);
+schemas::PhotometricResponse simulated_response(const SimulationSettings& settings,
+                                                std::uint64_t index);
 
-}  // namespace raystage
+}  // namespace raystage::simulate

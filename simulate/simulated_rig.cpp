@@ -11,7 +11,7 @@
 #include "simulate/hash_random.h"
 #include "simulate/simulated_response.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 constexpr std::uint64_t kPlaceSalt = 1, kLensSalt = 2;
@@ -27,8 +27,8 @@ Eigen::Vector3d in_ball(HashRandom& random) {
 
 }  // namespace
 
-Pose simulated_rig_pose(const SimulationSettings& s) {
-  Pose pose;
+rig::Pose simulated_rig_pose(const SimulationSettings& s) {
+  rig::Pose pose;
   pose.position = {s.position[0], s.position[1], s.position[2]};
   pose.world_from_camera_rotation =
       Eigen::AngleAxisd(s.turn_deg * std::numbers::pi / 180, Eigen::Vector3d::UnitY())
@@ -37,7 +37,7 @@ Pose simulated_rig_pose(const SimulationSettings& s) {
 }
 
 SimulatedRig make_simulated_rig(const SimulationSettings& s) {
-  const Pose of_array = simulated_rig_pose(s);
+  const rig::Pose of_array = simulated_rig_pose(s);
   SimulatedRig array;
   array.nominal.name = fmt::format("simulated {}x{}", s.rows, s.columns);
   array.nominal.topology = "grid";
@@ -46,18 +46,18 @@ SimulatedRig make_simulated_rig(const SimulationSettings& s) {
   const double focal = s.width / 2.0 / std::tan(s.horizontal_fov_deg * std::numbers::pi / 360);
   for (int row = 0; row < s.rows; ++row) {
     for (int column = 0; column < s.columns; ++column) {
-      RigDocument::Camera camera;
-      CameraGeometry& geometry = camera.geometry;
+      schemas::RigDocument::Camera camera;
+      schemas::CameraGeometry& geometry = camera.geometry;
       geometry.id = fmt::format("r{}c{}", row, column);
       geometry.width = s.width;
       geometry.height = s.height;
       geometry.intrinsics = {focal, focal, s.width / 2.0, s.height / 2.0, {s.k1, s.k2, 0, 0, 0}};
       geometry.row = row;
       geometry.column = column;
-      Pose pose = of_array;
+      rig::Pose pose = of_array;
       pose.position = of_array.world_from_camera(Eigen::Vector3d(
           s.spacing * (column - (s.columns - 1) / 2.0), s.spacing * ((s.rows - 1) / 2.0 - row), 0));
-      geometry.world_from_camera = matrix_from_pose(pose);
+      geometry.world_from_camera = rig::matrix_from_pose(pose);
       array.nominal.cameras.push_back(camera);
 
       const auto index = static_cast<std::uint64_t>(row * s.columns + column);
@@ -69,9 +69,9 @@ SimulatedRig make_simulated_rig(const SimulationSettings& s) {
             of_array.world_from_camera_rotation *
             Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
       }
-      geometry.world_from_camera = matrix_from_pose(pose);
+      geometry.world_from_camera = rig::matrix_from_pose(pose);
       HashRandom lens{s.seed, kLensSalt, index};
-      Intrinsics& intrinsics = geometry.intrinsics;
+      schemas::Intrinsics& intrinsics = geometry.intrinsics;
       intrinsics.fx *= 1 + s.lens_deviation * 0.003 * lens.normal();
       intrinsics.fy = intrinsics.fx;
       intrinsics.cx += s.lens_deviation * 0.006 * s.width * lens.normal();
@@ -85,4 +85,4 @@ SimulatedRig make_simulated_rig(const SimulationSettings& s) {
   return array;
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

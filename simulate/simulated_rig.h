@@ -5,18 +5,18 @@
 #include "schemas/rig_document.h"
 #include "simulate/simulation_settings.h"
 
-namespace raystage {
+namespace raystage::simulate {
 
 /// The simulated array as designed (`nominal`) and as built (`truth`). Cameras are named "rRcC":
 /// row 0 is the top row, column 0 is on the left as seen from behind.
 struct SimulatedRig {
-  RigDocument nominal, truth;
+  schemas::RigDocument nominal, truth;
 };
 
 /// Returns the pose of the array's middle in the world; without rotation the array looks along -z.
-Pose simulated_rig_pose(const SimulationSettings& settings);
+rig::Pose simulated_rig_pose(const SimulationSettings& settings);
 
 /// Returns an array whose deviations are functions of the settings and their seed.
 SimulatedRig make_simulated_rig(const SimulationSettings& settings);
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -14,14 +14,14 @@
 #include "simulate/simulated_rig.h"
 #include "store/timeline.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 constexpr double kDegrees = std::numbers::pi / 180;
 constexpr int kMinKeys = 8;
 
 // Returns the camera key at `u`, from 0 at the first frame to 1 at the last.
-ShotDocument::CameraKey key_at(const SimulationSettings& s, double frame, double u) {
+schemas::ShotDocument::CameraKey key_at(const SimulationSettings& s, double frame, double u) {
   constexpr double kTurn = 2 * std::numbers::pi;
   // Narrower than the cameras, so that the view stays within their common field of view.
   const double widest = std::min(s.horizontal_fov_deg, 120.0);
@@ -32,11 +32,11 @@ ShotDocument::CameraKey key_at(const SimulationSettings& s, double frame, double
   const double depth = 0.35 * std::min(half_x, half_y * s.view_width() / s.view_height()) / slope;
   const double yaw = 0.03 * widest * std::sin(kTurn * u) * kDegrees;
   const double pitch = 0.015 * widest * std::sin(kTurn * u + 1) * kDegrees;
-  const Pose of_array = simulated_rig_pose(s);
+  const rig::Pose of_array = simulated_rig_pose(s);
   const Eigen::Quaterniond orientation(Eigen::Quaterniond(of_array.world_from_camera_rotation) *
                                        Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()) *
                                        Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()));
-  ShotDocument::CameraKey key;
+  schemas::ShotDocument::CameraKey key;
   key.frame = frame;
   const Eigen::Vector3d place = of_array.world_from_camera(Eigen::Vector3d(
       0.5 * half_x * std::sin(kTurn * (0.9 * u - 0.2)),
@@ -47,21 +47,22 @@ ShotDocument::CameraKey key_at(const SimulationSettings& s, double frame, double
   return key;
 }
 
-ViewsDocument::View view_of(const SimulationSettings& s, const ShotDocument::CameraKey& key,
-                            int number, Nanoseconds time) {
-  ViewsDocument::View view;
+schemas::ViewsDocument::View view_of(const SimulationSettings& s,
+                                     const schemas::ShotDocument::CameraKey& key, int number,
+                                     Nanoseconds time) {
+  schemas::ViewsDocument::View view;
   view.geometry.id = fmt::format("view{:03}", number);
   view.geometry.width = s.view_width();
   view.geometry.height = s.view_height();
   const double focal = s.view_width() / 2.0 / std::tan(*key.horizontal_fov_deg / 2 * kDegrees);
   view.geometry.intrinsics = {focal, focal, s.view_width() / 2.0, s.view_height() / 2.0, {}};
-  Pose pose;
+  rig::Pose pose;
   const auto& q = *key.orientation;
   pose.world_from_camera_rotation =
       Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized().toRotationMatrix();
   const auto& position = *key.position;
   pose.position = {position[0], position[1], position[2]};
-  view.geometry.world_from_camera = matrix_from_pose(pose);
+  view.geometry.world_from_camera = rig::matrix_from_pose(pose);
   view.file = "truth/" + view.geometry.id + ".png";
   view.time_ns = time;
   return view;
@@ -79,12 +80,12 @@ Span usable_span(const SimulationSettings& s, const ExposureSchedule& schedule) 
   for (const ExposureSchedule::Camera& camera : schedule.cameras) {
     auto& column = times.emplace_back();
     for (const ExposureSchedule::Frame& frame : camera.frames) {
-      if (frame.status == FrameStatus::kStored) column.push_back(frame.stamped_time);
+      if (frame.status == store::FrameStatus::kStored) column.push_back(frame.stamped_time);
     }
     any = any || !column.empty();
   }
   if (!any) return {};
-  const Timeline timeline = build_timeline(times, s.fps, 0, 0, "simulated take");
+  const store::Timeline timeline = store::build_timeline(times, s.fps, 0, 0, "simulated take");
   const Nanoseconds first = timeline.ticks.front().time_ns;
   return {first, static_cast<double>(timeline.ticks.back().time_ns - first) * 1e-9};
 }
@@ -94,7 +95,7 @@ Span usable_span(const SimulationSettings& s, const ExposureSchedule& schedule) 
 SimulatedShot make_simulated_shot(const SimulationSettings& s, const ExposureSchedule& schedule,
                                   double focus) {
   SimulatedShot path;
-  ShotDocument& shot = path.shot;
+  schemas::ShotDocument& shot = path.shot;
   shot.name = "virtual path through " + s.scene;
   shot.width = s.view_width();
   shot.height = s.view_height();
@@ -109,10 +110,10 @@ SimulatedShot make_simulated_shot(const SimulationSettings& s, const ExposureSch
   // Centred in the take, at normal speed if the take is long enough, otherwise slowed down.
   const Span usable = usable_span(s, schedule);
   const double duration = steps / rate.fps();
-  ShotDocument::Layer layer;
+  schemas::ShotDocument::Layer layer;
   layer.name = "take";
   layer.take = ".";
-  layer.focal_plane.kind = ShotDocument::FocalPlane::Kind::kDepth;
+  layer.focal_plane.kind = schemas::ShotDocument::FocalPlane::Kind::kDepth;
   layer.focal_plane.depth = focus;
   layer.speed = duration > usable.seconds ? usable.seconds / duration : 1;
   const double unused = std::max(0.0, usable.seconds - duration * layer.speed);
@@ -144,4 +145,4 @@ SimulatedShot make_simulated_shot(const SimulationSettings& s, const ExposureSch
   return path;
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -8,14 +8,14 @@
 #include "simulate/exposure_schedule.h"
 #include "simulate/simulation_settings.h"
 
-namespace raystage {
+namespace raystage::simulate {
 
 /// A camera move within the array's range of motion (thesis 5.2) along all axes, with a small pan
 /// and zoom. `shot` renders it from the take. `views` are the views with a ground-truth image, each
 /// at a whole frame that is also a camera key of the shot.
 struct SimulatedShot {
-  ShotDocument shot;
-  ViewsDocument views;
+  schemas::ShotDocument shot;
+  schemas::ViewsDocument views;
 };
 
 /// Times refer to the timeline that `raystage sync` builds by default. `focus`: distance of the
@@ -23,4 +23,4 @@ struct SimulatedShot {
 SimulatedShot make_simulated_shot(const SimulationSettings& settings,
                                   const ExposureSchedule& schedule, double focus);
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -8,7 +8,7 @@
 #include "base/error.h"
 #include "schemas/photometric_response.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 template <typename Number>
@@ -52,7 +52,7 @@ void check_simulation_settings(const SimulationSettings& s) {
   check_range("mix of colours", s.color_errors.crosstalk, 0.0, 0.3);
   check_range("curve", s.color_errors.curve, 0.0, 0.5);
   check_range("hot pixels", s.color_errors.hot_pixels, 0,
-              static_cast<int>(PhotometricResponse::kMaxHotPixels));
+              static_cast<int>(schemas::PhotometricResponse::kMaxHotPixels));
   check_range("fps", s.fps, 0.1, 1000.0);
   check_range("seconds", s.seconds, 0.0, 36000.0);
   check_range("frames per camera", s.seconds * s.fps + 1e-9, 1.0, 1e6);
@@ -71,4 +71,4 @@ void check_simulation_settings(const SimulationSettings& s) {
   check_range("shot frames", s.shot_frames, 1, 1'000'000);
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

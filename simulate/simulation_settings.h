@@ -7,7 +7,7 @@
 
 #include "store/jpeg/encode.h"
 
-namespace raystage {
+namespace raystage::simulate {
 
 /// Limits of the random colour errors of each camera.
 struct ColorErrors {
@@ -58,7 +58,7 @@ struct SimulationSettings {
   // Pictures.
   double noise = 0.005;  ///< standard deviation at full scale; scales with sqrt(light)
   int edge_samples = 4;  ///< per pixel at edges: a square number
-  JpegEncodeSettings jpeg;
+  store::JpegEncodeSettings jpeg;
 
   // Truth.
   int truth_views = 8;
@@ -75,4 +75,4 @@ struct SimulationSettings {
 /// Throws Error (bad input) that names the setting, its value and the allowed range.
 void check_simulation_settings(const SimulationSettings& settings);
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -6,7 +6,7 @@
 #include "simulate/procedural_textures.h"
 #include "simulate/scene.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 using Eigen::AngleAxisf;
@@ -91,8 +91,7 @@ class StageBuilder {
     if (moving_) {
       scene_.parts.push_back({name, std::move(mesh), material, motion_index});
     } else {
-      still(name, placed(mesh, scene_.motions[static_cast<std::size_t>(motion_index)](0)),
-            material);
+      still(name, placed(mesh, scene_.motions[motion_index](0)), material);
     }
   }
   void moving(const char* name, SceneMesh mesh, const SceneMaterial& material,
@@ -265,4 +264,4 @@ class StageBuilder {
 
 Scene make_stage_scene(bool moving) { return StageBuilder(moving).build(); }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

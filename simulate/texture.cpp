@@ -8,7 +8,7 @@
 
 #include "base/parallel.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 constexpr float kMaxTaps = 4;
@@ -24,9 +24,7 @@ int floor_to_int(float x) {
 Texture::Texture(int width, int height, const ProceduralTexture& painter) {
   assert(std::has_single_bit(static_cast<unsigned>(width)) &&
          std::has_single_bit(static_cast<unsigned>(height)));
-  levels_.push_back({width, height, {}});
-  Level& painted = levels_.back();
-  painted.texels.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  Image<Texel>& painted = levels_.emplace_back(width, height);
   raystage::parallel_for(0, height, [&](int row) {
     for (int column = 0; column < width; ++column) {
       // Two samples on the diagonal suffice: the mip levels average further.
@@ -35,26 +33,18 @@ Texture::Texture(int width, int height, const ProceduralTexture& painter) {
                        (static_cast<float>(row) + y) / static_cast<float>(height));
       };
       const Eigen::Vector3f mean = (at(0.25F, 0.25F) + at(0.75F, 0.75F)) / 2;
-      painted.texels[static_cast<std::size_t>(row) * static_cast<std::size_t>(width) +
-                     static_cast<std::size_t>(column)] = Texel(mean.x(), mean.y(), mean.z(), 1);
+      painted.at(column, row) = Texel(mean.x(), mean.y(), mean.z(), 1);
     }
   });
   while (levels_.back().width > 1 || levels_.back().height > 1) {
-    const Level& fine = levels_.back();
-    Level coarse{std::max(1, fine.width / 2), std::max(1, fine.height / 2), {}};
-    coarse.texels.reserve(static_cast<std::size_t>(coarse.width) *
-                          static_cast<std::size_t>(coarse.height));
-    const auto texel = [&](int column, int row) {
-      return fine.texels[static_cast<std::size_t>(std::min(row, fine.height - 1)) *
-                             static_cast<std::size_t>(fine.width) +
-                         static_cast<std::size_t>(std::min(column, fine.width - 1))];
-    };
+    const Image<Texel>& fine = levels_.back();
+    Image<Texel> coarse(std::max(1, fine.width / 2), std::max(1, fine.height / 2));
     for (int row = 0; row < coarse.height; ++row) {
       for (int column = 0; column < coarse.width; ++column) {
         const int x = 2 * column, y = 2 * row;
-        const Texel mean =
-            (texel(x, y) + texel(x + 1, y) + texel(x, y + 1) + texel(x + 1, y + 1)) / 4;
-        coarse.texels.push_back(mean);
+        coarse.at(column, row) = (fine.clamped(x, y) + fine.clamped(x + 1, y) +
+                                  fine.clamped(x, y + 1) + fine.clamped(x + 1, y + 1)) /
+                                 4;
       }
     }
     levels_.push_back(std::move(coarse));
@@ -62,19 +52,16 @@ Texture::Texture(int width, int height, const ProceduralTexture& painter) {
 }
 
 Texture::Texel Texture::bilinear(std::size_t index, float u, float v) const {
-  const Level& level = levels_[index];
+  const Image<Texel>& level = levels_[index];
   const float x = u * static_cast<float>(level.width) - 0.5F;
   const float y = v * static_cast<float>(level.height) - 0.5F;
   const int left = floor_to_int(x), top = floor_to_int(y);
   const float fx = x - static_cast<float>(left), fy = y - static_cast<float>(top);
   const int mask_x = level.width - 1, mask_y = level.height - 1;
-  const auto width = static_cast<std::size_t>(level.width);
-  const auto x0 = static_cast<std::size_t>(left & mask_x);
-  const auto x1 = static_cast<std::size_t>((left + 1) & mask_x);
-  const auto row0 = static_cast<std::size_t>(top & mask_y) * width;
-  const auto row1 = static_cast<std::size_t>((top + 1) & mask_y) * width;
-  const Texel upper = level.texels[row0 + x0] * (1 - fx) + level.texels[row0 + x1] * fx;
-  const Texel lower = level.texels[row1 + x0] * (1 - fx) + level.texels[row1 + x1] * fx;
+  const int x0 = left & mask_x, x1 = (left + 1) & mask_x;
+  const int y0 = top & mask_y, y1 = (top + 1) & mask_y;
+  const Texel upper = level.at(x0, y0) * (1 - fx) + level.at(x1, y0) * fx;
+  const Texel lower = level.at(x0, y1) * (1 - fx) + level.at(x1, y1) * fx;
   return upper * (1 - fy) + lower * fy;
 }
 
@@ -110,4 +97,4 @@ Eigen::Vector3f Texture::sample(const Eigen::Vector2f& uv, const Eigen::Vector2f
   return {mean[0], mean[1], mean[2]};
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

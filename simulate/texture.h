@@ -5,7 +5,9 @@
 #include <functional>
 #include <vector>
 
-namespace raystage {
+#include "base/image.h"
+
+namespace raystage::simulate {
 
 /// Returns linear light R, G, B at (u, v), each in [0, 1); v runs downwards.
 using ProceduralTexture = std::function<Eigen::Vector3f(float u, float v)>;
@@ -23,14 +25,10 @@ class Texture {
 
  private:
   using Texel = Eigen::Array4f;
-  struct Level {
-    int width = 0, height = 0;
-    std::vector<Texel, Eigen::aligned_allocator<Texel>> texels;
-  };
 
   Texel bilinear(std::size_t level, float u, float v) const;
 
-  std::vector<Level> levels_;
+  std::vector<Image<Texel>> levels_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -3,7 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 using nlohmann::ordered_json;
@@ -52,7 +52,7 @@ ordered_json times_json(const ExposureSchedule::Camera& camera, const std::strin
   for (const ExposureSchedule::Frame& frame : camera.frames) {
     true_times.push_back(frame.true_time);
     stamps.push_back(frame.stamped_time);
-    status.push_back(name_of(frame.status));
+    status.push_back(store::name_of(frame.status));
   }
   return {{"id", id},
           {"node", "node" + std::to_string(camera.node)},
@@ -84,8 +84,8 @@ std::string format_truth_document(const SimulationSettings& settings, const Simu
   for (std::size_t i = 0; i < schedule.cameras.size(); ++i) {
     cameras.push_back(times_json(schedule.cameras[i], array.truth.cameras[i].geometry.id));
   }
-  const auto rig = [](const RigDocument& document) {
-    return ordered_json::parse(format_rig(document)).dump();
+  const auto rig = [](const schemas::RigDocument& document) {
+    return ordered_json::parse(schemas::format_rig(document)).dump();
   };
   std::string text = "{\n  \"schema\": \"raystage/simulation-truth/1\",\n";
   text += "  \"seed\": " + std::to_string(settings.seed) + ",\n";
@@ -97,4 +97,4 @@ std::string format_truth_document(const SimulationSettings& settings, const Simu
   return text;
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -7,11 +7,11 @@
 #include "simulate/simulated_rig.h"
 #include "simulate/simulation_settings.h"
 
-namespace raystage {
+namespace raystage::simulate {
 
 /// Returns the text of TAKE/truth.json (schema "raystage/simulation-truth/1"): settings, true
 /// calibration, true times and clock errors. docs/simulation.md describes its layout.
 std::string format_truth_document(const SimulationSettings& settings, const SimulatedRig& array,
                                   const ExposureSchedule& schedule);
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -15,7 +15,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::simulate {
 namespace {
 
 constexpr std::size_t kPacket = 16;
@@ -142,7 +142,7 @@ SceneGeometry::SceneGeometry(const Scene& scene) : scene_(scene), device_(rtcNew
   }
   std::map<int, std::size_t> group_of_motion;
   for (int i = 0; i < static_cast<int>(scene.parts.size()); ++i) {
-    const ScenePart& part = scene.parts[static_cast<std::size_t>(i)];
+    const ScenePart& part = scene.parts[i];
     if (part.motion < 0) {
       static_.push_back(i);
     } else {
@@ -164,7 +164,7 @@ SceneGeometry::Owned<RTCScene> SceneGeometry::make_scene(std::span<const int> pa
   Owned<RTCScene> result(rtcNewScene(device_.get()));
   rtcSetSceneFlags(result.get(), RTC_SCENE_FLAG_ROBUST);
   for (unsigned id = 0; id < parts.size(); ++id) {
-    const SceneMesh& mesh = scene_.parts[static_cast<std::size_t>(parts[id])].mesh;
+    const SceneMesh& mesh = scene_.parts[parts[id]].mesh;
     const Owned<RTCGeometry> geometry(rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
     void* positions =
         rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
@@ -205,9 +205,9 @@ void World::set_time(double seconds) {
   const Scene& scene = geometry_.scene();
   for (std::size_t group = 0; group < instances_.size(); ++group) {
     const std::vector<int>& parts = geometry_.moving_[group];
-    const int motion = scene.parts[static_cast<std::size_t>(parts[0])].motion;
-    const Eigen::Isometry3f placement = scene.motions[static_cast<std::size_t>(motion)](seconds);
-    for (const int part : parts) world_from_part_[static_cast<std::size_t>(part)] = placement;
+    const int motion = scene.parts[parts[0]].motion;
+    const Eigen::Isometry3f placement = scene.motions[motion](seconds);
+    for (const int part : parts) world_from_part_[part] = placement;
     const Eigen::Matrix<float, 3, 4> columns = placement.matrix().topRows<3>();
     rtcSetGeometryTransform(instances_[group].get(), 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR,
                             columns.data());
@@ -244,4 +244,4 @@ void World::occlude_moving(std::span<const Ray> rays, std::span<const float> lim
   test_occlusion(moving_.get(), rays, limits, occluded);
 }
 
-}  // namespace raystage
+}  // namespace raystage::simulate

@@ -13,7 +13,7 @@
 
 #include "simulate/scene.h"
 
-namespace raystage {
+namespace raystage::simulate {
 
 struct Ray {
   Eigen::Vector3f origin = Eigen::Vector3f::Zero();       ///< world, metres
@@ -43,9 +43,7 @@ class SceneGeometry {
   explicit SceneGeometry(const Scene& scene);
 
   const Scene& scene() const { return scene_; }
-  const TriangleShape& triangle(int part, int index) const {
-    return triangles_[static_cast<std::size_t>(part)][static_cast<std::size_t>(index)];
-  }
+  const TriangleShape& triangle(int part, int index) const { return triangles_[part][index]; }
 
  private:
   friend class World;
@@ -77,9 +75,7 @@ class World {
   const SceneGeometry& geometry() const { return geometry_; }
   void set_time(double seconds);
   /// Returns the transform of a part at the time set.
-  const Eigen::Isometry3f& world_from_part(int part) const {
-    return world_from_part_[static_cast<std::size_t>(part)];
-  }
+  const Eigen::Isometry3f& world_from_part(int part) const { return world_from_part_[part]; }
 
   /// Finds the first hit of each ray on a static part.
   void trace_static(std::span<const Ray> rays, std::span<Hit> hits) const;
@@ -101,4 +97,4 @@ class World {
   std::vector<Eigen::Isometry3f> world_from_part_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::simulate

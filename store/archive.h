@@ -15,7 +15,7 @@
 #include "base/time.h"
 #include "store/remote_frames.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// State of one frame of a camera. The numbers are stored on disk: only append new ones.
 enum class FrameStatus : std::uint8_t {
@@ -179,4 +179,4 @@ class ArchiveReader {
   std::unique_ptr<State> state_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -11,17 +11,17 @@
 #include "testing/store/archive_test_data.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 using Bytes = std::span<const std::byte>;
-using test::bytes_of;
-using test::description;
-using test::fake_jpeg;
+using testing::bytes_of;
+using testing::description;
+using testing::fake_jpeg;
 
 constexpr unsigned kFrames = 12;
 
-struct Cut : testing::TestWithParam<bool> {
+struct Cut : ::testing::TestWithParam<bool> {
   Cut() {
     const auto mkv = folder.path() / "a.mkv";
     const auto journal_file = folder.path() / "a.journal";
@@ -51,7 +51,7 @@ struct Cut : testing::TestWithParam<bool> {
     }
   }
 
-  TestFolder folder;
+  testing::TestFolder folder;
   std::vector<std::byte> archive, journal;
   ArchiveIndex whole;
 };
@@ -128,9 +128,9 @@ TEST_P(Cut, RottenByteWithoutJournal) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Archive, Cut, testing::Values(false, true), [](const auto& parameter) {
+INSTANTIATE_TEST_SUITE_P(Archive, Cut, ::testing::Values(false, true), [](const auto& parameter) {
   return parameter.param ? "Closed" : "Unclosed";
 });
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

@@ -8,13 +8,12 @@
 
 #include <algorithm>
 #include <string>
-#include <utility>
 
 #include "base/error.h"
 #include "store/journal.h"
 #include "store/matroska.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 using Bytes = std::span<const std::byte>;
@@ -164,4 +163,4 @@ ArchiveIndex index_archive(Bytes archive, std::optional<Bytes> journal,
   return index;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -9,7 +9,7 @@
 
 #include "store/archive.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// The index of an archive: its journal, checked against the Matroska file. Works on bytes in
 /// memory, so that fuzz tests can pass any bytes.
@@ -31,4 +31,4 @@ ArchiveIndex index_archive(std::span<const std::byte> archive,
                            std::optional<std::span<const std::byte>> journal,
                            std::string_view archive_name, std::string_view journal_name);
 
-}  // namespace raystage
+}  // namespace raystage::store

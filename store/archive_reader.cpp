@@ -13,7 +13,7 @@
 #include "store/archive.h"
 #include "store/archive_index.h"
 
-namespace raystage {
+namespace raystage::store {
 
 struct ArchiveReader::State {
   State() = default;
@@ -21,7 +21,7 @@ struct ArchiveReader::State {
 
   std::span<const std::byte> mapped(int frame) const {
     assert(frame >= 0 && static_cast<std::size_t>(frame) < index.frames.size());
-    const FrameRecord& record = index.frames[static_cast<std::size_t>(frame)];
+    const FrameRecord& record = index.frames[frame];
     return file->bytes().subspan(static_cast<std::size_t>(record.offset), record.size);
   }
 
@@ -127,7 +127,7 @@ void ArchiveReader::read_ahead(int frame) const {
 
 bool ArchiveReader::verify_frame(int frame) const {
   const auto bytes = jpeg(frame);
-  return XXH3_64bits(bytes.data(), bytes.size()) == frames()[static_cast<std::size_t>(frame)].xxh3;
+  return XXH3_64bits(bytes.data(), bytes.size()) == frames()[frame].xxh3;
 }
 
 const ArchiveWriter::Description& ArchiveReader::description() const {
@@ -141,4 +141,4 @@ std::uint64_t ArchiveReader::bytes() const {
 int ArchiveReader::recovered_frames() const { return state_->index.recovered; }
 int ArchiveReader::damaged_records() const { return state_->index.damaged_records; }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -10,7 +10,7 @@
 #include "store/archive_writer_files.h"
 #include "store/journal.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 using Bytes = std::span<const std::byte>;
@@ -118,4 +118,4 @@ ArchiveWriter ArchiveWriter::resume(const std::filesystem::path& archive,
   return ArchiveWriter(std::move(files));
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

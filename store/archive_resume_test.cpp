@@ -22,17 +22,17 @@
 #include "testing/store/archive_test_data.h"
 #include "testing/test_folder.h"
 
-namespace raystage::archive_resume_test {
+namespace raystage::store::archive_resume_test {
 namespace {
 
-using test::bytes_of;
-using test::description;
-using test::fake_jpeg;
-using testing::HasSubstr;
+using testing::bytes_of;
+using testing::description;
+using testing::fake_jpeg;
+using ::testing::HasSubstr;
 
 using Bytes = std::vector<std::byte>;
 
-struct Resume : testing::Test, test::ArchiveFiles {
+struct Resume : ::testing::Test, testing::ArchiveFiles {
   ArchiveWriter resume() const { return ArchiveWriter::resume(mkv, journal, description()); }
 
   /// What frame i is everywhere here.
@@ -55,7 +55,7 @@ struct Resume : testing::Test, test::ArchiveFiles {
   }
   // The same frames without any interruption.
   std::pair<Bytes, Bytes> in_one_go(std::size_t frames) const {
-    const TestFolder other;
+    const testing::TestFolder other;
     const auto a = other.path() / "a.mkv", b = other.path() / "a.journal";
     ArchiveWriter out(a, b, description());
     for (std::size_t i = 0; i < frames; ++i) {
@@ -188,7 +188,7 @@ TEST_F(Resume, EveryStepOfClosingAndOpeningAgainIsReadable) {
       if (step & 2) put_back(file, header.seek_head_offset, matroska::kSeekHeadBytes);
       if (step & 4) put_back(file, header.duration_offset, matroska::kDurationBytes);
       if (step & 8) file.resize(cut);
-      test::overwrite(mkv, file);
+      testing::overwrite(mkv, file);
       ASSERT_NO_FATAL_FAILURE(expect_frames(5)) << step << " " << cut;
       {
         ArchiveWriter out = resume();
@@ -211,8 +211,8 @@ TEST_F(Resume, ATornTailIsCutAndUnlistedFramesAreListed) {
       for (const std::size_t lost : {std::size_t{0}, std::size_t{1}, std::size_t{48},
                                      std::size_t{60}, std::size_t{100}, lines.size()}) {
         const auto a = folder.path() / "cut.mkv", b = folder.path() / "cut.journal";
-        test::overwrite(a, std::span(archive).first(cut));
-        test::overwrite(b, std::span(lines).first(lines.size() - lost));
+        testing::overwrite(a, std::span(archive).first(cut));
+        testing::overwrite(b, std::span(lines).first(lines.size() - lost));
         const auto before = ArchiveReader(a, b).frames().size();
         ArchiveWriter::resume(a, b, description()).append(jpeg(9), time(9), origin(9));
         const ArchiveReader in(a, b);
@@ -268,7 +268,7 @@ TEST_F(Resume, RefusesWhatIsNotItsOwn) {
   EXPECT_THAT(refused(other), HasSubstr("is expected"));
   auto damaged = whole;
   damaged[20] ^= std::byte{1};
-  test::overwrite(mkv, damaged);
+  testing::overwrite(mkv, damaged);
   EXPECT_THAT(refused(description()), HasSubstr("raystage repair"));
   EXPECT_EQ(bytes_of(mkv), damaged);
   EXPECT_EQ(bytes_of(journal), lines);
@@ -290,4 +290,4 @@ TEST_F(Resume, FlushFromAnotherThread) {
 }
 
 }  // namespace
-}  // namespace raystage::archive_resume_test
+}  // namespace raystage::store::archive_resume_test

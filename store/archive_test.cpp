@@ -27,15 +27,15 @@
 #include "testing/store/archive_test_data.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-using test::bytes_of;
-using test::description;
-using test::fake_jpeg;
-using testing::HasSubstr;
+using testing::bytes_of;
+using testing::description;
+using testing::fake_jpeg;
+using ::testing::HasSubstr;
 
-struct Archive : testing::Test, test::ArchiveFiles {};
+struct Archive : ::testing::Test, testing::ArchiveFiles {};
 
 template <typename Call>
 Error error_of(Call&& call) {
@@ -114,8 +114,8 @@ TEST_F(Archive, GivesBackWhatWentIn) {
   EXPECT_EQ(in.frames()[0].time_ns, 66'666'667);
   EXPECT_EQ(in.frames()[1].time_ns, 200'000'001);
   EXPECT_EQ(in.frames()[2].time_ns, matroska::kMaxTime);
-  EXPECT_THAT(in.jpeg(0).bytes(), testing::ElementsAreArray(fake_jpeg(1)));
-  EXPECT_THAT(in.jpeg(1).bytes(), testing::ElementsAreArray(fake_jpeg(2, 1)));
+  EXPECT_THAT(in.jpeg(0).bytes(), ::testing::ElementsAreArray(fake_jpeg(1)));
+  EXPECT_THAT(in.jpeg(1).bytes(), ::testing::ElementsAreArray(fake_jpeg(2, 1)));
   EXPECT_TRUE(std::ranges::equal(in.jpeg(2).bytes(), fake_jpeg(3, 100'000)));
   for (int i = 0; i < 3; ++i) EXPECT_TRUE(in.verify_frame(i));
 }
@@ -182,7 +182,7 @@ TEST_F(Archive, NeverTakesTheNameOfAnother) {
 
 TEST_F(Archive, MissingOrForeignFilesAreBadInput) {
   EXPECT_EQ(error_of([&] { reader(); }).exit_code(), ExitCode::kBadInput);
-  test::overwrite(mkv, std::as_bytes(std::span("RIFF....AVI ")));
+  testing::overwrite(mkv, std::as_bytes(std::span("RIFF....AVI ")));
   EXPECT_THAT(error_of([&] { reader(); }).what(), HasSubstr("not a Matroska file"));
 }
 
@@ -199,7 +199,7 @@ TEST_F(Archive, FutureJournalIsRefused) {
       header, 56,
       journal::hash_camera_id(std::string_view(reinterpret_cast<const char*>(header.data()), 56)));
   std::ranges::copy(header, bytes.begin());
-  test::overwrite(journal, bytes);
+  testing::overwrite(journal, bytes);
   const Error error = error_of([&] { reader(); });
   EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
   EXPECT_THAT(error.what(), HasSubstr("version 7"));
@@ -210,7 +210,7 @@ TEST_F(Archive, JournalOfAnotherCameraIsRefused) {
   writer().close();
   auto other = description();
   other.camera_id = "r0c1";
-  test::overwrite(journal, journal::encode_header(other));
+  testing::overwrite(journal, journal::encode_header(other));
   EXPECT_THAT(error_of([&] { reader(); }).what(), HasSubstr("another archive"));
 }
 
@@ -227,7 +227,7 @@ TEST_F(Archive, RottenRecordCostsOnlyItsHash) {
     auto bytes = whole;
     bytes[journal::kHeaderBytes + journal::kRecordBytes + bit / 8] ^=
         static_cast<std::byte>(1u << (bit % 8));
-    test::overwrite(journal, bytes);
+    testing::overwrite(journal, bytes);
     const ArchiveReader in = reader();
     ASSERT_EQ(in.records().size(), 4u) << bit;
     ASSERT_EQ(in.frames().size(), 3u) << bit;
@@ -248,7 +248,7 @@ TEST_F(Archive, ChangedPictureFailsItsHash) {
   }
   auto bytes = bytes_of(mkv);
   bytes[static_cast<std::size_t>(reader().frames()[0].offset) + 7] ^= std::byte{1};
-  test::overwrite(mkv, bytes);
+  testing::overwrite(mkv, bytes);
   EXPECT_FALSE(reader().verify_frame(0));
   EXPECT_TRUE(reader().verify_frame(1));
 }
@@ -274,7 +274,7 @@ TEST_F(Archive, UnwrittenTailOfACrashIsTorn) {
   const auto third = static_cast<std::size_t>(reader().frames()[2].offset);
   std::fill(bytes.begin() + static_cast<std::ptrdiff_t>(third) + 20, bytes.end(), std::byte{0});
   const auto crashed = folder.path() / "crashed.mkv";
-  test::overwrite(crashed, bytes);
+  testing::overwrite(crashed, bytes);
   const ArchiveReader in(crashed, journal);
   ASSERT_EQ(in.records().size(), 4u);
   EXPECT_EQ(in.frames().size(), 2u);
@@ -348,7 +348,7 @@ TEST_F(Archive, NearestFrameIsTheNearest) {
   rc::check([&] {
     const auto gaps =
         *rc::gen::nonEmpty(rc::gen::container<std::vector<int>>(rc::gen::inRange(1, 100)));
-    const TestFolder place;
+    const testing::TestFolder place;
     ArchiveWriter out(place.path() / "a.mkv", place.path() / "a.journal", description());
     Nanoseconds time = 0;
     for (const int gap : gaps) out.append(fake_jpeg(1, 1), time += gap);
@@ -456,4 +456,4 @@ TEST_F(Archive, FfprobeReadsTheSameTimesAndSizes) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

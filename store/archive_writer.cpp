@@ -13,7 +13,7 @@
 #include "store/archive_writer_files.h"
 #include "store/journal.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr const char* kMakeRoom = "Free space on the disk or choose another one";
@@ -248,4 +248,4 @@ void ArchiveWriter::close() {
   if (const auto files = std::exchange(files_, nullptr)) files->close();
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

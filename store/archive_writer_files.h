@@ -13,7 +13,7 @@
 #include "store/archive.h"
 #include "store/matroska.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Throws Error (bad input) if no archive can have this description.
 void check_description(const ArchiveWriter::Description& description,
@@ -47,4 +47,4 @@ struct ArchiveWriter::Files {
   std::atomic<bool> directory_is_synced = false;
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -4,7 +4,7 @@
 #include <bit>
 #include <cassert>
 
-namespace raystage::ebml {
+namespace raystage::store::ebml {
 namespace {
 
 constexpr std::uint32_t kVoidId = 0xEC;
@@ -127,4 +127,4 @@ std::string_view read_string(std::span<const std::byte> bytes, const Element& el
   return text.substr(0, text.find('\0'));
 }
 
-}  // namespace raystage::ebml
+}  // namespace raystage::store::ebml

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-namespace raystage::ebml {
+namespace raystage::store::ebml {
 
 /// Bytes of a size field that is filled in later. The fixed width allows patching in place (RFC
 /// 8794 section 6).
@@ -79,4 +79,4 @@ std::optional<std::uint64_t> read_uint(std::span<const std::byte> bytes, const E
 std::optional<std::int64_t> read_int(std::span<const std::byte> bytes, const Element& element);
 std::string_view read_string(std::span<const std::byte> bytes, const Element& element);
 
-}  // namespace raystage::ebml
+}  // namespace raystage::store::ebml

@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "base/little_endian.h"
 
-namespace raystage::journal {
+namespace raystage::store::journal {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'R', 'A', 'Y', 'S', 'J', 'R', 'N', 'L'};
@@ -164,4 +164,4 @@ Contents decode(std::span<const std::byte> file, std::string_view name) {
   return contents;
 }
 
-}  // namespace raystage::journal
+}  // namespace raystage::store::journal

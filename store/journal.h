@@ -11,7 +11,7 @@
 
 #include "store/archive.h"
 
-namespace raystage::journal {
+namespace raystage::store::journal {
 
 // Layout: docs/formats/journal.md.
 inline constexpr std::uint32_t kVersion = 2;
@@ -53,4 +53,4 @@ Contents decode(std::span<const std::byte> file, std::string_view name);
 /// Returns the hash that, together with the epoch, links a journal to its archive.
 std::uint64_t hash_camera_id(std::string_view camera_id);
 
-}  // namespace raystage::journal
+}  // namespace raystage::store::journal

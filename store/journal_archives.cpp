@@ -8,7 +8,7 @@
 #include "base/posix_file.h"
 #include "store/journal.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 namespace fs = std::filesystem;
@@ -31,10 +31,10 @@ class FramesElsewhere : public RemoteFrames {
 class JournalArchives : public RemoteArchives {
  public:
   explicit JournalArchives(fs::path folder)
-      : folder_(std::move(folder)), document_(read_take(folder_ / "take.json")) {}
+      : folder_(std::move(folder)), document_(schemas::read_take(folder_ / "take.json")) {}
 
   std::optional<ArchiveReader> open(int camera) const override {
-    const TakeDocument::Camera& entry = document_.cameras[static_cast<std::size_t>(camera)];
+    const schemas::TakeDocument::Camera& entry = document_.cameras[camera];
     const fs::path archive = folder_ / entry.archive, journal = folder_ / entry.journal;
     if (fs::exists(archive) || !fs::exists(journal)) return std::nullopt;
     const MappedFile file(journal);
@@ -55,7 +55,7 @@ class JournalArchives : public RemoteArchives {
 
  private:
   fs::path folder_;
-  TakeDocument document_;
+  schemas::TakeDocument document_;
 };
 
 }  // namespace
@@ -65,4 +65,4 @@ std::shared_ptr<const RemoteArchives> make_journal_archives(const fs::path& take
   return std::make_shared<const JournalArchives>(take_folder);
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -6,7 +6,7 @@
 
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Returns the archives for a Take whose archives are on other hosts and whose journals are in its
 /// folder. A camera without an archive has the records of its journal and frames that cannot be
@@ -14,4 +14,4 @@ namespace raystage {
 std::shared_ptr<const RemoteArchives> make_journal_archives(
     const std::filesystem::path& take_folder);
 
-}  // namespace raystage
+}  // namespace raystage::store

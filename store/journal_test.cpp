@@ -14,15 +14,15 @@
 #include "testing/store/archive_test_data.h"
 #include "testing/store/take_test_data.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-using test::bytes_of;
-using test::description;
-using test::fake_jpeg;
-using testing::HasSubstr;
+using testing::bytes_of;
+using testing::description;
+using testing::fake_jpeg;
+using ::testing::HasSubstr;
 
-struct Journal : testing::Test, test::ArchiveFiles {};
+struct Journal : ::testing::Test, testing::ArchiveFiles {};
 
 TEST_F(Journal, KeepsWhereFramesCameFrom) {
   {
@@ -116,8 +116,8 @@ TEST_F(Journal, VersionOneIsRead) {
     archive.insert(archive.end(), jpeg.begin(), jpeg.end());
     if (i == 1) add(25, 0, 0, 2, 0);
   }
-  test::overwrite(mkv, archive);
-  test::overwrite(journal, bytes);
+  testing::overwrite(mkv, archive);
+  testing::overwrite(journal, bytes);
 
   const auto check = [&](const ArchiveReader& in, std::size_t frames) {
     EXPECT_EQ(in.damaged_records(), 0);
@@ -167,7 +167,7 @@ TEST_F(Journal, NoOneOrTwoFlippedBitsPassTheCheck) {
 // A timeline made before journals knew arrivals, or before a repair, stays valid.
 TEST_F(Journal, ArrivalsAreNoPartOfWhatATimelineStandsOn) {
   const auto fingerprint = [&](const std::string& name, FrameOrigin origin, unsigned seed) {
-    TakeWriter out(folder.path() / name, test::take_document(1), test::rig_document(1));
+    TakeWriter out(folder.path() / name, testing::take_document(1), testing::rig_document(1));
     out.archive(0).append(fake_jpeg(seed), 10, origin);
     out.commit();
     return take_fingerprint(Take(folder.path() / name));
@@ -192,4 +192,4 @@ TEST_F(Journal, IsRefusedFromTheFuture) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

@@ -12,7 +12,7 @@
 #include "store/ebml.h"
 
 // Element identifiers: RFC 9559 (Matroska), section 5.
-namespace raystage::matroska {
+namespace raystage::store::matroska {
 namespace {
 
 using ebml::Element;
@@ -346,4 +346,4 @@ std::vector<FoundFrame> scan_clusters(Bytes file, std::size_t begin, std::size_t
   return frames;
 }
 
-}  // namespace raystage::matroska
+}  // namespace raystage::store::matroska

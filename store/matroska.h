@@ -11,7 +11,7 @@
 
 #include "store/archive.h"
 
-namespace raystage::matroska {
+namespace raystage::store::matroska {
 
 /// Bytes from the start of a cluster to its JPEG, in the layout of our writer.
 inline constexpr std::size_t kClusterHeaderBytes = 35;
@@ -92,4 +92,4 @@ std::vector<FoundFrame> find_clusters(std::span<const std::byte> file, std::size
 std::vector<FoundFrame> scan_clusters(std::span<const std::byte> file, std::size_t begin,
                                       std::size_t end);
 
-}  // namespace raystage::matroska
+}  // namespace raystage::store::matroska

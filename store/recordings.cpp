@@ -2,31 +2,29 @@
 #include "store/recordings.h"
 
 #include <algorithm>
-#include <utility>
 
-namespace raystage {
+namespace raystage::store {
 
-std::vector<RecordingDocument> read_recordings(const std::filesystem::path& take_folder) {
+std::vector<schemas::RecordingDocument> read_recordings(const std::filesystem::path& take_folder) {
   std::vector<std::filesystem::path> files;
   std::error_code none;
   for (const auto& file : std::filesystem::directory_iterator(take_folder / "recording", none)) {
     if (file.path().extension() == ".json") files.push_back(file.path());
   }
   std::ranges::sort(files);
-  std::vector<RecordingDocument> recordings;
-  for (const auto& file : files) recordings.push_back(read_recording(file));
+  std::vector<schemas::RecordingDocument> recordings;
+  for (const auto& file : files) recordings.push_back(schemas::read_recording(file));
   return recordings;
 }
 
 std::vector<std::vector<Nanoseconds>> recorder_restarts(const Take& take) {
   std::vector<std::vector<Nanoseconds>> starts(static_cast<std::size_t>(take.camera_count()));
-  for (const RecordingDocument& recording : read_recordings(take.folder())) {
-    for (const RecordingDocument::Session& session : recording.sessions) {
-      for (const RecordingDocument::Camera& camera : session.cameras) {
+  for (const schemas::RecordingDocument& recording : read_recordings(take.folder())) {
+    for (const schemas::RecordingDocument::Session& session : recording.sessions) {
+      for (const schemas::RecordingDocument::Camera& camera : session.cameras) {
         const int index = take.camera_index(camera.id);
         if (index < 0) continue;
-        starts[static_cast<std::size_t>(index)].push_back(session.started_utc -
-                                                          take.document().epoch_utc);
+        starts[index].push_back(session.started_utc - take.document().epoch_utc);
       }
     }
   }
@@ -37,4 +35,4 @@ std::vector<std::vector<Nanoseconds>> recorder_restarts(const Take& take) {
   return starts;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

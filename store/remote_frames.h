@@ -10,7 +10,7 @@
 #include "store/jpeg/decode.h"
 #include "store/jpeg/layout.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// The encoded bytes of a frame, owned or kept in memory by their owner.
 class FrameBytes {
@@ -49,4 +49,4 @@ class RemoteFrames {
                                const McuMask& wanted) const = 0;
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

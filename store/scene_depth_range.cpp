@@ -5,11 +5,11 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::store {
 
-DepthRange scene_depth_range(const Take& of, const DepthRange& given, std::string_view what,
-                             std::string_view what_to_do) {
-  DepthRange scene = of.document().depth_range.value_or(DepthRange{});
+schemas::DepthRange scene_depth_range(const Take& of, const schemas::DepthRange& given,
+                                      std::string_view what, std::string_view what_to_do) {
+  schemas::DepthRange scene = of.document().depth_range.value_or(schemas::DepthRange{});
   if (given.near > 0) scene.near = given.near;
   if (given.far > 0) scene.far = given.far;
   const std::string take = of.folder().string();
@@ -24,4 +24,4 @@ DepthRange scene_depth_range(const Take& of, const DepthRange& given, std::strin
   return scene;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

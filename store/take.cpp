@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "schemas/rig_document.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 namespace fs = std::filesystem;
@@ -40,8 +40,8 @@ struct Take::State {
   State(std::filesystem::path path, std::shared_ptr<const RemoteArchives> others)
       : folder(std::move(path)),
         remote(std::move(others)),
-        document(read_take(checked_take(folder) / "take.json")),
-        rig(rig_from_document(read_rig(folder / "rig.json"))),
+        document(schemas::read_take(checked_take(folder) / "take.json")),
+        rig(rig::rig_from_document(schemas::read_rig(folder / "rig.json"))),
         slots(document.cameras.size()) {}
 
   void check_cameras() const;
@@ -49,8 +49,8 @@ struct Take::State {
 
   std::filesystem::path folder;
   std::shared_ptr<const RemoteArchives> remote;  // null: all are in the folder
-  TakeDocument document;
-  Rig rig;
+  schemas::TakeDocument document;
+  rig::Rig rig;
   mutable std::vector<Slot> slots;
 };
 
@@ -111,8 +111,8 @@ Take::Take(Take&&) noexcept = default;
 Take& Take::operator=(Take&&) noexcept = default;
 
 const std::filesystem::path& Take::folder() const { return state_->folder; }
-const TakeDocument& Take::document() const { return state_->document; }
-const Rig& Take::rig() const { return state_->rig; }
+const schemas::TakeDocument& Take::document() const { return state_->document; }
+const rig::Rig& Take::rig() const { return state_->rig; }
 
 void Take::check_not_inside(const fs::path& folder) const {
   std::error_code unknown;  // creating the folder reports it then
@@ -155,4 +155,4 @@ const ArchiveReader& Take::archive(int camera) const {
   return *slot.reader;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

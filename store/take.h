@@ -11,7 +11,7 @@
 #include "schemas/take_document.h"
 #include "store/archive.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Supplies the archives of a take that are not in its folder.
 class RemoteArchives {
@@ -40,8 +40,8 @@ class Take {
   Take& operator=(Take&&) noexcept;
 
   const std::filesystem::path& folder() const;
-  const TakeDocument& document() const;
-  const Rig& rig() const;
+  const schemas::TakeDocument& document() const;
+  const rig::Rig& rig() const;
   /// Throws Error (bad input) if a new take in `folder` would be inside of this one.
   void check_not_inside(const std::filesystem::path& folder) const;
   int camera_count() const;
@@ -67,7 +67,8 @@ class TakeWriter {
   /// Begins a take. Fills in camera.archive and camera.journal of the document (archive/ID.mkv).
   /// Throws Error (bad input) if `folder` exists or a camera id is not a safe file name. Throws
   /// Error (failed) if its parent folder is not writable.
-  TakeWriter(const std::filesystem::path& folder, TakeDocument take, RigDocument rig);
+  TakeWriter(const std::filesystem::path& folder, schemas::TakeDocument take,
+             schemas::RigDocument rig);
   ~TakeWriter();  ///< removes what was not committed
   TakeWriter(const TakeWriter&) = delete;
   TakeWriter& operator=(const TakeWriter&) = delete;
@@ -91,4 +92,4 @@ class TakeWriter {
   std::unique_ptr<State> state_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -12,7 +12,7 @@
 #include "store/recordings.h"
 #include "store/tick_phase.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 std::optional<bool> restart_markers_of(const ArchiveReader& archive, const std::string& id) {
@@ -26,8 +26,8 @@ std::optional<bool> restart_markers_of(const ArchiveReader& archive, const std::
 
 TakeSummary::Camera summary_of(const Take& take, int camera) {
   TakeSummary::Camera result;
-  result.id = take.document().cameras[static_cast<std::size_t>(camera)].id;
-  const auto& model = take.rig().cameras[static_cast<std::size_t>(camera)].model;
+  result.id = take.document().cameras[camera].id;
+  const auto& model = take.rig().cameras[camera].model;
   result.width = model.width();
   result.height = model.height();
   try {
@@ -66,11 +66,11 @@ double median_of(std::vector<double> values) {
   return *middle;
 }
 
-double spacing_of(const Rig& rig) {
+double spacing_of(const rig::Rig& rig) {
   std::vector<double> nearest;
-  for (const Rig::Camera& camera : rig.cameras) {
+  for (const rig::Rig::Camera& camera : rig.cameras) {
     double distance = std::numeric_limits<double>::infinity();
-    for (const Rig::Camera& other : rig.cameras) {
+    for (const rig::Rig::Camera& other : rig.cameras) {
       if (&other == &camera) continue;
       distance = std::min(distance, (other.pose.position - camera.pose.position).norm());
     }
@@ -83,7 +83,7 @@ void add_times(const Take& take, TakeSummary& summary) {
   std::vector<std::vector<Nanoseconds>> times;
   Nanoseconds first = std::numeric_limits<Nanoseconds>::max(), last = -1;
   for (int camera = 0; camera < take.camera_count(); ++camera) {
-    if (!summary.cameras[static_cast<std::size_t>(camera)].error.empty()) continue;
+    if (!summary.cameras[camera].error.empty()) continue;
     std::vector<Nanoseconds> column;
     for (const FrameRecord& frame : take.archive(camera).frames()) column.push_back(frame.time_ns);
     if (column.empty()) continue;
@@ -108,8 +108,8 @@ void add_restarts(const Take& take, TakeSummary& summary) {
       all.insert(of_camera.begin(), of_camera.end());
     }
     summary.restarts.assign(all.begin(), all.end());
-    for (const RecordingDocument& recording : read_recordings(take.folder())) {
-      for (const RecordingDocument::Session& session : recording.sessions) {
+    for (const schemas::RecordingDocument& recording : read_recordings(take.folder())) {
+      for (const schemas::RecordingDocument::Session& session : recording.sessions) {
         if (session.late() > 0) summary.late_nodes.emplace_back(recording.node, session.late());
       }
     }
@@ -140,13 +140,12 @@ TakeSummary summarise_take(const Take& take) {
   for (int camera = 0; camera < take.camera_count(); ++camera) {
     summary.cameras.push_back(summary_of(take, camera));
     summary.archive_bytes += summary.cameras.back().bytes;
-    focal_lengths.push_back(
-        take.rig().cameras[static_cast<std::size_t>(camera)].model.intrinsics().fx);
+    focal_lengths.push_back(take.rig().cameras[camera].model.intrinsics().fx);
   }
   summary.bytes_on_disk = size_below(take.folder());
   add_times(take, summary);
   add_restarts(take, summary);
-  summary.calibrated = is_calibrated(read_rig(take.folder() / "rig.json"));
+  summary.calibrated = schemas::is_calibrated(schemas::read_rig(take.folder() / "rig.json"));
   summary.spacing = spacing_of(take.rig());
   summary.min_alias_free_distance =
       min_alias_free_distance(summary.spacing, median_of(std::move(focal_lengths)));
@@ -160,4 +159,4 @@ TakeSummary summarise_take(const Take& take) {
   return summary;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -11,7 +11,7 @@
 #include "store/take.h"
 #include "store/timeline.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// The contents of a take and what it lacks, for `raystage info`.
 struct TakeSummary {
@@ -66,4 +66,4 @@ TakeSummary summarise_take(const Take& take);
 /// focal length in pixels.
 double min_alias_free_distance(double spacing_m, double focal_length_px);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -10,10 +10,10 @@
 #include "testing/store/take_test_data.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 // The check value of the thesis' section 2.2.
 TEST(AliasFreeDistance, OfTheThesisArray) {
@@ -22,16 +22,16 @@ TEST(AliasFreeDistance, OfTheThesisArray) {
 }
 
 TEST(TakeSummary, SaysWhatIsThereAndWhatIsNot) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const auto path = folder.path() / "take";
   {
-    TakeWriter writer(path, test::take_document(3), test::rig_document(3));
+    TakeWriter writer(path, testing::take_document(3), testing::rig_document(3));
     for (int i = 0; i < 10; ++i) {
-      writer.archive(0).append(test::fake_jpeg(1), i * 50'000'000);
+      writer.archive(0).append(testing::fake_jpeg(1), i * 50'000'000);
       if (i == 4) {
         writer.archive(1).append_missing(FrameStatus::kDroppedRamFull, i * 50'000'000);
       } else {
-        writer.archive(1).append(test::fake_jpeg(2), i * 50'000'000);
+        writer.archive(1).append(testing::fake_jpeg(2), i * 50'000'000);
       }
     }
     writer.archive(2).append_missing(FrameStatus::kStartUp, 0);
@@ -65,9 +65,9 @@ TEST(TakeSummary, SaysWhatIsThereAndWhatIsNot) {
 }
 
 TEST(TakeSummary, OneBadArchiveDoesNotHideTheOthers) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const auto path = folder.path() / "take";
-  test::write_take(path, {{1, 2}, {1, 2}});
+  testing::write_take(path, {{1, 2}, {1, 2}});
   std::filesystem::remove(path / "archive" / "c1.mkv");
   const TakeSummary summary = summarise_take(Take(path));
   EXPECT_FALSE(summary.whole());
@@ -77,4 +77,4 @@ TEST(TakeSummary, OneBadArchiveDoesNotHideTheOthers) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

@@ -12,13 +12,13 @@
 #include "testing/test_folder.h"
 #include "testing/test_permissions.h"
 
-namespace raystage::take_test {
+namespace raystage::store::take_test {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
-struct TakeFolder : testing::Test {
-  TestFolder folder;
+struct TakeFolder : ::testing::Test {
+  testing::TestFolder folder;
   std::filesystem::path path = folder.path() / "take";
 
   std::size_t entries() const {
@@ -40,9 +40,9 @@ Error error_of(Call&& call) {
 
 TEST_F(TakeFolder, GivesBackWhatWentIn) {
   {
-    TakeWriter writer(path, test::take_document(3), test::rig_document(3));
-    writer.archive(2).append(test::fake_jpeg(2), 7);
-    writer.archive(0).append(test::fake_jpeg(0), 5);
+    TakeWriter writer(path, testing::take_document(3), testing::rig_document(3));
+    writer.archive(2).append(testing::fake_jpeg(2), 7);
+    writer.archive(0).append(testing::fake_jpeg(0), 5);
     write_file_atomically(writer.working_folder() / "views.json", "{}");
     EXPECT_FALSE(std::filesystem::exists(path));
     writer.commit();
@@ -55,7 +55,7 @@ TEST_F(TakeFolder, GivesBackWhatWentIn) {
   EXPECT_EQ(take.camera_index("c2"), 2);
   EXPECT_EQ(take.camera_index("c3"), -1);
   EXPECT_EQ(take.document().cameras[1].archive, "archive/c1.mkv");
-  EXPECT_TRUE(std::ranges::equal(take.archive(2).jpeg(0), test::fake_jpeg(2)));
+  EXPECT_TRUE(std::ranges::equal(take.archive(2).jpeg(0), testing::fake_jpeg(2)));
   EXPECT_TRUE(take.archive(1).frames().empty());
   EXPECT_TRUE(take.archive(1).was_closed());
   EXPECT_EQ(take.archive(0).description().epoch_utc, take.document().epoch_utc);
@@ -63,15 +63,15 @@ TEST_F(TakeFolder, GivesBackWhatWentIn) {
 
 TEST_F(TakeFolder, NothingStaysWithoutCommit) {
   {
-    TakeWriter writer(path, test::take_document(2), test::rig_document(2));
-    writer.archive(0).append(test::fake_jpeg(0), 5);
+    TakeWriter writer(path, testing::take_document(2), testing::rig_document(2));
+    writer.archive(0).append(testing::fake_jpeg(0), 5);
     EXPECT_EQ(entries(), 1u);
   }
   EXPECT_EQ(entries(), 0u);
 }
 
 TEST_F(TakeFolder, NameWithASlashAtItsEnd) {
-  TakeWriter writer(path.string() + "/", test::take_document(1), test::rig_document(1));
+  TakeWriter writer(path.string() + "/", testing::take_document(1), testing::rig_document(1));
   writer.commit();
   EXPECT_EQ(Take(path).camera_count(), 1);
 }
@@ -79,11 +79,11 @@ TEST_F(TakeFolder, NameWithASlashAtItsEnd) {
 TEST_F(TakeFolder, NeverReplacesAnything) {
   std::filesystem::create_directory(path);
   EXPECT_EQ(error_of([&] {
-              TakeWriter(path, test::take_document(1), test::rig_document(1));
+              TakeWriter(path, testing::take_document(1), testing::rig_document(1));
             }).exit_code(),
             ExitCode::kBadInput);
   std::filesystem::remove(path);
-  TakeWriter writer(path, test::take_document(1), test::rig_document(1));
+  TakeWriter writer(path, testing::take_document(1), testing::rig_document(1));
   std::filesystem::create_directory(path);  // comes up meanwhile
   EXPECT_EQ(error_of([&] { writer.commit(); }).exit_code(), ExitCode::kFailed);
   EXPECT_TRUE(std::filesystem::is_empty(path));
@@ -92,19 +92,19 @@ TEST_F(TakeFolder, NeverReplacesAnything) {
 TEST_F(TakeFolder, FolderWithoutPermission) {
   const auto outcome = [&]() -> std::string {
     try {
-      const TakeWriter writer(path, test::take_document(1), test::rig_document(1));
+      const TakeWriter writer(path, testing::take_document(1), testing::rig_document(1));
     } catch (const Error& error) {
       return "exit code " + std::to_string(static_cast<int>(error.exit_code())) + ", " +
              error.what();
     }
     return "accepted";
   };
-  make_world_writable(folder.path());
-  const std::string closed = unprivileged_access_error(folder.path());
+  testing::make_world_writable(folder.path());
+  const std::string closed = testing::unprivileged_access_error(folder.path());
   if (!closed.empty()) GTEST_SKIP() << closed;
-  EXPECT_EQ(run_unprivileged(outcome), "accepted");  // so that a refusal is the lock's
-  const ReadOnlyFolder locked(folder.path());
-  const std::string refused = run_unprivileged(outcome);
+  EXPECT_EQ(testing::run_unprivileged(outcome), "accepted");  // so that a refusal is the lock's
+  const testing::ReadOnlyFolder locked(folder.path());
+  const std::string refused = testing::run_unprivileged(outcome);
   EXPECT_THAT(refused, HasSubstr("exit code 1, "));
   EXPECT_THAT(refused, HasSubstr("ermission denied"));
   EXPECT_EQ(entries(), 0u);
@@ -113,50 +113,50 @@ TEST_F(TakeFolder, FolderWithoutPermission) {
 TEST_F(TakeFolder, ParentThatIsAFile) {
   write_file_atomically(folder.path() / "file", "x");
   EXPECT_EQ(error_of([&] {
-              TakeWriter(folder.path() / "file" / "take", test::take_document(1),
-                         test::rig_document(1));
+              TakeWriter(folder.path() / "file" / "take", testing::take_document(1),
+                         testing::rig_document(1));
             }).exit_code(),
             ExitCode::kFailed);
 }
 
 TEST_F(TakeFolder, RefusesBadDocumentsBeforeTheFirstFrame) {
-  const auto refused = [&](const TakeDocument& take, const RigDocument& rig) {
+  const auto refused = [&](const schemas::TakeDocument& take, const schemas::RigDocument& rig) {
     const Error error = error_of([&] { TakeWriter(path, take, rig); });
     EXPECT_EQ(error.exit_code(), ExitCode::kBadInput) << error.what();
     EXPECT_EQ(entries(), 0u);
   };
-  refused(test::take_document(0), test::rig_document(0));
-  refused(test::take_document(2), test::rig_document(3));
+  refused(testing::take_document(0), testing::rig_document(0));
+  refused(testing::take_document(2), testing::rig_document(3));
   for (const char* id : {"", "../c0", ".c0", "a/b", "a b", "a\n"}) {
-    auto take = test::take_document(1);
-    auto rig = test::rig_document(1);
+    auto take = testing::take_document(1);
+    auto rig = testing::rig_document(1);
     take.cameras[0].id = rig.cameras[0].geometry.id = id;
     refused(take, rig);
   }
-  auto twice = test::take_document(2);
-  auto twice_rig = test::rig_document(2);
+  auto twice = testing::take_document(2);
+  auto twice_rig = testing::rig_document(2);
   twice.cameras[1].id = twice_rig.cameras[1].geometry.id = "c0";
   refused(twice, twice_rig);
-  auto color = test::take_document(1);
+  auto color = testing::take_document(1);
   color.color_space = "my favourite";
-  refused(color, test::rig_document(1));
+  refused(color, testing::rig_document(1));
 }
 
 TEST_F(TakeFolder, RefusesDocumentsThatDisagree) {
-  test::write_take(path, {{1}, {2}});
-  write_rig(test::rig_document(3), path / "rig.json");
+  testing::write_take(path, {{1}, {2}});
+  schemas::write_rig(testing::rig_document(3), path / "rig.json");
   EXPECT_THAT(error_of([&] { Take take(path); }).what(),
               HasSubstr("2 cameras, but rig.json has 3"));
-  auto renamed = test::rig_document(2);
+  auto renamed = testing::rig_document(2);
   renamed.cameras[1].geometry.id = "other";
-  write_rig(renamed, path / "rig.json");
+  schemas::write_rig(renamed, path / "rig.json");
   const Error error = error_of([&] { Take take(path); });
   EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
   EXPECT_THAT(error.where(), HasSubstr("take.json#/cameras/1/id"));
 }
 
 TEST_F(TakeFolder, RefusesArchivesOfOtherCameras) {
-  test::write_take(path, {{1}, {2}});
+  testing::write_take(path, {{1}, {2}});
   const auto archive = [&](const char* name) { return path / "archive" / name; };
   std::filesystem::rename(archive("c0.mkv"), archive("x.mkv"));
   std::filesystem::rename(archive("c0.journal"), archive("x.journal"));
@@ -170,15 +170,15 @@ TEST_F(TakeFolder, RefusesArchivesOfOtherCameras) {
   std::filesystem::rename(archive("x.journal"), archive("c0.journal"));
   EXPECT_EQ(take.archive(0).frames().size(), 1u);
 
-  auto rig = test::rig_document(2);
+  auto rig = testing::rig_document(2);
   rig.cameras[0].geometry.width = 640;
-  write_rig(rig, path / "rig.json");
+  schemas::write_rig(rig, path / "rig.json");
   EXPECT_THAT(error_of([&] { Take(path).archive(0); }).what(), HasSubstr("320 x 240"));
 }
 
 TEST_F(TakeFolder, MissingPartsAreBadInput) {
   EXPECT_EQ(error_of([&] { Take take(path); }).exit_code(), ExitCode::kBadInput);
-  test::write_take(path, {{1}});
+  testing::write_take(path, {{1}});
   std::filesystem::remove(path / "archive" / "c0.mkv");
   const Take take(path);
   EXPECT_EQ(error_of([&] { take.archive(0); }).exit_code(), ExitCode::kBadInput);
@@ -187,7 +187,7 @@ TEST_F(TakeFolder, MissingPartsAreBadInput) {
 TEST_F(TakeFolder, ManyThreadsOpenArchivesAtOnce) {
   std::vector<std::vector<Nanoseconds>> times(16);
   for (auto& column : times) column = {1, 2, 3};
-  test::write_take(path, times);
+  testing::write_take(path, times);
   const Take take(path);
   std::vector<std::size_t> seen(4, 0);
   {
@@ -198,8 +198,8 @@ TEST_F(TakeFolder, ManyThreadsOpenArchivesAtOnce) {
       });
     }
   }
-  EXPECT_THAT(seen, testing::Each(48u));
+  EXPECT_THAT(seen, ::testing::Each(48u));
 }
 
 }  // namespace
-}  // namespace raystage::take_test
+}  // namespace raystage::store::take_test

@@ -4,7 +4,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cassert>
 #include <cerrno>
@@ -16,9 +15,10 @@
 #include "base/atomic_file.h"
 #include "base/error.h"
 #include "base/posix_file.h"
+#include "base/resources.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 namespace fs = std::filesystem;
@@ -32,14 +32,12 @@ fs::path full_path(const fs::path& folder) {
 fs::path temporary_folder_beside(const fs::path& folder) {
   // Static: the counter makes the name unique within the process.
   static std::atomic<unsigned> counter{0};
-  std::array<char, 256> host{};
-  if (gethostname(host.data(), host.size() - 1) != 0) host = {'h', 'o', 's', 't'};
-  std::string suffix = fmt::format(".{}.{}.{}.tmp", host.data(), getpid(), counter++);
+  std::string suffix = fmt::format(".{}.{}.{}.tmp", host_name(), getpid(), counter++);
   std::ranges::replace(suffix, '/', '_');
   return folder.parent_path() / fmt::format(".{}{}", folder.filename().string(), suffix);
 }
 
-void check_ids(const TakeDocument& take, const RigDocument& rig) {
+void check_ids(const schemas::TakeDocument& take, const schemas::RigDocument& rig) {
   const std::string where = "take \"" + take.name + "\"";
   if (take.cameras.empty() || take.cameras.size() != rig.cameras.size()) {
     throw Error::bad_input("the take has " + std::to_string(take.cameras.size()) +
@@ -81,22 +79,22 @@ int rename_to_new(const fs::path& from, const fs::path& to) {
 
 struct TakeWriter::State {
   fs::path target, working;
-  TakeDocument take;
-  RigDocument rig;
+  schemas::TakeDocument take;
+  schemas::RigDocument rig;
   std::vector<std::optional<ArchiveWriter>> archives;
   bool finished = false, committed = false;
 };
 
-TakeWriter::TakeWriter(const fs::path& folder, TakeDocument take, RigDocument rig)
+TakeWriter::TakeWriter(const fs::path& folder, schemas::TakeDocument take, schemas::RigDocument rig)
     : state_(std::make_unique<State>()) {
   check_ids(take, rig);
-  for (TakeDocument::Camera& camera : take.cameras) {
+  for (schemas::TakeDocument::Camera& camera : take.cameras) {
     camera.archive = "archive/" + camera.id + ".mkv";
     camera.journal = "archive/" + camera.id + ".journal";
   }
   // Reject documents that could not be read back now, not after the last frame.
-  parse_take(format_take(take), "take.json");
-  parse_rig(format_rig(rig), "rig.json");
+  schemas::parse_take(schemas::format_take(take), "take.json");
+  schemas::parse_rig(schemas::format_rig(rig), "rig.json");
 
   state_->target = full_path(folder);
   state_->working = temporary_folder_beside(state_->target);
@@ -128,8 +126,8 @@ ArchiveWriter& TakeWriter::archive(int camera) {
   assert(camera >= 0 && index < state_->archives.size());
   auto& slot = state_->archives[index];
   if (!slot) {
-    const TakeDocument::Camera& entry = state_->take.cameras[index];
-    const CameraGeometry& geometry = state_->rig.cameras[index].geometry;
+    const schemas::TakeDocument::Camera& entry = state_->take.cameras[index];
+    const schemas::CameraGeometry& geometry = state_->rig.cameras[index].geometry;
     slot.emplace(state_->working / entry.archive, state_->working / entry.journal,
                  ArchiveWriter::Description{entry.id, geometry.width, geometry.height,
                                             state_->take.epoch_utc});
@@ -142,15 +140,13 @@ const fs::path& TakeWriter::working_folder() const { return state_->working; }
 void TakeWriter::finish() {
   assert(!state_->finished);
   for (int i = 0; i < static_cast<int>(state_->archives.size()); ++i) archive(i).close();
-  write_rig(state_->rig, state_->working / "rig.json");
-  write_take(state_->take, state_->working / "take.json");
-  state_->finished = true;
+  finish_documents();
 }
 
 void TakeWriter::finish_documents() {
   assert(!state_->finished);
-  write_rig(state_->rig, state_->working / "rig.json");
-  write_take(state_->take, state_->working / "take.json");
+  schemas::write_rig(state_->rig, state_->working / "rig.json");
+  schemas::write_take(state_->take, state_->working / "take.json");
   state_->finished = true;
 }
 
@@ -167,4 +163,4 @@ void TakeWriter::commit() {
   state_->committed = true;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -10,7 +10,7 @@
 #include <cstddef>
 #include <limits>
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 // Longer gaps could be miscounted if the median interval is wrong by a few per cent.
@@ -104,4 +104,4 @@ double best_tick_phase(const std::vector<std::vector<Nanoseconds>>& times, doubl
   return period - phase < 0.5 ? 0 : phase;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

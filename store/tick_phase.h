@@ -5,7 +5,7 @@
 
 #include "base/time.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Returns the frames per second of cameras that run at one rate, or 0 if no camera has two frames.
 /// `times`: of the frames, per camera, increasing. The median interval counts as one frame; every
@@ -19,4 +19,4 @@ double detect_frame_rate(const std::vector<std::vector<Nanoseconds>>& times);
 /// where the fewest frames are.
 double best_tick_phase(const std::vector<std::vector<Nanoseconds>>& times, double period);
 
-}  // namespace raystage
+}  // namespace raystage::store

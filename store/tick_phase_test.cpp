@@ -7,7 +7,7 @@
 #include <cmath>
 #include <random>
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 using Times = std::vector<std::vector<Nanoseconds>>;
@@ -113,4 +113,4 @@ TEST(BestTickPhase, BorderAvoidsCameras) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

@@ -12,7 +12,7 @@
 #include "base/error.h"
 #include "store/tick_phase.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr double kMaxComputedTicks = 10'000'000;  // 92 hours at 30 frames per second
@@ -21,7 +21,7 @@ std::vector<std::vector<Nanoseconds>> frame_times(const Take& take) {
   std::vector<std::vector<Nanoseconds>> times(static_cast<std::size_t>(take.camera_count()));
   for (int camera = 0; camera < take.camera_count(); ++camera) {
     const auto frames = take.archive(camera).frames();
-    auto& column = times[static_cast<std::size_t>(camera)];
+    auto& column = times[camera];
     column.reserve(frames.size());
     for (const FrameRecord& frame : frames) column.push_back(frame.time_ns);
   }
@@ -78,7 +78,7 @@ void fill(Timeline& timeline, const std::vector<std::vector<Nanoseconds>>& times
       if (time == kExcludedTime) continue;
       const std::int64_t k = ticks.nearest(time) - first;
       if (k < 0 || k >= static_cast<std::int64_t>(timeline.ticks.size())) continue;
-      FrameSelection& tick = timeline.ticks[static_cast<std::size_t>(k)];
+      FrameSelection& tick = timeline.ticks[k];
       const Nanoseconds difference = time - tick.time_ns;
       if (std::abs(difference) > timeline.tolerance) continue;
       // Of two frames at one tick use the nearer, the earlier at a tie.
@@ -141,10 +141,10 @@ FrameSelection select_frames(const Take& take, Nanoseconds time, Nanoseconds tol
     const ArchiveReader& archive = take.archive(camera);
     const auto nearest = archive.nearest_frame(time);
     if (!nearest) continue;
-    const Nanoseconds frame_time = archive.frames()[static_cast<std::size_t>(*nearest)].time_ns;
+    const Nanoseconds frame_time = archive.frames()[*nearest].time_ns;
     if (tolerance < 0 || apart(frame_time, time) > static_cast<std::uint64_t>(tolerance)) continue;
-    selection.frame[static_cast<std::size_t>(camera)] = *nearest;
-    selection.difference[static_cast<std::size_t>(camera)] = frame_time - time;
+    selection.frame[camera] = *nearest;
+    selection.difference[camera] = frame_time - time;
   }
   return selection;
 }
@@ -191,7 +191,7 @@ Timeline assign_ticks(const std::vector<std::vector<Nanoseconds>>& times, double
     throw Error::bad_input("the timeline would have " + std::to_string(last - first + 1) + " ticks",
                            std::string(name), "Give the rate of the cameras in frames per second");
   }
-  timeline.ticks.resize(static_cast<std::size_t>(last - first + 1));
+  timeline.ticks.resize(last - first + 1);
   for (std::size_t k = 0; k < timeline.ticks.size(); ++k) {
     timeline.ticks[k].time_ns = ticks.time(first + static_cast<std::int64_t>(k));
   }
@@ -258,4 +258,4 @@ TimelineStatistics timeline_statistics(const Timeline& timeline) {
   return result;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

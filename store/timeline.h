@@ -13,7 +13,7 @@
 #include "base/time.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// The frames of one instant: per camera an index into ArchiveReader::frames(), or -1 if absent.
 struct FrameSelection {
@@ -120,4 +120,4 @@ Timeline read_timeline(const Take& take);
 /// Reads the same, but returns nullopt if it is missing.
 std::optional<Timeline> read_timeline_if_present(const Take& take);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -19,7 +19,7 @@
 #include "base/little_endian.h"
 #include "store/journal.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'R', 'A', 'Y', 'S', 'T', 'I', 'M', 'E'};
@@ -27,13 +27,17 @@ constexpr std::uint32_t kVersion = 2;  // 1 had no clocks
 constexpr std::size_t kVersionAt = 8, kCamerasAt = 12, kFingerprintAt = 16, kFpsAt = 24,
                       kToleranceAt = 32, kTicksAt = 40, kHeaderBytes = 48;
 constexpr std::size_t kClockBytes = 48, kStepBytes = 16;
+/// Stored from byte 8 of a clock on.
+constexpr std::array kClockNumbers{&CameraClock::period_ns, &CameraClock::phase_ns,
+                                   &CameraClock::drift_ppm, &CameraClock::jitter_ns};
 constexpr std::uint32_t kFittedFlag = 1;
 constexpr int kLevel = 9;
 constexpr std::uint64_t kMaxFileTicks = 100'000'000;
 constexpr std::uint32_t kMaxSteps = 1'000'000;
 
-struct DecompressorDeleter {
+struct ZstdDeleter {
   void operator()(ZSTD_DCtx* context) const { ZSTD_freeDCtx(context); }
+  void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
 };
 
 // Decompresses a zstd frame in steps of the requested number of bytes.
@@ -69,7 +73,7 @@ class Decompressor {
   }
 
  private:
-  std::unique_ptr<ZSTD_DCtx, DecompressorDeleter> context_;
+  std::unique_ptr<ZSTD_DCtx, ZstdDeleter> context_;
   ZSTD_inBuffer input_;
   bool ended_ = false, whole_ = false;
 };
@@ -78,10 +82,10 @@ void append_clock(const CameraClock& clock, std::vector<std::byte>& payload) {
   std::size_t at = payload.size();
   payload.resize(at + kClockBytes + clock.steps.size() * kStepBytes);
   store_little_endian(payload, at, clock.offset_ns);
-  store_little_endian(payload, at + 8, std::bit_cast<std::uint64_t>(clock.period_ns));
-  store_little_endian(payload, at + 16, std::bit_cast<std::uint64_t>(clock.phase_ns));
-  store_little_endian(payload, at + 24, std::bit_cast<std::uint64_t>(clock.drift_ppm));
-  store_little_endian(payload, at + 32, std::bit_cast<std::uint64_t>(clock.jitter_ns));
+  for (std::size_t i = 0; i < kClockNumbers.size(); ++i) {
+    const double number = clock.*kClockNumbers[i];
+    store_little_endian(payload, at + 8 + 8 * i, std::bit_cast<std::uint64_t>(number));
+  }
   store_little_endian(payload, at + 40, clock.fitted ? kFittedFlag : std::uint32_t{0});
   store_little_endian(payload, at + 44, static_cast<std::uint32_t>(clock.steps.size()));
   at += kClockBytes;
@@ -104,20 +108,17 @@ bool agrees(const CameraClock& clock, Nanoseconds stamp, Nanoseconds time) {
 std::optional<CameraClock> pull_clock(Decompressor& source) {
   std::vector<std::byte> bytes;
   if (!source.pull(kClockBytes, bytes) || bytes.size() != kClockBytes) return std::nullopt;
-  const auto number = [&](std::size_t at) {
-    return std::bit_cast<double>(load_little_endian<std::uint64_t>(bytes, at));
-  };
   CameraClock clock;
   clock.offset_ns = load_little_endian<std::int64_t>(bytes, 0);
-  clock.period_ns = number(8);
-  clock.phase_ns = number(16);
-  clock.drift_ppm = number(24);
-  clock.jitter_ns = number(32);
+  bool finite = true;
+  for (std::size_t i = 0; i < kClockNumbers.size(); ++i) {
+    double& number = clock.*kClockNumbers[i];
+    number = std::bit_cast<double>(load_little_endian<std::uint64_t>(bytes, 8 + 8 * i));
+    finite = finite && std::isfinite(number);
+  }
   const auto flags = load_little_endian<std::uint32_t>(bytes, 40);
   const auto steps = load_little_endian<std::uint32_t>(bytes, 44);
   clock.fitted = (flags & kFittedFlag) != 0;
-  const bool finite = std::isfinite(clock.period_ns) && std::isfinite(clock.phase_ns) &&
-                      std::isfinite(clock.drift_ppm) && std::isfinite(clock.jitter_ns);
   if (!finite || clock.period_ns < 0 || clock.jitter_ns < 0 || flags > kFittedFlag ||
       steps > kMaxSteps) {
     return std::nullopt;
@@ -145,7 +146,7 @@ std::uint64_t take_fingerprint(const Take& take) {
   std::uint64_t hash = XXH3_64bits(epoch.data(), epoch.size());
   std::vector<std::byte> table;
   for (int camera = 0; camera < take.camera_count(); ++camera) {
-    const std::string& id = take.document().cameras[static_cast<std::size_t>(camera)].id;
+    const std::string& id = take.document().cameras[camera].id;
     hash = XXH3_64bits_withSeed(id.data(), id.size(), hash);
     table.clear();
     for (const FrameRecord& frame : take.archive(camera).frames()) {
@@ -195,10 +196,7 @@ std::vector<std::byte> encode_timeline(const Timeline& timeline, std::uint64_t f
     append_clock(timeline.clocks.empty() ? CameraClock{} : timeline.clocks[camera], payload);
   }
 
-  struct Deleter {
-    void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
-  };
-  const std::unique_ptr<ZSTD_CCtx, Deleter> context(ZSTD_createCCtx());
+  const std::unique_ptr<ZSTD_CCtx, ZstdDeleter> context(ZSTD_createCCtx());
   if (!context) throw std::bad_alloc();
   ZSTD_CCtx_setParameter(context.get(), ZSTD_c_compressionLevel, kLevel);
   ZSTD_CCtx_setParameter(context.get(), ZSTD_c_checksumFlag, 1);
@@ -315,8 +313,7 @@ Timeline read_timeline(const Take& take) {
       const std::int32_t frame = tick.frame[camera];
       if (frame < 0) continue;
       if (static_cast<std::size_t>(frame) >= frames.size() ||
-          !agrees(clock, frames[static_cast<std::size_t>(frame)].time_ns,
-                  tick.time_ns + tick.difference[camera])) {
+          !agrees(clock, frames[frame].time_ns, tick.time_ns + tick.difference[camera])) {
         throw Error::bad_input("the timeline refers to a frame that the take does not have",
                                path.string(), "Run `raystage sync` on the take");
       }
@@ -330,4 +327,4 @@ std::optional<Timeline> read_timeline_if_present(const Take& take) {
   return read_timeline(take);
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

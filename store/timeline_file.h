@@ -10,7 +10,7 @@
 
 #include "store/timeline.h"
 
-namespace raystage {
+namespace raystage::store {
 
 inline constexpr std::string_view kTimelineFile = "timeline.zst";
 
@@ -29,4 +29,4 @@ std::vector<std::byte> encode_timeline(const Timeline& timeline, std::uint64_t f
 Timeline decode_timeline(std::span<const std::byte> file, std::optional<std::uint64_t> fingerprint,
                          std::size_t cameras, std::string_view name);
 
-}  // namespace raystage
+}  // namespace raystage::store

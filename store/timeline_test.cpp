@@ -16,10 +16,10 @@
 #include "testing/store/take_test_data.h"
 #include "testing/test_folder.h"
 
-namespace raystage::timeline_test {
+namespace raystage::store::timeline_test {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 using Times = std::vector<std::vector<Nanoseconds>>;
 
 constexpr Nanoseconds kMs = 1'000'000;
@@ -51,7 +51,7 @@ void expect_sound(const Timeline& timeline, const Times& times) {
         continue;
       }
       ASSERT_LT(static_cast<std::size_t>(frame), times[camera].size());
-      const Nanoseconds time = times[camera][static_cast<std::size_t>(frame)];
+      const Nanoseconds time = times[camera][frame];
       ASSERT_EQ(tick.difference[camera], time - tick.time_ns);
       ASSERT_LE(std::abs(tick.difference[camera]), timeline.tolerance);
       ASSERT_TRUE(used[camera].insert(frame).second) << "a frame stands in two ticks";
@@ -181,7 +181,7 @@ TEST(Timeline, FreeRunningCamerasProperty) {
     times[0].push_back(3'000'000'000);
     const Timeline timeline = timeline_of(times);
     expect_sound(timeline, times);
-    RC_ASSERT(!testing::Test::HasFailure());
+    RC_ASSERT(!::testing::Test::HasFailure());
     // Absent is absent: nowhere stands -1 where a frame was free and near.
     for (const FrameSelection& tick : timeline.ticks) {
       for (std::size_t camera = 0; camera < times.size(); ++camera) {
@@ -209,8 +209,8 @@ TEST(Timeline, SixtyFourFreeRunningCamerasLoseNothing) {
 }
 
 TEST(SelectFrames, WithinTolerance) {
-  const TestFolder folder;
-  test::write_take(folder.path() / "take", {{100, 200}, {}, {150}});
+  const testing::TestFolder folder;
+  testing::write_take(folder.path() / "take", {{100, 200}, {}, {150}});
   const Take take(folder.path() / "take");
   const auto near = select_frames(take, 160, 40);
   EXPECT_EQ(near.frame, (std::vector<std::int32_t>{1, -1, 0}));
@@ -265,8 +265,8 @@ TEST(TimelineStatistics, CountsSpreadAndAbsence) {
   EXPECT_DOUBLE_EQ(statistics.mean_spread_ns, 3);
 }
 
-struct TimelineFile : testing::Test {
-  TimelineFile() { test::write_take(path, {frames(15, 0, 30), frames(15, 9 * kMs, 25)}); }
+struct TimelineFile : ::testing::Test {
+  TimelineFile() { testing::write_take(path, {frames(15, 0, 30), frames(15, 9 * kMs, 25)}); }
   static void expect_same(const Timeline& a, const Timeline& b) {
     EXPECT_EQ(a.fps, b.fps);
     EXPECT_EQ(a.tolerance, b.tolerance);
@@ -289,7 +289,7 @@ struct TimelineFile : testing::Test {
     return "";
   }
 
-  TestFolder folder;
+  testing::TestFolder folder;
   std::filesystem::path path = folder.path() / "take";
   std::filesystem::path file = path / kTimelineFile;
 };
@@ -300,10 +300,10 @@ TEST_F(TimelineFile, GivesBackWhatWentInReproducibly) {
   Timeline timeline = build_timeline(take, 0, 0);
   timeline.clocks = {CameraClock{}, CameraClock{}};
   write_timeline(timeline, path);
-  const auto bytes = test::bytes_of(file);
+  const auto bytes = testing::bytes_of(file);
   expect_same(read_timeline(take), timeline);
   write_timeline(build_timeline(Take(path), 0, 0), path);
-  EXPECT_EQ(test::bytes_of(file), bytes);
+  EXPECT_EQ(testing::bytes_of(file), bytes);
 }
 
 TEST_F(TimelineFile, KeepsEveryCamerasClock) {
@@ -331,8 +331,8 @@ TEST_F(TimelineFile, KeepsEveryCamerasClock) {
 
 TEST_F(TimelineFile, ReadsVersionOne) {
   // As the first release wrote it: two cameras, no clocks.
-  const auto bytes = test::bytes_of(std::filesystem::path(RAYSTAGE_SOURCE_DIR) /
-                                    "tests/fuzz/corpus/timeline/file");
+  const auto bytes = testing::bytes_of(std::filesystem::path(RAYSTAGE_SOURCE_DIR) /
+                                       "tests/fuzz/corpus/timeline/file");
   const Timeline timeline = decode_timeline(std::span(bytes).subspan(1), 1, 2, "");
   EXPECT_TRUE(timeline.clocks.empty());
   ASSERT_FALSE(timeline.ticks.empty());
@@ -343,7 +343,7 @@ TEST_F(TimelineFile, ReadsVersionOne) {
 
 TEST_F(TimelineFile, OfAnotherTakeIsRefused) {
   write_timeline(build_timeline(Take(path), 0, 0), path);
-  test::write_take(folder.path() / "other", {frames(15, 0, 30), frames(15, 9 * kMs + 1, 25)});
+  testing::write_take(folder.path() / "other", {frames(15, 0, 30), frames(15, 9 * kMs + 1, 25)});
   std::filesystem::rename(file, folder.path() / "other" / kTimelineFile);
   path = folder.path() / "other";
   EXPECT_THAT(refusal(), HasSubstr("is of another take"));
@@ -351,15 +351,15 @@ TEST_F(TimelineFile, OfAnotherTakeIsRefused) {
 
 TEST_F(TimelineFile, StaysValidWhenTheTakeIsRenamed) {
   write_timeline(build_timeline(Take(path), 0, 0), path);
-  TakeDocument document = read_take(path / "take.json");
+  schemas::TakeDocument document = schemas::read_take(path / "take.json");
   document.name = "a better name";
-  write_take(document, path / "take.json");
+  schemas::write_take(document, path / "take.json");
   EXPECT_EQ(refusal(), "");
 }
 
 TEST_F(TimelineFile, DamageIsRefused) {
   write_timeline(build_timeline(Take(path), 0, 0), path);
-  const auto bytes = test::bytes_of(file);
+  const auto bytes = testing::bytes_of(file);
   const std::uint64_t fingerprint = take_fingerprint(Take(path));
   for (std::size_t size = 0; size < bytes.size(); ++size) {
     ASSERT_THROW(decode_timeline(std::span(bytes).first(size), fingerprint, 2, ""), Error) << size;
@@ -367,7 +367,7 @@ TEST_F(TimelineFile, DamageIsRefused) {
   auto longer = bytes;
   longer.push_back(std::byte{0});
   EXPECT_THROW(decode_timeline(longer, fingerprint, 2, ""), Error);
-  test::overwrite(file, std::span(bytes).first(bytes.size() - 1));
+  testing::overwrite(file, std::span(bytes).first(bytes.size() - 1));
   EXPECT_THAT(refusal(), HasSubstr("damaged"));
   for (std::size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
     auto rotten = bytes;
@@ -382,4 +382,4 @@ TEST_F(TimelineFile, DamageIsRefused) {
 }
 
 }  // namespace
-}  // namespace raystage::timeline_test
+}  // namespace raystage::store::timeline_test

@@ -4,10 +4,10 @@
 
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::testing {
 namespace {
 
-/// Failures of for_each_simd_target() where dispatch picks what `name_of_target` says.
+/// Returns the number of failures of for_each_simd_target() for a dispatch to `name_of_target`.
 template <class NameOfTarget>
 int failures(const NameOfTarget& name_of_target, int& checks) {
   ::testing::TestPartResultArray results;
@@ -36,4 +36,4 @@ TEST(TestTargets, KernelsThatRunUnderOneAloneFail) {
 #endif
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::testing

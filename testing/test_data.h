@@ -4,14 +4,14 @@
 #include <cstdlib>
 #include <filesystem>
 
-namespace raystage {
+namespace raystage::testing {
 
-/// For tests: light fields that others captured, where RAYSTAGE_DATA says, else beside the project;
-/// may not exist.
+/// Returns the folder of captured light fields for tests: $RAYSTAGE_DATA, otherwise next to the
+/// project. It may not exist.
 inline std::filesystem::path test_data() {
   const char* data = std::getenv("RAYSTAGE_DATA");
   return data != nullptr ? std::filesystem::path(data)
                          : std::filesystem::path(RAYSTAGE_SOURCE_DIR) / ".." / "shared" / "data";
 }
 
-}  // namespace raystage
+}  // namespace raystage::testing

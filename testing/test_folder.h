@@ -8,14 +8,15 @@
 #include <string>
 #include <system_error>
 
-namespace raystage {
+namespace raystage::testing {
 
-/// For tests: a new temporary folder that is removed by the destructor.
+/// A new temporary folder for a test; the destructor removes it.
 class TestFolder {
  public:
   TestFolder() {
     std::string name = (std::filesystem::temp_directory_path() / "raystage-test-XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("no temporary folder: " + name);
+    if (mkdtemp(name.data()) == nullptr)
+      throw std::runtime_error("cannot create the temporary folder " + name);
     path_ = name;
   }
   ~TestFolder() {
@@ -31,4 +32,4 @@ class TestFolder {
   std::filesystem::path path_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::testing

@@ -15,31 +15,31 @@
 #include <string>
 #include <system_error>
 
-namespace raystage {
+namespace raystage::testing {
 
-// For tests of permissions. Root may write anywhere: what others are refused is tried as somebody
-// else, in a child process, because root once given up does not come back.
+// For tests of permissions. Root may write anywhere, so these tests run as another user, in a child
+// process, because a process cannot regain root.
 
-/// For a child process: root becomes nobody; who is not root stays who he is. False: it failed.
+/// Changes the user of a child process to nobody if it is root. Returns false if that fails.
 inline bool drop_root_privileges() {
   constexpr uid_t kNobody = 65534;
   if (geteuid() != 0) return true;
   return setgroups(0, nullptr) == 0 && setgid(kNobody) == 0 && setuid(kNobody) == 0;
 }
 
-/// What `work` returns in a child process that is not root. An exception of `work` and a child that
-/// did not come to its end are told in the text.
+/// Returns the result of `work` in a child process that is not root, or a text that describes its
+/// exception or the failure of the child process.
 inline std::string run_unprivileged(const std::function<std::string()>& work) {
   std::array<int, 2> ends{};
-  if (pipe2(ends.data(), O_CLOEXEC) != 0) throw std::runtime_error("no pipe");
+  if (pipe2(ends.data(), O_CLOEXEC) != 0) throw std::runtime_error("cannot create a pipe");
   const pid_t child = fork();
-  if (child < 0) throw std::runtime_error("no child process");
+  if (child < 0) throw std::runtime_error("cannot create a child process");
   if (child == 0) {
     std::string text;
     try {
       text = drop_root_privileges()
                  ? work()
-                 : "root cannot be given up: " + std::generic_category().message(errno);
+                 : "cannot drop root privileges: " + std::generic_category().message(errno);
     } catch (const std::exception& error) {
       text = std::string("exception: ") + error.what();
     }
@@ -59,17 +59,17 @@ inline std::string run_unprivileged(const std::function<std::string()>& work) {
   return status == 0 ? text : "the child process failed, status " + std::to_string(status);
 }
 
-/// Why who is not root cannot reach a file or folder, e.g. in a home that is closed to others;
-/// empty where he can. A reason to skip, not to fail.
+/// Returns why users other than root cannot access a file or folder, for example in a private home
+/// folder, or an empty text if they can. Tests skip for this reason.
 inline std::string unprivileged_access_error(const std::filesystem::path& path) {
   return run_unprivileged([&]() -> std::string {
     if (access(path.c_str(), R_OK | X_OK) == 0) return {};
     return path.string() +
-           " cannot be reached without root: " + std::generic_category().message(errno);
+           " is not accessible without root: " + std::generic_category().message(errno);
   });
 }
 
-/// Lets everybody read and write what is in a folder, and the folder.
+/// Makes a folder and its contents readable and writable for all users.
 inline void make_world_writable(const std::filesystem::path& folder) {
   using std::filesystem::perms;
   std::filesystem::permissions(folder, perms(0777));
@@ -78,7 +78,7 @@ inline void make_world_writable(const std::filesystem::path& folder) {
   }
 }
 
-/// A folder in which nobody but root may create, replace or remove anything, while this lives.
+/// Makes a folder read-only for all users except root during its lifetime.
 class ReadOnlyFolder {
  public:
   explicit ReadOnlyFolder(std::filesystem::path folder) : folder_(std::move(folder)) {
@@ -95,4 +95,4 @@ class ReadOnlyFolder {
   std::filesystem::path folder_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::testing

@@ -12,7 +12,7 @@
 
 namespace raystage::testing {
 
-/// During its lifetime, kernels use the instruction set chosen last.
+/// During its lifetime, kernels use the instruction set that was chosen last.
 class ScopedSimdTarget {
  public:
   ScopedSimdTarget() = default;
@@ -29,10 +29,10 @@ class ScopedSimdTarget {
   }
 };
 
-/// For tests of kernels: calls `check` under every instruction set that they are compiled for and
-/// this machine has. `name_of_target` says what the kernels' own dispatch picks (HWY_TARGET's
-/// name): what it picks twice is checked once. Fails unless on x86 SSE4 and AVX2 were among them,
-/// and AVX-512 where the processor has it; where it has not, says so.
+/// Calls `check` for every instruction set for which kernels are compiled and that this processor
+/// supports. `name_of_target` returns the target that the kernels' dispatch chose (by its name in
+/// Highway); each target is checked once. On x86 it fails unless SSE4, AVX2 and AVX-512 were
+/// checked; it reports, but accepts, a processor without AVX-512.
 template <class NameOfTarget, class Check>
 void for_each_simd_target(const NameOfTarget& name_of_target, const Check& check) {
   std::set<std::string> seen;
@@ -47,11 +47,12 @@ void for_each_simd_target(const NameOfTarget& name_of_target, const Check& check
     }
   }
 #if HWY_ARCH_X86
-  EXPECT_THAT(seen, ::testing::IsSupersetOf({"SSE4", "AVX2"})) << "not every kernel was tested";
+  EXPECT_THAT(seen, ::testing::IsSupersetOf({"SSE4", "AVX2"}))
+      << "not every instruction set was tested";
   if ((hwy::SupportedTargets() & HWY_AVX3) != 0) {
     EXPECT_THAT(seen, ::testing::Contains("AVX3")) << "AVX-512 was not tested";
   } else {
-    std::cout << "AVX-512 not tested: this processor does not have it\n";
+    std::cout << "AVX-512 not tested: this processor does not support it\n";
   }
 #else
   EXPECT_FALSE(seen.empty());

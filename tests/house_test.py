@@ -39,13 +39,13 @@ class House:
             self.libraries[target["target"]] = {name for name in public + private if name in self.folder_of}
             linked = {self.folder_of.get(name, "") for name in public + private}
             self.links[target["folder"]] |= linked
-            # The headers of a command are its own.
+            # Headers of a command are not included elsewhere.
             is_command = not target["target"].startswith("raystage_")
             self.exposed[target["folder"]] |= (
                 linked if is_command else {self.folder_of.get(name, "") for name in public})
 
     def floors(self) -> dict[str, set[str]]:
-        """Top-level folders and those that they link, test support left out."""
+        """Returns top-level folders and those that they link, without test support."""
         graph: dict[str, set[str]] = {folder.split("/")[0]: set() for folder in self.links}
         for folder, linked in self.links.items():
             floor = folder.split("/")[0]
@@ -84,7 +84,7 @@ def reachable(graph: dict[str, set[str]], start: str) -> set[str]:
 
 
 def diagram_of(graph: dict[str, set[str]]) -> str:
-    """A Mermaid flow chart without the arrows that follow from others."""
+    """Returns a Mermaid flow chart of the transitive reduction."""
     lines = ["flowchart TD"]
     for floor in sorted(graph):
         for linked in sorted(graph[floor]):
@@ -94,7 +94,7 @@ def diagram_of(graph: dict[str, set[str]]) -> str:
 
 
 def without_blocks(markdown: str) -> str:
-    """Fenced blocks hold no links and no headings; the lines stay as many."""
+    """Returns the text without fenced blocks, which contain no links or headings; keeps line numbers."""
     return re.sub(r"^ *(```+|~~~+).*?^ *\1[`~]* *$",
                   lambda block: "\n" * block.group(0).count("\n"), markdown,
                   flags=re.MULTILINE | re.DOTALL)
@@ -106,7 +106,7 @@ ELSEWHERE = r"[A-Za-z][A-Za-z0-9+.-]*:|//"
 
 
 def links_of(markdown: str) -> list[tuple[int, str]]:
-    """(line, target) of links, images and reference definitions, but not of those to elsewhere."""
+    """Returns (line, target) of links, images and reference definitions within the project."""
     prose = re.sub(r"(`+)(?!`)[^\n]*?(?<!`)\1(?!`)", "", without_blocks(markdown))  # no code spans
     return [(prose.count("\n", 0, match.start()) + 1, match.group(1))
             for pattern in (INLINE_LINK, REFERENCE)
@@ -115,7 +115,7 @@ def links_of(markdown: str) -> list[tuple[int, str]]:
 
 
 def anchors_of(markdown: str) -> set[str]:
-    """The names by which headings can be linked to, made as GitHub and its kin make them."""
+    """Returns the anchors of headings, as GitHub generates them."""
     text = without_blocks(markdown)
     names = set(re.findall(r"<a (?:id|name)=\"([^\"]+)\"", text))
     times: dict[str, int] = {}
@@ -129,25 +129,25 @@ def anchors_of(markdown: str) -> set[str]:
 
 
 def broken_links(root: pathlib.Path, name: str, known: set[str]) -> tuple[int, list[str]]:
-    """How many links a page has, and what is wrong with them. `known`: our files and folders."""
+    """Returns the number of a page's links, and the broken ones. `known`: files and folders of the project."""
     links = links_of((root / name).read_text(encoding="utf-8"))
     complaints = []
     for line, link in links:
         target, _, anchor = urllib.parse.unquote(link).partition("#")
-        # By name only: a link that leaves the checkout and comes back depends on where it lies.
-        beside = posixpath.join(posixpath.dirname(name), target)
-        where = posixpath.normpath(beside) if target else name
+        # By name only: a link out of the checkout and back depends on the checkout's folder.
+        joined = posixpath.join(posixpath.dirname(name), target)
+        where = posixpath.normpath(joined) if target else name
         file = root / where
         if where not in known:
-            complaints.append(f"{name}:{line}: link to '{link}', which is no file of the project")
+            complaints.append(f"{name}:{line}: link to '{link}', which is not a file of the project")
         elif anchor and (file.suffix != ".md" or
                          anchor not in anchors_of(file.read_text(encoding="utf-8"))):
-            complaints.append(f"{name}:{line}: link to '{link}', whose heading is not there")
+            complaints.append(f"{name}:{line}: link to '{link}', whose heading does not exist")
     return len(links), complaints
 
 
 def include_complaints(house: House, name: str, text: str) -> tuple[int, list[str]]:
-    """The number of includes of ours in a source, and those that its library does not link."""
+    """Returns the number of project includes in a source, and those that its library does not link."""
     folder = posixpath.dirname(name)
     is_header = name.endswith(".h")
     may_use_tests = name.endswith("_test.cpp") or folder.split("/")[0] in TEST_FOLDERS
@@ -206,9 +206,9 @@ def main() -> int:
             includes += count
             complaints += unlinked
     if includes < 20:
-        complaints.append(f"only {includes} includes found: this check no longer sees the sources")
+        complaints.append(f"only {includes} includes found: the check does not find the sources")
     if links < 20:
-        complaints.append(f"only {links} links found: this check no longer sees the documentation")
+        complaints.append(f"only {links} links found: the check does not find the documentation")
     print("\n".join(complaints) or
           f"{includes} includes, all linked; {links} links in documents, all valid; no cycle")
     return 1 if complaints else 0

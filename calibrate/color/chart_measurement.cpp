@@ -15,7 +15,7 @@
 #include "base/parallel.h"
 #include "store/processing/frames/corrected_frame.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 /// Homography from the picture to chart units: a patch is 1 wide, the corner of the first one is
@@ -25,10 +25,10 @@ using ChartFromPixel = cv::Matx33d;
 constexpr double kPatch = 2.5, kBetween = 0.25;  // of a ColorChecker
 constexpr double kPitch = (kPatch + kBetween) / kPatch;
 
-std::optional<ChartFromPixel> found_in(const CorrectedFrame& picture) {
+std::optional<ChartFromPixel> found_in(const store::CorrectedFrame& picture) {
   cv::Mat codes, bgr;
-  const cv::Mat levels(picture.size.height, picture.size.width, CV_16UC4,
-                       const_cast<std::uint16_t*>(picture.rgba.data()));
+  const cv::Mat levels(picture.height, picture.width, CV_16UC4,
+                       const_cast<std::uint16_t*>(picture.values.data()));
   levels.convertTo(codes, CV_8UC4, 1 / 257.0);
   cv::cvtColor(codes, bgr, cv::COLOR_RGBA2BGR);
   const auto detector = cv::mcc::CCheckerDetector::create();
@@ -41,38 +41,36 @@ std::optional<ChartFromPixel> found_in(const CorrectedFrame& picture) {
   if (box.size() != 4) return std::nullopt;
   // The box encloses the outermost patches and a margin as wide as the gap between two patches.
   const float left = static_cast<float>(-kBetween / kPatch);
-  const auto right = static_cast<float>(kChartColumns * kPitch);
-  const auto bottom = static_cast<float>(kChartRows * kPitch);
+  const auto right = static_cast<float>(rig::kChartColumns * kPitch);
+  const auto bottom = static_cast<float>(rig::kChartRows * kPitch);
   const std::vector<cv::Point2f> chart{
       {left, left}, {right, left}, {right, bottom}, {left, bottom}};
   return ChartFromPixel(cv::getPerspectiveTransform(box, chart));
 }
 
 struct Sums {
-  std::array<Rgb, kChartPatches> light{};
-  std::array<double, kChartPatches> x{}, y{}, count{}, unexposed{};
+  std::array<schemas::Rgb, rig::kChartPatches> light{};
+  std::array<double, rig::kChartPatches> x{}, y{}, count{}, unexposed{};
 };
 
 /// Means over the middle of every patch, half as wide and high.
-Sums sums_over(const CorrectedFrame& picture, const ChartFromPixel& chart_from_pixel,
+Sums sums_over(const store::CorrectedFrame& picture, const ChartFromPixel& chart_from_pixel,
                const std::array<std::uint16_t, 3>& black,
                const std::array<std::uint16_t, 3>& full) {
   Sums sums;
-  for (int y = 0; y < picture.size.height; ++y) {
-    for (int x = 0; x < picture.size.width; ++x) {
+  for (int y = 0; y < picture.height; ++y) {
+    for (int x = 0; x < picture.width; ++x) {
       const cv::Vec3d at = chart_from_pixel * cv::Vec3d(x, y, 1);  // OpenCV's pixel coordinates
       const double u = at[0] / at[2] / kPitch, v = at[1] / at[2] / kPitch;
       const double column = std::floor(u), row = std::floor(v);
-      if (!(column >= 0 && row >= 0 && column < kChartColumns && row < kChartRows)) continue;
+      if (!(column >= 0 && row >= 0 && column < rig::kChartColumns && row < rig::kChartRows))
+        continue;
       const auto is_inside = [](double part) {
         return part * kPitch > 0.25 && part * kPitch < 0.75;
       };
       if (!is_inside(u - column) || !is_inside(v - row)) continue;
-      const auto patch = static_cast<std::size_t>(row * kChartColumns + column);
-      const std::uint16_t* const rgb =
-          &picture.rgba[4 * (static_cast<std::size_t>(y) *
-                                 static_cast<std::size_t>(picture.size.width) +
-                             static_cast<std::size_t>(x))];
+      const auto patch = static_cast<std::size_t>(row * rig::kChartColumns + column);
+      const auto rgb = picture.pixel(x, y);
       bool is_exposed = true;
       for (std::size_t c = 0; c < 3; ++c) {
         sums.light[patch][c] += rgb[c] / 65535.0;
@@ -88,12 +86,12 @@ Sums sums_over(const CorrectedFrame& picture, const ChartFromPixel& chart_from_p
 }
 
 /// Returns whether a detection has the colours of a chart, by correlation with them.
-bool looks_like_a_chart(const std::array<Rgb, kChartPatches>& light) {
+bool looks_like_a_chart(const std::array<schemas::Rgb, rig::kChartPatches>& light) {
   constexpr double kLeast = 0.8;
-  const PatchColors known = color_checker_reference();
+  const rig::PatchColors known = rig::color_checker_reference();
   double x = 0, y = 0, xx = 0, yy = 0, xy = 0;
-  constexpr double kCount = 3.0 * kChartPatches;
-  for (std::size_t p = 0; p < kChartPatches; ++p) {
+  constexpr double kCount = 3.0 * rig::kChartPatches;
+  for (std::size_t p = 0; p < rig::kChartPatches; ++p) {
     for (std::size_t c = 0; c < 3; ++c) {
       const double a = std::sqrt(std::max(0.0, known[p][c])),
                    b = std::sqrt(std::max(0.0, light[p][c]));
@@ -110,32 +108,33 @@ bool looks_like_a_chart(const std::array<Rgb, kChartPatches>& light) {
 
 }  // namespace
 
-ChartMeasurement measure_chart(const Take& take, int camera, const PhotometricResponse& of,
-                               int most_frames) {
-  const PhotometricResponse response = curve_and_hot_pixels_only(of);
-  const CameraModel& model = take.rig().cameras[static_cast<std::size_t>(camera)].model;
-  const PictureSize size{model.width(), model.height()};
+ChartMeasurement measure_chart(const store::Take& take, int camera,
+                               const schemas::PhotometricResponse& of, int most_frames) {
+  const schemas::PhotometricResponse response = store::curve_and_hot_pixels_only(of);
+  const rig::CameraModel& model = take.rig().cameras[camera].model;
+  const rig::PictureSize size{model.width(), model.height()};
   const auto frames = static_cast<int>(take.archive(camera).frames().size());
-  const CodeScale linear{BlendSpace::kLinear, 1};
-  const auto black = levels_from_code(take, response, linear, 1);  // above clipped codes
-  const auto full = levels_from_code(take, response, linear, kMaxUnclippedCode);
+  const store::CodeScale linear{store::BlendSpace::kLinear, 1};
+  const auto black = store::levels_from_code(take, response, linear, 1);  // above clipped codes
+  const auto full = store::levels_from_code(take, response, linear, store::kMaxUnclippedCode);
   constexpr double kLeastPixels = 4, kMostUnexposed = 0.02;
   ChartMeasurement measurement;
   const int looked_at = std::min(frames, most_frames);
   for (int k = 0; k < looked_at; ++k) {
     const int frame = (2 * k + 1) * frames / (2 * looked_at);
-    const auto found = found_in(decode_corrected_frame(take, camera, frame, size, response, {}));
+    const auto found =
+        found_in(store::decode_corrected_frame(take, camera, frame, size, response, {}));
     if (!found) continue;
-    const CorrectedFrame picture =
-        decode_corrected_frame(take, camera, frame, size, response, linear);
+    const store::CorrectedFrame picture =
+        store::decode_corrected_frame(take, camera, frame, size, response, linear);
     const Sums sums = sums_over(picture, *found, black, full);
     if (std::ranges::min(sums.count) < kLeastPixels) continue;
-    std::array<Rgb, kChartPatches> light = sums.light;
+    std::array<schemas::Rgb, rig::kChartPatches> light = sums.light;
     for (std::size_t p = 0; p < light.size(); ++p) {
       for (double& channel : light[p]) channel /= sums.count[p];
     }
     if (!looks_like_a_chart(light)) continue;
-    measurement.size = picture.size;
+    measurement.size = {picture.width, picture.height};
     ++measurement.frames;
     for (std::size_t p = 0; p < light.size(); ++p) {
       ChartMeasurement::Patch& patch = measurement.patches[p];
@@ -154,9 +153,9 @@ ChartMeasurement measure_chart(const Take& take, int camera, const PhotometricRe
   return measurement;
 }
 
-std::vector<ChartMeasurement> measure_charts(const Take& take,
-                                             const std::vector<PhotometricResponse>& responses,
-                                             const std::stop_token& stop) {
+std::vector<ChartMeasurement> measure_charts(
+    const store::Take& take, const std::vector<schemas::PhotometricResponse>& responses,
+    const std::stop_token& stop) {
   std::vector<ChartMeasurement> measurements(responses.size());
   parallel_for(std::size_t{0}, measurements.size(), [&](std::size_t camera) {
     if (stop.stop_requested()) {
@@ -168,4 +167,4 @@ std::vector<ChartMeasurement> measure_charts(const Take& take,
   return measurements;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

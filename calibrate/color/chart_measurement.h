@@ -9,29 +9,29 @@
 #include "rig/photometric_model.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Measurement of a ColorChecker Classic by one camera: patches by rows, starting with dark skin.
 struct ChartMeasurement {
   struct Patch {
     /// linear light, full scale 1, after correction of response curve and hot pixels
-    Rgb measured{};
+    schemas::Rgb measured{};
     double x = 0, y = 0;     ///< its centre, pixels from the picture's top-left corner
     bool is_exposed = true;  ///< no channel clipped at black or at full scale
   };
   int frames = 0;  ///< in which the chart was found; 0: the other fields are undefined
-  PictureSize size;
-  std::array<Patch, kChartPatches> patches{};
+  rig::PictureSize size;
+  std::array<Patch, rig::kChartPatches> patches{};
 };
 
 /// Returns the mean over at most `most_frames` frames, spread over the take. Uses the curve and the
 /// hot pixels of `response`. Throws Error (bad input) for a damaged frame.
-ChartMeasurement measure_chart(const Take& take, int camera, const PhotometricResponse& response,
-                               int most_frames = 5);
+ChartMeasurement measure_chart(const store::Take& take, int camera,
+                               const schemas::PhotometricResponse& response, int most_frames = 5);
 
 /// Returns the measurements of every camera. Throws Error (failed) if a stop is requested.
-std::vector<ChartMeasurement> measure_charts(const Take& take,
-                                             const std::vector<PhotometricResponse>& responses,
-                                             const std::stop_token& stop);
+std::vector<ChartMeasurement> measure_charts(
+    const store::Take& take, const std::vector<schemas::PhotometricResponse>& responses,
+    const std::stop_token& stop);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -14,13 +14,14 @@
 #include "base/error.h"
 #include "calibrate/color/color_difference.h"
 #include "calibrate/geometry/calibration_verdict.h"
+#include "calibrate/geometry/ceres_options.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 /// Residual: light of a patch minus its expected light, in standard deviations.
 struct PatchError {
-  Rgb measured, gain, contrast, expected;
+  schemas::Rgb measured, gain, contrast, expected;
 
   template <typename T>
   bool operator()(const T* matrix, const T* brightness, T* error) const {
@@ -39,11 +40,11 @@ struct PatchError {
 };
 
 /// Returns the light of a patch according to a camera's response.
-Rgb light_of(const ChartMeasurement& measurement, std::size_t patch,
-             const PhotometricResponse& response) {
+schemas::Rgb light_of(const ChartMeasurement& measurement, std::size_t patch,
+                      const schemas::PhotometricResponse& response) {
   const ChartMeasurement::Patch& p = measurement.patches[patch];
-  return apply_photometric_correction(response, measurement.size, static_cast<int>(p.x),
-                                      static_cast<int>(p.y), p.measured);
+  return rig::apply_photometric_correction(response, measurement.size, static_cast<int>(p.x),
+                                           static_cast<int>(p.y), p.measured);
 }
 
 bool counts(const ChartMeasurement& measurement, std::size_t patch) {
@@ -52,10 +53,11 @@ bool counts(const ChartMeasurement& measurement, std::size_t patch) {
 
 /// Scales the expected colours to the brightness of the greys in the camera: the slope of a line,
 /// because the black level may be unknown.
-PatchColors published_by(const ChartMeasurement& reference, const PhotometricResponse& response) {
-  PatchColors light = color_checker_reference();
+rig::PatchColors published_by(const ChartMeasurement& reference,
+                              const schemas::PhotometricResponse& response) {
+  rig::PatchColors light = rig::color_checker_reference();
   double count = 0, x = 0, y = 0, xx = 0, xy = 0;
-  for (std::size_t p = kFirstNeutralPatch; p < light.size(); ++p) {
+  for (std::size_t p = rig::kFirstNeutralPatch; p < light.size(); ++p) {
     if (!counts(reference, p)) continue;
     const double known = light[p][1], measured = light_of(reference, p, response)[1];
     count += 1;
@@ -66,7 +68,7 @@ PatchColors published_by(const ChartMeasurement& reference, const PhotometricRes
   }
   const double spread = count * xx - x * x;
   const double scale = spread > 0 ? (count * xy - x * y) / spread : 0;
-  for (Rgb& patch : light) {
+  for (schemas::Rgb& patch : light) {
     for (double& channel : patch) channel *= scale;
   }
   return light;
@@ -74,7 +76,8 @@ PatchColors published_by(const ChartMeasurement& reference, const PhotometricRes
 
 /// Fits the matrix, and the brightness if it is not known.
 void fit(const ChartMeasurement& measurement, const std::vector<bool>& used,
-         const PatchColors& expected, bool finds_brightness, PhotometricResponse& response) {
+         const rig::PatchColors& expected, bool finds_brightness,
+         schemas::PhotometricResponse& response) {
   std::array<double, 9> matrix{1, 0, 0, 0, 1, 0, 0, 0, 1};
   ceres::Problem problem;
   for (std::size_t p = 0; p < expected.size(); ++p) {
@@ -82,30 +85,25 @@ void fit(const ChartMeasurement& measurement, const std::vector<bool>& used,
     const ChartMeasurement::Patch& patch = measurement.patches[p];
     constexpr double kOdd = 2;
     problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<PatchError, 3, 9, 3>(
-            new PatchError{patch.measured, gain_at(response, measurement.size, patch.x, patch.y),
-                           response.contrast, expected[p]}),
+        new ceres::AutoDiffCostFunction<PatchError, 3, 9, 3>(new PatchError{
+            patch.measured, rig::gain_at(response, measurement.size, patch.x, patch.y),
+            response.contrast, expected[p]}),
         new ceres::CauchyLoss(kOdd), matrix.data(), response.brightness.data());
   }
   if (!finds_brightness) problem.SetParameterBlockConstant(response.brightness.data());
-  ceres::Solver::Options options;
-  options.num_threads = 1;  // the same result everywhere
-  options.logging_type = ceres::SILENT;
-  options.linear_solver_type = ceres::DENSE_QR;
-  options.max_num_iterations = 200;
   ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
+  ceres::Solve(ceres_options(ceres::DENSE_QR, 200), &problem, &summary);
   for (std::size_t row = 0; row < 3; ++row) {
     for (std::size_t c = 0; c < 3; ++c) response.matrix[row][c] = matrix[3 * row + c];
   }
 }
 
 /// Returns the residuals of one camera's patches.
-ColorFit fit_of(const ChartMeasurement& measurement, const PhotometricResponse& response,
-                const std::vector<bool>& used, const PatchColors& expected) {
+ColorFit fit_of(const ChartMeasurement& measurement, const schemas::PhotometricResponse& response,
+                const std::vector<bool>& used, const rig::PatchColors& expected) {
   ColorFit fit;
   if (measurement.frames == 0) return fit;
-  fit.observations = kChartPatches;
+  fit.observations = rig::kChartPatches;
   for (std::size_t p = 0; p < expected.size(); ++p) {
     if (!used[p]) continue;
     const double off = color_difference(lab_from_linear(expected[p]),
@@ -119,9 +117,9 @@ ColorFit fit_of(const ChartMeasurement& measurement, const PhotometricResponse& 
 }
 
 std::vector<ColorFit> fits_of(const std::vector<ChartMeasurement>& measurements,
-                              const std::vector<PhotometricResponse>& responses,
+                              const std::vector<schemas::PhotometricResponse>& responses,
                               const std::vector<std::vector<bool>>& used,
-                              const PatchColors& expected) {
+                              const rig::PatchColors& expected) {
   std::vector<ColorFit> fits;
   for (std::size_t i = 0; i < measurements.size(); ++i) {
     fits.push_back(fit_of(measurements[i], responses[i], used[i], expected));
@@ -130,10 +128,11 @@ std::vector<ColorFit> fits_of(const std::vector<ChartMeasurement>& measurements,
 }
 
 ColorSpread spread_of(const std::vector<ChartMeasurement>& measurements,
-                      const std::vector<PhotometricResponse>& responses,
-                      const std::vector<std::vector<bool>>& used, const PatchColors& expected) {
+                      const std::vector<schemas::PhotometricResponse>& responses,
+                      const std::vector<std::vector<bool>>& used,
+                      const rig::PatchColors& expected) {
   ColorSpread spread;
-  std::vector<Rgb> ratios;
+  std::vector<schemas::Rgb> ratios;
   const std::vector<ColorFit> fits = fits_of(measurements, responses, used, expected);
   int count = 0;
   for (std::size_t i = 0; i < measurements.size(); ++i) {
@@ -141,10 +140,10 @@ ColorSpread spread_of(const std::vector<ChartMeasurement>& measurements,
     spread.max_difference = std::max(spread.max_difference, fits[i].max_difference);
     count += fits[i].inliers;
     if (fits[i].inliers == 0) continue;
-    Rgb measured{}, known{};
+    schemas::Rgb measured{}, known{};
     for (std::size_t p = 0; p < expected.size(); ++p) {
       if (!used[i][p]) continue;
-      const Rgb light = light_of(measurements[i], p, responses[i]);
+      const schemas::Rgb light = light_of(measurements[i], p, responses[i]);
       for (std::size_t c = 0; c < 3; ++c) {
         measured[c] += light[c];
         known[c] += expected[p][c];
@@ -160,29 +159,27 @@ ColorSpread spread_of(const std::vector<ChartMeasurement>& measurements,
 }  // namespace
 
 ColorMatch match_charts(const std::vector<ChartMeasurement>& measurements,
-                        const std::vector<PhotometricResponse>& responses,
+                        const std::vector<schemas::PhotometricResponse>& responses,
                         const std::vector<std::string>& cameras,
                         const ChartMatchSettings& settings) {
   const auto reference = static_cast<std::size_t>(settings.reference);
   ColorMatch match;
   match.what = "chart";
   match.responses = responses;
-  for (PhotometricResponse& response : match.responses) response.matrix = kIdentityColorMatrix;
+  for (schemas::PhotometricResponse& response : match.responses)
+    response.matrix = schemas::kIdentityColorMatrix;
   std::vector<std::string> blind;
   for (std::size_t i = 0; i < measurements.size(); ++i) {
     if (measurements[i].frames == 0) blind.push_back(cameras[i]);
   }
-  if (!blind.empty()) {
-    match.reasons.push_back(
-        "The chart was not found by " + abbreviate_list(blind) +
-        ": show the whole chart, upright and sharp, in at least a fifth of the picture.");
-  }
+  add_sentence(match.reasons, "The chart was not found by ", blind,
+               ": show the whole chart, upright and sharp, in at least a fifth of the picture.");
   if (measurements[reference].frames == 0) {
     match.responses = responses;
     match.fits.resize(measurements.size());
     return match;
   }
-  PatchColors expected{};
+  rig::PatchColors expected{};
   if (settings.use_published_values) {
     expected = published_by(measurements[reference], match.responses[reference]);
   } else {
@@ -203,21 +200,18 @@ ColorMatch match_charts(const std::vector<ChartMeasurement>& measurements,
     is_usable.push_back(measurements[i].frames > 0 && is_exposed);
     if (measurements[i].frames > 0 && !is_exposed) overexposed.push_back(cameras[i]);
   }
-  if (!overexposed.empty()) {
-    match.reasons.push_back("The chart is overexposed or too dark in " +
-                            abbreviate_list(overexposed) +
-                            ": expose so that white is below full scale and black above 0.");
-  }
+  add_sentence(match.reasons, "The chart is overexposed or too dark in ", overexposed,
+               ": expose so that white is below full scale and black above 0.");
   match.before = spread_of(measurements, responses, used, expected);
   for (std::size_t i = 0; i < measurements.size(); ++i) {
-    PhotometricResponse& response = match.responses[i];
+    schemas::PhotometricResponse& response = match.responses[i];
     if (!is_usable[i]) {
       response = responses[i];
       continue;
     }
     if (i == reference && !settings.use_published_values) continue;
     const bool finds_brightness =
-        response.contrast == Rgb{1, 1, 1} && response.brightness == Rgb{0, 0, 0};
+        response.contrast == schemas::Rgb{1, 1, 1} && response.brightness == schemas::Rgb{0, 0, 0};
     fit(measurements[i], used[i], expected, finds_brightness, response);
   }
   match.after = spread_of(measurements, match.responses, used, expected);
@@ -228,17 +222,14 @@ ColorMatch match_charts(const std::vector<ChartMeasurement>& measurements,
   for (std::size_t i = 0; i < measurements.size(); ++i) {
     if (is_usable[i] && !(match.fits[i].mean_difference <= kMostOff)) wrong.push_back(cameras[i]);
   }
-  if (!wrong.empty()) {
-    match.reasons.push_back(
-        "The colours of the chart do not fit even so in " + abbreviate_list(wrong) +
-        ": use a ColorChecker Classic, light it evenly, and calibrate the response curves.");
-  }
+  add_sentence(match.reasons, "The colours of the chart do not fit even so in ", wrong,
+               ": use a ColorChecker Classic, light it evenly, and calibrate the response curves.");
   const auto worst = std::ranges::max_element(match.fits, {}, &ColorFit::mean_difference);
   match.findings.push_back(
       fmt::format("Worst      {}: CIEDE2000 mean {:.2f} over {} patches, maximum {:.2f}",
-                  cameras[static_cast<std::size_t>(worst - match.fits.begin())],
-                  worst->mean_difference, worst->inliers, worst->max_difference));
+                  cameras[worst - match.fits.begin()], worst->mean_difference, worst->inliers,
+                  worst->max_difference));
   return match;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

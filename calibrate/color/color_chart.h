@@ -6,9 +6,8 @@
 
 #include "calibrate/color/chart_measurement.h"
 #include "calibrate/color/color_match.h"
-#include "rig/photometric_model.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 struct ChartMatchSettings {
   int reference = 0;  ///< camera that the others are matched to
@@ -21,8 +20,8 @@ struct ChartMatchSettings {
 /// (black) of cameras without contrast and brightness. A camera without the chart keeps its
 /// response and is rejected, as is one with large residuals.
 ColorMatch match_charts(const std::vector<ChartMeasurement>& measurements,
-                        const std::vector<PhotometricResponse>& responses,
+                        const std::vector<schemas::PhotometricResponse>& responses,
                         const std::vector<std::string>& cameras,
                         const ChartMatchSettings& settings);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -7,54 +7,55 @@
 #include <algorithm>
 #include <cmath>
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-constexpr PictureSize kPicture{640, 480};
+constexpr rig::PictureSize kPicture{640, 480};
 
-PhotometricResponse mixing(double by) {
-  PhotometricResponse response;
-  response.matrix = inverse({{{1 - 2 * by, by, by}, {by / 2, 1 - by, by / 2}, {0, by, 1 - by}}});
-  response.vignetting = Vignetting{320, 240, {0.2, 0.05, 0}};
+schemas::PhotometricResponse mixing(double by) {
+  schemas::PhotometricResponse response;
+  response.matrix =
+      rig::inverse({{{1 - 2 * by, by, by}, {by / 2, 1 - by, by / 2}, {0, by, 1 - by}}});
+  response.vignetting = schemas::Vignetting{320, 240, {0.2, 0.05, 0}};
   return response;
 }
 
 /// What a camera shows of a chart in the lower left of its picture.
-ChartMeasurement sight_of(const PhotometricResponse& response) {
+ChartMeasurement sight_of(const schemas::PhotometricResponse& response) {
   ChartMeasurement measurement;
   measurement.frames = 1;
   measurement.size = kPicture;
-  const PatchColors light = color_checker_reference();
-  for (int p = 0; p < kChartPatches; ++p) {
-    ChartMeasurement::Patch& patch = measurement.patches[static_cast<std::size_t>(p)];
-    patch.x = 40.5 + 50 * (p % kChartColumns);
-    patch.y = 250.5 + 50 * (p / kChartColumns);
-    Rgb lit = light[static_cast<std::size_t>(p)];
+  const rig::PatchColors light = rig::color_checker_reference();
+  for (int p = 0; p < rig::kChartPatches; ++p) {
+    ChartMeasurement::Patch& patch = measurement.patches[p];
+    patch.x = 40.5 + 50 * (p % rig::kChartColumns);
+    patch.y = 250.5 + 50 * (p / rig::kChartColumns);
+    schemas::Rgb lit = light[p];
     for (double& channel : lit) channel *= 0.7;
-    patch.measured = invert_photometric_correction(response, kPicture, static_cast<int>(patch.x),
-                                                   static_cast<int>(patch.y), lit);
+    patch.measured = rig::invert_photometric_correction(
+        response, kPicture, static_cast<int>(patch.x), static_cast<int>(patch.y), lit);
   }
   return measurement;
 }
 
-void expect_matrix(const ColorMatrix& found, const ColorMatrix& expected) {
+void expect_matrix(const schemas::ColorMatrix& found, const schemas::ColorMatrix& expected) {
   for (std::size_t row = 0; row < 3; ++row) {
     for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(found[row][c], expected[row][c], 1e-3);
   }
 }
 
 /// All but the matrix.
-PhotometricResponse unmixed(PhotometricResponse response) {
-  response.matrix = kIdentityColorMatrix;
+schemas::PhotometricResponse unmixed(schemas::PhotometricResponse response) {
+  response.matrix = schemas::kIdentityColorMatrix;
   return response;
 }
 
 TEST(ColorChart, FindsWhatChannelsSeeOfEachOther) {
-  const PhotometricResponse one = mixing(0.02), other = mixing(0.15);
+  const schemas::PhotometricResponse one = mixing(0.02), other = mixing(0.15);
   const ColorMatch found = match_charts({sight_of(one), sight_of(other)},
                                         {unmixed(one), unmixed(other)}, {"a", "b"}, {1, true});
   EXPECT_THAT(found.reasons, IsEmpty());
@@ -63,8 +64,8 @@ TEST(ColorChart, FindsWhatChannelsSeeOfEachOther) {
   const double scale = found.responses[1].matrix[1][1] / other.matrix[1][1];
   EXPECT_NEAR(scale, 1, 0.005);
   for (std::size_t camera : {0U, 1U}) {
-    ColorMatrix matrix = found.responses[camera].matrix;
-    for (Rgb& row : matrix) {
+    schemas::ColorMatrix matrix = found.responses[camera].matrix;
+    for (schemas::Rgb& row : matrix) {
       for (double& channel : row) channel /= scale;
     }
     expect_matrix(matrix, (camera == 0 ? one : other).matrix);
@@ -74,36 +75,36 @@ TEST(ColorChart, FindsWhatChannelsSeeOfEachOther) {
 }
 
 TEST(ColorChart, MakesCamerasAlikeToTheReferenceCamera) {
-  const PhotometricResponse one = mixing(0.02), other = mixing(0.15);
+  const schemas::PhotometricResponse one = mixing(0.02), other = mixing(0.15);
   const ColorMatch found = match_charts({sight_of(one), sight_of(other)},
                                         {unmixed(one), unmixed(other)}, {"a", "b"}, {});
   EXPECT_EQ(found.responses[0], unmixed(one));
-  const Rgb light{0.5, 0.1, 0.3};
-  const Rgb measured =
-      apply_photometric_correction(found.responses[0], kPicture, 9, 9,
-                                   invert_photometric_correction(one, kPicture, 9, 9, light));
-  const Rgb made =
-      apply_photometric_correction(found.responses[1], kPicture, 9, 9,
-                                   invert_photometric_correction(other, kPicture, 9, 9, light));
+  const schemas::Rgb light{0.5, 0.1, 0.3};
+  const schemas::Rgb measured = rig::apply_photometric_correction(
+      found.responses[0], kPicture, 9, 9,
+      rig::invert_photometric_correction(one, kPicture, 9, 9, light));
+  const schemas::Rgb made = rig::apply_photometric_correction(
+      found.responses[1], kPicture, 9, 9,
+      rig::invert_photometric_correction(other, kPicture, 9, 9, light));
   for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(made[c], measured[c], 1e-3);
 }
 
 TEST(ColorChart, FindsBlackOnlyWhereNothingIsKnownOfIt) {
-  PhotometricResponse foggy = mixing(0.1);
+  schemas::PhotometricResponse foggy = mixing(0.1);
   foggy.vignetting.reset();
   foggy.brightness = {-0.02, -0.03, -0.01};
-  PhotometricResponse nothing_known, contrast_known;
+  schemas::PhotometricResponse nothing_known, contrast_known;
   contrast_known.contrast = {1.01, 1, 1};
   const ColorMatch found = match_charts({sight_of({}), sight_of(foggy), sight_of(foggy)},
                                         {{}, nothing_known, contrast_known}, {"a", "b", "c"}, {});
   for (std::size_t c = 0; c < 3; ++c) {
     EXPECT_NEAR(found.responses[1].brightness[c], foggy.brightness[c], 1e-3);
   }
-  EXPECT_EQ(found.responses[2].brightness, Rgb{});
+  EXPECT_EQ(found.responses[2].brightness, schemas::Rgb{});
 }
 
 TEST(ColorChart, FindsTheReferenceCamerasBlackTooWherePublishedColoursTellIt) {
-  PhotometricResponse foggy = mixing(0.1);
+  schemas::PhotometricResponse foggy = mixing(0.1);
   foggy.vignetting.reset();
   foggy.brightness = {-0.02, -0.03, -0.01};
   const ColorMatch found = match_charts({sight_of(foggy)}, {{}}, {"a"}, {0, true});
@@ -114,7 +115,7 @@ TEST(ColorChart, FindsTheReferenceCamerasBlackTooWherePublishedColoursTellIt) {
 }
 
 TEST(ColorChart, DoesWithoutPatchesThatAreOverexposed) {
-  const PhotometricResponse other = mixing(0.1);
+  const schemas::PhotometricResponse other = mixing(0.1);
   std::vector<ChartMeasurement> measurements{sight_of({}), sight_of(other)};
   for (const std::size_t patch : {18U, 15U, 11U}) {
     measurements[1].patches[patch].measured = {1, 1, 1};
@@ -129,15 +130,15 @@ TEST(ColorChart, DoesWithoutPatchesThatAreOverexposed) {
 }
 
 TEST(ColorChart, OneCameraHasItsPublishedColours) {
-  const PhotometricResponse only = mixing(0.1);
+  const schemas::PhotometricResponse only = mixing(0.1);
   const ColorMatch found = match_charts({sight_of(only)}, {unmixed(only)}, {"a"}, {0, true});
   EXPECT_THAT(found.reasons, IsEmpty());
   EXPECT_LT(found.after.mean_difference, 0.1);
-  EXPECT_EQ(found.after.deviation, Rgb{});
+  EXPECT_EQ(found.after.deviation, schemas::Rgb{});
 }
 
 TEST(ColorChart, OneCameraOfManyThatIsWrongIsNamed) {
-  const PhotometricResponse right = mixing(0.1);
+  const schemas::PhotometricResponse right = mixing(0.1);
   std::vector<ChartMeasurement> measurements(16, sight_of(right));
   std::vector<std::string> names;
   for (std::size_t i = 0; i < measurements.size(); ++i) names.push_back("c" + std::to_string(i));
@@ -148,11 +149,11 @@ TEST(ColorChart, OneCameraOfManyThatIsWrongIsNamed) {
   ASSERT_EQ(found.fits.size(), 16U);
   EXPECT_LT(found.fits[3].mean_difference, 0.1);
   EXPECT_GT(found.fits[11].mean_difference, 4);
-  EXPECT_EQ(found.fits[11].inliers, kChartPatches);
+  EXPECT_EQ(found.fits[11].inliers, rig::kChartPatches);
   // Nothing can be used of it, and its contrast is known.
   for (ChartMeasurement::Patch& patch : measurements[11].patches) patch.is_exposed = false;
-  std::vector<PhotometricResponse> known(16, unmixed(right));
-  for (PhotometricResponse& response : known) response.contrast = {1.01, 1, 1};
+  std::vector<schemas::PhotometricResponse> known(16, unmixed(right));
+  for (schemas::PhotometricResponse& response : known) response.contrast = {1.01, 1, 1};
   const ColorMatch unexposed = match_charts(measurements, known, names, {0, true});
   EXPECT_THAT(unexposed.reasons, ElementsAre(HasSubstr("too dark in c11:")));
   EXPECT_EQ(unexposed.responses[11], known[11]);
@@ -160,7 +161,7 @@ TEST(ColorChart, OneCameraOfManyThatIsWrongIsNamed) {
 }
 
 TEST(ColorChart, LeavesCamerasThatDidNotFindItAsTheyAre) {
-  const std::vector<PhotometricResponse> known{mixing(0.1), mixing(0.2)};
+  const std::vector<schemas::PhotometricResponse> known{mixing(0.1), mixing(0.2)};
   std::vector<ChartMeasurement> measurements{sight_of(known[0]), {}};
   const ColorMatch found = match_charts(measurements, known, {"a", "b"}, {0, true});
   EXPECT_THAT(found.reasons, ElementsAre(HasSubstr("not found by b")));
@@ -170,4 +171,4 @@ TEST(ColorChart, LeavesCamerasThatDidNotFindItAsTheyAre) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -8,7 +8,7 @@
 #include "base/error.h"
 #include "store/processing/frames/corrected_frame.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 constexpr int kTileWidth = 160, kGap = 2, kSheetGap = 12;  // pixels
@@ -18,14 +18,15 @@ struct Place {
   int row = 0, column = 0;
 };
 
-std::vector<Place> places_of(const RigDocument& rig) {
+std::vector<Place> places_of(const schemas::RigDocument& rig) {
   std::vector<Place> places;
-  const bool is_grid = std::ranges::all_of(rig.cameras, [](const RigDocument::Camera& camera) {
-    return camera.geometry.row && camera.geometry.column;
-  });
+  const bool is_grid =
+      std::ranges::all_of(rig.cameras, [](const schemas::RigDocument::Camera& camera) {
+        return camera.geometry.row && camera.geometry.column;
+      });
   const int columns =
       static_cast<int>(std::ceil(std::sqrt(static_cast<double>(rig.cameras.size()))));
-  for (const RigDocument::Camera& camera : rig.cameras) {
+  for (const schemas::RigDocument::Camera& camera : rig.cameras) {
     const int index = static_cast<int>(places.size());
     places.push_back(is_grid ? Place{*camera.geometry.row, *camera.geometry.column}
                              : Place{index / columns, index % columns});
@@ -38,17 +39,18 @@ struct Pair {
   cv::Mat before, after;
 };
 
-Pair pictures_of(const Take& take, int camera, PictureSize size,
-                 const PhotometricResponse& response, const cv::Size& tile) {
-  const std::string& id = take.document().cameras[static_cast<std::size_t>(camera)].id;
+Pair pictures_of(const store::Take& take, int camera, rig::PictureSize size,
+                 const schemas::PhotometricResponse& response, const cv::Size& tile) {
+  const std::string& id = take.document().cameras[camera].id;
   const int frames = static_cast<int>(take.archive(camera).frames().size());
   if (frames == 0) {
     throw Error::bad_input("camera \"" + id + "\" has no frames", take.folder().string(),
                            "Use a take in which every camera has frames");
   }
-  const auto shown_by = [&](const PhotometricResponse& by) {
-    CorrectedFrame picture = decode_corrected_frame(take, camera, frames / 2, size, by, {});
-    const cv::Mat whole(picture.size.height, picture.size.width, CV_16UC4, picture.rgba.data());
+  const auto shown_by = [&](const schemas::PhotometricResponse& by) {
+    store::CorrectedFrame picture =
+        store::decode_corrected_frame(take, camera, frames / 2, size, by, {});
+    const cv::Mat whole(picture.height, picture.width, CV_16UC4, picture.values.data());
     cv::Mat codes, small;
     whole.convertTo(codes, CV_8UC4, 1 / 257.0);
     cv::cvtColor(codes, codes, cv::COLOR_RGBA2RGB);
@@ -60,18 +62,18 @@ Pair pictures_of(const Take& take, int camera, PictureSize size,
 
 }  // namespace
 
-RgbImage make_color_contact_sheet(const Take& take, const RigDocument& rig) {
+store::RgbImage make_color_contact_sheet(const store::Take& take, const schemas::RigDocument& rig) {
   const std::vector<Place> places = places_of(rig);
   const int rows = std::ranges::max(places, {}, &Place::row).row + 1;
   const int columns = std::ranges::max(places, {}, &Place::column).column + 1;
-  const CameraGeometry& first = rig.cameras.front().geometry;
+  const schemas::CameraGeometry& first = rig.cameras.front().geometry;
   const cv::Size tile(std::min(kTileWidth, first.width),
                       std::max(1, std::min(kTileWidth, first.width) * first.height / first.width));
   const int half = columns * (tile.width + kGap);
   cv::Mat sheet(rows * (tile.height + kGap) + kGap, 2 * half + kSheetGap + 2 * kGap, CV_8UC3,
                 cv::Scalar::all(kPaper));
   for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
-    const CameraGeometry& geometry = rig.cameras[i].geometry;
+    const schemas::CameraGeometry& geometry = rig.cameras[i].geometry;
     const int camera = take.camera_index(geometry.id);
     if (camera < 0) {
       throw Error::bad_input("the take has no camera \"" + geometry.id + "\" of the rig",
@@ -84,9 +86,9 @@ RgbImage make_color_contact_sheet(const Take& take, const RigDocument& rig) {
     pictures.before.copyTo(sheet(cv::Rect(cv::Point(x, y), tile)));
     pictures.after.copyTo(sheet(cv::Rect(cv::Point(x + half + kSheetGap, y), tile)));
   }
-  RgbImage image{sheet.cols, sheet.rows, {}};
+  store::RgbImage image{sheet.cols, sheet.rows, {}};
   image.pixels.assign(sheet.data, sheet.data + sheet.total() * 3);
   return image;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

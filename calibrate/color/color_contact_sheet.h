@@ -5,12 +5,12 @@
 #include "store/jpeg/rgb_image.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Returns a contact sheet of the frames in the middle of a take, sRGB codes: as recorded on the
 /// left, corrected by `rig` on the right. Cameras are placed by their rows and columns in the
 /// array, or in a square without these. Throws Error (bad input) if the cameras of rig and take
 /// differ, or one has no frames.
-RgbImage make_color_contact_sheet(const Take& take, const RigDocument& rig);
+store::RgbImage make_color_contact_sheet(const store::Take& take, const schemas::RigDocument& rig);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
@@ -46,7 +46,7 @@ Lab lab_from_linear(const std::array<double, 3>& rgb) {
   for (int i = 0; i < 3; ++i) {
     double value = 0, white = 0;
     for (int c = 0; c < 3; ++c) {
-      value += kXyz[i][c] * rgb[static_cast<std::size_t>(c)];
+      value += kXyz[i][c] * rgb[c];
       white += kXyz[i][c];
     }
     const double t = value / white;
@@ -78,4 +78,4 @@ double color_difference(const Lab& one, const Lab& other) {
   return std::sqrt(x * x + y * y + z * z + rt * y * z);
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

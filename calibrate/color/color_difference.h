@@ -3,7 +3,7 @@
 
 #include <array>
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// CIE L*a*b* relative to the white of Rec.709 (D65).
 struct Lab {
@@ -17,4 +17,4 @@ Lab lab_from_linear(const std::array<double, 3>& rgb);
 /// just noticeable.
 double color_difference(const Lab& one, const Lab& other);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 /// The pairs that Sharma, Wu and Dalal published with their answers.
@@ -60,4 +60,4 @@ TEST(ColorDifferences, KnowRec709) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

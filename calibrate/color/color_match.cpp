@@ -9,7 +9,7 @@
 #include "schemas/document.h"
 #include "schemas/former_names.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 std::string spread_line(const char* when, const ColorSpread& spread) {
@@ -38,11 +38,11 @@ nlohmann::ordered_json fit_json(const ColorFit& fit, const std::string& id) {
 
 }  // namespace
 
-double relative_deviation(const std::vector<Rgb>& of_cameras, std::size_t channel) {
+double relative_deviation(const std::vector<schemas::Rgb>& of_cameras, std::size_t channel) {
   if (of_cameras.empty()) return 0;
   const auto count = static_cast<double>(of_cameras.size());
   double mean = 0, squares = 0;
-  for (const Rgb& camera : of_cameras) {
+  for (const schemas::Rgb& camera : of_cameras) {
     mean += camera[channel] / count;
     squares += camera[channel] * camera[channel] / count;
   }
@@ -82,15 +82,15 @@ std::string color_match_json(const std::vector<ColorMatch>& steps, const std::st
   }
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     json["cameras"].push_back(
-        {{"id", cameras[i]}, {"photometric", json_from(steps.back().responses[i])}});
+        {{"id", cameras[i]}, {"photometric", schemas::json_from(steps.back().responses[i])}});
   }
-  constexpr FormerName kFormerNames[] = {{"accepted", "vouched_for"},
-                                         {"max_ciede2000", "most_ciede2000"},
-                                         {"observations", "seen"},
-                                         {"inliers", "kept"},
-                                         {"source", "by"}};
-  add_former_names(json, kFormerNames);
+  constexpr schemas::FormerName kFormerNames[] = {{"accepted", "vouched_for"},
+                                                  {"max_ciede2000", "most_ciede2000"},
+                                                  {"observations", "seen"},
+                                                  {"inliers", "kept"},
+                                                  {"source", "by"}};
+  schemas::add_former_names(json, kFormerNames);
   return json.dump(1) + "\n";
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

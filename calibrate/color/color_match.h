@@ -6,11 +6,12 @@
 
 #include "schemas/photometric_response.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Differences between the cameras in what all of them observe.
 struct ColorSpread {
-  Rgb deviation{};  ///< standard deviation over cameras relative to their mean, of the worst target
+  schemas::Rgb
+      deviation{};  ///< standard deviation over cameras relative to their mean, of the worst target
   double mean_difference = 0;  ///< CIEDE2000 from the expected colour, over cameras and targets
   double max_difference = 0;
 };
@@ -30,7 +31,7 @@ struct ColorFit {
 struct ColorMatch {
   /// what all cameras observed: "targets", "chart" or "scene"
   std::string what;
-  std::vector<PhotometricResponse> responses;  ///< of each camera
+  std::vector<schemas::PhotometricResponse> responses;  ///< of each camera
   ColorSpread before, after;
   std::vector<ColorFit> fits;         ///< of each camera
   std::vector<std::string> findings;  ///< further results, a line each: a word, then a text
@@ -39,7 +40,7 @@ struct ColorMatch {
 
 /// Returns the standard deviation of one channel over cameras relative to the mean; 0 without
 /// cameras.
-double relative_deviation(const std::vector<Rgb>& of_cameras, std::size_t channel);
+double relative_deviation(const std::vector<schemas::Rgb>& of_cameras, std::size_t channel);
 
 /// Returns a text report of all steps, each of which starts from the result of the previous one.
 /// `reference`: the camera that the others are matched to.
@@ -50,4 +51,4 @@ std::string format_color_match(const std::vector<ColorMatch>& steps, const std::
 std::string color_match_json(const std::vector<ColorMatch>& steps, const std::string& reference,
                              const std::vector<std::string>& cameras);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -9,7 +9,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "base/error.h"
 #include "calibrate/color/color_difference.h"
@@ -17,13 +16,14 @@
 #include "calibrate/color/vignetting.h"
 #include "calibrate/geometry/calibration_verdict.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 /// Returns the target's light according to a camera's mean over the middle of its picture.
-Rgb target_light(const PhotometricResponse& response, const FlatFieldMeasurement& measurement) {
-  const Rgb left = mean_centre_transmission(response, measurement.size);
-  Rgb light{};
+schemas::Rgb target_light(const schemas::PhotometricResponse& response,
+                          const FlatFieldMeasurement& measurement) {
+  const schemas::Rgb left = mean_centre_transmission(response, measurement.size);
+  schemas::Rgb light{};
   for (std::size_t c = 0; c < 3; ++c) {
     light[c] = (response.brightness[c] + response.contrast[c] * measurement.mean[c]) / left[c];
   }
@@ -52,16 +52,17 @@ Line fitted(const std::vector<double>& measured, const std::vector<double>& refe
 }
 
 ColorSpread spread_of(const std::vector<FlatFieldMeasurements>& targets,
-                      const std::vector<PhotometricResponse>& responses, std::size_t reference) {
+                      const std::vector<schemas::PhotometricResponse>& responses,
+                      std::size_t reference) {
   ColorSpread spread;
   double sum = 0;
   int count = 0;
   for (const FlatFieldMeasurements& target : targets) {
-    std::vector<Rgb> lights;
-    Rgb mean{};
+    std::vector<schemas::Rgb> lights;
+    schemas::Rgb mean{};
     const Lab expected = lab_from_linear(target_light(responses[reference], target[reference]));
     for (std::size_t c = 0; c < target.size(); ++c) {
-      const Rgb& measured = lights.emplace_back(target_light(responses[c], target[c]));
+      const schemas::Rgb& measured = lights.emplace_back(target_light(responses[c], target[c]));
       for (std::size_t k = 0; k < 3; ++k)
         mean[k] += measured[k] / static_cast<double>(target.size());
       if (c == reference) continue;
@@ -105,19 +106,12 @@ void judge(FlatFieldMatch& colors, const std::vector<FlatFieldMeasurements>& tar
     if (is_clipped) clipped.push_back(cameras[c]);
     if (is_uneven) uneven.push_back(cameras[c]);
   }
-  if (!clipped.empty()) {
-    colors.reasons.push_back("A target is overexposed in " + abbreviate_list(clipped) +
-                             ": reduce the exposure until white is below full scale.");
-  }
-  if (!dark.empty()) {
-    colors.reasons.push_back("No target is bright in " + abbreviate_list(dark) +
-                             ": light the white target and expose for it.");
-  }
-  if (!patterned.empty()) {
-    colors.reasons.push_back("The middle of the picture does not show a flat target in " +
-                             abbreviate_list(patterned) +
-                             ": record takes of white, grey and lens caps.");
-  }
+  add_sentence(colors.reasons, "A target is overexposed in ", clipped,
+               ": reduce the exposure until white is below full scale.");
+  add_sentence(colors.reasons, "No target is bright in ", dark,
+               ": light the white target and expose for it.");
+  add_sentence(colors.reasons, "The middle of the picture does not show a flat target in ",
+               patterned, ": record takes of white, grey and lens caps.");
   constexpr double kDisagree = 0.05, kMore = 0.01;
   for (std::size_t k = 0; k < 3; ++k) {
     const double after = colors.after.deviation[k];
@@ -128,18 +122,15 @@ void judge(FlatFieldMatch& colors, const std::vector<FlatFieldMeasurements>& tar
         100 * after));
     break;
   }
-  if (!uneven.empty()) {
-    colors.warnings.push_back("A target is unevenly lit in " + abbreviate_list(uneven) +
-                              ": fill the middle of every picture with it, without shadows, or "
-                              "fit the vignetting if the lens is the cause.");
-  }
+  add_sentence(colors.warnings, "A target is unevenly lit in ", uneven,
+               ": fill the middle of every picture with it, without shadows, or "
+               "fit the vignetting if the lens is the cause.");
   constexpr double kUnevenCells = 0.02;  // residual without a gain map
   const bool is_lens_alone = !colors.responses.front().gain_map;
   if (is_lens_alone && colors.worst_vignetting > kUnevenCells) {
     colors.reasons.emplace_back(
         "The vignetting model does not explain the brightness of the target: fill every picture "
-        "with it, "
-        "evenly lit, or do not fit the vignetting.");
+        "with it, evenly lit, or do not fit the vignetting.");
   }
   if (targets.size() < 2) {
     colors.warnings.emplace_back(
@@ -153,15 +144,15 @@ constexpr double kCutOff = 0.02;   // share of pixels at code 0 above which a me
 
 /// Converts the reference camera's codes to light, per channel.
 struct Scale {
-  Rgb black{};  ///< measured without light
-  Rgb factor{1, 1, 1};
+  schemas::Rgb black{};  ///< measured without light
+  schemas::Rgb factor{1, 1, 1};
 };
 
 /// Fits contrast and brightness of a camera whose vignetting is in `response`.
 void match_camera(const std::vector<FlatFieldMeasurements>& targets, std::size_t camera,
                   std::size_t reference, const Scale& scale, const std::string& name,
-                  PhotometricResponse& response) {
-  const Rgb left = mean_centre_transmission(response, targets.front()[camera].size);
+                  schemas::PhotometricResponse& response) {
+  const schemas::Rgb left = mean_centre_transmission(response, targets.front()[camera].size);
   for (std::size_t k = 0; k < 3; ++k) {
     std::vector<double> measured, expected;
     for (const FlatFieldMeasurements& target : targets) {
@@ -186,17 +177,14 @@ void take_over_darkness(const FlatFieldMeasurements& dark, std::size_t reference
   std::vector<std::string> lit;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const bool is_lit = std::ranges::max(dark[c].mean) > FlatFieldMeasurement::kDark ||
-                        dark[c].hot_pixels.size() > PhotometricResponse::kMaxHotPixels;
+                        dark[c].hot_pixels.size() > schemas::PhotometricResponse::kMaxHotPixels;
     if (is_lit) {
       lit.push_back(cameras[c]);
     } else {
       colors.responses[c].hot_pixels = dark[c].hot_pixels;
     }
   }
-  if (!lit.empty()) {
-    colors.reasons.push_back("The dark target is not dark in " + abbreviate_list(lit) +
-                             ": cap the lenses.");
-  }
+  add_sentence(colors.reasons, "The dark target is not dark in ", lit, ": cap the lenses.");
   if (std::ranges::max(dark[reference].black) > kCutOff) {
     colors.warnings.emplace_back(
         "The reference camera's black level is clipped at code 0, so light may be too high: "
@@ -212,11 +200,12 @@ std::vector<std::string> findings_of(const FlatFieldMatch& colors) {
                     100 * colors.worst_vignetting));
   }
   std::size_t dark = 0;
-  for (const PhotometricResponse& response : colors.responses) dark += response.hot_pixels.size();
+  for (const schemas::PhotometricResponse& response : colors.responses)
+    dark += response.hot_pixels.size();
   if (dark > 0) {
     findings.push_back(fmt::format(
         "Hot pixels {}, including neighbours affected by JPEG compression; {:.1f} per camera", dark,
-        static_cast<double>(dark) / static_cast<double>(colors.responses.size())));
+        static_cast<double>(dark) / colors.responses.size()));
   }
   return findings;
 }
@@ -236,21 +225,19 @@ FlatFieldMatch match_flat_fields(const std::vector<FlatFieldMeasurements>& targe
   colors.what = "targets";
   colors.responses = settings.curves;
   colors.responses.resize(cameras.size());
-  Rgb black{}, balance{1, 1, 1};
+  schemas::Rgb black{}, balance{1, 1, 1};
   for (std::size_t k = 0; settings.dark && k < 3; ++k) {
     if (darkest[reference].black[k] <= kCutOff) black[k] = darkest[reference].mean[k];
   }
   if (settings.neutral) {
-    const Rgb& white = brightest[reference].mean;
-    for (std::size_t k = 0; k < 3; ++k) {
-      balance[k] = (white[1] - black[1]) / (white[k] - black[k]);
-    }
+    const schemas::Rgb& white = brightest[reference].mean;
+    for (std::size_t k = 0; k < 3; ++k) balance[k] = (white[1] - black[1]) / (white[k] - black[k]);
   }
   // Vignetting depends on a camera's black level, and contrast on the vignetting.
   const int rounds = settings.vignetting || settings.flat_field ? 3 : 1;
   for (int round = 0; round < rounds; ++round) {
     Scale scale{black, balance};
-    const Rgb left =
+    const schemas::Rgb left =
         mean_centre_transmission(colors.responses[reference], targets.front()[reference].size);
     for (std::size_t k = 0; k < 3; ++k) scale.factor[k] /= left[k];
     for (std::size_t c = 0; c < cameras.size(); ++c) {
@@ -277,11 +264,12 @@ FlatFieldMatch match_flat_fields(const std::vector<FlatFieldMeasurements>& targe
         "A target is darker than the dark target: cap all lenses, including the reference "
         "camera's.");
   }
-  colors.before = spread_of(targets, std::vector<PhotometricResponse>(cameras.size()), reference);
+  colors.before =
+      spread_of(targets, std::vector<schemas::PhotometricResponse>(cameras.size()), reference);
   colors.after = spread_of(targets, colors.responses, reference);
   judge(colors, targets, cameras);
   colors.findings = findings_of(colors);
   return colors;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

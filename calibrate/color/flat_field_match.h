@@ -7,7 +7,7 @@
 #include "calibrate/color/color_match.h"
 #include "calibrate/color/flat_field_measurement.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 struct FlatFieldMatchSettings {
   int reference = 0;     ///< camera that the others are matched to
@@ -15,7 +15,7 @@ struct FlatFieldMatchSettings {
   bool vignetting =
       false;  ///< fits the vignetting: the brightest target fills every picture evenly
   bool flat_field = false;  ///< also fits a gain map to the residuals of the vignetting model
-  std::vector<PhotometricResponse>
+  std::vector<schemas::PhotometricResponse>
       curves{};       ///< responses with the curves that were used in the measurements
   bool dark = false;  ///< the last target is dark: lens caps
 };
@@ -34,4 +34,4 @@ FlatFieldMatch match_flat_fields(const std::vector<FlatFieldMeasurements>& targe
                                  const std::vector<std::string>& cameras,
                                  const FlatFieldMatchSettings& settings);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -10,15 +10,15 @@
 #include "base/error.h"
 #include "calibrate/color/vignetting.h"
 
-namespace raystage::flat_field_match_test {
+namespace raystage::calibrate::flat_field_match_test {
 namespace {
 
 using ::testing::HasSubstr;
 
-constexpr PictureSize kPicture{640, 480};
+constexpr rig::PictureSize kPicture{640, 480};
 
 /// What a camera shows of a target whose light is a function of the place.
-FlatFieldMeasurement sight_of(const PhotometricResponse& response,
+FlatFieldMeasurement sight_of(const schemas::PhotometricResponse& response,
                               const std::function<double(double, double)>& light) {
   FlatFieldMeasurement measurement;
   measurement.size = kPicture;
@@ -27,8 +27,8 @@ FlatFieldMeasurement sight_of(const PhotometricResponse& response,
     for (int column = 0; column < 32; ++column) {
       FlatFieldCell cell{column * 20.0 + 10, row * 20.0 + 10, {}};
       const double here = light(cell.x, cell.y);
-      cell.mean = invert_photometric_correction(response, kPicture, static_cast<int>(cell.x),
-                                                static_cast<int>(cell.y), {here, here, here});
+      cell.mean = rig::invert_photometric_correction(response, kPicture, static_cast<int>(cell.x),
+                                                     static_cast<int>(cell.y), {here, here, here});
       measurement.cells.push_back(cell);
       if (row < 6 || row >= 18 || column < 8 || column >= 24) continue;
       for (std::size_t c = 0; c < 3; ++c) measurement.mean[c] += cell.mean[c];
@@ -39,19 +39,20 @@ FlatFieldMeasurement sight_of(const PhotometricResponse& response,
   return measurement;
 }
 
-PhotometricResponse dim_lens() {
-  PhotometricResponse response;
+schemas::PhotometricResponse dim_lens() {
+  schemas::PhotometricResponse response;
   response.contrast = {1.25, 0.9, 1.1};
   response.brightness = {-0.02, -0.01, -0.005};
-  response.vignetting = Vignetting{330, 228, {0.3, 0.1, 0.02}};
+  response.vignetting = schemas::Vignetting{330, 228, {0.3, 0.1, 0.02}};
   return response;
 }
 
-std::vector<FlatFieldMeasurements> targets_of(const std::vector<PhotometricResponse>& cameras) {
+std::vector<FlatFieldMeasurements> targets_of(
+    const std::vector<schemas::PhotometricResponse>& cameras) {
   std::vector<FlatFieldMeasurements> targets;
   for (const double level : {0.6, 0.15, 0.0}) {
     FlatFieldMeasurements& target = targets.emplace_back();
-    for (const PhotometricResponse& camera : cameras) {
+    for (const schemas::PhotometricResponse& camera : cameras) {
       target.push_back(sight_of(camera, [&](double, double) { return level; }));
     }
   }
@@ -59,20 +60,22 @@ std::vector<FlatFieldMeasurements> targets_of(const std::vector<PhotometricRespo
 }
 
 TEST(FlatTarget, FindsContrastBlackAndVignettingTogether) {
-  PhotometricResponse reference;
+  schemas::PhotometricResponse reference;
   reference.brightness = {-0.01, -0.02, -0.03};
-  reference.vignetting = Vignetting{310, 250, {0.2, 0.05, 0}};
+  reference.vignetting = schemas::Vignetting{310, 250, {0.2, 0.05, 0}};
   FlatFieldMatchSettings settings;
   settings.vignetting = settings.dark = true;
-  const PhotometricResponse truth = dim_lens();
+  const schemas::PhotometricResponse truth = dim_lens();
   const FlatFieldMatch found =
       match_flat_fields(targets_of({reference, truth}), {"a", "b"}, settings);
   EXPECT_TRUE(found.reasons.empty());
   EXPECT_LT(found.worst_vignetting, 1e-3);
   for (const double level : {0.1, 0.5}) {
     for (const auto& [x, y] : {std::pair{0, 0}, {320, 240}, {639, 100}}) {
-      const Rgb shown = invert_photometric_correction(truth, kPicture, x, y, {level, level, level});
-      const Rgb light = apply_photometric_correction(found.responses[1], kPicture, x, y, shown);
+      const schemas::Rgb shown =
+          rig::invert_photometric_correction(truth, kPicture, x, y, {level, level, level});
+      const schemas::Rgb light =
+          rig::apply_photometric_correction(found.responses[1], kPicture, x, y, shown);
       for (const double channel : light) EXPECT_NEAR(channel, level, 0.003 * level) << x;
     }
   }
@@ -90,17 +93,19 @@ TEST(FlatTarget, OneCameraIsItsOwnMeasure) {
 }
 
 TEST(FlatTarget, ADustSpotOnTheTargetDoesNotMoveTheLens) {
-  const PhotometricResponse truth = dim_lens();
+  const schemas::PhotometricResponse truth = dim_lens();
   const FlatFieldMeasurement measurement = sight_of(
       truth, [](double x, double y) { return std::hypot(x - 450, y - 300) < 45 ? 0.42 : 0.6; });
   const VignettingFit found = fit_vignetting(measurement.cells, kPicture, truth);
-  PhotometricResponse measured = truth;
+  schemas::PhotometricResponse measured = truth;
   measured.vignetting = found.lens;
   for (const auto& [x, y] : {std::pair{0.0, 0.0}, {320.0, 240.0}, {640.0, 480.0}}) {
-    const double ratio = gain_at(measured, kPicture, x, y)[1] / gain_at(truth, kPicture, x, y)[1];
-    EXPECT_NEAR(ratio,
-                gain_at(measured, kPicture, 320, 240)[1] / gain_at(truth, kPicture, 320, 240)[1],
-                0.01);
+    const double ratio =
+        rig::gain_at(measured, kPicture, x, y)[1] / rig::gain_at(truth, kPicture, x, y)[1];
+    EXPECT_NEAR(
+        ratio,
+        rig::gain_at(measured, kPicture, 320, 240)[1] / rig::gain_at(truth, kPicture, 320, 240)[1],
+        0.01);
   }
 }
 
@@ -111,7 +116,7 @@ double through_filter(double, double y, std::size_t channel) {
 }
 
 TEST(FlatTarget, AGainMapEvensOutWhatNoLensExplains) {
-  const PhotometricResponse lens = dim_lens();
+  const schemas::PhotometricResponse lens = dim_lens();
   std::vector<FlatFieldMeasurements> targets = targets_of({{}, lens});
   for (FlatFieldMeasurements& target : targets) {
     for (FlatFieldCell& cell : target[1].cells) {
@@ -120,7 +125,7 @@ TEST(FlatTarget, AGainMapEvensOutWhatNoLensExplains) {
         cell.mean[c] = black + (cell.mean[c] - black) * through_filter(cell.x, cell.y, c);
       }
     }
-    Rgb& mean = target[1].mean;
+    schemas::Rgb& mean = target[1].mean;
     mean = {};
     for (const FlatFieldCell& cell : target[1].cells) {
       if (std::abs(cell.x - 320) > 160 || std::abs(cell.y - 240) > 120) continue;
@@ -135,10 +140,11 @@ TEST(FlatTarget, AGainMapEvensOutWhatNoLensExplains) {
     EXPECT_TRUE(found.reasons.empty());
     for (const double level : {0.1, 0.5}) {
       for (const auto& [x, y] : {std::pair{10, 10}, {320, 240}, {629, 100}, {200, 460}}) {
-        Rgb lit{};
+        schemas::Rgb lit{};
         for (std::size_t c = 0; c < 3; ++c) lit[c] = level * through_filter(x, y, c);
-        const Rgb shown = invert_photometric_correction(lens, kPicture, x, y, lit);
-        const Rgb light = apply_photometric_correction(found.responses[1], kPicture, x, y, shown);
+        const schemas::Rgb shown = rig::invert_photometric_correction(lens, kPicture, x, y, lit);
+        const schemas::Rgb light =
+            rig::apply_photometric_correction(found.responses[1], kPicture, x, y, shown);
         for (const double channel : light) EXPECT_NEAR(channel, level, 0.01 * level) << x << y;
       }
     }
@@ -165,7 +171,7 @@ TEST(FlatTarget, WhatNoLensCouldHaveDoneIsRefused) {
   EXPECT_THAT(clipped.reasons[0], HasSubstr("overexposed"));
 
   targets = targets_of({{}, {}});
-  targets[2][1].hot_pixels.resize(PhotometricResponse::kMaxHotPixels + 1);
+  targets[2][1].hot_pixels.resize(schemas::PhotometricResponse::kMaxHotPixels + 1);
   settings.dark = true;
   const FlatFieldMatch lit = match_flat_fields(targets, {"a", "b"}, settings);
   ASSERT_EQ(lit.reasons.size(), 1U);
@@ -184,4 +190,4 @@ TEST(FlatTarget, WhatNoLensCouldHaveDoneIsRefused) {
 }
 
 }  // namespace
-}  // namespace raystage::flat_field_match_test
+}  // namespace raystage::calibrate::flat_field_match_test

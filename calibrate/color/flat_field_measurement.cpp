@@ -10,52 +10,43 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/image.h"
 #include "base/parallel.h"
+#include "calibrate/geometry/median.h"
 #include "store/jpeg/decode.h"
 #include "store/linear_from_frame_code.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 constexpr int kFullCode = 252;  // codes: JPEG leaves clipped areas a little below 255
 
 using CodeLight = std::array<std::array<double, 256>, 3>;  // of each code, per channel
 
-/// Sums over frames per pixel: R, G, B.
-struct MeanPicture {
-  PictureSize size;
-  std::vector<std::array<float, 3>> light;
-
-  const std::array<float, 3>& at(int x, int y) const {
-    return light[static_cast<std::size_t>(y) * static_cast<std::size_t>(size.width) +
-                 static_cast<std::size_t>(x)];
-  }
-};
+/// Sums over frames: R, G, B of each pixel.
+using MeanPicture = Image<float, 3>;
 
 /// The central half of a picture in width and height.
 struct Middle {
   int left, top, right, bottom;
 };
-Middle middle_of(PictureSize size) {
-  return {size.width / 4, size.height / 4, size.width - size.width / 4,
-          size.height - size.height / 4};
+Middle middle_of(const MeanPicture& picture) {
+  const int x = picture.width / 4, y = picture.height / 4;
+  return {x, y, picture.width - x, picture.height - y};
 }
 
 /// Adds one frame to `measurement` and `sum`.
-void add_frame(const RgbImage& image, const CodeLight& light, FlatFieldMeasurement& measurement,
-               Rgb& squares, MeanPicture& sum) {
-  const Middle middle = middle_of(sum.size);
+void add_frame(const store::RgbImage& image, const CodeLight& light,
+               FlatFieldMeasurement& measurement, schemas::Rgb& squares, MeanPicture& sum) {
+  const Middle middle = middle_of(sum);
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x) {
-      const std::size_t pixel =
-          static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
-          static_cast<std::size_t>(x);
-      const std::uint8_t* const rgb = &image.pixels[3 * pixel];
+      const std::uint8_t* const rgb = &image.pixels[sum.offset(x, y)];
       const bool counts =
           x >= middle.left && x < middle.right && y >= middle.top && y < middle.bottom;
       for (std::size_t c = 0; c < 3; ++c) {
         const double value = light[c][rgb[c]];
-        sum.light[pixel][c] += static_cast<float>(value);
+        sum.at(x, y, c) += static_cast<float>(value);
         if (!counts) continue;
         measurement.mean[c] += value;
         squares[c] += value * value;
@@ -69,7 +60,7 @@ void add_frame(const RgbImage& image, const CodeLight& light, FlatFieldMeasureme
 std::vector<FlatFieldCell> cells_of(const MeanPicture& picture) {
   constexpr int kColumns = 32, kRows = 24;
   std::vector<FlatFieldCell> cells;
-  const auto [width, height] = picture.size;
+  const int width = picture.width, height = picture.height;
   const int columns = std::min(kColumns, width), rows = std::min(kRows, height);
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {
@@ -78,7 +69,7 @@ std::vector<FlatFieldCell> cells_of(const MeanPicture& picture) {
       FlatFieldCell cell{(left + right) / 2.0, (top + bottom) / 2.0, {}};
       for (int y = top; y < bottom; ++y) {
         for (int x = left; x < right; ++x) {
-          for (std::size_t c = 0; c < 3; ++c) cell.mean[c] += picture.at(x, y)[c];
+          for (std::size_t c = 0; c < 3; ++c) cell.mean[c] += picture.at(x, y, c);
         }
       }
       for (double& mean : cell.mean) mean /= 1.0 * (right - left) * (bottom - top);
@@ -89,57 +80,54 @@ std::vector<FlatFieldCell> cells_of(const MeanPicture& picture) {
 }
 
 /// Returns the median of a channel over the pixels around (x, y).
-float median_around(const MeanPicture& picture, int x, int y, std::size_t channel) {
+float median_around(const MeanPicture& picture, int x, int y, int channel) {
   constexpr int kReach = 3;
   std::array<float, (2 * kReach + 1) * (2 * kReach + 1)> values{};
   std::size_t count = 0;
-  for (int j = std::max(0, y - kReach); j <= std::min(picture.size.height - 1, y + kReach); ++j) {
-    for (int i = std::max(0, x - kReach); i <= std::min(picture.size.width - 1, x + kReach); ++i) {
-      values[count++] = picture.at(i, j)[channel];
+  for (int j = std::max(0, y - kReach); j <= std::min(picture.height - 1, y + kReach); ++j) {
+    for (int i = std::max(0, x - kReach); i <= std::min(picture.width - 1, x + kReach); ++i) {
+      values[count++] = picture.at(i, j, channel);
     }
   }
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(count / 2);
-  std::nth_element(values.begin(), middle, values.begin() + static_cast<std::ptrdiff_t>(count));
+  const auto middle = values.begin() + count / 2;
+  std::nth_element(values.begin(), middle, values.begin() + count);
   return *middle;
 }
 
-std::vector<HotPixel> outstanding_pixels(const MeanPicture& picture) {
-  const auto [width, height] = picture.size;
-  std::vector<HotPixel> pixels;
+std::vector<schemas::HotPixel> outstanding_pixels(const MeanPicture& picture) {
+  std::vector<schemas::HotPixel> pixels;
   std::vector<float> apart;  // absolute differences of all pixels and channels
-  std::vector<std::array<float, 3>> difference(picture.light.size());
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      auto& here = difference[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-                              static_cast<std::size_t>(x)];
-      for (std::size_t c = 0; c < 3; ++c) {
-        here[c] = picture.at(x, y)[c] - median_around(picture, x, y, c);
-        apart.push_back(std::abs(here[c]));
+  Image<float, 3> difference(picture.width, picture.height);
+  for (int y = 0; y < picture.height; ++y) {
+    for (int x = 0; x < picture.width; ++x) {
+      for (int c = 0; c < 3; ++c) {
+        difference.at(x, y, c) = picture.at(x, y, c) - median_around(picture, x, y, c);
+        apart.push_back(std::abs(difference.at(x, y, c)));
       }
     }
   }
-  const auto middle = apart.begin() + static_cast<std::ptrdiff_t>(apart.size() / 2);
-  std::nth_element(apart.begin(), middle, apart.end());
+
   constexpr float kSigmas = 8, kSigmaOfMedian = 1.4826F;
   constexpr float kLeast = 0.004F;  // of full scale: one code in dark greys
-  const float most = std::max(kLeast, kSigmas * kSigmaOfMedian * *middle);
-  for (std::size_t i = 0; i < difference.size(); ++i) {
-    const auto& [r, g, b] = difference[i];
-    if (std::max({std::abs(r), std::abs(g), std::abs(b)}) < most) continue;
-    pixels.push_back({static_cast<int>(i % static_cast<std::size_t>(width)),
-                      static_cast<int>(i / static_cast<std::size_t>(width)),
-                      {r, g, b}});
+  const float most = std::max(kLeast, kSigmas * kSigmaOfMedian * median(std::move(apart)));
+  for (int y = 0; y < picture.height; ++y) {
+    for (int x = 0; x < picture.width; ++x) {
+      const auto rgb = difference.pixel(x, y);
+      if (std::max({std::abs(rgb[0]), std::abs(rgb[1]), std::abs(rgb[2])}) < most) continue;
+      pixels.push_back({x, y, {rgb[0], rgb[1], rgb[2]}});
+    }
   }
   return pixels;
 }
 
 }  // namespace
 
-FlatFieldMeasurement measure_flat_field(const Take& take, int camera,
-                                        const PhotometricResponse& response, int most_frames) {
-  const ArchiveReader& archive = take.archive(camera);
+FlatFieldMeasurement measure_flat_field(const store::Take& take, int camera,
+                                        const schemas::PhotometricResponse& response,
+                                        int most_frames) {
+  const store::ArchiveReader& archive = take.archive(camera);
   const auto frames = static_cast<int>(archive.frames().size());
-  const std::string& id = take.document().cameras[static_cast<std::size_t>(camera)].id;
+  const std::string& id = take.document().cameras[camera].id;
   if (frames == 0) {
     throw Error::bad_input("camera \"" + id + "\" has no frames", take.folder().string(),
                            "Record the target with every camera");
@@ -147,29 +135,30 @@ FlatFieldMeasurement measure_flat_field(const Take& take, int camera,
   CodeLight light{};
   for (std::size_t c = 0; c < 3; ++c) {
     for (int code = 0; code < 256; ++code) {
-      light[c][static_cast<std::size_t>(code)] = linear_from_frame_code(
-          take.document(), 255 * evaluate_response_curve(response.curve[c], code / 255.0));
+      light[c][code] = store::linear_from_frame_code(
+          take.document(), 255 * rig::evaluate_response_curve(response.curve[c], code / 255.0));
     }
   }
-  const CameraModel& expected = take.rig().cameras[static_cast<std::size_t>(camera)].model;
-  JpegDecoder decoder;
+  const rig::CameraModel& expected = take.rig().cameras[camera].model;
+  store::JpegDecoder decoder;
   FlatFieldMeasurement measurement;
   MeanPicture picture;
-  Rgb squares{};
+  schemas::Rgb squares{};
   const int looked_at = std::min(frames, most_frames);
   for (int k = 0; k < looked_at; ++k) {
-    const RgbImage image = decoder.decode(archive.jpeg((2 * k + 1) * frames / (2 * looked_at)), id);
+    const store::RgbImage image =
+        decoder.decode(archive.jpeg((2 * k + 1) * frames / (2 * looked_at)), id);
     if (image.width != expected.width() || image.height != expected.height()) {
       throw Error::bad_input("frames of camera \"" + id + "\" have another size than in the rig",
                              take.folder().string(), "Record the target again");
     }
     if (k == 0) {
-      picture.size = measurement.size = {image.width, image.height};
-      picture.light.resize(image.pixels.size() / 3);
+      measurement.size = {image.width, image.height};
+      picture = MeanPicture(image.width, image.height);
     }
     add_frame(image, light, measurement, squares, picture);
   }
-  const Middle middle = middle_of(picture.size);
+  const Middle middle = middle_of(picture);
   const double count =
       1.0 * looked_at * (middle.right - middle.left) * (middle.bottom - middle.top);
   for (std::size_t c = 0; c < 3; ++c) {
@@ -179,28 +168,25 @@ FlatFieldMeasurement measure_flat_field(const Take& take, int camera,
         std::sqrt(std::max(0.0, squares[c] / count - measurement.mean[c] * measurement.mean[c]));
   }
   measurement.clipped /= count;
-  for (auto& pixel : picture.light) {
-    for (float& channel : pixel) channel /= static_cast<float>(looked_at);
-  }
+  for (float& channel : picture.values) channel /= static_cast<float>(looked_at);
   measurement.cells = cells_of(picture);
   if (std::ranges::max(measurement.mean) <= FlatFieldMeasurement::kDark)
     measurement.hot_pixels = outstanding_pixels(picture);
   return measurement;
 }
 
-FlatFieldMeasurements measure_flat_fields(const Take& take,
-                                          const std::vector<PhotometricResponse>& responses,
-                                          const std::stop_token& stop) {
+FlatFieldMeasurements measure_flat_fields(
+    const store::Take& take, const std::vector<schemas::PhotometricResponse>& responses,
+    const std::stop_token& stop) {
   FlatFieldMeasurements measurements(static_cast<std::size_t>(take.camera_count()));
   parallel_for(0, take.camera_count(), [&](int camera) {
     if (stop.stop_requested()) {
       throw Error::failed("the measurement was stopped", take.folder().string(), "Start it again");
     }
-    const auto index = static_cast<std::size_t>(camera);
-    measurements[index] = measure_flat_field(
-        take, camera, responses.empty() ? PhotometricResponse{} : responses[index]);
+    measurements[camera] = measure_flat_field(
+        take, camera, responses.empty() ? schemas::PhotometricResponse{} : responses[camera]);
   });
   return measurements;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -11,7 +11,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 // Nodes are two cells apart: a finer grid would fit their noise.
@@ -23,7 +23,7 @@ struct Around {
   std::array<int, 4> node{};
   std::array<double, 4> share{};
 };
-Around around(double x, double y, PictureSize size) {
+Around around(double x, double y, rig::PictureSize size) {
   const double u = x / size.width * (kColumns - 1), v = y / size.height * (kRows - 1);
   const int column = std::clamp(static_cast<int>(u), 0, kColumns - 2);
   const int row = std::clamp(static_cast<int>(v), 0, kRows - 2);
@@ -54,16 +54,17 @@ Eigen::MatrixXd smoothness() {
 
 }  // namespace
 
-GainMap fit_gain_map(std::span<const FlatFieldCell> cells, PictureSize size,
-                     const PhotometricResponse& response, const std::string& camera) {
+schemas::GainMap fit_gain_map(std::span<const FlatFieldCell> cells, rig::PictureSize size,
+                              const schemas::PhotometricResponse& response,
+                              const std::string& camera) {
   Eigen::MatrixXd normal = smoothness();
   Eigen::MatrixXd right = Eigen::MatrixXd::Zero(kNodes, 3);
-  Rgb level{};
+  schemas::Rgb level{};
   double in_middle = 0;
-  std::vector<Rgb> lights;
+  std::vector<schemas::Rgb> lights;
   for (const FlatFieldCell& cell : cells) {
-    const Rgb gain = gain_at(response, size, cell.x, cell.y);
-    Rgb& light = lights.emplace_back();
+    const schemas::Rgb gain = rig::gain_at(response, size, cell.x, cell.y);
+    schemas::Rgb& light = lights.emplace_back();
     for (std::size_t c = 0; c < 3; ++c) {
       light[c] = gain[c] * (response.brightness[c] + response.contrast[c] * cell.mean[c]);
     }
@@ -89,18 +90,16 @@ GainMap fit_gain_map(std::span<const FlatFieldCell> cells, PictureSize size,
       for (std::size_t b = 0; b < 4; ++b)
         normal(at.node[a], at.node[b]) += at.share[a] * at.share[b];
       for (std::size_t c = 0; c < 3; ++c) {
-        right(at.node[a], static_cast<Eigen::Index>(c)) += at.share[a] * level[c] / lights[i][c];
+        right(at.node[a], c) += at.share[a] * level[c] / lights[i][c];
       }
     }
   }
   const Eigen::MatrixXd nodes = normal.ldlt().solve(right);
-  GainMap map{kColumns, kRows, {}};
+  schemas::GainMap map{kColumns, kRows, {}};
   constexpr int kMiddle = kRows / 2 * kColumns + kColumns / 2;
   for (int node = 0; node < kNodes; ++node) {
-    Rgb& gain = map.gain.emplace_back();
-    for (int c = 0; c < 3; ++c) {
-      gain[static_cast<std::size_t>(c)] = nodes(node, c) / nodes(kMiddle, c);
-    }
+    schemas::Rgb& gain = map.gain.emplace_back();
+    for (int c = 0; c < 3; ++c) gain[c] = nodes(node, c) / nodes(kMiddle, c);
     constexpr double kMost = 20;
     if (!(std::ranges::min(gain) > 1 / kMost && std::ranges::max(gain) < kMost)) {
       throw Error::bad_input("camera \"" + camera + "\" shows no evenly lit target", "flat field",
@@ -111,4 +110,4 @@ GainMap fit_gain_map(std::span<const FlatFieldCell> cells, PictureSize size,
   return map;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

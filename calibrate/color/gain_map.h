@@ -6,12 +6,13 @@
 
 #include "calibrate/color/flat_field_measurement.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Returns the gains that, applied after `response`, flatten the picture of an evenly lit target:
 /// per channel, by least squares with a smoothness term between nodes; 1 in the centre. Throws
 /// Error (bad input), which names the camera, if a part of the picture has no light.
-GainMap fit_gain_map(std::span<const FlatFieldCell> cells, PictureSize size,
-                     const PhotometricResponse& response, const std::string& camera);
+schemas::GainMap fit_gain_map(std::span<const FlatFieldCell> cells, rig::PictureSize size,
+                              const schemas::PhotometricResponse& response,
+                              const std::string& camera);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -11,10 +11,9 @@
 #include <cmath>
 #include <numeric>
 
-#include "base/error.h"
 #include "store/processing/frames/corrected_frame.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using Eigen::Vector2d;
@@ -35,11 +34,12 @@ std::array<Vector2d, 5> patch_offsets() {
           Vector2d(kReach, kReach), Vector2d(0, 0)};
 }
 
-Vector3d ray_in_world(const Rig::Camera& camera, const Vector3d& in_camera) {
+Vector3d ray_in_world(const rig::Rig::Camera& camera, const Vector3d& in_camera) {
   return camera.pose.world_from_camera_rotation * in_camera;
 }
 
-std::optional<Vector2d> projected(const Rig::Camera& camera, const std::optional<Vector3d>& x) {
+std::optional<Vector2d> projected(const rig::Rig::Camera& camera,
+                                  const std::optional<Vector3d>& x) {
   if (!x) return std::nullopt;
   return camera.model.project(camera.pose.camera_from_world(*x));
 }
@@ -48,13 +48,10 @@ std::optional<Vector2d> projected(const Rig::Camera& camera, const std::optional
 
 std::array<float, 4> PatchSearchImage::at(const Vector2d& pixel) const {
   const auto left = static_cast<float>(pixel.x() - 0.5), top = static_cast<float>(pixel.y() - 0.5);
-  const int x = std::clamp(static_cast<int>(left), 0, size.width - 2);
-  const int y = std::clamp(static_cast<int>(top), 0, size.height - 2);
+  const int x = std::clamp(static_cast<int>(left), 0, light.width - 2);
+  const int y = std::clamp(static_cast<int>(top), 0, light.height - 2);
   const float u = left - static_cast<float>(x), v = top - static_cast<float>(y);
-  const std::array<float, 4>* const row =
-      &light[static_cast<std::size_t>(y) * static_cast<std::size_t>(size.width) +
-             static_cast<std::size_t>(x)];
-  const std::array<float, 4>* const next = row + size.width;
+  const std::array<float, 4>*const row = &light.at(x, y), *const next = &light.at(x, y + 1);
   std::array<float, 4> mean;
   for (std::size_t c = 0; c < 4; ++c) {
     mean[c] = (1 - v) * ((1 - u) * row[0][c] + u * row[1][c]) +
@@ -63,24 +60,23 @@ std::array<float, 4> PatchSearchImage::at(const Vector2d& pixel) const {
   return mean;
 }
 
-PatchSearchImage load_patch_search_image(const Take& take, const Rig& rig, int camera, int frame,
-                                         const LevelTable& levels) {
-  const Rig::Camera& of = rig.cameras[static_cast<std::size_t>(camera)];
-  const PhotometricResponse response = curve_and_hot_pixels_only(of.photometric);
-  const CodeScale scale{BlendSpace::kLinear, 1};
-  const PictureSize size{of.model.width(), of.model.height()};
-  const CorrectedFrame picture =
-      decode_corrected_frame(take, camera, frame, size, response, scale, levels);
-  PatchSearchImage shown{camera, size, {}, {}, {}};
+PatchSearchImage load_patch_search_image(const store::Take& take, const rig::Rig& rig, int camera,
+                                         int frame, const store::LevelTable& levels) {
+  const rig::Rig::Camera& of = rig.cameras[camera];
+  const schemas::PhotometricResponse response = store::curve_and_hot_pixels_only(of.photometric);
+  const store::CodeScale scale{store::BlendSpace::kLinear, 1};
+  const rig::PictureSize size{of.model.width(), of.model.height()};
+  const store::CorrectedFrame picture =
+      store::decode_corrected_frame(take, camera, frame, size, response, scale, levels);
+  PatchSearchImage shown{camera, {size.width, size.height}, {}, {}};
   constexpr float kScale = 1.0F / 65535;
-  shown.light.resize(picture.rgba.size() / 4);
-  for (std::size_t i = 0; i < shown.light.size(); ++i) {
-    const float r = kScale * picture.rgba[4 * i], g = kScale * picture.rgba[4 * i + 1],
-                b = kScale * picture.rgba[4 * i + 2];
-    shown.light[i] = {r, g, b, std::sqrt(0.2126F * r + 0.7152F * g + 0.0722F * b)};
+  for (std::size_t i = 0; i < shown.light.values.size(); ++i) {
+    const float r = kScale * picture.values[4 * i], g = kScale * picture.values[4 * i + 1],
+                b = kScale * picture.values[4 * i + 2];
+    shown.light.values[i] = {r, g, b, std::sqrt(0.2126F * r + 0.7152F * g + 0.0722F * b)};
   }
-  const auto black = levels_from_code(take, response, scale, kMinUnclippedCode);
-  const auto full = levels_from_code(take, response, scale, kMaxUnclippedCode);
+  const auto black = store::levels_from_code(take, response, scale, store::kMinUnclippedCode);
+  const auto full = store::levels_from_code(take, response, scale, store::kMaxUnclippedCode);
   for (std::size_t c = 0; c < 3; ++c) {
     shown.darkest[c] = kScale * black[c];
     shown.brightest[c] = kScale * full[c];
@@ -88,21 +84,21 @@ PatchSearchImage load_patch_search_image(const Take& take, const Rig& rig, int c
   return shown;
 }
 
-InverseDepthSteps::InverseDepthSteps(const Rig& rig, const DepthRange& range, int base,
-                                     const std::vector<int>& others)
+InverseDepthSteps::InverseDepthSteps(const rig::Rig& rig, const schemas::DepthRange& range,
+                                     int base, const std::vector<int>& others)
     : centre_(rig.centre()), forward_(rig.mean_viewing_direction()) {
   constexpr double kNearlyOne = 0.01;  // smallest range of inverse depths, relative
   farthest_ = 1 / range.far;
   const double width = 1 / range.near - farthest_;
   const double looked_at = std::max(width, kNearlyOne / range.near);
-  const Rig::Camera& from = rig.cameras[static_cast<std::size_t>(base)];
+  const rig::Rig::Camera& from = rig.cameras[base];
   double most = 0;  // largest shift between the two depths, pixels
   for (const auto& [u, v] : {std::pair{0.5, 0.5}, {0.1, 0.1}, {0.9, 0.1}, {0.1, 0.9}, {0.9, 0.9}}) {
     const auto ray = from.model.unproject({u * from.model.width(), v * from.model.height()});
     if (!ray) continue;
     const Vector3d direction = ray_in_world(from, *ray);
     for (const int other : others) {
-      const Rig::Camera& to = rig.cameras[static_cast<std::size_t>(other)];
+      const rig::Rig::Camera& to = rig.cameras[other];
       const auto far = projected(to, point_at(from.pose.position, direction, farthest_));
       const auto near =
           projected(to, point_at(from.pose.position, direction, farthest_ + looked_at));
@@ -140,7 +136,7 @@ std::optional<Vector3d> InverseDepthSteps::point_at(const Vector3d& origin,
 struct PatchSearch::Patch {
   std::array<float, kSide * kSide> pattern;  // mean 0, norm 1
   float contrast = 0;
-  Rgb mean{};
+  schemas::Rgb mean{};
   bool is_exposed = true;
 
   /// Samples the patch in a picture, bilinear between its corners.
@@ -154,8 +150,8 @@ struct PatchSearch::Patch {
 std::optional<PatchSearch::Patch> PatchSearch::Patch::at(const PatchSearchImage& shown,
                                                          const Pixels& pixels) {
   for (const Vector2d& pixel : pixels) {
-    if (!(pixel.x() >= 0.5 && pixel.y() >= 0.5 && pixel.x() <= shown.size.width - 0.5 &&
-          pixel.y() <= shown.size.height - 0.5)) {
+    if (!(pixel.x() >= 0.5 && pixel.y() >= 0.5 && pixel.x() <= shown.light.width - 0.5 &&
+          pixel.y() <= shown.light.height - 0.5)) {
       return std::nullopt;
     }
   }
@@ -195,7 +191,7 @@ struct PatchSearch::Rays {
   Vector3d origin;
   std::array<Vector3d, 5> direction;  // in the world
 
-  static std::optional<Rays> of(const Rig::Camera& camera, const Pixels& pixels) {
+  static std::optional<Rays> of(const rig::Rig::Camera& camera, const Pixels& pixels) {
     Rays rays{camera.pose.position, {}};
     for (std::size_t i = 0; i < pixels.size(); ++i) {
       const auto ray = camera.model.unproject(pixels[i]);
@@ -216,7 +212,7 @@ std::vector<int> cameras_of(const std::vector<PatchSearchImage>& pictures) {
 
 }  // namespace
 
-PatchSearch::PatchSearch(const Rig& rig, const PatchSearchSettings& settings,
+PatchSearch::PatchSearch(const rig::Rig& rig, const PatchSearchSettings& settings,
                          const PatchSearchImage& base, const std::vector<PatchSearchImage>& others)
     : rig_(rig),
       settings_(settings),
@@ -228,9 +224,7 @@ std::optional<ScenePatch> PatchSearch::find(const Vector2d& middle) const {
   Pixels pixels = patch_offsets();
   for (Vector2d& pixel : pixels) pixel += middle;
   const auto patch = Patch::at(base_, pixels);
-  if (!patch || !patch->is_exposed || patch->contrast < settings_.min_contrast) {
-    return std::nullopt;
-  }
+  if (!patch || !patch->is_exposed || patch->contrast < settings_.min_contrast) return std::nullopt;
   const auto rays = Rays::of(camera(base_), pixels);
   if (!rays) return std::nullopt;
   const auto step = best_step(*patch, *rays);
@@ -242,7 +236,7 @@ std::optional<ScenePatch> PatchSearch::find(const Vector2d& middle) const {
 std::optional<double> PatchSearch::best_step(const Patch& patch, const Rays& rays) const {
   std::vector<double> score;
   for (int step = 0; step < steps_.count(); ++step) score.push_back(depth_score(patch, rays, step));
-  const auto at = [&](int i) { return score[static_cast<std::size_t>(i)]; };
+  const auto at = [&](int i) { return score[i]; };
   const auto best = static_cast<int>(std::ranges::max_element(score) - score.begin());
   if (best < steps_.first() || best > steps_.last()) return std::nullopt;
   for (int i = 0; i < steps_.count(); ++i) {
@@ -279,8 +273,7 @@ double PatchSearch::depth_score(const Patch& patch, const Rays& rays, double ste
   if (alike.empty()) return -1;
   std::ranges::sort(alike, std::greater<>());
   const std::size_t half = (alike.size() + 1) / 2;
-  return std::accumulate(alike.begin(), alike.begin() + static_cast<std::ptrdiff_t>(half), 0.0) /
-         static_cast<double>(half);
+  return std::accumulate(alike.begin(), alike.begin() + half, 0.0) / static_cast<double>(half);
 }
 
 std::optional<ScenePatch> PatchSearch::point_at(const Patch& patch, const Rays& rays,
@@ -302,4 +295,4 @@ std::optional<ScenePatch> PatchSearch::point_at(const Patch& patch, const Rays& 
   return point;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

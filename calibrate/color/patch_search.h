@@ -6,17 +6,17 @@
 #include <optional>
 #include <vector>
 
+#include "base/image.h"
 #include "calibrate/color/scene_patches.h"
 #include "rig/photometric_model.h"
 #include "store/processing/frames/photometric_correction.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// A frame prepared for comparison.
 struct PatchSearchImage {
   int camera = -1;
-  PictureSize size;
-  std::vector<std::array<float, 4>> light;      ///< R, G, B and the square root of the luminance
+  Image<std::array<float, 4>> light;            ///< R, G, B and the square root of the luminance
   std::array<float, 3> darkest{}, brightest{};  ///< limits of usable codes
 
   /// Returns the bilinear sample at (x, y), pixels from the top-left corner, at least half a pixel
@@ -26,8 +26,8 @@ struct PatchSearchImage {
 
 /// Loads a frame. `levels`: linear light by code. Throws Error (bad input) for a damaged frame, or
 /// one whose size is not that of the rig.
-PatchSearchImage load_patch_search_image(const Take& take, const Rig& rig, int camera, int frame,
-                                         const LevelTable& levels);
+PatchSearchImage load_patch_search_image(const store::Take& take, const rig::Rig& rig, int camera,
+                                         int frame, const store::LevelTable& levels);
 
 /// Depth planes perpendicular to the array's viewing direction, evenly spaced in inverse depth:
 /// between adjacent planes a patch moves by at most three quarters of a pixel.
@@ -36,7 +36,7 @@ class InverseDepthSteps {
   static constexpr double kStepPx = 0.75;
 
   /// Between `base` and `others`, indices of the rig's cameras.
-  InverseDepthSteps(const Rig& rig, const DepthRange& range, int base,
+  InverseDepthSteps(const rig::Rig& rig, const schemas::DepthRange& range, int base,
                     const std::vector<int>& others);
 
   /// Steps are numbered [0, count()) from far to near. Those of the scene are [first(), last()];
@@ -61,8 +61,8 @@ class InverseDepthSteps {
 /// Searches patches of one camera in neighbouring cameras. Refers to its arguments.
 class PatchSearch {
  public:
-  PatchSearch(const Rig& rig, const PatchSearchSettings& settings, const PatchSearchImage& base,
-              const std::vector<PatchSearchImage>& others);
+  PatchSearch(const rig::Rig& rig, const PatchSearchSettings& settings,
+              const PatchSearchImage& base, const std::vector<PatchSearchImage>& others);
 
   /// Returns the patch around a pixel with all cameras that observe it.
   std::optional<ScenePatch> find(const Eigen::Vector2d& middle) const;
@@ -70,8 +70,8 @@ class PatchSearch {
  private:
   struct Patch;
   struct Rays;
-  const Rig::Camera& camera(const PatchSearchImage& shown) const {
-    return rig_.cameras[static_cast<std::size_t>(shown.camera)];
+  const rig::Rig::Camera& camera(const PatchSearchImage& shown) const {
+    return rig_.cameras[shown.camera];
   }
   std::optional<Patch> match_patch(const PatchSearchImage& other, const Rays& rays, double step,
                                    Eigen::Vector2d& middle) const;
@@ -80,11 +80,11 @@ class PatchSearch {
   std::optional<ScenePatch> point_at(const Patch& patch, const Rays& rays,
                                      const Eigen::Vector2d& middle, double step) const;
 
-  const Rig& rig_;
+  const rig::Rig& rig_;
   const PatchSearchSettings& settings_;
   const PatchSearchImage& base_;
   const std::vector<PatchSearchImage>& others_;
   InverseDepthSteps steps_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

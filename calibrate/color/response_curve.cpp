@@ -9,15 +9,15 @@
 #include <ceres/ceres.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <set>
 
 #include "base/error.h"
 #include "base/parallel.h"
 #include "base/transfer_function.h"
+#include "calibrate/geometry/ceres_options.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 constexpr int kKnots = 33;
@@ -114,9 +114,8 @@ std::vector<double> fit_response_curve(std::span<const ResponseSample> codes,
   // Initial values: the identity curve.
   std::vector<double> light(static_cast<std::size_t>(places), 0), weight(light);
   for (const ResponseSample& shown : codes) {
-    const auto location = static_cast<std::size_t>(shown.location);
-    light[location] += light_of_straight(shown.code, is_linear);
-    weight[location] += shown.exposure;
+    light[shown.location] += light_of_straight(shown.code, is_linear);
+    weight[shown.location] += shown.exposure;
   }
   for (std::size_t location = 0; location < light.size(); ++location) {
     light[location] /= std::max(weight[location], 1e-12);
@@ -127,8 +126,8 @@ std::vector<double> fit_response_curve(std::span<const ResponseSample> codes,
     const double deviation = kInTheDark + kByLight * light_of_straight(shown.code, is_linear);
     problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ExposureError, 1, kKnots, 1, 1>(
                                  new ExposureError{shown, is_linear, deviation}),
-                             new ceres::CauchyLoss(kOddCodes), curve.data(),
-                             &light[static_cast<std::size_t>(shown.location)], &black);
+                             new ceres::CauchyLoss(kOddCodes), curve.data(), &light[shown.location],
+                             &black);
   }
   for (int knot = 1; knot + 1 < kKnots; ++knot) {
     problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Bend, 1, kKnots>(new Bend{knot}),
@@ -137,14 +136,8 @@ std::vector<double> fit_response_curve(std::span<const ResponseSample> codes,
   problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Anchor, 2, kKnots>(new Anchor), nullptr,
                            curve.data());
   if (!has_dark) problem.SetParameterBlockConstant(&black);
-  ceres::Solver::Options options;
-  options.num_threads = 1;  // deterministic; cameras run in parallel
-  options.logging_type = ceres::SILENT;
-  options.linear_solver_type = ceres::DENSE_QR;
-  options.max_num_iterations = 200;
-  options.function_tolerance = 1e-10;
   ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
+  ceres::Solve(ceres_options(ceres::DENSE_QR, 200, 1e-10), &problem, &summary);
   // Makes the curve increasing where noise or missing samples made it fall.
   constexpr double kLeastRise = 1e-4;
   for (std::size_t knot = curve.size() - 1; knot > 0; --knot) {
@@ -153,11 +146,11 @@ std::vector<double> fit_response_curve(std::span<const ResponseSample> codes,
   return curve;
 }
 
-std::vector<PhotometricResponse> fit_response_curves(
+std::vector<schemas::PhotometricResponse> fit_response_curves(
     const std::vector<FlatFieldMeasurements>& measurements, std::span<const double> exposures,
     const FlatFieldMeasurements* dark, const std::string& color_space) {
   const bool is_linear = color_space == "lin_rec709_scene";
-  std::vector<PhotometricResponse> responses(measurements.front().size());
+  std::vector<schemas::PhotometricResponse> responses(measurements.front().size());
   parallel_for(std::size_t{0}, responses.size(), [&](std::size_t camera) {
     for (std::size_t channel = 0; channel < 3; ++channel) {
       std::vector<ResponseSample> codes;
@@ -171,4 +164,4 @@ std::vector<PhotometricResponse> fit_response_curves(
   return responses;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -7,7 +7,7 @@
 
 #include "calibrate/color/flat_field_measurement.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Code of one channel at a location of a static target at one exposure.
 struct ResponseSample {
@@ -27,8 +27,8 @@ std::vector<double> fit_response_curve(std::span<const ResponseSample> codes,
 
 /// Returns the curves of every camera from measurements of one target at each of `exposures`, and
 /// in the dark unless `dark` is null.
-std::vector<PhotometricResponse> fit_response_curves(
+std::vector<schemas::PhotometricResponse> fit_response_curves(
     const std::vector<FlatFieldMeasurements>& measurements, std::span<const double> exposures,
     const FlatFieldMeasurements* dark, const std::string& color_space);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

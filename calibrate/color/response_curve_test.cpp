@@ -9,7 +9,7 @@
 #include "base/transfer_function.h"
 #include "rig/photometric_model.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 /// As a channel shows places whose light differs by half, through a curve that `true_code` makes
@@ -35,7 +35,7 @@ TEST(ResponseCurve, MakesLightFollowExposure) {
     const auto curve = fit_response_curve(shown_by(straight, 0.01), "srgb_texture");
     // But for scale and offset of light, which contrast and brightness make up for.
     const auto found = [&](int code) {
-      return linear_from_srgb(evaluate_response_curve(curve, code / 255.0));
+      return linear_from_srgb(rig::evaluate_response_curve(curve, code / 255.0));
     };
     const auto truth = [&](int code) { return linear_from_srgb(straight(code / 255.0)); };
     const double scale = (found(220) - found(60)) / (truth(220) - truth(60));
@@ -56,4 +56,4 @@ TEST(ResponseCurve, NeedsTwoExposuresThatShowAnything) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

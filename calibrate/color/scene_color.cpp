@@ -14,8 +14,9 @@
 #include "calibrate/color/color_difference.h"
 #include "calibrate/color/scene_fit.h"
 #include "calibrate/geometry/calibration_verdict.h"
+#include "calibrate/geometry/median.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using Observation = SceneFit::Observation;
@@ -28,10 +29,8 @@ void leave_out_odd(SceneFit& fit) {
   for (const Observation& observation : fit.observations())
     off.push_back(fit.normalised_residual(observation));
   if (off.empty()) return;
-  std::vector<double> sorted = off;
-  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-  std::nth_element(sorted.begin(), middle, sorted.end());
-  const double most = kSigmas * std::max(kLeast, kSigmaOfMedian * *middle);
+
+  const double most = kSigmas * std::max(kLeast, kSigmaOfMedian * median(off));
   std::vector<int> left(fit.points(), 0);
   for (std::size_t i = 0; i < off.size(); ++i) {
     fit.observations()[i].counts = off[i] <= most;
@@ -50,19 +49,20 @@ struct Comparison {
 Comparison compared(const SceneFit& fit, const std::vector<CameraParameters>& cameras) {
   Comparison result;
   result.fits.resize(cameras.size());
-  std::vector<Rgb> sums(fit.points(), Rgb{}), measured(cameras.size(), Rgb{}), agreed(measured);
+  std::vector<schemas::Rgb> sums(fit.points(), schemas::Rgb{}),
+      measured(cameras.size(), schemas::Rgb{}), agreed(measured);
   std::vector<int> counts(fit.points(), 0), of_camera(cameras.size(), 0);
   for (const Observation& observation : fit.observations()) {
     if (!observation.counts) continue;
-    const Rgb light = fit.estimated_light(observation, cameras[observation.camera]);
+    const schemas::Rgb light = fit.estimated_light(observation, cameras[observation.camera]);
     for (std::size_t k = 0; k < 3; ++k) sums[observation.point][k] += light[k];
     ++counts[observation.point];
   }
   int count = 0;
   for (const Observation& observation : fit.observations()) {
     if (!observation.counts || counts[observation.point] < 2) continue;
-    const Rgb light = fit.estimated_light(observation, cameras[observation.camera]);
-    Rgb others{};
+    const schemas::Rgb light = fit.estimated_light(observation, cameras[observation.camera]);
+    schemas::Rgb others{};
     for (std::size_t k = 0; k < 3; ++k) {
       others[k] = (sums[observation.point][k] - light[k]) / (counts[observation.point] - 1);
       measured[observation.camera][k] += light[k];
@@ -78,16 +78,14 @@ Comparison compared(const SceneFit& fit, const std::vector<CameraParameters>& ca
     ++count;
   }
   result.spread.mean_difference /= std::max(1, count);
-  std::vector<Rgb> ratios;
+  std::vector<schemas::Rgb> ratios;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     result.fits[c].mean_difference /= std::max(1, of_camera[c]);
     if (!(std::ranges::min(agreed[c]) > 0)) continue;
     ratios.push_back({measured[c][0] / agreed[c][0], measured[c][1] / agreed[c][1],
                       measured[c][2] / agreed[c][2]});
   }
-  for (std::size_t k = 0; k < 3; ++k) {
-    result.spread.deviation[k] = relative_deviation(ratios, k);
-  }
+  for (std::size_t k = 0; k < 3; ++k) result.spread.deviation[k] = relative_deviation(ratios, k);
   return result;
 }
 
@@ -124,7 +122,7 @@ std::vector<bool> joined_to(std::size_t reference, const SceneFit& fit) {
   return joined;
 }
 
-void judge(SceneColorMatch& colors, const Rig& rig, const std::vector<bool>& joined) {
+void judge(SceneColorMatch& colors, const rig::Rig& rig, const std::vector<bool>& joined) {
   constexpr int kFew = 40;
   constexpr double kOdd = 0.35;
   constexpr double kDisagree = 2;  // CIEDE2000; 1 is just noticeable
@@ -138,41 +136,30 @@ void judge(SceneColorMatch& colors, const Rig& rig, const std::vector<bool>& joi
     if (fit.mean_difference > kDisagree) disagree.push_back(id);
     if (fit.uncertainty > SceneColorMatch::kMaxUncertainty) uncertain.push_back(id);
   }
-  if (!few.empty()) {
-    colors.reasons.push_back(
-        fmt::format("Fewer than {} points are seen together with other cameras by {}: specify the "
-                    "depth range of "
-                    "the scene, a matching rig, and a take with textured surfaces.",
-                    kFew, abbreviate_list(few)));
-  }
-  if (!apart.empty()) {
-    colors.reasons.push_back("No common points connect the reference camera to " +
-                             abbreviate_list(apart) +
-                             ": choose another reference camera, or record a white target.");
-  }
-  if (!odd.empty()) {
-    colors.reasons.push_back(
-        fmt::format("More than {:.0f} % of the observations are outliers in {}: check that the rig "
-                    "and the depth "
-                    "range match the take.",
-                    100 * kOdd, abbreviate_list(odd)));
-  }
-  if (!disagree.empty()) {
-    colors.reasons.push_back("The colours of common points still do not agree with the others in " +
-                             abbreviate_list(disagree) +
-                             ": check that the rig and the depth range match the take.");
-  }
-  if (!uncertain.empty()) {
-    colors.reasons.push_back(fmt::format(
-        "The light is uncertain by more than {:.0f} % in {}: record a scene with light and dark "
-        "surfaces, or record a white target.",
-        100 * SceneColorMatch::kMaxUncertainty, abbreviate_list(uncertain)));
-  }
+  constexpr const char* kCheckRange = ": check that the rig and the depth range match the take.";
+  add_sentence(colors.reasons,
+               fmt::format("Fewer than {} points are seen together with other cameras by ", kFew),
+               few,
+               ": specify the depth range of the scene, a matching rig, and a take with textured "
+               "surfaces.");
+  add_sentence(colors.reasons, "No common points connect the reference camera to ", apart,
+               ": choose another reference camera, or record a white target.");
+  add_sentence(colors.reasons,
+               fmt::format("More than {:.0f} % of the observations are outliers in ", 100 * kOdd),
+               odd, kCheckRange);
+  add_sentence(colors.reasons,
+               "The colours of common points still do not agree with the others in ", disagree,
+               kCheckRange);
+  add_sentence(colors.reasons,
+               fmt::format("The light is uncertain by more than {:.0f} % in ",
+                           100 * SceneColorMatch::kMaxUncertainty),
+               uncertain,
+               ": record a scene with light and dark surfaces, or record a white target.");
 }
 
 }  // namespace
 
-SceneColorMatch match_scene_colors(std::span<const ScenePatch> points, const Rig& rig,
+SceneColorMatch match_scene_colors(std::span<const ScenePatch> points, const rig::Rig& rig,
                                    int reference, const std::stop_token& stop) {
   SceneFit fit(points, rig, static_cast<std::size_t>(reference));
   const auto all = [](std::size_t) { return true; };
@@ -189,9 +176,7 @@ SceneColorMatch match_scene_colors(std::span<const ScenePatch> points, const Rig
   colors.after = after.spread;
   colors.fits = after.fits;
   const std::vector<double> uncertainty = fit.uncertainty(kFine);
-  for (std::size_t c = 0; c < uncertainty.size(); ++c) {
-    colors.fits[c].uncertainty = uncertainty[c];
-  }
+  for (std::size_t c = 0; c < uncertainty.size(); ++c) colors.fits[c].uncertainty = uncertainty[c];
   // Errors of adjacent points are correlated (shading, reflections): two halves of the points show
   // their effect.
   for (const std::size_t half : {0, 1}) {
@@ -211,7 +196,8 @@ SceneColorMatch match_scene_colors(std::span<const ScenePatch> points, const Rig
     inliers += observation.counts ? 1 : 0;
   }
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
-    PhotometricResponse& response = colors.responses.emplace_back(rig.cameras[c].photometric);
+    schemas::PhotometricResponse& response =
+        colors.responses.emplace_back(rig.cameras[c].photometric);
     for (std::size_t k = 0; k < 3; ++k) {
       response.contrast[k] = 1 / fit.cameras()[c][k];
       response.brightness[k] = fit.cameras()[c][3 + k];
@@ -223,11 +209,11 @@ SceneColorMatch match_scene_colors(std::span<const ScenePatch> points, const Rig
       "Scene      {} points, {:.1f} cameras per point; {:.1f} % of the observations are outliers",
       points.size(), observations / std::max(1.0, static_cast<double>(points.size())),
       100 * (1 - inliers / observations)));
-  colors.findings.push_back(
-      fmt::format("Uncertain  light by at most {:.2f} % (two sigma, {})", 100 * most->uncertainty,
-                  rig.cameras[static_cast<std::size_t>(most - colors.fits.begin())].id));
+  colors.findings.push_back(fmt::format("Uncertain  light by at most {:.2f} % (two sigma, {})",
+                                        100 * most->uncertainty,
+                                        rig.cameras[most - colors.fits.begin()].id));
   judge(colors, rig, joined_to(static_cast<std::size_t>(reference), fit));
   return colors;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

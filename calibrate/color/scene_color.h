@@ -7,7 +7,7 @@
 #include "calibrate/color/color_match.h"
 #include "calibrate/color/scene_patches.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 struct SceneColorMatch : ColorMatch {
   static constexpr double kMaxUncertainty = 0.03;  ///< largest accepted uncertainty; see ColorFit
@@ -18,7 +18,7 @@ struct SceneColorMatch : ColorMatch {
 /// common points. Other fields, and the reference camera's response, stay as in `rig`. Outliers
 /// (ghosts, reflections, motion) are removed and counted. Throws Error (failed) if a stop is
 /// requested.
-SceneColorMatch match_scene_colors(std::span<const ScenePatch> points, const Rig& rig,
+SceneColorMatch match_scene_colors(std::span<const ScenePatch> points, const rig::Rig& rig,
                                    int reference, const std::stop_token& stop);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -10,22 +10,22 @@
 #include "base/error.h"
 #include "rig/photometric_model.h"
 
-namespace raystage::scene_color_test {
+namespace raystage::calibrate::scene_color_test {
 namespace {
 
 using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-constexpr PictureSize kPicture{640, 480};
+constexpr rig::PictureSize kPicture{640, 480};
 
 /// Cameras in a row; each has contrast, brightness and vignetting of its own.
-RigDocument row_of(int cameras) {
-  RigDocument document;
+schemas::RigDocument row_of(int cameras) {
+  schemas::RigDocument document;
   std::mt19937_64 random(1);
   std::uniform_real_distribution<double> some(-1, 1);
   for (int i = 0; i < cameras; ++i) {
-    RigDocument::Camera camera;
+    schemas::RigDocument::Camera camera;
     camera.geometry.id = "c" + std::to_string(i);
     camera.geometry.width = kPicture.width;
     camera.geometry.height = kPicture.height;
@@ -35,7 +35,7 @@ RigDocument row_of(int cameras) {
       camera.photometric.contrast[k] = 1 / (1 + 0.2 * some(random));
       camera.photometric.brightness[k] = -0.015 - 0.015 * some(random);
     }
-    camera.photometric.vignetting = Vignetting{310, 250, {0.2, 0.05 * i, 0}};
+    camera.photometric.vignetting = schemas::Vignetting{310, 250, {0.2, 0.05 * i, 0}};
     camera.photometric.matrix[0] = {1.1, -0.1, 0};
     document.cameras.push_back(camera);
   }
@@ -44,7 +44,7 @@ RigDocument row_of(int cameras) {
 
 /// What the cameras show of points that three neighbours see; a share of the observations is of
 /// another place.
-std::vector<ScenePatch> points_before(const RigDocument& truth, double wrong, double noise,
+std::vector<ScenePatch> points_before(const schemas::RigDocument& truth, double wrong, double noise,
                                       double darkest = 0.02, double brightest = 0.6) {
   std::mt19937_64 random(2);
   std::uniform_real_distribution<double> part(0, 1);
@@ -53,19 +53,18 @@ std::vector<ScenePatch> points_before(const RigDocument& truth, double wrong, do
   const auto cameras = static_cast<int>(truth.cameras.size());
   for (int i = 0; i < 600 * cameras; ++i) {
     const auto some_light = [&] {
-      return Rgb{std::lerp(darkest, brightest, part(random)),
-                 std::lerp(darkest, brightest, part(random)),
-                 std::lerp(darkest, brightest, part(random))};
+      return schemas::Rgb{std::lerp(darkest, brightest, part(random)),
+                          std::lerp(darkest, brightest, part(random)),
+                          std::lerp(darkest, brightest, part(random))};
     };
-    const Rgb light = some_light();
+    const schemas::Rgb light = some_light();
     ScenePatch point;
     const int first = i % std::max(1, cameras - 2);
     for (int c = first; c < std::min(cameras, first + 3); ++c) {
       const int x = static_cast<int>(640 * part(random)), y = static_cast<int>(480 * part(random));
       const bool is_wrong = part(random) < wrong;
-      Rgb measured =
-          invert_photometric_correction(truth.cameras[static_cast<std::size_t>(c)].photometric,
-                                        kPicture, x, y, is_wrong ? some_light() : light);
+      schemas::Rgb measured = rig::invert_photometric_correction(
+          truth.cameras[c].photometric, kPicture, x, y, is_wrong ? some_light() : light);
       for (double& channel : measured) channel *= 1 + normal(random);
       point.observations.push_back({c, x + 0.5, y + 0.5, measured});
     }
@@ -75,23 +74,23 @@ std::vector<ScenePatch> points_before(const RigDocument& truth, double wrong, do
 }
 
 /// The truth but for contrast and brightness, which the reference camera alone has.
-Rig unmatched(RigDocument document, std::size_t reference = 0) {
+rig::Rig unmatched(schemas::RigDocument document, std::size_t reference = 0) {
   for (std::size_t i = 0; i < document.cameras.size(); ++i) {
     if (i == reference) continue;
     document.cameras[i].photometric.contrast = {1, 1, 1};
     document.cameras[i].photometric.brightness = {0, 0, 0};
   }
-  return rig_from_document(document);
+  return rig::rig_from_document(document);
 }
 
-double worst_light_error(const SceneColorMatch& found, const RigDocument& truth) {
+double worst_light_error(const SceneColorMatch& found, const schemas::RigDocument& truth) {
   double worst = 0;
   for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
     for (const double level : {0.1, 0.5}) {
-      const Rgb measured = invert_photometric_correction(truth.cameras[c].photometric, kPicture,
-                                                         100, 100, {level, level, level});
+      const schemas::Rgb measured = rig::invert_photometric_correction(
+          truth.cameras[c].photometric, kPicture, 100, 100, {level, level, level});
       for (const double light :
-           apply_photometric_correction(found.responses[c], kPicture, 100, 100, measured)) {
+           rig::apply_photometric_correction(found.responses[c], kPicture, 100, 100, measured)) {
         worst = std::max(worst, std::abs(light / level - 1));
       }
     }
@@ -100,7 +99,7 @@ double worst_light_error(const SceneColorMatch& found, const RigDocument& truth)
 }
 
 TEST(SceneColor, FindsContrastAndBrightnessExactly) {
-  const RigDocument truth = row_of(5);
+  const schemas::RigDocument truth = row_of(5);
   const SceneColorMatch found =
       match_scene_colors(points_before(truth, 0, 0), unmatched(truth), 0, {});
   EXPECT_THAT(found.reasons, IsEmpty());
@@ -112,7 +111,7 @@ TEST(SceneColor, FindsContrastAndBrightnessExactly) {
 }
 
 TEST(SceneColor, GhostsAndNoiseAreLeftOut) {
-  const RigDocument truth = row_of(5);
+  const schemas::RigDocument truth = row_of(5);
   const SceneColorMatch found =
       match_scene_colors(points_before(truth, 0.1, 0.02), unmatched(truth, 2), 2, {});
   EXPECT_THAT(found.reasons, IsEmpty());
@@ -127,7 +126,7 @@ TEST(SceneColor, GhostsAndNoiseAreLeftOut) {
 }
 
 TEST(SceneColor, TwoCamerasAreEnough) {
-  const RigDocument truth = row_of(2);
+  const schemas::RigDocument truth = row_of(2);
   const SceneColorMatch found =
       match_scene_colors(points_before(truth, 0.1, 0.01), unmatched(truth), 0, {});
   EXPECT_THAT(found.reasons, IsEmpty());
@@ -135,7 +134,7 @@ TEST(SceneColor, TwoCamerasAreEnough) {
 }
 
 TEST(SceneColor, RefusesCamerasThatNothingJoins) {
-  const RigDocument truth = row_of(6);
+  const schemas::RigDocument truth = row_of(6);
   std::vector<ScenePatch> points = points_before(truth, 0, 0.01);
   std::erase_if(points, [](const ScenePatch& point) {
     return point.observations.front().camera < 3 && point.observations.back().camera >= 3;
@@ -146,7 +145,7 @@ TEST(SceneColor, RefusesCamerasThatNothingJoins) {
 }
 
 TEST(SceneColor, RefusesAnEmptySceneAndOneWithoutSense) {
-  const RigDocument truth = row_of(3);
+  const schemas::RigDocument truth = row_of(3);
   const SceneColorMatch empty = match_scene_colors({}, unmatched(truth), 0, {});
   EXPECT_THAT(empty.reasons, Contains(HasSubstr("c0, c1, c2")));
   const SceneColorMatch senseless =
@@ -155,7 +154,7 @@ TEST(SceneColor, RefusesAnEmptySceneAndOneWithoutSense) {
 }
 
 TEST(SceneColor, IsGivenUpWhenAskedTo) {
-  const RigDocument truth = row_of(3);
+  const schemas::RigDocument truth = row_of(3);
   std::stop_source source;
   source.request_stop();
   EXPECT_THROW(
@@ -171,7 +170,7 @@ TEST(SceneColor, OneCameraHasNobodyToAgreeWith) {
 
 TEST(SceneColor, TheSamePlaceTwiceIsNoNews) {
   // Duplicated points make nothing surer than it is by more than their number says.
-  const RigDocument truth = row_of(3);
+  const schemas::RigDocument truth = row_of(3);
   const std::vector<ScenePatch> once = points_before(truth, 0.05, 0.02);
   std::vector<ScenePatch> twice;
   for (const ScenePatch& point : once) twice.insert(twice.end(), {point, point});
@@ -184,9 +183,9 @@ TEST(SceneColor, TheSamePlaceTwiceIsNoNews) {
 }
 
 TEST(SceneColor, ASceneOfOneBrightnessIsNotBelievedAboutOthers) {
-  RigDocument truth = row_of(4);
+  schemas::RigDocument truth = row_of(4);
   // (A lens that darkens would show the one brightness as several.)
-  for (RigDocument::Camera& camera : truth.cameras) camera.photometric.vignetting.reset();
+  for (schemas::RigDocument::Camera& camera : truth.cameras) camera.photometric.vignetting.reset();
   for (const double noise : {0.0003, 0.001, 0.003, 0.01, 0.05}) {
     const SceneColorMatch found =
         match_scene_colors(points_before(truth, 0.02, noise, 0.3, 0.302), unmatched(truth), 0, {});
@@ -195,7 +194,7 @@ TEST(SceneColor, ASceneOfOneBrightnessIsNotBelievedAboutOthers) {
 }
 
 TEST(SceneColor, SaysHowSureItIs) {
-  const RigDocument truth = row_of(4);
+  const schemas::RigDocument truth = row_of(4);
   for (const double noise : {0.003, 0.01, 0.05}) {
     for (const double brightest : {0.35, 0.45, 0.6}) {
       const SceneColorMatch found = match_scene_colors(
@@ -209,4 +208,4 @@ TEST(SceneColor, SaysHowSureItIs) {
 }
 
 }  // namespace
-}  // namespace raystage::scene_color_test
+}  // namespace raystage::calibrate::scene_color_test

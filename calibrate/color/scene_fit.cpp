@@ -13,15 +13,15 @@
 #include <memory>
 
 #include "base/error.h"
-#include "calibrate/geometry/ceres_stop_callback.h"
+#include "calibrate/geometry/ceres_options.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 /// Residual: predicted minus measured light of a point in a camera, in standard deviations.
 struct ObservationError {
-  Rgb measured, gain, deviation;
-  ColorMatrix unmix;
+  schemas::Rgb measured, gain, deviation;
+  schemas::ColorMatrix unmix;
 
   template <typename T>
   bool operator()(const T* camera, const T* light, T* error) const {
@@ -53,7 +53,7 @@ struct Rows {
 };
 
 Rows rows_of(const ObservationCost& cost, const SceneFit::CameraParameters& camera,
-             const Rgb& light, double scale) {
+             const schemas::Rgb& light, double scale) {
   Rows rows;
   const double* const values[] = {camera.data(), light.data()};
   double* jacobians[] = {rows.by_camera.data(), rows.by_light.data()};
@@ -72,8 +72,8 @@ double worst_light(const SceneFit::CameraParameters& camera,
   double worst = 0;
   for (int c = 0; c < 3; ++c) {
     for (const double light : {0.1, 0.5}) {
-      const double inverse_contrast = camera[static_cast<std::size_t>(c)];
-      const double measured = (light - camera[static_cast<std::size_t>(3 + c)]) * inverse_contrast;
+      const double inverse_contrast = camera[c];
+      const double measured = (light - camera[3 + c]) * inverse_contrast;
       Eigen::Matrix<double, 6, 1> slope = Eigen::Matrix<double, 6, 1>::Zero();
       slope[c] = -measured / (inverse_contrast * inverse_contrast);
       slope[3 + c] = 1;
@@ -86,15 +86,15 @@ double worst_light(const SceneFit::CameraParameters& camera,
 
 }  // namespace
 
-SceneFit::SceneFit(std::span<const ScenePatch> points, const Rig& rig, std::size_t reference)
+SceneFit::SceneFit(std::span<const ScenePatch> points, const rig::Rig& rig, std::size_t reference)
     : rig_(rig), reference_(reference) {
   for (std::size_t p = 0; p < points.size(); ++p) {
     for (const ScenePatch::Observation& seen : points[p].observations) {
       const auto camera = static_cast<std::size_t>(seen.camera);
-      const Rig::Camera& of = rig.cameras[camera];
-      const PictureSize size{of.model.width(), of.model.height()};
+      const rig::Rig::Camera& of = rig.cameras[camera];
+      const rig::PictureSize size{of.model.width(), of.model.height()};
       Observation observation{
-          p, camera, seen.measured, gain_at(of.photometric, size, seen.x, seen.y), {}, true};
+          p, camera, seen.measured, rig::gain_at(of.photometric, size, seen.x, seen.y), {}, true};
       // Quantisation in the dark; surfaces whose light depends on the direction.
       constexpr double kInTheDark = 0.002, kByLight = 0.01;
       for (std::size_t c = 0; c < 3; ++c) {
@@ -103,9 +103,9 @@ SceneFit::SceneFit(std::span<const ScenePatch> points, const Rig& rig, std::size
       observations_.push_back(observation);
     }
   }
-  for (const Rig::Camera& camera : rig.cameras) {
-    const PhotometricResponse& r = camera.photometric;
-    unmix_.push_back(inverse(r.matrix));
+  for (const rig::Rig::Camera& camera : rig.cameras) {
+    const schemas::PhotometricResponse& r = camera.photometric;
+    unmix_.push_back(rig::inverse(r.matrix));
     cameras_.push_back({1 / r.contrast[0], 1 / r.contrast[1], 1 / r.contrast[2], r.brightness[0],
                         r.brightness[1], r.brightness[2]});
   }
@@ -114,20 +114,20 @@ SceneFit::SceneFit(std::span<const ScenePatch> points, const Rig& rig, std::size
   light_ = mean_lights();
 }
 
-Rgb SceneFit::estimated_light(const Observation& observation,
-                              const CameraParameters& camera) const {
-  Rgb light{};
+schemas::Rgb SceneFit::estimated_light(const Observation& observation,
+                                       const CameraParameters& camera) const {
+  schemas::Rgb light{};
   for (std::size_t c = 0; c < 3; ++c) {
     light[c] = observation.gain[c] * (camera[3 + c] + observation.measured[c] / camera[c]);
   }
-  return multiply(rig_.cameras[observation.camera].photometric.matrix, light);
+  return rig::multiply(rig_.cameras[observation.camera].photometric.matrix, light);
 }
 
-std::vector<Rgb> SceneFit::mean_lights() const {
-  std::vector<Rgb> lights(light_.size(), Rgb{});
+std::vector<schemas::Rgb> SceneFit::mean_lights() const {
+  std::vector<schemas::Rgb> lights(light_.size(), schemas::Rgb{});
   std::vector<int> counts(light_.size(), 0);
   for (const Observation& observation : observations_) {
-    const Rgb light = estimated_light(observation, cameras_[observation.camera]);
+    const schemas::Rgb light = estimated_light(observation, cameras_[observation.camera]);
     for (std::size_t c = 0; c < 3; ++c) lights[observation.point][c] += light[c];
     ++counts[observation.point];
   }
@@ -171,13 +171,8 @@ void SceneFit::solve(double scale, const std::function<bool(std::size_t)>& count
     }
   }
   problem.SetParameterBlockConstant(cameras_[reference_].data());
-  ceres::Solver::Options options;
-  options.num_threads = 1;  // deterministic
-  options.logging_type = ceres::SILENT;
-  options.linear_solver_type = ceres::DENSE_SCHUR;
+  ceres::Solver::Options options = ceres_options(ceres::DENSE_SCHUR, 60);
   options.linear_solver_ordering = ordering;
-  options.max_num_iterations = 60;
-  options.function_tolerance = 1e-6;
   CeresStopCallback stops(stop);
   options.callbacks.push_back(&stops);
   ceres::Solver::Summary summary;
@@ -212,7 +207,7 @@ std::vector<double> SceneFit::uncertainty(double scale) const {
       across.emplace_back(rows.by_camera.transpose() * rows.by_light);
       squares += rows.error.squaredNorm();
     }
-    surplus += 3.0 * static_cast<double>(of_point[p].size() - 1);
+    surplus += 3.0 * (of_point[p].size() - 1);
     const Eigen::Matrix3d inverse_of_light = of_light.inverse();
     for (std::size_t a = 0; a < across.size(); ++a) {
       for (std::size_t b = 0; b < across.size(); ++b) {
@@ -246,4 +241,4 @@ std::vector<double> SceneFit::uncertainty(double scale) const {
   return worst;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

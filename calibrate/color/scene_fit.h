@@ -12,7 +12,7 @@
 #include "calibrate/color/scene_patches.h"
 #include "rig/photometric_model.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 class SceneFit {
  public:
@@ -20,12 +20,12 @@ class SceneFit {
   using CameraParameters = std::array<double, 6>;
   struct Observation {
     std::size_t point = 0, camera = 0;
-    Rgb measured{}, gain{}, deviation{};
+    schemas::Rgb measured{}, gain{}, deviation{};
     bool counts = true;
   };
 
   /// `rig` must outlive it.
-  SceneFit(std::span<const ScenePatch> points, const Rig& rig, std::size_t reference);
+  SceneFit(std::span<const ScenePatch> points, const rig::Rig& rig, std::size_t reference);
 
   std::vector<Observation>& observations() { return observations_; }
   const std::vector<Observation>& observations() const { return observations_; }
@@ -34,7 +34,8 @@ class SceneFit {
   const std::vector<CameraParameters>& start() const { return start_; }  ///< those of the rig
 
   /// Returns the linear light (full scale 1) of the point that an observation implies.
-  Rgb estimated_light(const Observation& observation, const CameraParameters& camera) const;
+  schemas::Rgb estimated_light(const Observation& observation,
+                               const CameraParameters& camera) const;
   /// Returns the largest residual of an observation over the channels, in standard deviations.
   double normalised_residual(const Observation& observation) const;
 
@@ -52,14 +53,14 @@ class SceneFit {
   std::vector<double> uncertainty(double scale) const;
 
  private:
-  std::vector<Rgb> mean_lights() const;
+  std::vector<schemas::Rgb> mean_lights() const;
 
-  const Rig& rig_;
+  const rig::Rig& rig_;
   std::size_t reference_;
   std::vector<Observation> observations_;
-  std::vector<ColorMatrix> unmix_;
+  std::vector<schemas::ColorMatrix> unmix_;
   std::vector<CameraParameters> cameras_, start_;
-  std::vector<Rgb> light_;  ///< of each point
+  std::vector<schemas::Rgb> light_;  ///< of each point
 };
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -17,32 +17,31 @@
 #include "calibrate/color/patch_search.h"
 #include "store/timeline.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
-std::vector<int> nearest_cameras(const Rig& rig, const FrameSelection& frames, int to, int count) {
+std::vector<int> nearest_cameras(const rig::Rig& rig, const store::FrameSelection& frames, int to,
+                                 int count) {
   std::vector<int> cameras;
   for (int c = 0; c < static_cast<int>(rig.cameras.size()); ++c) {
-    if (c != to && frames.frame[static_cast<std::size_t>(c)] >= 0) cameras.push_back(c);
+    if (c != to && frames.frame[c] >= 0) cameras.push_back(c);
   }
   const auto distance = [&](int c) {
-    return (rig.cameras[static_cast<std::size_t>(c)].pose.position -
-            rig.cameras[static_cast<std::size_t>(to)].pose.position)
-        .norm();
+    return (rig.cameras[c].pose.position - rig.cameras[to].pose.position).norm();
   };
   std::ranges::stable_sort(cameras, {}, distance);
   if (cameras.size() > static_cast<std::size_t>(count)) {
-    cameras.resize(static_cast<std::size_t>(count));
+    cameras.resize(count);
   }
   return cameras;
 }
 
 /// Number of threads for which memory suffices: each holds the pictures of a camera and its
 /// neighbours.
-std::size_t searches_at_once(const Rig& rig, const PatchSearchSettings& settings) {
+std::size_t searches_at_once(const rig::Rig& rig, const PatchSearchSettings& settings) {
   constexpr std::size_t kBytesPerPixel = 24;  // prepared for comparison, and during decoding
   std::size_t most_pixels = 1;
-  for (const Rig::Camera& camera : rig.cameras) {
+  for (const rig::Rig::Camera& camera : rig.cameras) {
     most_pixels = std::max(most_pixels, static_cast<std::size_t>(camera.model.width()) *
                                             static_cast<std::size_t>(camera.model.height()));
   }
@@ -52,10 +51,10 @@ std::size_t searches_at_once(const Rig& rig, const PatchSearchSettings& settings
   return std::clamp<std::size_t>(free_memory() / 2 / bytes, 1, std::max<std::size_t>(1, threads));
 }
 
-std::vector<FrameSelection> instants_of(const Take& take, int count) {
-  const auto known = read_timeline_if_present(take);
-  const Timeline timeline = known ? *known : build_timeline(take, 0, 0);
-  std::vector<FrameSelection> instants;
+std::vector<store::FrameSelection> instants_of(const store::Take& take, int count) {
+  const auto known = store::read_timeline_if_present(take);
+  const store::Timeline timeline = known ? *known : store::build_timeline(take, 0, 0);
+  std::vector<store::FrameSelection> instants;
   const auto ticks = static_cast<int>(timeline.ticks.size());
   const int used = std::min(count, ticks);
   for (int i = 0; i < used; ++i) {
@@ -67,12 +66,12 @@ std::vector<FrameSelection> instants_of(const Take& take, int count) {
 
 }  // namespace
 
-std::vector<ScenePatch> find_scene_patches(const Take& take, const Rig& rig,
+std::vector<ScenePatch> find_scene_patches(const store::Take& take, const rig::Rig& rig,
                                            const PatchSearchSettings& settings,
                                            const std::function<void(double)>& progress,
                                            const std::stop_token& stop) {
-  const std::vector<FrameSelection> instants = instants_of(take, settings.instants);
-  const LevelTable levels = make_level_table(BlendSpace::kLinear);
+  const std::vector<store::FrameSelection> instants = instants_of(take, settings.instants);
+  const store::LevelTable levels = store::make_level_table(store::BlendSpace::kLinear);
   const std::size_t cameras = rig.cameras.size();
   std::vector<std::vector<ScenePatch>> found(instants.size() * cameras);
   std::atomic<std::size_t> done = 0;
@@ -83,20 +82,19 @@ std::vector<ScenePatch> find_scene_patches(const Take& take, const Rig& rig,
           throw Error::failed("the search for scene patches was stopped", take.folder().string(),
                               "Start it again");
         }
-        const FrameSelection& instant = instants[task / cameras];
+        const store::FrameSelection& instant = instants[task / cameras];
         const auto base = static_cast<int>(task % cameras);
         const auto shown = [&](int camera) {
-          return load_patch_search_image(take, rig, camera,
-                                         instant.frame[static_cast<std::size_t>(camera)], levels);
+          return load_patch_search_image(take, rig, camera, instant.frame[camera], levels);
         };
-        if (instant.frame[static_cast<std::size_t>(base)] >= 0) {
+        if (instant.frame[base] >= 0) {
           std::vector<PatchSearchImage> others;
           for (const int camera : nearest_cameras(rig, instant, base, settings.neighbours)) {
             others.push_back(shown(camera));
           }
           const PatchSearchImage mine = shown(base);
           const PatchSearch search(rig, settings, mine, others);
-          const CameraModel& model = rig.cameras[static_cast<std::size_t>(base)].model;
+          const rig::CameraModel& model = rig.cameras[base].model;
           for (int j = 0; j < settings.rows; ++j) {
             for (int i = 0; i < settings.columns; ++i) {
               auto point =
@@ -106,7 +104,7 @@ std::vector<ScenePatch> find_scene_patches(const Take& take, const Rig& rig,
             }
           }
         }
-        progress(static_cast<double>(++done) / static_cast<double>(found.size()));
+        progress(static_cast<double>(++done) / found.size());
       });
   std::vector<ScenePatch> all, points;
   for (auto& some : found) std::ranges::move(some, std::back_inserter(all));
@@ -116,4 +114,4 @@ std::vector<ScenePatch> find_scene_patches(const Take& take, const Rig& rig,
   return points;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

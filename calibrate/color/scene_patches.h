@@ -8,10 +8,10 @@
 #include "rig/rig.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 struct PatchSearchSettings {
-  DepthRange depths;             ///< of the scene, in front of the array
+  schemas::DepthRange depths;    ///< of the scene, in front of the array
   int instants = 5;              ///< spread over the take
   int columns = 40, rows = 30;   ///< grid of patches of a picture that are searched in others
   int neighbours = 6;            ///< number of nearest cameras that are searched
@@ -27,7 +27,7 @@ struct ScenePatch {
     int camera = 0;
     double x = 0, y = 0;  ///< its centre, pixels from the picture's top-left corner
     /// mean linear light, full scale 1, after correction of response curve and hot pixels
-    Rgb measured{};
+    schemas::Rgb measured{};
   };
   std::vector<Observation> observations;  ///< at least two
 };
@@ -36,9 +36,9 @@ struct ScenePatch {
 /// neighbouring cameras show the same pattern by normalised cross-correlation. Left out are patches
 /// without contrast, with ambiguous depth, hidden from most cameras, outside `depths`, black or at
 /// full scale. Cameras are in the order of rig and take. Progress and errors as track_light().
-std::vector<ScenePatch> find_scene_patches(const Take& take, const Rig& rig,
+std::vector<ScenePatch> find_scene_patches(const store::Take& take, const rig::Rig& rig,
                                            const PatchSearchSettings& settings,
                                            const std::function<void(double)>& progress,
                                            const std::stop_token& stop);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -12,15 +12,15 @@
 #include "simulate/simulate.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 /// Six cameras before a scene; all of them show the same colours.
-Take simulated(const std::string& scene, const TestFolder& folder) {
-  SimulationSettings settings;
+store::Take simulated(const std::string& scene, const testing::TestFolder& folder) {
+  simulate::SimulationSettings settings;
   settings.scene = scene;
   settings.rows = 2;
   settings.columns = 3;
@@ -31,22 +31,22 @@ Take simulated(const std::string& scene, const TestFolder& folder) {
   settings.noise = 0.002;
   settings.jpeg.quality = 95;
   settings.truth_views = 0;
-  simulate(settings, folder.path() / scene, "test");
-  return Take(folder.path() / scene);
+  simulate::simulate(settings, folder.path() / scene, "test");
+  return store::Take(folder.path() / scene);
 }
 
-std::vector<ScenePatch> found_in(const Take& take, const PatchSearchSettings& settings) {
+std::vector<ScenePatch> found_in(const store::Take& take, const PatchSearchSettings& settings) {
   return find_scene_patches(take, take.rig(), settings, [](double) {}, {});
 }
 
 /// Metres in front of the array where the rays of the first two observations come nearest to each
 /// other.
-double depth_of(const ScenePatch& point, const Rig& rig) {
+double depth_of(const ScenePatch& point, const rig::Rig& rig) {
   Eigen::Matrix<double, 3, 2> directions;
   Vector3d places[2];
   for (std::size_t i = 0; i < 2; ++i) {
     const ScenePatch::Observation& observation = point.observations[i];
-    const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(observation.camera)];
+    const rig::Rig::Camera& camera = rig.cameras[observation.camera];
     directions.col(static_cast<Eigen::Index>(i)) =
         camera.pose.world_from_camera_rotation *
         *camera.model.unproject({observation.x, observation.y});
@@ -59,8 +59,8 @@ double depth_of(const ScenePatch& point, const Rig& rig) {
 }
 
 TEST(SurfacePoints, AreTheSamePlacesInAllCameras) {
-  const TestFolder folder;
-  const Take take = simulated("stage", folder);
+  const testing::TestFolder folder;
+  const store::Take take = simulated("stage", folder);
   PatchSearchSettings settings;
   settings.instants = 1;
   settings.depths = *take.document().depth_range;
@@ -90,8 +90,8 @@ TEST(SurfacePoints, AreTheSamePlacesInAllCameras) {
 }
 
 TEST(SurfacePoints, OnAFocalPlaneLieThere) {
-  const TestFolder folder;
-  const Take take = simulated("chart", folder);
+  const testing::TestFolder folder;
+  const store::Take take = simulated("chart", folder);
   PatchSearchSettings settings;
   settings.instants = 1;
   settings.depths = {3.9, 4.1};  // the chart; balls before it
@@ -108,16 +108,16 @@ TEST(SurfacePoints, OnAFocalPlaneLieThere) {
 }
 
 TEST(SurfacePoints, AreNotFoundWhereNothingHasAPattern) {
-  const TestFolder folder;
-  const Take take = simulated("grey", folder);
+  const testing::TestFolder folder;
+  const store::Take take = simulated("grey", folder);
   PatchSearchSettings settings;
   settings.depths = {1, 10};
   EXPECT_TRUE(found_in(take, settings).empty());
   // Another rig than the frames': said before anything is looked at.
-  Rig rig = take.rig();
-  rig.cameras[2].model = CameraModel({"c", 100, 80, {90, 90, 50, 40, {}}, {}, {}, {}});
+  rig::Rig rig = take.rig();
+  rig.cameras[2].model = rig::CameraModel({"c", 100, 80, {90, 90, 50, 40, {}}, {}, {}, {}});
   EXPECT_THROW(find_scene_patches(take, rig, settings, [](double) {}, {}), Error);
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -11,7 +11,9 @@
 #include <cmath>
 #include <vector>
 
-namespace raystage {
+#include "calibrate/geometry/ceres_options.h"
+
+namespace raystage::calibrate {
 namespace {
 
 /// Residual: light of a cell minus the model, relative to the model.
@@ -30,8 +32,8 @@ struct CellError {
 
 }  // namespace
 
-VignettingFit fit_vignetting(std::span<const FlatFieldCell> cells, PictureSize size,
-                             const PhotometricResponse& response) {
+VignettingFit fit_vignetting(std::span<const FlatFieldCell> cells, rig::PictureSize size,
+                             const schemas::PhotometricResponse& response) {
   const double half_diagonal = std::hypot(size.width, size.height) / 2;
   double level = 0;
   std::array<double, 2> centre{0, 0};
@@ -56,13 +58,8 @@ VignettingFit fit_vignetting(std::span<const FlatFieldCell> cells, PictureSize s
     problem.SetParameterLowerBound(centre.data(), i, -kFarOff);
     problem.SetParameterUpperBound(centre.data(), i, kFarOff);
   }
-  ceres::Solver::Options options;
-  options.num_threads = 1;  // deterministic; cameras run in parallel
-  options.logging_type = ceres::SILENT;
-  options.linear_solver_type = ceres::DENSE_QR;
-  options.max_num_iterations = 200;
   ceres::Solver::Summary summary;
-  ceres::Solve(options, &problem, &summary);
+  ceres::Solve(ceres_options(ceres::DENSE_QR, 200), &problem, &summary);
 
   VignettingFit found;
   found.lens = {size.width / 2.0 + centre[0] * half_diagonal,
@@ -80,17 +77,19 @@ VignettingFit fit_vignetting(std::span<const FlatFieldCell> cells, PictureSize s
   return found;
 }
 
-Rgb mean_centre_transmission(const PhotometricResponse& response, PictureSize size) {
-  Rgb left{};
+schemas::Rgb mean_centre_transmission(const schemas::PhotometricResponse& response,
+                                      rig::PictureSize size) {
+  schemas::Rgb left{};
   constexpr int kSteps = 32;
   for (int j = 0; j < kSteps; ++j) {
     for (int i = 0; i < kSteps; ++i) {
-      const Rgb gain = gain_at(response, size, size.width * (0.25 + 0.5 * (i + 0.5) / kSteps),
-                               size.height * (0.25 + 0.5 * (j + 0.5) / kSteps));
+      const schemas::Rgb gain =
+          rig::gain_at(response, size, size.width * (0.25 + 0.5 * (i + 0.5) / kSteps),
+                       size.height * (0.25 + 0.5 * (j + 0.5) / kSteps));
       for (std::size_t c = 0; c < 3; ++c) left[c] += 1 / gain[c] / (kSteps * kSteps);
     }
   }
   return left;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

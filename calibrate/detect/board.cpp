@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numeric>
 #include <opencv2/aruco/charuco.hpp>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
@@ -15,7 +16,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 struct Dictionary {
@@ -46,7 +47,7 @@ const Dictionary* dictionary_named(std::string_view name) {
   return found == kDictionaries.end() ? nullptr : &*found;
 }
 
-cv::Mat grey_of(const RgbImage& picture, bool inverted) {
+cv::Mat grey_of(const store::RgbImage& picture, bool inverted) {
   // OpenCV only reads the pixels.
   const cv::Mat rgb(picture.height, picture.width, CV_8UC3,
                     const_cast<std::uint8_t*>(picture.pixels.data()));  // NOLINT
@@ -56,9 +57,17 @@ cv::Mat grey_of(const RgbImage& picture, bool inverted) {
   return grey;
 }
 
-/// OpenCV's pixel centres are at integers.
-BoardCornerDetection corner_at(int index, const cv::Point2f& place) {
-  return {index, {place.x + 0.5, place.y + 0.5}};
+/// Refines corners to subpixels. `window`: half the side of the window around each, pixels.
+std::vector<BoardCornerDetection> refined(const cv::Mat& grey, std::vector<cv::Point2f> places,
+                                          const std::vector<int>& indices, int window) {
+  cv::cornerSubPix(grey, places, {window, window}, {-1, -1},
+                   {cv::TermCriteria::EPS | cv::TermCriteria::COUNT, 50, 1e-3});
+  std::vector<BoardCornerDetection> corners;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    // OpenCV's pixel centres are at integers.
+    corners.push_back({indices[i], {places[i].x + 0.5, places[i].y + 0.5}});
+  }
+  return corners;
 }
 
 /// Half the side of the window for corner refinement, pixels: it must not contain another corner.
@@ -83,14 +92,9 @@ std::vector<BoardCornerDetection> checkerboard_in(const cv::Mat& grey, const Boa
           cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_FAST_CHECK)) {
     return {};
   }
-  const int window = refining_window(places, inner.width);
-  cv::cornerSubPix(grey, places, {window, window}, {-1, -1},
-                   {cv::TermCriteria::EPS | cv::TermCriteria::COUNT, 50, 1e-3});
-  std::vector<BoardCornerDetection> corners;
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    corners.push_back(corner_at(static_cast<int>(i), places[i]));
-  }
-  return corners;
+  std::vector<int> indices(places.size());
+  std::iota(indices.begin(), indices.end(), 0);
+  return refined(grey, places, indices, refining_window(places, inner.width));
 }
 
 std::vector<BoardCornerDetection> charuco_in(const cv::Mat& grey, const Board& board) {
@@ -116,13 +120,7 @@ std::vector<BoardCornerDetection> charuco_in(const cv::Mat& grey, const Board& b
     side = std::min(side, cv::norm(marker[1] - marker[0]) / board.marker);
   }
   const int window = std::clamp(static_cast<int>(side * (1 - board.marker) / 2), 2, 9);
-  cv::cornerSubPix(grey, places, {window, window}, {-1, -1},
-                   {cv::TermCriteria::EPS | cv::TermCriteria::COUNT, 50, 1e-3});
-  std::vector<BoardCornerDetection> corners;
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    corners.push_back(corner_at(indices[i], places[i]));
-  }
-  return corners;
+  return refined(grey, places, indices, window);
 }
 
 }  // namespace
@@ -180,9 +178,9 @@ void check_board(const Board& board, bool unique_corners) {
 
 BoardDetector::BoardDetector(Board board) : board_(std::move(board)) {}
 
-std::vector<BoardCornerDetection> BoardDetector::find(const RgbImage& picture) const {
+std::vector<BoardCornerDetection> BoardDetector::find(const store::RgbImage& picture) const {
   const cv::Mat grey = grey_of(picture, board_.inverted);
   return board_.dictionary.empty() ? checkerboard_in(grey, board_) : charuco_in(grey, board_);
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

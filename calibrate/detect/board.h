@@ -2,14 +2,13 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// A flat calibration board with squares.
 struct Board {
@@ -50,10 +49,10 @@ class BoardDetector {
   const Board& board() const { return board_; }
   /// Returns the corners of the board; none if it is not detected, or if a checkerboard is not
   /// entirely visible.
-  std::vector<BoardCornerDetection> find(const RgbImage& picture) const;
+  std::vector<BoardCornerDetection> find(const store::RgbImage& picture) const;
 
  private:
   Board board_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -9,19 +9,19 @@
 #include "store/jpeg/decode.h"
 #include "store/timeline.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
-void check_stop(const std::stop_token& stop, const Take& take) {
+void check_stop(const std::stop_token& stop, const store::Take& take) {
   if (!stop.stop_requested()) return;
   throw Error::failed("the detection of the board was stopped", take.folder().string(),
                       "Start it again");
 }
 
-std::vector<BoardCornerDetection> corners_in(const Take& take, int camera, int frame,
+std::vector<BoardCornerDetection> corners_in(const store::Take& take, int camera, int frame,
                                              const BoardDetector& finder) {
-  JpegDecoder decoder;
-  const std::string& id = take.document().cameras[static_cast<std::size_t>(camera)].id;
+  store::JpegDecoder decoder;
+  const std::string& id = take.document().cameras[camera].id;
   return finder.find(decoder.decode(take.archive(camera).jpeg(frame), id));
 }
 
@@ -37,8 +37,9 @@ std::vector<int> spread(int count, int most) {
 
 }  // namespace
 
-std::vector<BoardView> detect_board_views(const Take& take, int camera, const BoardDetector& finder,
-                                          int most, const std::function<void(double)>& progress,
+std::vector<BoardView> detect_board_views(const store::Take& take, int camera,
+                                          const BoardDetector& finder, int most,
+                                          const std::function<void(double)>& progress,
                                           const std::stop_token& stop) {
   const auto count = static_cast<int>(take.archive(camera).frames().size());
   const std::vector<int> frames = spread(count, most);
@@ -51,13 +52,13 @@ std::vector<BoardView> detect_board_views(const Take& take, int camera, const Bo
       views[i].object_points.push_back(finder.board().corner(corner.index));
       views[i].pixels.push_back(corner.pixel);
     }
-    progress(static_cast<double>(++done) / static_cast<double>(frames.size()));
+    progress(static_cast<double>(++done) / frames.size());
   });
   std::erase_if(views, [](const BoardView& view) { return view.pixels.empty(); });
   return views;
 }
 
-PointTracks track_board_corners(const Take& take,
+PointTracks track_board_corners(const store::Take& take,
                                 const std::vector<std::vector<Nanoseconds>>& times,
                                 const BoardDetector& finder,
                                 const std::function<void(double)>& progress,
@@ -68,7 +69,7 @@ PointTracks track_board_corners(const Take& take,
   for (std::size_t c = 0; c < times.size(); ++c) {
     std::vector<std::pair<Nanoseconds, std::size_t>> in_order;
     for (std::size_t i = 0; i < times[c].size(); ++i) {
-      if (times[c][i] != kExcludedTime) in_order.emplace_back(times[c][i], i);
+      if (times[c][i] != store::kExcludedTime) in_order.emplace_back(times[c][i], i);
     }
     std::ranges::stable_sort(in_order);
     for (const auto& [time, frame] : in_order) {
@@ -86,14 +87,13 @@ PointTracks track_board_corners(const Take& take,
     const auto [camera, frame] = frames[k];
     for (const BoardCornerDetection& corner :
          corners_in(take, static_cast<int>(camera), static_cast<int>(frame), finder)) {
-      LightSpot& spot =
-          tracks[camera][static_cast<std::size_t>(corner.index)].frame_detections[sight_of[k]].spot;
+      LightSpot& spot = tracks[camera][corner.index].frame_detections[sight_of[k]].spot;
       spot.result = LightDetectionStatus::kFound;
       spot.centre = corner.pixel;
     }
-    progress(static_cast<double>(++done) / static_cast<double>(frames.size()));
+    progress(static_cast<double>(++done) / frames.size());
   });
   return tracks;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

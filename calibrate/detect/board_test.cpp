@@ -14,7 +14,7 @@
 #include "testing/test_data.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 constexpr int kDrawn = 60;   // pixels of a square as drawn
@@ -44,7 +44,7 @@ cv::Mat printed(const Board& board) {
 
 /// A picture of it from aside, and where its corners are in it (centres at +0.5).
 struct Picture {
-  RgbImage image;
+  store::RgbImage image;
   std::vector<Eigen::Vector2d> corners;
 };
 
@@ -68,7 +68,7 @@ Picture pictured(const Board& board) {
   return picture;
 }
 
-class Boards : public testing::TestWithParam<Board> {};
+class Boards : public ::testing::TestWithParam<Board> {};
 
 TEST_P(Boards, AreFoundWithEveryCornerInItsPlace) {
   const Board& board = GetParam();
@@ -76,16 +76,15 @@ TEST_P(Boards, AreFoundWithEveryCornerInItsPlace) {
   const std::vector<BoardCornerDetection> found = BoardDetector(board).find(picture.image);
   ASSERT_EQ(found.size(), static_cast<std::size_t>(board.corners()));
   for (const BoardCornerDetection& corner : found) {
-    EXPECT_LE((corner.pixel - picture.corners[static_cast<std::size_t>(corner.index)]).norm(), 0.3)
-        << corner.index;
+    EXPECT_LE((corner.pixel - picture.corners[corner.index]).norm(), 0.3) << corner.index;
   }
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, Boards,
-                         testing::Values(Board{10, 7, 0.03, "", 0.75, false},
-                                         Board{7, 6, 0.03, "", 0.75, false},
-                                         Board{7, 5, 0.03, "5x5_100", 0.7, false},
-                                         Board{6, 5, 0.03, "5x5_100", 0.75, true}));
+                         ::testing::Values(Board{10, 7, 0.03, "", 0.75, false},
+                                           Board{7, 6, 0.03, "", 0.75, false},
+                                           Board{7, 5, 0.03, "5x5_100", 0.7, false},
+                                           Board{6, 5, 0.03, "5x5_100", 0.75, true}));
 
 TEST(Boards, ThatNobodyCanFindAreRefused) {
   EXPECT_NO_THROW(check_board({10, 7, 0.03, "", 0.75, false}, true));
@@ -99,7 +98,7 @@ TEST(Boards, ThatNobodyCanFindAreRefused) {
 }
 
 TEST(Boards, ThatAreNotThereAreNotFound) {
-  RgbImage empty{320, 240, std::vector<std::uint8_t>(320 * 240 * 3, 128)};
+  store::RgbImage empty{320, 240, std::vector<std::uint8_t>(320 * 240 * 3, 128)};
   EXPECT_TRUE(BoardDetector({10, 7, 0.03, "", 0.75, false}).find(empty).empty());
   EXPECT_TRUE(BoardDetector({7, 5, 0.03, "5x5_100", 0.75, false}).find(empty).empty());
 }
@@ -107,16 +106,17 @@ TEST(Boards, ThatAreNotThereAreNotFound) {
 /// Four webcams whose makers calibrated them with recordings that are not there: what their boards
 /// show, seen from far away, tells the lens as well as it says it does.
 TEST(CapturedBoards, TellTheLensesOfWebcams) {
-  const auto manifest = test_data() / "four_webcams" / "import.json";
+  const auto manifest = testing::test_data() / "four_webcams" / "import.json";
   if (!std::filesystem::exists(manifest)) GTEST_SKIP() << "no captured boards at " << manifest;
-  const TestFolder folder;
-  import_take(read_import_manifest(manifest), manifest.parent_path(), folder.path() / "take", {});
-  const Take take(folder.path() / "take");
+  const testing::TestFolder folder;
+  ingest::import_take(schemas::read_import_manifest(manifest), manifest.parent_path(),
+                      folder.path() / "take", {});
+  const store::Take take(folder.path() / "take");
   const BoardDetector finder({4, 5, 0.054, "4x4_1000", 0.75, true});
   int within_two_percent = 0;
   std::vector<CameraBoardViews> seen;
   for (int camera = 0; camera < 4; ++camera) {
-    const auto& truth = take.rig().cameras[static_cast<std::size_t>(camera)].model;
+    const auto& truth = take.rig().cameras[camera].model;
     const auto views = detect_board_views(take, camera, finder, 60, [](double) {}, {});
     seen.push_back({"webcam", truth.width(), truth.height(), views});
     const LensCalibration found = calibrate_lens(seen.back(), {});
@@ -137,4 +137,4 @@ TEST(CapturedBoards, TellTheLensesOfWebcams) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

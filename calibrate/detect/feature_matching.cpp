@@ -21,7 +21,7 @@
 #include "store/jpeg/decode.h"
 #include "store/timeline.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 struct Picture {
@@ -29,10 +29,10 @@ struct Picture {
   cv::Mat descriptors;
 };
 
-Picture features_of(const Take& take, int camera, int frame, int most) {
-  JpegDecoder decoder;
-  const std::string& id = take.document().cameras[static_cast<std::size_t>(camera)].id;
-  RgbImage image = decoder.decode(take.archive(camera).jpeg(frame), id);
+Picture features_of(const store::Take& take, int camera, int frame, int most) {
+  store::JpegDecoder decoder;
+  const std::string& id = take.document().cameras[camera].id;
+  store::RgbImage image = decoder.decode(take.archive(camera).jpeg(frame), id);
   const cv::Mat rgb(image.height, image.width, CV_8UC3, image.pixels.data());
   cv::Mat grey;
   cv::cvtColor(rgb, grey, cv::COLOR_RGB2GRAY);
@@ -50,7 +50,7 @@ std::vector<int> nearest_matches(const Picture& from, const Picture& to, double 
   cv::BFMatcher(cv::NORM_L2).knnMatch(from.descriptors, to.descriptors, nearest, 2);
   for (const auto& two : nearest) {
     if (two.size() == 2 && two[0].distance < max_ratio * two[1].distance) {
-      matches[static_cast<std::size_t>(two[0].queryIdx)] = two[0].trainIdx;
+      matches[two[0].queryIdx] = two[0].trainIdx;
     }
   }
   return matches;
@@ -66,10 +66,10 @@ Matches matches_between(const Picture& a, const Picture& b,
   Matches matches;
   std::vector<cv::Point2f> from, to;
   for (std::size_t i = 0; i < there.size(); ++i) {
-    if (there[i] < 0 || back[static_cast<std::size_t>(there[i])] != static_cast<int>(i)) continue;
+    if (there[i] < 0 || back[there[i]] != static_cast<int>(i)) continue;
     matches.emplace_back(static_cast<int>(i), there[i]);
     from.push_back(a.places[i].pt);
-    to.push_back(b.places[static_cast<std::size_t>(there[i])].pt);
+    to.push_back(b.places[there[i]].pt);
   }
   constexpr std::size_t kLeast = 20;  // fewer fit any geometry
   if (matches.size() < kLeast) return {};
@@ -122,18 +122,18 @@ std::vector<Point> points_of(Joined& joined, const std::vector<Picture>& picture
   }
   std::ranges::stable_sort(points, std::greater<>(), [](const Point& p) { return p.size(); });
   if (points.size() > static_cast<std::size_t>(settings.max_points)) {
-    points.resize(static_cast<std::size_t>(settings.max_points));
+    points.resize(settings.max_points);
   }
   return points;
 }
 
 }  // namespace
 
-Detections match_features(const Take& take, Nanoseconds time, Nanoseconds tolerance,
+Detections match_features(const store::Take& take, Nanoseconds time, Nanoseconds tolerance,
                           const FeatureMatchingSettings& settings,
                           const std::function<void(double)>& progress,
                           const std::stop_token& stop) {
-  const FrameSelection frames = select_frames(take, time, tolerance);
+  const store::FrameSelection frames = store::select_frames(take, time, tolerance);
   if (frames.present() < 2) {
     throw Error::bad_input("fewer than two cameras have a frame at that time",
                            take.folder().string(), "Choose a time within the take")
@@ -150,7 +150,7 @@ Detections match_features(const Take& take, Nanoseconds time, Nanoseconds tolera
       throw Error::failed("the detection of features was stopped", take.folder().string(),
                           "Start it again");
     }
-    progress(static_cast<double>(++done) / static_cast<double>(count + pairs.size()));
+    progress(static_cast<double>(++done) / (count + pairs.size()));
   };
   std::vector<Picture> pictures(count);
   parallel_for(std::size_t{0}, count, [&](std::size_t c) {
@@ -176,8 +176,7 @@ Detections match_features(const Take& take, Nanoseconds time, Nanoseconds tolera
   int number = 0;
   for (const Point& point : points_of(joined, pictures, settings, frames.present())) {
     for (const auto& [camera, feature] : point) {
-      const cv::Point2f& place =
-          pictures[static_cast<std::size_t>(camera)].places[static_cast<std::size_t>(feature)].pt;
+      const cv::Point2f& place = pictures[camera].places[feature].pt;
       // OpenCV's pixel centres are at integers.
       detections.detections.push_back({camera, number, {place.x + 0.5, place.y + 0.5}});
     }
@@ -186,4 +185,4 @@ Detections match_features(const Take& take, Nanoseconds time, Nanoseconds tolera
   return detections;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -8,7 +8,7 @@
 #include "calibrate/geometry/detections.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 struct FeatureMatchingSettings {
   int max_features = 3000;  ///< of a picture, the strongest
@@ -26,8 +26,8 @@ struct FeatureMatchingSettings {
 /// are removed. The scene must not move, because the cameras' times differ. Progress and errors as
 /// track_light(); also Error (bad input) if fewer than two cameras have a frame within `tolerance`
 /// of the time.
-Detections match_features(const Take& take, Nanoseconds time, Nanoseconds tolerance,
+Detections match_features(const store::Take& take, Nanoseconds time, Nanoseconds tolerance,
                           const FeatureMatchingSettings& settings,
                           const std::function<void(double)>& progress, const std::stop_token& stop);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

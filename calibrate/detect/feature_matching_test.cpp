@@ -16,42 +16,43 @@
 #include "testing/test_data.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 /// Every camera 5 cm and half a degree from where it is.
-RigDocument disturbed(RigDocument rig) {
+schemas::RigDocument disturbed(schemas::RigDocument rig) {
   std::mt19937 random(7);
   std::normal_distribution<double> normal;
   const auto somewhere = [&] {
     return Eigen::Vector3d(normal(random), normal(random), normal(random)).normalized();
   };
-  for (RigDocument::Camera& camera : rig.cameras) {
-    Pose pose = pose_from_matrix(camera.geometry.world_from_camera);
+  for (schemas::RigDocument::Camera& camera : rig.cameras) {
+    rig::Pose pose = rig::pose_from_matrix(camera.geometry.world_from_camera);
     pose.position += 0.05 * somewhere();
     pose.world_from_camera_rotation =
         pose.world_from_camera_rotation *
         Eigen::AngleAxisd(0.5 * std::numbers::pi / 180, somewhere()).toRotationMatrix();
-    camera.geometry.world_from_camera = matrix_from_pose(pose);
+    camera.geometry.world_from_camera = rig::matrix_from_pose(pose);
   }
   return rig;
 }
 
 TEST(SceneFeatures, BringSurveyedCamerasBack) {
-  const auto manifest = test_data() / "fountain-P11" / "import.json";
+  const auto manifest = testing::test_data() / "fountain-P11" / "import.json";
   if (!std::filesystem::exists(manifest)) GTEST_SKIP() << "no surveyed scene at " << manifest;
-  const TestFolder folder;
-  import_take(read_import_manifest(manifest), manifest.parent_path(), folder.path() / "take", {});
-  const RigDocument survey = read_rig(folder.path() / "take" / "rig.json");
+  const testing::TestFolder folder;
+  ingest::import_take(schemas::read_import_manifest(manifest), manifest.parent_path(),
+                      folder.path() / "take", {});
+  const schemas::RigDocument survey = schemas::read_rig(folder.path() / "take" / "rig.json");
   FeatureMatchingSettings features;
   features.max_features = 1500;
   CalibrationSettings settings;
   settings.start = disturbed(survey);
   settings.solve.lens_is_known = true;
-  const Take take(folder.path() / "take");
+  const store::Take take(folder.path() / "take");
   const Calibration found = calibrate(
       match_features(take, 0, kNanosecondsPerSecond, features, [](double) {}, {}), settings);
-  EXPECT_TRUE(found.verdict.is_accepted()) << testing::PrintToString(found.verdict.reasons);
+  EXPECT_TRUE(found.verdict.is_accepted()) << ::testing::PrintToString(found.verdict.reasons);
   const RigComparison before = compare_rigs(survey, *settings.start, 0),
                       after = compare_rigs(survey, make_rig_document(found, settings.start, ""), 0);
   double moved = 0, left = 0;
@@ -68,4 +69,4 @@ TEST(SceneFeatures, BringSurveyedCamerasBack) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

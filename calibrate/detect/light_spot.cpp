@@ -7,7 +7,7 @@
 
 #include <algorithm>
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 constexpr std::uint8_t kFull = 250;  // codes: JPEG leaves clipped areas a little below 255
@@ -21,7 +21,7 @@ struct Group {
 };
 
 /// Returns the connected component of a pixel above a threshold, and marks its pixels.
-Group group_at(std::size_t start, const std::vector<float>& light, const RgbImage& picture,
+Group group_at(std::size_t start, const std::vector<float>& light, const store::RgbImage& picture,
                float threshold, std::vector<std::uint8_t>& taken,
                std::vector<std::size_t>& waiting) {
   const auto width = static_cast<std::size_t>(picture.width);
@@ -85,7 +85,7 @@ std::string_view name_of(LightDetectionStatus result) {
   return kNames[static_cast<std::size_t>(result)];
 }
 
-LightBackground::LightBackground(std::span<const RgbImage> pictures,
+LightBackground::LightBackground(std::span<const store::RgbImage> pictures,
                                  const std::array<float, 256>& linear_from_code)
     : width_(pictures.front().width),
       height_(pictures.front().height),
@@ -93,7 +93,7 @@ LightBackground::LightBackground(std::span<const RgbImage> pictures,
   const std::size_t count = pictures.front().pixels.size() / 3;
   std::vector<float> of_pixel(pictures.size());
   light_.resize(count);
-  const auto middle = of_pixel.begin() + static_cast<std::ptrdiff_t>(of_pixel.size() / 2);
+  const auto middle = of_pixel.begin() + of_pixel.size() / 2;
   for (std::size_t i = 0; i < count; ++i) {
     for (std::size_t k = 0; k < pictures.size(); ++k) {
       of_pixel[k] = luminance(&pictures[k].pixels[3 * i]);
@@ -103,7 +103,7 @@ LightBackground::LightBackground(std::span<const RgbImage> pictures,
   }
 }
 
-LightSpot detect_light(const RgbImage& picture, const LightBackground& background,
+LightSpot detect_light(const store::RgbImage& picture, const LightBackground& background,
                        const LightDetectionSettings& settings) {
   const std::span<const float> behind = background.light();
   std::vector<float> light(behind.size());
@@ -149,4 +149,4 @@ LightSpot detect_light(const RgbImage& picture, const LightBackground& backgroun
   return spot;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

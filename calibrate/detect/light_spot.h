@@ -11,7 +11,7 @@
 
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Result of detect_light().
 enum class LightDetectionStatus : std::uint8_t {
@@ -48,7 +48,7 @@ class LightBackground {
  public:
   /// `pictures`: at least one, of one size. `linear_from_code`: linear light, full scale 1,
   /// increasing.
-  LightBackground(std::span<const RgbImage> pictures,
+  LightBackground(std::span<const store::RgbImage> pictures,
                   const std::array<float, 256>& linear_from_code);
 
   int width() const { return width_; }
@@ -69,7 +69,7 @@ class LightBackground {
 /// Detects the light in a picture of the background's size: of the connected components of pixels
 /// with at least a quarter of the largest brightness, the one with the most light. Its centre is
 /// the mean position of its pixels and those around it, weighted by their light.
-LightSpot detect_light(const RgbImage& picture, const LightBackground& background,
+LightSpot detect_light(const store::RgbImage& picture, const LightBackground& background,
                        const LightDetectionSettings& settings);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

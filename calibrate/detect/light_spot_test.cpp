@@ -10,7 +10,7 @@
 
 #include "base/transfer_function.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using Eigen::Vector2d;
@@ -21,8 +21,8 @@ struct Disc {
 };
 
 /// A dark room with discs of light, each pixel the mean of its area, and a little noise.
-RgbImage dark_room(const std::vector<Disc>& discs, double room = 0.002) {
-  RgbImage image{160, 120, {}};
+store::RgbImage dark_room(const std::vector<Disc>& discs, double room = 0.002) {
+  store::RgbImage image{160, 120, {}};
   image.pixels.resize(160 * 120 * 3);
   std::mt19937 random(4);
   std::normal_distribution<double> noise(0, 0.0008);
@@ -52,7 +52,7 @@ std::array<float, 256> linear_from_code(bool is_srgb = true) {
 }
 
 LightSpot found_in(const std::vector<Disc>& discs, double room = 0.002) {
-  const std::vector<RgbImage> empty{dark_room({}, room)};
+  const std::vector<store::RgbImage> empty{dark_room({}, room)};
   return detect_light(dark_room(discs, room), LightBackground(empty, linear_from_code()), {});
 }
 
@@ -69,8 +69,8 @@ TEST(LightSpots, AreFoundToATwentiethOfAPixel) {
 
 TEST(LightSpots, AreAsBrightAsTheTakesCodesSay) {
   // A code of 99 is an eighth of full scale as sRGB, and two fifths as linear light.
-  std::vector<RgbImage> empty{dark_room({})};
-  RgbImage picture = empty.front();
+  std::vector<store::RgbImage> empty{dark_room({})};
+  store::RgbImage picture = empty.front();
   for (const int y : {60, 61, 62}) {
     for (const int x : {80, 81, 82}) {
       std::fill_n(picture.pixels.begin() + 3 * (160 * y + x), 3, std::uint8_t{99});
@@ -108,11 +108,11 @@ TEST(LightSpots, AreLeftOutWhereTheyCannotBeTrusted) {
 }
 
 TEST(LightBackgrounds, KnowNothingOfAMovingLight) {
-  std::vector<RgbImage> pictures;
+  std::vector<store::RgbImage> pictures;
   for (int i = 0; i < 9; ++i) pictures.push_back(dark_room({{{20.0 + 12 * i, 50}, 3, 0.8}}));
   const LightBackground background(pictures, linear_from_code());
   EXPECT_LE(*std::ranges::max_element(background.light()), 0.02F);
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -4,35 +4,35 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 
 #include "base/error.h"
 #include "base/parallel.h"
 #include "calibrate/geometry/calibration_verdict.h"
+#include "calibrate/geometry/median.h"
 #include "store/jpeg/decode.h"
 #include "store/linear_from_frame_code.h"
 #include "store/processing/sync/resync.h"
 #include "store/timeline.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 /// Decodes a few pictures, spread over the recording.
-LightBackground background_of(const Take& take, const ArchiveReader& archive,
-                              JpegDecoder& decoder) {
+LightBackground background_of(const store::Take& take, const store::ArchiveReader& archive,
+                              store::JpegDecoder& decoder) {
   constexpr std::size_t kPictures = 15;
   const std::size_t frames = archive.frames().size();
   const std::size_t count = std::min(frames, kPictures);
-  std::vector<RgbImage> pictures;
+  std::vector<store::RgbImage> pictures;
   for (std::size_t k = 0; k < count; ++k) {
     const auto frame = static_cast<int>((2 * k + 1) * frames / (2 * count));
     pictures.push_back(decoder.decode(archive.jpeg(frame), "frame"));
   }
   std::array<float, 256> linear_from_code{};
   for (std::size_t code = 0; code < linear_from_code.size(); ++code) {
-    linear_from_code[code] =
-        static_cast<float>(linear_from_frame_code(take.document(), static_cast<double>(code)));
+    linear_from_code[code] = static_cast<float>(
+        store::linear_from_frame_code(take.document(), static_cast<double>(code)));
   }
   return {pictures, linear_from_code};
 }
@@ -44,24 +44,22 @@ void mark_unsteady(PointTrack& track) {
       light.push_back(detection.spot.light);
   }
   if (light.empty()) return;
-  const auto middle = light.begin() + static_cast<std::ptrdiff_t>(light.size() / 2);
-  std::ranges::nth_element(light, middle);
   constexpr double kSteady = 0.1;  // of the median: a light three times as far appears as dim
+  const double least = kSteady * median(std::move(light));
   for (PointTrack::FrameDetection& detection : track.frame_detections) {
-    if (detection.spot.result == LightDetectionStatus::kFound &&
-        detection.spot.light < kSteady * *middle) {
+    if (detection.spot.result == LightDetectionStatus::kFound && detection.spot.light < least) {
       detection.spot.result = LightDetectionStatus::kUnsteady;
     }
   }
 }
 
-PointTrack track_of(const Take& take, int camera, const std::vector<Nanoseconds>& times,
+PointTrack track_of(const store::Take& take, int camera, const std::vector<Nanoseconds>& times,
                     const LightDetectionSettings& settings, const std::function<void()>& frame_done,
                     const std::stop_token& stop) {
-  const ArchiveReader& archive = take.archive(camera);
+  const store::ArchiveReader& archive = take.archive(camera);
   PointTrack track;
   if (archive.frames().empty()) return track;
-  JpegDecoder decoder;
+  store::JpegDecoder decoder;
   const LightBackground background = background_of(take, archive, decoder);
   for (std::size_t i = 0; i < times.size(); ++i) {
     if (stop.stop_requested()) {
@@ -69,10 +67,9 @@ PointTrack track_of(const Take& take, int camera, const std::vector<Nanoseconds>
                           "Start it again");
     }
     frame_done();
-    if (times[i] == kExcludedTime) continue;
-    const RgbImage picture =
-        decoder.decode(archive.jpeg(static_cast<int>(i)),
-                       take.document().cameras[static_cast<std::size_t>(camera)].id);
+    if (times[i] == store::kExcludedTime) continue;
+    const store::RgbImage picture =
+        decoder.decode(archive.jpeg(static_cast<int>(i)), take.document().cameras[camera].id);
     track.frame_detections.push_back({times[i], detect_light(picture, background, settings)});
   }
   std::ranges::stable_sort(track.frame_detections, {}, &PointTrack::FrameDetection::time);
@@ -85,26 +82,27 @@ PointTrack track_of(const Take& take, int camera, const std::vector<Nanoseconds>
 
 }  // namespace
 
-std::vector<std::vector<Nanoseconds>> synchronised_frame_times(const Take& take) {
-  const std::optional<Timeline> timeline = read_timeline_if_present(take);
+std::vector<std::vector<Nanoseconds>> synchronised_frame_times(const store::Take& take) {
+  const std::optional<store::Timeline> timeline = store::read_timeline_if_present(take);
   if (!timeline) {
-    ResyncSettings settings;
+    store::ResyncSettings settings;
     settings.nominal_fps = take.document().nominal_fps;
-    settings.trust_timestamps = !has_arrival_timestamps(take.document());
-    return resynchronise(camera_timestamps(take), settings, take.folder().string()).times;
+    settings.trust_timestamps = !store::has_arrival_timestamps(take.document());
+    return store::resynchronise(store::camera_timestamps(take), settings, take.folder().string())
+        .times;
   }
   std::vector<std::vector<Nanoseconds>> times(static_cast<std::size_t>(take.camera_count()));
   for (std::size_t c = 0; c < times.size(); ++c) {
-    times[c].assign(take.archive(static_cast<int>(c)).frames().size(), kExcludedTime);
-    for (const FrameSelection& tick : timeline->ticks) {
+    times[c].assign(take.archive(static_cast<int>(c)).frames().size(), store::kExcludedTime);
+    for (const store::FrameSelection& tick : timeline->ticks) {
       if (tick.frame[c] < 0) continue;
-      times[c][static_cast<std::size_t>(tick.frame[c])] = tick.time_ns + tick.difference[c];
+      times[c][tick.frame[c]] = tick.time_ns + tick.difference[c];
     }
   }
   return times;
 }
 
-PointTracks track_light(const Take& take, const std::vector<std::vector<Nanoseconds>>& times,
+PointTracks track_light(const store::Take& take, const std::vector<std::vector<Nanoseconds>>& times,
                         const LightDetectionSettings& settings,
                         const std::function<void(double)>& progress, const std::stop_token& stop) {
   PointTracks tracks(times.size());
@@ -113,7 +111,7 @@ PointTracks track_light(const Take& take, const std::vector<std::vector<Nanoseco
   std::atomic<std::size_t> done = 0;
   const auto frame_done = [&] {
     const std::size_t now = ++done;
-    if (now % 16 == 0 || now == all) progress(static_cast<double>(now) / static_cast<double>(all));
+    if (now % 16 == 0 || now == all) progress(static_cast<double>(now) / all);
   };
   parallel_for(std::size_t{0}, times.size(), [&](std::size_t c) {
     tracks[c].push_back(track_of(take, static_cast<int>(c), times[c], settings, frame_done, stop));
@@ -122,7 +120,7 @@ PointTracks track_light(const Take& take, const std::vector<std::vector<Nanoseco
 }
 
 std::string format_track_summary(const PointTracks& tracks,
-                                 const std::vector<DetectionsDocument::Camera>& cameras) {
+                                 const std::vector<schemas::DetectionsDocument::Camera>& cameras) {
   std::array<int, kLightDetectionStatusCount> sum{};
   int all = 0;
   std::vector<std::string> few;
@@ -147,9 +145,9 @@ std::string format_track_summary(const PointTracks& tracks,
   return text;
 }
 
-std::vector<DetectionsDocument::Camera> detection_cameras(const Take& take) {
-  std::vector<DetectionsDocument::Camera> cameras;
-  for (const Rig::Camera& camera : take.rig().cameras) {
+std::vector<schemas::DetectionsDocument::Camera> detection_cameras(const store::Take& take) {
+  std::vector<schemas::DetectionsDocument::Camera> cameras;
+  for (const rig::Rig::Camera& camera : take.rig().cameras) {
     cameras.push_back({camera.id, camera.model.width(), camera.model.height()});
   }
   return cameras;
@@ -158,17 +156,14 @@ std::vector<DetectionsDocument::Camera> detection_cameras(const Take& take) {
 Nanoseconds median_frame_period(const std::vector<std::vector<Nanoseconds>>& times) {
   std::vector<Nanoseconds> intervals;
   for (const auto& of_camera : times) {
-    Nanoseconds before = kExcludedTime;
+    Nanoseconds before = store::kExcludedTime;
     for (const Nanoseconds time : of_camera) {
-      if (time != kExcludedTime && before != kExcludedTime && time > before)
+      if (time != store::kExcludedTime && before != store::kExcludedTime && time > before)
         intervals.push_back(time - before);
       before = time;
     }
   }
-  if (intervals.empty()) return 0;
-  const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
-  std::ranges::nth_element(intervals, middle);
-  return *middle;
+  return intervals.empty() ? 0 : median(std::move(intervals));
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

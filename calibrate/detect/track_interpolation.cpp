@@ -7,10 +7,11 @@
 
 #include <algorithm>
 #include <limits>
-#include <optional>
 #include <span>
 
-namespace raystage {
+#include "calibrate/geometry/median.h"
+
+namespace raystage::calibrate {
 namespace {
 
 using Eigen::Vector2d;
@@ -48,9 +49,7 @@ std::optional<Vector2d> seen_at(const std::vector<FrameDetection>& frame_detecti
   const auto count = static_cast<std::ptrdiff_t>(frame_detections.size());
   if (index < count && after->time == time && is_found(*after)) return after->spot.centre;
   if (index == 0 || index == count) return std::nullopt;
-  const auto at = [&](std::ptrdiff_t i) -> const FrameDetection& {
-    return frame_detections[static_cast<std::size_t>(i)];
-  };
+  const auto at = [&](std::ptrdiff_t i) -> const FrameDetection& { return frame_detections[i]; };
   const auto bridged = [&](std::ptrdiff_t before) {
     return before >= 0 && before + 1 < count && is_found(at(before)) && is_found(at(before + 1)) &&
            2 * (at(before + 1).time - at(before).time) <= 3 * period;
@@ -94,10 +93,7 @@ bool has_moved(const Seen& before, const Seen& now, double least_px) {
   for (std::size_t c = 0; c < now.size(); ++c) {
     if (before[c] && now[c]) steps.push_back((*now[c] - *before[c]).norm());
   }
-  if (steps.empty()) return true;
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::ranges::nth_element(steps, middle);
-  return *middle >= least_px;
+  return steps.empty() || median(std::move(steps)) >= least_px;
 }
 
 struct Instant {
@@ -120,9 +116,7 @@ double median_step(const PointTracks& tracks, const Seen& now, Nanoseconds later
     }
   }
   if (steps.empty()) return std::numeric_limits<double>::infinity();
-  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
-  std::ranges::nth_element(steps, middle);
-  return *middle;
+  return median(std::move(steps));
 }
 
 /// Returns the half of the instants at which targets move least.
@@ -133,11 +127,10 @@ std::vector<Instant> at_rest(const std::vector<Instant>& all, const PointTracks&
     const Nanoseconds time = points.begin + instant.number * points.period;
     steps.push_back(median_step(tracks, instant.seen, time + points.period / 4, points.period));
   }
-  std::vector<double> sorted = steps;
-  std::ranges::sort(sorted);
+  const double limit = median(steps);
   std::vector<Instant> slow;
   for (std::size_t i = 0; i < all.size(); ++i) {
-    if (steps[i] <= sorted[sorted.size() / 2]) slow.push_back(all[i]);
+    if (steps[i] <= limit) slow.push_back(all[i]);
   }
   return slow;
 }
@@ -147,8 +140,8 @@ std::vector<Instant> spread(std::vector<Instant> all, std::size_t most) {
   if (all.size() <= most) return all;
   std::vector<Instant> chosen;
   for (std::size_t part = 0; part < most; ++part) {
-    const auto begin = all.begin() + static_cast<std::ptrdiff_t>(part * all.size() / most);
-    const auto end = all.begin() + static_cast<std::ptrdiff_t>((part + 1) * all.size() / most);
+    const auto begin = all.begin() + (part * all.size() / most);
+    const auto end = all.begin() + ((part + 1) * all.size() / most);
     chosen.push_back(*std::max_element(begin, end, [](const Instant& a, const Instant& b) {
       return sights_in(a.seen) < sights_in(b.seen);
     }));
@@ -158,10 +151,9 @@ std::vector<Instant> spread(std::vector<Instant> all, std::size_t most) {
 
 }  // namespace
 
-InterpolatedTracks interpolate_tracks(const PointTracks& tracks,
-                                      const std::vector<DetectionsDocument::Camera>& cameras,
-                                      Nanoseconds period,
-                                      const TrackInterpolationSettings& settings) {
+InterpolatedTracks interpolate_tracks(
+    const PointTracks& tracks, const std::vector<schemas::DetectionsDocument::Camera>& cameras,
+    Nanoseconds period, const TrackInterpolationSettings& settings) {
   const std::size_t targets = tracks.empty() ? 1 : tracks.front().size();
   InterpolatedTracks points{{cameras, {}}, static_cast<int>(targets), 0, period};
   std::optional<Nanoseconds> begin, end;
@@ -216,7 +208,7 @@ std::optional<Vector2d> track_velocity(const PointTrack& track, Nanoseconds time
   const auto before = seen_at(track.frame_detections, time - step, period, most_bend);
   const auto after = seen_at(track.frame_detections, time + step, period, most_bend);
   if (!before || !after) return std::nullopt;
-  return (*after - *before) / (2e-9 * static_cast<double>(step));
+  return (*after - *before) / (2e-9 * step);
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

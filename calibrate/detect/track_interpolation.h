@@ -7,7 +7,7 @@
 
 #include "calibrate/detect/point_tracks.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 struct TrackInterpolationSettings {
   int max_points = 300;    ///< instants, spread over the recording
@@ -28,14 +28,13 @@ struct InterpolatedTracks {
 /// Interpolates the tracks of free-running cameras at common times: a cubic through two detections
 /// on each side, a parabola if one side has only one, nothing if both have one. `period`: between
 /// frames, ns; longer gaps are not interpolated.
-InterpolatedTracks interpolate_tracks(const PointTracks& tracks,
-                                      const std::vector<DetectionsDocument::Camera>& cameras,
-                                      Nanoseconds period,
-                                      const TrackInterpolationSettings& settings);
+InterpolatedTracks interpolate_tracks(
+    const PointTracks& tracks, const std::vector<schemas::DetectionsDocument::Camera>& cameras,
+    Nanoseconds period, const TrackInterpolationSettings& settings);
 
 /// Returns the velocity of a target in the picture, pixels per second; none where
 /// interpolate_tracks() has no position.
 std::optional<Eigen::Vector2d> track_velocity(const PointTrack& track, Nanoseconds time,
                                               Nanoseconds period);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -6,22 +6,23 @@
 
 #include <Eigen/SVD>
 
-namespace raystage {
+namespace raystage::calibrate {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 namespace {
 
-Vector3d mean_of(std::span<const Pose> poses) {
+Vector3d mean_of(std::span<const rig::Pose> poses) {
   Vector3d sum = Vector3d::Zero();
-  for (const Pose& pose : poses) sum += pose.position;
+  for (const rig::Pose& pose : poses) sum += pose.position;
   return sum / static_cast<double>(poses.size());
 }
 
 }  // namespace
 
-SimilarityTransform estimate_similarity(std::span<const Pose> from, std::span<const Pose> to) {
+SimilarityTransform estimate_similarity(std::span<const rig::Pose> from,
+                                        std::span<const rig::Pose> to) {
   const Vector3d middle_from = mean_of(from), middle_to = mean_of(to);
   Matrix3d covariance = Matrix3d::Zero();
   double spread_from = 0, spread_to = 0;
@@ -63,4 +64,4 @@ void apply(const SimilarityTransform& similarity, ArrayModel& model) {
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

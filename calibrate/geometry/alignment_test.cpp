@@ -6,7 +6,7 @@
 #include <Eigen/Geometry>
 #include <random>
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using Eigen::Vector3d;
@@ -18,18 +18,18 @@ Eigen::Matrix3d some_turn(std::mt19937& random) {
       .toRotationMatrix();
 }
 
-void expect_brought_back(const std::vector<Pose>& poses, std::mt19937& random) {
+void expect_brought_back(const std::vector<rig::Pose>& poses, std::mt19937& random) {
   std::normal_distribution<double> normal;
   SimilarityTransform moved;
   moved.rotation = some_turn(random);
   moved.scale = std::exp(3 * normal(random));
   moved.translation = 100 * Vector3d(normal(random), normal(random), normal(random));
-  std::vector<Pose> elsewhere;
-  for (const Pose& pose : poses) elsewhere.push_back(moved(pose));
+  std::vector<rig::Pose> elsewhere;
+  for (const rig::Pose& pose : poses) elsewhere.push_back(moved(pose));
   const SimilarityTransform back = estimate_similarity(elsewhere, poses);
   EXPECT_NEAR(back.scale * moved.scale, 1, 1e-9);
   for (std::size_t i = 0; i < poses.size(); ++i) {
-    const Pose again = back(elsewhere[i]);
+    const rig::Pose again = back(elsewhere[i]);
     EXPECT_LT((again.position - poses[i].position).norm(), 1e-8);
     EXPECT_LT((again.world_from_camera_rotation - poses[i].world_from_camera_rotation).norm(),
               1e-8);
@@ -40,15 +40,15 @@ TEST(Alignment, BringsAnyArrayBack) {
   std::mt19937 random(5);
   std::normal_distribution<double> normal;
   for (int i = 0; i < 50; ++i) {
-    std::vector<Pose> poses;
+    std::vector<rig::Pose> poses;
     for (int camera = 0; camera < 6; ++camera) {
       poses.push_back({some_turn(random), {normal(random), normal(random), normal(random)}});
     }
     expect_brought_back(poses, random);
     // In a plane, on a line, two alone: directions say how they are turned.
-    for (Pose& pose : poses) pose.position.z() = 0;
+    for (rig::Pose& pose : poses) pose.position.z() = 0;
     expect_brought_back(poses, random);
-    for (Pose& pose : poses) pose.position.y() = 0;
+    for (rig::Pose& pose : poses) pose.position.y() = 0;
     expect_brought_back(poses, random);
     poses.resize(2);
     expect_brought_back(poses, random);
@@ -58,7 +58,7 @@ TEST(Alignment, BringsAnyArrayBack) {
 TEST(Alignment, MovesAllThatIsFound) {
   ArrayModel model;
   model.cameras.resize(2);
-  model.cameras[0].pose = Pose{Eigen::Matrix3d::Identity(), {1, 2, 3}};
+  model.cameras[0].pose = rig::Pose{Eigen::Matrix3d::Identity(), {1, 2, 3}};
   model.points = {Vector3d(0, 0, -1), std::nullopt};
   SimilarityTransform twice;
   twice.scale = 2;
@@ -71,4 +71,4 @@ TEST(Alignment, MovesAllThatIsFound) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -5,7 +5,7 @@
 #include <limits>
 #include <map>
 
-namespace raystage {
+namespace raystage::calibrate {
 
 ArrayModel make_initial_model(const Detections& detections, double horizontal_fov) {
   ArrayModel model;
@@ -33,36 +33,35 @@ ArrayModel make_initial_model(const Detections& detections, double horizontal_fo
 void update_body_points(ArrayModel& model) {
   for (const ArrayModel::RigidBody& body : model.bodies) {
     for (std::size_t i = 0; i < body.points.size(); ++i) {
-      auto& point = model.points[static_cast<std::size_t>(body.points[i])];
+      auto& point = model.points[body.points[i]];
       point.reset();
       if (body.pose) point = body.pose->world_from_camera(body.points_in_body[i]);
     }
   }
 }
 
-std::vector<CameraModel> make_camera_models(const ArrayModel& model) {
-  std::vector<CameraModel> lenses;
+std::vector<rig::CameraModel> make_camera_models(const ArrayModel& model) {
+  std::vector<rig::CameraModel> lenses;
   for (const ArrayModel::Camera& camera : model.cameras) {
-    lenses.emplace_back(
-        CameraGeometry{camera.id, camera.width, camera.height, camera.intrinsics, {}, {}, {}});
+    lenses.emplace_back(schemas::CameraGeometry{
+        camera.id, camera.width, camera.height, camera.intrinsics, {}, {}, {}});
   }
   return lenses;
 }
 
 std::optional<Eigen::Vector2d> reprojection_residual(const ArrayModel& model,
-                                                     const std::vector<CameraModel>& lenses,
+                                                     const std::vector<rig::CameraModel>& lenses,
                                                      const ArrayModel::Observation& observation) {
-  const auto camera = static_cast<std::size_t>(observation.camera);
-  const auto& pose = model.cameras[camera].pose;
-  const auto& point = model.points[static_cast<std::size_t>(observation.point)];
+  const auto& pose = model.cameras[observation.camera].pose;
+  const auto& point = model.points[observation.point];
   if (!pose || !point) return std::nullopt;
-  const auto seen = lenses[camera].project(pose->camera_from_world(*point));
+  const auto seen = lenses[observation.camera].project(pose->camera_from_world(*point));
   if (!seen) return std::nullopt;
   return observation.pixel - *seen;
 }
 
 std::vector<double> reprojection_errors(const ArrayModel& model) {
-  const std::vector<CameraModel> lenses = make_camera_models(model);
+  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
   std::vector<double> errors;
   for (const ArrayModel::Observation& observation : model.observations) {
     if (!model.counts(observation)) continue;
@@ -80,4 +79,4 @@ double rms_reprojection_error(const ArrayModel& model) {
   return std::sqrt(sum / static_cast<double>(errors.size()));
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -11,7 +11,7 @@
 #include "rig/pose.h"
 #include "schemas/geometry.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// State of a calibration: cameras, points and observations. The origin, rotation and scale of the
 /// world are arbitrary until it is aligned (see world_frame.h).
@@ -19,8 +19,8 @@ struct ArrayModel {
   struct Camera {
     std::string id;
     int width = 0, height = 0;  ///< pixels
-    Intrinsics intrinsics;
-    std::optional<Pose> pose;  ///< none: not determined
+    schemas::Intrinsics intrinsics;
+    std::optional<rig::Pose> pose;  ///< none: not determined
   };
   /// A detection that may be an outlier.
   struct Observation {
@@ -30,8 +30,8 @@ struct ArrayModel {
   };
   /// A rigid body that carries points: a board at one instant.
   struct RigidBody {
-    std::optional<Pose> pose;      ///< world from body; none: not determined
-    std::vector<int> points = {};  ///< indices into `points`
+    std::optional<rig::Pose> pose;  ///< world from body; none: not determined
+    std::vector<int> points = {};   ///< indices into `points`
     /// position of each point in the body, metres
     std::vector<Eigen::Vector3d> points_in_body = {};
   };
@@ -45,8 +45,7 @@ struct ArrayModel {
   /// Returns whether an observation is used: its camera and point are determined and it is an
   /// inlier.
   bool counts(const Observation& observation) const {
-    return !observation.is_outlier && cameras[static_cast<std::size_t>(observation.camera)].pose &&
-           points[static_cast<std::size_t>(observation.point)];
+    return !observation.is_outlier && cameras[observation.camera].pose && points[observation.point];
   }
 };
 
@@ -59,13 +58,13 @@ void update_body_points(ArrayModel& model);
 ArrayModel make_initial_model(const Detections& detections, double horizontal_fov);
 
 /// Returns the model of each camera. Throws Error (bad input) if CameraModel rejects a lens.
-std::vector<CameraModel> make_camera_models(const ArrayModel& model);
+std::vector<rig::CameraModel> make_camera_models(const ArrayModel& model);
 
 /// Returns the observed minus the projected position of the point, pixels; none if the point is
 /// behind the camera, beyond the end of its lens model, or not determined. `lenses`: of
 /// make_camera_models().
 std::optional<Eigen::Vector2d> reprojection_residual(const ArrayModel& model,
-                                                     const std::vector<CameraModel>& lenses,
+                                                     const std::vector<rig::CameraModel>& lenses,
                                                      const ArrayModel::Observation& observation);
 
 /// Returns the RMS length of the residuals that are used, pixels; NaN if there are none.
@@ -73,4 +72,4 @@ double rms_reprojection_error(const ArrayModel& model);
 /// Returns the lengths of the residuals that are used, pixels.
 std::vector<double> reprojection_errors(const ArrayModel& model);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

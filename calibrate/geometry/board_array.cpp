@@ -6,27 +6,26 @@
 #include "calibrate/geometry/board_array.h"
 
 #include <algorithm>
-#include <chrono>
-#include <cmath>
 #include <map>
-#include <numbers>
 
 #include "base/error.h"
+#include "base/stopwatch.h"
 #include "calibrate/geometry/alignment.h"
 #include "calibrate/geometry/bundle_adjustment.h"
+#include "calibrate/geometry/median.h"
 #include "calibrate/geometry/solve_steps.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 constexpr std::size_t kMinSharedCorners = 6;
 constexpr double kFirstThreshold = 12;  // pixels
 
 /// Boards in camera, by instant.
-using Sightings = std::map<int, Pose>;
+using Sightings = std::map<int, rig::Pose>;
 
 /// Returns a_from_c, given a_from_b and b_from_c.
-Pose chained(const Pose& a_from_b, const Pose& b_from_c) {
+rig::Pose chained(const rig::Pose& a_from_b, const rig::Pose& b_from_c) {
   return {a_from_b.world_from_camera_rotation * b_from_c.world_from_camera_rotation,
           a_from_b.world_from_camera(b_from_c.position)};
 }
@@ -37,14 +36,14 @@ void guess_lenses(ArrayModel& model, const std::vector<std::vector<BoardView>>& 
   std::vector<BoardView> all;
   for (const auto& of_camera : views) all.insert(all.end(), of_camera.begin(), of_camera.end());
   const ArrayModel::Camera& first = model.cameras.front();
-  const Intrinsics shared =
+  const schemas::Intrinsics shared =
       calibrate_lens({"all of them", first.width, first.height, all}, {}).lens;
   for (std::size_t c = 0; c < model.cameras.size(); ++c) {
     ArrayModel::Camera& camera = model.cameras[c];
     camera.intrinsics = shared;
     constexpr std::size_t kLeastViews = 6;
     if (!for_each || views[c].size() < kLeastViews) continue;
-    const Intrinsics own =
+    const schemas::Intrinsics own =
         calibrate_lens({camera.id, camera.width, camera.height, views[c]}, {}).lens;
     if (own.fx > shared.fx / 4 && own.fx < shared.fx * 4) camera.intrinsics = own;
   }
@@ -59,7 +58,7 @@ void add_bodies(ArrayModel& model, const BoardObjectPoints& corners) {
     const auto [at, is_new] = body_of.emplace(number / count, model.bodies.size());
     if (is_new) model.bodies.emplace_back();
     ArrayModel::RigidBody& body = model.bodies[at->second];
-    const Eigen::Vector2d& corner = corners[static_cast<std::size_t>(number % count)];
+    const Eigen::Vector2d& corner = corners[number % count];
     body.points.push_back(static_cast<int>(i));
     body.points_in_body.emplace_back(corner.x(), -corner.y(), 0);
   }
@@ -67,19 +66,18 @@ void add_bodies(ArrayModel& model, const BoardObjectPoints& corners) {
 
 int instant_of(const ArrayModel& model, const ArrayModel::RigidBody& body,
                const BoardObjectPoints& corners) {
-  return model.point_ids[static_cast<std::size_t>(body.points.front())] /
-         static_cast<int>(corners.size());
+  return model.point_ids[body.points.front()] / static_cast<int>(corners.size());
 }
 
 /// Returns the error of a camera's corners with board poses from another camera: the median over
 /// the boards that both observe, pixels.
-double median_error(const std::vector<BoardView>& views, const CameraModel& lens,
-                    const Pose& camera_from_other, const Sightings& other) {
+double median_error(const std::vector<BoardView>& views, const rig::CameraModel& lens,
+                    const rig::Pose& camera_from_other, const Sightings& other) {
   std::vector<double> errors;
   for (const BoardView& view : views) {
     const auto board = other.find(view.frame);
     if (board == other.end()) continue;
-    const Pose in_camera = chained(camera_from_other, board->second);
+    const rig::Pose in_camera = chained(camera_from_other, board->second);
     double sum = 0;
     for (std::size_t i = 0; i < view.pixels.size(); ++i) {
       const auto seen = lens.project(
@@ -88,27 +86,24 @@ double median_error(const std::vector<BoardView>& views, const CameraModel& lens
     }
     errors.push_back(sum / static_cast<double>(view.pixels.size()));
   }
-  if (errors.empty()) return 1e9;
-  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
-  std::ranges::nth_element(errors, middle);
-  return *middle;
+  return errors.empty() ? 1e9 : median(std::move(errors));
 }
 
 struct Link {
   double error = 1e9;
   std::size_t from = 0, to = 0;
-  Pose from_camera;  // from_from_to
+  rig::Pose from_camera;  // from_from_to
 };
 
 /// Returns the best relative pose of two cameras: from the common board that has the lowest median
 /// error on the other boards.
 Link best_link(std::size_t from, std::size_t to, const std::vector<Sightings>& sightings,
-               const std::vector<BoardView>& views, const CameraModel& lens) {
+               const std::vector<BoardView>& views, const rig::CameraModel& lens) {
   Link best;
   for (const auto& [instant, in_from] : sightings[from]) {
     const auto in_to = sightings[to].find(instant);
     if (in_to == sightings[to].end()) continue;
-    const Pose from_from_to = chained(in_from, inverse(in_to->second));
+    const rig::Pose from_from_to = chained(in_from, inverse(in_to->second));
     const double error = median_error(views, lens, inverse(from_from_to), sightings[from]);
     if (error < best.error) best = {error, from, to, from_from_to};
   }
@@ -117,13 +112,11 @@ Link best_link(std::size_t from, std::size_t to, const std::vector<Sightings>& s
 
 void place_by_boards(ArrayModel& model, const std::vector<std::vector<BoardView>>& views,
                      const std::vector<Sightings>& sightings) {
-  const std::vector<CameraModel> lenses = make_camera_models(model);
+  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
   const auto most = std::ranges::max_element(sightings, {}, &Sightings::size);
   const auto any = std::ranges::find_if(
       model.cameras, [](const ArrayModel::Camera& camera) { return camera.pose.has_value(); });
-  if (any == model.cameras.end()) {
-    model.cameras[static_cast<std::size_t>(most - sightings.begin())].pose = Pose{};
-  }
+  if (any == model.cameras.end()) model.cameras[most - sightings.begin()].pose = rig::Pose{};
   for (;;) {
     Link best;
     for (std::size_t from = 0; from < sightings.size(); ++from) {
@@ -167,7 +160,7 @@ std::vector<BoardView> collect_board_views(const Detections& detections, int cam
     if (d.camera != camera) continue;
     BoardView& view = views[d.point / count];
     view.frame = d.point / count;
-    view.object_points.push_back(corners[static_cast<std::size_t>(d.point % count)]);
+    view.object_points.push_back(corners[d.point % count]);
     view.pixels.push_back(d.pixel);
   }
   std::vector<BoardView> result;
@@ -179,7 +172,7 @@ std::vector<BoardView> collect_board_views(const Detections& detections, int cam
 
 ArrayModel solve_boards(const Detections& detections, const BoardObjectPoints& corners,
                         const SolveSettings& settings, SolveReport& report) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   constexpr double kAnyFov = 1;
   ArrayModel model = make_initial_model(detections, kAnyFov);
   add_bodies(model, corners);
@@ -190,12 +183,10 @@ ArrayModel solve_boards(const Detections& detections, const BoardObjectPoints& c
   if (settings.lenses.empty()) {
     guess_lenses(model, views, settings.lens_per_camera);
   } else {
-    for (std::size_t c = 0; c < views.size(); ++c) {
-      model.cameras[c].intrinsics = settings.lenses[c];
-    }
+    for (std::size_t c = 0; c < views.size(); ++c) model.cameras[c].intrinsics = settings.lenses[c];
   }
   for (std::size_t c = 0; c < settings.poses.size(); ++c) model.cameras[c].pose = settings.poses[c];
-  const std::vector<CameraModel> lenses = make_camera_models(model);
+  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
   std::vector<Sightings> sightings(views.size());
   for (std::size_t c = 0; c < views.size(); ++c) {
     for (const BoardView& view : views[c]) {
@@ -211,8 +202,8 @@ ArrayModel solve_boards(const Detections& detections, const BoardObjectPoints& c
   }
   classify_outliers(model, 4 * kFirstThreshold);
   run_bundle_adjustment_steps(model, settings, report);
-  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  report.seconds = watch.seconds();
   return model;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

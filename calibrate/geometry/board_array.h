@@ -8,7 +8,7 @@
 #include "calibrate/geometry/lens_calibration.h"
 #include "calibrate/geometry/solve.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Corner positions on a flat board; all boards of a recording are equal.
 using BoardObjectPoints = std::vector<Eigen::Vector2d>;  ///< metres on the board; x right, y down
@@ -27,4 +27,4 @@ std::vector<BoardView> collect_board_views(const Detections& detections, int cam
 ArrayModel solve_boards(const Detections& detections, const BoardObjectPoints& corners,
                         const SolveSettings& settings, SolveReport& report);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

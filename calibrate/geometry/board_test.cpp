@@ -11,7 +11,7 @@
 #include "calibrate/geometry/calibration.h"
 #include "testing/calibrate/test_synthetic_array.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using Eigen::Vector2d;
@@ -27,13 +27,13 @@ BoardObjectPoints board_corners() {
   return corners;
 }
 
-const Intrinsics kLens{620, 620, 325, 236, {-0.15, 0.04, 0, 0, 0}};
-const CameraModel kModel({"c", 640, 480, kLens, {}, {}, {}});
+const schemas::Intrinsics kLens{620, 620, 325, 236, {-0.15, 0.04, 0, 0, 0}};
+const rig::CameraModel kModel({"c", 640, 480, kLens, {}, {}, {}});
 
 /// A board that is carried about and tilted, at one of many instants.
-Pose board_at(int instant, double most_tilt_deg) {
-  const double t = 0.37 * instant, tilt = most_tilt_deg * kTestDegree;
-  Pose pose;
+rig::Pose board_at(int instant, double most_tilt_deg) {
+  const double t = 0.37 * instant, tilt = most_tilt_deg * testing::kTestDegree;
+  rig::Pose pose;
   pose.world_from_camera_rotation =
       (Eigen::AngleAxisd(tilt * std::sin(1.1 * t), Vector3d::UnitY()) *
        Eigen::AngleAxisd(tilt * std::cos(1.7 * t), Vector3d::UnitX()) *
@@ -46,7 +46,8 @@ Pose board_at(int instant, double most_tilt_deg) {
   return pose;
 }
 
-Detections seen_by(const std::vector<Pose>& cameras, int instants, double tilt, double noise_px) {
+Detections seen_by(const std::vector<rig::Pose>& cameras, int instants, double tilt,
+                   double noise_px) {
   std::mt19937 random(5);
   std::normal_distribution<double> normal(0, noise_px);
   const BoardObjectPoints corners = board_corners();
@@ -71,9 +72,9 @@ Detections seen_by(const std::vector<Pose>& cameras, int instants, double tilt, 
 }
 
 TEST(BoardLenses, AreFoundByZhangsMethod) {
-  const auto views = collect_board_views(seen_by({Pose{}}, 25, 40, 0.2), 0, board_corners());
+  const auto views = collect_board_views(seen_by({rig::Pose{}}, 25, 40, 0.2), 0, board_corners());
   const LensCalibration found = calibrate_lens({"c0", 640, 480, views}, {});
-  EXPECT_THAT(found.reasons, testing::IsEmpty());
+  EXPECT_THAT(found.reasons, ::testing::IsEmpty());
   EXPECT_NEAR(found.lens.fx, kLens.fx, 4 * found.deviations[0]);
   EXPECT_NEAR(found.lens.fx, kLens.fx, 0.005 * kLens.fx);
   EXPECT_EQ(found.lens.fx, found.lens.fy);
@@ -84,29 +85,29 @@ TEST(BoardLenses, AreFoundByZhangsMethod) {
 }
 
 TEST(BoardLenses, OfBoardsHeldFlatAreNotVouchedFor) {
-  const auto views = collect_board_views(seen_by({Pose{}}, 25, 0.5, 0.2), 0, board_corners());
+  const auto views = collect_board_views(seen_by({rig::Pose{}}, 25, 0.5, 0.2), 0, board_corners());
   const LensCalibration found = calibrate_lens({"c0", 640, 480, views}, {});
-  EXPECT_THAT(found.reasons, testing::Not(testing::IsEmpty()));
-  EXPECT_THAT(found.next_steps, testing::Contains(testing::HasSubstr("tilted")));
+  EXPECT_THAT(found.reasons, ::testing::Not(::testing::IsEmpty()));
+  EXPECT_THAT(found.next_steps, ::testing::Contains(::testing::HasSubstr("tilted")));
   EXPECT_THROW(calibrate_lens({"c0", 640, 480, {views[0], views[1]}}, {}), Error);
 }
 
 TEST(BoardLenses, OfOneKindHelpEachOther) {
   // The second camera sees the board held nearly flat: alone it knows little of its lens.
   const CameraBoardViews tilted{
-      "c0", 640, 480, collect_board_views(seen_by({Pose{}}, 25, 40, 0.2), 0, board_corners())};
-  CameraBoardViews flat{"c1", 640, 480,
-                        collect_board_views(seen_by({Pose{}}, 25, 3, 0.2), 0, board_corners())};
+      "c0", 640, 480, collect_board_views(seen_by({rig::Pose{}}, 25, 40, 0.2), 0, board_corners())};
+  CameraBoardViews flat{
+      "c1", 640, 480, collect_board_views(seen_by({rig::Pose{}}, 25, 3, 0.2), 0, board_corners())};
   constexpr double kAside = 17;  // its sensor is glued on elsewhere
   for (BoardView& view : flat.views) {
     for (Vector2d& pixel : view.pixels) pixel.x() += kAside;
   }
   const LensCalibration alone = calibrate_lens(flat, {});
-  EXPECT_THAT(alone.reasons, testing::Not(testing::IsEmpty()));
+  EXPECT_THAT(alone.reasons, ::testing::Not(::testing::IsEmpty()));
   const auto found = calibrate_lenses_with_shared_prior(std::vector{tilted, flat}, {});
   ASSERT_EQ(found.size(), 2U);
   for (const LensCalibration& lens : found) {
-    EXPECT_THAT(lens.reasons, testing::IsEmpty());
+    EXPECT_THAT(lens.reasons, ::testing::IsEmpty());
     EXPECT_NEAR(lens.lens.fx, kLens.fx, 0.005 * kLens.fx);
     EXPECT_NEAR(lens.lens.distortion.k1, kLens.distortion.k1, 0.01);
     EXPECT_LT(lens.deviations[0], 0.01 * kLens.fx);
@@ -123,7 +124,8 @@ TEST(BoardLenses, OfOneKindHelpEachOther) {
 TEST(BoardLenses, OfAnotherKindAreToldApart) {
   const auto seen = [](double zoom) {
     CameraBoardViews camera{
-        "c", 640, 480, collect_board_views(seen_by({Pose{}}, 25, 40, 0.2), 0, board_corners())};
+        "c", 640, 480,
+        collect_board_views(seen_by({rig::Pose{}}, 25, 40, 0.2), 0, board_corners())};
     for (BoardView& view : camera.views) {
       for (Vector2d& pixel : view.pixels) {
         pixel = Vector2d(kLens.cx, kLens.cy) + zoom * (pixel - Vector2d(kLens.cx, kLens.cy));
@@ -132,25 +134,25 @@ TEST(BoardLenses, OfAnotherKindAreToldApart) {
     return camera;
   };
   const auto found = calibrate_lenses_with_shared_prior(std::vector{seen(1), seen(1.04)}, {});
-  EXPECT_THAT(found[0].reasons, testing::Contains(testing::HasSubstr("not of one kind")));
-  EXPECT_THAT(found[1].reasons, testing::Contains(testing::HasSubstr("not of one kind")));
+  EXPECT_THAT(found[0].reasons, ::testing::Contains(::testing::HasSubstr("not of one kind")));
+  EXPECT_THAT(found[1].reasons, ::testing::Contains(::testing::HasSubstr("not of one kind")));
   std::vector other_size{seen(1), seen(1)};
   other_size[1].width = 1280;
   EXPECT_THROW(calibrate_lenses_with_shared_prior(other_size, {}), Error);
 }
 
 TEST(BoardLenses, WithManyCornersThatDoNotFitAreNotVouchedFor) {
-  CameraBoardViews camera{"c", 640, 480,
-                          collect_board_views(seen_by({Pose{}}, 25, 40, 0.2), 0, board_corners())};
+  CameraBoardViews camera{
+      "c", 640, 480, collect_board_views(seen_by({rig::Pose{}}, 25, 40, 0.2), 0, board_corners())};
   for (BoardView& view : camera.views) {
     for (std::size_t i = 0; i < view.pixels.size(); i += 5) view.pixels[i].x() += 9;
   }
   const LensCalibration found = calibrate_lens(camera, {});
-  EXPECT_THAT(found.reasons, testing::Contains(testing::HasSubstr("corners do not fit")));
+  EXPECT_THAT(found.reasons, ::testing::Contains(::testing::HasSubstr("corners do not fit")));
 }
 
 TEST(BoardArrays, HaveMetresAndLenses) {
-  std::vector<Pose> cameras(4);
+  std::vector<rig::Pose> cameras(4);
   for (std::size_t c = 0; c < 4; ++c) {
     cameras[c].position = {0.12 * static_cast<double>(c % 2), 0.1 * static_cast<double>(c / 2), 0};
     cameras[c].world_from_camera_rotation =
@@ -160,9 +162,9 @@ TEST(BoardArrays, HaveMetresAndLenses) {
   CalibrationSettings settings;
   settings.board = board_corners();
   const Calibration found = calibrate(seen_by(cameras, 30, 35, 0.2), settings);
-  EXPECT_TRUE(found.verdict.is_accepted()) << testing::PrintToString(found.verdict.reasons);
+  EXPECT_TRUE(found.verdict.is_accepted()) << ::testing::PrintToString(found.verdict.reasons);
   EXPECT_EQ(found.scale_source, "board");
-  const PoseErrors errors = pose_errors(found.model, cameras);
+  const testing::PoseErrors errors = testing::pose_errors(found.model, cameras);
   EXPECT_EQ(errors.placed, 4);
   EXPECT_LE(errors.metres, 1e-3);
   EXPECT_LE(errors.degrees, 0.05);
@@ -174,11 +176,11 @@ TEST(BoardArrays, HaveMetresAndLenses) {
   // From a rig on: its world, but the board's metres.
   settings.start = make_rig_document(found, {}, "elsewhere, and too large");
   Vector3d middle = Vector3d::Zero();
-  for (RigDocument::Camera& camera : settings.start->cameras) {
-    Pose pose = pose_from_matrix(camera.geometry.world_from_camera);
+  for (schemas::RigDocument::Camera& camera : settings.start->cameras) {
+    rig::Pose pose = rig::pose_from_matrix(camera.geometry.world_from_camera);
     pose.position = 1.03 * pose.position + Vector3d(5, 0, -2);
     middle += pose.position / 4;
-    camera.geometry.world_from_camera = matrix_from_pose(pose);
+    camera.geometry.world_from_camera = rig::matrix_from_pose(pose);
   }
   const Calibration refined = calibrate(seen_by(cameras, 30, 35, 0.2), settings);
   EXPECT_EQ(refined.scale_source, "board");
@@ -188,7 +190,7 @@ TEST(BoardArrays, HaveMetresAndLenses) {
 }
 
 TEST(BoardArrays, WithoutASharedBoardAreRefused) {
-  Detections detections = seen_by({Pose{}, Pose{}}, 10, 35, 0.1);
+  Detections detections = seen_by({rig::Pose{}, rig::Pose{}}, 10, 35, 0.1);
   const auto count = static_cast<int>(board_corners().size());
   std::erase_if(detections.detections,
                 [&](const auto& d) { return (d.point / count) % 2 != d.camera; });
@@ -198,4 +200,4 @@ TEST(BoardArrays, WithoutASharedBoardAreRefused) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -17,16 +17,13 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cmath>
 #include <memory>
 #include <optional>
-#include <vector>
 
 #include "base/error.h"
-#include "calibrate/geometry/ceres_stop_callback.h"
-#include "calibrate/geometry/lens_projection.h"
+#include "calibrate/geometry/ceres_options.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 struct Reprojection {
@@ -108,7 +105,7 @@ struct Values {
 
   Values(const ArrayModel& model, bool shared_lens) {
     for (const ArrayModel::Camera& camera : model.cameras) {
-      const Pose pose = camera.pose.value_or(Pose{});
+      const rig::Pose pose = camera.pose.value_or(rig::Pose{});
       rotations.emplace_back(pose.world_from_camera_rotation.transpose());
       centres.push_back(pose.position);
       if (lenses.empty() || !shared_lens) lenses.push_back(lens_parameters(camera.intrinsics));
@@ -116,7 +113,7 @@ struct Values {
     for (const auto& point : model.points)
       points.push_back(point.value_or(Eigen::Vector3d::Zero()));
     for (const ArrayModel::RigidBody& body : model.bodies) {
-      const Pose pose = body.pose.value_or(Pose{});
+      const rig::Pose pose = body.pose.value_or(rig::Pose{});
       const Eigen::Quaterniond turn(pose.world_from_camera_rotation.transpose());
       const Eigen::Vector3d& at = pose.position;
       bodies.push_back({turn.x(), turn.y(), turn.z(), turn.w(), at.x(), at.y(), at.z()});
@@ -131,7 +128,7 @@ struct Values {
       if (square_pixels) values[1] = values[0];
       camera.intrinsics = intrinsics_from_parameters(values);
       if (!camera.pose) continue;
-      camera.pose = Pose{rotations[i].normalized().toRotationMatrix().transpose(), centres[i]};
+      camera.pose = rig::Pose{rotations[i].normalized().toRotationMatrix().transpose(), centres[i]};
     }
     for (std::size_t i = 0; i < points.size(); ++i) {
       if (model.points[i]) model.points[i] = points[i];
@@ -139,8 +136,8 @@ struct Values {
     for (std::size_t i = 0; i < model.bodies.size(); ++i) {
       if (!model.bodies[i].pose) continue;
       const Eigen::Quaterniond turn(bodies[i].data());
-      model.bodies[i].pose = Pose{turn.normalized().toRotationMatrix().transpose(),
-                                  {bodies[i][4], bodies[i][5], bodies[i][6]}};
+      model.bodies[i].pose = rig::Pose{turn.normalized().toRotationMatrix().transpose(),
+                                       {bodies[i][4], bodies[i][5], bodies[i][6]}};
     }
     update_body_points(model);
   }
@@ -159,7 +156,7 @@ std::optional<Gauge> gauge_of(const ArrayModel& model, const std::vector<bool>& 
   std::vector<std::size_t> in_use;
   std::vector<bool> is_seen_by(model.cameras.size(), false);
   for (const ArrayModel::Observation& observation : model.observations) {
-    if (model.counts(observation)) is_seen_by[static_cast<std::size_t>(observation.camera)] = true;
+    if (model.counts(observation)) is_seen_by[observation.camera] = true;
   }
   for (std::size_t i = 0; i < is_seen_by.size(); ++i) {
     if (is_seen_by[i]) in_use.push_back(i);
@@ -186,8 +183,8 @@ std::optional<Gauge> gauge_of(const ArrayModel& model, const std::vector<bool>& 
 void drop_what_is_behind(ArrayModel& model) {
   for (ArrayModel::Observation& observation : model.observations) {
     if (!model.counts(observation)) continue;
-    const Pose& pose = *model.cameras[static_cast<std::size_t>(observation.camera)].pose;
-    const auto& point = *model.points[static_cast<std::size_t>(observation.point)];
+    const rig::Pose& pose = *model.cameras[observation.camera].pose;
+    const auto& point = *model.points[observation.point];
     observation.is_outlier = !(pose.camera_from_world(point).z() < 0);
   }
 }
@@ -203,7 +200,7 @@ std::vector<PlaceInBody> places_in_bodies(const ArrayModel& model) {
   for (std::size_t b = 0; b < model.bodies.size(); ++b) {
     const ArrayModel::RigidBody& body = model.bodies[b];
     for (std::size_t i = 0; i < body.points.size(); ++i) {
-      places[static_cast<std::size_t>(body.points[i])] = {b, body.points_in_body[i]};
+      places[body.points[i]] = {b, body.points_in_body[i]};
     }
   }
   return places;
@@ -258,13 +255,12 @@ BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
   for (const ArrayModel::Observation& observation : model.observations) {
     if (!model.counts(observation)) continue;
     const auto camera = static_cast<std::size_t>(observation.camera);
-    const auto point = static_cast<std::size_t>(observation.point);
     double* rotation = values.rotations[camera].coeffs().data();
     double* centre = values.centres[camera].data();
     double* lens = values.lens(camera).data();
     Reprojection reprojection{observation.pixel, square_pixels};
     if (has_bodies) {
-      const auto& [body, points_in_body] = place_in_body[point];
+      const auto& [body, points_in_body] = place_in_body[observation.point];
       double* body_pose = values.bodies[body].data();
       problem.AddResidualBlock(
           new ceres::AutoDiffCostFunction<BodyReprojection, 2, 4, 3, kLensParameterCount, 7>(
@@ -276,8 +272,8 @@ BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
       problem.AddResidualBlock(
           new ceres::AutoDiffCostFunction<Reprojection, 2, 4, 3, kLensParameterCount, 3>(
               new Reprojection(reprojection)),
-          loss, rotation, centre, lens, values.points[point].data());
-      ordering->AddElementToGroup(values.points[point].data(), 0);
+          loss, rotation, centre, lens, values.points[observation.point].data());
+      ordering->AddElementToGroup(values.points[observation.point].data(), 0);
     }
     for (double* block : {rotation, centre, lens}) ordering->AddElementToGroup(block, 1);
     problem.SetManifold(rotation, &turns);
@@ -325,13 +321,10 @@ BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
     ordering->AddElementToGroup(kind.data(), 1);
     if (some_of_lens) problem.SetManifold(kind.data(), some_of_lens.get());
   }
-  ceres::Solver::Options options;
-  options.linear_solver_type = ceres::DENSE_SCHUR;
+  // Trials run in parallel instead (solve.cpp).
+  ceres::Solver::Options options =
+      ceres_options(ceres::DENSE_SCHUR, settings.max_iterations, 1e-10);
   options.linear_solver_ordering = ordering;
-  options.max_num_iterations = settings.max_iterations;
-  options.num_threads = 1;  // trials run in parallel instead (solve.cpp)
-  options.function_tolerance = 1e-10;
-  options.logging_type = ceres::SILENT;
   CeresStopCallback stops(settings.stop);
   options.callbacks.push_back(&stops);
   ceres::Solver::Summary summary;
@@ -339,26 +332,23 @@ BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
   if (settings.stop.stop_requested()) {
     throw Error::failed("the calibration was stopped", "", "Start it again");
   }
-  report.converged = summary.termination_type == ceres::CONVERGENCE;
-  report.iterations = static_cast<int>(summary.iterations.size());
   if (summary.IsSolutionUsable()) values.store(model, square_pixels);
   report.rms_px = rms_reprojection_error(model);
   return report;
 }
 
 int classify_outliers(ArrayModel& model, double max_error_px) {
-  const std::vector<CameraModel> lenses = make_camera_models(model);
+  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
   int changed = 0;
   std::vector<int> seen_by(model.points.size(), 0);
   for (ArrayModel::Observation& observation : model.observations) {
     const auto residual = reprojection_residual(model, lenses, observation);
-    const bool is_found = model.cameras[static_cast<std::size_t>(observation.camera)].pose &&
-                          model.points[static_cast<std::size_t>(observation.point)];
+    const bool is_found = model.cameras[observation.camera].pose && model.points[observation.point];
     if (!is_found) continue;
     const bool is_outlier = !residual || !(residual->norm() <= max_error_px);
     changed += is_outlier != observation.is_outlier ? 1 : 0;
     observation.is_outlier = is_outlier;
-    if (!is_outlier) ++seen_by[static_cast<std::size_t>(observation.point)];
+    if (!is_outlier) ++seen_by[observation.point];
   }
   for (std::size_t i = 0; i < seen_by.size() && model.bodies.empty(); ++i) {
     if (seen_by[i] < 2) model.points[i].reset();
@@ -366,4 +356,4 @@ int classify_outliers(ArrayModel& model, double max_error_px) {
   return changed;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

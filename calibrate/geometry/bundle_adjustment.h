@@ -7,7 +7,7 @@
 #include "calibrate/geometry/array_model.h"
 #include "calibrate/geometry/lens_projection.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Lens parameters that a bundle adjustment refines; each step includes those of the one before.
 enum class LensRefinement {
@@ -37,8 +37,7 @@ struct BundleAdjustmentSettings {
 };
 
 struct BundleAdjustmentReport {
-  bool converged = false;
-  int iterations = 0, observations = 0;
+  int observations = 0;
   double rms_px = 0;  ///< afterwards, over the observations that are used
 };
 
@@ -62,4 +61,4 @@ int classify_outliers(ArrayModel& model, double max_error_px);
 /// Except for the full model fy follows fx.
 std::vector<int> fixed_lens_parameters(LensRefinement freedom);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

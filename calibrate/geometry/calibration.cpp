@@ -4,29 +4,22 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <set>
 #include <tuple>
 
 #include "base/error.h"
 #include "calibrate/geometry/alignment.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
-const RigDocument::Camera* camera_of(const RigDocument& rig, const std::string& id) {
-  const auto found = std::ranges::find_if(
-      rig.cameras, [&](const RigDocument::Camera& camera) { return camera.geometry.id == id; });
-  return found == rig.cameras.end() ? nullptr : &*found;
-}
-
 /// Returns the lenses and poses of the initial rig for the cameras of the detections.
-std::vector<std::optional<Pose>> begin_with(const Detections& detections,
-                                            const CalibrationSettings& settings,
-                                            SolveSettings& solve) {
-  const RigDocument& start = *settings.start;
-  std::vector<std::optional<Pose>> poses;
+std::vector<std::optional<rig::Pose>> begin_with(const Detections& detections,
+                                                 const CalibrationSettings& settings,
+                                                 SolveSettings& solve) {
+  const schemas::RigDocument& start = *settings.start;
+  std::vector<std::optional<rig::Pose>> poses;
   for (const auto& camera : detections.cameras) {
-    const RigDocument::Camera* known = camera_of(start, camera.id);
+    const schemas::RigDocument::Camera* known = start.find(camera.id);
     if (known == nullptr) {
       throw Error::bad_input("the initial rig has no camera \"" + camera.id + "\"", "",
                              "Start from a rig of the same cameras");
@@ -37,13 +30,13 @@ std::vector<std::optional<Pose>> begin_with(const Detections& detections,
           "Start from a rig with the same frame size");
     }
     solve.lenses.push_back(known->geometry.intrinsics);
-    poses.emplace_back(pose_from_matrix(known->geometry.world_from_camera));
+    poses.emplace_back(rig::pose_from_matrix(known->geometry.world_from_camera));
     const bool held =
         settings.fixes_all_poses ||
         std::ranges::find(settings.fixed_cameras, camera.id) != settings.fixed_cameras.end();
     solve.fixed_cameras.push_back(held);
   }
-  if (is_calibrated(start)) {
+  if (schemas::is_calibrated(start)) {
     solve.poses = poses;
   } else {
     solve.lenses.clear();  // initial values only
@@ -53,7 +46,7 @@ std::vector<std::optional<Pose>> begin_with(const Detections& detections,
 
 void check_held(const Detections& detections, const CalibrationSettings& settings) {
   for (const std::string& id : settings.fixed_cameras) {
-    if (std::ranges::find(detections.cameras, id, &DetectionsDocument::Camera::id) ==
+    if (std::ranges::find(detections.cameras, id, &schemas::DetectionsDocument::Camera::id) ==
         detections.cameras.end()) {
       throw Error::bad_input("the camera \"" + id + "\" to hold is unknown", "held cameras",
                              "Name cameras of the rig, or \"lens\" or \"poses\"")
@@ -61,7 +54,7 @@ void check_held(const Detections& detections, const CalibrationSettings& setting
     }
   }
   const bool holds = !settings.fixed_cameras.empty() || settings.fixes_all_poses;
-  if (holds && !(settings.start && is_calibrated(*settings.start))) {
+  if (holds && !(settings.start && schemas::is_calibrated(*settings.start))) {
     throw Error::bad_input("poses are to be held, but no calibrated rig defines them",
                            "held cameras", "Start from a calibrated rig")
         .concerning({"initial_rig"});
@@ -69,7 +62,7 @@ void check_held(const Detections& detections, const CalibrationSettings& setting
 }
 
 /// With one camera held, the scale of the world is still free.
-void shrink_about(ArrayModel& model, const std::vector<std::optional<Pose>>& known,
+void shrink_about(ArrayModel& model, const std::vector<std::optional<rig::Pose>>& known,
                   const Eigen::Vector3d& held) {
   double found = 0, expected = 0;
   for (std::size_t i = 0; i < known.size(); ++i) {
@@ -89,39 +82,33 @@ void shrink_about(ArrayModel& model, const std::vector<std::optional<Pose>>& kno
 
 /// Sets the origin, rotation and scale of the world. Held cameras have determined them already.
 void settle_world(Calibration& calibration, const CalibrationSettings& settings,
-                  const std::vector<std::optional<Pose>>& known, std::size_t held) {
-  if (held >= 2) {
-    calibration.scale_source = "held cameras";
+                  const std::vector<std::optional<rig::Pose>>& known, std::size_t held) {
+  const auto know_scale_from = [&](const char* source) {
+    calibration.scale_source = source;
     calibration.scale_is_known = true;
-    return;
-  }
-  const bool is_start = settings.start && is_calibrated(*settings.start);
+  };
+  if (held >= 2) return know_scale_from("held cameras");
+  const bool is_start = settings.start && schemas::is_calibrated(*settings.start);
   if (!settings.board.empty()) {  // in metres already
     if (!is_start || !align_to_poses(calibration.model, known, false)) {
       align_to_array(calibration.model);
     }
-    calibration.scale_source = "board";
-    calibration.scale_is_known = true;
-    return;
+    return know_scale_from("board");
   }
   if (held == 1) {
     const auto at = std::ranges::find(calibration.model.cameras, settings.fixed_cameras.front(),
                                       &ArrayModel::Camera::id) -
                     calibration.model.cameras.begin();
-    shrink_about(calibration.model, known, known[static_cast<std::size_t>(at)]->position);
-    calibration.scale_source = "start";
-    calibration.scale_is_known = true;
-    return;
+    shrink_about(calibration.model, known, known[at]->position);
+    return know_scale_from("start");
   }
   if (is_start && align_to_poses(calibration.model, known)) {
-    calibration.scale_source = "start";
-    calibration.scale_is_known = true;
+    know_scale_from("start");
   } else {
     align_to_array(calibration.model);
   }
   if (scale_world(calibration.model, settings.scale)) {
-    calibration.scale_source = settings.scale.distance ? "distance" : "spacing";
-    calibration.scale_is_known = true;
+    know_scale_from(settings.scale.distance ? "distance" : "spacing");
   }
 }
 
@@ -185,9 +172,11 @@ Calibration calibrate(const Detections& all, const CalibrationSettings& settings
   const bool has_board = !settings.board.empty();
   if (!has_board) calibration.merged_points = merge_static_points(detections);
   SolveSettings solve = settings.solve;
-  std::vector<std::optional<Pose>> known;
+  std::vector<std::optional<rig::Pose>> known;
   if (settings.start) known = begin_with(detections, settings, solve);
-  const auto differs = [&](const Intrinsics& lens) { return !(lens == solve.lenses.front()); };
+  const auto differs = [&](const schemas::Intrinsics& lens) {
+    return !(lens == solve.lenses.front());
+  };
   solve.lens_per_camera = solve.lens_per_camera || std::ranges::any_of(solve.lenses, differs);
   calibration.model = has_board ? solve_boards(detections, settings.board, solve, calibration.solve)
                                 : solve_array(detections, solve, calibration.solve);
@@ -206,22 +195,23 @@ Calibration calibrate(const Detections& all, const CalibrationSettings& settings
   return calibration;
 }
 
-RigDocument make_rig_document(const Calibration& calibration,
-                              const std::optional<RigDocument>& start, const std::string& name) {
-  RigDocument rig;
+schemas::RigDocument make_rig_document(const Calibration& calibration,
+                                       const std::optional<schemas::RigDocument>& start,
+                                       const std::string& name) {
+  schemas::RigDocument rig;
   rig.name = name;
   if (start) rig.topology = start->topology;
   for (std::size_t i = 0; i < calibration.model.cameras.size(); ++i) {
     const ArrayModel::Camera& camera = calibration.model.cameras[i];
     if (!camera.pose) continue;
-    RigDocument::Camera out;
-    const RigDocument::Camera* known = start ? camera_of(*start, camera.id) : nullptr;
+    schemas::RigDocument::Camera out;
+    const schemas::RigDocument::Camera* known = start ? start->find(camera.id) : nullptr;
     if (known != nullptr) out = *known;
     out.geometry.id = camera.id;
     out.geometry.width = camera.width;
     out.geometry.height = camera.height;
     out.geometry.intrinsics = camera.intrinsics;
-    out.geometry.world_from_camera = matrix_from_pose(*camera.pose);
+    out.geometry.world_from_camera = rig::matrix_from_pose(*camera.pose);
     if (calibration.grid && !out.geometry.row) {
       out.geometry.row = (*calibration.grid)[i]->row;
       out.geometry.column = (*calibration.grid)[i]->column;
@@ -234,4 +224,4 @@ RigDocument make_rig_document(const Calibration& calibration,
   return rig;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -10,14 +10,14 @@
 #include "calibrate/geometry/world_frame.h"
 #include "schemas/rig_document.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 struct CalibrationSettings {
   SolveSettings solve;  ///< lenses, poses and held cameras come from `start` if it is given
   ScaleSettings scale;
   /// Initial rig, with cameras of the detections by id. Its scale is used if no other is given, and
   /// its world frame is kept.
-  std::optional<RigDocument> start = {};
+  std::optional<schemas::RigDocument> start = {};
   /// If the points are corners of a board: their positions (board_array.h), which determine the
   /// scale.
   BoardObjectPoints board = {};
@@ -45,12 +45,13 @@ Calibration calibrate(const Detections& detections, const CalibrationSettings& s
 
 /// Returns the calibrated cameras. Photometric responses and grid positions come from `start`;
 /// without it, from the calibration. Throws Error (bad input) if no camera is calibrated.
-RigDocument make_rig_document(const Calibration& calibration,
-                              const std::optional<RigDocument>& start, const std::string& name);
+schemas::RigDocument make_rig_document(const Calibration& calibration,
+                                       const std::optional<schemas::RigDocument>& start,
+                                       const std::string& name);
 
 /// Merges frames in which the light rests: those within `max_distance_px` of an earlier one in
 /// every camera that observes both become one point. Repeated positions would make the uncertainty
 /// too small. Returns the number of removed points.
 int merge_static_points(Detections& detections, double max_distance_px = 0.75);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

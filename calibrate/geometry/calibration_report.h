@@ -6,7 +6,7 @@
 
 #include "calibrate/geometry/calibration.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Returns the report as text for a terminal.
 std::string format_calibration_report(const Calibration& calibration);
@@ -18,4 +18,4 @@ std::string calibration_report_json(const Calibration& calibration);
 /// observations of camera pairs, uncertainties of poses and lenses.
 std::string calibration_report_html(const Calibration& calibration, std::string_view name);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

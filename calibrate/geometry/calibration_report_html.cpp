@@ -8,7 +8,7 @@
 #include "charts/html_page.h"
 #include "charts/svg_chart.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 constexpr std::string_view kStyle = R"(
@@ -37,7 +37,7 @@ std::string verdict_list(const CalibrationVerdict& verdict) {
                                                        : "This calibration is rejected.");
   const auto add = [&](const char* lead, const std::vector<std::string>& sentences) {
     for (const std::string& s : sentences) {
-      items += fmt::format("<li>{}{}</li>", lead, escape_html(s));
+      items += fmt::format("<li>{}{}</li>", lead, charts::escape_html(s));
     }
   };
   add("", verdict.reasons);
@@ -59,7 +59,7 @@ std::string facts(const Calibration& calibration) {
   fact(fmt::format("{}", model.points.size()), "points");
   fact(fmt::format("{}", model.observations.size()), "detections");
   fact(fmt::format("{:.1f} %",
-                   100.0 * static_cast<double>(outliers) /
+                   100.0 * outliers /
                        static_cast<double>(std::max<std::size_t>(model.observations.size(), 1))),
        "outliers");
   fact(calibration.scale_is_known ? fmt::format("{:.1f} mm", 1000 * camera_spacing(model))
@@ -74,8 +74,8 @@ std::string fit_chart(const Calibration& calibration, const std::vector<CameraFi
     if (std::isfinite(fit.rms_px)) most = std::max(most, fit.rms_px);
   }
   const auto count = static_cast<double>(fits.size());
-  SvgChart chart("RMS reprojection error of each camera", {-0.5, count - 0.5, "", false},
-                 {0, 1.15 * most, "RMS, px", true});
+  charts::SvgChart chart("RMS reprojection error of each camera", {-0.5, count - 0.5, "", false},
+                         {0, 1.15 * most, "RMS, px", true});
   for (std::size_t i = 0; i < fits.size(); ++i) {
     const auto x = static_cast<double>(i);
     const std::string& id = calibration.model.cameras[i].id;
@@ -92,8 +92,8 @@ std::string points_chart(const Calibration& calibration, const std::vector<Camer
   int most = 1;
   for (const CameraFit& fit : fits) most = std::max(most, fit.observations);
   const auto count = static_cast<double>(fits.size());
-  SvgChart chart("Points of each camera", {-0.5, count - 0.5, "", false},
-                 {0, 1.1 * most, "points", true});
+  charts::SvgChart chart("Points of each camera", {-0.5, count - 0.5, "", false},
+                         {0, 1.1 * most, "points", true});
   for (std::size_t i = 0; i < fits.size(); ++i) {
     const auto x = static_cast<double>(i);
     const std::string& id = calibration.model.cameras[i].id;
@@ -108,7 +108,7 @@ std::string points_chart(const Calibration& calibration, const std::vector<Camer
 
 /// Draws the residuals in one camera's picture, enlarged `kDrawn` times.
 std::string residual_field(const Calibration& calibration, std::size_t index,
-                           const std::vector<CameraModel>& lenses, const CameraFit& fit,
+                           const std::vector<rig::CameraModel>& lenses, const CameraFit& fit,
                            double drawn) {
   const ArrayModel::Camera& camera = calibration.model.cameras[index];
   constexpr std::size_t kMostLines = 250;
@@ -137,11 +137,11 @@ std::string residual_field(const Calibration& calibration, std::size_t index,
       "<figure><svg viewBox=\"0 0 {0} {1}\" role=\"img\" aria-label=\"Residuals of {2}\"><rect "
       "class=\"frame\" vector-effect=\"non-scaling-stroke\" width=\"{0}\" height=\"{1}\"/>{3}"
       "</svg><figcaption>{2} {4:.2f} px</figcaption></figure>",
-      camera.width, camera.height, escape_html(camera.id), lines, fit.rms_px);
+      camera.width, camera.height, charts::escape_html(camera.id), lines, fit.rms_px);
 }
 
 std::string residual_fields(const Calibration& calibration, const std::vector<CameraFit>& fits) {
-  const std::vector<CameraModel> lenses = make_camera_models(calibration.model);
+  const std::vector<rig::CameraModel> lenses = make_camera_models(calibration.model);
   const double rms = rms_reprojection_error(calibration.model);
   const double width = calibration.model.cameras.front().width;
   const double drawn = rms > 0 ? width / 25 / rms : 1;
@@ -149,7 +149,7 @@ std::string residual_fields(const Calibration& calibration, const std::vector<Ca
   for (std::size_t i = 0; i < fits.size(); ++i) {
     if (fits[i].observations > 0) fields += residual_field(calibration, i, lenses, fits[i], drawn);
   }
-  return html_section(
+  return charts::html_section(
       "Residuals in the pictures",
       fmt::format(
           "Residuals from the observation (dot), away from the projected point, enlarged "
@@ -179,15 +179,15 @@ std::string overlap_chart(const Calibration& calibration) {
           "{}</title></rect>",
           shared == 0 ? "nothing" : "shared", b, a, 0.94 * cell, 0.94 * cell,
           shared == 0 ? std::string() : fmt::format(" fill-opacity=\"{:.2f}\"", opacity),
-          escape_html(calibration.model.cameras[a].id),
-          escape_html(calibration.model.cameras[b].id), shared);
+          charts::escape_html(calibration.model.cameras[a].id),
+          charts::escape_html(calibration.model.cameras[b].id), shared);
     }
   }
   std::string labels;
   for (std::size_t a = 0; a < count && count <= 100; ++a) {
     labels += fmt::format(
         "<text x=\"-0.3\" y=\"{}\" text-anchor=\"end\" style=\"font-size:{}px\">{}</text>",
-        static_cast<double>(a) + 0.7, 0.62, escape_html(calibration.model.cameras[a].id));
+        static_cast<double>(a) + 0.7, 0.62, charts::escape_html(calibration.model.cameras[a].id));
   }
   return fmt::format(
       "<svg viewBox=\"{0} -1 {1} {2}\" style=\"max-width:{3}px\" role=\"img\" "
@@ -211,7 +211,7 @@ std::string array_chart(const Calibration& calibration, int up_axis, const char*
   const double half =
       kMargin / 2 * std::max({(high_x - low_x) / kWider, high_y - low_y, most / 10});
   const char* unit = calibration.scale_is_known ? "m" : "units";
-  SvgChart chart(
+  charts::SvgChart chart(
       "Camera positions",
       {middle_x - kWider * half, middle_x + kWider * half, fmt::format("x, {}", unit), true},
       {middle_y - half, middle_y + half, fmt::format("{}, {}", up_name, unit), true});
@@ -219,7 +219,7 @@ std::string array_chart(const Calibration& calibration, int up_axis, const char*
     if (!camera.pose) continue;
     const Eigen::Vector3d& at = camera.pose->position;
     const Eigen::Vector3d to = at + 0.08 * most * camera.pose->viewing_direction();
-    const std::vector<SvgChart::Point> way{{at.x(), at[up_axis]}, {to.x(), to[up_axis]}};
+    const std::vector<charts::SvgChart::Point> way{{at.x(), at[up_axis]}, {to.x(), to[up_axis]}};
     chart.line(way, "way");
     chart.dot({at.x(), at[up_axis], "camera", camera.id,
                fmt::format("{}: {:.4f} {:.4f} {:.4f}", camera.id, at.x(), at.y(), at.z()), false});
@@ -232,7 +232,7 @@ std::string deviations_table(const Calibration& calibration, const std::vector<C
   std::string rows;
   for (std::size_t i = 0; i < fits.size(); ++i) {
     const ArrayModel::Camera& camera = calibration.model.cameras[i];
-    rows += fmt::format("<tr><td>{}</td><td>{}</td>", escape_html(camera.id),
+    rows += fmt::format("<tr><td>{}</td><td>{}</td>", charts::escape_html(camera.id),
                         camera.pose ? "" : "no pose");
     rows += fmt::format("<td>{} / {}</td><td>{:.3f}</td><td>{:.0f} %</td>", fits[i].inliers,
                         fits[i].observations, fits[i].rms_px, 100 * fits[i].image_coverage);
@@ -265,8 +265,9 @@ std::string steps_table(const Calibration& calibration) {
   std::string rows =
       "<tr><th>step</th><th></th><th>RMS, px</th><th>inliers</th><th>outliers</th></tr>";
   for (const SolveReport::Step& step : calibration.solve.steps) {
-    rows += fmt::format("<tr><td>{}</td><td></td><td>{:.3f}</td><td>{}</td><td>{}</td></tr>",
-                        escape_html(step.what), step.rms_px, step.observations, step.outliers);
+    rows +=
+        fmt::format("<tr><td>{}</td><td></td><td>{:.3f}</td><td>{}</td><td>{}</td></tr>",
+                    charts::escape_html(step.what), step.rms_px, step.observations, step.outliers);
   }
   return "<table>" + rows + "</table>";
 }
@@ -276,27 +277,30 @@ std::string steps_table(const Calibration& calibration) {
 std::string calibration_report_html(const Calibration& calibration, std::string_view name) {
   const std::vector<CameraFit> fits = camera_fits(calibration.model);
   std::string body = verdict_list(calibration.verdict) + facts(calibration);
-  body +=
-      html_section("The array from behind", "Camera positions; lines show the viewing directions.",
-                   array_chart(calibration, 1, "y"));
-  body += html_section("The array from above", "The cameras look down, towards smaller z.",
-                       array_chart(calibration, 2, "z"));
-  body += html_section("Reprojection error of each camera",
-                       "RMS distance between observations and projected points.",
-                       fit_chart(calibration, fits));
-  body += html_section("Points in each camera", "Red: outliers.", points_chart(calibration, fits));
+  body += charts::html_section("The array from behind",
+                               "Camera positions; lines show the viewing directions.",
+                               array_chart(calibration, 1, "y"));
+  body += charts::html_section("The array from above", "The cameras look down, towards smaller z.",
+                               array_chart(calibration, 2, "z"));
+  body += charts::html_section("Reprojection error of each camera",
+                               "RMS distance between observations and projected points.",
+                               fit_chart(calibration, fits));
+  body += charts::html_section("Points in each camera", "Red: outliers.",
+                               points_chart(calibration, fits));
   body += residual_fields(calibration, fits);
-  body += html_section("Common points of cameras",
-                       "Points that two cameras share: a deeper colour means more; red: none. "
-                       "All cameras must be connected.",
-                       overlap_chart(calibration));
-  body += html_section("Uncertainty",
-                       "One standard deviation, from the covariance of the last bundle adjustment; "
-                       "lens values without one were held.",
-                       deviations_table(calibration, fits));
-  body += html_section("Steps", "The parameters that were refined, in order.",
-                       steps_table(calibration));
-  return html_page("Calibration", name, body, kStyle);
+  body +=
+      charts::html_section("Common points of cameras",
+                           "Points that two cameras share: a deeper colour means more; red: none. "
+                           "All cameras must be connected.",
+                           overlap_chart(calibration));
+  body += charts::html_section(
+      "Uncertainty",
+      "One standard deviation, from the covariance of the last bundle adjustment; "
+      "lens values without one were held.",
+      deviations_table(calibration, fits));
+  body += charts::html_section("Steps", "The parameters that were refined, in order.",
+                               steps_table(calibration));
+  return charts::html_page("Calibration", name, body, kStyle);
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -3,13 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "calibrate/geometry/calibration_report.h"
 #include "schemas/former_names.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using Json = nlohmann::ordered_json;
@@ -86,18 +85,18 @@ std::string calibration_report_json(const Calibration& calibration) {
   json["cameras"] = std::move(cameras);
   json["weakest"] = std::move(weak);
   json["common_points"] = std::move(pairs);
-  constexpr FormerName kFormerNames[] = {{"accepted", "vouched_for"},
-                                         {"observations", "points_seen"},
-                                         {"inliers", "points_kept"},
-                                         {"image_coverage", "picture_covered"},
-                                         {"position", "place"},
-                                         {"position_deviation", "place_deviation"},
-                                         {"rotation_deviation_deg", "turn_deviation_deg"},
-                                         {"merged_points", "points_merged"},
-                                         {"scale_source", "scale_from"},
-                                         {"name", "what"},
-                                         {"description", "what"}};
-  add_former_names(json, kFormerNames);
+  constexpr schemas::FormerName kFormerNames[] = {{"accepted", "vouched_for"},
+                                                  {"observations", "points_seen"},
+                                                  {"inliers", "points_kept"},
+                                                  {"image_coverage", "picture_covered"},
+                                                  {"position", "place"},
+                                                  {"position_deviation", "place_deviation"},
+                                                  {"rotation_deviation_deg", "turn_deviation_deg"},
+                                                  {"merged_points", "points_merged"},
+                                                  {"scale_source", "scale_from"},
+                                                  {"name", "what"},
+                                                  {"description", "what"}};
+  schemas::add_former_names(json, kFormerNames);
   return json.dump(1) + "\n";
 }
 
@@ -108,10 +107,10 @@ std::string format_calibration_report(const Calibration& calibration) {
   const auto line = [&](const std::string& s) { text += s + "\n"; };
   const auto outliers =
       std::ranges::count_if(model.observations, [](const auto& o) { return o.is_outlier; });
-  line(fmt::format("Detections {} of {} points by {} cameras; {} outliers ({:.1f} %)",
-                   model.observations.size(), model.points.size(), model.cameras.size(), outliers,
-                   100.0 * static_cast<double>(outliers) /
-                       static_cast<double>(std::max<std::size_t>(model.observations.size(), 1))));
+  line(fmt::format(
+      "Detections {} of {} points by {} cameras; {} outliers ({:.1f} %)", model.observations.size(),
+      model.points.size(), model.cameras.size(), outliers,
+      100.0 * outliers / static_cast<double>(std::max<std::size_t>(model.observations.size(), 1))));
   if (calibration.merged_points > 0) {
     line(fmt::format("           {} more positions of a resting light were merged",
                      calibration.merged_points));
@@ -143,8 +142,7 @@ std::string format_calibration_report(const Calibration& calibration) {
   if (!empty.empty()) {
     std::vector<std::string> names;
     for (const auto& [a, b] : empty) {
-      names.push_back(model.cameras[static_cast<std::size_t>(a)].id + "-" +
-                      model.cameras[static_cast<std::size_t>(b)].id);
+      names.push_back(model.cameras[a].id + "-" + model.cameras[b].id);
     }
     line(fmt::format("Overlap    {} pairs of cameras share no points: {}", empty.size(),
                      abbreviate_list(names)));
@@ -171,4 +169,4 @@ std::string format_calibration_report(const Calibration& calibration) {
   return text;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -7,11 +7,10 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numeric>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
 
-#include "calibrate/geometry/planarity.h"
-
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 constexpr int kJoined = 6;  // common points that suffice for a relative pose
@@ -22,7 +21,7 @@ constexpr const char* kMendFit =
 
 std::vector<std::string> names_of(const std::vector<int>& cameras, const ArrayModel& model) {
   std::vector<std::string> names;
-  for (const int i : cameras) names.push_back(model.cameras[static_cast<std::size_t>(i)].id);
+  for (const int i : cameras) names.push_back(model.cameras[i].id);
   return names;
 }
 
@@ -48,33 +47,28 @@ void judge_cameras(CalibrationVerdict& verdict, const ArrayModel& model,
       narrow.push_back(fmt::format("{} ({:.0f} %)", id, 100 * fits[i].image_coverage));
     }
   }
-  if (!blind.empty()) {
-    verdict.reasons.push_back(fmt::format("Nothing was seen by {}.", abbreviate_list(blind)));
+  if (add_sentence(verdict.reasons, "Nothing was seen by ", blind, ".")) {
     verdict.next_steps.push_back(
         "Check the pictures of the cameras without detections: they may be covered, out of focus, "
         "turned away, or underexposed for the light.");
   }
-  if (!not_found.empty()) {
-    verdict.reasons.push_back(
-        fmt::format("No pose was found for {}: too few common points with the others.",
-                    abbreviate_list(not_found)));
+  if (add_sentence(verdict.reasons, "No pose was found for ", not_found,
+                   ": too few common points with the others.")) {
     verdict.next_steps.push_back(
         "Move the light through the space that these cameras share with their neighbours.");
   }
-  if (!with_few.empty()) {
-    verdict.reasons.push_back(
-        fmt::format("Fewer than {} inliers in {}.", limits.min_points, abbreviate_list(with_few)));
+  if (add_sentence(verdict.reasons, fmt::format("Fewer than {} inliers in ", limits.min_points),
+                   with_few, ".")) {
     verdict.next_steps.push_back("Record the light at more positions in front of these cameras.");
   }
-  if (!ill_fitting.empty()) {
-    verdict.reasons.push_back(fmt::format("The reprojection error exceeds {:.2f} px RMS in {}.",
-                                          limits.max_rms_px, abbreviate_list(ill_fitting)));
+  if (add_sentence(
+          verdict.reasons,
+          fmt::format("The reprojection error exceeds {:.2f} px RMS in ", limits.max_rms_px),
+          ill_fitting, ".")) {
     verdict.next_steps.emplace_back(kMendFit);
   }
-  if (!narrow.empty()) {
-    verdict.warnings.push_back(fmt::format(
-        "Points fill less than half of the picture in {}: the lens is extrapolated beyond them.",
-        abbreviate_list(narrow)));
+  if (add_sentence(verdict.warnings, "Points fill less than half of the picture in ", narrow,
+                   ": the lens is extrapolated beyond them.")) {
     verdict.next_steps.push_back("Move the light into the corners of every camera's picture.");
   }
 }
@@ -105,14 +99,12 @@ void judge_fit(CalibrationVerdict& verdict, const ArrayModel& model,
   }
   std::vector<int> seen_by(model.points.size(), 0);
   for (const ArrayModel::Observation& o : model.observations) {
-    if (model.cameras[static_cast<std::size_t>(o.camera)].pose) {
-      ++seen_by[static_cast<std::size_t>(o.point)];
-    }
+    if (model.cameras[o.camera].pose) ++seen_by[o.point];
   }
   int could_count = 0, count = 0;
   for (const ArrayModel::Observation& o : model.observations) {
-    if (seen_by[static_cast<std::size_t>(o.point)] < 2) continue;
-    could_count += model.cameras[static_cast<std::size_t>(o.camera)].pose ? 1 : 0;
+    if (seen_by[o.point] < 2) continue;
+    could_count += model.cameras[o.camera].pose ? 1 : 0;
     count += model.counts(o) ? 1 : 0;
   }
   const double share = 1 - static_cast<double>(count) / std::max(could_count, 1);
@@ -124,6 +116,43 @@ void judge_fit(CalibrationVerdict& verdict, const ArrayModel& model,
         "Darken the room, cover reflecting surfaces, and check the synchronisation (raystage "
         "sync).");
   }
+}
+
+/// Returns the share of used points whose observations in two cameras one homography explains, to
+/// 1.5 pixels: they are in one plane or far away. 0 unless exactly two cameras have a pose: with
+/// more, a plane of points is no degenerate case (Ma et al. 2004, section 5.3).
+double planar_inlier_ratio(const ArrayModel& model) {
+  std::vector<int> found;
+  for (std::size_t i = 0; i < model.cameras.size(); ++i) {
+    if (model.cameras[i].pose) found.push_back(static_cast<int>(i));
+  }
+  if (found.size() != 2) return 0;
+  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
+  std::vector<cv::Point2d> from, to;
+  std::optional<cv::Point2d> first;
+  int point = -1;
+  for (const ArrayModel::Observation& o : model.observations) {
+    if (o.point != point) first.reset();
+    point = o.point;
+    if (!model.counts(o)) continue;
+    const auto ideal = lenses[o.camera].ideal_from_pixel(o.pixel);
+    if (!ideal) continue;
+    const cv::Point2d place(ideal->x(), ideal->y());
+    if (!first) {
+      first = place;
+    } else {
+      from.push_back(*first);
+      to.push_back(place);
+    }
+  }
+  constexpr std::size_t kLeast = 5;  // four points always fit
+  if (from.size() < kLeast) return 1;
+  constexpr double kNear = 1.5;  // pixels
+  cv::setRNGSeed(1);
+  cv::Mat inliers;
+  const double focal = model.cameras[found[1]].intrinsics.fx;
+  if (cv::findHomography(from, to, cv::RANSAC, kNear / focal, inliers).empty()) return 0;
+  return static_cast<double>(cv::countNonZero(inliers)) / from.size();
 }
 
 /// A plane of points has two solutions with two cameras.
@@ -159,7 +188,7 @@ void judge_direction(CalibrationVerdict& verdict, const Uncertainty::Direction& 
 }  // namespace
 
 std::vector<CameraFit> camera_fits(const ArrayModel& model) {
-  const std::vector<CameraModel> lenses = make_camera_models(model);
+  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
   std::vector<CameraFit> fits(model.cameras.size());
   std::vector<std::array<bool, kCells * kCells>> image_coverage(fits.size());
   for (const ArrayModel::Observation& o : model.observations) {
@@ -197,8 +226,7 @@ Overlap compute_overlap(const ArrayModel& model) {
     }
     for (std::size_t a = begin; a < end; ++a) {
       for (std::size_t b = begin; b < end; ++b) {
-        const auto one = static_cast<std::size_t>(model.observations[a].camera);
-        const auto other = static_cast<std::size_t>(model.observations[b].camera);
+        const int one = model.observations[a].camera, other = model.observations[b].camera;
         if (one != other) ++overlap.shared[one][other];
       }
     }
@@ -210,9 +238,7 @@ Overlap compute_overlap(const ArrayModel& model) {
     done[start] = true;
     for (std::size_t k = 0; k < group.size(); ++k) {
       for (std::size_t other = 0; other < count; ++other) {
-        if (done[other] || overlap.shared[static_cast<std::size_t>(group[k])][other] < kJoined) {
-          continue;
-        }
+        if (done[other] || overlap.shared[group[k]][other] < kJoined) continue;
         done[other] = true;
         group.push_back(static_cast<int>(other));
       }
@@ -236,12 +262,16 @@ std::vector<std::pair<int, int>> Overlap::pairs_without_points() const {
 }
 
 std::string abbreviate_list(const std::vector<std::string>& names, std::size_t most) {
-  std::string text;
-  for (std::size_t i = 0; i < std::min(names.size(), most); ++i) {
-    text += (i == 0 ? "" : ", ") + names[i];
-  }
-  if (names.size() > most) text += fmt::format(" and {} more", names.size() - most);
-  return text;
+  if (names.size() <= most) return fmt::format("{}", fmt::join(names, ", "));
+  return fmt::format("{} and {} more", fmt::join(names.begin(), names.begin() + most, ", "),
+                     names.size() - most);
+}
+
+bool add_sentence(std::vector<std::string>& sentences, std::string_view before,
+                  const std::vector<std::string>& names, std::string_view after) {
+  if (names.empty()) return false;
+  sentences.push_back(fmt::format("{}{}{}", before, abbreviate_list(names), after));
+  return true;
 }
 
 std::string describe_direction(const Uncertainty::Direction& d, const ArrayModel& model) {
@@ -298,4 +328,4 @@ CalibrationVerdict judge_calibration(const ArrayModel& model,
   return verdict;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -3,13 +3,13 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
-#include "calibrate/geometry/solve.h"
 #include "calibrate/geometry/uncertainty.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Observations of one camera and their reprojection error.
 struct CameraFit {
@@ -61,4 +61,9 @@ std::string describe_direction(const Uncertainty::Direction& direction, const Ar
 /// Returns a list of names, shortened after `most`: "a, b, c and 4 more".
 std::string abbreviate_list(const std::vector<std::string>& names, std::size_t most = 6);
 
-}  // namespace raystage
+/// Adds the sentence `before`, the abbreviated list of names, `after`, unless there are no names.
+/// Returns whether there are any.
+bool add_sentence(std::vector<std::string>& sentences, std::string_view before,
+                  const std::vector<std::string>& names, std::string_view after);
+
+}  // namespace raystage::calibrate

@@ -5,17 +5,16 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <functional>
 #include <map>
-#include <optional>
 #include <tuple>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "base/number_text.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 constexpr std::string_view kHeader = "camera,frame,u,v";
@@ -39,18 +38,10 @@ std::array<std::string_view, 4> fields_of(std::string_view line) {
   return fields;
 }
 
-template <class Number>
-std::optional<Number> number_from(std::string_view text) {
-  Number number{};
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return number;
-}
-
 }  // namespace
 
 Detections parse_detections(std::string_view text, std::string_view name,
-                            const DetectionsDocument& cameras) {
+                            const schemas::DetectionsDocument& cameras) {
   std::map<std::string, int, std::less<>> index_of;
   for (const auto& camera : cameras.cameras) {
     index_of.emplace(camera.id, static_cast<int>(index_of.size()));
@@ -80,13 +71,13 @@ Detections parse_detections(std::string_view text, std::string_view name,
       throw refuse(fmt::format("the camera \"{}\" is not in the document of the cameras", id),
                    "Add the camera to the document, or remove the line");
     }
-    const auto point = number_from<int>(frame);
-    const auto x = number_from<double>(u), y = number_from<double>(v);
+    const auto point = parse_number<int>(frame);
+    const auto x = parse_number<double>(u), y = parse_number<double>(v);
     if (!point || *point < 0 || !x || !y || !std::isfinite(*x) || !std::isfinite(*y)) {
       throw refuse("the line is not camera,frame,u,v with a frame number and two finite numbers",
                    "Correct the line");
     }
-    const auto& size = cameras.cameras[static_cast<std::size_t>(camera->second)];
+    const auto& size = cameras.cameras[camera->second];
     if (*x < -size.width || *x > 2 * size.width || *y < -size.height || *y > 2 * size.height) {
       throw refuse(fmt::format("({}, {}) is far outside the picture of {} x {} pixels", *x, *y,
                                size.width, size.height),
@@ -98,10 +89,9 @@ Detections parse_detections(std::string_view text, std::string_view name,
   std::ranges::stable_sort(result.detections, {}, place);
   const auto twice = std::ranges::adjacent_find(result.detections, {}, place);
   if (twice != result.detections.end()) {
-    throw Error::bad_input(
-        fmt::format("camera {} has two detections in frame {}",
-                    cameras.cameras[static_cast<std::size_t>(twice->camera)].id, twice->point),
-        std::string(name), "Remove one of them");
+    throw Error::bad_input(fmt::format("camera {} has two detections in frame {}",
+                                       cameras.cameras[twice->camera].id, twice->point),
+                           std::string(name), "Remove one of them");
   }
   return result;
 }
@@ -109,13 +99,14 @@ Detections parse_detections(std::string_view text, std::string_view name,
 std::string format_detections(const Detections& detections) {
   std::string text = fmt::format("{}\n", kHeader);
   for (const Detections::Detection& d : detections.detections) {
-    text += fmt::format("{},{},{},{}\n", detections.cameras[static_cast<std::size_t>(d.camera)].id,
-                        d.point, d.pixel.x(), d.pixel.y());
+    text += fmt::format("{},{},{},{}\n", detections.cameras[d.camera].id, d.point, d.pixel.x(),
+                        d.pixel.y());
   }
   return text;
 }
 
-Detections read_detections(const std::filesystem::path& table, const DetectionsDocument& cameras) {
+Detections read_detections(const std::filesystem::path& table,
+                           const schemas::DetectionsDocument& cameras) {
   return parse_detections(read_file(table), table.string(), cameras);
 }
 
@@ -123,4 +114,4 @@ void write_detections(const Detections& detections, const std::filesystem::path&
   write_file_atomically(table, format_detections(detections));
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

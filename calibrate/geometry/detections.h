@@ -9,7 +9,7 @@
 
 #include "schemas/detections_document.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Detections of points of the world, each at most once per camera: the input of a calibration.
 struct Detections {
@@ -18,7 +18,7 @@ struct Detections {
     int point = 0;          ///< common to all cameras: with a moving light, the frame number
     Eigen::Vector2d pixel;  ///< origin at the top-left corner, y down, pixel centres at +0.5
   };
-  std::vector<DetectionsDocument::Camera> cameras;
+  std::vector<schemas::DetectionsDocument::Camera> cameras;
   std::vector<Detection> detections;  ///< by point, then by camera
 };
 
@@ -26,12 +26,13 @@ struct Detections {
 /// columns are ignored. Throws Error (bad input), with file and line, for an unknown camera, a
 /// value that is not a number, a position a picture's size or more outside the picture, and two
 /// detections of a point in one camera.
-Detections read_detections(const std::filesystem::path& table, const DetectionsDocument& cameras);
+Detections read_detections(const std::filesystem::path& table,
+                           const schemas::DetectionsDocument& cameras);
 void write_detections(const Detections& detections, const std::filesystem::path& table);
 
 /// Converts the table from and to text; `name` replaces the file in errors.
 Detections parse_detections(std::string_view text, std::string_view name,
-                            const DetectionsDocument& cameras);
+                            const schemas::DetectionsDocument& cameras);
 std::string format_detections(const Detections& detections);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

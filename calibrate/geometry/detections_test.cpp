@@ -7,12 +7,12 @@
 #include "base/error.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using ::testing::HasSubstr;
 
-const DetectionsDocument kTwo{{{"left", 640, 480}, {"right", 320, 240}}};
+const schemas::DetectionsDocument kTwo{{{"left", 640, 480}, {"right", 320, 240}}};
 
 std::string refusal(std::string_view table) {
   try {
@@ -35,7 +35,7 @@ TEST(DetectionTables, ComeInAnyOrderAndBackInOne) {
   const std::string text = format_detections(read);
   EXPECT_EQ(text, "camera,frame,u,v\nleft,0,639.75,479\nleft,3,10,-2.5\nright,3,10.25,0.5\n");
   EXPECT_EQ(format_detections(parse_detections(text, "f", kTwo)), text);
-  const TestFolder folder;
+  const testing::TestFolder folder;
   write_detections(read, folder.path() / "d.csv");
   EXPECT_EQ(format_detections(read_detections(folder.path() / "d.csv", kTwo)), text);
   EXPECT_TRUE(parse_detections("camera,frame,u,v\n", "f", kTwo).detections.empty());
@@ -55,19 +55,19 @@ TEST(DetectionTables, SayWhichLineIsWrong) {
 }
 
 TEST(DetectionTables, CamerasStandInADocument) {
-  const std::string text = format_detections_document(kTwo);
-  const DetectionsDocument again = parse_detections_document(text, "f");
+  const std::string text = schemas::format_detections_document(kTwo);
+  const schemas::DetectionsDocument again = schemas::parse_detections_document(text, "f");
   ASSERT_EQ(again.cameras.size(), 2U);
   EXPECT_EQ(again.cameras[1].id, "right");
   EXPECT_EQ(again.cameras[1].height, 240);
-  EXPECT_EQ(format_detections_document(again), text);
+  EXPECT_EQ(schemas::format_detections_document(again), text);
   EXPECT_THROW(
-      parse_detections_document(
+      schemas::parse_detections_document(
           R"({"schema": "raystage/detections/1", "cameras": [{"id": "a", "width": 0, "height": 1}]})",
           "f"),
       Error);
   EXPECT_THROW(
-      parse_detections_document(
+      schemas::parse_detections_document(
           R"({"schema": "raystage/detections/1", "cameras": [{"id": "a", "width": 1, "height": 1},
               {"id": "a", "width": 1, "height": 1}]})",
           "f"),
@@ -75,4 +75,4 @@ TEST(DetectionTables, CamerasStandInADocument) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

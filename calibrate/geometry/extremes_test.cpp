@@ -9,23 +9,23 @@
 #include "calibrate/geometry/calibration.h"
 #include "testing/calibrate/test_synthetic_array.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
-using testing::Contains;
-using testing::HasSubstr;
+using ::testing::Contains;
+using ::testing::HasSubstr;
 
 struct Case {
   const char* name;
-  SyntheticArraySettings simulation;
+  testing::SyntheticArraySettings simulation;
   bool lens_is_known = false;
   bool is_accepted = true;
 };
 
-CalibrationSettings settings_for(const SyntheticArray& truth, bool lens_is_known) {
+CalibrationSettings settings_for(const testing::SyntheticArray& truth, bool lens_is_known) {
   CalibrationSettings settings;
   settings.scale.spacing_m = 0.06;
-  settings.solve.horizontal_fov = 60 * kTestDegree;
+  settings.solve.horizontal_fov = 60 * testing::kTestDegree;
   if (lens_is_known) {
     settings.solve.lenses.assign(truth.detections.cameras.size(), truth.lens);
     settings.solve.lens_is_known = true;
@@ -40,11 +40,11 @@ std::string told(const Calibration& calibration) {
   return text;
 }
 
-class CalibrationAtExtremes : public testing::TestWithParam<Case> {};
+class CalibrationAtExtremes : public ::testing::TestWithParam<Case> {};
 
 TEST_P(CalibrationAtExtremes, IsRightOrRefused) {
   const Case& c = GetParam();
-  const SyntheticArray truth = make_synthetic_array(c.simulation);
+  const testing::SyntheticArray truth = testing::make_synthetic_array(c.simulation);
   Calibration calibration;
   try {
     calibration = calibrate(truth.detections, settings_for(truth, c.lens_is_known));
@@ -53,7 +53,7 @@ TEST_P(CalibrationAtExtremes, IsRightOrRefused) {
     EXPECT_EQ(refusal.exit_code(), ExitCode::kBadInput);
     return;
   }
-  const PoseErrors errors = pose_errors(calibration.model, truth.poses);
+  const testing::PoseErrors errors = testing::pose_errors(calibration.model, truth.poses);
   SCOPED_TRACE(fmt::format("{:.2f} mm, {:.3f} degrees, {} placed\n{}", 1000 * errors.metres,
                            errors.degrees, errors.placed, told(calibration)));
   EXPECT_EQ(calibration.verdict.is_accepted(), c.is_accepted);
@@ -73,49 +73,51 @@ constexpr double kParallel = 0;
 
 INSTANTIATE_TEST_SUITE_P(
     Cases, CalibrationAtExtremes,
-    testing::Values(Case{"thesis_lens_known", {}, true},
-                    // Turned by nothing, an array cannot tell a longer lens from a deeper scene.
-                    Case{"parallel",
-                         {.rows = 4, .columns = 4, .mounting_m = 0, .mounting_deg = kParallel},
-                         false,
-                         false},
-                    Case{"parallel_lens_known", {.mounting_m = 0, .mounting_deg = kParallel}, true},
-                    Case{"two_cameras", {.rows = 1, .columns = 2, .missing = 0}, false, false},
-                    Case{"two_cameras_lens_known",
-                         {.rows = 1, .columns = 2, .points = 200, .noise_px = 0.1, .missing = 0},
-                         true},
-                    Case{"line", {.rows = 1, .columns = 8, .points = 200}, true},
-                    Case{"line_upright", {.rows = 8, .columns = 1, .points = 200}, true},
-                    Case{"points_on_a_plane",
-                         {.rows = 3, .columns = 3, .points_on_a_plane = true},
-                         false,
-                         false},
-                    Case{"points_on_a_plane_lens_known",
-                         {.rows = 3, .columns = 3, .points = 200, .points_on_a_plane = true},
-                         true},
-                    Case{"a_kilometre_away",
-                         {.rows = 3, .columns = 3, .nearest = 1000, .farthest = 2000},
-                         true,
-                         false},
-                    Case{"light_at_rest",
-                         {.rows = 3, .columns = 3, .points = 10, .outliers = 0, .repetitions = 20},
-                         true,
-                         false},
-                    Case{"one_in_ten_wrong", {.outliers = 0.1}}),
+    ::testing::Values(
+        Case{"thesis_lens_known", {}, true},
+        // Turned by nothing, an array cannot tell a longer lens from a deeper scene.
+        Case{"parallel",
+             {.rows = 4, .columns = 4, .mounting_m = 0, .mounting_deg = kParallel},
+             false,
+             false},
+        Case{"parallel_lens_known", {.mounting_m = 0, .mounting_deg = kParallel}, true},
+        Case{"two_cameras", {.rows = 1, .columns = 2, .missing = 0}, false, false},
+        Case{"two_cameras_lens_known",
+             {.rows = 1, .columns = 2, .points = 200, .noise_px = 0.1, .missing = 0},
+             true},
+        Case{"line", {.rows = 1, .columns = 8, .points = 200}, true},
+        Case{"line_upright", {.rows = 8, .columns = 1, .points = 200}, true},
+        Case{"points_on_a_plane",
+             {.rows = 3, .columns = 3, .points_on_a_plane = true},
+             false,
+             false},
+        Case{"points_on_a_plane_lens_known",
+             {.rows = 3, .columns = 3, .points = 200, .points_on_a_plane = true},
+             true},
+        Case{"a_kilometre_away",
+             {.rows = 3, .columns = 3, .nearest = 1000, .farthest = 2000},
+             true,
+             false},
+        Case{"light_at_rest",
+             {.rows = 3, .columns = 3, .points = 10, .outliers = 0, .repetitions = 20},
+             true,
+             false},
+        Case{"one_in_ten_wrong", {.outliers = 0.1}}),
     [](const auto& tested) { return std::string(tested.param.name); });
 
 TEST(CalibrationAtItsLimits, ACameraThatSeesNothingIsNamed) {
-  SyntheticArray truth = make_synthetic_array({.rows = 3, .columns = 3});
+  testing::SyntheticArray truth = testing::make_synthetic_array({.rows = 3, .columns = 3});
   std::erase_if(truth.detections.detections, [](const auto& d) { return d.camera == 4; });
   const Calibration calibration = calibrate(truth.detections, settings_for(truth, true));
   EXPECT_THAT(calibration.verdict.reasons, Contains(HasSubstr("Nothing was seen by c04")));
   // --force: the others are right.
-  EXPECT_LE(pose_errors(calibration.model, truth.poses).metres, 0.004);
+  EXPECT_LE(testing::pose_errors(calibration.model, truth.poses).metres, 0.004);
   EXPECT_EQ(make_rig_document(calibration, {}, "").cameras.size(), 8U);
 }
 
 TEST(CalibrationAtItsLimits, CamerasThatShareNothingAreNamed) {
-  SyntheticArray truth = make_synthetic_array({.rows = 2, .columns = 4, .points = 200});
+  testing::SyntheticArray truth =
+      testing::make_synthetic_array({.rows = 2, .columns = 4, .points = 200});
   // The left half sees the first hundred, the right half the others.
   std::erase_if(truth.detections.detections,
                 [](const auto& d) { return (d.camera % 4 < 2) != (d.point < 100); });
@@ -125,7 +127,7 @@ TEST(CalibrationAtItsLimits, CamerasThatShareNothingAreNamed) {
 }
 
 TEST(CalibrationAtItsLimits, WithoutScaleNothingIsVouchedFor) {
-  const SyntheticArray truth = make_synthetic_array({.rows = 3, .columns = 3});
+  const testing::SyntheticArray truth = testing::make_synthetic_array({.rows = 3, .columns = 3});
   CalibrationSettings settings = settings_for(truth, true);
   settings.scale = {};
   EXPECT_THAT(calibrate(truth.detections, settings).verdict.reasons, Contains(HasSubstr("scale")));
@@ -133,18 +135,18 @@ TEST(CalibrationAtItsLimits, WithoutScaleNothingIsVouchedFor) {
 
 /// Cases in which least squares finds wrong arrays that fit well.
 TEST(CalibrationAtItsLimits, WhatIsVouchedForIsRight) {
-  const std::vector<SyntheticArraySettings> hard{
+  const std::vector<testing::SyntheticArraySettings> hard{
       {.rows = 3, .columns = 3, .nearest = 10, .farthest = 20},
       {.rows = 3, .columns = 3, .nearest = 1000, .farthest = 2000},
       {.rows = 1, .columns = 2, .points = 200, .missing = 0, .points_on_a_plane = true},
       {.rows = 2, .columns = 2, .outliers = 0.3}};
-  for (SyntheticArraySettings simulation : hard) {
+  for (testing::SyntheticArraySettings simulation : hard) {
     for (simulation.seed = 1; simulation.seed <= 8; ++simulation.seed) {
-      const SyntheticArray truth = make_synthetic_array(simulation);
+      const testing::SyntheticArray truth = testing::make_synthetic_array(simulation);
       try {
         const Calibration found = calibrate(truth.detections, settings_for(truth, true));
         if (!found.verdict.is_accepted()) continue;
-        const PoseErrors errors = pose_errors(found.model, truth.poses);
+        const testing::PoseErrors errors = testing::pose_errors(found.model, truth.poses);
         EXPECT_LE(errors.metres, 0.1 * simulation.spacing) << simulation.seed;
         EXPECT_LE(errors.degrees, 0.5) << simulation.seed;
       } catch (const Error&) {  // refused
@@ -154,8 +156,8 @@ TEST(CalibrationAtItsLimits, WhatIsVouchedForIsRight) {
 }
 
 TEST(RestingLights, CountOnce) {
-  SyntheticArray truth =
-      make_synthetic_array({.rows = 3, .columns = 3, .points = 50, .repetitions = 3});
+  testing::SyntheticArray truth =
+      testing::make_synthetic_array({.rows = 3, .columns = 3, .points = 50, .repetitions = 3});
   const std::size_t all = truth.detections.detections.size();
   EXPECT_EQ(merge_static_points(truth.detections), 100);
   EXPECT_EQ(truth.detections.detections.size(), all / 3);
@@ -163,4 +165,4 @@ TEST(RestingLights, CountOnce) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

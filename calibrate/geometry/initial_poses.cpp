@@ -12,14 +12,14 @@
 #include <map>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
-#include <vector>
 
 #include "calibrate/geometry/bundle_adjustment.h"
+#include "calibrate/geometry/median.h"
 #include "calibrate/geometry/opencv_pose.h"
 #include "calibrate/geometry/triangulation.h"
 #include "rig/camera_model.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using Eigen::Vector3d;
@@ -35,12 +35,11 @@ cv::Mat opencv_from_ours() { return cv::Mat::diag(cv::Mat(cv::Vec3d(1, -1, -1)))
 using Sight = std::map<int, cv::Point2d>;
 
 std::vector<Sight> sights_of(const ArrayModel& model) {
-  const std::vector<CameraModel> lenses = make_camera_models(model);
+  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
   std::vector<Sight> sights(model.cameras.size());
   for (const ArrayModel::Observation& observation : model.observations) {
-    const auto camera = static_cast<std::size_t>(observation.camera);
-    const auto ideal = lenses[camera].ideal_from_pixel(observation.pixel);
-    if (ideal) sights[camera][observation.point] = {ideal->x(), ideal->y()};
+    const auto ideal = lenses[observation.camera].ideal_from_pixel(observation.pixel);
+    if (ideal) sights[observation.camera][observation.point] = {ideal->x(), ideal->y()};
   }
   return sights;
 }
@@ -48,14 +47,13 @@ std::vector<Sight> sights_of(const ArrayModel& model) {
 /// A second camera relative to a first one.
 struct Pair {
   int first = -1, second = -1;
-  Pose second_pose;
+  rig::Pose second_pose;
   double score = 0;
 };
 
 /// Rates two cameras as the initial pair: inliers times the angle between their rays.
 Pair judged_pair(const std::vector<Sight>& sights, int first, int second, double noise) {
-  const Sight &a = sights[static_cast<std::size_t>(first)],
-              &b = sights[static_cast<std::size_t>(second)];
+  const Sight &a = sights[first], &b = sights[second];
   std::vector<cv::Point2d> from, to;
   for (const auto& [point, place] : a) {
     const auto other = b.find(point);
@@ -81,9 +79,9 @@ Pair judged_pair(const std::vector<Sight>& sights, int first, int second, double
             .normalized();
     angles.push_back(std::atan2(ahead.cross(other).norm(), ahead.dot(other)));
   }
-  std::ranges::nth_element(angles, angles.begin() + static_cast<std::ptrdiff_t>(angles.size() / 2));
+
   constexpr double kWideEnough = 0.3;  // radians; a larger angle brings no more accuracy
-  pair.score = agree * std::min(angles[angles.size() / 2], kWideEnough);
+  pair.score = agree * std::min(median(std::move(angles)), kWideEnough);
   return pair;
 }
 
@@ -102,7 +100,7 @@ Pair best_pair(const std::vector<Sight>& sights, double noise) {
 
 /// A camera registered by known points.
 struct Placement {
-  Pose pose;
+  rig::Pose pose;
   double focal_factor = 1;  // relative to the initial focal length
   std::size_t agree = 0;    // inliers
 };
@@ -135,7 +133,7 @@ std::optional<Placement> placed(const ArrayModel& model, const Sight& sight, dou
   std::vector<cv::Point3d> points;
   std::vector<cv::Point2d> seen;
   for (const auto& [point, place] : sight) {
-    const auto& found = model.points[static_cast<std::size_t>(point)];
+    const auto& found = model.points[point];
     if (!found) continue;
     points.emplace_back(found->x(), found->y(), found->z());
     seen.push_back(place);
@@ -172,8 +170,8 @@ bool estimate_initial_poses(ArrayModel& model, const InitialPosesSettings& setti
   const double noise = settings.max_error_px / 2 * ideal_per_pixel(model);
   const Pair pair = best_pair(sights_of(model), noise);
   if (pair.first < 0) return false;
-  model.cameras[static_cast<std::size_t>(pair.first)].pose = Pose{};
-  model.cameras[static_cast<std::size_t>(pair.second)].pose = pair.second_pose;
+  model.cameras[pair.first].pose = rig::Pose{};
+  model.cameras[pair.second].pose = pair.second_pose;
   triangulate_points(model, settings.max_error_px);
   refine(model, settings);
   register_cameras(model, settings);
@@ -184,9 +182,8 @@ void register_cameras(ArrayModel& model, const InitialPosesSettings& settings) {
   const std::vector<Sight> sights = sights_of(model);
   const double noise = settings.max_error_px / 2 * ideal_per_pixel(model);
   const auto known_of = [&](const Sight& sight) {
-    return std::ranges::count_if(sight, [&](const auto& seen) {
-      return model.points[static_cast<std::size_t>(seen.first)].has_value();
-    });
+    return std::ranges::count_if(
+        sight, [&](const auto& seen) { return model.points[seen.first].has_value(); });
   };
   auto placed_cameras = static_cast<std::size_t>(std::ranges::count_if(
       model.cameras, [](const ArrayModel::Camera& camera) { return camera.pose.has_value(); }));
@@ -220,4 +217,4 @@ void register_cameras(ArrayModel& model, const InitialPosesSettings& settings) {
   refine(model, settings);
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -6,7 +6,7 @@
 
 #include "calibrate/geometry/array_model.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 struct InitialPosesSettings {
   double max_error_px = 8;  ///< observations with a larger reprojection error are not used
@@ -28,4 +28,4 @@ bool estimate_initial_poses(ArrayModel& model, const InitialPosesSettings& setti
 /// Registers the remaining cameras; poses of at least two cameras and their points must be known.
 void register_cameras(ArrayModel& model, const InitialPosesSettings& settings);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -20,7 +20,7 @@
 #include "calibrate/geometry/opencv_pose.h"
 #include "calibrate/geometry/uncertainty.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 constexpr std::size_t kLeastViews = 3, kMinLensCorners = 6;
@@ -52,11 +52,11 @@ struct Views {
 };
 
 ArrayModel make_initial_model(const Views& views, std::span<const CameraBoardViews> cameras,
-                              std::span<const Intrinsics> lenses) {
+                              std::span<const schemas::Intrinsics> lenses) {
   ArrayModel model;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     model.cameras.push_back(
-        {cameras[c].id, cameras[c].width, cameras[c].height, lenses[c], Pose{}});
+        {cameras[c].id, cameras[c].width, cameras[c].height, lenses[c], rig::Pose{}});
   }
   for (std::size_t v = 0; v < views.views.size(); ++v) {
     const BoardView& view = *views.views[v];
@@ -76,7 +76,7 @@ ArrayModel make_initial_model(const Views& views, std::span<const CameraBoardVie
 
 /// Returns the initial lens: the focal length from the boards' homographies, the principal point in
 /// the middle.
-Intrinsics guessed_lens(const Views& views, int width, int height) {
+schemas::Intrinsics guessed_lens(const Views& views, int width, int height) {
   std::vector<std::vector<cv::Point3f>> boards;
   std::vector<std::vector<cv::Point2f>> pictures;
   for (const BoardView* const view : views.views) {
@@ -97,7 +97,7 @@ Intrinsics guessed_lens(const Views& views, int width, int height) {
 }
 
 void place_boards(ArrayModel& model, const Views& views) {
-  const std::vector<CameraModel> lenses = make_camera_models(model);
+  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
   for (std::size_t v = 0; v < views.views.size(); ++v) {
     model.bodies[v].pose = estimate_board_pose(*views.views[v], lenses[views.camera[v]]);
   }
@@ -105,7 +105,7 @@ void place_boards(ArrayModel& model, const Views& views) {
 }
 
 void mark_outliers(ArrayModel& model, double max_error_px) {
-  const std::vector<CameraModel> lenses = make_camera_models(model);
+  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
   for (ArrayModel::Observation& o : model.observations) {
     const auto residual = reprojection_residual(model, lenses, o);
     o.is_outlier = !residual || !(residual->norm() <= max_error_px);
@@ -176,7 +176,7 @@ std::vector<LensCalibration> described(const ArrayModel& model, const Views& vie
     if (uncertainty && uncertainty->cameras[c]) all[c].deviations = uncertainty->cameras[c]->lens;
   }
   for (const ArrayModel::Observation& o : model.observations) {
-    LensCalibration& found = all[static_cast<std::size_t>(o.camera)];
+    LensCalibration& found = all[o.camera];
     ++found.corners;
     found.outliers += o.is_outlier ? 1 : 0;
   }
@@ -237,7 +237,7 @@ void tell_apart(const std::vector<LensCalibration>& alone, std::vector<LensCalib
 
 }  // namespace
 
-std::optional<Pose> estimate_board_pose(const BoardView& view, const CameraModel& lens) {
+std::optional<rig::Pose> estimate_board_pose(const BoardView& view, const rig::CameraModel& lens) {
   std::vector<cv::Point3d> board;
   std::vector<cv::Point2d> seen;
   for (std::size_t i = 0; i < view.pixels.size(); ++i) {
@@ -258,7 +258,7 @@ LensCalibration calibrate_lens(const CameraBoardViews& camera,
                                const LensCalibrationSettings& settings) {
   const std::span<const CameraBoardViews> cameras(&camera, 1);
   const Views views(cameras);
-  const Intrinsics guess = guessed_lens(views, camera.width, camera.height);
+  const schemas::Intrinsics guess = guessed_lens(views, camera.width, camera.height);
   ArrayModel model = make_initial_model(views, cameras, {&guess, 1});
   BundleAdjustmentSettings bundle;
   refine(model, views, settings, bundle);
@@ -271,7 +271,7 @@ std::vector<LensCalibration> calibrate_lenses_with_shared_prior(
     std::span<const CameraBoardViews> cameras, const LensCalibrationSettings& settings) {
   const Views views(cameras);
   std::vector<LensCalibration> alone;
-  std::vector<Intrinsics> lenses;
+  std::vector<schemas::Intrinsics> lenses;
   double focal_length = 0, weights = 0, noise_px = 0;
   for (const CameraBoardViews& camera : cameras) {
     if (camera.width != cameras.front().width || camera.height != cameras.front().height) {
@@ -287,7 +287,7 @@ std::vector<LensCalibration> calibrate_lenses_with_shared_prior(
     weights += weight;
     noise_px += own.rms_px / std::numbers::sqrt2 / static_cast<double>(cameras.size());
   }
-  for (Intrinsics& lens : lenses) {
+  for (schemas::Intrinsics& lens : lenses) {
     if (weights > 0) lens.fx = lens.fy = focal_length / weights;
   }
   ArrayModel model = make_initial_model(views, cameras, lenses);
@@ -303,4 +303,4 @@ std::vector<LensCalibration> calibrate_lenses_with_shared_prior(
   return found;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

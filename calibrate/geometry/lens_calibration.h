@@ -12,7 +12,7 @@
 #include "rig/camera_model.h"
 #include "rig/pose.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Corners of a flat board in one picture.
 struct BoardView {
@@ -23,7 +23,7 @@ struct BoardView {
 
 /// Returns the pose of the board in the camera (camera_from_board: x right and y up on the board);
 /// none with fewer than four corners.
-std::optional<Pose> estimate_board_pose(const BoardView& view, const CameraModel& lens);
+std::optional<rig::Pose> estimate_board_pose(const BoardView& view, const rig::CameraModel& lens);
 
 struct LensCalibrationSettings {
   bool full_lens_model = false;  ///< also k3 and tangential distortion
@@ -33,7 +33,7 @@ struct LensCalibrationSettings {
 
 /// Result of the calibration of one lens.
 struct LensCalibration {
-  Intrinsics lens;
+  schemas::Intrinsics lens;
   LensParameters deviations{};  ///< one standard deviation each; 0: held
   double rms_px = 0;
   int views = 0, corners = 0, outliers = 0;
@@ -65,4 +65,4 @@ LensCalibration calibrate_lens(const CameraBoardViews& camera,
 std::vector<LensCalibration> calibrate_lenses_with_shared_prior(
     std::span<const CameraBoardViews> cameras, const LensCalibrationSettings& settings);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -9,7 +9,7 @@
 
 #include "schemas/geometry.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Lens parameters of the solvers: fx, fy, cx, cy, k1, k2, p1, p2, k3.
 constexpr int kLensParameterCount = 9;
@@ -17,12 +17,12 @@ using LensParameters = std::array<double, kLensParameterCount>;
 constexpr std::array<std::string_view, kLensParameterCount> kLensParameterNames{
     "fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"};
 
-inline LensParameters lens_parameters(const Intrinsics& k) {
-  const Distortion& d = k.distortion;
+inline LensParameters lens_parameters(const schemas::Intrinsics& k) {
+  const schemas::Distortion& d = k.distortion;
   return {k.fx, k.fy, k.cx, k.cy, d.k1, d.k2, d.p1, d.p2, d.k3};
 }
 
-inline Intrinsics intrinsics_from_parameters(const LensParameters& v) {
+inline schemas::Intrinsics intrinsics_from_parameters(const LensParameters& v) {
   return {v[0], v[1], v[2], v[3], {v[4], v[5], v[6], v[7], v[8]}};
 }
 
@@ -40,4 +40,4 @@ Eigen::Matrix<T, 2, 1> project_to_pixel(const Eigen::Matrix<T, 3, 1>& in_camera,
   return {lens[0] * u + lens[2], lens[square_pixels ? 0 : 1] * v + lens[3]};
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

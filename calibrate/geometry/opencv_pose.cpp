@@ -3,9 +3,9 @@
 
 #include <opencv2/calib3d.hpp>
 
-namespace raystage {
+namespace raystage::calibrate {
 
-Pose pose_from_opencv_matrix(const cv::Mat& rotation, const cv::Mat& translation) {
+rig::Pose pose_from_opencv_matrix(const cv::Mat& rotation, const cv::Mat& translation) {
   // Our cameras look along -z with y up.
   const Eigen::Matrix3d ours_from_opencv = Eigen::Vector3d(1, -1, -1).asDiagonal();
   Eigen::Matrix3d turned;
@@ -19,10 +19,10 @@ Pose pose_from_opencv_matrix(const cv::Mat& rotation, const cv::Mat& translation
   return {camera_from_world.transpose(), -turned.transpose() * moved};
 }
 
-Pose pose_from_opencv(const cv::Mat& turn, const cv::Mat& translation) {
+rig::Pose pose_from_opencv(const cv::Mat& turn, const cv::Mat& translation) {
   cv::Mat rotation;
   cv::Rodrigues(turn, rotation);
   return pose_from_opencv_matrix(rotation, translation);
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -6,13 +6,13 @@
 
 #include "rig/pose.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Converts a pose of OpenCV, x_in_camera = rotation(turn) x + translation with z forwards and y
 /// down; `turn`: a rotation vector.
-Pose pose_from_opencv(const cv::Mat& turn, const cv::Mat& translation);
+rig::Pose pose_from_opencv(const cv::Mat& turn, const cv::Mat& translation);
 
 /// Converts a pose with a rotation matrix instead of a rotation vector.
-Pose pose_from_opencv_matrix(const cv::Mat& rotation, const cv::Mat& translation);
+rig::Pose pose_from_opencv_matrix(const cv::Mat& rotation, const cv::Mat& translation);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace raystage {
+namespace raystage::calibrate {
 
 using Eigen::Index;
 using Eigen::VectorXd;
@@ -16,7 +16,7 @@ ParameterLayout make_parameter_layout(const ArrayModel& model,
   ParameterLayout layout;
   std::vector<bool> counts(model.cameras.size(), false);
   for (const ArrayModel::Observation& o : model.observations) {
-    if (model.counts(o)) counts[static_cast<std::size_t>(o.camera)] = true;
+    if (model.counts(o)) counts[o.camera] = true;
   }
   if (free.lens != LensRefinement::kNone) {
     const std::vector<int> held = fixed_lens_parameters(free.lens);
@@ -69,8 +69,7 @@ VectorXd parameter_tolerances(const ArrayModel& model, const ParameterLayout& la
                                    corner / (3 * r * r),
                                    corner / std::pow(r, 7)};
     for (std::size_t k = 0; k < layout.free_lens_parameters.size(); ++k) {
-      result[layout.lens[i] + static_cast<Index>(k)] =
-          of_values[static_cast<std::size_t>(layout.free_lens_parameters[k])];
+      result[layout.lens[i] + static_cast<Index>(k)] = of_values[layout.free_lens_parameters[k]];
     }
   }
   return result;
@@ -115,8 +114,8 @@ Uncertainty::Direction summarise_direction(const VectorXd& direction, double dev
       d.positions += position;
       of_camera[i] = turn + position;
     }
-    if (layout.lens[i] == kFixed || told[static_cast<std::size_t>(layout.lens[i])]) continue;
-    told[static_cast<std::size_t>(layout.lens[i])] = true;
+    if (layout.lens[i] == kFixed || told[layout.lens[i]]) continue;
+    told[layout.lens[i]] = true;
     for (std::size_t k = 0; k < layout.free_lens_parameters.size(); ++k) {
       const double component = direction[layout.lens[i] + static_cast<Index>(k)];
       const double share = component * component / all;
@@ -131,4 +130,4 @@ Uncertainty::Direction summarise_direction(const VectorXd& direction, double dev
   return d;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -7,7 +7,7 @@
 
 #include "calibrate/geometry/uncertainty.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 inline constexpr int kPoseParameterCount = 6;  ///< rotation in the camera, position in the world
 inline constexpr Eigen::Index kFixed = -1;
@@ -36,4 +36,4 @@ double max_effect(const Eigen::VectorXd& direction, const ParameterLayout& layou
 Uncertainty::Direction summarise_direction(const Eigen::VectorXd& direction, double deviation,
                                            const ParameterLayout& layout);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

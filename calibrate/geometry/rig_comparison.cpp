@@ -15,18 +15,18 @@
 #include "rig/camera_model.h"
 #include "schemas/former_names.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 struct Both {
-  const RigDocument::Camera *first, *second;
-  Pose first_pose, second_pose;
+  const schemas::RigDocument::Camera *first, *second;
+  rig::Pose first_pose, second_pose;
 };
 
-double angle_between(const Pose& a, const Pose& b) {
+double angle_between(const rig::Pose& a, const rig::Pose& b) {
   const Eigen::AngleAxisd turn(
       Eigen::Matrix3d(a.world_from_camera_rotation.transpose() * b.world_from_camera_rotation));
   return std::abs(turn.angle()) * 180 / std::numbers::pi;
@@ -34,7 +34,7 @@ double angle_between(const Pose& a, const Pose& b) {
 
 /// Computes the pixel distances between the projections of common points.
 void compare_pictures(const Both& both, double nearest, RigComparison::Camera& out) {
-  const CameraModel a(both.first->geometry), b(both.second->geometry);
+  const rig::CameraModel a(both.first->geometry), b(both.second->geometry);
   constexpr int kGrid = 9;
   double sum = 0;
   int count = 0;
@@ -63,27 +63,23 @@ void compare_pictures(const Both& both, double nearest, RigComparison::Camera& o
 
 }  // namespace
 
-RigComparison compare_rigs(const RigDocument& first, const RigDocument& second, double nearest_m) {
+RigComparison compare_rigs(const schemas::RigDocument& first, const schemas::RigDocument& second,
+                           double nearest_m) {
   RigComparison comparison;
   std::vector<Both> common;
   ArrayModel places;
-  const auto named = [](const RigDocument& rig, const std::string& id) {
-    const auto camera = std::ranges::find_if(
-        rig.cameras, [&](const auto& candidate) { return candidate.geometry.id == id; });
-    return camera == rig.cameras.end() ? nullptr : &*camera;
-  };
-  for (const RigDocument::Camera& camera : first.cameras) {
-    const RigDocument::Camera* other = named(second, camera.geometry.id);
+  for (const schemas::RigDocument::Camera& camera : first.cameras) {
+    const schemas::RigDocument::Camera* other = second.find(camera.geometry.id);
     if (other == nullptr) {
       comparison.only_in_first.push_back(camera.geometry.id);
       continue;
     }
-    common.push_back({&camera, other, pose_from_matrix(camera.geometry.world_from_camera),
-                      pose_from_matrix(other->geometry.world_from_camera)});
+    common.push_back({&camera, other, rig::pose_from_matrix(camera.geometry.world_from_camera),
+                      rig::pose_from_matrix(other->geometry.world_from_camera)});
     places.cameras.push_back({camera.geometry.id, 1, 1, {}, common.back().first_pose});
   }
-  for (const RigDocument::Camera& camera : second.cameras) {
-    if (named(first, camera.geometry.id) == nullptr) {
+  for (const schemas::RigDocument::Camera& camera : second.cameras) {
+    if (first.find(camera.geometry.id) == nullptr) {
       comparison.only_in_second.push_back(camera.geometry.id);
     }
   }
@@ -91,7 +87,7 @@ RigComparison compare_rigs(const RigDocument& first, const RigDocument& second, 
     throw Error::bad_input("the rigs have fewer than two cameras in common", "",
                            "Compare rigs whose cameras have the same ids");
   }
-  std::vector<Pose> from, to;
+  std::vector<rig::Pose> from, to;
   for (const Both& both : common) {
     from.push_back(both.second_pose);
     to.push_back(both.first_pose);
@@ -157,12 +153,12 @@ std::string rig_comparison_json(const RigComparison& comparison) {
             {"cameras", cameras},
             {"only_in_first", comparison.only_in_first},
             {"only_in_second", comparison.only_in_second}};
-  constexpr FormerName kFormerNames[] = {{"position_m", "place_m"},
-                                         {"rotation_deg", "turn_deg"},
-                                         {"max_px", "most_px"},
-                                         {"focal_ratio", "focal_factor"}};
-  add_former_names(json, kFormerNames);
+  constexpr schemas::FormerName kFormerNames[] = {{"position_m", "place_m"},
+                                                  {"rotation_deg", "turn_deg"},
+                                                  {"max_px", "most_px"},
+                                                  {"focal_ratio", "focal_factor"}};
+  schemas::add_former_names(json, kFormerNames);
   return json.dump(1) + "\n";
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -6,7 +6,7 @@
 
 #include "schemas/rig_document.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Differences of two rigs after the second was aligned with the first by a similarity (least
 /// squares over the centres of all common cameras).
@@ -28,9 +28,10 @@ struct RigComparison {
 /// camera, with points at `nearest_m` metres, twice and four times as far and at infinity; 0: ten
 /// times the median distance between neighbours. Throws Error (bad input) if fewer than two cameras
 /// are common.
-RigComparison compare_rigs(const RigDocument& first, const RigDocument& second, double nearest_m);
+RigComparison compare_rigs(const schemas::RigDocument& first, const schemas::RigDocument& second,
+                           double nearest_m);
 
 std::string format_rig_comparison(const RigComparison& comparison);
 std::string rig_comparison_json(const RigComparison& comparison);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -9,35 +9,35 @@
 #include "calibrate/geometry/alignment.h"
 #include "testing/calibrate/test_synthetic_array.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
-RigDocument grid_rig() {
-  RigDocument rig;
+schemas::RigDocument grid_rig() {
+  schemas::RigDocument rig;
   for (int i = 0; i < 9; ++i) {
-    Pose pose;
+    rig::Pose pose;
     pose.position = {0.06 * (i % 3), 0.06 * (i / 3), 0};
-    RigDocument::Camera camera;
-    camera.geometry = {fmt::format("c{}", i),  640, 480, {500, 500, 320, 240, {}},
-                       matrix_from_pose(pose), {},  {}};
+    schemas::RigDocument::Camera camera;
+    camera.geometry = {fmt::format("c{}", i),       640, 480, {500, 500, 320, 240, {}},
+                       rig::matrix_from_pose(pose), {},  {}};
     rig.cameras.push_back(camera);
   }
   return rig;
 }
 
-Pose pose_of(const RigDocument::Camera& camera) {
-  return pose_from_matrix(camera.geometry.world_from_camera);
+rig::Pose pose_of(const schemas::RigDocument::Camera& camera) {
+  return rig::pose_from_matrix(camera.geometry.world_from_camera);
 }
 
 TEST(RigComparisons, ForgiveTheWorld) {
-  const RigDocument rig = grid_rig();
-  RigDocument moved = rig;
+  const schemas::RigDocument rig = grid_rig();
+  schemas::RigDocument moved = rig;
   SimilarityTransform away;
   away.rotation = Eigen::AngleAxisd(1, Eigen::Vector3d::UnitX()).toRotationMatrix();
   away.scale = 2.5;
   away.translation = {1, 2, 3};
   for (auto& camera : moved.cameras) {
-    camera.geometry.world_from_camera = matrix_from_pose(away(pose_of(camera)));
+    camera.geometry.world_from_camera = rig::matrix_from_pose(away(pose_of(camera)));
   }
   const RigComparison comparison = compare_rigs(rig, moved, 0);
   EXPECT_NEAR(comparison.scale, 1 / 2.5, 1e-12);
@@ -49,12 +49,12 @@ TEST(RigComparisons, ForgiveTheWorld) {
 }
 
 TEST(RigComparisons, TellWhatMoved) {
-  const RigDocument rig = grid_rig();
-  RigDocument turned = rig;
-  Pose pose = pose_of(turned.cameras[4]);
+  const schemas::RigDocument rig = grid_rig();
+  schemas::RigDocument turned = rig;
+  rig::Pose pose = pose_of(turned.cameras[4]);
   pose.world_from_camera_rotation =
-      Eigen::AngleAxisd(kTestDegree, Eigen::Vector3d::UnitY()).toRotationMatrix();
-  turned.cameras[4].geometry.world_from_camera = matrix_from_pose(pose);
+      Eigen::AngleAxisd(testing::kTestDegree, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  turned.cameras[4].geometry.world_from_camera = rig::matrix_from_pose(pose);
   turned.cameras[8].geometry.intrinsics.fx *= 1.1;
   turned.cameras.back().geometry.id = "other";
   const RigComparison comparison = compare_rigs(rig, turned, 2);
@@ -62,12 +62,12 @@ TEST(RigComparisons, TellWhatMoved) {
   EXPECT_EQ(comparison.only_in_first, std::vector<std::string>{"c8"});
   EXPECT_EQ(comparison.only_in_second, std::vector<std::string>{"other"});
   EXPECT_NEAR(comparison.cameras[4].rotation_deg, 1, 0.15);  // alignment shares it out
-  EXPECT_NEAR(comparison.cameras[4].rms_px, 500 * std::tan(kTestDegree), 2);
+  EXPECT_NEAR(comparison.cameras[4].rms_px, 500 * std::tan(testing::kTestDegree), 2);
   EXPECT_LE(comparison.cameras[0].rotation_deg, 0.2);
-  RigDocument one = rig;
+  schemas::RigDocument one = rig;
   one.cameras.resize(1);
   EXPECT_THROW(compare_rigs(rig, one, 0), Error);
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

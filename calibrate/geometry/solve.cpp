@@ -7,18 +7,17 @@
 #include "calibrate/geometry/solve.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <numbers>
 
 #include "base/error.h"
 #include "base/parallel.h"
-#include "calibrate/geometry/bundle_adjustment.h"
+#include "base/stopwatch.h"
 #include "calibrate/geometry/initial_poses.h"
 #include "calibrate/geometry/solve_steps.h"
 #include "calibrate/geometry/triangulation.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 constexpr double kFirstError = 12;  // pixels: tolerance while lenses are unknown
@@ -43,7 +42,7 @@ ArrayModel begun_once(const ArrayModel& empty, double max_error_px, const SolveS
   InitialPosesSettings first{max_error_px, false, settings.fixed_cameras};
   first.stop = settings.stop;
   first.estimates_focal_lengths = settings.lens_per_camera && settings.lenses.empty();
-  const auto is_known = [](const std::optional<Pose>& pose) { return pose.has_value(); };
+  const auto is_known = [](const std::optional<rig::Pose>& pose) { return pose.has_value(); };
   if (std::ranges::count_if(settings.poses, is_known) >= 2) {
     for (std::size_t i = 0; i < settings.poses.size(); ++i) {
       model.cameras[i].pose = settings.poses[i];
@@ -84,21 +83,19 @@ Detections thinned(const Detections& all, std::size_t max_points, std::size_t mo
   for (std::size_t i = 0; i < all.cameras.size(); ++i) sights.emplace_back(0, static_cast<int>(i));
   for (const auto& d : all.detections) {
     if (points.empty() || points.back() != d.point) points.push_back(d.point);
-    ++sights[static_cast<std::size_t>(d.camera)].first;
+    ++sights[d.camera].first;
   }
   std::ranges::stable_sort(sights, std::greater<>(), [](const auto& sight) { return sight.first; });
   std::vector<bool> looks(all.cameras.size(), false);
   for (std::size_t i = 0; i < std::min(most_cameras, sights.size()); ++i) {
-    looks[static_cast<std::size_t>(sights[i].second)] = true;
+    looks[sights[i].second] = true;
   }
   const std::size_t step = (points.size() + max_points - 1) / max_points;
   Detections thin{all.cameras, {}};
   std::size_t index = 0;
   for (const auto& d : all.detections) {
     while (points[index] != d.point) ++index;
-    if (index % step == 0 && looks[static_cast<std::size_t>(d.camera)]) {
-      thin.detections.push_back(d);
-    }
+    if (index % step == 0 && looks[d.camera]) thin.detections.push_back(d);
   }
   return thin;
 }
@@ -123,7 +120,7 @@ double likely_fov(const Detections& detections, const SolveSettings& settings) {
 
 ArrayModel solve_array(const Detections& detections, const SolveSettings& settings,
                        SolveReport& report) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   ArrayModel model = begun_with(detections, {likely_fov(detections, settings)}, settings);
   const bool is_held =
       std::ranges::find(settings.fixed_cameras, true) != settings.fixed_cameras.end();
@@ -139,8 +136,8 @@ ArrayModel solve_array(const Detections& detections, const SolveSettings& settin
                            "Record the light where several cameras see it at once, near and far");
   }
   run_bundle_adjustment_steps(model, settings, report);
-  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  report.seconds = watch.seconds();
   return model;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

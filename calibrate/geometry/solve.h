@@ -10,7 +10,7 @@
 #include "calibrate/geometry/array_model.h"
 #include "calibrate/geometry/bundle_adjustment.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// State after one step of a solve.
 struct SolveStep {
@@ -23,9 +23,9 @@ struct SolveSettings {
   /// Horizontal field of view of all cameras, radians; none: several are tried.
   std::optional<double> horizontal_fov = {};
   /// Initial lens of each camera, in place of the field of view.
-  std::vector<Intrinsics> lenses = {};
+  std::vector<schemas::Intrinsics> lenses = {};
   /// Initial pose of each camera, or none. With two or more, the world frame is theirs.
-  std::vector<std::optional<Pose>> poses = {};
+  std::vector<std::optional<rig::Pose>> poses = {};
   std::vector<bool> fixed_cameras = {};                ///< whose poses are held; empty: none
   bool lens_is_known = false;                          ///< lenses are held
   bool lens_per_camera = false;                        ///< the last steps refine a lens per camera
@@ -49,4 +49,4 @@ struct SolveReport {
 ArrayModel solve_array(const Detections& detections, const SolveSettings& settings,
                        SolveReport& report);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -6,10 +6,10 @@
 #include <numbers>
 
 #include "calibrate/geometry/bundle_adjustment.h"
-#include "calibrate/geometry/initial_poses.h"
+#include "calibrate/geometry/median.h"
 #include "calibrate/geometry/triangulation.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 constexpr double kMostThreshold = 12;  // pixels
@@ -20,9 +20,8 @@ constexpr double kLeastThreshold = 3;
 double outlier_threshold(const ArrayModel& model) {
   std::vector<double> errors = reprojection_errors(model);
   if (errors.empty()) return kMostThreshold;
-  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
-  std::ranges::nth_element(errors, middle);
-  const double deviation = *middle / std::sqrt(2 * std::numbers::ln2);
+
+  const double deviation = median(std::move(errors)) / std::sqrt(2 * std::numbers::ln2);
   return std::clamp(6 * deviation, kLeastThreshold, kMostThreshold);
 }
 
@@ -74,9 +73,7 @@ void run_bundle_adjustment_steps(ArrayModel& model, const SolveSettings& setting
     release(LensRefinement::kFocalLength, !each, 8,
             each ? "a focal length for each camera" : "one focal length for all");
   }
-  if (frees && !each) {
-    release(LensRefinement::kRadial, true, kLeastThreshold, "one lens for all");
-  }
+  if (frees && !each) release(LensRefinement::kRadial, true, kLeastThreshold, "one lens for all");
   if (frees && each) {
     release(LensRefinement::kPinhole, false, 4, "a principal point for each camera");
     release(LensRefinement::kRadial, false, 4, "a lens for each camera");
@@ -90,4 +87,4 @@ void run_bundle_adjustment_steps(ArrayModel& model, const SolveSettings& setting
   report.last = bundle;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

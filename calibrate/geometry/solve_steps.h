@@ -4,7 +4,7 @@
 
 #include "calibrate/geometry/solve.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Returns the number of cameras with a pose.
 int count_registered_cameras(const ArrayModel& model);
@@ -17,4 +17,4 @@ void run_bundle_adjustment_steps(ArrayModel& model, const SolveSettings& setting
 /// Returns the state of the model under a name.
 SolveReport::Step make_solve_step(const ArrayModel& model, std::string what);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

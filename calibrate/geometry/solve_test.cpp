@@ -10,16 +10,16 @@
 #include "testing/calibrate/test_synthetic_array.h"
 #include "testing/test_data.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 TEST(SolvedArrays, TheThesisArrayIsFoundToAMillimetre) {
-  const SyntheticArray truth = make_synthetic_array({});
+  const testing::SyntheticArray truth = testing::make_synthetic_array({});
   SolveReport report;
   SolveSettings settings;
-  settings.horizontal_fov = 60 * kTestDegree;
+  settings.horizontal_fov = 60 * testing::kTestDegree;
   const ArrayModel model = solve_array(truth.detections, settings, report);
-  const PoseErrors errors = pose_errors(model, truth.poses);
+  const testing::PoseErrors errors = testing::pose_errors(model, truth.poses);
   RecordProperty("seconds", fmt::format("{:.1f}", report.seconds));
   EXPECT_EQ(errors.placed, 64);
   EXPECT_LE(report.steps.back().rms_px, 0.3);
@@ -32,22 +32,22 @@ TEST(SolvedArrays, TheThesisArrayIsFoundToAMillimetre) {
 }
 
 TEST(SolvedArrays, WhatSeesNothingHasNoPose) {
-  SyntheticArray truth = make_synthetic_array({.rows = 2, .columns = 3});
+  testing::SyntheticArray truth = testing::make_synthetic_array({.rows = 2, .columns = 3});
   std::erase_if(truth.detections.detections, [](const auto& d) { return d.camera == 4; });
   SolveReport report;
   const ArrayModel model =
-      solve_array(truth.detections, {.horizontal_fov = 60 * kTestDegree}, report);
+      solve_array(truth.detections, {.horizontal_fov = 60 * testing::kTestDegree}, report);
   EXPECT_FALSE(model.cameras[4].pose);
-  EXPECT_EQ(pose_errors(model, truth.poses).placed, 5);
+  EXPECT_EQ(testing::pose_errors(model, truth.poses).placed, 5);
   truth.detections.detections.clear();
   EXPECT_THROW(solve_array(truth.detections, {}, report), Error);
 }
 
 TEST(SolvedArrays, AreGivenUpWhenAskedTo) {
-  const SyntheticArray truth = make_synthetic_array({.rows = 2, .columns = 3});
+  const testing::SyntheticArray truth = testing::make_synthetic_array({.rows = 2, .columns = 3});
   SolveReport report;
   std::stop_source source;
-  SolveSettings settings{.horizontal_fov = 60 * kTestDegree};
+  SolveSettings settings{.horizontal_fov = 60 * testing::kTestDegree};
   settings.stop = source.get_token();
   std::vector<std::string> steps;
   settings.on_step = [&](const SolveStep& step) {
@@ -60,8 +60,8 @@ TEST(SolvedArrays, AreGivenUpWhenAskedTo) {
 
 /// A captured light, with a lens for each camera.
 ArrayModel solved_light(const std::filesystem::path& folder, SolveReport& report) {
-  const Detections detections =
-      read_detections(folder / "detections.csv", read_detections_document(folder / "cameras.json"));
+  const Detections detections = read_detections(
+      folder / "detections.csv", schemas::read_detections_document(folder / "cameras.json"));
   SolveSettings settings;
   settings.lens_per_camera = true;
   return solve_array(detections, settings, report);
@@ -69,7 +69,7 @@ ArrayModel solved_light(const std::filesystem::path& folder, SolveReport& report
 
 /// Svoboda's MultiCamSelfCal states 0.62 px in the mean.
 TEST(SolvedArrays, AMovingLightIsExplainedAsWellAsPublished) {
-  const auto folder = test_data() / "led_points" / "DATA20100906_134124";
+  const auto folder = testing::test_data() / "led_points" / "DATA20100906_134124";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no captured detections at " << folder;
   SolveReport report;
   const ArrayModel model = solved_light(folder, report);
@@ -85,8 +85,8 @@ TEST(SolvedArrays, AMovingLightIsExplainedAsWellAsPublished) {
   EXPECT_LE(sum / static_cast<double>(errors.size()), 0.62);
   std::vector<std::size_t> seen(model.points.size(), 0), kept(model.points.size(), 0);
   for (const ArrayModel::Observation& observation : model.observations) {
-    ++seen[static_cast<std::size_t>(observation.point)];
-    kept[static_cast<std::size_t>(observation.point)] += model.counts(observation) ? 1 : 0;
+    ++seen[observation.point];
+    kept[observation.point] += model.counts(observation) ? 1 : 0;
   }
   int by_all = 0, kept_by_all = 0;
   for (std::size_t i = 0; i < seen.size(); ++i) {
@@ -100,7 +100,7 @@ TEST(SolvedArrays, AMovingLightIsExplainedAsWellAsPublished) {
 
 /// Three cameras with narrow lenses: two of them explain what they see with many.
 TEST(SolvedArrays, LensesThatNobodyGuessedAreFound) {
-  const auto folder = test_data() / "led_points" / "DATA20090709_111010";
+  const auto folder = testing::test_data() / "led_points" / "DATA20090709_111010";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no captured detections at " << folder;
   SolveReport report;
   const ArrayModel model = solved_light(folder, report);
@@ -111,4 +111,4 @@ TEST(SolvedArrays, LensesThatNobodyGuessedAreFound) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

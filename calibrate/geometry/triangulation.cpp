@@ -5,12 +5,11 @@
 #include "calibrate/geometry/triangulation.h"
 
 #include <Eigen/Dense>
-#include <cmath>
 #include <vector>
 
 #include "rig/camera_model.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using Eigen::Matrix3d;
@@ -40,7 +39,7 @@ std::optional<Vector3d> nearest_point(const std::vector<Ray>& rays) {
 }  // namespace
 
 void triangulate_points(ArrayModel& model, double max_error_px) {
-  const std::vector<CameraModel> lenses = make_camera_models(model);
+  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
   for (std::size_t begin = 0; begin < model.observations.size();) {
     const int point = model.observations[begin].point;
     std::size_t end = begin;
@@ -56,7 +55,7 @@ void triangulate_points(ArrayModel& model, double max_error_px) {
       of_rays.push_back(end);
     }
     begin = end;
-    auto& place = model.points[static_cast<std::size_t>(point)];
+    auto& place = model.points[point];
     if (place || rays.size() < 2) continue;
     // All rays first; if some are outliers, the pair with the most inliers.
     std::vector<std::vector<Ray>> tries{rays};
@@ -72,9 +71,8 @@ void triangulate_points(ArrayModel& model, double max_error_px) {
       std::size_t agree = 0;
       for (const std::size_t i : of_rays) {
         const ArrayModel::Observation& observation = model.observations[i];
-        const auto camera = static_cast<std::size_t>(observation.camera);
-        const auto seen =
-            lenses[camera].project(model.cameras[camera].pose->camera_from_world(*found));
+        const auto seen = lenses[observation.camera].project(
+            model.cameras[observation.camera].pose->camera_from_world(*found));
         agree += seen && (*seen - observation.pixel).norm() <= max_error_px ? 1 : 0;
       }
       if (agree <= best) continue;
@@ -85,4 +83,4 @@ void triangulate_points(ArrayModel& model, double max_error_px) {
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

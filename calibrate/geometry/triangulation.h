@@ -3,10 +3,10 @@
 
 #include "calibrate/geometry/array_model.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Triangulates the undetermined points that at least two registered cameras observe, by the
 /// nearest points of their rays; not if the rays are almost parallel.
 void triangulate_points(ArrayModel& model, double max_error_px);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -14,9 +14,10 @@
 #include <limits>
 #include <numbers>
 
+#include "calibrate/geometry/median.h"
 #include "calibrate/geometry/parameter_layout.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using Eigen::Index;
@@ -30,7 +31,8 @@ constexpr double kUnknown = 1e6;  // tolerances: deviation of undetermined direc
 /// Jacobian of a pixel by the point in the camera (3) and the lens (9).
 using LensJacobian = Eigen::Matrix<double, 2, 3 + kLensParameterCount>;
 
-LensJacobian lens_jacobian(const Vector3d& in_camera, const Intrinsics& lens, bool square_pixels) {
+LensJacobian lens_jacobian(const Vector3d& in_camera, const schemas::Intrinsics& lens,
+                           bool square_pixels) {
   using Jet = ceres::Jet<double, 3 + kLensParameterCount>;
   Eigen::Matrix<Jet, 3, 1> point;
   for (int i = 0; i < 3; ++i) point[i] = Jet(in_camera[i], i);
@@ -62,8 +64,7 @@ Rows rows_of(const ArrayModel& model, const ArrayModel::Observation& o,
              const ParameterLayout& layout) {
   const auto i = static_cast<std::size_t>(o.camera);
   const ArrayModel::Camera& camera = model.cameras[i];
-  const Vector3d in_camera =
-      camera.pose->camera_from_world(*model.points[static_cast<std::size_t>(o.point)]);
+  const Vector3d in_camera = camera.pose->camera_from_world(*model.points[o.point]);
   const LensJacobian jacobian = lens_jacobian(in_camera, camera.intrinsics, layout.square_pixels);
   const Eigen::Matrix<double, 2, 3> by_place = jacobian.leftCols<3>();
   const Matrix3d camera_from_world = camera.pose->world_from_camera_rotation.transpose();
@@ -79,8 +80,7 @@ Rows rows_of(const ArrayModel& model, const ArrayModel::Observation& o,
     for (Index k = 0; k < of_pose; ++k) rows.unknowns.push_back(layout.pose[i] + k);
   }
   for (Index k = 0; k < of_lens; ++k) {
-    rows.by_unknowns.col(of_pose + k) =
-        jacobian.col(3 + layout.free_lens_parameters[static_cast<std::size_t>(k)]);
+    rows.by_unknowns.col(of_pose + k) = jacobian.col(3 + layout.free_lens_parameters[k]);
     rows.unknowns.push_back(layout.lens[i] + k);
   }
   return rows;
@@ -112,8 +112,7 @@ void add_common(Information& sum, const std::vector<Rows>& rows, const MatrixXd&
       if (a == b) block += rows[a].by_unknowns.transpose() * rows[a].by_unknowns;
       for (Index row = 0; row < block.rows(); ++row) {
         for (Index column = 0; column < block.cols(); ++column) {
-          sum.matrix(rows[a].unknowns[static_cast<std::size_t>(row)],
-                     rows[b].unknowns[static_cast<std::size_t>(column)]) += block(row, column);
+          sum.matrix(rows[a].unknowns[row], rows[b].unknowns[column]) += block(row, column);
         }
       }
     }
@@ -125,17 +124,17 @@ std::vector<std::vector<const ArrayModel::Observation*>> groups_of(const ArrayMo
   std::vector<std::size_t> group_of(model.points.size());
   for (std::size_t i = 0; i < group_of.size(); ++i) group_of[i] = i;
   for (std::size_t b = 0; b < model.bodies.size(); ++b) {
-    for (const int point : model.bodies[b].points) group_of[static_cast<std::size_t>(point)] = b;
+    for (const int point : model.bodies[b].points) group_of[point] = b;
   }
   std::vector<std::vector<const ArrayModel::Observation*>> groups(model.points.size());
   for (const ArrayModel::Observation& o : model.observations) {
-    if (model.counts(o)) groups[group_of[static_cast<std::size_t>(o.point)]].push_back(&o);
+    if (model.counts(o)) groups[group_of[o.point]].push_back(&o);
   }
   return groups;
 }
 
 Information information_of(const ArrayModel& model, const ParameterLayout& layout) {
-  const std::vector<CameraModel> lenses = make_camera_models(model);
+  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
   const bool has_bodies = !model.bodies.empty();
   const Index freedom = has_bodies ? 6 : 3;
   Information sum;
@@ -152,8 +151,7 @@ Information information_of(const ArrayModel& model, const ParameterLayout& layou
       const Index at = 2 * (static_cast<Index>(rows.size()) - 1);
       by_common.block<2, 3>(at, 0) = rows.back().by_point;
       if (freedom == 6) {
-        const Vector3d from_middle =
-            *model.points[static_cast<std::size_t>(o->point)] - model.bodies[g].pose->position;
+        const Vector3d from_middle = *model.points[o->point] - model.bodies[g].pose->position;
         by_common.block<2, 3>(at, 3) = -rows.back().by_point * cross_matrix(from_middle);
       }
     }
@@ -173,7 +171,7 @@ MatrixXd world_motions(const ArrayModel& model, const ParameterLayout& layout) {
   for (std::size_t i = 0; i < model.cameras.size(); ++i) {
     const Index at = layout.pose[i];
     if (at == kFixed) continue;
-    const Pose& pose = *model.cameras[i].pose;
+    const rig::Pose& pose = *model.cameras[i].pose;
     motions.block<3, 3>(at + 3, 0) = Matrix3d::Identity();
     motions.block<3, 3>(at, 3) = -pose.world_from_camera_rotation.transpose();
     motions.block<3, 3>(at + 3, 3) = -cross_matrix(pose.position);
@@ -202,14 +200,14 @@ MatrixXd free_motions(const ArrayModel& model, const ParameterLayout& layout) {
 /// Returns the correlation of successive residuals of a camera, in the order of the points'
 /// numbers; at least 0.
 double residual_correlation(const ArrayModel& model) {
-  const std::vector<CameraModel> lenses = make_camera_models(model);
+  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
   std::vector<std::optional<Eigen::Vector2d>> before(model.cameras.size());
   double together = 0, alone = 0;
   for (const ArrayModel::Observation& o : model.observations) {
     if (!model.counts(o)) continue;
     const auto residual = reprojection_residual(model, lenses, o);
     if (!residual) continue;
-    auto& last = before[static_cast<std::size_t>(o.camera)];
+    auto& last = before[o.camera];
     if (last) {
       together += residual->dot(*last);
       alone += (residual->squaredNorm() + last->squaredNorm()) / 2;
@@ -233,10 +231,7 @@ double median_neighbour_distance(const ArrayModel& model) {
     }
     if (std::isfinite(least)) nearest.push_back(least);
   }
-  if (nearest.empty()) return 0;
-  const auto middle = nearest.begin() + static_cast<std::ptrdiff_t>(nearest.size() / 2);
-  std::ranges::nth_element(nearest, middle);
-  return *middle;
+  return nearest.empty() ? 0 : median(std::move(nearest));
 }
 
 std::optional<Uncertainty> estimate_uncertainty(const ArrayModel& model,
@@ -301,7 +296,7 @@ std::optional<Uncertainty> estimate_uncertainty(const ArrayModel& model,
     }
     for (std::size_t k = 0; layout.lens[i] != kFixed && k < layout.free_lens_parameters.size();
          ++k) {
-      camera.lens[static_cast<std::size_t>(layout.free_lens_parameters[k])] =
+      camera.lens[layout.free_lens_parameters[k]] =
           deviations[layout.lens[i] + static_cast<Index>(k)];
     }
     if (layout.lens[i] != kFixed && layout.square_pixels) camera.lens[1] = camera.lens[0];
@@ -311,4 +306,4 @@ std::optional<Uncertainty> estimate_uncertainty(const ArrayModel& model,
   return result;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -3,13 +3,12 @@
 
 #include <Eigen/Core>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "calibrate/geometry/bundle_adjustment.h"
 #include "calibrate/geometry/lens_projection.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Accuracy at which errors of a calibration stay invisible in renderings, as limits of two
 /// standard deviations (95 %).
@@ -61,4 +60,4 @@ std::optional<Uncertainty> estimate_uncertainty(const ArrayModel& model,
 /// two cameras.
 double median_neighbour_distance(const ArrayModel& model);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -9,7 +9,7 @@
 #include "calibrate/geometry/calibration.h"
 #include "testing/calibrate/test_synthetic_array.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 /// Sums of squares of what was wrong, and of what was said to be.
@@ -22,16 +22,17 @@ TEST(Deviations, AreAsLargeAsErrors) {
   Squares places, focal_lengths;
   constexpr int kRecordings = 14;
   for (int i = 0; i < kRecordings; ++i) {
-    const SyntheticArray truth = make_synthetic_array({.rows = 2,
-                                                       .columns = 3,
-                                                       .mounting_deg = 12,
-                                                       .outliers = 0,
-                                                       .seed = static_cast<unsigned>(100 + i)});
+    const testing::SyntheticArray truth =
+        testing::make_synthetic_array({.rows = 2,
+                                       .columns = 3,
+                                       .mounting_deg = 12,
+                                       .outliers = 0,
+                                       .seed = static_cast<unsigned>(100 + i)});
     CalibrationSettings settings;
-    settings.solve.horizontal_fov = 60 * kTestDegree;
+    settings.solve.horizontal_fov = 60 * testing::kTestDegree;
     Calibration found = calibrate(truth.detections, settings);
     ASSERT_TRUE(found.uncertainty);
-    std::vector<Pose> poses;
+    std::vector<rig::Pose> poses;
     for (const ArrayModel::Camera& camera : found.model.cameras) poses.push_back(*camera.pose);
     const SimilarityTransform back = estimate_similarity(poses, truth.poses);
     for (std::size_t k = 0; k < poses.size(); ++k) {
@@ -85,7 +86,7 @@ class Moved {
   Eigen::VectorXd residuals(Eigen::Index unknown, double by) const {
     ArrayModel model = model_;
     if (unknown < lens()) {
-      Pose& pose = *model.cameras[static_cast<std::size_t>(unknown / 6) + 2].pose;
+      rig::Pose& pose = *model.cameras[static_cast<std::size_t>(unknown / 6) + 2].pose;
       const Eigen::Index value = unknown % 6;
       if (value < 3) {
         pose.world_from_camera_rotation *=
@@ -95,16 +96,16 @@ class Moved {
       }
     } else if (unknown < first_point()) {
       for (ArrayModel::Camera& camera : model.cameras) {
-        Intrinsics& k = camera.intrinsics;
+        schemas::Intrinsics& k = camera.intrinsics;
         double* const values[] = {&k.fx, &k.cx, &k.cy, &k.distortion.k1, &k.distortion.k2};
         *values[unknown - lens()] += by;
         k.fy = k.fx;
       }
     } else {
       const Eigen::Index at = unknown - first_point();
-      (*model.points[points_[static_cast<std::size_t>(at / 3)]])[at % 3] += by;
+      (*model.points[points_[at / 3]])[at % 3] += by;
     }
-    const std::vector<CameraModel> lenses = make_camera_models(model);
+    const std::vector<rig::CameraModel> lenses = make_camera_models(model);
     std::vector<double> all;
     for (const ArrayModel::Observation& o : model.observations) {
       if (!model.counts(o)) continue;
@@ -119,10 +120,10 @@ class Moved {
 };
 
 TEST(Deviations, AreThoseOfTheWholeCovariance) {
-  const SyntheticArray truth = make_synthetic_array(
+  const testing::SyntheticArray truth = testing::make_synthetic_array(
       {.rows = 2, .columns = 2, .mounting_deg = 8, .points = 40, .outliers = 0, .missing = 0.1});
   CalibrationSettings settings;
-  settings.solve.horizontal_fov = 60 * kTestDegree;
+  settings.solve.horizontal_fov = 60 * testing::kTestDegree;
   const Calibration found = calibrate(truth.detections, settings);
   BundleAdjustmentSettings free = found.solve.last;
   ASSERT_EQ(free.lens, LensRefinement::kRadial);
@@ -139,7 +140,7 @@ TEST(Deviations, AreThoseOfTheWholeCovariance) {
   for (const std::size_t camera : {2U, 3U}) {
     const Eigen::Index at = moved.pose(camera);
     for (Eigen::Index k = 0; k < 3; ++k) {
-      expect(said->cameras[camera]->rotation_deg[k], deviations[at + k] / kTestDegree);
+      expect(said->cameras[camera]->rotation_deg[k], deviations[at + k] / testing::kTestDegree);
       expect(said->cameras[camera]->position[k], deviations[at + 3 + k]);
     }
   }
@@ -150,7 +151,7 @@ TEST(Deviations, AreThoseOfTheWholeCovariance) {
 }
 
 TEST(Lenses, ThatRestStayEachAsItIs) {
-  const SyntheticArray truth = make_synthetic_array({.rows = 2, .columns = 2});
+  const testing::SyntheticArray truth = testing::make_synthetic_array({.rows = 2, .columns = 2});
   CalibrationSettings settings;
   settings.solve.lenses.assign(4, truth.lens);
   settings.solve.lenses[1].fx = settings.solve.lenses[1].fy = 1.02 * truth.lens.fx;
@@ -162,7 +163,7 @@ TEST(Lenses, ThatRestStayEachAsItIs) {
 }
 
 TEST(Deviations, OfHeldPartsAreNone) {
-  const SyntheticArray truth = make_synthetic_array({.rows = 2, .columns = 2});
+  const testing::SyntheticArray truth = testing::make_synthetic_array({.rows = 2, .columns = 2});
   CalibrationSettings settings;
   settings.solve.lenses.assign(4, truth.lens);
   settings.solve.lens_is_known = true;
@@ -182,10 +183,10 @@ TEST(Deviations, OfHeldPartsAreNone) {
 
 TEST(Deviations, OfWhatNothingTellsAreHuge) {
   // Cameras that all look the same way cannot tell a longer lens from a deeper scene.
-  const SyntheticArray truth =
-      make_synthetic_array({.rows = 2, .columns = 3, .mounting_m = 0, .mounting_deg = 0});
+  const testing::SyntheticArray truth =
+      testing::make_synthetic_array({.rows = 2, .columns = 3, .mounting_m = 0, .mounting_deg = 0});
   CalibrationSettings settings;
-  settings.solve.horizontal_fov = 60 * kTestDegree;
+  settings.solve.horizontal_fov = 60 * testing::kTestDegree;
   const Calibration found = calibrate(truth.detections, settings);
   ASSERT_TRUE(found.uncertainty);
   const Uncertainty::Direction& worst = found.uncertainty->weakest.front();
@@ -194,4 +195,4 @@ TEST(Deviations, OfWhatNothingTellsAreHuge) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <numbers>
 #include <queue>
 #include <set>
 
@@ -17,7 +16,7 @@
 #include "calibrate/geometry/alignment.h"
 #include "calibrate/geometry/uncertainty.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using Eigen::Matrix3d;
@@ -44,7 +43,7 @@ Means means_of(const ArrayModel& model, const std::vector<std::size_t>& found) {
   Matrix3d sum = Matrix3d::Zero();
   Vector3d view = Vector3d::Zero();
   for (const std::size_t i : found) {
-    const Pose& pose = *model.cameras[i].pose;
+    const rig::Pose& pose = *model.cameras[i].pose;
     means.centre += pose.position;
     sum += pose.world_from_camera_rotation;
     view += pose.viewing_direction();
@@ -265,8 +264,8 @@ bool scale_world(ArrayModel& model, const ScaleSettings& settings) {
   double known = 0, found = 0;
   if (settings.distance) {
     const auto& [from, to, metres] = *settings.distance;
-    const Pose& a = *model.cameras[camera_named(model, from)].pose;
-    const Pose& b = *model.cameras[camera_named(model, to)].pose;
+    const rig::Pose& a = *model.cameras[camera_named(model, from)].pose;
+    const rig::Pose& b = *model.cameras[camera_named(model, to)].pose;
     known = metres;
     found = (b.position - a.position).norm();
   } else if (settings.spacing_m) {
@@ -283,8 +282,9 @@ bool scale_world(ArrayModel& model, const ScaleSettings& settings) {
   return true;
 }
 
-bool align_to_poses(ArrayModel& model, std::span<const std::optional<Pose>> known, bool scales) {
-  std::vector<Pose> from, to;
+bool align_to_poses(ArrayModel& model, std::span<const std::optional<rig::Pose>> known,
+                    bool scales) {
+  std::vector<rig::Pose> from, to;
   for (std::size_t i = 0; i < model.cameras.size() && i < known.size(); ++i) {
     if (!model.cameras[i].pose || !known[i]) continue;
     from.push_back(*model.cameras[i].pose);
@@ -305,4 +305,4 @@ bool align_to_poses(ArrayModel& model, std::span<const std::optional<Pose>> know
   return true;
 }
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

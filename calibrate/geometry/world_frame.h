@@ -8,7 +8,7 @@
 
 #include "calibrate/geometry/array_model.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 
 /// Grid position of a camera: row 0 at the top, column 0 at the left, seen from behind.
 struct GridPosition {
@@ -48,7 +48,7 @@ bool scale_world(ArrayModel& model, const ScaleSettings& settings);
 
 /// Aligns the world with known poses (one for each camera, or none) if at least two are known; with
 /// `scales` also its scale. Returns whether it did.
-bool align_to_poses(ArrayModel& model, std::span<const std::optional<Pose>> known,
+bool align_to_poses(ArrayModel& model, std::span<const std::optional<rig::Pose>> known,
                     bool scales = true);
 
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -6,7 +6,7 @@
 #include "base/error.h"
 #include "testing/calibrate/test_synthetic_array.h"
 
-namespace raystage {
+namespace raystage::calibrate {
 namespace {
 
 using Eigen::Vector3d;
@@ -15,7 +15,7 @@ using Eigen::Vector3d;
 ArrayModel strange_grid(int rows, int columns, const SimilarityTransform& away) {
   ArrayModel model;
   for (int i = 0; i < rows * columns; ++i) {
-    Pose pose;
+    rig::Pose pose;
     pose.position = Vector3d(0.06 * (i % columns), -0.05 * (i / columns), 0.001 * (i % 3));
     model.cameras.push_back({fmt::format("c{}", i), 640, 480, {}, away(pose)});
   }
@@ -36,7 +36,7 @@ TEST(WorldFrames, AreTheArraysOwn) {
   ASSERT_TRUE(scale_world(model, {.distance = ScaleSettings::Distance{"c0", "c1", 0.06}}));
   Vector3d middle = Vector3d::Zero();
   for (int i = 0; i < 24; ++i) {
-    const Pose& pose = *model.cameras[static_cast<std::size_t>(i)].pose;
+    const rig::Pose& pose = *model.cameras[i].pose;
     middle += pose.position / 24;
     const Vector3d expected(0.06 * (i % 6 - 2.5), -0.05 * (i / 6 - 1.5), 0);
     EXPECT_LE((pose.position - expected).norm(), 0.003) << i;
@@ -47,7 +47,7 @@ TEST(WorldFrames, AreTheArraysOwn) {
   const auto places = find_grid_positions(model);
   ASSERT_TRUE(places);
   for (int i = 0; i < 24; ++i) {
-    EXPECT_EQ((*places)[static_cast<std::size_t>(i)], (GridPosition{i / 6, i % 6}));
+    EXPECT_EQ((*places)[i], (GridPosition{i / 6, i % 6}));
   }
   EXPECT_NEAR(camera_spacing(model), 0.055, 0.001);
 }
@@ -80,7 +80,7 @@ TEST(WorldFrames, CamerasAllAroundHaveNoGrid) {
   ArrayModel model;
   for (int i = 0; i < 7; ++i) {
     const double angle = i * 2 * std::numbers::pi / 7;
-    Pose pose;
+    rig::Pose pose;
     pose.world_from_camera_rotation =
         Eigen::AngleAxisd(angle, Vector3d::UnitY()).toRotationMatrix();
     pose.position = pose.world_from_camera_rotation * Vector3d(0, 0, 2);
@@ -106,4 +106,4 @@ TEST(WorldFrames, DistancesAreBetweenCamerasThatExist) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::calibrate

@@ -11,7 +11,7 @@
 #include <iterator>
 #include <type_traits>
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Quaterniond;
@@ -154,4 +154,4 @@ Quaterniond RotationCurve::operator()(double frame) const {
       .normalized();
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

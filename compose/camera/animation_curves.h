@@ -7,7 +7,7 @@
 #include <functional>
 #include <vector>
 
-namespace raystage {
+namespace raystage::compose {
 
 /// A value as a function of the (fractional) frame number. Null: not given.
 template <class V>
@@ -62,4 +62,4 @@ class RotationCurve {
 /// Returns the position of `frame` among `frames` (ascending, at least one).
 KeyInterval find_key_interval(const std::vector<double>& frames, double frame);
 
-}  // namespace raystage
+}  // namespace raystage::compose

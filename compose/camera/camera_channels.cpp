@@ -9,16 +9,14 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-using Key = ShotDocument::CameraKey;
+using Key = schemas::ShotDocument::CameraKey;
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180;
-
-Vector3d vector_of(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
 
 [[noreturn]] void refuse(const std::string& what, const std::string& where,
                          const std::string& what_to_do) {
@@ -54,22 +52,25 @@ std::optional<double> focal_of(const Key& key, double film_back_mm, const std::s
   return focal;
 }
 
-/// Returns the keys of one property; `value_of(key, where)` returns its value or nullopt.
-template <class V, class ValueOf>
-std::vector<CurveKey<V>> keys_of(const ShotDocument::Camera& camera, const std::string& where,
-                                 const ValueOf& value_of) {
+/// Returns the curve of one property, or null if no key has it; `value_of(key, where)` returns its
+/// value or nullopt.
+template <class V, class CurveOfV = Curve<V>, class ValueOf>
+AnimationChannel<V> curve_of(const schemas::ShotDocument::Camera& camera, const std::string& where,
+                             const ValueOf& value_of) {
   std::vector<CurveKey<V>> keys;
   for (std::size_t i = 0; i < camera.keys.size(); ++i) {
     const std::optional<V> value = value_of(camera.keys[i], fmt::format("{}/keys/{}", where, i));
     if (value) keys.push_back({camera.keys[i].frame, *value});
   }
-  return keys;
+  if (keys.empty()) return nullptr;
+  return CurveOfV(keys);
 }
 
 /// Returns the curve of a number times `unit`, or null if no key has it.
-AnimationChannel<double> number(const ShotDocument::Camera& camera, const std::string& where,
-                                std::optional<double> Key::*property, double unit = 1) {
-  const auto keys = keys_of<double>(
+AnimationChannel<double> number(const schemas::ShotDocument::Camera& camera,
+                                const std::string& where, std::optional<double> Key::*property,
+                                double unit = 1) {
+  return curve_of<double>(
       camera, where, [&](const Key& key, const std::string& at) -> std::optional<double> {
         if (!(key.*property)) return std::nullopt;
         if (!std::isfinite(*(key.*property))) {
@@ -77,24 +78,21 @@ AnimationChannel<double> number(const ShotDocument::Camera& camera, const std::s
         }
         return *(key.*property) * unit;
       });
-  if (keys.empty()) return nullptr;
-  return Curve<double>(keys);
 }
 
-AnimationChannel<Vector3d> point(const ShotDocument::Camera& camera, const std::string& where,
+AnimationChannel<Vector3d> point(const schemas::ShotDocument::Camera& camera,
+                                 const std::string& where,
                                  std::optional<std::array<double, 3>> Key::*property) {
-  const auto keys = keys_of<Vector3d>(
+  return curve_of<Vector3d>(
       camera, where, [&](const Key& key, const std::string& at) -> std::optional<Vector3d> {
         if (!(key.*property)) return std::nullopt;
-        const Vector3d value = vector_of(*(key.*property));
+        const Vector3d value((key.*property)->data());
         if (value.allFinite()) return value;
         refuse("a value of a camera key is not finite", at, "Correct the key");
       });
-  if (keys.empty()) return nullptr;
-  return Curve<Vector3d>(keys);
 }
 
-void check_frames(const ShotDocument::Camera& camera, const std::string& where) {
+void check_frames(const schemas::ShotDocument::Camera& camera, const std::string& where) {
   for (std::size_t i = 0; i < camera.keys.size(); ++i) {
     const std::string at = fmt::format("{}/keys/{}", where, i);
     if (!std::isfinite(camera.keys[i].frame)) {
@@ -119,21 +117,20 @@ void add(AnimationChannel<V>& first, const AnimationChannel<V>& second, const ch
 
 }  // namespace
 
-CameraChannels channels_from_keys(const ShotDocument::Camera& camera, const std::string& where) {
+CameraChannels channels_from_keys(const schemas::ShotDocument::Camera& camera,
+                                  const std::string& where) {
   check_frames(camera, where);
   CameraChannels channels;
   channels.position = point(camera, where, &Key::position);
   channels.target = point(camera, where, &Key::target);
-  const auto orientations = keys_of<Quaterniond>(
+  channels.orientation = curve_of<Quaterniond, RotationCurve>(
       camera, where, [](const Key& key, const std::string& at) -> std::optional<Quaterniond> {
         if (!key.orientation) return std::nullopt;
         return unit_quaternion(*key.orientation, at);
       });
-  if (!orientations.empty()) channels.orientation = RotationCurve(orientations);
-  const auto focals = keys_of<double>(camera, where, [&](const Key& key, const std::string& at) {
+  channels.focal = curve_of<double>(camera, where, [&](const Key& key, const std::string& at) {
     return focal_of(key, camera.film_back_mm, at);
   });
-  if (!focals.empty()) channels.focal = Curve<double>(focals);
   channels.roll = number(camera, where, &Key::roll_deg, kRadiansPerDegree);
   channels.focus = number(camera, where, &Key::focus_m);
   channels.f_number = number(camera, where, &Key::f_number);
@@ -156,4 +153,4 @@ CameraChannels merge_channels(CameraChannels first, const CameraChannels& second
   return first;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -8,7 +8,7 @@
 #include "compose/camera/animation_curves.h"
 #include "schemas/shot_document.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// The animated properties of a camera, each a curve of its own; null: not given.
 struct CameraChannels {
@@ -27,10 +27,11 @@ struct CameraChannels {
 /// the angle: in a dolly zoom, focal length and distance stay proportional, so that the subject
 /// keeps its size. `where`: named by errors. Throws Error (bad input) for frames that are not
 /// ascending, values that are not finite, or a property that is given twice.
-CameraChannels channels_from_keys(const ShotDocument::Camera& camera, const std::string& where);
+CameraChannels channels_from_keys(const schemas::ShotDocument::Camera& camera,
+                                  const std::string& where);
 
 /// Returns the channels of both. Throws Error (bad input) if both have the same one.
 CameraChannels merge_channels(CameraChannels first, const CameraChannels& second,
                               const std::string& where);
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -12,11 +12,11 @@
 #include "compose/camera/shot_camera.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Vector3d;
-using Key = ShotDocument::CameraKey;
+using Key = schemas::ShotDocument::CameraKey;
 using ::testing::HasSubstr;
 
 constexpr double kDegrees = std::numbers::pi / 180;
@@ -42,14 +42,14 @@ class CameraMoves : public ::testing::Test {
     return "none";
   }
   /// Pixels right and down of the top left corner.
-  static Eigen::Vector2d image_of(const VirtualCamera& view, const Vector3d& point) {
+  static Eigen::Vector2d image_of(const render::VirtualCamera& view, const Vector3d& point) {
     const Vector3d x = view.pose.camera_from_world(point);
-    const Intrinsics& k = view.intrinsics;
+    const schemas::Intrinsics& k = view.intrinsics;
     return {k.cx + k.fx * x.x() / -x.z(), k.cy - k.fy * x.y() / -x.z()};
   }
 
-  ShotDocument shot_;
-  TestFolder folder_;
+  schemas::ShotDocument shot_;
+  testing::TestFolder folder_;
 };
 
 TEST_F(CameraMoves, EachPropertyHasItsOwnKeys) {
@@ -75,7 +75,7 @@ TEST_F(CameraMoves, LooksAtATargetWithALevelHorizon) {
       {.frame = 101, .position = {{1, 2, 3}}, .horizontal_fov_deg = 50, .target = {{-4, 1, -6}}},
       {.frame = 150, .position = {{-5, 2.5, 3}}, .target = {{-4, 0, -6}}}};
   for (const double frame : {101.0, 120.5, 150.0}) {
-    const VirtualCamera view = camera().camera(frame);
+    const render::VirtualCamera view = camera().camera(frame);
     const Eigen::Matrix3d& r = view.pose.world_from_camera_rotation;
     EXPECT_NEAR(r.determinant(), 1, 1e-12);
     EXPECT_NEAR(r.col(0).y(), 0, 1e-12);
@@ -90,7 +90,7 @@ TEST_F(CameraMoves, RollTurnsClockwise) {
       {.frame = 101, .position = {{0, 0, 0}}, .horizontal_fov_deg = 50, .roll_deg = 10}};
   // The camera's up leans to the right, so what stands upright leans to the left.
   EXPECT_GT(camera().state(101).pose.world_from_camera_rotation(0, 1), 0);
-  const VirtualCamera view = camera().camera(101);
+  const render::VirtualCamera view = camera().camera(101);
   EXPECT_LT(image_of(view, {0, 1, -5}).x(), image_of(view, {0, 0, -5}).x());
 }
 
@@ -102,7 +102,7 @@ TEST_F(CameraMoves, StraightDownIsARotationToo) {
 
 TEST_F(CameraMoves, AnOrbitKeepsDistanceAndTarget) {
   const Vector3d centre(0.5, 1, -4);
-  shot_.camera.orbit = ShotDocument::Orbit{.center = {0.5, 1, -4}};
+  shot_.camera.orbit = schemas::ShotDocument::Orbit{.center = {0.5, 1, -4}};
   shot_.camera.keys = {{.frame = 101,
                         .position = {{0.5, 1.5, 0}},
                         .horizontal_fov_deg = 40,
@@ -111,7 +111,7 @@ TEST_F(CameraMoves, AnOrbitKeepsDistanceAndTarget) {
                        {.frame = 150, .orbit_deg = 60}};
   const double radius = (Vector3d(0.5, 1.5, 0) - centre).norm();
   for (int frame = 101; frame <= 150; ++frame) {
-    const VirtualCamera view = camera().camera(frame);
+    const render::VirtualCamera view = camera().camera(frame);
     EXPECT_NEAR((view.pose.position - centre).norm(), radius, 1e-12);
     EXPECT_NEAR(view.pose.position.y(), 1.5, 1e-12);
     EXPECT_LT((image_of(view, centre) - Eigen::Vector2d(480, 270)).norm(), 1e-9);
@@ -125,15 +125,15 @@ TEST_F(CameraMoves, VertigoKeepsItsTargetsSize) {
   shot_.camera.keys = {{.frame = 101, .position = {{0, 1, 2}}, .horizontal_fov_deg = 20},
                        {.frame = 120, .position = {{0.2, 1, -1}}},
                        {.frame = 150, .position = {{0, 1.1, 1}}}};
-  shot_.camera.dolly_zoom = ShotDocument::DollyZoom{.target = {0.1, 1, -5}};
+  shot_.camera.dolly_zoom = schemas::ShotDocument::DollyZoom{.target = {0.1, 1, -5}};
   const Vector3d target(0.1, 1, -5), top = target + Vector3d(0, 0.9, 0);
-  const auto size = [&](const VirtualCamera& view) {
+  const auto size = [&](const render::VirtualCamera& view) {
     return (image_of(view, top) - image_of(view, target)).norm();
   };
   const double first = size(camera().camera(101));
   double narrowest = 1e9, widest = 0;
   for (double frame = 101; frame <= 150; frame += 0.5) {
-    const VirtualCamera view = camera().camera(frame);
+    const render::VirtualCamera view = camera().camera(frame);
     EXPECT_NEAR(size(view) / first, 1, 1e-12) << frame;
     narrowest = std::min(narrowest, view.intrinsics.fx);
     widest = std::max(widest, view.intrinsics.fx);
@@ -149,7 +149,7 @@ TEST_F(CameraMoves, VertigoKeepsItsTargetsSize) {
 TEST_F(CameraMoves, VertigoTakesItsSizeFromTheFrameItIsTold) {
   shot_.camera.keys = {{.frame = 101, .position = {{0, 0, 2}}, .horizontal_fov_deg = 20},
                        {.frame = 150, .position = {{0, 0, 0}}}};
-  shot_.camera.dolly_zoom = ShotDocument::DollyZoom{.target = {0, 0, -4}, .frame = 150};
+  shot_.camera.dolly_zoom = schemas::ShotDocument::DollyZoom{.target = {0, 0, -4}, .frame = 150};
   EXPECT_NEAR(camera().state(150).horizontal_fov(), 20 * kDegrees, 1e-12);
   EXPECT_LT(camera().state(101).horizontal_fov(), 20 * kDegrees);
 }
@@ -157,7 +157,7 @@ TEST_F(CameraMoves, VertigoTakesItsSizeFromTheFrameItIsTold) {
 TEST_F(CameraMoves, StereoEyesConvergeByShift) {
   shot_.camera.keys = {
       {.frame = 101, .position = {{0, 0, 0}}, .horizontal_fov_deg = 45, .target = {{3, 0, -4}}}};
-  shot_.camera.stereo = ShotDocument::Stereo{.interaxial_m = 0.1};
+  shot_.camera.stereo = schemas::ShotDocument::Stereo{.interaxial_m = 0.1};
   ShotCamera eyes = camera();
   EXPECT_EQ(eyes.eyes(), (std::vector{Eye::kLeft, Eye::kRight}));
   const auto both = [&](const Vector3d& point) {
@@ -165,7 +165,7 @@ TEST_F(CameraMoves, StereoEyesConvergeByShift) {
                      image_of(eyes.camera(101, Eye::kRight), point));
   };
   const Vector3d axis = Vector3d(3, 0, -4).normalized(), right = Vector3d(4, 0, 3).normalized();
-  const VirtualCamera left = eyes.camera(101, Eye::kLeft);
+  const render::VirtualCamera left = eyes.camera(101, Eye::kLeft);
   EXPECT_LT((left.pose.position - -0.05 * right).norm(), 1e-12);
   EXPECT_EQ(left.pose.world_from_camera_rotation,
             eyes.camera(101, Eye::kRight).pose.world_from_camera_rotation);
@@ -208,7 +208,7 @@ TEST_F(CameraMoves, ChanAndGltfGiveBackTheCameraTheyWereMadeOf) {
     const ShotCamera again = camera();
     EXPECT_EQ(again.files().size(), 1U);
     for (int frame = 101; frame <= 150; ++frame) {
-      const VirtualCamera a = original.camera(frame), b = again.camera(frame);
+      const render::VirtualCamera a = original.camera(frame), b = again.camera(frame);
       EXPECT_LT((a.pose.position - b.pose.position).norm(), 1e-6) << name;
       EXPECT_LT((a.pose.world_from_camera_rotation - b.pose.world_from_camera_rotation).norm(),
                 1e-6);
@@ -240,7 +240,7 @@ TEST_F(CameraMoves, RefusesWhatCannotBe) {
   shot_.camera.keys[0].target = {{0, 0, 0}};
   EXPECT_THAT(refusal(), HasSubstr("at frame 101 the camera is at its target"));
   shot_.camera.keys = {key};
-  shot_.camera.dolly_zoom = ShotDocument::DollyZoom{.target = {0, 0, 1}};
+  shot_.camera.dolly_zoom = schemas::ShotDocument::DollyZoom{.target = {0, 0, 1}};
   EXPECT_THAT(refusal(), HasSubstr("behind the camera"));
   shot_.camera.dolly_zoom->target = {0, 0, -1};
   shot_.camera.keys.push_back({.frame = 150, .position = {{0, 0, -2}}});
@@ -251,4 +251,4 @@ TEST_F(CameraMoves, RefusesWhatCannotBe) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -4,7 +4,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
-namespace raystage {
+namespace raystage::compose {
 
 double CameraState::horizontal_fov() const {
   return 2 * std::atan(film_back_mm / (2 * focal_length_mm));
@@ -22,7 +22,7 @@ CameraState stereo_eye_state(const CameraState& state, const StereoSettings& ste
   return result;
 }
 
-VirtualCamera make_virtual_camera(const CameraState& state, int width, int height) {
+render::VirtualCamera make_virtual_camera(const CameraState& state, int width, int height) {
   const double focal = width * state.focal_length_mm / state.film_back_mm;
   return {width, height, {focal, focal, width * (0.5 - state.shift), height / 2.0, {}}, state.pose};
 }
@@ -40,4 +40,4 @@ Eigen::Matrix3d look_at_rotation(const Eigen::Vector3d& from, const Eigen::Vecto
   return rotation;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -6,14 +6,14 @@
 #include "render/common/view.h"
 #include "rig/pose.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// The eye of a stereo pair.
 enum class Eye { kBoth, kLeft, kRight };
 
 /// A shot's camera at one frame.
 struct CameraState {
-  Pose pose;
+  rig::Pose pose;
   double film_back_mm = 36;  ///< width
   double focal_length_mm = 50;
   double shift = 0;  ///< lens shift in film back widths: image centre to the right of the axis
@@ -35,10 +35,10 @@ struct StereoSettings {
 CameraState stereo_eye_state(const CameraState& state, const StereoSettings& stereo, Eye eye);
 
 /// Returns the camera of a view of this size, with square pixels.
-VirtualCamera make_virtual_camera(const CameraState& state, int width, int height);
+render::VirtualCamera make_virtual_camera(const CameraState& state, int width, int height);
 
 /// Returns world_from_camera of a camera at `from` that looks at `target` with its x axis level.
 /// Looking straight up or down, x is the world's x axis.
 Eigen::Matrix3d look_at_rotation(const Eigen::Vector3d& from, const Eigen::Vector3d& target);
 
-}  // namespace raystage
+}  // namespace raystage::compose

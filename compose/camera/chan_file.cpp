@@ -4,14 +4,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <numbers>
 #include <utility>
 
 #include "base/error.h"
+#include "base/number_text.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::AngleAxisd;
@@ -51,13 +51,12 @@ std::vector<double> numbers_of(std::string_view text, std::string_view name, int
     const std::string_view word = text.substr(0, text.find_first_of(kBlank));
     // from_chars rejects a plus sign, which some programs write.
     const std::string_view digits = word.starts_with('+') ? word.substr(1) : word;
-    double value = 0;
-    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-    if (error != std::errc() || end != digits.data() + digits.size() || !std::isfinite(value)) {
+    const auto value = parse_number<double>(digits);
+    if (!value || !std::isfinite(*value)) {
       refuse(fmt::format("found \"{}\", allowed: a finite number", word.substr(0, 40)), name, line,
              "Write \"frame tx ty tz rx ry rz\" and, if known, the vertical field of view");
     }
-    numbers.push_back(value);
+    numbers.push_back(*value);
     text.remove_prefix(word.size());
   }
 }
@@ -182,4 +181,4 @@ std::string format_chan(const std::vector<ChanLine>& lines, RotationOrder order)
   return text;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -4,13 +4,12 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <array>
-#include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
-namespace raystage {
+namespace raystage::compose {
 
 /// The order in which the three angles of a .chan file are applied, the first letter first. kZxy is
 /// the default of Nuke's cameras.
@@ -44,4 +43,4 @@ Eigen::Quaterniond rotation_from_angles(const Eigen::Vector3d& angles, RotationO
 Eigen::Vector3d angles_from_rotation(const Eigen::Quaterniond& rotation, RotationOrder order,
                                      const Eigen::Vector3d& before);
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::AngleAxisd;
@@ -140,4 +140,4 @@ TEST(ChanFile, KnowsTheOrdersByName) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <map>
 #include <memory>
@@ -17,7 +16,7 @@
 #include "compose/camera/gltf_file.h"
 #include "schemas/json_text.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Matrix3d;
@@ -26,7 +25,6 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using nlohmann::json;
 
-constexpr const char* kExportAgain = "Export the file again, or check it with a glTF validator";
 constexpr double kRigid = 1e-3;  // rounding of float through a few nodes
 
 /// An animated property with `width` numbers per key.
@@ -58,7 +56,7 @@ class Sampler {
   /// Returns a key. `part` of a CUBICSPLINE key: 0 in-tangent, 1 value, 2 out-tangent.
   std::vector<double> key(std::size_t i, std::size_t part = 1) const {
     const std::size_t begin = kind_ == Kind::kCubic ? (3 * i + part) * width_ : i * width_;
-    const auto first = values_.begin() + static_cast<std::ptrdiff_t>(begin);
+    const auto first = values_.begin() + begin;
     return {first, first + static_cast<std::ptrdiff_t>(width_)};
   }
 
@@ -105,9 +103,9 @@ std::vector<double> list_of(const GltfFile& file, const json& object, const char
     }
     if (numbers.size() == otherwise.size() && at->size() == otherwise.size()) return numbers;
   }
-  throw file.input_error(
-      fmt::format("found {}, allowed: {} numbers", describe_json_value(*at), otherwise.size()),
-      where + "/" + key, kExportAgain);
+  throw file.input_error(fmt::format("found {}, allowed: {} numbers",
+                                     schemas::describe_json_value(*at), otherwise.size()),
+                         where + "/" + key);
 }
 
 /// The local transform of a node; samplers replace animated properties.
@@ -161,8 +159,7 @@ std::vector<Node> nodes_above(const GltfFile& file, std::size_t index) {
   std::vector<Node> chain;
   for (std::optional<std::size_t> at = index; at; at = parent[*at]) {
     if (chain.size() > count) {
-      throw file.input_error("the node is its own ancestor", fmt::format("/nodes/{}", index),
-                             kExportAgain);
+      throw file.input_error("the node is its own ancestor", fmt::format("/nodes/{}", index));
     }
     chain.push_back(node_from(file, *at));
   }
@@ -182,7 +179,7 @@ Sampler sampler_from(const GltfFile& file, const json& object, const std::string
                              : name == "CUBICSPLINE" ? Sampler::Kind::kCubic
                                                      : Sampler::Kind::kLinear;
   if (!object.contains("input") || !object.contains("output")) {
-    throw file.input_error("the sampler has no input or no output", where, kExportAgain);
+    throw file.input_error("the sampler has no input or no output", where);
   }
   const bool rotation = target.ends_with("/rotation");
   const std::size_t width = rotation ? 4 : target.ends_with("/yfov") ? 1 : 3;
@@ -192,10 +189,10 @@ Sampler sampler_from(const GltfFile& file, const json& object, const std::string
   if (values.size() != times.size() * width * parts) {
     throw file.input_error(fmt::format("the sampler has {} times and {} values", times.size(),
                                        values.size() / width / parts),
-                           where, kExportAgain);
+                           where);
   }
   if (std::ranges::adjacent_find(times, std::greater_equal<>()) != times.end()) {
-    throw file.input_error("the sampler's times are not ascending", where, kExportAgain);
+    throw file.input_error("the sampler's times are not ascending", where);
   }
   return {kind, std::move(times), std::move(values), width, rotation};
 }
@@ -228,7 +225,7 @@ SamplerOf samplers_of(const GltfFile& file, const std::vector<std::string>& want
       const std::string where = fmt::format("/animations/{}/channels/{}", a, c);
       const json index = channels[c].value("sampler", json());
       if (!index.is_number_unsigned() || index.get<std::size_t>() >= all.size()) {
-        throw file.input_error("the channel has no sampler", where, kExportAgain);
+        throw file.input_error("the channel has no sampler", where);
       }
       const auto added = samplers.emplace(
           target, sampler_from(file, all[index.get<std::size_t>()], target, where));
@@ -242,8 +239,8 @@ SamplerOf samplers_of(const GltfFile& file, const std::vector<std::string>& want
 }
 
 /// Returns the pose of a node's transform without its scale.
-Pose pose_without_scale(const GltfFile& file, const Matrix4d& world_from_node,
-                        const std::string& path) {
+rig::Pose pose_without_scale(const GltfFile& file, const Matrix4d& world_from_node,
+                             const std::string& path) {
   Matrix3d axes = world_from_node.topLeftCorner<3, 3>();
   for (int i = 0; i < 3; ++i) {
     const double length = axes.col(i).norm();
@@ -316,9 +313,9 @@ GltfCamera parse_gltf_camera(std::string_view bytes, const std::filesystem::path
   const json yfov = camera["perspective"].value("yfov", json());
   const auto in_range = [](double v) { return v > 0 && v < std::numbers::pi; };
   if (!yfov.is_number() || !in_range(yfov.get<double>())) {
-    throw file->input_error(
-        fmt::format("found {}, allowed: between 0 and pi radians", describe_json_value(yfov)),
-        camera_path + "/perspective/yfov", "Correct the field of view");
+    throw file->input_error(fmt::format("found {}, allowed: between 0 and pi radians",
+                                        schemas::describe_json_value(yfov)),
+                            camera_path + "/perspective/yfov", "Correct the field of view");
   }
 
   const std::vector<Node> nodes = nodes_above(*file, chosen.node);
@@ -355,4 +352,4 @@ GltfCamera parse_gltf_camera(std::string_view bytes, const std::filesystem::path
   return result;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

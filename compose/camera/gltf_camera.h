@@ -12,14 +12,14 @@
 
 #include "rig/pose.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// An animated glTF 2.0 camera: y up, looking down -z, metres; time in seconds from the file's 0,
 /// constant before the first and after the last key. Keys are interpolated as the file says: LINEAR
 /// (rotations by slerp), STEP or CUBICSPLINE.
 struct GltfCamera {
-  std::string name;                          ///< of the camera's node, or else of the camera
-  std::function<Pose(double seconds)> pose;  ///< in the world; without scale
+  std::string name;                               ///< of the camera's node, or else of the camera
+  std::function<rig::Pose(double seconds)> pose;  ///< in the world; without scale
   std::function<double(double seconds)> vertical_fov;  ///< full angle, radians
   double last_seconds = 0;                             ///< time of the last key; 0: not animated
 };
@@ -37,7 +37,7 @@ GltfCamera parse_gltf_camera(std::string_view bytes, const std::filesystem::path
 /// A camera at one time.
 struct GltfCameraKey {
   double seconds = 0;
-  Pose pose;
+  rig::Pose pose;
   double vertical_fov = 1;  ///< full angle, radians
 };
 
@@ -48,4 +48,4 @@ struct GltfCameraKey {
 std::string format_gltf_camera(const std::string& name, double aspect,
                                std::span<const GltfCameraKey> keys);
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -15,7 +15,7 @@
 #include "base/error.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::AngleAxisd;
@@ -81,7 +81,7 @@ class GltfCameras : public ::testing::Test {
     return "none";
   }
 
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 void expect_boom(const GltfCamera& camera) {
@@ -90,7 +90,7 @@ void expect_boom(const GltfCamera& camera) {
   EXPECT_EQ(camera.vertical_fov(7), 0.5);
   EXPECT_LT((camera.pose(-1).position - Vector3d(10, 0, -3)).norm(), 1e-6);
   const Matrix3d half = AngleAxisd(std::numbers::pi / 4, Vector3d::UnitY()).toRotationMatrix();
-  const Pose pose = camera.pose(1);
+  const rig::Pose pose = camera.pose(1);
   EXPECT_LT((pose.world_from_camera_rotation - half).norm(), 1e-6);
   EXPECT_LT((pose.position - (Vector3d(10, 0, 0) + half * Vector3d(0, 0.5, -3))).norm(), 1e-6);
   EXPECT_LT((camera.pose(99).viewing_direction() - -Vector3d::UnitX()).norm(), 1e-6);
@@ -169,7 +169,7 @@ TEST_F(GltfCameras, IsFoundByTheNameOfItsNodeOrItsOwn) {
 TEST_F(GltfCameras, ScaleAboveIsLeftOut) {
   json document = boom();
   document["nodes"][0]["scale"] = {2, 2, 2};
-  const Pose pose = read(document).pose(0);
+  const rig::Pose pose = read(document).pose(0);
   EXPECT_LT((pose.position - Vector3d(10, 0, -6)).norm(), 1e-6);
   EXPECT_LT((pose.world_from_camera_rotation - Matrix3d::Identity()).norm(), 1e-6);
 }
@@ -222,7 +222,7 @@ TEST_F(GltfCameras, WhatIsWrittenComesBack) {
   EXPECT_EQ(camera.name, "crane");
   EXPECT_NEAR(camera.last_seconds, 1, 1e-6);
   for (const GltfCameraKey& key : keys) {
-    const Pose pose = camera.pose(key.seconds);
+    const rig::Pose pose = camera.pose(key.seconds);
     EXPECT_LT((pose.position - key.pose.position).norm(), 1e-5);
     EXPECT_LT((pose.world_from_camera_rotation - key.pose.world_from_camera_rotation).norm(), 2e-6);
     EXPECT_NEAR(camera.vertical_fov(key.seconds), key.vertical_fov, 1e-6);
@@ -240,4 +240,4 @@ TEST_F(GltfCameras, WhatStandsStillIsNotAnimated) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

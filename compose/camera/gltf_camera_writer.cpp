@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <optional>
 
@@ -10,7 +9,7 @@
 #include "compose/camera/gltf_camera.h"
 #include "schemas/json_text.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using nlohmann::ordered_json;
@@ -81,8 +80,7 @@ Tracks tracks_of(std::span<const GltfCameraKey> keys) {
 }
 
 bool changes(const std::vector<float>& values, std::size_t width) {
-  return !std::equal(values.begin() + static_cast<std::ptrdiff_t>(width), values.end(),
-                     values.begin());
+  return !std::equal(values.begin() + width, values.end(), values.begin());
 }
 
 }  // namespace
@@ -91,7 +89,7 @@ std::string format_gltf_camera(const std::string& name, double aspect,
                                std::span<const GltfCameraKey> keys) {
   const Tracks tracks = tracks_of(keys);
   const auto first = [](const std::vector<float>& values, std::size_t width) {
-    return std::vector<float>(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(width));
+    return std::vector<float>(values.begin(), values.begin() + width);
   };
   ordered_json document{{"asset", {{"version", "2.0"}, {"generator", "Raystage"}}},
                         {"scene", 0},
@@ -129,7 +127,7 @@ std::string format_gltf_camera(const std::string& name, double aspect,
     document["animations"] = {{{"name", name}, {"channels", channels}, {"samplers", samplers}}};
     buffer.write(document);
   }
-  return format_json(document);
+  return schemas::format_json(document);
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -9,19 +9,17 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
-#include <optional>
 #include <utility>
 
 #include "base/atomic_file.h"
 #include "base/base64.h"
 #include "schemas/json_text.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using nlohmann::json;
 
-constexpr const char* kExportFileAgain = "Export the file again, or check it with a glTF validator";
 constexpr std::size_t kMostNumbers = std::size_t{1} << 26;
 
 std::uint32_t word_at(std::string_view bytes, std::size_t offset) {
@@ -108,7 +106,7 @@ GltfFile::GltfFile(std::string_view bytes, const std::filesystem::path& file) : 
   if (bytes.starts_with("glTF")) {
     load_glb(bytes);
   } else {
-    json_ = parse_json(bytes, file.string());
+    json_ = schemas::parse_json(bytes, file.string());
   }
   const json* asset = json_.is_object() && json_.contains("asset") ? &json_["asset"] : nullptr;
   if (asset == nullptr || !asset->is_object() || !asset->contains("version") ||
@@ -124,17 +122,17 @@ void GltfFile::load_glb(std::string_view bytes) {
   constexpr std::size_t kHeader = 12, kChunk = 8;
   if (bytes.size() < kHeader + kChunk || word_at(bytes, 4) != 2 ||
       word_at(bytes, 8) > bytes.size()) {
-    throw input_error("the GLB header is truncated or not of version 2", "", kExportFileAgain);
+    throw input_error("the GLB header is truncated or not of version 2", "");
   }
   bytes = bytes.substr(0, word_at(bytes, 8));
   for (std::size_t at = kHeader; at + kChunk <= bytes.size();) {
     const std::size_t size = word_at(bytes, at);
     const std::uint32_t kind = word_at(bytes, at + 4);
     if (size > bytes.size() - at - kChunk) {
-      throw input_error("a chunk exceeds the file", fmt::format("@byte {}", at), kExportFileAgain);
+      throw input_error("a chunk exceeds the file", fmt::format("@byte {}", at));
     }
     const std::string_view chunk = bytes.substr(at + kChunk, size);
-    if (kind == kJson && json_.is_null()) json_ = parse_json(chunk, file_.string());
+    if (kind == kJson && json_.is_null()) json_ = schemas::parse_json(chunk, file_.string());
     if (kind == kBinary && !has_embedded_) {
       embedded_ = chunk;
       has_embedded_ = true;
@@ -145,22 +143,19 @@ void GltfFile::load_glb(std::string_view bytes) {
 
 std::string GltfFile::load_buffer(const json& buffer, std::size_t index) const {
   const std::string where = fmt::format("/buffers/{}", index);
-  if (!buffer.is_object()) throw input_error("this is not an object", where, kExportFileAgain);
+  if (!buffer.is_object()) throw input_error("this is not an object", where);
   if (!buffer.contains("uri")) {
     if (index == 0 && has_embedded_) return embedded_;
-    throw input_error("the buffer has no data", where, kExportFileAgain);
+    throw input_error("the buffer has no data", where);
   }
-  if (!buffer["uri"].is_string())
-    throw input_error("the uri is not a string", where, kExportFileAgain);
+  if (!buffer["uri"].is_string()) throw input_error("the uri is not a string", where);
   const std::string& uri = buffer["uri"].get_ref<const std::string&>();
-  if (!uri.starts_with("data:")) {
-    return read_file(file_.parent_path() / file_name_from_uri(uri));
-  }
+  if (!uri.starts_with("data:")) return read_file(file_.parent_path() / file_name_from_uri(uri));
   const std::size_t comma = uri.find(',');
   if (comma != std::string::npos && uri.substr(0, comma).ends_with(";base64")) {
     if (auto bytes = decode_base64(std::string_view(uri).substr(comma + 1))) return *bytes;
   }
-  throw input_error("the data URI is not base64", where, kExportFileAgain);
+  throw input_error("the data URI is not base64", where);
 }
 
 void GltfFile::load_buffers() {
@@ -172,22 +167,21 @@ void GltfFile::load_buffers() {
 std::size_t GltfFile::count(const char* list) const {
   const auto at = json_.find(list);
   if (at == json_.end()) return 0;
-  if (!at->is_array())
-    throw input_error("this is not an array", fmt::format("/{}", list), kExportFileAgain);
+  if (!at->is_array()) throw input_error("this is not an array", fmt::format("/{}", list));
   return at->size();
 }
 
 const json& GltfFile::element(const char* list, const json& index) const {
   if (!index.is_number_integer() || index.get<std::int64_t>() < 0 ||
       index.get<std::uint64_t>() >= count(list)) {
-    throw input_error(fmt::format("an index is {}, but there are {} {}", describe_json_value(index),
-                                  count(list), list),
-                      fmt::format("/{}", list), kExportFileAgain);
+    throw input_error(fmt::format("an index is {}, but there are {} {}",
+                                  schemas::describe_json_value(index), count(list), list),
+                      fmt::format("/{}", list));
   }
   const json& result = json_[list][index.get<std::size_t>()];
   if (!result.is_object()) {
     throw input_error("this is not an object",
-                      fmt::format("/{}/{}", list, index.get<std::size_t>()), kExportFileAgain);
+                      fmt::format("/{}/{}", list, index.get<std::size_t>()));
   }
   return result;
 }
@@ -207,7 +201,7 @@ std::vector<double> GltfFile::numbers(const json& accessor_index, std::size_t wi
       width_of(type->get_ref<const std::string&>()) != width || component == kComponents.end() ||
       !accessor.contains("bufferView")) {
     throw input_error(fmt::format("the accessor does not have {} numbers per element", width),
-                      where, kExportFileAgain);
+                      where);
   }
   const json& view = element("bufferViews", accessor["bufferView"]);
   const std::int64_t buffer = integer_member(view, "buffer", -1);
@@ -221,12 +215,11 @@ std::vector<double> GltfFile::numbers(const json& accessor_index, std::size_t wi
       length < 0 || in_view < 0 || count < 1 || stride < packed ||
       static_cast<std::size_t>(count) * width > kMostNumbers ||
       in_view + (count - 1) * stride + packed > length ||
-      in_buffer + length >
-          static_cast<std::int64_t>(buffers_[static_cast<std::size_t>(buffer)].size())) {
-    throw input_error("the accessor exceeds its buffer or has no size", where, kExportFileAgain);
+      in_buffer + length > static_cast<std::int64_t>(buffers_[buffer].size())) {
+    throw input_error("the accessor exceeds its buffer or has no size", where);
   }
   const bool normalised = accessor.value("normalized", json(false)) == json(true);
-  const char* begin = buffers_[static_cast<std::size_t>(buffer)].data() + in_buffer + in_view;
+  const char* begin = buffers_[buffer].data() + in_buffer + in_view;
   std::vector<double> numbers;
   numbers.reserve(static_cast<std::size_t>(count) * width);
   for (std::int64_t i = 0; i < count; ++i) {
@@ -235,7 +228,7 @@ std::vector<double> GltfFile::numbers(const json& accessor_index, std::size_t wi
           number_at(begin + i * stride + static_cast<std::int64_t>(k * component->bytes),
                     component->type, normalised);
       if (!std::isfinite(value)) {
-        throw input_error(fmt::format("element {} is not finite", i), where, kExportFileAgain);
+        throw input_error(fmt::format("element {} is not finite", i), where);
       }
       numbers.push_back(value);
     }
@@ -249,4 +242,4 @@ Error GltfFile::input_error(std::string what_happened, std::string_view where,
                           std::move(what_to_do));
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

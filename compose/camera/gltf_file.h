@@ -11,7 +11,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// A glTF 2.0 file: its JSON and its buffers.
 class GltfFile {
@@ -32,7 +32,9 @@ class GltfFile {
 
   /// Returns an Error (bad input) about this file. `where`: JSON pointer, such as "/nodes/3".
   Error input_error(std::string what_happened, std::string_view where,
-                    std::string what_to_do) const;
+                    std::string what_to_do =
+                        "Export the file again, or check it with a glTF "
+                        "validator") const;
 
  private:
   void load_glb(std::string_view bytes);
@@ -46,4 +48,4 @@ class GltfFile {
   bool has_embedded_ = false;
 };
 
-}  // namespace raystage
+}  // namespace raystage::compose

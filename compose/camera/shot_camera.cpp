@@ -5,27 +5,24 @@
 
 #include <cmath>
 #include <memory>
-#include <numbers>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
 #include "compose/camera/chan_file.h"
 #include "compose/camera/gltf_camera.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-
-Vector3d eigen_vector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
 
 /// Returns the focal length in half image widths from a vertical field of view (radians).
 double focal_from_vertical(double fov, double height_by_width) {
   return height_by_width / std::tan(fov / 2);
 }
 
-CameraChannels channels_from_chan(const ShotDocument::CameraFile& source,
+CameraChannels channels_from_chan(const schemas::ShotDocument::CameraFile& source,
                                   const std::filesystem::path& file, double height_by_width) {
   const RotationOrder order =
       parse_rotation_order(source.rotation_order).value_or(RotationOrder::kZxy);
@@ -47,7 +44,8 @@ CameraChannels channels_from_chan(const ShotDocument::CameraFile& source,
   return channels;
 }
 
-CameraChannels channels_from_gltf(const ShotDocument& shot, const ShotDocument::CameraFile& source,
+CameraChannels channels_from_gltf(const schemas::ShotDocument& shot,
+                                  const schemas::ShotDocument::CameraFile& source,
                                   const std::filesystem::path& file, double height_by_width) {
   const auto camera =
       std::make_shared<const GltfCamera>(read_gltf_camera(file, source.camera_name));
@@ -65,11 +63,9 @@ CameraChannels channels_from_gltf(const ShotDocument& shot, const ShotDocument::
   return channels;
 }
 
-bool is_chan(const std::filesystem::path& file) { return file.extension() == ".chan"; }
-
 }  // namespace
 
-ShotCamera::ShotCamera(const ShotDocument& shot, const std::filesystem::path& shot_file,
+ShotCamera::ShotCamera(const schemas::ShotDocument& shot, const std::filesystem::path& shot_file,
                        const std::filesystem::path& folder)
     : width_(shot.width),
       height_(shot.height),
@@ -83,10 +79,10 @@ ShotCamera::ShotCamera(const ShotDocument& shot, const std::filesystem::path& sh
     const std::filesystem::path base = folder.empty() ? shot_file.parent_path() : folder;
     const std::filesystem::path file = (base / source->path).lexically_normal();
     files_.push_back(file);
-    channels_ =
-        merge_channels(is_chan(file) ? channels_from_chan(*source, file, height_by_width)
-                                     : channels_from_gltf(shot, *source, file, height_by_width),
-                       channels_, where_);
+    channels_ = merge_channels(file.extension() == ".chan"
+                                   ? channels_from_chan(*source, file, height_by_width)
+                                   : channels_from_gltf(shot, *source, file, height_by_width),
+                               channels_, where_);
   }
   const auto refuse = [&](const char* what, const char* what_to_do) {
     throw Error::bad_input(what, where_, what_to_do);
@@ -107,8 +103,8 @@ ShotCamera::ShotCamera(const ShotDocument& shot, const std::filesystem::path& sh
   }
   if (dolly_zoom_) {
     const double frame = dolly_zoom_->frame.value_or(shot.first_frame);
-    const Pose pose = animated_pose(frame);
-    const double depth = -pose.camera_from_world(eigen_vector(dolly_zoom_->target)).z();
+    const rig::Pose pose = animated_pose(frame);
+    const double depth = -pose.camera_from_world(Vector3d(dolly_zoom_->target.data())).z();
     if (!(depth > 0)) {
       refuse("the target of dolly_zoom is behind the camera at the frame that sets its size",
              "Move the target, or choose another frame");
@@ -117,8 +113,8 @@ ShotCamera::ShotCamera(const ShotDocument& shot, const std::filesystem::path& sh
   }
 }
 
-Pose ShotCamera::animated_pose(double frame) const {
-  Pose pose;
+rig::Pose ShotCamera::animated_pose(double frame) const {
+  rig::Pose pose;
   pose.position = channels_.position(frame);
   if (channels_.target) {
     const Vector3d target = channels_.target(frame);
@@ -135,9 +131,9 @@ Pose ShotCamera::animated_pose(double frame) const {
         Eigen::AngleAxisd(-channels_.roll(frame), Vector3d::UnitZ()).toRotationMatrix();
   }
   if (orbit_) {
-    const Vector3d centre = eigen_vector(orbit_->center);
+    const Vector3d centre(orbit_->center.data());
     const Eigen::Matrix3d turn =
-        Eigen::AngleAxisd(channels_.orbit(frame), eigen_vector(orbit_->axis).normalized())
+        Eigen::AngleAxisd(channels_.orbit(frame), Vector3d(orbit_->axis.data()).normalized())
             .toRotationMatrix();
     pose.position = centre + turn * (pose.position - centre);
     pose.world_from_camera_rotation = turn * pose.world_from_camera_rotation;
@@ -145,10 +141,10 @@ Pose ShotCamera::animated_pose(double frame) const {
   return pose;
 }
 
-double ShotCamera::focal_at(double frame, const Pose& pose) const {
+double ShotCamera::focal_at(double frame, const rig::Pose& pose) const {
   if (!dolly_zoom_) return channels_.focal(frame);
   // Thesis eq. 7.1: tan(fov / 2) is proportional to the inverse distance of the target.
-  return dolly_focal_per_metre_ * -pose.camera_from_world(eigen_vector(dolly_zoom_->target)).z();
+  return dolly_focal_per_metre_ * -pose.camera_from_world(Vector3d(dolly_zoom_->target.data())).z();
 }
 
 CameraState ShotCamera::state(double frame) const {
@@ -175,7 +171,7 @@ CameraState ShotCamera::state(double frame) const {
   return state;
 }
 
-VirtualCamera ShotCamera::camera(double frame, Eye eye) const {
+render::VirtualCamera ShotCamera::camera(double frame, Eye eye) const {
   const CameraState both = state(frame);
   return make_virtual_camera(stereo_ ? stereo_eye_state(both, *stereo_, eye) : both, width_,
                              height_);
@@ -185,4 +181,4 @@ std::vector<Eye> ShotCamera::eyes() const {
   return is_stereo() ? std::vector{Eye::kLeft, Eye::kRight} : std::vector{Eye::kBoth};
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

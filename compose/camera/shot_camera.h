@@ -2,7 +2,6 @@
 #pragma once
 
 #include <filesystem>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -10,7 +9,7 @@
 #include "compose/camera/camera_state.h"
 #include "schemas/shot_document.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// The virtual camera of a shot at any fractional frame: its keys or its file, then its orbit, then
 /// its dolly zoom. Constant before the first and after the last key.
@@ -19,7 +18,7 @@ class ShotCamera {
   /// Reads the camera's file, if any. `shot_file`: named by errors. `folder`: what paths are
   /// relative to; empty: that of the shot file. Throws Error (bad input) for invalid keys, or if
   /// the shot gives no position or no focal length.
-  ShotCamera(const ShotDocument& shot, const std::filesystem::path& shot_file,
+  ShotCamera(const schemas::ShotDocument& shot, const std::filesystem::path& shot_file,
              const std::filesystem::path& folder = {});
 
   /// Throws Error (bad input) if the pose is not finite, the target is at the camera's position, or
@@ -27,7 +26,7 @@ class ShotCamera {
   CameraState state(double frame) const;
 
   /// Returns the camera of one eye for views of the shot's size. kBoth: of a shot without stereo.
-  VirtualCamera camera(double frame, Eye eye = Eye::kBoth) const;
+  render::VirtualCamera camera(double frame, Eye eye = Eye::kBoth) const;
 
   bool is_stereo() const { return stereo_.has_value(); }
   /// Returns kLeft and kRight, or kBoth only.
@@ -37,18 +36,18 @@ class ShotCamera {
   const std::vector<std::filesystem::path>& files() const { return files_; }
 
  private:
-  Pose animated_pose(double frame) const;
-  double focal_at(double frame, const Pose& pose) const;
+  rig::Pose animated_pose(double frame) const;
+  double focal_at(double frame, const rig::Pose& pose) const;
 
   int width_, height_;
   double film_back_mm_;
   std::string where_;
   CameraChannels channels_;
-  std::optional<ShotDocument::Orbit> orbit_;
-  std::optional<ShotDocument::DollyZoom> dolly_zoom_;
+  std::optional<schemas::ShotDocument::Orbit> orbit_;
+  std::optional<schemas::ShotDocument::DollyZoom> dolly_zoom_;
   double dolly_focal_per_metre_ = 0;
   std::optional<StereoSettings> stereo_;
   std::vector<std::filesystem::path> files_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -10,10 +10,10 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
-using Key = ShotDocument::CameraKey;
+using Key = schemas::ShotDocument::CameraKey;
 using Eigen::AngleAxisd;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
@@ -27,7 +27,7 @@ Key make_key(double frame, const Vector3d& position, const Quaterniond& q, doubl
 
 /// The camera of a shot of these keys, 640x360.
 ShotCamera camera_of(const std::vector<Key>& keys) {
-  ShotDocument shot;
+  schemas::ShotDocument shot;
   shot.width = 640;
   shot.height = 360;
   shot.camera.keys = keys;
@@ -54,7 +54,7 @@ std::vector<Key> arbitrary_keys() {
   return keys;
 }
 
-Pose pose_at(const ShotCamera& camera, double frame) { return camera.state(frame).pose; }
+rig::Pose pose_at(const ShotCamera& camera, double frame) { return camera.state(frame).pose; }
 double fov_at(const ShotCamera& camera, double frame) {
   return camera.state(frame).horizontal_fov();
 }
@@ -68,7 +68,7 @@ TEST(ShotCameraKeys, PassesExactlyThroughItsKeys) {
     const auto keys = arbitrary_keys();
     const ShotCamera camera = camera_of(keys);
     for (const Key& key : keys) {
-      const Pose pose = pose_at(camera, key.frame);
+      const rig::Pose pose = pose_at(camera, key.frame);
       const auto& o = *key.orientation;
       const Quaterniond q(o[0], o[1], o[2], o[3]);
       RC_ASSERT((pose.position - Vector3d(key.position->data())).norm() < 1e-12);
@@ -93,7 +93,7 @@ TEST(ShotCameraKeys, RotationsStayRotationsAndNothingBlowsUp) {
       const double high = std::max(*keys[i].horizontal_fov_deg, *keys[i + 1].horizontal_fov_deg);
       for (double u = 0; u <= 1; u += 1.0 / 16) {
         const double frame = keys[i].frame + u * (keys[i + 1].frame - keys[i].frame);
-        const Pose pose = pose_at(camera, frame);
+        const rig::Pose pose = pose_at(camera, frame);
         const Eigen::Matrix3d& r = pose.world_from_camera_rotation;
         RC_ASSERT((r.transpose() * r - Eigen::Matrix3d::Identity()).norm() < 1e-12);
         RC_ASSERT(std::abs(r.determinant() - 1) < 1e-12);
@@ -119,8 +119,8 @@ TEST(ShotCameraKeys, SpeedIsContinuousAtInnerKeys) {
     constexpr double kStep = 1e-5;
     for (std::size_t i = 1; i + 1 < keys.size(); ++i) {
       const double frame = keys[i].frame;
-      const Pose before = pose_at(camera, frame - kStep), at = pose_at(camera, frame),
-                 after = pose_at(camera, frame + kStep);
+      const rig::Pose before = pose_at(camera, frame - kStep), at = pose_at(camera, frame),
+                      after = pose_at(camera, frame + kStep);
       // Differences over a step see half the acceleration of either side. A cubic whose end slopes
       // are at most 1.5 times its chord's accelerates by at most 15 chords per interval squared; a
       // jump in speed would be thousands of times larger than what that leaves.
@@ -167,7 +167,7 @@ TEST(ShotCameraKeys, UnevenKeysOnASteadyMoveKeepItSteady) {
   }
   const ShotCamera camera = camera_of(keys);
   for (double frame = 0; frame <= 34; frame += 0.25) {
-    const Pose pose = pose_at(camera, frame);
+    const rig::Pose pose = pose_at(camera, frame);
     EXPECT_NEAR((pose.position - Vector3d(frame, -2 * frame, 0)).norm(), 0, 1e-12);
     EXPECT_NEAR(rotation_between(turned(3 * frame, {1, 2, 0}).toRotationMatrix(),
                                  pose.world_from_camera_rotation),
@@ -197,7 +197,7 @@ TEST(ShotCameraKeys, OneKeyStandsStill) {
   const ShotCamera camera =
       camera_of(std::vector<Key>{make_key(7, {1, 0, 0}, turned(12, {1, 2, 3}), 33)});
   EXPECT_EQ(pose_at(camera, -3).position, pose_at(camera, 44).position);
-  const VirtualCamera view = camera.camera(12);
+  const render::VirtualCamera view = camera.camera(12);
   EXPECT_EQ(view.width, 640);
   EXPECT_NEAR(view.intrinsics.fx, 320 / std::tan(33 * std::numbers::pi / 360), 1e-9);
   EXPECT_NEAR(view.intrinsics.fy, view.intrinsics.fx, 1e-12);
@@ -247,4 +247,4 @@ TEST(ShotCameraKeys, RefusesUnusableKeys) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

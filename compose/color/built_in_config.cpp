@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "compose/color/built_in_config.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 namespace OCIO = OCIO_NAMESPACE;
@@ -35,9 +35,7 @@ void add_scene_space(OCIO::Config& config, const char* name, const char* alias,
   space->setName(name);
   if (alias != nullptr) space->addAlias(alias);
   space->setBitDepth(OCIO::BIT_DEPTH_F32);
-  if (ap0_from_space) {
-    space->setTransform(ap0_from_space, OCIO::COLORSPACE_DIR_TO_REFERENCE);
-  }
+  if (ap0_from_space) space->setTransform(ap0_from_space, OCIO::COLORSPACE_DIR_TO_REFERENCE);
   config.addColorSpace(space);
 }
 
@@ -90,4 +88,4 @@ OCIO::ConstConfigRcPtr built_in_color_config() {
   return config;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

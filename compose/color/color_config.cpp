@@ -8,12 +8,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <utility>
 
 #include "base/error.h"
 #include "compose/color/built_in_config.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 namespace OCIO = OCIO_NAMESPACE;
@@ -241,4 +240,4 @@ std::string ColorConfig::space_from_interop_id(std::string_view id) const {
   return space_by_interop_id(*state_->config, id);
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Colour space of light fields and mesh files, and the default working space of shots: linear
 /// light, Rec.709 primaries. The name is that of ASWF's ColorInterop list.
@@ -70,4 +70,4 @@ class ColorConfig {
   std::shared_ptr<const State> state_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -13,7 +13,7 @@
 #include "compose/color/built_in_config.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 namespace OCIO = OCIO_NAMESPACE;
@@ -107,7 +107,7 @@ class StudioConfigs : public ::testing::Test {
            "[0.5, 0, 0, 0, 0, 0.25, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}\n";
     return folder_.path() / "studio.ocio";
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 TEST_F(StudioConfigs, AreRead) {
@@ -151,4 +151,4 @@ TEST_F(StudioConfigs, AreRefusedWithWhatThereIs) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -11,11 +11,10 @@
 
 #include <array>
 
-#include "base/atomic_file.h"
 #include "compose/exr/memory_stream.h"
 #include "images/exr_slice.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 constexpr std::size_t kValues = 5;  // R, G, B, A, Z
@@ -33,8 +32,8 @@ struct DeepPixels {
 /// Returns the address of pixel (0, 0), which may be outside of the memory.
 template <class T>
 char* base_of(std::vector<T>& values, const ExrCamera& camera) {
-  return make_exr_slice(Imf::UINT, values.data(), camera.view.width, 1, -camera.overscan_x,
-                        -camera.overscan_y, 0.0)
+  return images::make_exr_slice(Imf::UINT, values.data(), camera.view.width, 1, -camera.overscan_x,
+                                -camera.overscan_y, 0.0)
       .base;
 }
 
@@ -113,11 +112,4 @@ std::vector<std::byte> encode_deep_exr(std::span<const ExrDeepView> views,
   return stream.take();
 }
 
-std::size_t write_deep_exr(std::span<const ExrDeepView> views, std::span<const ExrCamera> cameras,
-                           const ExrMetadata& metadata, const std::filesystem::path& file) {
-  const std::vector<std::byte> bytes = encode_deep_exr(views, cameras, metadata);
-  write_file_atomically(file, bytes);
-  return bytes.size();
-}
-
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -10,7 +10,7 @@
 
 #include "compose/exr/exr_header.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Deep samples of a view. All views of a file have the same size.
 struct ExrDeepView {
@@ -25,8 +25,4 @@ std::vector<std::byte> encode_deep_exr(std::span<const ExrDeepView> views,
                                        std::span<const ExrCamera> cameras,
                                        const ExrMetadata& metadata);
 
-/// Writes encode_deep_exr() atomically, returns the bytes written. Throws Error (failed: disk).
-std::size_t write_deep_exr(std::span<const ExrDeepView> views, std::span<const ExrCamera> cameras,
-                           const ExrMetadata& metadata, const std::filesystem::path& file);
-
-}  // namespace raystage
+}  // namespace raystage::compose

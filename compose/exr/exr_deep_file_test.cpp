@@ -12,9 +12,10 @@
 
 #include "base/atomic_file.h"
 #include "compose/exr/exr_file.h"
+#include "testing/compose/test_exr_view.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 constexpr int kDeepColumns = 24, kDeepRows = 10;
@@ -49,13 +50,13 @@ Deep deep_picture() {
 class DeepFiles : public ::testing::Test {
  protected:
   DeepFiles() {
-    camera_.view = virtual_camera_with_fov(kDeepColumns, kDeepRows, 1, Pose{});
+    camera_.view = render::virtual_camera_with_fov(kDeepColumns, kDeepRows, 1, rig::Pose{});
     metadata_.fingerprint = "f";
     metadata_.program_version = "0.1.0";
   }
   std::filesystem::path file() const { return folder_.path() / "deep.exr"; }
 
-  TestFolder folder_;
+  testing::TestFolder folder_;
   ExrCamera camera_;
   ExrMetadata metadata_;
   Deep deep_ = deep_picture();
@@ -65,7 +66,7 @@ TEST_F(DeepFiles, SayWhatTheyAre) {
   const ExrDeepView views[] = {{"left", deep_.begin, deep_.samples},
                                {"right", deep_.begin, deep_.samples}};
   const ExrCamera cameras[] = {camera_, camera_};
-  const std::size_t bytes = write_deep_exr(views, cameras, metadata_, file());
+  const std::size_t bytes = testing::write_deep_exr(views, cameras, metadata_, file());
   EXPECT_EQ(bytes, std::filesystem::file_size(file()));
   Imf::MultiPartInputFile input(file().c_str());
   ASSERT_EQ(input.parts(), 2);
@@ -83,7 +84,7 @@ TEST_F(DeepFiles, FlattenToThePictureInAnotherReader) {
   const ExrDeepView view{"", deep_.begin, deep_.samples};
   for (const char* compression : {"none", "rle", "zips", "piz"}) {
     metadata_.compression = compression;
-    write_deep_exr({&view, 1}, {&camera_, 1}, metadata_, file());
+    testing::write_deep_exr({&view, 1}, {&camera_, 1}, metadata_, file());
     const OIIO::ImageBuf read(file().string());
     ASSERT_TRUE(read.deep()) << read.geterror();
     const OIIO::ImageBuf flat = OIIO::ImageBufAlgo::flatten(read);
@@ -95,7 +96,7 @@ TEST_F(DeepFiles, FlattenToThePictureInAnotherReader) {
       for (int x = 0; x < kDeepColumns; ++x) {
         flat.getpixel(x, y, pixel.data(), flat.nchannels());
         for (std::size_t c = 0; c < 4; ++c) {
-          ASSERT_NEAR(pixel[static_cast<std::size_t>(order[c])],
+          ASSERT_NEAR(pixel[order[c]],
                       deep_.flat[4 * static_cast<std::size_t>(y * kDeepColumns + x) + c], 1e-3F)
               << compression << ' ' << x << ' ' << y << ' ' << c;
         }
@@ -110,7 +111,7 @@ TEST_F(DeepFiles, FlattenToThePictureInAnotherReader) {
 
 TEST_F(DeepFiles, AreKnownToBeWhole) {
   const ExrDeepView view{"", deep_.begin, deep_.samples};
-  write_deep_exr({&view, 1}, {&camera_, 1}, metadata_, file());
+  testing::write_deep_exr({&view, 1}, {&camera_, 1}, metadata_, file());
   EXPECT_TRUE(is_complete_exr(file(), "f"));
   EXPECT_FALSE(is_complete_exr(file(), "g"));
   const std::string bytes = read_file(file());
@@ -121,9 +122,9 @@ TEST_F(DeepFiles, AreKnownToBeWhole) {
 TEST_F(DeepFiles, MayBeEmpty) {
   const std::vector<std::uint32_t> none(kDeepColumns * kDeepRows + 1, 0);
   const ExrDeepView view{"", none, {}};
-  write_deep_exr({&view, 1}, {&camera_, 1}, metadata_, file());
+  testing::write_deep_exr({&view, 1}, {&camera_, 1}, metadata_, file());
   EXPECT_TRUE(is_complete_exr(file(), "f"));
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -19,18 +19,12 @@
 #include <cmath>
 #include <cstdint>
 
-#include "base/atomic_file.h"
-#include "base/error.h"
 #include "compose/exr/memory_stream.h"
 #include "images/exr_channels.h"
 #include "images/exr_slice.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
-
-std::size_t pixel_count(int width, int height) {
-  return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-}
 
 /// Returns the scan lines per chunk (OpenEXR file layout); 1 is correct for all, only slower.
 int lines_per_chunk(Imf::Compression compression) {
@@ -55,8 +49,8 @@ struct PartPixels {
 PartPixels pixels_of(const ExrPart& part, std::span<const ExrView> views, const ExrCamera& camera,
                      Imf::Header& header) {
   const auto slice = [&](Imf::PixelType type, auto* first) {
-    return make_exr_slice(type, first, camera.view.width, 1, -camera.overscan_x, -camera.overscan_y,
-                          0.0);
+    return images::make_exr_slice(type, first, camera.view.width, 1, -camera.overscan_x,
+                                  -camera.overscan_y, 0.0);
   };
   const auto layer_of = [&](const ExrPartChannel& channel) -> const ExrLayer& {
     return views[channel.view].layers[channel.layer];
@@ -123,8 +117,8 @@ std::vector<std::byte> encode_exr(std::span<const ExrView> views,
     addMultiView(headers[0], names);
   }
   MemoryStream stream;
-  stream.reserve(pixel_count(cameras[0].view.width, cameras[0].view.height) * 8);
   const int height = cameras[0].view.height;
+  stream.reserve(std::size_t{8} * cameras[0].view.width * height);
   if (parts.size() == 1) {
     Imf::OutputFile output(stream, headers[0], kNoExrThreads);
     output.setFrameBuffer(pixels[0].frame_buffer);
@@ -139,13 +133,6 @@ std::vector<std::byte> encode_exr(std::span<const ExrView> views,
     }
   }  // writes the line offsets
   return stream.take();
-}
-
-std::size_t write_exr(std::span<const ExrView> views, std::span<const ExrCamera> cameras,
-                      const ExrMetadata& metadata, const std::filesystem::path& file) {
-  const std::vector<std::byte> bytes = encode_exr(views, cameras, metadata);
-  write_file_atomically(file, bytes);
-  return bytes.size();
 }
 
 bool is_complete_exr(const std::filesystem::path& file, std::string_view fingerprint) {
@@ -178,8 +165,8 @@ bool is_complete_exr(const std::filesystem::path& file, std::string_view fingerp
 }
 
 ExrImage read_exr(const std::filesystem::path& file) {
-  constexpr ExrChannel kChannels[] = {{"R"}, {"G"}, {"B"}, {"A", 1.0F}};
-  ExrChannelData pixels = read_exr_channels(
+  constexpr images::ExrChannel kChannels[] = {{"R"}, {"G"}, {"B"}, {"A", 1.0F}};
+  images::ExrChannelData pixels = images::read_exr_channels(
       file, kChannels, "Give a flat EXR file with channels R, G and B, or render this frame again");
   ExrImage image{pixels.width, pixels.height, std::move(pixels.values)};
   image.time_code = pixels.time_code;
@@ -192,4 +179,4 @@ ExrImage read_exr(const std::filesystem::path& file) {
   return image;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

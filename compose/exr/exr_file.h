@@ -11,17 +11,13 @@
 #include "compose/exr/exr_header.h"
 #include "compose/exr/exr_layout.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Returns the bytes of a scanline EXR file. `views`: at least one, all with the same layers;
 /// `cameras`: one per view, all of one size. Colours are half, see clamp_to_half(); data are float.
 /// Deterministic.
 std::vector<std::byte> encode_exr(std::span<const ExrView> views,
                                   std::span<const ExrCamera> cameras, const ExrMetadata& metadata);
-
-/// Writes encode_exr() atomically, returns the bytes written. Throws Error (failed: disk).
-std::size_t write_exr(std::span<const ExrView> views, std::span<const ExrCamera> cameras,
-                      const ExrMetadata& metadata, const std::filesystem::path& file);
 
 /// Returns whether the file is an EXR with all pixels of all parts, and with `fingerprint` in all
 /// headers. Pixels are read but not decompressed. Damaged or missing files are not an error.
@@ -40,4 +36,4 @@ struct ExrImage {
 /// window. Throws Error (bad input) if the file is missing, damaged or no EXR.
 ExrImage read_exr(const std::filesystem::path& file);
 
-}  // namespace raystage
+}  // namespace raystage::compose

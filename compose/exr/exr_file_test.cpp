@@ -25,14 +25,14 @@
 #include "testing/compose/test_exr_view.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr int kWidth = 97, kHeight = 61;  // odd, and not a whole number of chunks
 
-RenderedView synthetic_view() {
-  RenderedView view;
+render::RenderedView synthetic_view() {
+  render::RenderedView view;
   view.width = kWidth;
   view.height = kHeight;
   for (int y = 0; y < kHeight; ++y) {
@@ -49,8 +49,8 @@ RenderedView synthetic_view() {
 }
 
 /// A camera without symmetries.
-VirtualCamera odd_camera() {
-  VirtualCamera camera;
+render::VirtualCamera odd_camera() {
+  render::VirtualCamera camera;
   camera.width = kWidth;
   camera.height = kHeight;
   camera.intrinsics = {83.5, 83.5, kWidth / 2.0, kHeight / 2.0, {}};
@@ -77,18 +77,18 @@ ExrMetadata synthetic_metadata() {
   return metadata;
 }
 
-CameraModel model_of(const VirtualCamera& camera) {
-  CameraGeometry geometry;
+rig::CameraModel model_of(const render::VirtualCamera& camera) {
+  schemas::CameraGeometry geometry;
   geometry.id = "view";
   geometry.width = camera.width;
   geometry.height = camera.height;
   geometry.intrinsics = camera.intrinsics;
-  return CameraModel(geometry);
+  return rig::CameraModel(geometry);
 }
 
 /// Points at all positions of the view, near and far.
-std::vector<Eigen::Vector3d> points_in_view(const VirtualCamera& camera) {
-  const CameraModel model = model_of(camera);
+std::vector<Eigen::Vector3d> points_in_view(const render::VirtualCamera& camera) {
+  const rig::CameraModel model = model_of(camera);
   std::vector<Eigen::Vector3d> points;
   for (const double depth : {0.3, 2.0, 50.0}) {
     for (double y = 0.5; y < camera.height; y += 12) {
@@ -103,9 +103,9 @@ std::vector<Eigen::Vector3d> points_in_view(const VirtualCamera& camera) {
 }
 
 /// Projects as compositing programs do: row vector times matrix, divided by w. `m`: row-major.
-void expect_projects_like(const VirtualCamera& camera, const float* to_camera,
+void expect_projects_like(const render::VirtualCamera& camera, const float* to_camera,
                           const float* to_ndc) {
-  const CameraModel model = model_of(camera);
+  const rig::CameraModel model = model_of(camera);
   const auto transform = [](const Eigen::Vector3d& p, const float* m) {
     Eigen::Vector4d result = Eigen::Vector4d::Zero();
     const double row[] = {p.x(), p.y(), p.z(), 1};
@@ -131,15 +131,15 @@ void expect_projects_like(const VirtualCamera& camera, const float* to_camera,
   }
 }
 
-std::size_t write_frame(const RenderedView& view, const ExrMetadata& metadata,
+std::size_t write_frame(const render::RenderedView& view, const ExrMetadata& metadata,
                         const std::filesystem::path& file) {
-  return write_exr({{testing::exr_view(view)}}, {{ExrCamera{.view = odd_camera()}}}, metadata,
-                   file);
+  return testing::write_exr({{testing::exr_view(view)}}, {{ExrCamera{.view = odd_camera()}}},
+                            metadata, file);
 }
 
 class ExrFile : public ::testing::Test {
  protected:
-  TestFolder folder_;
+  testing::TestFolder folder_;
   std::filesystem::path file_ = folder_.path() / "frame.0001.exr";
 };
 
@@ -229,7 +229,7 @@ TEST_F(ExrFile, AttributesReadBackByOpenExr) {
 }
 
 TEST_F(ExrFile, FrameRateAndPixelsReadBackByOpenImageIo) {
-  const RenderedView view = synthetic_view();
+  const render::RenderedView view = synthetic_view();
   ExrMetadata metadata = synthetic_metadata();
   metadata.layout = ExrLayout::kSingle;
   write_frame(view, metadata, file_);
@@ -263,7 +263,7 @@ TEST_F(ExrFile, ChromaticitiesReplaceTheInteropId) {
 }
 
 TEST_F(ExrFile, ExtremeValuesStayFinite) {
-  RenderedView view = synthetic_view();
+  render::RenderedView view = synthetic_view();
   view.rgba[0] = 1e9F;
   view.rgba[1] = -kInfinity;
   view.rgba[2] = std::nanf("");
@@ -278,7 +278,7 @@ TEST_F(ExrFile, ExtremeValuesStayFinite) {
 }
 
 TEST_F(ExrFile, EveryCompressionIsLossless) {
-  const RenderedView view = synthetic_view();
+  const render::RenderedView view = synthetic_view();
   ExrMetadata metadata = synthetic_metadata();
   std::vector<float> first;
   for (const char* name : {"none", "rle", "zips", "zip", "piz"}) {
@@ -296,7 +296,7 @@ TEST_F(ExrFile, EveryCompressionIsLossless) {
 
 TEST_F(ExrFile, SameInputSameBytes) {
   const auto encoded = [] {
-    const RenderedView view = synthetic_view();
+    const render::RenderedView view = synthetic_view();
     return encode_exr({{testing::exr_view(view)}}, {{ExrCamera{.view = odd_camera()}}},
                       synthetic_metadata());
   };
@@ -348,4 +348,4 @@ TEST_F(ExrFile, AFailedWriteLeavesNothing) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

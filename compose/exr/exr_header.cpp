@@ -15,13 +15,12 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <cmath>
 #include <cstdint>
 #include <utility>
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 constexpr double kNdcNear = 0.01;  // metres; only for z of worldToNDC, which readers ignore
@@ -52,7 +51,7 @@ Imath::M44f imath_from_columns(const Eigen::Matrix4d& m) {
   return result;
 }
 
-Eigen::Matrix4d forward_camera_from_world(const Pose& pose) {
+Eigen::Matrix4d forward_camera_from_world(const rig::Pose& pose) {
   Eigen::Matrix4d m = Eigen::Matrix4d::Identity();
   const Eigen::Matrix3d rotation = pose.world_from_camera_rotation.transpose();
   m.topLeftCorner<3, 3>() = rotation;
@@ -102,8 +101,8 @@ std::optional<Imf::Chromaticities> chromaticities_of(const std::string& interop_
   return std::nullopt;
 }
 
-void add_lens(Imf::Header& header, const ExrCamera& camera, const VirtualCamera& picture) {
-  const Intrinsics& k = picture.intrinsics;
+void add_lens(Imf::Header& header, const ExrCamera& camera, const render::VirtualCamera& picture) {
+  const schemas::Intrinsics& k = picture.intrinsics;
   const double width = camera.film_back_mm;
   const double height = width * (picture.height / k.fy) / (picture.width / k.fx);
   header.insert("pinholeFocalLength",
@@ -116,8 +115,8 @@ void add_lens(Imf::Header& header, const ExrCamera& camera, const VirtualCamera&
   if (camera.exposure_seconds) addExpTime(header, static_cast<float>(*camera.exposure_seconds));
 }
 
-void add_perspective(Imf::Header& header, const VirtualCamera& camera) {
-  const Intrinsics& k = camera.intrinsics;
+void add_perspective(Imf::Header& header, const render::VirtualCamera& camera) {
+  const schemas::Intrinsics& k = camera.intrinsics;
   addWorldToCamera(header, exr_world_to_camera(camera.pose));
   addWorldToNDC(header, exr_world_to_ndc(camera));
   header.pixelAspectRatio() = static_cast<float>(k.fy / k.fx);
@@ -131,8 +130,8 @@ void add_perspective(Imf::Header& header, const VirtualCamera& camera) {
 
 void check_exr_compression(const std::string& name) { compression_named(name); }
 
-VirtualCamera without_overscan(const ExrCamera& camera) {
-  VirtualCamera picture = camera.view;
+render::VirtualCamera without_overscan(const ExrCamera& camera) {
+  render::VirtualCamera picture = camera.view;
   picture.width -= 2 * camera.overscan_x;
   picture.height -= 2 * camera.overscan_y;
   picture.intrinsics.cx -= camera.overscan_x;
@@ -140,12 +139,12 @@ VirtualCamera without_overscan(const ExrCamera& camera) {
   return picture;
 }
 
-Imath::M44f exr_world_to_camera(const Pose& pose) {
+Imath::M44f exr_world_to_camera(const rig::Pose& pose) {
   return imath_from_columns(forward_camera_from_world(pose));
 }
 
-Imath::M44f exr_world_to_ndc(const VirtualCamera& camera) {
-  const Intrinsics& k = camera.intrinsics;
+Imath::M44f exr_world_to_ndc(const render::VirtualCamera& camera) {
+  const schemas::Intrinsics& k = camera.intrinsics;
   Eigen::Matrix4d ndc_from_camera;
   ndc_from_camera << k.fx / camera.width, 0, k.cx / camera.width, 0,  //
       0, -k.fy / camera.height, k.cy / camera.height, 0,              //
@@ -161,7 +160,7 @@ std::string format_time_code(int frame, int fps_numerator, int fps_denominator) 
 }
 
 Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMetadata& metadata) {
-  const VirtualCamera picture = without_overscan(camera);
+  const render::VirtualCamera picture = without_overscan(camera);
   Imf::Header header(picture.width, picture.height);
   header.dataWindow() = {
       {-camera.overscan_x, -camera.overscan_y},
@@ -228,4 +227,4 @@ Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMe
   return header;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -14,7 +14,7 @@
 // OpenEXR's versioned namespace makes a forward declaration of Imf::Header unportable.
 #include <OpenEXR/ImfHeader.h>
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Metadata of a rendered frame. For attributes and conventions see docs/formats/exr.md.
 struct ExrMetadata {
@@ -46,7 +46,7 @@ struct ExrMetadata {
 
 /// The camera of a view, for its header.
 struct ExrCamera {
-  VirtualCamera view;  ///< with overscan
+  render::VirtualCamera view;  ///< with overscan
   /// Pixels by which the data window exceeds the display window, on each side.
   int overscan_x = 0, overscan_y = 0;
   double film_back_mm = 36;  ///< width
@@ -54,15 +54,15 @@ struct ExrCamera {
 };
 
 /// Returns the camera of the display window.
-VirtualCamera without_overscan(const ExrCamera& camera);
+render::VirtualCamera without_overscan(const ExrCamera& camera);
 
 /// Returns the transform to OpenEXR's camera space: left-handed, x right, y up, z forward (ours: z
 /// backward). Imath multiplies row vectors, so that the translation is in the last row.
-Imath::M44f exr_world_to_camera(const Pose& pose);
+Imath::M44f exr_world_to_camera(const rig::Pose& pose);
 /// Returns the transform from world to the display window after division by w: (0,0) = upper left,
 /// (1,1) = lower right corner (the outer corners of the corner pixels), y down. It ignores lens
 /// distortion. z is 0 at 1 cm in front of the camera and 1 at infinity.
-Imath::M44f exr_world_to_ndc(const VirtualCamera& camera);
+Imath::M44f exr_world_to_ndc(const render::VirtualCamera& camera);
 
 /// Returns the header of a part without its channels: name, type and `view` follow the layout.
 /// Throws Error (bad input) for an unknown compression.
@@ -74,4 +74,4 @@ std::string format_time_code(int frame, int fps_numerator, int fps_denominator);
 /// Throws Error (bad input), which lists the compressions, if `name` is none of them.
 void check_exr_compression(const std::string& name);
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -6,7 +6,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 constexpr std::string_view kDepth = "depth";
@@ -72,4 +72,4 @@ std::vector<ExrPart> make_exr_parts(std::span<const ExrView> views, ExrLayout la
   return parts;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-namespace raystage {
+namespace raystage::compose {
 
 /// How views and layers are assigned to parts and channel names.
 enum class ExrLayout {
@@ -57,4 +57,4 @@ struct ExrPart {
 /// a single part, channels of other views are called layer.view.channel.
 std::vector<ExrPart> make_exr_parts(std::span<const ExrView> views, ExrLayout layout);
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -16,15 +16,15 @@
 #include "testing/compose/test_exr_view.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using ::testing::ElementsAre;
 
 constexpr int kColumns = 20, kRows = 13;
 
-RenderedView picture(float red) {
-  RenderedView view;
+render::RenderedView picture(float red) {
+  render::RenderedView view;
   view.width = kColumns;
   view.height = kRows;
   for (int i = 0; i < kColumns * kRows; ++i) {
@@ -40,7 +40,8 @@ RenderedView picture(float red) {
 
 ExrCamera camera_at(double x) {
   ExrCamera camera;
-  camera.view = virtual_camera_with_fov(kColumns, kRows, 1, Pose{.position = {x, 0, 0}});
+  camera.view =
+      render::virtual_camera_with_fov(kColumns, kRows, 1, rig::Pose{.position = {x, 0, 0}});
   camera.film_back_mm = 24;
   camera.focus_m = 3.5;
   camera.f_number = 2.8;
@@ -69,7 +70,7 @@ class ExrLayouts : public ::testing::Test {
       views.push_back(testing::exr_view(right_, "right"));
       cameras.push_back(camera_at(0.03));
     }
-    write_exr(views, cameras, metadata, file_);
+    testing::write_exr(views, cameras, metadata, file_);
     EXPECT_TRUE(is_complete_exr(file_, "f"));
   }
   std::vector<std::string> part_names() const {
@@ -81,9 +82,9 @@ class ExrLayouts : public ::testing::Test {
     return names;
   }
 
-  TestFolder folder_;
+  testing::TestFolder folder_;
   std::filesystem::path file_ = folder_.path() / "frame.0001.exr";
-  RenderedView left_ = picture(0.5F), right_ = picture(0.75F);
+  render::RenderedView left_ = picture(0.5F), right_ = picture(0.75F);
 };
 
 TEST_F(ExrLayouts, StandardHasAPartForEachLayer) {
@@ -190,4 +191,4 @@ TEST(ExrLayoutNames, AreThree) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

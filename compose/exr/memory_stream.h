@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-namespace raystage {
+namespace raystage::compose {
 
 /// OpenEXR's threads are off: frames are already processed in parallel.
 inline constexpr int kNoExrThreads = 0;
@@ -48,4 +48,4 @@ inline half clamp_to_half(float value) {
   return half(std::clamp(value, -kLargest, kLargest));
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

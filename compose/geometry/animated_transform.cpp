@@ -7,7 +7,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Quaterniond;
@@ -15,13 +15,13 @@ using Eigen::Vector3d;
 
 }  // namespace
 
-AnimatedTransform::AnimatedTransform(const ShotDocument::Geometry& geometry,
+AnimatedTransform::AnimatedTransform(const schemas::ShotDocument::Geometry& geometry,
                                      const std::string& where) {
   std::vector<CurveKey<Vector3d>> positions;
   std::vector<CurveKey<Quaterniond>> orientations;
   std::vector<CurveKey<double>> scales;
   for (std::size_t i = 0; i < geometry.keys.size(); ++i) {
-    const ShotDocument::TransformKey& key = geometry.keys[i];
+    const schemas::ShotDocument::TransformKey& key = geometry.keys[i];
     const auto refuse = [&](const char* what) {
       throw Error::bad_input(what, fmt::format("{}/keys/{}", where, i), "Correct the key");
     };
@@ -60,4 +60,4 @@ Eigen::Affine3d AnimatedTransform::world_from_object(double frame) const {
   return placed;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -7,7 +7,7 @@
 #include "compose/camera/animation_curves.h"
 #include "schemas/shot_document.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Transform of a mesh at any fractional frame: a smooth curve through the keys of each property,
 /// constant before the first and after the last key.
@@ -15,7 +15,7 @@ class AnimatedTransform {
  public:
   /// `where`: named by errors. Throws Error (bad input) for keys that are not finite, a scale that
   /// is not above 0, or a quaternion of length 0.
-  AnimatedTransform(const ShotDocument::Geometry& geometry, const std::string& where);
+  AnimatedTransform(const schemas::ShotDocument::Geometry& geometry, const std::string& where);
 
   Eigen::Affine3d world_from_object(double frame) const;
 
@@ -25,4 +25,4 @@ class AnimatedTransform {
   AnimationChannel<double> scale_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Vector3d;
@@ -20,7 +20,7 @@ TEST(AnimatedTransform, WithoutKeysAsInTheFile) {
 }
 
 TEST(AnimatedTransform, EachPropertyHasItsOwnKeys) {
-  ShotDocument::Geometry geometry{.file = "m.obj"};
+  schemas::ShotDocument::Geometry geometry{.file = "m.obj"};
   const double half = std::sqrt(0.5);
   geometry.keys = {{.frame = 1, .position = {{0, 0, 0}}, .scale = 2},
                    {.frame = 5, .orientation = {{half, 0, half, 0}}},  // 90 degrees about y
@@ -34,11 +34,12 @@ TEST(AnimatedTransform, EachPropertyHasItsOwnKeys) {
 
 TEST(AnimatedTransform, RefusesWhatIsNoPlace) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  for (const ShotDocument::TransformKey& key : {ShotDocument::TransformKey{.frame = nan},
-                                                {.frame = 1, .position = {{0, nan, 0}}},
-                                                {.frame = 1, .orientation = {{0, 0, 0, 0}}},
-                                                {.frame = 1, .scale = 0}}) {
-    ShotDocument::Geometry geometry{.file = "m.obj"};
+  for (const schemas::ShotDocument::TransformKey& key :
+       {schemas::ShotDocument::TransformKey{.frame = nan},
+        {.frame = 1, .position = {{0, nan, 0}}},
+        {.frame = 1, .orientation = {{0, 0, 0, 0}}},
+        {.frame = 1, .scale = 0}}) {
+    schemas::ShotDocument::Geometry geometry{.file = "m.obj"};
     geometry.keys = {key};
     try {
       const AnimatedTransform placement(geometry, "shot.json#/layers/2/geometry");
@@ -50,4 +51,4 @@ TEST(AnimatedTransform, RefusesWhatIsNoPlace) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

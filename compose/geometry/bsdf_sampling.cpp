@@ -9,7 +9,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Vector3d;
@@ -92,4 +92,4 @@ Vector3d reflect(const Vector3d& direction, const Vector3d& normal) {
   return (direction - 2 * direction.dot(normal) * normal).normalized();
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -5,7 +5,7 @@
 #include <array>
 #include <cstdint>
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Returns point `index` of a deterministic low-discrepancy sequence in [0, 1)^2: the R2 sequence
 /// (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018), shifted by a hash of
@@ -30,4 +30,4 @@ DirectionSample sample_ggx_direction(const Eigen::Vector3d& normal,
 /// Returns `direction` mirrored at the plane with this normal, as a unit vector.
 Eigen::Vector3d reflect(const Eigen::Vector3d& direction, const Eigen::Vector3d& normal);
 
-}  // namespace raystage
+}  // namespace raystage::compose

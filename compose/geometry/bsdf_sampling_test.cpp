@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Vector3d;
@@ -98,4 +98,4 @@ TEST(Scattering, GlossyGivesBackWhatTheIntegralSays) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

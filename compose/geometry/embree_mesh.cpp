@@ -9,14 +9,13 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <new>
 
 #include "base/error.h"
 #include "render/common/simd_level.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 using Eigen::Vector3d;
 
@@ -50,7 +49,7 @@ void EmbreeMesh::build_bvh() const {
 }
 
 void EmbreeMesh::build() const {
-  device_.reset(rtcNewDevice(embree_config().c_str()));
+  device_.reset(rtcNewDevice(render::embree_config().c_str()));
   if (!device_) {
     if (rtcGetDeviceError(nullptr) == RTC_ERROR_OUT_OF_MEMORY) throw std::bad_alloc();
     throw Error::failed("Embree cannot start", name_, "Use a processor that it supports");
@@ -81,15 +80,15 @@ void EmbreeMesh::build() const {
   is_built_.store(true, std::memory_order_release);
 }
 
-bool EmbreeMesh::fill(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
-                      double min_distance, std::span<const double> max_distance,
-                      Packet& packet) const {
+bool EmbreeMesh::fill(const Eigen::Affine3d& object_from_world,
+                      std::span<const render::WorldRay> rays, double min_distance,
+                      std::span<const double> max_distance, Packet& packet) const {
   RTCRay16& of_embree = packet.rays.ray;
   bool any = false;
   for (std::size_t i = 0; i < kPacket; ++i) {
     packet.valid[i] = 0;
     if (i >= rays.size()) continue;
-    const WorldRay& ray = rays[i];
+    const render::WorldRay& ray = rays[i];
     // Units of the file from here on.
     const Vector3d along = object_from_world.linear() * ray.direction;
     packet.per_metre[i] = along.norm();
@@ -122,9 +121,9 @@ bool EmbreeMesh::fill(const Eigen::Affine3d& object_from_world, std::span<const 
   return any;
 }
 
-void EmbreeMesh::intersect(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
-                           double min_distance, std::span<SurfaceHit> hits,
-                           RayCoherence order) const {
+void EmbreeMesh::intersect(const Eigen::Affine3d& object_from_world,
+                           std::span<const render::WorldRay> rays, double min_distance,
+                           std::span<SurfaceHit> hits, RayCoherence order) const {
   Packet packet;
   std::array<double, kPacket> to{};
   for (std::size_t begin = 0; begin < rays.size(); begin += kPacket) {
@@ -145,8 +144,9 @@ void EmbreeMesh::intersect(const Eigen::Affine3d& object_from_world, std::span<c
   }
 }
 
-void EmbreeMesh::occlude(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
-                         double min_distance, double max_distance, std::span<std::uint8_t> occluded,
+void EmbreeMesh::occlude(const Eigen::Affine3d& object_from_world,
+                         std::span<const render::WorldRay> rays, double min_distance,
+                         double max_distance, std::span<std::uint8_t> occluded,
                          RayCoherence order) const {
   Packet packet;
   std::array<double, kPacket> to{};
@@ -164,4 +164,4 @@ void EmbreeMesh::occlude(const Eigen::Affine3d& object_from_world, std::span<con
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

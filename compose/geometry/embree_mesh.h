@@ -18,7 +18,7 @@
 #include "compose/geometry/mesh.h"
 #include "render/common/world_ray.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// First intersection of a ray with a mesh, from either side.
 struct SurfaceHit {
@@ -48,13 +48,13 @@ class EmbreeMesh {
   const Mesh& mesh() const { return mesh_; }
 
   /// Replaces `hits` by nearer ones. `rays`: world; `min_distance`: of hits on the ray, metres.
-  void intersect(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
+  void intersect(const Eigen::Affine3d& object_from_world, std::span<const render::WorldRay> rays,
                  double min_distance, std::span<SurfaceHit> hits,
                  RayCoherence order = RayCoherence::kIncoherent) const;
 
   /// Sets `occluded` to 1 for rays that intersect the mesh between the distances (metres). Rays
   /// whose value is already 1 are not traced.
-  void occlude(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
+  void occlude(const Eigen::Affine3d& object_from_world, std::span<const render::WorldRay> rays,
                double min_distance, double max_distance, std::span<std::uint8_t> occluded,
                RayCoherence order = RayCoherence::kIncoherent) const;
 
@@ -88,7 +88,7 @@ class EmbreeMesh {
   };
   /// Fills a packet with the parts of at most kPacket `rays` between the distances that pass near
   /// the mesh. Returns false if there are none.
-  bool fill(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
+  bool fill(const Eigen::Affine3d& object_from_world, std::span<const render::WorldRay> rays,
             double min_distance, std::span<const double> max_distance, Packet& packet) const;
 
   void build() const;
@@ -104,4 +104,4 @@ class EmbreeMesh {
   std::size_t bytes_ = 0;
 };
 
-}  // namespace raystage
+}  // namespace raystage::compose

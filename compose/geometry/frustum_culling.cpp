@@ -7,12 +7,12 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
-namespace raystage {
+namespace raystage::compose {
 
 using Eigen::Vector3d;
 
-bool may_intersect_frustum(const MeshInstance& mesh, const VirtualCamera& camera) {
-  const Pose& pose = camera.pose;
+bool may_intersect_frustum(const MeshInstance& mesh, const render::VirtualCamera& camera) {
+  const rig::Pose& pose = camera.pose;
   const Vector3d centre = pose.world_from_camera_rotation.transpose() *
                           (mesh.world_from_object * mesh.scene->centre() - pose.position);
   const Eigen::Matrix3d linear = mesh.world_from_object.linear();
@@ -20,7 +20,7 @@ bool may_intersect_frustum(const MeshInstance& mesh, const VirtualCamera& camera
                                                                  Eigen::EigenvaluesOnly);
   const double stretch = std::sqrt(stretches.eigenvalues().maxCoeff());
   const double radius = 1.001 * mesh.scene->radius() * stretch;
-  const Intrinsics& k = camera.intrinsics;
+  const schemas::Intrinsics& k = camera.intrinsics;
   // Inward normals in camera coordinates: left, right, top, bottom, forward.
   const Vector3d inwards[] = {{k.fx, 0, -k.cx},
                               {-k.fx, 0, -(camera.width - k.cx)},
@@ -33,4 +33,4 @@ bool may_intersect_frustum(const MeshInstance& mesh, const VirtualCamera& camera
   return true;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

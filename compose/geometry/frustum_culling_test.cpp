@@ -8,7 +8,7 @@
 
 #include "testing/compose/test_meshes.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Vector3d;
@@ -21,7 +21,7 @@ TEST(InView, LeavesOutNothingThatShows) {
   std::uniform_real_distribution<double> place(-6, 6), turn(-3, 3);
   int seen = 0, left_out = 0, in_vain = 0;
   for (int i = 0; i < 1000; ++i) {
-    VirtualCamera camera = virtual_camera_with_fov(40, 30, 0.9, {});
+    render::VirtualCamera camera = render::virtual_camera_with_fov(40, 30, 0.9, {});
     camera.intrinsics.cx += turn(random);
     camera.pose.world_from_camera_rotation =
         Eigen::AngleAxisd(turn(random), Vector3d(turn(random), turn(random), 1).normalized())
@@ -52,12 +52,12 @@ TEST(InView, MeshesThatNoRayComesNearAreNotBuilt) {
   scene.meshes = {testing::make_instance(seen, {0, 0, -3}),
                   testing::make_instance(aside, {50, 0, -3})};
   scene.lights.directional.push_back({{0, 0, 1}});
-  render_geometry(scene, 0, virtual_camera_with_fov(16, 12, 0.6, {}), 1);
+  render_geometry(scene, 0, render::virtual_camera_with_fov(16, 12, 0.6, {}), 1);
   EXPECT_TRUE(seen.is_built());
   EXPECT_FALSE(aside.is_built());
   // A mesh that casts shadows is needed.
   scene.meshes[1] = testing::make_instance(aside, {0, 0, 5});
-  render_geometry(scene, 0, virtual_camera_with_fov(16, 12, 0.6, {}), 1);
+  render_geometry(scene, 0, render::virtual_camera_with_fov(16, 12, 0.6, {}), 1);
   EXPECT_TRUE(aside.is_built());
 }
 
@@ -65,11 +65,11 @@ TEST(InView, KnowsStretchedMeshes) {
   const EmbreeMesh square(testing::square(1, testing::make_material(Material::Kind::kDiffuse)),
                           "s");
   MeshInstance placed = testing::make_instance(square, {5, 0, -3});
-  const VirtualCamera camera = virtual_camera_with_fov(40, 30, 0.9, {});
+  const render::VirtualCamera camera = render::virtual_camera_with_fov(40, 30, 0.9, {});
   EXPECT_FALSE(may_intersect_frustum(placed, camera));
   placed.world_from_object.scale(Vector3d(10, 1, 1));
   EXPECT_TRUE(may_intersect_frustum(placed, camera));
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

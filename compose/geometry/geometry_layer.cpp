@@ -11,7 +11,7 @@
 #include "compose/geometry/frustum_culling.h"
 #include "compose/geometry/geometry_scene.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Vector3f;
@@ -35,7 +35,7 @@ void add_file(Fingerprint& print, const std::filesystem::path& file) {
 }
 
 /// Replaces the file's materials by that of the shot.
-void replace_materials(Mesh& mesh, const ShotDocument::Material& by,
+void replace_materials(Mesh& mesh, const schemas::ShotDocument::Material& by,
                        const std::filesystem::path& folder) {
   using Kind = Material::Kind;
   for (Material& material : mesh.materials) {
@@ -73,8 +73,7 @@ class MeshRenderer final : public LayerRenderer {
 
   bool may_show(const LayerView& view) const override {
     if (view.mesh < 0) return false;
-    return may_intersect_frustum(view.scene->meshes[static_cast<std::size_t>(view.mesh)],
-                                 view.camera.view);
+    return may_intersect_frustum(view.scene->meshes[view.mesh], view.camera.view);
   }
   LayerImage render(const LayerView& view) const override {
     return render_geometry(*view.scene, static_cast<std::size_t>(view.mesh), view.camera.view,
@@ -87,7 +86,7 @@ class MeshRenderer final : public LayerRenderer {
 
 }  // namespace
 
-GeometryLayer::GeometryLayer(const ShotDocument::Geometry& geometry,
+GeometryLayer::GeometryLayer(const schemas::ShotDocument::Geometry& geometry,
                              const std::filesystem::path& folder, const std::string& where,
                              Textures& textures)
     : transform_(geometry, where), samples_(geometry.samples) {
@@ -131,7 +130,7 @@ std::unique_ptr<const LayerRenderer> GeometryLayer::make_renderer(
   return std::make_unique<const MeshRenderer>(samples_);
 }
 
-Lights make_lights(const std::vector<ShotDocument::Light>& lights,
+Lights make_lights(const std::vector<schemas::ShotDocument::Light>& lights,
                    const std::filesystem::path& folder, Textures& textures) {
   struct Environment {
     Textures::Handle picture;
@@ -140,7 +139,7 @@ Lights make_lights(const std::vector<ShotDocument::Light>& lights,
   };
   Lights result;
   std::vector<Environment> environments;
-  for (const ShotDocument::Light& light : lights) {
+  for (const schemas::ShotDocument::Light& light : lights) {
     if (light.ambient) {
       result.ambient += color_from(*light.ambient);
     } else if (light.direction) {
@@ -158,7 +157,7 @@ Lights make_lights(const std::vector<ShotDocument::Light>& lights,
     }
   }
   if (environments.empty()) return result;
-  result.environment_radiance = [environments, &textures](std::span<const WorldRay> rays,
+  result.environment_radiance = [environments, &textures](std::span<const render::WorldRay> rays,
                                                           std::span<const float> spread,
                                                           std::span<Vector3f> seen) {
     for (std::size_t i = 0; i < rays.size(); ++i) {
@@ -174,9 +173,9 @@ Lights make_lights(const std::vector<ShotDocument::Light>& lights,
   return result;
 }
 
-void add_to_fingerprint(Fingerprint& print, const std::vector<ShotDocument::Light>& lights,
+void add_to_fingerprint(Fingerprint& print, const std::vector<schemas::ShotDocument::Light>& lights,
                         const std::filesystem::path& folder) {
-  for (const ShotDocument::Light& light : lights) {
+  for (const schemas::ShotDocument::Light& light : lights) {
     for (const auto& values : {light.ambient, light.direction, std::optional(light.color)}) {
       for (const double value : values.value_or(std::array<double, 3>{})) {
         print.number("light", value);
@@ -189,4 +188,4 @@ void add_to_fingerprint(Fingerprint& print, const std::vector<ShotDocument::Ligh
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

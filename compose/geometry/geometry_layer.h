@@ -15,15 +15,15 @@
 #include "compose/layers/layer.h"
 #include "schemas/shot_document.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// A mesh in a shot: read and checked before rendering.
 class GeometryLayer final : public Layer {
  public:
   /// `where`: named by errors. `textures`: opens textures as needed; referred to. Throws Error (bad
   /// input) if the mesh or a texture is missing or wrong, or for unusable keys.
-  GeometryLayer(const ShotDocument::Geometry& geometry, const std::filesystem::path& folder,
-                const std::string& where, Textures& textures);
+  GeometryLayer(const schemas::ShotDocument::Geometry& geometry,
+                const std::filesystem::path& folder, const std::string& where, Textures& textures);
 
   MeshInstance instance_at(double frame) const;
   int samples() const { return samples_; }
@@ -49,11 +49,11 @@ class GeometryLayer final : public Layer {
 
 /// Returns the lights of a shot except light fields. `textures`: referred to. Throws Error (bad
 /// input) if an environment cannot be read.
-Lights make_lights(const std::vector<ShotDocument::Light>& lights,
+Lights make_lights(const std::vector<schemas::ShotDocument::Light>& lights,
                    const std::filesystem::path& folder, Textures& textures);
 
 /// Adds everything that determines the lights.
-void add_to_fingerprint(Fingerprint& print, const std::vector<ShotDocument::Light>& lights,
+void add_to_fingerprint(Fingerprint& print, const std::vector<schemas::ShotDocument::Light>& lights,
                         const std::filesystem::path& folder);
 
-}  // namespace raystage
+}  // namespace raystage::compose

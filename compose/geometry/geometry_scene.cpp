@@ -15,7 +15,7 @@
 #include "base/parallel.h"
 #include "compose/geometry/bsdf_sampling.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Vector3d;
@@ -28,7 +28,7 @@ constexpr int kRowsPerTask = 2;
 
 /// A ray of a path and its contribution to a pixel.
 struct Path {
-  WorldRay ray;
+  render::WorldRay ray;
   Vector3f weight{1, 1, 1};
   std::uint32_t pixel = 0;   // index in the task's rows
   std::uint32_t sample = 0;  // index in the pixel
@@ -39,7 +39,7 @@ struct Path {
 };
 
 struct ShadowRay {
-  WorldRay ray;
+  render::WorldRay ray;
   Vector3f light;
   std::uint32_t pixel = 0;
   double min_distance = 0;
@@ -48,7 +48,7 @@ struct ShadowRay {
 /// Renders some rows of a view, one wave of rays per bounce.
 class RowRenderer {
  public:
-  RowRenderer(const GeometryScene& scene, std::size_t mesh, const VirtualCamera& camera,
+  RowRenderer(const GeometryScene& scene, std::size_t mesh, const render::VirtualCamera& camera,
               int samples, int begin, int end, std::span<const float> ids, LayerImage& image)
       : scene_(scene),
         mesh_(mesh),
@@ -90,7 +90,7 @@ class RowRenderer {
  private:
   void make_camera_rays() {
     const int samples = per_side_ * per_side_;
-    const Intrinsics& k = camera_.intrinsics;
+    const schemas::Intrinsics& k = camera_.intrinsics;
     const auto spread = static_cast<float>(1 / (k.fx * per_side_));
     paths_.reserve(light_.size() * static_cast<std::size_t>(samples));
     for (int y = begin_; y < end_; ++y) {
@@ -113,7 +113,7 @@ class RowRenderer {
   }
 
   std::vector<SurfaceHit> intersect_camera_rays() const {
-    std::vector<WorldRay> rays;
+    std::vector<render::WorldRay> rays;
     rays.reserve(paths_.size());
     for (const Path& path : paths_) rays.push_back(path.ray);
     std::vector<SurfaceHit> hits(rays.size());
@@ -127,7 +127,7 @@ class RowRenderer {
                                         std::vector<std::uint32_t>& met) const {
     std::vector<SurfaceHit> hits(wave.size());
     met.assign(wave.size(), 0);
-    std::vector<WorldRay> rays;
+    std::vector<render::WorldRay> rays;
     std::vector<SurfaceHit> of_run;
     // Consecutive rays with the same start are traced together.
     for (std::size_t begin = 0; begin < wave.size();) {
@@ -146,7 +146,7 @@ class RowRenderer {
             met[begin + i] = static_cast<std::uint32_t>(m);
         }
       }
-      std::ranges::copy(of_run, hits.begin() + static_cast<std::ptrdiff_t>(begin));
+      std::ranges::copy(of_run, hits.begin() + begin);
       begin = end;
     }
     return hits;
@@ -154,7 +154,7 @@ class RowRenderer {
 
   /// Adds the environment's radiance along paths that hit nothing.
   void add_environment(const std::vector<Path>& wave, const std::vector<SurfaceHit>& hits) {
-    std::vector<WorldRay> rays;
+    std::vector<render::WorldRay> rays;
     std::vector<float> spread;
     std::vector<std::size_t> from;
     for (std::size_t i = 0; i < wave.size(); ++i) {
@@ -243,7 +243,7 @@ class RowRenderer {
   void trace_shadow_rays(const std::vector<ShadowRay>& shadows, RayCoherence order) {
     for (std::size_t begin = 0; begin < shadows.size();) {
       std::size_t end = begin;
-      std::vector<WorldRay> rays;
+      std::vector<render::WorldRay> rays;
       while (end < shadows.size() && shadows[end].min_distance == shadows[begin].min_distance) {
         rays.push_back(shadows[end++].ray);
       }
@@ -340,9 +340,7 @@ class RowRenderer {
     for (std::size_t i = 0; i < light_.size(); ++i) {
       const std::size_t at = first_pixel() + i;
       if (nearest_[i].hits == 0) continue;
-      for (std::size_t c = 0; c < 3; ++c) {
-        image_.rgba[4 * at + c] = light_[i](static_cast<Eigen::Index>(c)) / samples;
-      }
+      for (std::size_t c = 0; c < 3; ++c) image_.rgba[4 * at + c] = light_[i](c) / samples;
       image_.rgba[4 * at + 3] = static_cast<float>(nearest_[i].hits) / samples;
       image_.z[at] = static_cast<float>(nearest_[i].z);
     }
@@ -360,7 +358,7 @@ class RowRenderer {
 
   const GeometryScene& scene_;
   std::size_t mesh_;
-  const VirtualCamera& camera_;
+  const render::VirtualCamera& camera_;
   int per_side_, begin_, end_;
   std::span<const float> ids_;
   LayerImage& image_;
@@ -373,7 +371,8 @@ class RowRenderer {
 }  // namespace
 
 LayerImage render_geometry(const GeometryScene& scene, std::size_t mesh,
-                           const VirtualCamera& camera, int samples, std::span<const float> ids) {
+                           const render::VirtualCamera& camera, int samples,
+                           std::span<const float> ids) {
   LayerImage image = transparent_layer_image(camera.width, camera.height);
   if (!ids.empty()) image.ids.assign(image.pixels() * 2 * kIdRanks, 0.0F);
   const auto add = [&](const char* name, const std::vector<std::string>& channels, bool is_colour) {
@@ -393,4 +392,4 @@ LayerImage render_geometry(const GeometryScene& scene, std::size_t mesh,
   return image;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

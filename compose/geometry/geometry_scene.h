@@ -8,7 +8,7 @@
 #include "compose/geometry/surface_point.h"
 #include "compose/layers/layer_image.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Geometry and lights of a shot at a frame.
 struct GeometryScene {
@@ -24,7 +24,7 @@ struct GeometryScene {
 /// LayerImage::ids; empty: not requested. The bytes do not depend on the number of threads, unless
 /// those of `lights.environment_radiance` do.
 LayerImage render_geometry(const GeometryScene& scene, std::size_t mesh,
-                           const VirtualCamera& camera, int samples,
+                           const render::VirtualCamera& camera, int samples,
                            std::span<const float> ids = {});
 
-}  // namespace raystage
+}  // namespace raystage::compose

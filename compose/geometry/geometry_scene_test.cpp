@@ -9,7 +9,7 @@
 
 #include "testing/compose/test_meshes.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Vector3d;
@@ -20,15 +20,16 @@ using testing::make_material;
 using testing::square;
 using Kind = Material::Kind;
 
-VirtualCamera looking_from(const Vector3d& position, int width = 64, int height = 48,
-                           double fov = 0.9) {
-  Pose pose;
+render::VirtualCamera looking_from(const Vector3d& position, int width = 64, int height = 48,
+                                   double fov = 0.9) {
+  rig::Pose pose;
   pose.position = position;
-  return virtual_camera_with_fov(width, height, fov, pose);
+  return render::virtual_camera_with_fov(width, height, fov, pose);
 }
 
 EnvironmentRadiance all_the_same(float radiance) {
-  return [radiance](std::span<const WorldRay>, std::span<const float>, std::span<Vector3f> seen) {
+  return [radiance](std::span<const render::WorldRay>, std::span<const float>,
+                    std::span<Vector3f> seen) {
     std::ranges::fill(seen, Vector3f::Constant(radiance));
   };
 }
@@ -48,7 +49,7 @@ TEST(GeometryView, ASquareIsWhereItIs) {
   const EmbreeMesh scene(square(1, make_material(Kind::kDiffuse, 0.5F)), "square");
   GeometryScene geometry{{make_instance(scene, {0, 0, -4})}, nullptr, {}};
   geometry.lights.ambient = {1, 2, 4};
-  const VirtualCamera camera = looking_from({0, 0, 0});
+  const render::VirtualCamera camera = looking_from({0, 0, 0});
   const LayerImage image = render_geometry(geometry, 0, camera, 64);
   const double half = camera.intrinsics.fx / 4;  // pixels
   double covered = 0;
@@ -99,7 +100,7 @@ TEST(GeometryView, MeetsTheNearestTriangle) {
     const double scale = std::pow(10, number(3)), far = std::pow(10, 3 + number(3));
     const Vector3d at(number(1e7), number(1e7), number(1e7));
     const MeshInstance placed = make_instance(scene, at, scale);
-    std::vector<WorldRay> rays;
+    std::vector<render::WorldRay> rays;
     for (int i = 0; i < 33; ++i) {
       const Vector3d through = at + scale * Vector3d(number(1), number(1), number(1));
       const Vector3d from =
@@ -159,7 +160,7 @@ TEST(GeometryView, OthersThrowShadowsButAreNotSeen) {
   GeometryScene geometry{
       {make_instance(floor, {0, 0, -6}), make_instance(roof, {0, 0, -5})}, nullptr, {}};
   geometry.lights.directional = {{Vector3d(0.6, 0, 0.8), {1, 1, 1}, true}};
-  const VirtualCamera camera = looking_from({0, 0, 0}, 128, 96);
+  const render::VirtualCamera camera = looking_from({0, 0, 0}, 128, 96);
   const LayerImage image = render_geometry(geometry, 0, camera, 1);
   // Light from the right: the shadow is 0.6 / 0.8 metres to the left.
   for (int x = 0; x < camera.width; ++x) {
@@ -175,13 +176,13 @@ TEST(GeometryView, OthersThrowShadowsButAreNotSeen) {
 TEST(GeometryView, AMirrorShowsWhereItsRaysGo) {
   const EmbreeMesh scene(ball(1, make_material(Kind::kMirror)), "ball");
   GeometryScene geometry{{make_instance(scene, {0.5, 0, -4})}, nullptr, {}};
-  geometry.lights.environment_radiance = [](std::span<const WorldRay> rays, std::span<const float>,
-                                            std::span<Vector3f> seen) {
+  geometry.lights.environment_radiance = [](std::span<const render::WorldRay> rays,
+                                            std::span<const float>, std::span<Vector3f> seen) {
     for (std::size_t i = 0; i < rays.size(); ++i) {
       seen[i] = (rays[i].direction.array() + 1).matrix().cast<float>();
     }
   };
-  const VirtualCamera camera = looking_from({0, 0, 0});
+  const render::VirtualCamera camera = looking_from({0, 0, 0});
   const LayerImage image = render_geometry(geometry, 0, camera, 1);
   int seen = 0;
   for (int y = 0; y < image.height; ++y) {
@@ -215,7 +216,7 @@ TEST(GeometryView, MirrorsShowEachOther) {
 
 /// White surfaces in a uniform environment are invisible (furnace test).
 TEST(GeometryView, WhiteInAWhiteFurnaceIsWhite) {
-  const VirtualCamera camera = looking_from({0, 0, 0}, 32, 24);
+  const render::VirtualCamera camera = looking_from({0, 0, 0}, 32, 24);
   for (const auto& [kind, least] :
        {std::pair{Kind::kDiffuse, 1.0}, {Kind::kMirror, 1.0}, {Kind::kGlossy, 0.9}}) {
     const EmbreeMesh scene(ball(1, make_material(kind)), "ball");
@@ -245,7 +246,7 @@ TEST(GeometryView, SameBytesForAnyNumberOfThreads) {
   geometry.lights.directional = {{Vector3d(0.6, 0, 0.8), {1, 1, 1}, true}};
   geometry.lights.ambient.setConstant(0.2F);
   geometry.lights.gather_rays = 4;
-  const VirtualCamera camera = looking_from({0, 0, 0}, 61, 47);
+  const render::VirtualCamera camera = looking_from({0, 0, 0}, 61, 47);
   const LayerImage image = render_geometry(geometry, 1, camera, 9);
   for (const std::size_t threads : {1, 5}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
@@ -264,7 +265,7 @@ TEST(GeometryView, FarAwayAndHugeAndTinyStaysFinite) {
         const Vector3d at(offset, -offset, offset);
         GeometryScene geometry{{make_instance(scene, at, scale)}, nullptr, {}};
         geometry.lights.environment_radiance = all_the_same(1);
-        const VirtualCamera camera =
+        const render::VirtualCamera camera =
             looking_from(at + Vector3d(0, 0, away * scale), 16, 12, away > 10 ? 3 / away : 0.9);
         const LayerImage image = render_geometry(geometry, 0, camera, 4);
         for (const float value : image.rgba) ASSERT_TRUE(std::isfinite(value));
@@ -280,4 +281,4 @@ TEST(GeometryView, FarAwayAndHugeAndTinyStaysFinite) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -3,13 +3,12 @@
 
 #include <Eigen/Core>
 #include <functional>
-#include <optional>
 #include <span>
 #include <vector>
 
 #include "render/common/world_ray.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// A light at infinity.
 struct DirectionalLight {
@@ -20,8 +19,9 @@ struct DirectionalLight {
 
 /// Computes the radiance (scene-linear R, G, B) of rays that leave the geometry. `spread`: of each
 /// ray, radians; images are filtered accordingly. Called from many threads with many rays at once.
-using EnvironmentRadiance = std::function<void(
-    std::span<const WorldRay> rays, std::span<const float> spread, std::span<Eigen::Vector3f>)>;
+using EnvironmentRadiance =
+    std::function<void(std::span<const render::WorldRay> rays, std::span<const float> spread,
+                       std::span<Eigen::Vector3f>)>;
 
 /// The lights of a shot's geometry.
 struct Lights {
@@ -34,4 +34,4 @@ struct Lights {
   int gather_rays = 0;
 };
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -12,7 +12,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 constexpr float kMirrorRoughness = 0.05F;
@@ -138,4 +138,4 @@ Mesh read_mesh(const std::filesystem::path& file) {
   return mesh;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

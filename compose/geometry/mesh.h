@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-namespace raystage {
+namespace raystage::compose {
 
 /// How a surface reflects light.
 struct Material {
@@ -47,4 +47,4 @@ struct Mesh {
 /// Error (bad input) if the file is missing, has no triangle, or has a number that is not finite.
 Mesh read_mesh(const std::filesystem::path& file);
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using ::testing::HasSubstr;
@@ -29,7 +29,7 @@ class MeshFile : public ::testing::Test {
     }
     return "none";
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 TEST_F(MeshFile, ObjWithMaterialsAndObjects) {
@@ -44,9 +44,8 @@ TEST_F(MeshFile, ObjWithMaterialsAndObjects) {
   ASSERT_EQ(mesh.objects.size(), 2U);
   const auto make_material = [&](const std::string& name) {
     const auto object = std::ranges::find(mesh.objects, name, &Mesh::Object::name);
-    return object == mesh.objects.end()
-               ? Material{.kind = Material::Kind::kMirror}
-               : mesh.materials[static_cast<std::size_t>(object->material)];
+    return object == mesh.objects.end() ? Material{.kind = Material::Kind::kMirror}
+                                        : mesh.materials[object->material];
   };
   const Material wood = make_material("table");
   EXPECT_EQ(wood.texture, folder_.path() / "maps/wood.png");
@@ -84,7 +83,7 @@ TEST_F(MeshFile, GltfNodesArePlacedAndNamed) {
   }
   EXPECT_EQ(most_x, 13);
   EXPECT_EQ(most_y, 3);
-  const Material& metal = mesh.materials[static_cast<std::size_t>(mesh.objects[0].material)];
+  const Material& metal = mesh.materials[mesh.objects[0].material];
   EXPECT_EQ(metal.kind, Material::Kind::kGlossy);
   EXPECT_NEAR(metal.roughness, 0.3F, 1e-6F);
   EXPECT_NEAR(metal.color.y(), 0.4F, 1e-6F);
@@ -98,8 +97,7 @@ TEST_F(MeshFile, PlyHasNoMaterial) {
                                     "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"));
   EXPECT_EQ(mesh.corners.size(), 1U);
   EXPECT_TRUE(mesh.normals.empty());
-  EXPECT_EQ(mesh.materials[static_cast<std::size_t>(mesh.objects[0].material)].kind,
-            Material::Kind::kDiffuse);
+  EXPECT_EQ(mesh.materials[mesh.objects[0].material].kind, Material::Kind::kDiffuse);
 }
 
 TEST_F(MeshFile, SaysWhatIsWrong) {
@@ -111,4 +109,4 @@ TEST_F(MeshFile, SaysWhatIsWrong) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

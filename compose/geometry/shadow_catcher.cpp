@@ -12,7 +12,7 @@
 #include "base/parallel.h"
 #include "compose/geometry/bsdf_sampling.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Vector3d;
@@ -94,23 +94,21 @@ class Catcher {
   Vector3f light_;  ///< sum of all lights
   std::vector<Vector3d> centres_;
   std::vector<double> radii_;
-  std::vector<WorldRay> rays_;
+  std::vector<render::WorldRay> rays_;
   std::vector<std::uint8_t> blocked_;
 };
 
 }  // namespace
 
-void apply_shadow_catcher(const GeometryScene& scene, const VirtualCamera& camera,
+void apply_shadow_catcher(const GeometryScene& scene, const render::VirtualCamera& camera,
                           const ShadowCatcher& settings, LayerImage& image) {
   if (scene.meshes.empty() || settings.strength <= 0) return;
-  const Intrinsics& k = camera.intrinsics;
+  const schemas::Intrinsics& k = camera.intrinsics;
   parallel_for(tbb::blocked_range<int>(0, image.height), [&](const tbb::blocked_range<int>& rows) {
     Catcher catcher(scene, settings);
     for (int y = rows.begin(); y < rows.end(); ++y) {
       for (int x = 0; x < image.width; ++x) {
-        const std::size_t pixel =
-            static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
-            static_cast<std::size_t>(x);
+        const std::size_t pixel = static_cast<std::size_t>(y) * image.width + x;
         const double z = double{image.z[pixel]};
         if (!std::isfinite(z) || image.rgba[4 * pixel + 3] <= 0) continue;
         const Vector3d ray((x + 0.5 - k.cx) / k.fx, -(y + 0.5 - k.cy) / k.fy, -1);
@@ -118,7 +116,7 @@ void apply_shadow_catcher(const GeometryScene& scene, const VirtualCamera& camer
         const Vector3f share = catcher.arriving_share(camera.pose.world_from_camera(ray * z),
                                                       kRelativeRayOffset * z, seed);
         for (std::size_t c = 0; c < 3; ++c) {
-          const float taken = 1 - share(static_cast<Eigen::Index>(c));
+          const float taken = 1 - share(c);
           if (taken > 0) {
             image.rgba[4 * pixel + c] *= 1 - static_cast<float>(settings.strength) * taken;
           }
@@ -128,4 +126,4 @@ void apply_shadow_catcher(const GeometryScene& scene, const VirtualCamera& camer
   });
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

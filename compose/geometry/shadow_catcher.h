@@ -4,7 +4,7 @@
 #include "compose/geometry/geometry_scene.h"
 #include "compose/layers/layer_image.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// How a light field receives the shadows of geometry.
 struct ShadowCatcher {
@@ -18,7 +18,7 @@ struct ShadowCatcher {
 /// lights, each as on a surface that faces it. The normal of the surface is unknown: ambient
 /// occlusion is twice the share of all directions that the meshes cover, at most 1. Alpha, pixels
 /// without depth and unshadowed pixels are kept. The bytes do not depend on the number of threads.
-void apply_shadow_catcher(const GeometryScene& scene, const VirtualCamera& camera,
+void apply_shadow_catcher(const GeometryScene& scene, const render::VirtualCamera& camera,
                           const ShadowCatcher& catcher, LayerImage& image);
 
-}  // namespace raystage
+}  // namespace raystage::compose

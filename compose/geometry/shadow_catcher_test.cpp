@@ -9,7 +9,7 @@
 
 #include "testing/compose/test_meshes.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Vector3d;
@@ -22,16 +22,16 @@ const Vector3d kBall(0, -1 + kAbove, -4);
 class CastShadows : public ::testing::Test {
  protected:
   CastShadows() {
-    Pose pose;
+    rig::Pose pose;
     pose.position = {0, 0.5, 0};
     pose.world_from_camera_rotation =
         Eigen::AngleAxisd(-0.35, Vector3d::UnitX()).toRotationMatrix();
-    camera_ = virtual_camera_with_fov(96, 72, 0.9, pose);
+    camera_ = render::virtual_camera_with_fov(96, 72, 0.9, pose);
     scene_.meshes = {testing::make_instance(ball_, kBall)};
   }
 
   Vector3d ray_of(int x, int y) const {
-    const Intrinsics& k = camera_.intrinsics;
+    const schemas::Intrinsics& k = camera_.intrinsics;
     return {(x + 0.5 - k.cx) / k.fx, -(y + 0.5 - k.cy) / k.fy, -1};
   }
   LayerImage floor() const {
@@ -60,7 +60,7 @@ class CastShadows : public ::testing::Test {
   EmbreeMesh ball_{testing::ball(kRadius, testing::make_material(Material::Kind::kDiffuse), 96),
                    "ball"};
   GeometryScene scene_;
-  VirtualCamera camera_;
+  render::VirtualCamera camera_;
 };
 
 TEST_F(CastShadows, FromEverywhereByTheAngleThatABallFills) {
@@ -145,4 +145,4 @@ TEST_F(CastShadows, SameBytesForAnyNumberOfThreads) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Vector3d;
@@ -20,7 +20,7 @@ float texture_per_metre(const Eigen::Vector2f& uv1, const Eigen::Vector2f& uv2,
 }  // namespace
 
 SurfacePoint surface_point_at(const MeshInstance& mesh, const Textures* textures,
-                              const WorldRay& ray, const SurfaceHit& hit, double spread,
+                              const render::WorldRay& ray, const SurfaceHit& hit, double spread,
                               double distance) {
   const Mesh& m = mesh.scene->mesh();
   const auto& corner = m.corners[hit.triangle];
@@ -61,4 +61,4 @@ SurfacePoint surface_point_at(const MeshInstance& mesh, const Textures* textures
   return point;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

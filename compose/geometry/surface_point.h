@@ -2,14 +2,12 @@
 #pragma once
 
 #include <Eigen/Geometry>
-#include <memory>
 #include <span>
-#include <vector>
 
 #include "compose/geometry/embree_mesh.h"
 #include "compose/geometry/textures.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// A mesh with its transform at a frame.
 struct MeshInstance {
@@ -32,7 +30,7 @@ struct SurfacePoint {
 /// Returns the surface at a hit. `spread` (radians) and `distance`, the length of the path before
 /// this ray (metres), determine the texture filter's width.
 SurfacePoint surface_point_at(const MeshInstance& mesh, const Textures* textures,
-                              const WorldRay& ray, const SurfaceHit& hit, double spread,
+                              const render::WorldRay& ray, const SurfaceHit& hit, double spread,
                               double distance);
 
-}  // namespace raystage
+}  // namespace raystage::compose

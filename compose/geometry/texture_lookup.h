@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <filesystem>
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Interface of the module lib/raystage/raystage-textures.so: OpenImageIO's texture system. It is a
 /// module because loading OpenImageIO and the 240 libraries that it needs takes half a second, only
@@ -25,4 +25,4 @@ using OpenTextureLookup = TextureLookup*(std::size_t cache_bytes);
 inline constexpr const char* kOpenTextureLookup = "raystage_open_texture_lookup";
 inline constexpr const char* kTextureModule = "raystage-textures.so";
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -17,7 +17,7 @@
 #include "base/transfer_function.h"
 #include "compose/geometry/texture_lookup.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Wrap = OIIO::TextureOpt::Wrap;
@@ -151,9 +151,9 @@ class OiioTextureLookup : public TextureLookup {
 };
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose
 
-extern "C" __attribute__((visibility("default"))) raystage::TextureLookup*
+extern "C" __attribute__((visibility("default"))) raystage::compose::TextureLookup*
 raystage_open_texture_lookup(std::size_t cache_bytes) {
-  return new raystage::OiioTextureLookup(cache_bytes);
+  return new raystage::compose::OiioTextureLookup(cache_bytes);
 }

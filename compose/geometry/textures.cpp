@@ -5,7 +5,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 /// Loads the module, which stays loaded because it owns its objects.
@@ -35,4 +35,4 @@ Textures::Handle Textures::open(const std::filesystem::path& file) {
   return lookup_->open(file);
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -8,7 +8,7 @@
 
 #include "compose/geometry/texture_lookup.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Looks up textures and environment images with OpenImageIO's texture system, which loads tiles of
 /// the needed MIP levels within a memory budget. Files of 8 and 16 bit integers hold sRGB codes,
@@ -48,4 +48,4 @@ class Textures {
   std::unique_ptr<TextureLookup> lookup_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -17,7 +17,7 @@
 #include "testing/compose/test_meshes.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using ::testing::HasSubstr;
@@ -50,7 +50,7 @@ class TextureFiles : public ::testing::Test {
     out.writePixels(height);
     return file;
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
   Textures textures_{std::size_t{16} << 20};
 };
 
@@ -115,7 +115,7 @@ TEST_F(TextureFiles, ColourASurface) {
   geometry.meshes[0].textures = of_materials;
   geometry.lights.ambient.setOnes();
   const LayerImage image =
-      render_geometry(geometry, 0, virtual_camera_with_fov(40, 40, 0.5, Pose{}), 4);
+      render_geometry(geometry, 0, render::virtual_camera_with_fov(40, 40, 0.5, rig::Pose{}), 4);
   const auto* left = &image.rgba[4 * (20 * 40 + 15)];
   const auto* right = &image.rgba[4 * (20 * 40 + 25)];
   EXPECT_NEAR(left[0], 0.5, 1e-3);
@@ -140,4 +140,4 @@ TEST_F(TextureFiles, SayWhatIsWrong) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -10,7 +10,7 @@
 #include "base/parallel.h"
 #include "rig/camera_model.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Vector2d;
@@ -22,8 +22,8 @@ double ramp(double inside, double feather) {
   return std::clamp(0.5 + inside / feather, 0.0, 1.0);
 }
 
-double inside(const PlaneClip& clip, const VirtualCamera&, const Vector2d&, const Vector3d& point,
-              bool is_direction) {
+double inside(const PlaneClip& clip, const render::VirtualCamera&, const Vector2d&,
+              const Vector3d& point, bool is_direction) {
   const double normal = clip.plane.head<3>().norm();
   const double along = clip.plane.head<3>().dot(point) / normal;
   if (!is_direction) return ramp(along + clip.plane[3] / normal, clip.feather);
@@ -31,8 +31,8 @@ double inside(const PlaneClip& clip, const VirtualCamera&, const Vector2d&, cons
   return ramp(clip.plane[3] / normal, clip.feather);
 }
 
-double inside(const BoxClip& clip, const VirtualCamera&, const Vector2d&, const Vector3d& point,
-              bool is_direction) {
+double inside(const BoxClip& clip, const render::VirtualCamera&, const Vector2d&,
+              const Vector3d& point, bool is_direction) {
   if (is_direction) return 0;
   double least = 1;
   for (int axis = 0; axis < 3; ++axis) {
@@ -42,7 +42,7 @@ double inside(const BoxClip& clip, const VirtualCamera&, const Vector2d&, const 
   return least;
 }
 
-double inside(const ScreenClip& clip, const VirtualCamera& camera, const Vector2d& pixel,
+double inside(const ScreenClip& clip, const render::VirtualCamera& camera, const Vector2d& pixel,
               const Vector3d&, bool) {
   const double x = pixel.x() / camera.width, y = pixel.y() / camera.height;
   const double width_by_height = static_cast<double>(camera.width) / camera.height;
@@ -66,7 +66,7 @@ void clear(LayerImage& image, std::size_t pixel) {
 
 }  // namespace
 
-double kept_share(const Clip& clip, const VirtualCamera& camera, const Vector2d& pixel,
+double kept_share(const Clip& clip, const render::VirtualCamera& camera, const Vector2d& pixel,
                   const Vector3d& point, bool is_direction) {
   const double share = std::visit(
       [&](const auto& shape) { return inside(shape, camera, pixel, point, is_direction); },
@@ -74,15 +74,13 @@ double kept_share(const Clip& clip, const VirtualCamera& camera, const Vector2d&
   return clip.inverted ? 1 - share : share;
 }
 
-void apply(std::span<const Clip> clips, const VirtualCamera& camera, LayerImage& image) {
+void apply(std::span<const Clip> clips, const render::VirtualCamera& camera, LayerImage& image) {
   if (clips.empty()) return;
-  const Intrinsics& k = camera.intrinsics;
+  const schemas::Intrinsics& k = camera.intrinsics;
   parallel_for(tbb::blocked_range<int>(0, image.height), [&](const tbb::blocked_range<int>& rows) {
     for (int y = rows.begin(); y < rows.end(); ++y) {
       for (int x = 0; x < image.width; ++x) {
-        const std::size_t pixel =
-            static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
-            static_cast<std::size_t>(x);
+        const std::size_t pixel = static_cast<std::size_t>(y) * image.width + x;
         const Vector2d at(x + 0.5, y + 0.5);
         const Vector3d ray((at.x() - k.cx) / k.fx, -(at.y() - k.cy) / k.fy, -1);
         const double z = static_cast<double>(image.z[pixel]);
@@ -113,4 +111,4 @@ bool keeps_any_pixel(std::span<const Clip> clips) {
   });
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -8,7 +8,7 @@
 #include "compose/layers/layer_image.h"
 #include "render/common/view.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Keeps the side of a plane that its normal points to.
 struct PlaneClip {
@@ -36,14 +36,14 @@ struct Clip {
 /// Returns the share of a point that a clip keeps, 0 to 1, with a linear ramp. Two clips that
 /// differ only in `inverted` add up to 1, so that complementary layers have no seam. `pixel`: from
 /// the top left; `point`: world, metres, or a direction if the pixel is at infinity.
-double kept_share(const Clip& clip, const VirtualCamera& camera, const Eigen::Vector2d& pixel,
-                  const Eigen::Vector3d& point, bool is_direction);
+double kept_share(const Clip& clip, const render::VirtualCamera& camera,
+                  const Eigen::Vector2d& pixel, const Eigen::Vector3d& point, bool is_direction);
 
 /// Multiplies colours and alpha by the shares that all clips keep. Where that is 0, Z and AOVs get
 /// their empty values. World points follow from the image's Z.
-void apply(std::span<const Clip> clips, const VirtualCamera& camera, LayerImage& image);
+void apply(std::span<const Clip> clips, const render::VirtualCamera& camera, LayerImage& image);
 
 /// Returns false if the screen clips alone remove every pixel.
 bool keeps_any_pixel(std::span<const Clip> clips);
 
-}  // namespace raystage
+}  // namespace raystage::compose

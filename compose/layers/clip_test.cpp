@@ -8,7 +8,7 @@
 
 #include "compose/layers/merge.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Vector3d;
@@ -16,12 +16,12 @@ using Eigen::Vector4d;
 
 constexpr int kWidth = 40, kHeight = 20;
 
-VirtualCamera camera() {
-  Pose pose;
+render::VirtualCamera camera() {
+  rig::Pose pose;
   pose.position = {1, 2, 3};
   pose.world_from_camera_rotation =
       Eigen::AngleAxisd(0.5, Vector3d(0.2, 1, 0.1).normalized()).toRotationMatrix();
-  return virtual_camera_with_fov(kWidth, kHeight, 1, pose);
+  return render::virtual_camera_with_fov(kWidth, kHeight, 1, pose);
 }
 
 /// A white image at one depth.
@@ -29,17 +29,15 @@ LayerImage wall(float z) {
   LayerImage image = transparent_layer_image(kWidth, kHeight);
   image.rgba.assign(image.pixels() * 4, 1.0F);
   image.z.assign(image.pixels(), z);
-  image.aovs.push_back({"lf", {"coverage"}, false, 0, PixelValues(image.pixels(), 1.0F)});
+  image.aovs.push_back({"lf", {"coverage"}, false, 0, render::PixelValues(image.pixels(), 1.0F)});
   return image;
 }
 
-float alpha(const LayerImage& image, int x, int y) {
-  return image.rgba[static_cast<std::size_t>(4 * (y * kWidth + x) + 3)];
-}
+float alpha(const LayerImage& image, int x, int y) { return image.rgba[4 * (y * kWidth + x) + 3]; }
 
 /// A plane through a point in front of the camera that keeps the nearer side.
 PlaneClip plane_before(double depth) {
-  const VirtualCamera view = camera();
+  const render::VirtualCamera view = camera();
   const Vector3d normal = -view.pose.viewing_direction();
   const Vector3d point = view.pose.world_from_camera({0, 0, -depth});
   Vector4d plane;
@@ -116,4 +114,4 @@ TEST(Clip, KnowsWhenNothingCanBeKept) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -3,12 +3,11 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <nlohmann/json.hpp>
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 constexpr std::uint32_t kFirst = 0xcc9e2d51U, kSecond = 0x1b873593U;
@@ -69,7 +68,7 @@ std::vector<Aov> cryptomatte_aovs(const LayerImage& image) {
   for (std::size_t part = 0; part < kIdRanks / 2; ++part) {
     aovs.push_back(
         {fmt::format("{}{:02}", kCryptomatteName, part), {"R", "G", "B", "A"}, false, 0, {}});
-    PixelValues& values = aovs.back().values;
+    render::PixelValues& values = aovs.back().values;
     values.assign(image.pixels() * 4, 0.0F);
     for (std::size_t pixel = 0; pixel < image.pixels(); ++pixel) {
       const float alpha = image.rgba[4 * pixel + 3];
@@ -85,4 +84,4 @@ std::vector<Aov> cryptomatte_aovs(const LayerImage& image) {
   return aovs;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -10,7 +10,7 @@
 
 #include "compose/layers/layer_image.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Returns MurmurHash3_x86_32 with seed 0 (Appleby), the hash of names in Cryptomatte.
 std::uint32_t murmur3_32(std::string_view text);
@@ -34,4 +34,4 @@ void assign_object_id(LayerImage& image, float id);
 /// share of the pixel), B and A those of the next object, by descending coverage; 0 for none.
 std::vector<Aov> cryptomatte_aovs(const LayerImage& image);
 
-}  // namespace raystage
+}  // namespace raystage::compose

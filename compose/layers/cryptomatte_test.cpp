@@ -7,7 +7,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 TEST(Cryptomatte, HashesAsTheOthersDo) {
@@ -51,9 +51,9 @@ TEST(Cryptomatte, CoverageIsTheShareOfThePixel) {
   EXPECT_EQ(aovs[0].layer, "CryptoObject00");
   EXPECT_EQ(aovs[2].layer, "CryptoObject02");
   EXPECT_FALSE(aovs[0].is_colour) << "half would change ids";
-  EXPECT_EQ(aovs[0].values, (PixelValues{7, 0.375F, 9, 0.125F, 0, 0, 0, 0}));
-  EXPECT_EQ(aovs[1].values, PixelValues(8, 0.0F));
+  EXPECT_EQ(aovs[0].values, (render::PixelValues{7, 0.375F, 9, 0.125F, 0, 0, 0, 0}));
+  EXPECT_EQ(aovs[1].values, render::PixelValues(8, 0.0F));
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

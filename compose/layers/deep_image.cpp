@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <numeric>
 
-namespace raystage {
+namespace raystage::compose {
 
 DeepImage make_deep_image(std::span<const MergedLayer> layers) {
   const LayerImage& first = *layers.front().image;
@@ -44,17 +44,4 @@ DeepImage make_deep_image(std::span<const MergedLayer> layers) {
   return deep;
 }
 
-std::vector<float> flatten(const DeepImage& image) {
-  std::vector<float> rgba((image.begin.size() - 1) * 4);
-  for (std::size_t pixel = 0; pixel + 1 < image.begin.size(); ++pixel) {
-    float through = 1;
-    for (std::uint32_t i = image.begin[pixel]; i < image.begin[pixel + 1]; ++i) {
-      const float* sample = image.samples[i].rgba;
-      for (std::size_t c = 0; c < 4; ++c) rgba[4 * pixel + c] += through * sample[c];
-      through *= 1 - sample[3];
-    }
-  }
-  return rgba;
-}
-
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -7,7 +7,7 @@
 
 #include "compose/layers/merge.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Samples of each pixel from front to back, at most one per layer.
 struct DeepImage {
@@ -28,7 +28,4 @@ inline constexpr float kBackgroundDepth = 1e9F;
 /// holdout attenuates the samples behind it.
 DeepImage make_deep_image(std::span<const MergedLayer> layers);
 
-/// Returns the composite ("over") of all samples: R, G, B, A per pixel.
-std::vector<float> flatten(const DeepImage& image);
-
-}  // namespace raystage
+}  // namespace raystage::compose

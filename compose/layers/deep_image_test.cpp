@@ -6,7 +6,9 @@
 
 #include <limits>
 
-namespace raystage {
+#include "testing/compose/test_layer_references.h"
+
+namespace raystage::compose {
 namespace {
 
 LayerImage one_pixel(float grey, float alpha, float z) {
@@ -31,7 +33,7 @@ TEST(DeepSamples, FlattenToWhatMergingMakes) {
     for (std::size_t i = 0; i < images.size(); ++i) layers.push_back({&images[i], holdout[i]});
     const LayerImage merged = merge(layers, MergeOrder::kDepth);
     const DeepImage deep = make_deep_image(layers);
-    const std::vector<float> flat = flatten(deep);
+    const std::vector<float> flat = testing::flatten(deep);
     for (std::size_t c = 0; c < 4; ++c) {
       RC_ASSERT(std::abs(flat[c] - merged.rgba[c]) < 1e-5F);
     }
@@ -54,4 +56,4 @@ TEST(DeepSamples, NothingHasNoneAndTheBackgroundIsFarButFinite) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -7,7 +7,7 @@
 #include <bit>
 #include <new>
 
-namespace raystage {
+namespace raystage::compose {
 
 struct Fingerprint::State {
   XXH3_state_t* hash = XXH3_createState();
@@ -48,4 +48,4 @@ std::string Fingerprint::hex() const {
   return fmt::format("{:016x}{:016x}", hash.high64, hash.low64);
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

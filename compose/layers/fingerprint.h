@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Hashes everything that determines the contents of a file into one XXH3-128. Each value is hashed
 /// with a label and its length, so that adjacent values cannot be confused.
@@ -29,4 +29,4 @@ class Fingerprint {
   std::unique_ptr<State> state_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::compose

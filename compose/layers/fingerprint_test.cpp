@@ -6,7 +6,7 @@
 #include <limits>
 #include <set>
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 TEST(Fingerprint, IsTheSameForTheSameValues) {
@@ -43,4 +43,4 @@ TEST(Fingerprint, ACopyGoesOnAlone) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -17,7 +17,7 @@
 #include "compose/layers/layer_image.h"
 #include "render/renderer.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 struct GeometryScene;
 
@@ -46,8 +46,8 @@ struct LayerRendererSettings {
   LightFieldMemory memory;
   bool measure_coverage = false, measure_confidence = false;  ///< as RendererSettings
   std::filesystem::path cache_folder;                         ///< as RendererSettings
-  std::shared_ptr<StoredDataCounts> stored_data_counts;
-  DistributedTakes* hosts = nullptr;  ///< null: the take's folder holds its archives
+  std::shared_ptr<render::StoredDataCounts> stored_data_counts;
+  render::DistributedTakes* hosts = nullptr;  ///< null: the take's folder holds its archives
 };
 
 /// One view of a frame, as a layer renders it.
@@ -62,7 +62,7 @@ struct LayerView {
 
 /// Answers single rays of a layer that is a light.
 struct LayerRays {
-  std::function<void(std::span<const WorldRay>, std::span<RaySample>)> query;
+  std::function<void(std::span<const render::WorldRay>, std::span<render::RaySample>)> query;
   Eigen::Vector3d viewing_direction;  ///< mean of the array's cameras, world
 };
 
@@ -85,7 +85,7 @@ class LayerRenderer {
   virtual void read_ahead(const ShownTick& /*shown*/) const {}
   /// See LightFieldRenderer for these three.
   virtual int frames_read_ahead() const { return 0; }
-  virtual DecodeCosts decode_costs() const { return {}; }
+  virtual store::DecodeCosts decode_costs() const { return {}; }
   virtual std::size_t decoded_bytes_cached() const { return 0; }
 };
 
@@ -142,4 +142,4 @@ class Layer {
       const LayerRendererSettings& settings) const = 0;
 };
 
-}  // namespace raystage
+}  // namespace raystage::compose

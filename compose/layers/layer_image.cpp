@@ -4,7 +4,7 @@
 #include <limits>
 #include <utility>
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 constexpr float kNoDepth = std::numeric_limits<float>::infinity();
@@ -20,7 +20,7 @@ LayerImage transparent_layer_image(int width, int height) {
   return image;
 }
 
-LayerImage make_layer_image(RenderedView view) {
+LayerImage make_layer_image(render::RenderedView view) {
   LayerImage image;
   image.width = view.width;
   image.height = view.height;
@@ -54,4 +54,4 @@ ExrView exr_view(const LayerImage& image, const std::string& name) {
   return view;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -11,37 +11,40 @@
 #include "render/automatic/automatic.h"
 #include "render/methods.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
-bool has_option(const Method& method, std::string_view name) {
+bool has_option(const render::Method& method, std::string_view name) {
   return std::ranges::any_of(method.options(), [&](const auto& o) { return o.name == name; });
 }
 
 /// Returns the depth range of the method's options, or else that of the take.
-std::optional<DepthRange> depth_range_of(const ReconstructionSettings& reconstruction,
-                                         const Take& take) {
-  const Method& method = method_named(reconstruction.method);
-  const MethodOptions options(method.options(), reconstruction.options, reconstruction.method);
-  DepthRange scene = take.document().depth_range.value_or(DepthRange{0, 0});
+std::optional<schemas::DepthRange> depth_range_of(
+    const render::ReconstructionSettings& reconstruction, const store::Take& take) {
+  const render::Method& method = render::method_named(reconstruction.method);
+  const render::MethodOptions options(method.options(), reconstruction.options,
+                                      reconstruction.method);
+  schemas::DepthRange scene = take.document().depth_range.value_or(schemas::DepthRange{0, 0});
   if (has_option(method, "near") && options.number("near") > 0) scene.near = options.number("near");
   if (has_option(method, "far") && options.number("far") > 0) scene.far = options.number("far");
   return scene.near > 0 && scene.far > 0 ? std::optional(scene) : std::nullopt;
 }
 
-ReconstructionSettings reconstruction_of(const ShotDocument::Layer& layer, const Take& take,
-                                         const std::string& where, std::optional<HoleFill> fill,
-                                         const OptionValues& target) {
-  const Method* of_layer = find_method(layer.method);
+render::ReconstructionSettings reconstruction_of(const schemas::ShotDocument::Layer& layer,
+                                                 const store::Take& take, const std::string& where,
+                                                 std::optional<schemas::HoleFill> fill,
+                                                 const schemas::OptionValues& target) {
+  const render::Method* of_layer = render::find_method(layer.method);
   if (of_layer == nullptr) {
     throw Error::bad_input("there is no reconstruction method \"" + layer.method + "\"",
-                           where + "/method", "Use one of " + method_names());
+                           where + "/method", "Use one of " + render::method_names());
   }
   of_layer->check({of_layer->options(), layer.options, where + "/options"}, take);
-  ReconstructionSettings reconstruction;
-  reconstruction.method = target.empty() ? layer.method : std::string(automatic_method().name());
+  render::ReconstructionSettings reconstruction;
+  reconstruction.method =
+      target.empty() ? layer.method : std::string(render::automatic_method().name());
   reconstruction.options = target.empty() ? layer.options : target;
-  const Method& method = method_named(reconstruction.method);
+  const render::Method& method = render::method_named(reconstruction.method);
   // The layer's depth range holds for any method.
   for (const char* name : {"near", "far"}) {
     if (has_option(method, name) && layer.options.contains(name)) {
@@ -49,8 +52,8 @@ ReconstructionSettings reconstruction_of(const ShotDocument::Layer& layer, const
     }
   }
   reconstruction.fill = fill.value_or(layer.fill);
-  const std::optional<DepthRange> scene = depth_range_of(reconstruction, take);
-  const bool best = layer.focal_plane.kind == ShotDocument::FocalPlane::Kind::kBest;
+  const std::optional<schemas::DepthRange> scene = depth_range_of(reconstruction, take);
+  const bool best = layer.focal_plane.kind == schemas::ShotDocument::FocalPlane::Kind::kBest;
   // The method ignores the plane, except `auto`, which falls back to it without a depth range.
   if (best && !scene && !method.may_use_focal_plane()) return reconstruction;
   reconstruction.focal_plane =
@@ -64,25 +67,26 @@ std::string pointer_of(const std::filesystem::path& shot_file, std::size_t index
 
 }  // namespace
 
-Eigen::Vector4d focal_plane_equation(const ShotDocument::FocalPlane& plane, const Rig& rig,
-                                     const std::optional<DepthRange>& depth_range,
+Eigen::Vector4d focal_plane_equation(const schemas::ShotDocument::FocalPlane& plane,
+                                     const rig::Rig& rig,
+                                     const std::optional<schemas::DepthRange>& depth_range,
                                      const std::string& where) {
-  using Kind = ShotDocument::FocalPlane::Kind;
+  using Kind = schemas::ShotDocument::FocalPlane::Kind;
   switch (plane.kind) {
     case Kind::kInfinity:
     case Kind::kCamera:  // until reconstruction_for() knows the camera
       return {0, 0, 0, 1};
     case Kind::kDepth:
-      return fronto_parallel_plane(rig, plane.depth);
+      return rig::fronto_parallel_plane(rig, plane.depth);
     case Kind::kKeys:
-      return fronto_parallel_plane(rig, plane.keys.front().depth);
+      return rig::fronto_parallel_plane(rig, plane.keys.front().depth);
     case Kind::kBest:
       if (!depth_range) {
         throw Error::bad_input("the best focal plane is unknown: the take has no depth range",
                                where,
                                "Give the plane's depth in metres, or add depth_range to take.json");
       }
-      return fronto_parallel_plane(rig, optimal_focal_depth(*depth_range));
+      return rig::fronto_parallel_plane(rig, rig::optimal_focal_depth(*depth_range));
     case Kind::kEquation:
       break;
   }
@@ -106,7 +110,7 @@ class TakeRenderer final : public LayerRenderer {
       : layer_(layer), renderer_(layer.take(), renderer_settings(layer, settings)) {}
 
   LayerImage render(const LayerView& view) const override {
-    const VirtualCamera& camera = view.camera.view;
+    const render::VirtualCamera& camera = view.camera.view;
     if (!view.shown.tick) return transparent_layer_image(camera.width, camera.height);
     return make_layer_image(renderer_.render(camera, layer_.tick(view.shown),
                                              layer_.reconstruction_for(view.camera, view.frame)));
@@ -114,25 +118,26 @@ class TakeRenderer final : public LayerRenderer {
 
   std::optional<LayerRays> rays(const LayerView& view) const override {
     if (!view.shown.tick) return std::nullopt;
-    return LayerRays{[this, &tick = layer_.tick(view.shown),
-                      how = layer_.reconstruction_for(view.camera, view.frame)](
-                         std::span<const WorldRay> rays, std::span<RaySample> samples) {
-                       renderer_.query(rays, tick, how, samples);
-                     },
-                     layer_.take().rig().mean_viewing_direction()};
+    return LayerRays{
+        [this, &tick = layer_.tick(view.shown),
+         how = layer_.reconstruction_for(view.camera, view.frame)](
+            std::span<const render::WorldRay> rays, std::span<render::RaySample> samples) {
+          renderer_.query(rays, tick, how, samples);
+        },
+        layer_.take().rig().mean_viewing_direction()};
   }
 
   void read_ahead(const ShownTick& shown) const override {
     if (shown.tick) renderer_.read_ahead(layer_.tick(shown));
   }
   int frames_read_ahead() const override { return renderer_.frames_read_ahead(); }
-  DecodeCosts decode_costs() const override { return renderer_.decode_costs(); }
+  store::DecodeCosts decode_costs() const override { return renderer_.decode_costs(); }
   std::size_t decoded_bytes_cached() const override { return renderer_.decoded_bytes_cached(); }
 
  private:
-  static RendererSettings renderer_settings(const LightFieldLayer& layer,
-                                            const LayerRendererSettings& settings) {
-    RendererSettings result;
+  static render::RendererSettings renderer_settings(const LightFieldLayer& layer,
+                                                    const LayerRendererSettings& settings) {
+    render::RendererSettings result;
     result.cache_bytes = settings.memory.cache;
     result.result_cache_bytes = settings.memory.result_cache;
     result.working_bytes = settings.memory.working;
@@ -147,24 +152,26 @@ class TakeRenderer final : public LayerRenderer {
   }
 
   const LightFieldLayer& layer_;
-  LightFieldRenderer renderer_;
+  render::LightFieldRenderer renderer_;
 };
 
 }  // namespace
 
-LightFieldLayer::LightFieldLayer(const ShotDocument& shot, std::size_t index,
+LightFieldLayer::LightFieldLayer(const schemas::ShotDocument& shot, std::size_t index,
                                  const std::filesystem::path& shot_file,
-                                 const std::filesystem::path& folder, std::optional<HoleFill> fill,
-                                 const OptionValues& target, DistributedTakes* hosts)
+                                 const std::filesystem::path& folder,
+                                 std::optional<schemas::HoleFill> fill,
+                                 const schemas::OptionValues& target,
+                                 render::DistributedTakes* hosts)
     : index_(index),
       shot_file_(shot_file),
       layer_(shot.layers[index]),
       first_frame_(shot.first_frame),
       fps_numerator_(shot.fps_numerator),
       fps_denominator_(shot.fps_denominator),
-      take_(hosts == nullptr ? Take((folder / layer_.take).lexically_normal())
+      take_(hosts == nullptr ? store::Take((folder / layer_.take).lexically_normal())
                              : hosts->open((folder / layer_.take).lexically_normal())),
-      timeline_(read_timeline(take_)),
+      timeline_(store::read_timeline(take_)),
       reconstruction_(
           reconstruction_of(layer_, take_, pointer_of(shot_file, index), fill, target)) {
   if (timeline_.ticks.empty()) {
@@ -174,14 +181,14 @@ LightFieldLayer::LightFieldLayer(const ShotDocument& shot, std::size_t index,
   // Fail now if an archive is missing, and not at the first frame that needs it.
   for (int camera = 0; camera < take_.camera_count(); ++camera) take_.archive(camera);
   if (layer_.matte) {
-    matte_ = std::make_shared<const TakeMatte>(take_, *layer_.matte, folder);
-    if (reconstruction_.fill != HoleFill::kNone) {
+    matte_ = std::make_shared<const store::TakeMatte>(take_, *layer_.matte, folder);
+    if (reconstruction_.fill != schemas::HoleFill::kNone) {
       throw Error::bad_input("hole filling would fill what the matte makes transparent",
                              pointer_of(shot_file_, index_), "Remove fill or the matte")
           .concerning({"fill"});
     }
   }
-  if (layer_.focal_plane.kind == ShotDocument::FocalPlane::Kind::kKeys) {
+  if (layer_.focal_plane.kind == schemas::ShotDocument::FocalPlane::Kind::kKeys) {
     std::vector<CurveKey<double>> keys;
     for (const auto& key : layer_.focal_plane.keys) keys.push_back({key.frame, key.depth});
     focus_ = Curve<double>(keys);
@@ -189,14 +196,26 @@ LightFieldLayer::LightFieldLayer(const ShotDocument& shot, std::size_t index,
   common_ = common_fingerprint();
 }
 
-ReconstructionSettings LightFieldLayer::reconstruction_for(const ExrCamera& camera,
-                                                           int frame) const {
-  ReconstructionSettings result = reconstruction_;
-  if (focus_) result.focal_plane = fronto_parallel_plane(take_.rig(), focus_(frame));
-  OptionValues& options = result.options;
-  const bool has_lens_options = method_named(result.method).has_lens();
+const render::Method& LightFieldLayer::method() const {
+  return render::method_named(reconstruction_.method);
+}
+
+render::MethodOptions LightFieldLayer::method_options() const {
+  return {method().options(), reconstruction_.options, reconstruction_.method};
+}
+
+bool LightFieldLayer::reads_adjacent_frames() const {
+  return method().reads_adjacent_frames(method_options());
+}
+
+render::ReconstructionSettings LightFieldLayer::reconstruction_for(const ExrCamera& camera,
+                                                                   int frame) const {
+  render::ReconstructionSettings result = reconstruction_;
+  if (focus_) result.focal_plane = rig::fronto_parallel_plane(take_.rig(), focus_(frame));
+  schemas::OptionValues& options = result.options;
+  const bool has_lens_options = method().has_lens();
   if (focal_plane_follows_camera() && camera.focus_m) {
-    const Pose& pose = camera.view.pose;
+    const rig::Pose& pose = camera.view.pose;
     const Eigen::Vector3d ahead = -pose.world_from_camera_rotation.col(2);
     const double distance = -ahead.dot(pose.position) - *camera.focus_m;
     result.focal_plane << ahead, distance;
@@ -208,7 +227,7 @@ ReconstructionSettings LightFieldLayer::reconstruction_for(const ExrCamera& came
   }
   if (has_lens_options && options.contains("f_number") && camera.overscan_x > 0) {
     // film_width is that of the picture; the method expects that of the view with overscan.
-    const MethodOptions given(method_named(result.method).options(), options, result.method);
+    const render::MethodOptions given(method().options(), options, result.method);
     options["film_width"] = given.number("film_width") * camera.view.width /
                             (camera.view.width - 2.0 * camera.overscan_x);
   }
@@ -226,7 +245,7 @@ Nanoseconds LightFieldLayer::take_time(int frame) const {
 }
 
 std::optional<int> LightFieldLayer::tick_at(int frame) const {
-  const auto tick = nearest_tick(timeline_.ticks, take_time(frame));
+  const auto tick = store::nearest_tick(timeline_.ticks, take_time(frame));
   if (!tick || timeline_.ticks[*tick].present() == 0) return std::nullopt;
   return static_cast<int>(*tick);
 }
@@ -235,18 +254,16 @@ ShownTick LightFieldLayer::shown_tick_at(int frame, MissingFrames policy) const 
   ShownTick shown{tick_at(frame), false};
   if (shown.tick || policy != MissingFrames::kHold) return shown;
   const auto& ticks = timeline_.ticks;
-  const auto after =
-      std::upper_bound(ticks.begin(), ticks.end(), take_time(frame),
-                       [](Nanoseconds t, const FrameSelection& tick) { return t < tick.time_ns; });
+  const auto after = std::upper_bound(
+      ticks.begin(), ticks.end(), take_time(frame),
+      [](Nanoseconds t, const store::FrameSelection& tick) { return t < tick.time_ns; });
   shown.tick = nearest_present(std::max(0, static_cast<int>(after - ticks.begin()) - 1));
   shown.held = shown.tick.has_value();
   return shown;
 }
 
 std::optional<int> LightFieldLayer::nearest_present(int tick) const {
-  const auto present = [&](int i) {
-    return timeline_.ticks[static_cast<std::size_t>(i)].present() > 0;
-  };
+  const auto present = [&](int i) { return timeline_.ticks[i].present() > 0; };
   const int count = static_cast<int>(timeline_.ticks.size());
   for (int i = tick; i >= 0; --i) {
     if (present(i)) return i;
@@ -261,14 +278,13 @@ std::string LightFieldLayer::take_duration_text() const {
   return fmt::format(
       "it lasts {:.3f} s from its first tick",
       static_cast<double>(timeline_.ticks.back().time_ns - timeline_.ticks.front().time_ns) /
-          static_cast<double>(kNanosecondsPerSecond));
+          kNanosecondsPerSecond);
 }
 
 std::vector<std::filesystem::path> LightFieldLayer::input_files(const ShownTick& shown) const {
   if (!shown.tick) return {};
-  const Method& method = method_named(reconstruction_.method);
-  std::vector<std::filesystem::path> files = method.input_files(
-      {method.options(), reconstruction_.options, method.name()}, take_, tick(shown));
+  std::vector<std::filesystem::path> files =
+      method().input_files(method_options(), take_, tick(shown));
   for (std::size_t i = 0; matte_ && i < tick(shown).frame.size(); ++i) {
     if (tick(shown).frame[i] < 0) continue;
     std::ranges::move(matte_->input_files(static_cast<int>(i), tick(shown).frame[i]),
@@ -292,7 +308,7 @@ void LightFieldLayer::check_frame(const LayerFrameCheck& check) const {
 std::size_t LightFieldLayer::decoded_frame_bytes() const {
   constexpr std::size_t kBytesPerPixel = 8;  // four channels of 16 bits
   std::size_t bytes = 0;
-  for (const Rig::Camera& camera : take_.rig().cameras) {
+  for (const rig::Rig::Camera& camera : take_.rig().cameras) {
     bytes += static_cast<std::size_t>(camera.model.width()) *
              static_cast<std::size_t>(camera.model.height()) * kBytesPerPixel;
   }
@@ -300,17 +316,17 @@ std::size_t LightFieldLayer::decoded_frame_bytes() const {
 }
 
 bool LightFieldLayer::is_transparent_where_unseen() const {
-  return !matte_ && !method_named(reconstruction_.method).shows_foreground_only();
+  return !matte_ && !method().shows_foreground_only();
 }
 
-void LightFieldLayer::add_sources(const FrameSelection& tick, Fingerprint& print) const {
+void LightFieldLayer::add_sources(const store::FrameSelection& tick, Fingerprint& print) const {
   for (std::size_t camera = 0; camera < tick.frame.size(); ++camera) {
     if (tick.frame[camera] < 0) {
       print.text("source", "absent");
       continue;
     }
-    const FrameRecord& record = take_.archive(static_cast<int>(camera))
-                                    .frames()[static_cast<std::size_t>(tick.frame[camera])];
+    const store::FrameRecord& record =
+        take_.archive(static_cast<int>(camera)).frames()[tick.frame[camera]];
     print.integer("source", record.time_ns);
     print.integer("xxh3", static_cast<std::int64_t>(record.xxh3));
   }
@@ -320,10 +336,9 @@ std::string LightFieldLayer::common_fingerprint() const {
   Fingerprint print;
   print.text("method", reconstruction_.method);
   // Includes defaults, so that changed defaults of a release cause new rendering.
-  const std::span<const OptionSpec> specs = method_named(reconstruction_.method).options();
-  const MethodOptions options(specs, reconstruction_.options, reconstruction_.method);
-  OptionValues labelled;
-  for (const OptionSpec& spec : specs) {
+  const render::MethodOptions options = method_options();
+  schemas::OptionValues labelled;
+  for (const render::OptionSpec& spec : method().options()) {
     labelled[std::string(spec.fingerprint_name())] = options.values().at(std::string(spec.name));
   }
   for (const auto& [name, value] : labelled) {
@@ -337,11 +352,11 @@ std::string LightFieldLayer::common_fingerprint() const {
     if (!focus_) print.number("plane", value);
   }
   print.integer("focuses as camera", focal_plane_follows_camera() ? 1 : 0);
-  print.text("fill", reconstruction_.fill == HoleFill::kPushPull ? "push_pull" : "none");
+  print.text("fill", reconstruction_.fill == schemas::HoleFill::kPushPull ? "push_pull" : "none");
   print.text("take", read_file(take_.folder() / "take.json"));
   print.text("rig", read_file(take_.folder() / "rig.json"));
   if (matte_) {
-    print.text("matte", format_matte(*layer_.matte));
+    print.text("matte", schemas::format_matte(*layer_.matte));
     print.text("matte from", matte_->sources());
   }
   return print.hex();
@@ -358,10 +373,7 @@ void LightFieldLayer::add_to_fingerprint(Fingerprint& print, int frame,
   for (const auto& file : input_files(shown)) print.text("file", read_file(file));
   print.integer("time", tick(shown).time_ns);
   add_sources(tick(shown), print);
-  const Method& method = method_named(reconstruction_.method);
-  if (!method.reads_adjacent_frames({method.options(), reconstruction_.options, method.name()})) {
-    return;
-  }
+  if (!reads_adjacent_frames()) return;
   for (const int adjacent : {*shown.tick - 1, *shown.tick + 1}) {
     const auto i = static_cast<std::size_t>(adjacent);
     if (adjacent < 0 || i >= timeline_.ticks.size()) continue;
@@ -373,7 +385,7 @@ void LightFieldLayer::add_to_fingerprint(Fingerprint& print, int frame,
 bool LightFieldLayer::fill_metadata(const ShownTick& shown, ExrMetadata& metadata) const {
   metadata.take_name = take_.document().name;
   metadata.method = reconstruction_.method;
-  metadata.method_options = options_to_text(reconstruction_.options);
+  metadata.method_options = render::options_to_text(reconstruction_.options);
   if (!shown.tick) return true;
   Nanoseconds utc = 0;
   if (!__builtin_add_overflow(take_.document().epoch_utc, tick(shown).time_ns, &utc)) {
@@ -399,4 +411,4 @@ std::unique_ptr<const LayerRenderer> LightFieldLayer::make_renderer(
   return std::make_unique<const TakeRenderer>(*this, settings);
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

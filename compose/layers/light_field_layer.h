@@ -18,7 +18,12 @@
 #include "store/take.h"
 #include "store/timeline.h"
 
-namespace raystage {
+namespace raystage::render {
+class Method;
+class MethodOptions;
+}  // namespace raystage::render
+
+namespace raystage::compose {
 
 /// A light field in a shot: opens the take and checks what can be checked before rendering.
 class LightFieldLayer final : public Layer {
@@ -28,25 +33,28 @@ class LightFieldLayer final : public Layer {
   /// options replaces that of the layer. `hosts`: as ShotPlanOptions. Throws Error (bad input) if
   /// take, timeline or an archive is missing or wrong, the method unknown, or the focal plane is
   /// `best` without a depth range.
-  LightFieldLayer(const ShotDocument& shot, std::size_t index,
+  LightFieldLayer(const schemas::ShotDocument& shot, std::size_t index,
                   const std::filesystem::path& shot_file, const std::filesystem::path& folder,
-                  std::optional<HoleFill> fill, const OptionValues& target,
-                  DistributedTakes* hosts);
+                  std::optional<schemas::HoleFill> fill, const schemas::OptionValues& target,
+                  render::DistributedTakes* hosts);
 
   std::size_t index() const { return index_; }
-  const Take& take() const { return take_; }
-  const Timeline& timeline() const { return timeline_; }
+  const store::Take& take() const { return take_; }
+  const store::Timeline& timeline() const { return timeline_; }
   /// Matte of the take's frames; null: none.
-  const std::shared_ptr<const TakeMatte>& matte() const { return matte_; }
-  const ReconstructionSettings& reconstruction() const { return reconstruction_; }
+  const std::shared_ptr<const store::TakeMatte>& matte() const { return matte_; }
+  const render::ReconstructionSettings& reconstruction() const { return reconstruction_; }
+  const render::Method& method() const;
+  render::MethodOptions method_options() const;  ///< of `reconstruction`, with defaults
+  bool reads_adjacent_frames() const;            ///< see Method
   /// Returns the settings at a frame. If the focal plane follows the camera, it lies at the
   /// camera's focus distance, and methods with a lens get its f-number.
-  ReconstructionSettings reconstruction_for(const ExrCamera& camera, int frame) const;
+  render::ReconstructionSettings reconstruction_for(const ExrCamera& camera, int frame) const;
   bool focal_plane_follows_camera() const {
-    return layer_.focal_plane.kind == ShotDocument::FocalPlane::Kind::kCamera;
+    return layer_.focal_plane.kind == schemas::ShotDocument::FocalPlane::Kind::kCamera;
   }
-  const FrameSelection& tick(const ShownTick& shown) const {
-    return timeline_.ticks[static_cast<std::size_t>(*shown.tick)];
+  const store::FrameSelection& tick(const ShownTick& shown) const {
+    return timeline_.ticks[*shown.tick];
   }
 
   /// Returns the time in the take that a frame shows: first tick + start + (frame - first frame) /
@@ -80,24 +88,25 @@ class LightFieldLayer final : public Layer {
   std::optional<int> nearest_present(int tick) const;
   std::vector<std::filesystem::path> input_files(const ShownTick& shown) const;
   std::string common_fingerprint() const;
-  void add_sources(const FrameSelection& tick, Fingerprint& print) const;
+  void add_sources(const store::FrameSelection& tick, Fingerprint& print) const;
 
   std::size_t index_ = 0;
   std::filesystem::path shot_file_;
-  ShotDocument::Layer layer_;
+  schemas::ShotDocument::Layer layer_;
   int first_frame_ = 1, fps_numerator_ = 24, fps_denominator_ = 1;
-  Take take_;
-  Timeline timeline_;
-  std::shared_ptr<const TakeMatte> matte_;
+  store::Take take_;
+  store::Timeline timeline_;
+  std::shared_ptr<const store::TakeMatte> matte_;
   AnimationChannel<double> focus_;  ///< metres in front of the array; null: not animated
-  ReconstructionSettings reconstruction_;
+  render::ReconstructionSettings reconstruction_;
   std::string common_;  ///< fingerprint of the inputs that all frames share
 };
 
 /// Returns the plane of a shot's focal plane, as ReconstructionSettings::focal_plane. Throws Error
 /// (bad input), which names `where`, for kBest without a depth range or a degenerate equation.
-Eigen::Vector4d focal_plane_equation(const ShotDocument::FocalPlane& plane, const Rig& rig,
-                                     const std::optional<DepthRange>& depth_range,
+Eigen::Vector4d focal_plane_equation(const schemas::ShotDocument::FocalPlane& plane,
+                                     const rig::Rig& rig,
+                                     const std::optional<schemas::DepthRange>& depth_range,
                                      const std::string& where);
 
-}  // namespace raystage
+}  // namespace raystage::compose

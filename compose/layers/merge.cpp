@@ -2,21 +2,19 @@
 // Composites layers with "over" of premultiplied colours (Porter and Duff, SIGGRAPH 1984), in layer
 // order or per pixel by depth. Input: layer images of one size, scene-linear; output: one image
 // with the depth and AOVs of the sample at half of the pixel's alpha, and merged ids. merge() must
-// match merge_reference() up to rounding. Cost: pixels x layers (squared by depth, at worst).
+// match the tests' reference up to rounding. Cost: pixels x layers (squared by depth, at worst).
 #include "compose/layers/merge.h"
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <limits>
-#include <map>
 #include <numeric>
 #include <utility>
 #include <vector>
 
 #include "base/parallel.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
@@ -62,9 +60,7 @@ struct Merge {
     std::iota(front_first.rbegin(), front_first.rend(), 0);
     if (order == MergeOrder::kLayerOrder) return;
     // Insertion sort: few layers, usually in order already, no allocation.
-    const auto z = [&](int layer) {
-      return layers[static_cast<std::size_t>(layer)].image->z[pixel];
-    };
+    const auto z = [&](int layer) { return layers[layer].image->z[pixel]; };
     for (std::size_t i = 1; i < front_first.size(); ++i) {
       for (std::size_t k = i; k > 0 && z(front_first[k]) < z(front_first[k - 1]); --k) {
         std::swap(front_first[k], front_first[k - 1]);
@@ -80,18 +76,18 @@ struct Merge {
     alphas.assign(layers.size(), 0.0F);
     for (const int i : front_first) {
       if (through <= 0) break;
-      const MergedLayer& layer = layers[static_cast<std::size_t>(i)];
+      const MergedLayer& layer = layers[i];
       const float* rgba = layer.image->rgba.data() + 4 * pixel;
       if (!layer.is_holdout) {
         for (std::size_t c = 0; c < 4; ++c) sum[c] += through * rgba[c];
-        alphas[static_cast<std::size_t>(i)] = through * rgba[3];
+        alphas[i] = through * rgba[3];
       }
       through *= 1 - rgba[3];
     }
     std::copy(sum.begin(), sum.end(), result.rgba.data() + 4 * pixel);
     float reached = 0;
     for (const int i : front_first) {
-      reached += alphas[static_cast<std::size_t>(i)];
+      reached += alphas[i];
       if (reached > 0 && 2 * reached >= sum[3]) return i;
     }
     return -1;
@@ -126,11 +122,10 @@ struct Merge {
   }
 
   void copy_data(std::size_t pixel, int layer) const {
-    result.z[pixel] =
-        layer < 0 ? kInfinity : layers[static_cast<std::size_t>(layer)].image->z[pixel];
+    result.z[pixel] = layer < 0 ? kInfinity : layers[layer].image->z[pixel];
     if (layer < 0) return;
     for (std::size_t a = 0; a < result.aovs.size(); ++a) {
-      const Aov* from = aovs[static_cast<std::size_t>(layer)][a];
+      const Aov* from = aovs[layer][a];
       if (from == nullptr) continue;
       // A loop is faster than std::copy for one to three values.
       const std::size_t width = from->channels.size();
@@ -146,11 +141,7 @@ LayerImage empty_result(std::span<const MergedLayer> layers) {
   LayerImage result = transparent_layer_image(first.width, first.height);
   result.aovs = all_aovs(layers, result.pixels());
   if (!first.ids.empty()) result.ids.assign(result.pixels() * 2 * kIdRanks, 0.0F);
-  for (const MergedLayer& layer : layers) {
-    for (const std::string& note : layer.image->notes) {
-      if (std::ranges::find(result.notes, note) == result.notes.end()) result.notes.push_back(note);
-    }
-  }
+  for (const MergedLayer& layer : layers) render::add_notes(layer.image->notes, result.notes);
   return result;
 }
 
@@ -178,66 +169,4 @@ LayerImage merge(std::span<const MergedLayer> layers, MergeOrder order) {
   return result;
 }
 
-LayerImage merge_reference(std::span<const MergedLayer> layers, MergeOrder order) {
-  struct Sample {
-    double z, alpha;
-    const LayerImage* image;
-  };
-  LayerImage result = empty_result(layers);
-  for (std::size_t pixel = 0; pixel < result.pixels(); ++pixel) {
-    std::vector<MergedLayer> rear_first(layers.begin(), layers.end());
-    if (order == MergeOrder::kDepth) {
-      std::stable_sort(rear_first.begin(), rear_first.end(),
-                       [&](const MergedLayer& a, const MergedLayer& b) {
-                         return a.image->z[pixel] > b.image->z[pixel];
-                       });
-    }
-    std::array<double, 4> sum{};
-    std::vector<Sample> samples;
-    for (const MergedLayer& layer : rear_first) {
-      const float* rgba = layer.image->rgba.data() + 4 * pixel;
-      const double through = 1 - static_cast<double>(rgba[3]);
-      for (std::size_t c = 0; c < 4; ++c) {
-        sum[c] = sum[c] * through + (layer.is_holdout ? 0 : static_cast<double>(rgba[c]));
-      }
-      for (Sample& behind : samples) behind.alpha *= through;
-      if (!layer.is_holdout) samples.push_back({layer.image->z[pixel], rgba[3], layer.image});
-    }
-    for (std::size_t c = 0; c < 4; ++c) result.rgba[4 * pixel + c] = static_cast<float>(sum[c]);
-    if (!result.ids.empty()) {
-      std::map<float, double> shares;  // by object id
-      for (const Sample& sample : samples) {
-        for (std::size_t rank = 0; rank < kIdRanks; ++rank) {
-          const float* id = sample.image->ids.data() + 2 * (kIdRanks * pixel + rank);
-          if (sample.alpha * double{id[1]} > 0) shares[id[0]] += sample.alpha * double{id[1]};
-        }
-      }
-      double whole = 0;
-      for (const Sample& sample : samples) whole += sample.alpha;
-      for (std::size_t rank = 0; rank < kIdRanks && !shares.empty(); ++rank) {
-        const auto most =
-            std::ranges::max_element(shares, {}, [](const auto& share) { return share.second; });
-        result.ids[2 * (kIdRanks * pixel + rank)] = most->first;
-        result.ids[2 * (kIdRanks * pixel + rank) + 1] = static_cast<float>(most->second / whole);
-        shares.erase(most);
-      }
-    }
-    double reached = 0;
-    for (auto sample = samples.rbegin(); sample != samples.rend(); ++sample) {
-      reached += sample->alpha;
-      if (!(reached > 0 && 2 * reached >= sum[3])) continue;
-      result.z[pixel] = static_cast<float>(sample->z);
-      for (Aov& aov : result.aovs) {
-        for (const Aov& own : sample->image->aovs) {
-          if (own.layer != aov.layer || own.channels != aov.channels) continue;
-          const std::size_t width = own.channels.size();
-          std::copy_n(own.values.data() + pixel * width, width, aov.values.data() + pixel * width);
-        }
-      }
-      break;
-    }
-  }
-  return result;
-}
-
-}  // namespace raystage
+}  // namespace raystage::compose

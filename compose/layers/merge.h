@@ -5,7 +5,7 @@
 
 #include "compose/layers/layer_image.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Order in which layers are composited.
 enum class MergeOrder {
@@ -28,7 +28,4 @@ struct MergedLayer {
 /// shares. `layers`: at least one, the rearmost first.
 LayerImage merge(std::span<const MergedLayer> layers, MergeOrder order);
 
-/// Reference of merge(): sorts and composites the samples of each pixel in a list.
-LayerImage merge_reference(std::span<const MergedLayer> layers, MergeOrder order);
-
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -8,7 +8,9 @@
 #include <limits>
 #include <random>
 
-namespace raystage {
+#include "testing/compose/test_layer_references.h"
+
+namespace raystage::compose {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
@@ -119,7 +121,7 @@ TEST(Merge, AgreesWithTheReference) {
     for (const LayerImage& image : images) {
       layers.push_back({&image, *rc::gen::inRange(0, 4) == 0});
     }
-    const LayerImage fast = merge(layers, order), slow = merge_reference(layers, order);
+    const LayerImage fast = merge(layers, order), slow = testing::merge_reference(layers, order);
     RC_ASSERT(fast.aovs.size() == slow.aovs.size());
     std::size_t elsewhere = 0;
     for (std::size_t i = 0; i < fast.pixels(); ++i) {
@@ -143,4 +145,4 @@ TEST(Merge, AgreesWithTheReference) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -3,12 +3,12 @@
 
 #include <algorithm>
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 class SolidRenderer final : public LayerRenderer {
  public:
-  explicit SolidRenderer(const ShotDocument::Solid& solid) : solid_(solid) {}
+  explicit SolidRenderer(const schemas::ShotDocument::Solid& solid) : solid_(solid) {}
 
   LayerImage render(const LayerView& view) const override {
     LayerImage image = transparent_layer_image(view.camera.view.width, view.camera.view.height);
@@ -23,7 +23,7 @@ class SolidRenderer final : public LayerRenderer {
   }
 
  private:
-  ShotDocument::Solid solid_;
+  schemas::ShotDocument::Solid solid_;
 };
 
 }  // namespace
@@ -33,4 +33,4 @@ std::unique_ptr<const LayerRenderer> SolidLayer::make_renderer(
   return std::make_unique<const SolidRenderer>(solid_);
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

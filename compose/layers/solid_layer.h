@@ -6,18 +6,18 @@
 #include "compose/layers/layer.h"
 #include "schemas/shot_document.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// A layer of one colour (working space), with one depth or none.
 class SolidLayer final : public Layer {
  public:
-  explicit SolidLayer(const ShotDocument::Solid& solid) : solid_(solid) {}
+  explicit SolidLayer(const schemas::ShotDocument::Solid& solid) : solid_(solid) {}
 
   std::unique_ptr<const LayerRenderer> make_renderer(
       const LayerRendererSettings& settings) const override;
 
  private:
-  ShotDocument::Solid solid_;
+  schemas::ShotDocument::Solid solid_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -8,23 +8,22 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <iterator>
 #include <numbers>
 #include <numeric>
 #include <utility>
 
 #include "base/parallel.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Vector3d;
 
 /// Calls `body` with a VolumeBlender for the ray of each pixel.
 template <class Body>
-void for_rays(const VirtualCamera& camera, std::span<const Vector3d> view_directions,
+void for_rays(const render::VirtualCamera& camera, std::span<const Vector3d> view_directions,
               const Body& body) {
-  const Intrinsics& k = camera.intrinsics;
+  const schemas::Intrinsics& k = camera.intrinsics;
   const Eigen::Matrix3d& rotation = camera.pose.world_from_camera_rotation;
   parallel_for(tbb::blocked_range<int>(0, camera.height), [&](const tbb::blocked_range<int>& rows) {
     VolumeBlender blender(view_directions);
@@ -33,9 +32,7 @@ void for_rays(const VirtualCamera& camera, std::span<const Vector3d> view_direct
       for (int x = 0; x < camera.width; ++x) {
         const Vector3d ray((x + 0.5 - k.cx) / k.fx, -(y + 0.5 - k.cy) / k.fy, -1);
         blender.find(rotation * ray);
-        body(blender, seen,
-             static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width) +
-                 static_cast<std::size_t>(x));
+        body(blender, seen, static_cast<std::size_t>(y) * camera.width + x);
       }
     }
   });
@@ -46,9 +43,7 @@ LayerImage empty_like(std::span<const LayerImage* const> takes, int width, int h
   LayerImage image = transparent_layer_image(width, height);
   for (const LayerImage* take : takes) {
     if (take == nullptr) continue;
-    std::ranges::copy_if(take->notes, std::back_inserter(image.notes), [&](const auto& note) {
-      return std::ranges::find(image.notes, note) == image.notes.end();
-    });
+    render::add_notes(take->notes, image.notes);
     if (!image.aovs.empty()) continue;
     for (const Aov& aov : take->aovs) {
       image.aovs.push_back({aov.layer, aov.channels, aov.is_colour, aov.empty_value, {}});
@@ -123,7 +118,7 @@ std::size_t VolumeBlender::dominant_take(std::span<const std::array<float, 4>> s
 }
 
 std::vector<bool> takes_in_view(std::span<const Vector3d> view_directions,
-                                const VirtualCamera& camera) {
+                                const render::VirtualCamera& camera) {
   std::vector<std::atomic<bool>> found(view_directions.size());
   for_rays(camera, view_directions, [&](const VolumeBlender& blender, auto&, std::size_t) {
     for (std::size_t i = 0; i < found.size(); ++i) {
@@ -134,7 +129,8 @@ std::vector<bool> takes_in_view(std::span<const Vector3d> view_directions,
 }
 
 LayerImage blend_volume(std::span<const LayerImage* const> takes,
-                        std::span<const Vector3d> view_directions, const VirtualCamera& camera) {
+                        std::span<const Vector3d> view_directions,
+                        const render::VirtualCamera& camera) {
   LayerImage image = empty_like(takes, camera.width, camera.height);
   for_rays(camera, view_directions,
            [&](const VolumeBlender& blender, auto& seen, std::size_t pixel) {
@@ -156,4 +152,4 @@ LayerImage blend_volume(std::span<const LayerImage* const> takes,
   return image;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -8,7 +8,7 @@
 
 #include "compose/layers/layer_image.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Width of the transition from one take to the next, degrees, half of it on each side.
 inline constexpr double kBlendWidthDegrees = 4;
@@ -40,12 +40,12 @@ class VolumeBlender {
 
 /// Returns, for each take, whether it answers any pixel of the camera.
 std::vector<bool> takes_in_view(std::span<const Eigen::Vector3d> view_directions,
-                                const VirtualCamera& camera);
+                                const render::VirtualCamera& camera);
 
 /// Returns the image of the camera from those of the takes (null: not needed). Depth and AOVs of a
 /// pixel are those of the take with the largest contribution; ids and statistics are omitted.
 LayerImage blend_volume(std::span<const LayerImage* const> takes,
                         std::span<const Eigen::Vector3d> view_directions,
-                        const VirtualCamera& camera);
+                        const render::VirtualCamera& camera);
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -9,7 +9,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using Eigen::Vector3d;
@@ -94,8 +94,8 @@ TEST(VolumeBlender, WhereOneSawNothingTheOthersDo) {
   }
 }
 
-VirtualCamera looking(double degrees, double fov_degrees, int width) {
-  VirtualCamera camera;
+render::VirtualCamera looking(double degrees, double fov_degrees, int width) {
+  render::VirtualCamera camera;
   camera.width = width;
   camera.height = width / 2;
   const double focal = width / 2.0 / std::tan(fov_degrees * std::numbers::pi / 360);
@@ -142,4 +142,4 @@ TEST(Volume, APictureIsPutTogetherFromWhatTheTakesFace) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

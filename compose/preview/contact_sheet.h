@@ -6,13 +6,13 @@
 
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Returns images of one size in rows of `columns`, each with its frame number below.
-RgbImage contact_sheet(std::span<const RgbImage> pictures, std::span<const int> frames,
-                       int columns);
+store::RgbImage contact_sheet(std::span<const store::RgbImage> pictures,
+                              std::span<const int> frames, int columns);
 
 /// Returns at most `count` evenly spaced frames, including the first and the last.
 std::vector<int> evenly_spaced_frames(std::span<const int> frames, int count);
 
-}  // namespace raystage
+}  // namespace raystage::compose

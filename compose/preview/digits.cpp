@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 constexpr std::uint8_t kInk = 220, kBar = 20;
@@ -28,11 +28,11 @@ constexpr std::array<std::array<std::uint8_t, 5>, 13> kGlyphs{{{7, 5, 5, 5, 7},
                                                                {0, 0, 0, 0, 0}}};
 
 const std::array<std::uint8_t, kRows>& glyph_of(char c) {
-  if (c >= '0' && c <= '9') return kGlyphs[static_cast<std::size_t>(c - '0')];
+  if (c >= '0' && c <= '9') return kGlyphs[c - '0'];
   return kGlyphs[c == '-' ? 10 : c == ':' ? 11 : 12];
 }
 
-void fill(RgbImage& picture, int left, int right, int y, std::uint8_t value) {
+void fill(store::RgbImage& picture, int left, int right, int y, std::uint8_t value) {
   const auto at = [&](int x) {
     return picture.pixels.begin() + (static_cast<std::ptrdiff_t>(y) * picture.width + x) * 3;
   };
@@ -41,12 +41,13 @@ void fill(RgbImage& picture, int left, int right, int y, std::uint8_t value) {
 
 }  // namespace
 
-void draw_digits(std::string_view text, int x, int y, int right, int dot, RgbImage& picture) {
+void draw_digits(std::string_view text, int x, int y, int right, int dot,
+                 store::RgbImage& picture) {
   for (const char c : text) {
     if (x + kColumns * dot > right) return;
     for (int row = 0; row < kRows * dot; ++row) {
       for (int column = 0; column < kColumns; ++column) {
-        const int bits = glyph_of(c)[static_cast<std::size_t>(row / dot)];
+        const int bits = glyph_of(c)[row / dot];
         const int left = x + column * dot;
         if ((bits >> (kColumns - 1 - column) & 1) != 0) {
           fill(picture, left, left + dot, y + row, kInk);
@@ -57,7 +58,7 @@ void draw_digits(std::string_view text, int x, int y, int right, int dot, RgbIma
   }
 }
 
-void burn_in(std::string_view text, RgbImage& picture) {
+void burn_in(std::string_view text, store::RgbImage& picture) {
   const int dot = std::max(1, picture.height / 180);
   const int height = (kRows + 2) * dot;
   if (picture.height < height) return;
@@ -68,4 +69,4 @@ void burn_in(std::string_view text, RgbImage& picture) {
   draw_digits(text, dot, top + dot, width, dot, picture);
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -8,7 +8,7 @@
 
 #include "base/transfer_function.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 constexpr int kCheckerSize = 16;
@@ -26,7 +26,7 @@ class SrgbTable {
   std::uint8_t operator()(float linear) const {
     if (!(linear > 0)) return 0;  // also NaN
     const float step = std::min(linear, 1.0F) * static_cast<float>(codes_.size() - 1) + 0.5F;
-    return codes_[static_cast<std::size_t>(step)];
+    return codes_[step];
   }
 
  private:
@@ -85,9 +85,9 @@ std::string space_of(const ExrImage& image, const DisplaySettings& settings,
 
 }  // namespace
 
-RgbImage display(const ExrImage& image, const DisplaySettings& settings) {
+store::RgbImage display(const ExrImage& image, const DisplaySettings& settings) {
   std::vector<float> light = over_background(image, settings);
-  RgbImage shown{image.width, image.height, {}};
+  store::RgbImage shown{image.width, image.height, {}};
   shown.pixels.reserve(light.size());
   const bool is_rec709 = (settings.space.empty() || settings.space == kSceneSpace) &&
                          (image.color_interop_id == kSceneSpace ||
@@ -138,4 +138,4 @@ ExrImage downscale(const ExrImage& image, int width, int height) {
   return result;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -8,7 +8,7 @@
 #include "compose/exr/exr_file.h"
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Background of transparent pixels.
 enum class Background {
@@ -29,10 +29,10 @@ struct DisplaySettings {
 
 /// Composites the image over the background and converts it to display codes, clamped at 1. Throws
 /// Error (bad input) if the config has no such colour space, display or view.
-RgbImage display(const ExrImage& image, const DisplaySettings& settings);
+store::RgbImage display(const ExrImage& image, const DisplaySettings& settings);
 
 /// Returns the image at a size that is at most its own. Each pixel is the mean of the area that it
 /// covers, in premultiplied linear light.
 ExrImage downscale(const ExrImage& image, int width, int height);
 
-}  // namespace raystage
+}  // namespace raystage::compose

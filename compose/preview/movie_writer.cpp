@@ -10,12 +10,11 @@ extern "C" {
 
 #include <array>
 #include <cassert>
-#include <utility>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 template <auto free_function>
@@ -150,7 +149,7 @@ struct MovieWriter::State {
           "choosing the colour matrix");
   }
 
-  const std::uint8_t* even_sized(const RgbImage& picture) {
+  const std::uint8_t* even_sized(const store::RgbImage& picture) {
     const int width = picture.width, height = picture.height;
     if (width == even_width() && height == even_height()) return picture.pixels.data();
     padded.clear();
@@ -186,7 +185,7 @@ MovieWriter::MovieWriter(const std::filesystem::path& file, const Settings& sett
 
 MovieWriter::~MovieWriter() = default;
 
-void MovieWriter::append(const RgbImage& picture) {
+void MovieWriter::append(const store::RgbImage& picture) {
   State& s = *state_;
   assert(picture.width == s.settings.width && picture.height == s.settings.height);
   s.check(av_frame_make_writable(s.frame.get()), "allocating a picture");
@@ -207,4 +206,4 @@ void MovieWriter::close() {
 
 std::string MovieWriter::encoder() const { return state_->codec->codec->name; }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -7,7 +7,7 @@
 
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// Writes a preview movie: H.264 if libavcodec has libx264, otherwise MPEG-4 part 2; 4:2:0, tagged
 /// Rec.709, limited range. The file has a temporary name until close().
@@ -25,7 +25,7 @@ class MovieWriter {
   MovieWriter& operator=(const MovieWriter&) = delete;
 
   /// Appends a picture of sRGB codes. Its size is that of the settings.
-  void append(const RgbImage& picture);
+  void append(const store::RgbImage& picture);
   void close();
   /// Returns "libx264" or "mpeg4".
   std::string encoder() const;
@@ -35,4 +35,4 @@ class MovieWriter {
   std::unique_ptr<State> state_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -21,7 +21,7 @@
 #include "compose/sequence_name.h"
 #include "images/image_file.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 /// The frames to show: those requested, or every step from the first to the last file.
@@ -123,7 +123,7 @@ PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) 
 
   PreviewReport report;
   std::unique_ptr<MovieWriter> movie;
-  std::vector<RgbImage> thumbnails;
+  std::vector<store::RgbImage> thumbnails;
   ExrImage image;
   std::size_t done = 0;
   for (const int frame : selection.frames) {
@@ -154,12 +154,12 @@ PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) 
       }
     }
     if (want_movie || pictures) {
-      RgbImage shown = display(image, options.display);
+      store::RgbImage shown = display(image, options.display);
       if (options.burn_in) burn_in(burnt_text(frame, image), shown);
       if (want_movie) movie->append(shown);
       if (pictures) {
         if (report.frames == 0) create_folder(pictures->folder());
-        write_image(shown, pictures->path(frame));
+        images::write_image(shown, pictures->path(frame));
       }
     }
     if (sheet) {
@@ -175,10 +175,11 @@ PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) 
   }
   if (movie) movie->close();
   if (want_sheet) {
-    write_image(contact_sheet(thumbnails, on_sheet, options.sheet_columns), options.contact_sheet);
+    images::write_image(contact_sheet(thumbnails, on_sheet, options.sheet_columns),
+                        options.contact_sheet);
   }
   options.progress(1);
   return report;
 }
 
-}  // namespace raystage
+}  // namespace raystage::compose

@@ -10,7 +10,7 @@
 
 #include "compose/preview/display.h"
 
-namespace raystage {
+namespace raystage::compose {
 
 /// What to make from a sequence of EXR files.
 struct PreviewOptions {
@@ -43,4 +43,4 @@ PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop);
 /// Returns the frame numbers of a sequence's existing files, ascending.
 std::vector<int> existing_frames(const std::string& sequence);
 
-}  // namespace raystage
+}  // namespace raystage::compose

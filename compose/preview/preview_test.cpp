@@ -21,7 +21,7 @@ extern "C" {
 #include "images/image_file.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::compose {
 namespace {
 
 using ::testing::ElementsAre;
@@ -30,8 +30,9 @@ using ::testing::HasSubstr;
 constexpr int kWidth = 161, kHeight = 91;  // odd, as a crop may be
 
 /// One colour, transparent in the right half.
-RenderedView flat_view(float r, float g, float b, int width = kWidth, int height = kHeight) {
-  RenderedView view;
+render::RenderedView flat_view(float r, float g, float b, int width = kWidth,
+                               int height = kHeight) {
+  render::RenderedView view;
   view.width = width;
   view.height = height;
   for (int y = 0; y < height; ++y) {
@@ -95,12 +96,12 @@ Movie read_movie(const std::filesystem::path& file) {
 
 class Preview : public ::testing::Test {
  protected:
-  void write_frame(int frame, const RenderedView& view) {
+  void write_frame(int frame, const render::RenderedView& view) {
     ExrMetadata metadata;
     metadata.fps_numerator = 30;
-    const ExrCamera camera{.view = virtual_camera_with_fov(view.width, view.height, 1, {})};
-    write_exr({{testing::exr_view(view)}}, {{camera}}, metadata,
-              SequenceName(options_.sequence).path(frame));
+    const ExrCamera camera{.view = render::virtual_camera_with_fov(view.width, view.height, 1, {})};
+    testing::write_exr({{testing::exr_view(view)}}, {{camera}}, metadata,
+                       SequenceName(options_.sequence).path(frame));
   }
   std::string refusal() {
     try {
@@ -111,7 +112,7 @@ class Preview : public ::testing::Test {
     return "accepted";
   }
 
-  TestFolder folder_;
+  testing::TestFolder folder_;
   PreviewOptions options_ = [this] {
     PreviewOptions options;
     options.sequence = (folder_.path() / "a.####.exr").string();
@@ -168,7 +169,7 @@ TEST_F(Preview, ContactSheetShowsThePicturesInOrder) {
   options_.sheet_columns = 3;
   options_.display.background = Background::kBlack;
   make_preview(options_, {});
-  const RgbImage sheet = read_image(options_.contact_sheet);
+  const store::RgbImage sheet = images::read_image(options_.contact_sheet);
   EXPECT_EQ(sheet.width, 8 + 3 * (kWidth + 8));
   EXPECT_EQ(sheet.height, 8 + 2 * (kHeight + 16 + 8));
   const auto red = [&](int column, int row) {
@@ -188,8 +189,8 @@ TEST_F(Preview, PicturesMayCarryTheirFrameNumbers) {
   options_.pictures = (folder_.path() / "png" / "p.###.png").string();
   options_.display.background = Background::kBlack;
   const auto light = [&](int frame) {
-    const RgbImage picture =
-        read_image(folder_.path() / "png" / ("p.00" + std::to_string(frame) + ".png"));
+    const store::RgbImage picture =
+        images::read_image(folder_.path() / "png" / ("p.00" + std::to_string(frame) + ".png"));
     EXPECT_EQ(picture.width, kWidth);
     return std::ranges::count(picture.pixels, 220);
   };
@@ -234,7 +235,7 @@ TEST(Display, CompositesExposesAndEncodes) {
   image.width = 3;
   image.height = 1;
   image.rgba = {0.25F, 0.5F, 9.0F, 1, 0, 0, 0, 0, 0.1F, NAN, -1.0F, 1};
-  RgbImage shown = display(image, {});
+  store::RgbImage shown = display(image, {});
   EXPECT_THAT(shown.pixels, ElementsAre(137, 188, 255, 118, 118, 118, 89, 0, 0));
   shown = display(image, {1, Background::kBlack});
   EXPECT_THAT(shown.pixels, ElementsAre(188, 255, 255, 0, 0, 0, 124, 0, 0));
@@ -245,10 +246,10 @@ TEST(Display, ShowsOtherPrimariesAsTheyLook) {
   image.width = 4;
   image.height = 1;
   image.rgba = {0.25F, 0.5F, 0.1F, 1, 0.9F, 0.02F, 0.3F, 1, 0, 0, 1, 1, 0.3F, 0.3F, 0.3F, 1};
-  const RgbImage expected = display(image, {});
+  const store::RgbImage expected = display(image, {});
   ColorConfig::built_in().to_space("ACEScg").apply(image.rgba);
   const auto expect_shown = [&](const DisplaySettings& settings, int most) {
-    const RgbImage shown = display(image, settings);
+    const store::RgbImage shown = display(image, settings);
     for (std::size_t i = 0; i < shown.pixels.size(); ++i) {
       EXPECT_NEAR(shown.pixels[i], expected.pixels[i], most) << i;
     }
@@ -298,4 +299,4 @@ TEST(ContactSheet, SpreadsItsFrames) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::compose

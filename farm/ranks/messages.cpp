@@ -85,25 +85,25 @@ std::vector<T> values_of(Unpacked& parts, std::size_t count) {
   return values;
 }
 
-Json json_of(const VirtualCamera& view) {
-  const Intrinsics& k = view.intrinsics;
-  const Distortion& d = k.distortion;
-  const Matrix4 pose = matrix_from_pose(view.pose);
+Json json_of(const render::VirtualCamera& view) {
+  const schemas::Intrinsics& k = view.intrinsics;
+  const schemas::Distortion& d = k.distortion;
+  const schemas::Matrix4 pose = rig::matrix_from_pose(view.pose);
   return {{"width", view.width},
           {"height", view.height},
           {"intrinsics", {k.fx, k.fy, k.cx, k.cy, d.k1, d.k2, d.p1, d.p2, d.k3}},
           {"pose", pose}};
 }
 
-VirtualCamera view_from(const Json& json) {
+render::VirtualCamera view_from(const Json& json) {
   const auto k = json.at("intrinsics").get<std::array<double, 9>>();
   return {json.at("width").get<int>(),
           json.at("height").get<int>(),
           {k[0], k[1], k[2], k[3], {k[4], k[5], k[6], k[7], k[8]}},
-          pose_from_matrix(json.at("pose").get<Matrix4>())};
+          rig::pose_from_matrix(json.at("pose").get<schemas::Matrix4>())};
 }
 
-Json json_of(const OptionValues& options) {
+Json json_of(const schemas::OptionValues& options) {
   Json json = Json::object();
   for (const auto& [name, value] : options) {
     std::visit([&, key = name](const auto& known) { json[key] = known; }, value);
@@ -111,8 +111,8 @@ Json json_of(const OptionValues& options) {
   return json;
 }
 
-OptionValues options_from(const Json& json) {
-  OptionValues options;
+schemas::OptionValues options_from(const Json& json) {
+  schemas::OptionValues options;
   for (const auto& [name, value] : json.items()) {
     if (value.is_boolean()) options[name] = value.get<bool>();
     if (value.is_number()) options[name] = value.get<double>();
@@ -121,7 +121,7 @@ OptionValues options_from(const Json& json) {
   return options;
 }
 
-Json json_of(const DistributedViewRequest& view) {
+Json json_of(const render::DistributedViewRequest& view) {
   const Eigen::Vector4d& plane = view.focal_plane;
   return {{"view", json_of(view.view)},
           {"time", view.frames.time_ns},
@@ -136,8 +136,8 @@ Json json_of(const DistributedViewRequest& view) {
           {"in step", view.is_lockstep}};
 }
 
-DistributedViewRequest distributed_view_request_from(const Json& json) {
-  DistributedViewRequest view;
+render::DistributedViewRequest distributed_view_request_from(const Json& json) {
+  render::DistributedViewRequest view;
   view.view = view_from(json.at("view"));
   view.frames.time_ns = json.at("time").get<Nanoseconds>();
   view.frames.frame = json.at("frames").get<std::vector<std::int32_t>>();
@@ -154,13 +154,13 @@ DistributedViewRequest distributed_view_request_from(const Json& json) {
   return view;
 }
 
-Json json_of(const RenderStatistics& s) {
+Json json_of(const render::RenderStatistics& s) {
   return {s.plan_ms,       s.decode_ms,    s.render_ms,    s.pixels_decoded,
           s.pixels_needed, s.cameras_used, s.working_bytes};
 }
 
-RenderStatistics statistics_from(const Json& json) {
-  RenderStatistics s;
+render::RenderStatistics statistics_from(const Json& json) {
+  render::RenderStatistics s;
   s.plan_ms = json.at(0).get<double>();
   s.decode_ms = json.at(1).get<double>();
   s.render_ms = json.at(2).get<double>();
@@ -171,7 +171,7 @@ RenderStatistics statistics_from(const Json& json) {
   return s;
 }
 
-Json json_of(const JpegLayout& l) {
+Json json_of(const store::JpegLayout& l) {
   return {{"size", {l.width, l.height}},
           {"components", l.components},
           {"h", l.h},
@@ -183,8 +183,8 @@ Json json_of(const JpegLayout& l) {
           {"segments", l.segment_offset}};
 }
 
-JpegLayout layout_from(const Json& json) {
-  JpegLayout l;
+store::JpegLayout layout_from(const Json& json) {
+  store::JpegLayout l;
   l.width = json.at("size").at(0).get<int>();
   l.height = json.at("size").at(1).get<int>();
   l.components = json.at("components").get<int>();
@@ -248,7 +248,7 @@ MessageBytes encode(const TakeTable& table) {
   Json cameras = Json::array();
   std::vector<std::span<const std::byte>> arrays;
   for (const TakeTable::Camera& camera : table.cameras) {
-    const ArchiveWriter::Description& d = camera.description;
+    const store::ArchiveWriter::Description& d = camera.description;
     cameras.push_back(
         {camera.is_local, d.camera_id, d.width, d.height, d.epoch_utc, camera.frames.size()});
     arrays.push_back(bytes_of(camera.frames));
@@ -267,7 +267,7 @@ TakeTable decode_take_table(std::span<const std::byte> message) {
       camera.is_local = entry.at(0).get<bool>();
       camera.description = {entry.at(1).get<std::string>(), entry.at(2).get<int>(),
                             entry.at(3).get<int>(), entry.at(4).get<Nanoseconds>()};
-      camera.frames = values_of<FrameRecord>(parts, entry.at(5).get<std::size_t>());
+      camera.frames = values_of<store::FrameRecord>(parts, entry.at(5).get<std::size_t>());
       table.cameras.push_back(std::move(camera));
     }
     return table;

@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 #include <span>
 #include <string>
@@ -13,7 +12,6 @@
 #include "render/common/fragment_encoding.h"
 #include "render/renderer.h"
 #include "store/archive.h"
-#include "store/jpeg/decode.h"
 #include "store/jpeg/layout.h"
 
 // The messages between the ranks that render a shot together: CBOR (RFC 8949) with exact doubles,
@@ -44,10 +42,10 @@ struct Request {
   std::string folder;   ///< kOpen: the take's folder, as rank 0 names it
   /// kShare: as in RendererSettings.
   std::uint64_t cache_bytes = 0, result_cache_bytes = 0, working_bytes = 0;
-  std::vector<int> camera_owners;  ///< kShare: rank of each camera's archive; -1: none
-  std::vector<int> ranks;          ///< kShare: ranks that have opened the take, increasing
-  DistributedViewRequest view;     ///< kView
-  std::uint32_t view_number = 0;   ///< kView
+  std::vector<int> camera_owners;       ///< kShare: rank of each camera's archive; -1: none
+  std::vector<int> ranks;               ///< kShare: ranks that have opened the take, increasing
+  render::DistributedViewRequest view;  ///< kView
+  std::uint32_t view_number = 0;        ///< kView
 };
 MessageBytes encode(const Request& request);
 Request decode_request(std::span<const std::byte> message);
@@ -56,8 +54,8 @@ Request decode_request(std::span<const std::byte> message);
 struct TakeTable {
   struct Camera {
     bool is_local = false;
-    ArchiveWriter::Description description;
-    std::vector<FrameRecord> frames;
+    store::ArchiveWriter::Description description;
+    std::vector<store::FrameRecord> frames;
   };
   std::string documents;  ///< hash of take.json and rig.json; must be equal on all ranks
   std::vector<Camera> cameras;
@@ -88,9 +86,9 @@ struct RankTimes {
 struct PartialView {
   std::string error;  ///< not empty: the cause of the failure; the rest is empty
   bool is_bad_input = false;
-  RenderStatistics statistics;
+  render::RenderStatistics statistics;
   std::vector<std::string> notes;
-  FragmentCounts counts;             ///< of this message and all messages below
+  render::FragmentCounts counts;     ///< of this message and all messages below
   RankTimes slowest;                 ///< of this rank and all ranks below
   std::vector<MessageBytes> planes;  ///< encode_fragments() of each plane
 };
@@ -112,7 +110,7 @@ FrameRequest decode_frame_request(std::span<const std::byte> message);
 /// the bytes before the scan, followed by the segments.
 struct FrameReply {
   std::string error;  ///< not empty: the frame cannot be read
-  JpegLayout layout;
+  store::JpegLayout layout;
   MessageBytes bytes;
 };
 MessageBytes encode(const FrameReply& reply);

@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -17,7 +16,7 @@ using MessageBytes = std::vector<std::byte>;
 
 /// The costs of a rank's messages.
 struct MessageCosts {
-  std::int64_t messages_sent = 0, bytes_sent = 0;
+  std::int64_t bytes_sent = 0;
   /// CPU time of polls that found nothing and of the sleeps between them, in seconds.
   double waiting_cpu_seconds = 0;
 };

@@ -2,16 +2,14 @@
 #include "farm/ranks/rank_takes.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 #include <xxhash.h>
 
 #include <algorithm>
-#include <array>
-#include <cstring>
 #include <utility>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "base/resources.h"
 
 namespace raystage::farm {
 namespace {
@@ -25,27 +23,28 @@ int new_reply_tag() {
 }
 
 /// The frames of a camera whose archive is on another rank.
-class FetchedFrames : public RemoteFrames {
+class FetchedFrames : public store::RemoteFrames {
  public:
   FetchedFrames(const RankArchives& archives, int camera) : archives_(archives), camera_(camera) {}
 
-  FrameBytes jpeg(int frame) const override {
+  store::FrameBytes jpeg(int frame) const override {
     return as_bytes(ask(FrameRequest::Kind::kWhole, frame, {}).bytes);
   }
 
-  JpegLayout layout(int frame) const override {
+  store::JpegLayout layout(int frame) const override {
     return ask(FrameRequest::Kind::kLayout, frame, {}).layout;
   }
 
   /// Returns the frame with zeros for other segments, which the decoder does not read.
-  FrameBytes jpeg_part(int frame, const JpegLayout& layout, const McuMask& wanted) const override {
+  store::FrameBytes jpeg_part(int frame, const store::JpegLayout& layout,
+                              const store::McuMask& wanted) const override {
     const std::vector<std::uint32_t> segments = segments_with(layout, wanted);
     const FrameReply reply = ask(FrameRequest::Kind::kSegments, frame, segments);
     std::span<const std::byte> rest(reply.bytes);
     MessageBytes jpeg(layout.scan_end + 2);
     const auto copy = [&](std::size_t begin, std::size_t end) {
       if (begin > end || end > jpeg.size() || end - begin > rest.size()) throw damaged(frame);
-      std::ranges::copy(rest.first(end - begin), jpeg.begin() + static_cast<std::ptrdiff_t>(begin));
+      std::ranges::copy(rest.first(end - begin), jpeg.begin() + begin);
       rest = rest.subspan(end - begin);
     };
     copy(0, layout.scan_offset);
@@ -56,11 +55,12 @@ class FetchedFrames : public RemoteFrames {
   }
 
  private:
-  static FrameBytes as_bytes(MessageBytes bytes) {
-    return FrameBytes(std::make_shared<const std::vector<std::byte>>(std::move(bytes)));
+  static store::FrameBytes as_bytes(MessageBytes bytes) {
+    return store::FrameBytes(std::make_shared<const std::vector<std::byte>>(std::move(bytes)));
   }
 
-  static std::vector<std::uint32_t> segments_with(const JpegLayout& layout, const McuMask& wanted) {
+  static std::vector<std::uint32_t> segments_with(const store::JpegLayout& layout,
+                                                  const store::McuMask& wanted) {
     std::vector<std::uint32_t> segments;
     for (std::size_t mcu = 0; mcu < wanted.size(); ++mcu) {
       if (wanted[mcu] == 0) continue;
@@ -97,13 +97,13 @@ void RankArchives::set_camera_owners(std::vector<int> camera_owners,
   cameras_ = std::move(cameras);
 }
 
-std::optional<ArchiveReader> RankArchives::open(int camera) const {
+std::optional<store::ArchiveReader> RankArchives::open(int camera) const {
   const auto index = static_cast<std::size_t>(camera);
   if (index < is_local_.size() && is_local_[index]) return std::nullopt;
-  if (is_missing(camera)) return ArchiveReader({}, {}, nullptr);
+  if (is_missing(camera)) return store::ArchiveReader({}, {}, nullptr);
   TakeTable::Camera known = index < cameras_.size() ? cameras_[index] : TakeTable::Camera{};
-  return ArchiveReader(known.description, std::move(known.frames),
-                       std::make_shared<const FetchedFrames>(*this, camera));
+  return store::ArchiveReader(known.description, std::move(known.frames),
+                              std::make_shared<const FetchedFrames>(*this, camera));
 }
 
 bool RankArchives::is_missing(int camera) const {
@@ -112,7 +112,7 @@ bool RankArchives::is_missing(int camera) const {
 }
 
 FrameReply RankArchives::fetch(int camera, FrameRequest request) const {
-  const int owner = camera_owners_.at(static_cast<std::size_t>(camera));
+  const int owner = camera_owners_.at(camera);
   request.reply_tag = new_reply_tag();
   request.take = take_number_;
   request.camera = camera;
@@ -130,7 +130,7 @@ RankTake open_rank_take(MpiWorld& world, int number, const fs::path& folder) {
   RankTake opened;
   opened.archives = std::make_shared<RankArchives>(world, number);
   try {
-    auto take = std::make_unique<Take>(folder, opened.archives);
+    auto take = std::make_unique<store::Take>(folder, opened.archives);
     const std::string documents = read_file(folder / "take.json") + read_file(folder / "rig.json");
     opened.table.documents =
         fmt::format("{:016x}", XXH3_64bits(documents.data(), documents.size()));
@@ -143,7 +143,7 @@ RankTake open_rank_take(MpiWorld& world, int number, const fs::path& folder) {
       TakeTable::Camera camera;
       camera.is_local = is_local[i];
       if (camera.is_local) {
-        const ArchiveReader& archive = take->archive(static_cast<int>(i));
+        const store::ArchiveReader& archive = take->archive(static_cast<int>(i));
         camera.description = archive.description();
         camera.frames.assign(archive.frames().begin(), archive.frames().end());
       }
@@ -160,8 +160,6 @@ RankTake open_rank_take(MpiWorld& world, int number, const fs::path& folder) {
 fs::path local_take_folder(const std::string& folder, std::span<const PathMappingRule> rules,
                            int rank) {
   std::string mine = map_path(folder, rules);
-  std::array<char, 256> host{};
-  if (gethostname(host.data(), host.size() - 1) != 0) host = {};
   const auto replace = [&](std::string_view name, const std::string& value) {
     for (std::size_t at = mine.find(name); at != std::string::npos; at = mine.find(name, at)) {
       mine.replace(at, name.size(), value);
@@ -169,7 +167,7 @@ fs::path local_take_folder(const std::string& folder, std::span<const PathMappin
     }
   };
   replace("{rank}", std::to_string(rank));
-  replace("{host}", host.data());
+  replace("{host}", host_name());
   return mine;
 }
 
@@ -181,10 +179,10 @@ FrameService::~FrameService() {
   thread_.join();
 }
 
-void FrameService::add(int number, const Take& take) {
+void FrameService::add(int number, const store::Take& take) {
   const std::scoped_lock lock(mutex_);
   takes_.resize(std::max(takes_.size(), static_cast<std::size_t>(number) + 1));
-  takes_[static_cast<std::size_t>(number)] = &take;
+  takes_[number] = &take;
 }
 
 void FrameService::run(const std::stop_token& stop) {
@@ -202,7 +200,7 @@ void FrameService::run(const std::stop_token& stop) {
 }
 
 FrameReply FrameService::answer(const FrameRequest& request) {
-  const Take* take = nullptr;
+  const store::Take* take = nullptr;
   {
     const std::scoped_lock lock(mutex_);
     const auto number = static_cast<std::size_t>(request.take);
@@ -214,8 +212,8 @@ FrameReply FrameService::answer(const FrameRequest& request) {
       !take->archive(request.camera).is_remote() && request.frame >= 0 &&
       static_cast<std::size_t>(request.frame) < take->archive(request.camera).frames().size();
   if (!is_known) throw Error::failed("the rank does not have the frame", where, "Render again");
-  const ArchiveReader& archive = take->archive(request.camera);
-  const FrameBytes jpeg = archive.jpeg(request.frame);
+  const store::ArchiveReader& archive = take->archive(request.camera);
+  const store::FrameBytes jpeg = archive.jpeg(request.frame);
   FrameReply reply;
   const auto append = [&](std::size_t begin, std::size_t end) {
     const auto part = jpeg.bytes().subspan(begin, end - begin);
@@ -225,7 +223,7 @@ FrameReply FrameService::answer(const FrameRequest& request) {
     append(0, jpeg.size());
     return reply;
   }
-  const JpegLayout layout = parse_jpeg_layout(jpeg, where);
+  const store::JpegLayout layout = store::parse_jpeg_layout(jpeg, where);
   if (request.kind == FrameRequest::Kind::kLayout) {
     reply.layout = layout;
     return reply;

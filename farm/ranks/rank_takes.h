@@ -23,7 +23,7 @@ struct FetchCounts {
 };
 
 /// The archives of a take as a rank sees them: its own ones, and the owners of the others.
-class RankArchives : public RemoteArchives {
+class RankArchives : public store::RemoteArchives {
  public:
   RankArchives(MpiWorld& world, int take_number) : world_(world), take_number_(take_number) {}
 
@@ -34,7 +34,7 @@ class RankArchives : public RemoteArchives {
   void set_local_cameras(std::vector<bool> is_local) { is_local_ = std::move(is_local); }
 
   const std::vector<int>& camera_owners() const { return camera_owners_; }
-  std::optional<ArchiveReader> open(int camera) const override;
+  std::optional<store::ArchiveReader> open(int camera) const override;
   bool is_missing(int camera) const override;
   FetchCounts fetched() const { return {requests_, bytes_}; }
 
@@ -54,8 +54,8 @@ class RankArchives : public RemoteArchives {
 /// A take that a rank has opened.
 struct RankTake {
   std::shared_ptr<RankArchives> archives;
-  std::unique_ptr<Take> take;  ///< null: this rank cannot open it
-  TakeTable table;             ///< the parts that this rank has
+  std::unique_ptr<store::Take> take;  ///< null: this rank cannot open it
+  TakeTable table;                    ///< the parts that this rank has
 };
 
 /// Opens this rank's folder of a take. On failure the table's error says why.
@@ -73,7 +73,7 @@ class FrameService {
   ~FrameService();
 
   /// Serves frames of the take with this number from now on. `take` must outlive the service.
-  void add(int number, const Take& take);
+  void add(int number, const store::Take& take);
 
  private:
   void run(const std::stop_token& stop);
@@ -81,7 +81,7 @@ class FrameService {
 
   MpiWorld& world_;
   std::mutex mutex_;  // guards takes_
-  std::vector<const Take*> takes_;
+  std::vector<const store::Take*> takes_;
   std::jthread thread_;
 };
 

@@ -6,14 +6,13 @@
 // precision, in the same order for a given number of ranks.
 #include "farm/ranks/rank_views.h"
 
-#include <algorithm>
-#include <chrono>
 #include <exception>
 #include <new>
 #include <optional>
 #include <utility>
 
 #include "base/error.h"
+#include "base/stopwatch.h"
 
 namespace raystage::farm {
 namespace {
@@ -23,23 +22,11 @@ int tag_of(std::uint32_t view_number) {
   return kFirstReplyTag + (1 << 29) + static_cast<int>(view_number % (1U << 28));
 }
 
-class Stopwatch {
- public:
-  /// Returns the time since the last call, or since construction.
-  double lap_ms() {
-    const auto now = std::chrono::steady_clock::now();
-    return std::chrono::duration<double, std::milli>(now - std::exchange(last_, now)).count();
-  }
-
- private:
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
-};
-
 int tag_of_group(std::uint32_t view_number) { return tag_of(view_number) + (1 << 28); }
 
 /// Exchanges messages between the hosts of a take in lockstep. The last byte of each message says
 /// whether its sender has left the view. All others then leave it in the same exchange.
-class MpiCommunicator : public RankCommunicator {
+class MpiCommunicator : public render::RankCommunicator {
  public:
   MpiCommunicator(const RankSet& members, std::uint32_t view_number)
       : members_(members), tag_(tag_of_group(view_number)) {}
@@ -81,12 +68,12 @@ class MpiCommunicator : public RankCommunicator {
   mutable bool has_ended_ = false;  ///< a host has left
 };
 
-FragmentTag fragment_tag(std::uint32_t view_number, int light_field, std::size_t plane) {
+render::FragmentTag fragment_tag(std::uint32_t view_number, int light_field, std::size_t plane) {
   return {view_number, static_cast<std::uint32_t>(light_field), static_cast<std::uint32_t>(plane)};
 }
 
 /// Adds the statistics of a host that worked at the same time.
-void add(const RenderStatistics& from, RenderStatistics& to) {
+void add(const render::RenderStatistics& from, render::RenderStatistics& to) {
   to.plan_ms = std::max(to.plan_ms, from.plan_ms);
   to.decode_ms = std::max(to.decode_ms, from.decode_ms);
   to.render_ms = std::max(to.render_ms, from.render_ms);
@@ -94,12 +81,6 @@ void add(const RenderStatistics& from, RenderStatistics& to) {
   to.pixels_needed += from.pixels_needed;
   to.cameras_used += from.cameras_used;
   to.working_bytes = std::max(to.working_bytes, from.working_bytes);
-}
-
-void add_notes(const std::vector<std::string>& from, std::vector<std::string>& to) {
-  for (const std::string& note : from) {
-    if (std::ranges::find(to, note) == to.end()) to.push_back(note);
-  }
 }
 
 void keep_slower(const RankTimes& one, RankTimes& slowest) {
@@ -144,11 +125,11 @@ std::vector<int> child_ranks(int rank, int ranks) {
   return children;
 }
 
-FragmentEncodingSettings fragment_encoding_for(const DistributedViewRequest& view,
-                                               const FragmentEncodingSettings& requested) {
-  FragmentEncodingSettings settings = requested;
-  if (view.is_lockstep && requested.encoding == FragmentEncoding::kJpeg) {
-    settings.encoding = FragmentEncoding::kHalf;
+render::FragmentEncodingSettings fragment_encoding_for(
+    const render::DistributedViewRequest& view, const render::FragmentEncodingSettings& requested) {
+  render::FragmentEncodingSettings settings = requested;
+  if (view.is_lockstep && requested.encoding == render::FragmentEncoding::kJpeg) {
+    settings.encoding = render::FragmentEncoding::kHalf;
   }
   return settings;
 }
@@ -164,13 +145,13 @@ std::vector<int> host_indices(std::span<const int> ranks, std::span<const int> c
   return hosts;
 }
 
-Contribution contribute_as_rank(const RankSet& members, const DistributedViewRequest& view,
-                                std::uint32_t view_number,
-                                const DistributedRenderer::ContributeFunction& own) {
+render::Contribution contribute_as_rank(
+    const RankSet& members, const render::DistributedViewRequest& view, std::uint32_t view_number,
+    const render::DistributedRenderer::ContributeFunction& own) {
   if (!view.is_lockstep) return own(nullptr);
   const MpiCommunicator group(members, view_number);
   try {
-    Contribution made = own(&group);
+    render::Contribution made = own(&group);
     group.end();
     return made;
   } catch (...) {
@@ -179,12 +160,12 @@ Contribution contribute_as_rank(const RankSet& members, const DistributedViewReq
   }
 }
 
-Contribution reduce_subtree(const ViewExchange& exchange, std::uint32_t view_number,
-                            int light_field, const VirtualCamera& view,
-                            const std::function<Contribution()>& own, FragmentCounts& counts,
-                            ReduceTimes& times) {
+render::Contribution reduce_subtree(const ViewExchange& exchange, std::uint32_t view_number,
+                                    int light_field, const render::VirtualCamera& view,
+                                    const std::function<render::Contribution()>& own,
+                                    render::FragmentCounts& counts, ReduceTimes& times) {
   Stopwatch watch;
-  Contribution sum;
+  render::Contribution sum;
   std::exception_ptr own_failure;  // thrown once the messages of all ranks below are received
   try {
     sum = own();
@@ -201,14 +182,14 @@ Contribution reduce_subtree(const ViewExchange& exchange, std::uint32_t view_num
       if (!part.error.empty() && !failure) failure = Failure{part.error, part.is_bad_input};
       if (own_failure || failure) continue;
       add(part.statistics, sum.statistics);
-      add_notes(part.notes, sum.notes);
+      render::add_notes(part.notes, sum.notes);
       counts += part.counts;
       keep_slower(part.slowest, times.slowest);
       sum.planes.resize(std::max(sum.planes.size(), part.planes.size()),
-                        PixelValues(view_value_count(view), 0.0F));
+                        render::PixelValues(render::view_value_count(view), 0.0F));
       for (std::size_t i = 0; i < part.planes.size(); ++i) {
-        add_fragments(part.planes[i], fragment_tag(view_number, light_field, i), view.width,
-                      view.height, sum.planes[i]);
+        render::add_fragments(part.planes[i], fragment_tag(view_number, light_field, i), view.width,
+                              view.height, sum.planes[i]);
       }
       times.add_ms += watch.lap_ms();
     } catch (...) {
@@ -221,19 +202,20 @@ Contribution reduce_subtree(const ViewExchange& exchange, std::uint32_t view_num
 }
 
 void send_to_parent(const ViewExchange& exchange, std::uint32_t view_number, int light_field,
-                    const VirtualCamera& view, const std::function<Contribution()>& own) {
+                    const render::VirtualCamera& view,
+                    const std::function<render::Contribution()>& own) {
   PartialView part;
   ReduceTimes times;
   try {
-    Contribution sum =
+    render::Contribution sum =
         reduce_subtree(exchange, view_number, light_field, view, own, part.counts, times);
     part.statistics = sum.statistics;
     part.notes = std::move(sum.notes);
     Stopwatch watch;
     for (std::size_t i = 0; i < sum.planes.size(); ++i) {
-      part.planes.push_back(encode_fragments(fragment_tag(view_number, light_field, i),
-                                             sum.planes[i], view.width, view.height,
-                                             exchange.encoding, part.counts));
+      part.planes.push_back(render::encode_fragments(fragment_tag(view_number, light_field, i),
+                                                     sum.planes[i], view.width, view.height,
+                                                     exchange.encoding, part.counts));
       sum.planes[i] = {};
     }
     part.slowest = times.slowest;

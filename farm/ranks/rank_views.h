@@ -23,13 +23,13 @@ std::vector<int> child_ranks(int rank, int ranks);
 /// The ranks and the encoding with which contributions are sent.
 struct ViewExchange {
   MpiWorld& world;
-  FragmentEncodingSettings encoding;
+  render::FragmentEncodingSettings encoding;
 };
 
 /// Returns the encoding for a view's contributions. For a view in lockstep it replaces JPEG by
 /// half, because JPEG cannot hold the values of such contributions.
-FragmentEncodingSettings fragment_encoding_for(const DistributedViewRequest& view,
-                                               const FragmentEncodingSettings& requested);
+render::FragmentEncodingSettings fragment_encoding_for(
+    const render::DistributedViewRequest& view, const render::FragmentEncodingSettings& requested);
 
 /// The ranks that have opened a take, called its hosts. Host i is the rank ranks[i].
 struct RankSet {
@@ -43,9 +43,10 @@ std::vector<int> host_indices(std::span<const int> ranks, std::span<const int> c
 
 /// Returns this rank's contribution to a view by calling `own`. For a view in lockstep `own` gets a
 /// communicator of all hosts; if it throws, the other ranks are told that this rank has left.
-Contribution contribute_as_rank(const RankSet& members, const DistributedViewRequest& view,
-                                std::uint32_t view_number,
-                                const DistributedRenderer::ContributeFunction& own);
+render::Contribution contribute_as_rank(const RankSet& members,
+                                        const render::DistributedViewRequest& view,
+                                        std::uint32_t view_number,
+                                        const render::DistributedRenderer::ContributeFunction& own);
 
 /// Times of the reduction, in wall-clock milliseconds.
 struct ReduceTimes {
@@ -62,14 +63,15 @@ struct ReduceTimes {
 /// Returns the sum of the contributions of this rank (`own`) and the ranks below it in the tree.
 /// Adds the fragments of the received messages to `counts`. If a rank cannot contribute, throws
 /// Error after all ranks below have answered.
-Contribution reduce_subtree(const ViewExchange& exchange, std::uint32_t view_number,
-                            int light_field, const VirtualCamera& view,
-                            const std::function<Contribution()>& own, FragmentCounts& counts,
-                            ReduceTimes& times);
+render::Contribution reduce_subtree(const ViewExchange& exchange, std::uint32_t view_number,
+                                    int light_field, const render::VirtualCamera& view,
+                                    const std::function<render::Contribution()>& own,
+                                    render::FragmentCounts& counts, ReduceTimes& times);
 
 /// Sends the result of reduce_subtree(), or its error, to the rank above. Throws only
 /// std::bad_alloc.
 void send_to_parent(const ViewExchange& exchange, std::uint32_t view_number, int light_field,
-                    const VirtualCamera& view, const std::function<Contribution()>& own);
+                    const render::VirtualCamera& view,
+                    const std::function<render::Contribution()>& own);
 
 }  // namespace raystage::farm

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "base/error.h"
-#include "farm/ranks/rank_views.h"
 
 namespace raystage::farm {
 namespace {
@@ -24,13 +23,13 @@ std::string list_text(const std::vector<std::string>& names) {
 }  // namespace
 
 /// Sums the contributions of all ranks to views of one light field of the shot.
-class RootRank::LightField : public DistributedRenderer {
+class RootRank::LightField : public render::DistributedRenderer {
  public:
   LightField(RootRank& ranks, int number, std::vector<int> members)
       : ranks_(ranks), number_(number), members_(std::move(members)) {}
 
-  Contribution sum(const DistributedViewRequest& view,
-                   const ContributeFunction& own) const override {
+  render::Contribution sum(const render::DistributedViewRequest& view,
+                           const ContributeFunction& own) const override {
     std::unique_lock is_lockstep(ranks_.in_step_, std::defer_lock);
     if (view.is_lockstep) is_lockstep.lock();
     Request request;
@@ -39,9 +38,9 @@ class RootRank::LightField : public DistributedRenderer {
     request.view = view;
     request.view_number = ranks_.views_++;
     ranks_.send_to_all(request);
-    FragmentCounts counts;
+    render::FragmentCounts counts;
     ReduceTimes times;
-    Contribution all = reduce_subtree(
+    render::Contribution all = reduce_subtree(
         {ranks_.world_, fragment_encoding_for(view, ranks_.options_.encoding)}, request.view_number,
         number_, view.view,
         [&] {
@@ -52,13 +51,14 @@ class RootRank::LightField : public DistributedRenderer {
     ranks_.traffic_.fragments += counts;
     ranks_.traffic_.times += times;
     ++ranks_.traffic_.views;
-    ranks_.traffic_.view_pixels += static_cast<std::int64_t>(view_value_count(view.view) / 4);
+    ranks_.traffic_.view_pixels +=
+        static_cast<std::int64_t>(render::view_value_count(view.view) / 4);
     return all;
   }
 
-  bool omits_weights(const DistributedViewRequest& view) const override {
+  bool omits_weights(const render::DistributedViewRequest& view) const override {
     return fragment_encoding_for(view, ranks_.options_.encoding).encoding ==
-           FragmentEncoding::kJpeg;
+           render::FragmentEncoding::kJpeg;
   }
 
  private:
@@ -81,7 +81,7 @@ void RootRank::send_to_all(const Request& request) {
   for (int rank = 1; rank < world_.size(); ++rank) world_.send(rank, kRequestTag, message);
 }
 
-std::vector<int> RootRank::find_camera_owners(const Take& take,
+std::vector<int> RootRank::find_camera_owners(const store::Take& take,
                                               const std::vector<TakeTable>& tables) const {
   const auto cameras = static_cast<std::size_t>(take.camera_count());
   std::vector<int> owners;
@@ -112,7 +112,7 @@ std::vector<int> RootRank::find_camera_owners(const Take& take,
   return owners;
 }
 
-Take RootRank::open(const fs::path& folder) {
+store::Take RootRank::open(const fs::path& folder) {
   Request request;
   request.kind = Request::Kind::kOpen;
   request.take = static_cast<int>(takes_.size());
@@ -126,7 +126,7 @@ Take RootRank::open(const fs::path& folder) {
     tables.push_back(decode_take_table(world_.receive(rank, request.reply_tag)));
   }
   if (!own.take) {
-    Take(mine, own.archives);  // throws the original error
+    store::Take(mine, own.archives);  // throws the original error
     throw Error::bad_input(own.table.error, mine.string(), "Repair the take on this host");
   }
   for (std::size_t rank = 1; rank < tables.size(); ++rank) {
@@ -151,7 +151,7 @@ Take RootRank::open(const fs::path& folder) {
   std::vector<TakeTable::Camera> cameras(owners.size());
   for (std::size_t camera = 0; camera < owners.size(); ++camera) {
     if (owners[camera] < 0) continue;
-    cameras[camera] = std::move(tables[static_cast<std::size_t>(owners[camera])].cameras[camera]);
+    cameras[camera] = std::move(tables[owners[camera]].cameras[camera]);
   }
   OpenTake opened;
   opened.named = request.folder;
@@ -164,7 +164,7 @@ Take RootRank::open(const fs::path& folder) {
   opened.served = std::move(own.take);
   frames_->add(request.take, *opened.served);
   takes_.push_back(std::move(opened));
-  return Take(mine, takes_.back().archives);
+  return store::Take(mine, takes_.back().archives);
 }
 
 void RootRank::check_rules() const {
@@ -178,7 +178,7 @@ void RootRank::check_rules() const {
   }
 }
 
-void RootRank::share(const Take& take, RendererSettings& settings) {
+void RootRank::share(const store::Take& take, render::RendererSettings& settings) {
   const auto found = std::ranges::find(takes_, take.folder(), &OpenTake::folder);
   if (found == takes_.end()) {
     throw Error::failed("the take is not open on the ranks", take.folder().string(), "");

@@ -26,14 +26,14 @@ enum class MissingArchives {
 struct RankOptions {
   std::vector<PathMappingRule> takes;  ///< folders of takes on the ranks: see local_take_folder()
   MissingArchives missing = MissingArchives::kError;
-  FragmentEncodingSettings encoding;
+  render::FragmentEncodingSettings encoding;
   std::function<void(std::string_view)> on_message = [](std::string_view) {};
 };
 
 /// The data that the ranks exchanged, and its costs.
 struct RankTraffic {
-  FragmentCounts fragments;      ///< summed over all messages
-  std::int64_t view_pixels = 0;  ///< summed over all views
+  render::FragmentCounts fragments;  ///< summed over all messages
+  std::int64_t view_pixels = 0;      ///< summed over all views
   std::int64_t views = 0;
   ReduceTimes times;   ///< of rank 0, over all views
   FetchCounts frames;  ///< fetched by rank 0
@@ -41,7 +41,7 @@ struct RankTraffic {
 };
 
 /// Rank 0: opens takes on all ranks, and requests their contributions to views.
-class RootRank : public DistributedTakes {
+class RootRank : public render::DistributedTakes {
  public:
   RootRank(MpiWorld& world, RankOptions options);
   /// Calls finish() if it was not called.
@@ -49,8 +49,8 @@ class RootRank : public DistributedTakes {
   RootRank(const RootRank&) = delete;
   RootRank& operator=(const RootRank&) = delete;
 
-  Take open(const std::filesystem::path& folder) override;
-  void share(const Take& take, RendererSettings& settings) override;
+  store::Take open(const std::filesystem::path& folder) override;
+  void share(const store::Take& take, render::RendererSettings& settings) override;
   /// Sends the stop request to all ranks and returns their costs. Call it once.
   RankTraffic finish();
 
@@ -60,14 +60,15 @@ class RootRank : public DistributedTakes {
     std::string named;             ///< the folder, as the shot names it
     std::filesystem::path folder;  ///< on this host
     std::shared_ptr<RankArchives> archives;
-    std::unique_ptr<Take> served;  ///< source of frames for other ranks
-    std::vector<int> ranks;        ///< ranks that have opened it
+    std::unique_ptr<store::Take> served;  ///< source of frames for other ranks
+    std::vector<int> ranks;               ///< ranks that have opened it
   };
   void send_to_all(const Request& request);
   /// Throws Error (bad input) for a rule that no take needs. Call it when all takes are open.
   void check_rules() const;
   bool is_finished_ = false;
-  std::vector<int> find_camera_owners(const Take& take, const std::vector<TakeTable>& tables) const;
+  std::vector<int> find_camera_owners(const store::Take& take,
+                                      const std::vector<TakeTable>& tables) const;
 
   MpiWorld& world_;
   std::mutex send_mutex_;  ///< keeps requests in one order on all ranks

@@ -8,7 +8,6 @@
 #include <memory>
 #include <mutex>
 #include <new>
-#include <stdexcept>
 #include <thread>
 #include <utility>
 
@@ -61,9 +60,7 @@ class WorkerRank {
  public:
   WorkerRank(MpiWorld& world, const WorkerRankOptions& options)
       : world_(world), options_(options), arena_(options.threads), frames_(world) {
-    for (int i = 0; i < kViewsAtOnce; ++i) {
-      workers_.emplace_back([this] { render_views(views_); });
-    }
+    for (int i = 0; i < kViewsAtOnce; ++i) workers_.emplace_back([this] { render_views(views_); });
     workers_.emplace_back([this] { render_views(views_in_step_); });
   }
 
@@ -102,9 +99,9 @@ class WorkerRank {
   }
 
   void share(const Request& request) {
-    RankTake& take = takes_.at(static_cast<std::size_t>(request.take));
+    RankTake& take = takes_.at(request.take);
     take.archives->set_camera_owners(request.camera_owners, {});
-    RendererSettings settings;
+    render::RendererSettings settings;
     settings.cache_bytes = request.cache_bytes;
     settings.result_cache_bytes = request.result_cache_bytes;
     settings.working_bytes = request.working_bytes;
@@ -114,25 +111,26 @@ class WorkerRank {
     members_.push_back(request.ranks);
     // A rank that cannot open the take holds none of its cameras.
     renderers_.push_back(
-        take.take ? std::make_shared<const LightFieldRenderer>(*take.take, settings) : nullptr);
+        take.take ? std::make_shared<const render::LightFieldRenderer>(*take.take, settings)
+                  : nullptr);
   }
 
   void render_views(ViewQueue& queue) {
     Request request;
     while (queue.pop(request)) {
-      std::shared_ptr<const LightFieldRenderer> renderer;
+      std::shared_ptr<const render::LightFieldRenderer> renderer;
       std::vector<int> members;
       {
         const std::scoped_lock lock(mutex_);
-        members = members_.at(static_cast<std::size_t>(request.light_field));
-        renderer = renderers_.at(static_cast<std::size_t>(request.light_field));
+        members = members_.at(request.light_field);
+        renderer = renderers_.at(request.light_field);
       }
       const auto own = [&] {
-        if (!renderer) return Contribution{};
+        if (!renderer) return render::Contribution{};
         return contribute_as_rank(
             {world_, members}, request.view, request.view_number,
-            [&](const RankCommunicator* group) {
-              Contribution made;
+            [&](const render::RankCommunicator* group) {
+              render::Contribution made;
               arena_.execute([&] { made = renderer->contribute(request.view, group); });
               return made;
             });
@@ -150,10 +148,10 @@ class WorkerRank {
   const WorkerRankOptions& options_;
   tbb::task_arena arena_;
   std::vector<RankTake> takes_;
-  std::mutex mutex_;                                                  // guards the next two
-  std::vector<std::shared_ptr<const LightFieldRenderer>> renderers_;  // by light field
-  std::vector<std::vector<int>> members_;                             // ranks, by light field
-  FrameService frames_;                                               // destroyed before takes_
+  std::mutex mutex_;                                                          // guards the next two
+  std::vector<std::shared_ptr<const render::LightFieldRenderer>> renderers_;  // by light field
+  std::vector<std::vector<int>> members_;  // ranks, by light field
+  FrameService frames_;                    // destroyed before takes_
   ViewQueue views_, views_in_step_;
   std::vector<std::jthread> workers_;  // destroyed first
 };

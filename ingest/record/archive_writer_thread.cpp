@@ -7,7 +7,7 @@
 #include <exception>
 #include <utility>
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using namespace std::chrono_literals;
@@ -124,7 +124,7 @@ std::size_t ArchiveWriterThread::write(std::size_t camera,
 bool ArchiveWriterThread::append(std::size_t camera, std::span<const FrameQueue::Frame> frames) {
   std::uint64_t bytes = 0;
   std::string write_error = exception_message([&] {
-    std::vector<NewFrame> batch;
+    std::vector<store::NewFrame> batch;
     for (const auto& frame : frames) {
       batch.push_back({frame->time_ns, frame->jpeg, frame->status, frame->origin});
       bytes += frame->jpeg.size();
@@ -208,7 +208,7 @@ void ArchiveWriterThread::drop_remaining() {
       const bool picture = front[0]->has_image();
       if (!picture || !reserve_is_whole || !append(i, front)) {
         if (picture) {
-          front[0]->mark_missing(FrameStatus::kDroppedDiskFull);
+          front[0]->mark_missing(store::FrameStatus::kDroppedDiskFull);
           ++cameras_[i].counters.dropped;
         }
         if (!append_record(i, front)) ++cameras_[i].counters.unrecorded;
@@ -218,8 +218,8 @@ void ArchiveWriterThread::drop_remaining() {
   }
 }
 
-std::uint64_t ArchiveWriterThread::written(std::size_t camera, FrameStatus status) const {
+std::uint64_t ArchiveWriterThread::written(std::size_t camera, store::FrameStatus status) const {
   return written_counts_[camera].count[static_cast<std::size_t>(status)].load();
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

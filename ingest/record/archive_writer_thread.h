@@ -17,7 +17,7 @@
 #include "ingest/record/memory_budget.h"
 #include "store/archive.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// Writes frames from memory to the archives, in a thread of its own. A slow or full disk delays
 /// only this thread: frames stay in memory until they can be written, and the capture threads drop
@@ -27,7 +27,7 @@ class ArchiveWriterThread {
  public:
   struct Camera {
     FrameQueue& queue;
-    ArchiveWriter& archive;
+    store::ArchiveWriter& archive;
     CameraCounters& counters;
   };
   struct Settings {
@@ -52,7 +52,7 @@ class ArchiveWriterThread {
   void drain(const std::function<void(double)>& progress);
 
   /// Returns the number of records of a status that are written to a camera's archive.
-  std::uint64_t written(std::size_t camera, FrameStatus status) const;
+  std::uint64_t written(std::size_t camera, store::FrameStatus status) const;
   std::uint64_t bytes_written() const { return bytes_written_.load(std::memory_order_relaxed); }
   /// Returns the current write error of the first camera that has one; empty without an error.
   std::string write_error() const;
@@ -62,7 +62,7 @@ class ArchiveWriterThread {
 
  private:
   struct WrittenCounts {
-    std::array<std::atomic<std::uint64_t>, kFrameStatusCount> count{};
+    std::array<std::atomic<std::uint64_t>, store::kFrameStatusCount> count{};
   };
   struct RetryState {
     std::chrono::steady_clock::time_point last_write, retry_at;
@@ -99,4 +99,4 @@ class ArchiveWriterThread {
 /// too: an exception that leaves a thread would end the process and lose all frames in memory.
 std::string exception_message(const std::function<void()>& attempt);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

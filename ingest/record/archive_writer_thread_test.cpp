@@ -12,7 +12,7 @@
 
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using namespace std::chrono_literals;
@@ -27,7 +27,7 @@ class Flow : public ::testing::Test {
     for (int i = 0; i < kCameras; ++i) {
       const std::string id = "c" + std::to_string(i);
       archives_.emplace_back(folder_.path() / (id + ".mkv"), folder_.path() / (id + ".journal"),
-                             ArchiveWriter::Description{id, 64, 48, 0});
+                             store::ArchiveWriter::Description{id, 64, 48, 0});
     }
   }
   void push(std::size_t camera, std::size_t bytes) {
@@ -50,8 +50,8 @@ class Flow : public ::testing::Test {
   std::vector<CameraCounters> counters = std::vector<CameraCounters>(kCameras);
 
  private:
-  TestFolder folder_;
-  std::vector<ArchiveWriter> archives_;
+  testing::TestFolder folder_;
+  std::vector<store::ArchiveWriter> archives_;
   Nanoseconds last_time_ = 0;
 };
 
@@ -63,8 +63,8 @@ TEST_F(Flow, AnArchiveThatRefusesHoldsUpNoOther) {
   while (!(queues[1].empty() && queues[2].empty()) && std::chrono::steady_clock::now() < deadline) {
     std::this_thread::sleep_for(1ms);
   }
-  EXPECT_EQ(writing.written(1, FrameStatus::kStored), kFrames);
-  EXPECT_EQ(writing.written(2, FrameStatus::kStored), kFrames);
+  EXPECT_EQ(writing.written(1, store::FrameStatus::kStored), kFrames);
+  EXPECT_EQ(writing.written(2, store::FrameStatus::kStored), kFrames);
   EXPECT_THAT(writing.write_error(),
               HasSubstr("after the archive was closed"));  // not hidden by those
   writing.drain({});
@@ -79,7 +79,7 @@ TEST_F(Flow, AtTheEndEveryOtherIsWrittenToo) {
   ArchiveWriterThread writing = flow({.hold = true, .drain_timeout_s = 0});
   writing.drain({});
   for (const std::size_t camera : {1U, 2U}) {
-    EXPECT_EQ(writing.written(camera, FrameStatus::kStored), kFrames);
+    EXPECT_EQ(writing.written(camera, store::FrameStatus::kStored), kFrames);
     EXPECT_EQ(counters[camera].dropped, 0U);
   }
   EXPECT_EQ(counters[0].dropped, kFrames);
@@ -100,8 +100,8 @@ TEST_F(Flow, WhatStillFitsIsWrittenBeforeItIsGivenUp) {
   writing.drain({});
   setrlimit(RLIMIT_FSIZE, &before);
   std::signal(SIGXFSZ, old_handler);
-  EXPECT_EQ(writing.written(0, FrameStatus::kDroppedDiskFull), 1U);
-  EXPECT_EQ(writing.written(0, FrameStatus::kStored), 5U);
+  EXPECT_EQ(writing.written(0, store::FrameStatus::kDroppedDiskFull), 1U);
+  EXPECT_EQ(writing.written(0, store::FrameStatus::kStored), 5U);
   EXPECT_EQ(counters[0].dropped, 1U);
   EXPECT_EQ(counters[0].unrecorded, 0U);
   EXPECT_FALSE(released);
@@ -113,4 +113,4 @@ TEST(TroubleIn, SaysWhatWentWrongWhateverItWas) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -5,13 +5,14 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 void audit_session(const RecordingTake& take, const ArchiveWriterThread& writer,
-                   std::span<const CameraCounters> counters, RecordingDocument::Session& session,
+                   std::span<const CameraCounters> counters,
+                   schemas::RecordingDocument::Session& session,
                    std::vector<std::string> problems) {
   for (std::size_t i = 0; i < session.cameras.size(); ++i) {
-    RecordingDocument::Camera& camera = session.cameras[i];
+    schemas::RecordingDocument::Camera& camera = session.cameras[i];
     const auto add_problem = [&](const std::string& problem) {
       problems.push_back(fmt::format("camera {}: {}", camera.id, problem));
     };
@@ -28,32 +29,33 @@ void audit_session(const RecordingTake& take, const ArchiveWriterThread& writer,
       add_problem(error.what());
     }
     std::uint64_t accounted = 0;
-    for (std::size_t s = 0; s < kFrameStatusCount; ++s) {
-      const auto status = static_cast<FrameStatus>(s);
+    for (std::size_t s = 0; s < store::kFrameStatusCount; ++s) {
+      const auto status = static_cast<store::FrameStatus>(s);
       const std::uint64_t count = on_disk.by_status[s];
       if (count != writer.written(i, status)) {
         add_problem(fmt::format("{} records \"{}\" were written, {} are on disk",
-                                writer.written(i, status), name_of(status), count));
+                                writer.written(i, status), store::name_of(status), count));
       }
-      if (status == FrameStatus::kDroppedBySource) continue;
+      if (status == store::FrameStatus::kDroppedBySource) continue;
       accounted += count;
-      if (status == FrameStatus::kStored) {
+      if (status == store::FrameStatus::kStored) {
         camera.stored = count;
       } else if (count > 0) {
-        camera.dropped[name_of(status)] = count;
+        camera.dropped[store::name_of(status)] = count;
       }
     }
     if (accounted != camera.arrived) {
       add_problem(fmt::format("{} frames arrived, {} are stored or recorded as dropped",
                               camera.arrived, accounted));
     }
-    const auto skipped = on_disk.by_status[static_cast<std::size_t>(FrameStatus::kDroppedBySource)];
+    const auto skipped =
+        on_disk.by_status[static_cast<std::size_t>(store::FrameStatus::kDroppedBySource)];
     if (skipped != camera.skipped_by_source) {
       add_problem(fmt::format("the source's counter skipped {} frames, {} are recorded",
                               camera.skipped_by_source, skipped));
     }
   }
-  session.audit = RecordingDocument::AuditResult{problems.empty(), std::move(problems)};
+  session.audit = schemas::RecordingDocument::AuditResult{problems.empty(), std::move(problems)};
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "ingest/record/jpeg_frame_check.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using namespace std::chrono_literals;
@@ -138,15 +138,15 @@ void CameraCapture::replace_source(std::unique_ptr<FrameSource> source) {
   // The old source is closed here, outside of the lock, because that may take long.
 }
 
-FrameStatus CameraCapture::check(const SourceFrame& frame) {
-  if (frame.torn) return FrameStatus::kTorn;
-  FrameStatus status = FrameStatus::kStored;
+store::FrameStatus CameraCapture::check(const SourceFrame& frame) {
+  if (frame.torn) return store::FrameStatus::kTorn;
+  store::FrameStatus status = store::FrameStatus::kStored;
   if (!frame.jpeg.empty()) {
     status = check_jpeg_frame(frame.jpeg, settings_.width, settings_.height);
   } else if (frame.raw.width != settings_.width || frame.raw.height != settings_.height) {
-    status = FrameStatus::kUnreadable;
+    status = store::FrameStatus::kUnreadable;
   }
-  if (status == FrameStatus::kUnreadable && !std::exchange(size_warning_given_, true)) {
+  if (status == store::FrameStatus::kUnreadable && !std::exchange(size_warning_given_, true)) {
     pipeline_.counters.add_event(
         fmt::format("frames of another size than {} x {} pixels cannot be stored", settings_.width,
                     settings_.height));
@@ -160,7 +160,7 @@ MemoryBudget::Reservation CameraCapture::reserve_memory(std::size_t bytes) {
     reservation = wait_for_memory(bytes);
   memory_was_freed_ = memory_was_freed_ || reservation;
   while (!reservation && settings_.drop_oldest &&
-         pipeline_.queue.drop_one(true, FrameStatus::kDroppedRamFull)) {
+         pipeline_.queue.drop_one(true, store::FrameStatus::kDroppedRamFull)) {
     ++pipeline_.counters.dropped;
     reservation = pipeline_.memory.try_reserve(bytes);
   }
@@ -186,21 +186,22 @@ void CameraCapture::take(SourceFrame frame) {
   if (stamp.corrected) ++pipeline_.counters.corrected_timestamps;
   for (std::uint64_t i = 0; i < stamp.skipped; ++i) {
     ++pipeline_.counters.skipped_by_source;
-    push_missing_record(FrameStatus::kDroppedBySource,
+    push_missing_record(store::FrameStatus::kDroppedBySource,
                         FrameTimestamper::interpolate_time(before, stamp.time_ns, i, stamp.skipped),
-                        {kUnknownTime, stamp.sequence - stamp.skipped + i});
+                        {store::kUnknownTime, stamp.sequence - stamp.skipped + i});
   }
-  const FrameOrigin origin{stamp.arrival_ns, stamp.sequence};
-  const auto drop = [&](FrameStatus reason) {
+  const store::FrameOrigin origin{stamp.arrival_ns, stamp.sequence};
+  const auto drop = [&](store::FrameStatus reason) {
     ++pipeline_.counters.dropped;
     push_missing_record(reason, stamp.time_ns, origin);
   };
-  if (const FrameStatus status = check(frame); status != FrameStatus::kStored) return drop(status);
+  if (const store::FrameStatus status = check(frame); status != store::FrameStatus::kStored)
+    return drop(status);
 
   const bool raw = frame.jpeg.empty();
   auto reservation = reserve_memory(kMissingRecordBytes +
                                     (raw ? frame.raw.bytes_in_memory() : frame.jpeg.capacity()));
-  if (!reservation) return drop(FrameStatus::kDroppedRamFull);
+  if (!reservation) return drop(store::FrameStatus::kDroppedRamFull);
   auto queued = std::make_shared<QueuedFrame>();
   queued->stage = raw ? QueuedFrame::Stage::kToEncode : QueuedFrame::Stage::kReady;
   queued->time_ns = stamp.time_ns;
@@ -212,13 +213,14 @@ void CameraCapture::take(SourceFrame frame) {
   if (raw) pipeline_.encoders.encode_next(pipeline_.queue);
 }
 
-void CameraCapture::push_missing_record(FrameStatus status, Nanoseconds time, FrameOrigin origin) {
+void CameraCapture::push_missing_record(store::FrameStatus status, Nanoseconds time,
+                                        store::FrameOrigin origin) {
   // Records have their own budget. If it is used up a frame is dropped instead, because a record
   // that says what is missing is worth more than a frame.
   auto reservation = pipeline_.records.try_reserve(kMissingRecordBytes);
   if (!reservation) reservation = pipeline_.memory.try_reserve(kMissingRecordBytes);
   if (!reservation &&
-      pipeline_.queue.drop_one(settings_.drop_oldest, FrameStatus::kDroppedRamFull)) {
+      pipeline_.queue.drop_one(settings_.drop_oldest, store::FrameStatus::kDroppedRamFull)) {
     ++pipeline_.counters.dropped;
     reservation = pipeline_.memory.try_reserve(kMissingRecordBytes);
   }
@@ -234,4 +236,4 @@ void CameraCapture::push_missing_record(FrameStatus status, Nanoseconds time, Fr
   pipeline_.queue.push(std::move(record));
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

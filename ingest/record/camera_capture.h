@@ -19,8 +19,9 @@
 #include "ingest/record/memory_budget.h"
 #include "ingest/record/reconnect_backoff.h"
 #include "ingest/sources/frame_source.h"
+#include "schemas/record_config.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// An event of one camera during a recording.
 struct RecordingEvent {
@@ -51,7 +52,7 @@ struct CameraCounters {
 /// memory if `wait_for_memory` permits it.
 class CameraCapture {
  public:
-  enum class LostSourcePolicy { kContinue, kReconnect, kStop };
+  using LostSourcePolicy = schemas::RecordConfig::LostSourcePolicy;
   struct Settings {
     Nanoseconds epoch_utc = 0;
     Nanoseconds last_time = -1;  ///< last time in an archive that is resumed, since the epoch
@@ -90,10 +91,10 @@ class CameraCapture {
   bool reconnect(const std::stop_token& stop);
   void pause(const std::stop_token& stop, std::chrono::milliseconds time);
   void replace_source(std::unique_ptr<FrameSource> source);
-  FrameStatus check(const SourceFrame& frame);
+  store::FrameStatus check(const SourceFrame& frame);
   MemoryBudget::Reservation reserve_memory(std::size_t bytes);
   MemoryBudget::Reservation wait_for_memory(std::size_t bytes);
-  void push_missing_record(FrameStatus status, Nanoseconds time, FrameOrigin origin);
+  void push_missing_record(store::FrameStatus status, Nanoseconds time, store::FrameOrigin origin);
 
   const Settings settings_;
   std::mutex source_mutex_;              // held while the source is replaced or interrupted
@@ -109,4 +110,4 @@ class CameraCapture {
   bool size_warning_given_ = false;
 };
 
-}  // namespace raystage
+}  // namespace raystage::ingest

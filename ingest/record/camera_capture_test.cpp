@@ -16,7 +16,7 @@
 #include "store/jpeg/encode.h"
 #include "testing/store/test_images.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using Bytes = std::vector<std::byte>;
@@ -76,17 +76,18 @@ TEST(MemoryBudget, WakesWhoWaitsWhenItBecomesTight) {
 }
 
 TEST(CheckJpeg, KnowsWholeTornAndForeign) {
-  const Bytes jpeg = encode_jpeg(test_images::make(test_images::Kind::kMixed, 64, 48), {});
-  EXPECT_EQ(check_jpeg_frame(jpeg, 64, 48), FrameStatus::kStored);
-  EXPECT_EQ(check_jpeg_frame(jpeg, 48, 64), FrameStatus::kUnreadable);
+  const Bytes jpeg = store::encode_jpeg(testing::make(testing::Kind::kMixed, 64, 48), {});
+  EXPECT_EQ(check_jpeg_frame(jpeg, 64, 48), store::FrameStatus::kStored);
+  EXPECT_EQ(check_jpeg_frame(jpeg, 48, 64), store::FrameStatus::kUnreadable);
   Bytes filled = jpeg;
   filled.resize(jpeg.size() + 100);
-  EXPECT_EQ(check_jpeg_frame(filled, 64, 48), FrameStatus::kStored);
+  EXPECT_EQ(check_jpeg_frame(filled, 64, 48), store::FrameStatus::kStored);
   for (std::size_t size = 0; size < jpeg.size(); size += size < 700 ? 1 : 97) {
-    EXPECT_EQ(check_jpeg_frame(std::span(jpeg).first(size), 64, 48), FrameStatus::kTorn) << size;
+    EXPECT_EQ(check_jpeg_frame(std::span(jpeg).first(size), 64, 48), store::FrameStatus::kTorn)
+        << size;
   }
   const Bytes text(1000, std::byte{'x'});
-  EXPECT_EQ(check_jpeg_frame(text, 64, 48), FrameStatus::kTorn);
+  EXPECT_EQ(check_jpeg_frame(text, 64, 48), store::FrameStatus::kTorn);
 }
 
 SourceFrame arrival(Nanoseconds utc, std::optional<Nanoseconds> device = {},
@@ -166,7 +167,7 @@ TEST(FrameQueue, WaitsForTheFrontAndKeepsTheOrder) {
   queue.finish_encoding(second, Bytes(5));
   EXPECT_EQ(written(queue), nullptr);
   queue.finish_encoding(first, std::nullopt);
-  EXPECT_EQ(written(queue)->status, FrameStatus::kDroppedEncoder);
+  EXPECT_EQ(written(queue)->status, store::FrameStatus::kDroppedEncoder);
   EXPECT_EQ(queue.encoder_failures(), 1U);
   EXPECT_EQ(written(queue)->time_ns, 2);
   EXPECT_EQ(written(queue)->time_ns, 3);
@@ -196,17 +197,18 @@ TEST(FrameQueue, GivesUpOnlyWhatNobodyHoldsInHands) {
   EXPECT_EQ(queue.start_writing(5).size(), 1U);
   const auto encoding = queue.start_encoding();
   EXPECT_EQ(encoding->time_ns, 2);
-  EXPECT_TRUE(queue.drop_one(true, FrameStatus::kDroppedRamFull));   // 3
-  EXPECT_TRUE(queue.drop_one(false, FrameStatus::kDroppedRamFull));  // 4
-  EXPECT_FALSE(queue.drop_one(true, FrameStatus::kDroppedRamFull));
-  EXPECT_FALSE(queue.drop_one(false, FrameStatus::kDroppedRamFull));
+  EXPECT_TRUE(queue.drop_one(true, store::FrameStatus::kDroppedRamFull));   // 3
+  EXPECT_TRUE(queue.drop_one(false, store::FrameStatus::kDroppedRamFull));  // 4
+  EXPECT_FALSE(queue.drop_one(true, store::FrameStatus::kDroppedRamFull));
+  EXPECT_FALSE(queue.drop_one(false, store::FrameStatus::kDroppedRamFull));
   EXPECT_EQ(queue.start_encoding(), nullptr);  // 4 was given up meanwhile
   queue.finish_encoding(encoding, Bytes(5));
   queue.finish_writing(0);
-  std::vector<FrameStatus> statuses;
+  std::vector<store::FrameStatus> statuses;
   while (const auto front = written(queue)) statuses.push_back(front->status);
-  EXPECT_EQ(statuses, (std::vector{FrameStatus::kStored, FrameStatus::kStored,
-                                   FrameStatus::kDroppedRamFull, FrameStatus::kDroppedRamFull}));
+  EXPECT_EQ(statuses, (std::vector{store::FrameStatus::kStored, store::FrameStatus::kStored,
+                                   store::FrameStatus::kDroppedRamFull,
+                                   store::FrameStatus::kDroppedRamFull}));
 }
 
 TEST(FrameQueue, CallsNoEncoderForWhatWasGivenUp) {
@@ -218,7 +220,7 @@ TEST(FrameQueue, CallsNoEncoderForWhatWasGivenUp) {
   for (Nanoseconds time = 2; time < 1000; ++time) {  // encoders that never come
     queue.push(queued(time, QueuedFrame::Stage::kToEncode));
     if (time > 3) {
-      EXPECT_TRUE(queue.drop_one(true, FrameStatus::kDroppedRamFull));
+      EXPECT_TRUE(queue.drop_one(true, store::FrameStatus::kDroppedRamFull));
     }
     called += queue.needs_encoder() ? 1 : 0;
   }
@@ -248,7 +250,7 @@ TEST(CameraCapture, WaitsForRoomWhereTheSourceWaitsToo) {
   };
   const auto picture = [] {
     SourceFrame frame;
-    frame.jpeg = encode_jpeg(test_images::make(test_images::Kind::kMixed, 64, 48), {});
+    frame.jpeg = store::encode_jpeg(testing::make(testing::Kind::kMixed, 64, 48), {});
     frame.arrival_utc = host_utc_now();
     return frame;
   };
@@ -281,7 +283,7 @@ TEST(EncoderPool, WhatCannotBeEncodedIsMissing) {
     auto frame = queued(i + 1, QueuedFrame::Stage::kToEncode);
     frame->raw.width = i % 2 == 0 ? 70000 : 8;  // more than a JPEG holds
     frame->raw.height = 8;
-    frame->raw.format = PixelFormat::kGray;
+    frame->raw.format = store::PixelFormat::kGray;
     auto pixels = std::make_shared<Bytes>(64);
     frame->raw.planes[0] = {pixels->data(), i % 2 == 0 ? std::size_t{70000} : 8};
     frame->raw.owner = pixels;
@@ -293,7 +295,8 @@ TEST(EncoderPool, WhatCannotBeEncodedIsMissing) {
   for (int i = 0; i < 20; ++i) {
     const auto frame = written(queue);
     ASSERT_NE(frame, nullptr);
-    EXPECT_EQ(frame->status, i % 2 == 0 ? FrameStatus::kDroppedEncoder : FrameStatus::kStored);
+    EXPECT_EQ(frame->status,
+              i % 2 == 0 ? store::FrameStatus::kDroppedEncoder : store::FrameStatus::kStored);
   }
 }
 
@@ -328,4 +331,4 @@ TEST(ClockState, ReadsPmcsAnswer) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

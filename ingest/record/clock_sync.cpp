@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 std::string output_of(const char* command) {
@@ -60,12 +60,12 @@ std::optional<double> ptp_offset() {
 
 }  // namespace
 
-RecordingDocument::Clock parse_chrony_tracking(std::string_view answer) {
+schemas::RecordingDocument::Clock parse_chrony_tracking(std::string_view answer) {
   // Reference ID, name, stratum, reference time, system time offset, last offset, RMS offset,
   // frequency, residual frequency, skew, root delay, root dispersion, update interval, leap status.
   constexpr std::size_t kReference = 0, kOffset = 4, kRootDelay = 10, kRootDispersion = 11;
   const auto fields = fields_of(answer);
-  RecordingDocument::Clock clock;
+  schemas::RecordingDocument::Clock clock;
   if (fields.size() < 14 || fields[kReference] == "00000000") return clock;
   const auto offset = number_in(fields[kOffset]), delay = number_in(fields[kRootDelay]),
              dispersion = number_in(fields[kRootDispersion]);
@@ -90,8 +90,8 @@ std::optional<double> parse_pmc_offset(std::string_view answer) {
   return *nanoseconds * 1e-9;
 }
 
-RecordingDocument::Clock query_clock_sync() {
-  RecordingDocument::Clock clock =
+schemas::RecordingDocument::Clock query_clock_sync() {
+  schemas::RecordingDocument::Clock clock =
       parse_chrony_tracking(output_of("chronyc -c tracking 2>/dev/null"));
   if (clock.source == "chrony") return clock;
   timex kernel{};
@@ -112,4 +112,4 @@ RecordingDocument::Clock query_clock_sync() {
   return clock;
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

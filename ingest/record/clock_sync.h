@@ -6,11 +6,11 @@
 
 #include "schemas/recording_document.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// Returns what disciplines the clock of this machine now: chrony (as `chronyc` reports), PTP (if
 /// phc2sys runs), else the state that the kernel reports, else "unknown".
-RecordingDocument::Clock query_clock_sync();
+schemas::RecordingDocument::Clock query_clock_sync();
 
 /// Parses the answer of `pmc ... 'GET CURRENT_DATA_SET'`. Returns the clock offset from the PTP
 /// master in seconds, or nothing if the answer has no number of nanoseconds.
@@ -18,6 +18,6 @@ std::optional<double> parse_pmc_offset(std::string_view answer);
 
 /// Parses the answer of `chronyc -c tracking` (comma separated). Returns "unknown" if it is not
 /// such an answer or chrony has no reference.
-RecordingDocument::Clock parse_chrony_tracking(std::string_view answer);
+schemas::RecordingDocument::Clock parse_chrony_tracking(std::string_view answer);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

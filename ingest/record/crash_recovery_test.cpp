@@ -25,16 +25,16 @@ extern "C" const char* __tsan_default_options();
 extern "C" const char* __tsan_default_options() { return "die_after_fork=0"; }
 #endif
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 constexpr int kCameras = 3;
 
-SourceScript endless() {
-  SourceScript script;
+testing::SourceScript endless() {
+  testing::SourceScript script;
   for (std::uint32_t seed = 1; seed <= 3; ++seed) {
     SourceFrame frame;
-    frame.jpeg = encode_jpeg(test_images::make(test_images::Kind::kMixed, 64, 48, seed), {});
+    frame.jpeg = store::encode_jpeg(testing::make(testing::Kind::kMixed, 64, 48, seed), {});
     script.frames.push_back(std::move(frame));
   }
   script.fps = 2000;
@@ -43,15 +43,16 @@ SourceScript endless() {
 
 /// In a child: records until killed, telling the pipe how many frames are stored in each archive.
 [[noreturn]] void record_until_killed(const std::filesystem::path& path, bool resume, int pipe) {
-  RecordConfig config;
+  schemas::RecordConfig config;
   config.name = "test";
   std::vector<std::string> ids;
   for (int i = 0; i < kCameras; ++i) {
     ids.push_back("c" + std::to_string(i));
-    config.cameras.push_back({ids.back(), RecordConfig::SimulatedSource{}});
+    config.cameras.push_back({ids.back(), schemas::RecordConfig::SimulatedSource{}});
   }
-  auto cameras = open_cameras(
-      config, [](const RecordConfig::Camera&) { return make_scripted_source(endless()); });
+  auto cameras = open_cameras(config, [](const schemas::RecordConfig::Camera&) {
+    return testing::make_scripted_source(endless());
+  });
   RecordingTake take =
       resume ? RecordingTake::resume(path, ids, "node")
              : RecordingTake::create(
@@ -70,7 +71,7 @@ SourceScript endless() {
 
 TEST(KilledRecording, LosesNoStoredFrameAndResumes) {
   constexpr int kRounds = 20;
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const auto path = folder.path() / "take";
   std::mt19937 random(5);
   std::array<std::uint64_t, kCameras> before{};
@@ -103,20 +104,20 @@ TEST(KilledRecording, LosesNoStoredFrameAndResumes) {
     close(ends[0]);
     if (!std::filesystem::exists(path / "take.json")) continue;  // killed before it began
 
-    const Take take(path);
+    const store::Take take(path);
     for (int i = 0; i < kCameras; ++i) {
-      const ArchiveReader& archive = take.archive(i);
+      const store::ArchiveReader& archive = take.archive(i);
       const auto at = static_cast<std::size_t>(i);
       EXPECT_GE(archive.frames().size(), before[at] + acknowledged[at]) << "round " << round;
       before[at] = archive.frames().size();
     }
   }
   // Every frame is one of the three that were recorded, byte for byte.
-  const SourceScript script = endless();
-  const Take take(path);
+  const testing::SourceScript script = endless();
+  const store::Take take(path);
   std::size_t stored = 0;
   for (int i = 0; i < kCameras; ++i) {
-    const ArchiveReader& archive = take.archive(i);
+    const store::ArchiveReader& archive = take.archive(i);
     EXPECT_GT(archive.frames().size(), 100U);
     stored += archive.frames().size();
     for (int frame = 0; frame < static_cast<int>(archive.frames().size()); ++frame) {
@@ -131,4 +132,4 @@ TEST(KilledRecording, LosesNoStoredFrameAndResumes) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -5,9 +5,9 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
-EncoderPool::EncoderPool(const JpegEncodeSettings& settings, int threads)
+EncoderPool::EncoderPool(const store::JpegEncodeSettings& settings, int threads)
     // TBB counts the calling thread too, but sources never encode themselves: allow one more
     // worker, and reserve no slot for callers.
     : settings_(settings),
@@ -33,7 +33,7 @@ void EncoderPool::wait() {
   tasks_completed_.load(std::memory_order_acquire);
 }
 
-std::unique_ptr<RawJpegEncoder> EncoderPool::acquire_encoder() {
+std::unique_ptr<store::RawJpegEncoder> EncoderPool::acquire_encoder() {
   {
     const std::scoped_lock lock(mutex_);
     if (!idle_.empty()) {
@@ -42,7 +42,7 @@ std::unique_ptr<RawJpegEncoder> EncoderPool::acquire_encoder() {
       return encoder;
     }
   }
-  return std::make_unique<RawJpegEncoder>(settings_);
+  return std::make_unique<store::RawJpegEncoder>(settings_);
 }
 
 void EncoderPool::encode_from(FrameQueue& queue) {
@@ -61,4 +61,4 @@ void EncoderPool::encode_from(FrameQueue& queue) {
   queue.finish_encoding(frame, std::move(result));
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

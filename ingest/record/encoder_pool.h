@@ -14,14 +14,14 @@
 #include "ingest/record/frame_queue.h"
 #include "store/jpeg/raw_encoder.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// Encodes the raw frames of all cameras as JPEG on TBB threads. encode_next() never waits, so no
 /// source is delayed.
 class EncoderPool {
  public:
   /// `threads`: the number of frames encoded in parallel.
-  EncoderPool(const JpegEncodeSettings& settings, int threads);
+  EncoderPool(const store::JpegEncodeSettings& settings, int threads);
   ~EncoderPool();
   EncoderPool(const EncoderPool&) = delete;
   EncoderPool& operator=(const EncoderPool&) = delete;
@@ -34,11 +34,11 @@ class EncoderPool {
 
  private:
   void encode_from(FrameQueue& queue);
-  std::unique_ptr<RawJpegEncoder> acquire_encoder();
+  std::unique_ptr<store::RawJpegEncoder> acquire_encoder();
 
-  const JpegEncodeSettings settings_;
+  const store::JpegEncodeSettings settings_;
   std::mutex mutex_;
-  std::vector<std::unique_ptr<RawJpegEncoder>> idle_;
+  std::vector<std::unique_ptr<store::RawJpegEncoder>> idle_;
   tbb::global_control parallelism_;
   tbb::task_arena arena_;
   tbb::task_group group_;
@@ -47,4 +47,4 @@ class EncoderPool {
   std::atomic<std::uint64_t> tasks_submitted_ = 0, tasks_completed_ = 0;
 };
 
-}  // namespace raystage
+}  // namespace raystage::ingest

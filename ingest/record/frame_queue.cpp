@@ -6,9 +6,9 @@
 #include <iterator>
 #include <utility>
 
-namespace raystage {
+namespace raystage::ingest {
 
-void QueuedFrame::mark_missing(FrameStatus reason) {
+void QueuedFrame::mark_missing(store::FrameStatus reason) {
   stage = Stage::kReady;
   status = reason;
   raw = {};
@@ -48,11 +48,11 @@ FrameQueue::Frame FrameQueue::start_encoding() {
 }
 
 void FrameQueue::finish_encoding(const Frame& frame, std::optional<std::vector<std::byte>> jpeg) {
-  RawImage done;  // freed outside of the lock
+  store::RawImage done;  // freed outside of the lock
   const std::scoped_lock lock(mutex_);
   assert(frame->stage == QueuedFrame::Stage::kEncoding);
   if (!jpeg) {
-    frame->mark_missing(FrameStatus::kDroppedEncoder);
+    frame->mark_missing(store::FrameStatus::kDroppedEncoder);
     ++encoder_failures_;
     return;
   }
@@ -81,7 +81,7 @@ void FrameQueue::finish_writing(std::size_t written) {
   writing_ = 0;
 }
 
-bool FrameQueue::drop_one(bool oldest, FrameStatus reason) {
+bool FrameQueue::drop_one(bool oldest, store::FrameStatus reason) {
   const std::scoped_lock lock(mutex_);
   const auto waits = [](const Frame& frame) {
     return frame->has_image() && frame->stage != QueuedFrame::Stage::kEncoding;
@@ -110,4 +110,4 @@ std::size_t FrameQueue::size() const {
   return frames_.size();
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

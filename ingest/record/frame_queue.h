@@ -15,7 +15,7 @@
 #include "store/archive.h"
 #include "store/jpeg/raw_image.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// One frame of a camera on its way from the source to the archive, or a record of a missing frame.
 struct QueuedFrame {
@@ -25,16 +25,16 @@ struct QueuedFrame {
     kReady      ///< `jpeg`, or a record of a missing frame, waits to be written
   };
   Stage stage = Stage::kReady;
-  FrameStatus status = FrameStatus::kStored;
+  store::FrameStatus status = store::FrameStatus::kStored;
   Nanoseconds time_ns = 0;  ///< since the take's epoch
-  FrameOrigin origin;
-  RawImage raw;
+  store::FrameOrigin origin;
+  store::RawImage raw;
   std::vector<std::byte> jpeg;
   MemoryBudget::Reservation memory;
 
-  bool has_image() const { return status == FrameStatus::kStored; }
+  bool has_image() const { return status == store::FrameStatus::kStored; }
   /// Frees the image and keeps a record of a missing frame.
-  void mark_missing(FrameStatus reason);
+  void mark_missing(store::FrameStatus reason);
 };
 
 /// Memory that one record of a missing frame needs, in bytes.
@@ -65,7 +65,7 @@ class FrameQueue {
 
   /// Turns the oldest or newest waiting frame into a record of a dropped frame. Returns false if
   /// there is none: the queue is empty, or encoders and the writer use all of its frames.
-  bool drop_one(bool oldest, FrameStatus reason);
+  bool drop_one(bool oldest, store::FrameStatus reason);
 
   std::uint64_t encoder_failures() const { return encoder_failures_; }
   bool empty() const;
@@ -81,4 +81,4 @@ class FrameQueue {
   std::size_t encoders_requested_ = 0;
 };
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ingest/record/frame_timestamper.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 /// A larger jump of the counter is taken as a reset, not as dropped frames.
@@ -49,4 +49,4 @@ void FrameTimestamper::reset_device_clock() {
   last_sequence_.reset();
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

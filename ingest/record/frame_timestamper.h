@@ -7,7 +7,7 @@
 #include "base/time.h"
 #include "ingest/sources/frame_source.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// Converts the times and counters of one camera's source to the archive's: strictly increasing
 /// times in ns since the take's epoch.
@@ -41,4 +41,4 @@ class FrameTimestamper {
   std::uint64_t arrivals_ = 0;
 };
 
-}  // namespace raystage
+}  // namespace raystage::ingest

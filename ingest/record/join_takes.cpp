@@ -18,31 +18,32 @@
 #include "store/recordings.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 namespace fs = std::filesystem;
 
 struct Part {
   Part(const fs::path& folder, bool documents_only)
-      : take(folder, documents_only ? make_journal_archives(folder) : nullptr),
-        rig(read_rig(folder / "rig.json")),
+      : take(folder, documents_only ? store::make_journal_archives(folder) : nullptr),
+        rig(schemas::read_rig(folder / "rig.json")),
         accounts(folder / "recording") {}
-  Take take;
-  RigDocument rig;
+  store::Take take;
+  schemas::RigDocument rig;
   fs::path accounts;
 };
 
 /// Returns the node whose sessions the part contains, for cameras without a node of their own.
 std::string node_of(const Part& part) {
-  const std::vector<RecordingDocument> recordings = read_recordings(part.take.folder());
+  const std::vector<schemas::RecordingDocument> recordings =
+      store::read_recordings(part.take.folder());
   return recordings.empty() ? "" : recordings.back().node;
 }
 
 void add_late_node_warnings(const std::vector<Part>& parts, std::vector<std::string>& warnings) {
   for (const Part& part : parts) {
-    for (const RecordingDocument& recording : read_recordings(part.take.folder())) {
-      for (const RecordingDocument::Session& session : recording.sessions) {
+    for (const schemas::RecordingDocument& recording : store::read_recordings(part.take.folder())) {
+      for (const schemas::RecordingDocument::Session& session : recording.sessions) {
         if (session.late() == 0) continue;
         warnings.push_back(fmt::format(
             "node {} started {:.3f} s after its start time and has no frames of that time",
@@ -78,7 +79,7 @@ std::vector<Span> spans_of(const std::vector<Part>& parts, Nanoseconds epoch_utc
       span.begin = std::min(span.begin, records.front().time_ns + time_shift);
       span.end = std::max(span.end, records.back().time_ns + time_shift);
     }
-    if (span.end > matroska::kMaxTime) {
+    if (span.end > store::matroska::kMaxTime) {
       throw Error::bad_input(
           fmt::format("it ends {:.0f} days after the epoch of the first part, but a take can hold "
                       "104 days",
@@ -104,30 +105,31 @@ std::optional<std::string> gap_warning(const std::vector<Span>& spans, double fp
 
 /// Returns the rig of all cameras. Cameras with default poses are placed in one row next to the
 /// calibrated ones, so that no two have the same position.
-RigDocument joined_rig(const std::vector<Part>& parts, std::vector<std::string>& warnings) {
-  RigDocument rig;
+schemas::RigDocument joined_rig(const std::vector<Part>& parts,
+                                std::vector<std::string>& warnings) {
+  schemas::RigDocument rig;
   rig.name = parts.front().rig.name;
   rig.topology = parts.front().rig.topology;
-  double row_end = -kDefaultCameraSpacing;
+  double row_end = -schemas::kDefaultCameraSpacing;
   const Part* measured = nullptr;
   const Part* guessed = nullptr;
   for (const Part& part : parts) {
-    (is_calibrated(part.rig) ? measured : guessed) = &part;
-    if (!is_calibrated(part.rig)) continue;
+    (schemas::is_calibrated(part.rig) ? measured : guessed) = &part;
+    if (!schemas::is_calibrated(part.rig)) continue;
     for (const auto& camera : part.rig.cameras) {
       row_end = std::max(row_end, camera.geometry.world_from_camera[3]);
     }
   }
   for (const Part& part : parts) {
-    for (RigDocument::Camera camera : part.rig.cameras) {
-      if (!is_calibrated(part.rig)) {
-        row_end += kDefaultCameraSpacing;
+    for (schemas::RigDocument::Camera camera : part.rig.cameras) {
+      if (!schemas::is_calibrated(part.rig)) {
+        row_end += schemas::kDefaultCameraSpacing;
         camera.geometry.world_from_camera[3] = row_end;
       }
       rig.cameras.push_back(std::move(camera));
     }
   }
-  if (guessed != nullptr) rig.name = kUncalibratedRigName;
+  if (guessed != nullptr) rig.name = schemas::kUncalibratedRigName;
   if (guessed != nullptr && measured != nullptr) {
     warnings.push_back(
         fmt::format("the rig of {} is not calibrated, that of {} is: the joined rig counts as not "
@@ -138,7 +140,7 @@ RigDocument joined_rig(const std::vector<Part>& parts, std::vector<std::string>&
 }
 
 void check_compatible(const Part& part, const Part& first) {
-  const TakeDocument &a = part.take.document(), &b = first.take.document();
+  const schemas::TakeDocument &a = part.take.document(), &b = first.take.document();
   if (a.color_space == b.color_space && a.arbitrary_scale == b.arbitrary_scale) return;
   throw Error::bad_input(
       "the colour space or the scale differs from that of " + first.take.folder().string(),
@@ -146,19 +148,19 @@ void check_compatible(const Part& part, const Part& first) {
 }
 
 /// `keeps_archives`: cameras keep the names and epochs of their archives.
-TakeDocument joined_document(const std::vector<Part>& parts, const std::string& created_by,
-                             bool keeps_archives) {
-  TakeDocument joined = parts.front().take.document();
+schemas::TakeDocument joined_document(const std::vector<Part>& parts, const std::string& created_by,
+                                      bool keeps_archives) {
+  schemas::TakeDocument joined = parts.front().take.document();
   joined.created_by = created_by;
   joined.cameras.clear();
   std::set<std::string> ids;
   for (const Part& part : parts) {
-    const TakeDocument& document = part.take.document();
+    const schemas::TakeDocument& document = part.take.document();
     joined.epoch_utc = std::min(joined.epoch_utc, document.epoch_utc);
     if (document.clock != joined.clock) joined.clock = "host";
     if (document.timestamp_event != joined.timestamp_event) joined.timestamp_event = "unknown";
     const std::string node = node_of(part);
-    for (TakeDocument::Camera camera : document.cameras) {
+    for (schemas::TakeDocument::Camera camera : document.cameras) {
       if (!ids.insert(camera.id).second) {
         throw Error::bad_input("the camera \"" + camera.id + "\" is in another part too",
                                part.take.folder().string(),
@@ -175,15 +177,15 @@ TakeDocument joined_document(const std::vector<Part>& parts, const std::string& 
       joined.cameras.push_back(std::move(camera));
     }
   }
-  for (TakeDocument::Camera& camera : joined.cameras) {
+  for (schemas::TakeDocument::Camera& camera : joined.cameras) {
     if (camera.archive_epoch_utc == joined.epoch_utc) camera.archive_epoch_utc = std::nullopt;
   }
   return joined;
 }
 
-FrameOrigin shifted_origin(const FrameRecord& record, Nanoseconds by) {
-  const bool known = record.arrival_ns != kUnknownTime;
-  return {known ? record.arrival_ns + by : kUnknownTime, record.sequence};
+store::FrameOrigin shifted_origin(const store::FrameRecord& record, Nanoseconds by) {
+  const bool known = record.arrival_ns != store::kUnknownTime;
+  return {known ? record.arrival_ns + by : store::kUnknownTime, record.sequence};
 }
 
 /// Copies the session documents; of two nodes with the same name both are kept.
@@ -205,8 +207,7 @@ void copy_accounts(const std::vector<Part>& parts, const fs::path& folder) {
 void copy_journals(const std::vector<Part>& parts, const fs::path& folder, JoinReport& report) {
   for (const Part& part : parts) {
     for (int i = 0; i < part.take.camera_count(); ++i) {
-      const TakeDocument::Camera& camera =
-          part.take.document().cameras[static_cast<std::size_t>(i)];
+      const schemas::TakeDocument::Camera& camera = part.take.document().cameras[i];
       if (camera.archive != "archive/" + camera.id + ".mkv") {
         throw Error::bad_input("the archive of camera \"" + camera.id + "\" is " + camera.archive +
                                    ", not archive/" + camera.id + ".mkv",
@@ -215,8 +216,8 @@ void copy_journals(const std::vector<Part>& parts, const fs::path& folder, JoinR
       const fs::path target = folder / camera.journal;
       create_folder(target.parent_path());
       write_file_atomically(target, read_file(part.take.folder() / camera.journal));
-      for (const FrameRecord& record : part.take.archive(i).records()) {
-        ++(record.status == FrameStatus::kStored ? report.frames : report.missing);
+      for (const store::FrameRecord& record : part.take.archive(i).records()) {
+        ++(record.status == store::FrameStatus::kStored ? report.frames : report.missing);
       }
       ++report.cameras;
     }
@@ -237,14 +238,14 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
     for (int i = 0; i < part.take.camera_count(); ++i)
       total += part.take.archive(i).records().size();
   }
-  const TakeDocument joined = joined_document(parts, created_by, documents_only);
+  const schemas::TakeDocument joined = joined_document(parts, created_by, documents_only);
   JoinReport report;
-  const RigDocument rig = joined_rig(parts, report.warnings);
+  const schemas::RigDocument rig = joined_rig(parts, report.warnings);
   add_late_node_warnings(parts, report.warnings);
   if (auto apart = gap_warning(spans_of(parts, joined.epoch_utc), joined.nominal_fps)) {
     report.warnings.push_back(std::move(*apart));
   }
-  TakeWriter writer(take_folder, joined, rig);
+  store::TakeWriter writer(take_folder, joined, rig);
   copy_accounts(parts, writer.working_folder() / "recording");
   if (documents_only) {
     copy_journals(parts, writer.working_folder(), report);
@@ -258,15 +259,15 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
   for (const Part& part : parts) {
     const Nanoseconds time_shift = part.take.document().epoch_utc - joined.epoch_utc;
     for (int i = 0; i < part.take.camera_count(); ++i) {
-      const ArchiveReader& from = part.take.archive(i);
-      ArchiveWriter& to = writer.archive(report.cameras++);
+      const store::ArchiveReader& from = part.take.archive(i);
+      store::ArchiveWriter& to = writer.archive(report.cameras++);
       int frame = 0;
-      for (const FrameRecord& record : from.records()) {
+      for (const store::FrameRecord& record : from.records()) {
         if (stop.stop_requested()) {
           throw Error::failed("joining was stopped", take_folder.string(),
                               "Start it again; no take was left behind");
         }
-        if (record.status != FrameStatus::kStored) {
+        if (record.status != store::FrameStatus::kStored) {
           to.append_missing(record.status, record.time_ns + time_shift,
                             shifted_origin(record, time_shift));
           ++report.missing;
@@ -274,7 +275,7 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
           if (record.xxh3 != 0 && !from.verify_frame(frame)) {
             throw Error::bad_input(
                 fmt::format("frame {} of camera \"{}\" is damaged: its hash differs", frame,
-                            part.take.document().cameras[static_cast<std::size_t>(i)].id),
+                            part.take.document().cameras[i].id),
                 part.take.folder().string(), "Run raystage verify, and raystage repair on it");
           }
           const auto jpeg = from.jpeg(frame++);
@@ -291,4 +292,4 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
   return report;
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// The result of join_takes().
 struct JoinReport {
@@ -32,4 +32,4 @@ JoinReport join_takes(const std::vector<std::filesystem::path>& parts,
                       bool documents_only, const std::function<void(double)>& progress,
                       const std::stop_token& stop);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -13,7 +13,7 @@
 #include "store/timeline_file.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using ::testing::ElementsAre;
@@ -27,15 +27,15 @@ std::vector<std::byte> picture(const std::string& text) {
 
 void write_part(const std::filesystem::path& folder, const std::string& id, Nanoseconds epoch,
                 const std::string& node, const std::string& rig_name = "row", double x = 0) {
-  TakeDocument take;
+  schemas::TakeDocument take;
   take.name = "part";
   take.epoch_utc = epoch;
   take.nominal_fps = 15;
   take.color_space = "srgb_texture";
   take.cameras.push_back({id, {}, {}, {}});
-  RigDocument rig;
+  schemas::RigDocument rig;
   rig.name = rig_name;
-  CameraGeometry camera;
+  schemas::CameraGeometry camera;
   camera.id = id;
   camera.width = 64;
   camera.height = 48;
@@ -44,14 +44,14 @@ void write_part(const std::filesystem::path& folder, const std::string& id, Nano
   camera.intrinsics.cy = 24;
   camera.world_from_camera = {1, 0, 0, x, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
   rig.cameras.push_back({camera, {}});
-  TakeWriter writer(folder, take, rig);
+  store::TakeWriter writer(folder, take, rig);
   writer.archive(0).append(picture(id + "0"), 100, {105, 7});
-  writer.archive(0).append_missing(FrameStatus::kDroppedRamFull, 150, {155, 8});
+  writer.archive(0).append_missing(store::FrameStatus::kDroppedRamFull, 150, {155, 8});
   writer.archive(0).append(picture(id + "1"), 200);
-  RecordingDocument account;
+  schemas::RecordingDocument account;
   account.node = node;
   std::filesystem::create_directory(writer.working_folder() / "recording");
-  write_recording(account, writer.working_folder() / "recording" / (node + ".json"));
+  schemas::write_recording(account, writer.working_folder() / "recording" / (node + ".json"));
   writer.commit();
 }
 
@@ -63,7 +63,7 @@ class Join : public ::testing::Test {
   }
 
  private:
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 TEST_F(Join, MakesTheDocumentsAloneWhereArchivesStay) {
@@ -81,20 +81,20 @@ TEST_F(Join, MakesTheDocumentsAloneWhereArchivesStay) {
   EXPECT_EQ(report.frames, 4U);
   EXPECT_EQ(report.missing, 2U);
   EXPECT_FALSE(std::filesystem::exists(part("shared") / "archive" / "left.mkv"));
-  EXPECT_THROW(Take(part("shared")).archive(0), Error);
+  EXPECT_THROW(store::Take(part("shared")).archive(0), Error);
   // By their journals, and with their archives, the records are those of the joined take.
-  const Take joined(part("joined"));
-  const Take journals(part("shared"), make_journal_archives(part("shared")));
+  const store::Take joined(part("joined"));
+  const store::Take journals(part("shared"), store::make_journal_archives(part("shared")));
   EXPECT_THROW(journals.archive(0).jpeg(0), Error);
   EXPECT_THROW(journals.archive(1).jpeg(0), Error);
   for (const char* file : {"a/archive/left.mkv", "b/archive/right.mkv"}) {
     std::filesystem::copy_file(part(file).string() + ".elsewhere",
                                part("shared") / "archive" / std::filesystem::path(file).filename());
   }
-  const Take whole(part("shared"));
+  const store::Take whole(part("shared"));
   for (int camera = 0; camera < 2; ++camera) {
     const auto expected = joined.archive(camera).records();
-    for (const Take* take : {&journals, &whole}) {
+    for (const store::Take* take : {&journals, &whole}) {
       const auto records = take->archive(camera).records();
       ASSERT_EQ(records.size(), expected.size());
       for (std::size_t i = 0; i < records.size(); ++i) {
@@ -106,7 +106,8 @@ TEST_F(Join, MakesTheDocumentsAloneWhereArchivesStay) {
     }
     EXPECT_TRUE(std::ranges::equal(whole.archive(camera).jpeg(1), joined.archive(camera).jpeg(1)));
   }
-  EXPECT_EQ(take_fingerprint(journals), take_fingerprint(whole)) << "one timeline fits both";
+  EXPECT_EQ(store::take_fingerprint(journals), store::take_fingerprint(whole))
+      << "one timeline fits both";
 }
 
 TEST_F(Join, KeepsEveryRecordAtItsInstant) {
@@ -118,7 +119,7 @@ TEST_F(Join, KeepsEveryRecordAtItsInstant) {
   EXPECT_EQ(report.frames, 4U);
   EXPECT_EQ(report.missing, 2U);
   EXPECT_THAT(report.warnings, IsEmpty());
-  const Take take(part("joined"));
+  const store::Take take(part("joined"));
   EXPECT_EQ(take.document().epoch_utc, kEpoch);
   EXPECT_EQ(take.document().cameras[0].node, "one");
   EXPECT_EQ(take.document().cameras[1].node, "two");
@@ -127,13 +128,13 @@ TEST_F(Join, KeepsEveryRecordAtItsInstant) {
   EXPECT_EQ(left[0].time_ns, 5100);
   EXPECT_EQ(left[0].arrival_ns, 5105);
   EXPECT_EQ(left[0].sequence, 7U);
-  EXPECT_EQ(left[1].status, FrameStatus::kDroppedRamFull);
+  EXPECT_EQ(left[1].status, store::FrameStatus::kDroppedRamFull);
   EXPECT_EQ(left[1].arrival_ns, 5155);
-  EXPECT_EQ(left[2].arrival_ns, kUnknownTime);
+  EXPECT_EQ(left[2].arrival_ns, store::kUnknownTime);
   EXPECT_EQ(right[0].time_ns, 100);
   EXPECT_TRUE(std::ranges::equal(take.archive(1).jpeg(1), picture("right1")));
-  EXPECT_EQ(read_recording(part("joined") / "recording" / "one.json").node, "one");
-  EXPECT_EQ(read_recording(part("joined") / "recording" / "two.json").node, "two");
+  EXPECT_EQ(schemas::read_recording(part("joined") / "recording" / "one.json").node, "one");
+  EXPECT_EQ(schemas::read_recording(part("joined") / "recording" / "two.json").node, "two");
 }
 
 TEST_F(Join, SaysThatPartsDoNotOverlap) {
@@ -144,7 +145,7 @@ TEST_F(Join, SaysThatPartsDoNotOverlap) {
       ElementsAre("the parts do not overlap in time: " + part("b").string() +
                   " from 0.000 s to 0.000 s, " + part("a").string() +
                   " from 10.000 s to 10.000 s, a gap of 10.000 s; check the nodes' clocks"));
-  EXPECT_EQ(Take(part("joined")).camera_count(), 2);
+  EXPECT_EQ(store::Take(part("joined")).camera_count(), 2);
 }
 
 TEST_F(Join, RefusesPartsThatNoTakeHolds) {
@@ -165,17 +166,18 @@ TEST_F(Join, GuessedPlacesAreKeptApart) {
   write_part(part("b"), "right", 0, "two", "not calibrated");
   write_part(part("c"), "measured", 0, "three", "row", 0.7);
   EXPECT_THAT(join({part("a"), part("b")}).warnings, IsEmpty());
-  const RigDocument guessed = read_rig(part("joined") / "rig.json");
-  EXPECT_FALSE(is_calibrated(guessed));
+  const schemas::RigDocument guessed = schemas::read_rig(part("joined") / "rig.json");
+  EXPECT_FALSE(schemas::is_calibrated(guessed));
   EXPECT_EQ(guessed.cameras[0].geometry.world_from_camera[3], 0);
-  EXPECT_EQ(guessed.cameras[1].geometry.world_from_camera[3], kDefaultCameraSpacing);
+  EXPECT_EQ(guessed.cameras[1].geometry.world_from_camera[3], schemas::kDefaultCameraSpacing);
 
   std::filesystem::remove_all(part("joined"));
   EXPECT_THAT(join({part("c"), part("a")}).warnings, ElementsAre(HasSubstr("is not calibrated")));
-  const RigDocument mixed = read_rig(part("joined") / "rig.json");
-  EXPECT_FALSE(is_calibrated(mixed));
+  const schemas::RigDocument mixed = schemas::read_rig(part("joined") / "rig.json");
+  EXPECT_FALSE(schemas::is_calibrated(mixed));
   EXPECT_EQ(mixed.cameras[0].geometry.world_from_camera[3], 0.7);
-  EXPECT_NEAR(mixed.cameras[1].geometry.world_from_camera[3], 0.7 + kDefaultCameraSpacing, 1e-12);
+  EXPECT_NEAR(mixed.cameras[1].geometry.world_from_camera[3], 0.7 + schemas::kDefaultCameraSpacing,
+              1e-12);
 }
 
 TEST_F(Join, RefusesAPlaceWithinAPart) {
@@ -210,4 +212,4 @@ TEST_F(Join, RefusesCamerasOfOneNameAndDamage) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -6,11 +6,11 @@
 
 #include "store/archive.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// Returns kStored if a JPEG from a camera can be stored, kTorn if it is incomplete or not a JPEG,
 /// or kUnreadable if its size is not `width` x `height` pixels. Reads only the headers and the end,
 /// in about a microsecond; it does not decode pixels.
-FrameStatus check_jpeg_frame(std::span<const std::byte> jpeg, int width, int height);
+store::FrameStatus check_jpeg_frame(std::span<const std::byte> jpeg, int width, int height);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

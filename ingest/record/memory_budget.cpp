@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ingest/record/memory_budget.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 void MemoryBudget::Reservation::shrink_to(std::size_t bytes) {
   if (budget_ == nullptr || bytes >= bytes_) return;
@@ -33,4 +33,4 @@ void MemoryBudget::wait_for_pressure(const std::stop_token& stop,
   pressure_changed_.wait_for(lock, stop, timeout, [this] { return is_under_pressure(); });
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

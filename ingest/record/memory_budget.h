@@ -9,7 +9,7 @@
 #include <stop_token>
 #include <utility>
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// Limits the bytes of all frames that are in memory at the same time. Thread-safe.
 class MemoryBudget {
@@ -62,4 +62,4 @@ class MemoryBudget {
   std::condition_variable_any pressure_changed_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::ingest

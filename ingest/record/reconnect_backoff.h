@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <chrono>
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// Computes the pause before the next attempt to open a lost camera: none at first, then doubled
 /// after each attempt. A device that fails as soon as it is opened therefore costs little time.
@@ -33,4 +33,4 @@ class ReconnectBackoff {
   Duration next_{0};
 };
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -7,7 +7,7 @@
 #include "base/error.h"
 #include "ingest/record/camera_capture.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using namespace std::chrono_literals;
@@ -27,7 +27,7 @@ class DeviceSource final : public FrameSource {
   explicit DeviceSource(Device& device) : device_(device) {
     if (device.taken) throw Error::failed("busy", "device", "close it");
     device.taken = true;
-    outcome_ = device.outcomes.at(static_cast<std::size_t>(device.opened++));
+    outcome_ = device.outcomes.at(device.opened++);
   }
   ~DeviceSource() override { device_.taken = false; }
   const SourceDescription& description() const override { return description_; }
@@ -128,4 +128,4 @@ TEST(ReconnectBackoff, DoublesUpToALimitAndStartsAnewAfterSteadyFrames) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -9,40 +9,26 @@
 #include "base/parallel.h"
 #include "store/matroska.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
-using LostSourcePolicy = CameraCapture::LostSourcePolicy;
-
-LostSourcePolicy when_lost_of(const RecordConfig& config) {
-  switch (config.when_lost) {
-    case RecordConfig::LostSourcePolicy::kReconnect:
-      return LostSourcePolicy::kReconnect;
-    case RecordConfig::LostSourcePolicy::kStop:
-      return LostSourcePolicy::kStop;
-    case RecordConfig::LostSourcePolicy::kContinue:
-      break;
-  }
-  return LostSourcePolicy::kContinue;
-}
-
-JpegEncodeSettings::Chroma chroma_of(const RecordConfig& config) {
+store::JpegEncodeSettings::Chroma chroma_of(const schemas::RecordConfig& config) {
   switch (config.chroma) {
-    case RecordConfig::Chroma::k444:
-      return JpegEncodeSettings::Chroma::k444;
-    case RecordConfig::Chroma::k422:
-      return JpegEncodeSettings::Chroma::k422;
-    case RecordConfig::Chroma::k420:
+    case schemas::RecordConfig::Chroma::k444:
+      return store::JpegEncodeSettings::Chroma::k444;
+    case schemas::RecordConfig::Chroma::k422:
+      return store::JpegEncodeSettings::Chroma::k422;
+    case schemas::RecordConfig::Chroma::k420:
       break;
   }
-  return JpegEncodeSettings::Chroma::k420;
+  return store::JpegEncodeSettings::Chroma::k420;
 }
 
 /// Cameras in a row, 10 cm apart, with a lens of 53 degrees: a take needs a rig, and this one is
 /// good enough to look at. Calibration replaces it.
-CameraGeometry uncalibrated(const std::string& id, const SourceDescription& source,
-                            std::size_t index) {
-  CameraGeometry geometry;
+schemas::CameraGeometry uncalibrated(const std::string& id, const SourceDescription& source,
+                                     std::size_t index) {
+  schemas::CameraGeometry geometry;
   geometry.id = id;
   geometry.width = source.width;
   geometry.height = source.height;
@@ -50,17 +36,19 @@ CameraGeometry uncalibrated(const std::string& id, const SourceDescription& sour
   geometry.intrinsics.cx = source.width / 2.0;
   geometry.intrinsics.cy = source.height / 2.0;
   geometry.world_from_camera = {
-      1, 0, 0, kDefaultCameraSpacing * static_cast<double>(index), 0, 1, 0, 0, 0, 0, 1, 0, 0,
-      0, 0, 1};
+      1, 0, 0, schemas::kDefaultCameraSpacing * static_cast<double>(index),
+      0, 1, 0, 0,
+      0, 0, 1, 0,
+      0, 0, 0, 1};
   return geometry;
 }
 
-auto find_camera(const RigDocument& rig, const std::string& id) {
+auto find_camera(const schemas::RigDocument& rig, const std::string& id) {
   return std::ranges::find(rig.cameras, id,
                            [](const auto& candidate) { return candidate.geometry.id; });
 }
 
-void check_size(const CameraGeometry& geometry, const RecorderCamera& camera,
+void check_size(const schemas::CameraGeometry& geometry, const RecorderCamera& camera,
                 const std::filesystem::path& file, const std::string& what_to_do) {
   const SourceDescription& source = camera.source->description();
   if (geometry.width == source.width && geometry.height == source.height) return;
@@ -71,7 +59,7 @@ void check_size(const CameraGeometry& geometry, const RecorderCamera& camera,
 }
 
 /// Throws Error (bad input) if the recording is not within the 104 days after the take's epoch.
-void check_times(const TakeDocument& take, std::optional<Nanoseconds> start_utc,
+void check_times(const schemas::TakeDocument& take, std::optional<Nanoseconds> start_utc,
                  std::optional<double> duration_s, const std::filesystem::path& file) {
   const Nanoseconds epoch = take.epoch_utc;
   if (start_utc && *start_utc < epoch) {
@@ -81,7 +69,7 @@ void check_times(const TakeDocument& take, std::optional<Nanoseconds> start_utc,
   }
   const double from = static_cast<double>(start_utc.value_or(host_utc_now()) - epoch) * 1e-9;
   const double until = from + duration_s.value_or(0);
-  if (until <= static_cast<double>(matroska::kMaxTime) * 1e-9) return;
+  if (until <= static_cast<double>(store::matroska::kMaxTime) * 1e-9) return;
   constexpr double kDay = 86400;
   throw Error::bad_input(
       fmt::format("the recording would end {:.1f} days after the take's epoch {}, but a take can "
@@ -101,10 +89,11 @@ std::string common(const std::vector<RecorderCamera>& cameras, std::string Sourc
 
 }  // namespace
 
-std::vector<RecorderCamera> open_cameras(const RecordConfig& config, const OpenFrameSource& open) {
+std::vector<RecorderCamera> open_cameras(const schemas::RecordConfig& config,
+                                         const OpenFrameSource& open) {
   std::vector<RecorderCamera> cameras(config.cameras.size());
   raystage::parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t i) {
-    const RecordConfig::Camera& camera = config.cameras[i];
+    const schemas::RecordConfig::Camera& camera = config.cameras[i];
     cameras[i] = {camera.id, open(camera), [open, camera] { return open(camera); }};
   });
   for (const RecorderCamera& camera : cameras) {
@@ -116,32 +105,32 @@ std::vector<RecorderCamera> open_cameras(const RecordConfig& config, const OpenF
   return cameras;
 }
 
-RecorderSettings make_recorder_settings(const RecordConfig& config) {
+RecorderSettings make_recorder_settings(const schemas::RecordConfig& config) {
   constexpr double kBytesPerMb = 1e6;
   RecorderSettings settings;
   settings.memory_bytes = static_cast<std::size_t>(config.memory_mb * kBytesPerMb);
   settings.hold = config.hold;
-  settings.drop_oldest = config.when_full == RecordConfig::OverflowPolicy::kDropOldest;
-  settings.when_lost = when_lost_of(config);
+  settings.drop_oldest = config.when_full == schemas::RecordConfig::OverflowPolicy::kDropOldest;
+  settings.when_lost = config.when_lost;
   settings.lost_after =
       std::chrono::milliseconds(static_cast<std::int64_t>(config.lost_after_seconds * 1000));
   settings.jpeg = {config.quality, chroma_of(config), config.restart_interval};
   return settings;
 }
 
-RigDocument make_recording_rig(const RecordConfig& config,
-                               const std::filesystem::path& config_folder,
-                               const std::vector<RecorderCamera>& cameras) {
-  RigDocument rig;
+schemas::RigDocument make_recording_rig(const schemas::RecordConfig& config,
+                                        const std::filesystem::path& config_folder,
+                                        const std::vector<RecorderCamera>& cameras) {
+  schemas::RigDocument rig;
   if (config.rig.empty()) {
-    rig.name = kUncalibratedRigName;
+    rig.name = schemas::kUncalibratedRigName;
     for (std::size_t i = 0; i < cameras.size(); ++i) {
       rig.cameras.push_back({uncalibrated(cameras[i].id, cameras[i].source->description(), i), {}});
     }
     return rig;
   }
   const std::filesystem::path file = config_folder / config.rig;
-  const RigDocument whole = read_rig(file);
+  const schemas::RigDocument whole = schemas::read_rig(file);
   rig.name = whole.name;
   rig.topology = whole.topology;
   for (const RecorderCamera& camera : cameras) {
@@ -160,8 +149,9 @@ RigDocument make_recording_rig(const RecordConfig& config,
 RecordingTake resume_take(const std::filesystem::path& folder,
                           const std::vector<RecorderCamera>& cameras, const std::string& node,
                           std::optional<Nanoseconds> start_utc, std::optional<double> duration_s) {
-  check_times(read_take(folder / "take.json"), start_utc, duration_s, folder / "take.json");
-  const RigDocument rig = read_rig(folder / "rig.json");
+  check_times(schemas::read_take(folder / "take.json"), start_utc, duration_s,
+              folder / "take.json");
+  const schemas::RigDocument rig = schemas::read_rig(folder / "rig.json");
   for (const RecorderCamera& camera : cameras) {
     const auto found = find_camera(rig, camera.id);
     if (found == rig.cameras.end()) continue;  // resume() says which cameras there are
@@ -173,10 +163,11 @@ RecordingTake resume_take(const std::filesystem::path& folder,
   return RecordingTake::resume(folder, ids, node);
 }
 
-TakeDocument make_take_document(const RecordConfig& config,
-                                const std::vector<RecorderCamera>& cameras, const std::string& node,
-                                Nanoseconds epoch_utc, const std::string& created_by) {
-  TakeDocument take;
+schemas::TakeDocument make_take_document(const schemas::RecordConfig& config,
+                                         const std::vector<RecorderCamera>& cameras,
+                                         const std::string& node, Nanoseconds epoch_utc,
+                                         const std::string& created_by) {
+  schemas::TakeDocument take;
   take.name = config.name;
   take.created_by = created_by;
   take.epoch_utc = epoch_utc;
@@ -197,4 +188,4 @@ TakeDocument make_take_document(const RecordConfig& config,
   return take;
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -13,23 +13,25 @@
 #include "schemas/rig_document.h"
 #include "schemas/take_document.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// Opens the source of one camera; a parameter so that tests can supply their own sources.
-using OpenFrameSource = std::function<std::unique_ptr<FrameSource>(const RecordConfig::Camera&)>;
+using OpenFrameSource =
+    std::function<std::unique_ptr<FrameSource>(const schemas::RecordConfig::Camera&)>;
 
 /// Opens all sources of a configuration in parallel (a network camera takes seconds). Throws the
 /// first Error of any of them, and Error (failed) if a source does not know its frame size.
-std::vector<RecorderCamera> open_cameras(const RecordConfig& config, const OpenFrameSource& open);
+std::vector<RecorderCamera> open_cameras(const schemas::RecordConfig& config,
+                                         const OpenFrameSource& open);
 
-RecorderSettings make_recorder_settings(const RecordConfig& config);
+RecorderSettings make_recorder_settings(const schemas::RecordConfig& config);
 
 /// Returns the geometry of the cameras, by id from the rig that the configuration names. Without a
 /// rig it returns cameras in a row, marked as not calibrated (kUncalibratedRigName). Throws Error
 /// (bad input) if the rig lacks a camera or its size differs from that of the source.
-RigDocument make_recording_rig(const RecordConfig& config,
-                               const std::filesystem::path& config_folder,
-                               const std::vector<RecorderCamera>& cameras);
+schemas::RigDocument make_recording_rig(const schemas::RecordConfig& config,
+                                        const std::filesystem::path& config_folder,
+                                        const std::vector<RecorderCamera>& cameras);
 
 /// Calls RecordingTake::resume with these cameras. Also throws Error (bad input) if the size of a
 /// source differs from the take's rig, or if the recording would begin before the take's epoch or
@@ -39,8 +41,9 @@ RecordingTake resume_take(const std::filesystem::path& folder,
                           std::optional<Nanoseconds> start_utc = {},
                           std::optional<double> duration_s = {});
 
-TakeDocument make_take_document(const RecordConfig& config,
-                                const std::vector<RecorderCamera>& cameras, const std::string& node,
-                                Nanoseconds epoch_utc, const std::string& created_by);
+schemas::TakeDocument make_take_document(const schemas::RecordConfig& config,
+                                         const std::vector<RecorderCamera>& cameras,
+                                         const std::string& node, Nanoseconds epoch_utc,
+                                         const std::string& created_by);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

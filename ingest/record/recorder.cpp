@@ -13,7 +13,7 @@
 #include "ingest/record/audit.h"
 #include "ingest/record/clock_sync.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using namespace std::chrono_literals;
@@ -29,7 +29,7 @@ double seconds_since(Clock::time_point start) {
 
 /// Returns the largest size in bytes of the frame that a capture thread holds outside of the
 /// budget.
-std::size_t frame_bytes(const CameraGeometry& geometry, bool jpeg) {
+std::size_t frame_bytes(const schemas::CameraGeometry& geometry, bool jpeg) {
   const auto pixels =
       static_cast<std::size_t>(geometry.width) * static_cast<std::size_t>(geometry.height);
   return jpeg ? pixels / 2 : pixels * 3;
@@ -49,7 +49,7 @@ struct Recorder::State {
 
   std::size_t limit() const;
   CameraCapture::Settings capture_settings(std::size_t camera, Nanoseconds start_utc) const;
-  RecordingDocument::Session make_session() const;
+  schemas::RecordingDocument::Session make_session() const;
   RecorderStatus status(const ArchiveWriterThread& writer);
 
   const RecorderSettings settings;
@@ -88,7 +88,7 @@ std::size_t Recorder::State::limit() const {
 
 CameraCapture::Settings Recorder::State::capture_settings(std::size_t camera,
                                                           Nanoseconds start_utc) const {
-  const CameraGeometry& geometry = take.rig().cameras[camera].geometry;
+  const schemas::CameraGeometry& geometry = take.rig().cameras[camera].geometry;
   CameraCapture::Settings capture;
   capture.epoch_utc = take.document().epoch_utc;
   capture.last_time = take.last_time(camera);
@@ -96,7 +96,7 @@ CameraCapture::Settings Recorder::State::capture_settings(std::size_t camera,
   capture.width = geometry.width;
   capture.height = geometry.height;
   capture.drop_oldest = settings.drop_oldest;
-  // With `hold` no memory is freed before the end.
+  // With buffer_in_memory no memory is freed before the end.
   if (descriptions[camera].waits && !settings.hold)
     capture.wait_for_memory = settings.wait_for_memory;
   capture.when_lost = settings.when_lost;
@@ -104,8 +104,8 @@ CameraCapture::Settings Recorder::State::capture_settings(std::size_t camera,
   return capture;
 }
 
-RecordingDocument::Session Recorder::State::make_session() const {
-  RecordingDocument::Session session;
+schemas::RecordingDocument::Session Recorder::State::make_session() const {
+  schemas::RecordingDocument::Session session;
   session.program = program;
   session.started_utc = host_utc_now();
   session.start_at_utc = settings.start_utc;
@@ -113,7 +113,7 @@ RecordingDocument::Session Recorder::State::make_session() const {
   session.held = settings.hold;
   session.clock = query_clock_sync();
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    RecordingDocument::Camera camera;
+    schemas::RecordingDocument::Camera camera;
     camera.id = cameras[i].id;
     camera.source = descriptions[i].what;
     camera.clock = descriptions[i].clock;
@@ -137,7 +137,7 @@ RecorderStatus Recorder::State::status(const ArchiveWriterThread& writer) {
         interval;
     camera.dropped = counters[i].dropped + queues[i].encoder_failures();
     camera.skipped_by_source = counters[i].skipped_by_source;
-    camera.stored = writer.written(i, FrameStatus::kStored);
+    camera.stored = writer.written(i, store::FrameStatus::kStored);
     camera.in_memory = queues[i].size();
     camera.state = counters[i].state;
     status.cameras.push_back(std::move(camera));
@@ -177,11 +177,11 @@ Recorder::~Recorder() = default;
 
 std::size_t Recorder::memory_for_frames() const { return state_->memory.limit(); }
 
-RecordingDocument::Session Recorder::run(const std::stop_token& stop,
-                                         const std::function<void(const RecorderStatus&)>& status,
-                                         const std::function<void(double)>& writing) {
+schemas::RecordingDocument::Session Recorder::run(
+    const std::stop_token& stop, const std::function<void(const RecorderStatus&)>& status,
+    const std::function<void(double)>& writing) {
   State& s = *state_;
-  RecordingDocument::Session session = s.make_session();
+  schemas::RecordingDocument::Session session = s.make_session();
   s.take.write_session(session, true);
   s.take.reserve_disk_space();
 
@@ -258,7 +258,7 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
 }
 
 std::optional<double> measure_data_rate(std::vector<RecorderCamera>& cameras,
-                                        const JpegEncodeSettings& jpeg, double seconds) {
+                                        const store::JpegEncodeSettings& jpeg, double seconds) {
   for (const RecorderCamera& camera : cameras) {
     if (!camera.source->description().live) return std::nullopt;
   }
@@ -268,7 +268,7 @@ std::optional<double> measure_data_rate(std::vector<RecorderCamera>& cameras,
     std::vector<std::jthread> threads;
     for (RecorderCamera& camera : cameras) {
       threads.emplace_back([&] {
-        RawJpegEncoder encoder(jpeg);
+        store::RawJpegEncoder encoder(jpeg);
         std::vector<std::byte> bytes;
         std::uint64_t frames = 0;
         for (SourceFrame frame; seconds_since(start) < seconds; frame = {}) {
@@ -292,4 +292,4 @@ std::optional<double> measure_data_rate(std::vector<RecorderCamera>& cameras,
   return static_cast<double>(sum) / std::max(1e-3, seconds_since(start));
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

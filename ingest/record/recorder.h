@@ -15,7 +15,7 @@
 #include "schemas/recording_document.h"
 #include "store/jpeg/encode.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 struct RecorderSettings {
   std::size_t memory_bytes = std::size_t{1} << 30;  ///< of all frames of all cameras
@@ -24,7 +24,7 @@ struct RecorderSettings {
   CameraCapture::LostSourcePolicy when_lost = CameraCapture::LostSourcePolicy::kContinue;
   std::chrono::milliseconds lost_after{5000};
   std::chrono::milliseconds wait_for_memory{10000};  ///< see CameraCapture::Settings
-  JpegEncodeSettings jpeg;                           ///< of raw frames
+  store::JpegEncodeSettings jpeg;                    ///< of raw frames
   int threads = 1;                                   ///< frames encoded in parallel
   /// Frames before this time or before the take's epoch are ignored; default: the time of run().
   std::optional<Nanoseconds> start_utc;
@@ -54,7 +54,7 @@ struct RecorderStatus {
   std::vector<Camera> cameras;
   std::size_t memory_used = 0, memory_limit = 0;  ///< bytes
   double write_bytes_per_s = 0;
-  std::optional<double> seconds_left;  ///< until the memory (`hold`) or the disk is full
+  std::optional<double> seconds_left;  ///< until the memory (buffer_in_memory) or the disk is full
   std::string write_error;             ///< of the disk; empty: none
 };
 
@@ -74,9 +74,9 @@ class Recorder {
   /// Records until it is stopped, the duration is over, or every source has ended. Returns the
   /// session, which is also written to the take; if that fails its audit says why. `status` is
   /// called every status_interval_s, `writing` with the fraction of remaining frames written.
-  RecordingDocument::Session run(const std::stop_token& stop,
-                                 const std::function<void(const RecorderStatus&)>& status = {},
-                                 const std::function<void(double)>& writing = {});
+  schemas::RecordingDocument::Session run(
+      const std::stop_token& stop, const std::function<void(const RecorderStatus&)>& status = {},
+      const std::function<void(double)>& writing = {});
 
  private:
   struct State;
@@ -86,6 +86,6 @@ class Recorder {
 /// Returns the JPEG data rate of all sources in bytes per second, measured over `seconds` of frames
 /// that are discarded. Returns nothing if a source is not live: it would lose these frames.
 std::optional<double> measure_data_rate(std::vector<RecorderCamera>& cameras,
-                                        const JpegEncodeSettings& jpeg, double seconds);
+                                        const store::JpegEncodeSettings& jpeg, double seconds);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

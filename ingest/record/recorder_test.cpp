@@ -16,7 +16,7 @@
 #include "testing/store/test_images.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using ::testing::HasSubstr;
@@ -26,16 +26,16 @@ constexpr int kWidth = 96, kHeight = 64;
 
 SourceFrame jpeg_frame(std::uint32_t seed, int width = kWidth) {
   SourceFrame frame;
-  frame.jpeg = encode_jpeg(test_images::make(test_images::Kind::kMixed, width, kHeight, seed),
-                           {80, JpegEncodeSettings::Chroma::k420, -1});
+  frame.jpeg = store::encode_jpeg(testing::make(testing::Kind::kMixed, width, kHeight, seed),
+                                  {80, store::JpegEncodeSettings::Chroma::k420, -1});
   return frame;
 }
 
 SourceFrame raw_frame(std::uint32_t seed) {
-  const auto image = std::make_shared<RgbImage>(
-      test_images::make(test_images::Kind::kMixed, kWidth, kHeight, seed));
+  const auto image = std::make_shared<store::RgbImage>(
+      testing::make(testing::Kind::kMixed, kWidth, kHeight, seed));
   SourceFrame frame;
-  frame.raw.format = PixelFormat::kRgb;
+  frame.raw.format = store::PixelFormat::kRgb;
   frame.raw.width = kWidth;
   frame.raw.height = kHeight;
   frame.raw.planes[0] = {reinterpret_cast<const std::byte*>(image->pixels.data()),
@@ -44,8 +44,8 @@ SourceFrame raw_frame(std::uint32_t seed) {
   return frame;
 }
 
-SourceScript script(std::vector<SourceFrame> frames, double fps, std::uint64_t count) {
-  SourceScript script;
+testing::SourceScript script(std::vector<SourceFrame> frames, double fps, std::uint64_t count) {
+  testing::SourceScript script;
   script.frames = std::move(frames);
   script.fps = fps;
   script.count = count;
@@ -55,15 +55,14 @@ SourceScript script(std::vector<SourceFrame> frames, double fps, std::uint64_t c
 /// Records what scripts deliver and keeps what came of it.
 class Recording : public ::testing::Test {
  protected:
-  RecordingDocument::Session record(const std::vector<SourceScript>& scripts) {
-    RecordConfig config;
+  schemas::RecordingDocument::Session record(const std::vector<testing::SourceScript>& scripts) {
+    schemas::RecordConfig config;
     config.name = "test";
     for (std::size_t i = 0; i < scripts.size(); ++i) {
-      config.cameras.push_back({"c" + std::to_string(i), RecordConfig::SimulatedSource{}});
+      config.cameras.push_back({"c" + std::to_string(i), schemas::RecordConfig::SimulatedSource{}});
     }
-    const auto open = [&scripts](const RecordConfig::Camera& camera) {
-      return make_scripted_source(
-          scripts[static_cast<std::size_t>(std::stoi(camera.id.substr(1)))]);
+    const auto open = [&scripts](const schemas::RecordConfig::Camera& camera) {
+      return testing::make_scripted_source(scripts[std::stoi(camera.id.substr(1))]);
     };
     auto cameras = open_cameras(config, open);
     RecordingTake take =
@@ -77,8 +76,8 @@ class Recording : public ::testing::Test {
   std::filesystem::path path() const { return folder_.path() / "take"; }
 
   std::vector<Bytes> stored(int camera) const {
-    const Take take(path());
-    const ArchiveReader& archive = take.archive(camera);
+    const store::Take take(path());
+    const store::ArchiveReader& archive = take.archive(camera);
     std::vector<Bytes> frames;
     for (int i = 0; i < static_cast<int>(archive.frames().size()); ++i) {
       EXPECT_TRUE(archive.verify_frame(i));
@@ -86,12 +85,12 @@ class Recording : public ::testing::Test {
     }
     return frames;
   }
-  std::vector<FrameRecord> records(int camera) const {
-    const Take take(path());
+  std::vector<store::FrameRecord> records(int camera) const {
+    const store::Take take(path());
     const auto all = take.archive(camera).records();
     return {all.begin(), all.end()};
   }
-  static void expect_audit(const RecordingDocument::Session& session) {
+  static void expect_audit(const schemas::RecordingDocument::Session& session) {
     ASSERT_TRUE(session.audit);
     EXPECT_TRUE(session.audit->holds) << ::testing::PrintToString(session.audit->problems);
   }
@@ -108,7 +107,7 @@ class Recording : public ::testing::Test {
     all.start_utc = 0;
     return all;
   }
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 TEST_F(Recording, JpegIsStoredByteForByteAndRawIsEncoded) {
@@ -122,7 +121,7 @@ TEST_F(Recording, JpegIsStoredByteForByteAndRawIsEncoded) {
   ASSERT_EQ(first.size(), 40U);
   ASSERT_EQ(second.size(), 30U);
   for (std::size_t i = 0; i < first.size(); ++i) EXPECT_EQ(first[i], jpegs[i % 3].jpeg);
-  RawJpegEncoder encoder(settings.jpeg);
+  store::RawJpegEncoder encoder(settings.jpeg);
   for (std::size_t i = 0; i < second.size(); ++i) {
     Bytes expected;
     encoder.encode(raws[i % 2].raw, expected);
@@ -130,15 +129,16 @@ TEST_F(Recording, JpegIsStoredByteForByteAndRawIsEncoded) {
   }
   Nanoseconds last = 0;
   std::uint64_t sequence = 0;
-  for (const FrameRecord& record : records(0)) {
+  for (const store::FrameRecord& record : records(0)) {
     EXPECT_GT(record.time_ns, last);
-    EXPECT_NE(record.arrival_ns, kUnknownTime);
+    EXPECT_NE(record.arrival_ns, store::kUnknownTime);
     EXPECT_EQ(record.sequence, sequence++);
     last = record.time_ns;
   }
   EXPECT_EQ(session.cameras[0].arrived, 40U);
   EXPECT_EQ(session.cameras[0].stored, 40U);
-  const RecordingDocument kept = read_recording(path() / "recording" / "node.json");
+  const schemas::RecordingDocument kept =
+      schemas::read_recording(path() / "recording" / "node.json");
   ASSERT_EQ(kept.sessions.size(), 1U);
   EXPECT_TRUE(kept.sessions[0].audit->holds);
   EXPECT_FALSE(std::filesystem::exists(path() / ".reserve"));
@@ -161,8 +161,8 @@ TEST_F(Recording, FullMemoryDropsAndRecordsEveryDrop) {
     const auto all = records(0);
     ASSERT_EQ(all.size(), 300U);
     std::vector<std::uint64_t> kept;
-    for (const FrameRecord& record : all) {
-      if (record.status == FrameStatus::kStored) kept.push_back(record.sequence);
+    for (const store::FrameRecord& record : all) {
+      if (record.status == store::FrameStatus::kStored) kept.push_back(record.sequence);
     }
     // The first frame stays in either case: it is the writer's.
     EXPECT_EQ(kept[0], 0U);
@@ -176,17 +176,17 @@ TEST_F(Recording, FullMemoryDropsAndRecordsEveryDrop) {
 
 TEST_F(Recording, MisbehavingSourcesAreRecordedAndOthersUntouched) {
   settings.lost_after = std::chrono::milliseconds(600);  // a busy machine may pause
-  SourceScript gap = script({jpeg_frame(1)}, 100, 60);
-  gap.events.push_back({20, SourceScript::Gap{7}});
-  SourceScript torn = script({jpeg_frame(2)}, 100, 60);
-  torn.events.push_back({10, SourceScript::Tear{}});
-  torn.events.push_back({11, SourceScript::Tear{}});
-  SourceScript changed = script({jpeg_frame(3)}, 100, 60);
-  changed.events.push_back({30, SourceScript::Change{{jpeg_frame(3, kWidth + 16)}}});
-  SourceScript dies = script({jpeg_frame(4)}, 100, 60);
-  dies.events.push_back({15, SourceScript::Death{"cable pulled"}});
-  SourceScript stalls = script({jpeg_frame(5)}, 100, 250);
-  stalls.events.push_back({10, SourceScript::Stall{1.5}});
+  testing::SourceScript gap = script({jpeg_frame(1)}, 100, 60);
+  gap.events.push_back({20, testing::SourceScript::Gap{7}});
+  testing::SourceScript torn = script({jpeg_frame(2)}, 100, 60);
+  torn.events.push_back({10, testing::SourceScript::Tear{}});
+  torn.events.push_back({11, testing::SourceScript::Tear{}});
+  testing::SourceScript changed = script({jpeg_frame(3)}, 100, 60);
+  changed.events.push_back({30, testing::SourceScript::Change{{jpeg_frame(3, kWidth + 16)}}});
+  testing::SourceScript dies = script({jpeg_frame(4)}, 100, 60);
+  dies.events.push_back({15, testing::SourceScript::Death{"cable pulled"}});
+  testing::SourceScript stalls = script({jpeg_frame(5)}, 100, 250);
+  stalls.events.push_back({10, testing::SourceScript::Stall{1.5}});
   const auto session = record({script({jpeg_frame(6)}, 100, 60), gap, torn, changed, dies, stalls});
   expect_audit(session);
   EXPECT_EQ(session.cameras[0].stored, 60U);
@@ -207,14 +207,14 @@ TEST_F(Recording, MisbehavingSourcesAreRecordedAndOthersUntouched) {
   // The seven that the counter skipped stand where they are missing.
   const auto all = records(1);
   for (std::size_t i = 20; i < 27; ++i) {
-    EXPECT_EQ(all[i].status, FrameStatus::kDroppedBySource);
+    EXPECT_EQ(all[i].status, store::FrameStatus::kDroppedBySource);
     EXPECT_EQ(all[i].sequence, i);
   }
 }
 
 TEST_F(Recording, ALostCameraMayStopAllOrComeBack) {
-  SourceScript dies = script({jpeg_frame(1)}, 100, 1000);
-  dies.events.push_back({10, SourceScript::Death{"gone"}});
+  testing::SourceScript dies = script({jpeg_frame(1)}, 100, 1000);
+  dies.events.push_back({10, testing::SourceScript::Death{"gone"}});
   settings.when_lost = CameraCapture::LostSourcePolicy::kStop;
   const auto stopped = record({dies, script({jpeg_frame(2)}, 100, 1000)});
   EXPECT_EQ(stopped.stop_reason, "a camera was lost");
@@ -263,7 +263,7 @@ TEST_F(Recording, ResumesAndCountsTheNewSessionAlone) {
   expect_audit(session);
   EXPECT_EQ(session.cameras[0].stored, 15U);
   EXPECT_EQ(stored(0).size(), 35U);
-  EXPECT_EQ(read_recording(path() / "recording" / "node.json").sessions.size(), 2U);
+  EXPECT_EQ(schemas::read_recording(path() / "recording" / "node.json").sessions.size(), 2U);
 }
 
 TEST_F(Recording, StopsWhenToldAndStartsWhenToldTo) {
@@ -276,7 +276,8 @@ TEST_F(Recording, StopsWhenToldAndStartsWhenToldTo) {
   const double since_start_s = static_cast<double>(host_utc_now() - *settings.start_utc) * 1e-9;
   EXPECT_GT(session.cameras[0].stored, 10U);
   EXPECT_LE(static_cast<double>(session.cameras[0].stored), since_start_s * 100 + 2);
-  EXPECT_GE(records(0).front().arrival_ns + Take(path()).document().epoch_utc, *settings.start_utc);
+  EXPECT_GE(records(0).front().arrival_ns + store::Take(path()).document().epoch_utc,
+            *settings.start_utc);
   stop.request_stop();
   std::filesystem::remove_all(path());
   settings.start_utc.reset();
@@ -343,4 +344,4 @@ TEST_F(Recording, RefusesAnEpochThatIsTooFarAway) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

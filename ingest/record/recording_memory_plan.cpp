@@ -7,7 +7,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 double megabytes(std::size_t bytes) { return static_cast<double>(bytes) / 1e6; }
@@ -59,4 +59,4 @@ std::string memory_warning(const RecordingMemoryPlan& plan, std::size_t free_now
       megabytes(all), megabytes(free_now));
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

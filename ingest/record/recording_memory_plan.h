@@ -7,7 +7,7 @@
 
 #include "ingest/record/recorder.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// RAM that a recording needs, in bytes.
 struct RecordingMemoryPlan {
@@ -33,4 +33,4 @@ void check_recording_memory(std::size_t frames, std::size_t machine);
 /// empty text.
 std::string memory_warning(const RecordingMemoryPlan& plan, std::size_t free_now);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -7,7 +7,7 @@
 #include "base/error.h"
 #include "base/resources.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using ::testing::HasSubstr;
@@ -72,4 +72,4 @@ TEST(Resources, NoMoreIsFreeThanThereIs) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

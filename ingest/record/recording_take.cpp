@@ -14,7 +14,7 @@
 #include "ingest/sources/frame_source.h"
 #include "store/matroska.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 namespace fs = std::filesystem;
@@ -32,9 +32,10 @@ std::string file_name_of(const std::string& node) {
   return (name.empty() ? "node" : name) + ".json";
 }
 
-ArchiveWriter::Description description_of(const TakeDocument& take, const RigDocument& rig,
-                                          std::size_t camera) {
-  const CameraGeometry& geometry = rig.cameras[camera].geometry;
+store::ArchiveWriter::Description description_of(const schemas::TakeDocument& take,
+                                                 const schemas::RigDocument& rig,
+                                                 std::size_t camera) {
+  const schemas::CameraGeometry& geometry = rig.cameras[camera].geometry;
   return {take.cameras[camera].id, geometry.width, geometry.height, take.epoch_utc};
 }
 
@@ -42,7 +43,7 @@ ArchiveWriter::Description description_of(const TakeDocument& take, const RigDoc
 void check_epoch(Nanoseconds epoch_utc, const fs::path& folder, const std::string& what_to_do) {
   const Nanoseconds now = host_utc_now();
   const Nanoseconds distance = now > epoch_utc ? now - epoch_utc : epoch_utc - now;
-  if (distance <= matroska::kMaxTime) return;
+  if (distance <= store::matroska::kMaxTime) return;
   throw Error::bad_input(
       fmt::format("the take's epoch is {}, more than 104 days (the longest time of a take) from "
                   "now ({})",
@@ -58,7 +59,7 @@ RecordingTake::FolderCleanup::~FolderCleanup() {
   fs::remove_all(folder_, ignored);
 }
 
-RecordingTake::RecordingTake(fs::path folder, TakeDocument take, RigDocument rig,
+RecordingTake::RecordingTake(fs::path folder, schemas::TakeDocument take, schemas::RigDocument rig,
                              const std::string& node)
     : folder_(std::move(folder)),
       take_(std::move(take)),
@@ -75,14 +76,15 @@ fs::path RecordingTake::journal_path(std::size_t camera) const {
   return folder_ / take_.cameras[camera].journal;
 }
 
-RecordingTake RecordingTake::create(const fs::path& folder, TakeDocument take,
-                                    const RigDocument& rig, const std::string& node) {
-  for (TakeDocument::Camera& camera : take.cameras) {
+RecordingTake RecordingTake::create(const fs::path& folder, schemas::TakeDocument take,
+                                    const schemas::RigDocument& rig, const std::string& node) {
+  for (schemas::TakeDocument::Camera& camera : take.cameras) {
     camera.archive = "archive/" + camera.id + ".mkv";
     camera.journal = "archive/" + camera.id + ".journal";
   }
-  parse_take(format_take(take), "take.json");  // fails now, not after the last frame
-  parse_rig(format_rig(rig), "rig.json");
+  schemas::parse_take(schemas::format_take(take),
+                      "take.json");  // fails now, not after the last frame
+  schemas::parse_rig(schemas::format_rig(rig), "rig.json");
   if (fs::exists(fs::symlink_status(folder))) {
     throw Error::bad_input("a file or folder of this name already exists", folder.string(),
                            "Choose a new name for the take, or resume this one")
@@ -98,22 +100,23 @@ RecordingTake RecordingTake::create(const fs::path& folder, TakeDocument take,
 void RecordingTake::create_files() {
   create_folder(folder_ / "archive");
   create_folder(folder_ / "recording");
-  write_rig(rig_, folder_ / "rig.json");
+  schemas::write_rig(rig_, folder_ / "rig.json");
   for (std::size_t i = 0; i < take_.cameras.size(); ++i) {
     archives_.emplace_back(archive_path(i), journal_path(i), description_of(take_, rig_, i));
     last_times_.push_back(-1);
   }
   // Written last, because it makes the folder a take.
-  write_take(take_, folder_ / "take.json");
+  schemas::write_take(take_, folder_ / "take.json");
 }
 
 RecordingTake RecordingTake::resume(const fs::path& folder,
                                     const std::vector<std::string>& camera_ids,
                                     const std::string& node) {
-  RecordingTake recording(folder, read_take(folder / "take.json"), read_rig(folder / "rig.json"),
-                          node);
+  RecordingTake recording(folder, schemas::read_take(folder / "take.json"),
+                          schemas::read_rig(folder / "rig.json"), node);
   std::vector<std::string> there;
-  for (const TakeDocument::Camera& camera : recording.take_.cameras) there.push_back(camera.id);
+  for (const schemas::TakeDocument::Camera& camera : recording.take_.cameras)
+    there.push_back(camera.id);
   if (there != camera_ids) {
     throw Error::bad_input(
         fmt::format("the take has {} cameras, the configuration {}, or they differ in id or order",
@@ -124,26 +127,26 @@ RecordingTake RecordingTake::resume(const fs::path& folder,
               "Record into a new take, or correct this machine's clock");
   create_folder(folder / "recording");
   if (fs::exists(recording.recording_file_)) {
-    recording.recording_ = read_recording(recording.recording_file_);
+    recording.recording_ = schemas::read_recording(recording.recording_file_);
   }
   for (std::size_t i = 0; i < there.size(); ++i) {
     recording.archives_.push_back(
-        ArchiveWriter::resume(recording.archive_path(i), recording.journal_path(i),
-                              description_of(recording.take_, recording.rig_, i)));
-    const ArchiveReader reader(recording.archive_path(i), recording.journal_path(i));
+        store::ArchiveWriter::resume(recording.archive_path(i), recording.journal_path(i),
+                                     description_of(recording.take_, recording.rig_, i)));
+    const store::ArchiveReader reader(recording.archive_path(i), recording.journal_path(i));
     recording.last_times_.push_back(reader.records().empty() ? -1
                                                              : reader.records().back().time_ns);
   }
   return recording;
 }
 
-void RecordingTake::write_session(const RecordingDocument::Session& session, bool first) {
+void RecordingTake::write_session(const schemas::RecordingDocument::Session& session, bool first) {
   if (first) {
     recording_.sessions.push_back(session);
   } else {
     recording_.sessions.back() = session;
   }
-  write_recording(recording_, recording_file_);
+  schemas::write_recording(recording_, recording_file_);
   folder_cleanup_.keep();
 }
 
@@ -167,7 +170,7 @@ void RecordingTake::release_disk_space() {
 
 void RecordingTake::close(std::vector<std::string>& problems) {
   release_disk_space();
-  for (ArchiveWriter& archive : archives_) {
+  for (store::ArchiveWriter& archive : archives_) {
     try {
       archive.flush();
       archive.close();
@@ -179,12 +182,12 @@ void RecordingTake::close(std::vector<std::string>& problems) {
 
 RecordingTake::RecordCounts RecordingTake::count(std::size_t camera) const {
   RecordCounts counted;
-  const ArchiveReader reader(archive_path(camera), journal_path(camera));
-  for (const FrameRecord& record : reader.records()) {
+  const store::ArchiveReader reader(archive_path(camera), journal_path(camera));
+  for (const store::FrameRecord& record : reader.records()) {
     if (record.time_ns <= last_times_[camera]) continue;
     ++counted.by_status[static_cast<std::size_t>(record.status)];
   }
   return counted;
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -13,7 +13,7 @@
 #include "schemas/take_document.h"
 #include "store/archive.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// Writes a take during its recording. Unlike an imported take it has its final name from the
 /// beginning. It can be opened however the recording ends: documents are written first, frames are
@@ -23,22 +23,22 @@ class RecordingTake {
   /// Creates a take. Throws Error (bad input) if `folder` exists or the epoch is more than 104 days
   /// from now, or Error (failed) on a disk error. The folder is removed after an error, and if this
   /// object is destroyed before a session was written.
-  static RecordingTake create(const std::filesystem::path& folder, TakeDocument take,
-                              const RigDocument& rig, const std::string& node);
+  static RecordingTake create(const std::filesystem::path& folder, schemas::TakeDocument take,
+                              const schemas::RigDocument& rig, const std::string& node);
   /// Continues a take after a crash or a stop. Throws Error (bad input) if its cameras differ in id
   /// or order, or its epoch is more than 104 days from now. Sizes are checked by resume_take().
   static RecordingTake resume(const std::filesystem::path& folder,
                               const std::vector<std::string>& camera_ids, const std::string& node);
 
   const std::filesystem::path& folder() const { return folder_; }
-  const TakeDocument& document() const { return take_; }
-  const RigDocument& rig() const { return rig_; }
-  ArchiveWriter& archive(std::size_t camera) { return archives_[camera]; }
+  const schemas::TakeDocument& document() const { return take_; }
+  const schemas::RigDocument& rig() const { return rig_; }
+  store::ArchiveWriter& archive(std::size_t camera) { return archives_[camera]; }
   /// Returns the time of the last record before this session, ns since the epoch; -1: no record.
   Nanoseconds last_time(std::size_t camera) const { return last_times_[camera]; }
 
   /// Writes TAKE/recording/NODE.json: adds the session if `first`, otherwise replaces the last one.
-  void write_session(const RecordingDocument::Session& session, bool first);
+  void write_session(const schemas::RecordingDocument::Session& session, bool first);
 
   /// Reserves disk space for the records that must still be written when the disk is full.
   void reserve_disk_space();
@@ -49,7 +49,7 @@ class RecordingTake {
   void close(std::vector<std::string>& problems);
 
   struct RecordCounts {
-    std::array<std::uint64_t, kFrameStatusCount> by_status{};
+    std::array<std::uint64_t, store::kFrameStatusCount> by_status{};
   };
   /// Opens the archive of a camera again and counts its records since this session began.
   RecordCounts count(std::size_t camera) const;
@@ -72,7 +72,7 @@ class RecordingTake {
     std::filesystem::path folder_;
   };
 
-  RecordingTake(std::filesystem::path folder, TakeDocument take, RigDocument rig,
+  RecordingTake(std::filesystem::path folder, schemas::TakeDocument take, schemas::RigDocument rig,
                 const std::string& node);
   void create_files();
   std::filesystem::path archive_path(std::size_t camera) const;
@@ -80,12 +80,12 @@ class RecordingTake {
 
   FolderCleanup folder_cleanup_;  // first: runs after the archives are closed
   std::filesystem::path folder_;
-  TakeDocument take_;
-  RigDocument rig_;
+  schemas::TakeDocument take_;
+  schemas::RigDocument rig_;
   std::filesystem::path recording_file_, reserve_file_;
-  RecordingDocument recording_;
-  std::vector<ArchiveWriter> archives_;
+  schemas::RecordingDocument recording_;
+  std::vector<store::ArchiveWriter> archives_;
   std::vector<Nanoseconds> last_times_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::ingest

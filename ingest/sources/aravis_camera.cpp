@@ -3,17 +3,17 @@
 
 #include <fmt/format.h>
 
-#include <string_view>
+#include <algorithm>
 
 #include "base/error.h"
 #include "ingest/sources/ffmpeg_pointers.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 std::string text_or_empty(const char* text) { return text == nullptr ? "" : text; }
 
-/// "A, B, C" of a list that Aravis allocated.
+/// Returns "A, B, C" and frees the list, which Aravis allocated.
 std::string list_of(const char** names, guint count) {
   std::string list;
   for (guint i = 0; i < count; ++i) {
@@ -33,7 +33,7 @@ std::string devices_found() {
   return list.empty() ? "none" : list;
 }
 
-/// Aravis' id of the device with this serial number or id.
+/// Returns the Aravis id of the device with this serial number, id or address; empty if none.
 std::string find_device(const std::string& device) {
   for (unsigned i = 0; i < arv_get_n_devices(); ++i) {
     for (const char* name : {arv_get_device_serial_nbr(i), arv_get_device_id(i),
@@ -44,7 +44,7 @@ std::string find_device(const std::string& device) {
   return {};
 }
 
-/// Sets one number within what the device allows.
+/// Changes settings of a camera and reports those that it rejects.
 class Settings {
  public:
   Settings(ArvCamera* camera, std::string where) : camera_(camera), where_(std::move(where)) {}
@@ -56,18 +56,18 @@ class Settings {
     if (!error_ && !(value >= low && value <= high)) {
       throw Error::bad_input(
           fmt::format("{} is {}, the camera allows: {} to {}", name, value, low, high), where_,
-          "Give a value within that range");
+          "Set a value within that range");
     }
     set(camera_, value, error_.clear_and_get());
     check(name);
   }
 
-  /// Refuses what the call before reported.
+  /// Throws if the previous Aravis call reported an error.
   void check(const char* name, const std::string& allowed = {}) {
     if (!error_) return;
     throw Error::bad_input(
-        fmt::format("the camera does not take the {}: {}", name, error_.text()), where_,
-        allowed.empty() ? "Leave it out, or see the camera's manual" : "It knows: " + allowed);
+        fmt::format("the camera rejected {}: {}", name, error_.text()), where_,
+        allowed.empty() ? "Remove it, or see the camera's manual" : "Choose one of: " + allowed);
   }
   GErrorHolder& error() { return error_; }
 
@@ -90,24 +90,24 @@ void set_pixel_format(ArvCamera* camera, const std::string& wanted, const std::s
   if (!wanted.empty()) {
     arv_camera_set_pixel_format_from_string(camera, wanted.c_str(),
                                             settings.error().clear_and_get());
-    if (settings.error()) settings.check("pixel format", pixel_formats_of(camera));
+    if (settings.error()) settings.check("pixel_format", pixel_formats_of(camera));
   }
   const ArvPixelFormat format =
       arv_camera_get_pixel_format(camera, settings.error().clear_and_get());
-  settings.check("question for its pixel format");
+  settings.check("the request for its pixel_format");
   if (av_pixel_format(format) >= 0) return;
   throw Error::bad_input(
-      fmt::format("the camera's pixel format {} is none that raystage takes",
+      fmt::format("the camera's pixel_format {} is not supported",
                   text_or_empty(arv_camera_get_pixel_format_as_string(camera, nullptr))),
       where,
-      fmt::format("Set \"pixel_format\" to Mono8, a Bayer format of 8 bits, RGB8 or YUV422_8; the "
-                  "camera has: {}",
+      fmt::format("Set it to Mono8, Mono10, Mono12, Mono14, Mono16, RGB8, BGR8, YUV422_8 or an "
+                  "8-bit Bayer format; the camera has: {}",
                   pixel_formats_of(camera)));
 }
 
 void set_trigger(ArvCamera* camera, const std::string& trigger, Settings& settings) {
   if (trigger.empty()) {
-    // Cameras without triggers object, and run freely all the same.
+    // Cameras without triggers report an error, but are free-running anyway.
     arv_camera_clear_triggers(camera, settings.error().clear_and_get());
     return;
   }
@@ -125,8 +125,7 @@ void set_trigger(ArvCamera* camera, const std::string& trigger, Settings& settin
 GObjectPtr<ArvCamera> open_aravis_camera(const std::string& device) {
   GErrorHolder error;
   const char* name = device.empty() ? nullptr : device.c_str();
-  // Names and addresses are asked directly, which takes milliseconds; looking around takes a
-  // second.
+  // An id or address is found in milliseconds; the search below takes a second.
   GObjectPtr<ArvCamera> camera(arv_camera_new(name, error.clear_and_get()));
   if (camera) return camera;
   const std::string reason = error.text();
@@ -138,16 +137,15 @@ GObjectPtr<ArvCamera> open_aravis_camera(const std::string& device) {
       fmt::format("the camera cannot be opened: {}; found: {}", error ? error.text() : reason,
                   devices_found()),
       device.empty() ? "aravis" : device,
-      "Check its power and cable, that its network is reached from here, and that no other program "
-      "controls it");
+      "Check its power, cable and network, and close other programs that control it");
 }
 
-void configure_aravis_camera(ArvCamera* camera, const RecordConfig::AravisSource& source) {
+void configure_aravis_camera(ArvCamera* camera, const schemas::RecordConfig::AravisSource& source) {
   const std::string where = text_or_empty(arv_camera_get_device_id(camera, nullptr));
   Settings settings(camera, where);
   set_pixel_format(camera, source.pixel_format, where, settings);
   if (source.exposure_us) {
-    // Those that have no automatic exposure object to its being switched off.
+    // The error of cameras without automatic exposure is ignored.
     arv_camera_set_exposure_time_auto(camera, ARV_AUTO_OFF, settings.error().clear_and_get());
     settings.number("exposure_us", *source.exposure_us, arv_camera_get_exposure_time_bounds,
                     arv_camera_set_exposure_time);
@@ -166,7 +164,7 @@ void configure_aravis_camera(ArvCamera* camera, const RecordConfig::AravisSource
   if (arv_camera_is_gv_device(camera) == FALSE) return;
   if (source.packet_size) {
     arv_camera_gv_set_packet_size(camera, *source.packet_size, settings.error().clear_and_get());
-    settings.check("packet size");
+    settings.check("packet_size");
     arv_camera_gv_set_packet_size_adjustment(camera, ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
   }
   if (!source.packet_socket) {
@@ -175,36 +173,27 @@ void configure_aravis_camera(ArvCamera* camera, const RecordConfig::AravisSource
 }
 
 int av_pixel_format(ArvPixelFormat format) {
-  switch (format) {
-    case ARV_PIXEL_FORMAT_MONO_8:
-      return AV_PIX_FMT_GRAY8;
-    case ARV_PIXEL_FORMAT_MONO_10:
-      return AV_PIX_FMT_GRAY10LE;
-    case ARV_PIXEL_FORMAT_MONO_12:
-      return AV_PIX_FMT_GRAY12LE;
-    case ARV_PIXEL_FORMAT_MONO_14:
-      return AV_PIX_FMT_GRAY14LE;
-    case ARV_PIXEL_FORMAT_MONO_16:
-      return AV_PIX_FMT_GRAY16LE;
-    case ARV_PIXEL_FORMAT_RGB_8_PACKED:
-      return AV_PIX_FMT_RGB24;
-    case ARV_PIXEL_FORMAT_BGR_8_PACKED:
-      return AV_PIX_FMT_BGR24;
-    case ARV_PIXEL_FORMAT_BAYER_RG_8:
-      return AV_PIX_FMT_BAYER_RGGB8;
-    case ARV_PIXEL_FORMAT_BAYER_BG_8:
-      return AV_PIX_FMT_BAYER_BGGR8;
-    case ARV_PIXEL_FORMAT_BAYER_GR_8:
-      return AV_PIX_FMT_BAYER_GRBG8;
-    case ARV_PIXEL_FORMAT_BAYER_GB_8:
-      return AV_PIX_FMT_BAYER_GBRG8;
-    case ARV_PIXEL_FORMAT_YUV_422_PACKED:
-      return AV_PIX_FMT_UYVY422;
-    case ARV_PIXEL_FORMAT_YUV_422_YUYV_PACKED:
-      return AV_PIX_FMT_YUYV422;
-    default:
-      return -1;
-  }
+  struct Pair {
+    ArvPixelFormat aravis;
+    int ffmpeg;
+  };
+  constexpr Pair kFormats[] = {
+      {ARV_PIXEL_FORMAT_MONO_8, AV_PIX_FMT_GRAY8},
+      {ARV_PIXEL_FORMAT_MONO_10, AV_PIX_FMT_GRAY10LE},
+      {ARV_PIXEL_FORMAT_MONO_12, AV_PIX_FMT_GRAY12LE},
+      {ARV_PIXEL_FORMAT_MONO_14, AV_PIX_FMT_GRAY14LE},
+      {ARV_PIXEL_FORMAT_MONO_16, AV_PIX_FMT_GRAY16LE},
+      {ARV_PIXEL_FORMAT_RGB_8_PACKED, AV_PIX_FMT_RGB24},
+      {ARV_PIXEL_FORMAT_BGR_8_PACKED, AV_PIX_FMT_BGR24},
+      {ARV_PIXEL_FORMAT_BAYER_RG_8, AV_PIX_FMT_BAYER_RGGB8},
+      {ARV_PIXEL_FORMAT_BAYER_BG_8, AV_PIX_FMT_BAYER_BGGR8},
+      {ARV_PIXEL_FORMAT_BAYER_GR_8, AV_PIX_FMT_BAYER_GRBG8},
+      {ARV_PIXEL_FORMAT_BAYER_GB_8, AV_PIX_FMT_BAYER_GBRG8},
+      {ARV_PIXEL_FORMAT_YUV_422_PACKED, AV_PIX_FMT_UYVY422},
+      {ARV_PIXEL_FORMAT_YUV_422_YUYV_PACKED, AV_PIX_FMT_YUYV422},
+  };
+  const auto* const found = std::ranges::find(kFormats, format, &Pair::aravis);
+  return found == std::end(kFormats) ? -1 : found->ffmpeg;
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

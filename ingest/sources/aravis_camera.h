@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside ingest/sources only: finding and setting up a camera of Aravis.
+// Internal to ingest/sources: finds and configures a camera through Aravis.
 #pragma once
 
 #include <memory>
@@ -12,7 +12,7 @@ extern "C" {
 #include <arv.h>
 }
 
-namespace raystage {
+namespace raystage::ingest {
 
 struct GObjectDeleter {
   void operator()(void* object) const { g_object_unref(object); }
@@ -20,7 +20,7 @@ struct GObjectDeleter {
 template <typename T>
 using GObjectPtr = std::unique_ptr<T, GObjectDeleter>;
 
-/// One of Aravis' errors, freed at the end.
+/// Owns an error that Aravis reports.
 class GErrorHolder {
  public:
   GErrorHolder() = default;
@@ -28,7 +28,7 @@ class GErrorHolder {
   GErrorHolder(const GErrorHolder&) = delete;
   GErrorHolder& operator=(const GErrorHolder&) = delete;
 
-  /// For a call that reports into it; empty before each.
+  /// Clears the error and returns the argument of an Aravis call that may fail.
   GError** clear_and_get() {
     g_clear_error(&error_);
     return &error_;
@@ -40,15 +40,15 @@ class GErrorHolder {
   GError* error_ = nullptr;
 };
 
-/// Opens the camera that `device` names: Aravis' id, an address, or a serial number; empty: the
-/// first found. Throws Error (failed) with what was found instead.
+/// Opens the camera with the Aravis id, address or serial number `device`, or the first camera
+/// found if `device` is empty. Throws Error (failed) with a list of the cameras found.
 GObjectPtr<ArvCamera> open_aravis_camera(const std::string& device);
 
-/// Exposure, gain, rate, trigger, pixel format, packets. Throws Error (bad input) that names the
-/// setting, what the device allows and what it says.
-void configure_aravis_camera(ArvCamera* camera, const RecordConfig::AravisSource& source);
+/// Sets exposure, gain, frame rate, trigger, pixel format and packet options. Throws Error (bad
+/// input) with the setting, the values that the device allows and the device's message.
+void configure_aravis_camera(ArvCamera* camera, const schemas::RecordConfig::AravisSource& source);
 
-/// FFmpeg's pixel format (AVPixelFormat) for a GenICam one; -1: none of those we take.
+/// Returns the AVPixelFormat of a GenICam pixel format, or -1 if it is not supported.
 int av_pixel_format(ArvPixelFormat format);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

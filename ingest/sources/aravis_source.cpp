@@ -15,17 +15,16 @@
 #include "ingest/sources/aravis_camera.h"
 #include "ingest/sources/pixel_conversion.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// Host time at which a buffer was filled, noted by the receiving thread; 0: not yet. One per
-/// buffer, freed with it.
+/// Host time at which a buffer was filled, in ns since 1970; 0 until then. One per buffer.
 using Arrival = std::atomic<Nanoseconds>;
 
 Arrival& arrival_of(ArvBuffer* buffer) {
-  // Ours, and not constant; Aravis' signature says so.
+  // The object is not constant, in spite of Aravis' signature.
   return *static_cast<Arrival*>(const_cast<void*>(arv_buffer_get_user_data(buffer)));
 }
 
@@ -33,8 +32,8 @@ void note_arrival(void* /*unused*/, ArvStreamCallbackType type, ArvBuffer* buffe
   if (type == ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE) arrival_of(buffer) = host_utc_now();
 }
 
-/// Aravis hands the buffer out first and calls note_arrival() then: waits for that. Only afterwards
-/// may the buffer be given back, or freed.
+/// Returns the arrival time of a buffer. Aravis delivers a buffer before it calls note_arrival().
+/// This waits for that call: the buffer must not be returned or freed earlier.
 Nanoseconds noted_arrival(ArvBuffer* buffer) {
   using namespace std::chrono_literals;
   const auto deadline = Clock::now() + 20ms;
@@ -45,7 +44,6 @@ Nanoseconds noted_arrival(ArvBuffer* buffer) {
   }
 }
 
-/// The stream and its buffers.
 class Stream {
  public:
   explicit Stream(ArvStream* stream) : stream_(stream) {}
@@ -54,7 +52,7 @@ class Stream {
     ArvBuffer* buffer = arv_buffer_new_full(bytes, nullptr, new Arrival(0), [](void* arrival) {
       delete static_cast<Arrival*>(arrival);
     });
-    // What a torn frame lacks must not be what lay in memory before.
+    // The missing parts of a torn frame must not show earlier contents of the memory.
     size_t ignored = 0;
     void* data = const_cast<void*>(arv_buffer_get_data(buffer, &ignored));
     if (data != nullptr) std::memset(data, 0, bytes);
@@ -68,15 +66,15 @@ class Stream {
     return arv_stream_timeout_pop_buffer(stream_.get(), static_cast<guint64>(patience.count()));
   }
 
-  /// Lends a buffer until the result is let go. It may outlive the stream, which holds on to the
-  /// camera and must not be kept from letting go of it.
+  /// Lends a buffer until the result is released. The result does not own the stream: the stream
+  /// keeps the camera open and must be able to close it earlier.
   static std::shared_ptr<const void> lend(const std::shared_ptr<Stream>& stream,
                                           ArvBuffer* buffer) {
     ++stream->lent_;
-    return {buffer, [home = std::weak_ptr<Stream>(stream)](ArvBuffer* returned) {
-              if (const auto there = home.lock(); there) {
-                --there->lent_;
-                there->push(returned);
+    return {buffer, [owner = std::weak_ptr<Stream>(stream)](ArvBuffer* returned) {
+              if (const auto open_stream = owner.lock(); open_stream) {
+                --open_stream->lent_;
+                open_stream->push(returned);
               } else {
                 g_object_unref(returned);
               }
@@ -91,19 +89,19 @@ class Stream {
 
 class AravisSource final : public FrameSource {
  public:
-  explicit AravisSource(const RecordConfig::AravisSource& source)
+  explicit AravisSource(const schemas::RecordConfig::AravisSource& source)
       : buffers_(source.buffers), camera_(open_aravis_camera(source.device)) {
     configure_aravis_camera(camera_.get(), source);
     describe();
     open_stream(source);
-    // By name, so that the camera going away is heard of in any thread.
+    // The signal reports the loss of the camera from any thread.
     g_signal_connect(arv_camera_get_device(camera_.get()), "control-lost",
                      G_CALLBACK(&AravisSource::on_control_lost), this);
     GErrorHolder error;
     arv_camera_start_acquisition(camera_.get(), error.clear_and_get());
     if (error) {
       g_signal_handlers_disconnect_by_data(arv_camera_get_device(camera_.get()), this);
-      throw fail("the camera does not start: " + error.text());
+      throw fail("the camera does not start its acquisition: " + error.text());
     }
   }
 
@@ -117,7 +115,7 @@ class AravisSource final : public FrameSource {
 
   Outcome next(SourceFrame& frame, std::chrono::milliseconds patience) override {
     using std::chrono::microseconds;
-    constexpr microseconds kSlice(50'000);  // how soon an interruption is heard
+    constexpr microseconds kSlice(50'000);  // longest delay of an interruption
     const Clock::time_point deadline = Clock::now() + patience;
     for (;;) {
       if (interrupted_.exchange(false)) return Outcome::kNoData;
@@ -133,7 +131,7 @@ class AravisSource final : public FrameSource {
   }
 
   std::string loss_reason() const override {
-    return control_lost_ ? "the camera does not answer any more" : "";
+    return control_lost_ ? "the camera no longer responds" : "";
   }
   void interrupt() override { interrupted_ = true; }
   std::size_t memory_overhead() const override {
@@ -148,7 +146,7 @@ class AravisSource final : public FrameSource {
 
   Error fail(std::string what) const {
     return Error::failed(std::move(what), description_.what,
-                         "Check the connection, and that no other program controls the camera");
+                         "Check the connection, and close other programs that control the camera");
   }
 
   void describe() {
@@ -164,21 +162,19 @@ class AravisSource final : public FrameSource {
     description_.what = fmt::format("aravis {} {}, {}", model, serial, text(format));
     arv_camera_get_region(camera_.get(), &x, &y, &description_.width, &description_.height,
                           error.clear_and_get());
-    if (error) throw fail("the camera does not say how large its pictures are: " + error.text());
-    // Triggered cameras have no rate of their own.
+    if (error) throw fail("the camera does not report the size of its pictures: " + error.text());
     description_.fps = arv_camera_get_frame_rate(camera_.get(), error.clear_and_get());
-    if (error) description_.fps = 0;
+    if (error) description_.fps = 0;  // triggered cameras have no frame rate
     description_.clock = "device";
-    // GigE Vision and USB3 Vision stamp the start of the exposure or of the readout, as the maker
-    // likes.
+    // The time stamps mark the start of the exposure or of the readout, depending on the maker.
     description_.timestamp_event = "unknown";
   }
 
-  void open_stream(const RecordConfig::AravisSource& source) {
+  void open_stream(const schemas::RecordConfig::AravisSource& source) {
     GErrorHolder error;
     ArvStream* stream =
         arv_camera_create_stream(camera_.get(), note_arrival, nullptr, error.clear_and_get());
-    if (stream == nullptr) throw fail("the camera does not stream: " + error.text());
+    if (stream == nullptr) throw fail("the camera does not open a stream: " + error.text());
     stream_ = std::make_shared<Stream>(stream);
     if (ARV_IS_GV_STREAM(stream)) {
       g_object_set(stream, "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size",
@@ -188,12 +184,12 @@ class AravisSource final : public FrameSource {
                    nullptr);
     }
     const guint bytes = arv_camera_get_payload(camera_.get(), error.clear_and_get());
-    if (error) throw fail("the camera does not say how many bytes it sends: " + error.text());
+    if (error) throw fail("the camera does not report the bytes per frame: " + error.text());
     payload_ = bytes;
     for (int i = 0; i < buffers_; ++i) stream_->add_buffer(payload_);
   }
 
-  /// False where the buffer held nothing at all.
+  /// Fills `frame` from the buffer, or returns false if it is empty or late.
   bool take(ArvBuffer* buffer, SourceFrame& frame) {
     const ArvBufferStatus status = arv_buffer_get_status(buffer);
     const bool filled =
@@ -201,9 +197,9 @@ class AravisSource final : public FrameSource {
         status == ARV_BUFFER_STATUS_MISSING_PACKETS ||
         status == ARV_BUFFER_STATUS_WRONG_PACKET_ID || status == ARV_BUFFER_STATUS_SIZE_MISMATCH;
     frame.arrival_utc = noted_arrival(buffer);
-    const std::uint64_t sequence = unwrapped(arv_buffer_get_frame_id(buffer));
-    // Aravis may give up a frame when later ones are out already: the gap has told of it.
-    // A counter that falls far back was reset.
+    const std::uint64_t sequence = unwrap_frame_id(arv_buffer_get_frame_id(buffer));
+    // Aravis may deliver an incomplete frame after later ones; the gap in `sequence` already shows
+    // it. A counter that falls far back was reset.
     constexpr std::uint64_t kReset = 1000;
     const bool late =
         has_sequence_ && sequence <= last_sequence_ && last_sequence_ - sequence < kReset;
@@ -220,19 +216,19 @@ class AravisSource final : public FrameSource {
     if (const guint64 stamp = arv_buffer_get_timestamp(buffer); stamp != 0) {
       frame.device_time = static_cast<Nanoseconds>(stamp);
     }
-    hand_out(buffer, frame);
+    deliver(buffer, frame);
     return true;
   }
 
-  void hand_out(ArvBuffer* buffer, SourceFrame& frame) {
+  void deliver(ArvBuffer* buffer, SourceFrame& frame) {
     const std::shared_ptr<const void> owner = Stream::lend(stream_, buffer);
     frame.raw = {};
     size_t bytes = 0;
     const void* data = arv_buffer_get_data(buffer, &bytes);
-    if (frame.torn) bytes = payload_;  // all of it is there; Aravis counts what came
+    if (frame.torn) bytes = payload_;  // Aravis counts only the bytes that arrived
     AvPtr<AVFrame> picture(check_allocation(av_frame_alloc()));
-    // A buffer that is not whole does not say what picture it holds: what the camera is set to,
-    // then. Where packets are missing, the buffer shows an earlier picture.
+    // A torn buffer does not describe its picture, so that the camera's settings apply. Where
+    // packets are missing, it shows an earlier picture.
     picture->width = description_.width;
     picture->height = description_.height;
     picture->format = av_pixel_format(format_);
@@ -261,8 +257,8 @@ class AravisSource final : public FrameSource {
     if (in_drivers_buffer && stream_->lent() > buffers_ / 2) copy_out(frame.raw);
   }
 
-  /// What is ours already has one plane. The driver gets its buffer back.
-  static void copy_out(RawImage& image) {
+  /// Copies an image in a driver's buffer, which has one plane, and returns the buffer.
+  static void copy_out(store::RawImage& image) {
     const auto* from = image.planes[0].data;
     const std::size_t bytes = image.planes[0].stride * static_cast<std::size_t>(image.height);
     auto copy = std::make_shared<const std::vector<std::byte>>(from, from + bytes);
@@ -270,14 +266,14 @@ class AravisSource final : public FrameSource {
     image.owner = std::move(copy);
   }
 
-  /// GigE Vision 1 counts frames from 1 to 65535 and begins again at 1; later versions and USB3
-  /// Vision have 64 bits. The id that is nearest to the last one, then.
-  std::uint64_t unwrapped(std::uint64_t id) const {
-    constexpr std::uint64_t kRound = 65535;
-    if (!has_sequence_ || id > kRound) return id;
-    std::uint64_t sequence = last_sequence_ / kRound * kRound + id;
-    if (sequence + kRound / 2 < last_sequence_) sequence += kRound;
-    if (sequence > last_sequence_ + kRound / 2 && sequence >= kRound) sequence -= kRound;
+  /// Returns the 64-bit id that is nearest to the last one. GigE Vision 1 counts frames from 1 to
+  /// 65535 and starts again at 1; later versions and USB3 Vision have 64 bits.
+  std::uint64_t unwrap_frame_id(std::uint64_t id) const {
+    constexpr std::uint64_t kPeriod = 65535;
+    if (!has_sequence_ || id > kPeriod) return id;
+    std::uint64_t sequence = last_sequence_ / kPeriod * kPeriod + id;
+    if (sequence + kPeriod / 2 < last_sequence_) sequence += kPeriod;
+    if (sequence > last_sequence_ + kPeriod / 2 && sequence >= kPeriod) sequence -= kPeriod;
     return sequence;
   }
 
@@ -295,8 +291,8 @@ class AravisSource final : public FrameSource {
 
 }  // namespace
 
-std::unique_ptr<FrameSource> open_aravis_source(const RecordConfig::AravisSource& source) {
+std::unique_ptr<FrameSource> open_aravis_source(const schemas::RecordConfig::AravisSource& source) {
   return std::make_unique<AravisSource>(source);
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -6,17 +6,15 @@
 #include "ingest/sources/frame_source.h"
 #include "schemas/record_config.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
-/// Frames of a GigE Vision or USB3 Vision camera through Aravis. The device's frame ids become
-/// `sequence`, counting on where 16-bit ids wrap. Frames with missing packets are torn, with what
-/// came of them (a torn frame that comes after later ones is left out: the gap has told of it).
-/// Mono8, RGB8 and BGR8 are handed out in the driver's own buffers, which go back to it when the
-/// picture is let go; where half of them are out, pictures are copied. Bayer patterns and YUV are
-/// converted. Mono 10 to 16 lose their lower bits.
-///
-/// Throws Error: bad input where the device does not take a setting, failed where it is not there
-/// or not ours to control.
-std::unique_ptr<FrameSource> open_aravis_source(const RecordConfig::AravisSource& source);
+/// Opens a GigE Vision or USB3 Vision camera through Aravis. `sequence` is the device's frame id,
+/// continued where 16-bit ids wrap. Frames with missing packets are torn and contain the data that
+/// arrived. A torn frame that comes after later ones is skipped: the gap in `sequence` shows it.
+/// Mono8, RGB8 and BGR8 frames use the driver's buffers, which return to the driver when a frame is
+/// released; while more than half of the buffers are in use, frames are copied. Bayer patterns and
+/// YUV are converted. Mono 10 to 16 lose their lower bits. Throws Error (bad input) if the device
+/// rejects a setting, Error (failed) if it is not found or another program controls it.
+std::unique_ptr<FrameSource> open_aravis_source(const schemas::RecordConfig::AravisSource& source);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

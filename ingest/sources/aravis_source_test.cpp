@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Against Aravis' own fake cameras, which speak GigE Vision over loopback. Each needs an address of
-// its own, and the protocol a port of its own: a network namespace has both, and leaves no traces.
+// Tests with Aravis' fake cameras, which use GigE Vision over loopback. Each needs its own address,
+// and the protocol a free port: a network namespace provides both and leaves no traces.
 #include "ingest/sources/aravis_source.h"
 
 #include <arpa/inet.h>
@@ -20,7 +20,7 @@
 #include "base/error.h"
 #include "ingest/sources/aravis_camera.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using namespace std::chrono_literals;
@@ -29,7 +29,7 @@ using Outcome = FrameSource::Outcome;
 
 constexpr int kAddresses = 4;
 
-/// Gives the loopback of this thread's namespace the addresses 127.0.0.1 to 127.0.0.4.
+/// Adds 127.0.0.1 to 127.0.0.4 to the loopback device of this thread's network namespace.
 bool add_addresses() {
   const int control = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   bool good = control >= 0;
@@ -63,7 +63,7 @@ class AravisSourceTest : public ::testing::Test {
     if (!alone_) GTEST_SKIP() << "no network namespace of our own is permitted here";
   }
 
-  /// A camera at 127.0.0.(1 + index), serial number "Sindex".
+  /// Starts a camera at 127.0.0.(1 + index) with the serial number "Sindex".
   ArvGvFakeCamera* start(int index) {
     cameras_.emplace_back(arv_gv_fake_camera_new(fmt::format("127.0.0.{}", index + 1).c_str(),
                                                  fmt::format("S{}", index).c_str()));
@@ -71,9 +71,9 @@ class AravisSourceTest : public ::testing::Test {
     return cameras_.back().get();
   }
 
-  /// What works over loopback with a camera that resends nothing.
-  static RecordConfig::AravisSource settings(int index) {
-    RecordConfig::AravisSource source;
+  /// Returns settings for loopback and a camera that does not resend packets.
+  static schemas::RecordConfig::AravisSource settings(int index) {
+    schemas::RecordConfig::AravisSource source;
     source.device = fmt::format("Aravis-Fake-S{}", index);
     source.fps = 50;
     source.pixel_format = "Mono8";
@@ -88,8 +88,8 @@ class AravisSourceTest : public ::testing::Test {
   static inline bool alone_ = false;
 };
 
-/// The first whole frame. Aravis enlarges the socket's buffer when the first packet comes; over
-/// loopback the rest of that frame may have overrun it by then.
+/// Waits for the first complete frame. Aravis enlarges the socket's buffer at the first packet. The
+/// rest of that frame may already have overrun it over loopback.
 bool first_whole(FrameSource& source, SourceFrame& frame) {
   for (int i = 0; i < 3; ++i) {
     if (source.next(frame, 3000ms) == Outcome::kFrame && !frame.torn) return true;
@@ -112,7 +112,7 @@ TEST_F(AravisSourceTest, FramesComeWholeWithCounterAndDeviceTime) {
   for (int i = 0; i < 30; ++i) {
     ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
     EXPECT_FALSE(frame.torn);
-    EXPECT_EQ(frame.raw.format, PixelFormat::kGray);
+    EXPECT_EQ(frame.raw.format, store::PixelFormat::kGray);
     EXPECT_EQ(frame.raw.width, 512);
     ASSERT_TRUE(frame.sequence && frame.device_time);
     if (i == 0) {
@@ -125,7 +125,7 @@ TEST_F(AravisSourceTest, FramesComeWholeWithCounterAndDeviceTime) {
     number = *frame.sequence;
     stamp = *frame.device_time;
   }
-  // A busy machine slows the fake camera down.
+  // A busy machine delays the fake camera.
   const double period =
       static_cast<double>(stamp - first_stamp) / static_cast<double>(number - first_number);
   EXPECT_GT(period, 18e6);
@@ -187,13 +187,13 @@ TEST_F(AravisSourceTest, SeveralCamerasAtOnce) {
 
 TEST_F(AravisSourceTest, PixelFormatsBecomeOurs) {
   start(0);
-  for (const auto& [name, expected] : {std::pair{"Mono8", PixelFormat::kGray},
-                                       {"Mono16", PixelFormat::kGray},
-                                       {"RGB8", PixelFormat::kRgb},
-                                       {"BayerRG8", PixelFormat::kRgb},
-                                       {"BayerBG8", PixelFormat::kRgb},
-                                       {"BayerGR8", PixelFormat::kRgb},
-                                       {"BayerGB8", PixelFormat::kRgb}}) {
+  for (const auto& [name, expected] : {std::pair{"Mono8", store::PixelFormat::kGray},
+                                       {"Mono16", store::PixelFormat::kGray},
+                                       {"RGB8", store::PixelFormat::kRgb},
+                                       {"BayerRG8", store::PixelFormat::kRgb},
+                                       {"BayerBG8", store::PixelFormat::kRgb},
+                                       {"BayerGR8", store::PixelFormat::kRgb},
+                                       {"BayerGB8", store::PixelFormat::kRgb}}) {
     auto config = settings(0);
     config.pixel_format = name;
     const auto source = open_aravis_source(config);
@@ -217,7 +217,7 @@ TEST_F(AravisSourceTest, FramesWithLostPacketsAreTornAndCounted) {
   for (int i = 0; i < 40; ++i) {
     ASSERT_EQ(source->next(frame, 3000ms), Outcome::kFrame);
     if (frame.torn) ++torn;
-    EXPECT_EQ(frame.raw.width, 512);  // what came is kept
+    EXPECT_EQ(frame.raw.width, 512);  // the received part is kept
     if (frame.sequence && last) {
       EXPECT_GT(*frame.sequence, *last);
     }
@@ -314,7 +314,7 @@ TEST_F(AravisSourceTest, CamerasAreFoundByIdSerialNumberAndAddress) {
 
 TEST_F(AravisSourceTest, SettingsThatTheCameraDoesNotTakeAreNamed) {
   start(0);
-  const auto refusal = [](const RecordConfig::AravisSource& config) -> std::string {
+  const auto refusal = [](const schemas::RecordConfig::AravisSource& config) -> std::string {
     try {
       open_aravis_source(config);
     } catch (const Error& error) {
@@ -335,7 +335,7 @@ TEST_F(AravisSourceTest, SettingsThatTheCameraDoesNotTakeAreNamed) {
   EXPECT_THAT(refusal(config), ::testing::HasSubstr("fps is 100000"));
   config = settings(0);
   config.pixel_format = "Mono9";
-  EXPECT_THAT(refusal(config), ::testing::AllOf(::testing::HasSubstr("pixel format"),
+  EXPECT_THAT(refusal(config), ::testing::AllOf(::testing::HasSubstr("rejected pixel_format"),
                                                 ::testing::HasSubstr("BayerRG8")));
   config = settings(0);
   config.trigger = "Line77";
@@ -347,4 +347,4 @@ TEST_F(AravisSourceTest, SettingsThatTheCameraDoesNotTakeAreNamed) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

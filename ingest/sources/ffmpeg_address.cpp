@@ -14,17 +14,17 @@ extern "C" {
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
-/// libavdevice brings SDL, OpenGL and 80 more libraries, so that starting a process takes twice as
-/// long: loaded when a device is asked for. Stays until the process ends.
+/// Loads libavdevice until the process ends. Linking it would double the start time of a process,
+/// because it depends on SDL, OpenGL and 80 more libraries.
 void load_devices() {
   const std::string name = fmt::format("libavdevice.so.{}", LIBAVDEVICE_VERSION_MAJOR);
   void* library = dlopen(name.c_str(), RTLD_NOW | RTLD_GLOBAL);
   void* register_all = library == nullptr ? nullptr : dlsym(library, "avdevice_register_all");
   if (register_all == nullptr) {
-    throw Error::failed("FFmpeg's library of devices cannot be loaded", name,
+    throw Error::failed("FFmpeg's device library cannot be loaded", name,
                         "Install the package libavdevice59");
   }
   reinterpret_cast<void (*)()>(register_all)();
@@ -38,8 +38,8 @@ const AVInputFormat* find_format(const std::string& name) {
   return av_find_input_format(name.c_str());
 }
 
-/// "user:password@" between "//" and the host.
-std::string without_secrets(const std::string& url) {
+/// Removes "user:password@" between "//" and the host.
+std::string without_credentials(const std::string& url) {
   const std::size_t host = url.find("//");
   if (host == url.npos) return url;
   const std::size_t end = url.find('/', host + 2);
@@ -60,16 +60,16 @@ bool is_device(const AVInputFormat* format) {
          category == AV_CLASS_CATEGORY_DEVICE_VIDEO_INPUT;
 }
 
-/// Whether a filter graph of lavfi takes its time: then it runs like a camera. One that is in a
-/// file of its own is not looked into.
-bool keeps_real_time(const RecordConfig::FfmpegSource& source, const std::string& url) {
+/// Returns whether a lavfi filter graph runs in real time, like a camera. Does not examine a graph
+/// in a separate file.
+bool runs_in_real_time(const schemas::RecordConfig::FfmpegSource& source, const std::string& url) {
   static const std::regex filter(R"((^|[,;\]\s])a?realtime($|[=,;\[@\s]))");
   const auto given = source.options.find("graph");
   return std::regex_search(given == source.options.end() ? url : given->second, filter);
 }
 
-/// Splits "v4l2:/dev/video0": the format before the colon, unless that is a protocol, a URL's
-/// scheme or part of a file's name.
+/// Splits "v4l2:/dev/video0" into format and URL, unless the part before the colon is a protocol, a
+/// URL scheme or part of a file name.
 void split_format(const std::filesystem::path& base, std::string& url, std::string& format) {
   const std::size_t colon = url.find(':');
   if (!format.empty() || colon == url.npos || colon == 0) return;
@@ -84,7 +84,7 @@ void split_format(const std::filesystem::path& base, std::string& url, std::stri
 
 }  // namespace
 
-FfmpegAddress resolve_ffmpeg_address(const RecordConfig::FfmpegSource& source,
+FfmpegAddress resolve_ffmpeg_address(const schemas::RecordConfig::FfmpegSource& source,
                                      const std::filesystem::path& base) {
   FfmpegAddress address;
   address.url = source.url;
@@ -93,15 +93,15 @@ FfmpegAddress resolve_ffmpeg_address(const RecordConfig::FfmpegSource& source,
   if (!format.empty()) {
     address.format = find_format(format);
     if (address.format == nullptr) {
-      throw Error::bad_input(
-          fmt::format("FFmpeg knows no input format and no protocol \"{}\"", format), source.url,
-          "Choose one that `ffmpeg -demuxers` or `ffmpeg -devices` lists");
+      throw Error::bad_input(fmt::format("FFmpeg has no input format or protocol \"{}\"", format),
+                             source.url,
+                             "Choose one that `ffmpeg -demuxers` or `ffmpeg -devices` lists");
     }
   }
-  address.display_url = without_secrets(address.url);
+  address.display_url = without_credentials(address.url);
   if (is_device(address.format)) {
     const bool graph = std::string_view(address.format->name) == "lavfi";
-    address.kind = graph && !keeps_real_time(source, address.url)
+    address.kind = graph && !runs_in_real_time(source, address.url)
                        ? FfmpegAddress::Kind::kFilterGraph
                        : FfmpegAddress::Kind::kDevice;
     return address;
@@ -124,4 +124,4 @@ FfmpegAddress resolve_ffmpeg_address(const RecordConfig::FfmpegSource& source,
   return address;
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

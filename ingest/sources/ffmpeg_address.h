@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside ingest/sources only.
+// Internal to ingest/sources.
 #pragma once
 
 #include <filesystem>
@@ -8,28 +8,28 @@
 #include "ingest/sources/ffmpeg_pointers.h"
 #include "schemas/record_config.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
-/// Where FFmpeg shall read, and by which of its input formats.
+/// The address that FFmpeg reads, and its input format.
 struct FfmpegAddress {
   enum class Kind {
-    kFile,         ///< has an end and waits for us
-    kFilterGraph,  ///< FFmpeg's own pictures (lavfi) that keep no real time: wait for us too
-    kPipe,         ///< a file descriptor or named pipe: waits for us, and may stall
+    kFile,         ///< has an end and waits for the reader
+    kFilterGraph,  ///< generated pictures (lavfi) that are not in real time: waits as well
+    kPipe,         ///< a file descriptor or named pipe: waits for the reader, may stall
     kNetwork,      ///< may stall and break
-    kDevice        ///< an input device of libavdevice
+    kDevice        ///< an input device of libavdevice, or a filter graph in real time
   };
   Kind kind = Kind::kFile;
-  std::string url;                        ///< as FFmpeg wants it
-  std::string display_url;                ///< for people: without user name and password
-  const AVInputFormat* format = nullptr;  ///< null: FFmpeg finds out
+  std::string url;                        ///< in FFmpeg's syntax
+  std::string display_url;                ///< for messages: without user name and password
+  const AVInputFormat* format = nullptr;  ///< null: FFmpeg detects it
 
   bool is_live() const { return kind == Kind::kNetwork || kind == Kind::kDevice; }
 };
 
-/// Relative files are looked up in `base`. Loads libavdevice where a format is asked for that
-/// nobody else knows. Throws Error (bad input) where FFmpeg knows no such format or protocol.
-FfmpegAddress resolve_ffmpeg_address(const RecordConfig::FfmpegSource& source,
+/// Resolves the address of `source`; relative files are in `base`. Loads libavdevice if the format
+/// is not known without it. Throws Error (bad input) if FFmpeg has no such format or protocol.
+FfmpegAddress resolve_ffmpeg_address(const schemas::RecordConfig::FfmpegSource& source,
                                      const std::filesystem::path& base);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using Kind = FfmpegAddress::Kind;
@@ -34,7 +34,7 @@ TEST(FfmpegAddress, KindsAreToldApart) {
   EXPECT_EQ(address("rtsp://10.0.0.1/stream").kind, Kind::kNetwork);
   EXPECT_EQ(address("rtsp://10.0.0.1/stream").url, "rtsp://10.0.0.1/stream");
   EXPECT_EQ(address("pipe:0", "rawvideo").kind, Kind::kPipe);
-  const TestFolder folder;
+  const testing::TestFolder folder;
   ASSERT_EQ(mkfifo((folder.path() / "pipe").c_str(), 0600), 0);
   EXPECT_EQ(address("pipe", "mjpeg", folder.path()).kind, Kind::kPipe);
 }
@@ -70,7 +70,7 @@ TEST(FfmpegAddress, AGraphIsACameraWhereItKeepsRealTime) {
 }
 
 TEST(FfmpegAddress, AColonInAFilesNameIsNoFormat) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   std::ofstream(folder.path() / "take:1.mkv") << "x";
   EXPECT_EQ(address("take:1.mkv", "", folder.path()).url,
             "file:" + (folder.path() / "take:1.mkv").string());
@@ -84,4 +84,4 @@ TEST(FfmpegAddress, PasswordsAreNotShown) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

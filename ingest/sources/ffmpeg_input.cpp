@@ -9,17 +9,17 @@
 #include "base/error.h"
 #include "ingest/sources/frame_source.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using namespace std::chrono_literals;
 
 constexpr auto kOpenWithin = 10s;
 constexpr std::size_t kReadAhead = 8;  // packets
-constexpr std::size_t kInHands = 2;    // of the reading thread, and of who takes them
-// FFmpeg's contexts and buffers: of a network protocol the packets that wait (udp keeps 5.4 MB).
+constexpr std::size_t kInUse = 2;      // packets: one of each thread
+// Bytes of FFmpeg's contexts, and of the packets that wait in a network protocol (udp: 5.4 MB).
 constexpr std::size_t kDemuxer = 1 << 20, kNetworkBuffers = 6 << 20;
-constexpr std::size_t kGraphPictures = 4;  // that filters hold, 4 bytes a pixel
+constexpr std::size_t kGraphPictures = 4;  // in use by filters, 4 bytes per pixel
 
 bool is_v4l2(const AVInputFormat* format) {
   return format != nullptr && std::strstr(format->name, "v4l2") != nullptr;
@@ -54,8 +54,8 @@ int FfmpegInput::should_interrupt(void* self) {
 void FfmpegInput::open(FfmpegOptions& options) {
   const auto refuse = [&](int code, const std::string& what, const std::string& advice) {
     if (code == AVERROR_EXIT || code == AVERROR(ETIMEDOUT)) {
-      return Error::failed("nothing came in time", address_.display_url,
-                           "Check that the camera is switched on and sends, and the address");
+      return Error::failed("no data arrived in time", address_.display_url,
+                           "Check the address, and that the camera is switched on and sends");
     }
     return Error::bad_input(fmt::format("{}: {}", what, av_error_text(code)), address_.display_url,
                             advice);
@@ -71,38 +71,38 @@ void FfmpegInput::open(FfmpegOptions& options) {
     }
     context->pb = pipe_->context();
   }
-  // V4L2 otherwise waits for a camera that hangs, with no way to stop it.
+  // Otherwise V4L2 waits for a camera that hangs, and cannot be interrupted.
   if (is_v4l2(address_.format)) context->flags |= AVFMT_FLAG_NONBLOCK;
   const char* url = pipe_ ? nullptr : address_.url.c_str();
-  // Frees the context itself where it fails.
+  // Frees the context itself on failure.
   int code = avformat_open_input(&context, url, address_.format, options.get());
   if (code < 0) {
     const std::string named = options.names();
     throw refuse(code, "the source cannot be opened",
-                 named.empty() ? "Check the address, and that the source is there"
-                               : "Check the address, and the values of the options " + named);
+                 named.empty() ? "Check the address, and that the source exists"
+                               : "Check the address and the values of the options " + named);
   }
   context_.reset(context);
-  // FFmpeg looks for a tag before the first bytes, and takes the end of our patience for none.
+  // FFmpeg reports no error if the interruption comes while it looks for a tag at the start.
   if (stopping()) throw refuse(AVERROR_EXIT, "", "");
   probed_ = needs_probing();
   if (probed_) {
-    // Frames read ahead to find the rate of a live source would arrive late.
+    // Frames read ahead to determine the rate of a live source would arrive late.
     if (address_.kind != FfmpegAddress::Kind::kFile) context->fps_probe_size = 0;
     code = avformat_find_stream_info(context, nullptr);
-    if (code < 0) throw refuse(code, "the source is damaged", "Check what sends it");
+    if (code < 0) throw refuse(code, "the source is damaged", "Check its sender");
   }
   stream_ = av_find_best_stream(context, AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
   if (stream_ < 0) {
-    throw Error::bad_input("there is no video in this source", address_.display_url,
-                           "Check that it is the right one");
+    throw Error::bad_input("the source has no video stream", address_.display_url,
+                           "Choose a source with video");
   }
   for (unsigned i = 0; i < context->nb_streams; ++i) {
     if (static_cast<int>(i) != stream_) context->streams[i]->discard = AVDISCARD_ALL;
   }
 }
 
-/// Whether packets must be read to know what is in them.
+/// Returns whether packets must be read to determine the codec.
 bool FfmpegInput::needs_probing() const {
   if (address_.kind == FfmpegAddress::Kind::kFile) return true;
   if ((context_->ctx_flags & AVFMTCTX_NOHEADER) != 0) return true;
@@ -119,13 +119,13 @@ double FfmpegInput::fps() const {
   for (const AVRational rate : {stream().avg_frame_rate, stream().r_frame_rate}) {
     if (rate.num > 0 && rate.den > 0) return av_q2d(rate);
   }
-  // Of these the tick of the time stamps is the period of the frames, where it is not tiny.
-  const bool by_ticks = address_.kind == FfmpegAddress::Kind::kDevice ||
-                        address_.kind == FfmpegAddress::Kind::kFilterGraph ||
-                        std::strcmp(context_->iformat->name, "rawvideo") == 0;
-  const AVRational tick = stream().time_base;
+  // For these formats the unit of the time stamps is the frame period, unless it is tiny.
+  const bool unit_is_period = address_.kind == FfmpegAddress::Kind::kDevice ||
+                              address_.kind == FfmpegAddress::Kind::kFilterGraph ||
+                              std::strcmp(context_->iformat->name, "rawvideo") == 0;
+  const AVRational unit = stream().time_base;
   constexpr int kFastest = 1000;
-  if (by_ticks && tick.num > 0 && tick.den / tick.num <= kFastest) return 1 / av_q2d(tick);
+  if (unit_is_period && unit.num > 0 && unit.den / unit.num <= kFastest) return 1 / av_q2d(unit);
   return 0;
 }
 
@@ -134,15 +134,15 @@ std::size_t FfmpegInput::memory_overhead() const {
   const AVCodecParameters& video = *stream().codecpar;
   const auto pixels =
       static_cast<std::size_t>(video.width) * static_cast<std::size_t>(video.height);
-  const bool plain =
+  const bool uncompressed =
       video.codec_id == AV_CODEC_ID_RAWVIDEO || video.codec_id == AV_CODEC_ID_WRAPPED_AVFRAME;
-  const int raw = plain ? av_image_get_buffer_size(static_cast<AVPixelFormat>(video.format),
-                                                   video.width, video.height, 1)
-                        : 0;
-  // Compressed ones: as for JPEG, half a byte a pixel is much.
+  const int raw = uncompressed ? av_image_get_buffer_size(static_cast<AVPixelFormat>(video.format),
+                                                          video.width, video.height, 1)
+                               : 0;
+  // Compressed packets seldom exceed half a byte per pixel, as for JPEG.
   const std::size_t packet = raw > 0 ? static_cast<std::size_t>(raw) : pixels / 2;
-  std::size_t bytes = (kReadAhead + kInHands) * packet + kDemuxer;
-  // What was read to find out what there is waits to be read again.
+  std::size_t bytes = (kReadAhead + kInUse) * packet + kDemuxer;
+  // The bytes read while probing wait to be read again.
   if (probed_) bytes += static_cast<std::size_t>(context_->probesize);
   if (address_.kind == Kind::kNetwork) bytes += kNetworkBuffers;
   if (std::strcmp(context_->iformat->name, "lavfi") == 0) bytes += kGraphPictures * 4 * pixels;
@@ -153,7 +153,7 @@ void FfmpegInput::start() {
   reader_ = std::thread([this] { read_packets(); });
 }
 
-/// One packet of ours, or FFmpeg's reason why there is none.
+/// Reads a packet of the chosen stream, or returns FFmpeg's error code.
 int FfmpegInput::read_packet(AVPacket& packet) {
   for (;;) {
     const int code = av_read_frame(context_.get(), &packet);
@@ -178,8 +178,8 @@ void FfmpegInput::read_packets() {
     next.arrival_utc = host_utc_now();
     if (address_.kind == FfmpegAddress::Kind::kDevice ||
         address_.kind == FfmpegAddress::Kind::kFilterGraph) {
-      // The bytes may be the driver's own, which has few such buffers and takes them back when it
-      // is closed; or a graph's, which keeps as many as were ever out at once.
+      // The bytes may be one of the driver's few buffers, which are gone when it is closed. Or they
+      // belong to a filter graph, which never frees any of the pictures that were in use at once.
       AvPtr<AVPacket> copy(av_packet_alloc());
       if (!copy || av_new_packet(copy.get(), next.packet->size) < 0) {
         end(AVERROR(ENOMEM));
@@ -199,7 +199,7 @@ void FfmpegInput::read_packets() {
 
 void FfmpegInput::end(int code) {
   const bool network = address_.kind == FfmpegAddress::Kind::kNetwork;
-  const char* at_end = network ? "the other side closed the connection" : "the source ended";
+  const char* at_end = network ? "the sender closed the connection" : "the source ended";
   {
     const std::scoped_lock lock(mutex_);
     over_ = true;
@@ -238,4 +238,4 @@ void FfmpegInput::interrupt() {
   changed_.notify_all();
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside ingest/sources only.
+// Internal to ingest/sources.
 #pragma once
 
 #include <atomic>
@@ -16,11 +16,11 @@
 #include "ingest/sources/ffmpeg_pointers.h"
 #include "ingest/sources/pipe_reader.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
-/// The packets of the first video stream of anything that FFmpeg opens. A thread of its own reads
-/// ahead a little and notes when each packet was whole: FFmpeg gives up a packet half way where its
-/// reading is cut short, so no caller's patience may reach into it.
+/// Reads the packets of the best video stream of anything that FFmpeg opens. A separate thread
+/// reads a few packets ahead and notes when each was complete: FFmpeg discards a partial packet if
+/// it is interrupted, so a caller's timeout must not interrupt FFmpeg.
 class FfmpegInput {
  public:
   using Clock = std::chrono::steady_clock;
@@ -31,8 +31,8 @@ class FfmpegInput {
   };
   enum class Outcome { kPacket, kNoData, kEnded, kLost };
 
-  /// Opens within 10 s or throws Error: bad input where there is nothing to open or no video in it,
-  /// failed where nothing came in time. What is left in `options` nobody knew so far.
+  /// Opens the source and leaves in `options` those that FFmpeg did not use. Throws Error (bad
+  /// input) if it cannot be opened or has no video, Error (failed) if no data arrives within 10 s.
   FfmpegInput(FfmpegAddress address, FfmpegOptions& options);
   ~FfmpegInput();
   FfmpegInput(const FfmpegInput&) = delete;
@@ -41,20 +41,20 @@ class FfmpegInput {
   const FfmpegAddress& address() const { return address_; }
   const AVInputFormat& format() const { return *context_->iformat; }
   const AVStream& stream() const { return *context_->streams[stream_]; }
-  /// Files, graphs and pipes end. A camera does not, unless it said how much it would send.
+  /// Returns true for files, filter graphs, pipes, and live sources that announced a duration.
   bool is_finite_stream() const { return !address_.is_live() || context_->duration > 0; }
-  /// Nominal frames per second; 0: unknown.
+  /// Returns the nominal frames per second, or 0 if unknown.
   double fps() const;
 
-  /// Bytes of what is read ahead and of FFmpeg's own, at most about.
+  /// Returns an upper estimate of the bytes of packets read ahead and of FFmpeg's buffers.
   std::size_t memory_overhead() const;
 
-  /// Starts reading; packets may be taken from now on.
+  /// Starts the reading thread. take() may be called from now on.
   void start();
+  /// Waits for a packet until `deadline`; kNoData if none came.
   Outcome take(Packet& packet, Clock::time_point deadline);
-  /// After kLost.
-  std::string loss_reason();
-  /// Makes a waiting take() return kNoData, or else the next one.
+  std::string loss_reason();  ///< after kLost
+  /// Makes a waiting take() return kNoData, or the next take() if none waits.
   void interrupt();
 
  private:
@@ -82,4 +82,4 @@ class FfmpegInput {
   std::thread reader_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::ingest

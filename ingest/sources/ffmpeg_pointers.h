@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside ingest/sources only: FFmpeg's objects, owned.
+// Internal to ingest/: owning pointers to FFmpeg's objects.
 #pragma once
 
 extern "C" {
@@ -16,7 +16,7 @@ extern "C" {
 #include <new>
 #include <string>
 
-namespace raystage {
+namespace raystage::ingest {
 
 struct AvDeleter {
   void operator()(AVFormatContext* context) const { avformat_close_input(&context); }
@@ -28,7 +28,7 @@ struct AvDeleter {
 template <typename T>
 using AvPtr = std::unique_ptr<T, AvDeleter>;
 
-/// FFmpeg's dictionary of options.
+/// Owns a dictionary of FFmpeg options.
 class FfmpegOptions {
  public:
   FfmpegOptions() = default;
@@ -39,7 +39,7 @@ class FfmpegOptions {
   void set(const std::string& name, const std::string& value) {
     av_dict_set(&options_, name.c_str(), value.c_str(), 0);
   }
-  /// Those that nobody took so far, separated by commas; empty: none.
+  /// Returns the quoted names of the unused options, separated by commas.
   std::string names() const {
     std::string list;
     const AVDictionaryEntry* entry = nullptr;
@@ -67,4 +67,4 @@ T* check_allocation(T* pointer) {
   return pointer;
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

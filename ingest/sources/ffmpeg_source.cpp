@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <utility>
 
 #include "base/error.h"
@@ -14,7 +13,7 @@
 #include "ingest/sources/jpeg_markers.h"
 #include "ingest/sources/pixel_conversion.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using namespace std::chrono_literals;
@@ -23,37 +22,37 @@ using Clock = FfmpegInput::Clock;
 constexpr auto kFirstFrameWithin = 10s;
 constexpr AVRational kNanosecond{1, 1'000'000'000};
 
-/// Input formats whose time stamps are a capture clock's, and not made up or counted.
-enum class Stamps { kNone, kHost, kDevice };
+/// Clock of the time stamps of an input format; kNone if they are counted or made up.
+enum class CaptureClock { kNone, kHost, kDevice };
 
-Stamps stamps_of(const FfmpegInput& input) {
+CaptureClock clock_of(const FfmpegInput& input) {
   const std::string_view name = input.format().name;
-  if (name.find("v4l2") != name.npos) return Stamps::kHost;  // the kernel's, monotonic
-  if (input.address().kind != FfmpegAddress::Kind::kNetwork) return Stamps::kNone;
+  if (name.find("v4l2") != name.npos) return CaptureClock::kHost;  // monotonic, of the kernel
+  if (input.address().kind != FfmpegAddress::Kind::kNetwork) return CaptureClock::kNone;
   const bool by_sender = name == "rtsp" || name == "rtp" || name == "sdp" || name == "mpegts";
-  return by_sender ? Stamps::kDevice : Stamps::kNone;
+  return by_sender ? CaptureClock::kDevice : CaptureClock::kNone;
 }
 
-FfmpegOptions& set_all(FfmpegOptions& options, const RecordConfig::FfmpegSource& source) {
+FfmpegOptions& set_all(FfmpegOptions& options, const schemas::RecordConfig::FfmpegSource& source) {
   for (const auto& [name, value] : source.options) options.set(name, value);
   return options;
 }
 
 class FfmpegSource final : public FrameSource {
  public:
-  FfmpegSource(const RecordConfig::FfmpegSource& source, const std::filesystem::path& base)
+  FfmpegSource(const schemas::RecordConfig::FfmpegSource& source, const std::filesystem::path& base)
       : realtime_(source.realtime),
         input_(resolve_ffmpeg_address(source, base), set_all(options_, source)),
-        stamps_(stamps_of(input_)) {
+        clock_(clock_of(input_)) {
     const AVCodecParameters& parameters = *input_.stream().codecpar;
     if (parameters.codec_id != AV_CODEC_ID_MJPEG) open_decoder(parameters);
     if (const std::string unknown = options_.names(); !unknown.empty()) {
-      throw Error::bad_input(fmt::format("FFmpeg does not know these options here: {}", unknown),
+      throw Error::bad_input(fmt::format("FFmpeg has no such options for this source: {}", unknown),
                              input_.address().display_url,
-                             "Remove them, or look them up in `ffmpeg -h demuxer=NAME`");
+                             "Remove or correct them; `ffmpeg -h demuxer=NAME` lists the options");
     }
-    // A wall clock read at arrival says nothing that we do not know.
-    if (source.options.contains("use_wallclock_as_timestamps")) stamps_ = Stamps::kNone;
+    // A wall clock that FFmpeg reads at arrival adds nothing to arrival_utc.
+    if (source.options.contains("use_wallclock_as_timestamps")) clock_ = CaptureClock::kNone;
     describe(parameters);
     input_.start();
     if (description_.width <= 0 || description_.height <= 0) find_size();
@@ -63,7 +62,7 @@ class FfmpegSource final : public FrameSource {
 
   Outcome next(SourceFrame& frame, std::chrono::milliseconds patience) override {
     const Clock::time_point deadline = Clock::now() + patience;
-    if (asked_utc_ == 0) asked_utc_ = host_utc_now();
+    if (since_utc_ == 0) since_utc_ = host_utc_now();
     if (!has_held_) {
       if (const Outcome outcome = produce(deadline); outcome != Outcome::kFrame) return outcome;
       has_held_ = true;
@@ -75,9 +74,9 @@ class FfmpegSource final : public FrameSource {
       }
       held_.arrival_utc = host_utc_now();
     }
-    // Read ahead, but it would not have come by itself: no recording may take it for the past.
-    if (!description_.live && held_.arrival_utc <= asked_utc_) held_.arrival_utc = host_utc_now();
-    asked_utc_ = 0;
+    // A frame read ahead of a request must not count as a frame of the past.
+    if (!description_.live && held_.arrival_utc <= since_utc_) held_.arrival_utc = host_utc_now();
+    since_utc_ = 0;
     frame = std::move(held_);
     held_ = {};
     has_held_ = false;
@@ -103,20 +102,20 @@ class FfmpegSource final : public FrameSource {
           input_.address().display_url, "Set the camera to a codec that `ffmpeg -decoders` lists");
     }
     codec_.reset(check_allocation(avcodec_alloc_context3(decoder)));
-    codec_->thread_count = 1;  // there are as many decoders as cameras
+    codec_->thread_count = 1;  // every camera has a decoder
     int code = avcodec_parameters_to_context(codec_.get(), &parameters);
     codec_->pkt_timebase = input_.stream().time_base;
     if (input_.address().is_live()) codec_->flags |= AV_CODEC_FLAG_LOW_DELAY;
     if (code >= 0) code = avcodec_open2(codec_.get(), decoder, options_.get());
     if (code < 0) {
       throw Error::bad_input("the decoder does not start: " + av_error_text(code),
-                             input_.address().display_url, "Check the options");
+                             input_.address().display_url, "Check the values of the options");
     }
     picture_.reset(check_allocation(av_frame_alloc()));
   }
 
   void describe(const AVCodecParameters& parameters) {
-    // FFmpeg lists all that one reader is good for: "video4linux2,v4l2", "mov,mp4,m4a,...".
+    // FFmpeg lists all formats of one reader: "video4linux2,v4l2", "mov,mp4,m4a,...".
     std::string format = input_.format().name;
     format = format.ends_with(",v4l2") ? "v4l2" : format.substr(0, format.find(','));
     description_.what = fmt::format("{} {}, {}", format, input_.address().display_url,
@@ -128,45 +127,45 @@ class FfmpegSource final : public FrameSource {
     description_.live = !input_.is_finite_stream();
     description_.waits = input_.address().kind == FfmpegAddress::Kind::kFile ||
                          input_.address().kind == FfmpegAddress::Kind::kFilterGraph;
-    description_.clock = stamps_ == Stamps::kDevice ? "device" : "host";
-    description_.timestamp_event = stamps_ == Stamps::kNone ? "arrival" : "unknown";
+    description_.clock = clock_ == CaptureClock::kDevice ? "device" : "host";
+    description_.timestamp_event = clock_ == CaptureClock::kNone ? "arrival" : "unknown";
   }
 
-  /// Bytes of the decoder's pictures, at most about.
+  /// Returns an upper estimate of the bytes of the decoder's pictures.
   std::size_t decoder_memory() const {
     if (!codec_) return 0;
-    // A picture that is decoded and one that goes out; of codecs that predict, 16 to predict from,
-    // each with its motion vectors (half as much again).
-    constexpr std::size_t kOfTheirOwn = 2, kPredicting = (16 + 2) * 3 / 2, kMostBytesOfAPixel = 4;
+    // One picture is decoded, one delivered. Codecs that predict keep 16 reference pictures; the
+    // motion vectors of each picture take half as much again.
+    constexpr std::size_t kIntra = 2, kPredicted = (16 + 2) * 3 / 2, kMaxBytesPerPixel = 4;
     const AVCodecDescriptor* codec = avcodec_descriptor_get(codec_->codec_id);
-    const bool alone = codec != nullptr && (codec->props & AV_CODEC_PROP_INTRA_ONLY) != 0;
+    const bool intra = codec != nullptr && (codec->props & AV_CODEC_PROP_INTRA_ONLY) != 0;
     const int known =
         av_image_get_buffer_size(codec_->pix_fmt, description_.width, description_.height, 32);
     const std::size_t picture = known > 0 ? static_cast<std::size_t>(known)
-                                          : kMostBytesOfAPixel *
+                                          : kMaxBytesPerPixel *
                                                 static_cast<std::size_t>(description_.width) *
                                                 static_cast<std::size_t>(description_.height);
-    return (alone ? kOfTheirOwn : kPredicting) * picture;
+    return (intra ? kIntra : kPredicted) * picture;
   }
 
-  /// Some streams do not say how large they are until the first frame.
+  /// Takes the size from the first frame, for streams that do not report it earlier.
   void find_size() {
     const Outcome outcome = produce(Clock::now() + kFirstFrameWithin);
     if (outcome != Outcome::kFrame) {
       throw Error::failed(
           outcome == Outcome::kNoData
-              ? "no frame came within 10 seconds"
-              : fmt::format("no frame came: {}",
+              ? "no frame arrived within 10 s"
+              : fmt::format("no frame arrived: {}",
                             outcome == Outcome::kLost ? loss_reason_ : "the stream ended"),
           input_.address().display_url, "Check that the camera is switched on and sends");
     }
     has_held_ = true;
-    const JpegMarkerInfo glance = scan_jpeg_markers(held_.jpeg);
-    description_.width = codec_ ? held_.raw.width : glance.width;
-    description_.height = codec_ ? held_.raw.height : glance.height;
+    const JpegMarkerInfo markers = scan_jpeg_markers(held_.jpeg);
+    description_.width = codec_ ? held_.raw.width : markers.width;
+    description_.height = codec_ ? held_.raw.height : markers.height;
   }
 
-  /// The next frame into held_, as soon as there is one.
+  /// Waits until `deadline` for the next frame and stores it in held_.
   Outcome produce(Clock::time_point deadline) {
     for (;;) {
       if (codec_) {
@@ -177,7 +176,7 @@ class FfmpegSource final : public FrameSource {
         }
         if (code == AVERROR_EOF) return ending_;
         if (code != AVERROR(EAGAIN)) {
-          hold_loss();
+          hold_torn_frame();
           return Outcome::kFrame;
         }
       }
@@ -190,7 +189,7 @@ class FfmpegSource final : public FrameSource {
           loss_reason_ = input_.loss_reason();
           [[fallthrough]];
         case FfmpegInput::Outcome::kEnded:
-          // The decoder may still hold pictures.
+          // The decoder may still have pictures.
           if (!codec_ || avcodec_send_packet(codec_.get(), nullptr) < 0) return ending_;
           break;
         case FfmpegInput::Outcome::kPacket:
@@ -204,13 +203,13 @@ class FfmpegSource final : public FrameSource {
     }
   }
 
-  /// False where the packet is no picture at all: then held_ says so.
+  /// Decodes a packet. If it is not a picture, returns false with a torn frame in held_.
   bool send(const FfmpegInput::Packet& next) {
     packet_arrival_ = next.arrival_utc;
     packet_torn_ = (next.packet->flags & AV_PKT_FLAG_CORRUPT) != 0;
-    codec_->reordered_opaque = next.arrival_utc;  // comes back with the picture
+    codec_->reordered_opaque = next.arrival_utc;  // returned with the picture
     if (avcodec_send_packet(codec_.get(), next.packet.get()) >= 0) return true;
-    hold_loss();
+    hold_torn_frame();
     return false;
   }
 
@@ -226,22 +225,22 @@ class FfmpegSource final : public FrameSource {
 
   void hold_picture() {
     held_ = {};
-    // A frame of its own, so that the decoder may go on while this one waits.
+    // A separate AVFrame, so that the decoder can continue while this one waits.
     const std::shared_ptr<AVFrame> owner(check_allocation(av_frame_alloc()), AvDeleter{});
     av_frame_move_ref(owner.get(), picture_.get());
     held_.torn = owner->decode_error_flags != 0 || (owner->flags & AV_FRAME_FLAG_CORRUPT) != 0 ||
                  packet_torn_;
     if (!converter_.convert(*owner, owner, held_.raw)) held_.torn = true;
-    // A decoder never gives back the memory of pictures that were out at once: of those that wait
-    // to be written it would keep as much as all cameras together may take.
-    const bool decoders = held_.raw.owner == owner && codec_->codec_id != AV_CODEC_ID_RAWVIDEO;
-    if (decoders && !converter_.convert_to(held_.raw.format, *owner, held_.raw)) held_.torn = true;
+    // A decoder never frees pictures that were in use at once. With the frames that wait to be
+    // written in them, each decoder could keep as much as the memory budget of all cameras.
+    const bool borrowed = held_.raw.owner == owner && codec_->codec_id != AV_CODEC_ID_RAWVIDEO;
+    if (borrowed && !converter_.convert_to(held_.raw.format, *owner, held_.raw)) held_.torn = true;
     held_.arrival_utc = owner->reordered_opaque > 0 ? owner->reordered_opaque : packet_arrival_;
     stamp(owner->best_effort_timestamp);
   }
 
-  /// Something came that is no picture.
-  void hold_loss() {
+  /// Stores a torn frame for data that is not a picture.
+  void hold_torn_frame() {
     held_ = {};
     held_.torn = true;
     held_.arrival_utc = packet_arrival_;
@@ -253,15 +252,14 @@ class FfmpegSource final : public FrameSource {
     if (pts != AV_NOPTS_VALUE) {
       media_time_ = av_rescale_q(pts, input_.stream().time_base, kNanosecond);
     }
-    if (stamps_ != Stamps::kNone) held_.device_time = media_time_;
-    const double fps = description_.fps > 0 ? description_.fps : 25;  // as FFmpeg takes it
+    if (clock_ != CaptureClock::kNone) held_.device_time = media_time_;
+    const double fps = description_.fps > 0 ? description_.fps : 25;  // FFmpeg's default
     if (!media_time_ || *media_time_ < last_media_time_) {
       media_time_ = last_media_time_ + std::llround(kNanosecondsPerSecond / fps);
     }
     last_media_time_ = *media_time_;
   }
 
-  /// When the held frame is to be shown.
   Clock::time_point due_time() {
     if (!playing_) {
       playing_ = true;
@@ -274,14 +272,14 @@ class FfmpegSource final : public FrameSource {
   bool realtime_;
   FfmpegOptions options_;
   FfmpegInput input_;
-  Stamps stamps_;
+  CaptureClock clock_;
   AvPtr<AVCodecContext> codec_;  ///< null for Motion JPEG
   AvPtr<AVFrame> picture_;
   PixelConverter converter_;
   SourceDescription description_;
   SourceFrame held_;
   bool has_held_ = false;
-  Nanoseconds asked_utc_ = 0;  ///< since when the next frame is waited for; 0: not yet
+  Nanoseconds since_utc_ = 0;  ///< start of the wait for the next frame; 0: not waiting
   Nanoseconds packet_arrival_ = 0;
   bool packet_torn_ = false;
   Outcome ending_ = Outcome::kEnded;
@@ -295,10 +293,10 @@ class FfmpegSource final : public FrameSource {
 
 }  // namespace
 
-std::unique_ptr<FrameSource> open_ffmpeg_source(const RecordConfig::FfmpegSource& source,
+std::unique_ptr<FrameSource> open_ffmpeg_source(const schemas::RecordConfig::FfmpegSource& source,
                                                 const std::filesystem::path& base) {
-  av_log_set_level(AV_LOG_QUIET);  // what is wrong is said once, by our Error
+  av_log_set_level(AV_LOG_QUIET);  // our Error reports failures once
   return std::make_unique<FfmpegSource>(source, base);
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files: movies and numbered images.
+// Tests files: movies and numbered images.
 #include "ingest/sources/ffmpeg_source.h"
 
 #include <fmt/format.h>
@@ -15,26 +15,25 @@
 #include "testing/ingest/test_pictures.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 using Outcome = FrameSource::Outcome;
 
-/// Numbered JPEG files of these sizes.
 std::vector<std::vector<std::byte>> numbered(const std::filesystem::path& folder,
                                              const std::vector<int>& widths) {
   std::vector<std::vector<std::byte>> files;
   for (std::size_t i = 0; i < widths.size(); ++i) {
-    files.push_back(test_jpeg(widths[i], 24, static_cast<int>(40 + 10 * i)));
+    files.push_back(testing::test_jpeg(widths[i], 24, static_cast<int>(40 + 10 * i)));
     write_file_atomically(folder / fmt::format("{:03}.jpg", i), files.back());
   }
   return files;
 }
 
 TEST(FfmpegFile, NumberedImagesComeByteForByte) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const auto files = numbered(folder.path(), {32, 32, 48, 32});
   const auto source = open_ffmpeg_source(
       {.url = "%03d.jpg", .format = "", .options = {}, .realtime = false}, folder.path());
@@ -50,7 +49,7 @@ TEST(FfmpegFile, NumberedImagesComeByteForByte) {
 }
 
 TEST(FfmpegFile, WhatWasReadAheadArrivesWhenItIsTaken) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   numbered(folder.path(), std::vector<int>(20, 32));
   const auto source = open_ffmpeg_source(
       {.url = "%03d.jpg", .format = "", .options = {}, .realtime = false}, folder.path());
@@ -65,7 +64,7 @@ TEST(FfmpegFile, WhatWasReadAheadArrivesWhenItIsTaken) {
 }
 
 TEST(FfmpegFile, RealtimeKeepsThePaceOfTheFile) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   numbered(folder.path(), {32, 32, 32, 32, 32, 32});
   const auto source = open_ffmpeg_source(
       {.url = "%03d.jpg", .format = "", .options = {{"framerate", "20"}}, .realtime = true},
@@ -85,7 +84,7 @@ TEST(FfmpegFile, RealtimeKeepsThePaceOfTheFile) {
 }
 
 TEST(FfmpegFile, MissingAndWrongFilesAreBadInput) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   write_file_atomically(folder.path() / "text.mkv", std::string_view("no movie"));
   for (const char* name : {"missing.mkv", "text.mkv", "%05d.jpg"}) {
     try {
@@ -100,7 +99,7 @@ TEST(FfmpegFile, MissingAndWrongFilesAreBadInput) {
 }
 
 TEST(FfmpegFile, OptionsWithImpossibleValuesAreRefused) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   numbered(folder.path(), {32});
   EXPECT_THROW(
       open_ffmpeg_source(
@@ -110,4 +109,4 @@ TEST(FfmpegFile, OptionsWithImpossibleValuesAreRefused) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Live streams: what stalls, breaks or arrives in pieces.
+// Tests live streams that stall, break or arrive in pieces.
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -18,7 +18,7 @@
 #include "testing/ingest/test_server.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using namespace std::chrono_literals;
@@ -35,16 +35,17 @@ std::unique_ptr<FrameSource> open(const std::string& url, const std::string& for
 constexpr const char* kMultipart =
     "HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace;boundary=frame\r\n\r\n--frame\r\n";
 
-void send_part(const TestConnection& client, std::span<const std::byte> jpeg) {
+void send_part(const testing::TestConnection& client, std::span<const std::byte> jpeg) {
   client.send(fmt::format("Content-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n", jpeg.size()));
   client.send(jpeg);
   client.send("\r\n--frame\r\n");
 }
 
 TEST(FfmpegStream, MultipartJpegComesByteForByteAndSizesMayChange) {
-  const std::vector<std::vector<std::byte>> given{test_jpeg(64, 48, 40), test_jpeg(64, 48, 90),
-                                                  test_jpeg(32, 24, 120), test_jpeg(64, 48, 200)};
-  const TestServer server([&](const TestConnection& client) {
+  const std::vector<std::vector<std::byte>> given{
+      testing::test_jpeg(64, 48, 40), testing::test_jpeg(64, 48, 90),
+      testing::test_jpeg(32, 24, 120), testing::test_jpeg(64, 48, 200)};
+  const testing::TestServer server([&](const testing::TestConnection& client) {
     client.request();
     client.send(kMultipart);
     for (const auto& jpeg : given) send_part(client, jpeg);
@@ -73,11 +74,11 @@ TEST(FfmpegStream, MultipartJpegComesByteForByteAndSizesMayChange) {
 }
 
 TEST(FfmpegStream, TornJpegIsKeptAndMarked) {
-  const auto whole = test_jpeg(64, 48, 40);
+  const auto whole = testing::test_jpeg(64, 48, 40);
   auto cut = whole;
   cut.resize(cut.size() / 2);
   std::vector<std::byte> rubbish(500, std::byte{'x'});
-  const TestServer server([&](const TestConnection& client) {
+  const testing::TestServer server([&](const testing::TestConnection& client) {
     client.request();
     client.send(kMultipart);
     send_part(client, whole);
@@ -101,21 +102,22 @@ TEST(FfmpegStream, TornJpegIsKeptAndMarked) {
 }
 
 TEST(FfmpegStream, AStallLosesNothingAndCanBeInterrupted) {
-  const auto first = test_jpeg(64, 48, 40), second = test_jpeg(64, 48, 90);
+  const auto first = testing::test_jpeg(64, 48, 40), second = testing::test_jpeg(64, 48, 90);
   std::promise<void> go_on;
-  const TestServer server([&, go = go_on.get_future().share()](const TestConnection& client) {
-    client.request();
-    client.send(kMultipart);
-    send_part(client, first);
-    client.send(
-        fmt::format("Content-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n", second.size()));
-    const std::span<const std::byte> bytes(second);
-    client.send(bytes.first(100));
-    go.wait_for(20s);
-    client.send(bytes.subspan(100));
-    client.send("\r\n--frame\r\n");
-    client.wait_for_end();
-  });
+  const testing::TestServer server(
+      [&, go = go_on.get_future().share()](const testing::TestConnection& client) {
+        client.request();
+        client.send(kMultipart);
+        send_part(client, first);
+        client.send(
+            fmt::format("Content-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n", second.size()));
+        const std::span<const std::byte> bytes(second);
+        client.send(bytes.first(100));
+        go.wait_for(20s);
+        client.send(bytes.subspan(100));
+        client.send("\r\n--frame\r\n");
+        client.wait_for_end();
+      });
   const auto source = open(server.url("http"), "mpjpeg");
   SourceFrame frame;
   ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
@@ -133,15 +135,15 @@ TEST(FfmpegStream, AStallLosesNothingAndCanBeInterrupted) {
   other.join();
   go_on.set_value();
   ASSERT_EQ(source->next(frame, 5s), Outcome::kFrame);
-  EXPECT_EQ(frame.jpeg, second) << "what had come before the stall was lost";
+  EXPECT_EQ(frame.jpeg, second) << "the frame before the stall was lost";
   EXPECT_FALSE(frame.torn);
 }
 
 TEST(FfmpegStream, AStalledSourceCanBeClosedAtOnce) {
-  const TestServer server([&](const TestConnection& client) {
+  const testing::TestServer server([&](const testing::TestConnection& client) {
     client.request();
     client.send(kMultipart);
-    send_part(client, test_jpeg(64, 48, 40));
+    send_part(client, testing::test_jpeg(64, 48, 40));
     client.wait_for_end();
   });
   auto source = open(server.url("http"), "mpjpeg");
@@ -152,8 +154,8 @@ TEST(FfmpegStream, AStalledSourceCanBeClosedAtOnce) {
 
 TEST(FfmpegStream, JpegsInARowOverTcp) {
   std::vector<std::vector<std::byte>> given;
-  for (int shade = 20; shade < 120; shade += 10) given.push_back(test_jpeg(64, 48, shade));
-  const TestServer server([&](const TestConnection& client) {
+  for (int shade = 20; shade < 120; shade += 10) given.push_back(testing::test_jpeg(64, 48, shade));
+  const testing::TestServer server([&](const testing::TestConnection& client) {
     for (const auto& jpeg : given) client.send(jpeg);
   });
   const auto source = open(server.url("tcp"), "mjpeg");
@@ -167,22 +169,22 @@ TEST(FfmpegStream, JpegsInARowOverTcp) {
 }
 
 TEST(FfmpegStream, WhatDoesNotAnswerIsAFailureNotBadInput) {
-  const TestServer silent([](const TestConnection& client) { client.wait_for_end(); });
+  const testing::TestServer silent(
+      [](const testing::TestConnection& client) { client.wait_for_end(); });
   try {
     open(silent.url("http"), "", {{"timeout", "300000"}});  // microseconds
     FAIL();
   } catch (const Error& error) {
     EXPECT_EQ(error.exit_code(), ExitCode::kFailed) << error.what();
   }
-  // Nobody listens there.
-  EXPECT_THROW(open("tcp://127.0.0.1:1", "mjpeg"), Error);
+  EXPECT_THROW(open("tcp://127.0.0.1:1", "mjpeg"), Error);  // no server
 }
 
 TEST(FfmpegStream, OptionsThatNobodyKnowsAreNamed) {
-  const TestServer server([&](const TestConnection& client) {
+  const testing::TestServer server([&](const testing::TestConnection& client) {
     client.request();
     client.send(kMultipart);
-    send_part(client, test_jpeg(64, 48, 40));
+    send_part(client, testing::test_jpeg(64, 48, 40));
     client.wait_for_end();
   });
   try {
@@ -195,7 +197,6 @@ TEST(FfmpegStream, OptionsThatNobodyKnowsAreNamed) {
   }
 }
 
-/// A pipe of which the source reads one end.
 class Pipe {
  public:
   Pipe() {
@@ -236,7 +237,7 @@ TEST(FfmpegStream, RawVideoFromAPipeComesAsItIs) {
   ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
   SourceFrame none;
   EXPECT_EQ(source->next(none, 30ms), Outcome::kNoData);
-  EXPECT_EQ(frame.raw.format, PixelFormat::kYuv420);
+  EXPECT_EQ(frame.raw.format, store::PixelFormat::kYuv420);
   std::vector<std::uint8_t> got;
   for (std::size_t plane = 0; plane < 3; ++plane) {
     const std::size_t w = plane == 0 ? 32 : 16, h = plane == 0 ? 24 : 12;
@@ -278,7 +279,7 @@ TEST(FfmpegStream, ASilentPipeCanBeClosedAtOnce) {
 }
 
 TEST(FfmpegStream, ANamedPipeMayBeOpenedBeforeItsWriter) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const auto name = folder.path() / "camera";
   ASSERT_EQ(mkfifo(name.c_str(), 0600), 0);
   const std::vector<std::uint8_t> bytes(kRawBytes, 33);
@@ -296,13 +297,13 @@ TEST(FfmpegStream, ANamedPipeMayBeOpenedBeforeItsWriter) {
   EXPECT_EQ(source->next(frame, 2000ms), Outcome::kEnded);
 }
 
-/// A program that runs beside the test, ended with it.
+/// A program that runs during the test and is killed at its end.
 class Program {
  public:
   explicit Program(const std::string& command) {
     child_ = fork();
     if (child_ == 0) {
-      setpgid(0, 0);  // so that what it starts ends with it
+      setpgid(0, 0);  // so that its child processes are killed too
       execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
       _exit(127);
     }
@@ -312,7 +313,7 @@ class Program {
   Program& operator=(const Program&) = delete;
   void stop() {
     if (child_ <= 0) return;
-    setpgid(child_, child_);  // whichever of the two comes first
+    setpgid(child_, child_);  // whichever process runs first
     kill(-child_, SIGKILL);
     waitpid(child_, nullptr, 0);
     child_ = -1;
@@ -323,7 +324,7 @@ class Program {
 };
 
 int free_port() {
-  const TestServer server([](const TestConnection&) {});
+  const testing::TestServer server([](const testing::TestConnection&) {});
   const std::string url = server.url("tcp");
   return std::stoi(url.substr(url.rfind(':') + 1));
 }
@@ -333,7 +334,7 @@ class Rtsp : public ::testing::TestWithParam<const char*> {};
 TEST_P(Rtsp, FramesComeWithTheSendersStampsUntilItDies) {
   if (std::system("ffmpeg -version > /dev/null 2>&1") != 0) GTEST_SKIP() << "there is no ffmpeg";
   const std::string url = fmt::format("rtsp://127.0.0.1:{}/camera", free_port());
-  // The sender tries until somebody listens.
+  // The sender retries until the source listens.
   Program sender(fmt::format(
       "for i in 1 2 3 4 5 6 7 8 9; do ffmpeg -v quiet -nostdin -re -f lavfi -i "
       "testsrc=size=320x240:rate=25 -pix_fmt {} -f rtsp -rtsp_transport tcp {}; sleep 0.3; done",
@@ -347,7 +348,7 @@ TEST_P(Rtsp, FramesComeWithTheSendersStampsUntilItDies) {
   std::optional<Nanoseconds> last;
   for (int i = 0; i < 15; ++i) {
     ASSERT_EQ(source->next(frame, 5s), Outcome::kFrame);
-    // FFmpeg may not know yet when the first picture is due among others.
+    // FFmpeg may not have the time of the first picture.
     ASSERT_TRUE(frame.device_time || i == 0) << i;
     if (last) {
       EXPECT_NEAR(static_cast<double>(*frame.device_time - *last), 40e6, 1e6);
@@ -356,7 +357,7 @@ TEST_P(Rtsp, FramesComeWithTheSendersStampsUntilItDies) {
     EXPECT_FALSE(frame.torn);
     EXPECT_EQ(frame.jpeg.empty(), !jpeg);
     if (!jpeg) {
-      EXPECT_EQ(frame.raw.format, PixelFormat::kYuv420);
+      EXPECT_EQ(frame.raw.format, store::PixelFormat::kYuv420);
     }
   }
 }
@@ -372,7 +373,7 @@ TEST(FfmpegStream, DevicesAreLoadedWhenAskedFor) {
   SourceFrame frame;
   int frames = 0;
   while (source->next(frame, 2000ms) == Outcome::kFrame) {
-    EXPECT_EQ(frame.raw.format, PixelFormat::kRgb);
+    EXPECT_EQ(frame.raw.format, store::PixelFormat::kRgb);
     ++frames;
   }
   EXPECT_EQ(frames, 10);
@@ -380,7 +381,7 @@ TEST(FfmpegStream, DevicesAreLoadedWhenAskedFor) {
   EXPECT_FALSE(source->description().live);
 }
 
-// Decoders and graphs keep as many pictures as were ever out at once.
+// Decoders and filter graphs never free pictures that were in use at once.
 TEST(FfmpegStream, MemoryBesideIsThatOfItsPictures) {
   const std::size_t small =
       open("lavfi:testsrc=size=640x480:rate=20:duration=0.5")->memory_overhead();
@@ -403,4 +404,4 @@ TEST(FfmpegStream, AGraphThatKeepsRealTimeIsACamera) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -5,25 +5,25 @@
 
 #include <ctime>
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 TEST(RawImage, CountsTheBytesOfItsPlanes) {
-  const auto bytes = [](PixelFormat format, int width, int height) {
-    RawImage image;
+  const auto bytes = [](store::PixelFormat format, int width, int height) {
+    store::RawImage image;
     image.format = format;
     image.width = width;
     image.height = height;
     return image.bytes();
   };
-  EXPECT_EQ(bytes(PixelFormat::kYuv420, 640, 480), 640U * 480 * 3 / 2);
+  EXPECT_EQ(bytes(store::PixelFormat::kYuv420, 640, 480), 640U * 480 * 3 / 2);
   // Odd sizes: chroma is rounded up, as in JPEG.
-  EXPECT_EQ(bytes(PixelFormat::kYuv420, 5, 3), 15U + 2 * 3 * 2);
-  EXPECT_EQ(bytes(PixelFormat::kYuv422, 5, 3), 15U + 2 * 3 * 3);
-  EXPECT_EQ(bytes(PixelFormat::kYuv444, 5, 3), 45U);
-  EXPECT_EQ(bytes(PixelFormat::kGray, 5, 3), 15U);
-  EXPECT_EQ(bytes(PixelFormat::kRgb, 5, 3), 45U);
-  EXPECT_EQ(bytes(PixelFormat::kBgr, 65500, 65500), 65500ULL * 65500 * 3);
+  EXPECT_EQ(bytes(store::PixelFormat::kYuv420, 5, 3), 15U + 2 * 3 * 2);
+  EXPECT_EQ(bytes(store::PixelFormat::kYuv422, 5, 3), 15U + 2 * 3 * 3);
+  EXPECT_EQ(bytes(store::PixelFormat::kYuv444, 5, 3), 45U);
+  EXPECT_EQ(bytes(store::PixelFormat::kGray, 5, 3), 15U);
+  EXPECT_EQ(bytes(store::PixelFormat::kRgb, 5, 3), 45U);
+  EXPECT_EQ(bytes(store::PixelFormat::kBgr, 65500, 65500), 65500ULL * 65500 * 3);
 }
 
 TEST(HostClock, CountsFrom1970) {
@@ -34,4 +34,4 @@ TEST(HostClock, CountsFrom1970) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -5,15 +5,15 @@
 #include <condition_variable>
 #include <mutex>
 
-namespace raystage {
+namespace raystage::ingest {
 
 /// Waits until a time or until another thread interrupts it.
 class InterruptibleWait {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// Sleeps until `time`. False as soon as interrupt() was called, also before: an interruption
-  /// counts for one wait.
+  /// Sleeps until `time`; returns false as soon as interrupt() is called. Each interrupt() ends one
+  /// wait: the current one, or else the next.
   bool until(Clock::time_point time) {
     std::unique_lock lock(mutex_);
     const bool cut_short = changed_.wait_until(lock, time, [this] { return interrupted_; });
@@ -35,4 +35,4 @@ class InterruptibleWait {
   bool interrupted_ = false;
 };
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -5,38 +5,38 @@
 #include "store/jpeg/layout.h"
 #include "store/jpeg/markers.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
 JpegMarkerInfo read_jpeg_header(std::span<const std::byte> jpeg) {
-  JpegMarkerInfo glance;
+  JpegMarkerInfo header;
   try {
-    MarkerReader reader(jpeg, "");
+    store::MarkerReader reader(jpeg, "");
     reader.read_soi();
     for (;;) {
-      const Marker marker = reader.next();
-      // SOF0 to SOF15 without DHT, JPG and DAC, which stand among them.
+      const store::Marker marker = reader.next();
+      // SOF0 to SOF15, but not DHT, JPG and DAC, whose codes are among them.
       const bool frame_header = marker.code >= 0xC0 && marker.code <= 0xCF && marker.code != 0xC4 &&
                                 marker.code != 0xC8 && marker.code != 0xCC;
       if (frame_header && marker.body.size() >= 5) {
         const auto at = [&](std::size_t i) { return std::to_integer<int>(marker.body[i]); };
-        glance.height = at(1) * 256 + at(2);
-        glance.width = at(3) * 256 + at(4);
-        return glance;
+        header.height = at(1) * 256 + at(2);
+        header.width = at(3) * 256 + at(4);
+        return header;
       }
-      if (marker.code == kMarkerSos || marker.code == kMarkerEoi) return glance;
+      if (marker.code == store::kMarkerSos || marker.code == store::kMarkerEoi) return header;
     }
   } catch (const Error&) {
-    return glance;
+    return header;
   }
 }
 
 JpegMarkerInfo scan_jpeg_markers(std::span<const std::byte> jpeg) {
   try {
-    const JpegLayout layout = parse_jpeg_layout(jpeg, "");
+    const store::JpegLayout layout = store::parse_jpeg_layout(jpeg, "");
     return {.width = layout.width, .height = layout.height, .whole = true};
   } catch (const Error&) {
     return read_jpeg_header(jpeg);
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -4,19 +4,18 @@
 #include <cstddef>
 #include <span>
 
-namespace raystage {
+namespace raystage::ingest {
 
-/// What the markers of a JPEG say, without decoding it.
+/// Size and completeness of a JPEG according to its markers, without decoding.
 struct JpegMarkerInfo {
-  int width = 0, height = 0;  ///< pixels; 0 where that cannot be read
-  bool whole = false;         ///< every marker is in its place, up to the end
+  int width = 0, height = 0;  ///< pixels; 0 if unreadable
+  bool whole = false;         ///< every marker is in place, up to the end
 };
 
-/// Scans all markers. Does not detect damage within the entropy-coded bytes that leaves all markers
-/// in place.
+/// Scans all markers. Does not detect damage of entropy-coded bytes that leaves the markers intact.
 JpegMarkerInfo scan_jpeg_markers(std::span<const std::byte> jpeg);
 
-/// The size alone, a microsecond: what comes after it may be cut short, `whole` stays false.
+/// Reads only the size, in about 1 us. `whole` stays false: the data may be truncated after it.
 JpegMarkerInfo read_jpeg_header(std::span<const std::byte> jpeg);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

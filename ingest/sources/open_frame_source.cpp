@@ -8,23 +8,23 @@
 #include "ingest/sources/ffmpeg_source.h"
 #include "ingest/sources/simulated_source.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
-std::unique_ptr<FrameSource> open(const RecordConfig::Source& source,
+std::unique_ptr<FrameSource> open(const schemas::RecordConfig::Source& source,
                                   const std::filesystem::path& base) {
-  if (const auto* ffmpeg = std::get_if<RecordConfig::FfmpegSource>(&source)) {
+  if (const auto* ffmpeg = std::get_if<schemas::RecordConfig::FfmpegSource>(&source)) {
     return open_ffmpeg_source(*ffmpeg, base);
   }
-  if (const auto* aravis = std::get_if<RecordConfig::AravisSource>(&source)) {
+  if (const auto* aravis = std::get_if<schemas::RecordConfig::AravisSource>(&source)) {
     return open_aravis_source(*aravis);
   }
-  return open_simulated_source(std::get<RecordConfig::SimulatedSource>(source));
+  return open_simulated_source(std::get<schemas::RecordConfig::SimulatedSource>(source));
 }
 
 }  // namespace
 
-std::unique_ptr<FrameSource> open_frame_source(const RecordConfig::Camera& camera,
+std::unique_ptr<FrameSource> open_frame_source(const schemas::RecordConfig::Camera& camera,
                                                const std::filesystem::path& base) {
   try {
     return open(camera.source, base);
@@ -37,4 +37,4 @@ std::unique_ptr<FrameSource> open_frame_source(const RecordConfig::Camera& camer
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

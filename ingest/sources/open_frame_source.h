@@ -7,13 +7,13 @@
 #include "ingest/sources/frame_source.h"
 #include "schemas/record_config.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
-/// Opens a camera's source. `base`: the folder that relative files of the config are in. May take
-/// seconds: devices are looked for, connections made, simulated frames rendered; several cameras
-/// may be opened at once by several threads. Throws Error: bad input for what is asked of the
-/// source, failed where the device or network does not play along; either says what to do.
-std::unique_ptr<FrameSource> open_frame_source(const RecordConfig::Camera& camera,
+/// Opens the source of a camera; relative files of the config are in `base`. May take seconds to
+/// find a device, connect or render simulated frames. Thread-safe, so that several cameras can be
+/// opened at once. Throws Error (bad input) if the configuration of the source is wrong, Error
+/// (failed) if the device or network fails. Either error says what to do.
+std::unique_ptr<FrameSource> open_frame_source(const schemas::RecordConfig::Camera& camera,
                                                const std::filesystem::path& base);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -9,22 +9,22 @@
 #include "testing/ingest/test_pictures.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using namespace std::chrono_literals;
 
 TEST(OpenFrameSource, OpensEachKindAndNamesTheCameraInErrors) {
-  const TestFolder folder;
-  write_file_atomically(folder.path() / "a.jpg", test_jpeg(32, 24, 99));
-  RecordConfig::FfmpegSource file;
+  const testing::TestFolder folder;
+  write_file_atomically(folder.path() / "a.jpg", testing::test_jpeg(32, 24, 99));
+  schemas::RecordConfig::FfmpegSource file;
   file.url = "a.jpg";
   SourceFrame frame;
   EXPECT_EQ(open_frame_source({"a", file}, folder.path())->next(frame, 2000ms),
             FrameSource::Outcome::kFrame);
-  EXPECT_EQ(frame.jpeg, test_jpeg(32, 24, 99));
+  EXPECT_EQ(frame.jpeg, testing::test_jpeg(32, 24, 99));
 
-  RecordConfig::SimulatedSource simulated;
+  schemas::RecordConfig::SimulatedSource simulated;
   simulated.rows = simulated.columns = 1;
   simulated.width = simulated.height = 16;
   simulated.seconds = 0.1;
@@ -41,4 +41,4 @@ TEST(OpenFrameSource, OpensEachKindAndNamesTheCameraInErrors) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -11,12 +11,12 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 int open_pipe(const std::string& url) {
   if (url.starts_with("file:")) {
-    // Not waiting for the other end: until it comes there is nothing to read.
+    // Opens without a writer: read() waits for its data.
     return ::open(url.c_str() + 5, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   }
   int number = 0;
@@ -37,7 +37,7 @@ PipeReader::PipeReader(const std::string& url, std::function<bool()> stop)
     : stop_(std::move(stop)), descriptor_(open_pipe(url)) {
   if (descriptor_ < 0) {
     throw Error::bad_input("the pipe cannot be opened", url,
-                           "Give \"pipe:0\" for standard input, or the path of a named pipe");
+                           "Set \"pipe:0\" for standard input, or the path of a named pipe");
   }
   constexpr int kBytes = 1 << 16;
   auto* buffer = static_cast<unsigned char*>(av_malloc(kBytes));
@@ -73,4 +73,4 @@ int PipeReader::read(void* opaque, std::uint8_t* buffer, int size) {
   return AVERROR_EXIT;
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

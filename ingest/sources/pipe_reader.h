@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside ingest/sources only.
+// Internal to ingest/sources.
 #pragma once
 
 #include <functional>
@@ -7,14 +7,14 @@
 
 #include "ingest/sources/ffmpeg_pointers.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
-/// Feeds FFmpeg from a file descriptor or a named pipe. FFmpeg's own reader of pipes cannot be
-/// interrupted while the other end is silent.
+/// Feeds FFmpeg from a file descriptor or a named pipe. FFmpeg's own pipe reader cannot be
+/// interrupted while the writer is silent.
 class PipeReader {
  public:
-  /// `url`: "pipe:N" (a duplicate of descriptor N is read) or "file:PATH". Throws Error (bad input)
-  /// where it cannot be opened. `stop` is asked about ten times a second while nothing comes.
+  /// Opens `url`: "pipe:N" (a duplicate of descriptor N) or "file:PATH". Calls `stop` about ten
+  /// times per second while no data comes. Throws Error (bad input) if the pipe cannot be opened.
   PipeReader(const std::string& url, std::function<bool()> stop);
   ~PipeReader();
   PipeReader(const PipeReader&) = delete;
@@ -30,4 +30,4 @@ class PipeReader {
   AVIOContext* context_ = nullptr;
 };
 
-}  // namespace raystage
+}  // namespace raystage::ingest

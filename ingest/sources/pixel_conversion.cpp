@@ -8,40 +8,38 @@ extern "C" {
 #include <algorithm>
 #include <optional>
 #include <utility>
-#include <vector>
 
-namespace raystage {
+// Converts an AVFrame of any pixel format to a RawImage of the same width and height: 8 bits, full
+// range and the Rec.601 matrix, as JPEG needs. Method: swscale with bilinear chroma, then a table
+// for limited-range grey, which swscale takes as full range. Cost: one pass over the pixels and one
+// new image, or nothing if the format already fits.
+
+namespace raystage::ingest {
 namespace {
 
-/// What swscale calls our formats; YUV there is full range by the context's setting.
-AVPixelFormat av_format(PixelFormat format) {
+/// Returns swscale's name of a format. Full range of YUV is a setting of the context.
+AVPixelFormat av_format(store::PixelFormat format) {
   switch (format) {
-    case PixelFormat::kYuv420:
+    case store::PixelFormat::kYuv420:
       return AV_PIX_FMT_YUV420P;
-    case PixelFormat::kYuv422:
+    case store::PixelFormat::kYuv422:
       return AV_PIX_FMT_YUV422P;
-    case PixelFormat::kYuv444:
+    case store::PixelFormat::kYuv444:
       return AV_PIX_FMT_YUV444P;
-    case PixelFormat::kGray:
+    case store::PixelFormat::kGray:
       return AV_PIX_FMT_GRAY8;
-    case PixelFormat::kBgr:
+    case store::PixelFormat::kBgr:
       return AV_PIX_FMT_BGR24;
-    case PixelFormat::kRgb:
+    case store::PixelFormat::kRgb:
       break;
   }
   return AV_PIX_FMT_RGB24;
 }
 
 bool is_full_range(const AVFrame& picture) {
-  switch (picture.format) {
-    case AV_PIX_FMT_YUVJ411P:
-    case AV_PIX_FMT_YUVJ420P:
-    case AV_PIX_FMT_YUVJ422P:
-    case AV_PIX_FMT_YUVJ440P:
-    case AV_PIX_FMT_YUVJ444P:
-      return true;
-    default:
-      break;
+  for (const int full : {AV_PIX_FMT_YUVJ411P, AV_PIX_FMT_YUVJ420P, AV_PIX_FMT_YUVJ422P,
+                         AV_PIX_FMT_YUVJ440P, AV_PIX_FMT_YUVJ444P}) {
+    if (picture.format == full) return true;
   }
   const AVPixFmtDescriptor* description =
       av_pix_fmt_desc_get(static_cast<AVPixelFormat>(picture.format));
@@ -50,7 +48,7 @@ bool is_full_range(const AVFrame& picture) {
          (grey && picture.color_range == AVCOL_RANGE_UNSPECIFIED);
 }
 
-/// swscale's number of the matrix; all that are Rec.601 are one.
+/// Returns swscale's number of the picture's matrix, by default Rec.601.
 int matrix_of(const AVFrame& picture) {
   switch (picture.colorspace) {
     case AVCOL_SPC_BT709:
@@ -67,66 +65,59 @@ int matrix_of(const AVFrame& picture) {
   }
 }
 
-/// Ours that is nearest: of the same kind, with no less chroma than the picture has.
-PixelFormat nearest_format(const AVPixFmtDescriptor& picture) {
+/// Returns the nearest format: of the same kind, with no less chroma resolution.
+store::PixelFormat nearest_format(const AVPixFmtDescriptor& picture) {
   constexpr unsigned kNotYuv = AV_PIX_FMT_FLAG_RGB | AV_PIX_FMT_FLAG_PAL | AV_PIX_FMT_FLAG_BAYER;
-  if ((picture.flags & kNotYuv) != 0) return PixelFormat::kRgb;
-  if (picture.nb_components <= 2) return PixelFormat::kGray;
-  if (picture.log2_chroma_w == 0) return PixelFormat::kYuv444;
-  return picture.log2_chroma_h == 0 ? PixelFormat::kYuv422 : PixelFormat::kYuv420;
+  if ((picture.flags & kNotYuv) != 0) return store::PixelFormat::kRgb;
+  if (picture.nb_components <= 2) return store::PixelFormat::kGray;
+  if (picture.log2_chroma_w == 0) return store::PixelFormat::kYuv444;
+  return picture.log2_chroma_h == 0 ? store::PixelFormat::kYuv422 : store::PixelFormat::kYuv420;
 }
 
-/// Our format where the picture's bytes are just that.
-std::optional<PixelFormat> same_format(const AVFrame& picture) {
+/// Returns the format of a picture that needs no conversion.
+std::optional<store::PixelFormat> same_format(const AVFrame& picture) {
   for (const int stride : {picture.linesize[0], picture.linesize[1], picture.linesize[2]}) {
     if (stride < 0) return std::nullopt;  // bottom up
   }
+  const auto known = [](store::PixelFormat format, bool fits) {
+    return fits ? std::optional(format) : std::nullopt;
+  };
   const bool jpeg_colour = is_full_range(picture) && matrix_of(picture) == SWS_CS_ITU601;
   switch (picture.format) {
     case AV_PIX_FMT_RGB24:
-      return PixelFormat::kRgb;
+      return store::PixelFormat::kRgb;
     case AV_PIX_FMT_BGR24:
-      return PixelFormat::kBgr;
+      return store::PixelFormat::kBgr;
     case AV_PIX_FMT_GRAY8:
-      if (is_full_range(picture)) return PixelFormat::kGray;
-      return std::nullopt;
+      return known(store::PixelFormat::kGray, is_full_range(picture));
     case AV_PIX_FMT_YUV420P:
     case AV_PIX_FMT_YUVJ420P:
-      if (jpeg_colour) return PixelFormat::kYuv420;
-      return std::nullopt;
+      return known(store::PixelFormat::kYuv420, jpeg_colour);
     case AV_PIX_FMT_YUV422P:
     case AV_PIX_FMT_YUVJ422P:
-      if (jpeg_colour) return PixelFormat::kYuv422;
-      return std::nullopt;
+      return known(store::PixelFormat::kYuv422, jpeg_colour);
     case AV_PIX_FMT_YUV444P:
     case AV_PIX_FMT_YUVJ444P:
-      if (jpeg_colour) return PixelFormat::kYuv444;
-      return std::nullopt;
+      return known(store::PixelFormat::kYuv444, jpeg_colour);
     default:
       return std::nullopt;
   }
 }
 
-/// Memory for a picture; rows are aligned and padded as swscale's SIMD code wants them.
-RawImage new_image(PixelFormat format, int width, int height) {
+/// Allocates a picture. Rows are aligned and padded for swscale's SIMD code.
+store::RawImage new_image(store::PixelFormat format, int width, int height) {
   constexpr std::size_t kAlign = 64;
-  RawImage image;
+  store::RawImage image;
   image.format = format;
   image.width = width;
   image.height = height;
-  const bool yuv = format == PixelFormat::kYuv420 || format == PixelFormat::kYuv422 ||
-                   format == PixelFormat::kYuv444;
-  const auto w = static_cast<std::size_t>(width), h = static_cast<std::size_t>(height);
-  const std::size_t chroma_w = format == PixelFormat::kYuv444 ? w : (w + 1) / 2;
-  const std::size_t chroma_h = format == PixelFormat::kYuv420 ? (h + 1) / 2 : h;
-  const std::size_t row = yuv || format == PixelFormat::kGray ? w : 3 * w;
   std::array<std::size_t, 3> offset{};
   std::size_t total = 0;
-  for (std::size_t plane = 0; plane < (yuv ? 3U : 1U); ++plane) {
-    const std::size_t bytes = plane == 0 ? row : chroma_w;
-    image.planes[plane].stride = (bytes + kAlign - 1) / kAlign * kAlign;
+  for (int plane = 0; plane < image.plane_count(); ++plane) {
+    const std::size_t stride = (image.row_bytes(plane) + kAlign - 1) / kAlign * kAlign;
+    image.planes[plane].stride = stride;
     offset[plane] = total;
-    total += image.planes[plane].stride * (plane == 0 ? h : chroma_h);
+    total += stride * static_cast<std::size_t>(image.rows(plane));
   }
   struct Memory {
     explicit Memory(std::size_t size)
@@ -137,19 +128,18 @@ RawImage new_image(PixelFormat format, int width, int height) {
     std::byte* data;
   };
   const auto memory = std::make_shared<const Memory>(total + kAlign);
-  for (std::size_t plane = 0; plane < (yuv ? 3U : 1U); ++plane) {
+  for (int plane = 0; plane < image.plane_count(); ++plane) {
     image.planes[plane].data = memory->data + offset[plane];
   }
   image.owner = memory;
   return image;
 }
 
-/// swscale takes all grey as full range.
+/// Stretches grey codes of 16 to 235 to 0 to 255.
 void stretch_limited_range(std::uint8_t* data, std::size_t count) {
   std::array<std::uint8_t, 256> table{};
   for (int code = 0; code < 256; ++code) {
-    table[static_cast<std::size_t>(code)] =
-        static_cast<std::uint8_t>(std::clamp(((code - 16) * 255 + 109) / 219, 0, 255));
+    table[code] = static_cast<std::uint8_t>(std::clamp(((code - 16) * 255 + 109) / 219, 0, 255));
   }
   for (std::size_t i = 0; i < count; ++i) data[i] = table[data[i]];
 }
@@ -172,9 +162,8 @@ bool PixelConverter::prepare(const Kind& kind) {
   set("sws_flags",
       SWS_BILINEAR | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP | SWS_BITEXACT);
   constexpr int kUnchanged = 1 << 16;  // contrast and saturation, 16.16 fixed point
-  // The colours are set before the context is built and after: before, so that it takes no short
-  // cut that knows no range; after, as the matrix can be set no earlier. Refused for RGB to RGB,
-  // which has neither.
+  // Ranges are set before the context is built, so that it chooses no shortcut that ignores them.
+  // The matrix can only be set after. The call fails for RGB to RGB, which has neither.
   if (sws_init_context(scaler, nullptr, nullptr) < 0) {
     scaler_.reset();
     return false;
@@ -186,7 +175,7 @@ bool PixelConverter::prepare(const Kind& kind) {
 }
 
 bool PixelConverter::convert(const AVFrame& picture, std::shared_ptr<const void> owner,
-                             RawImage& image) {
+                             store::RawImage& image) {
   image = {};
   if (const auto format = same_format(picture); format) {
     image.format = *format;
@@ -205,7 +194,8 @@ bool PixelConverter::convert(const AVFrame& picture, std::shared_ptr<const void>
   return description != nullptr && convert_to(nearest_format(*description), picture, image);
 }
 
-bool PixelConverter::convert_to(PixelFormat format, const AVFrame& picture, RawImage& image) {
+bool PixelConverter::convert_to(store::PixelFormat format, const AVFrame& picture,
+                                store::RawImage& image) {
   image = {};
   if (picture.width <= 0 || picture.height <= 0) return false;
   if (!prepare({.width = picture.width,
@@ -216,11 +206,11 @@ bool PixelConverter::convert_to(PixelFormat format, const AVFrame& picture, RawI
                 .full_range = is_full_range(picture)})) {
     return false;
   }
-  RawImage converted = new_image(format, picture.width, picture.height);
+  store::RawImage converted = new_image(format, picture.width, picture.height);
   std::array<std::uint8_t*, 4> data{};
   std::array<int, 4> stride{};
   for (std::size_t plane = 0; plane < converted.planes.size(); ++plane) {
-    // Ours alone as yet, so that it may be written.
+    // The image has no other owner yet, so that writing is safe.
     data[plane] =
         reinterpret_cast<std::uint8_t*>(const_cast<std::byte*>(converted.planes[plane].data));
     stride[plane] = static_cast<int>(converted.planes[plane].stride);
@@ -228,7 +218,7 @@ bool PixelConverter::convert_to(PixelFormat format, const AVFrame& picture, RawI
   const int rows = sws_scale(scaler_.get(), picture.data, picture.linesize, 0, picture.height,
                              data.data(), stride.data());
   if (rows != picture.height) return false;
-  if (format == PixelFormat::kGray && !is_full_range(picture)) {
+  if (format == store::PixelFormat::kGray && !is_full_range(picture)) {
     stretch_limited_range(data[0],
                           converted.planes[0].stride * static_cast<std::size_t>(picture.height));
   }
@@ -236,4 +226,4 @@ bool PixelConverter::convert_to(PixelFormat format, const AVFrame& picture, RawI
   return true;
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

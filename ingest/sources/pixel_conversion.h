@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside ingest/sources only.
+// Internal to ingest/sources.
 #pragma once
 
 #include <memory>
@@ -7,22 +7,22 @@
 #include "ingest/sources/ffmpeg_pointers.h"
 #include "ingest/sources/frame_source.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
-/// Turns pictures of any of FFmpeg's pixel formats into one of ours, full range and Rec.601. What
-/// is one of ours already is handed on without copying; otherwise swscale converts: YUV stays YUV
+/// Converts pictures of any FFmpeg pixel format to a PixelFormat, full range and Rec.601. Pictures
+/// that have such a format are passed on without a copy. Otherwise swscale converts: YUV stays YUV
 /// of the nearest subsampling, grey stays grey, all else (RGB, Bayer patterns, palettes) becomes
-/// RGB. One per source: keeps swscale's state.
+/// RGB. Each source needs its own converter, which keeps swscale's state.
 ///
-/// As FFmpeg's own tools do, YUV that names no range is taken as limited, grey as full, and YUV
-/// that names no matrix as Rec.601. Where chroma was sampled (left, centre) is not corrected.
+/// As in FFmpeg's own tools, YUV without a range is taken as limited, grey as full, and YUV without
+/// a matrix as Rec.601. Chroma siting (left, centre) is not corrected.
 class PixelConverter {
  public:
-  /// `picture` need not be reference-counted; `owner` keeps its pixels alive. False where swscale
-  /// cannot convert; `image` is then empty.
-  bool convert(const AVFrame& picture, std::shared_ptr<const void> owner, RawImage& image);
-  /// Into this format, always into memory of its own.
-  bool convert_to(PixelFormat format, const AVFrame& picture, RawImage& image);
+  /// Returns false, with an empty `image`, if swscale cannot convert. `picture` need not be
+  /// reference-counted: `owner` keeps its pixels alive.
+  bool convert(const AVFrame& picture, std::shared_ptr<const void> owner, store::RawImage& image);
+  /// Converts to `format`, always into new memory.
+  bool convert_to(store::PixelFormat format, const AVFrame& picture, store::RawImage& image);
 
  private:
   struct Kind {
@@ -36,4 +36,4 @@ class PixelConverter {
   AvPtr<SwsContext> scaler_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::ingest

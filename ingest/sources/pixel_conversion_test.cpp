@@ -12,7 +12,7 @@ extern "C" {
 #include <cmath>
 #include <functional>
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 constexpr int kWidth = 38, kHeight = 26;
@@ -25,7 +25,7 @@ constexpr Matrix kRec601{0.299, 0.114}, kRec709{0.2126, 0.0722};
 
 using Triple = std::array<double, 3>;
 
-/// The reference: Y'CbCr codes to R'G'B' codes, straight from the definition.
+/// Reference: converts Y'CbCr codes to R'G'B' codes by the definition.
 Triple rgb_from(const Triple& code, const Matrix& m, bool full) {
   const double y = full ? code[0] / 255 : (code[0] - 16) / 219;
   const double cb = (code[1] - 128) / (full ? 255 : 224);
@@ -52,7 +52,6 @@ AvPtr<AVFrame> new_frame(AVPixelFormat format, AVColorRange range, AVColorSpace 
   return frame;
 }
 
-/// One colour all over.
 void fill(AVFrame& frame, const std::array<int, 3>& code) {
   const AVPixFmtDescriptor& d = *av_pix_fmt_desc_get(static_cast<AVPixelFormat>(frame.format));
   for (int c = 0; c < d.nb_components; ++c) {
@@ -61,16 +60,15 @@ void fill(AVFrame& frame, const std::array<int, 3>& code) {
     const int h = chroma ? -((-kHeight) >> d.log2_chroma_h) : kHeight;
     for (int y = 0; y < h; ++y) {
       for (int x = 0; x < w; ++x) {
-        frame.data[d.comp[c].plane]
-                  [y * frame.linesize[d.comp[c].plane] + x * d.comp[c].step + d.comp[c].offset] =
-            static_cast<std::uint8_t>(code[static_cast<std::size_t>(c)]);
+        frame.data[d.comp[c].plane][y * frame.linesize[d.comp[c].plane] + x * d.comp[c].step +
+                                    d.comp[c].offset] = static_cast<std::uint8_t>(code[c]);
       }
     }
   }
 }
 
-int code_at(const RawImage& image, std::size_t plane, int x, int y) {
-  const RawImage::Plane& p = image.planes[plane];
+int code_at(const store::RawImage& image, std::size_t plane, int x, int y) {
+  const store::RawImage::Plane& p = image.planes[plane];
   return std::to_integer<int>(
       p.data[static_cast<std::size_t>(y) * p.stride + static_cast<std::size_t>(x)]);
 }
@@ -79,7 +77,7 @@ struct YuvCase {
   AVPixelFormat format;
   AVColorRange range;
   AVColorSpace matrix;
-  PixelFormat expected;
+  store::PixelFormat expected;
 };
 void PrintTo(const YuvCase& c, std::ostream* stream) {
   *stream << av_get_pix_fmt_name(c.format) << " range " << c.range << " matrix " << c.matrix;
@@ -98,7 +96,7 @@ TEST_P(YuvConversion, AgreesWithTheDefinition) {
                                          {140, 160, 100},
                                          {90, 100, 120}}) {
     fill(*frame, code);
-    RawImage image;
+    store::RawImage image;
     ASSERT_TRUE(converter.convert(*frame, nullptr, image));
     EXPECT_EQ(image.format, c.expected);
     EXPECT_EQ(image.width, kWidth);
@@ -109,7 +107,7 @@ TEST_P(YuvConversion, AgreesWithTheDefinition) {
     const Triple expected = full_601_from(shown);
     for (std::size_t plane = 0; plane < 3; ++plane) {
       const double wanted = std::clamp(expected[plane], 0.0, 255.0);
-      // By way of 8-bit RGB where the matrix changes; a step more of rounding.
+      // If the matrix changes, swscale converts through 8-bit RGB, which rounds once more.
       const double most = c.matrix == AVCOL_SPC_BT709 ? 2.01 : 1.01;
       EXPECT_NEAR(code_at(image, plane, 7, 5), wanted, most)
           << "plane " << plane << " of " << code[0] << " " << code[1] << " " << code[2];
@@ -120,21 +118,29 @@ TEST_P(YuvConversion, AgreesWithTheDefinition) {
 INSTANTIATE_TEST_SUITE_P(
     Formats, YuvConversion,
     ::testing::Values(
-        YuvCase{AV_PIX_FMT_YUV420P, AVCOL_RANGE_JPEG, AVCOL_SPC_UNSPECIFIED, PixelFormat::kYuv420},
-        YuvCase{AV_PIX_FMT_YUV420P, AVCOL_RANGE_MPEG, AVCOL_SPC_UNSPECIFIED, PixelFormat::kYuv420},
+        YuvCase{AV_PIX_FMT_YUV420P, AVCOL_RANGE_JPEG, AVCOL_SPC_UNSPECIFIED,
+                store::PixelFormat::kYuv420},
+        YuvCase{AV_PIX_FMT_YUV420P, AVCOL_RANGE_MPEG, AVCOL_SPC_UNSPECIFIED,
+                store::PixelFormat::kYuv420},
         YuvCase{AV_PIX_FMT_YUV420P, AVCOL_RANGE_UNSPECIFIED, AVCOL_SPC_SMPTE170M,
-                PixelFormat::kYuv420},
-        YuvCase{AV_PIX_FMT_YUV420P, AVCOL_RANGE_MPEG, AVCOL_SPC_BT709, PixelFormat::kYuv420},
-        YuvCase{AV_PIX_FMT_YUV420P, AVCOL_RANGE_JPEG, AVCOL_SPC_BT709, PixelFormat::kYuv420},
-        YuvCase{AV_PIX_FMT_YUV422P, AVCOL_RANGE_JPEG, AVCOL_SPC_BT470BG, PixelFormat::kYuv422},
-        YuvCase{AV_PIX_FMT_YUV444P, AVCOL_RANGE_JPEG, AVCOL_SPC_UNSPECIFIED, PixelFormat::kYuv444},
-        YuvCase{AV_PIX_FMT_YUV444P, AVCOL_RANGE_MPEG, AVCOL_SPC_BT709, PixelFormat::kYuv444},
-        YuvCase{AV_PIX_FMT_YUYV422, AVCOL_RANGE_MPEG, AVCOL_SPC_UNSPECIFIED, PixelFormat::kYuv422},
-        YuvCase{AV_PIX_FMT_YUYV422, AVCOL_RANGE_JPEG, AVCOL_SPC_UNSPECIFIED, PixelFormat::kYuv422},
-        YuvCase{AV_PIX_FMT_UYVY422, AVCOL_RANGE_JPEG, AVCOL_SPC_UNSPECIFIED, PixelFormat::kYuv422},
-        YuvCase{AV_PIX_FMT_NV12, AVCOL_RANGE_MPEG, AVCOL_SPC_UNSPECIFIED, PixelFormat::kYuv420},
+                store::PixelFormat::kYuv420},
+        YuvCase{AV_PIX_FMT_YUV420P, AVCOL_RANGE_MPEG, AVCOL_SPC_BT709, store::PixelFormat::kYuv420},
+        YuvCase{AV_PIX_FMT_YUV420P, AVCOL_RANGE_JPEG, AVCOL_SPC_BT709, store::PixelFormat::kYuv420},
+        YuvCase{AV_PIX_FMT_YUV422P, AVCOL_RANGE_JPEG, AVCOL_SPC_BT470BG,
+                store::PixelFormat::kYuv422},
+        YuvCase{AV_PIX_FMT_YUV444P, AVCOL_RANGE_JPEG, AVCOL_SPC_UNSPECIFIED,
+                store::PixelFormat::kYuv444},
+        YuvCase{AV_PIX_FMT_YUV444P, AVCOL_RANGE_MPEG, AVCOL_SPC_BT709, store::PixelFormat::kYuv444},
+        YuvCase{AV_PIX_FMT_YUYV422, AVCOL_RANGE_MPEG, AVCOL_SPC_UNSPECIFIED,
+                store::PixelFormat::kYuv422},
+        YuvCase{AV_PIX_FMT_YUYV422, AVCOL_RANGE_JPEG, AVCOL_SPC_UNSPECIFIED,
+                store::PixelFormat::kYuv422},
+        YuvCase{AV_PIX_FMT_UYVY422, AVCOL_RANGE_JPEG, AVCOL_SPC_UNSPECIFIED,
+                store::PixelFormat::kYuv422},
+        YuvCase{AV_PIX_FMT_NV12, AVCOL_RANGE_MPEG, AVCOL_SPC_UNSPECIFIED,
+                store::PixelFormat::kYuv420},
         YuvCase{AV_PIX_FMT_YUV411P, AVCOL_RANGE_MPEG, AVCOL_SPC_UNSPECIFIED,
-                PixelFormat::kYuv422}));
+                store::PixelFormat::kYuv422}));
 
 TEST(PixelConverter, WhatIsOursAlreadyIsNotCopied) {
   PixelConverter converter;
@@ -142,7 +148,7 @@ TEST(PixelConverter, WhatIsOursAlreadyIsNotCopied) {
   for (const AVPixelFormat format : {AV_PIX_FMT_YUVJ420P, AV_PIX_FMT_YUVJ422P, AV_PIX_FMT_YUVJ444P,
                                      AV_PIX_FMT_GRAY8, AV_PIX_FMT_RGB24, AV_PIX_FMT_BGR24}) {
     const auto frame = new_frame(format, AVCOL_RANGE_UNSPECIFIED, AVCOL_SPC_UNSPECIFIED);
-    RawImage image;
+    store::RawImage image;
     ASSERT_TRUE(converter.convert(*frame, owner, image));
     EXPECT_EQ(static_cast<const void*>(image.planes[0].data), frame->data[0]);
     EXPECT_EQ(image.owner, owner);
@@ -157,7 +163,7 @@ TEST(PixelConverter, PicturesThatStandOnTheirHeadsAreTurned) {
   frame->data[0] += (kHeight - 1) * frame->linesize[0];
   frame->linesize[0] = -frame->linesize[0];
   PixelConverter converter;
-  RawImage image;
+  store::RawImage image;
   const bool converted = converter.convert(*frame, nullptr, image);
   frame->linesize[0] = -frame->linesize[0];
   ASSERT_TRUE(converted);
@@ -168,11 +174,11 @@ TEST(PixelConverter, PicturesThatStandOnTheirHeadsAreTurned) {
 TEST(PixelConverter, LimitedGreyIsStretched) {
   const auto frame = new_frame(AV_PIX_FMT_GRAY8, AVCOL_RANGE_MPEG, AVCOL_SPC_UNSPECIFIED);
   PixelConverter converter;
-  RawImage image;
+  store::RawImage image;
   for (const auto& [code, expected] : {std::pair{16, 0}, {235, 255}, {126, 128}}) {
     fill(*frame, {code, 0, 0});
     ASSERT_TRUE(converter.convert(*frame, nullptr, image));
-    EXPECT_EQ(image.format, PixelFormat::kGray);
+    EXPECT_EQ(image.format, store::PixelFormat::kGray);
     EXPECT_NEAR(code_at(image, 0, 3, 3), expected, 1);
   }
 }
@@ -190,17 +196,16 @@ TEST(PixelConverter, BayerPatternsBecomeRgb) {
     const std::array<int, 3> colour{200, 120, 40};
     for (int y = 0; y < kHeight; ++y) {
       for (int x = 0; x < kWidth; ++x) {
-        const int channel = pattern.channel[static_cast<std::size_t>(2 * (y % 2) + x % 2)];
-        frame->data[0][y * frame->linesize[0] + x] =
-            static_cast<std::uint8_t>(colour[static_cast<std::size_t>(channel)]);
+        const int channel = pattern.channel[2 * (y % 2) + x % 2];
+        frame->data[0][y * frame->linesize[0] + x] = static_cast<std::uint8_t>(colour[channel]);
       }
     }
     PixelConverter converter;
-    RawImage image;
+    store::RawImage image;
     ASSERT_TRUE(converter.convert(*frame, nullptr, image));
-    ASSERT_EQ(image.format, PixelFormat::kRgb);
+    ASSERT_EQ(image.format, store::PixelFormat::kRgb);
     for (int channel = 0; channel < 3; ++channel) {
-      EXPECT_EQ(code_at(image, 0, 3 * 9 + channel, 9), colour[static_cast<std::size_t>(channel)])
+      EXPECT_EQ(code_at(image, 0, 3 * 9 + channel, 9), colour[channel])
           << av_get_pix_fmt_name(pattern.format) << " channel " << channel;
     }
   }
@@ -212,8 +217,8 @@ TEST(PixelConverter, RgbBecomesFullRangeYuvOnRequest) {
   for (const std::array<int, 3>& rgb :
        {std::array<int, 3>{0, 0, 0}, {255, 255, 255}, {200, 100, 50}, {10, 60, 220}}) {
     fill(*frame, rgb);
-    RawImage image;
-    ASSERT_TRUE(converter.convert_to(PixelFormat::kYuv420, *frame, image));
+    store::RawImage image;
+    ASSERT_TRUE(converter.convert_to(store::PixelFormat::kYuv420, *frame, image));
     const Triple expected = full_601_from({rgb[0] / 255.0, rgb[1] / 255.0, rgb[2] / 255.0});
     for (std::size_t plane = 0; plane < 3; ++plane) {
       EXPECT_NEAR(code_at(image, plane, 4, 4), expected[plane], 1.01);
@@ -226,11 +231,11 @@ TEST(PixelConverter, UnknownFormatsAreRefused) {
   frame->width = frame->height = 8;
   frame->format = AV_PIX_FMT_NONE;
   PixelConverter converter;
-  RawImage image;
+  store::RawImage image;
   EXPECT_FALSE(converter.convert(*frame, nullptr, image));
   EXPECT_EQ(image.planes[0].data, nullptr);
   av_frame_free(&frame);
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

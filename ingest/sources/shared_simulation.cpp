@@ -16,18 +16,22 @@
 #include "simulate/simulated_rig.h"
 #include "store/jpeg/encode.h"
 
-namespace raystage {
+// Renders the frames of one simulated camera over one loop: ray-traced linear light with edge
+// samples at its exposure times, then the sensor model, then a JPEG or YUV 4:2:0 planes. The scene
+// plays forwards for `seconds` and backwards for as long. Cost per camera: 2 * seconds * fps frames
+// of width * height pixels, in parallel over chunks of frames.
+
+namespace raystage::ingest {
 namespace {
 
 constexpr std::uint64_t kNoiseSalt = 22;
 constexpr int kWebcamQuality = 90;
-// Of each thread that renders: a recording has promised how little memory it takes.
-constexpr std::size_t kCacheBytes = 16 << 20;
-constexpr std::size_t kSceneBytes = 100 << 20;        // textures and Embree's trees
-constexpr std::size_t kRenderingBytesOfAPixel = 300;  // of each thread that renders
+constexpr std::size_t kCacheBytes = 16 << 20;      // of each render thread, kept small
+constexpr std::size_t kSceneBytes = 100 << 20;     // textures and Embree's hierarchies
+constexpr std::size_t kRenderBytesPerPixel = 300;  // of each render thread
 
-SimulationSettings settings_from(const RecordConfig::SimulatedSource& source) {
-  SimulationSettings settings;
+simulate::SimulationSettings settings_from(const schemas::RecordConfig::SimulatedSource& source) {
+  simulate::SimulationSettings settings;
   settings.scene = source.scene;
   settings.seed = source.seed;
   settings.rows = source.rows;
@@ -37,69 +41,68 @@ SimulationSettings settings_from(const RecordConfig::SimulatedSource& source) {
   settings.fps = source.fps;
   settings.seconds = 2 * source.seconds;  // there and back
   settings.jitter = std::min(settings.jitter, 0.05 / source.fps);
-  // What gets lost is the recorder's to find out.
+  // Only the recorder drops frames.
   settings.startup_loss_s = 0;
   settings.drop_probability = 0;
-  check_simulation_settings(settings);
+  simulate::check_simulation_settings(settings);
   return settings;
 }
 
 std::size_t render_threads() { return std::max(1U, std::thread::hardware_concurrency()); }
 
-/// All that makes two arrays differ.
-std::string key_of(const RecordConfig::SimulatedSource& s) {
+/// Returns a key of all settings of an array.
+std::string key_of(const schemas::RecordConfig::SimulatedSource& s) {
   return fmt::format("{} {} {} {} {} {} {} {} {}", s.seed, s.rows, s.columns, s.width, s.height,
                      s.fps, s.seconds, s.jpeg, s.scene);
 }
 
-/// As a raw camera would deliver it: half the bytes of RGB.
-RawImage planes_of(const RgbImage& rgb, PixelConverter& converter) {
+/// Returns YUV 4:2:0 planes, as a raw camera delivers them: half the bytes of RGB.
+store::RawImage planes_of(const store::RgbImage& rgb, PixelConverter& converter) {
   const AvPtr<AVFrame> frame(check_allocation(av_frame_alloc()));
   frame->width = rgb.width;
   frame->height = rgb.height;
   frame->format = AV_PIX_FMT_RGB24;
   frame->data[0] = const_cast<std::uint8_t*>(rgb.pixels.data());
   frame->linesize[0] = 3 * rgb.width;
-  RawImage image;
-  converter.convert_to(PixelFormat::kYuv420, *frame, image);
+  store::RawImage image;
+  converter.convert_to(store::PixelFormat::kYuv420, *frame, image);
   return image;
 }
 
 }  // namespace
 
-SharedSimulation::SharedSimulation(const RecordConfig::SimulatedSource& source)
+SharedSimulation::SharedSimulation(const schemas::RecordConfig::SimulatedSource& source)
     : source_(source),
       settings_(settings_from(source)),
-      scene_(make_scene(settings_.scene)),
+      scene_(simulate::make_scene(settings_.scene)),
       geometry_(scene_),
-      rig_(rig_from_document(make_simulated_rig(settings_).truth)),
-      schedule_(make_exposure_schedule(settings_)) {}
+      rig_(rig::rig_from_document(simulate::make_simulated_rig(settings_).truth)),
+      schedule_(simulate::make_exposure_schedule(settings_)) {}
 
 std::shared_ptr<SharedSimulation> SharedSimulation::shared(
-    const RecordConfig::SimulatedSource& source) {
-  // Remembers what others keep alive; holds nothing itself.
+    const schemas::RecordConfig::SimulatedSource& source) {
   static std::mutex mutex;
-  static std::map<std::string, std::weak_ptr<SharedSimulation>> stages;
+  static std::map<std::string, std::weak_ptr<SharedSimulation>> simulations;  // owned by cameras
   const std::string key = key_of(source);
   const auto find = [&] {
     const std::scoped_lock lock(mutex);
-    return stages[key].lock();
+    return simulations[key].lock();
   };
-  if (auto stage = find(); stage) return stage;
-  // Made outside the lock: Embree builds with tasks, and a thread that waits for tasks may take up
-  // another one that comes here.
-  auto made = std::make_shared<SharedSimulation>(source);
+  if (auto existing = find(); existing) return existing;
+  // Created outside the lock: Embree builds with TBB tasks, and a thread that waits for them may
+  // run another task that calls this function.
+  auto created = std::make_shared<SharedSimulation>(source);
   const std::scoped_lock lock(mutex);
-  std::weak_ptr<SharedSimulation>& known = stages[key];
-  if (auto stage = known.lock(); stage) return stage;
-  known = made;
-  return made;
+  std::weak_ptr<SharedSimulation>& known = simulations[key];
+  if (auto existing = known.lock(); existing) return existing;
+  known = created;
+  return created;
 }
 
 std::size_t SharedSimulation::memory() const {
   const auto pixels =
       static_cast<std::size_t>(source_.width) * static_cast<std::size_t>(source_.height);
-  return kSceneBytes + render_threads() * (kCacheBytes + kRenderingBytesOfAPixel * pixels);
+  return kSceneBytes + render_threads() * (kCacheBytes + kRenderBytesPerPixel * pixels);
 }
 
 std::shared_ptr<const SimulatedLoop> SharedSimulation::loop(int index) {
@@ -114,39 +117,41 @@ std::shared_ptr<const SimulatedLoop> SharedSimulation::loop(int index) {
 }
 
 SimulatedLoop SharedSimulation::render(int index) const {
-  const Rig::Camera& camera = rig_.cameras[static_cast<std::size_t>(index)];
-  const ExposureSchedule::Camera& times = schedule_.cameras[static_cast<std::size_t>(index)];
-  const PixelRays rays(camera.model, camera.pose);
+  const rig::Rig::Camera& camera = rig_.cameras[index];
+  const simulate::ExposureSchedule::Camera& times = schedule_.cameras[index];
+  const simulate::PixelRays rays(camera.model, camera.pose);
   SimulatedLoop loop;
   loop.exposures.resize(times.frames.size());
   loop.length = std::llround(times.period_ns * static_cast<double>(times.frames.size()));
-  const SensorModel developer(camera.photometric, {rays.width(), rays.height()}, settings_.noise);
-  const std::size_t parts = render_threads();
-  parallel_for(std::size_t{0}, parts, [&](std::size_t part) {
+  const simulate::SensorModel developer(camera.photometric, {rays.width(), rays.height()},
+                                        settings_.noise);
+  const std::size_t chunks = render_threads();
+  parallel_for(std::size_t{0}, chunks, [&](std::size_t chunk) {
     const std::size_t count = loop.exposures.size();
-    const std::size_t first = part * count / parts, last = (part + 1) * count / parts;
+    const std::size_t first = chunk * count / chunks, last = (chunk + 1) * count / chunks;
     if (first == last) return;
-    World world(geometry_);
-    CameraRenderer renderer;
-    StaticSampleCache cache(kCacheBytes);
-    LinearImage light;
+    simulate::World world(geometry_);
+    simulate::CameraRenderer renderer;
+    simulate::StaticSampleCache cache(kCacheBytes);
+    simulate::LinearImage light;
     PixelConverter converter;
     for (std::size_t number = first; number < last; ++number) {
-      const ExposureSchedule::Frame& frame = times.frames[number];
+      const simulate::ExposureSchedule::Frame& frame = times.frames[number];
       const double seconds = static_cast<double>(frame.true_time) * 1e-9;
       world.set_time(
           std::abs(seconds <= source_.seconds ? seconds : 2 * source_.seconds - seconds));
       renderer.render(world, rays, settings_.edge_samples, cache, light);
-      const RgbImage picture = developer.develop(
-          light,
-          hash_keys({settings_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number}));
+      const store::RgbImage picture = developer.develop(
+          light, simulate::hash_keys(
+                     {settings_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number}));
       SimulatedLoop::Exposure& exposure = loop.exposures[number];
       exposure.true_time = frame.true_time;
       exposure.stamped_time = frame.stamped_time;
       if (source_.jpeg) {
-        exposure.jpeg = encode_jpeg(picture, {.quality = kWebcamQuality,
-                                              .chroma = JpegEncodeSettings::Chroma::k420,
-                                              .restart_interval = 0});
+        exposure.jpeg =
+            store::encode_jpeg(picture, {.quality = kWebcamQuality,
+                                         .chroma = store::JpegEncodeSettings::Chroma::k420,
+                                         .restart_interval = 0});
       } else {
         exposure.raw = planes_of(picture, converter);
       }
@@ -155,4 +160,4 @@ SimulatedLoop SharedSimulation::render(int index) const {
   return loop;
 }
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside ingest/sources only.
+// Internal to ingest/sources.
 #pragma once
 
 #include <chrono>
@@ -15,52 +15,53 @@
 #include "simulate/simulation_settings.h"
 #include "simulate/world.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
-/// What one simulated camera shows, over and over.
+/// The frames of one simulated camera, which repeat endlessly.
 struct SimulatedLoop {
   struct Exposure {
-    Nanoseconds true_time = 0;     ///< middle of the exposure, from the loop's start
-    Nanoseconds stamped_time = 0;  ///< by the clock of its node
-    std::vector<std::byte> jpeg;   ///< or
-    RawImage raw;
+    Nanoseconds true_time = 0;     ///< middle of the exposure, in ns from the loop's start
+    Nanoseconds stamped_time = 0;  ///< the same by the clock of its node
+    std::vector<std::byte> jpeg;   ///< if the camera delivers JPEG; else `raw`
+    store::RawImage raw;
   };
   std::vector<Exposure> exposures;
-  Nanoseconds length = 0;  ///< of the loop by this camera's own rate
+  Nanoseconds length = 0;  ///< in ns by this camera's own rate
 };
 
-/// The simulated array in motion, shared by its cameras. The scene runs to and fro: a loop is twice
-/// the settings' seconds. Cameras keep their own rates, so that after an hour at 50 ppm one shows
-/// what its neighbour showed 0.18 s before; their time stamps stay true.
+/// The simulated array in real time, shared by its cameras. The scene plays forwards, then
+/// backwards: a loop takes twice the settings' seconds. Cameras keep their own rates: after an hour
+/// at 50 ppm one shows what its neighbour showed 0.18 s before. Their time stamps stay true.
 class SharedSimulation {
  public:
   using Clock = std::chrono::steady_clock;
 
-  explicit SharedSimulation(const RecordConfig::SimulatedSource& source);
+  explicit SharedSimulation(const schemas::RecordConfig::SimulatedSource& source);
 
-  /// The stage for these settings (all but the index): one for all cameras that live at the same
-  /// time. Throws Error (bad input) for settings that cannot be.
-  static std::shared_ptr<SharedSimulation> shared(const RecordConfig::SimulatedSource& source);
+  /// Returns the simulation that all existing cameras with these settings (except the index) share.
+  /// Throws Error (bad input) for invalid settings.
+  static std::shared_ptr<SharedSimulation> shared(
+      const schemas::RecordConfig::SimulatedSource& source);
 
-  /// Renders when first asked for this camera, on all threads of the TBB arena.
+  /// Returns a camera's frames. The first call renders them on all threads of the TBB arena.
   std::shared_ptr<const SimulatedLoop> loop(int index);
-  /// Bytes of the scene and of rendering it, at most about; the loops are not in it.
+  /// Returns an upper estimate of the bytes of the scene and of rendering, without the loops.
   std::size_t memory() const;
-  /// When the loops started.
+  /// Returns the time at which all loops start.
   Clock::time_point start() const { return start_; }
 
  private:
   SimulatedLoop render(int index) const;
 
-  RecordConfig::SimulatedSource source_;
-  SimulationSettings settings_;
-  Scene scene_;
-  SceneGeometry geometry_;
-  Rig rig_;
-  ExposureSchedule schedule_;
+  schemas::RecordConfig::SimulatedSource source_;
+  simulate::SimulationSettings settings_;
+  simulate::Scene scene_;
+  simulate::SceneGeometry geometry_;
+  rig::Rig rig_;
+  simulate::ExposureSchedule schedule_;
   Clock::time_point start_ = Clock::now();
   std::mutex mutex_;
   std::map<int, std::weak_ptr<const SimulatedLoop>> loops_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::ingest

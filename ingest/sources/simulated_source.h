@@ -6,12 +6,13 @@
 #include "ingest/sources/frame_source.h"
 #include "schemas/record_config.h"
 
-namespace raystage {
+namespace raystage::ingest {
 
-/// One camera of the simulated array in real time: free running with a phase and a rate of its own,
-/// stamped by its node's clock, with a frame counter. A few frames wait for a late reader; the rest
-/// is lost, and the counter shows it. Renders its frames now, unless another source with the same
-/// settings has. Throws Error (bad input) for settings that cannot be.
-std::unique_ptr<FrameSource> open_simulated_source(const RecordConfig::SimulatedSource& source);
+/// Opens one camera of the simulated array in real time: free-running with its own phase and rate,
+/// with time stamps of its node's clock and a frame counter. A few frames wait for a late reader;
+/// more are dropped, and the counter shows it. Renders the frames now, unless another source with
+/// the same settings has done so. Throws Error (bad input) for invalid settings.
+std::unique_ptr<FrameSource> open_simulated_source(
+    const schemas::RecordConfig::SimulatedSource& source);
 
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -13,14 +13,14 @@
 #include "ingest/sources/jpeg_markers.h"
 #include "ingest/sources/shared_simulation.h"
 
-namespace raystage {
+namespace raystage::ingest {
 namespace {
 
 using namespace std::chrono_literals;
 using Outcome = FrameSource::Outcome;
 
-RecordConfig::SimulatedSource small(int index) {
-  RecordConfig::SimulatedSource source;
+schemas::RecordConfig::SimulatedSource small(int index) {
+  schemas::RecordConfig::SimulatedSource source;
   source.rows = 1;
   source.columns = 2;
   source.index = index;
@@ -43,7 +43,7 @@ TEST(SimulatedSource, CamerasRunFreelyAtTheirOwnTimes) {
     for (int i = 0; i < 25; ++i) {  // more than two loops of ten
       ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
       ASSERT_TRUE(frame.sequence && frame.device_time);
-      EXPECT_EQ(frame.raw.format, PixelFormat::kYuv420);
+      EXPECT_EQ(frame.raw.format, store::PixelFormat::kYuv420);
       EXPECT_EQ(frame.raw.width, 32);
       if (i == 0) first = *frame.device_time, first_number = *frame.sequence;
       last = *frame.device_time;
@@ -77,10 +77,10 @@ TEST(SimulatedSource, TheSceneRunsToAndFro) {
   settings.seconds = 2;
   SharedSimulation stage(settings);
   const auto loop = stage.loop(0);
-  ASSERT_EQ(loop->exposures.size(), 80U);  // there and back
+  ASSERT_EQ(loop->exposures.size(), 80U);  // forwards and backwards
   const auto difference = [&](std::size_t a, std::size_t b) {
-    const RawImage::Plane pa = loop->exposures[a].raw.planes[0],
-                          pb = loop->exposures[b].raw.planes[0];
+    const store::RawImage::Plane pa = loop->exposures[a].raw.planes[0],
+                                 pb = loop->exposures[b].raw.planes[0];
     int sum = 0;
     for (std::size_t y = 0; y < 24; ++y) {
       for (std::size_t x = 0; x < 32; ++x) {
@@ -90,7 +90,7 @@ TEST(SimulatedSource, TheSceneRunsToAndFro) {
     }
     return sum;
   };
-  // On its way back the scene passes the same places.
+  // Backwards, the scene repeats the positions of the way forwards.
   EXPECT_GT(2 * difference(10, 40), 3 * difference(10, 69));
   EXPECT_EQ(stage.loop(0), loop) << "rendered twice";
 }
@@ -121,10 +121,10 @@ TEST(SimulatedSource, DeliversJpegAsAWebcamDoes) {
   EXPECT_TRUE(source->description().delivers_jpeg);
   SourceFrame frame;
   ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
-  const JpegMarkerInfo glance = scan_jpeg_markers(frame.jpeg);
-  EXPECT_TRUE(glance.whole);
-  EXPECT_EQ(glance.width, 32);
-  EXPECT_EQ(glance.height, 24);
+  const JpegMarkerInfo markers = scan_jpeg_markers(frame.jpeg);
+  EXPECT_TRUE(markers.whole);
+  EXPECT_EQ(markers.width, 32);
+  EXPECT_EQ(markers.height, 24);
 }
 
 TEST(SimulatedSource, ALateReaderLosesFramesAndTheCounterShowsIt) {
@@ -164,4 +164,4 @@ TEST(SimulatedSource, WhatCannotBeIsRefused) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::ingest

@@ -15,15 +15,15 @@
 #include "render/automatic/leave_one_out.h"
 #include "rig/plenoptic_sampling.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// Least coverage of an acceptable reconstruction, whatever its PSNR; the same as in bench.
 constexpr double kLeastCovered = 0.85;
 
-double longest_focal_length(const Rig& rig) {
+double longest_focal_length(const rig::Rig& rig) {
   double longest = 0;
-  for (const Rig::Camera& camera : rig.cameras) {
+  for (const rig::Rig::Camera& camera : rig.cameras) {
     longest = std::max({longest, camera.model.intrinsics().fx, camera.model.intrinsics().fy});
   }
   return longest;
@@ -39,7 +39,7 @@ Work work_of(const ViewRequest& request, double disparity) {
   const double samples = static_cast<double>(request.supersampling) * request.supersampling;
   Work work{static_cast<double>(request.view.width) * request.view.height / samples, 0, disparity};
   for (const int camera : request.instant.included_cameras) {
-    const CameraModel& model = request.instant.rig->cameras[static_cast<std::size_t>(camera)].model;
+    const rig::CameraModel& model = request.instant.rig->cameras[camera].model;
     work.source_pixels += static_cast<double>(model.width()) * model.height();
   }
   return work;
@@ -70,17 +70,17 @@ std::string measured(const LeaveOneOutQuality& quality) {
 /// Chooses for a known depth range; `request` has the focal plane of eq. 2.2.
 MethodChoice choose_by_range(std::span<const MethodCandidate> candidates,
                              const QualityTarget& target, const ViewRequest& request,
-                             const DepthRange& scene) {
+                             const schemas::DepthRange& scene) {
   const LightFieldFrame& instant = request.instant;
-  const double spacing = max_neighbour_baseline(*instant.rig, *instant.complete);
+  const double spacing = rig::max_neighbour_baseline(*instant.rig, *instant.complete);
   const double focal_length = longest_focal_length(*instant.rig);
-  const double disparity = disparity_range(focal_length, spacing, scene);
-  if (disparity <= kMaxAliasFreeDisparity) {
+  const double disparity = rig::disparity_range(focal_length, spacing, scene);
+  if (disparity <= rig::kMaxAliasFreeDisparity) {
     return {0, fmt::format("{}: the baseline is {:.3g} mm; up to {:.3g} mm, a single plane at "
                            "{:.4g} m shows no ghosts (eq. 2.1)",
                            candidates[0].label, spacing * 1e3,
-                           max_alias_free_baseline(focal_length, scene) * 1e3,
-                           optimal_focal_depth(scene))};
+                           rig::max_alias_free_baseline(focal_length, scene) * 1e3,
+                           rig::optimal_focal_depth(scene))};
   }
 
   const Work work = work_of(request, disparity);
@@ -151,7 +151,8 @@ MethodChoice chosen(std::span<const MethodCandidate> candidates, const QualityTa
   }
   // The sampling theorem (eq. 2.1) assumes this plane; any other has more out of focus.
   ViewRequest on_best = request;
-  on_best.focal_plane = fronto_parallel_plane(*request.instant.rig, optimal_focal_depth(*range));
+  on_best.focal_plane =
+      rig::fronto_parallel_plane(*request.instant.rig, rig::optimal_focal_depth(*range));
   MethodChoice choice = choose_by_range(candidates, target, on_best, *range);
   choice.focal_plane = on_best.focal_plane;
   return choice;
@@ -169,4 +170,4 @@ MethodChoice choose(std::span<const MethodCandidate> candidates, const QualityTa
   return choice;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

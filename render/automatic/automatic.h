@@ -8,13 +8,13 @@
 
 #include "render/common/method.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// A candidate of `auto`: a method with options, and its cost.
 struct MethodCandidate {
   std::string label;  ///< for people
   const Method* method;
-  OptionValues options = {};
+  schemas::OptionValues options = {};
   /// Cost on one thread in nanoseconds: per pixel of the view; in addition, per pixel of the view
   /// and pixel of disparity_range(); and per light field frame, for each pixel of its cameras.
   /// Measured on the machine of docs/benchmarks.md and constant, so that every node of a farm
@@ -30,7 +30,7 @@ struct QualityTarget {
   /// shot, but the choice must not.
   double seconds_per_frame = 0;
   /// Depth range of the scene, where the take has none or another one is given.
-  std::optional<DepthRange> scene = std::nullopt;
+  std::optional<schemas::DepthRange> scene = std::nullopt;
 };
 
 struct MethodChoice {
@@ -58,4 +58,4 @@ MethodChoice choose(std::span<const MethodCandidate> candidates, const QualityTa
 /// Returns the method `auto`.
 const Method& automatic_method();
 
-}  // namespace raystage
+}  // namespace raystage::render

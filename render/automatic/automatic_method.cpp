@@ -13,7 +13,7 @@
 #include "render/planar/focal_plane.h"
 #include "render/sweep/plane_sweep.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr std::array kOptions{
@@ -56,7 +56,7 @@ std::vector<MethodCandidate> candidates() {
 }
 
 /// Returns the depth range in the options, if there is one.
-std::optional<DepthRange> depth_range_option(const ViewRequest& request) {
+std::optional<schemas::DepthRange> depth_range_option(const ViewRequest& request) {
   if (request.options.number("near") == 0 && request.options.number("far") == 0) return {};
   return scene_depth_range(request.options, *request.instant.take, "auto");
 }
@@ -67,9 +67,7 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
   std::vector<MethodCandidate> all = candidates();
   for (MethodCandidate& candidate : all) {
     if (!target.scene || candidate.method->uses_focal_plane()) continue;
-    for (const char* name : {"near", "far"}) {
-      candidate.options[name] = request.options.number(name);
-    }
+    for (const char* name : {"near", "far"}) candidate.options[name] = request.options.number(name);
   }
   if (request.measure_coverage) {
     std::erase_if(all, [](const MethodCandidate& c) { return !c.method->measures_coverage(); });
@@ -88,21 +86,12 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
   });
   const MethodCandidate& chosen = all[choice->candidate];
   const MethodOptions options(chosen.method->options(), chosen.options, "auto");
-  const ViewRequest inner{request.view,
-                          request.instant,
-                          choice->focal_plane.value_or(request.focal_plane),
-                          options,
-                          request.result_cache,
-                          request.working_bytes,
-                          request.buffers,
-                          request.count_needed_pixels,
-                          request.measure_coverage,
-                          request.use_take_folder,
-                          request.supersampling,
-                          request.first_row,
-                          request.full_height};
-  RenderedView view =
-      reference ? chosen.method->render_reference(inner) : chosen.method->render(inner);
+  const auto render = reference ? &Method::render_reference : &Method::render;
+  RenderedView view = (chosen.method->*render)(
+      {request.view, request.instant, choice->focal_plane.value_or(request.focal_plane), options,
+       request.result_cache, request.working_bytes, request.buffers, request.count_needed_pixels,
+       request.measure_coverage, request.use_take_folder, request.supersampling, request.first_row,
+       request.full_height});
   std::string note = "auto: " + choice->why;
   if (target.seconds_per_frame > 0 && request.supersampling > 1) {
     note += fmt::format("; the time is for one sample per pixel, this view takes {}",
@@ -136,8 +125,9 @@ class AutomaticMethod final : public Method {
     return render_with(request, true);
   }
   /// Returns the timeline, because measurements use its ticks.
-  std::vector<std::filesystem::path> input_files(const MethodOptions& options, const Take& take,
-                                                 const FrameSelection& /*frames*/) const override {
+  std::vector<std::filesystem::path> input_files(
+      const MethodOptions& options, const store::Take& take,
+      const store::FrameSelection& /*frames*/) const override {
     const std::filesystem::path timeline = take.folder() / "timeline.zst";
     if (options.number("target_error") == 0 || !std::filesystem::exists(timeline)) return {};
     return {timeline};
@@ -158,4 +148,4 @@ const Method& automatic_method() {
   return method;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

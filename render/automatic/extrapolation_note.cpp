@@ -8,19 +8,19 @@
 
 #include "rig/plenoptic_sampling.h"
 
-namespace raystage {
+namespace raystage::render {
 
 std::optional<std::string> extrapolation_note(const VirtualCamera& view,
                                               const LightFieldFrame& instant) {
-  const Rig& rig = *instant.rig;
+  const rig::Rig& rig = *instant.rig;
   const auto offset_from = [&](int camera) -> Eigen::Vector3d {
-    return view.pose.position - rig.cameras[static_cast<std::size_t>(camera)].pose.position;
+    return view.pose.position - rig.cameras[camera].pose.position;
   };
   const int nearest = *std::ranges::min_element(
       instant.included_cameras, {}, [&](int camera) { return offset_from(camera).squaredNorm(); });
   const Eigen::Vector3d offset = offset_from(nearest);
   const double distance = offset.norm();
-  if (distance <= max_neighbour_baseline(rig, *instant.complete)) return std::nullopt;
+  if (distance <= rig::max_neighbour_baseline(rig, *instant.complete)) return std::nullopt;
   // "In front of" or "behind": more than half of the distance is along the normal.
   const double behind = offset.dot(instant.complete->normal);
   const char* side = "next to";
@@ -31,4 +31,4 @@ std::optional<std::string> extrapolation_note(const VirtualCamera& view,
       distance, side);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -7,7 +7,7 @@
 #include "render/common/light_field_frame.h"
 #include "render/common/view.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Returns a note if a view is farther from every camera than the cameras are from each other: the
 /// distance (to one digit, so that a moving camera does not get a note per frame) and the side of
@@ -16,4 +16,4 @@ namespace raystage {
 std::optional<std::string> extrapolation_note(const VirtualCamera& view,
                                               const LightFieldFrame& instant);
 
-}  // namespace raystage
+}  // namespace raystage::render

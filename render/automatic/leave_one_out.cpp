@@ -20,7 +20,7 @@
 #include "render/common/image_quality.h"
 #include "render/common/ray_cells.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// Sums over the compared images.
@@ -33,20 +33,17 @@ struct Comparison {
 LightFieldFrame without(const LightFieldFrame& instant, int camera) {
   LightFieldFrame rest = instant;
   rest.stored_data_counts = nullptr;  // measurements are never stored
-  rest.frame_of_camera[static_cast<std::size_t>(camera)] = -1;
+  rest.frame_of_camera[camera] = -1;
   std::erase(rest.included_cameras, camera);
-  std::vector<int> present;
-  for (const int member : rest.included_cameras) {
-    if (rest.is_present(member)) present.push_back(member);
-  }
+  const std::vector<int> present = rest.present_cameras();
   if (!present.empty()) {
-    rest.present = std::make_shared<const Topology>(make_topology(*instant.rig, present));
+    rest.present = std::make_shared<const rig::Topology>(rig::make_topology(*instant.rig, present));
   }
   rest.complete = rest.present;
   return rest;
 }
 
-VirtualCamera view_of(const Rig::Camera& camera) {
+VirtualCamera view_of(const rig::Rig::Camera& camera) {
   VirtualCamera view{camera.model.width(), camera.model.height(), camera.model.intrinsics(),
                      camera.pose};
   view.intrinsics.distortion = {};
@@ -57,8 +54,8 @@ VirtualCamera view_of(const Rig::Camera& camera) {
 bool is_between_others(int camera, const LightFieldFrame& instant) {
   std::vector<int> others = instant.included_cameras;
   std::erase(others, camera);
-  const VirtualCamera view = view_of(instant.rig->cameras[static_cast<std::size_t>(camera)]);
-  const RayCells cells(view, *instant.rig, make_topology(*instant.rig, others));
+  const VirtualCamera view = view_of(instant.rig->cameras[camera]);
+  const RayCells cells(view, *instant.rig, rig::make_topology(*instant.rig, others));
   return cells.locate(view.intrinsics.cx, view.intrinsics.cy).has_value();
 }
 
@@ -69,9 +66,7 @@ std::vector<int> cameras_to_leave_out(const LightFieldFrame& instant) {
   std::vector<int> candidates = instant.included_cameras;
   std::vector<int> chosen;
   if (candidates.size() < kFewest) return chosen;
-  const auto position = [&](int camera) {
-    return instant.rig->cameras[static_cast<std::size_t>(camera)].pose.position;
-  };
+  const auto position = [&](int camera) { return instant.rig->cameras[camera].pose.position; };
   const Eigen::Vector3d centre = instant.rig->centre();
   const auto distance = [&](int camera) {
     if (chosen.empty()) return -(position(camera) - centre).norm();
@@ -97,22 +92,19 @@ std::optional<LightFieldFrame> instant_of(const LightFieldSequence& instants, in
   const std::size_t first = (2 * place + 1) * all / (2 * count);
   for (std::size_t step = 0; step < all; ++step) {
     LightFieldFrame instant = instants.at(static_cast<int>((first + step) % all));
-    const auto present = std::ranges::count_if(
-        instant.included_cameras, [&](int member) { return instant.is_present(member); });
-    if (instant.is_present(camera) && present > 3) return instant;
+    if (instant.is_present(camera) && instant.present_cameras().size() > 3) return instant;
   }
   return std::nullopt;
 }
 
 /// Returns the PSNR over the pixels of a part set in `counted`; not-a-number without any.
-double psnr_of_part(const RgbImage& image, const RgbImage& truth,
+double psnr_of_part(const store::RgbImage& image, const store::RgbImage& truth,
                     std::span<const std::uint8_t> counted, int left, int top, int width,
                     int height) {
   double squares = 0, pixels = 0;
   for (int y = top; y < top + height; ++y) {
     for (int x = left; x < left + width; ++x) {
-      const auto pixel = static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
-                         static_cast<std::size_t>(x);
+      const auto pixel = static_cast<std::size_t>(y) * image.width + x;
       if (counted[pixel] == 0) continue;
       ++pixels;
       for (std::size_t c = pixel * 3; c < pixel * 3 + 3; ++c) {
@@ -127,7 +119,7 @@ double psnr_of_part(const RgbImage& image, const RgbImage& truth,
 }
 
 void compare(const RenderedView& rendered, const UndistortedImage& truth, Comparison& comparison) {
-  const RgbImage image = srgb_image(rendered);
+  const store::RgbImage image = srgb_image(rendered);
   std::vector<std::uint8_t> counted = coverage_mask(rendered);
   for (std::size_t i = 0; i < counted.size(); ++i) {
     counted[i] &= truth.within[i];
@@ -147,7 +139,8 @@ void compare(const RenderedView& rendered, const UndistortedImage& truth, Compar
 
 }  // namespace
 
-LeaveOneOutQuality measure_leave_one_out_quality(const Method& method, const OptionValues& given,
+LeaveOneOutQuality measure_leave_one_out_quality(const Method& method,
+                                                 const schemas::OptionValues& given,
                                                  const ViewRequest& request) {
   const MethodOptions options(method.options(), given, method.name());
   const LightFieldSequence instants(request.instant);
@@ -159,15 +152,14 @@ LeaveOneOutQuality measure_leave_one_out_quality(const Method& method, const Opt
     const auto instant = instant_of(instants, camera, place, cameras.size());
     if (!instant) continue;
     const LightFieldFrame rest = without(*instant, camera);
-    const Rig::Camera& left_out = instant->rig->cameras[static_cast<std::size_t>(camera)];
+    const rig::Rig::Camera& left_out = instant->rig->cameras[camera];
     const VirtualCamera view = view_of(left_out);
     const RenderedView rendered =
         method.render({view, rest, request.focal_plane, options, request.result_cache,
                        request.working_bytes, request.buffers, false, false, false});
-    FrameCache& cache = *instant->cache;
+    store::FrameCache& cache = *instant->cache;
     std::int64_t decoded = 0;
-    const auto frame = cache.fetch(
-        camera, instant->frame_of_camera[static_cast<std::size_t>(camera)], {}, decoded);
+    const auto frame = cache.fetch(camera, instant->frame_of_camera[camera], {}, decoded);
     compare(rendered,
             undistort_frame(*frame, left_out.model, cache.full_scale(), cache.blend_space()),
             comparison);
@@ -191,4 +183,4 @@ LeaveOneOutQuality measure_leave_one_out_quality(const Method& method, const Opt
   return quality;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -5,7 +5,7 @@
 
 #include "render/common/method.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// The quality of a method at cameras that are left out of the reconstruction.
 struct LeaveOneOutQuality {
@@ -27,7 +27,8 @@ struct LeaveOneOutQuality {
 /// (LightFieldSequence), because a shot may show any. No camera is left out of fewer than four. Of
 /// `request` it uses the take and included cameras, the focal plane and the memory limits, not the
 /// view.
-LeaveOneOutQuality measure_leave_one_out_quality(const Method& method, const OptionValues& options,
+LeaveOneOutQuality measure_leave_one_out_quality(const Method& method,
+                                                 const schemas::OptionValues& options,
                                                  const ViewRequest& request);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -4,10 +4,11 @@
 #include <algorithm>
 #include <utility>
 
-namespace raystage {
+namespace raystage::render {
 
 LightFieldSequence::LightFieldSequence(const LightFieldFrame& now) : now_(now) {
-  if (auto timeline = read_timeline_if_present(*now.take)) ticks_ = std::move(timeline->ticks);
+  if (auto timeline = store::read_timeline_if_present(*now.take))
+    ticks_ = std::move(timeline->ticks);
 }
 
 int LightFieldSequence::count() const {
@@ -16,23 +17,22 @@ int LightFieldSequence::count() const {
 }
 
 LightFieldFrame LightFieldSequence::at(int index) const {
-  const auto i = static_cast<std::size_t>(index);
-  FrameSelection selection;
+  store::FrameSelection selection;
   if (ticks_.empty()) {
-    const Take& take = *now_.take;
-    selection = select_frames(take, take.archive(now_.included_cameras.front()).frames()[i].time_ns,
-                              default_frame_tolerance(take.document().nominal_fps));
+    const store::Take& take = *now_.take;
+    selection = store::select_frames(
+        take, take.archive(now_.included_cameras.front()).frames()[index].time_ns,
+        store::default_frame_tolerance(take.document().nominal_fps));
   } else {
-    selection = ticks_[i];
+    selection = ticks_[index];
   }
   LightFieldFrame instant = now_;
   instant.time_ns = selection.time_ns;
   std::ranges::fill(instant.frame_of_camera, -1);
   for (const int camera : now_.included_cameras) {
-    const auto c = static_cast<std::size_t>(camera);
-    instant.frame_of_camera[c] = selection.frame[c];
+    instant.frame_of_camera[camera] = selection.frame[camera];
   }
   return instant;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -7,7 +7,7 @@
 #include "render/common/light_field_frame.h"
 #include "store/timeline.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// The light field frames of a take: the ticks of its timeline with their selected frames (with
 /// clocks corrected and untrusted frames excluded). Without a timeline: the frames of the first
@@ -23,7 +23,7 @@ class LightFieldSequence {
 
  private:
   const LightFieldFrame& now_;
-  std::vector<FrameSelection> ticks_;  ///< empty: frames are selected by time stamps
+  std::vector<store::FrameSelection> ticks_;  ///< empty: frames are selected by time stamps
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -7,11 +7,11 @@
 #include "base/parallel.h"
 #include "base/transfer_function.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// Returns one channel at a position within the frame, [0, 1].
-double code_at(const DecodedFrame& frame, double x, double y, std::size_t channel) {
+double code_at(const store::DecodedFrame& frame, double x, double y, std::size_t channel) {
   const double left = std::clamp(x - 0.5, 0.0, frame.width - 1.0);
   const double top = std::clamp(y - 0.5, 0.0, frame.height - 1.0);
   const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
@@ -19,8 +19,7 @@ double code_at(const DecodedFrame& frame, double x, double y, std::size_t channe
   const auto code = [&](int i, int j) {
     const auto row = static_cast<std::size_t>(std::min(y0 + j, frame.height - 1));
     const auto column = static_cast<std::size_t>(std::min(x0 + i, frame.width - 1));
-    return frame.rgba[(row * static_cast<std::size_t>(frame.width) + column) * 4 + channel] /
-           65535.0;
+    return frame.rgba[(row * frame.width + column) * 4 + channel] / 65535.0;
   };
   return (1 - fy) * ((1 - fx) * code(0, 0) + fx * code(1, 0)) +
          fy * ((1 - fx) * code(0, 1) + fx * code(1, 1));
@@ -28,16 +27,15 @@ double code_at(const DecodedFrame& frame, double x, double y, std::size_t channe
 
 }  // namespace
 
-UndistortedImage undistort_frame(const DecodedFrame& frame, const CameraModel& model,
-                                 double full_scale, BlendSpace space) {
-  const auto pixels =
-      static_cast<std::size_t>(frame.width) * static_cast<std::size_t>(frame.height);
+UndistortedImage undistort_frame(const store::DecodedFrame& frame, const rig::CameraModel& model,
+                                 double full_scale, store::BlendSpace space) {
+  const auto pixels = static_cast<std::size_t>(frame.width) * frame.height;
   UndistortedImage picture{{frame.width, frame.height, {}}, {}};
   picture.image.pixels.assign(pixels * 3, 0);
   picture.within.assign(pixels, 0);
-  const Intrinsics& k = model.intrinsics();
+  const schemas::Intrinsics& k = model.intrinsics();
   raystage::parallel_for(0, frame.height, [&](int y) {
-    std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(frame.width);
+    std::size_t at = static_cast<std::size_t>(y) * frame.width;
     for (int x = 0; x < frame.width; ++x, ++at) {
       const auto pixel = model.pixel_from_ideal({(x + 0.5 - k.cx) / k.fx, (y + 0.5 - k.cy) / k.fy});
       if (!pixel || !model.contains(*pixel)) continue;
@@ -45,7 +43,7 @@ UndistortedImage undistort_frame(const DecodedFrame& frame, const CameraModel& m
       for (std::size_t c = 0; c < 3; ++c) {
         const double code = code_at(frame, pixel->x(), pixel->y(), c);
         const double linear =
-            full_scale * (space == BlendSpace::kPerceptual ? linear_from_srgb(code) : code);
+            full_scale * (space == store::BlendSpace::kPerceptual ? linear_from_srgb(code) : code);
         picture.image.pixels[at * 3 + c] = static_cast<std::uint8_t>(
             std::lround(255 * srgb_from_linear(std::clamp(linear, 0.0, 1.0))));
       }
@@ -54,4 +52,4 @@ UndistortedImage undistort_frame(const DecodedFrame& frame, const CameraModel& m
   return picture;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

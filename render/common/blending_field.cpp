@@ -11,11 +11,13 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
+#include <set>
 
 #include "base/parallel.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -37,7 +39,7 @@ double angle_between(const Vector3d& a, const Vector3d& b) {
 }
 
 /// Returns the camera's visibility of the point, 0 to 1.
-double point_visibility(const Rig::Camera& camera, const RayPoint& point) {
+double point_visibility(const rig::Rig::Camera& camera, const RayPoint& point) {
   const auto pixel = camera.model.project(camera.pose.world_from_camera_rotation.transpose() *
                                           -point.towards(camera.pose.position));
   if (!pixel) return 0;
@@ -47,7 +49,8 @@ double point_visibility(const Rig::Camera& camera, const RayPoint& point) {
 }
 
 /// Averages over the ray's range of depths, because the depth of the point is not known yet.
-double mean_visibility(const Rig::Camera& camera, RayPoint point, const InverseDepthRange& range) {
+double mean_visibility(const rig::Rig::Camera& camera, RayPoint point,
+                       const InverseDepthRange& range) {
   constexpr int kPoints = 5;
   double sum = 0;
   for (int i = 0; i < kPoints; ++i) {
@@ -59,10 +62,10 @@ double mean_visibility(const Rig::Camera& camera, RayPoint point, const InverseD
 }
 
 std::vector<CameraWeight> choose(const RayPoint& point, const InverseDepthRange& range,
-                                 const Rig& rig, const std::vector<int>& members, int count) {
+                                 const rig::Rig& rig, const std::vector<int>& members, int count) {
   std::vector<CameraWeight> all;  // `share` holds penalties until the last loops
   for (const int member : members) {
-    const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(member)];
+    const rig::Rig::Camera& camera = rig.cameras[member];
     const double visibility = mean_visibility(camera, point, range);
     if (visibility <= 0) continue;
     const double angle =
@@ -115,8 +118,8 @@ std::vector<Vector3d> ViewRays::bounding_rays() const {
   return rays;
 }
 
-BlendingField::BlendingField(const VirtualCamera& view, const Rig& rig, std::vector<int> members,
-                             const InverseDepthRange& range, int count)
+BlendingField::BlendingField(const VirtualCamera& view, const rig::Rig& rig,
+                             std::vector<int> members, const InverseDepthRange& range, int count)
     : columns_((view.width + kTile - 1) / kTile), rows_((view.height + kTile - 1) / kTile) {
   const ViewRays rays(view);
   const auto choose_at = [&](double x, double y) -> std::vector<CameraWeight> {
@@ -127,10 +130,10 @@ BlendingField::BlendingField(const VirtualCamera& view, const Rig& rig, std::vec
                          std::max((range.farthest + range.nearest) / 2, 1e-6)};
     return choose(point, range, rig, members, count);
   };
-  corners_.resize(static_cast<std::size_t>((columns_ + 1) * (rows_ + 1)));
+  corners_.resize((columns_ + 1) * (rows_ + 1));
   raystage::parallel_for(0, rows_ + 1, [&](int row) {
     for (int column = 0; column <= columns_; ++column) {
-      corners_[static_cast<std::size_t>(row * (columns_ + 1) + column)] =
+      corners_[row * (columns_ + 1) + column] =
           choose_at(std::min(column * kTile, view.width), std::min(row * kTile, view.height));
     }
   });
@@ -176,6 +179,19 @@ BlendingField::BlendingField(const VirtualCamera& view, const Rig& rig, std::vec
   }
 }
 
+std::optional<BlendingField> BlendingField::complete(const VirtualCamera& view,
+                                                     const LightFieldFrame& instant,
+                                                     const InverseDepthRange& range, int count) {
+  if (instant.present == instant.complete) return std::nullopt;
+  const std::vector<int> present = instant.present_cameras();
+  std::set<int> cameras(present.begin(), present.end());
+  for (const rig::Topology::Cell& cell : instant.complete->cells) {
+    std::ranges::copy_if(cell, std::inserter(cameras, cameras.end()),
+                         [](int camera) { return camera >= 0; });
+  }
+  return BlendingField(view, *instant.rig, {cameras.begin(), cameras.end()}, range, count);
+}
+
 float BlendingField::share(const Tile& tile, const TileCamera& camera, int x, int y) {
   const float right =
       (static_cast<float>(x - tile.left) + 0.5F) / static_cast<float>(tile.right - tile.left);
@@ -194,12 +210,23 @@ void BlendingField::weights(const Tile& tile, const TileCamera& camera, int y,
   const float left = s[0] + down * (s[2] - s[0]), right = s[1] + down * (s[3] - s[1]);
   const float step = (right - left) / static_cast<float>(tile.right - tile.left);
   for (int i = 0; i < static_cast<int>(of_row.size()); ++i) {
-    of_row[static_cast<std::size_t>(i)] = left + (static_cast<float>(i) + 0.5F) * step;
+    of_row[i] = left + (static_cast<float>(i) + 0.5F) * step;
   }
 }
 
-InverseDepthRange inverse_depth_range_in_view(const VirtualCamera& view, const Rig& rig,
-                                              DepthRange scene) {
+float absent_camera_weight(const std::optional<BlendingField>& complete,
+                           const LightFieldFrame& instant, int x, int y) {
+  if (!complete) return 0;
+  const BlendingField::Tile& tile = complete->tile_at(x, y);
+  float absent = 0;
+  for (const BlendingField::TileCamera& camera : tile.cameras) {
+    if (!instant.is_present(camera.camera)) absent += BlendingField::share(tile, camera, x, y);
+  }
+  return std::min(absent, 1.0F);
+}
+
+InverseDepthRange inverse_depth_range_in_view(const VirtualCamera& view, const rig::Rig& rig,
+                                              schemas::DepthRange scene) {
   const Vector3d axis = rig.mean_viewing_direction();
   const double eye = (view.pose.position - rig.centre()).dot(axis);  // metres in front of the array
   const double to_near = scene.near - eye, to_far = scene.far - eye;
@@ -241,7 +268,7 @@ SweepPlanes evenly_spaced_planes(const InverseDepthRange& range, int count) {
 }
 
 double required_plane_count(const InverseDepthRange& range, const VirtualCamera& view,
-                            const Rig& rig, const BlendingField& field, double step_px) {
+                            const rig::Rig& rig, const BlendingField& field, double step_px) {
   constexpr int kParts = 8;
   const ViewRays rays(view);
   // Largest disparity rate, in pixels per 1/m, between the cameras chosen at a pixel.
@@ -250,11 +277,11 @@ double required_plane_count(const InverseDepthRange& range, const VirtualCamera&
     const auto ray = rays.through(x, y);
     if (!ray) return fastest;
     for (const CameraWeight& one : chosen) {
-      const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(one.camera)];
-      const Rig::Camera* neighbour = nullptr;
+      const rig::Rig::Camera& camera = rig.cameras[one.camera];
+      const rig::Rig::Camera* neighbour = nullptr;
       double nearest = kInfinity;
       for (const CameraWeight& other : chosen) {
-        const Rig::Camera& candidate = rig.cameras[static_cast<std::size_t>(other.camera)];
+        const rig::Rig::Camera& candidate = rig.cameras[other.camera];
         const double distance = (candidate.pose.position - camera.pose.position).norm();
         if (other.camera == one.camera || distance >= nearest) continue;
         nearest = distance;
@@ -267,7 +294,7 @@ double required_plane_count(const InverseDepthRange& range, const VirtualCamera&
         const RayPoint point{view.pose.position, *ray, q};
         const double parallax = angle_between(point.towards(camera.pose.position),
                                               point.towards(neighbour->pose.position));
-        const Intrinsics& k = camera.model.intrinsics();
+        const schemas::Intrinsics& k = camera.model.intrinsics();
         if (part > 0) {
           fastest = std::max(fastest, std::abs(parallax - before) * std::max(k.fx, k.fy));
         }
@@ -282,9 +309,9 @@ double required_plane_count(const InverseDepthRange& range, const VirtualCamera&
     for (const auto& camera : tile.cameras) chosen.push_back({camera.camera, 0});
     return fastest_at((tile.left + tile.right) / 2.0, (tile.top + tile.bottom) / 2.0, chosen);
   };
-  std::vector<double> fastest_of_row(static_cast<std::size_t>(field.rows() + 1));
+  std::vector<double> fastest_of_row(field.rows() + 1);
   raystage::parallel_for(0, field.rows() + 1, [&](int row) {
-    double& fastest = fastest_of_row[static_cast<std::size_t>(row)];
+    double& fastest = fastest_of_row[row];
     for (int column = 0; column <= field.columns(); ++column) {
       fastest = std::max(fastest, fastest_at(std::min(column * BlendingField::kTile, view.width),
                                              std::min(row * BlendingField::kTile, view.height),
@@ -298,4 +325,4 @@ double required_plane_count(const InverseDepthRange& range, const VirtualCamera&
   return 1 + std::max(0.0, std::ceil(fastest * kParts / step_px - 1e-9));
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -10,7 +10,7 @@
 #include "render/common/light_field_frame.h"
 #include "render/common/view.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Evenly spaced inverse planar depths along a view's axis: the planes of a sweep.
 struct SweepPlanes {
@@ -43,7 +43,7 @@ class ViewRays {
 
  private:
   const VirtualCamera& view_;
-  CameraModel model_;
+  rig::CameraModel model_;
 };
 
 /// A camera and its blending weight for a ray.
@@ -67,8 +67,14 @@ class BlendingField {
   /// visibility of the ray within `range` (1 in the inner part of its frame, falling to 0 at the
   /// border; the mean over the range). The `count` cameras with the smallest penalties are used,
   /// with weights (1 - p / p_next) / p.
-  BlendingField(const VirtualCamera& view, const Rig& rig, std::vector<int> members,
+  BlendingField(const VirtualCamera& view, const rig::Rig& rig, std::vector<int> members,
                 const InverseDepthRange& range, int count);
+
+  /// Returns the field of all cameras of a light field frame, as if none were absent; nullopt if
+  /// none is.
+  static std::optional<BlendingField> complete(const VirtualCamera& view,
+                                               const LightFieldFrame& instant,
+                                               const InverseDepthRange& range, int count);
 
   /// A camera of a tile and its weights at the upper left, upper right, lower left and lower right
   /// corner. The weights of all cameras sum to 1 at a corner, or are 0 where no camera sees it.
@@ -85,15 +91,16 @@ class BlendingField {
   };
   int columns() const { return columns_; }
   int rows() const { return rows_; }
-  const Tile& tile(int column, int row) const {
-    return tiles_[static_cast<std::size_t>(row * columns_ + column)];
-  }
+  const Tile& tile(int column, int row) const { return tiles_[row * columns_ + column]; }
   /// Returns a camera's weight at a pixel's centre, from the tile that contains the pixel.
   static float share(const Tile& tile, const TileCamera& camera, int x, int y);
   /// Writes the weights of the tile's pixels in row y, from the left edge of the tile.
   static void weights(const Tile& tile, const TileCamera& camera, int y, std::span<float> of_row);
+  /// Returns the tile that contains a pixel.
+  const Tile& tile_at(int x, int y) const { return tile(x / kTile, y / kTile); }
+  const std::vector<Tile>& tiles() const { return tiles_; }  ///< row by row
   const std::vector<CameraWeight>& corner(int column, int row) const {
-    return corners_[static_cast<std::size_t>(row * (columns_ + 1) + column)];
+    return corners_[row * (columns_ + 1) + column];
   }
 
  private:
@@ -102,17 +109,22 @@ class BlendingField {
   std::vector<Tile> tiles_;
 };
 
+/// Returns the weight of the absent cameras at a pixel, 0 to 1. `complete`: as
+/// BlendingField::complete() returns it.
+float absent_camera_weight(const std::optional<BlendingField>& complete,
+                           const LightFieldFrame& instant, int x, int y);
+
 /// Returns the inverse depths at which a view can show objects between `near` and `far` metres in
 /// front of the array (far may be infinite). Objects closer to the virtual camera than a quarter of
 /// `near` are ignored. The range is empty where the view shows none of that.
-InverseDepthRange inverse_depth_range_in_view(const VirtualCamera& view, const Rig& rig,
-                                              DepthRange scene);
+InverseDepthRange inverse_depth_range_in_view(const VirtualCamera& view, const rig::Rig& rig,
+                                              schemas::DepthRange scene);
 
 /// Returns the number of planes needed across the range so that from plane to plane a point moves
 /// by at most `step_px` pixels between neighbouring cameras of `field` (eq. 2.1). The result is an
 /// integer of any size: 1 where the range is a point or no two cameras see the same rays.
 double required_plane_count(const InverseDepthRange& range, const VirtualCamera& view,
-                            const Rig& rig, const BlendingField& field, double step_px);
+                            const rig::Rig& rig, const BlendingField& field, double step_px);
 /// Returns a plane count rounded for display, so coarsely that it is the same throughout a shot:
 /// the next multiple of half its power of ten.
 double rounded_for_display(double planes);
@@ -120,4 +132,4 @@ double rounded_for_display(double planes);
 /// range.
 SweepPlanes evenly_spaced_planes(const InverseDepthRange& range, int count);
 
-}  // namespace raystage
+}  // namespace raystage::render

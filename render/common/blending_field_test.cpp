@@ -9,35 +9,35 @@
 #include <numbers>
 #include <numeric>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// `size` x `size` wall-eyed cameras 0.1 m apart, 60 degrees wide, around the origin.
-Rig grid(int size) {
-  Rig rig;
-  CameraGeometry geometry;
+rig::Rig grid(int size) {
+  rig::Rig rig;
+  schemas::CameraGeometry geometry;
   geometry.id = "c";
   geometry.width = 320;
   geometry.height = 240;
   geometry.intrinsics = {277, 277, 160, 120, {}};
   for (int row = 0; row < size; ++row) {
     for (int column = 0; column < size; ++column) {
-      Pose pose;
+      rig::Pose pose;
       pose.position = {0.1 * (column - (size - 1) / 2.0), 0.1 * (row - (size - 1) / 2.0), 0};
-      rig.cameras.push_back({"c", CameraModel(geometry), pose, {}, {}, {}});
+      rig.cameras.push_back({"c", rig::CameraModel(geometry), pose, {}, {}, {}});
     }
   }
   return rig;
 }
 
-std::vector<int> all(const Rig& rig) {
+std::vector<int> all(const rig::Rig& rig) {
   std::vector<int> members(rig.cameras.size());
   std::iota(members.begin(), members.end(), 0);
   return members;
 }
 
 VirtualCamera view_from(const Eigen::Vector3d& position, double fov = 0.8) {
-  Pose pose;
+  rig::Pose pose;
   pose.position = position;
   return virtual_camera_with_fov(200, 150, fov, pose);
 }
@@ -52,7 +52,7 @@ std::map<int, double> shares_at(const BlendingField& field, int x, int y) {
 }
 
 TEST(BlendingField, SharesSumToOneAndDoNotJump) {
-  const Rig rig = grid(6);
+  const rig::Rig rig = grid(6);
   const VirtualCamera view = view_from({0.013, -0.02, 0.4});
   const BlendingField field(view, rig, all(rig), {0.125, 0.375}, 4);
   double most = 0;
@@ -78,7 +78,7 @@ TEST(BlendingField, SharesSumToOneAndDoNotJump) {
 }
 
 TEST(BlendingField, SharesDoNotJumpAsTheViewMoves) {
-  const Rig rig = grid(4);
+  const rig::Rig rig = grid(4);
   std::map<int, double> before;
   double most = 0;
   for (int i = 0; i <= 2000; ++i) {  // past several cameras, a tenth of a millimetre at a time
@@ -93,13 +93,13 @@ TEST(BlendingField, SharesDoNotJumpAsTheViewMoves) {
 }
 
 TEST(BlendingField, ACameraAtTheEyeTakesNearlyAll) {
-  const Rig rig = grid(4);
+  const rig::Rig rig = grid(4);
   const VirtualCamera view = view_from(rig.cameras[5].pose.position);
   EXPECT_GT(shares_at(BlendingField(view, rig, all(rig), {0.125, 0.375}, 4), 100, 75).at(5), 0.95);
 }
 
 TEST(BlendingField, CamerasThatDoNotSeeAreNotChosen) {
-  Rig rig = grid(2);
+  rig::Rig rig = grid(2);
   rig.cameras[0].pose.world_from_camera_rotation.col(0) *= -1;  // turned round
   rig.cameras[0].pose.world_from_camera_rotation.col(2) *= -1;
   const BlendingField field(view_from({0, 0, 0}), rig, all(rig), {0.125, 0.375}, 4);
@@ -112,9 +112,9 @@ TEST(BlendingField, CamerasThatDoNotSeeAreNotChosen) {
 }
 
 TEST(SweepPlanes, RangeOfAViewIsTheSceneMeasuredFromTheEye) {
-  const Rig rig = grid(3);
+  const rig::Rig rig = grid(3);
   const double infinity = std::numeric_limits<double>::infinity();
-  const auto range = [&](const VirtualCamera& view, DepthRange scene) {
+  const auto range = [&](const VirtualCamera& view, schemas::DepthRange scene) {
     return inverse_depth_range_in_view(view, rig, scene);
   };
   const auto plain = range(view_from({0, 0, 0}), {2, 8});
@@ -134,9 +134,10 @@ TEST(SweepPlanes, RangeOfAViewIsTheSceneMeasuredFromTheEye) {
 }
 
 TEST(SweepPlanes, AreAsManyAsDisparityAsksFor) {
-  const Rig rig = grid(3);
+  const rig::Rig rig = grid(3);
   const VirtualCamera view = view_from({0.05, 0.05, 0});
-  const auto planes = [&](DepthRange scene, double step_px, const std::vector<int>& members) {
+  const auto planes = [&](schemas::DepthRange scene, double step_px,
+                          const std::vector<int>& members) {
     const auto range = inverse_depth_range_in_view(view, rig, scene);
     const BlendingField field(view, rig, members, range, 4);
     return required_plane_count(range, view, rig, field, step_px);
@@ -159,4 +160,4 @@ TEST(SweepPlanes, AreAsManyAsDisparityAsksFor) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -6,7 +6,7 @@
 
 #include "render/common/view.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Selects what the sampling kernels do with the sums of weighted samples of a pixel.
 enum class SumStage {
@@ -26,4 +26,4 @@ struct Contribution {
   std::vector<std::string> notes;  ///< as RenderedView::notes
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -9,7 +9,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -17,16 +17,16 @@ std::int64_t target() { return HWY_TARGET; }
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 
-namespace raystage {
+namespace raystage::render {
 
 HWY_EXPORT(target);
 
 std::int64_t dispatched_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
 
-}  // namespace raystage
+}  // namespace raystage::render
 #endif

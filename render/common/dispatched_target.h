@@ -3,9 +3,9 @@
 
 #include <cstdint>
 
-namespace raystage {
+namespace raystage::render {
 
 /// Returns the Highway target (HWY_AVX2 ...) that the kernels' dispatch selects in this process.
 std::int64_t dispatched_target();
 
-}  // namespace raystage
+}  // namespace raystage::render

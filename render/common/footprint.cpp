@@ -8,6 +8,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -18,7 +19,7 @@
 #include "render/common/plane_projection.h"
 #include "render/common/ray_cells.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Matrix3d;
@@ -27,7 +28,7 @@ using Eigen::Vector3d;
 
 /// Returns where the camera sees the point on the plane behind the view's pixel position, if it
 /// does.
-std::optional<Vector2d> pixel_in(const CameraModel& model, const Matrix3d& ideal_from_pixel,
+std::optional<Vector2d> pixel_in(const rig::CameraModel& model, const Matrix3d& ideal_from_pixel,
                                  double x, double y) {
   const Vector3d ideal = ideal_from_pixel * Vector3d(x, y, 1);
   if (!(ideal.z() > 0)) return std::nullopt;
@@ -45,7 +46,7 @@ double source_pixels_per_pixel(const VirtualCamera& view, const LightFieldFrame&
   const PlaneProjection projection(ideal_view, plane);
   if (!projection.at_infinity() && projection.distance() == 0) return 0;
   const auto stretch_in = [&](int index, double x, double y) -> double {
-    const Rig::Camera& camera = instant.rig->cameras[static_cast<std::size_t>(index)];
+    const rig::Rig::Camera& camera = instant.rig->cameras[index];
     const Matrix3d ideal = projection.ideal_from_pixel(camera.pose);
     const auto left = pixel_in(camera.model, ideal, x - 0.5, y);
     const auto right = pixel_in(camera.model, ideal, x + 0.5, y);
@@ -71,11 +72,9 @@ double source_pixels_per_pixel(const VirtualCamera& view, const LightFieldFrame&
   const double between = most_over_places([&](double x, double y) -> double {
     const auto crossing = cells.locate(x, y);
     if (!crossing) return 0;
-    const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(crossing->cell)];
+    const RayCells::Cell& cell = cells.cells()[crossing->cell];
     double most = 0;
-    for (std::size_t c = 0; c < static_cast<std::size_t>(cell.count); ++c) {
-      most = std::max(most, stretch_in(cell.camera[c], x, y));
-    }
+    for (int c = 0; c < cell.count; ++c) most = std::max(most, stretch_in(cell.camera[c], x, y));
     return most;
   });
   if (between > 0) return between;
@@ -87,8 +86,7 @@ double source_pixels_per_pixel(const VirtualCamera& view, const LightFieldFrame&
     double nearest = std::numeric_limits<double>::infinity(), stretch = 0;
     for (const int camera : instant.included_cameras) {
       if (!instant.is_present(camera)) continue;
-      const Vector3d beside =
-          instant.rig->cameras[static_cast<std::size_t>(camera)].pose.position - view.pose.position;
+      const Vector3d beside = instant.rig->cameras[camera].pose.position - view.pose.position;
       const double distance = (beside - beside.dot(ray) * ray).squaredNorm();
       if (distance >= nearest) continue;
       const double here = stretch_in(camera, x, y);
@@ -115,46 +113,43 @@ RenderedView downsampled(const RenderedView& image, int factor) {
   mean.height = image.height / factor;
   mean.statistics = image.statistics;
   mean.notes = image.notes;
-  const auto pixels = static_cast<std::size_t>(mean.width) * static_cast<std::size_t>(mean.height);
+  constexpr std::array kAveraged{&RenderedView::coverage, &RenderedView::cameras,
+                                 &RenderedView::empty_space, &RenderedView::confidence};
+  const auto pixels = static_cast<std::size_t>(mean.width) * mean.height;
   mean.rgba.resize(pixels * 4);
-  mean.coverage.resize(pixels);
   mean.z.resize(pixels);
-  if (!image.cameras.empty()) mean.cameras.resize(pixels);
   if (!image.nearest_ray.empty()) mean.nearest_ray.resize(pixels);
-  if (!image.empty_space.empty()) mean.empty_space.resize(pixels);
-  if (!image.confidence.empty()) mean.confidence.resize(pixels);
+  for (const auto plane : kAveraged)
+    if (!(image.*plane).empty()) (mean.*plane).resize(pixels);
   const float share = 1.0F / static_cast<float>(factor * factor);
   raystage::parallel_for(0, mean.height, [&](int y) {
     for (int x = 0; x < mean.width; ++x) {
-      float sum[4] = {0, 0, 0, 0}, coverage = 0, inverse_depth = 0, cameras = 0;
-      float empty_space = 0, confidence = 0;
-      float nearest_ray = std::numeric_limits<float>::infinity();
-      for (int i = 0; i < factor * factor; ++i) {
-        const auto row = static_cast<std::size_t>(y * factor + i / factor);
-        const std::size_t from = row * static_cast<std::size_t>(image.width) +
-                                 static_cast<std::size_t>(x * factor + i % factor);
+      const std::size_t to = mean.index(x, y);
+      const auto for_each_sample = [&](const auto& body) {
+        for (int i = 0; i < factor * factor; ++i) {
+          body(image.index(x * factor + i % factor, y * factor + i / factor));
+        }
+      };
+      float sum[4] = {0, 0, 0, 0}, inverse_depth = 0;
+      for_each_sample([&](std::size_t from) {
         for (std::size_t c = 0; c < 4; ++c) sum[c] += image.rgba[from * 4 + c];
-        coverage += image.coverage[from];
-        if (!image.cameras.empty()) cameras += image.cameras[from];
-        if (!image.empty_space.empty()) empty_space += image.empty_space[from];
-        if (!image.confidence.empty()) confidence += image.confidence[from];
-        if (!image.nearest_ray.empty()) {
-          nearest_ray = std::min(nearest_ray, image.nearest_ray[from]);
-        }
-        if (const float alpha = image.rgba[from * 4 + 3]; alpha > 0) {
-          inverse_depth += alpha / image.z[from];
-        }
-      }
-      const std::size_t to = static_cast<std::size_t>(y) * static_cast<std::size_t>(mean.width) +
-                             static_cast<std::size_t>(x);
+        const float alpha = image.rgba[from * 4 + 3];
+        if (alpha > 0) inverse_depth += alpha / image.z[from];
+      });
       for (std::size_t c = 0; c < 4; ++c) mean.rgba[to * 4 + c] = sum[c] * share;
-      mean.coverage[to] = coverage * share;
-      if (!image.cameras.empty()) mean.cameras[to] = cameras * share;
-      if (!image.nearest_ray.empty()) mean.nearest_ray[to] = nearest_ray;
-      if (!image.empty_space.empty()) mean.empty_space[to] = empty_space * share;
-      if (!image.confidence.empty()) mean.confidence[to] = confidence * share;
       mean.z[to] =
           inverse_depth > 0 ? sum[3] / inverse_depth : std::numeric_limits<float>::infinity();
+      for (const auto plane : kAveraged) {
+        if ((image.*plane).empty()) continue;
+        float total = 0;
+        for_each_sample([&](std::size_t from) { total += (image.*plane)[from]; });
+        (mean.*plane)[to] = total * share;
+      }
+      if (image.nearest_ray.empty()) continue;
+      float nearest = std::numeric_limits<float>::infinity();
+      for_each_sample(
+          [&](std::size_t from) { nearest = std::min(nearest, image.nearest_ray[from]); });
+      mean.nearest_ray[to] = nearest;
     }
   });
   return mean;
@@ -168,34 +163,24 @@ VirtualCamera crop_rows(const VirtualCamera& view, int first, int end) {
 }
 
 void insert_rows(RenderedView&& rows, int first, int height, RenderedView& whole) {
-  const auto width = static_cast<std::size_t>(rows.width);
-  const auto put = [&](const PixelValues& from, PixelValues& to, std::size_t channels) {
-    if (from.empty()) return;
-    to.resize(width * static_cast<std::size_t>(height) * channels);
-    std::ranges::copy(from, to.begin() + static_cast<std::ptrdiff_t>(
-                                             width * static_cast<std::size_t>(first) * channels));
-  };
-  put(rows.rgba, whole.rgba, 4);
-  put(rows.coverage, whole.coverage, 1);
-  put(rows.z, whole.z, 1);
-  put(rows.cameras, whole.cameras, 1);
-  put(rows.nearest_ray, whole.nearest_ray, 1);
-  put(rows.empty_space, whole.empty_space, 1);
-  put(rows.confidence, whole.confidence, 1);
   whole.width = rows.width;
   whole.height = height;
-  RenderStatistics& sum = whole.statistics;
-  const RenderStatistics& part = rows.statistics;
-  sum.plan_ms += part.plan_ms;
-  sum.decode_ms += part.decode_ms;
-  sum.render_ms += part.render_ms;
-  sum.pixels_decoded += part.pixels_decoded;
-  sum.pixels_needed += part.pixels_needed;
-  sum.cameras_used = std::max(sum.cameras_used, part.cameras_used);
-  sum.working_bytes = std::max(sum.working_bytes, part.working_bytes);
+  const auto put = [&](PixelValues RenderedView::*plane, std::size_t channels) {
+    const PixelValues& from = rows.*plane;
+    if (from.empty()) return;
+    (whole.*plane).resize(whole.index(0, height) * channels);
+    std::ranges::copy(from, &(whole.*plane)[whole.index(0, first) * channels]);
+  };
+  put(&RenderedView::rgba, 4);
+  for (const auto plane :
+       {&RenderedView::coverage, &RenderedView::z, &RenderedView::cameras,
+        &RenderedView::nearest_ray, &RenderedView::empty_space, &RenderedView::confidence}) {
+    put(plane, 1);
+  }
+  whole.statistics.add_part(rows.statistics);
   for (std::string& note : rows.notes) {
     if (std::ranges::count(whole.notes, note) == 0) whole.notes.push_back(std::move(note));
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

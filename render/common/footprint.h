@@ -6,7 +6,7 @@
 #include "render/common/light_field_frame.h"
 #include "render/common/view.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Returns the filter footprint of the view: the source pixels per pixel of the view, along one
 /// axis, where its rays meet `plane`. It is the maximum over 5x5 positions in the view and over the
@@ -35,4 +35,4 @@ RenderedView downsampled(const RenderedView& image, int factor);
 /// parts are counted in each. Notes are not repeated.
 void insert_rows(RenderedView&& rows, int first, int height, RenderedView& whole);
 
-}  // namespace raystage
+}  // namespace raystage::render

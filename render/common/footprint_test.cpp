@@ -10,7 +10,7 @@
 
 #include "testing/render/synthetic_take.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
@@ -19,25 +19,25 @@ const Eigen::Vector4d kPlane(0, 0, 1, 4);
 class Footprint : public ::testing::Test {
  protected:
   Footprint() {
-    RigDocument document;
-    for (const CameraGeometry& camera : testing::camera_grid(3, 3, 0.06, 160, 120)) {
+    schemas::RigDocument document;
+    for (const schemas::CameraGeometry& camera : testing::camera_grid(3, 3, 0.06, 160, 120)) {
       document.cameras.push_back({camera, {}});
     }
-    rig_ = rig_from_document(document);
+    rig_ = rig::rig_from_document(document);
     std::vector<int> all(9);
     std::iota(all.begin(), all.end(), 0);
     instant_.rig = &rig_;
     instant_.present = instant_.complete =
-        std::make_shared<const Topology>(make_topology(rig_, all));
+        std::make_shared<const rig::Topology>(rig::make_topology(rig_, all));
   }
   double ratio(int width, double fov, const Eigen::Vector3d& position,
                const Eigen::Vector4d& plane = kPlane) const {
-    Pose pose;
+    rig::Pose pose;
     pose.position = position;
     return source_pixels_per_pixel(
         virtual_camera_with_fov(width, width * 3 / 4, fov * kDegree, pose), instant_, plane);
   }
-  Rig rig_;
+  rig::Rig rig_;
   LightFieldFrame instant_;
 };
 
@@ -100,4 +100,4 @@ TEST_F(Footprint, AveragesPremultipliedLightAndInverseDepth) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

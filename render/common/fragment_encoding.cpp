@@ -17,7 +17,7 @@
 #include "store/jpeg/encode.h"
 #include "store/jpeg/layout.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr std::uint32_t kMagic = 0x31465352;  // "RSF1"
@@ -70,9 +70,7 @@ class Reader {
 template <class Value, class Body>
 void for_each_row(std::span<Value> sums, int width, const FragmentArea& area, const Body& body) {
   for (int y = area.y; y < area.y + area.height; ++y) {
-    const std::size_t at = (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-                            static_cast<std::size_t>(area.x)) *
-                           4;
+    const std::size_t at = (static_cast<std::size_t>(y) * width + area.x) * 4;
     body(sums.data() + at, static_cast<std::size_t>(area.width));
   }
 }
@@ -137,7 +135,7 @@ void append_block(std::span<const std::byte> block, std::vector<std::byte>& mess
 
 void append_jpeg(std::span<const float> sums, int width, const FragmentArea& area, int quality,
                  std::vector<std::byte>& message) {
-  RgbImage image{area.width, area.height, {}};
+  store::RgbImage image{area.width, area.height, {}};
   image.pixels.reserve(area.pixels() * 3);
   for_each_row(sums, width, area, [&](const float* row, std::size_t n) {
     for (std::size_t i = 0; i < n; ++i) {
@@ -147,18 +145,20 @@ void append_jpeg(std::span<const float> sums, int width, const FragmentArea& are
       }
     }
   });
-  append_block(encode_jpeg(image, {quality, JpegEncodeSettings::Chroma::k420, 0, true}), message);
+  append_block(
+      store::encode_jpeg(image, {quality, store::JpegEncodeSettings::Chroma::k420, 0, true}),
+      message);
 }
 
 void add_jpeg(Reader& reader, const FragmentArea& area, int width, std::span<float> sums) {
   const auto size = reader.value<std::uint32_t>();
   const auto jpeg = reader.bytes(size);
-  const JpegLayout layout = parse_jpeg_layout(jpeg, "fragments");
+  const store::JpegLayout layout = store::parse_jpeg_layout(jpeg, "fragments");
   if (layout.width != area.width || layout.height != area.height) {
     throw damaged("an image and its rectangle differ in size");
   }
-  JpegDecoder decoder;
-  const RgbImage image = decoder.decode(jpeg, "fragments");
+  store::JpegDecoder decoder;
+  const store::RgbImage image = decoder.decode(jpeg, "fragments");
   const std::uint8_t* pixel = image.pixels.data();
   for_each_row(sums, width, area, [&](float* row, std::size_t n) {
     for (std::size_t i = 0; i < n; ++i, pixel += 3) {
@@ -265,4 +265,4 @@ void add_fragments(std::span<const std::byte> message, const FragmentTag& tag, i
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -8,7 +8,7 @@
 
 #include "render/common/fragments.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// How the samples of fragments are stored in a message.
 enum class FragmentEncoding : std::uint8_t {
@@ -51,4 +51,4 @@ std::vector<std::byte> encode_fragments(const FragmentTag& tag, std::span<const 
 void add_fragments(std::span<const std::byte> message, const FragmentTag& tag, int width,
                    int height, std::span<float> sums);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <cassert>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 struct Interval {
@@ -19,12 +19,11 @@ void mark_columns(std::span<const float> sums, int width, int top, int bottom,
                   std::vector<std::uint8_t>& is_used) {
   std::ranges::fill(is_used, std::uint8_t{0});
   for (int y = top; y < bottom; ++y) {
-    const float* row =
-        sums.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width) * 4;
+    const float* row = sums.data() + static_cast<std::size_t>(y) * width * 4;
     for (int x = 0; x < width; ++x) {
       const float* pixel = row + static_cast<std::ptrdiff_t>(x) * 4;
       const bool used = pixel[0] != 0 || pixel[1] != 0 || pixel[2] != 0 || pixel[3] != 0;
-      is_used[static_cast<std::size_t>(x)] |= static_cast<std::uint8_t>(used);
+      is_used[x] |= static_cast<std::uint8_t>(used);
     }
   }
 }
@@ -33,7 +32,7 @@ std::vector<Interval> intervals_of(const std::vector<std::uint8_t>& is_used) {
   std::vector<Interval> intervals;
   const int width = static_cast<int>(is_used.size());
   for (int x = 0; x < width; ++x) {
-    if (is_used[static_cast<std::size_t>(x)] == 0) continue;
+    if (is_used[x] == 0) continue;
     if (!intervals.empty() && x - intervals.back().end < kMinGap) {
       intervals.back().end = x + 1;
     } else {
@@ -46,10 +45,10 @@ std::vector<Interval> intervals_of(const std::vector<std::uint8_t>& is_used) {
 }  // namespace
 
 std::vector<FragmentArea> cover_nonzero_pixels(std::span<const float> sums, int width, int height) {
-  assert(sums.size() == static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 4);
+  assert(sums.size() == static_cast<std::size_t>(width) * height * 4);
   std::vector<FragmentArea> areas;
   std::vector<std::size_t> above;  // areas that end where the strip begins
-  std::vector<std::uint8_t> is_used(static_cast<std::size_t>(width));
+  std::vector<std::uint8_t> is_used(width);
   for (int top = 0; top < height; top += kFragmentRows) {
     const int bottom = std::min(top + kFragmentRows, height);
     mark_columns(sums, width, top, bottom, is_used);
@@ -71,4 +70,4 @@ std::vector<FragmentArea> cover_nonzero_pixels(std::span<const float> sums, int 
   return areas;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-namespace raystage {
+namespace raystage::render {
 
 /// Identifies what a fragment is part of (thesis 4.1.4).
 struct FragmentTag {
@@ -20,9 +20,7 @@ struct FragmentTag {
 struct FragmentArea {
   int x = 0, y = 0;  ///< of the upper left pixel
   int width = 0, height = 0;
-  std::size_t pixels() const {
-    return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-  }
+  std::size_t pixels() const { return static_cast<std::size_t>(width) * height; }
   bool operator==(const FragmentArea&) const = default;
 };
 
@@ -37,4 +35,4 @@ inline constexpr int kFragmentRows = 8;
 /// Runs of zero columns up to this length are sent, because they cost less than another rectangle.
 inline constexpr int kMinGap = 16;
 
-}  // namespace raystage
+}  // namespace raystage::render

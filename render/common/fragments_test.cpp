@@ -11,7 +11,7 @@
 #include "base/error.h"
 #include "render/common/fragment_encoding.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 std::size_t at(int x, int y, int width) {
@@ -145,4 +145,4 @@ TEST(FragmentMessages, ThatAreDamagedAreRefused) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

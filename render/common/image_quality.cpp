@@ -15,7 +15,7 @@
 #include "base/error.h"
 #include "base/transfer_function.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr int kRadius = 5;  // of SSIM's window
@@ -23,7 +23,7 @@ constexpr int kRadius = 5;  // of SSIM's window
 std::array<double, 2 * kRadius + 1> gaussian_window() {
   std::array<double, 2 * kRadius + 1> window{};
   for (int i = -kRadius; i <= kRadius; ++i) {
-    window[static_cast<std::size_t>(i + kRadius)] = std::exp(-i * i / (2 * 1.5 * 1.5));
+    window[i + kRadius] = std::exp(-i * i / (2 * 1.5 * 1.5));
   }
   return window;
 }
@@ -40,9 +40,9 @@ std::vector<double> smooth(const std::vector<double>& plane, int width, int heig
         double sum = 0;
         for (int t = std::max(0, kRadius - i); t < std::min(kTaps, length - i + kRadius); ++t) {
           const std::ptrdiff_t at = line * line_step + (i + t - kRadius) * step;
-          sum += window[static_cast<std::size_t>(t)] * in[static_cast<std::size_t>(at)];
+          sum += window[t] * in[at];
         }
-        out[static_cast<std::size_t>(line * line_step + i * step)] = sum;
+        out[line * line_step + i * step] = sum;
       }
     }
     return out;
@@ -56,7 +56,7 @@ struct Planes {
   const std::vector<double>& weights;  // counts, smoothed
 };
 
-double channel_ssim(const RgbImage& image, const RgbImage& truth, std::size_t channel,
+double channel_ssim(const store::RgbImage& image, const store::RgbImage& truth, std::size_t channel,
                     const Planes& planes) {
   const std::size_t pixels = planes.counts.size();
   std::array<std::vector<double>, 5> moments;  // x, y, xx, yy, xy
@@ -84,8 +84,8 @@ double channel_ssim(const RgbImage& image, const RgbImage& truth, std::size_t ch
 
 }  // namespace
 
-RgbImage srgb_image(const RenderedView& view) {
-  RgbImage image{view.width, view.height, {}};
+store::RgbImage srgb_image(const RenderedView& view) {
+  store::RgbImage image{view.width, view.height, {}};
   const std::size_t pixels = view.coverage.size();
   image.pixels.resize(pixels * 3);
   for (std::size_t i = 0; i < pixels; ++i) {
@@ -108,7 +108,7 @@ std::vector<std::uint8_t> coverage_mask(const RenderedView& view) {
   return covered;
 }
 
-ImageQuality compare_images(const RgbImage& image, const RgbImage& truth,
+ImageQuality compare_images(const store::RgbImage& image, const store::RgbImage& truth,
                             std::span<const std::uint8_t> covered) {
   if (image.width != truth.width || image.height != truth.height ||
       image.pixels.size() != truth.pixels.size() || covered.size() * 3 != image.pixels.size()) {
@@ -141,4 +141,4 @@ ImageQuality compare_images(const RgbImage& image, const RgbImage& truth,
   return quality;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

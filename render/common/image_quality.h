@@ -8,7 +8,7 @@
 #include "render/common/view.h"
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// The quality of an image against the ground truth, over the pixels that were reconstructed.
 struct ImageQuality {
@@ -19,7 +19,7 @@ struct ImageQuality {
 
 /// Returns a reconstructed view as 8-bit sRGB codes, un-premultiplied, black where no camera saw
 /// the ray.
-RgbImage srgb_image(const RenderedView& view);
+store::RgbImage srgb_image(const RenderedView& view);
 
 /// Returns 1 for each covered pixel: one whose ray all its cameras saw (alpha >= 0.999).
 std::vector<std::uint8_t> coverage_mask(const RenderedView& view);
@@ -28,7 +28,7 @@ std::vector<std::uint8_t> coverage_mask(const RenderedView& view);
 /// of 11 with sigma 1.5, K1 = 0.01, K2 = 0.03; per channel, then the mean). Windows use covered
 /// pixels only, with normalised weights. Both compare 8-bit codes. Throws Error (bad input) if the
 /// sizes differ.
-ImageQuality compare_images(const RgbImage& image, const RgbImage& truth,
+ImageQuality compare_images(const store::RgbImage& image, const store::RgbImage& truth,
                             std::span<const std::uint8_t> covered);
 
-}  // namespace raystage
+}  // namespace raystage::render

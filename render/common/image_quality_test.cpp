@@ -8,11 +8,11 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
-RgbImage gradient(int width, int height, int offset) {
-  RgbImage image{width, height, {}};
+store::RgbImage gradient(int width, int height, int offset) {
+  store::RgbImage image{width, height, {}};
   for (int i = 0; i < width * height; ++i) {
     for (int c = 0; c < 3; ++c) {
       image.pixels.push_back(static_cast<std::uint8_t>(20 + (i * 7 + c * 31) % 200 + offset));
@@ -22,7 +22,7 @@ RgbImage gradient(int width, int height, int offset) {
 }
 
 TEST(ImageQuality, EqualImagesHaveNoError) {
-  const RgbImage image = gradient(20, 16, 0);
+  const store::RgbImage image = gradient(20, 16, 0);
   const std::vector<std::uint8_t> covered(20 * 16, 1);
   const ImageQuality quality = compare_images(image, image, covered);
   EXPECT_EQ(quality.psnr_db, std::numeric_limits<double>::infinity());
@@ -31,8 +31,8 @@ TEST(ImageQuality, EqualImagesHaveNoError) {
 }
 
 TEST(ImageQuality, PsnrIsTheFormulaOverCoveredPixelsOnly) {
-  const RgbImage truth = gradient(20, 16, 0);
-  RgbImage image = gradient(20, 16, 5);
+  const store::RgbImage truth = gradient(20, 16, 0);
+  store::RgbImage image = gradient(20, 16, 5);
   std::vector<std::uint8_t> covered(20 * 16, 1);
   EXPECT_NEAR(compare_images(image, truth, covered).psnr_db, 10 * std::log10(255 * 255 / 25.0),
               1e-9);
@@ -49,15 +49,15 @@ TEST(ImageQuality, PsnrIsTheFormulaOverCoveredPixelsOnly) {
 
 TEST(ImageQuality, SsimOfAFlatPairIsItsClosedForm) {
   // Without variance only the luminance term remains: (2 a b + C1) / (a^2 + b^2 + C1).
-  const RgbImage a{30, 30, std::vector<std::uint8_t>(2700, 100)};
-  const RgbImage b{30, 30, std::vector<std::uint8_t>(2700, 140)};
+  const store::RgbImage a{30, 30, std::vector<std::uint8_t>(2700, 100)};
+  const store::RgbImage b{30, 30, std::vector<std::uint8_t>(2700, 140)};
   const double c1 = 2.55 * 2.55;
   EXPECT_NEAR(compare_images(a, b, std::vector<std::uint8_t>(900, 1)).ssim,
               (2 * 100 * 140.0 + c1) / (100 * 100 + 140 * 140 + c1), 1e-9);
 }
 
 TEST(ImageQuality, NothingCoveredIsNotANumber) {
-  const RgbImage image = gradient(4, 4, 0);
+  const store::RgbImage image = gradient(4, 4, 0);
   EXPECT_TRUE(std::isnan(compare_images(image, image, std::vector<std::uint8_t>(16, 0)).psnr_db));
 }
 
@@ -77,4 +77,4 @@ TEST(ImageQuality, ViewsAreUnpremultipliedBeforeTheyAreShown) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -11,7 +11,7 @@
 #include "store/processing/frames/frame_cache.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Counts the light field frames whose stored data (Method::stored_file) a method needed. A frame
 /// counts again after its data was evicted from memory.
@@ -22,13 +22,14 @@ struct StoredDataCounts {
 
 /// The frames of all cameras at one tick: which cameras have a frame, and which are neighbours.
 struct LightFieldFrame {
-  const Take* take = nullptr;  ///< the take of the frames
-  const Rig* rig = nullptr;    ///< the rig of the take
-  FrameCache* cache = nullptr;
-  FrameCache* opaque = nullptr;  ///< decodes frames without their matte; null: `cache` has none
-  FrameCache::FetchGroup fetch_group =
-      FrameCache::kUngrouped;  ///< of the view, whatever parts it is made in
-  Nanoseconds time_ns = 0;     ///< since the take's epoch
+  const store::Take* take = nullptr;  ///< the take of the frames
+  const rig::Rig* rig = nullptr;      ///< the rig of the take
+  store::FrameCache* cache = nullptr;
+  store::FrameCache* opaque =
+      nullptr;  ///< decodes frames without their matte; null: `cache` has none
+  store::FrameCache::FetchGroup fetch_group =
+      store::FrameCache::kUngrouped;  ///< of the view, whatever parts it is made in
+  Nanoseconds time_ns = 0;            ///< since the take's epoch
   /// Per camera of the rig: its frame, or -1 where it has none at this instant or is excluded.
   std::vector<int> frame_of_camera;
   /// As frame_of_camera, for the ticks before and after where the timeline has them: see
@@ -41,7 +42,7 @@ struct LightFieldFrame {
   int this_rank = 0;
   /// Cells of the present cameras, and of all cameras that are not excluded. Rays are blended by
   /// the first; RenderedView::coverage is relative to the second. Equal if no camera is absent.
-  std::shared_ptr<const Topology> present, complete;
+  std::shared_ptr<const rig::Topology> present, complete;
 
   /// Folder for the files of derived data; empty: the take's folder. See derived_folder().
   std::filesystem::path cache_folder;
@@ -53,15 +54,21 @@ struct LightFieldFrame {
 
   /// Returns the frames in which methods search for surfaces: without mattes, because a matte does
   /// not change where surfaces are.
-  FrameCache& opaque_frames() const { return opaque != nullptr ? *opaque : *cache; }
+  store::FrameCache& opaque_frames() const { return opaque != nullptr ? *opaque : *cache; }
 
   bool is_local(int camera) const {
-    return rank_of_camera.empty() || rank_of_camera[static_cast<std::size_t>(camera)] == this_rank;
+    return rank_of_camera.empty() || rank_of_camera[camera] == this_rank;
   }
 
-  bool is_present(int camera) const {
-    return frame_of_camera[static_cast<std::size_t>(camera)] >= 0;
+  bool is_present(int camera) const { return frame_of_camera[camera] >= 0; }
+  /// Returns the cameras that have a frame, in increasing order.
+  std::vector<int> present_cameras() const {
+    std::vector<int> cameras;
+    for (int camera = 0; camera < static_cast<int>(frame_of_camera.size()); ++camera) {
+      if (is_present(camera)) cameras.push_back(camera);
+    }
+    return cameras;
   }
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-namespace raystage {
+namespace raystage::render {
 
 std::string memory_overrun_note(std::string_view method, const ViewRequest& request) {
   // Contains only the size of the whole view, so that it is the same for all frames and bands.
@@ -16,4 +16,4 @@ std::string memory_overrun_note(std::string_view method, const ViewRequest& requ
       static_cast<double>(request.working_bytes) / 1e6);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -6,10 +6,10 @@
 
 #include "render/common/method.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Returns a line for RenderedView::notes: the view needs more memory than
 /// ViewRequest::working_bytes, even at the minimum of `method`.
 std::string memory_overrun_note(std::string_view method, const ViewRequest& request);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -6,7 +6,7 @@
 
 #include "render/common/plane_surface.h"
 
-namespace raystage {
+namespace raystage::render {
 
 RaySurface Method::surface(const SurfaceRequest& request) const {
   return plane_surface(request.focal_plane);
@@ -21,4 +21,4 @@ RenderedView Method::combine(const ViewRequest& /*request*/,
   throw std::logic_error(std::string(name()) + " is not distributed");
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -19,8 +19,11 @@
 #include "store/timeline.h"
 
 namespace raystage {
-
 class BufferPool;
+}
+
+namespace raystage::render {
+
 class RankCommunicator;
 
 /// A request to a method: a view of one light field frame.
@@ -69,8 +72,8 @@ struct StoreResult {
 
 /// The method that answers single rays in place of another method.
 struct RayDelegate {
-  std::string_view method;  ///< its name; empty: the method answers rays itself
-  OptionValues options;     ///< of that method
+  std::string_view method;        ///< its name; empty: the method answers rays itself
+  schemas::OptionValues options;  ///< of that method
 };
 
 /// How ranks that each have some of the cameras render a view together.
@@ -105,11 +108,11 @@ class Method {
 
   /// Throws Error (bad input) where the options cannot render a view of the take, as far as this
   /// can be known before rendering.
-  virtual void check(const MethodOptions& /*options*/, const Take& /*take*/) const {}
+  virtual void check(const MethodOptions& /*options*/, const store::Take& /*take*/) const {}
   /// Returns the files, in addition to the archives, that determine the pixels, for fingerprints.
-  virtual std::vector<std::filesystem::path> input_files(const MethodOptions& /*options*/,
-                                                         const Take& /*take*/,
-                                                         const FrameSelection& /*frames*/) const {
+  virtual std::vector<std::filesystem::path> input_files(
+      const MethodOptions& /*options*/, const store::Take& /*take*/,
+      const store::FrameSelection& /*frames*/) const {
     return {};
   }
 
@@ -181,4 +184,4 @@ class Method {
   virtual bool chooses_by_measuring() const { return false; }
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -11,7 +11,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Kind = OptionSpec::Kind;
@@ -42,13 +42,13 @@ std::string allowed_values(const OptionSpec& spec) {
   return "text";
 }
 
-OptionValue fallback(const OptionSpec& spec) {
+schemas::OptionValue fallback(const OptionSpec& spec) {
   if (spec.kind == Kind::kFlag) return spec.number != 0;
   if (spec.kind == Kind::kChoice || spec.kind == Kind::kText) return std::string(spec.text);
   return spec.number;
 }
 
-bool fits(const OptionSpec& spec, const OptionValue& value) {
+bool fits(const OptionSpec& spec, const schemas::OptionValue& value) {
   if (spec.kind == Kind::kFlag) return std::holds_alternative<bool>(value);
   if (spec.kind == Kind::kInteger || spec.kind == Kind::kNumber) {
     const double* number = std::get_if<double>(&value);
@@ -60,24 +60,23 @@ bool fits(const OptionSpec& spec, const OptionValue& value) {
   return std::ranges::count(words_of(spec.choices), *text) > 0;
 }
 
-std::string shown(const OptionValue& value) {
+std::string shown(const schemas::OptionValue& value) {
   if (const bool* flag = std::get_if<bool>(&value)) return *flag ? "true" : "false";
   if (const double* number = std::get_if<double>(&value)) return fmt::format("{}", *number);
   return "'" + std::get<std::string>(value) + "'";
 }
 
 template <class T>
-const T& value_in(const OptionValues& values, std::string_view name) {
+const T& value_in(const schemas::OptionValues& values, std::string_view name) {
   const auto found = values.find(std::string(name));
-  if (found != values.end()) {
+  if (found != values.end())
     if (const T* value = std::get_if<T>(&found->second)) return *value;
-  }
   throw std::logic_error("the method has no such option: " + std::string(name));
 }
 
 }  // namespace
 
-MethodOptions::MethodOptions(std::span<const OptionSpec> specs, const OptionValues& given,
+MethodOptions::MethodOptions(std::span<const OptionSpec> specs, const schemas::OptionValues& given,
                              std::string_view where) {
   for (const OptionSpec& spec : specs) values_.emplace(spec.name, fallback(spec));
   for (const auto& [name, value] : given) {
@@ -92,7 +91,7 @@ MethodOptions::MethodOptions(std::span<const OptionSpec> specs, const OptionValu
                                            : fmt::format("Options: {}", fmt::join(names, ", ")));
     }
     // A number is accepted where a text is required: a folder may be called 7.
-    OptionValue taken = value;
+    schemas::OptionValue taken = value;
     if (spec->kind == Kind::kText && std::holds_alternative<double>(value)) {
       taken = fmt::format("{}", std::get<double>(value));
     }
@@ -121,7 +120,7 @@ const std::string& MethodOptions::text(std::string_view name) const {
   return value_in<std::string>(values_, name);
 }
 
-OptionValues::value_type option_from_text(std::string_view text) {
+schemas::OptionValues::value_type option_from_text(std::string_view text) {
   const std::size_t sign = text.find('=');
   if (sign == std::string_view::npos || sign == 0) {
     throw Error::bad_input("found '" + std::string(text) + "', allowed: NAME=VALUE", "option",
@@ -138,8 +137,8 @@ OptionValues::value_type option_from_text(std::string_view text) {
   return {name, std::string(value)};
 }
 
-OptionValues options_from_text(std::string_view text) {
-  OptionValues options;
+schemas::OptionValues options_from_text(std::string_view text) {
+  schemas::OptionValues options;
   while (!text.empty()) {
     const std::size_t end = std::min(text.find(','), text.size());
     const auto [name, value] = option_from_text(text.substr(0, end));
@@ -151,7 +150,7 @@ OptionValues options_from_text(std::string_view text) {
   return options;
 }
 
-std::string options_to_text(const OptionValues& options) {
+std::string options_to_text(const schemas::OptionValues& options) {
   std::string text;
   for (const auto& [name, value] : options) {
     const std::string* word = std::get_if<std::string>(&value);
@@ -161,10 +160,10 @@ std::string options_to_text(const OptionValues& options) {
 }
 
 std::string describe_option(const OptionSpec& spec) {
-  const OptionValue value = fallback(spec);
+  const schemas::OptionValue value = fallback(spec);
   const std::string given_default =
       spec.kind == Kind::kText && spec.text.empty() ? "" : " = " + shown(value);
   return fmt::format("{}{} ({}): {}", spec.name, given_default, allowed_values(spec), spec.help);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -7,7 +7,7 @@
 
 #include "schemas/option_values.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// One option of a reconstruction method: its name, allowed values and default. Create it with the
 /// functions below.
@@ -65,7 +65,7 @@ class MethodOptions {
   MethodOptions() = default;
   /// Throws Error (bad input) for a name that is not in `specs` and for a value of the wrong kind
   /// or out of range. `where` is the origin of the options, for the message.
-  MethodOptions(std::span<const OptionSpec> specs, const OptionValues& given,
+  MethodOptions(std::span<const OptionSpec> specs, const schemas::OptionValues& given,
                 std::string_view where);
 
   // Reading an option that the method has not declared violates an invariant (std::logic_error).
@@ -75,23 +75,23 @@ class MethodOptions {
   const std::string& text(std::string_view name) const;
 
   /// Returns all options, e.g. for a fingerprint.
-  const OptionValues& values() const { return values_; }
+  const schemas::OptionValues& values() const { return values_; }
 
  private:
-  OptionValues values_;
+  schemas::OptionValues values_;
 };
 
 /// Parses "NAME=VALUE" as on a command line; the value is true, false, a number or else text.
 /// Throws Error (bad input) without '=' or without a name.
-OptionValues::value_type option_from_text(std::string_view text);
+schemas::OptionValues::value_type option_from_text(std::string_view text);
 
 /// Parses "NAME=VALUE,NAME=VALUE"; an empty text gives no options. Throws Error (bad input) as
 /// option_from_text(), and for a repeated name.
-OptionValues options_from_text(std::string_view text);
+schemas::OptionValues options_from_text(std::string_view text);
 /// Returns the options as options_from_text() reads them, sorted by name.
-std::string options_to_text(const OptionValues& options);
+std::string options_to_text(const schemas::OptionValues& options);
 
 /// Returns a help line for the user: name, default, range, help.
 std::string describe_option(const OptionSpec& spec);
 
-}  // namespace raystage
+}  // namespace raystage::render

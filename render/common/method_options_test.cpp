@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr std::array kSpecs{
@@ -19,7 +19,7 @@ constexpr std::array kSpecs{
     choice_option("shape", "round", "round|hexagon", "of the aperture"),
     text_option("proxy", "", "mesh file")};
 
-std::string refusal(const OptionValues& given) {
+std::string refusal(const schemas::OptionValues& given) {
   try {
     const MethodOptions options(kSpecs, given, "method aperture");
   } catch (const Error& error) {
@@ -74,23 +74,27 @@ TEST(MethodOptions, AskingForWhatWasNeverDeclaredIsABrokenInvariant) {
 }
 
 TEST(MethodOptions, ComeFromTheCommandLine) {
-  EXPECT_EQ(option_from_text("planes=96"), (OptionValues::value_type{"planes", 96.0}));
-  EXPECT_EQ(option_from_text("sub_plane=false"), (OptionValues::value_type{"sub_plane", false}));
+  EXPECT_EQ(option_from_text("planes=96"), (schemas::OptionValues::value_type{"planes", 96.0}));
+  EXPECT_EQ(option_from_text("sub_plane=false"),
+            (schemas::OptionValues::value_type{"sub_plane", false}));
   EXPECT_EQ(option_from_text("shape=hexagon"),
-            (OptionValues::value_type{"shape", std::string("hexagon")}));
-  EXPECT_EQ(option_from_text("proxy=a=b"), (OptionValues::value_type{"proxy", std::string("a=b")}));
-  EXPECT_EQ(option_from_text("proxy="), (OptionValues::value_type{"proxy", std::string()}));
-  EXPECT_EQ(option_from_text("f_number=1e999").second, OptionValue(std::string("1e999")));
+            (schemas::OptionValues::value_type{"shape", std::string("hexagon")}));
+  EXPECT_EQ(option_from_text("proxy=a=b"),
+            (schemas::OptionValues::value_type{"proxy", std::string("a=b")}));
+  EXPECT_EQ(option_from_text("proxy="),
+            (schemas::OptionValues::value_type{"proxy", std::string()}));
+  EXPECT_EQ(option_from_text("f_number=1e999").second, schemas::OptionValue(std::string("1e999")));
   EXPECT_THROW(option_from_text("planes"), Error);
   EXPECT_THROW(option_from_text("=3"), Error);
 }
 
 TEST(MethodOptions, ComeAsAListAndGoBack) {
-  const OptionValues values = options_from_text("planes=96,shape=hexagon,sub_plane=true,step=0.25");
-  EXPECT_EQ(values, (OptionValues{{"planes", 96.0},
-                                  {"shape", std::string("hexagon")},
-                                  {"sub_plane", true},
-                                  {"step", 0.25}}));
+  const schemas::OptionValues values =
+      options_from_text("planes=96,shape=hexagon,sub_plane=true,step=0.25");
+  EXPECT_EQ(values, (schemas::OptionValues{{"planes", 96.0},
+                                           {"shape", std::string("hexagon")},
+                                           {"sub_plane", true},
+                                           {"step", 0.25}}));
   EXPECT_EQ(options_to_text(values), "planes=96,shape=hexagon,step=0.25,sub_plane=true");
   EXPECT_EQ(options_from_text(options_to_text(values)), values);
   EXPECT_TRUE(options_from_text("").empty());
@@ -117,4 +121,4 @@ TEST(MethodOptions, AcceptFormerNamesAlone) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -12,7 +12,7 @@
 #include "base/error.h"
 #include "render/common/ray_cells.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// Beyond these limits, distances and their inverses exceed the range of a float.
@@ -68,7 +68,7 @@ PlaneProjection::PlaneProjection(const VirtualCamera& view, const Eigen::Vector4
   slope_ = (height > 0 ? -1.0 : 1.0) * (ray_from_pixel_.transpose() * (given.head<3>() / length));
 }
 
-Eigen::Matrix3d PlaneProjection::ideal_from_pixel(const Pose& camera) const {
+Eigen::Matrix3d PlaneProjection::ideal_from_pixel(const rig::Pose& camera) const {
   const Eigen::Matrix3d relative_point =
       distance_ * ray_from_pixel_ + (eye_ - camera.position) * slope_.transpose();
   Eigen::Matrix3d ideal = camera.world_from_camera_rotation.transpose() * relative_point;
@@ -83,4 +83,4 @@ double PlaneProjection::depth(double x, double y) const {
   return along > 0 ? distance_ / along : 0;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

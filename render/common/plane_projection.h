@@ -6,7 +6,7 @@
 #include "render/common/view.h"
 #include "rig/rig.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Returns the signed distance in metres of `point` from the plane a x + b y + c z + d = 0, with
 /// (a, b, c) not 0. Accurate to the last places also where the terms nearly cancel, as far from the
@@ -32,7 +32,7 @@ class PlaneProjection {
   /// Returns the matrix that maps (x, y, 1) of the view's pixel to (X, Y, W). The camera's ideal
   /// image point is (X/W, Y/W), visible if W > 0. Pixels where depth() is not positive have no such
   /// point.
-  Eigen::Matrix3d ideal_from_pixel(const Pose& camera) const;
+  Eigen::Matrix3d ideal_from_pixel(const rig::Pose& camera) const;
 
   /// Planar depth along the view's axis is distance() / slope().(x, y, 1), where that is positive;
   /// slope is 0 for a plane at infinity.
@@ -50,4 +50,4 @@ class PlaneProjection {
   bool at_infinity_ = false;
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -13,7 +13,7 @@
 #include "testing/render/exact_geometry.h"
 #include "testing/render/geometry_generators.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using testing::between;
@@ -61,8 +61,8 @@ TEST(PlaneProjectionExtremes, PositionsAndDepthsAreThoseOf50Digits) {
     const double fov = *rc::gen::element(0.01, 1.0, 50.0, 120.0, 179.0) * std::numbers::pi / 180;
     const int width = *rc::gen::element(1, 640, 16384);
     const VirtualCamera view = virtual_camera_with_fov(width, 10, fov, random_pose(around, behind));
-    const Pose camera = random_pose(around, *rc::gen::element(0.0, 1e-3, 0.2));
-    const Intrinsics k{600, 600, 320, 240, {}};
+    const rig::Pose camera = random_pose(around, *rc::gen::element(0.0, 1e-3, 0.2));
+    const schemas::Intrinsics k{600, 600, 320, 240, {}};
     const double distance = *rc::gen::element(1e-3, 0.1, 4.0, 1e6, 1e9);
     const bool infinite = *rc::gen::inRange(0, 8) == 0;
     const Eigen::Vector4d plane =
@@ -119,4 +119,4 @@ TEST(PlaneProjectionExtremes, RefusesAPlaneOutOfAllRange) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -10,19 +10,19 @@
 #include "base/error.h"
 #include "render/common/ray_cells.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 VirtualCamera random_view(double z) {
-  Pose pose;
+  rig::Pose pose;
   pose.position = {0.1, -0.2, z};
   pose.world_from_camera_rotation =
       Eigen::AngleAxisd(0.3, Eigen::Vector3d(0.2, 1, 0.1).normalized()).toRotationMatrix();
   return virtual_camera_with_fov(320, 240, 1, pose);
 }
 
-Pose some_camera() {
-  Pose pose;
+rig::Pose some_camera() {
+  rig::Pose pose;
   pose.position = {-0.05, 0.07, 0.01};
   pose.world_from_camera_rotation =
       Eigen::AngleAxisd(-0.1, Eigen::Vector3d(1, 0.4, 0).normalized()).toRotationMatrix();
@@ -36,7 +36,7 @@ TEST(PlaneProjection, HomographyEqualsIntersectionThenProjection) {
         Eigen::Vector4d(0, 1, 0.2, 5)}) {
     const VirtualCamera view = random_view(0.2);
     const PlaneProjection projection(view, plane);
-    const Pose camera = some_camera();
+    const rig::Pose camera = some_camera();
     const Eigen::Matrix3d ideal_from_pixel = projection.ideal_from_pixel(camera);
     for (const auto& [x, y] : {std::pair{0.5, 0.5}, {160.0, 120.0}, {319.5, 7.25}}) {
       const Eigen::Vector3d ray = world_ray_from_pixel(view) * Eigen::Vector3d(x, y, 1);
@@ -60,7 +60,7 @@ TEST(PlaneProjection, AtInfinityOnlyDirectionsCount) {
   const VirtualCamera view = random_view(0.2);
   const PlaneProjection projection(view, {0, 0, 0, 1});
   EXPECT_EQ(projection.depth(3, 4), std::numeric_limits<double>::infinity());
-  const Pose camera = some_camera();
+  const rig::Pose camera = some_camera();
   const Eigen::Vector3d ray = camera.world_from_camera_rotation.transpose() *
                               (world_ray_from_pixel(view) * Eigen::Vector3d(3, 4, 1));
   const Eigen::Vector3d ideal = projection.ideal_from_pixel(camera) * Eigen::Vector3d(3, 4, 1);
@@ -73,4 +73,4 @@ TEST(PlaneProjection, RefusesWhatIsNoPlane) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

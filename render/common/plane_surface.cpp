@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "render/common/plane_projection.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -43,4 +43,4 @@ RaySurface plane_surface(const Eigen::Vector4d& plane) {
   };
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

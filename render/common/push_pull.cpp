@@ -12,20 +12,17 @@
 
 #include "base/parallel.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr int kRowsPerTask = 16;
 
 /// R, G, B, A premultiplied, row-major; borrowed.
-struct Image {
+struct PyramidLevel {
   int width = 0, height = 0;
   float* rgba = nullptr;
 
-  float* at(int x, int y) const {
-    return rgba + 4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-                       static_cast<std::size_t>(x));
-  }
+  float* at(int x, int y) const { return rgba + 4 * (static_cast<std::size_t>(y) * width + x); }
 };
 
 /// The two coarse pixels around a fine one along one axis; the first has weight 1 - second.
@@ -46,28 +43,18 @@ float share(int fine, int coarse, int coarse_size) {
          (between.second == coarse ? between.weight_of_second : 0);
 }
 
-template <class Body>
-void for_each_row(int height, const Body& body) {
-  raystage::parallel_for(tbb::blocked_range<int>(0, height, kRowsPerTask),
-                         [&](const tbb::blocked_range<int>& rows) {
-                           for (int y = rows.begin(); y < rows.end(); ++y) body(y);
-                         });
-}
-
-void pull(const Image& fine, const Image& coarse) {
-  for_each_row(coarse.height, [&](int y) {
+void pull(const PyramidLevel& fine, const PyramidLevel& coarse) {
+  raystage::parallel_for_grains(0, coarse.height, kRowsPerTask, [&](int y) {
     const int y0 = std::max(2 * y - 1, 0), y1 = std::min(2 * y + 2, fine.height - 1);
     for (int x = 0; x < coarse.width; ++x) {
       const int x0 = std::max(2 * x - 1, 0), x1 = std::min(2 * x + 2, fine.width - 1);
       std::array<float, 4> across{}, sum{};
-      for (int i = x0; i <= x1; ++i) {
-        across[static_cast<std::size_t>(i - x0)] = share(i, x, coarse.width);
-      }
+      for (int i = x0; i <= x1; ++i) across[i - x0] = share(i, x, coarse.width);
       for (int j = y0; j <= y1; ++j) {
         const float down = share(j, y, coarse.height);
         const float* from = fine.at(x0, j);
         for (int i = x0; i <= x1; ++i, from += 4) {
-          const float weight = down * across[static_cast<std::size_t>(i - x0)];
+          const float weight = down * across[i - x0];
           for (std::size_t c = 0; c < 4; ++c) sum[c] += weight * from[c];
         }
       }
@@ -78,13 +65,12 @@ void pull(const Image& fine, const Image& coarse) {
 }
 
 /// `empty_space`: of the pixels of the fine image, or null.
-void push(const Image& coarse, const Image& fine, const float* empty_space) {
-  for_each_row(fine.height, [&](int y) {
+void push(const PyramidLevel& coarse, const PyramidLevel& fine, const float* empty_space) {
+  raystage::parallel_for_grains(0, fine.height, kRowsPerTask, [&](int y) {
     const Between rows = coarse_of(y, coarse.height);
     for (int x = 0; x < fine.width; ++x) {
       float* pixel = fine.at(x, y);
-      const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(fine.width) +
-                             static_cast<std::size_t>(x);
+      const std::size_t at = static_cast<std::size_t>(y) * fine.width + x;
       const float whole = empty_space == nullptr ? 1 : 1 - empty_space[at];
       const float missing = whole - pixel[3];
       if (!(missing > 0)) continue;
@@ -107,12 +93,11 @@ void push(const Image& coarse, const Image& fine, const float* empty_space) {
 }  // namespace
 
 void fill_push_pull(RenderedView& view) {
-  std::vector<Image> levels{{view.width, view.height, view.rgba.data()}};
+  std::vector<PyramidLevel> levels{{view.width, view.height, view.rgba.data()}};
   std::vector<std::vector<float>> coarser;
   while (levels.size() == 1 || levels.back().width > 1 || levels.back().height > 1) {
-    Image next{(levels.back().width + 1) / 2, (levels.back().height + 1) / 2, nullptr};
-    coarser.emplace_back(static_cast<std::size_t>(next.width) *
-                         static_cast<std::size_t>(next.height) * 4);
+    PyramidLevel next{(levels.back().width + 1) / 2, (levels.back().height + 1) / 2, nullptr};
+    coarser.emplace_back(static_cast<std::size_t>(next.width) * next.height * 4);
     next.rgba = coarser.back().data();
     pull(levels.back(), next);
     levels.push_back(next);
@@ -126,4 +111,4 @@ void fill_push_pull(RenderedView& view) {
   push(levels[1], levels[0], empty_space);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

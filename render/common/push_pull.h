@@ -3,7 +3,7 @@
 
 #include "render/common/view.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Makes a view opaque by pull and push (Gortler, Grzeszczuk, Szeliski and Cohen, "The Lumigraph",
 /// SIGGRAPH 1996, section 3.4), with alpha as the confidence in a pixel.
@@ -25,4 +25,4 @@ void fill_push_pull_reference(RenderedView& view);
 /// Sums with less confidence than this contain no usable colour: they are not divided by it.
 inline constexpr float kMinConfidence = 1e-20F;
 
-}  // namespace raystage
+}  // namespace raystage::render

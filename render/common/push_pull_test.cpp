@@ -7,7 +7,7 @@
 #include <cmath>
 #include <random>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 RenderedView empty(int width, int height) {
@@ -148,4 +148,4 @@ TEST(PushPull, SameBytesForAnyNumberOfThreads) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

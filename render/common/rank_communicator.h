@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-namespace raystage {
+namespace raystage::render {
 
 /// Exchanges messages among the ranks that contribute to a view, for methods that need intermediate
 /// results of other ranks (DistributionMode::kLockstep). All ranks take the same steps in the same
@@ -26,4 +26,4 @@ class RankCommunicator {
   virtual std::vector<Message> exchange(std::vector<Message> messages) const = 0;
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

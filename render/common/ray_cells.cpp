@@ -11,7 +11,7 @@
 #include <cmath>
 #include <limits>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Matrix3d;
@@ -29,15 +29,15 @@ Vector3d plane_through_edge(const Vector3d& o, const Vector3d& b, const Vector3d
   return swap ? Vector3d(-(c - o).cross(b - c)) : Vector3d((b - o).cross(c - b));
 }
 
-RayCells::Cell make_cell(const Topology::Cell& indices, const Topology& topology, const Rig& rig,
-                         const Vector3d& eye, const Matrix3d& ray_from_pixel) {
+RayCells::Cell make_cell(const rig::Topology::Cell& indices, const rig::Topology& topology,
+                         const rig::Rig& rig, const Vector3d& eye, const Matrix3d& ray_from_pixel) {
   RayCells::Cell cell;
   std::array<Vector3d, 3> centre;
   for (const int index : indices) {
     if (index < 0) continue;
     const auto i = static_cast<std::size_t>(cell.count++);
     cell.camera[i] = index;
-    centre[i] = rig.cameras[static_cast<std::size_t>(index)].pose.position;
+    centre[i] = rig.cameras[index].pose.position;
   }
   const auto on_pixels = [&](const Vector3d& on_rays) {
     return Vector3d(ray_from_pixel.transpose() * on_rays);
@@ -61,13 +61,11 @@ RayCells::Cell make_cell(const Topology::Cell& indices, const Topology& topology
 
 /// For a distant virtual camera, the crossing of a cell is accurate to a few units in the last
 /// place of its distance. Neighbouring cells extend by as much, so that no ray falls between them.
-double edge_tolerance(const RayCells::Cell& cell, const Rig& rig, const Vector3d& eye) {
+double edge_tolerance(const RayCells::Cell& cell, const rig::Rig& rig, const Vector3d& eye) {
   if (cell.count < 2) return 0;
-  const auto centre = [&](std::size_t i) {
-    return rig.cameras[static_cast<std::size_t>(cell.camera[i])].pose.position;
-  };
+  const auto centre = [&](std::size_t i) { return rig.cameras[cell.camera[i]].pose.position; };
   double distance = 0, longest = 0;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+  for (int i = 0; i < cell.count; ++i) {
     distance = std::max(distance, (centre(i) - eye).norm());
     longest = std::max(longest,
                        (centre((i + 1) % static_cast<std::size_t>(cell.count)) - centre(i)).norm());
@@ -96,7 +94,7 @@ void drop_shares_below_tolerance(RayCells::Cell& cell, const VirtualCamera& view
   };
   const auto [least, most] = range_of(cell.total);
   const double least_total = least > 0 ? least : most < 0 ? -most : 0;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+  for (int i = 0; i < cell.count; ++i) {
     const auto [lowest, highest] = range_of(cell.share[i]);
     if (std::max(-lowest, highest) < cell.edge_tolerance * least_total) cell.share[i].setZero();
   }
@@ -104,7 +102,7 @@ void drop_shares_below_tolerance(RayCells::Cell& cell, const VirtualCamera& view
 
 /// Returns the rows that contain a triangle's projection, including the tolerance around it; all
 /// rows where it reaches beyond the horizon.
-void bound_rows(RayCells::Cell& cell, const Rig& rig, const Vector3d& eye,
+void bound_rows(RayCells::Cell& cell, const rig::Rig& rig, const Vector3d& eye,
                 const Matrix3d& pixel_from_world_ray) {
   constexpr double kEverywhere = std::numeric_limits<double>::infinity();
   cell.first_row = -kEverywhere;
@@ -114,9 +112,7 @@ void bound_rows(RayCells::Cell& cell, const Rig& rig, const Vector3d& eye,
   const double scale = pixel_from_world_ray.row(1).norm();
   int in_front = 0;
   std::array<Vector3d, 3> corners;
-  for (std::size_t i = 0; i < 3; ++i) {
-    corners[i] = rig.cameras[static_cast<std::size_t>(cell.camera[i])].pose.position;
-  }
+  for (std::size_t i = 0; i < 3; ++i) corners[i] = rig.cameras[cell.camera[i]].pose.position;
   const Vector3d middle = corners[0] + ((corners[1] - corners[0]) + (corners[2] - corners[0])) / 3;
   for (const Vector3d& corner : corners) {
     // Weights down to -tolerance: the triangle 3 tolerances larger.
@@ -145,7 +141,7 @@ bool passes_through(const RayCells::Cell& cell, double x, double y) {
   if (!(std::abs(total) > 0)) return false;
   const double sign = total > 0 ? 1 : -1;
   double sum = 0;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+  for (int i = 0; i < cell.count; ++i) {
     const double share = sign * at(cell.share[i], x, y);
     if (share < -cell.edge_tolerance * std::abs(total)) return false;
     sum += std::max(0.0, share);
@@ -154,11 +150,11 @@ bool passes_through(const RayCells::Cell& cell, double x, double y) {
 }
 
 /// The edges from the cell's first camera to its others; a missing camera is placed far away.
-std::array<double, 3> edge_products(const RayCells::Cell& cell, const Rig& rig) {
+std::array<double, 3> edge_products(const RayCells::Cell& cell, const rig::Rig& rig) {
   constexpr double kFar = 1e30;
   const auto edge = [&](std::size_t i) {
-    return Vector3d(rig.cameras[static_cast<std::size_t>(cell.camera[i])].pose.position -
-                    rig.cameras[static_cast<std::size_t>(cell.camera[0])].pose.position);
+    return Vector3d(rig.cameras[cell.camera[i]].pose.position -
+                    rig.cameras[cell.camera[0]].pose.position);
   };
   if (cell.count == 1) return {kFar, 0, kFar};
   if (cell.count == 2) return {edge(1).squaredNorm(), 0, kFar};
@@ -184,7 +180,7 @@ void paint(const RayCells::Cell& cell, int mark, double sign, int y, int width,
   double low = 0.5, high = width - 0.5;
   keep_non_negative(sign * cell.total.x(), sign * (cell.total.y() * centre_y + cell.total.z()), low,
                     high);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+  for (int i = 0; i < cell.count; ++i) {
     const Vector3d edge = sign * (cell.share[i] + cell.edge_tolerance * cell.total);
     keep_non_negative(edge.x(), edge.y() * centre_y + edge.z(), low, high);
   }
@@ -203,7 +199,7 @@ void paint(const RayCells::Cell& cell, int mark, double sign, int y, int width,
 }  // namespace
 
 Matrix3d world_ray_from_pixel(const VirtualCamera& view) {
-  const Intrinsics& k = view.intrinsics;
+  const schemas::Intrinsics& k = view.intrinsics;
   Matrix3d camera_ray_from_pixel;
   camera_ray_from_pixel << 1 / k.fx, 0, -k.cx / k.fx,  //
       0, -1 / k.fy, k.cy / k.fy,                       //
@@ -211,11 +207,11 @@ Matrix3d world_ray_from_pixel(const VirtualCamera& view) {
   return view.pose.world_from_camera_rotation * camera_ray_from_pixel;
 }
 
-RayCells::RayCells(const VirtualCamera& view, const Rig& rig, const Topology& topology) {
+RayCells::RayCells(const VirtualCamera& view, const rig::Rig& rig, const rig::Topology& topology) {
   const Matrix3d ray_from_pixel = world_ray_from_pixel(view);
   const Matrix3d pixel_from_ray = ray_from_pixel.inverse();
   cells_.reserve(topology.cells.size());
-  for (const Topology::Cell& indices : topology.cells) {
+  for (const rig::Topology::Cell& indices : topology.cells) {
     cells_.push_back(make_cell(indices, topology, rig, view.pose.position, ray_from_pixel));
     cells_.back().edge_products = edge_products(cells_.back(), rig);
     cells_.back().edge_tolerance = edge_tolerance(cells_.back(), rig, view.pose.position);
@@ -225,8 +221,7 @@ RayCells::RayCells(const VirtualCamera& view, const Rig& rig, const Topology& to
 }
 
 RayCells::Crossing RayCells::nearest(const Crossing& crossing) const {
-  const auto& [to_second, between, to_third] =
-      cells_[static_cast<std::size_t>(crossing.cell)].edge_products;
+  const auto& [to_second, between, to_third] = cells_[crossing.cell].edge_products;
   const auto& w = crossing.weight;
   // |P - C1|^2 - |P - Ci|^2 is linear in the weights.
   const double second = 2 * (w[1] * to_second + w[2] * between) - to_second;
@@ -244,12 +239,12 @@ std::optional<RayCells::Crossing> RayCells::locate(double x, double y) const {
 }
 
 RayCells::Crossing RayCells::crossing_in_cell(int index, double x, double y) const {
-  const Cell& cell = cells_[static_cast<std::size_t>(index)];
+  const Cell& cell = cells_[index];
   Crossing crossing;
   crossing.cell = index;
   const double sign = at(cell.total, x, y) > 0 ? 1 : -1;
   double sum = 0;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+  for (int i = 0; i < cell.count; ++i) {
     crossing.weight[i] = std::max(0.0, sign * at(cell.share[i], x, y));
     sum += crossing.weight[i];
   }
@@ -259,7 +254,7 @@ RayCells::Crossing RayCells::crossing_in_cell(int index, double x, double y) con
 
 void RayCells::row_spans(int y, int width, std::vector<int>& scratch,
                          std::vector<Span>& spans) const {
-  scratch.assign(static_cast<std::size_t>(width), -1);
+  scratch.assign(width, -1);
   for (std::size_t i = cells_.size(); i-- > 0;) {  // the lowest index is painted last and wins
     const Cell& cell = cells_[i];
     if (y < cell.first_row || y > cell.last_row) continue;
@@ -278,4 +273,4 @@ void RayCells::row_spans(int y, int width, std::vector<int>& scratch,
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

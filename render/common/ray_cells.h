@@ -9,7 +9,7 @@
 #include "render/common/view.h"
 #include "rig/rig.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// The cells of the array's topology as seen by a virtual camera (thesis 4.1.2). Determines between
 /// which cameras a ray passes, and their weights.
@@ -46,7 +46,7 @@ class RayCells {
   };
 
   /// `view` without its distortion; `topology` over cameras of `rig`.
-  RayCells(const VirtualCamera& view, const Rig& rig, const Topology& topology);
+  RayCells(const VirtualCamera& view, const rig::Rig& rig, const rig::Topology& topology);
 
   const std::vector<Cell>& cells() const { return cells_; }
 
@@ -74,4 +74,4 @@ class RayCells {
 /// pixel (x, y), undistorted.
 Eigen::Matrix3d world_ray_from_pixel(const VirtualCamera& view);
 
-}  // namespace raystage
+}  // namespace raystage::render

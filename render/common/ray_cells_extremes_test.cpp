@@ -15,7 +15,7 @@
 #include "testing/render/extremes.h"
 #include "testing/render/geometry_generators.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using testing::all_cameras;
@@ -29,10 +29,10 @@ using testing::rotation;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
-std::array<Eigen::Vector3d, 3> centres_of(const Rig& rig, const std::array<int, 3>& cell) {
+std::array<Eigen::Vector3d, 3> centres_of(const rig::Rig& rig, const std::array<int, 3>& cell) {
   std::array<Eigen::Vector3d, 3> centres;
   for (std::size_t i = 0; i < 3; ++i) {
-    centres[i] = rig.cameras[static_cast<std::size_t>(std::max(0, cell[i]))].pose.position;
+    centres[i] = rig.cameras[std::max(0, cell[i])].pose.position;
   }
   return centres;
 }
@@ -47,8 +47,8 @@ struct Shot {
   double x = 0, y = 0;  ///< pixel position of the ray
 };
 
-Shot some_shot(const Rig& rig, const Topology& topology) {
-  const Topology::Cell cell =
+Shot some_shot(const rig::Rig& rig, const rig::Topology& topology) {
+  const rig::Topology::Cell cell =
       topology.cells[*rc::gen::inRange<std::size_t>(0, topology.cells.size())];
   const auto centres = centres_of(rig, cell);
   std::array<double, 3> share{between(0, 1), between(0, 1), between(0.01, 1)};
@@ -67,7 +67,7 @@ Shot some_shot(const Rig& rig, const Topology& topology) {
   const double slant = *rc::gen::element(0.0, 0.0, 0.7, 5.0);
   const Eigen::Vector3d aside = topology.normal.cross(direction());
   Shot shot;
-  Pose pose;
+  rig::Pose pose;
   pose.position = target + height * topology.normal + slant * std::abs(height) * aside;
   const Eigen::Vector3d towards = target - pose.position;
   pose.world_from_camera_rotation = rotation();
@@ -82,7 +82,7 @@ Shot some_shot(const Rig& rig, const Topology& topology) {
   shot.y = between(0, shot.view.height);
   const Eigen::Vector3d in_camera = pose.camera_from_world(target);
   if (-in_camera.z() > 1e-3 * in_camera.norm()) {  // the ray to the target, where it is a pixel
-    const Intrinsics& k = shot.view.intrinsics;
+    const schemas::Intrinsics& k = shot.view.intrinsics;
     shot.x = k.cx - k.fx * in_camera.x() / in_camera.z();
     shot.y = k.cy + k.fy * in_camera.y() / in_camera.z();
   }
@@ -91,7 +91,7 @@ Shot some_shot(const Rig& rig, const Topology& topology) {
 
 /// How well a double can know a weight: a few units in the last place of the eye's distance, seen
 /// at the ray's angle, against the cell's width. What lies outside the edge by the tolerance adds.
-double bound_of(const Rig& rig, const RayCells::Cell& cell, const Eigen::Vector3d& up,
+double bound_of(const rig::Rig& rig, const RayCells::Cell& cell, const Eigen::Vector3d& up,
                 const VirtualCamera& view, double x, double y) {
   if (cell.count == 1) return kEpsilon;
   const auto centres = centres_of(rig, cell.camera);
@@ -107,7 +107,7 @@ double bound_of(const Rig& rig, const RayCells::Cell& cell, const Eigen::Vector3
   const Eigen::Vector3d ray = world_ray_from_pixel(view) * Eigen::Vector3d(x, y, 1);
   const double slope = std::abs(normal.normalized().dot(ray.normalized()));
   // The ray itself: its parts are as large as the view is wide and far off its axis.
-  const Intrinsics& k = view.intrinsics;
+  const schemas::Intrinsics& k = view.intrinsics;
   const double reach = (1 + (std::abs(x) + k.cx) / k.fx + (std::abs(y) + k.cy) / k.fy) / ray.norm();
   return 3 * cell.edge_tolerance + 64 * kEpsilon * reach * (distance + longest) / width / slope;
 }
@@ -115,8 +115,8 @@ double bound_of(const Rig& rig, const RayCells::Cell& cell, const Eigen::Vector3
 TEST(RayCellsExtremes, WeightsAreThoseOf50Digits) {
   int crossed = 0;
   EXPECT_TRUE(rc::check("any array, eye, field of view and ray", [&] {
-    const Rig rig = random_rig();
-    const Topology topology = make_topology(rig, all_cameras(rig));
+    const rig::Rig rig = random_rig();
+    const rig::Topology topology = rig::make_topology(rig, all_cameras(rig));
     const Shot shot = some_shot(rig, topology);
     const RayCells cells(shot.view, rig, topology);
     const auto ray = exact_ray(shot.view, shot.x, shot.y);
@@ -137,7 +137,7 @@ TEST(RayCellsExtremes, WeightsAreThoseOf50Digits) {
       return;
     }
     ++crossed;
-    const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(crossing->cell)];
+    const RayCells::Cell& cell = cells.cells()[crossing->cell];
     double sum = 0;
     for (const double weight : crossing->weight) {
       RC_ASSERT(weight >= 0 && weight <= 1);
@@ -168,15 +168,14 @@ std::string what_is_wrong(const RayCells& cells, const VirtualCamera& view) {
     cells.row_spans(y, view.width, scratch, spans);
     std::vector<int> by_span(static_cast<std::size_t>(view.width), -1);
     for (const RayCells::Span& span : spans) {
-      const Eigen::Vector3d& total = cells.cells()[static_cast<std::size_t>(span.cell)].total;
+      const Eigen::Vector3d& total = cells.cells()[span.cell].total;
       const auto side = [&](int x) { return total.dot(Eigen::Vector3d(x + 0.5, y + 0.5, 1)); };
       if (!(side(span.begin) * side(span.end - 1) > 0)) wrong << "row " << y << " turns over; ";
-      for (int x = span.begin; x < span.end; ++x) by_span[static_cast<std::size_t>(x)] = span.cell;
+      for (int x = span.begin; x < span.end; ++x) by_span[x] = span.cell;
     }
     for (int x = 0; x < view.width; ++x) {
       const auto crossing = cells.locate(x + 0.5, y + 0.5);
-      const int own = crossing ? crossing->cell : -1,
-                spanned = by_span[static_cast<std::size_t>(x)];
+      const int own = crossing ? crossing->cell : -1, spanned = by_span[x];
       if (own != spanned) {
         wrong << x << ", " << y << " is in span " << spanned << ", not " << own << "; ";
       }
@@ -189,21 +188,22 @@ TEST(RayCellsExtremes, SpansAgreeWithEveryPixelsOwnCrossing) {
   for (const testing::ExtremeView& extreme : testing::extremes()) {
     SCOPED_TRACE(extreme.name);
     const testing::SyntheticTake take = testing::make_extreme_array(extreme.array);
-    RigDocument document;
-    for (const CameraGeometry& camera : take.cameras) document.cameras.push_back({camera, {}});
-    Rig rig = rig_from_document(document);
-    for (Rig::Camera& camera : rig.cameras) {
+    schemas::RigDocument document;
+    for (const schemas::CameraGeometry& camera : take.cameras)
+      document.cameras.push_back({camera, {}});
+    rig::Rig rig = rig::rig_from_document(document);
+    for (rig::Rig::Camera& camera : rig.cameras) {
       camera.pose.position += Eigen::Vector3d(take.origin[0], take.origin[1], take.origin[2]);
     }
-    const RayCells cells(extreme.view, rig, make_topology(rig, all_cameras(rig)));
+    const RayCells cells(extreme.view, rig, rig::make_topology(rig, all_cameras(rig)));
     EXPECT_EQ(what_is_wrong(cells, extreme.view), "");
   }
 }
 
 TEST(RayCellsExtremes, SpansAgreeForAnyView) {
   EXPECT_TRUE(rc::check("any array, eye and field of view", [] {
-    const Rig rig = random_rig();
-    const Topology topology = make_topology(rig, all_cameras(rig));
+    const rig::Rig rig = random_rig();
+    const rig::Topology topology = rig::make_topology(rig, all_cameras(rig));
     VirtualCamera view = some_shot(rig, topology).view;
     if (view.width > 1000) view.height = 2;
     RC_ASSERT(what_is_wrong(RayCells(view, rig, topology), view) == "");
@@ -211,4 +211,4 @@ TEST(RayCellsExtremes, SpansAgreeForAnyView) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

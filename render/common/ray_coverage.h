@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <limits>
 
-namespace raystage {
+namespace raystage::render {
 
 /// Accumulates RenderedView::cameras and nearest_ray of one ray, camera by camera.
 class RayCoverage {
@@ -26,4 +26,4 @@ class RayCoverage {
   double sum_ = 0, squares_ = 0, nearest_ = std::numeric_limits<double>::infinity();
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

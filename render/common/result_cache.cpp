@@ -9,7 +9,7 @@
 #include <mutex>
 #include <vector>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 struct Entry {
@@ -102,4 +102,4 @@ std::size_t ResultCache::bytes_held() const {
   return state_->bytes;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

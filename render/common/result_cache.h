@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-namespace raystage {
+namespace raystage::render {
 
 /// Caches results that methods compute once and use for many views (depth maps, slabs, scenes),
 /// within a memory budget. The least recently used results are evicted first. Thread-safe: a result
@@ -39,4 +39,4 @@ class ResultCache {
   std::unique_ptr<State> state_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -14,7 +14,7 @@
 #include <thread>
 #include <vector>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// Asks for a result of `size` bytes and counts how often it had to be made.
@@ -130,4 +130,4 @@ TEST(ResultCache, WhoWaitsHelps) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -19,7 +19,7 @@ using _Bool = bool;
 #define RAYSTAGE_LIBM_HAS_VARIANTS 1
 #endif
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr std::array<std::pair<SimdLevel, std::string_view>, 4> kNames{
@@ -65,9 +65,8 @@ std::string_view simd_level_name(SimdLevel level) {
 }
 
 SimdLevel parse_simd_level(std::string_view text) {
-  for (const auto& [level, name] : kNames) {
+  for (const auto& [level, name] : kNames)
     if (name == text) return level;
-  }
   throw Error::bad_input("there is no SIMD level \"" + std::string(text) + "\"", "SIMD level",
                          "Use one of sse4, avx2, avx512");
 }
@@ -76,9 +75,8 @@ std::vector<SimdLevel> simd_levels() {
 #if HWY_ARCH_X86
   std::vector<SimdLevel> levels;
   const std::int64_t targets = supported_targets();
-  for (const auto& [level, target] : kTargets) {
+  for (const auto& [level, target] : kTargets)
     if ((targets & target) != 0) levels.push_back(level);
-  }
   return levels;
 #else
   return {SimdLevel::kNative};
@@ -139,4 +137,4 @@ std::optional<std::string> libm_tunables(SimdLevel level) {
   return before + "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4";
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

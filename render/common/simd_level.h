@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-namespace raystage {
+namespace raystage::render {
 
 /// Instruction sets for which kernels are compiled. At one level all processors that have it
 /// compute the same bytes. Between levels kernels round differently, so that `depth` chooses
@@ -47,4 +47,4 @@ std::string embree_config();
 /// in the last bit.
 std::optional<std::string> libm_tunables(SimdLevel level);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -12,7 +12,7 @@
 #include "base/error.h"
 #include "render/common/dispatched_target.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using ::testing::HasSubstr;
@@ -99,4 +99,4 @@ TEST_F(SimdLevels, TheCLibraryIsHeldToSse4) {
 #endif
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -8,24 +8,24 @@
 
 #include "base/parallel.h"
 
-namespace raystage {
+namespace raystage::render {
 
-VirtualCamera virtual_camera_from_geometry(const CameraGeometry& geometry) {
+VirtualCamera virtual_camera_from_geometry(const schemas::CameraGeometry& geometry) {
   return {geometry.width, geometry.height, geometry.intrinsics,
-          pose_from_matrix(geometry.world_from_camera)};
+          rig::pose_from_matrix(geometry.world_from_camera)};
 }
 
 VirtualCamera virtual_camera_with_fov(int width, int height, double horizontal_fov,
-                                      const Pose& pose) {
+                                      const rig::Pose& pose) {
   const double focal_length = width / (2 * std::tan(horizontal_fov / 2));
   return {width, height, {focal_length, focal_length, width / 2.0, height / 2.0, {}}, pose};
 }
 
-VirtualCamera undistorted(const CameraModel& model, const Pose& pose) {
+VirtualCamera undistorted(const rig::CameraModel& model, const rig::Pose& pose) {
   VirtualCamera pinhole{model.width(), model.height(), model.intrinsics(), pose};
   if (!model.has_distortion()) return pinhole;
   pinhole.intrinsics.distortion = {};
-  const Intrinsics& k = pinhole.intrinsics;
+  const schemas::Intrinsics& k = pinhole.intrinsics;
   double left = 0, right = model.width(), top = 0, bottom = model.height();
   constexpr int kParts = 32;  // positions per side of the frame's border
   for (int i = 0; i <= kParts; ++i) {
@@ -55,9 +55,18 @@ VirtualCamera undistorted(const CameraModel& model, const Pose& pose) {
   return pinhole;
 }
 
+void RenderStatistics::add_part(const RenderStatistics& part) {
+  plan_ms += part.plan_ms;
+  decode_ms += part.decode_ms;
+  render_ms += part.render_ms;
+  pixels_decoded += part.pixels_decoded;
+  pixels_needed += part.pixels_needed;
+  cameras_used = std::max(cameras_used, part.cameras_used);
+  working_bytes = std::max(working_bytes, part.working_bytes);
+}
+
 std::size_t view_buffer_bytes(const VirtualCamera& view) {
-  return static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height) * 6 *
-         sizeof(float);
+  return static_cast<std::size_t>(view.width) * view.height * 6 * sizeof(float);
 }
 
 RenderedView empty_view(const VirtualCamera& view) {
@@ -90,8 +99,19 @@ RenderedView uninitialised_view(const VirtualCamera& view, PixelValues rgba) {
   return image;
 }
 
-std::size_t view_value_count(const VirtualCamera& view) {
-  return static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height) * 4;
+void clear_coverage_measures(RenderedView& image) {
+  image.cameras.assign(image.coverage.size(), 0.0F);
+  image.nearest_ray.assign(image.coverage.size(), std::numeric_limits<float>::infinity());
 }
 
-}  // namespace raystage
+void add_notes(const std::vector<std::string>& notes, std::vector<std::string>& to) {
+  for (const std::string& note : notes) {
+    if (std::ranges::find(to, note) == to.end()) to.push_back(note);
+  }
+}
+
+std::size_t view_value_count(const VirtualCamera& view) {
+  return static_cast<std::size_t>(view.width) * view.height * 4;
+}
+
+}  // namespace raystage::render

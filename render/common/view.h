@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <chrono>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -12,27 +13,33 @@
 #include "rig/pose.h"
 #include "schemas/geometry.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// A virtual camera: a camera that was not on the set. Pixel centres lie at +0.5, y points down;
 /// the camera looks along -z.
 struct VirtualCamera {
-  int width = 0, height = 0;  ///< pixels
-  Intrinsics intrinsics;      ///< rendered with its distortion only by the per-ray reference
-  Pose pose;
+  int width = 0, height = 0;       ///< pixels
+  schemas::Intrinsics intrinsics;  ///< rendered with its distortion only by the per-ray reference
+  rig::Pose pose;
 };
 
 /// Returns the virtual camera that `geometry` (as in views.json and rig.json) describes.
-VirtualCamera virtual_camera_from_geometry(const CameraGeometry& geometry);
+VirtualCamera virtual_camera_from_geometry(const schemas::CameraGeometry& geometry);
 /// Returns a camera with square pixels and a centred principal point. `horizontal_fov`: full angle,
 /// radians, (0, pi).
 VirtualCamera virtual_camera_with_fov(int width, int height, double horizontal_fov,
-                                      const Pose& pose);
+                                      const rig::Pose& pose);
 
 /// Returns a camera without distortion at the pose of a real camera. Without lens distortion it
 /// equals the real camera. Otherwise it has the same focal length, and its image contains all that
 /// the frame shows, up to twice the frame's width and height.
-VirtualCamera undistorted(const CameraModel& model, const Pose& pose);
+VirtualCamera undistorted(const rig::CameraModel& model, const rig::Pose& pose);
+
+/// The clock of RenderStatistics.
+using RenderClock = std::chrono::steady_clock;
+inline double milliseconds(RenderClock::duration duration) {
+  return std::chrono::duration<double, std::milli>(duration).count();
+}
 
 /// Reports the cost of rendering a view.
 struct RenderStatistics {
@@ -50,6 +57,10 @@ struct RenderStatistics {
   /// Source pixels per pixel of the view, along one axis; 0 where no camera sees the view.
   double source_pixels_per_pixel = 0;
   int supersampling = 1;  ///< samples per pixel of the view along each axis, averaged
+
+  /// Adds the cost of a part of the view. Cameras and memory become the maximum; source pixels that
+  /// several parts need are counted in each.
+  void add_part(const RenderStatistics& part);
 };
 
 /// An allocator that leaves values uninitialised when a vector grows without given values. Writing
@@ -99,8 +110,13 @@ struct RenderedView {
   /// Notes for the user about how the view was made, one line each, the same for every frame of a
   /// shot.
   std::vector<std::string> notes;
+
+  /// Returns the index of a pixel's values; four times that in `rgba`.
+  std::size_t index(int x, int y) const { return static_cast<std::size_t>(y) * width + x; }
 };
 
+/// Adds the notes that `to` does not contain.
+void add_notes(const std::vector<std::string>& notes, std::vector<std::string>& to);
 /// Returns the bytes of RGBA, coverage and depth, which every RenderedView has.
 std::size_t view_buffer_bytes(const VirtualCamera& view);
 /// Returns an image of the view's size in which no camera saw any ray.
@@ -108,7 +124,9 @@ RenderedView empty_view(const VirtualCamera& view);
 /// Returns an image of the view's size for callers that write every pixel. `rgba`: memory to reuse,
 /// with its contents; empty: memory is allocated.
 RenderedView uninitialised_view(const VirtualCamera& view, PixelValues rgba = {});
+/// Allocates `cameras` and `nearest_ray`, for pixels to which no camera contributes.
+void clear_coverage_measures(RenderedView& image);
 /// Returns the number of R, G, B and A values of a view.
 std::size_t view_value_count(const VirtualCamera& view);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -5,7 +5,7 @@
 #include <functional>
 #include <span>
 
-namespace raystage {
+namespace raystage::render {
 
 /// Any ray, whether it belongs to a view or not. World frame, metres.
 struct WorldRay {
@@ -19,4 +19,4 @@ struct WorldRay {
 using RaySurface =
     std::function<void(std::span<const WorldRay> rays, std::span<double> inverse_distance)>;
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -18,7 +18,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -206,11 +206,11 @@ void next_sums(const BlendRun& run, std::span<const float> of_all, std::span<flo
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::render {
 
 HWY_EXPORT(visibility);
 HWY_EXPORT(blend);
@@ -228,5 +228,5 @@ void sum_reweighted(const BlendRun& run, std::span<const float> of_all, std::spa
   HWY_DYNAMIC_DISPATCH(next_sums)(run, of_all, sums);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render
 #endif

@@ -5,7 +5,7 @@
 
 #include "render/depth/inverse_depth_map.h"
 
-namespace raystage {
+namespace raystage::render {
 
 inline constexpr int kMaxRunPixels = 64;  ///< pixels per kernel call
 
@@ -52,4 +52,4 @@ void sum_weighted(const BlendRun& run, std::span<float> sums, std::span<float> a
 /// cameras of the step before) divided by its last value.
 void sum_reweighted(const BlendRun& run, std::span<const float> of_all, std::span<float> sums);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -11,7 +11,7 @@
 #include "testing/render/test_depth_kernels.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using testing::bilinear;
@@ -25,9 +25,9 @@ class BlendKernels : public testing::DepthKernelsTest {};
 
 TEST_F(BlendKernels, SeesAsTheReference) {
   // Random depths, where most is occluded; and a plane with an occluder in front of its middle.
-  InverseDepthMap plane{kWidth, kHeight, {}};
+  InverseDepthMap plane(kWidth, kHeight);
   for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) plane.values.push_back(x > 20 && x < 26 ? 0.6F : 0.3F);
+    for (int x = 0; x < kWidth; ++x) plane.at(x, y) = x > 20 && x < 26 ? 0.6F : 0.3F;
   }
   const InverseDepthMap of_view = random_depths(3, 0.05F, 0.6F);
   InverseDepthMap even = of_view;
@@ -43,13 +43,13 @@ TEST_F(BlendKernels, SeesAsTheReference) {
         const std::span<const float> depths(own->values.data() + y * kWidth, kWidth);
         compute_visibility({0, y, partners_[1].transfer, its, &nearest, depths, 0.1F, visible});
         for (int x = 0; x < kWidth; ++x) {
-          const TransferredPoint p = transfer_point(partners_[1].transfer, x + 0.5, y + 0.5,
-                                                    depths[static_cast<std::size_t>(x)]);
+          const TransferredPoint p =
+              transfer_point(partners_[1].transfer, x + 0.5, y + 0.5, depths[x]);
           const double expected = !p.inside ? 1 : bilinear(p.u, p.v, [&](int i, int j) {
             const double nearer = its->at(i, j) - p.inverse_depth;
             return std::clamp((kOcclusionRamp - nearer / 0.1) / (kOcclusionRamp - 1), 0.0, 1.0);
           });
-          ASSERT_NEAR(visible[static_cast<std::size_t>(x)], expected, 2e-3) << x << ", " << y;
+          ASSERT_NEAR(visible[x], expected, 2e-3) << x << ", " << y;
           part += expected > 0.01 && expected < 0.99;
           all += expected > 0.99;
         }
@@ -111,4 +111,4 @@ TEST_F(BlendKernels, ACameraThatDiffersCountsLess) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -34,11 +34,11 @@
 #include "render/depth/matching_image.h"
 #include "render/depth/warp.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 std::size_t pixels_of(const VirtualCamera& camera) {
-  return static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+  return static_cast<std::size_t>(camera.width) * camera.height;
 }
 
 class Solver {
@@ -68,9 +68,8 @@ class Solver {
         for (const std::size_t other : pass->reads[i]) is_read_here_[other] = true;
       }
     }
-    for (std::size_t i = 0; i < members_.size(); ++i) {
+    for (std::size_t i = 0; i < members_.size(); ++i)
       if (!is_read_here_[i]) pixels[i] = 0;
-    }
     memory_ = plan_estimation_memory({initial_pass_, fusion_pass_, refinement_pass_}, pixels,
                                      camera_bytes(), working_bytes);
     const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
@@ -90,20 +89,16 @@ class Solver {
       for_each_camera(refinement_pass_, [&](int camera) { return refined_depths(camera); });
     }
     for (std::size_t i = 0; i < members_.size(); ++i) {
-      if (!is_solved(i)) depths_.maps[static_cast<std::size_t>(members_[i])] = {};
+      if (!is_solved(i)) depths_.maps[members_[i]] = {};
     }
     depths_.pixels_decoded = pixels_decoded_;
     return std::move(depths_);
   }
 
  private:
-  const VirtualCamera& pinhole(int camera) const {
-    return depths_.pinholes[static_cast<std::size_t>(camera)];
-  }
-  const InverseDepthMap& map(int camera) const {
-    return depths_.maps[static_cast<std::size_t>(camera)];
-  }
-  const MatchingImage& image(int camera) const { return images_[static_cast<std::size_t>(camera)]; }
+  const VirtualCamera& pinhole(int camera) const { return depths_.pinholes[camera]; }
+  const InverseDepthMap& map(int camera) const { return depths_.maps[camera]; }
+  const MatchingImage& image(int camera) const { return images_[camera]; }
   InverseDepthRange range(int camera) const {
     return inverse_depth_range_in_view(pinhole(camera), *instant_.rig, settings_.scene);
   }
@@ -116,9 +111,7 @@ class Solver {
     return group_ == nullptr || instant_.is_local(members_[member]);
   }
 
-  int host_of(std::size_t member) const {
-    return instant_.rank_of_camera[static_cast<std::size_t>(members_[member])];
-  }
+  int host_of(std::size_t member) const { return instant_.rank_of_camera[members_[member]]; }
 
   /// Sends the maps that other hosts read in a pass, and receives those that this host reads.
   void exchange_maps(const EstimationPass& pass) {
@@ -127,9 +120,7 @@ class Solver {
     // By member and host: whether the host's cameras read the member's map.
     std::vector<std::vector<bool>> is_read(members_.size(), std::vector<bool>(hosts));
     for (std::size_t i = 0; i < members_.size(); ++i) {
-      for (const std::size_t other : pass.reads[i]) {
-        is_read[other][static_cast<std::size_t>(host_of(i))] = true;
-      }
+      for (const std::size_t other : pass.reads[i]) is_read[other][host_of(i)] = true;
     }
     std::vector<RankCommunicator::Message> messages(hosts);
     for (std::size_t host = 0; host < hosts; ++host) {
@@ -152,15 +143,15 @@ class Solver {
     std::vector<std::size_t> taken(hosts);
     for (std::size_t i = 0; i < members_.size(); ++i) {
       const auto from = static_cast<std::size_t>(host_of(i));
-      if (is_solved(i) || !is_read[i][static_cast<std::size_t>(group_->rank())]) continue;
+      if (is_solved(i) || !is_read[i][group_->rank()]) continue;
       const VirtualCamera& camera = pinhole(members_[i]);
       const std::size_t bytes = pixels_of(camera) * sizeof(float);
       if (received[from].size() - taken[from] < bytes) {
         throw Error::failed("another host sent fewer depths than it should", "method depth",
                             "Check that all hosts run the same program");
       }
-      InverseDepthMap& to = depths_.maps[static_cast<std::size_t>(members_[i])];
-      to = {camera.width, camera.height, std::vector<float>(pixels_of(camera))};
+      InverseDepthMap& to = depths_.maps[members_[i]];
+      to = InverseDepthMap(camera.width, camera.height);
       std::memcpy(to.values.data(), received[from].data() + taken[from], bytes);
       taken[from] += bytes;
     }
@@ -178,7 +169,7 @@ class Solver {
     return reads;
   }
 
-  CostVolume volume_of(int camera) const {
+  matching::CostVolume volume_of(int camera) const {
     return {pinhole(camera).width, pinhole(camera).height,
             initial_sweep_planes(depths_, instant_, camera, settings_).count};
   }
@@ -199,8 +190,8 @@ class Solver {
       const auto hypotheses = static_cast<std::size_t>(settings_.neighbours) + 1;
       const std::size_t fuse =
           hypotheses * (depth_tile_count(pinhole(camera)) + 2) * kTile + kMoreToFuse * pixels;
-      const CostVolume volume = volume_of(camera);
-      const std::size_t match = volume.planes > 1 ? semi_global_bytes(volume, 0) : 0;
+      const matching::CostVolume volume = volume_of(camera);
+      const std::size_t match = volume.planes > 1 ? matching::semi_global_bytes(volume, 0) : 0;
       most.minimum = std::max({most.minimum, kOpenBytes * pixels, kRefineBytes * pixels, fuse,
                                kSweepBytes * pixels + match});
       most.sufficient = std::max(most.sufficient, kPlenty * pixels);
@@ -213,11 +204,11 @@ class Solver {
   std::size_t most_used() const {
     std::size_t most = camera_bytes().minimum;
     for (const int camera : members_) {
-      const CostVolume volume = volume_of(camera);
+      const matching::CostVolume volume = volume_of(camera);
       if (volume.planes <= 1) continue;
       constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
-      most = std::max(most,
-                      kSweepBytes * pixels_of(pinhole(camera)) + semi_global_bytes(volume, kAll));
+      most = std::max(most, kSweepBytes * pixels_of(pinhole(camera)) +
+                                matching::semi_global_bytes(volume, kAll));
     }
     return most;
   }
@@ -237,7 +228,7 @@ class Solver {
           });
       for (std::size_t i = 0; i < end; ++i) {
         if (made[i].values.empty() || last_readers[i] >= end) continue;
-        depths_.maps[static_cast<std::size_t>(members_[i])] = std::exchange(made[i], {});
+        depths_.maps[members_[i]] = std::exchange(made[i], {});
       }
     }
   }
@@ -253,7 +244,7 @@ class Solver {
     }
     std::vector<int> missing;
     for (std::size_t i = 0; i < members_.size(); ++i) {
-      MatchingImage& held = images_[static_cast<std::size_t>(members_[i])];
+      MatchingImage& held = images_[members_[i]];
       if (!is_needed[i]) held = {};
       if (is_needed[i] && held.width() == 0) missing.push_back(members_[i]);
     }
@@ -263,13 +254,12 @@ class Solver {
   }
 
   void open_image(int camera) {
-    const auto i = static_cast<std::size_t>(camera);
     std::int64_t decoded = 0;
     const auto frame =
-        instant_.opaque_frames().fetch(camera, instant_.frame_of_camera[i], {}, decoded);
+        instant_.opaque_frames().fetch(camera, instant_.frame_of_camera[camera], {}, decoded);
     pixels_decoded_ += decoded;
-    images_[i] = MatchingImage(*frame, instant_.opaque_frames().blend_space(),
-                               instant_.rig->cameras[i], depths_.pinholes[i]);
+    images_[camera] = MatchingImage(*frame, instant_.opaque_frames().blend_space(),
+                                    instant_.rig->cameras[camera], depths_.pinholes[camera]);
   }
 
   std::vector<NeighbourView> neighbour_views(int camera, int count) const {
@@ -284,21 +274,18 @@ class Solver {
   InverseDepthMap initial_depths(int camera, BufferPool& buffers) const {
     const VirtualCamera& from = pinhole(camera);
     const InitialSweepPlanes planes = initial_sweep_planes(depths_, instant_, camera, settings_);
-    InverseDepthMap guess{from.width, from.height, {}};
-    if (planes.count == 0) {
-      guess.values.assign(pixels_of(from), kUnknownDepth);
-      return guess;
-    }
+    InverseDepthMap guess(from.width, from.height, kUnknownDepth);
+    if (planes.count == 0) return guess;
+    const std::vector<std::uint8_t> guide = image(camera).plane();
     if (planes.count == 1) {
-      for (const std::uint8_t luma : image(camera).plane()) {
-        guess.values.push_back(luma == 0 ? kUnknownDepth : static_cast<float>(planes.farthest));
+      for (std::size_t i = 0; i < guide.size(); ++i) {
+        if (guide[i] != 0) guess.values[i] = static_cast<float>(planes.farthest);
       }
       return guess;
     }
     const std::vector<NeighbourView> with = neighbour_views(camera, settings_.neighbours);
-    const CostVolume volume{from.width, from.height, planes.count};
-    const std::vector<std::uint8_t> guide = image(camera).plane();
-    SemiGlobalSettings matching;
+    const matching::CostVolume volume{from.width, from.height, planes.count};
+    matching::SemiGlobalSettings matching;
     matching.p1 = depth_estimation::kSmallJumpPenalty;
     matching.p2 = depth_estimation::kLargeJumpPenalty;
     matching.guide = guide;
@@ -306,7 +293,7 @@ class Solver {
     matching.buffers = &buffers;
     matching.working_bytes = memory_.each - std::min(memory_.each, kSweepBytes * pixels_of(from));
     std::vector<std::uint8_t> is_seen(pixels_of(from));
-    const PlaneMap found = semi_global_match(
+    const matching::PlaneMap found = matching::semi_global_match(
         volume,
         [&](int y, std::span<std::uint8_t> costs) {
           MatchRow row;
@@ -316,16 +303,16 @@ class Solver {
           row.farthest = planes.farthest;
           row.step = planes.step;
           row.planes = planes.count;
-          row.stride = plane_stride(planes.count);
+          row.stride = matching::plane_stride(planes.count);
           row.costs = costs.data();
           row.seen = is_seen.data() + static_cast<std::ptrdiff_t>(y) * from.width;
           match_row(row);
         },
         matching);
-    guess.values.reserve(found.plane.size());
     for (std::size_t i = 0; i < found.plane.size(); ++i) {
-      const double depth = planes.inverse_depth(static_cast<double>(found.plane[i]));
-      guess.values.push_back(is_seen[i] == 0 ? kUnknownDepth : static_cast<float>(depth));
+      if (is_seen[i] == 0) continue;
+      guess.values[i] =
+          static_cast<float>(planes.inverse_depth(static_cast<double>(found.plane[i])));
     }
     return guess;
   }
@@ -362,9 +349,7 @@ class Solver {
           const float apart = std::abs(depths.at(x, y) - depths.at(column, row));
           return std::exp(-(kFloor + step * kPerCode + apart * per_depth));
         };
-        const std::size_t at =
-            static_cast<std::size_t>(y) * static_cast<std::size_t>(depths.width) +
-            static_cast<std::size_t>(x);
+        const std::size_t at = depths.offset(x, y);
         made.left[at] = x > 0 ? link(x - 1, y) : 0;
         made.above[at] = y > 0 ? link(x, y - 1) : 0;
       }
@@ -381,7 +366,7 @@ class Solver {
     const double step = settings_.refine_px * depths_.inverse_depth_per_pixel;
     std::vector<float> costs(smooth.values.size() * kRefineOffsetStride);
     raystage::parallel_for(0, smooth.height, [&](int y) {
-      const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(smooth.width);
+      const std::size_t row = smooth.offset(0, y);
       RefineRow residuals;
       residuals.y = y;
       residuals.image = &picture;
@@ -408,9 +393,8 @@ class Solver {
   /// Returns the offset of the lowest cost, in steps (of equals the middle), refined by a parabola.
   static float best_offset(const float* cost) {
     int best = kRefineOffsets / 2;
-    for (int i = 0; i < kRefineOffsets; ++i) {
+    for (int i = 0; i < kRefineOffsets; ++i)
       if (cost[i] < cost[best]) best = i;
-    }
     const int steps = best - kRefineOffsets / 2;
     auto offset = static_cast<float>(steps);
     if (best == 0 || best == kRefineOffsets - 1) return offset;
@@ -459,4 +443,4 @@ CameraDepths estimate_local_depths(const LightFieldFrame& instant,
   return Solver(instant, settings, working_bytes, &group).solve();
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -11,17 +11,17 @@
 #include "render/depth/inverse_depth_map.h"
 #include "schemas/geometry.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Settings of depth estimation. They suit all takes: lengths are in pixels of disparity between
 /// neighbouring cameras, differences in 8-bit codes.
 struct DepthEstimationSettings {
-  DepthRange scene;         ///< metres in front of the array; far may be infinite
-  double plane_px = 0.5;    ///< spacing of the initial sweep planes; kMostPlanes at most
-  int neighbours = 8;       ///< cameras that each camera is matched with, 1 to kMaxNeighbours
-  int support_views = 12;   ///< cameras that refine a depth
-  double refine_px = 0.2;   ///< step between the kRefineOffsets depths
-  double tolerance_px = 1;  ///< largest difference of two cameras' depths of a point
+  schemas::DepthRange scene;  ///< metres in front of the array; far may be infinite
+  double plane_px = 0.5;      ///< spacing of the initial sweep planes; kMostPlanes at most
+  int neighbours = 8;         ///< cameras that each camera is matched with, 1 to kMaxNeighbours
+  int support_views = 12;     ///< cameras that refine a depth
+  double refine_px = 0.2;     ///< step between the kRefineOffsets depths
+  double tolerance_px = 1;    ///< largest difference of two cameras' depths of a point
 };
 
 /// Constants of the passes of estimate_camera_depths().
@@ -104,4 +104,4 @@ InitialSweepPlanes initial_sweep_planes(const CameraDepths& depths, const LightF
 std::vector<int> depth_neighbours(const CameraDepths& depths, const LightFieldFrame& instant,
                                   int camera, const InverseDepthRange& range, int count);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -15,27 +15,10 @@
 #include "render/depth/estimation_kernels.h"
 #include "render/depth/fusion.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
-struct Plane {
-  int width = 0, height = 0;
-  std::vector<double> values;
-
-  Plane(int w, int h, double value)
-      : width(w),
-        height(h),
-        values(static_cast<std::size_t>(w) * static_cast<std::size_t>(h), value) {}
-  std::size_t index(int x, int y) const {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-           static_cast<std::size_t>(x);
-  }
-  double& at(int x, int y) { return values[index(x, y)]; }
-  double at(int x, int y) const { return values[index(x, y)]; }
-  double near(int x, int y) const {
-    return at(std::clamp(x, 0, width - 1), std::clamp(y, 0, height - 1));
-  }
-};
+using Plane = Image<double>;
 
 /// Returns the bilinear value; border pixels are repeated outwards.
 double bilinear(const Plane& plane, double u, double v) {
@@ -43,8 +26,9 @@ double bilinear(const Plane& plane, double u, double v) {
   const double y = std::clamp(v - 0.5, 0.0, plane.height - 1.0);
   const int left = static_cast<int>(x), top = static_cast<int>(y);
   const double right = x - left, down = y - top;
-  return (1 - down) * ((1 - right) * plane.at(left, top) + right * plane.near(left + 1, top)) +
-         down * ((1 - right) * plane.near(left, top + 1) + right * plane.near(left + 1, top + 1));
+  return (1 - down) * ((1 - right) * plane.at(left, top) + right * plane.clamped(left + 1, top)) +
+         down * ((1 - right) * plane.clamped(left, top + 1) +
+                 right * plane.clamped(left + 1, top + 1));
 }
 
 /// See MatchingImage.
@@ -54,19 +38,19 @@ struct Picture {
   bool shows(double u, double v) const {
     const int x = static_cast<int>(std::clamp(u - 0.5, 0.0, luma.width - 1.0));
     const int y = static_cast<int>(std::clamp(v - 0.5, 0.0, luma.height - 1.0));
-    return luma.at(x, y) >= 0 && luma.near(x + 1, y) >= 0 && luma.near(x, y + 1) >= 0 &&
-           luma.near(x + 1, y + 1) >= 0;
+    return luma.at(x, y) >= 0 && luma.clamped(x + 1, y) >= 0 && luma.clamped(x, y + 1) >= 0 &&
+           luma.clamped(x + 1, y + 1) >= 0;
   }
   bool shows_pixel(int x, int y) const { return shows(x + 0.5, y + 0.5); }
 };
 
-Picture picture_of(const DecodedFrame& frame, BlendSpace space, const CameraModel& model,
-                   const VirtualCamera& pinhole) {
+Picture picture_of(const store::DecodedFrame& frame, store::BlendSpace space,
+                   const rig::CameraModel& model, const VirtualCamera& pinhole) {
   Plane luma(frame.width, frame.height, 0);
   const auto code = [&](std::size_t i) {
     const int upper_bits = frame.rgba[i] >> 4U;  // 12 of 16
     const double upper = upper_bits / 4095.0;
-    return 255 * (space == BlendSpace::kLinear ? srgb_from_linear(upper) : upper);
+    return 255 * (space == store::BlendSpace::kLinear ? srgb_from_linear(upper) : upper);
   };
   for (std::size_t i = 0; i < luma.values.size(); ++i) {
     const double y = 0.299 * code(4 * i) + 0.587 * code(4 * i + 1) + 0.114 * code(4 * i + 2);
@@ -74,7 +58,7 @@ Picture picture_of(const DecodedFrame& frame, BlendSpace space, const CameraMode
   }
   if (!model.has_distortion()) return {luma};
   Plane straight(pinhole.width, pinhole.height, -1);
-  const Intrinsics& k = pinhole.intrinsics;
+  const schemas::Intrinsics& k = pinhole.intrinsics;
   for (int y = 0; y < pinhole.height; ++y) {
     for (int x = 0; x < pinhole.width; ++x) {
       const auto pixel = model.pixel_from_ideal({(x + 0.5 - k.cx) / k.fx, (y + 0.5 - k.cy) / k.fy});
@@ -112,7 +96,7 @@ class Reference {
         settings_(settings),
         depths_(camera_depths_without_maps(instant, settings)) {
     for (std::size_t i = 0; i < depths_.pinholes.size(); ++i) {
-      pictures_.push_back({Plane(0, 0, 0)});
+      pictures_.emplace_back();
       if (!instant.is_present(static_cast<int>(i))) continue;
       std::int64_t decoded = 0;
       const auto frame = instant.opaque_frames().fetch(static_cast<int>(i),
@@ -140,13 +124,9 @@ class Reference {
     }
     depths_.maps = made;
   }
-  const VirtualCamera& pinhole(int camera) const {
-    return depths_.pinholes[static_cast<std::size_t>(camera)];
-  }
-  const Picture& picture(int camera) const { return pictures_[static_cast<std::size_t>(camera)]; }
-  const InverseDepthMap& map(int camera) const {
-    return depths_.maps[static_cast<std::size_t>(camera)];
-  }
+  const VirtualCamera& pinhole(int camera) const { return depths_.pinholes[camera]; }
+  const Picture& picture(int camera) const { return pictures_[camera]; }
+  const InverseDepthMap& map(int camera) const { return depths_.maps[camera]; }
   std::vector<int> neighbours(int camera, int count) const {
     const InverseDepthRange range =
         inverse_depth_range_in_view(pinhole(camera), *instant_.rig, settings_.scene);
@@ -158,13 +138,13 @@ class Reference {
     const Picture& own = picture(camera);
     const InitialSweepPlanes planes = initial_sweep_planes(depths_, instant_, camera, settings_);
     Plane is_seen(from.width, from.height, planes.count == 1 ? 1 : 0);
-    const FillCosts fill = [&](int y, std::span<std::uint8_t> costs) {
+    const matching::FillCosts fill = [&](int y, std::span<std::uint8_t> costs) {
       for (int x = 0; x < from.width; ++x) {
         for (int plane = 0; plane < planes.count; ++plane) {
           const auto cost = guess_cost(camera, x, y, planes.inverse_depth(plane));
           if (cost) is_seen.at(x, y) = 1;
-          costs[static_cast<std::size_t>(x * plane_stride(planes.count) + plane)] =
-              cost ? static_cast<std::uint8_t>(std::lround(*cost)) : kUnknownCost;
+          costs[x * matching::plane_stride(planes.count) + plane] =
+              cost ? static_cast<std::uint8_t>(std::lround(*cost)) : matching::kUnknownCost;
         }
       }
     };
@@ -174,22 +154,22 @@ class Reference {
       guide.push_back(own.shows_pixel(x, y) ? static_cast<std::uint8_t>(own.luma.at(x, y))
                                             : std::uint8_t{0});
     }
-    SemiGlobalSettings matching;
+    matching::SemiGlobalSettings matching;
     matching.p1 = depth_estimation::kSmallJumpPenalty;
     matching.p2 = depth_estimation::kLargeJumpPenalty;
     matching.guide = guide;
     matching.guide_scale = depth_estimation::kGuideScale;
-    PlaneMap found{from.width, from.height, std::vector<float>(is_seen.values.size()), {}};
+    matching::PlaneMap found(from.width, from.height);
     if (planes.count > 1) {
-      found = semi_global_match_reference({from.width, from.height, planes.count}, fill, matching);
+      found = matching::semi_global_match_reference({from.width, from.height, planes.count}, fill,
+                                                    matching);
     }
-    InverseDepthMap guess{from.width, from.height, {}};
+    InverseDepthMap guess(from.width, from.height, kUnknownDepth);
     for (int i = 0; i < from.width * from.height; ++i) {
       const int x = i % from.width, y = i / from.width;
-      const auto plane = static_cast<double>(found.plane[static_cast<std::size_t>(i)]);
-      guess.values.push_back(planes.count > 0 && own.shows_pixel(x, y) && is_seen.at(x, y) > 0
-                                 ? static_cast<float>(planes.inverse_depth(plane))
-                                 : kUnknownDepth);
+      if (planes.count == 0 || !own.shows_pixel(x, y) || !(is_seen.at(x, y) > 0)) continue;
+      const auto plane = static_cast<double>(found.plane[i]);
+      guess.values[i] = static_cast<float>(planes.inverse_depth(plane));
     }
     return guess;
   }
@@ -258,7 +238,7 @@ class Reference {
     }
     domain_transform_filter_reference(costs, kRefineOffsets, width, height, links);
     for (int i = 0; i < width * height; ++i) {
-      float& depth = result.values[static_cast<std::size_t>(i)];
+      float& depth = result.values[i];
       if (map(camera).at(i % width, i / width) < 0 ||
           !picture(camera).shows_pixel(i % width, i / width)) {
         depth = kUnknownDepth;
@@ -304,9 +284,8 @@ class Reference {
   /// Returns the offset of the lowest cost, in steps (of equals the middle), refined by a parabola.
   static double best_offset(std::span<const float> costs) {
     std::size_t best = kRefineOffsets / 2;
-    for (std::size_t i = 0; i < kRefineOffsets; ++i) {
+    for (std::size_t i = 0; i < kRefineOffsets; ++i)
       if (costs[i] < costs[best]) best = i;
-    }
     const double whole = static_cast<int>(best) - (kRefineOffsets - 1) / 2.0;
     if (best == 0 || best == kRefineOffsets - 1) return whole;
     const auto cost = [&](std::size_t i) { return static_cast<double>(costs[i]); };
@@ -327,4 +306,4 @@ CameraDepths estimate_camera_depths_reference(const LightFieldFrame& instant,
   return Reference(instant, settings).solve();
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

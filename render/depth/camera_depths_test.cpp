@@ -13,7 +13,7 @@
 #include "testing/render/synthetic_take.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -35,7 +35,7 @@ std::array<double, 3> scene(const Vector3d& from, const Vector3d& direction) {
 
 class CameraDepthsTest : public ::testing::Test {
  protected:
-  void record(int rows, int columns, int width, int height, const Distortion& distortion) {
+  void record(int rows, int columns, int width, int height, const schemas::Distortion& distortion) {
     SyntheticTake settings;
     settings.cameras = testing::camera_grid(rows, columns, 0.1, width, height, distortion);
     // Not exactly in rows, so that no sample falls on the border of two rows of pixels.
@@ -45,11 +45,12 @@ class CameraDepthsTest : public ::testing::Test {
       pose[7] += 0.0033 * (static_cast<double>(i * 5 % 7) - 3);
       pose[11] += 0.0027 * (static_cast<double>(i * 3 % 4) - 1);
     }
-    settings.depth_range = DepthRange{2.2, 6};
+    settings.depth_range = schemas::DepthRange{2.2, 6};
     settings.scene = scene;
     write_synthetic_take(settings, folder_.path() / "take");
-    take_ = std::make_unique<Take>(folder_.path() / "take");
-    cache_ = std::make_unique<FrameCache>(*take_, std::size_t{1} << 28, BlendSpace::kPerceptual);
+    take_ = std::make_unique<store::Take>(folder_.path() / "take");
+    cache_ = std::make_unique<store::FrameCache>(*take_, std::size_t{1} << 28,
+                                                 store::BlendSpace::kPerceptual);
     instant_.take = take_.get();
     instant_.rig = &take_->rig();
     instant_.cache = cache_.get();
@@ -57,15 +58,15 @@ class CameraDepthsTest : public ::testing::Test {
     settings_.scene = *settings.depth_range;
   }
 
-  TestFolder folder_;
-  std::unique_ptr<Take> take_;
-  std::unique_ptr<FrameCache> cache_;
+  testing::TestFolder folder_;
+  std::unique_ptr<store::Take> take_;
+  std::unique_ptr<store::FrameCache> cache_;
   LightFieldFrame instant_;
   DepthEstimationSettings settings_;
 };
 
 constexpr std::size_t kPlenty = std::size_t{1} << 30;
-const Distortion kBarrel{-0.15, 0.02, 0.001, -0.002, 0};
+const schemas::Distortion kBarrel{-0.15, 0.02, 0.001, -0.002, 0};
 
 TEST_F(CameraDepthsTest, AgreesWithTheReferenceOnEveryInstructionSet) {
   record(3, 3, 56, 42, kBarrel);
@@ -97,8 +98,8 @@ TEST_F(CameraDepthsTest, WhatAFrameDoesNotShowIsNoEvidence) {
   int beside = 0, at_border = 0, wrong = 0;
   for (std::size_t camera = 0; camera < depths.maps.size(); ++camera) {
     const VirtualCamera& pinhole = depths.pinholes[camera];
-    const Intrinsics& k = pinhole.intrinsics;
-    const CameraModel& model = take_->rig().cameras[camera].model;
+    const schemas::Intrinsics& k = pinhole.intrinsics;
+    const rig::CameraModel& model = take_->rig().cameras[camera].model;
     const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(pinhole);
     ASSERT_GT(pinhole.width, model.width());
     for (int y = 0; y < pinhole.height; ++y) {
@@ -147,4 +148,4 @@ TEST_F(CameraDepthsTest, SameInGroupsOfAnySizeAndInLittleMemory) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -8,7 +8,7 @@
 
 #include "render/depth/camera_depths.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// Returns the pixels that a point moves between two cameras per 1/m of inverse depth.
@@ -39,7 +39,7 @@ bool share_a_view(const VirtualCamera& camera, const VirtualCamera& other,
 
 std::vector<int> depth_neighbours(const CameraDepths& depths, const LightFieldFrame& instant,
                                   int camera, const InverseDepthRange& range, int count) {
-  const VirtualCamera& from = depths.pinholes[static_cast<std::size_t>(camera)];
+  const VirtualCamera& from = depths.pinholes[camera];
   std::vector<std::pair<double, int>> others;
   for (std::size_t i = 0; i < depths.pinholes.size(); ++i) {
     const int other = static_cast<int>(i);
@@ -57,12 +57,11 @@ std::vector<int> depth_neighbours(const CameraDepths& depths, const LightFieldFr
 
 InitialSweepPlanes initial_sweep_planes(const CameraDepths& depths, const LightFieldFrame& instant,
                                         int camera, const DepthEstimationSettings& settings) {
-  const VirtualCamera& from = depths.pinholes[static_cast<std::size_t>(camera)];
+  const VirtualCamera& from = depths.pinholes[camera];
   const InverseDepthRange seen = inverse_depth_range_in_view(from, *instant.rig, settings.scene);
   if (seen.empty()) return {};
   const std::vector<int> nearest = depth_neighbours(depths, instant, camera, seen, 1);
-  const double moves =
-      nearest.empty() ? 0 : disparity(depths.pinholes[static_cast<std::size_t>(nearest[0])], from);
+  const double moves = nearest.empty() ? 0 : disparity(depths.pinholes[nearest[0]], from);
   const double steps = std::ceil((seen.nearest - seen.farthest) * moves / settings.plane_px - 1e-9);
   const int count =
       1 + static_cast<int>(std::clamp(steps, 0.0, depth_estimation::kMostPlanes - 1.0));
@@ -73,7 +72,7 @@ InitialSweepPlanes initial_sweep_planes(const CameraDepths& depths, const LightF
 CameraDepths camera_depths_without_maps(const LightFieldFrame& instant,
                                         const DepthEstimationSettings& settings) {
   CameraDepths depths;
-  for (const Rig::Camera& camera : instant.rig->cameras) {
+  for (const rig::Rig::Camera& camera : instant.rig->cameras) {
     depths.pinholes.push_back(undistorted(camera.model, camera.pose));
   }
   depths.maps.resize(depths.pinholes.size());
@@ -84,8 +83,7 @@ CameraDepths camera_depths_without_maps(const LightFieldFrame& instant,
         inverse_depth_range_in_view(depths.pinholes[i], *instant.rig, settings.scene);
     const auto nearest = depth_neighbours(depths, instant, static_cast<int>(i), range, 1);
     if (nearest.empty()) continue;
-    moves.push_back(
-        disparity(depths.pinholes[static_cast<std::size_t>(nearest[0])], depths.pinholes[i]));
+    moves.push_back(disparity(depths.pinholes[nearest[0]], depths.pinholes[i]));
   }
   if (moves.empty()) return depths;
   const auto middle = moves.begin() + static_cast<std::ptrdiff_t>(moves.size() / 2);
@@ -94,4 +92,4 @@ CameraDepths camera_depths_without_maps(const LightFieldFrame& instant,
   return depths;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

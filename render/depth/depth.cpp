@@ -8,8 +8,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
-#include <chrono>
 #include <limits>
 
 #include "base/parallel.h"
@@ -17,52 +15,44 @@
 #include "render/depth/view_sources.h"
 #include "render/sampling/field_coverage.h"
 
-namespace raystage::depth {
+namespace raystage::render::depth {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 using Tile = BlendingField::Tile;
 static_assert(BlendingField::kTile <= kMaxRunPixels);
-
-double milliseconds(Clock::duration duration) {
-  return std::chrono::duration<double, std::milli>(duration).count();
-}
 
 class Frame {
  public:
   Frame(const ViewRequest& request, const DepthViewPlan& plan)
       : request_(request), view_(request.view), plan_(plan), sources_(request, plan) {}
 
-  RenderedView render(Clock::time_point start) {
+  RenderedView render(RenderClock::time_point start) {
     RenderedView image = uninitialised_view(view_);
-    const auto planned = Clock::now();
+    const auto planned = RenderClock::now();
     sources_.decode(image.statistics);
-    const auto decoded = Clock::now();
+    const auto decoded = RenderClock::now();
     blend(image);
     image.notes = plan_.notes;
     image.statistics.working_bytes = plan_.work.bytes;
     image.statistics.pixels_decoded += plan_.work.pixels_decoded;
     image.statistics.plan_ms = milliseconds(planned - start);
     image.statistics.decode_ms = milliseconds(decoded - planned);
-    image.statistics.render_ms = milliseconds(Clock::now() - decoded);
-    if (request_.count_needed_pixels) count_needed(image.statistics);
+    image.statistics.render_ms = milliseconds(RenderClock::now() - decoded);
+    if (request_.count_needed_pixels) image.statistics.pixels_needed = count_needed();
     if (request_.measure_coverage) measure_coverage(request_, plan_, image);
     return image;
   }
 
  private:
-  using Source = ViewSources::Source;
-
   /// Tile by tile, not row by row: adjacent rows read the same source pixels from the cache.
   void blend(RenderedView& image) {
     constexpr int kTiles = 4;
-    const BlendingField& field = plan_.field;
-    raystage::parallel_for(tbb::blocked_range<int>(0, field.columns() * field.rows(), kTiles),
+    const std::vector<Tile>& all = plan_.field.tiles();
+    raystage::parallel_for(tbb::blocked_range<int>(0, static_cast<int>(all.size()), kTiles),
                            [&](const tbb::blocked_range<int>& tiles) {
                              Scratch scratch;
                              for (int i = tiles.begin(); i < tiles.end(); ++i) {
-                               const Tile& tile =
-                                   field.tile(i % field.columns(), i / field.columns());
+                               const Tile& tile = all[i];
                                for (int y = tile.top; y < tile.bottom; ++y) {
                                  blend_run(tile, y, scratch, image);
                                }
@@ -92,10 +82,10 @@ class Frame {
       ones.fill(1);
       return ones;
     }();
-    const FrameCache& cache = *request_.instant.cache;
+    const store::FrameCache& cache = *request_.instant.cache;
     scratch.seen_by_all = {};
     for (const BlendingField::TileCamera& camera : tile.cameras) {
-      const Source& from = sources_.source(camera.camera);
+      const ViewSources::Source& from = sources_[camera.camera];
       if (!from.frame) continue;
       const std::size_t i = scratch.sample_of.size();
       auto& share = scratch.weights[i];
@@ -114,8 +104,7 @@ class Frame {
       scratch.share_of.push_back(share.data());
       scratch.visible_of.push_back(scratch.visible[i].data());
     }
-    const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
-                           static_cast<std::size_t>(tile.left);
+    const std::size_t at = image.index(tile.left, y);
     const std::span<float> rgba(&image.rgba[at * 4], n * 4);
     blend_reweighted({scratch.sample_of, scratch.share_of, scratch.visible_of, static_cast<int>(n),
                       static_cast<float>(plan_.settings.agreement * 257)},
@@ -128,43 +117,27 @@ class Frame {
     }
     for (std::size_t x = 0; x < n; ++x) {
       const float alpha = rgba[4 * x + 3];
-      const float absent =
-          absent_camera_weight(plan_, request_.instant, tile.left + static_cast<int>(x), y);
+      const float absent = absent_camera_weight(plan_.complete, request_.instant,
+                                                tile.left + static_cast<int>(x), y);
       image.coverage[at + x] = alpha * (1 - absent);
       image.z[at + x] =
           alpha > 0 && depths[x] > 0 ? 1 / depths[x] : std::numeric_limits<float>::infinity();
     }
   }
 
-  void count_needed(RenderStatistics& statistics) {
-    std::atomic<std::int64_t> needed = 0;
-    raystage::parallel_for(std::size_t{0}, sources_.all().size(), [&](std::size_t i) {
-      const Source& s = sources_.all()[i];
-      if (!s.frame) return;
-      std::vector<std::uint8_t> read(static_cast<std::size_t>(s.frame->width) *
-                                     static_cast<std::size_t>(s.frame->height));
-      DepthSource marking = s.look_up;
-      marking.camera.wanted_mcus = nullptr;
-      marking.camera.read_pixels = read.data();
-      std::array<float, BlendingField::kTile> share;
-      share.fill(1);
-      for (int row = 0; row < plan_.field.rows(); ++row) {
-        for (int column = 0; column < plan_.field.columns(); ++column) {
-          const Tile& tile = plan_.field.tile(column, row);
-          if (!std::ranges::binary_search(tile.cameras, static_cast<int>(i), {},
-                                          &BlendingField::TileCamera::camera)) {
-            continue;
-          }
-          const auto n = static_cast<std::size_t>(tile.right - tile.left);
-          for (int y = tile.top; y < tile.bottom; ++y) {
-            mark_samples_at_depth(marking, tile.left, y, {sources_.depths_at(tile.left, y), n},
-                                  {share.data(), n}, plan_.settings.look_up);
-          }
+  std::int64_t count_needed() const {
+    std::array<float, BlendingField::kTile> share;
+    share.fill(1);
+    return sources_.count_marked_pixels([&](int camera, const DepthSource& marking) {
+      for (const Tile& tile : plan_.field.tiles()) {
+        if (find_camera(tile, camera) == nullptr) continue;
+        const auto n = static_cast<std::size_t>(tile.right - tile.left);
+        for (int y = tile.top; y < tile.bottom; ++y) {
+          mark_samples_at_depth(marking, tile.left, y, {sources_.depths_at(tile.left, y), n},
+                                {share.data(), n}, plan_.settings.look_up);
         }
       }
-      needed += std::count(read.begin(), read.end(), 1);
     });
-    statistics.pixels_needed = needed;
   }
 
   const ViewRequest& request_;
@@ -176,10 +149,10 @@ class Frame {
 }  // namespace
 
 RenderedView render(const ViewRequest& request) {
-  const auto start = Clock::now();
+  const auto start = RenderClock::now();
   const std::optional<DepthViewPlan> made = plan(request);
   if (!made) return transparent_view(request);
   return Frame(request, *made).render(start);
 }
 
-}  // namespace raystage::depth
+}  // namespace raystage::render::depth

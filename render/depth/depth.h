@@ -13,7 +13,7 @@
 #include "render/depth/fusion.h"
 #include "render/sampling/depth_sampling.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Returns the method "depth" (design, Reconstruction). It estimates the depth of every pixel of
 /// every camera once per instant and stores it. It fuses a view's depths from those of its nearest
@@ -39,6 +39,12 @@ struct DepthViewSettings {
   Interpolation look_up = Interpolation::kCubic;  ///< of source frames
   bool keep = true;                               ///< store depths in the take's folder
   bool temporal = false;                          ///< average depths with those of adjacent_frames
+};
+
+/// The depths of the cameras of a light field frame.
+struct NotedDepths {
+  CameraDepths depths;
+  std::vector<std::string> notes;  ///< for the user
 };
 
 /// The inputs of rendering a view, for render() and render_reference().
@@ -78,20 +84,9 @@ std::vector<std::string> depth_notes(const CameraDepths& depths, const LightFiel
 
 /// Returns the depths of an instant's cameras with the default options and the depth range `scene`.
 /// Caches them in `kept` and, if `keep`, stores them in the take. Adds the cost to `work`.
-std::shared_ptr<const CameraDepths> depths_with_default_options(const LightFieldFrame& instant,
-                                                                ResultCache& kept,
-                                                                std::size_t working_bytes,
-                                                                bool keep, const DepthRange& scene,
-                                                                DepthEstimationStatistics& work);
-
-/// Returns the surface on which rays meet the depths that the method finds with `options`; see
-/// depth_surface(). Uses and fills the same stores as a view of the method. The rig of `instant`
-/// must outlive it. Throws Error (bad input) as the method does.
-RaySurface depth_method_surface(const MethodOptions& options, const LightFieldFrame& instant,
-                                ResultCache& kept, std::size_t working_bytes, bool use_take_folder);
-
-/// Returns the weight of the absent cameras at a pixel, 0 to 1.
-float absent_camera_weight(const DepthViewPlan& plan, const LightFieldFrame& instant, int x, int y);
+std::shared_ptr<const CameraDepths> depths_with_default_options(
+    const LightFieldFrame& instant, ResultCache& kept, std::size_t working_bytes, bool keep,
+    const schemas::DepthRange& scene, DepthEstimationStatistics& work);
 
 /// Returns the inverse depth, 1/m along the view's axis, by which a camera's depth may be nearer
 /// than a point that counts as visible.
@@ -111,4 +106,4 @@ RenderedView render(const ViewRequest& request);
 RenderedView render_reference(const ViewRequest& request);
 
 }  // namespace depth
-}  // namespace raystage
+}  // namespace raystage::render

@@ -14,7 +14,7 @@
 #include "base/error.h"
 #include "base/little_endian.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'R', 'A', 'Y', 'S', 'D', 'E', 'P', 'T'};
@@ -198,20 +198,18 @@ std::vector<InverseDepthMap> decode_depth_maps(std::span<const std::byte> file,
       maps.emplace_back();
       continue;
     }
-    const std::size_t pixels =
-        static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+    const std::size_t pixels = static_cast<std::size_t>(camera.width) * camera.height;
     codes.resize(2 * pixels);
     if (width != static_cast<std::uint32_t>(camera.width) ||
         height != static_cast<std::uint32_t>(camera.height) || !is_step(step) ||
         !frame.take(codes)) {
       throw damaged();
     }
-    InverseDepthMap map{camera.width, camera.height, {}};
-    map.values.reserve(pixels);
+    InverseDepthMap map(camera.width, camera.height);
     std::uint16_t code = 0;
-    for (std::size_t at = 0; at < codes.size(); at += 2) {
-      code = static_cast<std::uint16_t>(code + load_little_endian<std::uint16_t>(codes, at));
-      map.values.push_back(depth_of(code, step));
+    for (std::size_t i = 0; i < pixels; ++i) {
+      code = static_cast<std::uint16_t>(code + load_little_endian<std::uint16_t>(codes, 2 * i));
+      map.values[i] = depth_of(code, step);
     }
     maps.push_back(std::move(map));
   }
@@ -219,4 +217,4 @@ std::vector<InverseDepthMap> decode_depth_maps(std::span<const std::byte> file,
   return maps;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

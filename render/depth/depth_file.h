@@ -10,7 +10,7 @@
 
 #include "render/depth/inverse_depth_map.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Rounds depths to the values that a file stores: multiples of a power of two, at most 65534 of
 /// them. Estimated depths are rounded too, so that a view is the same if they are read.
@@ -33,4 +33,4 @@ std::vector<InverseDepthMap> decode_depth_maps(std::span<const std::byte> file,
                                                std::span<const VirtualCamera> expected,
                                                std::string_view name);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -13,7 +13,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 std::vector<VirtualCamera> cameras() {
@@ -30,10 +30,8 @@ std::vector<InverseDepthMap> some_maps() {
   std::mt19937 random(3);
   std::uniform_real_distribution<float> depth(0, 0.7F);
   for (const VirtualCamera& camera : cameras()) {
-    InverseDepthMap map{camera.width, camera.height, {}};
-    for (int i = 0; i < camera.width * camera.height; ++i) {
-      map.values.push_back(random() % 5 == 0 ? kUnknownDepth : depth(random));
-    }
+    InverseDepthMap map(camera.width, camera.height);
+    for (float& value : map.values) value = random() % 5 == 0 ? kUnknownDepth : depth(random);
     maps.push_back(map);
   }
   maps[1] = {};  // of an absent camera
@@ -64,7 +62,8 @@ TEST(DepthFile, KeepsQuantisedDepthsToTheBit) {
   for (std::size_t m = 0; m < maps.size(); ++m) EXPECT_EQ(read[m].values, maps[m].values);
   // Quantisation is idempotent for any largest depth, powers of two included.
   for (const float greatest : {1.0F, 65534.0F / 131072, 0.3F, 1e-9F, 4e6F}) {
-    InverseDepthMap map{3, 1, {greatest, greatest / 3, 0}};
+    InverseDepthMap map(3, 1);
+    map.values = {greatest, greatest / 3, 0};
     quantise_depths(map);
     InverseDepthMap again = map;
     quantise_depths(again);
@@ -153,4 +152,4 @@ TEST(DepthFile, RefusesWhatIsDamagedOrOfOtherInput) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

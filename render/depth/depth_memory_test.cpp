@@ -68,18 +68,18 @@ void free(void* memory) {
 }
 #endif
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 TEST(DepthMemory, SolvingKeepsWithinItsBound) {
   if (RAYSTAGE_COUNTS_MEMORY == 0) GTEST_SKIP() << "sanitizers take memory of their own";
   testing::SyntheticTake recorded;
   recorded.cameras = testing::camera_grid(4, 6, 0.1, 200, 150, {-0.1, 0.02, 0, 0, 0});
-  recorded.depth_range = DepthRange{2.2, 6};
-  const TestFolder folder;
+  recorded.depth_range = schemas::DepthRange{2.2, 6};
+  const testing::TestFolder folder;
   write_synthetic_take(recorded, folder.path() / "take");
-  const Take take(folder.path() / "take");
-  FrameCache cache(take, std::size_t{1} << 28, BlendSpace::kPerceptual);
+  const store::Take take(folder.path() / "take");
+  store::FrameCache cache(take, std::size_t{1} << 28, store::BlendSpace::kPerceptual);
   LightFieldFrame instant;
   instant.take = &take;
   instant.rig = &take.rig();
@@ -119,12 +119,12 @@ TEST(DepthMemory, AViewTakesWhatItSaysItTakes) {
   if (RAYSTAGE_COUNTS_MEMORY == 0) GTEST_SKIP() << "sanitizers take memory of their own";
   testing::SyntheticTake recorded;
   recorded.cameras = testing::camera_grid(3, 4, 0.1, 200, 150);
-  recorded.depth_range = DepthRange{2.2, 6};
-  const TestFolder folder;
+  recorded.depth_range = schemas::DepthRange{2.2, 6};
+  const testing::TestFolder folder;
   write_synthetic_take(recorded, folder.path() / "take");
-  const Take take(folder.path() / "take");
+  const store::Take take(folder.path() / "take");
   const VirtualCamera view = virtual_camera_with_fov(900, 600, 0.7, {});
-  const FrameSelection frames = select_frames(take, 0, 1);
+  const store::FrameSelection frames = store::select_frames(take, 0, 1);
   for (const std::size_t share : {std::size_t{1} << 30, std::size_t{15'000'000}}) {
     RendererSettings settings;
     settings.working_bytes = share;
@@ -145,4 +145,4 @@ TEST(DepthMemory, AViewTakesWhatItSaysItTakes) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -12,7 +12,7 @@
 #include "render/sampling/field_coverage.h"
 #include "render/sampling/reference_renderer.h"
 
-namespace raystage::depth {
+namespace raystage::render::depth {
 namespace {
 
 struct Sample {
@@ -76,7 +76,7 @@ class Reference {
   double inverse_depth(const Eigen::Vector3d& ray) const {
     const Eigen::Vector3d in_camera =
         plan_.pinhole.pose.world_from_camera_rotation.transpose() * ray;
-    const Intrinsics& k = plan_.pinhole.intrinsics;
+    const schemas::Intrinsics& k = plan_.pinhole.intrinsics;
     const InverseDepthMap& map = plan_.view_depths;
     const double u = k.fx * in_camera.x() / -in_camera.z() + k.cx;
     const double v = k.fy * in_camera.y() / in_camera.z() + k.cy;
@@ -87,15 +87,14 @@ class Reference {
   void reconstruct(const ReferenceRay& ray, ReferencePixel& pixel) {
     const Eigen::Vector3d& eye = request_.view.pose.position;
     const double depth = inverse_depth(ray.direction);
-    const BlendingField::Tile& tile =
-        plan_.field.tile(ray.x / BlendingField::kTile, ray.y / BlendingField::kTile);
+    const BlendingField::Tile& tile = plan_.field.tile_at(ray.x, ray.y);
     std::vector<Sample> samples;
     for (const BlendingField::TileCamera& chosen : tile.cameras) {
-      const auto i = static_cast<std::size_t>(chosen.camera);
-      const Rig::Camera& camera = request_.instant.rig->cameras[i];
+      const rig::Rig::Camera& camera = request_.instant.rig->cameras[chosen.camera];
       Sample sample;
       sample.at = sample_at_depth_reference(eye, ray.direction, depth, camera,
-                                            renderer_.frames().frame(i), plan_.settings.look_up);
+                                            renderer_.frames().frame(chosen.camera),
+                                            plan_.settings.look_up);
       sample.share = BlendingField::share(tile, chosen, ray.x, ray.y);
       sample.visible = point_visibility(
           plan_, chosen.camera, ray.direction + depth * (eye - camera.pose.position), depth);
@@ -110,7 +109,7 @@ class Reference {
     for (double& value : code) value = std::clamp(value, 0.0, 1.0);
     pixel.rgba = premultiplied_light(code, alpha, *request_.instant.cache);
     pixel.coverage = static_cast<float>(
-        alpha * (1 - absent_camera_weight(plan_, request_.instant, ray.x, ray.y)));
+        alpha * (1 - absent_camera_weight(plan_.complete, request_.instant, ray.x, ray.y)));
     if (depth > 0) pixel.z = static_cast<float>(1 / depth);
   }
 
@@ -123,12 +122,12 @@ class Reference {
 
 double point_visibility(const DepthViewPlan& plan, int camera, const Eigen::Vector3d& towards,
                         double inverse_depth) {
-  const InverseDepthMap& map = plan.depths->maps[static_cast<std::size_t>(camera)];
-  const VirtualCamera& pinhole = plan.depths->pinholes[static_cast<std::size_t>(camera)];
+  const InverseDepthMap& map = plan.depths->maps[camera];
+  const VirtualCamera& pinhole = plan.depths->pinholes[camera];
   const auto tolerance = static_cast<double>(visibility_tolerance(plan));
   const Eigen::Vector3d in_camera = pinhole.pose.world_from_camera_rotation.transpose() * towards;
   if (!(in_camera.z() < 0)) return 1;
-  const Intrinsics& k = pinhole.intrinsics;
+  const schemas::Intrinsics& k = pinhole.intrinsics;
   const double u = k.fx * in_camera.x() / -in_camera.z() + k.cx;
   const double v = k.fy * in_camera.y() / in_camera.z() + k.cy;
   if (!(u >= 0 && v >= 0 && u <= map.width && v <= map.height)) return 1;
@@ -163,4 +162,4 @@ RenderedView render_reference(const ViewRequest& request) {
   return Reference(request, *made).render();
 }
 
-}  // namespace raystage::depth
+}  // namespace raystage::render::depth

@@ -8,7 +8,7 @@
 #include "base/error.h"
 #include "testing/render/test_depth.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 namespace fs = std::filesystem;
@@ -20,7 +20,7 @@ using testing::SyntheticTake;
 class DepthFound : public testing::DepthTest {};
 
 TEST_F(DepthFound, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
-  const Take take = write(slanted(3, 3));
+  const store::Take take = write(slanted(3, 3));
   std::vector<RenderedView> images;
   for (const std::size_t threads : {1, 2, 5}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
@@ -35,7 +35,7 @@ TEST_F(DepthFound, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
 }
 
 TEST_F(DepthFound, SaysHowMuchMemoryItTakesAndWhereThatIsMoreThanItsShare) {
-  const Take take = write(slanted(3, 3));
+  const store::Take take = write(slanted(3, 3));
   constexpr std::size_t kPixels = 90 * 64;
   const std::size_t solved = render(take, default_view()).statistics.working_bytes;
   const RenderedView kept = render(take, default_view());
@@ -58,7 +58,7 @@ TEST_F(DepthFound, SaysHowMuchMemoryItTakesAndWhereThatIsMoreThanItsShare) {
 }
 
 TEST_F(DepthFound, KeepsDepthsInTheTakeAndUsesThem) {
-  const Take take = write(slanted(2, 3));
+  const store::Take take = write(slanted(2, 3));
   const RenderedView first = render(take, default_view());
   ASSERT_EQ(stored_depth_files().size(), 1U);
   const fs::path file = stored_depth_files()[0];
@@ -79,9 +79,10 @@ TEST_F(DepthFound, KeepsDepthsInTheTakeAndUsesThem) {
 TEST_F(DepthFound, RaysMeetWhatViewsWithTheSameOptionsShow) {
   SyntheticTake painted = slanted(2, 3);
   painted.frames = 3;
-  const Take take = write(painted);
-  const FrameSelection frames = select_frames(take, kNanosecondsPerSecond / 15, 30'000'000);
-  const auto answered = [&](OptionValues options, std::shared_ptr<ResultCache> kept) {
+  const store::Take take = write(painted);
+  const store::FrameSelection frames =
+      store::select_frames(take, kNanosecondsPerSecond / 15, 30'000'000);
+  const auto answered = [&](schemas::OptionValues options, std::shared_ptr<ResultCache> kept) {
     RendererSettings settings;
     settings.result_cache = std::move(kept);
     const WorldRay ahead{{0.02, 0.013, 0}, {0, 0, -1}};
@@ -90,13 +91,14 @@ TEST_F(DepthFound, RaysMeetWhatViewsWithTheSameOptionsShow) {
         .query({&ahead, 1}, frames, {"depth", {0, 0, 0, 1}, std::move(options)}, {&sample, 1});
     return sample.depth;
   };
-  for (const OptionValues::value_type& option : {OptionValues::value_type{"near", 2.0},
-                                                 {"far", 9.0},
-                                                 {"plane_px", 1.0},
-                                                 {"neighbours", 2.0},
-                                                 {"support_views", 3.0},
-                                                 {"temporal", true}}) {
-    const OptionValues options{{"store_depths", false}, option};
+  for (const schemas::OptionValues::value_type& option :
+       {schemas::OptionValues::value_type{"near", 2.0},
+        {"far", 9.0},
+        {"plane_px", 1.0},
+        {"neighbours", 2.0},
+        {"support_views", 3.0},
+        {"temporal", true}}) {
+    const schemas::OptionValues options{{"store_depths", false}, option};
     RendererSettings settings;
     settings.result_cache = std::make_shared<ResultCache>(std::size_t{1} << 28);
     EXPECT_NEAR(answered(options, settings.result_cache), 4, 0.1) << option.first;
@@ -114,14 +116,14 @@ TEST_F(DepthFound, RaysMeetWhatViewsWithTheSameOptionsShow) {
 TEST_F(DepthFound, RaysOfAPlaneSweepEndBetweenItsDepths) {
   SyntheticTake painted = slanted(2, 3);
   painted.has_depth_range = false;
-  const Take take = write(painted);
+  const store::Take take = write(painted);
   RendererSettings settings;
   settings.use_take_folder = false;
   const LightFieldRenderer renderer(take, settings);
   const WorldRay ahead{{0.02, 0.013, 0}, {0, 0, -1}};
   RaySample sample;
-  const auto ask = [&](OptionValues options) {
-    renderer.query({&ahead, 1}, select_frames(take, 0, 1),
+  const auto ask = [&](schemas::OptionValues options) {
+    renderer.query({&ahead, 1}, store::select_frames(take, 0, 1),
                    {"plane_sweep", {0, 0, 1, 1}, std::move(options)}, {&sample, 1});
   };
   ask({{"near", 2.5}, {"far", 7.0}});
@@ -135,13 +137,14 @@ TEST_F(DepthFound, RaysOfAPlaneSweepEndBetweenItsDepths) {
 TEST_F(DepthFound, TheViewThatDepthsAreFoundForSaysWhatTheyTook) {
   SyntheticTake settings = slanted(2, 3);
   settings.frames = 3;
-  const Take take = write(settings);
+  const store::Take take = write(settings);
   constexpr std::int64_t kFrames = 6 * 96 * 72;  // pixels of an instant
   RendererSettings counting;
   counting.count_needed_pixels = true;
-  const auto decoded = [&](OptionValues options, bool by_reference = false) {
+  const auto decoded = [&](schemas::OptionValues options, bool by_reference = false) {
     counting.reference = by_reference;
-    const FrameSelection frames = select_frames(take, kNanosecondsPerSecond / 15, 30'000'000);
+    const store::FrameSelection frames =
+        store::select_frames(take, kNanosecondsPerSecond / 15, 30'000'000);
     const RenderStatistics found =
         LightFieldRenderer(take, counting)
             .render(default_view(), frames, {"depth", {0, 0, 0, 1}, options})
@@ -153,13 +156,13 @@ TEST_F(DepthFound, TheViewThatDepthsAreFoundForSaysWhatTheyTook) {
   EXPECT_LT(decoded({{"cameras", 2.0}}), kFrames);  // depths are there
   EXPECT_EQ(decoded({{"store_depths", false}}), kFrames);
   EXPECT_EQ(decoded({{"store_depths", false}}, true), kFrames);
-  const auto timeline = build_timeline(take, 15, 0);
+  const auto timeline = store::build_timeline(take, 15, 0);
   counting.ticks = timeline.ticks;
   EXPECT_EQ(decoded({{"store_depths", false}, {"temporal", true}}), 3 * kFrames);
 }
 
 TEST_F(DepthFound, RendersATakeThatItMayNotWriteTo) {
-  const Take take = write(slanted(2, 2));
+  const store::Take take = write(slanted(2, 2));
   write_file_atomically(take_folder() / "depth", std::string_view("in the way"));
   const RenderedView image = render(take, default_view());
   EXPECT_GT(mean_alpha(image), 0.9);
@@ -167,4 +170,4 @@ TEST_F(DepthFound, RendersATakeThatItMayNotWriteTo) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -21,7 +21,7 @@
 #include "base/posix_file.h"
 #include "render/depth/depth_file.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 namespace fs = std::filesystem;
@@ -67,9 +67,9 @@ void write_maps(const fs::path& file, std::span<const InverseDepthMap> maps,
 }
 
 /// Adds the photometric parameters beyond contrast and brightness, if a camera has any.
-void add_pixel_numbers(double camera, const PhotometricResponse& response,
+void add_pixel_numbers(double camera, const schemas::PhotometricResponse& response,
                        std::vector<double>& numbers) {
-  PhotometricResponse plain;
+  schemas::PhotometricResponse plain;
   plain.contrast = response.contrast;
   plain.brightness = response.brightness;
   if (response == plain) return;
@@ -78,24 +78,25 @@ void add_pixel_numbers(double camera, const PhotometricResponse& response,
     numbers.push_back(static_cast<double>(curve.size()));
     numbers.insert(numbers.end(), curve.begin(), curve.end());
   }
-  const Vignetting lens = response.vignetting.value_or(Vignetting{});
+  const schemas::Vignetting lens = response.vignetting.value_or(schemas::Vignetting{});
   numbers.insert(numbers.end(), {lens.cx, lens.cy, lens.a[0], lens.a[1], lens.a[2]});
-  const GainMap map = response.gain_map.value_or(GainMap{});
+  const schemas::GainMap map = response.gain_map.value_or(schemas::GainMap{});
   numbers.insert(numbers.end(), {double(map.columns), double(map.rows)});
-  for (const Rgb& gain : map.gain) numbers.insert(numbers.end(), gain.begin(), gain.end());
-  for (const Rgb& row : response.matrix) numbers.insert(numbers.end(), row.begin(), row.end());
+  for (const schemas::Rgb& gain : map.gain) numbers.insert(numbers.end(), gain.begin(), gain.end());
+  for (const schemas::Rgb& row : response.matrix)
+    numbers.insert(numbers.end(), row.begin(), row.end());
   numbers.push_back(static_cast<double>(response.hot_pixels.size()));
-  for (const HotPixel& pixel : response.hot_pixels) {
+  for (const schemas::HotPixel& pixel : response.hot_pixels) {
     numbers.insert(numbers.end(), {double(pixel.x), double(pixel.y), pixel.light[0], pixel.light[1],
                                    pixel.light[2]});
   }
 }
 
 /// Returns all numbers of a rig that depths depend on: not its file, which may have changed.
-std::vector<std::byte> numbers_of(const Rig& rig) {
+std::vector<std::byte> numbers_of(const rig::Rig& rig) {
   std::vector<double> numbers;
-  for (const Rig::Camera& camera : rig.cameras) {
-    const Intrinsics& k = camera.model.intrinsics();
+  for (const rig::Rig::Camera& camera : rig.cameras) {
+    const schemas::Intrinsics& k = camera.model.intrinsics();
     numbers.insert(numbers.end(), {static_cast<double>(camera.model.width()),
                                    static_cast<double>(camera.model.height()), k.fx, k.fy, k.cx,
                                    k.cy, k.distortion.k1, k.distortion.k2, k.distortion.p1,
@@ -186,7 +187,7 @@ DepthStoreKey depth_store_key(const LightFieldFrame& instant, const DepthEstimat
   for (std::size_t i = 0; i < instant.frame_of_camera.size(); ++i) {
     const int frame = instant.frame_of_camera[i];
     const auto jpeg =
-        frame < 0 ? FrameBytes() : instant.take->archive(static_cast<int>(i)).jpeg(frame);
+        frame < 0 ? store::FrameBytes() : instant.take->archive(static_cast<int>(i)).jpeg(frame);
     key.instant = XXH3_64bits_withSeed(jpeg.data(), jpeg.size(), key.instant);
   }
   return key;
@@ -280,4 +281,4 @@ void unpin_depth_set(const fs::path& set, std::string_view job) {
   fs::remove(pin_file(set, job), ignored);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -11,7 +11,7 @@
 #include "render/common/method.h"
 #include "render/depth/camera_depths.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Hashes of the inputs of an instant's depths.
 struct DepthStoreKey {
@@ -62,4 +62,4 @@ void unpin_depth_set(const std::filesystem::path& set, std::string_view job);
 /// lose the file and estimates the depths again. Files that cannot be removed stay: never an error.
 void prune_depth_sets(const std::filesystem::path& folder, std::filesystem::file_time_type now);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -11,7 +11,7 @@
 #include "base/error.h"
 #include "testing/render/synthetic_take.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 namespace fs = std::filesystem;
@@ -28,7 +28,7 @@ std::set<std::string> names_in(const fs::path& folder) {
 std::string name_of(int set) { return "00000000000000a" + std::to_string(set); }
 
 TEST(DepthStore, KeepsTheSetsUsedLastAndThoseInUse) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const fs::file_time_type now = fs::file_time_type::clock::now();
   for (int i = 0; i < 8; ++i) {
     const fs::path set = folder.path() / name_of(i);
@@ -57,7 +57,7 @@ TEST(DepthStore, KeepsTheSetsUsedLastAndThoseInUse) {
 }
 
 TEST(DepthStore, KeepsSetsThatArePinned) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const fs::file_time_type now = fs::file_time_type::clock::now();
   for (int i = 0; i < 7; ++i) {
     const fs::path set = folder.path() / name_of(i);
@@ -83,7 +83,7 @@ TEST(DepthStore, KeepsSetsThatArePinned) {
 }
 
 TEST(DepthStore, APinIsAFileName) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const fs::path set = folder.path() / name_of(0);
   for (const std::string& job :
        {std::string(), std::string("a/b"), std::string("a\0b", 3), std::string(201, 'a')}) {
@@ -95,7 +95,7 @@ TEST(DepthStore, APinIsAFileName) {
 }
 
 TEST(DepthStore, RemovesWhatWasLeftHalfWritten) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const fs::file_time_type now = fs::file_time_type::clock::now();
   const fs::path set = folder.path() / name_of(1);
   create_folder(set);
@@ -116,8 +116,9 @@ class TakeWithDepths : public ::testing::Test {
     testing::SyntheticTake recorded;
     recorded.cameras = testing::camera_grid(1, 2, 0.1, 24, 16);
     write_synthetic_take(recorded, folder_.path() / "take");
-    take_ = std::make_unique<Take>(folder_.path() / "take");
-    cache_ = std::make_unique<FrameCache>(*take_, std::size_t{1} << 24, BlendSpace::kPerceptual);
+    take_ = std::make_unique<store::Take>(folder_.path() / "take");
+    cache_ = std::make_unique<store::FrameCache>(*take_, std::size_t{1} << 24,
+                                                 store::BlendSpace::kPerceptual);
     instant_.take = take_.get();
     instant_.rig = &take_->rig();
     instant_.cache = cache_.get();
@@ -136,24 +137,25 @@ class TakeWithDepths : public ::testing::Test {
     fs::last_write_time(set, fs::file_time_type::clock::now() - ago);
     return set;
   }
-  TestFolder folder_;
-  std::unique_ptr<Take> take_;
-  std::unique_ptr<FrameCache> cache_;
+  testing::TestFolder folder_;
+  std::unique_ptr<store::Take> take_;
+  std::unique_ptr<store::FrameCache> cache_;
   LightFieldFrame instant_;
 };
 
 /// Replaces the first `from` by `to` in a document of the take, and opens the take.
-Take with(const fs::path& take, const char* file, const std::string& from, const std::string& to) {
+store::Take with(const fs::path& take, const char* file, const std::string& from,
+                 const std::string& to) {
   std::string text = read_file(take / file);
   const std::size_t at = text.find(from);
   EXPECT_NE(at, std::string::npos) << text;
   write_file_atomically(take / file, text.replace(at, from.size(), to));
-  return Take(take);
+  return store::Take(take);
 }
 
 TEST_F(TakeWithDepths, WhatFramesMeanIsPartOfTheKey) {
   const DepthStoreKey before = depth_store_key(instant_, {});
-  const Take linear = with(take_->folder(), "take.json", "srgb_texture", "lin_rec709_scene");
+  const store::Take linear = with(take_->folder(), "take.json", "srgb_texture", "lin_rec709_scene");
   EXPECT_EQ(depth_store_key(instant_, {}), before);  // goes by the take as it was opened
   LightFieldFrame other = instant_;
   other.take = &linear;
@@ -163,15 +165,15 @@ TEST_F(TakeWithDepths, WhatFramesMeanIsPartOfTheKey) {
 
 TEST_F(TakeWithDepths, TheRigThatIsUsedIsPartOfTheKeyNotTheFile) {
   const DepthStoreKey before = depth_store_key(instant_, {});
-  Rig moved = take_->rig();
+  rig::Rig moved = take_->rig();
   moved.cameras[1].pose.position.x() += 1e-9;
-  Rig brighter = take_->rig();
+  rig::Rig brighter = take_->rig();
   brighter.cameras[1].photometric.contrast[2] += 1e-9;
-  Rig vignetted = take_->rig();
-  vignetted.cameras[0].photometric.vignetting = Vignetting{1, 1, {0, 0, 1e-9}};
-  Rig spotted = take_->rig();
+  rig::Rig vignetted = take_->rig();
+  vignetted.cameras[0].photometric.vignetting = schemas::Vignetting{1, 1, {0, 0, 1e-9}};
+  rig::Rig spotted = take_->rig();
   spotted.cameras[1].photometric.hot_pixels = {{0, 0, {0, 0, 1e-9}}};
-  for (const Rig* rig : {&moved, &brighter, &vignetted, &spotted}) {
+  for (const rig::Rig* rig : {&moved, &brighter, &vignetted, &spotted}) {
     LightFieldFrame other = instant_;
     other.rig = rig;
     EXPECT_NE(depth_store_key(other, {}).set, before.set);
@@ -212,4 +214,4 @@ TEST_F(TakeWithDepths, OtherOptionsMakeRoomForThemselves) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -13,7 +13,7 @@
 #include <limits>
 #include <optional>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -29,7 +29,8 @@ struct Stretch {
 
 class DepthSurface {
  public:
-  DepthSurface(std::shared_ptr<const CameraDepths> depths, const Rig& rig, DepthRange scene)
+  DepthSurface(std::shared_ptr<const CameraDepths> depths, const rig::Rig& rig,
+               schemas::DepthRange scene)
       : depths_(std::move(depths)),
         centre_(rig.centre()),
         axis_(rig.mean_viewing_direction()),
@@ -37,7 +38,7 @@ class DepthSurface {
     for (std::size_t i = 0; i < depths_->maps.size(); ++i) {
       if (depths_->maps[i].values.empty()) continue;
       const VirtualCamera& pinhole = depths_->pinholes[i];
-      const Intrinsics& k = pinhole.intrinsics;
+      const schemas::Intrinsics& k = pinhole.intrinsics;
       Eigen::Matrix3d pixel_from_camera;
       pixel_from_camera << k.fx, 0, -k.cx, 0, -k.fy, -k.cy, 0, 0, -1;
       cameras_.push_back({&depths_->maps[i], pinhole.pose.position,
@@ -189,15 +190,15 @@ class DepthSurface {
 
   std::shared_ptr<const CameraDepths> depths_;
   Vector3d centre_, axis_;
-  DepthRange scene_;
+  schemas::DepthRange scene_;
   std::vector<Camera> cameras_;
 };
 
 }  // namespace
 
-RaySurface depth_surface(std::shared_ptr<const CameraDepths> depths, const Rig& rig,
-                         DepthRange scene) {
+RaySurface depth_surface(std::shared_ptr<const CameraDepths> depths, const rig::Rig& rig,
+                         schemas::DepthRange scene) {
   return DepthSurface(std::move(depths), rig, scene);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -6,7 +6,7 @@
 #include "render/common/world_ray.h"
 #include "render/depth/camera_depths.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Returns a surface that intersects rays with the cameras' depth maps, by relief mapping
 /// (Policarpo, Oliveira and Comba 2005). A ray is followed through the maps of the three cameras
@@ -16,7 +16,7 @@ namespace raystage {
 /// gives NaN.
 ///
 /// `scene`: as DepthEstimationSettings. The surface keeps `depths` alive.
-RaySurface depth_surface(std::shared_ptr<const CameraDepths> depths, const Rig& rig,
-                         DepthRange scene);
+RaySurface depth_surface(std::shared_ptr<const CameraDepths> depths, const rig::Rig& rig,
+                         schemas::DepthRange scene);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -15,7 +15,7 @@
 #include "render/renderer.h"
 #include "testing/render/synthetic_take.h"
 
-namespace raystage::depth_surface_test {
+namespace raystage::render::depth_surface_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -33,25 +33,25 @@ double distance_to_scene(const Vector3d& origin, const Vector3d& direction) {
   return (-kWall - origin.z()) / direction.z();
 }
 
-Rig grid_rig() {
-  RigDocument document;
+rig::Rig grid_rig() {
+  schemas::RigDocument document;
   document.name = "grid";
-  for (const CameraGeometry& camera : testing::camera_grid(4, 4, 0.08, 160, 120)) {
+  for (const schemas::CameraGeometry& camera : testing::camera_grid(4, 4, 0.08, 160, 120)) {
     document.cameras.push_back({camera, {}});
   }
-  return rig_from_document(document);
+  return rig::rig_from_document(document);
 }
 
-std::shared_ptr<CameraDepths> true_depths(const Rig& rig) {
+std::shared_ptr<CameraDepths> true_depths(const rig::Rig& rig) {
   auto depths = std::make_shared<CameraDepths>();
-  for (const Rig::Camera& camera : rig.cameras) {
+  for (const rig::Rig::Camera& camera : rig.cameras) {
     const VirtualCamera pinhole = undistorted(camera.model, camera.pose);
-    InverseDepthMap map{pinhole.width, pinhole.height, {}};
+    InverseDepthMap map(pinhole.width, pinhole.height);
     const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(pinhole);
     for (int y = 0; y < map.height; ++y) {
       for (int x = 0; x < map.width; ++x) {
         const Vector3d ray = ray_from_pixel * Vector3d(x + 0.5, y + 0.5, 1);  // planar depth 1
-        map.values.push_back(static_cast<float>(1 / distance_to_scene(pinhole.pose.position, ray)));
+        map.at(x, y) = static_cast<float>(1 / distance_to_scene(pinhole.pose.position, ray));
       }
     }
     depths->pinholes.push_back(pinhole);
@@ -87,8 +87,8 @@ Score score(const RaySurface& surface, const VirtualCamera& view) {
   return result;
 }
 
-Pose at(const Vector3d& position, double yaw_degrees) {
-  Pose pose;
+rig::Pose at(const Vector3d& position, double yaw_degrees) {
+  rig::Pose pose;
   pose.position = position;
   pose.world_from_camera_rotation =
       Eigen::AngleAxisd(yaw_degrees * kDegree, Vector3d::UnitY()).toRotationMatrix();
@@ -96,7 +96,7 @@ Pose at(const Vector3d& position, double yaw_degrees) {
 }
 
 TEST(DepthSurface, RaysMeetTheSceneFromEverywhere) {
-  const Rig rig = grid_rig();
+  const rig::Rig rig = grid_rig();
   const RaySurface surface = depth_surface(true_depths(rig), rig, {2.3, 6.2});
   for (const auto& [position, yaw] : {std::pair{Vector3d(0.01, 0.02, 0), 0.0},
                                       {Vector3d(0, 0, 1.5), 0.0},
@@ -111,7 +111,7 @@ TEST(DepthSurface, RaysMeetTheSceneFromEverywhere) {
 
 TEST(DepthSurface, ARayComesOutOfTheSpheresShadow) {
   // The ray starts behind the sphere, hidden from all cameras, and ends on the visible wall.
-  const Rig rig = grid_rig();
+  const rig::Rig rig = grid_rig();
   const RaySurface surface = depth_surface(true_depths(rig), rig, {2.3, 6.2});
   const WorldRay slanting{Vector3d(0.1, 0, -3.7), Vector3d(2.1, 0, -2.3).normalized()};
   const double truth = 1 / distance_to_scene(slanting.origin, slanting.direction);
@@ -119,7 +119,7 @@ TEST(DepthSurface, ARayComesOutOfTheSpheresShadow) {
 }
 
 TEST(DepthSurface, RaysThatMissTheSceneMeetNothing) {
-  const Rig rig = grid_rig();
+  const rig::Rig rig = grid_rig();
   const RaySurface surface = depth_surface(true_depths(rig), rig, {2.3, 6.2});
   EXPECT_TRUE(std::isnan(inverse_distance(surface, {Vector3d::Zero(), Vector3d::UnitZ()})));
   EXPECT_TRUE(std::isnan(inverse_distance(surface, {Vector3d::Zero(), Vector3d::UnitX()})));
@@ -136,7 +136,7 @@ TEST(DepthSurface, RaysThatMissTheSceneMeetNothing) {
 }
 
 TEST(DepthSurface, AnyRayGetsANumberOrNone) {
-  const Rig rig = grid_rig();
+  const rig::Rig rig = grid_rig();
   const RaySurface surface = depth_surface(true_depths(rig), rig, {2.3, 6.2});
   std::mt19937 random(20051);
   std::normal_distribution<double> any;
@@ -150,24 +150,26 @@ TEST(DepthSurface, AnyRayGetsANumberOrNone) {
 }
 
 TEST(DepthProxy, MakesTheLumigraphSharpAtEveryDepth) {
-  TestFolder folder;
+  testing::TestFolder folder;
   testing::SyntheticTake settings;
   settings.cameras = testing::camera_grid(3, 3, 0.2, 120, 90);
-  settings.depth_range = DepthRange{2.3, 6.2};
+  settings.depth_range = schemas::DepthRange{2.3, 6.2};
   settings.scene = [](const Vector3d& origin, const Vector3d& direction) {
     const Vector3d p = origin + distance_to_scene(origin, direction) * direction;
     const double wave = std::sin(p.x() * 14 + std::sin(p.y() * 9)) * std::cos(p.y() * 12);
     return std::array<double, 3>{0.3 + 0.2 * wave, p.z() > -4 ? 0.6 : 0.25, 0.35 - 0.2 * wave};
   };
   write_synthetic_take(settings, folder.path() / "take");
-  const Take take(folder.path() / "take");
+  const store::Take take(folder.path() / "take");
   const VirtualCamera view = virtual_camera_with_fov(100, 75, 40 * kDegree, at({0.03, 0.02, 0}, 0));
-  const auto error_of = [&](const char* method, const OptionValues& options, bool reference) {
+  const auto error_of = [&](const char* method, const schemas::OptionValues& options,
+                            bool reference) {
     RendererSettings renderer;
     renderer.reference = reference;
-    const RenderedView image = LightFieldRenderer(take, renderer)
-                                   .render(view, select_frames(take, 0, 1'000'000),
-                                           {method, fronto_parallel_plane(take.rig(), 4), options});
+    const RenderedView image =
+        LightFieldRenderer(take, renderer)
+            .render(view, store::select_frames(take, 0, 1'000'000),
+                    {method, rig::fronto_parallel_plane(take.rig(), 4), options});
     const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
     double squares = 0;
     for (int y = 0; y < view.height; ++y) {
@@ -185,7 +187,7 @@ TEST(DepthProxy, MakesTheLumigraphSharpAtEveryDepth) {
     }
     return std::sqrt(squares / (3.0 * view.width * view.height));
   };
-  const OptionValues by_depth{{"proxy", std::string("depth")}};
+  const schemas::OptionValues by_depth{{"proxy", std::string("depth")}};
   const double on_plane = error_of("lumigraph", {}, false);
   const double on_depth = error_of("lumigraph", by_depth, false);
   EXPECT_LT(on_depth, 0.85 * on_plane);
@@ -194,4 +196,4 @@ TEST(DepthProxy, MakesTheLumigraphSharpAtEveryDepth) {
 }
 
 }  // namespace
-}  // namespace raystage::depth_surface_test
+}  // namespace raystage::render::depth_surface_test

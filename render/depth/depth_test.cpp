@@ -12,7 +12,7 @@
 #include "testing/render/test_depth.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage::depth_test {
+namespace raystage::render::depth_test {
 namespace {
 
 using testing::default_view;
@@ -31,11 +31,12 @@ using testing::texture;
 class Depth : public testing::DepthTest {};
 
 TEST_F(Depth, AgreesWithTheReference) {
-  const Take take = write(slanted(3, 3, {-0.15, 0.04, 0.001, -0.002, 0}));
+  const store::Take take = write(slanted(3, 3, {-0.15, 0.04, 0.001, -0.002, 0}));
   RendererSettings slow;
   slow.reference = true;
-  for (const OptionValues& options :
-       {OptionValues{}, OptionValues{{"cameras", 5.0}, {"color_tolerance", 40.0}}}) {
+  for (const schemas::OptionValues& options :
+       {schemas::OptionValues{},
+        schemas::OptionValues{{"cameras", 5.0}, {"color_tolerance", 40.0}}}) {
     expect_equal(render(take, default_view(), options),
                  render(take, default_view(), options, slow));
   }
@@ -45,14 +46,14 @@ TEST_F(Depth, AgreesWithTheReference) {
     expect_equal(render(take, view), render(take, view, {}, slow));
   }
   RendererSettings linear;
-  linear.blend_space = BlendSpace::kLinear;
-  slow.blend_space = BlendSpace::kLinear;
+  linear.blend_space = store::BlendSpace::kLinear;
+  slow.blend_space = store::BlendSpace::kLinear;
   expect_equal(render(take, default_view(), {}, linear), render(take, default_view(), {}, slow));
 }
 
 TEST_F(Depth, EveryInstructionSetSeesTheSame) {
-  const Take take = write(step_edge(3, 3));
-  const OptionValues anew{{"store_depths", false}};
+  const store::Take take = write(step_edge(3, 3));
+  const schemas::OptionValues anew{{"store_depths", false}};
   const RenderedView expected = render(take, default_view(), anew);
   testing::for_each_simd_target(depth_estimation_target, [&] {
     const RenderedView image = render(take, default_view(), anew);
@@ -66,7 +67,7 @@ TEST_F(Depth, EveryInstructionSetSeesTheSame) {
 }
 
 TEST_F(Depth, FindsASlantedPlane) {
-  const Take take = write(slanted(3, 3));
+  const store::Take take = write(slanted(3, 3));
   const VirtualCamera view = default_view();
   const RenderedView image = render(take, view);
   const ViewRays rays(view);
@@ -108,15 +109,15 @@ TEST_F(Depth, TheErrorDoesNotFlickerWhenTheCameraMoves) {
   SyntheticTake settings = slanted(3, 4);
   settings.scene = holes_scene;
   settings.samples = 3;
-  settings.jpeg = {75, JpegEncodeSettings::Chroma::k444, 0};
-  const Take take = write(settings);
+  settings.jpeg = {75, store::JpegEncodeSettings::Chroma::k444, 0};
+  const store::Take take = write(settings);
   const LightFieldRenderer renderer(take, {});
-  const FrameSelection frames = select_frames(take, 0, 30'000'000);
-  const auto largest_step = [&](const OptionValues& options) {
+  const store::FrameSelection frames = store::select_frames(take, 0, 30'000'000);
+  const auto largest_step = [&](const schemas::OptionValues& options) {
     double before = 0, largest = 0;
     for (int i = 0; i < 28; ++i) {
       const double way = 0.008 * i;  // two camera spacings in all
-      CameraGeometry geometry = settings.cameras[0];
+      schemas::CameraGeometry geometry = settings.cameras[0];
       geometry.intrinsics.fx = geometry.intrinsics.fy = 130;
       geometry.world_from_camera[3] = way - 0.13;
       geometry.world_from_camera[7] = 0.02;
@@ -137,7 +138,7 @@ TEST_F(Depth, TheErrorDoesNotFlickerWhenTheCameraMoves) {
 }
 
 TEST_F(Depth, KeepsTheTwoSidesOfAStepApart) {
-  const Take take = write(step_edge(3, 3));
+  const store::Take take = write(step_edge(3, 3));
   const VirtualCamera view = default_view();
   const RenderedView image = render(take, view);
   const ViewRays rays(view);
@@ -150,7 +151,7 @@ TEST_F(Depth, KeepsTheTwoSidesOfAStepApart) {
       if (side(x - 2) != side(x + 3)) continue;
       const Plane& plane = side(x + 0.5) ? kFront : kBack;
       const double depth = plane.distance(view.pose.position, *rays.through(x + 0.5, y + 0.5));
-      const auto found = static_cast<double>(image.z[static_cast<std::size_t>(y * view.width + x)]);
+      const auto found = static_cast<double>(image.z[y * view.width + x]);
       wrong += std::abs(found / depth - 1) > 0.05;
       ++count;
     }
@@ -161,9 +162,9 @@ TEST_F(Depth, KeepsTheTwoSidesOfAStepApart) {
 TEST_F(Depth, TemporalLooksAtTheFramesBeforeAndAfter) {
   SyntheticTake settings = slanted(2, 3);
   settings.frames = 4;  // all alike
-  const Take take = write(settings);
-  const OptionValues steady{{"temporal", true}};
-  const Timeline timeline = build_timeline(take, 15, 0);
+  const store::Take take = write(settings);
+  const schemas::OptionValues steady{{"temporal", true}};
+  const store::Timeline timeline = store::build_timeline(take, 15, 0);
   RendererSettings on_ticks;
   on_ticks.ticks = timeline.ticks;
   EXPECT_GT(mean_alpha(render(take, default_view(), steady, on_ticks, 0)),
@@ -184,8 +185,8 @@ TEST_F(Depth, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
   SyntheticTake settings = slanted(3, 3);
   settings.frames = 2;
   settings.absent = {{4, 1}};  // the middle camera, second frame
-  const Take take = write(settings);
-  const OptionValues four{{"cameras", 4.0}};
+  const store::Take take = write(settings);
+  const schemas::OptionValues four{{"cameras", 4.0}};
   const VirtualCamera view = virtual_camera_with_fov(60, 40, 0.5, make_pose({0, 0, 0.01}, 0));
   const std::size_t middle = 20 * 60 + 30;
   EXPECT_NEAR(render(take, view, four).coverage[middle], 1, 1e-3);
@@ -199,7 +200,7 @@ TEST_F(Depth, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
 }
 
 TEST_F(Depth, OneCameraIsAllThatItNeeds) {
-  const Take take = write(slanted(1, 1));
+  const store::Take take = write(slanted(1, 1));
   const RenderedView image = render(take, default_view());
   EXPECT_GT(mean_alpha(image), 0.9);
   const float z = image.z[32 * 90 + 45];  // mid-way in disparity: there is nothing to compare
@@ -208,11 +209,11 @@ TEST_F(Depth, OneCameraIsAllThatItNeeds) {
 }
 
 TEST_F(Depth, StaysFiniteWhereDepthsEnd) {
-  const Take take = write(slanted(2, 2));
-  for (const OptionValues& options :
-       {OptionValues{{"near", 4.0}, {"far", 4.0}}, OptionValues{{"far", 1e12}},
-        OptionValues{{"near", 0.01}, {"plane_px", 4.0}},
-        OptionValues{{"near", 1e9}, {"far", 1e9}}}) {
+  const store::Take take = write(slanted(2, 2));
+  for (const schemas::OptionValues& options :
+       {schemas::OptionValues{{"near", 4.0}, {"far", 4.0}}, schemas::OptionValues{{"far", 1e12}},
+        schemas::OptionValues{{"near", 0.01}, {"plane_px", 4.0}},
+        schemas::OptionValues{{"near", 1e9}, {"far", 1e9}}}) {
     for (const VirtualCamera& view :
          {virtual_camera_with_fov(40, 30, 1, make_pose({0, 0, 0}, 0)),
           virtual_camera_with_fov(40, 30, 1, make_pose({0, 0, -4.5}, 0)),      // inside the scene
@@ -231,7 +232,7 @@ TEST_F(Depth, StaysFiniteWhereDepthsEnd) {
 }
 
 TEST_F(Depth, RendersDistortedViews) {
-  const Take take = write(slanted(2, 2));
+  const store::Take take = write(slanted(2, 2));
   VirtualCamera bent = default_view();
   bent.intrinsics.distortion.k1 = -0.1;
   const RenderedView image = render(take, bent);
@@ -249,7 +250,7 @@ TEST_F(Depth, RendersDistortedViews) {
 }
 
 TEST_F(Depth, SaysWhereItTriesFewerPlanesThanDisparityAsksFor) {
-  const Take take = write(slanted(2, 2));
+  const store::Take take = write(slanted(2, 2));
   const auto notes = [&](double near, double plane_px) {
     return render(take, default_view(), {{"near", near}, {"far", 7.0}, {"plane_px", plane_px}})
         .notes;
@@ -261,12 +262,12 @@ TEST_F(Depth, SaysWhereItTriesFewerPlanesThanDisparityAsksFor) {
 
 TEST_F(Depth, SaysWhatItLacks) {
   SyntheticTake settings = slanted(2, 2);
-  settings.depth_range = DepthRange{};
-  const Take take = write(settings);
+  settings.depth_range = schemas::DepthRange{};
+  const store::Take take = write(settings);
   EXPECT_THROW(render(take, default_view()), Error);
   EXPECT_THROW(render(take, default_view(), {{"near", 7.0}, {"far", 3.0}}), Error);
   EXPECT_GT(mean_alpha(render(take, default_view(), {{"near", 3.0}, {"far", 7.0}})), 0.9);
 }
 
 }  // namespace
-}  // namespace raystage::depth_test
+}  // namespace raystage::render::depth_test

@@ -10,7 +10,6 @@
 #include <array>
 #include <atomic>
 #include <map>
-#include <set>
 
 #include "base/parallel.h"
 #include "render/common/memory_overrun_note.h"
@@ -24,7 +23,7 @@
 #include "render/depth/temporal_filter.h"
 #include "render/depth/warp.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace depth {
 namespace {
 
@@ -32,10 +31,8 @@ constexpr int kMostCameras = 64;
 
 constexpr std::array kOptions{
     integer_option("cameras", 16, 1, kMostCameras, "number of cameras blended per ray"),
-    number_option("near", 0, 0, 1e9,
-                  "nearest depth of the scene, metres in front of the array; 0: from the take"),
-    number_option("far", 0, 0, 1e12,
-                  "farthest depth of the scene, metres in front of the array; 0: from the take"),
+    kNearOption,
+    kFarOption,
     number_option("plane_px", 0.5, 0.1, 16,
                   "spacing of the planes of the initial sweep, pixels of disparity between "
                   "neighbouring cameras"),
@@ -53,7 +50,7 @@ constexpr std::array kOptions{
         flag_option("store_depths", true,
                     "store depths in the take's folder depth/, and use those stored there"))};
 
-DepthViewSettings settings_of(const MethodOptions& options, const Take& take,
+DepthViewSettings settings_of(const MethodOptions& options, const store::Take& take,
                               bool use_take_folder) {
   DepthViewSettings s;
   s.estimation.scene = scene_depth_range(options, take, "depth");
@@ -65,21 +62,6 @@ DepthViewSettings settings_of(const MethodOptions& options, const Take& take,
   s.keep = options.flag("store_depths") && use_take_folder;
   s.temporal = options.flag("temporal");
   return s;
-}
-
-std::vector<int> cameras_of(const LightFieldFrame& instant, bool absent_too) {
-  std::set<int> cameras;
-  for (std::size_t i = 0; i < instant.frame_of_camera.size(); ++i) {
-    if (instant.frame_of_camera[i] >= 0) cameras.insert(static_cast<int>(i));
-  }
-  if (absent_too) {
-    for (const Topology::Cell& cell : instant.complete->cells) {
-      for (const int camera : cell) {
-        if (camera >= 0) cameras.insert(camera);
-      }
-    }
-  }
-  return {cameras.begin(), cameras.end()};
 }
 
 /// Returns the largest number of planes that a camera's initial sweep requires, before the limit.
@@ -94,20 +76,15 @@ double required_plane_count(const CameraDepths& depths, const LightFieldFrame& i
   return most;
 }
 
-struct KeptDepths {
-  CameraDepths depths;
-  std::vector<std::string> notes;
-};
-
 /// Returns cached, stored or newly estimated depths. Adds the cost of an estimation to `work`.
-std::shared_ptr<const KeptDepths> camera_depths(const LightFieldFrame& instant,
-                                                ResultCache& kept_results,
-                                                std::size_t working_bytes,
-                                                const DepthEstimationSettings& estimation,
-                                                bool keep, DepthEstimationStatistics& work) {
-  return kept_results.get<KeptDepths>(
+std::shared_ptr<const NotedDepths> camera_depths(const LightFieldFrame& instant,
+                                                 ResultCache& kept_results,
+                                                 std::size_t working_bytes,
+                                                 const DepthEstimationSettings& estimation,
+                                                 bool keep, DepthEstimationStatistics& work) {
+  return kept_results.get<NotedDepths>(
       depth_cache_key(instant, estimation), [&](std::size_t& bytes) {
-        auto kept = std::make_shared<KeptDepths>();
+        auto kept = std::make_shared<NotedDepths>();
         std::string note;
         kept->depths =
             load_or_estimate_camera_depths(instant, estimation, working_bytes, keep, note);
@@ -129,10 +106,9 @@ std::vector<LightFieldFrame> adjacent_instants(const LightFieldFrame& instant) {
     other.adjacent_frames.clear();
     std::ranges::fill(other.frame_of_camera, -1);
     for (const int camera : instant.included_cameras) {
-      const auto i = static_cast<std::size_t>(camera);
-      other.frame_of_camera[i] = frames[i];
+      other.frame_of_camera[camera] = frames[camera];
     }
-    if (!cameras_of(other, false).empty()) instants.push_back(std::move(other));
+    if (!other.present_cameras().empty()) instants.push_back(std::move(other));
   }
   return instants;
 }
@@ -149,11 +125,9 @@ MatchingImage picture_of(const LightFieldFrame& instant, std::size_t camera,
 
 /// Returns an instant's depths averaged with those of the adjacent instants. Memory: the maps of
 /// three instants, and as many cameras at a time as fit `working_bytes`.
-std::shared_ptr<const KeptDepths> time_averaged_depths(const LightFieldFrame& instant,
-                                                       ResultCache& kept_results,
-                                                       std::size_t working_bytes,
-                                                       const DepthEstimationSettings& estimation,
-                                                       bool keep, DepthEstimationStatistics& work) {
+std::shared_ptr<const NotedDepths> time_averaged_depths(
+    const LightFieldFrame& instant, ResultCache& kept_results, std::size_t working_bytes,
+    const DepthEstimationSettings& estimation, bool keep, DepthEstimationStatistics& work) {
   const std::vector<LightFieldFrame> adjacent = adjacent_instants(instant);
   if (adjacent.empty()) {
     return camera_depths(instant, kept_results, working_bytes, estimation, keep, work);
@@ -161,13 +135,13 @@ std::shared_ptr<const KeptDepths> time_averaged_depths(const LightFieldFrame& in
   std::string key = "steadied " + depth_cache_key(instant, estimation);
   for (const LightFieldFrame& other : adjacent)
     key += " beside " + depth_cache_key(other, estimation);
-  return kept_results.get<KeptDepths>(key, [&](std::size_t& bytes) {
+  return kept_results.get<NotedDepths>(key, [&](std::size_t& bytes) {
     const auto depths_at = [&](const LightFieldFrame& at) {
       return camera_depths(at, kept_results, working_bytes, estimation, keep, work);
     };
-    std::vector<std::shared_ptr<const KeptDepths>> adjacent_depths;
+    std::vector<std::shared_ptr<const NotedDepths>> adjacent_depths;
     for (const LightFieldFrame& other : adjacent) adjacent_depths.push_back(depths_at(other));
-    auto kept = std::make_shared<KeptDepths>(*depths_at(instant));
+    auto kept = std::make_shared<NotedDepths>(*depths_at(instant));
     CameraDepths& depths = kept->depths;
     const auto tolerance =
         static_cast<float>(estimation.tolerance_px * depths.inverse_depth_per_pixel);
@@ -200,10 +174,10 @@ std::shared_ptr<const KeptDepths> time_averaged_depths(const LightFieldFrame& in
   });
 }
 
-std::shared_ptr<const KeptDepths> depths_by(const DepthViewSettings& settings,
-                                            const LightFieldFrame& instant,
-                                            ResultCache& kept_results, std::size_t working_bytes,
-                                            DepthEstimationStatistics& work) {
+std::shared_ptr<const NotedDepths> depths_by(const DepthViewSettings& settings,
+                                             const LightFieldFrame& instant,
+                                             ResultCache& kept_results, std::size_t working_bytes,
+                                             DepthEstimationStatistics& work) {
   const auto depths_of = settings.temporal ? time_averaged_depths : camera_depths;
   return depths_of(instant, kept_results, working_bytes, settings.estimation, settings.keep, work);
 }
@@ -235,18 +209,17 @@ FusionInputs fusion_inputs(const DepthViewPlan& plan, const ViewRequest& request
   static_assert(4 * kBest <= kMaxHypotheses, "each corner of a tile may select other cameras");
   const LightFieldFrame& instant = request.instant;
   const CameraDepths& depths = *plan.depths;
-  const BlendingField field(plan.pinhole, *instant.rig, cameras_of(instant, false), plan.range,
+  const BlendingField field(plan.pinhole, *instant.rig, instant.present_cameras(), plan.range,
                             kBest);
   const auto tiles = static_cast<std::size_t>(field.columns() * field.rows());
   std::map<int, DepthHypotheses> hypotheses;  // by camera
   for (std::size_t tile = 0; tile < tiles; ++tile) {
     const int at = static_cast<int>(tile), columns = field.columns();
     for (const BlendingField::TileCamera& chosen : field.tile(at % columns, at / columns).cameras) {
-      const auto i = static_cast<std::size_t>(chosen.camera);
       DepthHypotheses& hypothesis = hypotheses[chosen.camera];
-      hypothesis.map = &depths.maps[i];
-      hypothesis.camera = &depths.pinholes[i];
-      hypothesis.nearest = &depths.block_nearest[i];
+      hypothesis.map = &depths.maps[chosen.camera];
+      hypothesis.camera = &depths.pinholes[chosen.camera];
+      hypothesis.nearest = &depths.block_nearest[chosen.camera];
       hypothesis.weights.resize(tiles);
       hypothesis.weights[tile] = chosen.share;
     }
@@ -267,9 +240,8 @@ FusionInputs fusion_inputs(const DepthViewPlan& plan, const ViewRequest& request
 
 void fill_unknown_depths(const DepthViewPlan& plan, InverseDepthMap& view_depths) {
   const auto behind = static_cast<float>(plan.range.farthest);
-  for (float& depth : view_depths.values) {
+  for (float& depth : view_depths.values)
     if (depth < 0) depth = behind;
-  }
 }
 
 namespace {
@@ -290,30 +262,30 @@ InverseDepthMap depths_of_view(DepthViewPlan& plan, const ViewRequest& request) 
 std::optional<DepthViewPlan> plan_without_depths(const ViewRequest& request) {
   const DepthViewSettings settings =
       settings_of(request.options, *request.instant.take, request.use_take_folder);
-  const Rig& rig = *request.instant.rig;
+  const rig::Rig& rig = *request.instant.rig;
   const VirtualCamera pinhole = undistorted(
-      CameraModel(
+      rig::CameraModel(
           {"view", request.view.width, request.view.height, request.view.intrinsics, {}, {}, {}}),
       request.view.pose);
   const InverseDepthRange range =
       inverse_depth_range_in_view(request.view, rig, settings.estimation.scene);
   if (range.empty()) return std::nullopt;
-  const auto field_of = [&](bool absent_too) {
-    return BlendingField(request.view, rig, cameras_of(request.instant, absent_too), range,
-                         settings.cameras);
-  };
-  DepthViewPlan result{settings, pinhole, range, field_of(false), std::nullopt, nullptr,
-                       {},       {},      {}};
-  if (request.instant.present != request.instant.complete) {
-    result.complete.emplace(field_of(true));
-  }
-  return result;
+  return DepthViewPlan{
+      settings,
+      pinhole,
+      range,
+      BlendingField(request.view, rig, request.instant.present_cameras(), range, settings.cameras),
+      BlendingField::complete(request.view, request.instant, range, settings.cameras),
+      nullptr,
+      {},
+      {},
+      {}};
 }
 
 std::optional<DepthViewPlan> plan(const ViewRequest& request) {
   std::optional<DepthViewPlan> result = plan_without_depths(request);
   if (!result) return std::nullopt;
-  const std::shared_ptr<const KeptDepths> kept = depths_by(
+  const std::shared_ptr<const NotedDepths> kept = depths_by(
       result->settings, request.instant, request.result_cache, request.working_bytes, result->work);
   result->depths = std::shared_ptr<const CameraDepths>(kept, &kept->depths);
   result->notes = kept->notes;
@@ -321,36 +293,13 @@ std::optional<DepthViewPlan> plan(const ViewRequest& request) {
   return result;
 }
 
-std::shared_ptr<const CameraDepths> depths_with_default_options(const LightFieldFrame& instant,
-                                                                ResultCache& kept,
-                                                                std::size_t working_bytes,
-                                                                bool keep, const DepthRange& scene,
-                                                                DepthEstimationStatistics& work) {
+std::shared_ptr<const CameraDepths> depths_with_default_options(
+    const LightFieldFrame& instant, ResultCache& kept, std::size_t working_bytes, bool keep,
+    const schemas::DepthRange& scene, DepthEstimationStatistics& work) {
   DepthEstimationSettings estimation;
   estimation.scene = scene;
   const auto found = camera_depths(instant, kept, working_bytes, estimation, keep, work);
   return {found, &found->depths};
-}
-
-RaySurface depth_method_surface(const MethodOptions& options, const LightFieldFrame& instant,
-                                ResultCache& kept, std::size_t working_bytes,
-                                bool use_take_folder) {
-  const DepthViewSettings settings = settings_of(options, *instant.take, use_take_folder);
-  DepthEstimationStatistics work;
-  const auto found = depths_by(settings, instant, kept, working_bytes, work);
-  return depth_surface({found, &found->depths}, *instant.rig, settings.estimation.scene);
-}
-
-float absent_camera_weight(const DepthViewPlan& plan, const LightFieldFrame& instant, int x,
-                           int y) {
-  if (!plan.complete) return 0;
-  const BlendingField::Tile& tile =
-      plan.complete->tile(x / BlendingField::kTile, y / BlendingField::kTile);
-  float absent = 0;
-  for (const BlendingField::TileCamera& camera : tile.cameras) {
-    if (!instant.is_present(camera.camera)) absent += BlendingField::share(tile, camera, x, y);
-  }
-  return std::min(absent, 1.0F);
 }
 
 float visibility_tolerance(const DepthViewPlan& plan) {
@@ -389,7 +338,7 @@ class DepthMethod final : public Method {
   RenderedView combine(const ViewRequest& request, std::vector<PixelValues> planes) const override {
     return depth::combine(request, planes);
   }
-  void check(const MethodOptions& options, const Take& take) const override {
+  void check(const MethodOptions& options, const store::Take& take) const override {
     depth::settings_of(options, take, false);
   }
 
@@ -407,8 +356,11 @@ class DepthMethod final : public Method {
   }
 
   RaySurface surface(const SurfaceRequest& r) const override {
-    return depth::depth_method_surface(r.options, r.instant, r.result_cache, r.working_bytes,
-                                       r.use_take_folder);
+    const depth::DepthViewSettings settings =
+        depth::settings_of(r.options, *r.instant.take, r.use_take_folder);
+    DepthEstimationStatistics work;
+    const auto found = depth::depths_by(settings, r.instant, r.result_cache, r.working_bytes, work);
+    return depth_surface({found, &found->depths}, *r.instant.rig, settings.estimation.scene);
   }
   bool uses_focal_plane() const override { return false; }
   bool reads_adjacent_frames(const MethodOptions& options) const override {
@@ -423,4 +375,4 @@ const Method& depth_method() {
   return method;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <memory>
 #include <utility>
 
@@ -25,16 +24,11 @@
 #include "render/depth/warp.h"
 #include "render/sampling/field_coverage.h"
 
-namespace raystage::depth {
+namespace raystage::render::depth {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 using Message = RankCommunicator::Message;
 using Tile = BlendingField::Tile;
-
-double milliseconds(Clock::duration duration) {
-  return std::chrono::duration<double, std::milli>(duration).count();
-}
 
 class NoOthers : public RankCommunicator {
  public:
@@ -71,10 +65,7 @@ InverseDepthMap vote_together(const ViewRequest& request, DepthViewPlan& plan,
     for (std::size_t host = 1; host < hypotheses.size(); ++host) {
       std::span<const std::byte> rest(hypotheses[host]);
       for (std::size_t i = 0; i < vote.hypotheses.size(); ++i) {
-        if (instant.rank_of_camera[static_cast<std::size_t>(vote.cameras[i])] !=
-            static_cast<int>(host)) {
-          continue;
-        }
+        if (instant.rank_of_camera[vote.cameras[i]] != static_cast<int>(host)) continue;
         warped[i].first = take_values<std::int32_t>(rest, depth_tile_count(plan.pinhole));
         const std::uint64_t count = take_values<std::uint64_t>(rest, 1)[0];
         warped[i].values = take_values<float>(rest, static_cast<std::size_t>(count));
@@ -90,8 +81,9 @@ InverseDepthMap vote_together(const ViewRequest& request, DepthViewPlan& plan,
   const std::vector<Message> found = group.exchange(std::move(messages));
   if (group.rank() != 0) {
     std::span<const std::byte> rest(found[0]);
-    map = {plan.pinhole.width, plan.pinhole.height,
-           take_values<float>(rest, view_value_count(plan.pinhole) / 4)};
+    map.width = plan.pinhole.width;
+    map.height = plan.pinhole.height;
+    map.values = take_values<float>(rest, view_value_count(plan.pinhole) / 4);
   }
   return map;
 }
@@ -108,7 +100,7 @@ class BandBlend {
     top_ = field.tile(0, first).top;
     const int bottom = field.tile(0, end - 1).bottom;
     const auto width = static_cast<std::size_t>(request_.view.width);
-    const std::size_t pixels = width * static_cast<std::size_t>(bottom - top_);
+    const std::size_t pixels = width * (bottom - top_);
     sample(first, end);
     std::vector<float> sums(4 * pixels, 0.0F), alpha(pixels, 0.0F);
     for_each_run(first, end, [&](const Tile& tile, int y, const BlendRun& run) {
@@ -148,24 +140,23 @@ class BandBlend {
   static constexpr std::size_t kPerRun = 6 * static_cast<std::size_t>(kMaxRunPixels);
 
   std::size_t in_band(int x, int y) const {
-    return static_cast<std::size_t>(y - top_) * static_cast<std::size_t>(request_.view.width) +
-           static_cast<std::size_t>(x);
+    return static_cast<std::size_t>(y - top_) * request_.view.width + x;
   }
 
   template <class Body>
   void for_each_tile(int first, int end, const Body& body) {
     const int columns = plan_.field.columns();
     raystage::parallel_for(0, (end - first) * columns, [&](int i) {
-      body(plan_.field.tile(i % columns, first + i / columns), tiles_[static_cast<std::size_t>(i)]);
+      body(plan_.field.tile(i % columns, first + i / columns), tiles_[i]);
     });
   }
 
   void sample(int first, int end) {
-    tiles_.assign(static_cast<std::size_t>((end - first) * plan_.field.columns()), {});
+    tiles_.assign((end - first) * plan_.field.columns(), {});
     for_each_tile(first, end, [&](const Tile& tile, TileSamples& samples) {
       std::vector<const BlendingField::TileCamera*> cameras;
       for (const BlendingField::TileCamera& camera : tile.cameras) {
-        if (sources_.source(camera.camera).frame) cameras.push_back(&camera);
+        if (sources_[camera.camera].frame) cameras.push_back(&camera);
       }
       samples.cameras = cameras.size();
       samples.values.resize(cameras.size() * static_cast<std::size_t>(tile.bottom - tile.top) *
@@ -249,7 +240,7 @@ int end_of_band(const DepthViewPlan& plan, int first, std::size_t working_bytes)
 Contribution contribute(const ViewRequest& request) {
   const NoOthers alone;
   const RankCommunicator& group = request.group != nullptr ? *request.group : alone;
-  const auto start = Clock::now();
+  const auto start = RenderClock::now();
   Contribution contribution;
   contribution.planes.assign(2, PixelValues(view_value_count(request.view), 0.0F));
   std::optional<DepthViewPlan> plan = plan_without_depths(request);
@@ -259,9 +250,9 @@ Contribution contribute(const ViewRequest& request) {
   contribution.notes = held->notes;
   plan->view_depths = vote_together(request, *plan, group);
   ViewSources sources(request, *plan);
-  const auto planned = Clock::now();
+  const auto planned = RenderClock::now();
   sources.decode(contribution.statistics);
-  const auto decoded = Clock::now();
+  const auto decoded = RenderClock::now();
   BandBlend band(request, *plan, sources, group);
   for (int first = 0; first < plan->field.rows();) {
     const int end = end_of_band(*plan, first, request.working_bytes);
@@ -271,7 +262,7 @@ Contribution contribute(const ViewRequest& request) {
   contribution.statistics.pixels_decoded += held->depths.pixels_decoded;
   contribution.statistics.plan_ms = milliseconds(planned - start);
   contribution.statistics.decode_ms = milliseconds(decoded - planned);
-  contribution.statistics.render_ms = milliseconds(Clock::now() - decoded);
+  contribution.statistics.render_ms = milliseconds(RenderClock::now() - decoded);
   return contribution;
 }
 
@@ -279,7 +270,7 @@ RenderedView combine(const ViewRequest& request, const std::vector<PixelValues>&
   std::optional<DepthViewPlan> plan = plan_without_depths(request);
   if (!plan) return transparent_view(request);
   RenderedView image = uninitialised_view(request.view);
-  const FrameCache& cache = *request.instant.cache;
+  const store::FrameCache& cache = *request.instant.cache;
   const auto width = static_cast<std::size_t>(request.view.width);
   raystage::parallel_for(0, request.view.height, [&](int y) {
     const std::size_t row = static_cast<std::size_t>(y) * width;
@@ -295,7 +286,8 @@ RenderedView combine(const ViewRequest& request, const std::vector<PixelValues>&
     for (std::size_t x = 0; x < width; ++x) {
       const float alpha = image.rgba[4 * (row + x) + 3];
       const float depth = planes.at(1)[4 * (row + x)];
-      const float absent = absent_camera_weight(*plan, request.instant, static_cast<int>(x), y);
+      const float absent =
+          absent_camera_weight(plan->complete, request.instant, static_cast<int>(x), y);
       image.coverage[row + x] = alpha * (1 - absent);
       image.z[row + x] =
           alpha > 0 && depth > 0 ? 1 / depth : std::numeric_limits<float>::infinity();
@@ -305,4 +297,4 @@ RenderedView combine(const ViewRequest& request, const std::vector<PixelValues>&
   return image;
 }
 
-}  // namespace raystage::depth
+}  // namespace raystage::render::depth

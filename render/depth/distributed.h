@@ -3,7 +3,7 @@
 
 #include "render/depth/depth.h"
 
-namespace raystage::depth {
+namespace raystage::render::depth {
 
 // Method `depth` on several hosts (ViewRequest::group). All hosts must call in the same order.
 
@@ -14,4 +14,4 @@ Contribution contribute(const ViewRequest& request);
 /// Returns the view from the contributions of all hosts. Does not fill RenderedView::cameras.
 RenderedView combine(const ViewRequest& request, const std::vector<PixelValues>& planes);
 
-}  // namespace raystage::depth
+}  // namespace raystage::render::depth

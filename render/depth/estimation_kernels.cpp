@@ -19,7 +19,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -84,7 +84,7 @@ void match(const MatchRow& row) {
   const auto one = hn::Set(d, 1.0F), zero = hn::Zero(d);
   const auto truncation = hn::Set(d, row.truncation);
   const auto scale = hn::Set(d, 255.0F / row.truncation);
-  const auto unknown = hn::Set(d, static_cast<float>(kUnknownCost));
+  const auto unknown = hn::Set(d, static_cast<float>(matching::kUnknownCost));
   std::array<RowTransfer, kMaxNeighbours> transfers;
   for (std::size_t p = 0; p < row.neighbour_views.size(); ++p) {
     transfers[p] =
@@ -294,11 +294,11 @@ const char* target() { return hwy::TargetName(HWY_TARGET); }
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::render {
 
 HWY_EXPORT(match);
 HWY_EXPORT(refine);
@@ -315,5 +315,5 @@ void median_row(const std::array<const float*, 3>& rows, float line_tolerance,
 }
 const char* depth_estimation_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
 
-}  // namespace raystage
+}  // namespace raystage::render
 #endif

@@ -9,7 +9,7 @@
 #include "render/depth/inverse_depth_map.h"
 #include "render/depth/matching_image.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// A camera with which the depths of another camera are compared.
 struct NeighbourView {
@@ -81,4 +81,4 @@ void median_row(const std::array<const float*, 3>& rows, float line_tolerance,
 
 const char* depth_estimation_target();  ///< returns the name of the instruction set in use
 
-}  // namespace raystage
+}  // namespace raystage::render

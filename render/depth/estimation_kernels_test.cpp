@@ -13,7 +13,7 @@
 #include "testing/render/test_depth_kernels.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using testing::bilinear;
@@ -51,19 +51,19 @@ TEST_F(DepthKernels, MatchesAsTheReference) {
           if (!decided) break;
           std::ranges::sort(off);
           off.resize((off.size() + 1) / 2);
-          double expected = kUnknownCost;
+          double expected = matching::kUnknownCost;
           if (!off.empty()) {
             expected = 0;
             for (const double value : off)
               expected += value * 255 / 40 / static_cast<double>(off.size());
           }
-          ASSERT_NEAR(costs[static_cast<std::size_t>(x * kStride + plane)], expected, 0.7)
+          ASSERT_NEAR(costs[x * kStride + plane], expected, 0.7)
               << x << ", " << y << " plane " << plane;
           off.empty() ? ++unknown : ++told;
           ever = ever || !off.empty();
         }
         if (!decided) continue;
-        ASSERT_EQ(is_seen[static_cast<std::size_t>(x)], ever ? 1 : 0) << x << ", " << y;
+        ASSERT_EQ(is_seen[x], ever ? 1 : 0) << x << ", " << y;
       }
     }
     EXPECT_GT(told, 300);
@@ -72,8 +72,8 @@ TEST_F(DepthKernels, MatchesAsTheReference) {
 }
 
 TEST_F(DepthKernels, AnImageKnowsWhatItsFrameShows) {
-  const CameraGeometry bent = [&] {
-    CameraGeometry geometry;
+  const schemas::CameraGeometry bent = [&] {
+    schemas::CameraGeometry geometry;
     geometry.id = "c";
     geometry.width = kWidth;
     geometry.height = kHeight;
@@ -81,8 +81,8 @@ TEST_F(DepthKernels, AnImageKnowsWhatItsFrameShows) {
     geometry.intrinsics.distortion.k1 = 0.5;
     return geometry;
   }();
-  const CameraModel model(bent);
-  const Intrinsics& k = own_.intrinsics;
+  const rig::CameraModel model(bent);
+  const schemas::Intrinsics& k = own_.intrinsics;
   int unknown = 0;
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
@@ -134,7 +134,7 @@ TEST_F(DepthKernels, RefinesAsTheReference) {
             is_shown = is_shown && seen && *seen;
             if (!is_shown) break;
             const double off = luma_at(images_[i], moved.u, moved.v) - image_.luma(x, y);
-            tried[static_cast<std::size_t>(c)] = off * off / (1 + off * off / 225);
+            tried[c] = off * off / (1 + off * off / 225);
           }
           if (!is_shown) {
             ++left_out;
@@ -146,8 +146,7 @@ TEST_F(DepthKernels, RefinesAsTheReference) {
         if (!decided) continue;
         seen_by_some += count > 0;
         for (int c = 0; c < kRefineOffsetStride; ++c) {
-          ASSERT_NEAR(costs[static_cast<std::size_t>(x * kRefineOffsetStride + c)],
-                      sums[static_cast<std::size_t>(c)] / std::max(1, count), 0.2)
+          ASSERT_NEAR(costs[x * kRefineOffsetStride + c], sums[c] / std::max(1, count), 0.2)
               << x << ", " << y << " offset " << c;
         }
       }
@@ -241,9 +240,7 @@ TEST_F(DepthKernels, TakesMediansAsTheReference) {
                                std::clamp(y + i / 3 - 1, 0, kHeight - 1)));
         }
         const float own = all[4];
-        const auto like = [&](int i) {
-          return std::abs(all[static_cast<std::size_t>(i)] - own) <= kLine;
-        };
+        const auto like = [&](int i) { return std::abs(all[i] - own) <= kLine; };
         bool line = false;
         for (int i = 0; i < 4; ++i) line = line || (like(i) && like(8 - i));
         std::ranges::sort(all);
@@ -263,4 +260,4 @@ TEST_F(DepthKernels, TakesMediansAsTheReference) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

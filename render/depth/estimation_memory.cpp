@@ -7,7 +7,7 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// Returns the largest number of bytes of images and new maps, for groups of `group` cameras.
@@ -72,4 +72,4 @@ EstimationMemory plan_estimation_memory(const std::vector<EstimationPass>& passe
       "method depth", "Allow more memory, or lower the options neighbours and support_views");
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-namespace raystage {
+namespace raystage::render {
 
 /// A pass over all cameras that computes a new map for each.
 struct EstimationPass {
@@ -37,4 +37,4 @@ EstimationMemory plan_estimation_memory(const std::vector<EstimationPass>& passe
                                         const std::vector<std::size_t>& pixels, CameraMemory camera,
                                         std::size_t working_bytes);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -17,11 +17,11 @@
 #include "render/depth/estimation_kernels.h"
 #include "render/depth/warp.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 std::size_t view_pixel_count(const VirtualCamera& view) {
-  return static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
+  return static_cast<std::size_t>(view.width) * view.height;
 }
 
 /// Returns the farthest of the known depths next along the row and the column, or unknown.
@@ -33,9 +33,8 @@ float depth_behind(const InverseDepthMap& map, const std::vector<float>& support
   for (const auto& [dx, dy] : kWays) {
     for (int i = 1; i <= kReach; ++i) {
       const int column = x + i * dx, row = y + i * dy;
-      if (column < 0 || row < 0 || column >= map.width || row >= map.height) break;
-      const std::size_t at = static_cast<std::size_t>(row) * static_cast<std::size_t>(map.width) +
-                             static_cast<std::size_t>(column);
+      if (!map.contains(column, row)) break;
+      const std::size_t at = map.offset(column, row);
       if (map.values[at] < 0 || support[at] < min_support) continue;
       behind = behind < 0 ? map.values[at] : std::min(behind, map.values[at]);
       break;
@@ -49,8 +48,7 @@ InverseDepthMap filled(const InverseDepthMap& map, const std::vector<float>& sup
   InverseDepthMap result = map;
   raystage::parallel_for(0, map.height, [&](int y) {
     for (int x = 0; x < map.width; ++x) {
-      const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(map.width) +
-                             static_cast<std::size_t>(x);
+      const std::size_t at = map.offset(x, y);
       if (map.values[at] >= 0 && support[at] >= min_support) continue;
       const float behind = depth_behind(map, support, min_support, x, y);
       if (behind >= 0) result.values[at] = behind;
@@ -62,13 +60,8 @@ InverseDepthMap filled(const InverseDepthMap& map, const std::vector<float>& sup
 InverseDepthMap median(const InverseDepthMap& map, float line_tolerance) {
   InverseDepthMap result = map;
   raystage::parallel_for(0, map.height, [&](int y) {
-    const auto row = [&](int at) {
-      return map.values.data() +
-             static_cast<std::ptrdiff_t>(std::clamp(at, 0, map.height - 1)) * map.width;
-    };
-    median_row({row(y - 1), row(y), row(y + 1)}, line_tolerance,
-               {result.values.data() + static_cast<std::ptrdiff_t>(y) * map.width,
-                static_cast<std::size_t>(map.width)});
+    const auto row = [&](int at) { return map.row(std::clamp(at, 0, map.height - 1)).data(); };
+    median_row({row(y - 1), row(y), row(y + 1)}, line_tolerance, result.row(y));
   });
   return result;
 }
@@ -87,7 +80,7 @@ void weigh_row(const CornerWeights& corners, int y, int width, int height,
   const float right = corners[1] + down * (corners[3] - corners[1]);
   for (int x = 0; x < kDepthTile; ++x) {
     const float across = (static_cast<float>(x) + 0.5F) / static_cast<float>(width);
-    weights[static_cast<std::size_t>(x)] = left + across * (right - left);
+    weights[x] = left + across * (right - left);
   }
 }
 
@@ -199,9 +192,8 @@ InverseDepthMap fuse_warped_hypotheses(const VirtualCamera& view,
                                        std::span<const DepthHypotheses> hypotheses,
                                        std::span<const DepthTiles> warped,
                                        const FusionSettings& settings) {
-  InverseDepthMap fused{view.width, view.height, {}};
-  fused.values.resize(view_pixel_count(view));
-  std::vector<float> support(view_pixel_count(view));
+  InverseDepthMap fused(view.width, view.height);
+  std::vector<float> support(fused.values.size());
   raystage::parallel_for(std::size_t{0}, depth_tile_count(view), [&](std::size_t tile) {
     vote_in_tile(view, hypotheses, warped, tile, settings.tolerance, fused, support);
   });
@@ -212,9 +204,8 @@ InverseDepthMap fuse_hypotheses(const VirtualCamera& view,
                                 std::span<const DepthHypotheses> hypotheses,
                                 const FusionSettings& settings) {
   const auto columns = static_cast<std::size_t>(depth_tile_columns(view));
-  InverseDepthMap fused{view.width, view.height, {}};
-  fused.values.resize(view_pixel_count(view));
-  std::vector<float> support(view_pixel_count(view));
+  InverseDepthMap fused(view.width, view.height);
+  std::vector<float> support(fused.values.size());
   for (const TileBand& band : bands_of(view, hypotheses, settings.working_bytes)) {
     const std::size_t first = static_cast<std::size_t>(band.first) * columns;
     const std::size_t end = static_cast<std::size_t>(band.end) * columns;
@@ -258,4 +249,4 @@ void domain_transform_filter(std::vector<float>& values, int channels, int width
   });
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

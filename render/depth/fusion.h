@@ -10,7 +10,7 @@
 #include "render/depth/inverse_depth_map.h"
 #include "render/depth/warp.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// The depths that one camera proposes, and their weights.
 struct DepthHypotheses {
@@ -69,4 +69,4 @@ InverseDepthMap fuse_hypotheses_reference(const VirtualCamera& view,
 void domain_transform_filter_reference(std::vector<float>& values, int channels, int width,
                                        int height, const EdgeWeights& links);
 
-}  // namespace raystage
+}  // namespace raystage::render

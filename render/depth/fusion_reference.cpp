@@ -7,13 +7,12 @@
 #include "render/depth/fusion.h"
 #include "render/depth/warp.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 double weight_at(const VirtualCamera& view, const DepthHypotheses& hypothesis, int x, int y) {
   const int column = x / kDepthTile, row = y / kDepthTile;
-  const auto& corners =
-      hypothesis.weights[static_cast<std::size_t>(row * depth_tile_columns(view) + column)];
+  const auto& corners = hypothesis.weights[row * depth_tile_columns(view) + column];
   const int width = std::min(kDepthTile, view.width - column * kDepthTile);
   const int height = std::min(kDepthTile, view.height - row * kDepthTile);
   const double across = (x % kDepthTile + 0.5) / width, down = (y % kDepthTile + 0.5) / height;
@@ -60,7 +59,7 @@ float depth_behind(const InverseDepthMap& depths, const InverseDepthMap& support
   for (const auto& [dx, dy] : {std::pair(1, 0), {-1, 0}, {0, 1}, {0, -1}}) {
     for (int i = 1; i <= kReach; ++i) {
       const int column = x + i * dx, row = y + i * dy;
-      if (column < 0 || row < 0 || column >= depths.width || row >= depths.height) break;
+      if (!depths.contains(column, row)) break;
       if (depths.at(column, row) < 0 || support.at(column, row) < min_support) continue;
       around.push_back(depths.at(column, row));
       break;
@@ -70,14 +69,11 @@ float depth_behind(const InverseDepthMap& depths, const InverseDepthMap& support
 }
 
 InverseDepthMap median_reference(const InverseDepthMap& depths, float line_tolerance) {
-  InverseDepthMap result{depths.width, depths.height, {}};
+  InverseDepthMap result = depths;
   for (int y = 0; y < depths.height; ++y) {
     for (int x = 0; x < depths.width; ++x) {
       std::vector<float> nine;
-      for (int i = 0; i < 9; ++i) {
-        nine.push_back(depths.at(std::clamp(x + i % 3 - 1, 0, depths.width - 1),
-                                 std::clamp(y + i / 3 - 1, 0, depths.height - 1)));
-      }
+      for (int i = 0; i < 9; ++i) nine.push_back(depths.clamped(x + i % 3 - 1, y + i / 3 - 1));
       const float own = nine[4];
       bool line = false;
       for (std::size_t i = 0; i < 4; ++i) {
@@ -85,7 +81,7 @@ InverseDepthMap median_reference(const InverseDepthMap& depths, float line_toler
                         std::abs(nine[8 - i] - own) <= line_tolerance);
       }
       std::ranges::sort(nine);
-      result.values.push_back(line && own - nine[4] > line_tolerance ? own : nine[4]);
+      result.at(x, y) = line && own - nine[4] > line_tolerance ? own : nine[4];
     }
   }
   return result;
@@ -100,7 +96,7 @@ InverseDepthMap fuse_hypotheses_reference(const VirtualCamera& view,
   for (const DepthHypotheses& hypothesis : hypotheses) {
     warped.push_back(warp_depths_reference(*hypothesis.map, *hypothesis.camera, view));
   }
-  InverseDepthMap depths{view.width, view.height, {}}, support = depths, result = depths;
+  InverseDepthMap depths(view.width, view.height), support = depths;
   for (int y = 0; y < view.height; ++y) {
     for (int x = 0; x < view.width; ++x) {
       std::vector<double> said, weights;
@@ -109,15 +105,15 @@ InverseDepthMap fuse_hypotheses_reference(const VirtualCamera& view,
         weights.push_back(weight_at(view, hypotheses[i], x, y));
       }
       const Agreed found = vote_of(said, weights, static_cast<double>(settings.tolerance));
-      depths.values.push_back(static_cast<float>(found.depth));
-      support.values.push_back(static_cast<float>(found.support));
+      depths.at(x, y) = static_cast<float>(found.depth);
+      support.at(x, y) = static_cast<float>(found.support);
     }
   }
+  InverseDepthMap result = depths;
   for (int y = 0; y < view.height; ++y) {
     for (int x = 0; x < view.width; ++x) {
-      const bool is_known = depths.at(x, y) >= 0 && support.at(x, y) >= settings.min_support;
-      result.values.push_back(is_known ? depths.at(x, y)
-                                       : depth_behind(depths, support, settings.min_support, x, y));
+      if (depths.at(x, y) >= 0 && support.at(x, y) >= settings.min_support) continue;
+      result.at(x, y) = depth_behind(depths, support, settings.min_support, x, y);
     }
   }
   return median_reference(result, settings.line_tolerance);
@@ -125,10 +121,7 @@ InverseDepthMap fuse_hypotheses_reference(const VirtualCamera& view,
 
 void domain_transform_filter_reference(std::vector<float>& values, int channels, int width,
                                        int height, const EdgeWeights& links) {
-  const auto pixel = [&](int x, int y) {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-           static_cast<std::size_t>(x);
-  };
+  const auto pixel = [&](int x, int y) { return static_cast<std::size_t>(y) * width + x; };
   const auto channel_count = static_cast<std::size_t>(channels);
   std::vector<double> exact(values.begin(), values.end());
   const auto draw = [&](std::size_t to, std::size_t from, float link) {
@@ -153,4 +146,4 @@ void domain_transform_filter_reference(std::vector<float>& values, int channels,
                          [](double value) { return static_cast<float>(value); });
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

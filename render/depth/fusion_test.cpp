@@ -10,11 +10,11 @@
 #include "render/depth/warp.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage::fusion_test {
+namespace raystage::render::fusion_test {
 namespace {
 
 VirtualCamera camera_at(const Eigen::Vector3d& position, int width = 40, int height = 30) {
-  Pose pose;
+  rig::Pose pose;
   pose.position = position;
   VirtualCamera camera = virtual_camera_with_fov(width, height, 1, pose);
   camera.intrinsics.fx = camera.intrinsics.fy = width;  // a metre away, a metre wide
@@ -22,14 +22,10 @@ VirtualCamera camera_at(const Eigen::Vector3d& position, int width = 40, int hei
 }
 
 InverseDepthMap flat(const VirtualCamera& camera, float inverse_depth) {
-  InverseDepthMap map{camera.width, camera.height, {}};
-  map.values.assign(static_cast<std::size_t>(camera.width * camera.height), inverse_depth);
-  return map;
+  return {camera.width, camera.height, inverse_depth};
 }
 
-float& at(InverseDepthMap& map, int x, int y) {
-  return map.values[static_cast<std::size_t>(y * map.width + x)];
-}
+float& at(InverseDepthMap& map, int x, int y) { return map.values[y * map.width + x]; }
 
 TEST(PixelTransfer, FollowsAPointFromCameraToCamera) {
   // 2 m away, a camera 0.1 m to the right sees a point 0.1 / 2 * 40 px further left.
@@ -45,24 +41,24 @@ TEST(PixelTransfer, FollowsAPointFromCameraToCamera) {
 }
 
 TEST(Undistorted, HoldsWhatTheFrameShows) {
-  CameraGeometry geometry;
+  schemas::CameraGeometry geometry;
   geometry.id = "c";
   geometry.width = 64;
   geometry.height = 48;
   geometry.intrinsics = {50, 52, 31, 23, {}};
-  const VirtualCamera same = undistorted(CameraModel(geometry), {});
+  const VirtualCamera same = undistorted(rig::CameraModel(geometry), {});
   EXPECT_EQ(same.width, 64);
   EXPECT_EQ(same.intrinsics.cx, 31);
   geometry.intrinsics.distortion.k1 = -0.15;  // the frame's corners lie far out
-  const CameraModel model(geometry);
+  const rig::CameraModel model(geometry);
   const VirtualCamera larger = undistorted(model, {});
   EXPECT_GT(larger.width, 64);
-  EXPECT_EQ(larger.intrinsics.distortion, Distortion{});
+  EXPECT_EQ(larger.intrinsics.distortion, schemas::Distortion{});
   const auto ideal = *model.ideal_from_pixel({0, 0});
   EXPECT_GE(larger.intrinsics.fx * ideal.x() + larger.intrinsics.cx, -1e-9);
   EXPECT_GE(larger.intrinsics.fy * ideal.y() + larger.intrinsics.cy, -1e-9);
   geometry.intrinsics.distortion.k1 = -0.5;  // folds back within the frame
-  const VirtualCamera bounded = undistorted(CameraModel(geometry), {});
+  const VirtualCamera bounded = undistorted(rig::CameraModel(geometry), {});
   EXPECT_LE(bounded.width, 128);
   EXPECT_LE(bounded.height, 96);
 }
@@ -71,12 +67,11 @@ InverseDepthMap warp_all(const InverseDepthMap& map, const VirtualCamera& camera
                          const VirtualCamera& view) {
   const DepthTiles tiles =
       warp_depths(map, camera, view, std::vector<std::uint8_t>(depth_tile_count(view), 1));
-  InverseDepthMap warped{view.width, view.height, {}};
+  InverseDepthMap warped(view.width, view.height);
   for (int y = 0; y < view.height; ++y) {
     for (int x = 0; x < view.width; ++x) {
       const int tile = y / kDepthTile * depth_tile_columns(view) + x / kDepthTile;
-      warped.values.push_back(
-          tiles.row(static_cast<std::size_t>(tile), y % kDepthTile)[x % kDepthTile]);
+      warped.at(x, y) = tiles.row(static_cast<std::size_t>(tile), y % kDepthTile)[x % kDepthTile];
     }
   }
   return warped;
@@ -274,4 +269,4 @@ TEST(SmoothAlongLinks, SpreadsWithinAndNotAcross) {
 }
 
 }  // namespace
-}  // namespace raystage::fusion_test
+}  // namespace raystage::render::fusion_test

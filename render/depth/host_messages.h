@@ -12,7 +12,7 @@
 // Arrays of numbers in messages between hosts, without padding. All hosts run the same program on
 // the same kind of machine.
 
-namespace raystage::depth {
+namespace raystage::render::depth {
 
 template <class T>
 void append_values(std::span<const T> values, RankCommunicator::Message& message) {
@@ -40,4 +40,4 @@ std::vector<T> take_values(std::span<const std::byte>& rest, std::size_t count) 
   return values;
 }
 
-}  // namespace raystage::depth
+}  // namespace raystage::render::depth

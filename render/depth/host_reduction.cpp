@@ -8,7 +8,7 @@
 
 #include "render/depth/host_messages.h"
 
-namespace raystage::depth {
+namespace raystage::render::depth {
 namespace {
 
 using Message = RankCommunicator::Message;
@@ -34,7 +34,7 @@ Message HostReduction::message_of(std::span<const float> values, std::size_t cha
                   RankCommunicator::kTrailerBytes);
   append_values(columns, message);
   for (std::size_t row = rows.begin; row < rows.end; ++row) {
-    const std::size_t at = row * width_ + static_cast<std::size_t>(columns_[row].begin);
+    const std::size_t at = row * width_ + columns_[row].begin;
     append_values(values.subspan(channels * at, channels * count(columns_[row])), message);
   }
   return message;
@@ -54,7 +54,7 @@ std::vector<HostReduction::Columns> HostReduction::add(const Message& message, s
     }
     const auto part = std::span(values).first(channels * count(in_row));
     take_values(rest, part);
-    const std::size_t at = channels * (row * width_ + static_cast<std::size_t>(in_row.begin));
+    const std::size_t at = channels * (row * width_ + in_row.begin);
     for (std::size_t i = 0; i < part.size(); ++i) sums[at + i] += part[i];
   }
   return columns;
@@ -73,9 +73,7 @@ void HostReduction::sum(std::span<float> values, int channels) const {
   const Rows mine = rows_of(static_cast<std::size_t>(group_.rank()));
   std::vector<float> sums((mine.end - mine.begin) * width_ * per_pixel, 0.0F);
   std::vector<std::vector<Columns>> columns_of_host;
-  for (const Message& part : parts) {
-    columns_of_host.push_back(add(part, per_pixel, mine, sums));
-  }
+  for (const Message& part : parts) columns_of_host.push_back(add(part, per_pixel, mine, sums));
   messages.assign(hosts, {});
   for (std::size_t host = 0; host < hosts; ++host) {
     std::size_t samples = 0;
@@ -83,7 +81,7 @@ void HostReduction::sum(std::span<float> values, int channels) const {
     messages[host].reserve(samples * per_pixel * sizeof(float) + RankCommunicator::kTrailerBytes);
     for (std::size_t row = 0; row < columns_of_host[host].size(); ++row) {
       const Columns in_row = columns_of_host[host][row];
-      const std::size_t at = row * width_ + static_cast<std::size_t>(in_row.begin);
+      const std::size_t at = row * width_ + in_row.begin;
       append_values(std::span<const float>(sums).subspan(per_pixel * at, per_pixel * count(in_row)),
                     messages[host]);
     }
@@ -93,7 +91,7 @@ void HostReduction::sum(std::span<float> values, int channels) const {
     std::span<const std::byte> rest(replies[host]);
     const Rows rows = rows_of(host);
     for (std::size_t row = rows.begin; row < rows.end; ++row) {
-      const std::size_t at = row * width_ + static_cast<std::size_t>(columns_[row].begin);
+      const std::size_t at = row * width_ + columns_[row].begin;
       take_values(rest, values.subspan(per_pixel * at, per_pixel * count(columns_[row])));
     }
   }
@@ -110,4 +108,4 @@ void HostReduction::reduce_to_first(std::span<float> values) const {
   for (std::size_t host = 1; host < hosts; ++host) add(received[host], 1, all, values);
 }
 
-}  // namespace raystage::depth
+}  // namespace raystage::render::depth

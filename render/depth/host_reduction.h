@@ -7,7 +7,7 @@
 
 #include "render/common/rank_communicator.h"
 
-namespace raystage::depth {
+namespace raystage::render::depth {
 
 /// Adds values per pixel over the hosts of a group, in the order of the hosts, for the rows of a
 /// band of a view. A host sends the columns in which it has values and receives the sums there.
@@ -46,4 +46,4 @@ class HostReduction {
   std::vector<Columns> columns_;
 };
 
-}  // namespace raystage::depth
+}  // namespace raystage::render::depth

@@ -12,7 +12,7 @@
 #include "render/depth/host_messages.h"
 #include "testing/render/thread_communicators.h"
 
-namespace raystage::depth {
+namespace raystage::render::depth {
 namespace {
 
 struct HostValues {
@@ -34,7 +34,7 @@ HostValues random_values(int width, int height, int channels, bool is_empty, std
                                          is_empty ? std::min(a, b) : std::max(a, b)};
     host.columns.push_back(columns);
     for (int x = columns.begin * channels; x < columns.end * channels; ++x) {
-      host.values[static_cast<std::size_t>(y * width * channels + x)] = value(random);
+      host.values[y * width * channels + x] = value(random);
     }
   }
   return host;
@@ -83,7 +83,7 @@ TEST(HostReduction, EqualPlainSumsInEachHostsColumns) {
         });
         for (const HostValues& host : all) {
           for (int y = 0; y < height; ++y) {
-            const HostReduction::Columns in_row = host.columns[static_cast<std::size_t>(y)];
+            const HostReduction::Columns in_row = host.columns[y];
             for (int x = 0; x < kWidth * channels; ++x) {
               const auto i = static_cast<std::size_t>(y * kWidth * channels + x);
               const bool is_inside = x >= in_row.begin * channels && x < in_row.end * channels;
@@ -145,4 +145,4 @@ TEST(HostReduction, RefuseMessagesThatDoNotFit) {
 }
 
 }  // namespace
-}  // namespace raystage::depth
+}  // namespace raystage::render::depth

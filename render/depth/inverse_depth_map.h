@@ -2,24 +2,16 @@
 #pragma once
 
 #include <array>
-#include <vector>
 
+#include "base/image.h"
 #include "render/common/view.h"
 #include "rig/rig.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Inverse planar depths (1/m along the axis, 0 = infinity) at the pixel centres of a camera
-/// without distortion, row-major.
-struct InverseDepthMap {
-  int width = 0, height = 0;  ///< pixels
-  std::vector<float> values;
-
-  float at(int x, int y) const {
-    return values[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-                  static_cast<std::size_t>(x)];
-  }
-};
+/// without distortion.
+using InverseDepthMap = Image<float>;
 
 inline constexpr float kUnknownDepth = -1;  ///< the value of a pixel whose depth is unknown
 
@@ -37,4 +29,4 @@ struct PixelTransfer {
 };
 PixelTransfer pixel_transfer(const VirtualCamera& to, const VirtualCamera& from);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -8,23 +8,23 @@
 
 #include "render/depth/depth_file.h"
 
-namespace raystage::depth {
+namespace raystage::render::depth {
 namespace {
 
 /// The last light field frames of a renderer, the newest first. Hosts must drop the same ones, so
 /// the limit is a number, not the memory that each host has left.
 class RecentDepths {
  public:
-  using Entry = std::pair<std::string, std::shared_ptr<const LocalDepths>>;
+  using Entry = std::pair<std::string, std::shared_ptr<const NotedDepths>>;
 
-  std::shared_ptr<const LocalDepths> find(const std::string& key) const {
+  std::shared_ptr<const NotedDepths> find(const std::string& key) const {
     const std::scoped_lock lock(mutex_);
     const auto found = std::ranges::find(entries_, key, &Entry::first);
     if (found == entries_.end()) return nullptr;
     std::rotate(entries_.begin(), found, found + 1);
     return entries_.front().second;
   }
-  void add(const std::string& key, std::shared_ptr<const LocalDepths> depths) const {
+  void add(const std::string& key, std::shared_ptr<const NotedDepths> depths) const {
     const std::scoped_lock lock(mutex_);
     entries_.emplace_front(key, std::move(depths));
     if (entries_.size() > kLocalDepthFrames) entries_.pop_back();
@@ -37,7 +37,7 @@ class RecentDepths {
 
 }  // namespace
 
-std::shared_ptr<const LocalDepths> local_depths(const ViewRequest& request,
+std::shared_ptr<const NotedDepths> local_depths(const ViewRequest& request,
                                                 const DepthViewSettings& settings,
                                                 const RankCommunicator& group) {
   const auto recent = request.result_cache.get<RecentDepths>(
@@ -47,7 +47,7 @@ std::shared_ptr<const LocalDepths> local_depths(const ViewRequest& request,
       });
   const std::string key = depth_cache_key(request.instant, settings.estimation);
   if (auto found = recent->find(key)) return found;
-  auto made = std::make_shared<LocalDepths>();
+  auto made = std::make_shared<NotedDepths>();
   made->depths =
       estimate_local_depths(request.instant, settings.estimation, request.working_bytes, group);
   for (InverseDepthMap& map : made->depths.maps) quantise_depths(map);
@@ -57,4 +57,4 @@ std::shared_ptr<const LocalDepths> local_depths(const ViewRequest& request,
   return made;
 }
 
-}  // namespace raystage::depth
+}  // namespace raystage::render::depth

@@ -11,25 +11,24 @@
 #include "base/parallel.h"
 #include "base/transfer_function.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// 8-bit codes of sRGB's curve for the upper 12 bits of a frame's codes.
-std::vector<float> code_table(BlendSpace space) {
+std::vector<float> code_table(store::BlendSpace space) {
   constexpr int kEntries = 4096;
   std::vector<float> table(kEntries);
   for (int i = 0; i < kEntries; ++i) {
     const double code = i / (kEntries - 1.0);
-    table[static_cast<std::size_t>(i)] =
-        static_cast<float>(255 * (space == BlendSpace::kLinear ? srgb_from_linear(code) : code));
+    table[i] = static_cast<float>(
+        255 * (space == store::BlendSpace::kLinear ? srgb_from_linear(code) : code));
   }
   return table;
 }
 
-std::vector<std::uint8_t> luma_of(const DecodedFrame& frame, BlendSpace space) {
+std::vector<std::uint8_t> luma_of(const store::DecodedFrame& frame, store::BlendSpace space) {
   const std::vector<float> code = code_table(space);
-  std::vector<std::uint8_t> luma(static_cast<std::size_t>(frame.width) *
-                                 static_cast<std::size_t>(frame.height));
+  std::vector<std::uint8_t> luma(static_cast<std::size_t>(frame.width) * frame.height);
   for (std::size_t i = 0; i < luma.size(); ++i) {
     const std::uint16_t* p = frame.rgba.get() + 4 * i;
     const float y =
@@ -41,11 +40,10 @@ std::vector<std::uint8_t> luma_of(const DecodedFrame& frame, BlendSpace space) {
 
 /// Returns the frame's luma at the pinhole's pixels, 0 where the frame does not show them.
 std::vector<std::uint8_t> without_distortion(const std::vector<std::uint8_t>& luma,
-                                             const CameraModel& model,
+                                             const rig::CameraModel& model,
                                              const VirtualCamera& pinhole) {
-  std::vector<std::uint8_t> straight(static_cast<std::size_t>(pinhole.width) *
-                                     static_cast<std::size_t>(pinhole.height));
-  const Intrinsics& k = pinhole.intrinsics;
+  std::vector<std::uint8_t> straight(static_cast<std::size_t>(pinhole.width) * pinhole.height);
+  const schemas::Intrinsics& k = pinhole.intrinsics;
   raystage::parallel_for(0, pinhole.height, [&](int y) {
     for (int x = 0; x < pinhole.width; ++x) {
       const auto pixel = model.pixel_from_ideal({(x + 0.5 - k.cx) / k.fx, (y + 0.5 - k.cy) / k.fy});
@@ -57,15 +55,13 @@ std::vector<std::uint8_t> without_distortion(const std::vector<std::uint8_t>& lu
       const int left = static_cast<int>(u), top = static_cast<int>(v);
       const auto at = [&](int column, int row) {
         return static_cast<double>(
-            luma[static_cast<std::size_t>(std::min(row, model.height() - 1)) *
-                     static_cast<std::size_t>(model.width()) +
+            luma[static_cast<std::size_t>(std::min(row, model.height() - 1)) * model.width() +
                  static_cast<std::size_t>(std::min(column, model.width() - 1))]);
       };
       const double right = u - left, down = v - top;
       const double upper = at(left, top) * (1 - right) + at(left + 1, top) * right;
       const double lower = at(left, top + 1) * (1 - right) + at(left + 1, top + 1) * right;
-      straight[static_cast<std::size_t>(y) * static_cast<std::size_t>(pinhole.width) +
-               static_cast<std::size_t>(x)] =
+      straight[static_cast<std::size_t>(y) * pinhole.width + x] =
           static_cast<std::uint8_t>(upper + down * (lower - upper) + 0.5);
     }
   });
@@ -74,8 +70,8 @@ std::vector<std::uint8_t> without_distortion(const std::vector<std::uint8_t>& lu
 
 }  // namespace
 
-MatchingImage::MatchingImage(const DecodedFrame& frame, BlendSpace space, const Rig::Camera& camera,
-                             const VirtualCamera& pinhole)
+MatchingImage::MatchingImage(const store::DecodedFrame& frame, store::BlendSpace space,
+                             const rig::Rig::Camera& camera, const VirtualCamera& pinhole)
     : width_(pinhole.width), height_(pinhole.height) {
   std::vector<std::uint8_t> luma = luma_of(frame, space);
   if (camera.model.has_distortion()) luma = without_distortion(luma, camera.model, pinhole);
@@ -100,4 +96,4 @@ std::vector<std::uint8_t> MatchingImage::plane() const {
   return luma;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -8,7 +8,7 @@
 #include "render/depth/inverse_depth_map.h"
 #include "store/processing/frames/frame_cache.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// A frame for depth estimation: luma without lens distortion, in 8-bit codes of the sRGB curve, 1
 /// to 255 (black is 1). A pixel is a 32-bit word: its luma (lowest byte) and that of its right,
@@ -18,17 +18,15 @@ class MatchingImage {
  public:
   MatchingImage() = default;
   /// `pinhole`: undistorted() of the camera.
-  MatchingImage(const DecodedFrame& frame, BlendSpace space, const Rig::Camera& camera,
-                const VirtualCamera& pinhole);
+  MatchingImage(const store::DecodedFrame& frame, store::BlendSpace space,
+                const rig::Rig::Camera& camera, const VirtualCamera& pinhole);
 
   int width() const { return width_; }
   int height() const { return height_; }
   const std::uint32_t* words() const { return words_.data(); }
   /// Returns 0 if the luma is unknown.
   std::uint8_t luma(int x, int y) const {
-    return static_cast<std::uint8_t>(
-        words_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
-               static_cast<std::size_t>(x)]);
+    return static_cast<std::uint8_t>(words_[static_cast<std::size_t>(y) * width_ + x]);
   }
   bool is_known(int x, int y) const { return luma(x, y) != 0; }
   std::vector<std::uint8_t> plane() const;  ///< returns all luma, row-major
@@ -38,4 +36,4 @@ class MatchingImage {
   std::vector<std::uint32_t> words_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

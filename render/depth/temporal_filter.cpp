@@ -10,7 +10,7 @@
 #include <cstdlib>
 #include <vector>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// Returns the weight of a neighbour by its mean luma difference.
@@ -32,13 +32,11 @@ class ChangeRows {
       add(y + kStaticWindowRadius, 1);
     }
     constexpr float kPixels = (2 * kStaticWindowRadius + 1) * (2 * kStaticWindowRadius + 1);
-    const auto column = [&](int x) {
-      return columns_[static_cast<std::size_t>(std::clamp(x, 0, a_.width() - 1))];
-    };
+    const auto column = [&](int x) { return columns_[std::clamp(x, 0, a_.width() - 1)]; };
     int sum = 0;
     for (int i = -kStaticWindowRadius; i <= kStaticWindowRadius; ++i) sum += column(i);
     for (int x = 0; x < a_.width(); ++x) {
-      of_row[static_cast<std::size_t>(x)] = static_cast<float>(sum) / kPixels;
+      of_row[x] = static_cast<float>(sum) / kPixels;
       sum += column(x + kStaticWindowRadius + 1) - column(x - kStaticWindowRadius);
     }
   }
@@ -47,7 +45,7 @@ class ChangeRows {
   void add(int row, int sign) {
     const int y = std::clamp(row, 0, a_.height() - 1);
     for (int x = 0; x < a_.width(); ++x) {
-      columns_[static_cast<std::size_t>(x)] +=
+      columns_[x] +=
           sign * std::abs(static_cast<int>(a_.luma(x, y)) - static_cast<int>(b_.luma(x, y)));
     }
   }
@@ -116,11 +114,10 @@ InverseDepthMap temporal_filter_reference(const InverseDepthMap& depths,
         sum += weight * then;
         weights += weight;
       }
-      result.values[static_cast<std::size_t>(y) * static_cast<std::size_t>(depths.width) +
-                    static_cast<std::size_t>(x)] = static_cast<float>(sum / weights);
+      result.at(x, y) = static_cast<float>(sum / weights);
     }
   }
   return result;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -6,7 +6,7 @@
 #include "render/depth/inverse_depth_map.h"
 #include "render/depth/matching_image.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// A camera's matching image and depths at a temporal neighbour.
 struct TemporalNeighbour {
@@ -29,4 +29,4 @@ InverseDepthMap temporal_filter_reference(const InverseDepthMap& depths,
                                           std::span<const TemporalNeighbour> others,
                                           float tolerance);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -7,14 +7,14 @@
 #include <functional>
 #include <random>
 
-namespace raystage::temporal_filter_test {
+namespace raystage::render::temporal_filter_test {
 namespace {
 
 constexpr int kWidth = 37, kHeight = 23;
 constexpr float kTolerance = 0.05F;
 
 MatchingImage picture(const std::function<int(int, int)>& luma) {
-  DecodedFrame frame;
+  store::DecodedFrame frame;
   frame.width = kWidth;
   frame.height = kHeight;
   frame.rgba = std::make_unique<std::uint16_t[]>(std::size_t{4} * kWidth * kHeight);
@@ -22,19 +22,20 @@ MatchingImage picture(const std::function<int(int, int)>& luma) {
     const int code = luma(i % kWidth, i / kWidth) * 257;
     for (int c = 0; c < 3; ++c) frame.rgba[4 * i + c] = static_cast<std::uint16_t>(code);
   }
-  CameraGeometry geometry;
+  schemas::CameraGeometry geometry;
   geometry.id = "c";
   geometry.width = kWidth;
   geometry.height = kHeight;
   geometry.intrinsics = {30, 30, kWidth / 2.0, kHeight / 2.0, {}};
-  const CameraModel model(geometry);
-  return {frame, BlendSpace::kPerceptual, {"c", model, {}, {}, {}, {}}, undistorted(model, {})};
+  const rig::CameraModel model(geometry);
+  return {
+      frame, store::BlendSpace::kPerceptual, {"c", model, {}, {}, {}, {}}, undistorted(model, {})};
 }
 
 InverseDepthMap map_of(const std::function<float(int, int)>& depth) {
-  InverseDepthMap map{kWidth, kHeight, {}};
+  InverseDepthMap map(kWidth, kHeight);
   for (int i = 0; i < kWidth * kHeight; ++i) {
-    map.values.push_back(depth(i % kWidth, i / kWidth));
+    map.at(i % kWidth, i / kWidth) = depth(i % kWidth, i / kWidth);
   }
   return map;
 }
@@ -75,4 +76,4 @@ TEST(Temporal, SteadiesWhatStandsStillAndLeavesAloneWhatMoves) {
 }
 
 }  // namespace
-}  // namespace raystage::temporal_filter_test
+}  // namespace raystage::render::temporal_filter_test

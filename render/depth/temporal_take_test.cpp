@@ -14,7 +14,7 @@
 #include "render/renderer.h"
 #include "testing/render/synthetic_take.h"
 
-namespace raystage::temporal_take_test {
+namespace raystage::render::temporal_take_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -41,26 +41,25 @@ class TemporalTake : public ::testing::Test {
   TemporalTake() {
     testing::SyntheticTake settings;
     settings.cameras = testing::camera_grid(2, 3, 0.1, kWidth, kHeight);
-    TakeDocument document;
-    RigDocument rig;
+    schemas::TakeDocument document;
+    schemas::RigDocument rig;
     document.name = rig.name = "noisy";
     document.created_by = "raystage test";
     document.nominal_fps = 15;
     document.color_space = "srgb_texture";
-    document.depth_range = DepthRange{2.5, 7};
-    for (const CameraGeometry& camera : settings.cameras) {
+    document.depth_range = schemas::DepthRange{2.5, 7};
+    for (const schemas::CameraGeometry& camera : settings.cameras) {
       document.cameras.push_back({camera.id, "", "", ""});
       rig.cameras.push_back({camera, {}});
     }
-    TakeWriter writer(folder_.path() / "take", document, rig);
+    store::TakeWriter writer(folder_.path() / "take", document, rig);
     std::mt19937 random(7);
     std::normal_distribution<double> noise(0, 1.2);  // codes
     for (int frame = 0; frame < kTicks; ++frame) {
       settings.scene = wall(frame);
       for (int camera = 0; camera < kCameras; ++camera) {
         if (camera == kDropping && frame == kDropped) continue;
-        RgbImage image =
-            render_camera_image(settings.cameras[static_cast<std::size_t>(camera)], settings);
+        store::RgbImage image = render_camera_image(settings.cameras[camera], settings);
         for (std::size_t i = 0; i < image.pixels.size(); i += 3) {
           const double grey = noise(random);
           for (std::size_t c = i; c < i + 3; ++c) {
@@ -68,13 +67,14 @@ class TemporalTake : public ::testing::Test {
                 static_cast<std::uint8_t>(std::clamp(image.pixels[c] + grey, 0.0, 255.0));
           }
         }
-        writer.archive(camera).append(encode_jpeg(image, {}), frame * kInterval);
+        writer.archive(camera).append(store::encode_jpeg(image, {}), frame * kInterval);
       }
     }
     writer.commit();
-    take_ = std::make_unique<Take>(folder_.path() / "take");
-    timeline_ = build_timeline(*take_, 15, 0);
-    cache_ = std::make_unique<FrameCache>(*take_, std::size_t{1} << 26, BlendSpace::kPerceptual);
+    take_ = std::make_unique<store::Take>(folder_.path() / "take");
+    timeline_ = store::build_timeline(*take_, 15, 0);
+    cache_ = std::make_unique<store::FrameCache>(*take_, std::size_t{1} << 26,
+                                                 store::BlendSpace::kPerceptual);
   }
 
   LightFieldFrame at(int tick) const {
@@ -82,15 +82,15 @@ class TemporalTake : public ::testing::Test {
     instant.take = take_.get();
     instant.rig = &take_->rig();
     instant.cache = cache_.get();
-    instant.frame_of_camera = timeline_.ticks[static_cast<std::size_t>(tick)].frame;
+    instant.frame_of_camera = timeline_.ticks[tick].frame;
     std::vector<int> present;
     for (int camera = 0; camera < kCameras; ++camera) {
       instant.included_cameras.push_back(camera);
       if (instant.is_present(camera)) present.push_back(camera);
     }
-    instant.present = std::make_shared<Topology>(make_topology(take_->rig(), present));
+    instant.present = std::make_shared<rig::Topology>(rig::make_topology(take_->rig(), present));
     instant.complete =
-        std::make_shared<Topology>(make_topology(take_->rig(), instant.included_cameras));
+        std::make_shared<rig::Topology>(rig::make_topology(take_->rig(), instant.included_cameras));
     return instant;
   }
 
@@ -110,8 +110,7 @@ class TemporalTake : public ::testing::Test {
     settings.ticks = timeline_.ticks;
     settings.excluded_cameras = std::move(excluded_cameras);
     return LightFieldRenderer(*take_, settings)
-        .render(virtual_camera_with_fov(40, 30, 0.5, {}),
-                timeline_.ticks[static_cast<std::size_t>(tick)],
+        .render(virtual_camera_with_fov(40, 30, 0.5, {}), timeline_.ticks[tick],
                 {"depth", {0, 0, 0, 1}, {{"temporal", true}}});
   }
 
@@ -123,10 +122,10 @@ class TemporalTake : public ::testing::Test {
     return files;
   }
 
-  TestFolder folder_;
-  std::unique_ptr<Take> take_;
-  Timeline timeline_;
-  std::unique_ptr<FrameCache> cache_;
+  testing::TestFolder folder_;
+  std::unique_ptr<store::Take> take_;
+  store::Timeline timeline_;
+  std::unique_ptr<store::FrameCache> cache_;
 };
 
 TEST_F(TemporalTake, WhatStandsStillComesNearerToTheTruthAndWhatMovesStays) {
@@ -144,7 +143,7 @@ TEST_F(TemporalTake, WhatStandsStillComesNearerToTheTruthAndWhatMovesStays) {
       for (int x = 0; x < kWidth; ++x) {
         const float was = alone.maps[i].at(x, y), is = steady.maps[i].at(x, y);
         if (was < 0) continue;
-        const Intrinsics& k = take_->rig().cameras[i].model.intrinsics();
+        const schemas::Intrinsics& k = take_->rig().cameras[i].model.intrinsics();
         const double on_wall = x0 + kDepth * (x + 0.5 - k.cx) / k.fx;
         if (on_wall > kStillFrom + 0.3) {
           before += std::abs(static_cast<double>(was) - 1 / kDepth);
@@ -234,4 +233,4 @@ TEST_F(TemporalTake, WithoutATimelineThereIsNothingBeside) {
 }
 
 }  // namespace
-}  // namespace raystage::temporal_take_test
+}  // namespace raystage::render::temporal_take_test

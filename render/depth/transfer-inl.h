@@ -16,7 +16,7 @@
 #include "render/depth/inverse_depth_map.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 
 /// A transfer of the pixels of row y into an image of width x height pixels.
@@ -69,7 +69,7 @@ class RowTransfer {
 
 // NOLINTNEXTLINE(google-readability-namespace-comments)
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #endif  // per target

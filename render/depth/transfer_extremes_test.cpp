@@ -18,7 +18,7 @@
 #include "testing/render/worst_error.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -48,9 +48,9 @@ Shot some_shot() {
   shot.x = *rc::gen::inRange(0, shot.from.width);
   shot.y = *rc::gen::inRange(0, shot.from.height);
   shot.inverse_depth = *rc::gen::element(0.0F, 1e-12F, 1e-9F, 1e-6F, 0.01F, 0.25F, 10.0F, 1e3F);
-  const Pose& pose = shot.from.pose;
+  const rig::Pose& pose = shot.from.pose;
   const double apart = *rc::gen::element(0.0, 1e-12, 1e-3, 0.1, 5.0, 1e6);
-  Pose other{pose.world_from_camera_rotation, pose.position + apart * testing::direction()};
+  rig::Pose other{pose.world_from_camera_rotation, pose.position + apart * testing::direction()};
   const ExactVector ray = exact_ray(shot.from, shot.x + 0.5, shot.y + 0.5);
   const Vector3d rounded(static_cast<double>(ray.x), static_cast<double>(ray.y),
                          static_cast<double>(ray.z));
@@ -116,7 +116,7 @@ Bound bound_in_double(const Shot& shot, const Sum& sum) {
                        static_cast<double>(shot.inverse_depth) * away;
   const double w = sum.value[2];
   const double u = std::max(std::abs(sum.value[0]), std::abs(sum.value[1])) / w;
-  const Intrinsics& k = shot.to.intrinsics;
+  const schemas::Intrinsics& k = shot.to.intrinsics;
   return {16 * kEpsilon * (k.fx + k.cx + k.cy + u) * terms / w, 16 * kEpsilon * terms / w};
 }
 
@@ -197,9 +197,7 @@ TEST(TransferExtremes, APointIsPutDownWhere50DigitsSeeIt) {
     int put_down = 0;
     EXPECT_TRUE(rc::check("any two cameras, pixel and depth", [&] {
       Shot shot = some_shot();
-      InverseDepthMap map{shot.from.width, shot.from.height, {}};
-      map.values.assign(static_cast<std::size_t>(map.width) * static_cast<std::size_t>(map.height),
-                        kUnknownDepth);
+      InverseDepthMap map(shot.from.width, shot.from.height, kUnknownDepth);
       map.values[static_cast<std::size_t>(shot.y) * static_cast<std::size_t>(map.width) +
                  static_cast<std::size_t>(shot.x)] = shot.inverse_depth;
       const std::vector<std::uint8_t> wanted(depth_tile_count(shot.to), 1);
@@ -247,4 +245,4 @@ TEST(TransferExtremes, APointIsPutDownWhere50DigitsSeeIt) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -19,7 +19,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -36,11 +36,10 @@ HWY_INLINE void put_down(const VirtualCamera& view, DepthTiles& tiles, float u, 
   const int columns = depth_tile_columns(view);
   for (int y = top; y < bottom; ++y) {
     for (int x = left; x < right; ++x) {
-      const std::int32_t first = tiles.first[static_cast<std::size_t>(
-          (y >> kDepthTileLog2) * columns + (x >> kDepthTileLog2))];
+      const std::int32_t first =
+          tiles.first[(y >> kDepthTileLog2) * columns + (x >> kDepthTileLog2)];
       if (first == 0) continue;
-      float& known = tiles.values[static_cast<std::size_t>(first + (y % kDepthTile) * kDepthTile +
-                                                           x % kDepthTile)];
+      float& known = tiles.values[first + (y % kDepthTile) * kDepthTile + x % kDepthTile];
       known = std::max(known, inverse_depth);
     }
   }
@@ -127,7 +126,7 @@ void warp(const InverseDepthMap& map, const VirtualCamera& camera, const Virtual
                 di, at);
       hn::Store(place.inverse_depth, d, depth);
       for (int i = 0; i < lanes; ++i) {
-        float& there = tiles.values[static_cast<std::size_t>(at[i])];
+        float& there = tiles.values[at[i]];
         there = std::max(there, depth[i]);
       }
     }
@@ -136,11 +135,11 @@ void warp(const InverseDepthMap& map, const VirtualCamera& camera, const Virtual
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::render {
 
 HWY_EXPORT(warp);
 
@@ -150,7 +149,7 @@ int depth_tile_columns(const VirtualCamera& view) {
 
 std::size_t depth_tile_count(const VirtualCamera& view) {
   return static_cast<std::size_t>(depth_tile_columns(view)) *
-         static_cast<std::size_t>((view.height + kDepthTile - 1) / kDepthTile);
+         ((view.height + kDepthTile - 1) / kDepthTile);
 }
 
 namespace {
@@ -193,7 +192,7 @@ class BlockChoice {
          ++row) {
       for (int column = tile(u0 - kMargin, view_.width); column <= tile(u1 + kMargin, view_.width);
            ++column) {
-        if (wanted_[static_cast<std::size_t>(row * columns + column)] != 0) return true;
+        if (wanted_[row * columns + column] != 0) return true;
       }
     }
     return false;
@@ -249,5 +248,5 @@ DepthTiles warp_depths(const InverseDepthMap& map, const VirtualCamera& camera,
   return tiles;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render
 #endif

@@ -8,7 +8,7 @@
 
 #include "render/depth/inverse_depth_map.h"
 
-namespace raystage {
+namespace raystage::render {
 
 inline constexpr int kDepthTileLog2 = 5, kDepthTile = 1 << kDepthTileLog2;  ///< pixels a side
 
@@ -41,4 +41,4 @@ inline constexpr float kSinglePixelFootprint = 1.25F;
 InverseDepthMap warp_depths_reference(const InverseDepthMap& map, const VirtualCamera& camera,
                                       const VirtualCamera& view);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -7,13 +7,11 @@
 
 #include "render/depth/warp.h"
 
-namespace raystage {
+namespace raystage::render {
 
 InverseDepthMap warp_depths_reference(const InverseDepthMap& map, const VirtualCamera& camera,
                                       const VirtualCamera& view) {
-  InverseDepthMap warped{view.width, view.height, {}};
-  warped.values.assign(static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height),
-                       kUnknownDepth);
+  InverseDepthMap warped(view.width, view.height, kUnknownDepth);
   const PixelTransfer t = pixel_transfer(view, camera);
   // The footprint of a pixel is the ratio of the focal lengths times that of the depths, W.
   const double focal_ratio = std::max(view.intrinsics.fx / camera.intrinsics.fx,
@@ -46,9 +44,7 @@ InverseDepthMap warp_depths_reference(const InverseDepthMap& map, const VirtualC
       }
       for (int row = top; row < bottom; ++row) {
         for (int column = left; column < right; ++column) {
-          float& known =
-              warped.values[static_cast<std::size_t>(row) * static_cast<std::size_t>(view.width) +
-                            static_cast<std::size_t>(column)];
+          float& known = warped.at(column, row);
           known = std::max(known, static_cast<float>(q / w));
         }
       }
@@ -57,4 +53,4 @@ InverseDepthMap warp_depths_reference(const InverseDepthMap& map, const VirtualC
   return warped;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

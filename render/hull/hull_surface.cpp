@@ -14,7 +14,7 @@
 #include <limits>
 #include <memory>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Matrix3d;
@@ -36,7 +36,7 @@ struct Carver {
   const Matte::Raster* raster = nullptr;
 };
 
-Carver carver_of(const Rig::Camera& camera, const Matte& matte) {
+Carver carver_of(const rig::Rig::Camera& camera, const Matte& matte) {
   const Matte::Raster& raster = matte.raster();
   Matrix3d raster_from_camera;  // camera y up, image y down; looks down -z
   raster_from_camera << raster.fx, 0, -raster.cx, 0, -raster.fy, -raster.cy, 0, 0, -1;
@@ -93,7 +93,7 @@ Interval seen_part(const Vector3d& direction, const Vector3d& per_inverse,
   keep(direction.z() - kLeastAhead, per_inverse.z());
   const std::array<int, 2> size{raster.width, raster.height};
   for (int axis = 0; axis < 2; ++axis) {
-    const double most = size[static_cast<std::size_t>(axis)];
+    const double most = size[axis];
     keep(direction(axis), per_inverse(axis));
     keep(most * direction.z() - direction(axis), most * per_inverse.z() - per_inverse(axis));
   }
@@ -131,13 +131,12 @@ void walk(const WorldRay& ray, const Carver& carver, const Interval& interval, c
     const Vector2d position = line.position((step + 0.5) / steps);
     const int x = std::clamp(static_cast<int>(position.x()), 0, raster.width - 1);
     const int y = std::clamp(static_cast<int>(position.y()), 0, raster.height - 1);
-    const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(raster.width) +
-                           static_cast<std::size_t>(x);
+    const std::size_t at = raster.offset(x, y);
     const MatteValue next = raster.values[at];
     if (step > 0 && next != value && !step_to(static_cast<double>(step) / steps, value)) return;
     value = next;
     // A step is at most a pixel; one less allows for rounding.
-    step += std::clamp(raster.uniform_radius[at] - 1, 0, steps - 1 - step);
+    step += std::clamp(raster.uniform_radius.values[at] - 1, 0, steps - 1 - step);
   }
   if (!visit(reached, seen.far, value)) return;
   if (seen.far > interval.far) visit(seen.far, interval.far, MatteValue::kUnseen);
@@ -242,12 +241,11 @@ class Carving {
 
 }  // namespace
 
-RaySurface hull_surface(const Rig& rig, std::vector<Silhouette> silhouettes, int min_views,
+RaySurface hull_surface(const rig::Rig& rig, std::vector<Silhouette> silhouettes, int min_views,
                         double nearest) {
   std::vector<Carver> carvers;
   for (const Silhouette& silhouette : silhouettes) {
-    carvers.push_back(
-        carver_of(rig.cameras[static_cast<std::size_t>(silhouette.camera)], *silhouette.matte));
+    carvers.push_back(carver_of(rig.cameras[silhouette.camera], *silhouette.matte));
   }
   struct Scratch {
     std::vector<Carver> in_order;
@@ -274,4 +272,4 @@ RaySurface hull_surface(const Rig& rig, std::vector<Silhouette> silhouettes, int
   };
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

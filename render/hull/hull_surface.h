@@ -9,7 +9,7 @@
 #include "render/hull/matte.h"
 #include "rig/rig.h"
 
-namespace raystage {
+namespace raystage::render {
 
 struct Silhouette {
   int camera = 0;  ///< of the rig
@@ -22,11 +22,11 @@ struct Silhouette {
 /// projections are on foreground in each image. They are found by walking along the projected line
 /// pixel by pixel, over the intervals that the cameras before have left. The search starts
 /// `nearest` metres from the eye. Copies only pointers; `rig` must outlive the surface.
-RaySurface hull_surface(const Rig& rig, std::vector<Silhouette> silhouettes, int min_views,
+RaySurface hull_surface(const rig::Rig& rig, std::vector<Silhouette> silhouettes, int min_views,
                         double nearest);
 
 /// The reference of hull_surface(): tests `steps` evenly spaced inverse distances per ray.
-RaySurface hull_surface_reference(const Rig& rig, std::vector<Silhouette> silhouettes,
+RaySurface hull_surface_reference(const rig::Rig& rig, std::vector<Silhouette> silhouettes,
                                   int min_views, double nearest, int steps);
 
-}  // namespace raystage
+}  // namespace raystage::render

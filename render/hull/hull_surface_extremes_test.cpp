@@ -14,7 +14,7 @@
 #include "testing/render/geometry_generators.h"
 #include "testing/render/worst_error.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -28,7 +28,7 @@ constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
 /// An array and a ray that may cross its field of view.
 struct Shot {
-  Rig rig;
+  rig::Rig rig;
   WorldRay ray;
   double nearest = 0;  ///< metres from the eye
 };
@@ -37,7 +37,7 @@ Shot some_shot() {
   const int width = *rc::gen::element(1, 64, 640, 16384);
   Shot shot{testing::random_rig(width, width > 640 ? 2 : std::min(width, 480)), {}, 0};
   const auto& cameras = shot.rig.cameras;
-  const Pose& aimed_at_by = cameras[*rc::gen::inRange<std::size_t>(0, cameras.size())].pose;
+  const rig::Pose& aimed_at_by = cameras[*rc::gen::inRange<std::size_t>(0, cameras.size())].pose;
   const double depth = *rc::gen::element(1e-3, 0.1, 4.0, 1e3, 1e9);
   const Vector3d target =
       aimed_at_by.world_from_camera(depth * Vector3d(between(-0.7, 0.7), between(-0.5, 0.5), -1));
@@ -62,7 +62,7 @@ struct Line {
 struct Track {
   Line x, y, w;
 };
-Track track_of(const Rig::Camera& camera, const WorldRay& ray) {
+Track track_of(const rig::Rig::Camera& camera, const WorldRay& ray) {
   const Eigen::Matrix3d& r = camera.pose.world_from_camera_rotation;
   const ExactVector along = exact(ray.direction),
                     to_eye = exact(ray.origin) - exact(camera.pose.position);
@@ -70,7 +70,7 @@ Track track_of(const Rig::Camera& camera, const WorldRay& ray) {
     return Line{sign * dot(exact(r.col(axis)), along), sign * dot(exact(r.col(axis)), to_eye)};
   };
   const Line right = part(0, 1), down = part(1, -1), ahead = part(2, -1);
-  const Intrinsics& k = camera.model.intrinsics();
+  const schemas::Intrinsics& k = camera.model.intrinsics();
   const auto mixed = [&](const Line& a, double focal, double centre) {
     return Line{focal * a.at_infinity + centre * ahead.at_infinity,
                 focal * a.per_inverse + centre * ahead.per_inverse};
@@ -87,7 +87,7 @@ struct Stretch {
 /// Rounding of the end of a stretch: a pixel is a quotient of sums, of the ray's direction and the
 /// offset of the eye, which may cancel. Their rounding moves the end by the ray's length over that
 /// part of a pixel; the inverse distance is rounded too.
-double end_bound(const Rig::Camera& camera, const WorldRay& ray, const Track& track,
+double end_bound(const rig::Rig::Camera& camera, const WorldRay& ray, const Track& track,
                  const Real& q) {
   const Real w = track.w.at(q);
   const Real x = (track.x.per_inverse * w - track.x.at(q) * track.w.per_inverse) / (w * w);
@@ -95,7 +95,7 @@ double end_bound(const Rig::Camera& camera, const WorldRay& ray, const Track& tr
   const double speed = static_cast<double>(std::max(Real(abs(x)), Real(abs(y))));
   const double inverse = static_cast<double>(q);
   const double away = (camera.pose.position - ray.origin).norm();
-  const Intrinsics& k = camera.model.intrinsics();
+  const schemas::Intrinsics& k = camera.model.intrinsics();
   const double size = k.fx + camera.model.width() + camera.model.height();
   const double pixels = 16 * kEpsilon * size * (1 + (1 + inverse * away) / static_cast<double>(w));
   return pixels / speed + 8 * kEpsilon * inverse;
@@ -103,7 +103,7 @@ double end_bound(const Rig::Camera& camera, const WorldRay& ray, const Track& tr
 
 /// Returns where the ray's pixel is in [left, width] x [0, height], 0 <= inverse distance <= most,
 /// by the crossings with each border; nullopt if nowhere.
-std::optional<Stretch> exact_stretch(const Rig::Camera& camera, const WorldRay& ray,
+std::optional<Stretch> exact_stretch(const rig::Rig::Camera& camera, const WorldRay& ray,
                                      const Real& left, const Real& most) {
   const Track track = track_of(camera, ray);
   Stretch stretch{0, most};
@@ -157,7 +157,7 @@ std::optional<Real> first_held(const std::vector<std::optional<Stretch>>& stretc
   return first;
 }
 
-std::shared_ptr<const Matte> matte_of(const CameraModel& model, int first_column) {
+std::shared_ptr<const Matte> matte_of(const rig::CameraModel& model, int first_column) {
   std::vector<std::uint8_t> codes;
   for (int y = 0; y < model.height(); ++y) {
     for (int x = 0; x < model.width(); ++x) codes.push_back(x >= first_column ? 255 : 0);
@@ -219,11 +219,11 @@ TEST(CarvingExtremes, WhatCamerasSeeBeginsWhere50DigitsSeeIt) {
 }
 
 TEST(CarvingExtremes, LookingForWhatIsNextToTheEyeHidesNothing) {
-  RigDocument document;
+  schemas::RigDocument document;
   for (const auto& camera : testing::camera_grid(1, 1, 1, 640, 480)) {
     document.cameras.push_back({camera, {}});
   }
-  Shot shot{rig_from_document(document), {}, 0.1};
+  Shot shot{rig::rig_from_document(document), {}, 0.1};
   const std::vector<Silhouette> all{{0, matte_of(shot.rig.cameras[0].model, 0)}};
   // In the camera's plane, where the ray's depth is constant; and from afar.
   for (const Vector3d& eye : {Vector3d(5, 0, 0), Vector3d(1e6, 0, 0), Vector3d(-1e6, 10, 1e5)}) {
@@ -243,7 +243,7 @@ TEST(CarvingExtremes, AnEdgeIsCutWithinAPixelOfWhere50DigitsSeeIt) {
   EXPECT_TRUE(rc::check("any camera, silhouette and ray", [&] {
     Shot shot = some_shot();
     shot.rig.cameras.erase(shot.rig.cameras.begin() + 1, shot.rig.cameras.end());
-    const Rig::Camera& camera = shot.rig.cameras[0];
+    const rig::Rig::Camera& camera = shot.rig.cameras[0];
     const Real most = 1 / Real(shot.nearest);
     for (const int parts : {1, 2, 3, 4, 5, 6, 7}) {
       const int column = camera.model.width() * parts / 8;
@@ -259,4 +259,4 @@ TEST(CarvingExtremes, AnEdgeIsCutWithinAPixelOfWhere50DigitsSeeIt) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

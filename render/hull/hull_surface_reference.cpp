@@ -6,16 +6,16 @@
 
 #include "render/hull/hull_surface.h"
 
-namespace raystage {
+namespace raystage::render {
 
-RaySurface hull_surface_reference(const Rig& rig, std::vector<Silhouette> silhouettes,
+RaySurface hull_surface_reference(const rig::Rig& rig, std::vector<Silhouette> silhouettes,
                                   int min_views, double nearest, int steps) {
   return [&rig, silhouettes = std::move(silhouettes), min_views, nearest, steps](
              std::span<const WorldRay> rays, std::span<double> inverse_distance) {
     const auto is_inside = [&](const WorldRay& ray, double inverse) {
       int seeing = 0;
       for (const Silhouette& silhouette : silhouettes) {
-        const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(silhouette.camera)];
+        const rig::Rig::Camera& camera = rig.cameras[silhouette.camera];
         const Eigen::Vector3d towards =
             ray.direction - (camera.pose.position - ray.origin) * inverse;
         const MatteValue value = silhouette.matte->at(
@@ -37,4 +37,4 @@ RaySurface hull_surface_reference(const Rig& rig, std::vector<Silhouette> silhou
   };
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

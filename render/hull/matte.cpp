@@ -8,7 +8,7 @@
 
 #include "store/processing/mattes/matte_file.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector2d;
@@ -18,7 +18,7 @@ struct Bounds {
   Vector2d least = Vector2d::Constant(1e30), most = Vector2d::Constant(-1e30);
 };
 
-Bounds ideal_bounds(const CameraModel& model) {
+Bounds ideal_bounds(const rig::CameraModel& model) {
   Bounds bounds;
   const auto take_in = [&](double x, double y) {
     const auto ideal = model.ideal_from_pixel({x, y});
@@ -55,12 +55,12 @@ void least_of_three(const std::uint8_t* row, std::vector<std::uint8_t>& least) {
 
 }  // namespace
 
-Matte::Matte(const CameraModel& model, std::vector<std::uint8_t> codes, double threshold)
+Matte::Matte(const rig::CameraModel& model, std::vector<std::uint8_t> codes, double threshold)
     : width_(model.width()),
       height_(model.height()),
       least_(static_cast<std::uint8_t>(std::clamp(std::ceil(threshold * 255), 1.0, 255.0))),
       codes_(std::move(codes)) {
-  const Intrinsics& k = model.intrinsics();
+  const schemas::Intrinsics& k = model.intrinsics();
   raster_.width = width_;
   raster_.height = height_;
   raster_.fx = k.fx;
@@ -80,8 +80,7 @@ Matte::Matte(const CameraModel& model, std::vector<std::uint8_t> codes, double t
     raster_.cx = raster_.width / 2.0 - middle.x();
     raster_.cy = raster_.height / 2.0 - middle.y();
   }
-  raster_.values.reserve(static_cast<std::size_t>(raster_.width) *
-                         static_cast<std::size_t>(raster_.height));
+  raster_.values.reserve(static_cast<std::size_t>(raster_.width) * raster_.height);
   for (int y = 0; y < raster_.height; ++y) {
     for (int x = 0; x < raster_.width; ++x) {
       const auto pixel = model.pixel_from_ideal(
@@ -96,38 +95,36 @@ Matte::Matte(const CameraModel& model, std::vector<std::uint8_t> codes, double t
 /// to the nearest pixel next to a different value.
 void Matte::Raster::compute_uniform_radius() {
   const auto columns = static_cast<std::size_t>(width);
-  uniform_radius.resize(values.size());
+  uniform_radius = Image<std::uint8_t>(width, height);
   for (int y = 0; y < height; ++y) {
-    const auto row_at = [&](int v) {
-      return values.data() + static_cast<std::size_t>(std::clamp(v, 0, height - 1)) * columns;
-    };
-    const MatteValue *above = row_at(y - 1), *row = row_at(y), *below = row_at(y + 1);
-    std::uint8_t* out = uniform_radius.data() + static_cast<std::size_t>(y) * columns;
+    const std::span<const MatteValue> above = row(std::max(y - 1, 0)), here = row(y),
+                                      below = row(std::min(y + 1, height - 1));
+    const std::span<std::uint8_t> out = uniform_radius.row(y);
     const auto all_are = [&](std::size_t x, MatteValue value) {
-      return above[x] == value && row[x] == value && below[x] == value;
+      return above[x] == value && here[x] == value && below[x] == value;
     };
     for (std::size_t x = 0; x < columns; ++x) {
-      const bool same = all_are(x > 0 ? x - 1 : x, row[x]) && all_are(x, row[x]) &&
-                        all_are(x + 1 < columns ? x + 1 : x, row[x]);
+      const bool same = all_are(x > 0 ? x - 1 : x, here[x]) && all_are(x, here[x]) &&
+                        all_are(x + 1 < columns ? x + 1 : x, here[x]);
       out[x] = same ? kMostAlike : 0;
     }
   }
   // Two passes: downwards to the right, then upwards to the left.
   std::vector<std::uint8_t> least(columns);
   for (int y = 0; y < height; ++y) {
-    std::uint8_t* row = uniform_radius.data() + static_cast<std::size_t>(y) * columns;
-    least_of_three(y > 0 ? row - columns : nullptr, least);
+    std::uint8_t* radius = uniform_radius.row(y).data();
+    least_of_three(y > 0 ? radius - columns : nullptr, least);
     for (std::size_t x = 0; x < columns; ++x) {
-      const int beside = x > 0 ? std::min(least[x], row[x - 1]) : least[x];
-      row[x] = static_cast<std::uint8_t>(std::min<int>(row[x], beside + 1));
+      const int beside = x > 0 ? std::min(least[x], radius[x - 1]) : least[x];
+      radius[x] = static_cast<std::uint8_t>(std::min<int>(radius[x], beside + 1));
     }
   }
   for (int y = height - 1; y >= 0; --y) {
-    std::uint8_t* row = uniform_radius.data() + static_cast<std::size_t>(y) * columns;
-    least_of_three(y + 1 < height ? row + columns : nullptr, least);
+    std::uint8_t* radius = uniform_radius.row(y).data();
+    least_of_three(y + 1 < height ? radius + columns : nullptr, least);
     for (std::size_t x = columns; x-- > 0;) {
-      const int beside = x + 1 < columns ? std::min(least[x], row[x + 1]) : least[x];
-      row[x] = static_cast<std::uint8_t>(std::min<int>(row[x], beside + 1));
+      const int beside = x + 1 < columns ? std::min(least[x], radius[x + 1]) : least[x];
+      radius[x] = static_cast<std::uint8_t>(std::min<int>(radius[x], beside + 1));
     }
   }
 }
@@ -136,18 +133,19 @@ MatteValue Matte::at_pixel(const Vector2d& pixel) const {
   if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < width_ && pixel.y() < height_)) {
     return MatteValue::kUnseen;
   }
-  const std::size_t at = static_cast<std::size_t>(pixel.y()) * static_cast<std::size_t>(width_) +
-                         static_cast<std::size_t>(pixel.x());
+  const std::size_t at = static_cast<std::size_t>(pixel.y()) * width_ + pixel.x();
   return codes_[at] >= least_ ? MatteValue::kForeground : MatteValue::kBackground;
 }
 
-MatteValue Matte::at(const CameraModel& model, const Eigen::Vector3d& direction_in_camera) const {
+MatteValue Matte::at(const rig::CameraModel& model,
+                     const Eigen::Vector3d& direction_in_camera) const {
   const auto pixel = model.project(direction_in_camera);
   return pixel ? at_pixel(*pixel) : MatteValue::kUnseen;
 }
 
-Matte read_matte(const std::filesystem::path& file, const CameraModel& model, double threshold) {
-  return {model, read_matte_png(file, model.width(), model.height()), threshold};
+Matte read_matte(const std::filesystem::path& file, const rig::CameraModel& model,
+                 double threshold) {
+  return {model, store::read_matte_png(file, model.width(), model.height()), threshold};
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -7,36 +7,35 @@
 #include <filesystem>
 #include <vector>
 
+#include "base/image.h"
 #include "rig/camera_model.h"
 
-namespace raystage {
+namespace raystage::render {
 
 enum class MatteValue : std::uint8_t { kBackground = 0, kForeground = 1, kUnseen = 2 };
 
 class Matte {
  public:
   /// `codes`: 8 bits per pixel of the camera's image; foreground from 255 * `threshold` (0 to 1).
-  Matte(const CameraModel& model, std::vector<std::uint8_t> codes, double threshold);
+  Matte(const rig::CameraModel& model, std::vector<std::uint8_t> codes, double threshold);
 
   /// The matte without lens distortion: straight lines in space are straight here. Its pixel
   /// density is that of the image's middle.
-  struct Raster {
-    int width = 0, height = 0;
+  struct Raster : Image<MatteValue> {
     double fx = 1, fy = 1, cx = 0, cy = 0;  ///< position = (fx x + cx, fy y + cy) of ideal x, y
-    std::vector<MatteValue> values;
 
     /// Per pixel: the radius, in pixels along both axes, within which all values are equal; at most
     /// 254. Walks skip that far.
-    std::vector<std::uint8_t> uniform_radius;
+    Image<std::uint8_t> uniform_radius;
     void compute_uniform_radius();
   };
   const Raster& raster() const { return raster_; }
 
   /// The reference: the value of the pixel that contains the point, through the lens.
-  MatteValue at(const CameraModel& model, const Eigen::Vector3d& direction_in_camera) const;
+  MatteValue at(const rig::CameraModel& model, const Eigen::Vector3d& direction_in_camera) const;
 
   std::size_t bytes() const {
-    return codes_.size() + raster_.values.size() + raster_.uniform_radius.size();
+    return codes_.size() + raster_.values.size() + raster_.uniform_radius.values.size();
   }
 
  private:
@@ -49,6 +48,7 @@ class Matte {
 };
 
 /// Reads a PNG. Throws Error (bad input) if it is not one, or not of the camera's size.
-Matte read_matte(const std::filesystem::path& file, const CameraModel& model, double threshold);
+Matte read_matte(const std::filesystem::path& file, const rig::CameraModel& model,
+                 double threshold);
 
-}  // namespace raystage
+}  // namespace raystage::render

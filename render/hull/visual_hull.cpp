@@ -16,16 +16,15 @@
 #include "render/lumigraph/lumigraph.h"
 #include "store/processing/mattes/matte_file.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr int kReferenceSteps = 4096;
 
 std::shared_ptr<const Matte> kept_matte(const LightFieldFrame& instant, ResultCache& kept,
                                         int camera, double threshold) {
-  const auto index = static_cast<std::size_t>(camera);
-  const auto file = matte_file_path(*instant.take, camera, instant.frame_of_camera[index]);
-  const CameraModel& model = instant.rig->cameras[index].model;
+  const auto file = store::matte_file_path(*instant.take, camera, instant.frame_of_camera[camera]);
+  const rig::CameraModel& model = instant.rig->cameras[camera].model;
   return kept.get<Matte>(
       fmt::format("matte {} {}", threshold, file.string()), [&](std::size_t& bytes) {
         auto matte = std::make_shared<const Matte>(read_matte(file, model, threshold));
@@ -34,12 +33,12 @@ std::shared_ptr<const Matte> kept_matte(const LightFieldFrame& instant, ResultCa
       });
 }
 
-Error no_mattes(std::string what, const Take& take) {
+Error no_mattes(std::string what, const store::Take& take) {
   return Error::bad_input(std::move(what), (take.folder() / "mattes").string(),
                           "Write TAKE/mattes/CAMERA/FRAME.png (see docs/formats/mattes.md)");
 }
 
-void check_mattes(const MethodOptions&, const Take& take) {
+void check_mattes(const MethodOptions&, const store::Take& take) {
   if (!std::filesystem::is_directory(take.folder() / "mattes")) {
     throw no_mattes("the take has no mattes", take);
   }
@@ -49,10 +48,11 @@ void check_mattes(const MethodOptions&, const Take& take) {
 std::vector<Silhouette> silhouettes_of(const LightFieldFrame& instant, ResultCache& kept,
                                        double threshold) {
   std::vector<Silhouette> silhouettes;
-  const Take& take = *instant.take;
+  const store::Take& take = *instant.take;
   for (const int camera : instant.included_cameras) {
-    const int frame = instant.frame_of_camera[static_cast<std::size_t>(camera)];
-    if (frame < 0 || !std::filesystem::exists(matte_file_path(take, camera, frame))) continue;
+    const int frame = instant.frame_of_camera[camera];
+    if (frame < 0 || !std::filesystem::exists(store::matte_file_path(take, camera, frame)))
+      continue;
     silhouettes.push_back({camera, nullptr});
   }
   if (silhouettes.empty()) throw no_mattes("no camera has a matte at this instant", take);
@@ -67,11 +67,11 @@ int min_views(const MethodOptions& options, const std::vector<Silhouette>& silho
   return std::max(1, static_cast<int>(std::ceil(share * static_cast<double>(silhouettes.size()))));
 }
 
-std::vector<std::filesystem::path> mattes_of(const Take& take, std::span<const int> frames) {
+std::vector<std::filesystem::path> mattes_of(const store::Take& take, std::span<const int> frames) {
   std::vector<std::filesystem::path> files;
   for (std::size_t camera = 0; camera < frames.size(); ++camera) {
     if (frames[camera] < 0) continue;
-    const auto file = matte_file_path(take, static_cast<int>(camera), frames[camera]);
+    const auto file = store::matte_file_path(take, static_cast<int>(camera), frames[camera]);
     if (std::filesystem::exists(file)) files.push_back(file);
   }
   return files;
@@ -89,23 +89,16 @@ void note_missing_mattes(const LightFieldFrame& instant, RenderedView& view) {
   }
 }
 
-}  // namespace
-
-RaySurface visual_hull_surface(const MethodOptions& options, const LightFieldFrame& instant,
-                               ResultCache& kept) {
+/// Returns the surface on which rays meet the hull. Throws Error (bad input) if no camera has a
+/// matte at the instant, or a matte is invalid.
+RaySurface hull_of(const MethodOptions& options, const LightFieldFrame& instant, ResultCache& kept,
+                   bool reference) {
   const auto silhouettes = silhouettes_of(instant, kept, options.number("threshold"));
-  return hull_surface(*instant.rig, silhouettes, min_views(options, silhouettes),
-                      options.number("nearest"));
+  const int views = min_views(options, silhouettes);
+  const double nearest = options.number("nearest");
+  if (!reference) return hull_surface(*instant.rig, silhouettes, views, nearest);
+  return hull_surface_reference(*instant.rig, silhouettes, views, nearest, kReferenceSteps);
 }
-
-RaySurface visual_hull_surface_reference(const MethodOptions& options,
-                                         const LightFieldFrame& instant, ResultCache& kept) {
-  const auto silhouettes = silhouettes_of(instant, kept, options.number("threshold"));
-  return hull_surface_reference(*instant.rig, silhouettes, min_views(options, silhouettes),
-                                options.number("nearest"), kReferenceSteps);
-}
-
-namespace {
 
 std::vector<OptionSpec> hull_options() {
   std::vector<OptionSpec> all = ray_weight_options();
@@ -130,31 +123,30 @@ class VisualHullMethod final : public Method {
 
   RenderedView render(const ViewRequest& request) const override {
     RenderedView view = render_lumigraph(
-        request, visual_hull_surface(request.options, request.instant, request.result_cache),
+        request, hull_of(request.options, request.instant, request.result_cache, false),
         ray_weight_settings(request.options), WeightField::kPerPixel, MissedRay::kKnownEmpty);
     note_missing_mattes(request.instant, view);
     return view;
   }
   RenderedView render_reference(const ViewRequest& request) const override {
     RenderedView view = render_lumigraph_reference(
-        request,
-        visual_hull_surface_reference(request.options, request.instant, request.result_cache),
+        request, hull_of(request.options, request.instant, request.result_cache, true),
         ray_weight_settings(request.options), MissedRay::kKnownEmpty);
     note_missing_mattes(request.instant, view);
     return view;
   }
 
-  void check(const MethodOptions& options, const Take& take) const override {
+  void check(const MethodOptions& options, const store::Take& take) const override {
     check_mattes(options, take);
   }
-  std::vector<std::filesystem::path> input_files(const MethodOptions&, const Take& take,
-                                                 const FrameSelection& frames) const override {
+  std::vector<std::filesystem::path> input_files(
+      const MethodOptions&, const store::Take& take,
+      const store::FrameSelection& frames) const override {
     return mattes_of(take, frames.frame);
   }
 
   RaySurface surface(const SurfaceRequest& r) const override {
-    const auto hull = r.reference ? visual_hull_surface_reference : visual_hull_surface;
-    return hull(r.options, r.instant, r.result_cache);
+    return hull_of(r.options, r.instant, r.result_cache, r.reference);
   }
   bool has_ray_weights() const override { return true; }
   bool uses_focal_plane() const override { return false; }
@@ -173,4 +165,4 @@ const Method& visual_hull_method() {
   return method;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

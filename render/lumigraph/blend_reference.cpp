@@ -3,11 +3,11 @@
 
 #include <algorithm>
 
-namespace raystage {
+namespace raystage::render {
 
 std::array<float, 4> blend_reference(ReferenceFrames& frames,
                                      const std::vector<WeightedCamera>& cameras,
-                                     const FrameCache& cache) {
+                                     const store::FrameCache& cache) {
   std::array<double, 3> mean{};
   double alpha = 0, seen = 0;
   for (const WeightedCamera& camera : cameras) {
@@ -22,4 +22,4 @@ std::array<float, 4> blend_reference(ReferenceFrames& frames,
   return premultiplied_light(mean, seen * alpha, cache);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -7,12 +7,12 @@
 #include "render/lumigraph/ray_weights.h"
 #include "render/sampling/reference_renderer.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Returns R, G, B, A, premultiplied linear light, of the weighted cameras of a ray; A is the
 /// largest `seen` of a camera. Thread-safe.
 std::array<float, 4> blend_reference(ReferenceFrames& frames,
                                      const std::vector<WeightedCamera>& cameras,
-                                     const FrameCache& cache);
+                                     const store::FrameCache& cache);
 
-}  // namespace raystage
+}  // namespace raystage::render

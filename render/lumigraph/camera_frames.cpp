@@ -7,7 +7,7 @@
 #include "base/parallel.h"
 #include "render/sampling/depth_sampling.h"
 
-namespace raystage {
+namespace raystage::render {
 
 CameraFrames::CameraFrames(const LightFieldFrame& instant, bool count_needed)
     : instant_(instant),
@@ -43,18 +43,17 @@ bool CameraFrames::are_fully_decoded() const {
 void CameraFrames::set_mcu_layout(int camera, SourceView& lens) {
   const auto i = static_cast<std::size_t>(camera);
   if (!used_[i]) return;
-  wanted_[i].assign(static_cast<std::size_t>(layouts_[i]->mcu_count()), 0);
-  raystage::set_mcu_layout(lens, *layouts_[i], wanted_[i].data());
+  wanted_[i].assign(layouts_[i]->mcu_count(), 0);
+  render::set_mcu_layout(lens, *layouts_[i], wanted_[i].data());
   if (!count_needed_) return;
-  read_pixels_[i].resize(
-      static_cast<std::size_t>(lens.width) * static_cast<std::size_t>(lens.height), 0);
+  read_pixels_[i].resize(static_cast<std::size_t>(lens.width) * lens.height, 0);
   lens.read_pixels = read_pixels_[i].data();
 }
 
 void CameraFrames::decode(RenderStatistics& statistics) {
   std::atomic<std::int64_t> decoded = 0;
   raystage::parallel_for(std::size_t{0}, used_.size(), [&](std::size_t i) {
-    const McuMask& mcus = wanted_[i];
+    const store::McuMask& mcus = wanted_[i];
     const bool none = !mcus.empty() && std::find(mcus.begin(), mcus.end(), 1) == mcus.end();
     if (!used_[i] || none) return;
     std::int64_t pixels = 0;
@@ -69,4 +68,4 @@ void CameraFrames::decode(RenderStatistics& statistics) {
   statistics.cameras_used = static_cast<int>(std::ranges::count(looked_through_, 1));
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -9,7 +9,7 @@
 #include "render/common/view.h"
 #include "render/sampling/source_view.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// The frames of an instant, decoded where a view or, in turn, its parts read them.
 class CameraFrames {
@@ -31,7 +31,7 @@ class CameraFrames {
   void decode(RenderStatistics& statistics);
   /// Returns null for a camera that is not used.
   const std::uint16_t* pixels(int camera) const {
-    const auto& frame = frames_[static_cast<std::size_t>(camera)];
+    const auto& frame = frames_[camera];
     return frame ? frame->rgba.get() : nullptr;
   }
 
@@ -40,10 +40,10 @@ class CameraFrames {
   bool count_needed_;
   std::vector<bool> used_;
   std::vector<std::uint8_t> looked_through_;  // in any part
-  std::vector<std::shared_ptr<const JpegLayout>> layouts_;
-  std::vector<McuMask> wanted_;                         // empty: all
+  std::vector<std::shared_ptr<const store::JpegLayout>> layouts_;
+  std::vector<store::McuMask> wanted_;                  // empty: all
   std::vector<std::vector<std::uint8_t>> read_pixels_;  // empty: not counted
-  std::vector<std::shared_ptr<const DecodedFrame>> frames_;
+  std::vector<std::shared_ptr<const store::DecodedFrame>> frames_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -10,7 +10,7 @@
 #include <cmath>
 #include <limits>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -60,10 +60,10 @@ Bounds penalty_bounds(const Vector3d& eye_to_camera, const Vector3d& axis, doubl
 
 /// Returns whether the camera sees all points of the bundle, away from its image's border. Without
 /// distortion the hull of the corners contains them; a margin allows for the bend by the lens.
-bool sees_all(const Rig::Camera& camera, const RayBundle& bundle,
+bool sees_all(const rig::Rig::Camera& camera, const RayBundle& bundle,
               const RayWeightSettings& weighing) {
   constexpr double kMargin = 2;  // pixels
-  const CameraModel& model = camera.model;
+  const rig::CameraModel& model = camera.model;
   const double border = std::max(weighing.border * model.width(), 1.0) + kMargin;
   for (const Vector3d& corner : bundle.corners) {
     for (const double inverse : {bundle.min_inverse_distance, bundle.max_inverse_distance}) {
@@ -81,7 +81,7 @@ bool sees_all(const Rig::Camera& camera, const RayBundle& bundle,
 
 }  // namespace
 
-std::vector<int> select_candidate_cameras(const Rig& rig, std::span<const int> cameras,
+std::vector<int> select_candidate_cameras(const rig::Rig& rig, std::span<const int> cameras,
                                           const RayBundle& bundle,
                                           const RayWeightSettings& weighing, double spacing) {
   Vector3d axis = Vector3d::Zero();
@@ -94,8 +94,7 @@ std::vector<int> select_candidate_cameras(const Rig& rig, std::span<const int> c
   std::vector<Bounds> bounds;
   std::vector<std::size_t> by_most(cameras.size());
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    const Vector3d offset =
-        rig.cameras[static_cast<std::size_t>(cameras[i])].pose.position - bundle.eye;
+    const Vector3d offset = rig.cameras[cameras[i]].pose.position - bundle.eye;
     bounds.push_back(penalty_bounds(offset, axis, angle, bundle, weighing));
     by_most[i] = i;
   }
@@ -106,7 +105,7 @@ std::vector<int> select_candidate_cameras(const Rig& rig, std::span<const int> c
   double threshold = kInfinity;
   int seeing = 0;
   for (const std::size_t i : by_most) {
-    if (!sees_all(rig.cameras[static_cast<std::size_t>(cameras[i])], bundle, weighing)) continue;
+    if (!sees_all(rig.cameras[cameras[i]], bundle, weighing)) continue;
     if (++seeing <= weighing.cameras) continue;
     threshold = bounds[i].most;
     break;
@@ -121,4 +120,4 @@ std::vector<int> select_candidate_cameras(const Rig& rig, std::span<const int> c
   return chosen;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -8,7 +8,7 @@
 
 #include "render/lumigraph/ray_weights.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Rays from one eye through a rectangle of pixels, with bounds on their lengths.
 struct RayBundle {
@@ -20,8 +20,8 @@ struct RayBundle {
 /// Returns those of `cameras`, in order, that can be among the k best of any ray of a bundle, or
 /// determine the threshold of the k-th best. It bounds the penalties over the bundle, so excluding
 /// the others changes no weight.
-std::vector<int> select_candidate_cameras(const Rig& rig, std::span<const int> cameras,
+std::vector<int> select_candidate_cameras(const rig::Rig& rig, std::span<const int> cameras,
                                           const RayBundle& bundle,
                                           const RayWeightSettings& weighing, double spacing);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -7,7 +7,6 @@
 #include "render/lumigraph/lumigraph.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <mutex>
@@ -19,19 +18,14 @@
 #include "render/lumigraph/ray_chunk.h"
 #include "render/lumigraph/ray_directions.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 using Eigen::Vector3d;
 
 constexpr int kBlockWidth = RayChunk::kSize, kBlockHeight = kBlendingTileSize;
 constexpr float kNowhere = std::numeric_limits<float>::infinity();
 constexpr int kFieldColumns = kBlockWidth / kBlendingTileSize + 1;
-
-double milliseconds(Clock::duration duration) {
-  return std::chrono::duration<double, std::milli>(duration).count();
-}
 
 /// A part of the view, and the cameras that can contribute to it.
 struct Block {
@@ -65,12 +59,9 @@ class LumigraphFrame {
         middle_(rig_.centre()),
         world_ray_(world_ray_from_pixel(request.view)),
         cameras_(chunk_cameras(rig_)),
-        frames_(request.instant, request.count_needed_pixels) {
-    for (int camera = 0; camera < static_cast<int>(rig_.cameras.size()); ++camera) {
-      if (request.instant.is_present(camera)) present_.push_back(camera);
-    }
-    complete_ = request.instant.included_cameras;
-  }
+        frames_(request.instant, request.count_needed_pixels),
+        present_(request.instant.present_cameras()),
+        complete_(request.instant.included_cameras) {}
 
   RenderedView render() {
     sums_ = SumStage::kSampleAndFinish;
@@ -94,10 +85,7 @@ class LumigraphFrame {
 
  private:
   RenderedView render(RenderedView image) {
-    if (request_.measure_coverage) {
-      image.cameras.assign(image.coverage.size(), 0.0F);
-      image.nearest_ray.assign(image.coverage.size(), kNowhere);
-    }
+    if (request_.measure_coverage) clear_coverage_measures(image);
     if (missed_ == MissedRay::kKnownEmpty) image.empty_space.assign(image.coverage.size(), 0.0F);
     const int rows = rows_of_band();
     for (top_ = 0; top_ < view_.height; top_ += rows) {
@@ -106,10 +94,7 @@ class LumigraphFrame {
     return image;
   }
 
-  std::size_t at(int x, int y) const {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
-           static_cast<std::size_t>(x);
-  }
+  std::size_t at(int x, int y) const { return static_cast<std::size_t>(y) * view_.width + x; }
 
   std::size_t in_band(int x, int y) const { return at(x, y - top_); }
 
@@ -127,15 +112,15 @@ class LumigraphFrame {
 
   /// Renders rows from top_ on. Pixels do not depend on other blocks.
   void render_band(int end, RenderedView& image) {
-    const auto start = Clock::now();
+    const auto start = RenderClock::now();
     make_blocks(end);
     intersect_surface(end, image);
     frames_.open(used_cameras());
     if (sums_ != SumStage::kFinishOnly && !frames_.are_fully_decoded()) mark_wanted();
-    const auto planned = Clock::now();
+    const auto planned = RenderClock::now();
     frames_.decode(image.statistics);
     for (ChunkCamera& camera : cameras_) camera.lens.rgba = frames_.pixels(camera.camera);
-    const auto decoded = Clock::now();
+    const auto decoded = RenderClock::now();
     for_each_block([&](const Block& block, Scratch& scratch) {
       if (sums_ == SumStage::kSampleOnly && !reads_any(block)) return;  // the sums are 0
       if (block.present.empty()) leave_empty(block, image);
@@ -144,7 +129,7 @@ class LumigraphFrame {
     image.statistics.working_bytes = std::max(image.statistics.working_bytes, bytes_worked_in());
     image.statistics.plan_ms += milliseconds(planned - start);
     image.statistics.decode_ms += milliseconds(decoded - planned);
-    image.statistics.render_ms += milliseconds(Clock::now() - decoded);
+    image.statistics.render_ms += milliseconds(RenderClock::now() - decoded);
   }
 
   std::size_t bytes_worked_in() const {
@@ -179,7 +164,7 @@ class LumigraphFrame {
                            [&](const tbb::blocked_range<int>& range) {
                              Scratch scratch;
                              for (int i = range.begin(); i < range.end(); ++i) {
-                               body(blocks_[static_cast<std::size_t>(i)], scratch);
+                               body(blocks_[i], scratch);
                              }
                            });
   }
@@ -220,7 +205,7 @@ class LumigraphFrame {
           std::vector<double> inverse_distance;
           RayDirections row;
           for (int i = range.begin(); i < range.end(); ++i) {
-            const Block& block = blocks_[static_cast<std::size_t>(i / kBlockHeight)];
+            const Block& block = blocks_[i / kBlockHeight];
             const int y = block.y0 + i % kBlockHeight;
             if (y >= block.y1) continue;
             compute_ray_directions(world_ray_, block.x0, y, block.x1 - block.x0, row);
@@ -229,7 +214,7 @@ class LumigraphFrame {
             inverse_distance.resize(rays.size());
             surface_(rays, inverse_distance);
             for (int x = block.x0; x < block.x1; ++x) {
-              const double inverse = inverse_distance[static_cast<std::size_t>(x - block.x0)];
+              const double inverse = inverse_distance[x - block.x0];
               inverse_distance_[in_band(x, y)] = inverse;
               if (!(inverse >= 0) && missed_ == MissedRay::kKnownEmpty)
                 image.empty_space[at(x, y)] = 1;
@@ -249,18 +234,15 @@ class LumigraphFrame {
   std::vector<bool> used_cameras() const {
     std::vector<bool> used(rig_.cameras.size());
     for (const Block& block : blocks_) {
-      for (const int camera : block.present) {
-        if (is_read(camera)) used[static_cast<std::size_t>(camera)] = true;
-      }
+      for (const int camera : block.present)
+        if (is_read(camera)) used[camera] = true;
     }
     return used;
   }
 
   void set_cameras(const std::vector<int>& cameras, Scratch& scratch) const {
     scratch.cameras.clear();
-    for (const int camera : cameras) {
-      scratch.cameras.push_back(&cameras_[static_cast<std::size_t>(camera)]);
-    }
+    for (const int camera : cameras) scratch.cameras.push_back(&cameras_[camera]);
     scratch.weights.resize(cameras.size());
   }
 
@@ -366,10 +348,10 @@ class LumigraphFrame {
         static_cast<float>(request_.instant.cache->full_scale()), &image.rgba[first * 4], sums_);
     if (sums_ == SumStage::kSampleOnly) return;
     const Vector3d forward = view_.pose.viewing_direction();
-    for (std::size_t i = 0; i < static_cast<std::size_t>(chunk.count); ++i) {
+    for (int i = 0; i < chunk.count; ++i) {
       const float alpha = image.rgba[(first + i) * 4 + 3];
       image.coverage[first + i] = alpha;
-      const auto ahead = static_cast<float>(forward.dot(scratch.row[static_cast<int>(i)]));
+      const auto ahead = static_cast<float>(forward.dot(scratch.row[i]));
       image.z[first + i] = alpha > 0 ? ahead / chunk.inverse_distance[i] : kNowhere;
     }
     if (request_.measure_coverage) measure(first, scratch, image);
@@ -401,7 +383,7 @@ class LumigraphFrame {
 
   const ViewRequest& request_;
   const VirtualCamera& view_;
-  const Rig& rig_;
+  const rig::Rig& rig_;
   const RaySurface& surface_;
   RayWeightSettings weighing_;
   double spacing_;
@@ -439,4 +421,4 @@ RenderedView render_lumigraph(const ViewRequest& request, const RaySurface& surf
   return LumigraphFrame(request, surface, weighing, field, missed).render();
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -7,7 +7,7 @@
 #include "render/common/world_ray.h"
 #include "render/lumigraph/ray_weights.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Whether weights are computed for every pixel, or at the corners of tiles of kBlendingTileSize
 /// pixels and interpolated (Buehler et al. 2001, section 4). The latter is faster, but wrong where
@@ -44,4 +44,4 @@ RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySur
                                         const RayWeightSettings& weighing,
                                         MissedRay missed = MissedRay::kUnseen);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -13,19 +13,19 @@
 #include "render/lumigraph/mesh_proxy.h"
 #include "store/scene_depth_range.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
-std::filesystem::path mesh_file(const MethodOptions& options, const Take& take) {
+std::filesystem::path mesh_file(const MethodOptions& options, const store::Take& take) {
   return take.folder() / options.text("mesh");
 }
 
-DepthRange scene_of(const Take& take) {
-  return scene_depth_range(take, {}, "proxy depth",
-                           "Set depth_range_m in take.json, in metres in front of the array");
+schemas::DepthRange scene_of(const store::Take& take) {
+  return store::scene_depth_range(
+      take, {}, "proxy depth", "Set depth_range_m in take.json, in metres in front of the array");
 }
 
-void check_proxy(const MethodOptions& options, const Take& take) {
+void check_proxy(const MethodOptions& options, const store::Take& take) {
   const std::string& proxy = options.text("proxy");
   const bool has_mesh = !options.text("mesh").empty();
   if (proxy != "mesh" && has_mesh) {
@@ -41,7 +41,7 @@ void check_proxy(const MethodOptions& options, const Take& take) {
 }
 
 /// Returns the settings of depth::depths_with_default_options().
-DepthEstimationSettings default_depth_settings(const Take& take) {
+DepthEstimationSettings default_depth_settings(const store::Take& take) {
   DepthEstimationSettings settings;
   settings.scene = scene_of(take);
   return settings;
@@ -50,26 +50,26 @@ DepthEstimationSettings default_depth_settings(const Take& take) {
 /// Returns the surface that the options `proxy` and `mesh` choose; adds the cost of estimating
 /// depths to `work`. Throws Error (bad input) for a mesh that is missing or unreadable or set
 /// without the proxy mesh, and for depths of a take without a depth range.
-RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& plane,
-                         const LightFieldFrame& instant, ResultCache& kept,
-                         std::size_t working_bytes, bool use_take_folder,
-                         DepthEstimationStatistics& work) {
-  RaySurface on_plane = plane_surface(plane);
-  check_proxy(options, *instant.take);
-  const std::string& proxy = options.text("proxy");
+RaySurface proxy_surface(const SurfaceRequest& r, DepthEstimationStatistics& work) {
+  RaySurface on_plane = plane_surface(r.focal_plane);
+  const store::Take& take = *r.instant.take;
+  check_proxy(r.options, take);
+  const std::string& proxy = r.options.text("proxy");
   if (proxy == "plane") return on_plane;
   if (proxy == "depth") {
-    const DepthRange scene = scene_of(*instant.take);
-    return depth_surface(depth::depths_with_default_options(instant, kept, working_bytes,
-                                                            use_take_folder, scene, work),
-                         *instant.rig, scene);
+    const schemas::DepthRange scene = scene_of(take);
+    return depth_surface(
+        depth::depths_with_default_options(r.instant, r.result_cache, r.working_bytes,
+                                           r.use_take_folder, scene, work),
+        *r.instant.rig, scene);
   }
-  const std::filesystem::path file = mesh_file(options, *instant.take);
-  const auto mesh = kept.get<MeshProxy>("mesh proxy " + file.string(), [&file](std::size_t& bytes) {
-    auto made = std::make_shared<const MeshProxy>(file);
-    bytes = made->bytes();
-    return made;
-  });
+  const std::filesystem::path file = mesh_file(r.options, take);
+  const auto mesh =
+      r.result_cache.get<MeshProxy>("mesh proxy " + file.string(), [&file](std::size_t& bytes) {
+        auto made = std::make_shared<const MeshProxy>(file);
+        bytes = made->bytes();
+        return made;
+      });
   return [mesh, on_plane = std::move(on_plane)](std::span<const WorldRay> rays,
                                                 std::span<double> inverse_distance) {
     mesh->intersect(rays, inverse_distance, on_plane);
@@ -77,8 +77,9 @@ RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& pl
 }
 
 RaySurface surface_of(const ViewRequest& r, DepthEstimationStatistics& work) {
-  return proxy_surface(r.options, r.focal_plane, r.instant, r.result_cache, r.working_bytes,
-                       r.use_take_folder, work);
+  return proxy_surface(
+      {r.options, r.instant, r.focal_plane, r.result_cache, r.working_bytes, r.use_take_folder},
+      work);
 }
 
 WeightField field_of(const ViewRequest& request) {
@@ -146,11 +147,12 @@ class LumigraphMethod final : public Method {
                              std::move(planes.at(0)));
   }
 
-  void check(const MethodOptions& options, const Take& take) const override {
+  void check(const MethodOptions& options, const store::Take& take) const override {
     check_proxy(options, take);
   }
-  std::vector<std::filesystem::path> input_files(const MethodOptions& options, const Take& take,
-                                                 const FrameSelection&) const override {
+  std::vector<std::filesystem::path> input_files(const MethodOptions& options,
+                                                 const store::Take& take,
+                                                 const store::FrameSelection&) const override {
     if (options.text("proxy") != "mesh") return {};
     return {mesh_file(options, take)};
   }
@@ -169,8 +171,7 @@ class LumigraphMethod final : public Method {
 
   RaySurface surface(const SurfaceRequest& r) const override {
     DepthEstimationStatistics work;
-    return proxy_surface(r.options, r.focal_plane, r.instant, r.result_cache, r.working_bytes,
-                         r.use_take_folder, work);
+    return proxy_surface(r, work);
   }
   bool has_ray_weights() const override { return true; }
 
@@ -190,4 +191,4 @@ const Method& lumigraph_method() {
   return method;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

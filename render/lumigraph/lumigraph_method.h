@@ -3,11 +3,11 @@
 
 #include "render/common/method.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Returns the method `lumigraph`: render_lumigraph() on the surface that its options `proxy` and
 /// `mesh` choose (the focal plane, a mesh with the plane behind it, or the camera depths of the
 /// method `depth`). A separate library, so that render_lumigraph() does not depend on depths.
 const Method& lumigraph_method();
 
-}  // namespace raystage
+}  // namespace raystage::render

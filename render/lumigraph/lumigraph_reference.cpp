@@ -5,12 +5,12 @@
 #include "render/lumigraph/blend_reference.h"
 #include "render/lumigraph/lumigraph.h"
 
-namespace raystage {
+namespace raystage::render {
 
 RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySurface& surface,
                                         const RayWeightSettings& weighing, MissedRay missed) {
   const LightFieldFrame& instant = request.instant;
-  const Pose& pose = request.view.pose;
+  const rig::Pose& pose = request.view.pose;
   const double spacing = mean_nearest_baseline(*instant.rig);
   ReferenceRenderer renderer(request);
   const std::vector<int>& present = renderer.frames().present();
@@ -41,4 +41,4 @@ RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySur
   return image;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -18,7 +18,7 @@
 #include "base/error.h"
 #include "render/common/simd_level.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -87,9 +87,7 @@ MeshProxy::MeshProxy(const std::filesystem::path& file)
                               3 * sizeof(std::uint32_t), triangles.corners.size()));
   if (positions == nullptr || corners == nullptr) throw std::bad_alloc();
   for (const Vector3d& p : triangles.positions) {
-    for (int axis = 0; axis < 3; ++axis) {
-      *positions++ = static_cast<float>(p(axis) - centre_(axis));
-    }
+    for (int axis = 0; axis < 3; ++axis) *positions++ = static_cast<float>(p(axis) - centre_(axis));
   }
   for (const auto& triangle : triangles.corners) corners = std::copy_n(triangle.data(), 3, corners);
   rtcCommitGeometry(geometry.get());
@@ -142,4 +140,4 @@ void MeshProxy::intersect(std::span<const WorldRay> rays, std::span<double> inve
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -11,7 +11,7 @@
 
 #include "render/common/world_ray.h"
 
-namespace raystage {
+namespace raystage::render {
 
 class MeshProxy {
  public:
@@ -42,4 +42,4 @@ class MeshProxy {
   std::size_t bytes_ = 0;
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

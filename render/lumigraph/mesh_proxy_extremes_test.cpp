@@ -15,7 +15,7 @@
 #include "testing/render/worst_error.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -112,7 +112,7 @@ void write_obj(const Square& square, const std::filesystem::path& file) {
 
 TEST(ProxyExtremes, AMeshIsMetWhere50DigitsMeetIt) {
   WorstError relative("mesh: distance, relative to the mesh's size", 1e-5);
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const RaySurface nothing = [](std::span<const WorldRay> rays, std::span<double> inverse) {
     for (std::size_t i = 0; i < rays.size(); ++i) {
       inverse[i] = std::numeric_limits<double>::quiet_NaN();
@@ -152,4 +152,4 @@ TEST(ProxyExtremes, AMeshIsMetWhere50DigitsMeetIt) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

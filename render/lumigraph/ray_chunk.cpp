@@ -7,7 +7,7 @@
 
 #include "render/sampling/depth_sampling.h"
 
-namespace raystage {
+namespace raystage::render {
 void fill_chunk(std::span<const WorldRay> rays, std::span<const double> inverse_distance,
                 const Eigen::Vector3d& middle, RayChunk& chunk) {
   chunk.count = static_cast<int>(rays.size());
@@ -29,20 +29,19 @@ void fill_chunk(std::span<const WorldRay> rays, std::span<const double> inverse_
             std::numeric_limits<float>::quiet_NaN());
 }
 
-std::vector<ChunkCamera> chunk_cameras(const Rig& rig) {
+std::vector<ChunkCamera> chunk_cameras(const rig::Rig& rig) {
   std::vector<ChunkCamera> cameras;
   const Eigen::Vector3d middle = rig.centre();
-  for (const Rig::Camera& camera : rig.cameras) {
+  for (const rig::Rig::Camera& camera : rig.cameras) {
     ChunkCamera of_chunk;
     of_chunk.camera = static_cast<int>(cameras.size());
     of_chunk.lens = depth_source({}, camera).camera;  // only the lens is used, so any view will do
     const Eigen::Vector3d centre = camera.pose.position - middle;
     const Eigen::Matrix3d rotation = camera.pose.world_from_camera_rotation.transpose();
     for (int r = 0; r < 3; ++r) {
-      of_chunk.centre[static_cast<std::size_t>(r)] = static_cast<float>(centre(r));
+      of_chunk.centre[r] = static_cast<float>(centre(r));
       for (int c = 0; c < 3; ++c) {
-        of_chunk.camera_from_world[static_cast<std::size_t>(3 * r + c)] =
-            static_cast<float>(rotation(r, c));
+        of_chunk.camera_from_world[3 * r + c] = static_cast<float>(rotation(r, c));
       }
     }
     cameras.push_back(of_chunk);
@@ -58,4 +57,4 @@ ChunkWeightSettings::ChunkWeightSettings(const RayWeightSettings& weighing, doub
       border(static_cast<float>(weighing.border)),
       least(static_cast<float>(kMinPenalty * spacing)) {}
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -11,7 +11,7 @@
 #include "render/sampling/source_view.h"
 #include "rig/rig.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Rays and the points at which they meet the scene, for the kernels: floats relative to the centre
 /// of the rig, whatever the eye's distance. A ray's base is its point nearest to the centre.
@@ -39,7 +39,7 @@ struct ChunkCamera {
   std::array<float, 9> camera_from_world{};  ///< rotation, row-major
 };
 
-std::vector<ChunkCamera> chunk_cameras(const Rig& rig);
+std::vector<ChunkCamera> chunk_cameras(const rig::Rig& rig);
 
 /// A camera's weight for each ray of a chunk, and where it sees the point.
 struct ChunkWeights {
@@ -82,11 +82,11 @@ bool has_weight(const ChunkWeights& weights, int count);
 /// code 65535 = `full_scale`) of `count` rays. Skips cameras without SourceView::rgba. `sums`: as
 /// blend_run().
 void blend_chunk(std::span<const ChunkCamera* const> cameras, std::span<const ChunkWeights> weights,
-                 int count, BlendSpace space, float full_scale, float* rgba,
+                 int count, store::BlendSpace space, float full_scale, float* rgba,
                  SumStage sums = SumStage::kSampleAndFinish);
 
 /// Marks in the lens's wanted_mcus all MCUs that blend_chunk() will read, and in its read_pixels,
 /// if set, exactly those pixels. Thread-safe: threads may mark the same bytes.
 void mark_needed_mcus(const SourceView& lens, const ChunkWeights& weights, int count);
 
-}  // namespace raystage
+}  // namespace raystage::render

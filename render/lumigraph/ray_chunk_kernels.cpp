@@ -22,7 +22,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -294,7 +294,7 @@ void sample_cameras(std::span<const ChunkCamera* const> cameras,
 }
 
 void blend_all(std::span<const ChunkCamera* const> cameras, std::span<const ChunkWeights> weights,
-               int count, BlendSpace space, float full_scale, float* HWY_RESTRICT rgba,
+               int count, store::BlendSpace space, float full_scale, float* HWY_RESTRICT rgba,
                SumStage mode) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
@@ -368,7 +368,7 @@ void mark(const SourceView& lens, const ChunkWeights& weights, int count) {
     hn::Store(at.u, d, left + i);
     hn::Store(at.v, d, top + i);
     for (int k = i; k < std::min(i + lanes, count); ++k) {
-      if (!(weights.weight[static_cast<std::size_t>(k)] > 0)) continue;
+      if (!(weights.weight[k] > 0)) continue;
       mark_box(lens, {left[k], top[k], left[k], top[k]});
     }
   }
@@ -380,11 +380,11 @@ void mark(const SourceView& lens, const ChunkWeights& weights, int count) {
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::render {
 
 HWY_EXPORT(weigh);
 HWY_EXPORT(share);
@@ -410,11 +410,11 @@ bool has_weight(const ChunkWeights& weights, int count) {
   return HWY_DYNAMIC_DISPATCH(any)(weights, count);
 }
 void blend_chunk(std::span<const ChunkCamera* const> cameras, std::span<const ChunkWeights> weights,
-                 int count, BlendSpace space, float full_scale, float* rgba, SumStage sums) {
+                 int count, store::BlendSpace space, float full_scale, float* rgba, SumStage sums) {
   HWY_DYNAMIC_DISPATCH(blend_all)(cameras, weights, count, space, full_scale, rgba, sums);
 }
 void mark_needed_mcus(const SourceView& lens, const ChunkWeights& weights, int count) {
   HWY_DYNAMIC_DISPATCH(mark)(lens, weights, count);
 }
-}  // namespace raystage
+}  // namespace raystage::render
 #endif

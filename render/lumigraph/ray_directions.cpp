@@ -16,7 +16,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -78,11 +78,11 @@ void fill(const double* from_middle, const RayDirections& row, const double* inv
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::render {
 
 HWY_EXPORT(directions);
 HWY_EXPORT(fill);
@@ -99,5 +99,5 @@ void fill_chunk(const Eigen::Vector3d& eye, const RayDirections& row,
   HWY_DYNAMIC_DISPATCH(fill)(from_middle.data(), row, inverse_distance.data(), chunk);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render
 #endif

@@ -7,7 +7,7 @@
 
 #include "render/lumigraph/ray_chunk.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Unit directions of adjacent rays, in the world.
 struct RayDirections {
@@ -15,8 +15,7 @@ struct RayDirections {
   alignas(64) std::array<std::array<double, RayChunk::kSize>, 3> direction{};
 
   Eigen::Vector3d operator[](int i) const {
-    const auto at = static_cast<std::size_t>(i);
-    return {direction[0][at], direction[1][at], direction[2][at]};
+    return {direction[0][i], direction[1][i], direction[2][i]};
   }
 };
 
@@ -30,4 +29,4 @@ void fill_chunk(const Eigen::Vector3d& eye, const RayDirections& row,
                 std::span<const double> inverse_distance, const Eigen::Vector3d& middle,
                 RayChunk& chunk);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -14,7 +14,7 @@
 #include "render/lumigraph/blend_reference.h"
 #include "render/lumigraph/ray_chunk.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// Normalises the direction; returns false for an invalid ray.
@@ -31,12 +31,11 @@ class FramesOnDemand {
       : instant_(instant), pixels_(instant.rig->cameras.size()) {}
 
   const std::uint16_t* pixels(int camera) {
-    auto& known = pixels_[static_cast<std::size_t>(camera)];
+    auto& known = pixels_[camera];
     if (const std::uint16_t* there = known.load(std::memory_order_acquire)) return there;
     // Threads that fetch the same frame concurrently get the same one.
     std::int64_t decoded = 0;
-    auto frame = instant_.cache->fetch(
-        camera, instant_.frame_of_camera[static_cast<std::size_t>(camera)], {}, decoded);
+    auto frame = instant_.cache->fetch(camera, instant_.frame_of_camera[camera], {}, decoded);
     const std::uint16_t* pixels = frame->rgba.get();
     const std::scoped_lock lock(mutex_);
     held_.push_back(std::move(frame));
@@ -48,7 +47,7 @@ class FramesOnDemand {
   const LightFieldFrame& instant_;
   std::vector<std::atomic<const std::uint16_t*>> pixels_;
   std::mutex mutex_;  // of held_
-  std::vector<std::shared_ptr<const DecodedFrame>> held_;
+  std::vector<std::shared_ptr<const store::DecodedFrame>> held_;
 };
 
 /// Weights of a chunk's rays for some cameras, by one thread; frames are fetched on demand.
@@ -56,7 +55,7 @@ class Weigher {
  public:
   Weigher(const std::vector<ChunkCamera>& all, const std::vector<int>& cameras)
       : weights_(cameras.size()) {
-    for (const int camera : cameras) own_.push_back(all[static_cast<std::size_t>(camera)]);
+    for (const int camera : cameras) own_.push_back(all[camera]);
     for (const ChunkCamera& camera : own_) cameras_.push_back(&camera);
   }
   Weigher(const Weigher&) = delete;
@@ -153,20 +152,13 @@ class Answers {
   RayChunk chunk_;
 };
 
-std::vector<int> present_cameras(const LightFieldFrame& instant) {
-  std::vector<int> present;
-  std::copy_if(instant.included_cameras.begin(), instant.included_cameras.end(),
-               std::back_inserter(present), [&](int camera) { return instant.is_present(camera); });
-  return present;
-}
-
 }  // namespace
 
 void query_rays(std::span<const WorldRay> rays, const LightFieldFrame& instant,
                 const RaySurface& surface, const RayWeightSettings& weighing,
                 std::span<RaySample> samples) {
   const std::vector<ChunkCamera> cameras = chunk_cameras(*instant.rig);
-  const std::vector<int> present = present_cameras(instant);
+  const std::vector<int> present = instant.present_cameras();
   const ChunkWeightSettings chunk_weighing(weighing, mean_nearest_baseline(*instant.rig));
   FramesOnDemand frames(instant);
   constexpr std::size_t kChunk = RayChunk::kSize, kPerTask = 32 * kChunk;
@@ -212,4 +204,4 @@ void query_rays_reference(std::span<const WorldRay> rays, const LightFieldFrame&
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -9,7 +9,7 @@
 #include "render/common/world_ray.h"
 #include "render/lumigraph/ray_weights.h"
 
-namespace raystage {
+namespace raystage::render {
 
 struct RaySample {
   /// R, G, B, A: scene-linear Rec.709, premultiplied; A as in RenderedView.
@@ -35,4 +35,4 @@ void query_rays_reference(std::span<const WorldRay> rays, const LightFieldFrame&
                           const RaySurface& surface, const RayWeightSettings& weighing,
                           std::span<RaySample> samples);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -12,7 +12,7 @@
 
 #include "render/sampling/direction_visibility.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector2d;
@@ -20,7 +20,7 @@ using Eigen::Vector3d;
 
 constexpr double kInfinitePenalty = std::numeric_limits<double>::infinity();
 
-double within_image(const CameraModel& model, const Vector2d& pixel, double border) {
+double within_image(const rig::CameraModel& model, const Vector2d& pixel, double border) {
   const double to_border =
       std::min({pixel.x(), model.width() - pixel.x(), pixel.y(), model.height() - pixel.y()});
   return std::clamp(to_border / std::max(border * model.width(), 1.0), 0.0, 1.0);
@@ -62,7 +62,7 @@ std::vector<OptionSpec> ray_weight_options() {
                     "width of that border, as a share of the image's width")};
 }
 
-double mean_nearest_baseline(const Rig& rig) {
+double mean_nearest_baseline(const rig::Rig& rig) {
   double sum = 0;
   for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
     double nearest = kInfinitePenalty;
@@ -78,12 +78,12 @@ double mean_nearest_baseline(const Rig& rig) {
 }
 
 std::vector<WeightedCamera> compute_camera_weights_reference(
-    const Rig& rig, std::span<const int> cameras, const WorldRay& ray, double inverse_distance,
+    const rig::Rig& rig, std::span<const int> cameras, const WorldRay& ray, double inverse_distance,
     const RayWeightSettings& weighing, double spacing) {
   std::vector<WeightedCamera> found;
   std::vector<double> penalties;
   for (const int index : cameras) {
-    const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(index)];
+    const rig::Rig::Camera& camera = rig.cameras[index];
     const Vector3d eye_to_camera = camera.pose.position - ray.origin;
     // From camera to point, divided by the point's distance from the eye: finite at infinity too.
     const Vector3d towards = ray.direction - eye_to_camera * inverse_distance;
@@ -135,4 +135,4 @@ double nearest_ray(std::span<const WeightedCamera> cameras) {
   return nearest;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -8,7 +8,7 @@
 #include "render/common/method_options.h"
 #include "render/common/world_ray.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Settings of the cameras' penalties and weights for a ray.
 ///
@@ -45,7 +45,7 @@ std::vector<OptionSpec> ray_weight_options();  ///< returns these options
 
 /// Returns the mean distance of the cameras from their nearest neighbours, metres; 1 for a single
 /// camera or if all positions coincide.
-double mean_nearest_baseline(const Rig& rig);
+double mean_nearest_baseline(const rig::Rig& rig);
 
 struct WeightedCamera {
   int camera = 0;     ///< of the rig
@@ -58,7 +58,7 @@ struct WeightedCamera {
 /// The reference of the weights, for one ray that meets the proxy at 1 / `inverse_distance`.
 /// `cameras`: the candidates. Returns the contributing cameras by index, or none.
 std::vector<WeightedCamera> compute_camera_weights_reference(
-    const Rig& rig, std::span<const int> cameras, const WorldRay& ray, double inverse_distance,
+    const rig::Rig& rig, std::span<const int> cameras, const WorldRay& ray, double inverse_distance,
     const RayWeightSettings& weighing, double spacing);
 
 /// Returns the effective number of equally weighted cameras: (sum w)^2 / sum w^2; 0 if empty.
@@ -66,4 +66,4 @@ double effective_cameras(std::span<const WeightedCamera> cameras);
 /// Returns the smallest `ray_distance`; infinity if empty.
 double nearest_ray(std::span<const WeightedCamera> cameras);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -18,7 +18,7 @@
 #include "testing/render/worst_error.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -33,7 +33,7 @@ using testing::Real;
 using testing::WorstError;
 
 struct Shot {
-  Rig rig;
+  rig::Rig rig;
   WorldRay ray;
   double inverse_distance = 0;
 };
@@ -42,11 +42,11 @@ struct Shot {
 Shot some_shot() {
   const int width = *rc::gen::element(1, 64, 640, 16384);
   Shot shot{testing::random_rig(width, std::min(width, 480)), {}, 0};
-  std::vector<Rig::Camera>& cameras = shot.rig.cameras;
+  std::vector<rig::Rig::Camera>& cameras = shot.rig.cameras;
   if (*rc::gen::inRange(0, 6) == 0) {  // all in one place
-    for (Rig::Camera& camera : cameras) camera.pose = cameras[0].pose;
+    for (rig::Rig::Camera& camera : cameras) camera.pose = cameras[0].pose;
   }
-  const Pose& aimed_at_by = cameras[*rc::gen::inRange<std::size_t>(0, cameras.size())].pose;
+  const rig::Pose& aimed_at_by = cameras[*rc::gen::inRange<std::size_t>(0, cameras.size())].pose;
   const double depth = *rc::gen::element(1e-3, 0.1, 4.0, 1e3, 1e9, 1e15);
   const Vector3d target =
       aimed_at_by.world_from_camera(depth * Vector3d(between(-0.7, 0.7), between(-0.5, 0.5), -1));
@@ -69,7 +69,7 @@ struct Rounding {
 };
 
 /// compute_camera_weights_reference(): in double, from the eye.
-Rounding rounding_in_double(const Shot& shot, const Rig::Camera& camera) {
+Rounding rounding_in_double(const Shot& shot, const rig::Rig::Camera& camera) {
   const double epsilon = std::numeric_limits<double>::epsilon();
   const double away = (camera.pose.position - shot.ray.origin).norm();
   const double in_distances = away * shot.inverse_distance;
@@ -77,7 +77,7 @@ Rounding rounding_in_double(const Shot& shot, const Rig::Camera& camera) {
 }
 
 /// The kernels: in float, from the point of the ray's line nearest to the middle of the rig.
-Rounding rounding_in_float(const Shot& shot, const Rig::Camera& camera) {
+Rounding rounding_in_float(const Shot& shot, const rig::Rig::Camera& camera) {
   const double epsilon = std::numeric_limits<float>::epsilon();
   const Vector3d middle = shot.rig.centre();
   const Vector3d from_middle = shot.ray.origin - middle;
@@ -101,8 +101,9 @@ struct Penalty {
 enum class Sees { kNot, kYes, kRoundingDecides };
 
 /// As ray_weights.h has it: with the angle at the point, and distances to it.
-Sees exact_penalty(const Shot& shot, const Rig::Camera& camera, const RayWeightSettings& weighing,
-                   double spacing, const Rounding& rounding, Penalty& penalty) {
+Sees exact_penalty(const Shot& shot, const rig::Rig::Camera& camera,
+                   const RayWeightSettings& weighing, double spacing, const Rounding& rounding,
+                   Penalty& penalty) {
   const ExactVector eye = exact(shot.ray.origin), centre = exact(camera.pose.position);
   const ExactVector given = exact(shot.ray.direction), ray = (1 / norm(given)) * given;
   const bool at_infinity = shot.inverse_distance == 0;
@@ -111,7 +112,7 @@ Sees exact_penalty(const Shot& shot, const Rig::Camera& camera, const RayWeightS
   const ExactVector camera_from_point = centre - (eye + distance * ray);
   const ExactVector towards = at_infinity ? ray : Real(-1) / distance * camera_from_point;
 
-  const Intrinsics& k = camera.model.intrinsics();
+  const schemas::Intrinsics& k = camera.model.intrinsics();
   const double ahead =
       static_cast<double>(-dot(exact(camera.pose.world_from_camera_rotation.col(2)), towards));
   if (std::abs(ahead) <= 4 * rounding.towards) return Sees::kRoundingDecides;
@@ -170,12 +171,12 @@ struct ExactWeight {
 /// By camera of the rig; nullopt if rounding decides which cameras see the point or contribute.
 std::optional<std::vector<ExactWeight>> exact_camera_weights(
     const Shot& shot, const RayWeightSettings& weighing, double spacing,
-    Rounding (*rounding_of)(const Shot&, const Rig::Camera&)) {
+    Rounding (*rounding_of)(const Shot&, const rig::Rig::Camera&)) {
   std::vector<ExactWeight> weights(shot.rig.cameras.size());
   std::vector<Real> sorted;
   double epsilon = 0, next_bound = 0;
   for (std::size_t i = 0; i < weights.size(); ++i) {
-    const Rig::Camera& camera = shot.rig.cameras[i];
+    const rig::Rig::Camera& camera = shot.rig.cameras[i];
     const Rounding rounding = rounding_of(shot, camera);
     const Sees sees = exact_penalty(shot, camera, weighing, spacing, rounding, weights[i].penalty);
     if (sees == Sees::kRoundingDecides) return std::nullopt;
@@ -255,7 +256,7 @@ TEST(RayWeightsExtremes, OfTheReferenceAreThoseOf50Digits) {
       const Penalty& penalty = of_camera.penalty;
       position.expect(std::max(off(camera.pixel.x(), penalty.u), off(camera.pixel.y(), penalty.v)),
                       penalty.position_bound);
-      const Rig::Camera& rig_camera = shot.rig.cameras[i];
+      const rig::Rig::Camera& rig_camera = shot.rig.cameras[i];
       const ExactVector way = exact(rig_camera.pose.position) - exact(shot.ray.origin);
       const double away = static_cast<double>(norm(way));
       const Real across = norm(cross(exact(shot.ray.direction), way));
@@ -313,13 +314,13 @@ TEST(RayWeightsExtremes, OfTheKernelsAreThoseOf50Digits) {
 struct Shares {
   std::vector<double> reference, kernels;
 };
-Shares shares_of(const Rig& rig, const RayWeightSettings& weighing) {
+Shares shares_of(const rig::Rig& rig, const RayWeightSettings& weighing) {
   const WorldRay ray{Vector3d::Zero(), -Vector3d::UnitZ()};
   const double inverse_distance = 1;
   Shares shares{std::vector<double>(rig.cameras.size()), {}};
   for (const WeightedCamera& camera : compute_camera_weights_reference(
            rig, all_cameras(rig), ray, inverse_distance, weighing, 0.1)) {
-    shares.reference[static_cast<std::size_t>(camera.camera)] = camera.weight;
+    shares.reference[camera.camera] = camera.weight;
   }
   RayChunk chunk;
   fill_chunk({&ray, 1}, {&inverse_distance, 1}, rig.centre(), chunk);
@@ -333,12 +334,12 @@ Shares shares_of(const Rig& rig, const RayWeightSettings& weighing) {
 }
 
 TEST(RayWeightsExtremes, WhoLooksFromBehindThePointOnTheRaysLineGivesWayToAnyOther) {
-  CameraGeometry geometry;
+  schemas::CameraGeometry geometry;
   geometry.id = "c";
   geometry.width = geometry.height = 100;
   geometry.intrinsics = {100, 100, 50, 50, {}};
-  const CameraModel model(geometry);
-  const Pose beside{Eigen::Matrix3d::Identity(), {0.3, 0, 0}};
+  const rig::CameraModel model(geometry);
+  const rig::Pose beside{Eigen::Matrix3d::Identity(), {0.3, 0, 0}};
   const Eigen::Matrix3d backwards =
       Eigen::AngleAxisd(std::numbers::pi, Vector3d::UnitY()).toRotationMatrix();
   testing::for_each_simd_target(kernel_target, [&] {
@@ -346,8 +347,8 @@ TEST(RayWeightsExtremes, WhoLooksFromBehindThePointOnTheRaysLineGivesWayToAnyOth
     for (const double from_line : {0.0, 1e-30, 1e-12, 1e-5, 1e-3}) {
       SCOPED_TRACE(from_line);
       // 1.5 m behind the point.
-      const Pose behind{backwards, {from_line, 0, -2.5}};
-      Rig rig;
+      const rig::Pose behind{backwards, {from_line, 0, -2.5}};
+      rig::Rig rig;
       rig.cameras = {{"behind", model, behind, {}, {}, {}}, {"beside", model, beside, {}, {}, {}}};
       RayWeightSettings weighing;
       const Shares both = shares_of(rig, weighing);
@@ -404,7 +405,7 @@ TEST(RayWeightsExtremes, WhoIsLeftOutByABundleHasNoWeightIn50Digits) {
       std::vector<double> weights(truth->size());
       for (const WeightedCamera& camera : compute_camera_weights_reference(
                shot.rig, chosen, shot.ray, shot.inverse_distance, weighing, spacing)) {
-        weights[static_cast<std::size_t>(camera.camera)] = camera.weight;
+        weights[camera.camera] = camera.weight;
       }
       for (std::size_t c = 0; c < weights.size(); ++c) {
         weight.expect(off(weights[c], (*truth)[c].weight), (*truth)[c].bound);
@@ -414,4 +415,4 @@ TEST(RayWeightsExtremes, WhoIsLeftOutByABundleHasNoWeightIn50Digits) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

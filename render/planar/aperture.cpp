@@ -3,42 +3,29 @@
 // around a ray's crossing with the array (weights: ApertureLens), each sampled where the ray meets
 // the focal plane or a depth map. Plans which MCUs each block reads, decodes them and runs the
 // kernels of sampling/aperture_run.h. Output: R, G, B, A, coverage, depth. Cost: pixels x cameras
-// in the aperture. Must match render_aperture_reference().
+// in the aperture. Must match aperture_reference.cpp.
 
 #include "render/planar/aperture.h"
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <optional>
 #include <span>
 #include <vector>
 
-#include "base/parallel.h"
-#include "render/common/plane_projection.h"
-#include "render/common/ray_cells.h"
 #include "render/planar/aperture_lens.h"
 #include "render/planar/coverage_measures.h"
 #include "render/planar/depth_map.h"
-#include "render/planar/view_rows.h"
+#include "render/planar/planar_frame.h"
 #include "render/sampling/aperture_run.h"
 #include "render/sampling/depth_planning.h"
 #include "render/sampling/depth_sampling.h"
 #include "render/sampling/needed_mcus.h"
-#include "render/sampling/source_frames.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double milliseconds(Clock::duration duration) {
-  return std::chrono::duration<double, std::milli>(duration).count();
-}
-
-std::array<double, 3> as_array(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 std::array<float, 2> as_floats(const Eigen::Vector2d& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y())};
@@ -49,130 +36,63 @@ Eigen::Vector4d plane_of(const ViewRequest& request) {
   return distance > 0 ? view_parallel_plane(request.view, distance) : request.focal_plane;
 }
 
-/// Renders one view in stages: plan (which source pixels), decode, blend.
-class ApertureFrame {
-  static constexpr int kRowsPerBlock = 8, kColumnsPerBlock = 8;
-
+class ApertureFrame final : public PlanarFrame {
  public:
   explicit ApertureFrame(const ViewRequest& request)
-      : request_(request),
-        view_(request.view),
-        instant_(request.instant),
-        lens_(view_, instant_, plane_of(request), request.options),
-        depths_(make_view_depths(request)),
-        projection_(view_, depths_ ? Eigen::Vector4d(0, 0, 0, 1) : plane_of(request)),
-        cells_(view_, *instant_.rig, *instant_.present),
-        rows_(view_, cells_),
-        sources_(instant_, projection_, request.count_needed_pixels) {
+      : ApertureFrame{
+            request,
+            ApertureLens(request.view, request.instant, plane_of(request), request.options),
+            make_view_depths(request)} {}
+
+ private:
+  ApertureFrame(const ViewRequest& request, ApertureLens lens, std::optional<ViewDepths> depths)
+      : PlanarFrame(request.view, request.instant,
+                    depths ? Eigen::Vector4d(0, 0, 0, 1) : plane_of(request), nullptr,
+                    request.count_needed_pixels),
+        request_(request),
+        lens_(std::move(lens)),
+        depths_(std::move(depths)) {
     for (const Eigen::Vector2d& side : lens_.sides()) sides_.push_back(as_floats(side));
   }
 
-  RenderedView render() {
-    if (is_eye_on_plane()) return transparent_view();
-    RenderedView image = uninitialised_view(view_);
-    const auto decoded = decode(image.statistics);
-    blend(image, SumStage::kSampleAndFinish);
-    image.statistics.render_ms = milliseconds(Clock::now() - decoded);
-    complete(image);
-    return image;
-  }
-
-  Contribution contribute() {
-    Contribution contribution;
-    contribution.planes.emplace_back(view_value_count(view_), 0.0F);
-    if (is_eye_on_plane()) return contribution;
-    const auto decoded = decode(contribution.statistics);
-    rows_.for_each_row_block([&](int first, int end) {
-      std::vector<float> scratch;
-      for (int y = first; y < end; ++y) {
-        for (const RayCells::Span& span : rows_.spans(y)) {
-          if (!has_frame(span.cell)) continue;
-          const std::size_t at =
-              static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
-              static_cast<std::size_t>(span.begin);
-          blend_aperture_run(run_of(span, y, scratch), instant_.cache->blend_space(), 1,
-                             &contribution.planes[0][at * 4], nullptr, nullptr,
-                             SumStage::kSampleOnly);
-        }
-      }
-    });
-    contribution.statistics.render_ms = milliseconds(Clock::now() - decoded);
-    return contribution;
-  }
-
-  RenderedView combine(PixelValues sums) {
-    if (is_eye_on_plane()) return transparent_view();
-    const auto start = Clock::now();
-    RenderedView image = uninitialised_view(view_, std::move(sums));
-    find_cameras();
-    blend(image, SumStage::kFinishOnly);
-    image.statistics.render_ms = milliseconds(Clock::now() - start);
-    complete(image);
-    return image;
-  }
-
- private:
-  bool is_eye_on_plane() const { return !projection_.at_infinity() && projection_.distance() == 0; }
-
-  RenderedView transparent_view() const {
+  RenderedView transparent_view() const override {
     RenderedView nothing = empty_view(view_);
     if (request_.measure_coverage) measure_aperture_coverage(request_, lens_, nothing);
     return nothing;
   }
 
-  /// Plans and decodes; returns the time when both were done.
-  Clock::time_point decode(RenderStatistics& statistics) {
-    const auto start = Clock::now();
-    open_cameras();
-    mark_needed();
-    const auto planned = Clock::now();
-    sources_.decode(statistics);
-    const auto decoded = Clock::now();
-    statistics.plan_ms = milliseconds(planned - start);
-    statistics.decode_ms = milliseconds(decoded - planned);
-    return decoded;
+  void blend_span(const RayCells::Span& span, int y, float full_scale, float* rgba, float* coverage,
+                  float* z, SumStage sums) override {
+    std::vector<float> scratch;
+    blend_aperture_run(run_of(span, y, scratch), instant_.cache->blend_space(), full_scale, rgba,
+                       coverage, z, sums);
   }
 
-  void blend(RenderedView& image, SumStage sums) {
-    const auto full_scale = static_cast<float>(instant_.cache->full_scale());
-    rows_.write(image, [&](const RayCells::Span& span, int y, std::size_t at) {
-      std::vector<float> scratch;
-      blend_aperture_run(run_of(span, y, scratch), instant_.cache->blend_space(), full_scale,
-                         &image.rgba[at * 4], &image.coverage[at], &image.z[at], sums);
-    });
-  }
-
-  void complete(RenderedView& image) const {
+  void complete(RenderedView& image) const override {
     if (request_.measure_coverage) measure_aperture_coverage(request_, lens_, image);
     if (!lens_.note().empty()) image.notes.push_back(lens_.note());
   }
 
-  /// Whether this rank has a frame of a camera that may contribute to rays through a cell.
-  bool has_frame(int cell) const {
-    return std::ranges::any_of(cameras_[static_cast<std::size_t>(cell)],
-                               [](const ApertureCamera& camera) {
-                                 return camera.source != nullptr && camera.source->rgba != nullptr;
-                               });
+  bool has_frame(const RayCells::Span& span) override {
+    return std::ranges::any_of(cameras_[span.cell], [](const ApertureCamera& camera) {
+      return camera.source != nullptr && camera.source->rgba != nullptr;
+    });
   }
 
   /// Lists, per cell, the cameras that may contribute to a ray through it.
-  void find_cameras() {
+  void find_cameras() override {
     const std::size_t count = cells_.cells().size();
     std::vector<bool> cell_used(count);
     used_.assign(lens_.cameras().size(), false);
     for (int y = 0; y < view_.height; ++y) {
-      for (const RayCells::Span& span : rows_.spans(y)) {
-        cell_used[static_cast<std::size_t>(span.cell)] = true;
-      }
+      for (const RayCells::Span& span : rows_.spans(y)) cell_used[span.cell] = true;
     }
     gathering_.resize(count);
     for (std::size_t c = 0; c < count; ++c) {
       if (!cell_used[c]) continue;
       const RayCells::Cell& cell = cells_.cells()[c];
       std::vector<Eigen::Vector2d> corners;
-      for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
-        corners.push_back(place(cell.camera[i]));
-      }
+      for (int i = 0; i < cell.count; ++i) corners.push_back(place(cell.camera[i]));
       const Disc disc = disc_around(corners);
       for (std::size_t i = 0; i < used_.size(); ++i) {
         if (may_gather(static_cast<int>(i), disc)) {
@@ -187,31 +107,15 @@ class ApertureFrame {
     }
   }
 
-  /// Opens the listed cameras that are present and local to this rank.
-  void open_cameras() {
-    find_cameras();
-    std::vector<int> opened;
-    for (std::size_t i = 0; i < used_.size(); ++i) {
-      const int camera = static_cast<int>(i);
-      if (used_[i] && instant_.is_present(camera) && instant_.is_local(camera)) {
-        opened.push_back(camera);
-      }
-    }
-    sources_.open(opened);
-  }
-
-  const Eigen::Vector2d& place(int camera) const {
-    return lens_.cameras()[static_cast<std::size_t>(camera)].position;
-  }
+  const Eigen::Vector2d& place(int camera) const { return lens_.cameras()[camera].position; }
 
   /// Returns DepthSource::per_inverse_depth of the camera.
   std::array<double, 3> way_to_eye(int camera) const {
-    return depth_source(view_, instant_.rig->cameras[static_cast<std::size_t>(camera)])
-        .per_inverse_depth;
+    return depth_source(view_, instant_.rig->cameras[camera]).per_inverse_depth;
   }
 
   ApertureCamera as_seen(int index) {
-    const ApertureLens::Camera& camera = lens_.cameras()[static_cast<std::size_t>(index)];
+    const ApertureLens::Camera& camera = lens_.cameras()[index];
     const bool present = instant_.is_present(index);
     return {static_cast<float>(camera.position.x()),   static_cast<float>(camera.position.y()),
             static_cast<float>(1 / camera.radius),     present,
@@ -239,7 +143,7 @@ class ApertureFrame {
 
   /// Whether a camera's weight may be above 0 for a ray that crosses the array within `disc`.
   bool may_gather(int camera, const Disc& disc) const {
-    const double radius = lens_.cameras()[static_cast<std::size_t>(camera)].radius;
+    const double radius = lens_.cameras()[camera].radius;
     if (radius == 0) return false;
     const double to_corner = lens_.sides().empty() ? 1 : 1.4143;  // largest: the square's
     const double within = radius * to_corner + disc.radius;
@@ -248,59 +152,43 @@ class ApertureFrame {
 
   /// Returns the run of a span. It may point into `scratch`.
   ApertureRun run_of(const RayCells::Span& span, int y, std::vector<float>& scratch) const {
-    const auto index = static_cast<std::size_t>(span.cell);
-    const RayCells::Cell& cell = cells_.cells()[index];
+    const RayCells::Cell& cell = cells_.cells()[span.cell];
     ApertureRun run;
-    run.cell.begin = span.begin;
-    run.cell.end = span.end;
-    run.cell.y = y;
-    run.cell.room_end = view_.width;  // rows are written from left to right
-    run.cell.count = cell.count;
-    for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
-      run.cell.share[i] = as_array(cell.share[i]);
-      run.corner[i] = as_floats(place(cell.camera[i]));
-    }
-    run.cell.total = as_array(cell.total);
-    run.cell.slope = as_array(projection_.slope());
-    run.cell.distance = projection_.distance();
-    run.cell.at_infinity = projection_.at_infinity();
-    run.cameras = cameras_[index];
+    run.cell = run_in_cell(span, y);
+    for (int i = 0; i < cell.count; ++i) run.corner[i] = as_floats(place(cell.camera[i]));
+    run.cameras = cameras_[span.cell];
     run.opaque = !request_.instant.cache->has_matte();
     run.shape = {sides_, static_cast<float>(lens_.steepness())};
     if (depths_) run.inverse_depth = depths_->run(span.begin, span.end, y, scratch);
     return run;
   }
 
-  void mark_needed() {
-    if (sources_.are_fully_decoded()) return;
-    raystage::parallel_for(0, (view_.height + kRowsPerBlock - 1) / kRowsPerBlock, [&](int block) {
-      const int first = block * kRowsPerBlock;
-      const int end = std::min(first + kRowsPerBlock, view_.height);
-      mark_blocks(first, end);
-      if (!request_.count_needed_pixels) return;
-      std::vector<float> scratch;
-      for (int y = first; y < end; ++y) {
-        for (const RayCells::Span& span : rows_.spans(y)) {
-          mark_aperture_pixels(run_of(span, y, scratch));
-        }
+  void mark_rows(int first, int end) override {
+    mark_blocks(first, end);
+    if (!request_.count_needed_pixels) return;
+    std::vector<float> scratch;
+    for (int y = first; y < end; ++y) {
+      for (const RayCells::Span& span : rows_.spans(y)) {
+        mark_aperture_pixels(run_of(span, y, scratch));
       }
-    });
+    }
   }
 
   /// Marks what rows [first, end) read of each camera, one block per camera.
   void mark_blocks(int first, int end) {
+    constexpr int kColumnsPerBlock = 8;
     std::vector<PixelBlock> blocks(lens_.cameras().size());
     rows_.for_each_cell(first, end, [&](int cell, int x_begin, int x_end, int y_begin, int y_end) {
       for (int x = x_begin; x < x_end; x += kColumnsPerBlock) {
         const PixelBlock part{x, std::min(x + kColumnsPerBlock, x_end), y_begin, y_end};
         const Disc disc = disc_around(crossings(cell, part));
-        for (const int camera : gathering_[static_cast<std::size_t>(cell)]) {
+        for (const int camera : gathering_[cell]) {
           if (!instant_.is_present(camera) || !may_gather(camera, disc)) continue;
           if (depths_) {
             mark_at_depths(camera, part);
             continue;
           }
-          PixelBlock& block = blocks[static_cast<std::size_t>(camera)];
+          PixelBlock& block = blocks[camera];
           if (block.x_end == 0) {
             block = part;
           } else {
@@ -343,11 +231,9 @@ class ApertureFrame {
   /// Returns points whose convex hull contains all crossings of the block's rays with a cell: the
   /// crossings of the corners' rays with the cell's plane, or the cell's cameras.
   std::vector<Eigen::Vector2d> crossings(int index, const PixelBlock& block) const {
-    const RayCells::Cell& cell = cells_.cells()[static_cast<std::size_t>(index)];
+    const RayCells::Cell& cell = cells_.cells()[index];
     std::vector<Eigen::Vector2d> points, cameras;
-    for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
-      cameras.push_back(place(cell.camera[i]));
-    }
+    for (int i = 0; i < cell.count; ++i) cameras.push_back(place(cell.camera[i]));
     double first_total = 0;
     for (const double y : {block.y_begin + 0.5, block.y_end - 0.5}) {
       for (const double x : {block.x_begin + 0.5, block.x_end - 0.5}) {
@@ -366,25 +252,12 @@ class ApertureFrame {
   }
 
   const ViewRequest& request_;
-  const VirtualCamera& view_;
-  const LightFieldFrame& instant_;
   ApertureLens lens_;
   std::optional<ViewDepths> depths_;  // nullopt: a plane is used
-  PlaneProjection projection_;
-  RayCells cells_;
-  ViewRows rows_;
-  SourceFrames sources_;
   std::vector<std::array<float, 2>> sides_;
-  std::vector<bool> used_;                            // per camera of the rig: contributes to a ray
   std::vector<std::vector<int>> gathering_;           // per cell: cameras of the rig
   std::vector<std::vector<ApertureCamera>> cameras_;  // per cell: as gathering_
 };
-
-}  // namespace
-
-RenderedView render_aperture(const ViewRequest& request) { return ApertureFrame(request).render(); }
-
-namespace {
 
 class ApertureMethod final : public Method {
  public:
@@ -396,7 +269,7 @@ class ApertureMethod final : public Method {
   }
   std::span<const OptionSpec> options() const override { return aperture_options(); }
   RenderedView render(const ViewRequest& request) const override {
-    return render_aperture(request);
+    return ApertureFrame(request).render();
   }
   RenderedView render_reference(const ViewRequest& request) const override {
     return render_aperture_reference(request);
@@ -410,11 +283,12 @@ class ApertureMethod final : public Method {
   RenderedView combine(const ViewRequest& request, std::vector<PixelValues> planes) const override {
     return ApertureFrame(request).combine(std::move(planes.at(0)));
   }
-  void check(const MethodOptions& options, const Take&) const override {
+  void check(const MethodOptions& options, const store::Take&) const override {
     check_aperture_options(options);
   }
-  std::vector<std::filesystem::path> input_files(const MethodOptions& options, const Take& take,
-                                                 const FrameSelection&) const override {
+  std::vector<std::filesystem::path> input_files(const MethodOptions& options,
+                                                 const store::Take& take,
+                                                 const store::FrameSelection&) const override {
     const std::filesystem::path map = depth_map_file(options, take);
     return map.empty() ? std::vector<std::filesystem::path>{} : std::vector{map};
   }
@@ -432,4 +306,4 @@ const Method& aperture_method() {
   return method;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -3,7 +3,7 @@
 
 #include "render/common/method.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Synthetic aperture (thesis, Reconstruction: `aperture`; Isaksen, McMillan, Gortler 2000). A ray
 /// blends all cameras within an aperture around the point where it crosses the array, weighted by
@@ -16,12 +16,10 @@ namespace raystage {
 /// Samples are averaged on the renderer's scale (BlendSpace), as in all methods, so that equal
 /// settings give comparable views. A lens adds light: highlights off the focal plane become discs
 /// as bright as in a photograph only with BlendSpace::kLinear.
-RenderedView render_aperture(const ViewRequest& request);
+const Method& aperture_method();
 
-/// Renders as render_aperture(), per ray in double with whole frames and CameraModel: the
+/// Renders as the method, per ray in double with whole frames and CameraModel: the
 /// reference, also for views with distortion.
 RenderedView render_aperture_reference(const ViewRequest& request);
 
-const Method& aperture_method();
-
-}  // namespace raystage
+}  // namespace raystage::render

@@ -16,7 +16,7 @@
 #include "base/error.h"
 #include "render/common/plane_projection.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr std::array kOptions{
@@ -37,9 +37,9 @@ constexpr std::array kOptions{
 };
 
 /// Returns axes of the array's plane: the cameras' mean right, projected onto it, and up.
-Eigen::Matrix<double, 2, 3> plane_axes(const Rig& rig, const Eigen::Vector3d& normal) {
+Eigen::Matrix<double, 2, 3> plane_axes(const rig::Rig& rig, const Eigen::Vector3d& normal) {
   Eigen::Vector3d right = Eigen::Vector3d::Zero();
-  for (const Rig::Camera& camera : rig.cameras) {
+  for (const rig::Rig::Camera& camera : rig.cameras) {
     right += camera.pose.world_from_camera_rotation.col(0);
   }
   right -= normal * normal.dot(right);
@@ -63,9 +63,9 @@ std::vector<Eigen::Vector2d> sides_of(const std::string& shape) {
 }
 
 /// Returns the largest distance from each camera to a neighbour, m.
-std::vector<double> max_neighbour_distances(const Rig& rig, const Topology& topology) {
+std::vector<double> max_neighbour_distances(const rig::Rig& rig, const rig::Topology& topology) {
   std::vector<double> longest(rig.cameras.size());
-  for (const Topology::Cell& cell : topology.cells) {
+  for (const rig::Topology::Cell& cell : topology.cells) {
     for (const int from : cell) {
       for (const int to : cell) {
         if (from < 0 || to < 0) continue;
@@ -92,7 +92,7 @@ ApertureLens::ApertureLens(const VirtualCamera& view, const LightFieldFrame& ins
   check_aperture_options(options);
   double radius = options.number("radius");
   if (const double f_number = options.number("f_number"); f_number > 0) {
-    const Intrinsics& k = view.intrinsics;
+    const schemas::Intrinsics& k = view.intrinsics;
     const double depth = PlaneProjection(view, focal_plane).depth(k.cx, k.cy);
     radius = aperture_radius(view, f_number, options.number("film_width"),
                              depth > 0 ? depth : std::numeric_limits<double>::infinity());
@@ -101,12 +101,12 @@ ApertureLens::ApertureLens(const VirtualCamera& view, const LightFieldFrame& ins
   steepness_ = 1 / (1 - (1 - soft) * (1 - soft));
   sides_ = sides_of(options.text("shape"));
 
-  const Rig& rig = *instant.rig;
+  const rig::Rig& rig = *instant.rig;
   const auto axes = plane_axes(rig, instant.complete->normal);
   const Eigen::Vector3d centre = rig.centre();
   const std::vector<double> present = max_neighbour_distances(rig, *instant.present);
   const std::vector<double> complete = max_neighbour_distances(rig, *instant.complete);
-  const bool alone = instant.present->kind == Topology::Kind::kPoint;
+  const bool alone = instant.present->kind == rig::Topology::Kind::kPoint;
   for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
     const bool is_present = instant.is_present(static_cast<int>(i));
     Camera camera;
@@ -150,4 +150,4 @@ Eigen::Vector4d view_parallel_plane(const VirtualCamera& view, double distance) 
 
 std::span<const OptionSpec> aperture_options() { return kOptions; }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -8,7 +8,7 @@
 #include "render/common/method.h"
 #include "rig/topology.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// A synthetic aperture: computes the weight of each camera of the array for a ray.
 ///
@@ -68,4 +68,4 @@ Eigen::Vector4d view_parallel_plane(const VirtualCamera& view, double distance);
 /// Returns all options of the method.
 std::span<const OptionSpec> aperture_options();
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reference of render_aperture(): the mean over the cameras within the aperture around the ray, of
-// weight (ApertureLens) x visibility x the camera's sample where the ray meets the plane. Per ray
-// in double. Output: R, G, B, A, coverage, depth (m). Cost: pixels x cameras.
+// Reference of the method aperture: the mean over the cameras within the aperture around the ray,
+// of weight (ApertureLens) x visibility x the camera's sample where the ray meets the plane. Per
+// ray in double. Output: R, G, B, A, coverage, depth (m). Cost: pixels x cameras.
 #include <optional>
 
 #include "render/common/ray_cells.h"
@@ -11,7 +11,7 @@
 #include "render/planar/ray_plane_intersection.h"
 #include "render/sampling/reference_renderer.h"
 
-namespace raystage {
+namespace raystage::render {
 
 RenderedView render_aperture_reference(const ViewRequest& request) {
   const VirtualCamera& view = request.view;
@@ -35,11 +35,10 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
                                       1 / static_cast<double>(depths->at(ray.x, ray.y)))
                : RayPlaneIntersection(eye, ray.direction, plane);
     if (!hit.is_in_front()) return;
-    const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(crossing->cell)];
+    const RayCells::Cell& cell = cells.cells()[crossing->cell];
     Eigen::Vector2d position = Eigen::Vector2d::Zero();  // of the ray on the lens
-    for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
-      position +=
-          crossing->weight[i] * lens.cameras()[static_cast<std::size_t>(cell.camera[i])].position;
+    for (int i = 0; i < cell.count; ++i) {
+      position += crossing->weight[i] * lens.cameras()[cell.camera[i]].position;
     }
     std::array<double, 3> sum{};
     double seen_weight = 0, present = 0, complete = 0;
@@ -50,7 +49,7 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
       complete += weight;
       if (!renderer.frames().has(i)) continue;
       present += weight;
-      const Rig::Camera& source = instant.rig->cameras[i];
+      const rig::Rig::Camera& source = instant.rig->cameras[i];
       Eigen::Vector2d in_frame;
       const double seen = visibility(source.model,
                                      source.pose.world_from_camera_rotation.transpose() *
@@ -73,4 +72,4 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
   });
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

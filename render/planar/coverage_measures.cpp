@@ -9,7 +9,7 @@
 #include "render/common/ray_coverage.h"
 #include "render/sampling/direction_visibility.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -21,46 +21,38 @@ struct ViewRay {
   double inverse_depth;  ///< per metre
 };
 
-/// Calls measure(ray, coverage), which adds cameras, for every visible pixel in parallel.
+/// Calls measure(cells, ray, coverage), which adds cameras, for every visible pixel in parallel.
 template <class Measure>
-void for_each_ray(const ViewRequest& request, const RayCells& cells, const Measure& measure,
-                  RenderedView& image) {
-  image.cameras.assign(image.coverage.size(), 0.0F);
-  image.nearest_ray.assign(image.coverage.size(), std::numeric_limits<float>::infinity());
+void for_each_ray(const ViewRequest& request, const Measure& measure, RenderedView& image) {
+  clear_coverage_measures(image);
   const VirtualCamera& view = request.view;
-  const CameraModel view_model({"view", view.width, view.height, view.intrinsics, {}, {}, {}});
+  VirtualCamera ideal_view = view;
+  ideal_view.intrinsics.distortion = {};
+  const RayCells cells(ideal_view, *request.instant.rig, *request.instant.present);
+  const rig::CameraModel view_model({"view", view.width, view.height, view.intrinsics, {}, {}, {}});
   const auto measure_pixel = [&](int x, int y, std::size_t at) {
     const auto in_view = view_model.unproject({x + 0.5, y + 0.5});
     if (!in_view || !(image.rgba[at * 4 + 3] > 0)) return;
-    const Intrinsics& k = view.intrinsics;
+    const schemas::Intrinsics& k = view.intrinsics;
     const auto crossing = cells.locate(in_view->x() * k.fx + k.cx, -in_view->y() * k.fy + k.cy);
     if (!crossing) return;
     RayCoverage coverage;
-    measure({*crossing, view.pose.world_from_camera_rotation * *in_view,
+    measure(cells,
+            {*crossing, view.pose.world_from_camera_rotation * *in_view,
              1 / static_cast<double>(image.z[at])},
             coverage);
     image.cameras[at] = coverage.cameras();
     image.nearest_ray[at] = coverage.nearest_ray();
   };
   raystage::parallel_for(0, view.height, [&](int y) {
-    for (int x = 0; x < view.width; ++x) {
-      measure_pixel(x, y,
-                    static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width) +
-                        static_cast<std::size_t>(x));
-    }
+    for (int x = 0; x < view.width; ++x) measure_pixel(x, y, image.index(x, y));
   });
-}
-
-RayCells cells_of(const ViewRequest& request) {
-  VirtualCamera ideal_view = request.view;
-  ideal_view.intrinsics.distortion = {};
-  return {ideal_view, *request.instant.rig, *request.instant.present};
 }
 
 /// Adds a camera by its weight times its visibility of the ray's point.
 void add_camera(const ViewRequest& request, const ViewRay& ray, std::size_t camera, double weight,
                 RayCoverage& coverage) {
-  const Rig::Camera& source = request.instant.rig->cameras[camera];
+  const rig::Rig::Camera& source = request.instant.rig->cameras[camera];
   const Vector3d to_camera = source.pose.position - request.view.pose.position;
   Eigen::Vector2d pixel;
   const double seen = direction_visibility(source.model,
@@ -74,14 +66,13 @@ void add_camera(const ViewRequest& request, const ViewRay& ray, std::size_t came
 
 void measure_planar_coverage(const ViewRequest& request, CornerWeights weights,
                              RenderedView& image) {
-  const RayCells cells = cells_of(request);
   for_each_ray(
-      request, cells,
-      [&](const ViewRay& ray, RayCoverage& coverage) {
+      request,
+      [&](const RayCells& cells, const ViewRay& ray, RayCoverage& coverage) {
         const RayCells::Crossing crossing =
             weights == CornerWeights::kNearest ? cells.nearest(ray.crossing) : ray.crossing;
-        const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(crossing.cell)];
-        for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+        const RayCells::Cell& cell = cells.cells()[crossing.cell];
+        for (int i = 0; i < cell.count; ++i) {
           add_camera(request, ray, static_cast<std::size_t>(cell.camera[i]), crossing.weight[i],
                      coverage);
         }
@@ -91,15 +82,13 @@ void measure_planar_coverage(const ViewRequest& request, CornerWeights weights,
 
 void measure_aperture_coverage(const ViewRequest& request, const ApertureLens& lens,
                                RenderedView& image) {
-  const RayCells cells = cells_of(request);
   for_each_ray(
-      request, cells,
-      [&](const ViewRay& ray, RayCoverage& coverage) {
-        const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(ray.crossing.cell)];
+      request,
+      [&](const RayCells& cells, const ViewRay& ray, RayCoverage& coverage) {
+        const RayCells::Cell& cell = cells.cells()[ray.crossing.cell];
         Eigen::Vector2d place = Eigen::Vector2d::Zero();
-        for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
-          place += ray.crossing.weight[i] *
-                   lens.cameras()[static_cast<std::size_t>(cell.camera[i])].position;
+        for (int i = 0; i < cell.count; ++i) {
+          place += ray.crossing.weight[i] * lens.cameras()[cell.camera[i]].position;
         }
         for (const int camera : request.instant.included_cameras) {
           if (!request.instant.is_present(camera)) continue;
@@ -111,4 +100,4 @@ void measure_aperture_coverage(const ViewRequest& request, const ApertureLens& l
       image);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -5,16 +5,16 @@
 #include "render/planar/aperture_lens.h"
 #include "render/planar/focal_plane.h"
 
-namespace raystage {
+namespace raystage::render {
 
-/// Fills RenderedView::cameras and nearest_ray of a view from render_focal_plane() or its
-/// reference, whose rays are blended from the cameras at the corners of their cells. The weights
-/// are computed again per pixel, in double.
+/// Fills RenderedView::cameras and nearest_ray of a view of focal_plane or nearest, or of
+/// their reference, whose rays are blended from the cameras at the corners of their cells. The
+/// weights are computed again per pixel, in double.
 void measure_planar_coverage(const ViewRequest& request, CornerWeights weights,
                              RenderedView& image);
 
-/// Fills the same values of a view from render_aperture() with colour, alpha and depth.
+/// Fills the same values of a view of aperture with colour, alpha and depth.
 void measure_aperture_coverage(const ViewRequest& request, const ApertureLens& lens,
                                RenderedView& image);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "images/exr_channels.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
@@ -18,8 +18,8 @@ constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 }  // namespace
 
 DepthMap read_depth_map(const std::filesystem::path& file) {
-  constexpr ExrChannel kChannels[] = {{"Z"}};
-  const ExrChannelData depths = read_exr_channels(
+  constexpr images::ExrChannel kChannels[] = {{"Z"}};
+  const images::ExrChannelData depths = images::read_exr_channels(
       file, kChannels, "Use a flat EXR file with planar depths in metres in channel Z");
   DepthMap map{depths.width, depths.height, {}};
   map.inverse.reserve(depths.values.size() + DepthMap::kReadPadding);
@@ -31,7 +31,7 @@ DepthMap read_depth_map(const std::filesystem::path& file) {
   return map;
 }
 
-std::filesystem::path depth_map_file(const MethodOptions& options, const Take& take) {
+std::filesystem::path depth_map_file(const MethodOptions& options, const store::Take& take) {
   const std::string& name = options.text("depth_map");
   return name.empty() ? std::filesystem::path() : take.folder() / name;
 }
@@ -41,7 +41,7 @@ const float* ViewDepths::run(int begin, int end, int y, std::vector<float>& scra
   if (factor_ == 1) return row + begin;
   const auto count = static_cast<std::size_t>(end - begin);
   scratch.resize(count + DepthMap::kReadPadding);
-  for (int x = begin; x < end; ++x) scratch[static_cast<std::size_t>(x - begin)] = row[x / factor_];
+  for (int x = begin; x < end; ++x) scratch[x - begin] = row[x / factor_];
   std::fill_n(scratch.begin() + (end - begin), DepthMap::kReadPadding, kNone);
   return scratch.data();
 }
@@ -66,4 +66,4 @@ std::optional<ViewDepths> make_view_depths(const ViewRequest& request) {
   return ViewDepths(map, factor, request.first_row);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

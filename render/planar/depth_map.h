@@ -10,7 +10,7 @@
 
 #include "render/common/method.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// The focus distance of each ray of a view.
 struct DepthMap {
@@ -20,9 +20,7 @@ struct DepthMap {
   std::vector<float> inverse;
 
   static constexpr std::size_t kReadPadding = 64;
-  const float* row(int y) const {
-    return inverse.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
-  }
+  const float* row(int y) const { return inverse.data() + static_cast<std::size_t>(y) * width; }
 };
 
 /// Reads channel Z, in metres, of a flat EXR file, as our views contain it; the size is that of the
@@ -32,7 +30,7 @@ DepthMap read_depth_map(const std::filesystem::path& file);
 
 /// Returns the file that the option `depth_map` names, relative to the take's folder; empty if
 /// unset.
-std::filesystem::path depth_map_file(const MethodOptions& options, const Take& take);
+std::filesystem::path depth_map_file(const MethodOptions& options, const store::Take& take);
 
 /// The depths of a view's pixels. The map has the size of the output view, also where that is
 /// supersampled or rendered in bands (ViewRequest::supersampling, first_row). Of a supersampled
@@ -57,4 +55,4 @@ class ViewDepths {
 /// read_depth_map(), and where the map's size differs from the output view's.
 std::optional<ViewDepths> make_view_depths(const ViewRequest& request);
 
-}  // namespace raystage
+}  // namespace raystage::render

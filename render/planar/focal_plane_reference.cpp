@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reference of render_focal_plane() (thesis 4.1.2): the sum over the corners of the cell that the
+// Reference of focal_plane.cpp (thesis 4.1.2): the sum over the corners of the cell that the
 // ray crosses, of corner weight x visibility x the camera's sample where the ray meets the plane.
 // Per ray in double. Output: R, G, B, A, coverage, depth (m). Cost: pixels x 3 cameras.
 #include <algorithm>
@@ -11,7 +11,7 @@
 #include "render/planar/ray_plane_intersection.h"
 #include "render/sampling/reference_renderer.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// Returns the plane of the nearest object that the ray meets, or else `plane`.
@@ -51,12 +51,12 @@ RenderedView render_focal_plane_reference(const ViewRequest& request, CornerWeig
     const RayPlaneIntersection hit(
         eye, ray.direction, sampling_plane(eye, ray.direction, objects, request.focal_plane));
     if (!hit.is_in_front()) return;
-    const RayCells::Cell& cell = present.cells()[static_cast<std::size_t>(crossing->cell)];
+    const RayCells::Cell& cell = present.cells()[crossing->cell];
     std::array<double, 3> sum{};
     double alpha = 0;
-    for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+    for (int i = 0; i < cell.count; ++i) {
       const auto camera = static_cast<std::size_t>(cell.camera[i]);
-      const Rig::Camera& source = instant.rig->cameras[camera];
+      const rig::Rig::Camera& source = instant.rig->cameras[camera];
       Eigen::Vector2d position;
       const double seen = visibility(source.model,
                                      source.pose.world_from_camera_rotation.transpose() *
@@ -76,8 +76,8 @@ RenderedView render_focal_plane_reference(const ViewRequest& request, CornerWeig
     const auto whole =
         instant.present == instant.complete ? std::nullopt : locate(complete, ray.ideal_pixel);
     if (!whole) return;
-    const RayCells::Cell& whole_cell = complete.cells()[static_cast<std::size_t>(whole->cell)];
-    for (std::size_t i = 0; i < static_cast<std::size_t>(whole_cell.count); ++i) {
+    const RayCells::Cell& whole_cell = complete.cells()[whole->cell];
+    for (int i = 0; i < whole_cell.count; ++i) {
       if (instant.is_present(whole_cell.camera[i])) continue;
       pixel.coverage -= pixel.rgba[3] * static_cast<float>(whole->weight[i]);
     }
@@ -85,4 +85,4 @@ RenderedView render_focal_plane_reference(const ViewRequest& request, CornerWeig
   });
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

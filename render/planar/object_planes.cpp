@@ -16,7 +16,7 @@
 #include "render/common/plane_projection.h"
 #include "render/common/ray_cells.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -86,10 +86,11 @@ PixelInterval interval_of(const Outline& outline, int y, int width) {
 
 }  // namespace
 
-std::vector<ObjectPlane> make_object_planes(const PlanesDocument& document, std::string_view name) {
+std::vector<ObjectPlane> make_object_planes(const schemas::PlanesDocument& document,
+                                            std::string_view name) {
   std::vector<ObjectPlane> objects;
   for (std::size_t index = 0; index < document.planes.size(); ++index) {
-    const PlanesDocument::Plane& given = document.planes[index];
+    const schemas::PlanesDocument::Plane& given = document.planes[index];
     ObjectPlane object;
     Vector3d middle = Vector3d::Zero();
     for (const auto& corner : given.corners) {
@@ -161,16 +162,16 @@ std::vector<ViewRegion> object_regions(const VirtualCamera& view,
       const PixelInterval interval = interval_of(outlines[i], y, view.width);
       for (int x = interval.begin; x < interval.end; ++x) {
         const double nearness = outlines[i].nearness.dot(Vector3d(x + 0.5, y + 0.5, 1));
-        if (!(nearness > nearest[static_cast<std::size_t>(x)])) continue;
-        nearest[static_cast<std::size_t>(x)] = nearness;
-        owner[static_cast<std::size_t>(x)] = i;
+        if (!(nearness > nearest[x])) continue;
+        nearest[x] = nearness;
+        owner[x] = i;
       }
     }
     for (int begin = 0; begin < view.width;) {
-      const std::size_t of = owner[static_cast<std::size_t>(begin)];
+      const std::size_t of = owner[begin];
       int end = begin + 1;
-      while (end < view.width && owner[static_cast<std::size_t>(end)] == of) ++end;
-      regions[of][static_cast<std::size_t>(y)].push_back({begin, end});
+      while (end < view.width && owner[end] == of) ++end;
+      regions[of][y].push_back({begin, end});
       begin = end;
     }
   });
@@ -180,7 +181,7 @@ std::vector<ViewRegion> object_regions(const VirtualCamera& view,
 void insert_region(const RenderedView& part, const ViewRegion& region, RenderedView& image) {
   raystage::parallel_for(0, image.height, [&](int y) {
     const auto row = static_cast<std::ptrdiff_t>(y) * image.width;
-    for (const PixelInterval& interval : region[static_cast<std::size_t>(y)]) {
+    for (const PixelInterval& interval : region[y]) {
       const auto copy = [&](const PixelValues& from, PixelValues& to, int channels) {
         std::copy(from.begin() + channels * (row + interval.begin),
                   from.begin() + channels * (row + interval.end),
@@ -191,14 +192,7 @@ void insert_region(const RenderedView& part, const ViewRegion& region, RenderedV
       copy(part.z, image.z, 1);
     }
   });
-  RenderStatistics& total = image.statistics;
-  total.plan_ms += part.statistics.plan_ms;
-  total.decode_ms += part.statistics.decode_ms;
-  total.render_ms += part.statistics.render_ms;
-  total.pixels_decoded += part.statistics.pixels_decoded;
-  // A source pixel that two planes need is read twice, so that it counts twice.
-  total.pixels_needed += part.statistics.pixels_needed;
-  total.cameras_used = std::max(total.cameras_used, part.statistics.cameras_used);
+  image.statistics.add_part(part.statistics);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

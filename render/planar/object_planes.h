@@ -10,7 +10,7 @@
 #include "render/common/view.h"
 #include "schemas/planes_document.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// A flat convex polygon; rays that meet it, from either side, are sampled on its plane.
 struct ObjectPlane {
@@ -21,7 +21,8 @@ struct ObjectPlane {
 /// Returns the objects of the document `name`. Throws Error (bad input) with the object's position
 /// in the document where corners lie off their plane by more than a hundredth of its size, or the
 /// polygon has no area or is not convex.
-std::vector<ObjectPlane> make_object_planes(const PlanesDocument& document, std::string_view name);
+std::vector<ObjectPlane> make_object_planes(const schemas::PlanesDocument& document,
+                                            std::string_view name);
 
 /// Returns the distance along the ray (in units of `direction`), above 0, at which it meets the
 /// polygon, or nullopt. The border belongs to the polygon. This is the per-ray reference.
@@ -45,4 +46,4 @@ std::vector<ViewRegion> object_regions(const VirtualCamera& view,
 /// statistics. cameras_used becomes the maximum, because both may use the same cameras.
 void insert_region(const RenderedView& part, const ViewRegion& region, RenderedView& image);
 
-}  // namespace raystage
+}  // namespace raystage::render

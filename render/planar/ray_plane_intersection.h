@@ -8,7 +8,7 @@
 
 #include "render/common/plane_projection.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// The intersection of a ray with the plane n.X + c = 0, as a direction from each camera: (X - C)
 /// for a finite plane, the ray itself for a plane at infinity. is_in_front() is false where the ray
@@ -45,4 +45,4 @@ class RayPlaneIntersection {
   double depth_ = 0;
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -10,7 +10,7 @@
 #include "render/common/view.h"
 #include "render/planar/object_planes.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// The rows of a view, divided into spans whose rays pass between the same cameras.
 class ViewRows {
@@ -21,16 +21,14 @@ class ViewRows {
     for_each_row_block([&](int first, int end) {
       std::vector<int> scratch;
       for (int y = first; y < end; ++y) {
-        std::vector<RayCells::Span>& spans = spans_[static_cast<std::size_t>(y)];
+        std::vector<RayCells::Span>& spans = spans_[y];
         cells.row_spans(y, width_, scratch, spans);
-        if (region != nullptr) spans = within((*region)[static_cast<std::size_t>(y)], spans);
+        if (region != nullptr) spans = within((*region)[y], spans);
       }
     });
   }
 
-  const std::vector<RayCells::Span>& spans(int y) const {
-    return spans_[static_cast<std::size_t>(y)];
-  }
+  const std::vector<RayCells::Span>& spans(int y) const { return spans_[y]; }
 
   /// Calls body(first row, end) in parallel, for a few rows at a time.
   template <class Body>
@@ -48,15 +46,15 @@ class ViewRows {
   void write(RenderedView& image, const Body& body) const {
     for_each_row_block([&](int first, int end) {
       for (int y = first; y < end; ++y) {
-        const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(width_);
+        const std::size_t row = image.index(0, y);
         std::size_t at = row;  // the first pixel not written yet
         for (const RayCells::Span& span : spans(y)) {
-          const std::size_t begin = row + static_cast<std::size_t>(span.begin);
+          const std::size_t begin = row + span.begin;
           clear_pixels(image, at, begin);
           body(span, y, begin);
-          at = row + static_cast<std::size_t>(span.end);
+          at = row + span.end;
         }
-        clear_pixels(image, at, row + static_cast<std::size_t>(width_));
+        clear_pixels(image, at, row + width_);
       }
     });
   }
@@ -108,4 +106,4 @@ class ViewRows {
   std::vector<std::vector<RayCells::Span>> spans_;  // per row
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

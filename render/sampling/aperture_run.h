@@ -5,7 +5,7 @@
 
 #include "render/sampling/source_view.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// A camera of a synthetic aperture (thesis, Reconstruction; ApertureLens has the formula).
 struct ApertureCamera {
@@ -43,7 +43,8 @@ void mark_aperture_pixels(const ApertureRun& run);
 /// Reconstructs the run as blend_run() does. Alpha is the part of the weight of the present cameras
 /// whose cameras saw the ray. `coverage` is the same relative to absent cameras too. `sums`: as
 /// blend_run(); cameras without a frame still count in the weights.
-void blend_aperture_run(const ApertureRun& run, BlendSpace space, float full_scale, float* rgba,
-                        float* coverage, float* z, SumStage sums = SumStage::kSampleAndFinish);
+void blend_aperture_run(const ApertureRun& run, store::BlendSpace space, float full_scale,
+                        float* rgba, float* coverage, float* z,
+                        SumStage sums = SumStage::kSampleAndFinish);
 
-}  // namespace raystage
+}  // namespace raystage::render

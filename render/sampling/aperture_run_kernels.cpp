@@ -23,7 +23,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -264,7 +264,7 @@ void add_others(const ApertureRun& run, std::span<const ApertureCamera> cameras,
   if (waiting > 0) add_samples<false>(sources, taps, waiting, n, sums);
 }
 
-void blend_aperture(const ApertureRun& run, BlendSpace space, float full_scale, float* rgba,
+void blend_aperture(const ApertureRun& run, store::BlendSpace space, float full_scale, float* rgba,
                     float* coverage, float* z, SumStage mode) {
   constexpr int kChunks = 4;
   constexpr std::size_t kCameras = 32;  // per batch
@@ -350,20 +350,20 @@ void mark_aperture(const ApertureRun& run) {
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::render {
 
 HWY_EXPORT(mark_aperture);
 HWY_EXPORT(blend_aperture);
 
 void mark_aperture_pixels(const ApertureRun& run) { HWY_DYNAMIC_DISPATCH(mark_aperture)(run); }
-void blend_aperture_run(const ApertureRun& run, BlendSpace space, float full_scale, float* rgba,
-                        float* coverage, float* z, SumStage sums) {
+void blend_aperture_run(const ApertureRun& run, store::BlendSpace space, float full_scale,
+                        float* rgba, float* coverage, float* z, SumStage sums) {
   HWY_DYNAMIC_DISPATCH(blend_aperture)(run, space, full_scale, rgba, coverage, z, sums);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render
 #endif

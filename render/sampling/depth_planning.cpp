@@ -10,7 +10,7 @@
 #include <atomic>
 #include <cmath>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// The interval of all numbers from `low` to `high`.
@@ -153,4 +153,4 @@ void mark_block(const DepthSource& source, const ViewBlock& block, Interpolation
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

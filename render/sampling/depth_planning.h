@@ -3,7 +3,7 @@
 
 #include "render/sampling/depth_sampling.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Pixels [left, right) x [top, bottom) of a view, seen at inverse depths from `nearest` down to
 /// `farthest` (1/m along the view's axis, from the source's reference, farthest <= nearest).
@@ -17,4 +17,4 @@ struct ViewBlock {
 /// the whole frame where the block reaches behind the camera. Many threads may mark the same frame.
 void mark_block(const DepthSource& source, const ViewBlock& block, Interpolation interpolation);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -7,9 +7,10 @@
 
 #include "render/common/ray_cells.h"
 
-namespace raystage {
+namespace raystage::render {
 
-DepthSource depth_source(const VirtualCamera& view, const Rig::Camera& camera, double reference) {
+DepthSource depth_source(const VirtualCamera& view, const rig::Rig::Camera& camera,
+                         double reference) {
   DepthSource source;
   Eigen::Matrix3d ideal_from_world = camera.pose.world_from_camera_rotation.transpose();
   ideal_from_world.row(1) *= -1;  // camera y up, image y down
@@ -22,7 +23,7 @@ DepthSource depth_source(const VirtualCamera& view, const Rig::Camera& camera, d
   return source;
 }
 
-void set_mcu_layout(SourceView& camera, const JpegLayout& layout, std::uint8_t* mcus) {
+void set_mcu_layout(SourceView& camera, const store::JpegLayout& layout, std::uint8_t* mcus) {
   camera.wanted_mcus = mcus;
   camera.mcus_per_row = layout.mcus_per_row;
   camera.mcu_width_log2 = std::countr_zero(static_cast<unsigned>(layout.mcu_width));
@@ -44,8 +45,9 @@ double cubic_weight(double distance) {
 }  // namespace
 
 DepthSample sample_at_depth_reference(const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
-                                      double inverse_depth, const Rig::Camera& camera,
-                                      const DecodedFrame& frame, Interpolation interpolation) {
+                                      double inverse_depth, const rig::Rig::Camera& camera,
+                                      const store::DecodedFrame& frame,
+                                      Interpolation interpolation) {
   DepthSample sample;
   const Eigen::Vector3d towards = camera.pose.world_from_camera_rotation.transpose() *
                                   (ray + inverse_depth * (eye - camera.pose.position));
@@ -76,7 +78,7 @@ DepthSample sample_at_depth_reference(const Eigen::Vector3d& eye, const Eigen::V
     for (int x = x0 - 1; x <= x0 + 2; ++x) {
       const auto row = static_cast<std::size_t>(std::clamp(y, 0, frame.height - 1));
       const auto column = static_cast<std::size_t>(std::clamp(x, 0, frame.width - 1));
-      const std::size_t at = row * static_cast<std::size_t>(frame.width) + column;
+      const std::size_t at = row * frame.width + column;
       const double w = weight(left - x) * weight(top - y);
       if (w == 0) continue;  // the pixel may not be decoded
       for (std::size_t c = 0; c < 3; ++c) sample.code[c] += w * frame.rgba[at * 4 + c] / 65535.0;
@@ -88,4 +90,4 @@ DepthSample sample_at_depth_reference(const Eigen::Vector3d& eye, const Eigen::V
   return sample;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

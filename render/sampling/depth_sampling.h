@@ -11,7 +11,7 @@
 #include "rig/rig.h"
 #include "store/processing/frames/frame_cache.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Interpolation between the pixels of a frame. Beyond the outermost pixel centres the frame
 /// continues unchanged.
@@ -38,11 +38,11 @@ struct DepthSource {
 /// ignored. All inverse depths used with the source are relative to `reference` (1/m): a virtual
 /// camera far behind a scene sees all of it within a part of its inverse depth that float does not
 /// resolve.
-DepthSource depth_source(const VirtualCamera& view, const Rig::Camera& camera,
+DepthSource depth_source(const VirtualCamera& view, const rig::Rig::Camera& camera,
                          double reference = 0);
 
 /// Sets what planning needs of JpegLayout; `mcus` as for SourceView::wanted_mcus.
-void set_mcu_layout(SourceView& camera, const JpegLayout& layout, std::uint8_t* mcus);
+void set_mcu_layout(SourceView& camera, const store::JpegLayout& layout, std::uint8_t* mcus);
 
 /// Adds a camera's samples to a run of pixels of row y, starting at pixel x. Per pixel: inverse
 /// depth (1/m from the source's reference; not-a-number contributes nothing), weight (0 or more),
@@ -72,13 +72,13 @@ inline constexpr float kFullAlphaWeight = 0.1F;
 /// Converts sums to premultiplied linear light (R, G, B, A; code 65535 is `full_scale`). A is the
 /// sum of the weights divided by kFullAlphaWeight, at most 1. Overshoot of cubic interpolation is
 /// clamped. `rgba` may be `sums`.
-void finish_samples(std::span<const float> sums, BlendSpace space, float full_scale,
+void finish_samples(std::span<const float> sums, store::BlendSpace space, float full_scale,
                     std::span<float> rgba);
 /// Converts sums of frames with alpha. `visibility`, one float per pixel, is the A of the sums
 /// without the frames' alpha (times 65535, see add_visibility_at_depth()). A becomes the mean of
 /// the frames' alpha times the alpha of the ray with opaque frames.
-void finish_samples(std::span<const float> sums, std::span<const float> seen, BlendSpace space,
-                    float full_scale, std::span<float> rgba);
+void finish_samples(std::span<const float> sums, std::span<const float> seen,
+                    store::BlendSpace space, float full_scale, std::span<float> rgba);
 
 /// A sample of the slow per-ray reference.
 struct DepthSample {
@@ -90,7 +90,8 @@ struct DepthSample {
 /// Samples a frame at a depth, in double. `ray`: of the view's pixel, in the world, scaled to
 /// planar depth 1.
 DepthSample sample_at_depth_reference(const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
-                                      double inverse_depth, const Rig::Camera& camera,
-                                      const DecodedFrame& frame, Interpolation interpolation);
+                                      double inverse_depth, const rig::Rig::Camera& camera,
+                                      const store::DecodedFrame& frame,
+                                      Interpolation interpolation);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -19,7 +19,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -270,7 +270,7 @@ void mark(const DepthSource& source, int x, int y, std::span<const float> invers
 }
 
 /// Converts sums to linear light. `seen`: visibility sums; empty if equal to the sums' A.
-void finish_all(std::span<const float> sums, std::span<const float> seen, BlendSpace space,
+void finish_all(std::span<const float> sums, std::span<const float> seen, store::BlendSpace space,
                 float full_scale, std::span<float> rgba) {
   const hn::FixedTag<float, 4> d;
   const auto full = hn::Set(d, 65535.0F);
@@ -295,11 +295,11 @@ void finish_all(std::span<const float> sums, std::span<const float> seen, BlendS
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::render {
 
 HWY_EXPORT(add);
 HWY_EXPORT(add_seen);
@@ -321,14 +321,14 @@ void mark_samples_at_depth(const DepthSource& source, int x, int y,
                            Interpolation interpolation) {
   HWY_DYNAMIC_DISPATCH(mark)(source, x, y, inverse_depth, weight, interpolation);
 }
-void finish_samples(std::span<const float> sums, BlendSpace space, float full_scale,
+void finish_samples(std::span<const float> sums, store::BlendSpace space, float full_scale,
                     std::span<float> rgba) {
   HWY_DYNAMIC_DISPATCH(finish_all)(sums, {}, space, full_scale, rgba);
 }
-void finish_samples(std::span<const float> sums, std::span<const float> seen, BlendSpace space,
-                    float full_scale, std::span<float> rgba) {
+void finish_samples(std::span<const float> sums, std::span<const float> seen,
+                    store::BlendSpace space, float full_scale, std::span<float> rgba) {
   HWY_DYNAMIC_DISPATCH(finish_all)(sums, seen, space, full_scale, rgba);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render
 #endif

@@ -13,26 +13,27 @@
 #include "render/sampling/depth_planning.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr int kWidth = 61, kHeight = 47;
 
-Rig::Camera camera_at(const Eigen::Vector3d& position, double turn, const Distortion& distortion) {
-  CameraGeometry geometry;
+rig::Rig::Camera camera_at(const Eigen::Vector3d& position, double turn,
+                           const schemas::Distortion& distortion) {
+  schemas::CameraGeometry geometry;
   geometry.id = "c";
   geometry.width = kWidth;
   geometry.height = kHeight;
   geometry.intrinsics = {48, 47, 30.2, 23.1, distortion};
-  Pose pose;
+  rig::Pose pose;
   pose.position = position;
   pose.world_from_camera_rotation =
       Eigen::AngleAxisd(turn, Eigen::Vector3d(0.3, 1, 0.1).normalized()).toRotationMatrix();
-  return {"c", CameraModel(geometry), pose, {}, {}, {}};
+  return {"c", rig::CameraModel(geometry), pose, {}, {}, {}};
 }
 
-DecodedFrame random_frame(unsigned seed) {
-  DecodedFrame frame;
+store::DecodedFrame random_frame(unsigned seed) {
+  store::DecodedFrame frame;
   frame.width = kWidth;
   frame.height = kHeight;
   const std::size_t pixels = kWidth * (kHeight + 1) + 1;
@@ -59,15 +60,15 @@ struct Row {
 };
 
 VirtualCamera test_view() {
-  Pose pose;
+  rig::Pose pose;
   pose.position = {0.1, -0.05, 0.2};
   pose.world_from_camera_rotation =
       Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitX()).toRotationMatrix();
   return virtual_camera_with_fov(160, 100, 1.2, pose);
 }
 
-const std::vector<std::pair<Rig::Camera, const char*>>& cameras() {
-  static const std::vector<std::pair<Rig::Camera, const char*>> all{
+const std::vector<std::pair<rig::Rig::Camera, const char*>>& cameras() {
+  static const std::vector<std::pair<rig::Rig::Camera, const char*>> all{
       {camera_at({0, 0, 0}, 0, {}), "beside"},
       {camera_at({0.3, 0.1, -0.1}, 0.15, {-0.25, 0.06, 0.002, -0.003, 0.001}), "turned, distorted"},
       {camera_at({0, 0, -0.6}, 0.1, {}), "in front, partly passed"},
@@ -76,7 +77,7 @@ const std::vector<std::pair<Rig::Camera, const char*>>& cameras() {
 }
 
 void expect_samples_equal_reference(Interpolation interpolation) {
-  const DecodedFrame frame = random_frame(7);
+  const store::DecodedFrame frame = random_frame(7);
   const VirtualCamera view = test_view();
   const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
   const Row row(11);
@@ -120,13 +121,13 @@ TEST(DepthSampling, EveryInstructionSetAgreesWithTheReference) {
 TEST(DepthSampling, MarksEveryPixelThatIsReadAndNoOther) {
   const VirtualCamera view = test_view();
   const Row row(12);
-  JpegLayout layout;
+  store::JpegLayout layout;
   layout.mcu_width = layout.mcu_height = 16;
   layout.mcus_per_row = (kWidth + 15) / 16;
   for (const Interpolation interpolation : {Interpolation::kLinear, Interpolation::kCubic}) {
     for (const auto& [camera, name] : cameras()) {
       SCOPED_TRACE(name);
-      DecodedFrame frame = random_frame(3);
+      store::DecodedFrame frame = random_frame(3);
       DepthSource source = depth_source(view, camera);
       std::vector<std::uint8_t> mcus(16), read(kWidth * kHeight);
       set_mcu_layout(source.camera, layout, mcus.data());
@@ -139,7 +140,7 @@ TEST(DepthSampling, MarksEveryPixelThatIsReadAndNoOther) {
         for (int x = 0; x < kWidth; ++x) {
           const auto at = static_cast<std::size_t>(y * kWidth + x);
           if (read[at]) {
-            EXPECT_EQ(mcus[static_cast<std::size_t>(y / 16 * layout.mcus_per_row + x / 16)], 1);
+            EXPECT_EQ(mcus[y / 16 * layout.mcus_per_row + x / 16], 1);
           } else {
             frame.rgba[4 * at] = static_cast<std::uint16_t>(frame.rgba[4 * at] + 30000);
           }
@@ -153,7 +154,7 @@ TEST(DepthSampling, MarksEveryPixelThatIsReadAndNoOther) {
 
 TEST(DepthSampling, ABlocksPlanHoldsAllThatItsPixelsRead) {
   const VirtualCamera view = test_view();
-  JpegLayout layout;
+  store::JpegLayout layout;
   layout.mcu_width = layout.mcu_height = 8;
   layout.mcus_per_row = (kWidth + 7) / 8;
   std::mt19937 random(5);
@@ -195,13 +196,13 @@ TEST(DepthSampling, FinishCutsOffWhatOvershootsAndTurnsCodesIntoLight) {
   const float seen = 65535 * kFullAlphaWeight / 2;  // by half of what makes a ray opaque
   const std::vector<float> sums{seen * 0.25F, -900, 2 * seen, seen, 0, 0, 0, 0};
   std::vector<float> rgba(8);
-  finish_samples(sums, BlendSpace::kPerceptual, 2, rgba);
+  finish_samples(sums, store::BlendSpace::kPerceptual, 2, rgba);
   EXPECT_NEAR(rgba[0], linear_from_srgb(0.25) * 2 * 0.5, 1e-5);
   EXPECT_EQ(rgba[1], 0);
   EXPECT_NEAR(rgba[2], 1, 1e-5);
   EXPECT_FLOAT_EQ(rgba[3], 0.5F);
   EXPECT_EQ(rgba[7], 0);
-  finish_samples(sums, BlendSpace::kLinear, 2, rgba);
+  finish_samples(sums, store::BlendSpace::kLinear, 2, rgba);
   EXPECT_FLOAT_EQ(rgba[0], 0.25F);
   EXPECT_FLOAT_EQ(rgba[2], 1);
 }
@@ -210,7 +211,7 @@ TEST(DepthSampling, ARaySeenBySomeOfItsCamerasIsOpaque) {
   for (const float shares : {1.0F, 0.3F, 1.01F * kFullAlphaWeight}) {
     const float seen = 65535 * shares;
     std::vector<float> rgba{seen * 0.5F, seen, 0, seen};
-    finish_samples(rgba, BlendSpace::kLinear, 1, rgba);
+    finish_samples(rgba, store::BlendSpace::kLinear, 1, rgba);
     EXPECT_NEAR(rgba[0], 0.5, 1e-6) << shares;
     EXPECT_NEAR(rgba[1], 1, 1e-6) << shares;
     EXPECT_NEAR(rgba[3], 1, 1e-6) << shares;
@@ -227,4 +228,4 @@ TEST(DepthSampling, LooksUpWhereTheInfinitePlaneDoes) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

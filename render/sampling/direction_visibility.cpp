@@ -5,9 +5,9 @@
 
 #include "render/sampling/source_view.h"
 
-namespace raystage {
+namespace raystage::render {
 
-double direction_visibility(const CameraModel& model, const Eigen::Vector3d& direction,
+double direction_visibility(const rig::CameraModel& model, const Eigen::Vector3d& direction,
                             Eigen::Vector2d& pixel) {
   if (!(direction.z() < 0)) return 0;
   const Eigen::Vector2d ideal(direction.x() / -direction.z(), direction.y() / direction.z());
@@ -22,4 +22,4 @@ double direction_visibility(const CameraModel& model, const Eigen::Vector3d& dir
   return seen * std::clamp(to_fold * double{kFoldFade}, 0.0, 1.0);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -7,7 +7,7 @@
 #include "render/common/blending_field.h"
 #include "render/common/method.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Returns the visibility of a point for a camera, 0 to 1; 0 if the point is occluded. The point
 /// has an inverse planar depth (1/m) in the view. `towards` is its direction from the camera's
@@ -25,4 +25,4 @@ void measure_view_coverage(const ViewRequest& request, const BlendingField& fiel
 /// coverage.
 RenderedView transparent_view(const ViewRequest& request);
 
-}  // namespace raystage
+}  // namespace raystage::render

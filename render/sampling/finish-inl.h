@@ -20,7 +20,7 @@
 #include "store/processing/frames/blend_space.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 
 /// Returns linear light for blended sRGB codes (IEC 61966-2-1). With b the base of the power 2.4
@@ -46,10 +46,11 @@ HWY_INLINE V linear_from_codes(D d, V code) {
 
 /// Converts sums of weighted codes, 0 to 65535, to premultiplied linear light; `weight` to alpha.
 template <class D, class V>
-HWY_INLINE void finish(D d, BlendSpace space, float full_scale, V& r, V& g, V& b, V& weight) {
+HWY_INLINE void finish(D d, store::BlendSpace space, float full_scale, V& r, V& g, V& b,
+                       V& weight) {
   namespace hn = hwy::HWY_NAMESPACE;
   const auto alpha = hn::Mul(weight, hn::Set(d, 1.0F / 65535));
-  if (space == BlendSpace::kPerceptual) {
+  if (space == store::BlendSpace::kPerceptual) {
     const auto inverse = reciprocal(d, hn::Max(weight, hn::Set(d, 1e-20F)));
     const auto scale = hn::Mul(alpha, hn::Set(d, full_scale));
     r = hn::Mul(linear_from_codes(d, hn::Mul(r, inverse)), scale);
@@ -65,7 +66,8 @@ HWY_INLINE void finish(D d, BlendSpace space, float full_scale, V& r, V& g, V& b
 }
 
 /// Converts n pixels of R, G, B, weight. `rgba` may be `sums`.
-HWY_INLINE void finish(const float* sums, int n, BlendSpace space, float full_scale, float* rgba) {
+HWY_INLINE void finish(const float* sums, int n, store::BlendSpace space, float full_scale,
+                       float* rgba) {
   namespace hn = hwy::HWY_NAMESPACE;
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
@@ -86,7 +88,7 @@ HWY_INLINE void finish(const float* sums, int n, BlendSpace space, float full_sc
 
 // NOLINTNEXTLINE(google-readability-namespace-comments)
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #endif  // per target

@@ -14,7 +14,7 @@
 #include "render/sampling/source_view.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 
 /// A frame position in pixels and its visibility, 0 to 1 (0 also for not-a-number).
@@ -63,7 +63,7 @@ HWY_INLINE FramePosition<V> project_through_lens(D d, const SourceView& source, 
 
 // NOLINTNEXTLINE(google-readability-namespace-comments)
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #endif  // per target

@@ -11,7 +11,7 @@
 #include <atomic>
 #include <cmath>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// Exceeds the rounding error of positions in the kernels, in pixels.
@@ -123,9 +123,7 @@ void mark_box(const SourceView& s, const Box& box) {
   const int bottom =
       std::min(last(std::min<double>(box.bottom, s.height)), s.height - 1) >> s.mcu_height_log2;
   for (int y = top; y <= bottom; ++y) {
-    for (int x = left; x <= right; ++x) {
-      mark_mcu(s.wanted_mcus, y * s.mcus_per_row + x);
-    }
+    for (int x = left; x <= right; ++x) mark_mcu(s.wanted_mcus, y * s.mcus_per_row + x);
   }
 }
 
@@ -154,4 +152,4 @@ void mark_block(const SourceView& source, const PixelBlock& block) {
   mark_block(source, second);
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

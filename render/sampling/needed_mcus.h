@@ -3,7 +3,7 @@
 
 #include "render/sampling/source_view.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Pixels [x_begin, x_end) x [y_begin, y_end) of a view.
 struct PixelBlock {
@@ -21,4 +21,4 @@ struct PixelBlock {
 /// larger than they are, or that reach beyond the camera's horizon, are halved.
 void mark_block(const SourceView& source, const PixelBlock& block);
 
-}  // namespace raystage
+}  // namespace raystage::render

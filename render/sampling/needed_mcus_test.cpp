@@ -7,7 +7,7 @@
 #include <limits>
 #include <random>
 
-namespace raystage::needed_mcus_test {
+namespace raystage::render::needed_mcus_test {
 namespace {
 
 constexpr int kWidth = 320, kHeight = 240, kMcu = 16;
@@ -24,7 +24,7 @@ SourceView random_camera(std::mt19937& random, bool distorted) {
   matrix.row(2) << uniform(-2e-3, 2e-3), uniform(-2e-3, 2e-3), 1;
   const Eigen::Vector3d middle = matrix * Eigen::Vector3d(64, 48, 0);
   matrix.block<2, 1>(0, 2) << uniform(-0.3, 0.3) - middle.x(), uniform(-0.3, 0.3) - middle.y();
-  CameraGeometry geometry;
+  schemas::CameraGeometry geometry;
   geometry.width = kWidth;
   geometry.height = kHeight;
   geometry.intrinsics = {250, 250, 160, 120, {}};
@@ -32,7 +32,7 @@ SourceView random_camera(std::mt19937& random, bool distorted) {
     geometry.intrinsics.distortion = {uniform(-0.3, 0.3), uniform(-0.05, 0.05),
                                       uniform(-0.01, 0.01), uniform(-0.01, 0.01), 0};
   }
-  SourceView camera = make_source_view(CameraModel(geometry), matrix);
+  SourceView camera = make_source_view(rig::CameraModel(geometry), matrix);
   camera.mcus_per_row = kWidth / kMcu;
   camera.mcu_width_log2 = camera.mcu_height_log2 = 4;
   camera.chroma_radius = 1;
@@ -61,8 +61,7 @@ TEST(NeededMcus, BlocksNeedAllThatTheirPixelsReadAndLittleMore) {
       mark_run(run);
     }
     for (int m = 0; m < kMcus; ++m) {
-      ASSERT_GE(by_block[static_cast<std::size_t>(m)], by_tap[static_cast<std::size_t>(m)])
-          << "camera " << i << " MCU " << m;
+      ASSERT_GE(by_block[m], by_tap[m]) << "camera " << i << " MCU " << m;
     }
     exact_total += static_cast<std::size_t>(std::ranges::count(by_tap, 1));
     block_total += static_cast<std::size_t>(std::ranges::count(by_block, 1));
@@ -82,4 +81,4 @@ TEST(NeededMcus, NothingIsNeededOfACameraThatSeesNothing) {
 }
 
 }  // namespace
-}  // namespace raystage::needed_mcus_test
+}  // namespace raystage::render::needed_mcus_test

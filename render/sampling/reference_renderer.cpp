@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <optional>
 
@@ -11,29 +10,21 @@
 #include "base/transfer_function.h"
 #include "render/sampling/source_view.h"
 
-namespace raystage {
+namespace raystage::render {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 namespace {
 
-double milliseconds_since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
-      .count();
-}
-
-std::size_t pixel_index(int x, int y, int width) {
-  return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-         static_cast<std::size_t>(x);
-}
+std::size_t pixel_index(int x, int y, int width) { return static_cast<std::size_t>(y) * width + x; }
 
 }  // namespace
 
 ReferenceFrames::ReferenceFrames(const LightFieldFrame& instant, bool count_needed_pixels,
                                  RenderStatistics& statistics)
     : frames_(instant.rig->cameras.size()), read_(frames_.size()) {
-  const auto start = std::chrono::steady_clock::now();
+  const auto start = RenderClock::now();
   for (std::size_t i = 0; i < frames_.size(); ++i) {
     const int camera = static_cast<int>(i);
     if (!instant.is_present(camera)) continue;
@@ -42,14 +33,13 @@ ReferenceFrames::ReferenceFrames(const LightFieldFrame& instant, bool count_need
         instant.cache->fetch(camera, instant.frame_of_camera[i], {}, statistics.pixels_decoded);
     ++statistics.cameras_used;
     if (!count_needed_pixels) continue;
-    read_[i].resize(static_cast<std::size_t>(frames_[i]->width) *
-                    static_cast<std::size_t>(frames_[i]->height));
+    read_[i].resize(static_cast<std::size_t>(frames_[i]->width) * frames_[i]->height);
   }
-  statistics.decode_ms = milliseconds_since(start);
+  statistics.decode_ms = milliseconds(RenderClock::now() - start);
 }
 
 FrameSample ReferenceFrames::sample(std::size_t camera, const Vector2d& pixel) {
-  const DecodedFrame& frame = *frames_[camera];
+  const store::DecodedFrame& frame = *frames_[camera];
   std::vector<std::uint8_t>& read = read_[camera];
   const double left = std::clamp(pixel.x() - 0.5, 0.0, frame.width - 1.0);
   const double top = std::clamp(pixel.y() - 0.5, 0.0, frame.height - 1.0);
@@ -81,7 +71,8 @@ std::int64_t ReferenceFrames::pixels_needed() const {
   return needed;
 }
 
-double visibility(const CameraModel& model, const Vector3d& direction_in_camera, Vector2d& pixel) {
+double visibility(const rig::CameraModel& model, const Vector3d& direction_in_camera,
+                  Vector2d& pixel) {
   if (direction_in_camera.z() >= 0) return 0;
   const Vector2d ideal(direction_in_camera.x() / -direction_in_camera.z(),
                        direction_in_camera.y() / direction_in_camera.z());
@@ -97,11 +88,12 @@ double visibility(const CameraModel& model, const Vector3d& direction_in_camera,
 }
 
 std::array<float, 4> premultiplied_light(const std::array<double, 3>& color, double alpha,
-                                         const FrameCache& cache) {
+                                         const store::FrameCache& cache) {
   std::array<float, 4> rgba{};
   for (std::size_t c = 0; c < 3; ++c) {
-    const double linear =
-        cache.blend_space() == BlendSpace::kPerceptual ? linear_from_srgb(color[c]) : color[c];
+    const double linear = cache.blend_space() == store::BlendSpace::kPerceptual
+                              ? linear_from_srgb(color[c])
+                              : color[c];
     rgba[c] = static_cast<float>(linear * cache.full_scale() * alpha);
   }
   rgba[3] = static_cast<float>(alpha);
@@ -112,15 +104,12 @@ ReferenceRenderer::ReferenceRenderer(const ViewRequest& request)
     : request_(request), frames_(request.instant, request.count_needed_pixels, statistics_) {}
 
 RenderedView ReferenceRenderer::render(const ReconstructRay& reconstruct) const {
-  const auto start = std::chrono::steady_clock::now();
+  const auto start = RenderClock::now();
   const VirtualCamera& view = request_.view;
-  const Intrinsics& k = view.intrinsics;
-  const CameraModel model({"view", view.width, view.height, k, {}, {}, {}});
+  const schemas::Intrinsics& k = view.intrinsics;
+  const rig::CameraModel model({"view", view.width, view.height, k, {}, {}, {}});
   RenderedView image = empty_view(view);
-  if (request_.measure_coverage) {
-    image.cameras.assign(image.coverage.size(), 0.0F);
-    image.nearest_ray = image.z;  // infinity
-  }
+  if (request_.measure_coverage) clear_coverage_measures(image);
   std::vector<float> empty_space(image.coverage.size());
   std::atomic<bool> has_empty_space = false;
   parallel_for(0, view.height, [&](int y) {
@@ -133,7 +122,7 @@ RenderedView ReferenceRenderer::render(const ReconstructRay& reconstruct) const 
                    view.pose.world_from_camera_rotation * *in_camera,
                    {in_camera->x() * k.fx + k.cx, -in_camera->y() * k.fy + k.cy}},
                   pixel);
-      const std::size_t at = pixel_index(x, y, view.width);
+      const std::size_t at = image.index(x, y);
       std::ranges::copy(pixel.rgba, &image.rgba[at * 4]);
       image.coverage[at] = pixel.coverage;
       image.z[at] = pixel.z;
@@ -147,8 +136,8 @@ RenderedView ReferenceRenderer::render(const ReconstructRay& reconstruct) const 
   if (has_empty_space) image.empty_space.assign(empty_space.begin(), empty_space.end());
   image.statistics = statistics_;
   image.statistics.pixels_needed = frames_.pixels_needed();
-  image.statistics.render_ms = milliseconds_since(start);
+  image.statistics.render_ms = milliseconds(RenderClock::now() - start);
   return image;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -16,7 +16,7 @@
 #include "rig/camera_model.h"
 #include "store/processing/frames/frame_cache.h"
 
-namespace raystage {
+namespace raystage::render {
 
 struct FrameSample {
   std::array<double, 3> rgb{};  ///< on the scale of the blend space, full scale 1, times alpha
@@ -33,7 +33,7 @@ class ReferenceFrames {
 
   const std::vector<int>& present() const { return present_; }
   bool has(std::size_t camera) const { return frames_[camera] != nullptr; }
-  const DecodedFrame& frame(std::size_t camera) const { return *frames_[camera]; }
+  const store::DecodedFrame& frame(std::size_t camera) const { return *frames_[camera]; }
 
   /// Samples bilinearly; pixel centres lie at +0.5. Thread-safe.
   FrameSample sample(std::size_t camera, const Eigen::Vector2d& pixel);
@@ -43,18 +43,18 @@ class ReferenceFrames {
 
  private:
   std::vector<int> present_;
-  std::vector<std::shared_ptr<const DecodedFrame>> frames_;
+  std::vector<std::shared_ptr<const store::DecodedFrame>> frames_;
   std::vector<std::vector<std::uint8_t>> read_;  ///< per camera and pixel; empty: not counted
 };
 
 /// Returns the visibility of a direction, 0 to 1 (fading at the frame's border and before a lens
 /// model folds back), and sets `pixel` to its position in the image.
-double visibility(const CameraModel& model, const Eigen::Vector3d& direction_in_camera,
+double visibility(const rig::CameraModel& model, const Eigen::Vector3d& direction_in_camera,
                   Eigen::Vector2d& pixel);
 
 /// Returns premultiplied linear light, R, G, B, A, of a colour in the blend space.
 std::array<float, 4> premultiplied_light(const std::array<double, 3>& color, double alpha,
-                                         const FrameCache& cache);
+                                         const store::FrameCache& cache);
 
 /// The ray through the centre of a pixel of the view.
 struct ReferenceRay {
@@ -91,4 +91,4 @@ class ReferenceRenderer {
   ReferenceFrames frames_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -24,7 +24,7 @@
 #include "render/sampling/source_view.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 
 struct Weights {
@@ -127,7 +127,7 @@ struct Pixels {
 /// `along`: 1 / planar depth. `share`: factor of each pixel's sums, or null. `present`: factor from
 /// alpha to coverage, or null.
 HWY_INLINE void write_pixels(const float* sums, const float* share, const float* present, int n,
-                             int room, BlendSpace space, float full_scale, Ramp along,
+                             int room, store::BlendSpace space, float full_scale, Ramp along,
                              bool at_infinity, float* rgba, float* coverage, float* z) {
   namespace hn = hwy::HWY_NAMESPACE;
   const hn::ScalableTag<float> d;
@@ -212,7 +212,7 @@ HWY_INLINE void mark_pixels(const SourceView& source, const Taps& taps, int n) {
 
 // NOLINTNEXTLINE(google-readability-namespace-comments)
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #endif  // per target

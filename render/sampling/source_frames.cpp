@@ -5,18 +5,9 @@
 #include <atomic>
 
 #include "base/parallel.h"
+#include "render/sampling/depth_sampling.h"
 
-namespace raystage {
-namespace {
-
-int log2_of(int power_of_two) {
-  int log2 = 0;
-  while ((1 << log2) < power_of_two) ++log2;
-  return log2;
-}
-
-}  // namespace
-
+namespace raystage::render {
 SourceFrames::SourceFrames(const LightFieldFrame& instant, const PlaneProjection& projection,
                            bool count_needed)
     : instant_(instant),
@@ -27,30 +18,22 @@ SourceFrames::SourceFrames(const LightFieldFrame& instant, const PlaneProjection
 void SourceFrames::open(const std::vector<int>& cameras) {
   opened_ = cameras;
   raystage::parallel_for(std::size_t{0}, opened_.size(), [&](std::size_t i) {
-    const int index = opened_[i], frame = instant_.frame_of_camera[static_cast<std::size_t>(index)];
-    Source& source = sources_[static_cast<std::size_t>(index)];
-    const Rig::Camera& camera = instant_.rig->cameras[static_cast<std::size_t>(index)];
+    const int index = opened_[i], frame = instant_.frame_of_camera[index];
+    Source& source = sources_[index];
+    const rig::Rig::Camera& camera = instant_.rig->cameras[index];
     source.view = make_source_view(camera.model, projection_.ideal_from_pixel(camera.pose));
     if (!count_needed_ && instant_.cache->is_fully_decoded(index, frame)) return;
     const auto layout = instant_.cache->layout(index, frame);
-    source.wanted.assign(static_cast<std::size_t>(layout->mcu_count()), 0);
-    source.view.wanted_mcus = source.wanted.data();
-    source.view.mcus_per_row = layout->mcus_per_row;
-    source.view.mcu_width_log2 = log2_of(layout->mcu_width);
-    source.view.mcu_height_log2 = log2_of(layout->mcu_height);
-    source.view.chroma_radius = layout->mcu_width > 8 || layout->mcu_height > 8 ? 1 : 0;
+    source.wanted.assign(layout->mcu_count(), 0);
+    set_mcu_layout(source.view, *layout, source.wanted.data());
     if (!count_needed_) return;
-    source.read_pixels.assign(
-        static_cast<std::size_t>(source.view.width) * static_cast<std::size_t>(source.view.height),
-        0);
+    source.read_pixels.assign(static_cast<std::size_t>(source.view.width) * source.view.height, 0);
     source.view.read_pixels = source.read_pixels.data();
   });
 }
 
 bool SourceFrames::are_fully_decoded() const {
-  return std::ranges::all_of(opened_, [&](int camera) {
-    return sources_[static_cast<std::size_t>(camera)].wanted.empty();
-  });
+  return std::ranges::all_of(opened_, [&](int camera) { return sources_[camera].wanted.empty(); });
 }
 
 void SourceFrames::decode(RenderStatistics& statistics) {
@@ -58,12 +41,11 @@ void SourceFrames::decode(RenderStatistics& statistics) {
   std::atomic<int> cameras = 0;
   raystage::parallel_for(std::size_t{0}, opened_.size(), [&](std::size_t i) {
     const int index = opened_[i];
-    Source& source = sources_[static_cast<std::size_t>(index)];
+    Source& source = sources_[index];
     if (!source.wanted.empty() && std::ranges::count(source.wanted, 1) == 0) return;
     std::int64_t decoded = 0;
-    source.frame =
-        instant_.cache->fetch(index, instant_.frame_of_camera[static_cast<std::size_t>(index)],
-                              source.wanted, decoded, instant_.fetch_group);
+    source.frame = instant_.cache->fetch(index, instant_.frame_of_camera[index], source.wanted,
+                                         decoded, instant_.fetch_group);
     source.view.rgba = source.frame->rgba.get();
     pixels += decoded;
     needed += std::ranges::count(source.read_pixels, 1);
@@ -74,4 +56,4 @@ void SourceFrames::decode(RenderStatistics& statistics) {
   statistics.cameras_used = cameras;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

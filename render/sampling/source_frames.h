@@ -8,7 +8,7 @@
 #include "render/common/plane_projection.h"
 #include "render/sampling/source_view.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// The source cameras of a light field frame for one view: their geometry, the parts of their
 /// frames that are needed, and the decoded frames. Use in this order: open(), mark (mark_run,
@@ -26,14 +26,14 @@ class SourceFrames {
   /// Decodes what was marked. Cameras without marks keep a null frame.
   void decode(RenderStatistics& statistics);
 
-  SourceView& view(int camera) { return sources_[static_cast<std::size_t>(camera)].view; }
+  SourceView& view(int camera) { return sources_[camera].view; }
 
  private:
   struct Source {
     SourceView view;
-    McuMask wanted;  // empty: all, which is in memory already
+    store::McuMask wanted;  // empty: all, which is in memory already
     std::vector<std::uint8_t> read_pixels;
-    std::shared_ptr<const DecodedFrame> frame;
+    std::shared_ptr<const store::DecodedFrame> frame;
   };
   const LightFieldFrame& instant_;
   const PlaneProjection& projection_;
@@ -42,4 +42,4 @@ class SourceFrames {
   std::vector<int> opened_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/sampling/source_view.h"
 
-namespace raystage {
+namespace raystage::render {
 
-SourceView make_source_view(const CameraModel& camera, const Eigen::Matrix3d& ideal_from_pixel) {
+SourceView make_source_view(const rig::CameraModel& camera,
+                            const Eigen::Matrix3d& ideal_from_pixel) {
   SourceView s;
   for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) {
-      s.ideal_from_pixel[static_cast<std::size_t>(3 * r + c)] = ideal_from_pixel(r, c);
-    }
+    for (int c = 0; c < 3; ++c) s.ideal_from_pixel[3 * r + c] = ideal_from_pixel(r, c);
   }
-  const Intrinsics& k = camera.intrinsics();
+  const schemas::Intrinsics& k = camera.intrinsics();
   s.fx = static_cast<float>(k.fx);
   s.fy = static_cast<float>(k.fy);
   s.cx = static_cast<float>(k.cx);
@@ -27,4 +26,4 @@ SourceView make_source_view(const CameraModel& camera, const Eigen::Matrix3d& id
   return s;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

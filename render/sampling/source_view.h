@@ -10,7 +10,7 @@
 #include "rig/camera_model.h"
 #include "store/processing/frames/blend_space.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// A source camera for the sampling kernels: maps a pixel of the view to weighted pixels of the
 /// camera's frame. Contains plain numbers and owns nothing.
@@ -47,7 +47,8 @@ inline void mark_mcu(std::uint8_t* wanted_mcus, int mcu) {
 
 /// Returns the geometry of a source camera; frame pointer and masks are left unset.
 /// `ideal_from_pixel`: maps (x, y, 1) of the view to (X, Y, W), see SourceView.
-SourceView make_source_view(const CameraModel& camera, const Eigen::Matrix3d& ideal_from_pixel);
+SourceView make_source_view(const rig::CameraModel& camera,
+                            const Eigen::Matrix3d& ideal_from_pixel);
 
 /// A run of pixels of one row of the view whose rays pass between the same cameras.
 struct PixelRun {
@@ -78,8 +79,8 @@ void mark_run(const PixelRun& run);
 /// pixel (premultiplied linear light, code 65535 is `full_scale`), `alpha` 1 float (equal to A),
 /// `z` 1 float (+infinity where A is 0). `sums`: kSampleOnly writes only `rgba`, and nothing beyond
 /// the run; kFinishOnly reads `rgba` first.
-void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* alpha,
-               float* z, SumStage sums = SumStage::kSampleAndFinish);
+void blend_run(const PixelRun& run, store::BlendSpace space, float full_scale, float* rgba,
+               float* alpha, float* z, SumStage sums = SumStage::kSampleAndFinish);
 
 /// Writes the run's rounded sums of weighted codes on the scale of the blend space: R, G, B, A per
 /// pixel, A = 65535 where all cameras see the ray. Rays that do not meet the plane give 0.
@@ -88,4 +89,4 @@ void blend_run_codes(const PixelRun& run, std::uint16_t* rgba);
 /// Returns the name of the instruction set in use, e.g. "AVX3".
 const char* kernel_target();
 
-}  // namespace raystage
+}  // namespace raystage::render

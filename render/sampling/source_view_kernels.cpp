@@ -21,7 +21,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -72,8 +72,8 @@ void sample_cameras(const PixelRun& run, int begin, int n, Ramp along, float* su
   add_samples<true>(sources, taps, count, n, sums);
 }
 
-void blend(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* alpha,
-           float* z, SumStage mode) {
+void blend(const PixelRun& run, store::BlendSpace space, float full_scale, float* rgba,
+           float* alpha, float* z, SumStage mode) {
   HWY_ALIGN float sums[4 * kChunk];
   for (int begin = run.begin; begin < run.end; begin += kChunk) {
     const int n = std::min(kChunk, run.end - begin);
@@ -171,11 +171,11 @@ const char* target() { return hwy::TargetName(HWY_TARGET); }
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::render {
 
 HWY_EXPORT(mark);
 HWY_EXPORT(blend);
@@ -183,8 +183,8 @@ HWY_EXPORT(codes);
 HWY_EXPORT(target);
 
 void mark_run(const PixelRun& run) { HWY_DYNAMIC_DISPATCH(mark)(run); }
-void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* alpha,
-               float* z, SumStage sums) {
+void blend_run(const PixelRun& run, store::BlendSpace space, float full_scale, float* rgba,
+               float* alpha, float* z, SumStage sums) {
   HWY_DYNAMIC_DISPATCH(blend)(run, space, full_scale, rgba, alpha, z, sums);
 }
 void blend_run_codes(const PixelRun& run, std::uint16_t* rgba) {
@@ -192,5 +192,5 @@ void blend_run_codes(const PixelRun& run, std::uint16_t* rgba) {
 }
 const char* kernel_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
 
-}  // namespace raystage
+}  // namespace raystage::render
 #endif

@@ -24,7 +24,7 @@
 #include "render/sampling/source_view.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 
 /// Pixels per chunk: positions are vectors across pixels, samples are vectors across taps and
@@ -318,7 +318,7 @@ HWY_INLINE V add_taps(D d, const std::uint16_t* frame, std::size_t row, const st
 
 // NOLINTNEXTLINE(google-readability-namespace-comments)
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #endif  // per target

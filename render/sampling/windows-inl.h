@@ -26,7 +26,7 @@
 #if HWY_TARGET <= HWY_AVX3  // better targets have lower numbers; others lack the instruction
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 
 /// Pixels of a row in two vectors: a window. If all left neighbours of a vector of taps are among
@@ -208,7 +208,7 @@ HWY_INLINE void add_window_samples(const WindowedCamera* cameras, const WindowTa
 
 // NOLINTNEXTLINE(google-readability-namespace-comments)
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #endif  // AVX-512

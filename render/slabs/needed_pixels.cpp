@@ -6,7 +6,7 @@
 
 #include "render/sampling/source_view.h"
 
-namespace raystage {
+namespace raystage::render {
 
 NeededPixels::NeededPixels(const LightFieldFrame& instant)
     : instant_(instant), read_(instant.rig->cameras.size()) {}
@@ -37,13 +37,12 @@ void NeededPixels::mark(const SlabRays& rays, const SlabRays::Run& run, int y, b
 
 void NeededPixels::mark_node(const NodeSources& node, int begin, int end, int y,
                              const PlaneProjection& projection) {
-  for (std::size_t i = 0; i < static_cast<std::size_t>(node.count); ++i) {
+  for (int i = 0; i < node.count; ++i) {
     if (!(node.weight[i] > 0)) continue;
     const auto camera = static_cast<std::size_t>(node.camera[i]);
-    const Rig::Camera& source = instant_.rig->cameras[camera];
+    const rig::Rig::Camera& source = instant_.rig->cameras[camera];
     std::vector<std::uint8_t>& read = read_[camera];
-    read.resize(static_cast<std::size_t>(source.model.width()) *
-                static_cast<std::size_t>(source.model.height()));
+    read.resize(static_cast<std::size_t>(source.model.width()) * source.model.height());
     SourceView view = make_source_view(source.model, projection.ideal_from_pixel(source.pose));
     view.read_pixels = read.data();
     PixelRun run;
@@ -66,4 +65,4 @@ std::int64_t NeededPixels::count() const {
   return needed;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

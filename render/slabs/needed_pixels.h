@@ -10,7 +10,7 @@
 #include "render/slabs/node_sources.h"
 #include "render/slabs/slab_rays.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Pixels of the cameras' frames that a view by slabs depends on, for
 /// RenderStatistics::pixels_needed: each ray's taps in the cameras of the nodes around it, as if it
@@ -34,4 +34,4 @@ class NeededPixels {
   std::vector<std::vector<std::uint8_t>> read_;  // per camera, per pixel; empty: none
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

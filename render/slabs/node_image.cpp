@@ -6,7 +6,6 @@
 #include "render/slabs/node_image.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cstring>
 
 #include "base/parallel.h"
@@ -14,7 +13,7 @@
 #include "render/sampling/source_frames.h"
 #include "render/sampling/source_view.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr Eigen::Vector4d::Scalar kOne = 1;
@@ -43,17 +42,14 @@ constexpr int kSamplesPerPiece = 32;
 template <class Body>
 void for_each_row(const NodeRows& rows, const PixelRun& run, const Body& body) {
   constexpr int kRowsPerTask = 32;
-  raystage::parallel_for(tbb::blocked_range<int>(0, rows.height(), kRowsPerTask),
-                         [&](const tbb::blocked_range<int>& part) {
-                           for (int y = part.begin(); y < part.end(); ++y) {
-                             if (rows.row(y).is_empty()) continue;
-                             PixelRun of_row = run;
-                             of_row.begin = rows.row(y).begin;
-                             of_row.end = rows.row(y).end;
-                             of_row.y = y;
-                             body(of_row);
-                           }
-                         });
+  raystage::parallel_for_grains(0, rows.height(), kRowsPerTask, [&](int y) {
+    if (rows.row(y).is_empty()) return;
+    PixelRun of_row = run;
+    of_row.begin = rows.row(y).begin;
+    of_row.end = rows.row(y).end;
+    of_row.y = y;
+    body(of_row);
+  });
 }
 
 }  // namespace
@@ -83,8 +79,7 @@ std::shared_ptr<const NodeImage> make_node_image(const LightFieldFrame& instant,
   image->made = rows;
   image->bytes = node_image_bytes(slab);
   image->rgba = std::make_unique_for_overwrite<std::uint16_t[]>(samples_of(slab) * 4);
-  const std::size_t used =
-      static_cast<std::size_t>(slab.width) * static_cast<std::size_t>(slab.height) * 4;
+  const std::size_t used = static_cast<std::size_t>(slab.width) * slab.height * 4;
   std::fill_n(image->rgba.get() + used, samples_of(slab) * 4 - used, std::uint16_t{0});
 
   const VirtualCamera node = slab.node_view(column, row);
@@ -94,7 +89,7 @@ std::shared_ptr<const NodeImage> make_node_image(const LightFieldFrame& instant,
     std::fill_n(image->rgba.get(), used, std::uint16_t{0});
     return image;
   }
-  const auto start = std::chrono::steady_clock::now();
+  const auto start = RenderClock::now();
   SourceFrames frames(instant, projection, false);
   const std::vector<int> cameras(sources.camera.begin(), sources.camera.begin() + sources.count);
   frames.open(cameras);
@@ -113,14 +108,13 @@ std::shared_ptr<const NodeImage> make_node_image(const LightFieldFrame& instant,
   }
   RenderStatistics decoding;
   frames.decode(decoding);
-  const auto decoded = std::chrono::steady_clock::now();
   image->pixels_decoded = decoding.pixels_decoded;
-  image->decode_ms = std::chrono::duration<double, std::milli>(decoded - start).count();
+  image->decode_ms = milliseconds(RenderClock::now() - start);
   for_each_row(rows, run, [&](PixelRun piece) {
     // Rounding depends on where a run begins, so pieces always begin at the same samples.
     const int first = piece.begin / kSamplesPerPiece * kSamplesPerPiece, end = piece.end;
-    std::uint16_t* const of_row = image->rgba.get() + static_cast<std::size_t>(piece.y) *
-                                                          static_cast<std::size_t>(slab.width) * 4;
+    std::uint16_t* const of_row =
+        image->rgba.get() + static_cast<std::size_t>(piece.y) * slab.width * 4;
     for (piece.begin = first; piece.begin < end; piece.begin += kSamplesPerPiece) {
       piece.end = std::min(piece.begin + kSamplesPerPiece, slab.width);
       blend_run_codes(piece, of_row + static_cast<std::size_t>(piece.begin) * 4);
@@ -139,9 +133,9 @@ std::string node_image_key(const LightFieldFrame& instant, const Slab& slab, int
     append(key, k);
   append(key, slab.width);
   append(key, slab.height);
-  for (std::size_t i = 0; i < static_cast<std::size_t>(sources.count); ++i) {
+  for (int i = 0; i < sources.count; ++i) {
     append(key, sources.camera[i]);
-    append(key, instant.frame_of_camera[static_cast<std::size_t>(sources.camera[i])]);
+    append(key, instant.frame_of_camera[sources.camera[i]]);
     append(key, sources.weight[i]);
   }
   const Eigen::Vector4d plane = plane_for(sources, focal_plane);
@@ -149,4 +143,4 @@ std::string node_image_key(const LightFieldFrame& instant, const Slab& slab, int
   return key;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

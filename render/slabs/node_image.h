@@ -11,7 +11,7 @@
 #include "render/slabs/node_rows.h"
 #include "render/slabs/node_sources.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// The image of a slab's node: its cameras' frames rectified onto the slab's image plane (thesis
 /// 2.3: Levoy and Hanrahan's rectification; per camera a homography and its distortion).
@@ -59,4 +59,4 @@ std::shared_ptr<const NodeImage> make_node_image(const LightFieldFrame& instant,
 std::string node_image_key(const LightFieldFrame& instant, const Slab& slab, int column, int row,
                            const NodeSources& sources, const Eigen::Vector4d& focal_plane);
 
-}  // namespace raystage
+}  // namespace raystage::render

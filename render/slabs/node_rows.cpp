@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// Pixels of the view whose samples are bounded by one box: longer runs if they lie within
@@ -86,11 +86,11 @@ void NodeRows::add_piece(const SlabRun& run, int corner, int begin, int end) {
   if (is_long && rows.end - rows.begin > kRowsPerBox) return halve();
   if (columns.is_empty()) return;
   for (int y = rows.begin; y < rows.end; ++y) {
-    Span& span = spans_[static_cast<std::size_t>(y)];
+    Span& span = spans_[y];
     span = span.is_empty()
                ? columns
                : Span{std::min(span.begin, columns.begin), std::max(span.end, columns.end)};
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

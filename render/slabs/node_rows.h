@@ -5,7 +5,7 @@
 
 #include "render/slabs/slab_kernels.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// The samples of a node's image that are read or computed: one interval per row, possibly empty.
 class NodeRows {
@@ -21,7 +21,7 @@ class NodeRows {
   static NodeRows all(int width, int height);
 
   int height() const { return static_cast<int>(spans_.size()); }
-  const Span& row(int y) const { return spans_[static_cast<std::size_t>(y)]; }
+  const Span& row(int y) const { return spans_[y]; }
   bool covers(const NodeRows& other) const;
   bool is_whole() const;
 
@@ -37,4 +37,4 @@ class NodeRows {
   std::vector<Span> spans_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr int kNodeWidth = 37, kNodeHeight = 23;
@@ -117,4 +117,4 @@ TEST(NodeRows, OfTheNearestNodeAloneHoldOnlyTheRaysNearToIt) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

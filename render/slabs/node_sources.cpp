@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector2d;
@@ -16,26 +16,24 @@ constexpr double kSamePlace = 1e-4;  // of the node spacing
 double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 
 /// Returns a node's sources in a topology; `centres`: per camera of the rig, in the slab's frame.
-NodeSources sources_in(const Topology& topology, const std::vector<Vector3d>& centres,
+NodeSources sources_in(const rig::Topology& topology, const std::vector<Vector3d>& centres,
                        const Vector2d& node, double reach) {
   NodeSources nearest;
   double least = std::numeric_limits<double>::infinity();
-  for (const Topology::Cell& cell : topology.cells) {
+  for (const rig::Topology::Cell& cell : topology.cells) {
     // A cell of fewer cameras is a triangle whose last corners coincide.
     std::size_t last = 0;
     std::array<Vector2d, 3> corners;
     for (std::size_t i = 0; i < 3; ++i) {
       if (cell[i] >= 0) last = i;
-      corners[i] = centres[static_cast<std::size_t>(cell[last])].head<2>();
+      corners[i] = centres[cell[last]].head<2>();
     }
     const NearestInTriangle found = nearest_in_triangle(node, corners);
     if (!(found.squared_distance < least)) continue;
     least = found.squared_distance;
     nearest = {};
     std::array<double, 3> weight{};
-    for (std::size_t i = 0; i < 3; ++i) {
-      weight[std::min(i, last)] += found.weight[i];
-    }
+    for (std::size_t i = 0; i < 3; ++i) weight[std::min(i, last)] += found.weight[i];
     for (std::size_t i = 0; i < 3; ++i) {
       if (weight[i] <= 0) continue;
       const auto place = static_cast<std::size_t>(nearest.count++);
@@ -77,26 +75,24 @@ NearestInTriangle nearest_in_triangle(const Vector2d& point,
   return nearest;
 }
 
-std::vector<NodeSources> node_sources(const Slab& slab, const Rig& rig, const Topology& present,
-                                      const Topology& complete) {
+std::vector<NodeSources> node_sources(const Slab& slab, const rig::Rig& rig,
+                                      const rig::Topology& present, const rig::Topology& complete) {
   std::vector<Vector3d> centres(rig.cameras.size());
   for (const int camera : slab.cameras) {
-    const auto i = static_cast<std::size_t>(camera);
-    centres[i] = slab.pose.camera_from_world(rig.cameras[i].pose.position);
+    centres[camera] = slab.pose.camera_from_world(rig.cameras[camera].pose.position);
   }
   std::vector<bool> is_present(centres.size());
-  for (const Topology::Cell& cell : present.cells) {
-    for (const int camera : cell) {
-      if (camera >= 0) is_present[static_cast<std::size_t>(camera)] = true;
-    }
+  for (const rig::Topology::Cell& cell : present.cells) {
+    for (const int camera : cell)
+      if (camera >= 0) is_present[camera] = true;
   }
   const double spacing = std::max(slab.column_spacing, slab.row_spacing);
   // With one distinct centre, that is the nearest everywhere.
   const double reach =
       slab.nodes() == 1 ? std::numeric_limits<double>::infinity() : spacing * (1 + 1e-6);
   const auto at_node = [&](NodeSources& sources, const Vector3d& node) {
-    for (std::size_t i = 0; i < static_cast<std::size_t>(sources.count); ++i) {
-      const double off = (centres[static_cast<std::size_t>(sources.camera[i])] - node).norm();
+    for (int i = 0; i < sources.count; ++i) {
+      const double off = (centres[sources.camera[i]] - node).norm();
       if (off > kSamePlace * spacing && off > 1e-12 * slab.pose.position.norm()) continue;
       sources.camera[0] = sources.camera[i];
       sources.weight = {1, 0, 0};
@@ -107,7 +103,7 @@ std::vector<NodeSources> node_sources(const Slab& slab, const Rig& rig, const To
   };
 
   std::vector<NodeSources> nodes;
-  nodes.reserve(static_cast<std::size_t>(slab.nodes()));
+  nodes.reserve(slab.nodes());
   for (int row = 0; row < slab.rows; ++row) {
     for (int column = 0; column < slab.columns; ++column) {
       const Vector3d node(column * slab.column_spacing, -row * slab.row_spacing, 0);
@@ -117,10 +113,8 @@ std::vector<NodeSources> node_sources(const Slab& slab, const Rig& rig, const To
         NodeSources wanted = sources_in(complete, centres, node.head<2>(), reach);
         at_node(wanted, node);
         sources.present_weight = wanted.count > 0 ? 0 : 1;
-        for (std::size_t i = 0; i < static_cast<std::size_t>(wanted.count); ++i) {
-          if (is_present[static_cast<std::size_t>(wanted.camera[i])]) {
-            sources.present_weight += wanted.weight[i];
-          }
+        for (int i = 0; i < wanted.count; ++i) {
+          if (is_present[wanted.camera[i]]) sources.present_weight += wanted.weight[i];
         }
       }
       nodes.push_back(sources);
@@ -129,4 +123,4 @@ std::vector<NodeSources> node_sources(const Slab& slab, const Rig& rig, const To
   return nodes;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -8,7 +8,7 @@
 #include "render/slabs/slab.h"
 #include "rig/rig.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// The cameras from which a node of a slab is made.
 struct NodeSources {
@@ -27,8 +27,8 @@ struct NodeSources {
 /// point of any cell is used, up to one node spacing away. A camera nearer than 1e-4 of the spacing
 /// is used alone, which shifts the image by 1e-4 of the disparity between neighbours.
 /// `present`, `complete`: of the slab's cameras, with indices into `rig`.
-std::vector<NodeSources> node_sources(const Slab& slab, const Rig& rig, const Topology& present,
-                                      const Topology& complete);
+std::vector<NodeSources> node_sources(const Slab& slab, const rig::Rig& rig,
+                                      const rig::Topology& present, const rig::Topology& complete);
 
 /// The point of a triangle nearest to a given point, as barycentric weights in [0, 1] with sum 1.
 /// Corners may coincide or be collinear.
@@ -39,4 +39,4 @@ struct NearestInTriangle {
 NearestInTriangle nearest_in_triangle(const Eigen::Vector2d& point,
                                       const std::array<Eigen::Vector2d, 3>& corners);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -8,15 +8,15 @@
 
 #include "testing/render/synthetic_take.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector2d;
 
-Rig rig_of(const std::vector<CameraGeometry>& cameras) {
-  RigDocument document;
-  for (const CameraGeometry& camera : cameras) document.cameras.push_back({camera, {}});
-  return rig_from_document(document);
+rig::Rig rig_of(const std::vector<schemas::CameraGeometry>& cameras) {
+  schemas::RigDocument document;
+  for (const schemas::CameraGeometry& camera : cameras) document.cameras.push_back({camera, {}});
+  return rig::rig_from_document(document);
 }
 
 TEST(NearestInTriangle, IsTheNearestOfManyPoints) {
@@ -46,10 +46,10 @@ TEST(NearestInTriangle, IsTheNearestOfManyPoints) {
 }
 
 TEST(NodeSources, AreTheCamerasOfAGridAndTheirNeighboursWhereOneIsAbsent) {
-  const Rig rig = rig_of(testing::camera_grid(3, 3, 0.06, 40, 30));
+  const rig::Rig rig = rig_of(testing::camera_grid(3, 3, 0.06, 40, 30));
   std::vector<int> all(9);
   std::iota(all.begin(), all.end(), 0);
-  const Topology complete = make_topology(rig, all);
+  const rig::Topology complete = rig::make_topology(rig, all);
   const Slab slab = fit_slabs(rig, all, complete.normal, {})[0];
   for (const NodeSources& node : node_sources(slab, rig, complete, complete)) {
     EXPECT_EQ(node.count, 1);
@@ -60,26 +60,26 @@ TEST(NodeSources, AreTheCamerasOfAGridAndTheirNeighboursWhereOneIsAbsent) {
   for (const int absent : {4, 0}) {  // in the middle, at a corner
     std::vector<int> rest = all;
     std::erase(rest, absent);
-    const Topology present = make_topology(rig, rest);
+    const rig::Topology present = rig::make_topology(rig, rest);
     const auto nodes = node_sources(slab, rig, present, complete);
     for (int i = 0; i < 9; ++i) {
-      const NodeSources& node = nodes[static_cast<std::size_t>(i)];
+      const NodeSources& node = nodes[i];
       EXPECT_EQ(node.at_camera, i != absent);
       EXPECT_EQ(node.present_weight, i == absent ? 0 : 1);
       double sum = 0;
       for (int c = 0; c < node.count; ++c) {
-        EXPECT_NE(node.camera[static_cast<std::size_t>(c)], absent);
-        sum += node.weight[static_cast<std::size_t>(c)];
+        EXPECT_NE(node.camera[c], absent);
+        sum += node.weight[c];
       }
       EXPECT_NEAR(sum, 1, 1e-12);
     }
-    EXPECT_EQ(nodes[static_cast<std::size_t>(absent)].count, 2);  // between two, half each
+    EXPECT_EQ(nodes[absent].count, 2);  // between two, half each
   }
   // With nobody near, nobody stands in.
-  const Topology corner = make_topology(rig, std::vector<int>{0});
+  const rig::Topology corner = rig::make_topology(rig, std::vector<int>{0});
   EXPECT_EQ(node_sources(slab, rig, corner, complete)[8].count, 0);
   EXPECT_EQ(node_sources(slab, rig, corner, complete)[1].count, 1);
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -13,7 +13,7 @@
 #include <limits>
 #include <optional>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Matrix3d;
@@ -22,10 +22,6 @@ using Eigen::Vector3d;
 
 constexpr int kMaxSide = 16384;  // samples of an image plane, per axis
 constexpr int kMaxNodes = 1024;  // per axis
-
-const Rig::Camera& camera_of(const Rig& rig, int index) {
-  return rig.cameras[static_cast<std::size_t>(index)];
-}
 
 /// Nodes of one axis: first + k * spacing, k < count, in the slab's coordinates.
 struct Axis {
@@ -45,14 +41,14 @@ struct Lattice {
   Vector3d column_step, row_step;
 };
 
-std::optional<Lattice> lattice_of(const Rig& rig, std::span<const int> cameras) {
+std::optional<Lattice> lattice_of(const rig::Rig& rig, std::span<const int> cameras) {
   if (rig.topology_kind == "delaunay" || cameras.size() < 2) return std::nullopt;
   Lattice lattice;
   const auto count = static_cast<Eigen::Index>(cameras.size());
   Eigen::MatrixXd places(count, 3), centres(count, 3);
-  const Vector3d origin = camera_of(rig, cameras[0]).pose.position;
+  const Vector3d origin = rig.cameras[cameras[0]].pose.position;
   for (Eigen::Index i = 0; i < count; ++i) {
-    const Rig::Camera& camera = camera_of(rig, cameras[static_cast<std::size_t>(i)]);
+    const rig::Rig::Camera& camera = rig.cameras[cameras[i]];
     if (!camera.row || !camera.column) return std::nullopt;
     lattice.place.emplace_back(*camera.column, *camera.row);
     places.row(i) << 1, *camera.column, *camera.row;
@@ -72,12 +68,12 @@ std::optional<Lattice> lattice_of(const Rig& rig, std::span<const int> cameras) 
 }
 
 /// Returns the axes across `facing`: x along the lattice's columns, or the cameras' mean right.
-Matrix3d orientation_of(const Rig& rig, std::span<const int> cameras, const Vector3d& facing,
+Matrix3d orientation_of(const rig::Rig& rig, std::span<const int> cameras, const Vector3d& facing,
                         const std::optional<Lattice>& lattice) {
   const auto in_plane = [&](const Vector3d& v) { return Vector3d(v - v.dot(facing) * facing); };
   Vector3d right = Vector3d::Zero();
   for (const int camera : cameras) {
-    right += camera_of(rig, camera).pose.world_from_camera_rotation.col(0);
+    right += rig.cameras[camera].pose.world_from_camera_rotation.col(0);
   }
   right = in_plane(right);
   if (right.norm() < 1e-6 * static_cast<double>(cameras.size())) right = facing.unitOrthogonal();
@@ -135,7 +131,7 @@ std::array<Axis, 2> fit_axes(const std::vector<Vector2d>& centres,
   const std::array<int, 2> asked{settings.columns, settings.rows};
   std::array<Vector2d, 2> range;
   for (int k = 0; k < 2; ++k) {
-    Vector2d& r = range[static_cast<std::size_t>(k)];
+    Vector2d& r = range[k];
     r = {centres[0][k], centres[0][k]};
     for (const Vector2d& c : centres) r = {std::min(r[0], c[k]), std::max(r[1], c[k])};
   }
@@ -173,7 +169,7 @@ struct VisibleArea {
   Vector2d samples = Vector2d::Zero();  // per unit of u and of v
 };
 
-void see(const Rig::Camera& camera, const Matrix3d& slab_from_world, double limit,
+void see(const rig::Rig::Camera& camera, const Matrix3d& slab_from_world, double limit,
          VisibleArea& sight) {
   constexpr int kSteps = 32;
   const Matrix3d rotation = slab_from_world * camera.pose.world_from_camera_rotation;
@@ -205,17 +201,17 @@ void see(const Rig::Camera& camera, const Matrix3d& slab_from_world, double limi
 }
 
 /// Sets the image plane of all nodes; width is 0 where no camera sees any of it.
-void fit_image_plane(const Rig& rig, const SlabSettings& settings, Slab& slab) {
+void fit_image_plane(const rig::Rig& rig, const SlabSettings& settings, Slab& slab) {
   VisibleArea sight;
   const Matrix3d slab_from_world = slab.pose.world_from_camera_rotation.transpose();
   for (const int camera : slab.cameras) {
-    see(camera_of(rig, camera), slab_from_world, std::tan(settings.max_fov / 2), sight);
+    see(rig.cameras[camera], slab_from_world, std::tan(settings.max_fov / 2), sight);
   }
   if (!(sight.samples.minCoeff() > 0)) return;
   const Vector2d extent = sight.high - sight.low;
   const Vector2d samples = (sight.samples * settings.uv_scale)
                                .cwiseMin(Vector2d::Constant(kMaxSide - 2).cwiseQuotient(extent));
-  const Intrinsics& first = camera_of(rig, slab.cameras[0]).model.intrinsics();
+  const schemas::Intrinsics& first = rig.cameras[slab.cameras[0]].model.intrinsics();
   // The left border lies in the first sample; sample centres coincide with the first camera's.
   const auto principal = [](double least, double of_camera) {
     return of_camera + std::ceil(least - of_camera - 1e-6);
@@ -231,18 +227,18 @@ void fit_image_plane(const Rig& rig, const SlabSettings& settings, Slab& slab) {
   slab.height = side(sight.high.y() * samples.y() + slab.image.cy);
 }
 
-Slab fit_slab(const Rig& rig, std::vector<int> cameras, const Vector3d& facing,
+Slab fit_slab(const rig::Rig& rig, std::vector<int> cameras, const Vector3d& facing,
               const SlabSettings& settings) {
   Slab slab;
   slab.cameras = std::move(cameras);
   const auto lattice = lattice_of(rig, slab.cameras);
   slab.pose.world_from_camera_rotation = orientation_of(rig, slab.cameras, facing, lattice);
-  const Vector3d origin = camera_of(rig, slab.cameras[0]).pose.position;
+  const Vector3d origin = rig.cameras[slab.cameras[0]].pose.position;
   std::vector<Vector2d> centres;  // x, -y in the slab's frame
   double mean_z = 0;
   for (const int camera : slab.cameras) {
     const Vector3d c = slab.pose.world_from_camera_rotation.transpose() *
-                       (camera_of(rig, camera).pose.position - origin);
+                       (rig.cameras[camera].pose.position - origin);
     centres.emplace_back(c.x(), -c.y());
     mean_z += c.z() / static_cast<double>(slab.cameras.size());
   }
@@ -258,13 +254,13 @@ Slab fit_slab(const Rig& rig, std::vector<int> cameras, const Vector3d& facing,
 }
 
 /// Returns the box's axes as columns: the rotation that best aligns its faces with the cameras.
-Matrix3d box_of(const Rig& rig, std::span<const int> cameras) {
-  Matrix3d box = camera_of(rig, cameras[0]).pose.world_from_camera_rotation;
+Matrix3d box_of(const rig::Rig& rig, std::span<const int> cameras) {
+  Matrix3d box = rig.cameras[cameras[0]].pose.world_from_camera_rotation;
   const Matrix3d start = box;
   for (int round = 0; round < 8; ++round) {
     Matrix3d pull = 1e-6 * start;  // regularises rotations that the cameras do not determine
     for (const int camera : cameras) {
-      const Vector3d in_box = box.transpose() * camera_of(rig, camera).pose.viewing_direction();
+      const Vector3d in_box = box.transpose() * rig.cameras[camera].pose.viewing_direction();
       Eigen::Index axis = 0;
       in_box.cwiseAbs().maxCoeff(&axis);
       Vector3d face = Vector3d::Zero();
@@ -296,8 +292,8 @@ VirtualCamera Slab::node_view(int column, int row) const {
   return {width, height, image, {pose.world_from_camera_rotation, node_position(column, row)}};
 }
 
-std::vector<Slab> fit_slabs(const Rig& rig, std::span<const int> cameras, const Vector3d& normal,
-                            const SlabSettings& settings) {
+std::vector<Slab> fit_slabs(const rig::Rig& rig, std::span<const int> cameras,
+                            const Vector3d& normal, const SlabSettings& settings) {
   if (settings.layout == SlabSettings::Layout::kSingle) {
     return {fit_slab(rig, {cameras.begin(), cameras.end()}, -normal, settings)};
   }
@@ -308,10 +304,9 @@ std::vector<Slab> fit_slabs(const Rig& rig, std::span<const int> cameras, const 
     facing[face] = (face % 2 == 0 ? -1.0 : 1.0) * box.col(2 - static_cast<Eigen::Index>(face / 2));
   }
   for (const int camera : cameras) {
-    const Vector3d looks = camera_of(rig, camera).pose.viewing_direction();
+    const Vector3d looks = rig.cameras[camera].pose.viewing_direction();
     const auto along = [&](const Vector3d& face) { return face.dot(looks); };
-    members[static_cast<std::size_t>(std::ranges::max_element(facing, {}, along) - facing.begin())]
-        .push_back(camera);
+    members[std::ranges::max_element(facing, {}, along) - facing.begin()].push_back(camera);
   }
   std::vector<Slab> slabs;
   for (std::size_t face = 0; face < 6; ++face) {
@@ -324,4 +319,4 @@ std::vector<Slab> fit_slabs(const Rig& rig, std::span<const int> cameras, const 
   return slabs;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -8,7 +8,7 @@
 #include "render/common/view.h"
 #include "rig/rig.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Settings for fitting slabs to a rig.
 struct SlabSettings {
@@ -29,11 +29,11 @@ struct SlabSettings {
 struct Slab {
   /// Pose of node (0, 0): x along the columns, y up, opposite to the rows; looks down -z, to the
   /// scene.
-  Pose pose;
+  rig::Pose pose;
   int columns = 1, rows = 1;                   ///< nodes
   double column_spacing = 0, row_spacing = 0;  ///< metres, above 0 where there is more than one
   int width = 0, height = 0;                   ///< samples of a node's image
-  Intrinsics image;                            ///< of every node, without distortion
+  schemas::Intrinsics image;                   ///< of every node, without distortion
   std::vector<int> cameras;                    ///< of the rig, that it is made of
   /// Unit directions in the world. Rays at least as parallel to one of them as to the slab's own -z
   /// belong to another slab (appendix A: the ray's largest axis selects the slab).
@@ -53,7 +53,7 @@ struct Slab {
 /// contains all that some camera sees (within max_fov), sampled as densely as the finest pixel of
 /// any camera projects onto it, so that rectification loses nothing. Its samples coincide with the
 /// pixel centres of the first camera where that is parallel to it.
-std::vector<Slab> fit_slabs(const Rig& rig, std::span<const int> cameras,
+std::vector<Slab> fit_slabs(const rig::Rig& rig, std::span<const int> cameras,
                             const Eigen::Vector3d& normal, const SlabSettings& settings);
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -12,7 +12,7 @@
 #include "render/sampling/source_view.h"
 #include "render/slabs/slab_rays.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -31,7 +31,7 @@ struct ViewPoint {
 /// Returns the visibility of the point in a node's image, 0 to 1.
 double within_image(const Slab& slab, const Vector3d& in_node) {
   if (!(in_node.z() < 0)) return 0;
-  const Intrinsics& k = slab.image;
+  const schemas::Intrinsics& k = slab.image;
   const double u = k.fx * in_node.x() / -in_node.z() + k.cx;
   const double v = k.fy * in_node.y() / in_node.z() + k.cy;
   return std::clamp(std::min({u, slab.width - u, v, slab.height - v}) * kBorderFade, 0.0, 1.0);
@@ -77,10 +77,10 @@ class SlabCoverage {
                              point.seen_from(slab_.node_position(column, row));
     const double held = within_image(slab_, in_node);
     if (!(held > 0)) return;
-    const NodeSources& sources = nodes_[static_cast<std::size_t>(row * slab_.columns + column)];
-    for (std::size_t i = 0; i < static_cast<std::size_t>(sources.count); ++i) {
+    const NodeSources& sources = nodes_[row * slab_.columns + column];
+    for (int i = 0; i < sources.count; ++i) {
       const int index = sources.camera[i];
-      const Rig::Camera& camera = request_.instant.rig->cameras[static_cast<std::size_t>(index)];
+      const rig::Rig::Camera& camera = request_.instant.rig->cameras[index];
       Eigen::Vector2d pixel;
       const double seen = direction_visibility(camera.model,
                                                camera.pose.world_from_camera_rotation.transpose() *
@@ -106,15 +106,14 @@ RayCoverage measure_ray_coverage(std::span<const RayCamera> cameras, const ViewR
                                  const Vector3d& ray) {
   RayCoverage coverage;
   for (const RayCamera& behind : cameras) {
-    const Pose& pose = request.instant.rig->cameras[static_cast<std::size_t>(behind.camera)].pose;
+    const rig::Pose& pose = request.instant.rig->cameras[behind.camera].pose;
     coverage.add(behind.weight, ray, pose.position - request.view.pose.position);
   }
   return coverage;
 }
 
 void measure_slab_coverage(const ViewRequest& request, const RigSlabs& slabs, RenderedView& image) {
-  image.cameras.assign(image.coverage.size(), 0.0F);
-  image.nearest_ray.assign(image.coverage.size(), std::numeric_limits<float>::infinity());
+  clear_coverage_measures(image);
   const VirtualCamera& view = request.view;
   const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
   std::vector<SlabCoverage> parts;
@@ -123,8 +122,7 @@ void measure_slab_coverage(const ViewRequest& request, const RigSlabs& slabs, Re
   }
   raystage::parallel_for(0, view.height, [&](int row) {
     for (int column = 0; column < view.width; ++column) {
-      const std::size_t at = static_cast<std::size_t>(row) * static_cast<std::size_t>(view.width) +
-                             static_cast<std::size_t>(column);
+      const std::size_t at = image.index(column, row);
       if (!(image.rgba[at * 4 + 3] > 0)) continue;
       const double x = column + 0.5, y = row + 0.5;
       const auto part =
@@ -140,4 +138,4 @@ void measure_slab_coverage(const ViewRequest& request, const RigSlabs& slabs, Re
   });
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

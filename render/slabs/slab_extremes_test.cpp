@@ -19,7 +19,7 @@
 #include "testing/render/worst_error.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -67,14 +67,14 @@ Shot some_shot() {
     return *rc::gen::element(within, std::floor(within), 0.0, count - 1.0, -0.5);
   };
   const double column = place(shot.slab.columns), row = place(shot.slab.rows);
-  const Pose& pose = shot.slab.pose;
+  const rig::Pose& pose = shot.slab.pose;
   const Vector3d target =
       pose.world_from_camera({column * shot.slab.column_spacing, -row * shot.slab.row_spacing, 0});
   const double height = *rc::gen::element(0.0, 1e-12, -1e-12, 1e-3, 0.1, -0.1, 10.0, 1e6, -1e6);
   const double slant = *rc::gen::element(0.0, 0.0, 0.7, 5.0);
   const Vector3d normal = pose.world_from_camera_rotation.col(2);
-  Pose eye{testing::rotation(),
-           target + height * normal + slant * std::abs(height) * normal.cross(direction())};
+  rig::Pose eye{testing::rotation(),
+                target + height * normal + slant * std::abs(height) * normal.cross(direction())};
   // Along the slab's own way, so that its nodes see what the view sees; or another.
   const Vector3d ahead = pose.viewing_direction();
   const Vector3d to_target = target - eye.position;
@@ -91,7 +91,7 @@ Shot some_shot() {
   shot.y = between(0, shot.view.height);
   const Vector3d in_view = eye.camera_from_world(target);
   if (std::abs(in_view.z()) > 1e-3 * in_view.norm()) {  // the line through the target
-    const Intrinsics& k = shot.view.intrinsics;
+    const schemas::Intrinsics& k = shot.view.intrinsics;
     shot.x = k.cx - k.fx * in_view.x() / in_view.z();
     shot.y = k.cy + k.fy * in_view.y() / in_view.z();
   }
@@ -220,11 +220,8 @@ TEST(SlabExtremes, RaysCrossBothPlanesWhere50DigitsDo) {
       if (!seen || to_border(slab, *seen) < 0) continue;
       RC_ASSERT(ahead > 0);
       const double bound = uv_bound(shot, projection, ahead, shot.x, shot.y);
-      uv.expect(
-          off(at(run.u[static_cast<std::size_t>(column)], shot.x, shot.y) / ahead, (*seen)[0]),
-          bound);
-      uv.expect(off(at(run.v[static_cast<std::size_t>(row)], shot.x, shot.y) / ahead, (*seen)[1]),
-                bound);
+      uv.expect(off(at(run.u[column], shot.x, shot.y) / ahead, (*seen)[0]), bound);
+      uv.expect(off(at(run.v[row], shot.x, shot.y) / ahead, (*seen)[1]), bound);
     }
   }));
 }
@@ -333,4 +330,4 @@ TEST(SlabExtremes, KernelsInterpolateAs50DigitsDo) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

@@ -23,7 +23,7 @@
 #include "render/sampling/finish-inl.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -175,8 +175,8 @@ void add_samples(const std::uint16_t* HWY_RESTRICT texels, int width, const Taps
   }
 }
 
-void sample_run(const SlabRun& run, BlendSpace space, float full_scale, float* rgba, float* z,
-                SumStage mode) {
+void sample_run(const SlabRun& run, store::BlendSpace space, float full_scale, float* rgba,
+                float* z, SumStage mode) {
   Taps taps[4];
   HWY_ALIGN float sums[4 * kChunk];
   for (int begin = run.begin; begin < run.end; begin += kChunk) {
@@ -188,8 +188,8 @@ void sample_run(const SlabRun& run, BlendSpace space, float full_scale, float* r
       compute_taps(run, begin, n, taps);
       std::fill(sums, sums + 4 * n, 0.0F);
       for (int c = 0; c < 4; ++c) {
-        if (run.node[static_cast<std::size_t>(c)] == nullptr) continue;
-        add_samples(run.node[static_cast<std::size_t>(c)], run.width, taps[c], n, sums);
+        if (run.node[c] == nullptr) continue;
+        add_samples(run.node[c], run.width, taps[c], n, sums);
       }
     }
     const Ramp along = ramp(run.slope, begin, run.y, run.at_infinity ? 1 : 1 / run.distance);
@@ -215,20 +215,20 @@ const char* target() { return hwy::TargetName(HWY_TARGET); }
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::render {
 
 HWY_EXPORT(sample_run);
 HWY_EXPORT(target);
 
-void sample_slab_run(const SlabRun& run, BlendSpace space, float full_scale, float* rgba, float* z,
-                     SumStage sums) {
+void sample_slab_run(const SlabRun& run, store::BlendSpace space, float full_scale, float* rgba,
+                     float* z, SumStage sums) {
   HWY_DYNAMIC_DISPATCH(sample_run)(run, space, full_scale, rgba, z, sums);
 }
 const char* slab_kernel_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
 
-}  // namespace raystage
+}  // namespace raystage::render
 #endif

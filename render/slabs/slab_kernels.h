@@ -7,7 +7,7 @@
 #include "render/common/contribution.h"
 #include "store/processing/frames/blend_space.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Selects the samples of a slab from which a ray is interpolated.
 enum class SlabInterpolation {
@@ -43,10 +43,10 @@ struct SlabRun {
 /// pixel (premultiplied linear light, code 65535 is `full_scale`), `z` 1 float (+infinity where
 /// alpha is 0). Run-time dispatch: see slab_kernel_target(). `sums`: as blend_run(); kSampleOnly
 /// does not write `z`.
-void sample_slab_run(const SlabRun& run, BlendSpace space, float full_scale, float* rgba, float* z,
-                     SumStage sums = SumStage::kSampleAndFinish);
+void sample_slab_run(const SlabRun& run, store::BlendSpace space, float full_scale, float* rgba,
+                     float* z, SumStage sums = SumStage::kSampleAndFinish);
 
 /// Returns the name of the instruction set in use, e.g. "AVX3".
 const char* slab_kernel_target();
 
-}  // namespace raystage
+}  // namespace raystage::render

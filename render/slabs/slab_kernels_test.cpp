@@ -12,7 +12,7 @@
 #include "base/transfer_function.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr int kWidth = 37, kHeight = 23;
@@ -58,7 +58,7 @@ struct Pixel {
   double rgba[4] = {0, 0, 0, 0};
   double z = std::numeric_limits<double>::infinity();
 };
-Pixel pixel_of(const SlabRun& run, int x, BlendSpace space, double full_scale) {
+Pixel pixel_of(const SlabRun& run, int x, store::BlendSpace space, double full_scale) {
   Pixel pixel;
   const double slope = at(run.slope, x, run.y);
   const double ahead = at(run.ahead, x, run.y);
@@ -73,10 +73,10 @@ Pixel pixel_of(const SlabRun& run, int x, BlendSpace space, double full_scale) {
   }
   for (int node = 0; node < 4; ++node) {
     const int c = node % 2, r = node / 2;
-    const double u = at(run.u[static_cast<std::size_t>(c)], x, run.y) / ahead;
-    const double v = at(run.v[static_cast<std::size_t>(r)], x, run.y) / ahead;
+    const double u = at(run.u[c], x, run.y) / ahead;
+    const double v = at(run.v[r], x, run.y) / ahead;
     const double border = std::min({u, kWidth - u, v, kHeight - v});
-    if (border <= 0 || run.node[static_cast<std::size_t>(node)] == nullptr) continue;
+    if (border <= 0 || run.node[node] == nullptr) continue;
     const double seen = share[0][c] * share[1][r] * std::min(1.0, 2 * std::min(u, kWidth - u)) *
                         std::min(1.0, 2 * std::min(v, kHeight - v));
     double left = std::clamp(u - 0.5, 0.0, kWidth - 1.0),
@@ -92,8 +92,7 @@ Pixel pixel_of(const SlabRun& run, int x, BlendSpace space, double full_scale) {
         if (weight == 0) continue;
         for (int k = 0; k < 4; ++k) {
           const auto index = static_cast<std::size_t>(((sy + dy) * kWidth + sx + dx) * 4 + k);
-          pixel.rgba[k] +=
-              seen * weight * run.node[static_cast<std::size_t>(node)][index] / 65535.0;
+          pixel.rgba[k] += seen * weight * run.node[node][index] / 65535.0;
         }
       }
     }
@@ -102,14 +101,14 @@ Pixel pixel_of(const SlabRun& run, int x, BlendSpace space, double full_scale) {
   if (alpha > 0 && !run.at_infinity) pixel.z = run.distance / slope;
   for (int k = 0; k < 3; ++k) {
     const double code = pixel.rgba[k];
-    pixel.rgba[k] = full_scale * (space == BlendSpace::kLinear ? code
+    pixel.rgba[k] = full_scale * (space == store::BlendSpace::kLinear ? code
                                   : alpha > 0 ? linear_from_srgb(code / alpha) * alpha
                                               : 0.0);
   }
   return pixel;
 }
 
-void expect_agreement(const SlabRun& run, BlendSpace space) {
+void expect_agreement(const SlabRun& run, store::BlendSpace space) {
   const auto count = static_cast<std::size_t>(run.end - run.begin);
   std::vector<float> rgba(count * 4 + 4, -7), z(count + 1, -7);
   sample_slab_run(run, space, 1.5F, rgba.data(), z.data());
@@ -148,14 +147,14 @@ TEST(SlabKernels, EveryInstructionSetAgreesWithTheDefinition) {
           SlabInterpolation::kNearest}) {
       SlabRun run = sweeping_run(images);
       run.interpolation = interpolation;
-      expect_agreement(run, BlendSpace::kPerceptual);
-      expect_agreement(run, BlendSpace::kLinear);
+      expect_agreement(run, store::BlendSpace::kPerceptual);
+      expect_agreement(run, store::BlendSpace::kLinear);
       run.at_infinity = true;
       run.node[1] = nullptr;
-      expect_agreement(run, BlendSpace::kLinear);
+      expect_agreement(run, store::BlendSpace::kLinear);
     }
   });
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

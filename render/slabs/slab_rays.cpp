@@ -11,7 +11,7 @@
 
 #include "render/common/ray_cells.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Matrix3d;
@@ -34,9 +34,7 @@ SlabRays::SlabRays(const VirtualCamera& view, const Slab& slab)
   const Vector3d eye = slab_from_world * (view.pose.position - slab.pose.position);
   const auto row_of = [&](int i) { return Vector3d(rays.row(i).transpose()); };
   across_ = -row_of(2);
-  if (columns_ > 1) {
-    column_times_ = (eye.x() * across_ + eye.z() * row_of(0)) / slab.column_spacing;
-  }
+  if (columns_ > 1) column_times_ = (eye.x() * across_ + eye.z() * row_of(0)) / slab.column_spacing;
   if (rows_ > 1) row_times_ = -(eye.y() * across_ + eye.z() * row_of(1)) / slab.row_spacing;
 
   for (const double side : {1.0, -1.0}) {
@@ -131,4 +129,4 @@ void SlabRays::add_runs(const Conditions& conditions, int y, int width,
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

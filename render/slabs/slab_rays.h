@@ -6,7 +6,7 @@
 
 #include "render/slabs/slab.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Computes where the rays of a virtual camera cross a slab's camera plane.
 ///
@@ -58,4 +58,4 @@ class SlabRays {
   std::vector<Conditions> sides_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 SlabRun::LinearFunction as_function(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
@@ -17,7 +17,7 @@ SlabRuns::SlabRuns(const Slab& slab, const SlabRays& rays, const PlaneProjection
     return projection.ideal_from_pixel(
         {slab.pose.world_from_camera_rotation, slab.node_position(column, row)});
   };
-  const Intrinsics& image = slab.image;
+  const schemas::Intrinsics& image = slab.image;
   for (int column = 0; column < slab.columns; ++column) {
     const Eigen::Matrix3d ideal = ideal_from_pixel(column, 0);
     u_.push_back(as_function(image.fx * ideal.row(0) + image.cx * ideal.row(2)));
@@ -53,4 +53,4 @@ SlabRun SlabRuns::run(const SlabRays::Run& part, int y) const {
   return run;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

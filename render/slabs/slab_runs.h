@@ -8,7 +8,7 @@
 #include "render/slabs/slab_kernels.h"
 #include "render/slabs/slab_rays.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Converts a slab's rays of a view to runs for the kernels: linear functions of the pixel for the
 /// nodes around a ray and for where they see its point on the focal plane. `slab`, `rays` and
@@ -28,4 +28,4 @@ class SlabRuns {
   SlabRun::LinearFunction ahead_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -10,37 +10,37 @@
 
 #include "testing/render/synthetic_take.h"
 
-namespace raystage::slab_test {
+namespace raystage::render::slab_test {
 namespace {
 
 using Eigen::Vector3d;
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-Rig rig_of(const std::vector<CameraGeometry>& cameras) {
-  RigDocument document;
-  for (const CameraGeometry& camera : cameras) document.cameras.push_back({camera, {}});
-  return rig_from_document(document);
+rig::Rig rig_of(const std::vector<schemas::CameraGeometry>& cameras) {
+  schemas::RigDocument document;
+  for (const schemas::CameraGeometry& camera : cameras) document.cameras.push_back({camera, {}});
+  return rig::rig_from_document(document);
 }
 
-std::vector<Slab> fit(const Rig& rig, const SlabSettings& settings = {}) {
+std::vector<Slab> fit(const rig::Rig& rig, const SlabSettings& settings = {}) {
   std::vector<int> all(rig.cameras.size());
   std::iota(all.begin(), all.end(), 0);
-  return fit_slabs(rig, all, make_topology(rig, all).normal, settings);
+  return fit_slabs(rig, all, rig::make_topology(rig, all).normal, settings);
 }
 
-void turn(CameraGeometry& camera, const Eigen::Matrix3d& rotation) {
-  Pose pose = pose_from_matrix(camera.world_from_camera);
+void turn(schemas::CameraGeometry& camera, const Eigen::Matrix3d& rotation) {
+  rig::Pose pose = rig::pose_from_matrix(camera.world_from_camera);
   pose.world_from_camera_rotation = rotation * pose.world_from_camera_rotation;
-  camera.world_from_camera = matrix_from_pose(pose);
+  camera.world_from_camera = rig::matrix_from_pose(pose);
 }
 
 TEST(FitSlabs, AWallEyedGridIsItsOwnSlab) {
-  std::vector<CameraGeometry> cameras = testing::camera_grid(3, 5, 0.06, 160, 120);
-  for (CameraGeometry& camera : cameras) camera.intrinsics.cx += 3.25;
+  std::vector<schemas::CameraGeometry> cameras = testing::camera_grid(3, 5, 0.06, 160, 120);
+  for (schemas::CameraGeometry& camera : cameras) camera.intrinsics.cx += 3.25;
   for (const double offset : {0.0, 1e7}) {
-    for (CameraGeometry& camera : cameras) camera.world_from_camera[11] = offset;
-    const Rig rig = rig_of(cameras);
+    for (schemas::CameraGeometry& camera : cameras) camera.world_from_camera[11] = offset;
+    const rig::Rig rig = rig_of(cameras);
     const std::vector<Slab> slabs = fit(rig);
     ASSERT_EQ(slabs.size(), 1U);
     const Slab& slab = slabs[0];
@@ -48,9 +48,9 @@ TEST(FitSlabs, AWallEyedGridIsItsOwnSlab) {
     EXPECT_EQ(slab.rows, 3);
     EXPECT_NEAR(slab.column_spacing, 0.06, 1e-12);
     EXPECT_TRUE(slab.pose.world_from_camera_rotation.isApprox(Eigen::Matrix3d::Identity(), 1e-9));
-    for (const CameraGeometry& camera : cameras) {
+    for (const schemas::CameraGeometry& camera : cameras) {
       const Vector3d node = slab.node_position(*camera.column, *camera.row);
-      EXPECT_LT((node - pose_from_matrix(camera.world_from_camera).position).norm(),
+      EXPECT_LT((node - rig::pose_from_matrix(camera.world_from_camera).position).norm(),
                 1e-9 + 1e-15 * offset);
     }
     EXPECT_EQ(slab.width, 160);
@@ -62,12 +62,12 @@ TEST(FitSlabs, AWallEyedGridIsItsOwnSlab) {
 }
 
 TEST(FitSlabs, ARolledGridKeepsItsColumns) {
-  std::vector<CameraGeometry> cameras = testing::camera_grid(2, 3, 0.06, 160, 120);
+  std::vector<schemas::CameraGeometry> cameras = testing::camera_grid(2, 3, 0.06, 160, 120);
   const Eigen::Matrix3d roll(Eigen::AngleAxisd(0.3, Vector3d::UnitZ()));
-  for (CameraGeometry& camera : cameras) {
-    Pose pose = pose_from_matrix(camera.world_from_camera);
+  for (schemas::CameraGeometry& camera : cameras) {
+    rig::Pose pose = rig::pose_from_matrix(camera.world_from_camera);
     pose.position = roll * pose.position;
-    camera.world_from_camera = matrix_from_pose(pose);
+    camera.world_from_camera = rig::matrix_from_pose(pose);
     turn(camera, roll);
   }
   const Slab slab = fit(rig_of(cameras))[0];
@@ -77,21 +77,21 @@ TEST(FitSlabs, ARolledGridKeepsItsColumns) {
 }
 
 TEST(FitSlabs, TheImagePlaneHoldsAndResolvesWhatEveryCameraSees) {
-  std::vector<CameraGeometry> cameras =
+  std::vector<schemas::CameraGeometry> cameras =
       testing::camera_grid(2, 4, 0.1, 200, 150, {-0.2, 0.04, 0, 0, 0});
-  for (CameraGeometry& camera : cameras) {  // toed in
+  for (schemas::CameraGeometry& camera : cameras) {  // toed in
     turn(camera, Eigen::AngleAxisd((*camera.column - 1.5) * 8 * kDegree, Vector3d::UnitY())
                      .toRotationMatrix());
   }
-  const Rig rig = rig_of(cameras);
+  const rig::Rig rig = rig_of(cameras);
   const Slab slab = fit(rig)[0];
-  const auto sample_of = [&](const Rig::Camera& camera, double x, double y) {
+  const auto sample_of = [&](const rig::Rig::Camera& camera, double x, double y) {
     const Vector3d ray = slab.pose.world_from_camera_rotation.transpose() *
                          camera.pose.world_from_camera_rotation * *camera.model.unproject({x, y});
     return Eigen::Vector2d(slab.image.fx * ray.x() / -ray.z() + slab.image.cx,
                            slab.image.fy * ray.y() / ray.z() + slab.image.cy);
   };
-  for (const Rig::Camera& camera : rig.cameras) {
+  for (const rig::Rig::Camera& camera : rig.cameras) {
     for (double y = 0; y <= 150; y += 7.5) {
       for (double x = 0; x <= 199; x += 10) {
         const Eigen::Vector2d sample = sample_of(camera, x, y);
@@ -106,21 +106,21 @@ TEST(FitSlabs, TheImagePlaneHoldsAndResolvesWhatEveryCameraSees) {
 }
 
 TEST(FitSlabs, CamerasAnywhereGetAGridAsDenseAsTheyAre) {
-  std::vector<CameraGeometry> cameras = testing::camera_grid(6, 6, 0.1, 80, 60);
+  std::vector<schemas::CameraGeometry> cameras = testing::camera_grid(6, 6, 0.1, 80, 60);
   std::mt19937 random(3);
   std::uniform_real_distribution<double> anywhere(-0.03, 0.03);
-  for (CameraGeometry& camera : cameras) {
+  for (schemas::CameraGeometry& camera : cameras) {
     camera.row.reset();
     camera.column.reset();
     camera.world_from_camera[3] += anywhere(random);
     camera.world_from_camera[7] += anywhere(random);
   }
-  const Rig rig = rig_of(cameras);
+  const rig::Rig rig = rig_of(cameras);
   const Slab slab = fit(rig)[0];
   EXPECT_GE(slab.columns, 6);
   EXPECT_LE(slab.columns, 12);
   double least = 1, most = -1;
-  for (const Rig::Camera& camera : rig.cameras) {
+  for (const rig::Rig::Camera& camera : rig.cameras) {
     const Vector3d c = slab.pose.camera_from_world(camera.pose.position);
     least = std::min(least, c.x());
     most = std::max(most, c.x());
@@ -150,12 +150,12 @@ TEST(FitSlabs, ABoxHasASideForEveryDirection) {
   const Eigen::Matrix3d tilt =
       (Eigen::AngleAxisd(0.3, Vector3d::UnitX()) * Eigen::AngleAxisd(0.2, Vector3d::UnitY()))
           .toRotationMatrix();
-  std::vector<CameraGeometry> cameras;
+  std::vector<schemas::CameraGeometry> cameras;
   const auto add_side = [&](const Eigen::Matrix3d& side) {
-    for (CameraGeometry camera : testing::camera_grid(2, 2, 0.2, 60, 60)) {
-      Pose pose = pose_from_matrix(camera.world_from_camera);
+    for (schemas::CameraGeometry camera : testing::camera_grid(2, 2, 0.2, 60, 60)) {
+      rig::Pose pose = rig::pose_from_matrix(camera.world_from_camera);
       pose.position = tilt * side * (pose.position - Vector3d(0, 0, 0.3));
-      camera.world_from_camera = matrix_from_pose(pose);
+      camera.world_from_camera = rig::matrix_from_pose(pose);
       turn(camera, tilt * side);
       camera.id += std::to_string(cameras.size());
       cameras.push_back(camera);
@@ -167,7 +167,7 @@ TEST(FitSlabs, ABoxHasASideForEveryDirection) {
   add_side(Eigen::AngleAxisd(90 * kDegree, Vector3d::UnitX()).toRotationMatrix());
   SlabSettings settings;
   settings.layout = SlabSettings::Layout::kBox;
-  const Rig rig = rig_of(cameras);
+  const rig::Rig rig = rig_of(cameras);
   const std::vector<Slab> slabs = fit(rig, settings);
   ASSERT_EQ(slabs.size(), 5U);  // nobody looks down
   for (const Slab& slab : slabs) {
@@ -175,8 +175,7 @@ TEST(FitSlabs, ABoxHasASideForEveryDirection) {
     EXPECT_EQ(slab.nodes(), 4);
     EXPECT_EQ(slab.competing_axes.size(), 5U);
     for (const int camera : slab.cameras) {
-      EXPECT_GT(rig.cameras[static_cast<std::size_t>(camera)].pose.viewing_direction().dot(
-                    slab.pose.viewing_direction()),
+      EXPECT_GT(rig.cameras[camera].pose.viewing_direction().dot(slab.pose.viewing_direction()),
                 0.9999);
     }
     for (const Vector3d& rival : slab.competing_axes) {
@@ -186,4 +185,4 @@ TEST(FitSlabs, ABoxHasASideForEveryDirection) {
 }
 
 }  // namespace
-}  // namespace raystage::slab_test
+}  // namespace raystage::render::slab_test

@@ -3,14 +3,14 @@
 // nodes each row of the view needs, makes or caches their rectified images in bands of rows that
 // fit in memory, and interpolates each ray quadrilinearly by slab_kernels.h. Output: R, G, B, A,
 // coverage, depth. Cost: pixels x 16 samples, plus rectification once per node. Must match
-// render_slabs_reference() up to rectification.
+// slabs_reference.cpp up to rectification.
 
 #include "render/slabs/slabs.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
+#include <utility>
 
 #include "base/error.h"
 #include "base/parallel.h"
@@ -21,14 +21,8 @@
 #include "render/slabs/slab_rays.h"
 #include "render/slabs/slab_runs.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double milliseconds(Clock::duration duration) {
-  return std::chrono::duration<double, std::milli>(duration).count();
-}
 
 /// Renders the part of a view that one slab shows: plans which nodes each row needs, then processes
 /// bands of rows whose nodes fit in memory.
@@ -52,24 +46,24 @@ class SlabFrame {
         camera_used_(request.instant.rig->cameras.size()) {}
 
   void render(RenderedView& image) {
-    const auto start = Clock::now();
-    for_each_row(0, request_.view.height, [&](int y) {
-      rays_.runs_of_row(y, request_.view.width, runs_[static_cast<std::size_t>(y)]);
+    const auto start = RenderClock::now();
+    raystage::parallel_for_grains(0, request_.view.height, kRowsPerTask, [&](int y) {
+      rays_.runs_of_row(y, request_.view.width, runs_[y]);
     });
-    image.statistics.plan_ms += milliseconds(Clock::now() - start);
+    image.statistics.plan_ms += milliseconds(RenderClock::now() - start);
     for (int begin = 0; begin < request_.view.height;) {
       std::vector<bool> needed(nodes_.size());
       const int end = end_of_band(begin, needed);
-      const auto planned = Clock::now();
+      const auto planned = RenderClock::now();
       fetch(needed, image.statistics);
       const auto held = static_cast<std::size_t>(
           std::ranges::count_if(held_, [](const auto& node) { return node != nullptr; }));
       image.statistics.working_bytes =
           std::max(image.statistics.working_bytes, held * node_image_bytes(slab_));
-      const auto fetched = Clock::now();
-      for_each_row(begin, end, [&](int y) { sample_row(y, image); });
+      const auto fetched = RenderClock::now();
+      raystage::parallel_for_grains(begin, end, kRowsPerTask, [&](int y) { sample_row(y, image); });
       image.statistics.decode_ms += milliseconds(fetched - planned);
-      image.statistics.render_ms += milliseconds(Clock::now() - fetched);
+      image.statistics.render_ms += milliseconds(RenderClock::now() - fetched);
       begin = end;
     }
     if (request_.count_needed_pixels) mark_needed();
@@ -77,14 +71,7 @@ class SlabFrame {
   }
 
  private:
-  template <class Body>
-  void for_each_row(int begin, int end, const Body& body) const {
-    constexpr int kRowsPerTask = 16;
-    raystage::parallel_for(tbb::blocked_range<int>(begin, end, kRowsPerTask),
-                           [&](const tbb::blocked_range<int>& rows) {
-                             for (int y = rows.begin(); y < rows.end(); ++y) body(y);
-                           });
-  }
+  static constexpr int kRowsPerTask = 16;
 
   /// Returns the nodes of a run's cell: upper left, upper right, lower left, lower right; -1 for
   /// those that do not exist.
@@ -101,7 +88,7 @@ class SlabFrame {
     std::size_t count = 0;
     for (int y = begin; y < request_.view.height; ++y) {
       std::vector<std::size_t> added;
-      for (const SlabRays::Run& run : runs_[static_cast<std::size_t>(y)]) {
+      for (const SlabRays::Run& run : runs_[y]) {
         for (const int node : nodes_of(run)) {
           const auto i = static_cast<std::size_t>(std::max(node, 0));
           if (node < 0 || needed[i] || !is_made_here(nodes_[i])) continue;
@@ -123,7 +110,7 @@ class SlabFrame {
     if (node.count == 0 || sums_ == SumStage::kFinishOnly) return false;
     const auto heaviest = std::max_element(node.weight.begin(), node.weight.begin() + node.count) -
                           node.weight.begin();
-    return request_.instant.is_local(node.camera[static_cast<std::size_t>(heaviest)]);
+    return request_.instant.is_local(node.camera[heaviest]);
   }
 
   Error too_large(std::size_t count) const {
@@ -154,21 +141,19 @@ class SlabFrame {
     if (!are_fully_decoded) find_runs_of_nodes();
     std::vector<std::int64_t> decoded(missing.size());
     raystage::parallel_for(std::size_t{0}, missing.size(), [&](std::size_t i) {
-      held_[static_cast<std::size_t>(missing[i])] = image_of(missing[i], *slots[i], decoded[i]);
+      held_[missing[i]] = image_of(missing[i], *slots[i], decoded[i]);
     });
     for (std::size_t i = 0; i < missing.size(); ++i) {
       statistics.pixels_decoded += decoded[i];
-      const NodeSources& sources = nodes_[static_cast<std::size_t>(missing[i])];
-      for (std::size_t c = 0; c < static_cast<std::size_t>(sources.count); ++c) {
-        camera_used_[static_cast<std::size_t>(sources.camera[c])] = true;
-      }
+      const NodeSources& sources = nodes_[missing[i]];
+      for (int c = 0; c < sources.count; ++c) camera_used_[sources.camera[c]] = true;
     }
   }
 
   std::shared_ptr<const NodeImageCache> transposed_index(int node) const {
     return request_.result_cache.get<NodeImageCache>(
         node_image_key(request_.instant, slab_, node % slab_.columns, node / slab_.columns,
-                       nodes_[static_cast<std::size_t>(node)], request_.focal_plane),
+                       nodes_[node], request_.focal_plane),
         [&](std::size_t& bytes) {
           bytes = node_image_bytes(slab_);
           return std::make_shared<NodeImageCache>();
@@ -181,7 +166,7 @@ class SlabFrame {
     auto image = slot.image();
     if (image && image->made.is_whole()) return image;
     NodeRows read(slab_.width, slab_.height);
-    for (const RunOfNode& part : runs_of_nodes_[static_cast<std::size_t>(node)]) {
+    for (const RunOfNode& part : runs_of_nodes_[node]) {
       SlabRun run = functions_.run(*part.run, part.y);
       run.interpolation = interpolation_;
       read.add(run, part.corner);
@@ -189,7 +174,7 @@ class SlabFrame {
     if (image && image->made.covers(read)) return image;
     if (image) read = NodeRows::all(slab_.width, slab_.height);
     image = make_node_image(request_.instant, slab_, node % slab_.columns, node / slab_.columns,
-                            nodes_[static_cast<std::size_t>(node)], request_.focal_plane, read);
+                            nodes_[node], request_.focal_plane, read);
     pixels_decoded = image->pixels_decoded;
     slot.keep(image);
     return image;
@@ -200,12 +185,11 @@ class SlabFrame {
     if (!runs_of_nodes_.empty()) return;
     runs_of_nodes_.resize(nodes_.size());
     for (int y = 0; y < request_.view.height; ++y) {
-      for (const SlabRays::Run& run : runs_[static_cast<std::size_t>(y)]) {
+      for (const SlabRays::Run& run : runs_[y]) {
         const std::array<int, 4> nodes = nodes_of(run);
         for (int corner = 0; corner < 4; ++corner) {
-          const int node = nodes[static_cast<std::size_t>(corner)];
-          if (node >= 0)
-            runs_of_nodes_[static_cast<std::size_t>(node)].push_back({&run, y, corner});
+          const int node = nodes[corner];
+          if (node >= 0) runs_of_nodes_[node].push_back({&run, y, corner});
         }
       }
     }
@@ -214,11 +198,11 @@ class SlabFrame {
   void mark_needed() {
     const bool nearest = interpolation_ == SlabInterpolation::kNearest;
     for (int y = 0; y < request_.view.height; ++y) {
-      for (const SlabRays::Run& run : runs_[static_cast<std::size_t>(y)]) {
+      for (const SlabRays::Run& run : runs_[y]) {
         std::array<const NodeSources*, 4> around{};
         const std::array<int, 4> nodes = nodes_of(run);
         for (std::size_t i = 0; i < nodes.size(); ++i) {
-          if (nodes[i] >= 0) around[i] = &nodes_[static_cast<std::size_t>(nodes[i])];
+          if (nodes[i] >= 0) around[i] = &nodes_[nodes[i]];
         }
         needed_.mark(rays_, run, y, nearest, around, projection_);
       }
@@ -227,20 +211,18 @@ class SlabFrame {
 
   void sample_row(int y, RenderedView& image) const {
     const auto full_scale = static_cast<float>(request_.instant.cache->full_scale());
-    const std::size_t row_start =
-        static_cast<std::size_t>(y) * static_cast<std::size_t>(request_.view.width);
-    for (const SlabRays::Run& part : runs_[static_cast<std::size_t>(y)]) {
+    for (const SlabRays::Run& part : runs_[y]) {
       SlabRun run = functions_.run(part, y);
       run.interpolation = interpolation_;
       const std::array<int, 4> nodes = nodes_of(part);
       for (std::size_t i = 0; i < 4; ++i) {
         if (nodes[i] < 0) continue;
-        const auto& held = held_[static_cast<std::size_t>(nodes[i])];
+        const auto& held = held_[nodes[i]];
         run.node[i] = held ? held->rgba.get() : nullptr;
       }
       const bool has_node =
           std::ranges::any_of(run.node, [](const auto* n) { return n != nullptr; });
-      const std::size_t at = row_start + static_cast<std::size_t>(part.begin);
+      const std::size_t at = image.index(part.begin, y);
       const auto values = 4 * static_cast<std::size_t>(part.end - part.begin);
       if (sums_ == SumStage::kFinishOnly) std::copy_n(&given_[at * 4], values, &image.rgba[at * 4]);
       if (sums_ == SumStage::kSampleOnly && !has_node) {
@@ -260,15 +242,11 @@ class SlabFrame {
                     RenderedView& image) const {
     std::array<double, 4> lacking{};
     for (std::size_t i = 0; i < 4; ++i) {
-      if (nodes[i] >= 0) {
-        lacking[i] = 1 - nodes_[static_cast<std::size_t>(nodes[i])].present_weight;
-      }
+      if (nodes[i] >= 0) lacking[i] = 1 - nodes_[nodes[i]].present_weight;
     }
     const bool any = std::ranges::any_of(lacking, [](double part) { return part > 0; });
     for (int x = run.begin; x < run.end; ++x) {
-      const std::size_t at =
-          static_cast<std::size_t>(y) * static_cast<std::size_t>(request_.view.width) +
-          static_cast<std::size_t>(x);
+      const std::size_t at = image.index(x, y);
       image.coverage[at] = image.rgba[at * 4 + 3];
       if (!any) continue;
       const SlabRays::Crossing crossing = rays_.crossing(x + 0.5, y + 0.5);
@@ -308,9 +286,9 @@ class SlabFrame {
 /// `given`: sums of all ranks, with kFinishOnly.
 void render_rays(const ViewRequest& request, SumStage sums, const PixelValues& given,
                  RenderedView& image) {
-  const auto start = Clock::now();
+  const auto start = RenderClock::now();
   const auto slabs = rig_slabs(request);
-  image.statistics.plan_ms = milliseconds(Clock::now() - start);
+  image.statistics.plan_ms = milliseconds(RenderClock::now() - start);
   NeededPixels needed(request.instant);
   // A ray on the border of two slabs belongs to the first, which is rendered last.
   for (std::size_t i = slabs->slabs.size(); i-- > 0;) {
@@ -328,27 +306,77 @@ void render_rays(const ViewRequest& request, SumStage sums, const PixelValues& g
   }
 }
 
+const OptionSpec kOptions[] = {
+    choice_option("interpolation", "quadrilinear", "quadrilinear|bilinear_st|nearest",
+                  "samples per ray: 4 nodes x 4 pixels, 4 x 1, or 1 x 1"),
+    choice_option(
+        "layout", "single", "single|box",
+        "one slab of all cameras, or up to six around a rig that looks outwards: each ray "
+        "uses the face of the box through which it leaves"),
+    integer_option("columns", 0, 0, 1024,
+                   "nodes (s) along each camera plane; 0: as many as the rig's grid has, or by the "
+                   "density of its cameras"),
+    integer_option("rows", 0, 0, 1024, "nodes (t) across each camera plane; 0: as for columns"),
+    number_option("uv_scale", 1, 0.05, 4,
+                  "samples of the image plane (u,v) per finest source pixel, along each axis; the "
+                  "memory of a slab grows with its square"),
+    number_option("max_fov", 150, 10, 170, "largest full angle of an image plane, degrees"),
+};
+
+class SlabsMethod final : public Method {
+ public:
+  std::string_view name() const override { return "slabs"; }
+  std::string_view summary() const override {
+    return "four cameras per ray, from two-plane light fields (slabs) of rectified frames";
+  }
+  std::span<const OptionSpec> options() const override { return kOptions; }
+  std::span<const MethodPreset> presets() const override {
+    static constexpr MethodPreset kPresets[]{{"fast", "interpolation=bilinear_st"},
+                                             {"small", "uv_scale=0.5"}};
+    return kPresets;
+  }
+  RenderedView render(const ViewRequest& request) const override {
+    RenderedView image = empty_view(request.view);
+    render_rays(request, SumStage::kSampleAndFinish, {}, image);
+    return image;
+  }
+  RenderedView render_reference(const ViewRequest& request) const override {
+    return render_slabs_reference(request);
+  }
+  DistributionMode distribution(const MethodOptions&) const override {
+    return DistributionMode::kContributions;
+  }
+  /// A node belongs to the rank of the camera with the largest weight in it; the frames of its
+  /// other cameras are read, too.
+  Contribution contribute(const ViewRequest& request) const override {
+    RenderedView image = empty_view(request.view);
+    render_rays(request, SumStage::kSampleOnly, {}, image);
+    Contribution contribution;
+    contribution.planes.push_back(std::move(image.rgba));
+    contribution.statistics = image.statistics;
+    return contribution;
+  }
+  RenderedView combine(const ViewRequest& request, std::vector<PixelValues> planes) const override {
+    RenderedView image = empty_view(request.view);
+    render_rays(request, SumStage::kFinishOnly, planes.at(0), image);
+    return image;
+  }
+  void check_ray_support(const MethodOptions& options) const override {
+    if (options.text("layout") != "box") return;
+    throw Error::bad_input(
+        "slabs with layout box sample rays on a plane per face, but single rays need one plane",
+        "method slabs", "Render views, or choose another method for rays");
+  }
+  /// Also where memory is too short to cache node images: bands then make shared images again, and
+  /// pixels do not depend on the budget.
+  bool is_row_independent(const MethodOptions&) const override { return true; }
+};
+
 }  // namespace
 
-RenderedView render_slabs(const ViewRequest& request) {
-  RenderedView image = empty_view(request.view);
-  render_rays(request, SumStage::kSampleAndFinish, {}, image);
-  return image;
+const Method& slabs_method() {
+  static const SlabsMethod method;
+  return method;
 }
 
-Contribution contribute_slabs(const ViewRequest& request) {
-  RenderedView image = empty_view(request.view);
-  render_rays(request, SumStage::kSampleOnly, {}, image);
-  Contribution contribution;
-  contribution.planes.push_back(std::move(image.rgba));
-  contribution.statistics = image.statistics;
-  return contribution;
-}
-
-RenderedView combine_slabs(const ViewRequest& request, const PixelValues& sums) {
-  RenderedView image = empty_view(request.view);
-  render_rays(request, SumStage::kFinishOnly, sums, image);
-  return image;
-}
-
-}  // namespace raystage
+}  // namespace raystage::render

@@ -9,7 +9,7 @@
 #include "render/slabs/slab.h"
 #include "render/slabs/slab_kernels.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// A rig's slabs for a light field frame, and the sources of each node; nodes row by row.
 struct RigSlabs {
@@ -24,25 +24,16 @@ std::shared_ptr<const RigSlabs> rig_slabs(const ViewRequest& request);
 Eigen::Vector4d slab_focal_plane(const Slab& slab, const ViewRequest& request);
 SlabInterpolation slab_interpolation(const MethodOptions& options);
 
-/// Renders by two-plane light fields (thesis 2.3 and appendix A; Levoy and Hanrahan 1996). The
-/// cameras' frames are rectified into slabs, node by node as views need them, and cached. A ray's
-/// crossings with the camera plane and the focal plane are interpolated quadrilinearly. Throws
-/// Error (bad input) where one row of the view needs more nodes than fit in `working_bytes`.
-RenderedView render_slabs(const ViewRequest& request);
+/// Returns the method "slabs": two-plane light fields (thesis 2.3 and appendix A; Levoy and
+/// Hanrahan 1996). The cameras' frames are rectified into slabs, node by node as views need them,
+/// and cached. A ray's crossings with the camera plane and the focal plane are interpolated
+/// quadrilinearly. Throws Error (bad input) where one row of the view needs more nodes than fit in
+/// `working_bytes`.
+const Method& slabs_method();
 
-/// Returns the contribution of this rank's nodes to render_slabs(): sums, one plane. A node belongs
-/// to the rank of the camera with the largest weight in it; the frames of its other cameras are
-/// read, too.
-Contribution contribute_slabs(const ViewRequest& request);
-
-/// Returns the view for `sums`, the sum of all ranks' contributions.
-RenderedView combine_slabs(const ViewRequest& request, const PixelValues& sums);
-
-/// Renders as render_slabs(), per ray in double, without slabs: each node is sampled in the frames
+/// Renders as the method, per ray in double, without slabs: each node is sampled in the frames
 /// of its cameras. The difference is the cost of rectification: one more linear interpolation,
 /// except where the image plane coincides with the cameras' own.
 RenderedView render_slabs_reference(const ViewRequest& request);
 
-const Method& slabs_method();
-
-}  // namespace raystage
+}  // namespace raystage::render

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reference of render_slabs() (thesis 2.3, appendix A): per ray in double, no rectified images;
+// Reference of slabs.cpp (thesis 2.3, appendix A): per ray in double, no rectified images;
 // each node is sampled in its cameras' frames. Cost: pixels x 4 nodes x up to 3 cameras.
 #include <Eigen/Core>
 #include <algorithm>
@@ -16,7 +16,7 @@
 #include "render/slabs/slab_rays.h"
 #include "render/slabs/slabs.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector2d;
@@ -87,8 +87,7 @@ class SlabsReference {
         const double weight =
             hat(crossing.column - left, column - left) * hat(crossing.row - upper, row - upper);
         if (weight == 0) continue;
-        const NodeSources& sources =
-            slabs_->nodes[slab_index][static_cast<std::size_t>(row * slab.columns + column)];
+        const NodeSources& sources = slabs_->nodes[slab_index][row * slab.columns + column];
         std::array<double, 3> seen_by{};
         const Sum seen =
             look_up(slab, slab.node_position(column, row), sources, ray, depth, seen_by);
@@ -122,7 +121,7 @@ class SlabsReference {
     // the nearest sample is used.
     Vector3d in_node = slab.pose.world_from_camera_rotation.transpose() * seen_from(node);
     if (!(in_node.z() < 0)) return {};
-    const Intrinsics& k = slab.image;
+    const schemas::Intrinsics& k = slab.image;
     Vector2d uv(k.fx * in_node.x() / -in_node.z() + k.cx, k.fy * in_node.y() / in_node.z() + k.cy);
     const double in_image = fade(uv.x(), slab.width) * fade(uv.y(), slab.height);
     if (!(in_image > 0)) return {};
@@ -133,9 +132,9 @@ class SlabsReference {
     }
     const Vector3d from_node = slab.pose.world_from_camera_rotation * in_node;
     Sum sum{};
-    for (std::size_t i = 0; i < static_cast<std::size_t>(sources.count); ++i) {
+    for (int i = 0; i < sources.count; ++i) {
       const auto camera = static_cast<std::size_t>(sources.camera[i]);
-      const Pose& pose = rig_.cameras[camera].pose;
+      const rig::Pose& pose = rig_.cameras[camera].pose;
       const auto towards =
           sources.at_camera ? from_node : point_from(slab, node, from_node, pose.position);
       if (!towards) continue;
@@ -161,7 +160,7 @@ class SlabsReference {
   void add(std::size_t camera, const Vector3d& in_camera, double weight, double in_image,
            Sum& sum) {
     if (!(in_camera.z() < 0)) return;
-    const CameraModel& model = rig_.cameras[camera].model;
+    const rig::CameraModel& model = rig_.cameras[camera].model;
     const Vector2d ideal(in_camera.x() / -in_camera.z(), in_camera.y() / in_camera.z());
     const auto pixel = model.pixel_from_ideal(ideal);
     if (!pixel) return;
@@ -178,7 +177,7 @@ class SlabsReference {
   }
 
   const ViewRequest& request_;
-  const Rig& rig_;
+  const rig::Rig& rig_;
   std::shared_ptr<const RigSlabs> slabs_;
   SlabInterpolation interpolation_;
   VirtualCamera ideal_view_ = request_.view;
@@ -193,4 +192,4 @@ RenderedView render_slabs_reference(const ViewRequest& request) {
   return SlabsReference(request).render();
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -6,32 +6,14 @@
 #include <numbers>
 #include <optional>
 
-#include "base/error.h"
 #include "render/common/plane_projection.h"
 #include "render/slabs/slabs.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
-const OptionSpec kOptions[] = {
-    choice_option("interpolation", "quadrilinear", "quadrilinear|bilinear_st|nearest",
-                  "samples per ray: 4 nodes x 4 pixels, 4 x 1, or 1 x 1"),
-    choice_option(
-        "layout", "single", "single|box",
-        "one slab of all cameras, or up to six around a rig that looks outwards: each ray "
-        "uses the face of the box through which it leaves"),
-    integer_option("columns", 0, 0, 1024,
-                   "nodes (s) along each camera plane; 0: as many as the rig's grid has, or by the "
-                   "density of its cameras"),
-    integer_option("rows", 0, 0, 1024, "nodes (t) across each camera plane; 0: as for columns"),
-    number_option("uv_scale", 1, 0.05, 4,
-                  "samples of the image plane (u,v) per finest source pixel, along each axis; the "
-                  "memory of a slab grows with its square"),
-    number_option("max_fov", 150, 10, 170, "largest full angle of an image plane, degrees"),
-};
-
 RigSlabs make_slabs(const LightFieldFrame& instant, const SlabSettings& settings) {
-  const Rig& rig = *instant.rig;
+  const rig::Rig& rig = *instant.rig;
   const std::vector<int>& complete = instant.included_cameras;
   RigSlabs made;
   made.slabs = fit_slabs(rig, complete, instant.complete->normal, settings);
@@ -40,12 +22,13 @@ RigSlabs make_slabs(const LightFieldFrame& instant, const SlabSettings& settings
       made.nodes.push_back(node_sources(slab, rig, *instant.present, *instant.complete));
       continue;
     }
-    const Topology all = make_topology(rig, slab.cameras);
+    const rig::Topology all = rig::make_topology(rig, slab.cameras);
     std::vector<int> there;
     std::ranges::copy_if(slab.cameras, std::back_inserter(there),
                          [&](int camera) { return instant.is_present(camera); });
-    std::optional<Topology> some;
-    if (there != slab.cameras) some = there.empty() ? Topology{} : make_topology(rig, there);
+    std::optional<rig::Topology> some;
+    if (there != slab.cameras)
+      some = there.empty() ? rig::Topology{} : rig::make_topology(rig, there);
     made.nodes.push_back(node_sources(slab, rig, some ? *some : all, all));
   }
   return made;
@@ -94,49 +77,4 @@ std::shared_ptr<const RigSlabs> rig_slabs(const ViewRequest& request) {
   });
 }
 
-namespace {
-
-class SlabsMethod final : public Method {
- public:
-  std::string_view name() const override { return "slabs"; }
-  std::string_view summary() const override {
-    return "four cameras per ray, from two-plane light fields (slabs) of rectified frames";
-  }
-  std::span<const OptionSpec> options() const override { return kOptions; }
-  std::span<const MethodPreset> presets() const override {
-    static constexpr MethodPreset kPresets[]{{"fast", "interpolation=bilinear_st"},
-                                             {"small", "uv_scale=0.5"}};
-    return kPresets;
-  }
-  RenderedView render(const ViewRequest& request) const override { return render_slabs(request); }
-  RenderedView render_reference(const ViewRequest& request) const override {
-    return render_slabs_reference(request);
-  }
-  DistributionMode distribution(const MethodOptions&) const override {
-    return DistributionMode::kContributions;
-  }
-  Contribution contribute(const ViewRequest& request) const override {
-    return contribute_slabs(request);
-  }
-  RenderedView combine(const ViewRequest& request, std::vector<PixelValues> planes) const override {
-    return combine_slabs(request, planes.at(0));
-  }
-  void check_ray_support(const MethodOptions& options) const override {
-    if (options.text("layout") != "box") return;
-    throw Error::bad_input(
-        "slabs with layout box sample rays on a plane per face, but single rays need one plane",
-        "method slabs", "Render views, or choose another method for rays");
-  }
-  /// Also where memory is too short to cache node images: bands then make shared images again, and
-  /// pixels do not depend on the budget.
-  bool is_row_independent(const MethodOptions&) const override { return true; }
-};
-
-}  // namespace
-
-const Method& slabs_method() {
-  static const SlabsMethod method;
-  return method;
-}
-
-}  // namespace raystage
+}  // namespace raystage::render

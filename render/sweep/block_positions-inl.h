@@ -19,7 +19,7 @@
 #include "render/sweep/cost_kernels.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -295,7 +295,7 @@ class PositionFit {
 
 // NOLINTNEXTLINE(google-readability-namespace-comments)
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #endif  // per target

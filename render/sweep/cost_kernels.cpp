@@ -22,7 +22,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::render {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -130,9 +130,8 @@ struct CostScale {
     while ((most * all) << (left + 1) <= 0xFFFF) ++left;
     truncation = most;
     for (int n = 2; n <= all; ++n) {
-      const auto i = static_cast<std::size_t>(n);
-      part[i] = static_cast<std::uint16_t>(65536 / n);
-      scale[i] = static_cast<std::uint16_t>(65536.0 * 16 * 255 / ((most * n) << left));
+      part[n] = static_cast<std::uint16_t>(65536 / n);
+      scale[n] = static_cast<std::uint16_t>(65536.0 * 16 * 255 / ((most * n) << left));
     }
   }
   int cameras = 0;
@@ -214,7 +213,8 @@ HWY_INLINE void compare(const CostScale& scaling, const Samples* samples, const 
   }
   sum = hn::ShiftLeftSame(sum, scaling.left);
   auto cost = hn::ShiftRight<4>(hn::Add(hn::MulHigh(sum, mean.scale), codes(8)));
-  if (!kAllSeen) cost = hn::IfThenElse(hn::Lt(mean.count, codes(2)), codes(kUnknownCost), cost);
+  if (!kAllSeen)
+    cost = hn::IfThenElse(hn::Lt(mean.count, codes(2)), codes(matching::kUnknownCost), cost);
   hn::StoreU(hn::DemoteTo(d8, hn::BitCast(di, cost)), d8, costs);
 }
 
@@ -293,7 +293,7 @@ void transpose(const CostScratch& scratch, int count, int stride, std::uint8_t* 
 }
 
 void fill(const CostRun& run, CostScratch& scratch) {
-  const int stride = plane_stride(run.planes.count);
+  const int stride = matching::plane_stride(run.planes.count);
   for (int begin = run.begin; begin < run.end; begin += kCostBlockSize) {
     const int count = std::min(kCostBlockSize, run.end - begin);
     fill_planes(run, begin, count, scratch);
@@ -306,20 +306,20 @@ const char* target() { return hwy::TargetName(HWY_TARGET); }
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::render
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::render {
 
 HWY_EXPORT(fill);
 HWY_EXPORT(target);
 
 CostScratch::CostScratch(int planes, int cameras)
-    : stride_(static_cast<std::size_t>(plane_stride(planes))),
+    : stride_(static_cast<std::size_t>(matching::plane_stride(planes))),
       coefficients_((5 + kMaxParts) * static_cast<std::size_t>(cameras) * stride_),
       fitted_(static_cast<std::size_t>(cameras) * stride_),
-      columns_(kMaxParts * static_cast<std::size_t>(cameras) * stride_),
+      columns_(kMaxParts * cameras * stride_),
       rows_(columns_.size()),
       costs_(kCostBlockSize * stride_) {}
 
@@ -328,5 +328,5 @@ void compute_matching_costs(const CostRun& run, CostScratch& scratch) {
 }
 const char* cost_kernel_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
 
-}  // namespace raystage
+}  // namespace raystage::render
 #endif

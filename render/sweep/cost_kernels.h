@@ -12,7 +12,7 @@
 #include "render/sampling/depth_sampling.h"
 #include "render/sweep/matching_frame.h"
 
-namespace raystage {
+namespace raystage::render {
 
 struct MatchingCamera {
   DepthSource source;
@@ -83,13 +83,13 @@ void compute_matching_costs(const CostRun& run, CostScratch& scratch);
 /// Input of matching_cost_reference(), the reference of compute_matching_costs() for one point.
 /// `ray`: in the world, scaled to planar depth 1.
 struct ReferenceCamera {
-  const Rig::Camera* camera = nullptr;
-  const DecodedFrame* frame = nullptr;
+  const rig::Rig::Camera* camera = nullptr;
+  const store::DecodedFrame* frame = nullptr;
 };
-double matching_cost_reference(std::span<const ReferenceCamera> cameras, BlendSpace space,
+double matching_cost_reference(std::span<const ReferenceCamera> cameras, store::BlendSpace space,
                                const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
                                double inverse_depth, double truncation, int excluded_cameras = 0);
 
 const char* cost_kernel_target();  ///< returns the name of the instruction set in use
 
-}  // namespace raystage
+}  // namespace raystage::render

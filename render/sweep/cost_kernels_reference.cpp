@@ -9,16 +9,17 @@
 #include "base/transfer_function.h"
 #include "render/sweep/cost_kernels.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 /// Returns an 8-bit code of the sRGB curve.
-double code(const DecodedFrame& frame, BlendSpace space, int x, int y, std::size_t c) {
+double code(const store::DecodedFrame& frame, store::BlendSpace space, int x, int y,
+            std::size_t c) {
   const auto column = static_cast<std::size_t>(std::min(x, frame.width - 1));
   const auto row = static_cast<std::size_t>(std::min(y, frame.height - 1));
   const std::uint16_t stored =
       frame.rgba[(row * static_cast<std::size_t>(frame.width) + column) * 4 + c];
-  if (space == BlendSpace::kPerceptual) return stored >> 8;
+  if (space == store::BlendSpace::kPerceptual) return stored >> 8;
   return std::floor(srgb_from_linear(stored / 65535.0) * 255 + 0.5);
 }
 
@@ -40,12 +41,12 @@ double off(const Colour& a, const Colour& b) {
 
 }  // namespace
 
-double matching_cost_reference(std::span<const ReferenceCamera> cameras, BlendSpace space,
+double matching_cost_reference(std::span<const ReferenceCamera> cameras, store::BlendSpace space,
                                const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
                                double inverse_depth, double truncation, int excluded_cameras) {
   std::vector<Colour> colours;
   for (const ReferenceCamera& camera : cameras) {
-    const DecodedFrame& frame = *camera.frame;
+    const store::DecodedFrame& frame = *camera.frame;
     const DepthSample at = sample_at_depth_reference(eye, ray, inverse_depth, *camera.camera, frame,
                                                      Interpolation::kLinear);
     if (at.seen <= 0) continue;
@@ -61,7 +62,7 @@ double matching_cost_reference(std::span<const ReferenceCamera> cameras, BlendSp
     }
     colours.push_back(colour);
   }
-  if (colours.size() < 2) return kUnknownCost;
+  if (colours.size() < 2) return matching::kUnknownCost;
   for (int i = 0; i < excluded_cameras && colours.size() > 2; ++i) {
     const Colour mean = mean_of(colours);
     colours.erase(std::ranges::max_element(
@@ -73,4 +74,4 @@ double matching_cost_reference(std::span<const ReferenceCamera> cameras, BlendSp
   return sum / static_cast<double>(colours.size()) * 255 / truncation;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

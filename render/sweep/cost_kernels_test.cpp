@@ -11,7 +11,7 @@
 #include "matching/matching.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr int kWidth = 140, kHeight = 90;
@@ -20,33 +20,33 @@ constexpr double kDegree = std::numbers::pi / 180;
 struct Case {
   std::size_t cameras = 4;
   SweepPlanes planes{37, 0, 0.1};
-  BlendSpace space = BlendSpace::kPerceptual;
+  store::BlendSpace space = store::BlendSpace::kPerceptual;
   double truncation = 40;
   int excluded_cameras = 0;
   double view_fov = 1.3;  ///< radians
   int view_width = 83, view_height = 40;
-  double focal = 120;                             ///< pixels
-  double roll = 0;                                ///< radians, of every camera about its axis
-  Distortion bent{-0.2, 0.05, 0.001, -0.002, 0};  ///< every other camera's lens
+  double focal = 120;  ///< pixels
+  double roll = 0;     ///< radians, of every camera about its axis
+  schemas::Distortion bent{-0.2, 0.05, 0.001, -0.002, 0};  ///< every other camera's lens
 };
 
-Rig::Camera camera_at(double x, const Case& c, bool bends) {
-  CameraGeometry geometry;
+rig::Rig::Camera camera_at(double x, const Case& c, bool bends) {
+  schemas::CameraGeometry geometry;
   geometry.id = "c";
   geometry.width = kWidth;
   geometry.height = kHeight;
   geometry.intrinsics = {c.focal, c.focal, kWidth / 2.0, kHeight / 2.0,
-                         bends ? c.bent : Distortion{}};
-  Pose pose;
+                         bends ? c.bent : schemas::Distortion{}};
+  rig::Pose pose;
   pose.position = {x, 0.02 * x, 0};
   pose.world_from_camera_rotation = (Eigen::AngleAxisd(0.1 * x, Eigen::Vector3d::UnitY()) *
                                      Eigen::AngleAxisd(c.roll, Eigen::Vector3d::UnitZ()))
                                         .toRotationMatrix();
-  return {"c", CameraModel(geometry), pose, {}, {}, {}};
+  return {"c", rig::CameraModel(geometry), pose, {}, {}, {}};
 }
 
-DecodedFrame random_frame(unsigned seed) {
-  DecodedFrame frame;
+store::DecodedFrame random_frame(unsigned seed) {
+  store::DecodedFrame frame;
   frame.width = kWidth;
   frame.height = kHeight;
   const std::size_t pixels = kWidth * (kHeight + 1) + 1;
@@ -65,8 +65,8 @@ struct Counts {
 
 /// Compares all pixels of a view that some cameras see only partly.
 Counts expect_costs_of_reference(const Case& c) {
-  std::vector<Rig::Camera> cameras;
-  std::vector<DecodedFrame> frames;
+  std::vector<rig::Rig::Camera> cameras;
+  std::vector<store::DecodedFrame> frames;
   for (std::size_t i = 0; i < c.cameras; ++i) {
     cameras.push_back(camera_at(0.1 * static_cast<double>(i) - 0.15, c, i % 2 == 1));
     frames.push_back(random_frame(static_cast<unsigned>(i)));
@@ -83,7 +83,7 @@ Counts expect_costs_of_reference(const Case& c) {
     pointers.push_back(&sources[i]);
     references.push_back({&cameras[i], &frames[i]});
   }
-  const auto stride = static_cast<std::size_t>(plane_stride(c.planes.count));
+  const auto stride = static_cast<std::size_t>(matching::plane_stride(c.planes.count));
   const auto width = static_cast<std::size_t>(c.view_width);
   std::vector<std::uint8_t> costs(width * stride);
   CostScratch scratch(c.planes.count, static_cast<int>(c.cameras));
@@ -113,7 +113,7 @@ Counts expect_costs_of_reference(const Case& c) {
               << "pixel " << x << ", " << y << " plane " << plane;
         }
         if (::testing::Test::HasFailure()) return counts;
-        expected == kUnknownCost ? ++counts.unknown : ++counts.told;
+        expected == matching::kUnknownCost ? ++counts.unknown : ++counts.told;
       }
     }
   }
@@ -133,8 +133,8 @@ void expect_costs_everywhere(const Case& c, int least_told, int least_unknown) {
 TEST(CostKernels, AgreeWithTheReferenceWhereCamerasSeeInPart) {
   expect_costs_everywhere({}, 100, 10);
   expect_costs_everywhere({.cameras = 16, .planes = {5, 0.2, 0.4}}, 100, 10);
-  expect_costs_everywhere({.cameras = 2, .planes = {1, 0.5, 0}, .space = BlendSpace::kLinear}, 100,
-                          10);
+  expect_costs_everywhere(
+      {.cameras = 2, .planes = {1, 0.5, 0}, .space = store::BlendSpace::kLinear}, 100, 10);
 }
 
 TEST(CostKernels, OneCameraKnowsNothing) {
@@ -200,7 +200,7 @@ TEST(CostKernels, AgreeWhereALensBendsMoreThanAParabola) {
 TEST(CostKernels, APartOfAFrameIsMatchedAsTheWhole) {
   const Case c{.planes = kFarPlanes, .view_fov = kNarrow};
   const VirtualCamera view = virtual_camera_with_fov(c.view_width, c.view_height, c.view_fov, {});
-  const auto stride = static_cast<std::size_t>(plane_stride(c.planes.count));
+  const auto stride = static_cast<std::size_t>(matching::plane_stride(c.planes.count));
   std::vector<std::vector<std::uint8_t>> costs;
   for (const FrameBox& box : {FrameBox{0, kWidth, 0, kHeight}, FrameBox{24, 120, 16, 80}}) {
     std::vector<MatchingFrame> frames;
@@ -208,7 +208,7 @@ TEST(CostKernels, APartOfAFrameIsMatchedAsTheWhole) {
     std::vector<const MatchingCamera*> pointers;
     frames.reserve(c.cameras);
     for (std::size_t i = 0; i < c.cameras; ++i) {
-      const DecodedFrame frame = random_frame(static_cast<unsigned>(i));
+      const store::DecodedFrame frame = random_frame(static_cast<unsigned>(i));
       frames.emplace_back(frame, c.space, box);
       sources[i] = {
           depth_source(view, camera_at(0.1 * static_cast<double>(i) - 0.15, c, i % 2 == 1)),
@@ -224,4 +224,4 @@ TEST(CostKernels, APartOfAFrameIsMatchedAsTheWhole) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

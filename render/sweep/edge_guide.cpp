@@ -7,7 +7,7 @@
 #include "base/parallel.h"
 #include "base/transfer_function.h"
 
-namespace raystage::plane_sweep {
+namespace raystage::render::plane_sweep {
 
 std::vector<std::uint8_t> edge_guide(const RenderedView& picture, double full_scale) {
   std::vector<std::uint8_t> guide(picture.coverage.size());
@@ -27,4 +27,4 @@ std::vector<std::uint8_t> edge_guide(const RenderedView& picture, double full_sc
   return guide;
 }
 
-}  // namespace raystage::plane_sweep
+}  // namespace raystage::render::plane_sweep

@@ -6,7 +6,7 @@
 
 #include "base/transfer_function.h"
 
-namespace raystage::plane_sweep {
+namespace raystage::render::plane_sweep {
 namespace {
 
 using ::testing::ElementsAre;
@@ -39,4 +39,4 @@ TEST(EdgeGuide, WeighsChannelsAsTheEyeDoes) {
 }
 
 }  // namespace
-}  // namespace raystage::plane_sweep
+}  // namespace raystage::render::plane_sweep

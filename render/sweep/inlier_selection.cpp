@@ -9,15 +9,14 @@
 #include <cstddef>
 #include <vector>
 
-namespace raystage::plane_sweep {
+namespace raystage::render::plane_sweep {
 namespace {
 
 /// Returns the sample farthest from the mean colour. A sample: R, G, B and 1, times its weight.
 const float* farthest_from_mean(std::span<const float* const> counting) {
   float mean[3] = {};
-  for (const float* sample : counting) {
+  for (const float* sample : counting)
     for (int c = 0; c < 3; ++c) mean[c] += sample[c] / sample[3];
-  }
   const auto count = static_cast<float>(counting.size());
   const float* farthest = nullptr;
   float most = -1;
@@ -51,4 +50,4 @@ void add_inlier_samples(std::span<const float> samples, int excluded_cameras,
   }
 }
 
-}  // namespace raystage::plane_sweep
+}  // namespace raystage::render::plane_sweep

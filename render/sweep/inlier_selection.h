@@ -3,7 +3,7 @@
 
 #include <span>
 
-namespace raystage::plane_sweep {
+namespace raystage::render::plane_sweep {
 
 /// Adds cameras' samples of a row's pixels to `sums`, except those of the outliers: per pixel and
 /// `excluded_cameras` times, the camera whose colour is farthest (mean absolute difference of R, G,
@@ -13,4 +13,4 @@ namespace raystage::plane_sweep {
 void add_inlier_samples(std::span<const float> samples, int excluded_cameras,
                         std::span<float> sums);
 
-}  // namespace raystage::plane_sweep
+}  // namespace raystage::render::plane_sweep

@@ -7,7 +7,7 @@
 
 #include "base/transfer_function.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 constexpr std::size_t kChannels = 3;
@@ -27,17 +27,15 @@ using CodeRow = std::array<std::vector<std::uint8_t>, kChannels>;
 
 class CodeRows {
  public:
-  CodeRows(const DecodedFrame& frame, BlendSpace space, const FrameBox& box)
+  CodeRows(const store::DecodedFrame& frame, store::BlendSpace space, const FrameBox& box)
       : frame_(frame), box_(box) {
-    if (space == BlendSpace::kLinear) table_ = srgb_of_linear_codes();
+    if (space == store::BlendSpace::kLinear) table_ = srgb_of_linear_codes();
   }
 
   void read(int y, CodeRow& row) const {
     const std::uint16_t* first =
-        frame_.rgba.get() + (static_cast<std::size_t>(std::min(y, frame_.height - 1)) *
-                                 static_cast<std::size_t>(frame_.width) +
-                             static_cast<std::size_t>(box_.left)) *
-                                4;
+        frame_.rgba.get() +
+        (static_cast<std::size_t>(std::min(y, frame_.height - 1)) * frame_.width + box_.left) * 4;
     const auto width = static_cast<std::size_t>(box_.right - box_.left);
     const std::size_t within = width + (box_.right < frame_.width ? 1 : 0);
     for (std::size_t c = 0; c < kChannels; ++c) {
@@ -55,7 +53,7 @@ class CodeRows {
   }
 
  private:
-  const DecodedFrame& frame_;
+  const store::DecodedFrame& frame_;
   const FrameBox& box_;
   std::vector<std::uint8_t> table_;
 };
@@ -72,9 +70,7 @@ void write_words(const std::vector<std::uint8_t>& upper, const std::vector<std::
 }
 
 std::size_t words_of(const FrameBox& box) {
-  return kChannels * static_cast<std::size_t>(box.right - box.left) *
-             static_cast<std::size_t>(box.bottom - box.top) +
-         kReadBeyond;
+  return kChannels * (box.right - box.left) * (box.bottom - box.top) + kReadBeyond;
 }
 
 }  // namespace
@@ -83,7 +79,8 @@ std::size_t MatchingFrame::bytes(const FrameBox& box) {
   return LargeBuffer<std::uint32_t>::bytes(words_of(box));
 }
 
-MatchingFrame::MatchingFrame(const DecodedFrame& frame, BlendSpace space, const FrameBox& box)
+MatchingFrame::MatchingFrame(const store::DecodedFrame& frame, store::BlendSpace space,
+                             const FrameBox& box)
     : box_(box), words_(words_of(box)) {
   const CodeRows rows(frame, space, box_);
   const auto width = static_cast<std::size_t>(pitch());
@@ -99,4 +96,4 @@ MatchingFrame::MatchingFrame(const DecodedFrame& frame, BlendSpace space, const 
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -7,7 +7,7 @@
 #include "base/large_buffer.h"
 #include "store/processing/frames/frame_cache.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Pixels [left, right) x [top, bottom) of a frame.
 struct FrameBox {
@@ -21,7 +21,7 @@ class MatchingFrame {
  public:
   MatchingFrame() = default;
   /// `box`: the matched part, not empty. Linear codes are converted to the sRGB curve.
-  MatchingFrame(const DecodedFrame& frame, BlendSpace space, const FrameBox& box);
+  MatchingFrame(const store::DecodedFrame& frame, store::BlendSpace space, const FrameBox& box);
 
   const FrameBox& box() const { return box_; }
   /// Words from a row of a channel to the same row of the next channel: the R, G, B of a row are
@@ -36,4 +36,4 @@ class MatchingFrame {
   LargeBuffer<std::uint32_t> words_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::render

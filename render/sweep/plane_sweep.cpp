@@ -11,28 +11,21 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
-#include <atomic>
-#include <chrono>
 #include <limits>
 
 #include "base/parallel.h"
 #include "matching/matching.h"
 #include "render/common/memory_overrun_note.h"
-#include "render/sampling/depth_planning.h"
 #include "render/sampling/field_coverage.h"
+#include "render/sampling/field_sources.h"
 #include "render/sweep/cost_kernels.h"
 #include "render/sweep/edge_guide.h"
 #include "render/sweep/inlier_selection.h"
 
-namespace raystage::plane_sweep {
+namespace raystage::render::plane_sweep {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 using Tile = BlendingField::Tile;
-
-double milliseconds(Clock::duration duration) {
-  return std::chrono::duration<double, std::milli>(duration).count();
-}
 
 class Frame {
  public:
@@ -42,16 +35,20 @@ class Frame {
         plan_(plan),
         planes_(plan.planes.from_farthest()),
         scratch_([&plan] { return CostScratch(plan.planes.count, plan.settings.cameras); }),
-        sources_(request.instant.rig->cameras.size()) {}
+        sources_(request.view, request.instant, plan.field,
+                 std::vector<InverseDepthRange>(plan.field.tiles().size(),
+                                                {planes_.farthest, planes_.nearest()}),
+                 plan.planes.farthest, plan.settings.look_up),
+        matching_(sources_.size()) {}
 
-  RenderedView render(Clock::time_point start) {
+  RenderedView render(RenderClock::time_point start) {
     RenderedView image = empty_view(view_);
     image.notes = plan_.notes;
-    find_sources();
-    const auto planned = Clock::now();
-    decode(image.statistics);
-    const auto decoded = Clock::now();
-    PlaneMap map = match({}, image.statistics);
+    const auto planned = RenderClock::now();
+    sources_.decode(image.statistics);
+    make_matching_frames();
+    const auto decoded = RenderClock::now();
+    matching::PlaneMap map = match({}, image.statistics);
     if (plan_.settings.edge_scale > 0 && plan_.planes.count > 1) {
       const std::vector<std::uint8_t> guide = guide_from(map, image.statistics);
       map = {};
@@ -63,60 +60,20 @@ class Frame {
     blend(map, image);
     image.statistics.plan_ms = milliseconds(planned - start);
     image.statistics.decode_ms = milliseconds(decoded - planned);
-    image.statistics.render_ms = milliseconds(Clock::now() - decoded);
-    if (request_.count_needed_pixels) count_needed(map, image.statistics);
+    image.statistics.render_ms = milliseconds(RenderClock::now() - decoded);
+    if (request_.count_needed_pixels) image.statistics.pixels_needed = count_needed(map);
     if (request_.measure_coverage) measure_view_coverage(request_, plan_.field, {}, image);
     return image;
   }
 
  private:
-  struct Source {
-    DepthSource look_up;  // its rgba stays null if nothing of the camera is seen
-    McuMask wanted;
-    std::shared_ptr<const DecodedFrame> frame;
-    MatchingFrame matching_frame;
-    MatchingCamera matching;
-    bool used = false;
+  /// A camera as it is matched.
+  struct Matching {
+    MatchingFrame frame;
+    MatchingCamera camera;
   };
 
-  Source& source(int camera) { return sources_[static_cast<std::size_t>(camera)]; }
-
-  template <class Body>
-  void for_each_tile(const Body& body) const {
-    for (int row = 0; row < plan_.field.rows(); ++row) {
-      for (int column = 0; column < plan_.field.columns(); ++column) {
-        body(plan_.field.tile(column, row));
-      }
-    }
-  }
-
-  static bool has_camera(const Tile& tile, int camera) {
-    return std::ranges::binary_search(tile.cameras, camera, {}, &BlendingField::TileCamera::camera);
-  }
-
-  void find_sources() {
-    for_each_tile([&](const Tile& tile) {
-      for (const auto& camera : tile.cameras) source(camera.camera).used = true;
-    });
-    const LightFieldFrame& instant = request_.instant;
-    raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
-      Source& opened = sources_[i];
-      if (!opened.used) return;
-      const int camera = static_cast<int>(i);
-      opened.look_up = depth_source(view_, instant.rig->cameras[i], plan_.planes.farthest);
-      const auto layout = instant.cache->layout(camera, instant.frame_of_camera[i]);
-      opened.wanted.assign(static_cast<std::size_t>(layout->mcu_count()), 0);
-      set_mcu_layout(opened.look_up.camera, *layout, opened.wanted.data());
-      for_each_tile([&](const Tile& tile) {
-        if (!has_camera(tile, camera)) return;
-        const ViewBlock block{tile.left,   tile.right,       tile.top,
-                              tile.bottom, planes_.farthest, planes_.nearest()};
-        mark_block(opened.look_up, block, plan_.settings.look_up);
-      });
-    });
-  }
-
-  static FrameBox wanted_box(const Source& source) {
+  static FrameBox wanted_box(const FieldSources::Source& source) {
     const SourceView& view = source.look_up.camera;
     FrameBox mcus{view.mcus_per_row, 0, std::numeric_limits<int>::max(), 0};
     for (std::size_t i = 0; i < source.wanted.size(); ++i) {
@@ -132,26 +89,17 @@ class Frame {
             std::min(mcus.bottom << view.mcu_height_log2, view.height)};
   }
 
-  void decode(RenderStatistics& statistics) {
-    std::atomic<std::int64_t> pixels = 0;
-    std::atomic<int> cameras = 0;
-    FrameCache& cache = *request_.instant.cache;
+  /// Converts the decoded frames for matching.
+  void make_matching_frames() {
     raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
-      Source& s = sources_[i];
-      if (!s.used || std::ranges::find(s.wanted, 1) == s.wanted.end()) return;
-      std::int64_t decoded = 0;
-      s.frame =
-          cache.fetch(static_cast<int>(i), request_.instant.frame_of_camera[i], s.wanted, decoded);
-      s.look_up.camera.rgba = s.frame->rgba.get();
+      const FieldSources::Source& s = sources_[i];
+      if (!s.frame) return;
       if (plan_.planes.count > 1) {
-        s.matching_frame = MatchingFrame(*s.frame, cache.blend_space(), wanted_box(s));
+        const store::BlendSpace space = request_.instant.cache->blend_space();
+        matching_[i].frame = MatchingFrame(*s.frame, space, wanted_box(s));
       }
-      s.matching = {s.look_up, &s.matching_frame};
-      pixels += decoded;
-      ++cameras;
+      matching_[i].camera = {s.look_up, &matching_[i].frame};
     });
-    statistics.pixels_decoded = pixels;
-    statistics.cameras_used = cameras;
   }
 
   void fill_row(int y, std::uint8_t* costs) {
@@ -161,13 +109,13 @@ class Frame {
     run.planes = planes_;
     run.truncation = plan_.settings.truncation;
     run.excluded_cameras = plan_.settings.excluded_cameras;
-    const std::ptrdiff_t stride = plane_stride(plan_.planes.count);
+    const std::ptrdiff_t stride = matching::plane_stride(plan_.planes.count);
     std::vector<const MatchingCamera*> cameras;
     for (int column = 0; column < plan_.field.columns(); ++column) {
       const Tile& tile = plan_.field.tile(column, y / BlendingField::kTile);
       cameras.clear();
       for (const int camera : tile.best) {
-        if (source(camera).frame) cameras.push_back(&source(camera).matching);
+        if (sources_[camera].frame) cameras.push_back(&matching_[camera].camera);
       }
       run.begin = tile.left;
       run.end = tile.right;
@@ -177,14 +125,12 @@ class Frame {
     }
   }
 
-  std::size_t pixels() const {
-    return static_cast<std::size_t>(view_.width) * static_cast<std::size_t>(view_.height);
-  }
+  std::size_t pixels() const { return static_cast<std::size_t>(view_.width) * view_.height; }
   /// Returns the bytes of the matching frames and of a map of planes.
   std::size_t frames_and_map_bytes() const {
     std::size_t bytes = pixels() * (sizeof(float) + 1);
-    for (const Source& opened : sources_) {
-      if (opened.frame) bytes += MatchingFrame::bytes(opened.matching_frame.box());
+    for (std::size_t i = 0; i < sources_.size(); ++i) {
+      if (sources_[i].frame) bytes += MatchingFrame::bytes(matching_[i].frame.box());
     }
     return bytes;
   }
@@ -193,7 +139,8 @@ class Frame {
   }
 
   /// Returns the edge guide of the view blended at the planes of `map`.
-  std::vector<std::uint8_t> guide_from(const PlaneMap& map, RenderStatistics& statistics) {
+  std::vector<std::uint8_t> guide_from(const matching::PlaneMap& map,
+                                       RenderStatistics& statistics) {
     constexpr std::size_t kPictureBytes =
         6 * sizeof(float) + 1;  // per pixel: the picture and its guide
     hold(frames_and_map_bytes() + kPictureBytes * pixels(), statistics);
@@ -202,39 +149,37 @@ class Frame {
     return edge_guide(picture, request_.instant.cache->full_scale());
   }
 
-  PlaneMap match(std::span<const std::uint8_t> guide, RenderStatistics& statistics) {
-    const CostVolume volume{view_.width, view_.height, plan_.planes.count};
+  matching::PlaneMap match(std::span<const std::uint8_t> guide, RenderStatistics& statistics) {
+    const matching::CostVolume volume{view_.width, view_.height, plan_.planes.count};
     const PlaneSweepSettings& s = plan_.settings;
-    if (volume.planes == 1) {
-      PlaneMap map{view_.width, view_.height, {}, {}};
-      map.plane.resize(pixels());
-      return map;
-    }
+    if (volume.planes == 1) return {view_.width, view_.height};
     const std::size_t held = frames_and_map_bytes() + guide.size();
-    const FillCosts fill = [&](int y, std::span<std::uint8_t> costs) { fill_row(y, costs.data()); };
+    const matching::FillCosts fill = [&](int y, std::span<std::uint8_t> costs) {
+      fill_row(y, costs.data());
+    };
     if (s.aggregation != Aggregation::kSemiGlobal) {
       const int radius = s.aggregation == Aggregation::kBox ? s.box_radius : 0;
-      hold(held + box_bytes(volume, radius, tbb::this_task_arena::max_concurrency()), statistics);
-      return box_match(volume, fill, radius, s.subplane_refinement);
+      hold(held + matching::box_bytes(volume, radius, tbb::this_task_arena::max_concurrency()),
+           statistics);
+      return matching::box_match(volume, fill, radius, s.subplane_refinement);
     }
-    SemiGlobalSettings settings = semi_global_settings(s, guide);
+    matching::SemiGlobalSettings settings = semi_global_settings(s, guide);
     settings.buffers = &request_.buffers;
     settings.working_bytes = request_.working_bytes - std::min(request_.working_bytes, held);
-    hold(held + semi_global_bytes(volume, settings.working_bytes), statistics);
-    return semi_global_match(volume, fill, settings);
+    hold(held + matching::semi_global_bytes(volume, settings.working_bytes), statistics);
+    return matching::semi_global_match(volume, fill, settings);
   }
 
   /// Converts planes to inverse depths relative to the farthest plane, 1/m.
-  void find_depths(const PlaneMap& map, const Tile& tile, int y, float* inverse_depth) const {
-    const float* plane =
-        &map.plane[static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
-                   static_cast<std::size_t>(tile.left)];
+  void find_depths(const matching::PlaneMap& map, const Tile& tile, int y,
+                   float* inverse_depth) const {
+    const float* plane = &map.plane[static_cast<std::size_t>(y) * view_.width + tile.left];
     for (int i = 0; i < tile.right - tile.left; ++i) {
       inverse_depth[i] = static_cast<float>(planes_.inverse_depth(static_cast<double>(plane[i])));
     }
   }
 
-  void blend(const PlaneMap& map, RenderedView& image) {
+  void blend(const matching::PlaneMap& map, RenderedView& image) {
     raystage::parallel_for(0, view_.height, [&](int y) {
       std::array<float, BlendingField::kTile> inverse_depth;
       std::vector<float> samples;
@@ -242,8 +187,7 @@ class Frame {
       for (int column = 0; column < plan_.field.columns(); ++column) {
         const Tile& tile = plan_.field.tile(column, y / BlendingField::kTile);
         const auto n = static_cast<std::size_t>(tile.right - tile.left);
-        const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
-                               static_cast<std::size_t>(tile.left);
+        const std::size_t at = image.index(tile.left, y);
         find_depths(map, tile, y, inverse_depth.data());
         const std::span<float> rgba(&image.rgba[at * 4], n * 4);
         if (plan_.settings.excluded_cameras == 0) {
@@ -267,7 +211,7 @@ class Frame {
 
   void add_samples(const Tile& tile, const BlendingField::TileCamera& camera, int y,
                    std::span<const float> inverse_depth, std::span<float> sums) {
-    const Source& from = source(camera.camera);
+    const FieldSources::Source& from = sources_[camera.camera];
     if (!from.frame) return;
     std::array<float, BlendingField::kTile> share;
     for (std::size_t i = 0; i < inverse_depth.size(); ++i) {
@@ -289,7 +233,7 @@ class Frame {
                    std::span<const float> samples, std::span<float> sums, Mattes& mattes) {
     mattes.seen = {};
     for (const auto& camera : tile.cameras) {
-      const Source& from = source(camera.camera);
+      const FieldSources::Source& from = sources_[camera.camera];
       if (!from.frame) continue;
       for (std::size_t i = 0; i < inverse_depth.size(); ++i) {
         mattes.share[i] = BlendingField::share(tile, camera, tile.left + static_cast<int>(i), y);
@@ -314,12 +258,12 @@ class Frame {
   void finish(std::span<float> rgba, std::span<const float> seen,
               std::span<const float> inverse_depth, int x, int y, std::size_t at,
               RenderedView& image) const {
-    const FrameCache& cache = *request_.instant.cache;
+    const store::FrameCache& cache = *request_.instant.cache;
     finish_samples(rgba, seen, cache.blend_space(), static_cast<float>(cache.full_scale()), rgba);
     for (std::size_t i = 0; i < inverse_depth.size(); ++i) {
       const float alpha = rgba[4 * i + 3];
       const float absent =
-          absent_camera_weight(plan_, request_.instant, x + static_cast<int>(i), y);
+          absent_camera_weight(plan_.complete, request_.instant, x + static_cast<int>(i), y);
       image.coverage[at + i] = alpha * (1 - absent);
       const double depth = 1 / (plan_.planes.farthest + static_cast<double>(inverse_depth[i]));
       image.z[at + i] =
@@ -327,33 +271,23 @@ class Frame {
     }
   }
 
-  void count_needed(const PlaneMap& map, RenderStatistics& statistics) {
-    std::atomic<std::int64_t> needed = 0;
-    raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
-      Source& s = sources_[i];
-      if (!s.frame) return;
-      std::vector<std::uint8_t> read(static_cast<std::size_t>(s.frame->width) *
-                                     static_cast<std::size_t>(s.frame->height));
-      DepthSource marking = s.look_up;
-      marking.camera.wanted_mcus = nullptr;
-      marking.camera.read_pixels = read.data();
+  std::int64_t count_needed(const matching::PlaneMap& map) const {
+    return sources_.count_marked_pixels([&](int camera, const DepthSource& marking) {
       std::array<float, BlendingField::kTile> inverse_depth, share;
       const auto mark = [&](const Tile& tile, int y, Interpolation look_up) {
         const auto n = static_cast<std::size_t>(tile.right - tile.left);
         mark_samples_at_depth(marking, tile.left, y, {inverse_depth.data(), n}, {share.data(), n},
                               look_up);
       };
-      for_each_tile([&](const Tile& tile) {
-        const auto found = std::ranges::lower_bound(tile.cameras, static_cast<int>(i), {},
-                                                    &BlendingField::TileCamera::camera);
-        if (found == tile.cameras.end() || found->camera != static_cast<int>(i)) return;
+      for (const Tile& tile : plan_.field.tiles()) {
+        const BlendingField::TileCamera* found = find_camera(tile, camera);
+        if (found == nullptr) continue;
         const bool matched =
-            plan_.planes.count > 1 && std::ranges::binary_search(tile.best, static_cast<int>(i));
+            plan_.planes.count > 1 && std::ranges::binary_search(tile.best, camera);
         for (int y = tile.top; y < tile.bottom; ++y) {
           find_depths(map, tile, y, inverse_depth.data());
           for (int x = tile.left; x < tile.right; ++x) {
-            share[static_cast<std::size_t>(x - tile.left)] =
-                BlendingField::share(tile, *found, x, y);
+            share[x - tile.left] = BlendingField::share(tile, *found, x, y);
           }
           mark(tile, y, plan_.settings.look_up);
           share.fill(1);
@@ -362,10 +296,8 @@ class Frame {
             mark(tile, y, Interpolation::kLinear);
           }
         }
-      });
-      needed += std::count(read.begin(), read.end(), 1);
+      }
     });
-    statistics.pixels_needed = needed;
   }
 
   const ViewRequest& request_;
@@ -373,16 +305,17 @@ class Frame {
   const PlaneSweepPlan& plan_;
   const SweepPlanes planes_;  // relative to the farthest plane
   tbb::enumerable_thread_specific<CostScratch> scratch_;
-  std::vector<Source> sources_;  // per camera of the rig
+  FieldSources sources_;
+  std::vector<Matching> matching_;  // per camera of the rig
 };
 
 }  // namespace
 
 RenderedView render(const ViewRequest& request) {
-  const auto start = Clock::now();
+  const auto start = RenderClock::now();
   const std::optional<PlaneSweepPlan> made = plan(request);
   if (!made) return transparent_view(request);
   return Frame(request, *made).render(start);
 }
 
-}  // namespace raystage::plane_sweep
+}  // namespace raystage::render::plane_sweep

@@ -12,7 +12,7 @@
 #include "render/common/method.h"
 #include "render/sampling/depth_sampling.h"
 
-namespace raystage {
+namespace raystage::render {
 
 /// Returns the method "plane_sweep" (Yang et al. 2002; Zhang and Chen 2004; thesis,
 /// Reconstruction). It tries planes across the view, evenly spaced in inverse depth, and selects at
@@ -49,17 +49,13 @@ struct PlaneSweepPlan {
   std::vector<std::string> notes;  ///< see RenderedView::notes
 };
 /// Returns the settings of the aggregation. `guide`: see SemiGlobalSettings; empty: no edge_scale.
-SemiGlobalSettings semi_global_settings(const PlaneSweepSettings& settings,
-                                        std::span<const std::uint8_t> guide);
+matching::SemiGlobalSettings semi_global_settings(const PlaneSweepSettings& settings,
+                                                  std::span<const std::uint8_t> guide);
 /// Returns the plan, or nullopt if the view sees nothing of the scene.
 std::optional<PlaneSweepPlan> plan(const ViewRequest& request);
-
-/// Returns the weight of the absent cameras at a pixel, 0 to 1.
-float absent_camera_weight(const PlaneSweepPlan& plan, const LightFieldFrame& instant, int x,
-                           int y);
 
 RenderedView render(const ViewRequest& request);
 RenderedView render_reference(const ViewRequest& request);
 
 }  // namespace plane_sweep
-}  // namespace raystage
+}  // namespace raystage::render

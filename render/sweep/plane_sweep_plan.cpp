@@ -7,14 +7,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <set>
 
 #include "base/error.h"
 #include "render/common/scene_depth_range.h"
 #include "render/sweep/cost_kernels.h"
 #include "render/sweep/plane_sweep.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace plane_sweep {
 namespace {
 
@@ -25,10 +24,8 @@ constexpr std::array kOptions{
                    "number of planes between near and far; 0: as step_px requires"),
     number_option("step_px", 0.5, 0.05, 16,
                   "spacing of the planes, pixels of disparity between neighbouring cameras"),
-    number_option("near", 0, 0, 1e9,
-                  "nearest depth of the scene, metres in front of the array; 0: from the take"),
-    number_option("far", 0, 0, 1e12,
-                  "farthest depth of the scene, metres in front of the array; 0: from the take"),
+    kNearOption,
+    kFarOption,
     choice_option("aggregation", "semi_global", "semi_global|box|none",
                   "aggregation of costs over neighbouring pixels"),
     integer_option("p1", 40, 0, 4000,
@@ -90,33 +87,18 @@ std::string too_few_planes(double step_px, double needed) {
       step_px, rounded_for_display(needed), kMostPlanes);
 }
 
-std::vector<int> cameras_of(const LightFieldFrame& instant, bool absent_too) {
-  std::set<int> cameras;
-  for (std::size_t i = 0; i < instant.frame_of_camera.size(); ++i) {
-    if (instant.frame_of_camera[i] >= 0) cameras.insert(static_cast<int>(i));
-  }
-  if (absent_too) {
-    for (const Topology::Cell& cell : instant.complete->cells) {
-      for (const int camera : cell) {
-        if (camera >= 0) cameras.insert(camera);
-      }
-    }
-  }
-  return {cameras.begin(), cameras.end()};
-}
-
 }  // namespace
 
 std::optional<PlaneSweepPlan> plan(const ViewRequest& request) {
   const PlaneSweepSettings settings = settings_of(request.options);
-  const Rig& rig = *request.instant.rig;
+  const rig::Rig& rig = *request.instant.rig;
   const InverseDepthRange range = inverse_depth_range_in_view(
       request.view, rig, scene_depth_range(request.options, *request.instant.take, "plane_sweep"));
   if (range.empty()) return std::nullopt;
   PlaneSweepPlan result{
       settings,
-      BlendingField(request.view, rig, cameras_of(request.instant, false), range, settings.cameras),
-      std::nullopt,
+      BlendingField(request.view, rig, request.instant.present_cameras(), range, settings.cameras),
+      BlendingField::complete(request.view, request.instant, range, settings.cameras),
       {},
       {}};
   const int asked_for = request.options.integer("planes");
@@ -127,34 +109,18 @@ std::optional<PlaneSweepPlan> plan(const ViewRequest& request) {
   result.planes =
       evenly_spaced_planes(range, static_cast<int>(std::min<double>(needed, kMostPlanes)));
   if (needed > kMostPlanes) result.notes.push_back(too_few_planes(step_px, needed));
-  if (request.instant.present != request.instant.complete) {
-    result.complete.emplace(request.view, rig, cameras_of(request.instant, true), range,
-                            settings.cameras);
-  }
   return result;
 }
 
-SemiGlobalSettings semi_global_settings(const PlaneSweepSettings& settings,
-                                        std::span<const std::uint8_t> guide) {
-  SemiGlobalSettings result;
+matching::SemiGlobalSettings semi_global_settings(const PlaneSweepSettings& settings,
+                                                  std::span<const std::uint8_t> guide) {
+  matching::SemiGlobalSettings result;
   result.p1 = settings.p1;
   result.p2 = settings.p2;
   result.subplane_refinement = settings.subplane_refinement;
   result.guide = guide;
   if (!guide.empty()) result.guide_scale = settings.edge_scale;
   return result;
-}
-
-float absent_camera_weight(const PlaneSweepPlan& plan, const LightFieldFrame& instant, int x,
-                           int y) {
-  if (!plan.complete) return 0;
-  const BlendingField::Tile& tile =
-      plan.complete->tile(x / BlendingField::kTile, y / BlendingField::kTile);
-  float absent = 0;
-  for (const BlendingField::TileCamera& camera : tile.cameras) {
-    if (!instant.is_present(camera.camera)) absent += BlendingField::share(tile, camera, x, y);
-  }
-  return std::min(absent, 1.0F);
 }
 
 }  // namespace plane_sweep
@@ -170,8 +136,8 @@ class PlaneSweepMethod final : public Method {
   }
   std::span<const OptionSpec> options() const override { return plane_sweep::kOptions; }
   std::span<const MethodPreset> presets() const override {
-    static constexpr MethodPreset kPresets[]{{"fast", "step_px=2,aggregation=box,look_up=linear"},
-                                             {"6 cameras", "cameras=6"}};
+    static constexpr MethodPreset kPresets[]{
+        {"fast", "step_px=2,aggregation=box,interpolation=linear"}, {"6 cameras", "cameras=6"}};
     return kPresets;
   }
   RenderedView render(const ViewRequest& request) const override {
@@ -184,7 +150,7 @@ class PlaneSweepMethod final : public Method {
   DistributionMode distribution(const MethodOptions&) const override {
     return DistributionMode::kFetchFrames;
   }
-  void check(const MethodOptions& options, const Take& take) const override {
+  void check(const MethodOptions& options, const store::Take& take) const override {
     plane_sweep::settings_of(options);
     scene_depth_range(options, take, "plane_sweep");
   }
@@ -202,4 +168,4 @@ const Method& plane_sweep_method() {
   return method;
 }
 
-}  // namespace raystage
+}  // namespace raystage::render

@@ -12,7 +12,7 @@
 #include "render/sweep/edge_guide.h"
 #include "render/sweep/plane_sweep.h"
 
-namespace raystage::plane_sweep {
+namespace raystage::render::plane_sweep {
 namespace {
 
 using Eigen::Vector3d;
@@ -45,7 +45,7 @@ class Reference {
       : request_(request), plan_(plan), rays_(request.view), renderer_(request) {}
 
   RenderedView render() {
-    PlaneMap map = match({});
+    matching::PlaneMap map = match({});
     if (plan_.settings.edge_scale > 0) {
       map = match(edge_guide(blend(map), request_.instant.cache->full_scale()));
     }
@@ -56,13 +56,12 @@ class Reference {
   }
 
  private:
-  const std::vector<Rig::Camera>& cameras() const { return request_.instant.rig->cameras; }
+  const std::vector<rig::Rig::Camera>& cameras() const { return request_.instant.rig->cameras; }
 
   double cost(const BlendingField::Tile& tile, const Vector3d& ray, double inverse_depth) {
     std::vector<ReferenceCamera> matched;
     for (const int camera : tile.best) {
-      const auto i = static_cast<std::size_t>(camera);
-      matched.push_back({&cameras()[i], &renderer_.frames().frame(i)});
+      matched.push_back({&cameras()[camera], &renderer_.frames().frame(camera)});
     }
     return matching_cost_reference(matched, request_.instant.cache->blend_space(),
                                    request_.view.pose.position, ray, inverse_depth,
@@ -70,50 +69,49 @@ class Reference {
   }
 
   void fill_row(int y, std::span<std::uint8_t> costs) {
-    const auto stride = static_cast<std::size_t>(plane_stride(plan_.planes.count));
+    const auto stride = static_cast<std::size_t>(matching::plane_stride(plan_.planes.count));
     for (int x = 0; x < request_.view.width; ++x) {
       const auto ray = rays_.through(x + 0.5, y + 0.5);
-      const BlendingField::Tile& tile =
-          plan_.field.tile(x / BlendingField::kTile, y / BlendingField::kTile);
+      const BlendingField::Tile& tile = plan_.field.tile_at(x, y);
       for (int plane = 0; plane < plan_.planes.count; ++plane) {
         const double value =
-            ray ? cost(tile, *ray, plan_.planes.inverse_depth(plane)) : kUnknownCost;
-        costs[static_cast<std::size_t>(x) * stride + static_cast<std::size_t>(plane)] =
+            ray ? cost(tile, *ray, plan_.planes.inverse_depth(plane)) : matching::kUnknownCost;
+        costs[static_cast<std::size_t>(x) * stride + plane] =
             static_cast<std::uint8_t>(std::lround(value));
       }
     }
   }
 
-  PlaneMap match(std::span<const std::uint8_t> guide) {
-    const CostVolume volume{request_.view.width, request_.view.height, plan_.planes.count};
+  matching::PlaneMap match(std::span<const std::uint8_t> guide) {
+    const matching::CostVolume volume{request_.view.width, request_.view.height,
+                                      plan_.planes.count};
     const PlaneSweepSettings& s = plan_.settings;
-    const FillCosts fill = [&](int y, std::span<std::uint8_t> costs) { fill_row(y, costs); };
+    const matching::FillCosts fill = [&](int y, std::span<std::uint8_t> costs) {
+      fill_row(y, costs);
+    };
     if (s.aggregation != Aggregation::kSemiGlobal) {
-      return box_match_reference(volume, fill,
-                                 s.aggregation == Aggregation::kBox ? s.box_radius : 0,
-                                 s.subplane_refinement);
+      return matching::box_match_reference(volume, fill,
+                                           s.aggregation == Aggregation::kBox ? s.box_radius : 0,
+                                           s.subplane_refinement);
     }
-    return semi_global_match_reference(volume, fill, semi_global_settings(s, guide));
+    return matching::semi_global_match_reference(volume, fill, semi_global_settings(s, guide));
   }
 
-  RenderedView blend(const PlaneMap& map) {
+  RenderedView blend(const matching::PlaneMap& map) {
     return renderer_.render([&](const ReferenceRay& ray, ReferencePixel& pixel) {
-      const std::size_t at = static_cast<std::size_t>(ray.y) * static_cast<std::size_t>(map.width) +
-                             static_cast<std::size_t>(ray.x);
+      const std::size_t at = static_cast<std::size_t>(ray.y) * map.width + ray.x;
       blend(ray, plan_.planes.inverse_depth(static_cast<double>(map.plane[at])), pixel);
     });
   }
 
   void blend(const ReferenceRay& ray, double inverse_depth, ReferencePixel& pixel) {
-    const BlendingField::Tile& tile =
-        plan_.field.tile(ray.x / BlendingField::kTile, ray.y / BlendingField::kTile);
+    const BlendingField::Tile& tile = plan_.field.tile_at(ray.x, ray.y);
     std::vector<Sample> samples;
     double seen = 0, matte = 0;
     for (const BlendingField::TileCamera& camera : tile.cameras) {
-      const auto i = static_cast<std::size_t>(camera.camera);
       const DepthSample sample = sample_at_depth_reference(
-          request_.view.pose.position, ray.direction, inverse_depth, cameras()[i],
-          renderer_.frames().frame(i), plan_.settings.look_up);
+          request_.view.pose.position, ray.direction, inverse_depth, cameras()[camera.camera],
+          renderer_.frames().frame(camera.camera), plan_.settings.look_up);
       const double share =
           sample.seen * static_cast<double>(BlendingField::share(tile, camera, ray.x, ray.y));
       seen += share;
@@ -138,7 +136,7 @@ class Reference {
     for (double& value : sum) value = std::clamp(value / weight, 0.0, 1.0);
     pixel.rgba = premultiplied_light(sum, alpha, *request_.instant.cache);
     pixel.coverage =
-        pixel.rgba[3] * (1 - absent_camera_weight(plan_, request_.instant, ray.x, ray.y));
+        pixel.rgba[3] * (1 - absent_camera_weight(plan_.complete, request_.instant, ray.x, ray.y));
     if (inverse_depth > 0) pixel.z = static_cast<float>(1 / inverse_depth);
   }
 
@@ -156,4 +154,4 @@ RenderedView render_reference(const ViewRequest& request) {
   return Reference(request, *made).render();
 }
 
-}  // namespace raystage::plane_sweep
+}  // namespace raystage::render::plane_sweep

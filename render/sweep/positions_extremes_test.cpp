@@ -14,7 +14,7 @@
 #include "testing/render/worst_error.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage::positions_extremes_test {
+namespace raystage::render::positions_extremes_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -29,12 +29,12 @@ using testing::WorstError;
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr double kFloatEpsilon = std::numeric_limits<float>::epsilon();
 constexpr int kWidth = 640, kHeight = 480;
-constexpr Distortion kLens{-0.2, 0.05, 0.001, -0.002, 0.003};
+constexpr schemas::Distortion kLens{-0.2, 0.05, 0.001, -0.002, 0.003};
 
 /// A view, a camera that sees a part of it, and planes.
 struct Shot {
   VirtualCamera view;
-  Rig::Camera camera;
+  rig::Rig::Camera camera;
   SweepPlanes planes;
   int begin = 0, count = 0, y = 0;  ///< a block of the view's pixels
 };
@@ -45,14 +45,15 @@ Shot some_shot() {
   planes.farthest = *rc::gen::element(0.0, 0.5, 0.999999, 1.0) * nearest;
   if (planes.count > 1) planes.step = (nearest - planes.farthest) / (planes.count - 1);
 
-  CameraGeometry geometry;
+  schemas::CameraGeometry geometry;
   geometry.id = "c";
   geometry.width = kWidth;
   geometry.height = kHeight;
-  geometry.intrinsics = {500, 510, 320.5, 240, *rc::gen::arbitrary<bool>() ? kLens : Distortion{}};
+  geometry.intrinsics = {500, 510, 320.5, 240,
+                         *rc::gen::arbitrary<bool>() ? kLens : schemas::Distortion{}};
   const Vector3d around = testing::random_origin();
-  Pose eye = testing::random_pose(around, 1);
-  Shot shot{testing::random_view(eye), {"c", CameraModel(geometry), {}, {}, {}, {}}, planes};
+  rig::Pose eye = testing::random_pose(around, 1);
+  Shot shot{testing::random_view(eye), {"c", rig::CameraModel(geometry), {}, {}, {}, {}}, planes};
   shot.count = std::min(*rc::gen::element(1, 2, 17, kCostBlockSize), shot.view.width);
   shot.begin = *rc::gen::inRange(0, shot.view.width - shot.count + 1);
   shot.y = *rc::gen::inRange(0, shot.view.height);
@@ -107,11 +108,11 @@ std::optional<Place> exact_place(const Shot& shot, const DepthSource& source, in
 }
 
 TEST(BlockPositionsExtremes, AreThoseOf50Digits) {
-  DecodedFrame frame;
+  store::DecodedFrame frame;
   frame.width = kWidth;
   frame.height = kHeight;
   frame.rgba = std::make_unique<std::uint16_t[]>(4 * (kWidth * (kHeight + 1) + 1));
-  const MatchingFrame matching(frame, BlendSpace::kPerceptual, {0, kWidth, 0, kHeight});
+  const MatchingFrame matching(frame, store::BlendSpace::kPerceptual, {0, kWidth, 0, kHeight});
   testing::for_each_simd_target(cost_kernel_target, [&] {
     const std::string target = cost_kernel_target();
     WorstError by_fit(target + ": position by a block's parabola, px", 0.01),
@@ -125,7 +126,7 @@ TEST(BlockPositionsExtremes, AreThoseOf50Digits) {
       const auto found = testing::probe_positions(camera, run, shot.begin, shot.count);
       for (int plane = 0; plane < shot.planes.count; plane += std::max(1, shot.planes.count / 5)) {
         for (int x = 0; x < shot.count; x += 1 + shot.count / 9) {
-          const auto& place = found[static_cast<std::size_t>(plane * shot.count + x)];
+          const auto& place = found[plane * shot.count + x];
           RC_ASSERT(std::isfinite(place.u) && std::isfinite(place.v));
           const auto truth = exact_place(shot, camera.source, x, plane);
           if (!truth || truth->bound > 0.5) continue;
@@ -149,4 +150,4 @@ TEST(BlockPositionsExtremes, AreThoseOf50Digits) {
 }
 
 }  // namespace
-}  // namespace raystage::positions_extremes_test
+}  // namespace raystage::render::positions_extremes_test

@@ -12,7 +12,7 @@
 #include "testing/render/geometry_generators.h"
 #include "testing/render/worst_error.h"
 
-namespace raystage {
+namespace raystage::render {
 namespace {
 
 using Eigen::Vector3d;
@@ -27,20 +27,20 @@ constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 struct Shot {
-  Rig rig;
+  rig::Rig rig;
   VirtualCamera view;
-  DepthRange scene;
+  schemas::DepthRange scene;
 };
 
 Shot some_shot() {
   Shot shot{testing::random_rig(), {}, {}};
   const double near = *rc::gen::element(1e-3, 0.1, 4.0, 1e6, 1e9);
   shot.scene = {near, *rc::gen::element(near, near * (1 + 1e-12), 2 * near, 1e12, kInfinity)};
-  const Pose& camera = shot.rig.cameras[0].pose;
+  const rig::Pose& camera = shot.rig.cameras[0].pose;
   // On the array, on the scene's nearest plane, in the scene, in front of and behind all.
   const double ahead = *rc::gen::element(0.0, 1e-12, -0.1, near / 2, near, 1.5 * near, -1e6, 1e6);
-  Pose eye{camera.world_from_camera_rotation,
-           camera.world_from_camera({between(-0.1, 0.1), between(-0.1, 0.1), -ahead})};
+  rig::Pose eye{camera.world_from_camera_rotation,
+                camera.world_from_camera({between(-0.1, 0.1), between(-0.1, 0.1), -ahead})};
   const int kind = *rc::gen::inRange(0, 3);  // as the array, any way, or turned a little
   if (kind == 1) eye.world_from_camera_rotation = testing::rotation();
   if (kind == 2) {
@@ -65,7 +65,7 @@ struct ExactRange {
 ExactRange exact_range(const Shot& shot) {
   ExactVector centre{0, 0, 0}, axis{0, 0, 0};
   double magnitude = 0;
-  for (const Rig::Camera& camera : shot.rig.cameras) {
+  for (const rig::Rig::Camera& camera : shot.rig.cameras) {
     centre = centre + exact(camera.pose.position);
     axis = axis + exact(camera.pose.viewing_direction());
     magnitude = std::max(magnitude, camera.pose.position.norm());
@@ -203,10 +203,10 @@ TEST(SweepPlanesExtremes, ASceneOfOneDepthIsOnePlane) {
   EXPECT_TRUE(rc::check("any array, and an eye that looks as it does", [&] {
     Shot shot = some_shot();
     shot.scene.far = shot.scene.near;
-    const Pose& camera = shot.rig.cameras[0].pose;
+    const rig::Pose& camera = shot.rig.cameras[0].pose;
     const double behind = *rc::gen::element(0.0, 1e-12, 0.1, 1e6);
-    const Pose eye{camera.world_from_camera_rotation,
-                   shot.rig.centre() - behind * camera.viewing_direction()};
+    const rig::Pose eye{camera.world_from_camera_rotation,
+                        shot.rig.centre() - behind * camera.viewing_direction()};
     shot.view = virtual_camera_with_fov(*rc::gen::element(1, 640, 16384), 2, 1, eye);
     const InverseDepthRange range = inverse_depth_range_in_view(shot.view, shot.rig, shot.scene);
     RC_ASSERT(!range.empty());
@@ -220,4 +220,4 @@ TEST(SweepPlanesExtremes, ASceneOfOneDepthIsOnePlane) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::render

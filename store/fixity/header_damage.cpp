@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <string_view>
 
-namespace raystage {
+namespace raystage::store {
 
 using Bytes = std::span<const std::byte>;
 
@@ -49,4 +49,4 @@ std::vector<Damage> find_header_damage(Bytes archive, const matroska::Header& he
   return damages;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -8,7 +8,7 @@
 
 #include "store/matroska.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// A damaged part of an archive.
 struct Damage {
@@ -28,4 +28,4 @@ std::vector<Damage> find_header_damage(std::span<const std::byte> archive,
                                        const matroska::Header& header,
                                        const matroska::Trailer& closing, bool is_marked_closed);
 
-}  // namespace raystage
+}  // namespace raystage::store

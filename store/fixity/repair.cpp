@@ -16,7 +16,7 @@
 #include "store/timeline.h"
 #include "store/timeline_file.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 namespace fs = std::filesystem;
@@ -184,4 +184,4 @@ RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
   return report;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

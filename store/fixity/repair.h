@@ -10,7 +10,7 @@
 #include "store/fixity/salvage.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::store {
 
 struct RepairOptions {
   bool dry_run = false;  ///< report what would be done, change nothing
@@ -53,4 +53,4 @@ void write_salvaged_archive(const ArchivePair& pair, const SalvageResult& salvag
                             const std::filesystem::path& archive,
                             const std::filesystem::path& journal);
 
-}  // namespace raystage
+}  // namespace raystage::store

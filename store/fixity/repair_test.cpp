@@ -18,24 +18,24 @@
 #include "testing/store/fixity_test_data.h"
 #include "testing/store/take_test_data.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-using test::make_pair;
-using test::PairBytes;
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using testing::make_pair;
+using testing::PairBytes;
 
 using Random = std::mt19937_64;
 
 constexpr unsigned kFrames = 20;
 
 PairBytes repaired(const PairBytes& damaged, const SalvageResult& saved) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const auto archive = folder.path() / "a.mkv", journal = folder.path() / "a.journal";
   write_salvaged_archive(damaged.pair(), saved, archive, journal);
-  return {test::bytes_of(archive), test::bytes_of(journal), true};
+  return {testing::bytes_of(archive), testing::bytes_of(journal), true};
 }
 
 // A pair that is damaged at random, and which of the original's bytes are still in place or, in an
@@ -63,7 +63,7 @@ struct Damaged {
     };
     if (kind <= 3 || (moved && kind % 2 == 0)) {
       if (moved && kind % 2 == 0) return;  // where the bytes came from is no longer told
-      test::flip(file, 8 * at + random() % 8);
+      testing::flip(file, 8 * at + random() % 8);
       touch(at, at + 1);
     } else if (kind == 4 || kind == 5) {
       std::fill_n(first, length, std::byte{0});
@@ -160,11 +160,11 @@ TEST(SalvageResult, OneFlippedBitInTheJournalCostsNothing) {
   const auto records = journal::decode(whole.journal, "journal").records;
   PairBytes damaged = whole;
   for (std::size_t bit = 0; bit < 8 * whole.journal.size(); ++bit) {
-    test::flip(damaged.journal, bit);
+    testing::flip(damaged.journal, bit);
     const SalvageResult saved = salvage(damaged.pair());
     ASSERT_THAT(saved.losses, IsEmpty()) << bit << " " << saved.losses[0].what;
     ASSERT_EQ(saved.records, records) << bit;
-    test::flip(damaged.journal, bit);
+    testing::flip(damaged.journal, bit);
   }
 }
 
@@ -173,7 +173,7 @@ TEST(SalvageResult, OneFlippedBitInTheArchiveCostsOneFrameAtMost) {
   const auto records = journal::decode(whole.journal, "journal").records;
   PairBytes damaged = whole;
   for (std::size_t bit = 0; bit < 8 * whole.archive.size(); ++bit) {
-    test::flip(damaged.archive, bit);
+    testing::flip(damaged.archive, bit);
     const SalvageResult saved = salvage(damaged.pair());
     const bool in_a_frame = std::ranges::any_of(records, [&](const FrameRecord& record) {
       return bit / 8 >= record.offset && bit / 8 < record.offset + record.size;
@@ -185,7 +185,7 @@ TEST(SalvageResult, OneFlippedBitInTheArchiveCostsOneFrameAtMost) {
       // In the headers and the Cues: they are made again.
       ASSERT_EQ(saved.records, records) << bit;
     }
-    test::flip(damaged.archive, bit);
+    testing::flip(damaged.archive, bit);
   }
   const PairBytes now = repaired(damaged, salvage(damaged.pair()));
   EXPECT_EQ(now.archive, whole.archive);
@@ -193,9 +193,9 @@ TEST(SalvageResult, OneFlippedBitInTheArchiveCostsOneFrameAtMost) {
 }
 
 TEST(SalvageResult, AJournalOfVersionOneBecomesVersionTwo) {
-  const PairBytes old = test::with_journal_v1(make_pair(5, true));
+  const PairBytes old = testing::with_journal_v1(make_pair(5, true));
   PairBytes damaged = old;
-  test::flip(damaged.archive, 8 * (damaged.archive.size() - 5));
+  testing::flip(damaged.archive, 8 * (damaged.archive.size() - 5));
   const SalvageResult saved = salvage(damaged.pair());
   EXPECT_THAT(saved.losses, IsEmpty());
   const PairBytes now = repaired(damaged, saved);
@@ -212,13 +212,13 @@ TEST(SalvageResult, RefusesTheFilesOfAnotherCamera) {
   EXPECT_THROW(salvage(foreign), Error);
 }
 
-struct RepairTake : testing::Test {
+struct RepairTake : ::testing::Test {
   RepairTake() {
-    TakeWriter writer(take, test::take_document(3, 20), test::rig_document(3));
+    TakeWriter writer(take, testing::take_document(3, 20), testing::rig_document(3));
     for (unsigned camera = 0; camera < 3; ++camera) {
       for (unsigned i = 0; i < 10; ++i) {
         writer.archive(static_cast<int>(camera))
-            .append(test::fake_jpeg(100 * camera + i, 30), i * Nanoseconds{50'000'000});
+            .append(testing::fake_jpeg(100 * camera + i, 30), i * Nanoseconds{50'000'000});
       }
     }
     writer.commit();
@@ -234,19 +234,19 @@ struct RepairTake : testing::Test {
   void leave_open(int camera) const {
     const Take whole(take);
     const FrameRecord last = whole.archive(camera).frames().back();
-    auto bytes = test::bytes_of(archive(camera));
+    auto bytes = testing::bytes_of(archive(camera));
     const auto header =
         matroska::make_header({"c" + std::to_string(camera), 320, 240, whole.document().epoch_utc});
     std::ranges::copy(header.bytes, bytes.begin());
     bytes.resize(static_cast<std::size_t>(last.offset) + last.size);
-    test::overwrite(archive(camera), bytes);
+    testing::overwrite(archive(camera), bytes);
   }
   // One bit of one frame, which is returned.
   FrameRecord rot_a_frame(int camera) const {
     const FrameRecord frame = Take(take).archive(camera).frames()[5];
-    auto bytes = test::bytes_of(archive(camera));
+    auto bytes = testing::bytes_of(archive(camera));
     bytes[static_cast<std::size_t>(frame.offset) + 4] ^= std::byte{8};
-    test::overwrite(archive(camera), bytes);
+    testing::overwrite(archive(camera), bytes);
     return frame;
   }
   std::set<std::string> names() const {
@@ -258,7 +258,7 @@ struct RepairTake : testing::Test {
   }
   bool whole() const { return verify_take(take, {}).whole(); }
 
-  TestFolder folder;
+  testing::TestFolder folder;
   std::filesystem::path take = folder.path() / "take";
 };
 
@@ -274,29 +274,29 @@ TEST_F(RepairTake, AWholeTakeIsNotTouched) {
 
 TEST_F(RepairTake, ACrashedTakeIsClosedAndLeavesNothingBehind) {
   const auto before = names();
-  const auto original = test::bytes_of(archive(1));
+  const auto original = testing::bytes_of(archive(1));
   leave_open(1);
   ASSERT_FALSE(whole());
   const RepairReport report = repair_take(take, {});
   EXPECT_TRUE(report.cameras[0].was_intact);
   EXPECT_TRUE(report.cameras[1].repaired);
   EXPECT_FALSE(report.has_losses());
-  EXPECT_EQ(test::bytes_of(archive(1)), original);
+  EXPECT_EQ(testing::bytes_of(archive(1)), original);
   EXPECT_EQ(names(), before);
   EXPECT_TRUE(whole());
 }
 
 TEST_F(RepairTake, TheOriginalsOfALossStay) {
   const FrameRecord frame = rot_a_frame(2);
-  const auto bytes = test::bytes_of(archive(2));
-  const auto lines = test::bytes_of(journal(2));
+  const auto bytes = testing::bytes_of(archive(2));
+  const auto lines = testing::bytes_of(journal(2));
   const auto before = names();
 
   RepairOptions dry;
   dry.dry_run = true;
   RepairReport report = repair_take(take, dry);
   EXPECT_EQ(names(), before);
-  EXPECT_EQ(test::bytes_of(archive(2)), bytes);
+  EXPECT_EQ(testing::bytes_of(archive(2)), bytes);
   EXPECT_EQ(report.cameras[2].salvage.corrupt_frames, 1);
 
   report = repair_take(take, {});
@@ -304,8 +304,8 @@ TEST_F(RepairTake, TheOriginalsOfALossStay) {
   EXPECT_THAT(report.cameras[2].kept, ElementsAre("c2.mkv.damaged", "c2.journal.damaged"));
   ASSERT_EQ(report.cameras[2].salvage.losses.size(), 1u);
   EXPECT_EQ(report.cameras[2].salvage.losses[0].time_ns, frame.time_ns);
-  EXPECT_EQ(test::bytes_of(take / "archive/c2.mkv.damaged"), bytes);
-  EXPECT_EQ(test::bytes_of(take / "archive/c2.journal.damaged"), lines);
+  EXPECT_EQ(testing::bytes_of(take / "archive/c2.mkv.damaged"), bytes);
+  EXPECT_EQ(testing::bytes_of(take / "archive/c2.journal.damaged"), lines);
   // The timeline counts frames: with one fewer it is another.
   EXPECT_EQ(report.renamed_timeline, "timeline.zst.damaged");
   EXPECT_TRUE(whole());
@@ -315,9 +315,9 @@ TEST_F(RepairTake, TheOriginalsOfALossStay) {
   EXPECT_EQ(now.archive(2).records()[5].time_ns, frame.time_ns);
 
   // A second loss does not overwrite what the first left.
-  auto again = test::bytes_of(archive(2));
-  again[static_cast<std::size_t>(now.archive(2).frames()[0].offset)] ^= std::byte{1};
-  test::overwrite(archive(2), again);
+  auto again = testing::bytes_of(archive(2));
+  again[now.archive(2).frames()[0].offset] ^= std::byte{1};
+  testing::overwrite(archive(2), again);
   report = repair_take(take, {});
   EXPECT_THAT(report.cameras[2].kept, ElementsAre("c2.mkv.damaged-2", "c2.journal.damaged-2"));
   EXPECT_TRUE(whole());
@@ -326,25 +326,26 @@ TEST_F(RepairTake, TheOriginalsOfALossStay) {
 // The machine stopped when the archive had been renamed and the journal had not.
 TEST_F(RepairTake, CanBeInterruptedBetweenTheTwoRenames) {
   rot_a_frame(2);
-  const auto old_journal = test::bytes_of(journal(2));
+  const auto old_journal = testing::bytes_of(journal(2));
   repair_take(take, {});
-  const auto new_archive = test::bytes_of(archive(2)), new_journal = test::bytes_of(journal(2));
-  test::overwrite(journal(2), old_journal);
+  const auto new_archive = testing::bytes_of(archive(2)),
+             new_journal = testing::bytes_of(journal(2));
+  testing::overwrite(journal(2), old_journal);
   ASSERT_FALSE(whole());
   repair_take(take, {});
-  EXPECT_EQ(test::bytes_of(archive(2)), new_archive);
-  EXPECT_EQ(test::bytes_of(journal(2)), new_journal);
+  EXPECT_EQ(testing::bytes_of(archive(2)), new_archive);
+  EXPECT_EQ(testing::bytes_of(journal(2)), new_journal);
 }
 
 TEST_F(RepairTake, ALostJournalIsMadeAgain) {
-  const auto original = test::bytes_of(archive(0));
-  const auto lines = test::bytes_of(journal(0));
+  const auto original = testing::bytes_of(archive(0));
+  const auto lines = testing::bytes_of(journal(0));
   std::filesystem::remove(journal(0));
   const RepairReport report = repair_take(take, {});
   EXPECT_EQ(report.cameras[0].salvage.reindexed_frames, 10);
   EXPECT_TRUE(report.has_losses());
-  EXPECT_EQ(test::bytes_of(archive(0)), original);
-  EXPECT_EQ(test::bytes_of(journal(0)), lines);
+  EXPECT_EQ(testing::bytes_of(archive(0)), original);
+  EXPECT_EQ(testing::bytes_of(journal(0)), lines);
   EXPECT_TRUE(whole());
 }
 
@@ -359,13 +360,13 @@ TEST_F(RepairTake, WhatCannotBeRepairedIsSaidAndTheRestGoesOn) {
   EXPECT_TRUE(report.cameras[0].repaired);
   EXPECT_THAT(report.cameras[1].error, HasSubstr("archive is missing"));
   EXPECT_THAT(report.cameras[2].error, HasSubstr("another program is writing"));
-  recording.append(test::fake_jpeg(1), 900'000'000);
+  recording.append(testing::fake_jpeg(1), 900'000'000);
 }
 
 TEST_F(RepairTake, IsTheSameForAnyNumberOfThreads) {
   for (int camera = 0; camera < 3; ++camera) rot_a_frame(camera);
   const auto repaired_by = [&](int threads) {
-    const TestFolder elsewhere;
+    const testing::TestFolder elsewhere;
     const auto copy = elsewhere.path() / "take";
     std::filesystem::copy(take, copy, std::filesystem::copy_options::recursive);
     std::atomic<int> done = 0;
@@ -378,7 +379,7 @@ TEST_F(RepairTake, IsTheSameForAnyNumberOfThreads) {
     EXPECT_EQ(done, 3);
     std::map<std::string, std::vector<std::byte>> files;
     for (const auto& entry : std::filesystem::directory_iterator(copy / "archive")) {
-      files[entry.path().filename().string()] = test::bytes_of(entry.path());
+      files[entry.path().filename().string()] = testing::bytes_of(entry.path());
     }
     return files;
   };
@@ -393,10 +394,10 @@ TEST_F(RepairTake, RandomDamageThenRepairThenVerify) {
     for (auto hits = 1 + random() % 4; hits > 0; --hits) {
       const int camera = static_cast<int>(random() % 3);
       const auto file = random() % 2 == 0 ? archive(camera) : journal(camera);
-      auto bytes = test::bytes_of(file);
+      auto bytes = testing::bytes_of(file);
       if (random() % 4 == 0) bytes.resize(bytes.size() - random() % (bytes.size() / 4));
-      test::flip(bytes, random() % (8 * bytes.size()));
-      test::overwrite(file, bytes);
+      testing::flip(bytes, random() % (8 * bytes.size()));
+      testing::overwrite(file, bytes);
     }
     ASSERT_FALSE(whole());
     const RepairReport report = repair_take(take, {});
@@ -406,4 +407,4 @@ TEST_F(RepairTake, RandomDamageThenRepairThenVerify) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

@@ -18,7 +18,7 @@
 #include "store/journal.h"
 #include "store/matroska.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 using Bytes = std::span<const std::byte>;
@@ -298,4 +298,4 @@ SalvageResult salvage(const ArchivePair& pair) {
   return Salvager(pair).run();
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

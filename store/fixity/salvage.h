@@ -7,7 +7,7 @@
 
 #include "store/fixity/verify_archive.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// The parts of a damaged archive and its journal that can be saved, and the losses.
 struct SalvageResult {
@@ -36,4 +36,4 @@ struct SalvageResult {
 /// is of a future version, or intact files belong to another camera or take.
 SalvageResult salvage(const ArchivePair& pair);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -5,18 +5,18 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <optional>
 #include <system_error>
 
 #include "base/error.h"
 #include "base/parallel.h"
 #include "base/posix_file.h"
+#include "base/stopwatch.h"
 #include "schemas/recording_document.h"
 #include "store/timeline.h"
 #include "store/timeline_file.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 namespace fs = std::filesystem;
@@ -105,7 +105,7 @@ void verify_recordings(const Take& take, TakeFixityReport& report) {
   std::ranges::sort(files);
   for (const fs::path& file : files) {
     try {
-      read_recording(file);
+      schemas::read_recording(file);
     } catch (const Error& failure) {
       complain(file, failure.what_happened() +
                          "; no frame depends on this report, and it cannot be generated: "
@@ -143,7 +143,7 @@ ArchivePair describe_pair(const Take& take, int camera) {
 }
 
 TakeFixityReport verify_take(const fs::path& folder, const TakeVerifyOptions& given) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   TakeVerifyOptions options = given;
   if (options.decode) options.depth = VerifyDepth::kHashes;  // only this depth reads frames
   const Take take(folder);
@@ -171,8 +171,8 @@ TakeFixityReport verify_take(const fs::path& folder, const TakeVerifyOptions& gi
   }
   if (!report.stopped) verify_recordings(take, report);
   if (options.progress && !report.stopped) options.progress(1);
-  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  report.seconds = watch.seconds();
   return report;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

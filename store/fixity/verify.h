@@ -10,7 +10,7 @@
 #include "store/fixity/verify_archive.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Settings of verify_take(). Files are mapped and read once, cameras in parallel.
 struct TakeVerifyOptions {
@@ -44,4 +44,4 @@ TakeFixityReport verify_take(const std::filesystem::path& folder, const TakeVeri
 /// Returns the archive and journal of a camera as the documents describe and name them.
 ArchivePair describe_pair(const Take& take, int camera);
 
-}  // namespace raystage
+}  // namespace raystage::store

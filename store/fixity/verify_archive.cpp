@@ -17,7 +17,7 @@
 #include "store/jpeg/decode.h"
 #include "store/matroska.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 using Bytes = std::span<const std::byte>;
@@ -385,4 +385,4 @@ ArchiveFixityReport verify_archive(const ArchivePair& pair, const VerifyOptions&
   return Verifier(pair, options).run();
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

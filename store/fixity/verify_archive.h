@@ -12,7 +12,7 @@
 
 #include "store/archive.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// How much of a take is checked; each depth includes the ones before it.
 enum class VerifyDepth {
@@ -74,4 +74,4 @@ ArchiveFixityReport verify_archive(const ArchivePair& pair, const VerifyOptions&
 /// most records pass their check. Throws as journal::decode_header.
 std::uint32_t journal_version(std::span<const std::byte> journal, std::string_view name);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -17,13 +17,13 @@
 #include "testing/store/fixity_test_data.h"
 #include "testing/store/take_test_data.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-using test::make_pair;
-using test::PairBytes;
-using testing::ElementsAre;
-using testing::HasSubstr;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using testing::make_pair;
+using testing::PairBytes;
 
 ArchiveFixityReport verify(const PairBytes& bytes, VerifyDepth depth = VerifyDepth::kHashes) {
   VerifyOptions options;
@@ -45,7 +45,7 @@ TEST(VerifyArchive, NothingIsWrongWithWholeOnes) {
       const ArchiveFixityReport report = verify(pair, depth);
       EXPECT_TRUE(report.whole()) << frames << ": " << report.problems[0].what;
       EXPECT_EQ(report.frames, depth == VerifyDepth::kSizes ? 0 : frames);
-      EXPECT_TRUE(verify(test::with_journal_v1(pair), depth).whole());
+      EXPECT_TRUE(verify(testing::with_journal_v1(pair), depth).whole());
     }
   }
 }
@@ -91,11 +91,11 @@ TEST(VerifyArchive, AfterACrashItIsNotClosedAndNothingElse) {
 TEST(VerifyArchive, FindsAnyFlippedBit) {
   for (const PairBytes& whole :
        {make_pair(7, true), make_pair(7, false), make_pair(0, true), make_pair(0, false),
-        make_pair(1, true), test::with_journal_v1(make_pair(7, true))}) {
+        make_pair(1, true), testing::with_journal_v1(make_pair(7, true))}) {
     PairBytes pair = whole;
     for (auto* file : {&pair.archive, &pair.journal}) {
       for (std::size_t bit = 0; bit < 8 * file->size(); ++bit) {
-        test::flip(*file, bit);
+        testing::flip(*file, bit);
         bool found = false;
         try {
           found = is_damaged(verify(pair));
@@ -103,7 +103,7 @@ TEST(VerifyArchive, FindsAnyFlippedBit) {
           found = true;
         }
         ASSERT_TRUE(found) << (file == &pair.archive ? "archive" : "journal") << " bit " << bit;
-        test::flip(*file, bit);
+        testing::flip(*file, bit);
       }
     }
     ASSERT_FALSE(is_damaged(verify(pair)));
@@ -114,7 +114,7 @@ TEST(VerifyArchive, SaysWhereAndWhichFrame) {
   const PairBytes whole = make_pair(7, true);
   const auto contents = journal::decode(whole.journal, "journal");
   const FrameRecord fourth = contents.records[4];  // the record of a missing one lies before it
-  ASSERT_EQ(fourth.time_ns, test::frame_time(3));
+  ASSERT_EQ(fourth.time_ns, testing::frame_time(3));
   const AffectedFrame affected{3, fourth.time_ns};
   const auto only_problem = [](const PairBytes& pair,
                                VerifyDepth depth = VerifyDepth::kHashes) -> FixityProblem {
@@ -153,7 +153,7 @@ TEST(VerifyArchive, SaysWhereAndWhichFrame) {
   {
     PairBytes pair = whole;  // the record of a missing one
     pair.journal[journal::kHeaderBytes + 3 * journal::kRecordBytes + 40] ^= std::byte{4};
-    EXPECT_THAT(only_problem(pair).frames, testing::IsEmpty());
+    EXPECT_THAT(only_problem(pair).frames, ::testing::IsEmpty());
   }
   {
     PairBytes pair = whole;
@@ -185,7 +185,7 @@ TEST(VerifyArchive, SaysWhereAndWhichFrame) {
   }
   {
     PairBytes pair = whole;
-    auto other = test::description();
+    auto other = testing::description();
     other.camera_id = "r0c1";
     std::ranges::copy(journal::encode_header(other), pair.journal.begin());
     EXPECT_THAT(only_problem(pair).what, HasSubstr("journal is of another camera"));
@@ -203,13 +203,13 @@ TEST(VerifyArchive, KeepsTheListShort) {
   EXPECT_EQ(report.omitted_problems, 500u);
 }
 
-struct VerifyTake : testing::Test {
+struct VerifyTake : ::testing::Test {
   VerifyTake() {
     std::vector<std::vector<Nanoseconds>> times(3);
     for (auto& column : times) {
       for (int i = 0; i < 10; ++i) column.push_back(i * 50'000'000);
     }
-    test::write_take(take, times, 20);
+    testing::write_take(take, times, 20);
     write_timeline(build_timeline(Take(take), 0, 0), take);
   }
   TakeFixityReport verify(VerifyDepth depth = VerifyDepth::kHashes) const {
@@ -218,12 +218,12 @@ struct VerifyTake : testing::Test {
     return verify_take(take, options);
   }
   void damage(const std::string& file, std::size_t bit) const {
-    auto bytes = test::bytes_of(take / file);
-    test::flip(bytes, bit % (8 * bytes.size()));
-    test::overwrite(take / file, bytes);
+    auto bytes = testing::bytes_of(take / file);
+    testing::flip(bytes, bit % (8 * bytes.size()));
+    testing::overwrite(take / file, bytes);
   }
 
-  TestFolder folder;
+  testing::TestFolder folder;
   std::filesystem::path take = folder.path() / "take";
 };
 
@@ -266,9 +266,9 @@ TEST_F(VerifyTake, FindsAThousandRandomFlips) {
 }
 
 TEST_F(VerifyTake, MissingFilesAndATimelineThatDoesNotFit) {
-  auto bytes = test::bytes_of(take / "timeline.zst");
+  auto bytes = testing::bytes_of(take / "timeline.zst");
   bytes.pop_back();
-  test::overwrite(take / "timeline.zst", bytes);
+  testing::overwrite(take / "timeline.zst", bytes);
   EXPECT_TRUE(verify(VerifyDepth::kSizes).whole());
   TakeFixityReport report = verify(VerifyDepth::kJournal);
   ASSERT_EQ(report.problems.size(), 1u);
@@ -286,10 +286,10 @@ TEST_F(VerifyTake, MissingFilesAndATimelineThatDoesNotFit) {
 }
 
 TEST_F(VerifyTake, EveryNodesAccountMustBeReadable) {
-  RecordingDocument account;
+  schemas::RecordingDocument account;
   account.node = "one";
   std::filesystem::create_directory(take / "recording");
-  const std::string whole = format_recording(account);
+  const std::string whole = schemas::format_recording(account);
   write_file_atomically(take / "recording/one.json", whole);
   write_file_atomically(take / "recording/two.json", whole);
   EXPECT_TRUE(verify().whole());
@@ -309,24 +309,24 @@ TEST_F(VerifyTake, EveryNodesAccountMustBeReadable) {
 }
 
 TEST_F(VerifyTake, AFutureJournalCannotBeJudged) {
-  const TakeDocument document = test::take_document(3);
-  test::overwrite(take / "archive/c1.journal",
-                  journal::encode_header({"c1", 320, 240, document.epoch_utc}, 9));
+  const schemas::TakeDocument document = testing::take_document(3);
+  testing::overwrite(take / "archive/c1.journal",
+                     journal::encode_header({"c1", 320, 240, document.epoch_utc}, 9));
   const TakeFixityReport report = verify();
   EXPECT_FALSE(report.readable());
   EXPECT_THAT(report.cameras[1].error, HasSubstr("version 9"));
 }
 
 TEST(VerifyDecode, LooksAtThePictures) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const auto take = folder.path() / "take";
   RgbImage image{320, 240, std::vector<std::uint8_t>(320 * 240 * 3, 100)};
   RgbImage other{160, 240, std::vector<std::uint8_t>(160 * 240 * 3, 100)};
   {
-    TakeWriter writer(take, test::take_document(1), test::rig_document(1));
+    TakeWriter writer(take, testing::take_document(1), testing::rig_document(1));
     writer.archive(0).append(encode_jpeg(image, {}), 0);
     writer.archive(0).append(encode_jpeg(other, {}), 1);
-    writer.archive(0).append(test::fake_jpeg(1), 2);
+    writer.archive(0).append(testing::fake_jpeg(1), 2);
     writer.commit();
   }
   TakeVerifyOptions options;
@@ -345,4 +345,4 @@ TEST(VerifyDecode, LooksAtThePictures) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

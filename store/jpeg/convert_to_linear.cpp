@@ -25,7 +25,7 @@
 //   B = Y + (116130 u + 32768 >> 16)
 // Reads and writes whole vectors, past `count`.
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::store {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
@@ -88,11 +88,11 @@ void YccToRgb(const std::uint8_t* y, const std::uint8_t* cb, const std::uint8_t*
 #endif  // HWY_TARGET == HWY_SCALAR
 
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::store
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 HWY_EXPORT(YccToRgb);
@@ -183,5 +183,5 @@ void convert_to_linear(const ScanDecoder& scan, const JpegLayout& layout,
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::store
 #endif

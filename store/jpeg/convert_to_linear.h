@@ -8,7 +8,7 @@
 #include "store/jpeg/layout.h"
 #include "store/jpeg/scan_decoder.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Upsamples chroma, converts YCbCr to RGB and applies `table`, for the wanted MCUs of decoded
 /// planes. Codes equal those of libjpeg-turbo's full decode with smooth upsampling bit for bit.
@@ -17,4 +17,4 @@ void convert_to_linear(const ScanDecoder& scan, const JpegLayout& layout,
                        std::span<const std::uint8_t> wanted, const LinearTable& table,
                        std::span<std::uint16_t> rgba_linear);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -7,7 +7,7 @@
 #include "store/jpeg/libjpeg.h"
 #include "store/jpeg/scan_decoder.h"
 
-namespace raystage {
+namespace raystage::store {
 
 struct JpegDecoder::State {
   ScanDecoder scan;
@@ -64,7 +64,7 @@ std::int64_t JpegDecoder::decode_region(std::span<const std::byte> jpeg, const J
   for (std::size_t pixel = 0; pixel < width * static_cast<std::size_t>(layout.height); ++pixel) {
     const auto x = static_cast<int>(pixel % width), y = static_cast<int>(pixel / width);
     const int mcu = y / layout.mcu_height * layout.mcus_per_row + x / layout.mcu_width;
-    if (wanted[static_cast<std::size_t>(mcu)] == 0) continue;
+    if (wanted[mcu] == 0) continue;
     for (std::size_t c = 0; c < 3; ++c)
       rgba_linear[4 * pixel + c] = table.code[c][image.pixels[3 * pixel + c]];
     rgba_linear[4 * pixel + 3] = 65535;
@@ -72,4 +72,4 @@ std::int64_t JpegDecoder::decode_region(std::span<const std::byte> jpeg, const J
   return layout.mcu_count() * mcu_pixels;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -11,7 +11,7 @@
 #include "store/jpeg/layout.h"
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// One byte per MCU in raster order, non-zero = wanted.
 using McuMask = std::vector<std::uint8_t>;
@@ -53,4 +53,4 @@ class JpegDecoder {
   std::unique_ptr<State> state_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

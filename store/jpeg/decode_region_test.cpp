@@ -14,12 +14,12 @@
 #include "testing/store/test_images.h"
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-using test_images::encode_jpeg_variant;
-using test_images::JpegVariant;
-using test_images::Kind;
+using testing::encode_jpeg_variant;
+using testing::JpegVariant;
+using testing::Kind;
 using Bytes = std::vector<std::byte>;
 
 constexpr std::uint16_t kUntouched = 12345;  // no value of the table
@@ -35,7 +35,7 @@ LinearTable injective_table() {
 bool all_wanted(const JpegLayout& layout, const McuMask& wanted, int column, int row) {
   if (column < 0 || row < 0 || column >= layout.mcus_per_row || row >= layout.mcu_rows) return true;
   const int mcu = row * layout.mcus_per_row + column;
-  return wanted[static_cast<std::size_t>(mcu)] != 0;
+  return wanted[mcu] != 0;
 }
 
 // Whether decode_region promises this pixel of a wanted MCU: none not wanted within 2 pixels.
@@ -127,7 +127,7 @@ TEST(DecodeRegion, EqualsTheFullDecodeForEverySampling) {
       odd.h[0] = h;
       odd.v[0] = v;
       odd.quality = 60 + (width * 7 + h) % 41;
-      const RgbImage image = test_images::make(Kind::kMixed, width, height);
+      const RgbImage image = testing::make(Kind::kMixed, width, height);
       for (const int interval : {0, 1, 2, 3, 5, 1000}) {
         odd.restart_interval = interval;
         expect_regions(encode_jpeg_variant(image, odd),
@@ -152,7 +152,7 @@ TEST(DecodeRegion, EqualsTheFullDecodeForUnusualSamplings) {
         odd.v[c] = sampling[2 * c + 1];
       }
       odd.restart_interval = 3;
-      const RgbImage image = test_images::make(Kind::kMixed, width, 53);
+      const RgbImage image = testing::make(Kind::kMixed, width, 53);
       expect_regions(encode_jpeg_variant(image, odd), ::testing::PrintToString(sampling));
     }
   }
@@ -167,7 +167,7 @@ TEST(DecodeRegion, EqualsTheFullDecodeForEveryKindOfPicture) {
         odd.quality = quality;
         odd.restart_interval = interval;
         odd.optimised = quality > 50;
-        const RgbImage image = test_images::make(kind, 200, 130);
+        const RgbImage image = testing::make(kind, 200, 130);
         expect_regions(encode_jpeg_variant(image, odd), std::to_string(quality));
         odd.h[0] = odd.v[0] = 1;
         odd.grey = quality == 90;
@@ -178,7 +178,7 @@ TEST(DecodeRegion, EqualsTheFullDecodeForEveryKindOfPicture) {
 }
 
 TEST(DecodeRegion, EqualsTheFullDecodeOnEveryInstructionSet) {
-  const RgbImage image = test_images::make(Kind::kMixed, 200, 130);
+  const RgbImage image = testing::make(Kind::kMixed, 200, 130);
   testing::for_each_simd_target(inverse_dct_target, [&] {
     for (const auto& [h, v] : {std::pair{1, 1}, {2, 1}, {1, 2}, {2, 2}}) {
       JpegVariant odd;
@@ -191,7 +191,7 @@ TEST(DecodeRegion, EqualsTheFullDecodeOnEveryInstructionSet) {
 }
 
 TEST(DecodeRegion, FallsBackToTheFullDecode) {
-  const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
+  const RgbImage image = testing::make(Kind::kMixed, 75, 43);
   JpegVariant progressive, rgb, planes, arithmetic;
   progressive.progressive = rgb.rgb = arithmetic.arithmetic = true;
   planes.interleaved = false;
@@ -205,12 +205,12 @@ TEST(DecodeRegion, FallsBackToTheFullDecode) {
 TEST(DecodeRegion, ImpliesTheStandardHuffmanTables) {
   JpegVariant odd;
   odd.restart_interval = 2;
-  const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
-  expect_regions(test_images::without_huffman_tables(encode_jpeg_variant(image, odd)), "no DHT");
+  const RgbImage image = testing::make(Kind::kMixed, 75, 43);
+  expect_regions(testing::without_huffman_tables(encode_jpeg_variant(image, odd)), "no DHT");
 }
 
 TEST(DecodeRegion, CountsWhatItDecodes) {
-  const RgbImage image = test_images::make(Kind::kMixed, 101, 50);  // 7 x 4 MCUs of 16 x 16
+  const RgbImage image = testing::make(Kind::kMixed, 101, 50);  // 7 x 4 MCUs of 16 x 16
   JpegDecoder decoder;
   const auto pixels = [&](int interval, std::initializer_list<std::size_t> mcus) {
     McuMask wanted(28, 0);
@@ -227,7 +227,7 @@ TEST(DecodeRegion, CountsWhatItDecodes) {
 }
 
 TEST(DecodeRegion, RefusesDamageAndGoesOnWithTheNextFrame) {
-  const RgbImage image = test_images::make(Kind::kMixed, 131, 75);
+  const RgbImage image = testing::make(Kind::kMixed, 131, 75);
   const Bytes good = encode_jpeg(image, {90, JpegEncodeSettings::Chroma::k420, 4});
   const JpegLayout layout = parse_jpeg_layout(good, "x");
   const McuMask all(static_cast<std::size_t>(layout.mcu_count()), 1);
@@ -263,12 +263,12 @@ TEST(DecodeRegion, RefusesDamageAndGoesOnWithTheNextFrame) {
 }
 
 TEST(DecodeRegion, EqualsTheFullDecodeOnPhotographs) {
-  const auto data = test_images::data_folder();
+  const auto data = testing::data_folder();
   if (!std::filesystem::exists(data / "shop/cameras/r0c0.jpg"))
     GTEST_SKIP() << "no data sets at " << data;
   for (const char* name :
        {"shop/cameras/r0c0.jpg", "shop/cameras/r4c5.jpg", "stanford_chess9x9/images/r00_c00.jpg"}) {
-    const Bytes jpeg = test_images::read_bytes(data / name);
+    const Bytes jpeg = testing::read_bytes(data / name);
     expect_regions(jpeg, name);
     expect_regions(add_restart_markers(jpeg, -1, name), name);
     expect_regions(add_restart_markers(jpeg, 7, name), name);
@@ -276,4 +276,4 @@ TEST(DecodeRegion, EqualsTheFullDecodeOnPhotographs) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

@@ -12,13 +12,13 @@
 #include "testing/store/test_encoder.h"
 #include "testing/store/test_images.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-using test_images::encode_jpeg_variant;
-using test_images::JpegVariant;
-using test_images::Kind;
+using testing::encode_jpeg_variant;
 using ::testing::HasSubstr;
+using testing::JpegVariant;
+using testing::Kind;
 using Bytes = std::vector<std::byte>;
 
 // turbojpeg's own answer.
@@ -40,7 +40,7 @@ RgbImage by_turbojpeg(const Bytes& jpeg) {
 }
 
 TEST(DecodeJpeg, IsLibjpegTurbosOwn) {
-  const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
+  const RgbImage image = testing::make(Kind::kMixed, 75, 43);
   JpegDecoder decoder;
   for (const int h : {1, 2}) {
     for (const int v : {1, 2}) {
@@ -61,7 +61,7 @@ TEST(DecodeJpeg, GreyGivesEqualChannels) {
   grey.grey = true;
   JpegDecoder decoder;
   const RgbImage image =
-      decoder.decode(encode_jpeg_variant(test_images::make(Kind::kMixed, 75, 43), grey), "x");
+      decoder.decode(encode_jpeg_variant(testing::make(Kind::kMixed, 75, 43), grey), "x");
   for (std::size_t i = 0; i < image.pixels.size(); i += 3) {
     ASSERT_EQ(image.pixels[i], image.pixels[i + 1]);
     ASSERT_EQ(image.pixels[i], image.pixels[i + 2]);
@@ -69,20 +69,20 @@ TEST(DecodeJpeg, GreyGivesEqualChannels) {
 }
 
 TEST(DecodeJpeg, ImpliesTheStandardHuffmanTables) {
-  const Bytes with = encode_jpeg_variant(test_images::make(Kind::kMixed, 75, 43), {});
-  const Bytes without = test_images::without_huffman_tables(with);
+  const Bytes with = encode_jpeg_variant(testing::make(Kind::kMixed, 75, 43), {});
+  const Bytes without = testing::without_huffman_tables(with);
   ASSERT_LT(without.size(), with.size());
   JpegDecoder decoder;
   const RgbImage expected = decoder.decode(with, "x");
   EXPECT_EQ(decoder.decode(without, "x"), expected);
   JpegVariant optimised;
   optimised.optimised = true;
-  decoder.decode(encode_jpeg_variant(test_images::make(Kind::kGradient, 75, 43), optimised), "x");
+  decoder.decode(encode_jpeg_variant(testing::make(Kind::kGradient, 75, 43), optimised), "x");
   EXPECT_EQ(decoder.decode(without, "x"), expected);  // not by the tables of the frame before
 }
 
 TEST(DecodeJpeg, AcceptsFillerAtTheEndOfTheScanOnly) {
-  const Bytes bytes = encode_jpeg_variant(test_images::make(Kind::kMixed, 75, 43), {});
+  const Bytes bytes = encode_jpeg_variant(testing::make(Kind::kMixed, 75, 43), {});
   JpegDecoder decoder;
   const RgbImage image = decoder.decode(bytes, "x");
   Bytes padded = bytes;
@@ -94,7 +94,7 @@ TEST(DecodeJpeg, AcceptsFillerAtTheEndOfTheScanOnly) {
 }
 
 TEST(DecodeJpeg, RefusesDamageAndGoesOnWithTheNextFrame) {
-  const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
+  const RgbImage image = testing::make(Kind::kMixed, 75, 43);
   const Bytes bytes = encode_jpeg_variant(image, {});
   JpegDecoder decoder;
   const RgbImage expected = decoder.decode(bytes, "x");
@@ -114,11 +114,11 @@ TEST(DecodeJpeg, RefusesDamageAndGoesOnWithTheNextFrame) {
 
 TEST(DecodeJpeg, CanBeMoved) {
   JpegDecoder first;
-  const Bytes bytes = encode_jpeg_variant(test_images::make(Kind::kMixed, 20, 20), {});
+  const Bytes bytes = encode_jpeg_variant(testing::make(Kind::kMixed, 20, 20), {});
   const RgbImage image = first.decode(bytes, "x");
   JpegDecoder second = std::move(first);
   EXPECT_EQ(second.decode(bytes, "x"), image);
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

@@ -8,7 +8,7 @@
 #include "store/jpeg/layout.h"
 #include "store/jpeg/libjpeg.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 void check_restart_interval(int interval) {
@@ -118,4 +118,4 @@ std::vector<std::byte> add_restart_markers(std::span<const std::byte> jpeg, int 
   return bytes;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -8,7 +8,7 @@
 
 #include "store/jpeg/decode.h"
 
-namespace raystage {
+namespace raystage::store {
 
 struct JpegEncodeSettings {
   int quality = 95;  ///< 1-100, libjpeg's scale
@@ -35,4 +35,4 @@ std::vector<std::byte> encode_jpeg(const RgbImage& image, const JpegEncodeSettin
 std::vector<std::byte> add_restart_markers(std::span<const std::byte> jpeg, int restart_interval,
                                            std::string_view name);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -14,12 +14,12 @@
 #include "testing/store/test_encoder.h"
 #include "testing/store/test_images.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-using test_images::encode_jpeg_variant;
-using test_images::JpegVariant;
-using test_images::Kind;
+using testing::encode_jpeg_variant;
+using testing::JpegVariant;
+using testing::Kind;
 using Bytes = std::vector<std::byte>;
 using Chroma = JpegEncodeSettings::Chroma;
 
@@ -54,7 +54,7 @@ std::vector<JCOEF> coefficients(const Bytes& jpeg) {
 }
 
 TEST(EncodeJpeg, ComesBackNearlyTheSame) {
-  const RgbImage image = test_images::make(Kind::kGradient, 130, 77);
+  const RgbImage image = testing::make(Kind::kGradient, 130, 77);
   JpegDecoder decoder;
   for (const Chroma chroma : {Chroma::k444, Chroma::k422, Chroma::k420}) {
     const RgbImage back = decoder.decode(encode_jpeg(image, {95, chroma, -1}), "x");
@@ -62,12 +62,12 @@ TEST(EncodeJpeg, ComesBackNearlyTheSame) {
     ASSERT_EQ(back.height, image.height);
     EXPECT_GT(psnr(image, back), 38);
   }
-  const RgbImage edges = test_images::make(Kind::kEdges, 130, 77);
+  const RgbImage edges = testing::make(Kind::kEdges, 130, 77);
   EXPECT_GT(psnr(edges, decoder.decode(encode_jpeg(edges, {}), "x")), 30);
 }
 
 TEST(EncodeJpeg, RestartMarkersDoNotChangePixels) {
-  const RgbImage image = test_images::make(Kind::kMixed, 130, 77);
+  const RgbImage image = testing::make(Kind::kMixed, 130, 77);
   JpegDecoder decoder;
   const RgbImage plain = decoder.decode(encode_jpeg(image, {90, Chroma::k420, 0}), "x");
   for (const int interval : {-1, 1, 5, 9, 65535})
@@ -76,7 +76,7 @@ TEST(EncodeJpeg, RestartMarkersDoNotChangePixels) {
 
 TEST(EncodeJpeg, SegmentsAre32PixelsWideByDefaultAndHalfThatInSmallFrames) {
   const auto interval = [](int width, Chroma chroma) {
-    const RgbImage image = test_images::make(Kind::kMixed, width, 77);
+    const RgbImage image = testing::make(Kind::kMixed, width, 77);
     return parse_jpeg_layout(encode_jpeg(image, {90, chroma, -1}), "x").restart_interval;
   };
   EXPECT_EQ(interval(640, Chroma::k444), 4);
@@ -87,7 +87,7 @@ TEST(EncodeJpeg, SegmentsAre32PixelsWideByDefaultAndHalfThatInSmallFrames) {
 }
 
 TEST(EncodeJpeg, RefusesWhatItCannotEncode) {
-  const RgbImage image = test_images::make(Kind::kMixed, 8, 8);
+  const RgbImage image = testing::make(Kind::kMixed, 8, 8);
   EXPECT_THROW(encode_jpeg({0, 8, {}}, {}), Error);
   EXPECT_THROW(encode_jpeg({65501, 1, std::vector<std::uint8_t>(3 * 65501)}, {}), Error);
   EXPECT_THROW(encode_jpeg({8, 9, image.pixels}, {}), Error);
@@ -112,7 +112,7 @@ void expect_same_picture(const Bytes& before, int interval, const std::string& w
 
 TEST(AddRestartMarkers, KeepsCoefficientsAndPixels) {
   for (const auto& [width, height] : {std::pair{1, 1}, {17, 9}, {64, 48}, {131, 75}}) {
-    const RgbImage image = test_images::make(Kind::kMixed, width, height);
+    const RgbImage image = testing::make(Kind::kMixed, width, height);
     for (const int h : {1, 2}) {
       for (const int v : {1, 2}) {
         for (const bool progressive : {false, true}) {
@@ -132,7 +132,7 @@ TEST(AddRestartMarkers, KeepsCoefficientsAndPixels) {
 }
 
 TEST(AddRestartMarkers, KeepsOddPictures) {
-  const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
+  const RgbImage image = testing::make(Kind::kMixed, 75, 43);
   JpegVariant grey, rgb, planes, again, arithmetic;
   grey.grey = rgb.rgb = arithmetic.arithmetic = true;
   planes.interleaved = false;
@@ -142,14 +142,14 @@ TEST(AddRestartMarkers, KeepsOddPictures) {
   expect_same_picture(encode_jpeg_variant(image, planes), 2, "a scan per component");
   expect_same_picture(encode_jpeg_variant(image, again), 2, "other restart markers before");
   expect_same_picture(encode_jpeg_variant(image, arithmetic), 2, "arithmetic");
-  expect_same_picture(test_images::without_huffman_tables(encode_jpeg_variant(image, {})), -1,
+  expect_same_picture(testing::without_huffman_tables(encode_jpeg_variant(image, {})), -1,
                       "no DHT");
 }
 
 TEST(AddRestartMarkers, KeepsApplicationMarkersAndComments) {
   JpegVariant odd;
   odd.markers = true;
-  const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
+  const RgbImage image = testing::make(Kind::kMixed, 75, 43);
   const auto markers_of = [](const Bytes& jpeg) {
     std::vector<Bytes> found;
     for (std::size_t at = 2; jpeg[at + 1] != std::byte{0xDA};) {
@@ -168,7 +168,7 @@ TEST(AddRestartMarkers, KeepsApplicationMarkersAndComments) {
 }
 
 TEST(AddRestartMarkers, RefusesDamage) {
-  const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
+  const RgbImage image = testing::make(Kind::kMixed, 75, 43);
   Bytes bytes = encode_jpeg_variant(image, {});
   EXPECT_THROW(add_restart_markers(Bytes(bytes.begin(), bytes.end() - 100), -1, "x"), Error);
   Bytes cut = bytes;  // with its EOI
@@ -179,9 +179,9 @@ TEST(AddRestartMarkers, RefusesDamage) {
 }
 
 TEST(AddRestartMarkers, CostsLittleOnPhotographs) {
-  const auto file = test_images::data_folder() / "shop/cameras/r0c0.jpg";
+  const auto file = testing::data_folder() / "shop/cameras/r0c0.jpg";
   if (!std::filesystem::exists(file)) GTEST_SKIP() << "no data set at " << file;
-  const Bytes before = test_images::read_bytes(file);
+  const Bytes before = testing::read_bytes(file);
   expect_same_picture(before, -1, "shop");
   const auto growth = static_cast<double>(add_restart_markers(before, -1, "x").size()) /
                       static_cast<double>(before.size());
@@ -189,4 +189,4 @@ TEST(AddRestartMarkers, CostsLittleOnPhotographs) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

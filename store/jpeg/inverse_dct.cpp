@@ -16,7 +16,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::store {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
@@ -171,11 +171,11 @@ void InverseDct(BlockPair& pair) {
 const char* target() { return hwy::TargetName(HWY_TARGET); }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::store
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::store {
 
 HWY_EXPORT(InverseDct);
 HWY_EXPORT(target);
@@ -216,5 +216,5 @@ constexpr std::array<std::uint8_t, 80> kZigzagToPairIndex = [] {
   return index;
 }();
 
-}  // namespace raystage
+}  // namespace raystage::store
 #endif

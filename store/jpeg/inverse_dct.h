@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace raystage {
+namespace raystage::store {
 
 /// Two 8x8 blocks of dequantised coefficients, row by row, side by side: coefficient (row, column)
 /// of block b is at row * 16 + b * 8 + column.
@@ -33,4 +33,4 @@ void inverse_dct_reference(BlockPair& pair);
 /// Returns the sample that inverse_dct writes for a block without AC coefficients.
 std::uint8_t dc_only_sample(std::int16_t dc);
 
-}  // namespace raystage
+}  // namespace raystage::store

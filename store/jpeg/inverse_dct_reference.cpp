@@ -4,7 +4,7 @@
 
 #include "store/jpeg/inverse_dct.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 // The transform of Loeffler, Ligtenberg and Moschytz as in libjpeg's jidctint.c: cosines times
@@ -63,4 +63,4 @@ void inverse_dct_reference(BlockPair& pair) {
   pair.coefficients.fill(0);
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -10,7 +10,7 @@
 
 #include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 using Samples = std::array<std::uint8_t, 128>;  // of both blocks, one after the other
@@ -95,4 +95,4 @@ TEST(InverseDct, ZigzagPositionsAreTheStandards) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

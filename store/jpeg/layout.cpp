@@ -9,7 +9,7 @@
 #include "store/jpeg/marker_search.h"
 #include "store/jpeg/markers.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 // The 8-bit processes of ITU-T T.81 table B.1 that libjpeg-turbo decodes.
@@ -235,4 +235,4 @@ JpegLayout parse_jpeg_layout(std::span<const std::byte> jpeg, std::string_view n
   return LayoutParser(jpeg, name).parse();
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-namespace raystage {
+namespace raystage::store {
 
 /// The structure of a JPEG file that partial decoding needs. Holds no pixel bytes.
 ///
@@ -42,4 +42,4 @@ struct JpegLayout {
 /// `name` is the file for errors.
 JpegLayout parse_jpeg_layout(std::span<const std::byte> jpeg, std::string_view name);
 
-}  // namespace raystage
+}  // namespace raystage::store

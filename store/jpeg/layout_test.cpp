@@ -13,18 +13,17 @@
 #include "testing/store/test_encoder.h"
 #include "testing/store/test_images.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-using test_images::encode_jpeg_variant;
-using test_images::JpegVariant;
+using testing::encode_jpeg_variant;
 using ::testing::HasSubstr;
+using testing::JpegVariant;
 using Bytes = std::vector<std::byte>;
 using Chroma = JpegEncodeSettings::Chroma;
 
 Bytes sample(int width, int height, Chroma chroma, int interval) {
-  return encode_jpeg(test_images::make(test_images::Kind::kNoise, width, height),
-                     {90, chroma, interval});
+  return encode_jpeg(testing::make(testing::Kind::kNoise, width, height), {90, chroma, interval});
 }
 
 std::string refusal(const Bytes& bytes) {
@@ -69,7 +68,7 @@ TEST(JpegLayout, FindsEverySegment) {
     EXPECT_EQ(layout.restart_interval, interval);
     ASSERT_EQ(layout.segment_count(), (28 + interval - 1) / interval);
     for (int s = 1; s < layout.segment_count(); ++s) {
-      const std::size_t at = layout.segment_offset[static_cast<std::size_t>(s)];
+      const std::size_t at = layout.segment_offset[s];
       EXPECT_EQ(bytes[at - 2], std::byte{0xFF});
       EXPECT_EQ(bytes[at - 1], static_cast<std::byte>(0xD0 + (s - 1) % 8));
     }
@@ -80,7 +79,7 @@ TEST(JpegLayout, FindsEverySegment) {
 }
 
 TEST(JpegLayout, KnowsWhatCannotBeDecodedInParts) {
-  const RgbImage image = test_images::make(test_images::Kind::kMixed, 40, 30);
+  const RgbImage image = testing::make(testing::Kind::kMixed, 40, 30);
   JpegVariant odd;
   odd.restart_interval = 2;
   EXPECT_TRUE(parse_jpeg_layout(encode_jpeg_variant(image, odd), "x").regions_decodable());
@@ -103,7 +102,7 @@ TEST(JpegLayout, AGreyPicturesMcuIsOneBlockWhateverItsSampling) {
   grey.grey = true;
   grey.h[0] = grey.v[0] = 2;
   grey.restart_interval = 3;
-  const RgbImage image = test_images::make(test_images::Kind::kMixed, 40, 30);
+  const RgbImage image = testing::make(testing::Kind::kMixed, 40, 30);
   const JpegLayout layout = parse_jpeg_layout(encode_jpeg_variant(image, grey), "x");
   EXPECT_EQ(layout.components, 1);
   EXPECT_EQ(layout.mcu_width, 8);
@@ -173,7 +172,7 @@ TEST(JpegLayout, RefusesLostAndSwappedSegments) {
 }
 
 TEST(JpegLayout, SaysWhatItDoesNotSupport) {
-  const RgbImage image = test_images::make(test_images::Kind::kMixed, 40, 30);
+  const RgbImage image = testing::make(testing::Kind::kMixed, 40, 30);
   JpegVariant cmyk;
   cmyk.cmyk = true;
   EXPECT_THAT(refusal(encode_jpeg_variant(image, cmyk)), HasSubstr("4 components"));
@@ -195,4 +194,4 @@ TEST(JpegLayout, RefusesASizeThatItsBytesCannotFill) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

@@ -10,7 +10,7 @@
 
 #include "base/error.h"
 
-namespace raystage::libjpeg {
+namespace raystage::store::libjpeg {
 namespace {
 
 ErrorManager& manager_of(j_common_ptr info) {
@@ -126,4 +126,4 @@ void VectorDestination::finish(j_compress_ptr info) {
   self.size_ = self.room_.size() - self.base_.free_in_buffer;
 }
 
-}  // namespace raystage::libjpeg
+}  // namespace raystage::store::libjpeg

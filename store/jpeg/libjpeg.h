@@ -14,7 +14,7 @@
 #include <string_view>
 #include <vector>
 
-namespace raystage::libjpeg {
+namespace raystage::store::libjpeg {
 
 /// Carries libjpeg's errors out of its C frames by longjmp; throw_error() throws them as Error.
 /// Corrupt-data warnings count as errors; warnings about known harmless headers do not.
@@ -91,4 +91,4 @@ class VectorDestination {
 /// end of a scan to a fixed size.
 bool is_filler(const std::uint8_t* begin, const std::uint8_t* end, std::size_t count);
 
-}  // namespace raystage::libjpeg
+}  // namespace raystage::store::libjpeg

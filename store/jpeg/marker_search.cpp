@@ -16,7 +16,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::store {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
@@ -51,11 +51,11 @@ void FindRestartMarkers(const std::uint8_t* bytes, std::size_t at, std::size_t e
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::store
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::store {
 
 HWY_EXPORT(FindRestartMarkers);
 
@@ -69,5 +69,5 @@ std::vector<std::uint32_t> find_restart_markers(std::span<const std::byte> bytes
   return found;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store
 #endif

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/jpeg/markers.h"
 
-#include <cstdint>
 #include <cstring>
 #include <utility>
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::store {
 
 void MarkerReader::fail(std::size_t offset, std::string what_happened) const {
   throw Error::bad_input(std::move(what_happened),
@@ -65,4 +64,4 @@ void MarkerReader::skip_scan() {
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-namespace raystage {
+namespace raystage::store {
 
 inline constexpr int kMarkerDht = 0xC4, kMarkerSoi = 0xD8, kMarkerEoi = 0xD9, kMarkerSos = 0xDA,
                      kMarkerDqt = 0xDB, kMarkerDri = 0xDD, kMarkerApp0 = 0xE0, kMarkerApp14 = 0xEE;
@@ -41,4 +41,4 @@ class MarkerReader {
   std::size_t at_ = 0;
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

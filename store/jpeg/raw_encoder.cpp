@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "store/jpeg/libjpeg.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr int kMaxSide = 65500;
@@ -100,12 +100,12 @@ void RawJpegEncoder::State::write_rows(const RawImage& image) {
 
 JSAMPROW RawJpegEncoder::State::padded_row(const RawImage& image, int plane, int row,
                                            std::size_t width, std::size_t slot) {
-  const RawImage::Plane& from = image.planes[static_cast<std::size_t>(plane)];
+  const RawImage::Plane& from = image.planes[plane];
   const int last = image.rows(plane) - 1;
   const std::byte* source = from.data + static_cast<std::size_t>(std::min(row, last)) * from.stride;
   const std::size_t bytes = image.row_bytes(plane);
   if (bytes == width) return reinterpret_cast<JSAMPROW>(const_cast<std::byte*>(source));
-  std::byte* copy = padding[static_cast<std::size_t>(plane)].data() + slot * width;
+  std::byte* copy = padding[plane].data() + slot * width;
   std::memcpy(copy, source, bytes);
   std::fill(copy + bytes, copy + width, source[bytes - 1]);
   return reinterpret_cast<JSAMPROW>(copy);
@@ -129,8 +129,8 @@ void RawJpegEncoder::State::write_planes(const RawImage& image) {
       const int count = info.comp_info[p].v_samp_factor * DCTSIZE;
       const int first = static_cast<int>(info.next_scanline) / mcu_rows * count;
       for (int r = 0; r < count; ++r) {
-        rows[p][static_cast<std::size_t>(r)] = padded_row(image, static_cast<int>(p), first + r,
-                                                          widths[p], static_cast<std::size_t>(r));
+        rows[p][r] = padded_row(image, static_cast<int>(p), first + r, widths[p],
+                                static_cast<std::size_t>(r));
       }
     }
     jpeg_write_raw_data(&info, planes.data(), static_cast<JDIMENSION>(mcu_rows));
@@ -155,7 +155,7 @@ void RawJpegEncoder::encode(const RawImage& image, std::vector<std::byte>& bytes
   if (is_yuv(image.format)) {
     // Allocated outside of guarded(), as longjmp runs no destructors. Two MCUs are wide enough.
     for (int plane = 0; plane < 3; ++plane) {
-      state.padding[static_cast<std::size_t>(plane)].resize(16 * (image.row_bytes(plane) + 16));
+      state.padding[plane].resize(16 * (image.row_bytes(plane) + 16));
     }
   }
   libjpeg::VectorDestination destination(state.compressor.info, state.room);
@@ -177,4 +177,4 @@ void RawJpegEncoder::encode(const RawImage& image, std::vector<std::byte>& bytes
   libjpeg::throw_error(state.compressor.errors, "JPEG encoder");
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

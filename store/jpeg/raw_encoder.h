@@ -8,7 +8,7 @@
 #include "store/jpeg/encode.h"
 #include "store/jpeg/raw_image.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Encodes uncompressed pictures one after another and reuses its state between them. Not
 /// thread-safe.
@@ -30,4 +30,4 @@ class RawJpegEncoder {
   std::unique_ptr<State> state_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -14,7 +14,7 @@
 #include "store/jpeg/layout.h"
 #include "testing/store/test_images.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 using Bytes = std::vector<std::byte>;
@@ -30,7 +30,7 @@ RawImage make_raw(PixelFormat format, int width, int height, std::size_t padding
   std::array<std::size_t, 3> start{};
   std::mt19937 random(7);
   for (int p = 0; p < image.plane_count(); ++p) {
-    start[static_cast<std::size_t>(p)] = pixels->size();
+    start[p] = pixels->size();
     const std::size_t bytes = image.row_bytes(p);
     for (int y = 0; y <= image.rows(p); ++y) {
       if (y == image.rows(p)) {
@@ -49,8 +49,7 @@ RawImage make_raw(PixelFormat format, int width, int height, std::size_t padding
     }
   }
   for (int p = 0; p < image.plane_count(); ++p) {
-    image.planes[static_cast<std::size_t>(p)] = {
-        pixels->data() + start[static_cast<std::size_t>(p)], image.row_bytes(p) + padding};
+    image.planes[p] = {pixels->data() + start[p], image.row_bytes(p) + padding};
   }
   image.owner = pixels;
   return image;
@@ -96,7 +95,7 @@ TEST(RawJpegEncoder, PlanesAreEncodedAsLibjpegTurboDoes) {
 }
 
 TEST(RawJpegEncoder, RgbAndBgrEqualTheOtherEncoder) {
-  const RgbImage rgb = test_images::make(test_images::Kind::kMixed, 75, 41);
+  const RgbImage rgb = testing::make(testing::Kind::kMixed, 75, 41);
   RgbImage bgr = rgb;
   for (std::size_t i = 0; i < bgr.pixels.size(); i += 3)
     std::swap(bgr.pixels[i], bgr.pixels[i + 2]);
@@ -127,8 +126,7 @@ TEST(RawJpegEncoder, GreyBecomesOneComponent) {
   for (int y = 0; y < 30; ++y) {
     for (int x = 0; x < 50; ++x) {
       const auto at = static_cast<std::size_t>(3 * (y * 50 + x));
-      const auto expected =
-          std::to_integer<int>(image.planes[0].data[static_cast<std::size_t>(y * 53 + x)]);
+      const auto expected = std::to_integer<int>(image.planes[0].data[y * 53 + x]);
       EXPECT_NEAR(back.pixels[at], expected, 2);
       EXPECT_EQ(back.pixels[at], back.pixels[at + 1]);
     }
@@ -156,4 +154,4 @@ TEST(RawJpegEncoder, RefusesWhatNoJpegHolds) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/jpeg/raw_image.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 int rounded_half(int size) { return (size + 1) / 2; }
@@ -41,9 +41,9 @@ std::size_t RawImage::bytes() const {
 std::size_t RawImage::bytes_in_memory() const {
   std::size_t sum = 0;
   for (int plane = 0; plane < plane_count(); ++plane) {
-    sum += planes[static_cast<std::size_t>(plane)].stride * static_cast<std::size_t>(rows(plane));
+    sum += planes[plane].stride * static_cast<std::size_t>(rows(plane));
   }
   return sum;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

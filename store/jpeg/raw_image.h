@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <memory>
 
-namespace raystage {
+namespace raystage::store {
 
 /// Pixel formats that libjpeg encodes without conversion. YUV is full range with the Rec.601 matrix
 /// (JFIF), in planes. 4:2:0 and 4:2:2 halve the chroma width, rounded up; 4:2:0 also halves its
@@ -37,4 +37,4 @@ struct RawImage {
   std::size_t bytes_in_memory() const;
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace raystage {
+namespace raystage::store {
 
 /// An 8-bit RGB image, row-major, 3 bytes per pixel without padding, top left first. The codes are
 /// in the file's colour space (usually sRGB).
@@ -14,4 +14,4 @@ struct RgbImage {
   bool operator==(const RgbImage&) const = default;
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -14,7 +14,7 @@
 #include "base/error.h"
 #include "store/jpeg/libjpeg.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 // Ten blocks of 64 coefficients of at most 31 bits, and the reader's own look-ahead.
@@ -208,13 +208,12 @@ void ScanDecoder::decode_segment(std::span<const std::byte> jpeg, const JpegLayo
   std::int32_t dc_predictor[3] = {};
   BlockTables tables[3] = {};
   for (std::size_t c = 0; c < static_cast<std::size_t>(layout.components); ++c)
-    tables[c] = {&tables_.dc[static_cast<std::size_t>(tables_.dc_table[c])],
-                 &tables_.ac[static_cast<std::size_t>(tables_.ac_table[c])],
+    tables[c] = {&tables_.dc[tables_.dc_table[c]], &tables_.ac[tables_.ac_table[c]],
                  tables_.quantisation[c].data()};
   auto column = static_cast<std::size_t>(segment.first_mcu % layout.mcus_per_row);
   auto row = static_cast<std::size_t>(segment.first_mcu / layout.mcus_per_row);
   for (int mcu = segment.first_mcu; mcu < segment.end_mcu; ++mcu) {
-    const bool store = wanted[static_cast<std::size_t>(mcu)] != 0;
+    const bool store = wanted[mcu] != 0;
     bool good = reader.position() <= last;
     for (int c = 0; c < layout.components && good; ++c) {
       const auto h = static_cast<std::size_t>(layout.h[c]),
@@ -232,9 +231,8 @@ void ScanDecoder::decode_segment(std::span<const std::byte> jpeg, const JpegLayo
         const BlockResult result =
             decode_block<true>(reader, tables[c], dc_predictor[c], coefficients);
         if (result == BlockResult::kFull) {
-          pair_.target[static_cast<std::size_t>(pending_)] = target;
-          pair_.stride[static_cast<std::size_t>(pending_)] =
-              static_cast<std::ptrdiff_t>(plane.stride);
+          pair_.target[pending_] = target;
+          pair_.stride[pending_] = static_cast<std::ptrdiff_t>(plane.stride);
           if (++pending_ == 2) {
             inverse_dct(pair_);
             pending_ = 0;
@@ -267,4 +265,4 @@ void ScanDecoder::decode_segment(std::span<const std::byte> jpeg, const JpegLayo
        segment.begin, name);
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -11,7 +11,7 @@
 #include "store/jpeg/layout.h"
 #include "store/jpeg/tables.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// The samples of one component, in whole MCUs.
 struct Plane {
@@ -61,4 +61,4 @@ class ScanDecoder {
   Plane planes_[3];
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

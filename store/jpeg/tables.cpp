@@ -5,7 +5,7 @@
 
 #include "store/jpeg/markers.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 using Counts = std::array<std::uint8_t, HuffmanTable::kMaxBits>;
@@ -41,10 +41,8 @@ constexpr std::uint8_t kAcChrominanceSymbols[] = {
     0xd2, 0xd3, 0xd4, 0xd5, 0xd6, 0xd7, 0xd8, 0xd9, 0xda, 0xe2, 0xe3, 0xe4, 0xe5, 0xe6, 0xe7,
     0xe8, 0xe9, 0xea, 0xf2, 0xf3, 0xf4, 0xf5, 0xf6, 0xf7, 0xf8, 0xf9, 0xfa};
 
-std::vector<std::uint8_t> bytes_of(std::span<const std::byte> body) {
-  std::vector<std::uint8_t> bytes;
-  for (const std::byte b : body) bytes.push_back(std::to_integer<std::uint8_t>(b));
-  return bytes;
+std::span<const std::uint8_t> bytes_of(std::span<const std::byte> body) {
+  return {reinterpret_cast<const std::uint8_t*>(body.data()), body.size()};
 }
 
 class TableReader {
@@ -79,22 +77,22 @@ class TableReader {
 };
 
 void TableReader::read_quantisation(const Marker& marker) {
-  const std::vector<std::uint8_t> body = bytes_of(marker.body);
+  const std::span<const std::uint8_t> body = bytes_of(marker.body);
   for (std::size_t at = 0; at < body.size();) {
     const int index = body[at] & 15, wide = body[at] >> 4;
     ++at;
     if (index > 3 || wide > 1 || body.size() - at < (wide ? 128u : 64u))
       markers_.fail(marker.offset, "the DQT marker is damaged");
-    for (auto& step : quantisation_[static_cast<std::size_t>(index)]) {
+    for (auto& step : quantisation_[index]) {
       step = wide ? static_cast<std::uint16_t>(body[at] << 8 | body[at + 1]) : body[at];
       at += wide ? 2 : 1;
     }
-    quantisation_defined_[static_cast<std::size_t>(index)] = true;
+    quantisation_defined_[index] = true;
   }
 }
 
 void TableReader::read_huffman(const Marker& marker) {
-  const std::vector<std::uint8_t> body = bytes_of(marker.body);
+  const std::span<const std::uint8_t> body = bytes_of(marker.body);
   for (std::size_t at = 0; at < body.size();) {
     if (body.size() - at < 17) markers_.fail(marker.offset, "the DHT marker is damaged");
     const bool dc = body[at] >> 4 == 0;
@@ -107,7 +105,7 @@ void TableReader::read_huffman(const Marker& marker) {
     if (body[at - 17] >> 4 > 1 || index > 3 || count > 256 || body.size() - at < count)
       markers_.fail(marker.offset, "the DHT marker is damaged");
     HuffmanTable& table = dc ? tables_.dc[index] : tables_.ac[index];
-    if (!table.build(counts, std::span(body).subspan(at, count), dc))
+    if (!table.build(counts, body.subspan(at, count), dc))
       markers_.fail(marker.offset, "the DHT marker defines no Huffman code");
     at += count;
   }
@@ -160,9 +158,8 @@ bool HuffmanTable::build(std::span<const std::uint8_t, kMaxBits> counts,
   std::size_t next = 0;
   for (int length = 1; length <= kMaxBits; ++length) {
     const std::uint32_t step = 1u << (kMaxBits - length);
-    offset_[static_cast<std::size_t>(length)] =
-        static_cast<std::int32_t>(next) - static_cast<std::int32_t>(code / step);
-    for (int i = 0; i < counts[static_cast<std::size_t>(length - 1)]; ++i, ++next, code += step) {
+    offset_[length] = static_cast<std::int32_t>(next) - static_cast<std::int32_t>(code / step);
+    for (int i = 0; i < counts[length - 1]; ++i, ++next, code += step) {
       if (code + step >= 1u << kMaxBits) return false;  // no code is all ones
       const int symbol = symbols[next];
       if (dc && symbol > 15) return false;
@@ -170,7 +167,7 @@ bool HuffmanTable::build(std::span<const std::uint8_t, kMaxBits> counts,
       const auto first = lookup_.begin() + (code >> (kMaxBits - kLookupBits));
       std::fill_n(first, 1 << (kLookupBits - length), make_entry(symbol, length));
     }
-    limit_[static_cast<std::size_t>(length)] = code;
+    limit_[length] = code;
   }
   defined_ = true;
   return true;
@@ -178,10 +175,9 @@ bool HuffmanTable::build(std::span<const std::uint8_t, kMaxBits> counts,
 
 HuffmanEntry HuffmanTable::find(std::uint32_t bits) const {
   for (int length = 1; length <= kMaxBits; ++length) {
-    if (bits >= limit_[static_cast<std::size_t>(length)]) continue;
-    const auto at = offset_[static_cast<std::size_t>(length)] +
-                    static_cast<std::int32_t>(bits >> (kMaxBits - length));
-    return make_entry(symbols_[static_cast<std::size_t>(at)], length);
+    if (bits >= limit_[length]) continue;
+    const auto at = offset_[length] + static_cast<std::int32_t>(bits >> (kMaxBits - length));
+    return make_entry(symbols_[at], length);
   }
   return {};
 }
@@ -191,4 +187,4 @@ void read_scan_tables(std::span<const std::byte> jpeg, const JpegLayout& layout,
   TableReader(jpeg, name, tables).read(layout);
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

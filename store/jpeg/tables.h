@@ -10,7 +10,7 @@
 
 #include "store/jpeg/layout.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// The meaning of the next bits of a scan: a Huffman code and the number of value bits after it.
 struct HuffmanEntry {
@@ -60,4 +60,4 @@ struct ScanTables {
 void read_scan_tables(std::span<const std::byte> jpeg, const JpegLayout& layout,
                       std::string_view name, ScanTables& tables);
 
-}  // namespace raystage
+}  // namespace raystage::store

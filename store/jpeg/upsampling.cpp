@@ -17,7 +17,7 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::store {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
@@ -83,11 +83,11 @@ void BetweenRows(const std::uint8_t* near, const std::uint8_t* far, int begin, i
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::store
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 HWY_EXPORT(AcrossRow);
@@ -156,5 +156,5 @@ const std::uint8_t* Upsampler::row(int y, int begin, int end, std::uint8_t* buff
   return buffer;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store
 #endif

@@ -7,7 +7,7 @@
 #include "store/jpeg/layout.h"
 #include "store/jpeg/scan_decoder.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Upsamples a component to the picture's resolution, row by row, bit for bit as libjpeg-turbo's
 /// smooth upsampling (jdsample.c): a triangle filter for ratios of 2, replication otherwise.
@@ -29,4 +29,4 @@ class Upsampler {
   bool smooth_x_, smooth_y_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tests only: arrays whose truth is known.
+// For tests: synthetic arrays with known truth.
 #pragma once
 
 #include <fmt/format.h>
@@ -13,15 +13,15 @@
 #include "calibrate/geometry/detections.h"
 #include "rig/camera_model.h"
 
-namespace raystage {
+namespace raystage::testing {
 
 constexpr double kTestDegree = std::numbers::pi / 180;
 
-/// An array as it was mounted, and what it saw.
+/// The true poses and lens of an array, and its detections.
 struct SyntheticArray {
-  std::vector<Pose> poses;
-  Intrinsics lens;  // of all
-  Detections detections;
+  std::vector<rig::Pose> poses;
+  schemas::Intrinsics lens;  // of all
+  calibrate::Detections detections;
 };
 
 struct SyntheticArraySettings {
@@ -31,7 +31,7 @@ struct SyntheticArraySettings {
   double noise_px = 0.2, outliers = 0.05, missing = 0.2;
   bool points_on_a_plane = false;
   double nearest = 0.8, farthest = 3;  // metres in front of the array
-  int repetitions = 1;                 // the light stands still
+  int repetitions = 1;                 // of each point: the light does not move
   unsigned seed = 11;
 };
 
@@ -43,7 +43,7 @@ inline SyntheticArray make_synthetic_array(const SyntheticArraySettings& s) {
   const double focal = kWidth / 2.0 / std::tan(31 * kTestDegree);
   // 5 % at the corner.
   const double corner2 = (320.0 * 320 + 240 * 240) / (focal * focal);
-  const Distortion lens{-0.05 / corner2, 0, 0, 0, 0};
+  const schemas::Distortion lens{-0.05 / corner2, 0, 0, 0, 0};
   std::vector<Eigen::Vector3d> lights;
   while (static_cast<int>(lights.size()) < s.points) {
     const double depth = s.points_on_a_plane ? (s.nearest + s.farthest) / 2
@@ -57,7 +57,7 @@ inline SyntheticArray make_synthetic_array(const SyntheticArraySettings& s) {
                                 Eigen::Vector3d(normal(random), normal(random), normal(random));
     const Eigen::Vector3d turn = s.mounting_deg * kTestDegree / std::sqrt(3.0) *
                                  Eigen::Vector3d(normal(random), normal(random), normal(random));
-    Pose pose;
+    rig::Pose pose;
     pose.position = Eigen::Vector3d((i % s.columns - (s.columns - 1) / 2.0) * s.spacing,
                                     (i / s.columns - (s.rows - 1) / 2.0) * s.spacing, 0) +
                     off;
@@ -69,10 +69,9 @@ inline SyntheticArray make_synthetic_array(const SyntheticArraySettings& s) {
     const std::string id = fmt::format("c{:02}", i);
     result.detections.cameras.push_back({id, kWidth, kHeight});
     result.lens = {focal, focal, 322, 238, lens};
-    const CameraModel model({id, kWidth, kHeight, result.lens, {}, {}, {}});
+    const rig::CameraModel model({id, kWidth, kHeight, result.lens, {}, {}, {}});
     for (int point = 0; point < s.points; ++point) {
-      const auto pixel =
-          model.project(pose.camera_from_world(lights[static_cast<std::size_t>(point)]));
+      const auto pixel = model.project(pose.camera_from_world(lights[point]));
       if (!pixel || !model.contains(*pixel) || share(random) < s.missing) continue;
       Eigen::Vector2d seen = *pixel + s.noise_px * Eigen::Vector2d(normal(random), normal(random));
       if (share(random) < s.outliers) seen = {kWidth * share(random), kHeight * share(random)};
@@ -92,18 +91,19 @@ struct PoseErrors {
   int placed = 0;
 };
 
-inline PoseErrors pose_errors(const ArrayModel& model, const std::vector<Pose>& truth) {
-  std::vector<Pose> found, expected;
+inline PoseErrors pose_errors(const calibrate::ArrayModel& model,
+                              const std::vector<rig::Pose>& truth) {
+  std::vector<rig::Pose> found, expected;
   for (std::size_t i = 0; i < truth.size(); ++i) {
     if (!model.cameras[i].pose) continue;
     found.push_back(*model.cameras[i].pose);
     expected.push_back(truth[i]);
   }
-  const SimilarityTransform back = estimate_similarity(found, expected);
+  const calibrate::SimilarityTransform back = calibrate::estimate_similarity(found, expected);
   PoseErrors errors;
   errors.placed = static_cast<int>(found.size());
   for (std::size_t i = 0; i < found.size(); ++i) {
-    const Pose pose = back(found[i]);
+    const rig::Pose pose = back(found[i]);
     errors.metres = std::max(errors.metres, (pose.position - expected[i].position).norm());
     const double cosine =
         std::min(1.0, pose.viewing_direction().dot(expected[i].viewing_direction()));
@@ -112,4 +112,4 @@ inline PoseErrors pose_errors(const ArrayModel& model, const std::vector<Pose>& 
   return errors;
 }
 
-}  // namespace raystage
+}  // namespace raystage::testing

@@ -15,9 +15,9 @@
 #include "testing/render/synthetic_take.h"
 #include "testing/test_folder.h"
 
-namespace raystage::test {
+namespace raystage::testing {
 
-/// Files under a folder, by path within it, with their bytes.
+/// Returns the contents of the files below a folder by their relative paths.
 inline std::map<std::string, std::string> files_under(const std::filesystem::path& folder) {
   std::map<std::string, std::string> files;
   std::error_code none;
@@ -28,7 +28,7 @@ inline std::map<std::string, std::string> files_under(const std::filesystem::pat
   return files;
 }
 
-/// A shot of a painted plane that nine cameras saw, two instants of it, a frame of the shot each.
+/// A shot of two frames from a take with nine cameras and two ticks that shows a textured plane.
 class RenderCommandTest : public ::testing::Test {
  protected:
   static constexpr int kFrames = 2;
@@ -36,32 +36,32 @@ class RenderCommandTest : public ::testing::Test {
   void SetUp() override {
     testing::SyntheticTake take;
     take.cameras = testing::camera_grid(3, 3, 0.1, 96, 72);
-    take.depth_range = DepthRange{3, 5};
+    take.depth_range = schemas::DepthRange{3, 5};
     take.frames = kFrames;
     write_synthetic_take(take, path("take"));
-    write_timeline(build_timeline(Take(path("take")), 15, 0), path("take"));
+    store::write_timeline(store::build_timeline(store::Take(path("take")), 15, 0), path("take"));
     shot_.width = 64;
     shot_.height = 48;
     shot_.fps = shot_.fps_numerator = 15;
     shot_.first_frame = 1;
     shot_.last_frame = kFrames;
     shot_.camera.keys.push_back(testing::camera_key(1, {0.02, 0.01, 0}, 40));
-    ShotDocument::Layer layer;
+    schemas::ShotDocument::Layer layer;
     layer.take = "take";
     layer.method = "depth";
     shot_.layers.push_back(layer);
   }
   std::filesystem::path path(const std::string& name) const { return folder_.path() / name; }
   std::string quoted(const std::string& name) const { return "'" + path(name).string() + "'"; }
-  /// Renders to the folder `out`.
+  /// Renders the shot to the folder `out`.
   CommandResult render(const std::string& out, const std::string& options = "") const {
-    write_shot(shot_, path("shot.json"));
+    schemas::write_shot(shot_, path("shot.json"));
     return run_raystage("render " + quoted("shot.json") + " --progress none -o '" +
                         (path(out) / "f.####.exr").string() + "' " + options);
   }
 
   TestFolder folder_;
-  ShotDocument shot_;
+  schemas::ShotDocument shot_;
 };
 
-}  // namespace raystage::test
+}  // namespace raystage::testing

@@ -7,14 +7,14 @@
 #include <cstdio>
 #include <string>
 
-namespace raystage::test {
+namespace raystage::testing {
 
 struct CommandResult {
   int exit_code = -1;
-  std::string output;  ///< both streams, as a user sees them
+  std::string output;  ///< standard output and standard error, interleaved
 };
 
-/// Runs `raystage ARGUMENTS` by the shell.
+/// Runs `raystage ARGUMENTS` in the shell.
 inline CommandResult run_raystage(const std::string& arguments) {
   CommandResult result;
   const std::string command = "'" RAYSTAGE_BIN_DIR "/raystage' " + arguments + " 2>&1";
@@ -30,4 +30,4 @@ inline CommandResult run_raystage(const std::string& arguments) {
   return result;
 }
 
-}  // namespace raystage::test
+}  // namespace raystage::testing

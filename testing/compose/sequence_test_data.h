@@ -31,18 +31,18 @@ constexpr int kFirstGrey = 60, kStep = 20;
 /// increases by `kStep` per tick. The last camera drops the frame of tick 2.
 inline void write_wall_take(const std::filesystem::path& folder, int width = kWidth,
                             int height = kHeight) {
-  TakeDocument take;
+  schemas::TakeDocument take;
   take.name = "wall";
   take.created_by = "test";
   take.epoch_utc = 1'700'000'000 * kNanosecondsPerSecond;
   take.nominal_fps = 10;
   take.color_space = "srgb_texture";
-  take.depth_range = DepthRange{2, 6};
-  RigDocument rig;
+  take.depth_range = schemas::DepthRange{2, 6};
+  schemas::RigDocument rig;
   rig.name = "four";
   for (int i = 0; i < kCameras; ++i) {
-    RigDocument::Camera camera;
-    CameraGeometry& g = camera.geometry;
+    schemas::RigDocument::Camera camera;
+    schemas::CameraGeometry& g = camera.geometry;
     g.id = "c" + std::to_string(i);
     g.width = width;
     g.height = height;
@@ -52,23 +52,24 @@ inline void write_wall_take(const std::filesystem::path& folder, int width = kWi
     rig.cameras.push_back(camera);
     take.cameras.push_back({g.id, "", "", ""});
   }
-  TakeWriter writer(folder, take, rig);
+  store::TakeWriter writer(folder, take, rig);
   for (int i = 0; i < kCameras; ++i) {
     for (int tick = 0; tick < kTicks; ++tick) {
       if (i == 3 && tick == 2) continue;
-      RgbImage image{width, height, {}};
+      store::RgbImage image{width, height, {}};
       image.pixels.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 3,
                           static_cast<std::uint8_t>(kFirstGrey + kStep * tick));
-      writer.archive(i).append(encode_jpeg(image, {}), kInterval + tick * kInterval + i * 1000);
+      writer.archive(i).append(store::encode_jpeg(image, {}),
+                               kInterval + tick * kInterval + i * 1000);
     }
   }
   writer.commit();
-  write_timeline(build_timeline(Take(folder), 10, 0), folder);
+  store::write_timeline(store::build_timeline(store::Take(folder), 10, 0), folder);
 }
 
 /// Returns a shot with one frame per tick, starting at 101.
-inline ShotDocument wall_shot() {
-  ShotDocument shot;
+inline schemas::ShotDocument wall_shot() {
+  schemas::ShotDocument shot;
   shot.name = "sh";
   shot.width = 40;
   shot.height = 30;
@@ -77,7 +78,7 @@ inline ShotDocument wall_shot() {
   shot.last_frame = 106;
   shot.camera.keys.push_back(testing::camera_key(101, {0.03, -0.03, 0}, 40));
   shot.camera.keys.push_back(testing::camera_key(106, {0.04, -0.03, 0}, 40));
-  ShotDocument::Layer layer;
+  schemas::ShotDocument::Layer layer;
   layer.take = "take";
   shot.layers.push_back(layer);
   return shot;
@@ -100,9 +101,9 @@ class SequenceTest : public ::testing::Test {
     };
   }
 
-  SequenceReport run(std::stop_token stop = {}) {
-    write_shot(shot_, shot_file());
-    return render_sequence(shot_file(), options_, std::move(stop));
+  compose::SequenceReport run(std::stop_token stop = {}) {
+    schemas::write_shot(shot_, shot_file());
+    return compose::render_sequence(shot_file(), options_, std::move(stop));
   }
   /// Returns the text of the Error that the run throws.
   std::string refusal(ExitCode code = ExitCode::kBadInput) {
@@ -115,7 +116,9 @@ class SequenceTest : public ::testing::Test {
     return "no error";
   }
   std::filesystem::path shot_file() const { return folder_.path() / "shot.json"; }
-  std::filesystem::path file(int frame) const { return SequenceName(options_.output).path(frame); }
+  std::filesystem::path file(int frame) const {
+    return compose::SequenceName(options_.output).path(frame);
+  }
   int files() const {
     int count = 0;
     std::error_code none;
@@ -126,7 +129,7 @@ class SequenceTest : public ::testing::Test {
   }
   /// Returns the linear value and alpha at the centre of a frame.
   std::pair<float, float> middle(int frame) const {
-    const ExrImage image = read_exr(file(frame));
+    const compose::ExrImage image = compose::read_exr(file(frame));
     const std::size_t at = (15 * 40 + 20) * 4;
     return {image.rgba.at(at), image.rgba.at(at + 3)};
   }
@@ -135,8 +138,8 @@ class SequenceTest : public ::testing::Test {
   }
 
   TestFolder folder_;
-  ShotDocument shot_ = wall_shot();
-  SequenceOptions options_;
+  schemas::ShotDocument shot_ = wall_shot();
+  compose::SequenceOptions options_;
   std::mutex mutex_;
   std::vector<std::string> messages_;
   double progress_ = 0;

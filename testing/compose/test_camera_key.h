@@ -8,8 +8,9 @@
 namespace raystage::testing {
 
 /// Returns a key of a camera that looks down -z. `position`: metres.
-inline ShotDocument::CameraKey camera_key(double frame, const std::array<double, 3>& position,
-                                          double horizontal_fov_deg) {
+inline schemas::ShotDocument::CameraKey camera_key(double frame,
+                                                   const std::array<double, 3>& position,
+                                                   double horizontal_fov_deg) {
   return {.frame = frame,
           .position = position,
           .orientation = std::array<double, 4>{1, 0, 0, 0},

@@ -8,16 +8,16 @@
 
 namespace raystage::testing {
 
-inline Material make_material(Material::Kind kind, float color = 1) {
-  Material material;
+inline compose::Material make_material(compose::Material::Kind kind, float color = 1) {
+  compose::Material material;
   material.kind = kind;
   material.color.setConstant(color);
   return material;
 }
 
 /// Returns a square in the plane z = 0 that faces +z, x and y from -half to half.
-inline Mesh square(double half, const Material& material) {
-  Mesh mesh;
+inline compose::Mesh square(double half, const compose::Material& material) {
+  compose::Mesh mesh;
   mesh.positions = {{-half, -half, 0}, {half, -half, 0}, {half, half, 0}, {-half, half, 0}};
   mesh.uvs = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
   mesh.corners = {{0, 1, 2}, {0, 2, 3}};
@@ -28,8 +28,8 @@ inline Mesh square(double half, const Material& material) {
 }
 
 /// Returns a sphere around the origin with smooth normals.
-inline Mesh ball(double radius, const Material& material, int steps = 48) {
-  Mesh mesh;
+inline compose::Mesh ball(double radius, const compose::Material& material, int steps = 48) {
+  compose::Mesh mesh;
   for (int row = 0; row <= steps; ++row) {
     for (int column = 0; column <= 2 * steps; ++column) {
       const double polar = std::numbers::pi * row / steps, turn = std::numbers::pi * column / steps;
@@ -54,9 +54,9 @@ inline Mesh ball(double radius, const Material& material, int steps = 48) {
   return mesh;
 }
 
-inline MeshInstance make_instance(const EmbreeMesh& scene, const Eigen::Vector3d& position,
-                                  double scale = 1) {
-  MeshInstance mesh;
+inline compose::MeshInstance make_instance(const compose::EmbreeMesh& scene,
+                                           const Eigen::Vector3d& position, double scale = 1) {
+  compose::MeshInstance mesh;
   mesh.scene = &scene;
   mesh.world_from_object.translate(position).scale(scale);
   mesh.object_from_world = mesh.world_from_object.inverse();

@@ -23,7 +23,7 @@ struct TracedRig {
   int side = 5;         ///< cameras
   double spacing = 0.08, horizontal_fov_deg = 56;  ///< metres, degrees
   int width = 320, height = 240;
-  DepthRange depth_range{2.5, 7};
+  schemas::DepthRange depth_range{2.5, 7};
 };
 
 /// A folder with meshes; renders scenes of these meshes and takes of such scenes.
@@ -33,55 +33,56 @@ class TracedScene {
   std::filesystem::path path(const std::string& name) const { return folder_.path() / name; }
 
   /// Returns a layer of plane.obj (2 by 2, faces +z) or ball.obj (radius 1).
-  static ShotDocument::Layer mesh(const std::string& name, const std::string& file,
-                                  const std::array<double, 3>& position, double scale) {
-    ShotDocument::Layer layer;
+  static schemas::ShotDocument::Layer mesh(const std::string& name, const std::string& file,
+                                           const std::array<double, 3>& position, double scale) {
+    schemas::ShotDocument::Layer layer;
     layer.name = name;
-    ShotDocument::Geometry geometry{.file = file};
-    geometry.material = ShotDocument::Material{.color = {{1, 1, 1}}, .texture = "texture.ppm"};
+    schemas::ShotDocument::Geometry geometry{.file = file};
+    geometry.material =
+        schemas::ShotDocument::Material{.color = {{1, 1, 1}}, .texture = "texture.ppm"};
     geometry.keys = {{.frame = 1, .position = position, .scale = scale}};
     geometry.samples = 16;
     layer.geometry = geometry;
     return layer;
   }
   struct Picture {
-    ExrImage image;
+    compose::ExrImage image;
     std::vector<float> front;  ///< id of the object with the largest share of a pixel
   };
-  Picture render(const ShotDocument& shot) const {
-    write_shot(shot, path("shot.json"));
-    SequenceOptions options;
+  Picture render(const schemas::ShotDocument& shot) const {
+    schemas::write_shot(shot, path("shot.json"));
+    compose::SequenceOptions options;
     options.output = path("out.####.exr").string();
     options.program_version = "0.1.0";
-    options.existing = ExistingFiles::kOverwrite;
+    options.existing = compose::ExistingFiles::kOverwrite;
     options.on_message = [](std::string_view) {};
     options.progress = [](double) {};
-    render_sequence(path("shot.json"), options, {});
-    constexpr ExrChannel kIds[] = {{"CryptoObject00.R"}};
-    return {read_exr(path("out.0001.exr")),
-            read_exr_channels(path("out.0001.exr"), kIds, "").values};
+    compose::render_sequence(path("shot.json"), options, {});
+    constexpr images::ExrChannel kIds[] = {{"CryptoObject00.R"}};
+    return {compose::read_exr(path("out.0001.exr")),
+            images::read_exr_channels(path("out.0001.exr"), kIds, "").values};
   }
 
   /// Writes the take of one light field frame that an array records of `scene`.
-  void write_take(const std::string& name, const ShotDocument& scene,
+  void write_take(const std::string& name, const schemas::ShotDocument& scene,
                   const TracedRig& array) const {
-    TakeDocument take;
+    schemas::TakeDocument take;
     take.name = name;
     take.created_by = "test";
     take.epoch_utc = 1'700'000'000 * kNanosecondsPerSecond;
     take.nominal_fps = 24;
     take.color_space = "srgb_texture";
     take.depth_range = array.depth_range;
-    RigDocument rig;
+    schemas::RigDocument rig;
     rig.name = "grid";
     const Eigen::Quaterniond turn(
         Eigen::AngleAxisd(array.turn_deg * std::numbers::pi / 180, Eigen::Vector3d::UnitY()));
-    ShotDocument seen = scene;
+    schemas::ShotDocument seen = scene;
     seen.width = array.width;
     seen.height = array.height;
     for (int i = 0; i < array.side * array.side; ++i) {
-      RigDocument::Camera camera;
-      CameraGeometry& g = camera.geometry;
+      schemas::RigDocument::Camera camera;
+      schemas::CameraGeometry& g = camera.geometry;
       g.id = "c" + std::to_string(i);
       g.width = array.width;
       g.height = array.height;
@@ -94,32 +95,33 @@ class TracedScene {
       const Eigen::Matrix3d rotation = turn.toRotationMatrix();
       for (int row = 0; row < 3; ++row) {
         for (int column = 0; column < 3; ++column) {
-          g.world_from_camera[static_cast<std::size_t>(4 * row + column)] = rotation(row, column);
+          g.world_from_camera[4 * row + column] = rotation(row, column);
         }
-        g.world_from_camera[static_cast<std::size_t>(4 * row + 3)] = position[row];
+        g.world_from_camera[4 * row + 3] = position[row];
       }
       rig.cameras.push_back(camera);
       take.cameras.push_back({g.id, "", "", ""});
     }
-    TakeWriter writer(path(name), take, rig);
+    store::TakeWriter writer(path(name), take, rig);
     for (int i = 0; i < array.side * array.side; ++i) {
-      const auto& m = rig.cameras[static_cast<std::size_t>(i)].geometry.world_from_camera;
+      const auto& m = rig.cameras[i].geometry.world_from_camera;
       seen.camera.keys = {camera_key(1, {m[3], m[7], m[11]}, array.horizontal_fov_deg)};
       seen.camera.keys[0].orientation = {{turn.w(), turn.x(), turn.y(), turn.z()}};
-      writer.archive(i).append(encode_jpeg(as_frame(render(seen).image), {.quality = 98}), 0);
+      writer.archive(i).append(store::encode_jpeg(as_frame(render(seen).image), {.quality = 98}),
+                               0);
     }
     writer.commit();
-    write_timeline(build_timeline(Take(path(name)), 24, 0), path(name));
+    store::write_timeline(store::build_timeline(store::Take(path(name)), 24, 0), path(name));
   }
 
   /// Returns the PSNR of sRGB codes (full scale 1) over the pixels with `counts`, dB.
   template <class Counts>
-  static double psnr(const ExrImage& a, const ExrImage& b, const Counts& counts) {
+  static double psnr(const compose::ExrImage& a, const compose::ExrImage& b, const Counts& counts) {
     double sum = 0;
     std::size_t values = 0;
     for (std::size_t i = 0; i < a.rgba.size(); ++i) {
       if (i % 4 == 3 || !counts(i / 4)) continue;
-      const auto code = [&](const ExrImage& image) {
+      const auto code = [&](const compose::ExrImage& image) {
         return srgb_from_linear(std::clamp(double{image.rgba[i]}, 0.0, 1.0));
       };
       sum += std::pow(code(a) - code(b), 2);
@@ -170,8 +172,8 @@ class TracedScene {
     }
   }
 
-  static RgbImage as_frame(const ExrImage& seen) {
-    RgbImage frame{seen.width, seen.height, {}};
+  static store::RgbImage as_frame(const compose::ExrImage& seen) {
+    store::RgbImage frame{seen.width, seen.height, {}};
     for (std::size_t pixel = 0; pixel < seen.rgba.size() / 4; ++pixel) {
       for (std::size_t c = 0; c < 3; ++c) {
         const double code = srgb_from_linear(std::min(double{seen.rgba[4 * pixel + c]}, 1.0));

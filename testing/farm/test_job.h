@@ -7,11 +7,11 @@
 #include "farm/job_folder.h"
 #include "schemas/farm_job_document.h"
 
-namespace raystage::farm::testing {
+namespace raystage::testing {
 
-/// Twelve frames in four chunks; the first two chunks wait for one instant, the third for another.
-inline FarmJobDocument make_small_job(const std::filesystem::path& folder = "/job") {
-  FarmJobDocument job;
+/// Returns twelve frames in four chunks; two depend on one prepare task, the third on another.
+inline schemas::FarmJobDocument make_small_job(const std::filesystem::path& folder = "/job") {
+  schemas::FarmJobDocument job;
   job.id = "shot-00000001";
   job.submitted_utc = 1'700'000'000 * kNanosecondsPerSecond;
   job.program_version = "0.1.0";
@@ -23,42 +23,43 @@ inline FarmJobDocument make_small_job(const std::filesystem::path& folder = "/jo
   job.instants = {{0, 3, "/take/depth/a/b.zst"}, {0, 4, "/take/depth/a/c.zst"}};
   job.chunks = {{"1-3", {0}}, {"4-6", {0}}, {"7-9", {1}}, {"10-12", {}}};
   job.max_array_size = 1000;
-  for (const FarmStage stage : kFarmStages) job.of(stage) = {2, 0.5, 20, {}};
+  for (const schemas::FarmStage stage : schemas::kFarmStages) job.of(stage) = {2, 0.5, 20, {}};
   return job;
 }
 
-inline FarmRound first_round() {
-  FarmRound round;
+inline schemas::FarmRound first_round() {
+  schemas::FarmRound round;
   round.prepare = {0, 1};
   round.render = {0, 1, 2, 3};
   return round;
 }
 
-/// The folder of make_small_job() as a submission leaves it, in `parent`.
-inline JobFolder write_small_job(const std::filesystem::path& parent,
-                                 FarmJobDocument::Engine engine = FarmJobDocument::Engine::kSlurm) {
-  const JobFolder folder = create_job_folder((parent / "f.####.exr").string());
-  FarmJobDocument job = make_small_job(parent);
+/// Creates the job folder of make_small_job() in `parent`, as after a submission.
+inline farm::JobFolder write_small_job(
+    const std::filesystem::path& parent,
+    schemas::FarmJobDocument::Engine engine = schemas::FarmJobDocument::Engine::kSlurm) {
+  const farm::JobFolder folder = farm::create_job_folder((parent / "f.####.exr").string());
+  schemas::FarmJobDocument job = make_small_job(parent);
   job.folder = folder.path().string();
   job.engine = engine;
-  write_file_atomically(folder.round_file(1), format_farm_round(first_round()));
-  write_file_atomically(folder.job_file(), format_farm_job(job));
+  write_file_atomically(folder.round_file(1), schemas::format_farm_round(first_round()));
+  write_file_atomically(folder.job_file(), schemas::format_farm_job(job));
   return folder;
 }
 
-inline FarmAttempt make_attempt(int chunk, AttemptResult result, const std::string& node = "n1",
-                                int round = 1) {
-  FarmAttempt attempt;
+inline schemas::FarmAttempt make_attempt(int chunk, schemas::AttemptResult result,
+                                         const std::string& node = "n1", int round = 1) {
+  schemas::FarmAttempt attempt;
   attempt.stage = "render";
   attempt.index = chunk;
   attempt.round = round;
   attempt.node = node;
-  attempt.end = FarmAttempt::End{};
+  attempt.end = schemas::FarmAttempt::End{};
   attempt.end->result = result;
-  attempt.end->exit_code = result == AttemptResult::kDone ? 0 : 1;
+  attempt.end->exit_code = result == schemas::AttemptResult::kDone ? 0 : 1;
   attempt.end->wall_seconds = 6;
-  if (result != AttemptResult::kDone) attempt.end->reason = "it broke";
+  if (result != schemas::AttemptResult::kDone) attempt.end->reason = "it broke";
   return attempt;
 }
 
-}  // namespace raystage::farm::testing
+}  // namespace raystage::testing

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// For tests: pictures, cameras and manifests to import.
+// For tests: images, cameras and manifests to import.
 #pragma once
 
 #include <cstddef>
@@ -13,11 +13,11 @@
 #include "schemas/import_manifest.h"
 #include "store/jpeg/encode.h"
 
-namespace raystage::test {
+namespace raystage::testing {
 
-/// Smooth, so that JPEG keeps it nearly; different for every `seed`.
-inline RgbImage picture(int width, int height, int seed) {
-  RgbImage image{width, height, {}};
+/// Returns an image for each `seed`, so smooth that JPEG changes it little.
+inline store::RgbImage picture(int width, int height, int seed) {
+  store::RgbImage image{width, height, {}};
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       for (const int value : {40 + 2 * x + 9 * seed, 200 - 2 * y, 60 + x + y}) {
@@ -34,13 +34,13 @@ inline std::string bytes_to_string(std::span<const std::byte> bytes) {
   return text;
 }
 
-/// Without restart markers, as most cameras send them.
-inline std::string jpeg_as_string(const RgbImage& image) {
-  return bytes_to_string(encode_jpeg(image, {.quality = 90, .restart_interval = 0}));
+/// Returns a JPEG without restart markers, as most cameras send it.
+inline std::string jpeg_as_string(const store::RgbImage& image) {
+  return bytes_to_string(store::encode_jpeg(image, {.quality = 90, .restart_interval = 0}));
 }
 
-inline ImportManifest::Camera camera(std::string id, int width, int height) {
-  ImportManifest::Camera result;
+inline schemas::ImportManifest::Camera camera(std::string id, int width, int height) {
+  schemas::ImportManifest::Camera result;
   result.geometry.id = std::move(id);
   result.geometry.width = width;
   result.geometry.height = height;
@@ -50,8 +50,8 @@ inline ImportManifest::Camera camera(std::string id, int width, int height) {
   return result;
 }
 
-inline ImportManifest empty_manifest() {
-  ImportManifest manifest;
+inline schemas::ImportManifest empty_manifest() {
+  schemas::ImportManifest manifest;
   manifest.name = "test";
   manifest.epoch_utc = 5;
   manifest.nominal_fps = 15;
@@ -59,9 +59,9 @@ inline ImportManifest empty_manifest() {
   return manifest;
 }
 
-/// Two cameras of three JPEG frames each, written to `folder`.
-inline ImportManifest write_two_cameras(const std::filesystem::path& folder) {
-  ImportManifest manifest = empty_manifest();
+/// Writes three JPEG frames of each of two cameras to `folder`, and returns their manifest.
+inline schemas::ImportManifest write_two_cameras(const std::filesystem::path& folder) {
+  schemas::ImportManifest manifest = empty_manifest();
   for (int c = 0; c < 2; ++c) {
     manifest.cameras.push_back(camera("cam" + std::to_string(c), 48, 40));
     for (int i = 0; i < 3; ++i) {
@@ -73,4 +73,4 @@ inline ImportManifest write_two_cameras(const std::filesystem::path& folder) {
   return manifest;
 }
 
-}  // namespace raystage::test
+}  // namespace raystage::testing

@@ -13,16 +13,16 @@
 #include "ingest/sources/interruptible_wait.h"
 #include "ingest/sources/jpeg_markers.h"
 
-namespace raystage {
+namespace raystage::testing {
 namespace {
 
-using Clock = InterruptibleWait::Clock;
+using Clock = ingest::InterruptibleWait::Clock;
 
 std::chrono::nanoseconds nanoseconds(double seconds) {
   return std::chrono::nanoseconds(std::llround(seconds * kNanosecondsPerSecond));
 }
 
-/// A fixed number in [0, 1) for each exposure.
+/// Returns a pseudo-random number in [0, 1) that depends only on the exposure.
 double hashed(std::uint64_t exposure) {
   std::uint64_t x = (exposure + 1) * 0x9E3779B97F4A7C15ULL;
   x = (x ^ (x >> 30U)) * 0xBF58476D1CE4E5B9ULL;
@@ -30,23 +30,23 @@ double hashed(std::uint64_t exposure) {
   return static_cast<double>(x >> 11U) * 0x1p-53;
 }
 
-class MemorySource final : public FrameSource {
+class MemorySource final : public ingest::FrameSource {
  public:
   explicit MemorySource(SourceScript script) : script_(std::move(script)) {
-    const SourceFrame& first = script_.frames.front();
+    const ingest::SourceFrame& first = script_.frames.front();
     description_.what = "frames in memory";
     description_.delivers_jpeg = !first.jpeg.empty();
-    const JpegMarkerInfo glance = scan_jpeg_markers(first.jpeg);
-    description_.width = description_.delivers_jpeg ? glance.width : first.raw.width;
-    description_.height = description_.delivers_jpeg ? glance.height : first.raw.height;
+    const ingest::JpegMarkerInfo markers = ingest::scan_jpeg_markers(first.jpeg);
+    description_.width = description_.delivers_jpeg ? markers.width : first.raw.width;
+    description_.height = description_.delivers_jpeg ? markers.height : first.raw.height;
     description_.fps = script_.fps;
     description_.clock = script_.stamps ? "device" : "host";
     description_.timestamp_event = script_.timestamp_event;
   }
 
-  const SourceDescription& description() const override { return description_; }
+  const ingest::SourceDescription& description() const override { return description_; }
 
-  Outcome next(SourceFrame& frame, std::chrono::milliseconds patience) override {
+  Outcome next(ingest::SourceFrame& frame, std::chrono::milliseconds patience) override {
     const Clock::time_point deadline = Clock::now() + patience;
     if (!started_) start_ = Clock::now();
     started_ = true;
@@ -67,14 +67,13 @@ class MemorySource final : public FrameSource {
   void interrupt() override { wait_.interrupt(); }
 
  private:
-  /// A frame that waits in the device's buffers.
-  struct Held {
+  struct BufferedFrame {
     std::uint64_t exposure = 0;
-    const SourceFrame* shown = nullptr;
+    const ingest::SourceFrame* shown = nullptr;
     bool torn = false;
   };
 
-  /// All exposures until now. Without a rate: the next one, once the last was taken.
+  /// Exposes all frames until `now`; without a rate, one frame if none waits.
   void expose(Clock::time_point now) {
     const bool paced = script_.fps > 0;
     while (paced || held_.empty()) {
@@ -93,7 +92,7 @@ class MemorySource final : public FrameSource {
     }
   }
 
-  /// What happens before the coming exposure; true where it is torn.
+  /// Plays the events before the next exposure; returns true if it is torn.
   bool play_events() {
     while (event_ < script_.events.size() && script_.events[event_].at <= exposure_) {
       const SourceScript::Event& event = script_.events[event_];
@@ -101,7 +100,7 @@ class MemorySource final : public FrameSource {
         const Clock::time_point from = script_.fps > 0 ? time_of(event.at) : Clock::now();
         stalled_until_ = from + nanoseconds(stall->seconds);
       } else if (const auto* death = std::get_if<SourceScript::Death>(&event.what)) {
-        loss_reason_ = death->why.empty() ? "the script says so" : death->why;
+        loss_reason_ = death->why.empty() ? "lost as scripted" : death->why;
         return false;
       } else if (const auto* gap = std::get_if<SourceScript::Gap>(&event.what)) {
         exposure_ += gap->count;
@@ -109,7 +108,7 @@ class MemorySource final : public FrameSource {
         frames_ = &change->frames;
         captured_ = 0;
       } else if (event.at == exposure_ && tears_.emplace(exposure_).second) {
-        // Stays in force however often this exposure is looked at before its time.
+        // tears_ keeps the event for repeated calls before the exposure's time.
       }
       ++event_;
     }
@@ -122,14 +121,14 @@ class MemorySource final : public FrameSource {
     return start_ + nanoseconds(static_cast<double>(exposure) / script_.fps + late);
   }
 
-  void deliver(SourceFrame& frame) {
-    const Held held = held_.front();
+  void deliver(ingest::SourceFrame& frame) {
+    const BufferedFrame held = held_.front();
     held_.pop_front();
     frame.jpeg = held.shown->jpeg;
     frame.raw = held.shown->raw;
     frame.torn = held.torn;
     if (held.torn) frame.jpeg.resize(frame.jpeg.size() / 2);
-    frame.arrival_utc = host_utc_now();
+    frame.arrival_utc = ingest::host_utc_now();
     frame.device_time.reset();
     frame.sequence.reset();
     if (!script_.stamps) return;
@@ -141,32 +140,32 @@ class MemorySource final : public FrameSource {
   }
 
   SourceScript script_;
-  SourceDescription description_;
-  InterruptibleWait wait_;
+  ingest::SourceDescription description_;
+  ingest::InterruptibleWait wait_;
   Clock::time_point start_, stalled_until_;
   bool started_ = false;
-  const std::vector<SourceFrame>* frames_ = &script_.frames;
-  std::deque<Held> held_;
+  const std::vector<ingest::SourceFrame>* frames_ = &script_.frames;
+  std::deque<BufferedFrame> held_;
   std::set<std::uint64_t> tears_;
   std::size_t event_ = 0, captured_ = 0;
   std::uint64_t exposure_ = 0;
   std::string loss_reason_;
 };
 
-void check(const std::vector<SourceFrame>& frames) {
-  for (const SourceFrame& frame : frames) {
+void check(const std::vector<ingest::SourceFrame>& frames) {
+  for (const ingest::SourceFrame& frame : frames) {
     if (!frame.jpeg.empty() || frame.raw.planes[0].data != nullptr) continue;
-    throw Error::bad_input("a frame of the script holds no picture", "frames in memory",
-                           "Give it JPEG bytes or raw pixels");
+    throw Error::bad_input("a frame of the script has no picture", "frames in memory",
+                           "Add JPEG bytes or raw pixels");
   }
   if (frames.empty()) {
-    throw Error::bad_input("the script has no frames", "frames in memory", "Give it one at least");
+    throw Error::bad_input("the script has no frames", "frames in memory", "Add at least one");
   }
 }
 
 }  // namespace
 
-std::unique_ptr<FrameSource> make_scripted_source(SourceScript script) {
+std::unique_ptr<ingest::FrameSource> make_scripted_source(SourceScript script) {
   check(script.frames);
   for (const SourceScript::Event& event : script.events) {
     if (const auto* change = std::get_if<SourceScript::Change>(&event.what)) check(change->frames);
@@ -179,4 +178,4 @@ std::unique_ptr<FrameSource> make_scripted_source(SourceScript script) {
   return std::make_unique<MemorySource>(std::move(script));
 }
 
-}  // namespace raystage
+}  // namespace raystage::testing

@@ -9,28 +9,28 @@
 #include "base/error.h"
 #include "testing/ingest/test_pictures.h"
 
-namespace raystage {
+namespace raystage::testing {
 namespace {
 
 using namespace std::chrono_literals;
-using Outcome = FrameSource::Outcome;
+using Outcome = ingest::FrameSource::Outcome;
 using Clock = std::chrono::steady_clock;
 
 SourceScript script(double fps) {
   SourceScript script;
   script.fps = fps;
   for (int shade : {50, 150}) {
-    SourceFrame frame;
+    ingest::SourceFrame frame;
     frame.jpeg = test_jpeg(32, 24, shade);
     script.frames.push_back(frame);
   }
   return script;
 }
 
-/// Frames until something else comes.
-std::vector<SourceFrame> all_of(FrameSource& source, Outcome& last) {
-  std::vector<SourceFrame> frames;
-  SourceFrame frame;
+/// Returns all frames until another outcome, which `last` receives.
+std::vector<ingest::SourceFrame> all_of(ingest::FrameSource& source, Outcome& last) {
+  std::vector<ingest::SourceFrame> frames;
+  ingest::SourceFrame frame;
   while ((last = source.next(frame, 2000ms)) == Outcome::kFrame) frames.push_back(frame);
   return frames;
 }
@@ -38,7 +38,7 @@ std::vector<SourceFrame> all_of(FrameSource& source, Outcome& last) {
 TEST(MemorySource, DeliversItsFramesInTurnUntilTheEnd) {
   SourceScript three = script(0);
   three.count = 3;
-  const std::vector<SourceFrame> given = three.frames;
+  const std::vector<ingest::SourceFrame> given = three.frames;
   const auto source = make_scripted_source(three);
   EXPECT_EQ(source->description().width, 32);
   EXPECT_EQ(source->description().height, 24);
@@ -51,8 +51,8 @@ TEST(MemorySource, DeliversItsFramesInTurnUntilTheEnd) {
     EXPECT_EQ(frames[i].jpeg, given[i % 2].jpeg);
     EXPECT_EQ(frames[i].sequence, i);
     EXPECT_FALSE(frames[i].torn);
-    EXPECT_NEAR(static_cast<double>(frames[i].arrival_utc), static_cast<double>(host_utc_now()),
-                5e9);
+    EXPECT_NEAR(static_cast<double>(frames[i].arrival_utc),
+                static_cast<double>(ingest::host_utc_now()), 5e9);
   }
 }
 
@@ -71,7 +71,7 @@ TEST(MemorySource, KeepsItsRate) {
 
 TEST(MemorySource, PatienceEndsAndInterruptsAreHeard) {
   const auto source = make_scripted_source(script(0.5));
-  SourceFrame frame;
+  ingest::SourceFrame frame;
   ASSERT_EQ(source->next(frame, 100ms), Outcome::kFrame);
   auto start = Clock::now();
   EXPECT_EQ(source->next(frame, 20ms), Outcome::kNoData);
@@ -88,7 +88,7 @@ TEST(MemorySource, PatienceEndsAndInterruptsAreHeard) {
 
 TEST(MemorySource, MisbehavesAsItIsTold) {
   SourceScript bad = script(0);
-  SourceFrame large;
+  ingest::SourceFrame large;
   large.jpeg = test_jpeg(64, 48, 90);
   bad.events.push_back({1, SourceScript::Tear{}});
   bad.events.push_back({3, SourceScript::Gap{5}});
@@ -98,7 +98,7 @@ TEST(MemorySource, MisbehavesAsItIsTold) {
   Outcome last{};
   const auto frames = all_of(*source, last);
   std::vector<std::uint64_t> numbers;
-  for (const SourceFrame& frame : frames) numbers.push_back(frame.sequence.value());
+  for (const ingest::SourceFrame& frame : frames) numbers.push_back(frame.sequence.value());
   EXPECT_THAT(numbers, ::testing::ElementsAre(0, 1, 2, 8, 9, 10));
   EXPECT_TRUE(frames[1].torn);
   EXPECT_EQ(frames[1].jpeg.size(), bad.frames[1].jpeg.size() / 2);
@@ -106,7 +106,7 @@ TEST(MemorySource, MisbehavesAsItIsTold) {
   EXPECT_EQ(frames[4].jpeg, large.jpeg);
   EXPECT_EQ(last, Outcome::kLost);
   EXPECT_EQ(source->loss_reason(), "the cable was pulled");
-  SourceFrame frame;
+  ingest::SourceFrame frame;
   EXPECT_EQ(source->next(frame, 0ms), Outcome::kLost);
 }
 
@@ -128,7 +128,7 @@ TEST(MemorySource, ALateReaderFindsWhatTheBuffersHold) {
   few.count = 40;
   few.buffers = 3;
   const auto source = make_scripted_source(few);
-  SourceFrame frame;
+  ingest::SourceFrame frame;
   ASSERT_EQ(source->next(frame, 100ms), Outcome::kFrame);
   std::this_thread::sleep_for(250ms);  // all others are exposed meanwhile
   Outcome last{};
@@ -149,4 +149,4 @@ TEST(MemorySource, ScriptsWithoutPicturesAreRefused) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::testing

@@ -11,7 +11,7 @@ extern "C" {
 #include <memory>
 #include <stdexcept>
 
-namespace raystage::test {
+namespace raystage::testing {
 namespace {
 
 struct Freer {
@@ -81,4 +81,4 @@ void write_movie(const std::filesystem::path& file, const MovieDescription& movi
   check(av_write_trailer(context));
 }
 
-}  // namespace raystage::test
+}  // namespace raystage::testing

@@ -8,9 +8,9 @@ extern "C" {
 #include <array>
 #include <filesystem>
 
-namespace raystage::test {
+namespace raystage::testing {
 
-/// A movie of one colour, losslessly compressed (FFV1, 4:4:4) in Matroska.
+/// A movie of one colour with lossless compression (FFV1, 4:4:4) in Matroska.
 struct MovieDescription {
   int width = 0, height = 0;  ///< pixels
   int frames = 1;
@@ -19,7 +19,7 @@ struct MovieDescription {
   AVColorRange range = AVCOL_RANGE_MPEG;
 };
 
-/// Throws std::runtime_error where FFmpeg does not.
+/// Writes the movie. Throws std::runtime_error if FFmpeg fails.
 void write_movie(const std::filesystem::path& file, const MovieDescription& movie);
 
-}  // namespace raystage::test
+}  // namespace raystage::testing

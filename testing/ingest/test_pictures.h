@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// For the tests of this folder.
+// For tests: pictures of cameras.
 #pragma once
 
 #include <cstddef>
@@ -8,12 +8,12 @@
 
 #include "store/jpeg/encode.h"
 
-namespace raystage {
+namespace raystage::testing {
 
-/// A gradient whose brightness tells pictures apart. Its chroma varies slowly, so that subsampling
-/// costs next to nothing.
-inline RgbImage test_picture(int width, int height, int shade) {
-  RgbImage image{width, height, {}};
+/// Returns a gradient whose brightness depends on `shade`. Its chroma varies slowly, so that chroma
+/// subsampling changes it little.
+inline store::RgbImage test_picture(int width, int height, int shade) {
+  store::RgbImage image{width, height, {}};
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       image.pixels.push_back(static_cast<std::uint8_t>(shade / 2 + 100 * x / width));
@@ -25,7 +25,7 @@ inline RgbImage test_picture(int width, int height, int shade) {
 }
 
 inline std::vector<std::byte> test_jpeg(int width, int height, int shade) {
-  return encode_jpeg(test_picture(width, height, shade), {});
+  return store::encode_jpeg(test_picture(width, height, shade), {});
 }
 
-}  // namespace raystage
+}  // namespace raystage::testing

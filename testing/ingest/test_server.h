@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// For the tests of this folder.
+// For tests: a server on loopback.
 #pragma once
 
 #include <arpa/inet.h>
@@ -16,9 +16,9 @@
 #include <thread>
 #include <utility>
 
-namespace raystage {
+namespace raystage::testing {
 
-/// One connection to a server on loopback, from the server's side.
+/// The server's side of a connection on loopback.
 class TestConnection {
  public:
   explicit TestConnection(int socket) : socket_(socket) {}
@@ -39,7 +39,6 @@ class TestConnection {
     while (!text.ends_with("\r\n\r\n") && recv(socket_, &c, 1, 0) == 1) text += c;
     return text;
   }
-  /// Until the client goes away.
   void wait_for_end() const {
     char c = 0;
     while (recv(socket_, &c, 1, 0) > 0) {
@@ -50,7 +49,7 @@ class TestConnection {
   int socket_;
 };
 
-/// A server on loopback that talks to its first client as it is told, then hangs up.
+/// A server that calls `talk` with its first client, then closes the connection.
 class TestServer {
  public:
   explicit TestServer(std::function<void(const TestConnection&)> talk) {
@@ -93,4 +92,4 @@ class TestServer {
   std::thread thread_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::testing

@@ -41,8 +41,8 @@ inline ExactVector cross(const ExactVector& a, const ExactVector& b) {
 inline Real norm(const ExactVector& v) { return sqrt(dot(v, v)); }
 
 /// Returns the world direction of the ray through a pixel position of a view without distortion.
-inline ExactVector exact_ray(const VirtualCamera& view, double x, double y) {
-  const Intrinsics& k = view.intrinsics;
+inline ExactVector exact_ray(const render::VirtualCamera& view, double x, double y) {
+  const schemas::Intrinsics& k = view.intrinsics;
   const Real right = (Real(x) - k.cx) / k.fx, up = -(Real(y) - k.cy) / k.fy;
   const Eigen::Matrix3d& r = view.pose.world_from_camera_rotation;
   return right * exact(r.col(0)) + (up * exact(r.col(1)) - exact(r.col(2)));
@@ -86,13 +86,14 @@ inline std::optional<Real> exact_depth(const Eigen::Vector4d& plane, const Eigen
 
 /// Returns the pixel at which a camera sees a world direction (any length), even far outside of its
 /// image; nullopt if the direction is behind the camera.
-inline std::optional<std::array<Real, 2>> exact_projection(const Intrinsics& k, const Pose& camera,
+inline std::optional<std::array<Real, 2>> exact_projection(const schemas::Intrinsics& k,
+                                                           const rig::Pose& camera,
                                                            const ExactVector& towards) {
   const Eigen::Matrix3d& r = camera.world_from_camera_rotation;
   const Real ahead = -dot(exact(r.col(2)), towards);
   if (ahead <= 0) return std::nullopt;
   const Real x = dot(exact(r.col(0)), towards) / ahead, y = -dot(exact(r.col(1)), towards) / ahead;
-  const Distortion& d = k.distortion;
+  const schemas::Distortion& d = k.distortion;
   const Real rr = x * x + y * y, radial = 1 + rr * (d.k1 + rr * (d.k2 + rr * Real(d.k3)));
   return std::array<Real, 2>{
       k.fx * (x * radial + 2 * x * y * d.p1 + (rr + 2 * x * x) * d.p2) + k.cx,
@@ -101,7 +102,8 @@ inline std::optional<std::array<Real, 2>> exact_projection(const Intrinsics& k, 
 
 /// Returns the pixel at which a camera sees the point of `plane` on the ray; nullopt if the ray
 /// does not meet the plane in front of the eye, or the point is behind the camera.
-inline std::optional<std::array<Real, 2>> exact_pixel(const Intrinsics& k, const Pose& camera,
+inline std::optional<std::array<Real, 2>> exact_pixel(const schemas::Intrinsics& k,
+                                                      const rig::Pose& camera,
                                                       const Eigen::Vector4d& plane,
                                                       const Eigen::Vector3d& eye,
                                                       const ExactVector& ray) {
@@ -116,8 +118,8 @@ inline std::optional<std::array<Real, 2>> exact_pixel(const Intrinsics& k, const
 
 /// Returns the magnitude of the terms of a ray that is scaled to 1 along the view's axis: a double
 /// ray is accurate to some roundings of it.
-inline double ray_term_magnitude(const VirtualCamera& view, double x, double y) {
-  const Intrinsics& k = view.intrinsics;
+inline double ray_term_magnitude(const render::VirtualCamera& view, double x, double y) {
+  const schemas::Intrinsics& k = view.intrinsics;
   return 1 + (std::abs(x) + std::abs(k.cx)) / k.fx + (std::abs(y) + std::abs(k.cy)) / k.fy;
 }
 

@@ -14,11 +14,11 @@ constexpr double kFarOff = 1e7;  // metres from the world's origin
 const Eigen::Vector3d kEye(0.01, 0.013, 0.1);
 const Eigen::Vector4d kPainted(0, 0, 1, 4);
 
-std::vector<CameraGeometry> grid(int rows, int columns) {
+std::vector<schemas::CameraGeometry> grid(int rows, int columns) {
   return camera_grid(rows, columns, 0.06, 64, 48);
 }
 
-void place(CameraGeometry& camera, double x, double y) {
+void place(schemas::CameraGeometry& camera, double x, double y) {
   camera.world_from_camera[3] = x;
   camera.world_from_camera[7] = y;
   camera.row = camera.column = std::nullopt;
@@ -31,12 +31,12 @@ struct ViewAt {
   int width = 24, height = 18;
 };
 
-VirtualCamera view_of(const ViewAt& at) {
-  Pose pose;
+render::VirtualCamera view_of(const ViewAt& at) {
+  rig::Pose pose;
   pose.position = at.eye;
   pose.world_from_camera_rotation =
       Eigen::AngleAxisd(at.yaw_degrees * kDegree, Eigen::Vector3d::UnitY()).toRotationMatrix();
-  return virtual_camera_with_fov(at.width, at.height, at.fov_degrees * kDegree, pose);
+  return render::virtual_camera_with_fov(at.width, at.height, at.fov_degrees * kDegree, pose);
 }
 
 ExtremeView of_grid(const std::string& name, const ViewAt& at,
@@ -105,7 +105,7 @@ SyntheticTake make_extreme_array(const std::string& name) {
   SyntheticTake take;
   take.cameras = grid(3, 3);
   if (name == "flat") {
-    take.depth_range = DepthRange{take.plane_depth, take.plane_depth};
+    take.depth_range = schemas::DepthRange{take.plane_depth, take.plane_depth};
   } else if (name == "far off") {
     take.origin = {kFarOff, kFarOff, kFarOff};
   } else if (name == "double") {
@@ -120,7 +120,7 @@ SyntheticTake make_extreme_array(const std::string& name) {
     }
   } else if (name == "coincident") {
     take.cameras = grid(1, 3);
-    for (CameraGeometry& camera : take.cameras) place(camera, 0.01, 0.02);
+    for (schemas::CameraGeometry& camera : take.cameras) place(camera, 0.01, 0.02);
   } else if (name == "single") {
     take.cameras = grid(1, 1);
   } else if (name != "grid") {

@@ -12,10 +12,10 @@ namespace raystage::testing {
 
 struct ExtremeView {
   std::string name;
-  std::string array;      ///< name of the array to render; see make_extreme_array()
-  VirtualCamera view;     ///< in the take's world
-  Eigen::Vector4d plane;  ///< focal plane in the take's world
-  bool blank = false;     ///< no ray can be reconstructed on the plane
+  std::string array;           ///< name of the array to render; see make_extreme_array()
+  render::VirtualCamera view;  ///< in the take's world
+  Eigen::Vector4d plane;       ///< focal plane in the take's world
+  bool blank = false;          ///< no ray can be reconstructed on the plane
 };
 
 /// Returns a small array. "grid": 3 x 3, 6 cm apart, in the plane z = 0 around the origin, looking

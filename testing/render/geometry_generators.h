@@ -38,7 +38,7 @@ inline Eigen::Vector3d random_origin() {
 }
 
 /// Returns a pose with any rotation within `reach` metres of a point.
-inline Pose random_pose(const Eigen::Vector3d& around, double reach) {
+inline rig::Pose random_pose(const Eigen::Vector3d& around, double reach) {
   return {rotation(), around + reach * direction() * unit()};
 }
 
@@ -55,11 +55,11 @@ inline Eigen::Vector4d random_plane(const Eigen::Vector3d& point, double distanc
 }
 
 /// Returns a view of 1 to 16384 pixels per row, 0.01 to 179 degrees wide.
-inline VirtualCamera random_view(const Pose& pose) {
+inline render::VirtualCamera random_view(const rig::Pose& pose) {
   const double degrees = *rc::gen::element(0.01, 1.0, 10.0, 50.0, 120.0, 179.0);
   const int width = *rc::gen::element(1, 24, 640, 16384);
-  return virtual_camera_with_fov(width, *rc::gen::element(1, 18), degrees * std::numbers::pi / 180,
-                                 pose);
+  return render::virtual_camera_with_fov(width, *rc::gen::element(1, 18),
+                                         degrees * std::numbers::pi / 180, pose);
 }
 
 /// Returns a rotation that looks at a target, which must differ from the eye.
@@ -68,26 +68,26 @@ inline Eigen::Matrix3d rotation_towards(const Eigen::Vector3d& eye, const Eigen:
       .toRotationMatrix();
 }
 
-inline std::vector<int> all_cameras(const Rig& rig) {
+inline std::vector<int> all_cameras(const rig::Rig& rig) {
   std::vector<int> cameras(rig.cameras.size());
   for (std::size_t i = 0; i < cameras.size(); ++i) cameras[i] = static_cast<int>(i);
   return cameras;
 }
 
 /// Returns a jittered grid, a row or a single camera of any pose; spacing 1 mm to 5 m.
-inline Rig random_rig(int image_width = 64, int image_height = 48) {
+inline rig::Rig random_rig(int image_width = 64, int image_height = 48) {
   const int rows = *rc::gen::inRange(1, 4), columns = *rc::gen::inRange(1, 4);
   const double spacing = *rc::gen::element(0.001, 0.06, 5.0);
   const double jitter = rows == 1 || columns == 1 ? 0 : *rc::gen::element(0.0, 0.1) * spacing;
   const Eigen::Vector3d far = random_origin();
   const Eigen::Matrix3d turn =
       *rc::gen::arbitrary<bool>() ? rotation() : Eigen::Matrix3d::Identity();
-  RigDocument document;
+  schemas::RigDocument document;
   for (const auto& camera : camera_grid(rows, columns, spacing, image_width, image_height)) {
     document.cameras.push_back({camera, {}});
   }
-  Rig rig = rig_from_document(document);
-  for (Rig::Camera& camera : rig.cameras) {
+  rig::Rig rig = rig::rig_from_document(document);
+  for (rig::Rig::Camera& camera : rig.cameras) {
     camera.pose.position += Eigen::Vector3d(between(-jitter, jitter), between(-jitter, jitter),
                                             between(-jitter, jitter));
     camera.pose.position = turn * camera.pose.position + far;

@@ -12,12 +12,12 @@ namespace raystage::testing {
 namespace {
 
 constexpr int kEnlarged = 15;
-constexpr Distortion kLens{-0.2, 0.05, 0.001, -0.002, 0.003};
+constexpr schemas::Distortion kLens{-0.2, 0.05, 0.001, -0.002, 0.003};
 
-Rig rig_of(const ExtremeView& extreme) {
+rig::Rig rig_of(const ExtremeView& extreme) {
   const SyntheticTake take = make_extreme_array(extreme.array);
-  RigDocument document;
-  for (CameraGeometry camera : take.cameras) {
+  schemas::RigDocument document;
+  for (schemas::CameraGeometry camera : take.cameras) {
     camera.width *= kEnlarged;
     camera.height *= kEnlarged;
     for (double* length : {&camera.intrinsics.fx, &camera.intrinsics.fy, &camera.intrinsics.cx,
@@ -30,7 +30,7 @@ Rig rig_of(const ExtremeView& extreme) {
     }
     document.cameras.push_back({camera, {}});
   }
-  return rig_from_document(document);
+  return rig::rig_from_document(document);
 }
 
 void raise(double& worst, double error) {
@@ -44,15 +44,15 @@ double difference(double value, const Real& truth) {
 
 class PixelComparison {
  public:
-  PixelComparison(const ExtremeView& extreme, const Rig& rig, const Topology& topology,
-                  const RayCells& cells, const PlaneProjection& projection)
+  PixelComparison(const ExtremeView& extreme, const rig::Rig& rig, const rig::Topology& topology,
+                  const render::RayCells& cells, const render::PlaneProjection& projection)
       : extreme_(extreme), rig_(rig), topology_(topology), cells_(cells), projection_(projection) {}
 
   void add(const ProbedPixel& pixel, ViewAccuracy& accuracy) const {
     const double x = pixel.x + 0.5, y = pixel.y + 0.5;
     const ExactVector ray = exact_ray(extreme_.view, x, y);
     const Eigen::Vector3d& eye = extreme_.view.pose.position;
-    const RayCells::Cell& cell = cells_.cells()[static_cast<std::size_t>(pixel.cell)];
+    const render::RayCells::Cell& cell = cells_.cells()[pixel.cell];
     const auto count = static_cast<std::size_t>(cell.count);
     GeometryErrors &in_double = accuracy.in_double, &in_kernels = accuracy.in_kernels;
 
@@ -97,11 +97,11 @@ class PixelComparison {
   }
 
  private:
-  const Rig::Camera& camera(const RayCells::Cell& cell, std::size_t i) const {
-    return rig_.cameras[static_cast<std::size_t>(cell.camera[i])];
+  const rig::Rig::Camera& camera(const render::RayCells::Cell& cell, std::size_t i) const {
+    return rig_.cameras[cell.camera[i]];
   }
 
-  void compare_position(const Rig::Camera& camera, const ExactVector& ray,
+  void compare_position(const rig::Rig::Camera& camera, const ExactVector& ray,
                         const Eigen::Vector3d& pixel,
                         const std::optional<std::array<double, 2>>& by_kernel,
                         ViewAccuracy& accuracy) const {
@@ -130,21 +130,21 @@ class PixelComparison {
 
   static constexpr double kLost = 1e9;  // pixels: a camera that sees the point was excluded
   const ExtremeView& extreme_;
-  const Rig& rig_;
-  const Topology& topology_;
-  const RayCells& cells_;
-  const PlaneProjection& projection_;
+  const rig::Rig& rig_;
+  const rig::Topology& topology_;
+  const render::RayCells& cells_;
+  const render::PlaneProjection& projection_;
 };
 
 }  // namespace
 
 ViewAccuracy measure_accuracy(const ExtremeView& extreme) {
-  const Rig rig = rig_of(extreme);
+  const rig::Rig rig = rig_of(extreme);
   std::vector<int> cameras;
   for (int i = 0; i < static_cast<int>(rig.cameras.size()); ++i) cameras.push_back(i);
-  const Topology topology = make_topology(rig, cameras);
-  const RayCells cells(extreme.view, rig, topology);
-  const PlaneProjection projection(extreme.view, extreme.plane);
+  const rig::Topology topology = rig::make_topology(rig, cameras);
+  const render::RayCells cells(extreme.view, rig, topology);
+  const render::PlaneProjection projection(extreme.view, extreme.plane);
   const PixelComparison comparison(extreme, rig, topology, cells, projection);
   ViewAccuracy accuracy;
   if (!projection.at_infinity() && projection.distance() == 0)

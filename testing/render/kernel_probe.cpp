@@ -32,7 +32,7 @@ std::vector<std::uint16_t> picture_of_coordinates(int width, int height) {
 
 /// A 4 x 4 picture of one primary colour; every ray samples its middle.
 struct Primary {
-  SourceView view;
+  render::SourceView view;
   std::array<std::uint16_t, 64> rgba{};
 
   explicit Primary(std::size_t channel) {
@@ -47,24 +47,25 @@ struct Rendered {
   std::vector<float> rgba, alpha, z;
 };
 
-Rendered blend(const PixelRun& run) {
+Rendered blend(const render::PixelRun& run) {
   const auto pixels = static_cast<std::size_t>(run.end - run.begin);
   Rendered rendered{std::vector<float>(4 * pixels), std::vector<float>(pixels),
                     std::vector<float>(pixels)};
-  blend_run(run, BlendSpace::kLinear, 1, rendered.rgba.data(), rendered.alpha.data(),
-            rendered.z.data());
+  render::blend_run(run, store::BlendSpace::kLinear, 1, rendered.rgba.data(), rendered.alpha.data(),
+                    rendered.z.data());
   return rendered;
 }
 
 class Probe {
  public:
-  Probe(const Rig& rig, const RayCells& cells, const PlaneProjection& projection)
+  Probe(const rig::Rig& rig, const render::RayCells& cells,
+        const render::PlaneProjection& projection)
       : rig_(rig), cells_(cells), projection_(projection) {
     for (Primary& primary : primaries_) primary.view.rgba = primary.rgba.data();
   }
 
-  void add(const RayCells::Span& span, int y, std::vector<ProbedPixel>& probed) {
-    const RayCells::Cell& cell = cells_.cells()[static_cast<std::size_t>(span.cell)];
+  void add(const render::RayCells::Span& span, int y, std::vector<ProbedPixel>& probed) {
+    const render::RayCells::Cell& cell = cells_.cells()[span.cell];
     const std::size_t first = probed.size();
     for (int x = span.begin; x < span.end; ++x) {
       probed.emplace_back();
@@ -74,18 +75,19 @@ class Probe {
     }
     const std::span<ProbedPixel> pixels(probed.begin() + static_cast<std::ptrdiff_t>(first),
                                         probed.end());
-    PixelRun run;
+    render::PixelRun run;
     run.begin = span.begin;
     run.end = span.end;
     run.y = y;
     compute_weights(cell, run, pixels);
     for (std::size_t c = 0; c < static_cast<std::size_t>(cell.count); ++c) {
-      find_positions(rig_.cameras[static_cast<std::size_t>(cell.camera[c])], c, run, pixels);
+      find_positions(rig_.cameras[cell.camera[c]], c, run, pixels);
     }
   }
 
  private:
-  void compute_weights(const RayCells::Cell& cell, PixelRun run, std::span<ProbedPixel> pixels) {
+  void compute_weights(const render::RayCells::Cell& cell, render::PixelRun run,
+                       std::span<ProbedPixel> pixels) {
     run.count = cell.count;
     for (std::size_t c = 0; c < static_cast<std::size_t>(cell.count); ++c) {
       run.source[c] = &primaries_[c].view;
@@ -100,9 +102,10 @@ class Probe {
     }
   }
 
-  void find_positions(const Rig::Camera& camera, std::size_t c, PixelRun run,
+  void find_positions(const rig::Rig::Camera& camera, std::size_t c, render::PixelRun run,
                       std::span<ProbedPixel> pixels) {
-    SourceView source = make_source_view(camera.model, projection_.ideal_from_pixel(camera.pose));
+    render::SourceView source =
+        render::make_source_view(camera.model, projection_.ideal_from_pixel(camera.pose));
     auto& picture = pictures_[{source.width, source.height}];
     if (picture.empty()) picture = picture_of_coordinates(source.width, source.height);
     source.rgba = picture.data();
@@ -124,24 +127,25 @@ class Probe {
     }
   }
 
-  const Rig& rig_;
-  const RayCells& cells_;
-  const PlaneProjection& projection_;
+  const rig::Rig& rig_;
+  const render::RayCells& cells_;
+  const render::PlaneProjection& projection_;
   std::array<Primary, 3> primaries_{Primary(0), Primary(1), Primary(2)};
   std::map<std::pair<int, int>, std::vector<std::uint16_t>> pictures_;  // by size
 };
 
 }  // namespace
 
-std::vector<ProbedPixel> probe_kernels(const VirtualCamera& view, const Rig& rig,
-                                       const RayCells& cells, const PlaneProjection& projection) {
+std::vector<ProbedPixel> probe_kernels(const render::VirtualCamera& view, const rig::Rig& rig,
+                                       const render::RayCells& cells,
+                                       const render::PlaneProjection& projection) {
   Probe probe(rig, cells, projection);
   std::vector<int> scratch;
-  std::vector<RayCells::Span> spans;
+  std::vector<render::RayCells::Span> spans;
   std::vector<ProbedPixel> probed;
   for (int y = 0; y < view.height; ++y) {
     cells.row_spans(y, view.width, scratch, spans);
-    for (const RayCells::Span& span : spans) probe.add(span, y, probed);
+    for (const render::RayCells::Span& span : spans) probe.add(span, y, probed);
   }
   return probed;
 }

@@ -14,21 +14,23 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::testing {
 namespace HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-using testing::ProbedPosition;
+using render::HWY_NAMESPACE::BlockProjection, render::HWY_NAMESPACE::PositionFit;
+using render::HWY_NAMESPACE::Curve, render::HWY_NAMESPACE::evaluate_rounded;
+using render::HWY_NAMESPACE::kColumnBits, render::HWY_NAMESPACE::kRowBits;
 
 /// As sample_fitted() and sample_exactly() of the cost kernels.
-void probe(const MatchingCamera& camera, const CostRun& run, int begin, int count,
+void probe(const render::MatchingCamera& camera, const render::CostRun& run, int begin, int count,
            std::vector<ProbedPosition>& found) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
-  CostScratch scratch(run.planes.count, 1);
-  const BlockPositions positions = scratch.positions(0);
+  render::CostScratch scratch(run.planes.count, 1);
+  const render::BlockPositions positions = scratch.positions(0);
   const BlockProjection projection(camera, run, begin, count);
   PositionFit(projection, count).fit(run.planes.count, positions);
   const double left = camera.frame->box().left + projection.column() + 0.5;
@@ -70,21 +72,20 @@ void probe(const MatchingCamera& camera, const CostRun& run, int begin, int coun
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::testing
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::testing {
 
 HWY_EXPORT(probe);
 
-std::vector<testing::ProbedPosition> testing::probe_positions(const MatchingCamera& camera,
-                                                              const CostRun& run, int begin,
-                                                              int count) {
+std::vector<ProbedPosition> probe_positions(const render::MatchingCamera& camera,
+                                            const render::CostRun& run, int begin, int count) {
   std::vector<ProbedPosition> found;
   HWY_DYNAMIC_DISPATCH(probe)(camera, run, begin, count, found);
   return found;
 }
 
-}  // namespace raystage
+}  // namespace raystage::testing
 #endif

@@ -16,7 +16,7 @@ struct ProbedPosition {
 
 /// Returns the positions plane by plane, of `count` pixels (at most kCostBlockSize) from `begin`
 /// on. Run-time dispatch: see cost_kernel_target().
-std::vector<ProbedPosition> probe_positions(const MatchingCamera& camera, const CostRun& run,
-                                            int begin, int count);
+std::vector<ProbedPosition> probe_positions(const render::MatchingCamera& camera,
+                                            const render::CostRun& run, int begin, int count);
 
 }  // namespace raystage::testing

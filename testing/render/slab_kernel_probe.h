@@ -51,12 +51,13 @@ class SlabKernelProbe {
     }
   }
 
-  /// Weights of the nodes at pixel x, seen or not: upper left, upper right, lower left, lower
+  /// Weights of the nodes at pixel x, visible or not: upper left, upper right, lower left, lower
   /// right.
-  std::array<double, 4> weights(SlabRun run, int x) const {
+  std::array<double, 4> weights(render::SlabRun run, int x) const {
     for (std::size_t node = 0; node < 4; ++node) run.node[node] = primaries_.of(node);
     run.width = run.height = 4;
-    run.u = run.v = {SlabRun::LinearFunction{0, 0, 2}, SlabRun::LinearFunction{0, 0, 2}};
+    run.u = run.v = {render::SlabRun::LinearFunction{0, 0, 2},
+                     render::SlabRun::LinearFunction{0, 0, 2}};
     run.ahead = {0, 0, 1};
     run.at_infinity = true;
     const Pixel pixel = render(run, x);
@@ -68,7 +69,7 @@ class SlabKernelProbe {
   struct Seen {
     double u = 0, v = 0, alpha = 0, z = 0;
   };
-  Seen seen(SlabRun run, std::size_t node, int x) const {
+  Seen seen(render::SlabRun run, std::size_t node, int x) const {
     run.node = {};
     run.node[node] = coordinates_.of(0);
     run.across = {0, 0, 1};
@@ -86,11 +87,11 @@ class SlabKernelProbe {
     std::array<double, 4> rgba{};
     double z = 0;
   };
-  static Pixel render(const SlabRun& run, int x) {
+  static Pixel render(const render::SlabRun& run, int x) {
     const auto count = static_cast<std::size_t>(run.end - run.begin);
     const auto i = static_cast<std::size_t>(x - run.begin);
     std::vector<float> rgba(4 * count), z(count);
-    sample_slab_run(run, BlendSpace::kLinear, 1, rgba.data(), z.data());
+    render::sample_slab_run(run, store::BlendSpace::kLinear, 1, rgba.data(), z.data());
     Pixel pixel;
     for (std::size_t c = 0; c < 4; ++c) pixel.rgba[c] = double{rgba[4 * i + c]};
     pixel.z = double{z[i]};

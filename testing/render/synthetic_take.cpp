@@ -16,13 +16,14 @@ std::array<double, 3> painted_plane(double x, double y) {
           0.4 + 0.3 * std::cos(6 * x - 3 * y)};
 }
 
-std::vector<CameraGeometry> camera_grid(int rows, int columns, double spacing, int width,
-                                        int height, const Distortion& distortion) {
-  std::vector<CameraGeometry> cameras;
+std::vector<schemas::CameraGeometry> camera_grid(int rows, int columns, double spacing, int width,
+                                                 int height,
+                                                 const schemas::Distortion& distortion) {
+  std::vector<schemas::CameraGeometry> cameras;
   const double focal_length = width / 2.0 / std::tan(31 * std::numbers::pi / 180);
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {
-      CameraGeometry camera;
+      schemas::CameraGeometry camera;
       camera.id = "r" + std::to_string(row) + "c" + std::to_string(column);
       camera.width = width;
       camera.height = height;
@@ -40,8 +41,8 @@ std::vector<CameraGeometry> camera_grid(int rows, int columns, double spacing, i
 namespace {
 
 /// Linear light along the ray of an image position.
-std::array<double, 3> light_at(const SyntheticTake& settings, const CameraModel& model,
-                               const Pose& pose, double x, double y) {
+std::array<double, 3> light_at(const SyntheticTake& settings, const rig::CameraModel& model,
+                               const rig::Pose& pose, double x, double y) {
   const auto ray = model.unproject({x, y});
   if (!ray) return {};
   const Eigen::Vector3d direction = pose.world_from_camera_rotation * *ray;
@@ -53,11 +54,12 @@ std::array<double, 3> light_at(const SyntheticTake& settings, const CameraModel&
 
 }  // namespace
 
-RgbImage render_camera_image(const CameraGeometry& geometry, const SyntheticTake& settings) {
-  const CameraModel model(geometry);
-  const Pose pose = pose_from_matrix(geometry.world_from_camera);
+store::RgbImage render_camera_image(const schemas::CameraGeometry& geometry,
+                                    const SyntheticTake& settings) {
+  const rig::CameraModel model(geometry);
+  const rig::Pose pose = rig::pose_from_matrix(geometry.world_from_camera);
   const int parts = settings.samples;
-  RgbImage image{geometry.width, geometry.height, {}};
+  store::RgbImage image{geometry.width, geometry.height, {}};
   for (int y = 0; y < geometry.height; ++y) {
     for (int x = 0; x < geometry.width; ++x) {
       std::array<double, 3> linear{};
@@ -68,7 +70,7 @@ RgbImage render_camera_image(const CameraGeometry& geometry, const SyntheticTake
         for (std::size_t c = 0; c < 3; ++c) linear[c] += light[c] / (parts * parts);
       }
       for (std::size_t c = 0; c < 3; ++c) {
-        const PhotometricResponse& response = settings.photometric;
+        const schemas::PhotometricResponse& response = settings.photometric;
         const double shown = (linear[c] - response.brightness[c]) / response.contrast[c];
         const double code = std::clamp(srgb_from_linear(shown), 0.0, 1.0);
         image.pixels.push_back(static_cast<std::uint8_t>(code * 255 + 0.5));
@@ -79,7 +81,7 @@ RgbImage render_camera_image(const CameraGeometry& geometry, const SyntheticTake
 }
 
 void write_synthetic_take(const SyntheticTake& settings, const std::filesystem::path& folder) {
-  TakeDocument take;
+  schemas::TakeDocument take;
   take.name = "synthetic";
   take.created_by = "raystage test";
   take.nominal_fps = 15;
@@ -88,29 +90,29 @@ void write_synthetic_take(const SyntheticTake& settings, const std::filesystem::
   take.timestamp_event = "exposure_middle";
   if (settings.has_depth_range) {
     take.depth_range = settings.depth_range.value_or(
-        DepthRange{settings.plane_depth, settings.plane_depth * 1.001});
+        schemas::DepthRange{settings.plane_depth, settings.plane_depth * 1.001});
     if (take.depth_range->near == 0) take.depth_range.reset();
   }
-  RigDocument rig;
+  schemas::RigDocument rig;
   rig.name = "synthetic";
-  for (const CameraGeometry& camera : settings.cameras) {
+  for (const schemas::CameraGeometry& camera : settings.cameras) {
     take.cameras.push_back({camera.id, "", "", ""});
     rig.cameras.push_back({camera, settings.photometric});
     for (std::size_t axis = 0; axis < 3; ++axis) {
       rig.cameras.back().geometry.world_from_camera[4 * axis + 3] += settings.origin[axis];
     }
   }
-  TakeWriter writer(folder, take, rig);
+  store::TakeWriter writer(folder, take, rig);
   for (std::size_t i = 0; i < settings.cameras.size(); ++i) {
     const int camera = static_cast<int>(i);
     const auto jpeg =
-        encode_jpeg(render_camera_image(settings.cameras[i], settings), settings.jpeg);
+        store::encode_jpeg(render_camera_image(settings.cameras[i], settings), settings.jpeg);
     for (int frame = 0; frame < settings.frames; ++frame) {
       const Nanoseconds time = frame * kNanosecondsPerSecond / 15;
       const bool dropped = std::find(settings.absent.begin(), settings.absent.end(),
                                      std::pair{camera, frame}) != settings.absent.end();
       if (dropped) {
-        writer.archive(camera).append_missing(FrameStatus::kDroppedBySource, time);
+        writer.archive(camera).append_missing(store::FrameStatus::kDroppedBySource, time);
       } else {
         writer.archive(camera).append(jpeg, time);
       }

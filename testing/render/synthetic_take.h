@@ -25,24 +25,26 @@ using SceneFunction =
     std::function<std::array<double, 3>(const Eigen::Vector3d&, const Eigen::Vector3d&)>;
 
 struct SyntheticTake {
-  std::vector<CameraGeometry> cameras;
+  std::vector<schemas::CameraGeometry> cameras;
   std::array<double, 3> origin{};  ///< position of this description's origin in the take's world
   double plane_depth = 4;          ///< the painted plane is z = -plane_depth
   SceneFunction scene;             ///< replaces the painted plane, if given
   int samples = 1;                 ///< per pixel and axis, averaged
   bool has_depth_range = true;     ///< whether take.json has one
-  std::optional<DepthRange> depth_range;    ///< of take.json; by default that of the plane
-  int frames = 1;                           ///< at 15 fps
-  std::vector<std::pair<int, int>> absent;  ///< dropped frames: (camera, frame)
-  PhotometricResponse photometric;          ///< calibration of every camera
-  JpegEncodeSettings jpeg;
+  std::optional<schemas::DepthRange> depth_range;  ///< of take.json; by default that of the plane
+  int frames = 1;                                  ///< at 15 fps
+  std::vector<std::pair<int, int>> absent;         ///< dropped frames: (camera, frame)
+  schemas::PhotometricResponse photometric;        ///< calibration of every camera
+  store::JpegEncodeSettings jpeg;
 };
 
 /// Returns `rows` x `columns` wall-eyed cameras in the plane z = 0 at the origin, 62 degrees wide.
-std::vector<CameraGeometry> camera_grid(int rows, int columns, double spacing, int width,
-                                        int height, const Distortion& distortion = {});
+std::vector<schemas::CameraGeometry> camera_grid(int rows, int columns, double spacing, int width,
+                                                 int height,
+                                                 const schemas::Distortion& distortion = {});
 
-RgbImage render_camera_image(const CameraGeometry& camera, const SyntheticTake& settings);
+store::RgbImage render_camera_image(const schemas::CameraGeometry& camera,
+                                    const SyntheticTake& settings);
 
 /// Writes the take to `folder` (which must not exist).
 void write_synthetic_take(const SyntheticTake& settings, const std::filesystem::path& folder);

@@ -56,10 +56,10 @@ inline std::array<double, 3> slanted_scene(const Eigen::Vector3d& from,
 /// Writes takes of these scenes and renders them by method depth.
 class DepthTest : public ::testing::Test {
  protected:
-  static SyntheticTake slanted(int rows, int columns, const Distortion& distortion = {}) {
+  static SyntheticTake slanted(int rows, int columns, const schemas::Distortion& distortion = {}) {
     SyntheticTake take;
     take.cameras = camera_grid(rows, columns, 0.1, 96, 72, distortion);
-    take.depth_range = DepthRange{2.5, 7};
+    take.depth_range = schemas::DepthRange{2.5, 7};
     take.scene = slanted_scene;
     return take;
   }
@@ -69,15 +69,16 @@ class DepthTest : public ::testing::Test {
     return take;
   }
   std::filesystem::path take_folder() const { return folder_.path() / "take"; }
-  Take write(const SyntheticTake& settings) {
+  store::Take write(const SyntheticTake& settings) {
     write_synthetic_take(settings, take_folder());
-    return Take(take_folder());
+    return store::Take(take_folder());
   }
-  static RenderedView render(const Take& take, const VirtualCamera& view, OptionValues options = {},
-                             const RendererSettings& settings = {}, int frame = 0) {
-    const FrameSelection frames =
-        select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
-    return LightFieldRenderer(take, settings)
+  static render::RenderedView render(const store::Take& take, const render::VirtualCamera& view,
+                                     schemas::OptionValues options = {},
+                                     const render::RendererSettings& settings = {}, int frame = 0) {
+    const store::FrameSelection frames =
+        store::select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
+    return render::LightFieldRenderer(take, settings)
         .render(view, frames, {"depth", {0, 0, 0, 1}, std::move(options)});
   }
   std::vector<std::filesystem::path> stored_depth_files() const {
@@ -92,12 +93,12 @@ class DepthTest : public ::testing::Test {
   TestFolder folder_;
 };
 
-inline VirtualCamera default_view() {
-  return virtual_camera_with_fov(90, 64, 40 * kDegree, make_pose({0.02, 0.013, 0.03}, 2));
+inline render::VirtualCamera default_view() {
+  return render::virtual_camera_with_fov(90, 64, 40 * kDegree, make_pose({0.02, 0.013, 0.03}, 2));
 }
 
 /// Both results blend at the same depths, so they differ only by float rounding.
-inline void expect_equal(const RenderedView& fast, const RenderedView& slow) {
+inline void expect_equal(const render::RenderedView& fast, const render::RenderedView& slow) {
   for (std::size_t i = 0; i < fast.coverage.size(); ++i) {
     ASSERT_NEAR(fast.coverage[i], slow.coverage[i], 2e-3) << "pixel " << i;
     for (std::size_t c = 0; c < 4; ++c) {

@@ -17,17 +17,18 @@ namespace raystage::testing {
 
 constexpr int kWidth = 53, kHeight = 31;
 
-inline VirtualCamera camera_at(const Eigen::Vector3d& position, double yaw) {
-  Pose pose;
+inline render::VirtualCamera camera_at(const Eigen::Vector3d& position, double yaw) {
+  rig::Pose pose;
   pose.position = position;
   pose.world_from_camera_rotation =
       Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
-  return virtual_camera_with_fov(kWidth, kHeight, 0.8, pose);
+  return render::virtual_camera_with_fov(kWidth, kHeight, 0.8, pose);
 }
 
 /// `bend`: k1 of the lens. Above 0 the frame does not show the pinhole's corners.
-inline MatchingImage random_image(unsigned seed, const VirtualCamera& pinhole, double bend) {
-  DecodedFrame frame;
+inline render::MatchingImage random_image(unsigned seed, const render::VirtualCamera& pinhole,
+                                          double bend) {
+  store::DecodedFrame frame;
   frame.width = pinhole.width;
   frame.height = pinhole.height;
   const auto pixels = static_cast<std::size_t>(frame.width * frame.height);
@@ -36,25 +37,23 @@ inline MatchingImage random_image(unsigned seed, const VirtualCamera& pinhole, d
   for (std::size_t i = 0; i < 4 * pixels; ++i) {
     frame.rgba[i] = static_cast<std::uint16_t>(random());
   }
-  CameraGeometry geometry;
+  schemas::CameraGeometry geometry;
   geometry.id = "c";
   geometry.width = pinhole.width;
   geometry.height = pinhole.height;
   geometry.intrinsics = pinhole.intrinsics;
   geometry.intrinsics.distortion.k1 = bend;
   return {frame,
-          BlendSpace::kPerceptual,
-          {"c", CameraModel(geometry), pinhole.pose, {}, {}, {}},
+          store::BlendSpace::kPerceptual,
+          {"c", rig::CameraModel(geometry), pinhole.pose, {}, {}, {}},
           pinhole};
 }
 
-inline InverseDepthMap random_depths(unsigned seed, float least, float most) {
-  InverseDepthMap map{kWidth, kHeight, {}};
+inline render::InverseDepthMap random_depths(unsigned seed, float least, float most) {
+  render::InverseDepthMap map(kWidth, kHeight);
   std::mt19937 random(seed);
   std::uniform_real_distribution<float> depth(least, most);
-  for (int i = 0; i < kWidth * kHeight; ++i) {
-    map.values.push_back(random() % 9 == 0 ? kUnknownDepth : depth(random));
-  }
+  for (float& value : map.values) value = random() % 9 == 0 ? render::kUnknownDepth : depth(random);
   return map;
 }
 
@@ -62,7 +61,8 @@ struct TransferredPoint {
   double u = 0, v = 0, w = 0, inverse_depth = 0;
   bool inside = false;
 };
-inline TransferredPoint transfer_point(const PixelTransfer& t, double x, double y, double q) {
+inline TransferredPoint transfer_point(const render::PixelTransfer& t, double x, double y,
+                                       double q) {
   const auto part = [&](std::size_t r) {
     return t.direction[3 * r] * x + t.direction[3 * r + 1] * y + t.direction[3 * r + 2] +
            q * t.parallax[r];
@@ -82,7 +82,7 @@ inline double bilinear(double u, double v, const std::function<double(int, int)>
   return (1 - down) * ((1 - right) * at(x0, y0) + right * at(x1, y0)) +
          down * ((1 - right) * at(x0, y1) + right * at(x1, y1));
 }
-inline double luma_at(const MatchingImage& image, double u, double v) {
+inline double luma_at(const render::MatchingImage& image, double u, double v) {
   const int left = static_cast<int>(std::clamp(u - 0.5, 0.0, kWidth - 1.0));
   const int top = static_cast<int>(std::clamp(v - 0.5, 0.0, kHeight - 1.0));
   const std::uint32_t word = image.words()[top * kWidth + left];
@@ -91,7 +91,8 @@ inline double luma_at(const MatchingImage& image, double u, double v) {
   });
 }
 /// Returns whether an image is known at a position; nullopt if rounding decides.
-inline std::optional<bool> is_known(const MatchingImage& image, const TransferredPoint& place) {
+inline std::optional<bool> is_known(const render::MatchingImage& image,
+                                    const TransferredPoint& place) {
   int known = 0;
   for (int i = 0; i < 4; ++i) {
     const double u = place.u + (i % 2 == 0 ? -1e-3 : 1e-3), v = place.v + (i < 2 ? -1e-3 : 1e-3);
@@ -113,16 +114,16 @@ class DepthKernelsTest : public ::testing::Test {
       depths_.push_back(random_depths(static_cast<unsigned>(i) + 20, 0.1F, 0.5F));
     }
     for (std::size_t i = 0; i < kPartners; ++i) {
-      partners_.push_back({pixel_transfer(others_[i], own_), &images_[i], &depths_[i]});
+      partners_.push_back({render::pixel_transfer(others_[i], own_), &images_[i], &depths_[i]});
     }
   }
   static constexpr std::size_t kPartners = 6;
-  VirtualCamera own_ = camera_at({0, 0, 0}, 0);
-  MatchingImage image_ = random_image(0, own_, 0.5);
-  std::vector<VirtualCamera> others_;
-  std::vector<MatchingImage> images_;
-  std::vector<InverseDepthMap> depths_;
-  std::vector<NeighbourView> partners_;
+  render::VirtualCamera own_ = camera_at({0, 0, 0}, 0);
+  render::MatchingImage image_ = random_image(0, own_, 0.5);
+  std::vector<render::VirtualCamera> others_;
+  std::vector<render::MatchingImage> images_;
+  std::vector<render::InverseDepthMap> depths_;
+  std::vector<render::NeighbourView> partners_;
 };
 
 }  // namespace raystage::testing

@@ -11,17 +11,18 @@
 namespace raystage::testing {
 
 /// A matte defined by a function of the camera and the position of a pixel's centre in its frame.
-class FunctionMatte : public FrameMatte {
+class FunctionMatte : public store::FrameMatte {
  public:
   using Function = std::function<double(int camera, double x, double y)>;
   explicit FunctionMatte(Function alpha) : alpha_(std::move(alpha)) {}
 
-  std::unique_ptr<const FrameKeyer> make_keyer(int camera, int, const CodeScale&) const override {
+  std::unique_ptr<const store::FrameKeyer> make_keyer(int camera, int,
+                                                      const store::CodeScale&) const override {
     return std::make_unique<Key>(alpha_, camera);
   }
 
  private:
-  class Key : public FrameKeyer {
+  class Key : public store::FrameKeyer {
    public:
     Key(const Function& alpha, int camera) : alpha_(alpha), camera_(camera) {}
     void key_row(int x, int y, std::span<std::uint16_t> rgba) const override {

@@ -11,9 +11,9 @@ namespace raystage::testing {
 inline constexpr double kDegree = std::numbers::pi / 180;
 
 /// Returns a pose at `position`, rotated to the left and then upwards.
-inline Pose make_pose(const Eigen::Vector3d& position, double yaw_degrees,
-                      double pitch_degrees = 0) {
-  Pose pose;
+inline rig::Pose make_pose(const Eigen::Vector3d& position, double yaw_degrees,
+                           double pitch_degrees = 0) {
+  rig::Pose pose;
   pose.position = position;
   pose.world_from_camera_rotation =
       (Eigen::AngleAxisd(yaw_degrees * kDegree, Eigen::Vector3d::UnitY()) *

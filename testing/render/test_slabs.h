@@ -17,27 +17,27 @@ namespace raystage::testing {
 inline const Eigen::Vector4d kPaintedPlane(0, 0, 1, 4);
 
 struct FastAndReference {
-  RenderedView fast, reference;
+  render::RenderedView fast, reference;
 };
 
 struct RenderCase {
   Eigen::Vector4d plane = kPaintedPlane;
-  OptionValues options = {};
+  schemas::OptionValues options = {};
   int frame = 0;
-  BlendSpace space = BlendSpace::kPerceptual;
+  store::BlendSpace space = store::BlendSpace::kPerceptual;
 };
 
-inline FastAndReference render_both(const Take& take, const VirtualCamera& view,
+inline FastAndReference render_both(const store::Take& take, const render::VirtualCamera& view,
                                     const RenderCase& asked = {}) {
-  const FrameSelection frames =
-      select_frames(take, asked.frame * kNanosecondsPerSecond / 15, 30'000'000);
-  RendererSettings settings;
+  const store::FrameSelection frames =
+      store::select_frames(take, asked.frame * kNanosecondsPerSecond / 15, 30'000'000);
+  render::RendererSettings settings;
   settings.blend_space = asked.space;
-  const ReconstructionSettings how{"slabs", asked.plane, asked.options};
+  const render::ReconstructionSettings how{"slabs", asked.plane, asked.options};
   FastAndReference pair;
-  pair.fast = LightFieldRenderer(take, settings).render(view, frames, how);
+  pair.fast = render::LightFieldRenderer(take, settings).render(view, frames, how);
   settings.reference = true;
-  pair.reference = LightFieldRenderer(take, settings).render(view, frames, how);
+  pair.reference = render::LightFieldRenderer(take, settings).render(view, frames, how);
   return pair;
 }
 

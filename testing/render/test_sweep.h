@@ -15,10 +15,10 @@ namespace raystage::testing {
 
 class PlaneSweep : public ::testing::Test {
  protected:
-  static SyntheticTake slanted(int rows, int columns, const Distortion& distortion = {}) {
+  static SyntheticTake slanted(int rows, int columns, const schemas::Distortion& distortion = {}) {
     SyntheticTake take;
     take.cameras = camera_grid(rows, columns, 0.1, 96, 72, distortion);
-    take.depth_range = DepthRange{2.5, 7};
+    take.depth_range = schemas::DepthRange{2.5, 7};
     take.scene = slanted_scene;
     return take;
   }
@@ -27,15 +27,16 @@ class PlaneSweep : public ::testing::Test {
     take.scene = step_scene;
     return take;
   }
-  Take write(const SyntheticTake& settings) {
+  store::Take write(const SyntheticTake& settings) {
     write_synthetic_take(settings, folder_.path() / "take");
-    return Take(folder_.path() / "take");
+    return store::Take(folder_.path() / "take");
   }
-  static RenderedView render(const Take& take, const VirtualCamera& view, OptionValues options = {},
-                             const RendererSettings& settings = {}, int frame = 0) {
-    const FrameSelection frames =
-        select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
-    return LightFieldRenderer(take, settings)
+  static render::RenderedView render(const store::Take& take, const render::VirtualCamera& view,
+                                     schemas::OptionValues options = {},
+                                     const render::RendererSettings& settings = {}, int frame = 0) {
+    const store::FrameSelection frames =
+        store::select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
+    return render::LightFieldRenderer(take, settings)
         .render(view, frames, {"plane_sweep", {0, 0, 0, 1}, std::move(options)});
   }
   TestFolder folder_;
@@ -47,9 +48,10 @@ struct SlantedErrors {
 };
 
 /// Measures a view of slanted() without its border.
-inline SlantedErrors measure_slanted_errors(const RenderedView& image, const VirtualCamera& view) {
+inline SlantedErrors measure_slanted_errors(const render::RenderedView& image,
+                                            const render::VirtualCamera& view) {
   constexpr double kPixelMetres = 80 * 0.1;  // focal length times the cameras' spacing
-  const ViewRays rays(view);
+  const render::ViewRays rays(view);
   SlantedErrors errors;
   int count = 0;
   for (int y = 8; y < view.height - 8; ++y) {

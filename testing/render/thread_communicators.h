@@ -16,16 +16,16 @@ class ThreadCommunicators {
   explicit ThreadCommunicators(int hosts)
       : boxes_(static_cast<std::size_t>(hosts)), barrier_(hosts), hosts_(hosts) {}
 
-  class Group : public RankCommunicator {
+  class Group : public render::RankCommunicator {
    public:
     Group(ThreadCommunicators& all, int host) : all_(all), host_(host) {}
     int rank() const override { return host_; }
     int size() const override { return all_.hosts_; }
     std::vector<Message> exchange(std::vector<Message> messages) const override {
-      all_.boxes_[static_cast<std::size_t>(host_)] = std::move(messages);
+      all_.boxes_[host_] = std::move(messages);
       all_.barrier_.arrive_and_wait();
       std::vector<Message> received;
-      for (const auto& box : all_.boxes_) received.push_back(box[static_cast<std::size_t>(host_)]);
+      for (const auto& box : all_.boxes_) received.push_back(box[host_]);
       all_.barrier_.arrive_and_wait();
       return received;
     }
@@ -36,7 +36,7 @@ class ThreadCommunicators {
   };
 
  private:
-  std::vector<std::vector<RankCommunicator::Message>> boxes_;  // by sender and receiver
+  std::vector<std::vector<render::RankCommunicator::Message>> boxes_;  // by sender and receiver
   std::barrier<> barrier_;
   int hosts_;
 };

@@ -13,19 +13,19 @@
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
-namespace raystage {
+namespace raystage::testing {
 namespace HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-testing::TransferredPixel probe(const PixelTransfer& transfer, int x, int y, float inverse_depth,
-                                int width, int height) {
+TransferredPixel probe(const render::PixelTransfer& transfer, int x, int y, float inverse_depth,
+                       int width, int height) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d)), lane = x % lanes;
   HWY_ALIGN float u[hn::MaxLanes(d)], v[hn::MaxLanes(d)], depth[hn::MaxLanes(d)],
       inside[hn::MaxLanes(d)];
-  const RowTransfer along(transfer, y, width, height);
+  const render::HWY_NAMESPACE::RowTransfer along(transfer, y, width, height);
   const auto place = along.at(d, x - lane, hn::Set(d, inverse_depth));
   hn::Store(place.u, d, u);
   hn::Store(place.v, d, v);
@@ -39,20 +39,20 @@ const char* target() { return hwy::TargetName(HWY_TARGET); }
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace raystage
+}  // namespace raystage::testing
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace raystage {
+namespace raystage::testing {
 
 HWY_EXPORT(probe);
 HWY_EXPORT(target);
 
-testing::TransferredPixel testing::probe_transfer(const PixelTransfer& transfer, int x, int y,
-                                                  float inverse_depth, int width, int height) {
+TransferredPixel probe_transfer(const render::PixelTransfer& transfer, int x, int y,
+                                float inverse_depth, int width, int height) {
   return HWY_DYNAMIC_DISPATCH(probe)(transfer, x, y, inverse_depth, width, height);
 }
-const char* testing::transfer_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
+const char* transfer_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
 
-}  // namespace raystage
+}  // namespace raystage::testing
 #endif

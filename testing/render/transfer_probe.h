@@ -14,8 +14,8 @@ struct TransferredPixel {
 
 /// Transfers pixel x of row y at an inverse depth (not negative) to an image of width x height,
 /// within a vector of adjacent pixels. Run-time dispatch.
-TransferredPixel probe_transfer(const PixelTransfer& transfer, int x, int y, float inverse_depth,
-                                int width, int height);
+TransferredPixel probe_transfer(const render::PixelTransfer& transfer, int x, int y,
+                                float inverse_depth, int width, int height);
 
 const char* transfer_target();  ///< returns the name of the instruction set in use
 

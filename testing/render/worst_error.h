@@ -26,7 +26,7 @@ class WorstError {
     EXPECT_GT(compared_, 0) << what_ << ": nothing was compared";
     std::cout << "[  worst   ] " << what_ << ": " << std::scientific << std::setprecision(1)
               << error_ << std::defaultfloat << std::setprecision(2) << ", " << of_bound_
-              << " of what it may be (" << compared_ << " compared)" << std::endl;
+              << " of its bound (" << compared_ << " compared)" << std::endl;
   }
   WorstError(const WorstError&) = delete;
   WorstError& operator=(const WorstError&) = delete;

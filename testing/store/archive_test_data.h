@@ -13,7 +13,7 @@
 #include "store/archive.h"
 #include "testing/test_folder.h"
 
-namespace raystage::test {
+namespace raystage::testing {
 
 /// For tests: returns bytes in place of a JPEG (archives do not parse it), the same for the same
 /// seed. They contain Matroska's cluster identifier, as JPEG data may by chance.
@@ -41,18 +41,18 @@ inline void overwrite(const std::filesystem::path& file, std::span<const std::by
                static_cast<std::streamsize>(bytes.size()));
 }
 
-inline ArchiveWriter::Description description() {
+inline store::ArchiveWriter::Description description() {
   return {"r0c0", 640, 480, 1'767'225'600'123'456'789};
 }
 
 /// For tests: an archive and its journal, in a folder of their own.
 struct ArchiveFiles {
-  ArchiveWriter writer() const { return {mkv, journal, description()}; }
-  ArchiveReader reader() const { return {mkv, journal}; }
+  store::ArchiveWriter writer() const { return {mkv, journal, description()}; }
+  store::ArchiveReader reader() const { return {mkv, journal}; }
 
   TestFolder folder;
   std::filesystem::path mkv = folder.path() / "r0c0.mkv";
   std::filesystem::path journal = folder.path() / "r0c0.journal";
 };
 
-}  // namespace raystage::test
+}  // namespace raystage::testing

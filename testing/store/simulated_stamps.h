@@ -11,7 +11,7 @@
 #include "base/time.h"
 #include "store/processing/sync/resync.h"
 
-namespace raystage::test {
+namespace raystage::testing {
 
 /// For tests: time stamps of free-running cameras with known truth.
 struct SimulatedStamps {
@@ -82,8 +82,8 @@ struct SimulatedStamps {
 };
 
 /// Returns the time stamps as input of resynchronisation: cameras c0, c1, ... of node0, node1, ...
-inline std::vector<CameraTimestamps> cameras_of(const SimulatedStamps& truth) {
-  std::vector<CameraTimestamps> cameras;
+inline std::vector<store::CameraTimestamps> cameras_of(const SimulatedStamps& truth) {
+  std::vector<store::CameraTimestamps> cameras;
   for (const auto& camera : truth.cameras) {
     cameras.push_back({"c" + std::to_string(cameras.size()),
                        "node" + std::to_string(camera.node),
@@ -96,9 +96,10 @@ inline std::vector<CameraTimestamps> cameras_of(const SimulatedStamps& truth) {
 
 /// Returns the recording of `first`, resumed `behind` later as `second`, whose time stamps are
 /// shifted by it.
-inline std::vector<CameraTimestamps> resumed(const SimulatedStamps& first,
-                                             const SimulatedStamps& second, Nanoseconds behind) {
-  std::vector<CameraTimestamps> cameras = cameras_of(first);
+inline std::vector<store::CameraTimestamps> resumed(const SimulatedStamps& first,
+                                                    const SimulatedStamps& second,
+                                                    Nanoseconds behind) {
+  std::vector<store::CameraTimestamps> cameras = cameras_of(first);
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     for (const Nanoseconds stamp : second.cameras[c].stamps) {
       cameras[c].stamps.push_back(stamp + behind);
@@ -108,4 +109,4 @@ inline std::vector<CameraTimestamps> resumed(const SimulatedStamps& first,
   return cameras;
 }
 
-}  // namespace raystage::test
+}  // namespace raystage::testing

@@ -7,11 +7,11 @@
 #include "store/take.h"
 #include "testing/store/archive_test_data.h"
 
-namespace raystage::test {
+namespace raystage::testing {
 
 /// For tests: documents of a row of cameras 60 mm apart.
-inline TakeDocument take_document(int cameras, double nominal_fps = 15) {
-  TakeDocument take;
+inline schemas::TakeDocument take_document(int cameras, double nominal_fps = 15) {
+  schemas::TakeDocument take;
   take.name = "test";
   take.created_by = "test";
   take.epoch_utc = 1'767'225'600 * kNanosecondsPerSecond;
@@ -20,18 +20,18 @@ inline TakeDocument take_document(int cameras, double nominal_fps = 15) {
   take.clock = "simulated";
   take.timestamp_event = "exposure_middle";
   for (int i = 0; i < cameras; ++i) {
-    TakeDocument::Camera camera;
+    schemas::TakeDocument::Camera camera;
     camera.id = "c" + std::to_string(i);
     take.cameras.push_back(camera);
   }
   return take;
 }
 
-inline RigDocument rig_document(int cameras) {
-  RigDocument rig;
+inline schemas::RigDocument rig_document(int cameras) {
+  schemas::RigDocument rig;
   rig.name = "row";
   for (int i = 0; i < cameras; ++i) {
-    RigDocument::Camera camera;
+    schemas::RigDocument::Camera camera;
     camera.geometry.id = "c" + std::to_string(i);
     camera.geometry.width = 320;
     camera.geometry.height = 240;
@@ -47,13 +47,13 @@ inline void write_take(const std::filesystem::path& folder,
                        const std::vector<std::vector<Nanoseconds>>& times,
                        double nominal_fps = 15) {
   const int cameras = static_cast<int>(times.size());
-  TakeWriter writer(folder, take_document(cameras, nominal_fps), rig_document(cameras));
+  store::TakeWriter writer(folder, take_document(cameras, nominal_fps), rig_document(cameras));
   for (int i = 0; i < cameras; ++i) {
-    for (const Nanoseconds time : times[static_cast<std::size_t>(i)]) {
+    for (const Nanoseconds time : times[i]) {
       writer.archive(i).append(fake_jpeg(static_cast<unsigned>(i), 30), time);
     }
   }
   writer.commit();
 }
 
-}  // namespace raystage::test
+}  // namespace raystage::testing

@@ -6,10 +6,10 @@
 #include "store/jpeg/libjpeg.h"
 #include "store/jpeg/markers.h"
 
-namespace raystage::test_images {
+namespace raystage::testing {
 namespace {
 
-void set_up(jpeg_compress_struct& info, const RgbImage& image, const JpegVariant& what) {
+void set_up(jpeg_compress_struct& info, const store::RgbImage& image, const JpegVariant& what) {
   info.image_width = static_cast<JDIMENSION>(image.width);
   info.image_height = static_cast<JDIMENSION>(image.height);
   info.input_components = what.cmyk ? 4 : 3;
@@ -30,16 +30,16 @@ void set_up(jpeg_compress_struct& info, const RgbImage& image, const JpegVariant
 
 }  // namespace
 
-std::vector<std::byte> encode_jpeg_variant(const RgbImage& image, const JpegVariant& what) {
+std::vector<std::byte> encode_jpeg_variant(const store::RgbImage& image, const JpegVariant& what) {
   std::vector<std::byte> bytes;
   std::vector<JSAMPLE> four(4 * static_cast<std::size_t>(image.width), 100);
   jpeg_scan_info scans[3] = {};
   for (int c = 0; c < 3; ++c) scans[c] = {1, {c, 0, 0, 0}, 0, 63, 0, 0};
-  libjpeg::Compressor compressor;
+  store::libjpeg::Compressor compressor;
   jpeg_compress_struct& info = compressor.info;
-  libjpeg::VectorDestination destination(info, bytes);
+  store::libjpeg::VectorDestination destination(info, bytes);
   const std::size_t row_bytes = 3 * static_cast<std::size_t>(image.width);
-  const bool encoded = libjpeg::guarded(compressor.errors, [&] {
+  const bool encoded = store::libjpeg::guarded(compressor.errors, [&] {
     set_up(info, image, what);
     if (!what.interleaved) {
       info.scan_info = scans;
@@ -65,18 +65,18 @@ std::vector<std::byte> encode_jpeg_variant(const RgbImage& image, const JpegVari
 }
 
 std::vector<std::byte> without_huffman_tables(const std::vector<std::byte>& jpeg) {
-  MarkerReader markers(jpeg, "test");
+  store::MarkerReader markers(jpeg, "test");
   markers.read_soi();
   std::vector<std::byte> bytes(jpeg.begin(), jpeg.begin() + 2);
   for (;;) {
-    const Marker marker = markers.next();
+    const store::Marker marker = markers.next();
     const auto from = jpeg.begin() + static_cast<std::ptrdiff_t>(marker.offset);
     const auto to = jpeg.begin() + static_cast<std::ptrdiff_t>(marker.end);
-    if (marker.code != kMarkerDht) bytes.insert(bytes.end(), from, to);
-    if (marker.code != kMarkerSos) continue;
+    if (marker.code != store::kMarkerDht) bytes.insert(bytes.end(), from, to);
+    if (marker.code != store::kMarkerSos) continue;
     bytes.insert(bytes.end(), to, jpeg.end());
     return bytes;
   }
 }
 
-}  // namespace raystage::test_images
+}  // namespace raystage::testing

@@ -6,7 +6,7 @@
 
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage::test_images {
+namespace raystage::testing {
 
 /// Variants of JPEG that cameras and programs write and encode_jpeg does not.
 struct JpegVariant {
@@ -23,9 +23,9 @@ struct JpegVariant {
   bool markers = false;      ///< an APP1 and a COM marker
 };
 
-std::vector<std::byte> encode_jpeg_variant(const RgbImage& image, const JpegVariant& what);
+std::vector<std::byte> encode_jpeg_variant(const store::RgbImage& image, const JpegVariant& what);
 
 /// Returns the JPEG without its DHT markers, as many webcams send frames.
 std::vector<std::byte> without_huffman_tables(const std::vector<std::byte>& jpeg);
 
-}  // namespace raystage::test_images
+}  // namespace raystage::testing

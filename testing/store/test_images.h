@@ -12,14 +12,14 @@
 
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage::test_images {
+namespace raystage::testing {
 
 enum class Kind { kNoise, kGradient, kEdges, kMixed };
 
 /// Returns a test picture: flat areas, saturated edges and noise, the same in every run.
-inline RgbImage make(Kind kind, int width, int height, std::uint32_t seed = 1) {
+inline store::RgbImage make(Kind kind, int width, int height, std::uint32_t seed = 1) {
   std::mt19937 random(seed);
-  RgbImage image{width, height, {}};
+  store::RgbImage image{width, height, {}};
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const std::uint32_t noise = random();
@@ -51,4 +51,4 @@ inline std::vector<std::byte> read_bytes(const std::filesystem::path& file) {
   return bytes;
 }
 
-}  // namespace raystage::test_images
+}  // namespace raystage::testing

@@ -6,7 +6,7 @@
 
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage::test {
+namespace raystage::testing {
 
 /// For tests: a patterned board that moves to the right over a patterned wall, exact at any time.
 struct MovingBoard {
@@ -20,8 +20,8 @@ struct MovingBoard {
     return u >= 0 && v >= 0 && u < size && v < size;
   }
   /// Returns the picture at `time` with 2 x 2 samples per pixel; pixel (0, 0) is centred on (0, 0).
-  RgbImage at(double time) const {
-    RgbImage image{width, height, {}};
+  store::RgbImage at(double time) const {
+    store::RgbImage image{width, height, {}};
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {
         for (int c = 0; c < 3; ++c) {
@@ -48,7 +48,7 @@ struct MovingBoard {
 
 /// Returns the PSNR in dB over the pixels for which `counts(x, y)` is true.
 template <class Counts>
-double psnr(const RgbImage& image, const RgbImage& truth, const Counts& counts) {
+double psnr(const store::RgbImage& image, const store::RgbImage& truth, const Counts& counts) {
   double sum = 0, number = 0;
   for (int y = 0; y < truth.height; ++y) {
     for (int x = 0; x < truth.width; ++x) {
@@ -63,8 +63,8 @@ double psnr(const RgbImage& image, const RgbImage& truth, const Counts& counts) 
   }
   return 10 * std::log10(255.0 * 255.0 * number / sum);
 }
-inline double psnr(const RgbImage& image, const RgbImage& truth) {
+inline double psnr(const store::RgbImage& image, const store::RgbImage& truth) {
   return psnr(image, truth, [](int, int) { return true; });
 }
 
-}  // namespace raystage::test
+}  // namespace raystage::testing

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# PSNR of methods at every view whose truth is known, as a Markdown table.
+# Prints the PSNR of methods at every view with known truth as a Markdown table.
 # Usage: tests/bench/accuracy.sh [DATA_FOLDER]
 #   DATA_FOLDER (default: $RAYSTAGE_DATA or ../shared/data) holds shop/, stanford_chess9x9/,
-#   stanford_knights17x17/ and stage/; a set that is not there is left out. SETS="shop stage"
+#   stanford_knights17x17/ and stage/; missing sets are left out. SETS="shop stage"
 #   chooses sets, METHODS="plane_sweep depth" methods. Needs build/check, as ./test.sh makes it.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
@@ -16,13 +16,13 @@ echo '| set | method | views | PSNR dB | SSIM | covered % | deviation dB | tempo
 echo '| --- | --- | --: | --: | --: | --: | --: | --: |'
 for set in ${SETS:-shop stanford_chess9x9 stanford_knights17x17 stage}; do
   if [ ! -e "$data/$set/import.json" ]; then
-    echo "no $data/$set: left out" >&2
+    echo "$data/$set is missing: skipped" >&2
     continue
   fi
   take="$work/$set"
   "$raystage" import "$data/$set/import.json" -o "$take" --restart-markers >/dev/null 2>&1
   if [ "$set" = stage ]; then
-    # Free-running cameras: every frame is moved to the ticks that the truth's times lie on.
+    # Free-running cameras: retime every frame to the ticks of the truth.
     "$raystage" sync "$take" -q -o "${take}_moved" --fps 15 --tick-at 0.233333333 --retime flow \
       >/dev/null
     take="${take}_moved"
@@ -38,8 +38,8 @@ mean, shots = result["mean"], result["shots"]
 flicker = ", ".join(f'{s["id"]} {s["error_variance"]:.1f} of {s["mean_square_error"]:.1f}'
                     for s in shots)
 print(f'| {name} | {method} | {len(result["views"])} | **{mean["psnr_db"]:.2f}** '
-      f'| {mean["ssim"]:.4f} | {100 * mean["covered"]:.1f} '
-      f'| {result["steadiness"]["psnr_deviation_db"]:.2f} | {flicker} |')
+      f'| {mean["ssim"]:.4f} | {100 * mean["coverage"]:.1f} '
+      f'| {result["temporal_stability"]["psnr_stddev_db"]:.2f} | {flicker} |')
 PYTHON
   done
 done

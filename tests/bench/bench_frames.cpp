@@ -19,9 +19,9 @@ namespace {
 
 constexpr int kPictures = 16;
 
-/// The middle of a picture, every `step`-th pixel.
-RgbImage cut(const RgbImage& image, int width, int height, int step) {
-  RgbImage out{width, height, {}};
+/// Returns the middle of a picture, every `step`-th pixel.
+store::RgbImage cut(const store::RgbImage& image, int width, int height, int step) {
+  store::RgbImage out{width, height, {}};
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const auto at = static_cast<std::size_t>(
@@ -35,8 +35,8 @@ RgbImage cut(const RgbImage& image, int width, int height, int step) {
 
 }  // namespace
 
-std::vector<RgbImage> load_bench_images(int width, int height, int step) {
-  std::vector<RgbImage> result;
+std::vector<store::RgbImage> load_bench_images(int width, int height, int step) {
+  std::vector<store::RgbImage> result;
   if (const char* folder = std::getenv("RAYSTAGE_BENCH_PICTURES")) {
     std::vector<std::filesystem::path> files;
     for (const auto& file : std::filesystem::directory_iterator(folder)) {
@@ -45,7 +45,8 @@ std::vector<RgbImage> load_bench_images(int width, int height, int step) {
     std::ranges::sort(files);
     for (const auto& file : files) {
       const std::string bytes = read_file(file);
-      const RgbImage image = JpegDecoder().decode(std::as_bytes(std::span(bytes)), file.string());
+      const store::RgbImage image =
+          store::JpegDecoder().decode(std::as_bytes(std::span(bytes)), file.string());
       if (image.width >= width * step && image.height >= height * step) {
         result.push_back(cut(image, width, height, step));
       }
@@ -53,16 +54,16 @@ std::vector<RgbImage> load_bench_images(int width, int height, int step) {
     }
   }
   while (result.size() < kPictures) {
-    result.push_back(test_images::make(test_images::Kind::kMixed, width, height,
-                                       static_cast<std::uint32_t>(result.size())));
+    result.push_back(testing::make(testing::Kind::kMixed, width, height,
+                                   static_cast<std::uint32_t>(result.size())));
   }
   return result;
 }
 
 namespace {
 
-/// Full-range 4:2:0 (JFIF), chroma averaged over 2x2.
-RawImage yuv420(const RgbImage& rgb) {
+/// Returns full-range 4:2:0 planes (JFIF), chroma averaged over 2x2 pixels.
+store::RawImage yuv420(const store::RgbImage& rgb) {
   const int width = rgb.width, height = rgb.height;
   auto bytes =
       std::make_shared<std::vector<std::byte>>(static_cast<std::size_t>(width * height * 3 / 2));
@@ -70,7 +71,7 @@ RawImage yuv420(const RgbImage& rgb) {
     (*bytes)[at] = static_cast<std::byte>(std::lround(std::clamp(value, 0.0, 255.0)));
   };
   const auto channel = [&](int x, int y, int c) -> double {
-    return rgb.pixels[static_cast<std::size_t>(3 * (y * width + x) + c)];
+    return rgb.pixels[3 * (y * width + x) + c];
   };
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
@@ -83,22 +84,22 @@ RawImage yuv420(const RgbImage& rgb) {
     for (int x = 0; x < width; x += 2) {
       std::array<double, 3> mean{};
       for (int c = 0; c < 3; ++c) {
-        mean[static_cast<std::size_t>(c)] = (channel(x, y, c) + channel(x + 1, y, c) +
-                                             channel(x, y + 1, c) + channel(x + 1, y + 1, c)) /
-                                            4;
+        mean[c] = (channel(x, y, c) + channel(x + 1, y, c) + channel(x, y + 1, c) +
+                   channel(x + 1, y + 1, c)) /
+                  4;
       }
       const auto at = static_cast<std::size_t>(width * height + y / 2 * (width / 2) + x / 2);
       store(at, 128 - 0.168736 * mean[0] - 0.331264 * mean[1] + 0.5 * mean[2]);
       store(at + chroma_size, 128 + 0.5 * mean[0] - 0.418688 * mean[1] - 0.081312 * mean[2]);
     }
   }
-  RawImage image;
-  image.format = PixelFormat::kYuv420;
+  store::RawImage image;
+  image.format = store::PixelFormat::kYuv420;
   image.width = width;
   image.height = height;
   const auto w = static_cast<std::size_t>(width);
   const auto luma = w * static_cast<std::size_t>(height);
-  image.planes = {RawImage::Plane{bytes->data(), w},
+  image.planes = {store::RawImage::Plane{bytes->data(), w},
                   {bytes->data() + luma, w / 2},
                   {bytes->data() + luma + chroma_size, w / 2}};
   image.owner = bytes;
@@ -107,26 +108,27 @@ RawImage yuv420(const RgbImage& rgb) {
 
 }  // namespace
 
-std::vector<SourceFrame> raw_frames(const std::vector<RgbImage>& images) {
-  std::vector<SourceFrame> frames;
-  for (const RgbImage& image : images) {
+std::vector<ingest::SourceFrame> raw_frames(const std::vector<store::RgbImage>& images) {
+  std::vector<ingest::SourceFrame> frames;
+  for (const store::RgbImage& image : images) {
     frames.emplace_back();
     frames.back().raw = yuv420(image);
   }
   return frames;
 }
 
-std::vector<SourceFrame> jpeg_frames(const std::vector<SourceFrame>& raw, int quality) {
-  RawJpegEncoder encoder({quality, JpegEncodeSettings::Chroma::k420, -1});
-  std::vector<SourceFrame> frames;
-  for (const SourceFrame& frame : raw) {
+std::vector<ingest::SourceFrame> jpeg_frames(const std::vector<ingest::SourceFrame>& raw,
+                                             int quality) {
+  store::RawJpegEncoder encoder({quality, store::JpegEncodeSettings::Chroma::k420, -1});
+  std::vector<ingest::SourceFrame> frames;
+  for (const ingest::SourceFrame& frame : raw) {
     frames.emplace_back();
     encoder.encode(frame.raw, frames.back().jpeg);
   }
   return frames;
 }
 
-double psnr(const std::vector<RgbImage>& a, const std::vector<RgbImage>& b) {
+double psnr(const std::vector<store::RgbImage>& a, const std::vector<store::RgbImage>& b) {
   double sum = 0, count = 0;
   for (std::size_t i = 0; i < a.size(); ++i) {
     for (std::size_t p = 0; p < a[i].pixels.size(); ++p) {
@@ -137,13 +139,13 @@ double psnr(const std::vector<RgbImage>& a, const std::vector<RgbImage>& b) {
   return 10 * std::log10(255 * 255 / (sum / count));
 }
 
-std::vector<RgbImage> decoded(const std::vector<SourceFrame>& raw, int quality) {
-  RawJpegEncoder encoder({quality, JpegEncodeSettings::Chroma::k420, 0});
-  std::vector<RgbImage> images;
+std::vector<store::RgbImage> decoded(const std::vector<ingest::SourceFrame>& raw, int quality) {
+  store::RawJpegEncoder encoder({quality, store::JpegEncodeSettings::Chroma::k420, 0});
+  std::vector<store::RgbImage> images;
   std::vector<std::byte> bytes;
-  for (const SourceFrame& frame : raw) {
+  for (const ingest::SourceFrame& frame : raw) {
     encoder.encode(frame.raw, bytes);
-    images.push_back(JpegDecoder().decode(bytes, "bench"));
+    images.push_back(store::JpegDecoder().decode(bytes, "bench"));
   }
   return images;
 }

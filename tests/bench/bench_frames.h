@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The pictures that the recording benchmark lets cameras deliver, and what they are worth encoded.
+// Pictures that cameras deliver in the recording benchmark, and their quality after encoding.
 #pragma once
 
 #include <vector>
@@ -9,20 +9,21 @@
 
 namespace raystage {
 
-/// Sixteen pictures, cut from the middle of the photographs that RAYSTAGE_BENCH_PICTURES (a folder
-/// of JPEGs) holds, every `step`-th pixel; painted ones where there are too few.
-std::vector<RgbImage> load_bench_images(int width, int height, int step);
+/// Returns sixteen pictures: the middle of the photographs in RAYSTAGE_BENCH_PICTURES (a folder of
+/// JPEGs), every `step`-th pixel; synthetic ones if there are too few.
+std::vector<store::RgbImage> load_bench_images(int width, int height, int step);
 
-/// Full-range 4:2:0 planes. Sizes must be even.
-std::vector<SourceFrame> raw_frames(const std::vector<RgbImage>& images);
+/// Returns full-range 4:2:0 planes. Sizes must be even.
+std::vector<ingest::SourceFrame> raw_frames(const std::vector<store::RgbImage>& images);
 
-/// Raw frames as JPEGs of this quality.
-std::vector<SourceFrame> jpeg_frames(const std::vector<SourceFrame>& raw, int quality);
+/// Returns raw frames as JPEGs of this quality.
+std::vector<ingest::SourceFrame> jpeg_frames(const std::vector<ingest::SourceFrame>& raw,
+                                             int quality);
 
-/// What JPEGs of that quality show. Quality 100 serves as the planes without loss.
-std::vector<RgbImage> decoded(const std::vector<SourceFrame>& raw, int quality);
+/// Returns the decoded JPEGs of this quality. Quality 100 is used for the planes without loss.
+std::vector<store::RgbImage> decoded(const std::vector<ingest::SourceFrame>& raw, int quality);
 
-/// Over all pictures, dB.
-double psnr(const std::vector<RgbImage>& a, const std::vector<RgbImage>& b);
+/// Returns the PSNR over all pictures, dB.
+double psnr(const std::vector<store::RgbImage>& a, const std::vector<store::RgbImage>& b);
 
 }  // namespace raystage

@@ -9,23 +9,23 @@ testing::SyntheticTake make_painted_rig(int rows, int columns) {
   testing::SyntheticTake settings;
   settings.cameras = testing::camera_grid(rows, columns, 0.0615, 960, 640);
   settings.plane_depth = 5;
-  settings.depth_range = DepthRange{3, 40};
-  settings.jpeg = {90, JpegEncodeSettings::Chroma::k420, -1};
+  settings.depth_range = schemas::DepthRange{3, 40};
+  settings.jpeg = {90, store::JpegEncodeSettings::Chroma::k420, -1};
   return settings;
 }
 
 BenchTake::BenchTake(const testing::SyntheticTake& written) {
   write_synthetic_take(written, folder_.path() / "take");
-  take_ = std::make_unique<Take>(folder_.path() / "take");
+  take_ = std::make_unique<store::Take>(folder_.path() / "take");
 }
 
 BenchTake::BenchTake(const char* variable, const testing::SyntheticTake& written) {
   const char* folder = std::getenv(variable);
   if (folder == nullptr) {
     write_synthetic_take(written, folder_.path() / "take");
-    take_ = std::make_unique<Take>(folder_.path() / "take");
+    take_ = std::make_unique<store::Take>(folder_.path() / "take");
   } else {
-    take_ = std::make_unique<Take>(folder);
+    take_ = std::make_unique<store::Take>(folder);
   }
 }
 

@@ -9,23 +9,24 @@
 
 namespace raystage {
 
-/// `rows` x `columns` cameras of 960x640, 61.5 mm apart as those of the light field shop, that look
-/// at a painted plane 5 m off in a scene from 3 to 40 m; JPEG of quality 90 with restart markers.
+/// `rows` x `columns` cameras of 960x640, 61.5 mm apart as in the light field shop, in front of a
+/// painted plane at 5 m; depth range 3 to 40 m; JPEG of quality 90 with restart markers.
 testing::SyntheticTake make_painted_rig(int rows, int columns);
 
-/// A take to measure on.
+/// A take for measurements.
 class BenchTake {
  public:
-  /// The take in the folder that the environment variable names; written anew where it is unset.
+  /// Opens the take in the folder that the environment variable names, or writes one if it is
+  /// unset.
   BenchTake(const char* variable, const testing::SyntheticTake& written);
-  /// Written anew.
+  /// Writes a new take.
   explicit BenchTake(const testing::SyntheticTake& written);
 
-  const Take& take() const { return *take_; }
+  const store::Take& take() const { return *take_; }
 
  private:
-  TestFolder folder_;
-  std::unique_ptr<Take> take_;
+  testing::TestFolder folder_;
+  std::unique_ptr<store::Take> take_;
 };
 
 }  // namespace raystage

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# What calibration finds of simulated arrays whose truth is known, and how long it takes: the thesis'
-# 8x8 array from a moving light, from its frames and from its detections; colours of 16 cameras by
-# targets, by a chart and by the scene itself, and what they are worth in rendered views.
+# Measures the error and time of calibration with simulated arrays of known truth: geometry of the
+# thesis' 8x8 array from a moving light, from frames and from detections; colours of 16 cameras by
+# targets, by a chart and by the scene, and their effect on rendered views.
 # Usage: tests/bench/calibrate.sh [FOLDER]     (default: a temporary folder)
-#   `raystage` must be on the PATH, e.g. PATH=$PWD/build/check/bin:$PATH. Takes some fifteen minutes.
+#   `raystage` must be on the PATH, e.g. PATH=$PWD/build/check/bin:$PATH. Takes about fifteen minutes.
 set -euo pipefail
 folder="${1:-$(mktemp -d)}"
 mkdir -p "$folder"
@@ -21,7 +21,7 @@ worst_of() {  # COMPARISON.json
   python3 - "$1" <<'PYTHON'
 import json, sys
 cameras = json.load(open(sys.argv[1]))["cameras"]
-print(f'places within {1000 * max(c["place_m"] for c in cameras):.3f} mm, '
+print(f'positions within {1000 * max(c["place_m"] for c in cameras):.3f} mm, '
       f'directions within {max(c["turn_deg"] for c in cameras):.4f} degrees, '
       f'pixels within {max(c["rms_px"] for c in cameras):.3f}')
 PYTHON
@@ -60,8 +60,8 @@ colours() {  # what rigs find, in views whose truth is known: SCENE REFERENCE RI
   local scene="$1" reference="$2"
   shift 2
   for rig in "$@"; do
-    # At the truth's scale, by the reference camera (each channel by itself, unless channels mix): no
-    # target tells it.
+    # Scaled to the truth by the reference camera, because no target determines the scale (each channel
+    # separately, unless channels mix).
     python3 - "$scene" "$reference" "$rig" <<'PYTHON'
 import json, sys
 scene, reference, name = sys.argv[1:]
@@ -108,13 +108,13 @@ true_rig scene known.json =r0c0
 true_rig scene lenses.json vignetting dark_pixels =r0c0
 raystage calibrate color white grey --dark black --vignetting --initial-rig none.json -o targets.json
 raystage calibrate color white grey --dark black --flat-field --initial-rig none.json -o map.json
-echo "by the scene, lenses not known: $(seconds raystage calibrate color --scene scene \
+echo "by the scene, without vignetting and hot pixels: $(seconds raystage calibrate color --scene scene \
   --initial-rig known.json -o scene.json -q)"
 cat out.txt
 raystage calibrate color --scene scene --initial-rig lenses.json -o scene_lenses.json -q
 colours scene r0c0 none targets map scene scene_lenses true
 
-echo "## Colours of 16 cameras, 640x480, whose channels see up to 15 % of each other"
+echo "## Colours of 16 cameras, 640x480, with up to 15 % crosstalk between channels"
 mixed="$array --width 640 --height 480 --color-mix 0.15"
 for target in white grey black color_chart; do
   [ -e mixed_$target ] || raystage simulate $target -o mixed_$target $mixed --seconds 1 --fps 12 \

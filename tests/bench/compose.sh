@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# What a composited frame of 1920x1080 takes: a light field (focal_plane, 64 cameras of 960x640) and a mesh
-# of a million triangles, each alone, both, and a picture of one colour, which is writing alone; with all AOVs
-# and with picture and depth alone; several frames at once and one by one; both on a disk that takes
-# 0.7 of a frame's time for a file.
+# Measures the time of a composited frame of 1920x1080: a light field (focal_plane, 64 cameras of 960x640), a mesh
+# of a million triangles, both, and a picture of one colour (only writing); with all AOVs, and with picture and
+# depth only; several frames in parallel and one by one; both also on a disk that needs 0.7 of a frame's time
+# per file.
 # Usage: tests/bench/compose.sh [FOLDER] [FRAMES] [BAD_DISK_LIBRARY]     (default: a temporary folder, 8, none)
-#   `raystage` must be on the PATH, e.g. PATH=$PWD/build/check/bin:$PATH. The library that slows a disk down
-#   is the one of the tests, build/check/tests/end_to_end/libbad_disk.so.
+#   `raystage` must be on the PATH, e.g. PATH=$PWD/build/check/bin:$PATH. The library that slows down
+#   the disk belongs to the tests: build/check/tests/end_to_end/libbad_disk.so.
 set -euo pipefail
 folder="${1:-$(mktemp -d)}"
 frames="${2:-8}"
@@ -69,7 +69,7 @@ if [ -n "${3:-}" ]; then
   seconds=$(raystage render -q both.json -o both/f.####.exr --existing overwrite 2>&1 |
     grep -o '; [0-9.]* s,' | tr -dc '0-9.')
   rate=$(awk "BEGIN {print int($bytes / (0.7 * $seconds / $frames))}")
-  echo "a disk of $rate bytes a second, beside one that takes all:"
+  echo "a disk of $rate bytes a second, next to an unlimited one:"
   for run in 1 2 3; do
     BAD_DISK_FOLDER="$PWD/both" BAD_DISK="SLOW $rate" LD_PRELOAD="$3" render both
     render both

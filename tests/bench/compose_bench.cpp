@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stages of a composited frame of 1920x1080, each beside the least that its library takes for
-// the same: a mesh of a million triangles beside Embree alone, merging beside copying, EXR files
-// beside OpenEXR alone. What a light field takes: methods_bench.
+// Measures the stages of a composited frame of 1920x1080 against the lower bound of the library: a
+// mesh of a million triangles against Embree alone, merging against copying, EXR files against
+// OpenEXR alone. Light fields: methods_bench.
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfOutputFile.h>
@@ -28,24 +28,25 @@ namespace {
 constexpr int kWidth = 1920, kHeight = 1080, kSamples = 4, kPerSide = 2, kThreads = 2;
 constexpr std::size_t kPixels = std::size_t{kWidth} * kHeight;
 
-/// What fills most of the picture: 1,000,000 triangles, lit and shaded by one light.
+/// A mesh of 1,000,000 triangles that fills most of the picture, shaded by one light.
 class Scene {
  public:
   Scene() : mesh_(bumpy_ball(), "ball") {
     scene_.meshes.push_back(testing::make_instance(mesh_, {0, 0, -3}, 0.8));
     scene_.lights.ambient.setConstant(0.2F);
-    DirectionalLight light;
+    compose::DirectionalLight light;
     light.towards = Eigen::Vector3d(0.4, 1, 0.5).normalized();
     scene_.lights.directional.push_back(light);
-    camera_ = virtual_camera_with_fov(kWidth, kHeight, 50 * std::numbers::pi / 180, {});
+    camera_ = render::virtual_camera_with_fov(kWidth, kHeight, 50 * std::numbers::pi / 180, {});
   }
-  const GeometryScene& scene() const { return scene_; }
-  const VirtualCamera& camera() const { return camera_; }
-  const EmbreeMesh& mesh() const { return mesh_; }
+  const compose::GeometryScene& scene() const { return scene_; }
+  const render::VirtualCamera& camera() const { return camera_; }
+  const compose::EmbreeMesh& mesh() const { return mesh_; }
 
  private:
-  static Mesh bumpy_ball() {
-    Mesh mesh = testing::ball(1, testing::make_material(Material::Kind::kDiffuse, 0.7F), 500);
+  static compose::Mesh bumpy_ball() {
+    compose::Mesh mesh =
+        testing::ball(1, testing::make_material(compose::Material::Kind::kDiffuse, 0.7F), 500);
     for (std::size_t i = 0; i < mesh.positions.size(); ++i) {
       const Eigen::Vector3d& p = mesh.positions[i];
       mesh.positions[i] =
@@ -54,9 +55,9 @@ class Scene {
     mesh.normals.clear();
     return mesh;
   }
-  EmbreeMesh mesh_;
-  GeometryScene scene_;
-  VirtualCamera camera_;
+  compose::EmbreeMesh mesh_;
+  compose::GeometryScene scene_;
+  render::VirtualCamera camera_;
 };
 
 const Scene& scene() {
@@ -64,15 +65,16 @@ const Scene& scene() {
   return one;
 }
 
-const LayerImage& mesh_image() {
-  static const LayerImage image = render_geometry(scene().scene(), 0, scene().camera(), kSamples);
+const compose::LayerImage& mesh_image() {
+  static const compose::LayerImage image =
+      compose::render_geometry(scene().scene(), 0, scene().camera(), kSamples);
   return image;
 }
 
-/// As of a light field on a plane behind half of the mesh: smooth with fine noise.
-const LayerImage& light_field_image() {
-  static const LayerImage image = [] {
-    LayerImage result = transparent_layer_image(kWidth, kHeight);
+/// A layer like a light field on a plane behind half of the mesh: smooth with fine noise.
+const compose::LayerImage& light_field_image() {
+  static const compose::LayerImage image = [] {
+    compose::LayerImage result = compose::transparent_layer_image(kWidth, kHeight);
     for (std::size_t i = 0; i < kPixels; ++i) {
       const auto x = static_cast<float>(i % kWidth), y = static_cast<float>(i / kWidth);
       for (std::size_t c = 0; c < 3; ++c) {
@@ -89,10 +91,10 @@ const LayerImage& light_field_image() {
   return image;
 }
 
-const LayerImage& merged_image() {
-  static const LayerImage image =
-      merge(std::vector<MergedLayer>{{&light_field_image(), false}, {&mesh_image(), false}},
-            MergeOrder::kDepth);
+const compose::LayerImage& merged_image() {
+  static const compose::LayerImage image = compose::merge(
+      std::vector<compose::MergedLayer>{{&light_field_image(), false}, {&mesh_image(), false}},
+      compose::MergeOrder::kDepth);
   return image;
 }
 
@@ -102,13 +104,14 @@ tbb::global_control threads(int count) {
 
 void OurGeometry(benchmark::State& state) {
   const auto limit = threads(kThreads);
-  scene();  // built before it is timed
+  scene();  // builds it before the timing
   for (auto _ : state) {
-    benchmark::DoNotOptimize(render_geometry(scene().scene(), 0, scene().camera(), kSamples));
+    benchmark::DoNotOptimize(
+        compose::render_geometry(scene().scene(), 0, scene().camera(), kSamples));
   }
 }
 
-/// Camera rays, and a shadow ray from each hit: made, traced, and nothing else.
+/// Only generates and traces camera rays and a shadow ray from each hit.
 std::int64_t trace_rows(RTCScene mesh, int first_row, int last_row) {
   constexpr int kPacket = 16;
   const Eigen::Vector3f light =
@@ -137,7 +140,7 @@ std::int64_t trace_rows(RTCScene mesh, int first_row, int last_row) {
         packet.ray.tfar[i] = 1e9F;
         packet.ray.mask[i] = ~0U;
         packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
-        valid[static_cast<std::size_t>(i)] = -1;
+        valid[i] = -1;
       }
       RTCIntersectContext context;
       rtcInitIntersectContext(&context);
@@ -150,7 +153,7 @@ std::int64_t trace_rows(RTCScene mesh, int first_row, int last_row) {
         const bool faces = packet.hit.Ng_x[i] * light.x() + packet.hit.Ng_y[i] * light.y() +
                                packet.hit.Ng_z[i] * light.z() !=
                            0;
-        valid[static_cast<std::size_t>(i)] = is_hit && faces ? -1 : 0;
+        valid[i] = is_hit && faces ? -1 : 0;
         if (!is_hit) continue;
         ++shadows;
         packet.ray.org_x[i] += packet.ray.tfar[i] * packet.ray.dir_x[i];
@@ -186,18 +189,21 @@ void EmbreeAlone(benchmark::State& state) {
 
 void OurMerge(benchmark::State& state) {
   const auto limit = threads(kThreads);
-  const std::vector<MergedLayer> layers{{&light_field_image(), false}, {&mesh_image(), false}};
-  for (auto _ : state) benchmark::DoNotOptimize(merge(layers, MergeOrder::kDepth));
+  const std::vector<compose::MergedLayer> layers{{&light_field_image(), false},
+                                                 {&mesh_image(), false}};
+  for (auto _ : state)
+    benchmark::DoNotOptimize(compose::merge(layers, compose::MergeOrder::kDepth));
 }
 
-/// What merging reads and writes, copied.
+/// Copies the bytes that merging reads and writes.
 void CopyAlone(benchmark::State& state) {
   const auto limit = threads(kThreads);
   std::vector<std::vector<float>> from, to;
-  for (const LayerImage* image : {&light_field_image(), &mesh_image()}) {
+  for (const compose::LayerImage* image : {&light_field_image(), &mesh_image()}) {
     from.emplace_back(image->rgba.begin(), image->rgba.end());
     from.emplace_back(image->z.begin(), image->z.end());
-    for (const Aov& aov : image->aovs) from.emplace_back(aov.values.begin(), aov.values.end());
+    for (const compose::Aov& aov : image->aovs)
+      from.emplace_back(aov.values.begin(), aov.values.end());
   }
   for (auto _ : state) {
     to.assign(from.size(), {});
@@ -207,21 +213,21 @@ void CopyAlone(benchmark::State& state) {
 }
 
 void OurEncoding(benchmark::State& state, const std::string& colours, const std::string& data) {
-  const auto limit = threads(1);  // a frame's file is one thread's; others render meanwhile
-  ExrCamera camera;
+  const auto limit = threads(1);  // one thread writes a file while others render
+  compose::ExrCamera camera;
   camera.view = scene().camera();
-  ExrMetadata metadata;
+  compose::ExrMetadata metadata;
   metadata.compression = colours;
   metadata.data_compression = data;
-  const std::vector<ExrView> views{exr_view(merged_image(), "")};
+  const std::vector<compose::ExrView> views{compose::exr_view(merged_image(), "")};
   std::size_t bytes = 0;
   for (auto _ : state) {
-    bytes = encode_exr(views, std::vector<ExrCamera>{camera}, metadata).size();
+    bytes = compose::encode_exr(views, std::vector<compose::ExrCamera>{camera}, metadata).size();
   }
   state.counters["MB"] = static_cast<double>(bytes) * 1e-6;
 }
 
-/// OpenEXR with the pixels as it wants them: the same parts, one after the other.
+/// OpenEXR alone: the same parts one after the other, with pixels in OpenEXR's layout.
 void OpenExrAlone(benchmark::State& state, Imf::Compression colours, Imf::Compression data,
                   int zip_level) {
   struct Part {
@@ -230,7 +236,7 @@ void OpenExrAlone(benchmark::State& state, Imf::Compression colours, Imf::Compre
     std::size_t channels = 0;
   };
   std::vector<Part> parts;
-  const auto add = [&](const PixelValues& values, std::size_t channels, bool is_colour) {
+  const auto add = [&](const render::PixelValues& values, std::size_t channels, bool is_colour) {
     parts.emplace_back();
     parts.back().channels = channels;
     for (const float value : values) {
@@ -243,7 +249,8 @@ void OpenExrAlone(benchmark::State& state, Imf::Compression colours, Imf::Compre
   };
   add(merged_image().rgba, 4, true);
   add(merged_image().z, 1, false);
-  for (const Aov& aov : merged_image().aovs) add(aov.values, aov.channels.size(), aov.is_colour);
+  for (const compose::Aov& aov : merged_image().aovs)
+    add(aov.values, aov.channels.size(), aov.is_colour);
   std::size_t bytes = 0;
   for (auto _ : state) {
     bytes = 0;
@@ -262,7 +269,7 @@ void OpenExrAlone(benchmark::State& state, Imf::Compression colours, Imf::Compre
         pixels.insert(name, Imf::Slice(is_colour ? Imf::HALF : Imf::FLOAT, first,
                                        size * part.channels, size * part.channels * kWidth));
       }
-      MemoryStream stream;
+      compose::MemoryStream stream;
       {
         Imf::OutputFile output(stream, header, 0);
         output.setFrameBuffer(pixels);

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# What a farm job costs beside rendering, what Slurm's scheduling costs at 4, 16 and 64 slots, and whether the cost
-# model predicts jobs on 1, 2 and 4 nodes. Needs root and Debian's slurm-wlm and munge (a cluster on this host).
+# Measures the overhead of a farm job over rendering, the cost of Slurm's scheduling at 4, 16 and 64 slots, and the
+# error of the cost model for jobs on 1, 2 and 4 nodes. Needs root and Debian's slurm-wlm and munge (a cluster on this host).
 # Usage: tests/bench/farm.sh BUILD_FOLDER [overhead|scheduling|model]...      about nine minutes
 set -euo pipefail
 build="$(cd "$1" && pwd)"
@@ -14,7 +14,7 @@ chmod 755 "$work"
 cluster() { "$here/../farm/cluster.sh" "$work/c" "$@"; }
 trap 'cluster stop >/dev/null 2>&1 || true; rm -rf "$work"' EXIT
 TIMEFORMAT='%U %S %R'
-# Processor and wall-clock seconds of a command and all of its children.
+# Prints CPU and wall-clock seconds of a command and all of its children.
 cost() { { time "$@" >"$work/printed" 2>&1; } 2>&1 | tail -n 1 | awk '{printf "%.2f %.2f\n", $1 + $2, $3}'; }
 now() { date +%s.%N; }
 since() { awk -v a="$1" -v b="$(now)" 'BEGIN { printf "%.2f", b - a }'; }
@@ -31,10 +31,10 @@ cat >shot.json <<'JSON'
 JSON
 
 overhead() {
-  echo "== Overhead: 48 frames of 1920x1080 (shot) and 160x90 (small) in four tasks, processor seconds"
+  echo "== Overhead: 48 frames of 1920x1080 (shot) and 160x90 (small) in four tasks, CPU seconds"
   CPUS=2 cluster start 1
   export SLURM_CONF="$work/c/slurm.conf"
-  # Rendering varies from run to run by more than a task's overhead: small frames show that alone.
+  # Small frames, because the time to render varies from run to run by more than a task's overhead.
   sed 's/"width": 1920, "height": 1080/"width": 160, "height": 90/' shot.json >small.json
   for shot in shot shot shot small small small; do
     rm -rf plain out
@@ -42,7 +42,7 @@ overhead() {
     submit="$(cost raystage farm submit -q $shot.json -o out/s.####.exr --no-queue --no-measure --no-preview --chunk 12 -j 2)"
     tasks=0
     for i in 0 1 2 3; do
-      # As Slurm runs it, the calls of Slurm's own commands included.
+      # As Slurm runs it, including the calls of Slurm's commands.
       task="$(cost env SLURMD_NODENAME=n1 SLURM_JOB_ID=1 SLURM_ARRAY_TASK_ID=$i sh out/s.farm/job-0001/render.sbatch 1 0)"
       tasks="$(awk -v a="$tasks" -v b="$task" 'BEGIN { split(b, x, " "); print a + x[1] }')"
     done

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// focal_plane and aperture against the same algorithms in OpenCV, and from archive to pixels along
-// a moving shot. The take: $RAYSTAGE_BENCH_TAKE (with restart markers) and
-// $RAYSTAGE_BENCH_TAKE_PLAIN (without); by default 8x8 cameras of 960x640 looking at a painted
+// Measures focal_plane and aperture against the same algorithms in OpenCV, and from archive to
+// pixels along a moving shot. Takes: $RAYSTAGE_BENCH_TAKE (with restart markers) and
+// $RAYSTAGE_BENCH_TAKE_PLAIN (without); by default 8x8 cameras of 960x640 in front of a painted
 // plane. See tests/bench/run.sh.
 #include <benchmark/benchmark.h>
 #include <tbb/global_control.h>
@@ -24,11 +24,11 @@ constexpr int kWidth = 960, kHeight = 640;
 constexpr double kFocalDepth = 8.69;
 constexpr double kAllCameras = 0.75;  // metres behind the array
 
-/// The take under test, opened once; a synthetic one lives in a folder that goes with the program.
+/// Returns the take under test, opened once; a synthetic one is deleted with the program.
 class BenchTakes {
  public:
-  const Take& restart() const { return restart_.take(); }
-  const Take& plain() const { return plain_.take(); }
+  const store::Take& restart() const { return restart_.take(); }
+  const store::Take& plain() const { return plain_.take(); }
 
  private:
   static testing::SyntheticTake in_motion(int restart_interval) {
@@ -48,30 +48,30 @@ const BenchTakes& takes() {
   return opened;
 }
 
-/// A view that all 64 cameras contribute to: the whole array lies within it, `distance` behind.
-VirtualCamera view_through_all(double distance) {
-  Pose pose;
+/// Returns a view `distance` behind the array, to which all 64 cameras contribute.
+render::VirtualCamera view_through_all(double distance) {
+  rig::Pose pose;
   pose.position = {0.01, -0.02, distance};
-  return virtual_camera_with_fov(kWidth, kHeight, 40 * std::numbers::pi / 180, pose);
+  return render::virtual_camera_with_fov(kWidth, kHeight, 40 * std::numbers::pi / 180, pose);
 }
 
-/// The moving shot: sideways, down and towards the array.
-VirtualCamera view_of_frame(int frame, int frames) {
+/// Returns a view of the moving shot: sideways, down and towards the array.
+render::VirtualCamera view_of_frame(int frame, int frames) {
   const double along = frames > 1 ? static_cast<double>(frame) / (frames - 1) : 0;
-  Pose pose;
+  rig::Pose pose;
   pose.position = {-0.06 + 0.12 * along, 0.03 - 0.05 * along, 0.30 - 0.15 * along};
-  return virtual_camera_with_fov(kWidth, kHeight, 40 * std::numbers::pi / 180, pose);
+  return render::virtual_camera_with_fov(kWidth, kHeight, 40 * std::numbers::pi / 180, pose);
 }
 
-ReconstructionSettings reconstruction(const Take& take) {
-  return {"focal_plane", fronto_parallel_plane(take.rig(), kFocalDepth)};
+render::ReconstructionSettings reconstruction(const store::Take& take) {
+  return {"focal_plane", rig::fronto_parallel_plane(take.rig(), kFocalDepth)};
 }
 
-/// Leaves rows x columns cameras in, spread over the grid.
-std::vector<int> left_out_but(const Take& take, int per_side) {
+/// Returns the cameras to exclude so that rows x columns cameras, spread over the grid, contribute.
+std::vector<int> excluded_except(const store::Take& take, int per_side) {
   std::vector<int> excluded_cameras;
   for (int i = 0; i < take.camera_count(); ++i) {
-    const Rig::Camera& camera = take.rig().cameras[static_cast<std::size_t>(i)];
+    const rig::Rig::Camera& camera = take.rig().cameras[i];
     const int step = per_side > 1 ? 7 / (per_side - 1) : 1;
     const bool kept = *camera.row % step == 0 && *camera.column % step == 0 &&
                       *camera.row / step < per_side && *camera.column / step < per_side;
@@ -81,18 +81,18 @@ std::vector<int> left_out_but(const Take& take, int per_side) {
 }
 
 void BM_FocalPlane(benchmark::State& state) {
-  const Take& take = takes().restart();
+  const store::Take& take = takes().restart();
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism,
                                     static_cast<std::size_t>(state.range(0)));
-  const LightFieldRenderer renderer(take, {});
-  const FrameSelection frames = select_frames(take, 0, kNanosecondsPerSecond);
-  const VirtualCamera view = view_through_all(kAllCameras);
+  const render::LightFieldRenderer renderer(take, {});
+  const store::FrameSelection frames = store::select_frames(take, 0, kNanosecondsPerSecond);
+  const render::VirtualCamera view = view_through_all(kAllCameras);
   for (int warm = 0; warm < 2; ++warm) {
     benchmark::DoNotOptimize(renderer.render(view, frames, reconstruction(take)));
   }
   double plan = 0, blend = 0, count = 0;
   for (auto _ : state) {
-    const RenderedView image = renderer.render(view, frames, reconstruction(take));
+    const render::RenderedView image = renderer.render(view, frames, reconstruction(take));
     plan += image.statistics.plan_ms;
     blend += image.statistics.render_ms;
     ++count;
@@ -103,8 +103,9 @@ void BM_FocalPlane(benchmark::State& state) {
 }
 BENCHMARK(BM_FocalPlane)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime()->MinTime(2);
 
-/// They must be the same picture, or the comparison says nothing.
-void expect_same_picture(benchmark::State& state, const RenderedView& ours, const cv::Mat& theirs) {
+/// Checks that both pictures are equal; otherwise the comparison is invalid.
+void expect_same_picture(benchmark::State& state, const render::RenderedView& ours,
+                         const cv::Mat& theirs) {
   double difference = 0;
   for (int y = 8; y < kHeight - 8; ++y) {
     for (int x = 8; x < kWidth - 8; ++x) {
@@ -122,17 +123,17 @@ void expect_same_picture(benchmark::State& state, const RenderedView& ours, cons
 }
 
 void BM_OpenCv(benchmark::State& state) {
-  const Take& take = takes().restart();
+  const store::Take& take = takes().restart();
   static const OpenCvFocalPlane peer(take);
   cv::setNumThreads(static_cast<int>(state.range(0)));
   const bool crop = state.range(1) != 0;
-  const VirtualCamera view = view_through_all(kAllCameras);
-  const Eigen::Vector4d plane = fronto_parallel_plane(take.rig(), kFocalDepth);
+  const render::VirtualCamera view = view_through_all(kAllCameras);
+  const Eigen::Vector4d plane = rig::fronto_parallel_plane(take.rig(), kFocalDepth);
   for (auto _ : state) benchmark::DoNotOptimize(peer.render(view, plane, crop).data);
 
   const cv::Mat theirs = peer.render(view, plane, crop);
-  const RenderedView ours = LightFieldRenderer(take, {}).render(
-      view, select_frames(take, 0, kNanosecondsPerSecond), reconstruction(take));
+  const render::RenderedView ours = render::LightFieldRenderer(take, {}).render(
+      view, store::select_frames(take, 0, kNanosecondsPerSecond), reconstruction(take));
   expect_same_picture(state, ours, theirs);
 }
 BENCHMARK(BM_OpenCv)
@@ -144,43 +145,44 @@ BENCHMARK(BM_OpenCv)
 
 constexpr double kApertureRadius = 0.178;  // 2.9 spacings: 25 cameras around one of them
 
-/// The view of a camera in the middle of the array.
-VirtualCamera view_on_array(const Take& take) {
-  Pose pose;
-  for (const Rig::Camera& camera : take.rig().cameras) {
+/// Returns the view of a camera in the middle of the array.
+render::VirtualCamera view_on_array(const store::Take& take) {
+  rig::Pose pose;
+  for (const rig::Rig::Camera& camera : take.rig().cameras) {
     if (camera.row == 3 && camera.column == 4) pose.position = camera.pose.position;
   }
-  return virtual_camera_with_fov(kWidth, kHeight, 40 * std::numbers::pi / 180, pose);
+  return render::virtual_camera_with_fov(kWidth, kHeight, 40 * std::numbers::pi / 180, pose);
 }
 
-int gathering_cameras(const Take& take, const VirtualCamera& view) {
+int gathering_cameras(const store::Take& take, const render::VirtualCamera& view) {
   int count = 0;
-  for (const Rig::Camera& camera : take.rig().cameras) {
+  for (const rig::Rig::Camera& camera : take.rig().cameras) {
     count += (camera.pose.position - view.pose.position).norm() < kApertureRadius ? 1 : 0;
   }
   return count;
 }
 
-ReconstructionSettings aperture(const Take& take) {
-  return {
-      "aperture", fronto_parallel_plane(take.rig(), kFocalDepth), {{"radius", kApertureRadius}}};
+render::ReconstructionSettings aperture(const store::Take& take) {
+  return {"aperture",
+          rig::fronto_parallel_plane(take.rig(), kFocalDepth),
+          {{"radius", kApertureRadius}}};
 }
 
 void BM_Aperture(benchmark::State& state) {
-  const Take& take = takes().restart();
+  const store::Take& take = takes().restart();
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism,
                                     static_cast<std::size_t>(state.range(0)));
-  RendererSettings settings;
-  settings.blend_space = BlendSpace::kLinear;  // as OpenCV's version
-  const LightFieldRenderer renderer(take, settings);
-  const FrameSelection frames = select_frames(take, 0, kNanosecondsPerSecond);
-  const VirtualCamera view = view_on_array(take);
+  render::RendererSettings settings;
+  settings.blend_space = store::BlendSpace::kLinear;  // as in the OpenCV version
+  const render::LightFieldRenderer renderer(take, settings);
+  const store::FrameSelection frames = store::select_frames(take, 0, kNanosecondsPerSecond);
+  const render::VirtualCamera view = view_on_array(take);
   for (int warm = 0; warm < 2; ++warm) {
     benchmark::DoNotOptimize(renderer.render(view, frames, aperture(take)));
   }
   double plan = 0, blend = 0, count = 0;
   for (auto _ : state) {
-    const RenderedView image = renderer.render(view, frames, aperture(take));
+    const render::RenderedView image = renderer.render(view, frames, aperture(take));
     plan += image.statistics.plan_ms;
     blend += image.statistics.render_ms;
     ++count;
@@ -195,19 +197,19 @@ void BM_Aperture(benchmark::State& state) {
 BENCHMARK(BM_Aperture)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime()->MinTime(2);
 
 void BM_OpenCvAperture(benchmark::State& state) {
-  const Take& take = takes().restart();
+  const store::Take& take = takes().restart();
   static const OpenCvFocalPlane peer(take);
   cv::setNumThreads(static_cast<int>(state.range(0)));
-  const VirtualCamera view = view_on_array(take);
-  const Eigen::Vector4d plane = fronto_parallel_plane(take.rig(), kFocalDepth);
+  const render::VirtualCamera view = view_on_array(take);
+  const Eigen::Vector4d plane = rig::fronto_parallel_plane(take.rig(), kFocalDepth);
   for (auto _ : state) {
     benchmark::DoNotOptimize(peer.render_aperture(view, plane, kApertureRadius).data);
   }
-  RendererSettings settings;
-  settings.blend_space = BlendSpace::kLinear;
-  const RenderedView ours =
-      LightFieldRenderer(take, settings)
-          .render(view, select_frames(take, 0, kNanosecondsPerSecond), aperture(take));
+  render::RendererSettings settings;
+  settings.blend_space = store::BlendSpace::kLinear;
+  const render::RenderedView ours =
+      render::LightFieldRenderer(take, settings)
+          .render(view, store::select_frames(take, 0, kNanosecondsPerSecond), aperture(take));
   expect_same_picture(state, ours, peer.render_aperture(view, plane, kApertureRadius));
 }
 BENCHMARK(BM_OpenCvAperture)
@@ -217,25 +219,24 @@ BENCHMARK(BM_OpenCvAperture)
     ->UseRealTime()
     ->MinTime(2);
 
-/// From archive to pixels along a moving shot of a take in motion: every frame shows another
-/// instant.
-void archive_to_pixels(benchmark::State& state, const Take& take) {
+/// Measures from archive to pixels along a moving shot; every frame shows another instant.
+void archive_to_pixels(benchmark::State& state, const store::Take& take) {
   const auto thread_count = static_cast<std::size_t>(state.range(0));
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, thread_count);
   constexpr int kFrames = 48;
-  RendererSettings settings;
-  settings.excluded_cameras = left_out_but(take, static_cast<int>(state.range(1)));
-  // Room for three instants, so that none is still there when the shot comes round to it again.
+  render::RendererSettings settings;
+  settings.excluded_cameras = excluded_except(take, static_cast<int>(state.range(1)));
+  // Room for three instants, so that none is still cached when the shot repeats.
   const std::size_t cameras =
       static_cast<std::size_t>(take.camera_count()) - settings.excluded_cameras.size();
   settings.cache_bytes = 3 * cameras * kWidth * kHeight * 8;
   const auto instants = take.archive(0).frames();
   const auto frames_at = [&](int frame) {
     const auto instant = static_cast<std::size_t>(frame) % instants.size();
-    return select_frames(take, instants[instant].time_ns, 1);
+    return store::select_frames(take, instants[instant].time_ns, 1);
   };
   double decoded = 0, rendered = 0;
-  const LightFieldRenderer renderer(take, settings);
+  const render::LightFieldRenderer renderer(take, settings);
   for (auto _ : state) {
     int next = 0;
     std::atomic<std::int64_t> pixels = 0;
@@ -246,7 +247,7 @@ void archive_to_pixels(benchmark::State& state, const Take& take) {
                                                     return next++;
                                                   }) &
                           tbb::make_filter<int, void>(tbb::filter_mode::parallel, [&](int frame) {
-                            const RenderedView image =
+                            const render::RenderedView image =
                                 renderer.render(view_of_frame(frame, kFrames), frames_at(frame),
                                                 reconstruction(take));
                             pixels += image.statistics.pixels_decoded;
@@ -260,13 +261,13 @@ void archive_to_pixels(benchmark::State& state, const Take& take) {
 
   settings.count_needed_pixels = true;
   settings.cache_bytes = 1;
-  const LightFieldRenderer counting(take, settings);
+  const render::LightFieldRenderer counting(take, settings);
   std::int64_t needed = 0;
   for (int frame = 0; frame < kFrames; ++frame) {
     needed += counting.render(view_of_frame(frame, kFrames), frames_at(frame), reconstruction(take))
                   .statistics.pixels_needed;
   }
-  // Of what was decoded above: counting decodes less, as it plans tap by tap.
+  // Relative to the pixels decoded above: the counting run plans per sample and decodes fewer.
   state.counters["decoded_per_needed"] =
       decoded / rendered / (static_cast<double>(needed) / kFrames);
 }

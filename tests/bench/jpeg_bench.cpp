@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Full and partial decoding against turbojpeg's tjDecompress2 on the same frames.
-// Frames: the files named by RAYSTAGE_BENCH_JPEGS (separated by ':'), otherwise a made picture.
+// Measures full and partial decoding against turbojpeg's tjDecompress2 on the same frames.
+// Frames: the files named by RAYSTAGE_BENCH_JPEGS (separated by ':'), otherwise a synthetic
+// picture.
 #include <benchmark/benchmark.h>
 #include <turbojpeg.h>
 
@@ -23,9 +24,9 @@ namespace {
 
 using Bytes = std::vector<std::byte>;
 
-// Texture of all frequencies whose strength falls with them, as in photographs.
-RgbImage made_picture(int width, int height) {
-  RgbImage image{width, height, {}};
+// Returns texture of all frequencies with amplitudes that decrease with frequency, as photographs.
+store::RgbImage made_picture(int width, int height) {
+  store::RgbImage image{width, height, {}};
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       for (int c = 0; c < 3; ++c) {
@@ -52,35 +53,35 @@ std::vector<Bytes> plain_frames() {
     frames.emplace_back(bytes.begin(), bytes.end());
   }
   if (frames.empty())
-    frames.push_back(
-        encode_jpeg(made_picture(960, 640), {85, JpegEncodeSettings::Chroma::k420, 0}));
+    frames.push_back(store::encode_jpeg(made_picture(960, 640),
+                                        {85, store::JpegEncodeSettings::Chroma::k420, 0}));
   return frames;
 }
 
 std::vector<Bytes> marked_frames(int interval) {
   std::vector<Bytes> frames;
   for (const Bytes& frame : plain_frames())
-    frames.push_back(add_restart_markers(frame, interval, "bench"));
+    frames.push_back(store::add_restart_markers(frame, interval, "bench"));
   return frames;
 }
 
-LinearTable table() {
-  LinearTable linear;
+store::LinearTable table() {
+  store::LinearTable linear;
   for (auto& channel : linear.code)
     for (int code = 0; code < 256; ++code)
       channel[code] = static_cast<std::uint16_t>(65535 * std::pow(code / 255.0, 2.2) + 0.5);
   return linear;
 }
 
-// A rectangle of 1/`side` of the width and height in the middle.
-McuMask middle(const JpegLayout& layout, int side) {
-  McuMask wanted(static_cast<std::size_t>(layout.mcu_count()), 0);
+// Returns a rectangle of 1/`side` of the width and height in the middle.
+store::McuMask middle(const store::JpegLayout& layout, int side) {
+  store::McuMask wanted(static_cast<std::size_t>(layout.mcu_count()), 0);
   const int columns = std::max(1, layout.mcus_per_row / side);
   const int rows = std::max(1, layout.mcu_rows / side);
   const int left = (layout.mcus_per_row - columns) / 2, top = (layout.mcu_rows - rows) / 2;
   for (int row = top; row < top + rows; ++row)
     for (int column = left; column < left + columns; ++column)
-      wanted[static_cast<std::size_t>(row * layout.mcus_per_row + column)] = 1;
+      wanted[row * layout.mcus_per_row + column] = 1;
   return wanted;
 }
 
@@ -136,13 +137,13 @@ BENCHMARK(BM_TurboJpegPlanes)->Arg(0)->Arg(1);
 // Entropy decoding and inverse DCT of whole frames. Argument: 1 with restart markers.
 void BM_OwnPlanes(benchmark::State& state) {
   const auto frames = state.range(0) != 0 ? marked_frames(-1) : plain_frames();
-  ScanDecoder scan;
+  store::ScanDecoder scan;
   double pixels = 0;
   std::size_t next = 0;
   for (auto _ : state) {
     const Bytes& frame = frames[next++ % frames.size()];
-    const JpegLayout layout = parse_jpeg_layout(frame, "bench");
-    const McuMask wanted(static_cast<std::size_t>(layout.mcu_count()), 1);
+    const store::JpegLayout layout = store::parse_jpeg_layout(frame, "bench");
+    const store::McuMask wanted(static_cast<std::size_t>(layout.mcu_count()), 1);
     scan.decode(frame, layout, wanted, "bench");
     benchmark::DoNotOptimize(scan.plane(0).samples.data());
     pixels += double(layout.width) * layout.height;
@@ -155,7 +156,8 @@ void BM_Layout(benchmark::State& state) {
   const auto frames = marked_frames(-1);
   std::size_t next = 0;
   for (auto _ : state) {
-    const JpegLayout layout = parse_jpeg_layout(frames[next++ % frames.size()], "bench");
+    const store::JpegLayout layout =
+        store::parse_jpeg_layout(frames[next++ % frames.size()], "bench");
     benchmark::DoNotOptimize(layout.segment_offset.data());
   }
 }
@@ -163,15 +165,15 @@ BENCHMARK(BM_Layout);
 
 void BM_Convert(benchmark::State& state) {
   const Bytes frame = plain_frames().front();
-  const JpegLayout layout = parse_jpeg_layout(frame, "bench");
-  const McuMask wanted = middle(layout, static_cast<int>(state.range(0)));
-  ScanDecoder scan;
+  const store::JpegLayout layout = store::parse_jpeg_layout(frame, "bench");
+  const store::McuMask wanted = middle(layout, static_cast<int>(state.range(0)));
+  store::ScanDecoder scan;
   scan.decode(frame, layout, wanted, "bench");
   std::vector<std::uint16_t> rgba(4 * static_cast<std::size_t>(layout.width * layout.height));
-  const LinearTable linear = table();
+  const store::LinearTable linear = table();
   double pixels = 0;
   for (auto _ : state) {
-    convert_to_linear(scan, layout, wanted, linear, rgba);
+    store::convert_to_linear(scan, layout, wanted, linear, rgba);
     pixels += static_cast<double>(std::count(wanted.begin(), wanted.end(), 1)) * layout.mcu_width *
               layout.mcu_height;
   }
@@ -182,15 +184,15 @@ BENCHMARK(BM_Convert)->Arg(1)->Arg(4);
 // From bytes to linear pixels. First argument: 1/side of the picture; second: restart markers.
 void BM_Region(benchmark::State& state) {
   const auto frames = state.range(1) != 0 ? marked_frames(-1) : plain_frames();
-  JpegDecoder decoder;
-  const LinearTable linear = table();
+  store::JpegDecoder decoder;
+  const store::LinearTable linear = table();
   std::vector<std::uint16_t> rgba;
   double decoded = 0, needed = 0;
   std::size_t next = 0;
   for (auto _ : state) {
     const Bytes& frame = frames[next++ % frames.size()];
-    const JpegLayout layout = parse_jpeg_layout(frame, "bench");
-    const McuMask wanted = middle(layout, static_cast<int>(state.range(0)));
+    const store::JpegLayout layout = store::parse_jpeg_layout(frame, "bench");
+    const store::McuMask wanted = middle(layout, static_cast<int>(state.range(0)));
     rgba.resize(4 * static_cast<std::size_t>(layout.width * layout.height));
     decoded +=
         static_cast<double>(decoder.decode_region(frame, layout, wanted, linear, rgba, "bench"));

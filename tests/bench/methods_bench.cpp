@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every method in the same view: what a second thread gains, and what the machine allows. The take:
-// $RAYSTAGE_BENCH_TAKE; by default 8x8 cameras of 960x640 looking at a painted plane.
+// Measures every method in the same view with one and two threads, and the machine's limits. Take:
+// $RAYSTAGE_BENCH_TAKE; by default 8x8 cameras of 960x640 in front of a painted plane.
 #include <benchmark/benchmark.h>
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
@@ -34,20 +34,20 @@ double ms_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
-const Take& take() {
+const store::Take& take() {
   static const BenchTake opened("RAYSTAGE_BENCH_TAKE", make_painted_rig(8, 8));
   return opened.take();
 }
 
-/// For visual_hull: with mattes of a disk on the painted plane, 2 m across. Always written anew, as
-/// captured takes have none.
-const Take& take_with_mattes() {
+/// Returns a take for visual_hull, with mattes of a disk of 2 m on the painted plane. It is always
+/// synthetic, because captured takes have no mattes.
+const store::Take& take_with_mattes() {
   static const testing::SyntheticTake settings = make_painted_rig(8, 8);
   static const BenchTake opened(settings);
   [[maybe_unused]] static const bool written = [] {
-    for (const CameraGeometry& camera : settings.cameras) {
-      const CameraModel model(camera);
-      const Pose pose = pose_from_matrix(camera.world_from_camera);
+    for (const schemas::CameraGeometry& camera : settings.cameras) {
+      const rig::CameraModel model(camera);
+      const rig::Pose pose = rig::pose_from_matrix(camera.world_from_camera);
       std::vector<std::uint8_t> codes;
       for (int y = 0; y < camera.height; ++y) {
         for (int x = 0; x < camera.width; ++x) {
@@ -64,44 +64,46 @@ const Take& take_with_mattes() {
   return opened.take();
 }
 
-/// A little behind the array, turned, off the cameras' places: a dozen cameras and more see it.
-/// `part`: the middle of it, by that much smaller along both axes.
-VirtualCamera bench_view(const Take& take, int part = 1) {
-  Pose pose;
+/// Returns a rotated view slightly behind the array, between camera positions; at least a dozen
+/// cameras contribute. `part`: size of its middle part that is rendered, relative on both axes.
+render::VirtualCamera bench_view(const store::Take& take, int part = 1) {
+  rig::Pose pose;
   pose.position = take.rig().centre() + Eigen::Vector3d(0.017, -0.011, 0.1);
   const double tangent = std::tan(22.5 * std::numbers::pi / 180) / part;
-  return virtual_camera_with_fov(960 / part, 640 / part, 2 * std::atan(tangent), pose);
+  return render::virtual_camera_with_fov(960 / part, 640 / part, 2 * std::atan(tangent), pose);
 }
 
-/// Between neighbouring cameras, pixels, from the nearest depth to the farthest (eq. 2.1).
-double disparity_of(const Take& take) {
+/// Returns the range of disparities of neighbouring cameras over the depth range, px (eq. 2.1).
+double disparity_of(const store::Take& take) {
   std::vector<int> all(static_cast<std::size_t>(take.camera_count()));
   std::iota(all.begin(), all.end(), 0);
   double longest = 0;
-  for (const Rig::Camera& camera : take.rig().cameras) {
+  for (const rig::Rig::Camera& camera : take.rig().cameras) {
     longest = std::max({longest, camera.model.intrinsics().fx, camera.model.intrinsics().fy});
   }
-  return disparity_range(longest,
-                         max_neighbour_baseline(take.rig(), make_topology(take.rig(), all)),
-                         *take.document().depth_range);
+  return rig::disparity_range(
+      longest, rig::max_neighbour_baseline(take.rig(), rig::make_topology(take.rig(), all)),
+      *take.document().depth_range);
 }
 
-/// The shortest of renderings with one and with two threads, in turn, so that whatever else the
-/// machine does troubles both alike.
-void BM_Threads(benchmark::State& state, const Take& take, const BenchSetting& setting) {
-  RendererSettings settings;
+/// Measures the shortest time with one and with two threads. They alternate, so that other
+/// processes affect both equally.
+void BM_Threads(benchmark::State& state, const store::Take& take,
+                const evaluation::BenchSetting& setting) {
+  render::RendererSettings settings;
   settings.cache_bytes = settings.result_cache_bytes = std::size_t{2} << 30;
-  settings.result_cache = std::make_shared<ResultCache>(settings.result_cache_bytes);
-  const LightFieldRenderer renderer(take, settings);
-  const FrameSelection frames = select_frames(take, 0, kNanosecondsPerSecond);
-  // The hull's rays cost 20 us each: a part of the view says as much of threads.
-  const VirtualCamera view = bench_view(take, setting.method == "visual_hull" ? 8 : 1);
-  const ReconstructionSettings reconstruction{
+  settings.result_cache = std::make_shared<render::ResultCache>(settings.result_cache_bytes);
+  const render::LightFieldRenderer renderer(take, settings);
+  const store::FrameSelection frames = store::select_frames(take, 0, kNanosecondsPerSecond);
+  // Rays of the hull cost 20 us each; a part of the view suffices to compare threads.
+  const render::VirtualCamera view = bench_view(take, setting.method == "visual_hull" ? 8 : 1);
+  const render::ReconstructionSettings reconstruction{
       setting.method,
-      fronto_parallel_plane(take.rig(), optimal_focal_depth(*take.document().depth_range)),
+      rig::fronto_parallel_plane(take.rig(),
+                                 rig::optimal_focal_depth(*take.document().depth_range)),
       setting.options};
   const auto render = [&] {
-    const RenderedView image = renderer.render(view, frames, reconstruction);
+    const render::RenderedView image = renderer.render(view, frames, reconstruction);
     benchmark::DoNotOptimize(image.rgba.data());
     return image.statistics;
   };
@@ -109,7 +111,7 @@ void BM_Threads(benchmark::State& state, const Take& take, const BenchSetting& s
   double least_ms[2] = {std::numeric_limits<double>::infinity(),
                         std::numeric_limits<double>::infinity()};
   std::clock_t least_cpu = std::numeric_limits<std::clock_t>::max();
-  RenderStatistics statistics;
+  render::RenderStatistics statistics;
   for (auto _ : state) {
     for (std::size_t threads : {1, 2}) {
       const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
@@ -123,24 +125,24 @@ void BM_Threads(benchmark::State& state, const Take& take, const BenchSetting& s
   state.counters["ms_1"] = least_ms[0];
   state.counters["ms_2"] = least_ms[1];
   state.counters["gain"] = least_ms[0] / least_ms[1];
-  // What render/automatic/automatic_method.cpp says of the candidates of `auto`.
+  // The estimates of render/automatic/automatic_method.cpp for the candidates of `auto`.
   state.counters["cpu_ns_per_px"] = 1e9 / CLOCKS_PER_SEC * static_cast<double>(least_cpu) /
                                     (static_cast<double>(view.width) * view.height);
   state.counters["disparity_px"] = disparity_of(take);
-  // What must be moved at least: every source pixel with a weight once, and the view's channels.
-  RendererSettings counting = settings;
+  // The least memory traffic: each source pixel with a weight once, and the view's channels.
+  render::RendererSettings counting = settings;
   counting.count_needed_pixels = true;
-  const RenderStatistics counts =
-      LightFieldRenderer(take, counting).render(view, frames, reconstruction).statistics;
+  const render::RenderStatistics counts =
+      render::LightFieldRenderer(take, counting).render(view, frames, reconstruction).statistics;
   constexpr double kSourceBytes = 8, kViewBytes = 24;
   state.counters["MB"] = (static_cast<double>(counts.pixels_needed) * kSourceBytes +
                           view.width * view.height * kViewBytes) /
                          1e6;
-  // How many samples are blended at a pixel.
-  RendererSettings measuring = settings;
+  // The number of samples blended per pixel.
+  render::RendererSettings measuring = settings;
   measuring.measure_coverage = true;
-  const RenderedView measured =
-      LightFieldRenderer(take, measuring).render(view, frames, reconstruction);
+  const render::RenderedView measured =
+      render::LightFieldRenderer(take, measuring).render(view, frames, reconstruction);
   state.counters["cameras_per_px"] =
       std::accumulate(measured.cameras.begin(), measured.cameras.end(), 0.0) /
       static_cast<double>(std::max<std::size_t>(1, measured.cameras.size()));
@@ -148,14 +150,14 @@ void BM_Threads(benchmark::State& state, const Take& take, const BenchSetting& s
   state.counters["cameras"] = statistics.cameras_used;
 }
 
-/// Rays of a view, or as a rough surface in front of the array reflects them: from many places in
-/// many directions, in no order.
-std::vector<WorldRay> some_rays(bool of_view) {
+/// Returns the rays of a view, or unordered rays as a rough surface in front of the array reflects
+/// them: from many positions in many directions.
+std::vector<render::WorldRay> some_rays(bool of_view) {
   constexpr int kRays = 1 << 17;
-  std::vector<WorldRay> rays;
+  std::vector<render::WorldRay> rays;
   if (of_view) {
-    const VirtualCamera view = bench_view(take());
-    const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
+    const render::VirtualCamera view = bench_view(take());
+    const Eigen::Matrix3d ray_from_pixel = render::world_ray_from_pixel(view);
     for (int i = 0; i < kRays; ++i) {
       const Eigen::Vector3d pixel(i % view.width + 0.5, i / view.width + 200.5, 1);
       rays.push_back({view.pose.position, (ray_from_pixel * pixel).normalized()});
@@ -164,7 +166,7 @@ std::vector<WorldRay> some_rays(bool of_view) {
   }
   std::mt19937 random(1);
   std::uniform_real_distribution<double> any(-1, 1);
-  const Rig& rig = take().rig();
+  const rig::Rig& rig = take().rig();
   for (int i = 0; i < kRays; ++i) {
     const Eigen::Vector3d place(0.2 * any(random), 0.2 * any(random), 0.05 * any(random));
     const Eigen::Vector3d direction(0.3 * any(random), 0.2 * any(random), -1);
@@ -176,20 +178,20 @@ std::vector<WorldRay> some_rays(bool of_view) {
 void BM_RayQuery(benchmark::State& state) {
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
                                   static_cast<std::size_t>(state.range(0)));
-  const LightFieldRenderer renderer(take(), {});
-  const FrameSelection frames = select_frames(take(), 0, kNanosecondsPerSecond);
-  const ReconstructionSettings reconstruction{
-      "lumigraph",
-      fronto_parallel_plane(take().rig(), optimal_focal_depth(*take().document().depth_range))};
-  const std::vector<WorldRay> rays = some_rays(state.range(1) != 0);
-  std::vector<RaySample> samples(rays.size());
+  const render::LightFieldRenderer renderer(take(), {});
+  const store::FrameSelection frames = store::select_frames(take(), 0, kNanosecondsPerSecond);
+  const render::ReconstructionSettings reconstruction{
+      "lumigraph", rig::fronto_parallel_plane(
+                       take().rig(), rig::optimal_focal_depth(*take().document().depth_range))};
+  const std::vector<render::WorldRay> rays = some_rays(state.range(1) != 0);
+  std::vector<render::RaySample> samples(rays.size());
   renderer.query(rays, frames, reconstruction, samples);  // decodes
   for (auto _ : state) renderer.query(rays, frames, reconstruction, samples);
   state.counters["rays_per_s"] = benchmark::Counter(static_cast<double>(rays.size()),
                                                     benchmark::Counter::kIsIterationInvariantRate);
   state.counters["answered"] =
       static_cast<double>(std::ranges::count_if(
-          samples, [](const RaySample& sample) { return sample.coverage > 0; })) /
+          samples, [](const render::RaySample& sample) { return sample.coverage > 0; })) /
       static_cast<double>(samples.size());
 }
 BENCHMARK(BM_RayQuery)
@@ -199,11 +201,11 @@ BENCHMARK(BM_RayQuery)
     ->MeasureProcessCPUTime()
     ->UseRealTime();
 
-constexpr std::size_t kProbeBytes = std::size_t{256} << 20;  // far beyond the caches
+constexpr std::size_t kProbeBytes = std::size_t{256} << 20;  // much larger than the caches
 constexpr std::size_t kProbePiece = std::size_t{1} << 20;
 
-/// What memory can deliver to so many threads: the limit of every method whose frames do not fit
-/// the caches.
+/// Measures the memory bandwidth for a number of threads, the limit of every method whose frames do
+/// not fit into the caches.
 template <class Piece>
 void probe_memory(benchmark::State& state, const Piece& on_piece) {
   const auto threads = static_cast<std::size_t>(state.range(0));
@@ -235,27 +237,27 @@ void BM_MemoryWrite(benchmark::State& state) {
 BENCHMARK(BM_MemoryRead)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK(BM_MemoryWrite)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
 
-/// What the sampling kernel itself can deliver: one camera's frame that stays in the cache, looked
-/// at along its rows at its own scale, a quarter of a pixel off.
+/// Measures the rate of the sampling kernel alone: one frame in the cache, sampled along its rows
+/// at its own scale with an offset of a quarter of a pixel.
 void BM_SampleRate(benchmark::State& state) {
   const auto threads = static_cast<std::size_t>(state.range(0));
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-  const Interpolation interpolation =
-      state.range(1) != 0 ? Interpolation::kCubic : Interpolation::kLinear;
+  const render::Interpolation interpolation =
+      state.range(1) != 0 ? render::Interpolation::kCubic : render::Interpolation::kLinear;
   constexpr int kSide = 128, kPictures = 64;
-  Pose pose;
-  const VirtualCamera view = virtual_camera_with_fov(kSide, kSide, 1, pose);
-  CameraGeometry geometry;
+  rig::Pose pose;
+  const render::VirtualCamera view = render::virtual_camera_with_fov(kSide, kSide, 1, pose);
+  schemas::CameraGeometry geometry;
   geometry.id = "probe";
   geometry.width = geometry.height = kSide;
   geometry.intrinsics = view.intrinsics;
   geometry.intrinsics.cx += 0.25;
   geometry.intrinsics.cy += 0.25;
-  const Rig::Camera camera{"probe", CameraModel(geometry), pose, {}, {}, {}};
-  DecodedFrame frame;
+  const rig::Rig::Camera camera{"probe", rig::CameraModel(geometry), pose, {}, {}, {}};
+  store::DecodedFrame frame;
   frame.width = frame.height = kSide;
   frame.rgba = std::make_unique<std::uint16_t[]>(4 * (kSide * (kSide + 1) + 1));
-  DepthSource source = depth_source(view, camera);
+  render::DepthSource source = render::depth_source(view, camera);
   source.camera.rgba = frame.rgba.get();
   const std::vector<float> inverse_depth(kSide, 0.2F), weight(kSide, 1.0F);
   double least_ms = std::numeric_limits<double>::infinity();
@@ -264,7 +266,7 @@ void BM_SampleRate(benchmark::State& state) {
     tbb::parallel_for(0, kPictures, [&](int) {
       std::vector<float> sums(4 * kSide);
       for (int y = 0; y < kSide; ++y) {
-        add_samples_at_depth(source, 0, y, inverse_depth, weight, interpolation, sums);
+        render::add_samples_at_depth(source, 0, y, inverse_depth, weight, interpolation, sums);
       }
       benchmark::DoNotOptimize(sums.data());
     });
@@ -282,7 +284,8 @@ BENCHMARK(BM_SampleRate)
 }  // namespace raystage
 
 int main(int argc, char** argv) {
-  for (const raystage::BenchSetting& setting : raystage::default_bench_settings()) {
+  for (const raystage::evaluation::BenchSetting& setting :
+       raystage::evaluation::default_bench_settings()) {
     benchmark::RegisterBenchmark(("BM_Threads/" + setting.label).c_str(),
                                  [setting](benchmark::State& state) {
                                    raystage::BM_Threads(state,

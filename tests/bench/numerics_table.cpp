@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Prints the table of docs/numerics.md: how far geometry is from 50 digits at the extremes.
+// Prints the table of docs/numerics.md: the errors of geometry at the extremes against 50 digits.
 #include <fmt/format.h>
 #include <hwy/targets.h>
 
@@ -49,8 +49,8 @@ void run() {
   };
   for (const auto target : targets) {
     choose(target);
-    if (sets.find(kernel_target()) != std::string::npos) continue;
-    sets += (sets.empty() ? "" : ", ") + std::string(kernel_target());
+    if (sets.find(render::kernel_target()) != std::string::npos) continue;
+    sets += (sets.empty() ? "" : ", ") + std::string(render::kernel_target());
     distinct.push_back(target);
   }
   fmt::print("Kernels on {}: the worst of them.\n\n", sets);

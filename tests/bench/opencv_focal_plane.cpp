@@ -14,9 +14,9 @@
 namespace raystage {
 namespace {
 
-/// Where each pixel's ray crosses the array, in the plane z = 0: x and y, metres.
-std::pair<cv::Mat, cv::Mat> crossings(const VirtualCamera& view) {
-  const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
+/// Returns where each pixel's ray crosses the array, in the plane z = 0: x and y, metres.
+std::pair<cv::Mat, cv::Mat> crossings(const render::VirtualCamera& view) {
+  const Eigen::Matrix3d ray_from_pixel = render::world_ray_from_pixel(view);
   const Eigen::Vector3d& eye = view.pose.position;
   std::pair<cv::Mat, cv::Mat> at{cv::Mat(view.height, view.width, CV_32F),
                                  cv::Mat(view.height, view.width, CV_32F)};
@@ -33,15 +33,15 @@ std::pair<cv::Mat, cv::Mat> crossings(const VirtualCamera& view) {
 
 }  // namespace
 
-OpenCvFocalPlane::OpenCvFocalPlane(const Take& take) : take_(take) {
-  JpegDecoder decoder;
+OpenCvFocalPlane::OpenCvFocalPlane(const store::Take& take) : take_(take) {
+  store::JpegDecoder decoder;
   for (int i = 0; i < take.camera_count(); ++i) {
-    const RgbImage image = decoder.decode(take.archive(i).jpeg(0), "frame");
+    const store::RgbImage image = decoder.decode(take.archive(i).jpeg(0), "frame");
     cv::Mat linear(image.height, image.width, CV_32FC3);
     for (int p = 0; p < image.width * image.height; ++p) {
       auto& pixel = linear.at<cv::Vec3f>(p / image.width, p % image.width);
       for (int c = 0; c < 3; ++c) {
-        const auto code = image.pixels[static_cast<std::size_t>(3 * p + c)];
+        const auto code = image.pixels[3 * p + c];
         pixel[c] = static_cast<float>(linear_from_srgb(code / 255.0));
       }
     }
@@ -49,13 +49,13 @@ OpenCvFocalPlane::OpenCvFocalPlane(const Take& take) : take_(take) {
   }
   std::vector<int> all;
   for (int i = 0; i < take.camera_count(); ++i) all.push_back(i);
-  topology_ = make_topology(take.rig(), all);
+  topology_ = rig::make_topology(take.rig(), all);
 }
 
-cv::Mat OpenCvFocalPlane::render(const VirtualCamera& view, const Eigen::Vector4d& plane,
+cv::Mat OpenCvFocalPlane::render(const render::VirtualCamera& view, const Eigen::Vector4d& plane,
                                  bool crop) const {
   std::vector<cv::Mat> weights = draw_weights(view);
-  const PlaneProjection projection(view, plane);
+  const render::PlaneProjection projection(view, plane);
   cv::Mat sum = cv::Mat::zeros(view.height, view.width, CV_32FC3);
   cv::Mat warped, weight3;
   for (std::size_t i = 0; i < images_.size(); ++i) {
@@ -73,9 +73,9 @@ cv::Mat OpenCvFocalPlane::render(const VirtualCamera& view, const Eigen::Vector4
   return sum;
 }
 
-cv::Mat OpenCvFocalPlane::render_aperture(const VirtualCamera& view, const Eigen::Vector4d& plane,
-                                          double radius) const {
-  const PlaneProjection projection(view, plane);
+cv::Mat OpenCvFocalPlane::render_aperture(const render::VirtualCamera& view,
+                                          const Eigen::Vector4d& plane, double radius) const {
+  const render::PlaneProjection projection(view, plane);
   const cv::Rect whole(0, 0, view.width, view.height);
   const auto [right, up] = crossings(view);
   double left_most = 0, right_most = 0, lowest = 0, highest = 0;
@@ -112,11 +112,11 @@ cv::Mat OpenCvFocalPlane::render_aperture(const VirtualCamera& view, const Eigen
   return sum;
 }
 
-cv::Mat OpenCvFocalPlane::source_from_view(const PlaneProjection& projection, std::size_t camera,
-                                           const cv::Rect& region) const {
-  const Rig::Camera& source = take_.rig().cameras[camera];
-  const Intrinsics& k = source.model.intrinsics();
-  Eigen::Matrix3d calibration;  // pixel centres at integers, as OpenCV counts
+cv::Mat OpenCvFocalPlane::source_from_view(const render::PlaneProjection& projection,
+                                           std::size_t camera, const cv::Rect& region) const {
+  const rig::Rig::Camera& source = take_.rig().cameras[camera];
+  const schemas::Intrinsics& k = source.model.intrinsics();
+  Eigen::Matrix3d calibration;  // pixel centres at integers, as in OpenCV
   calibration << k.fx, 0, k.cx - 0.5, 0, k.fy, k.cy - 0.5, 0, 0, 1;
   Eigen::Matrix3d offset = Eigen::Matrix3d::Identity();
   offset(0, 2) = region.x + 0.5;
@@ -129,17 +129,17 @@ cv::Mat OpenCvFocalPlane::source_from_view(const PlaneProjection& projection, st
   return out;
 }
 
-std::vector<cv::Mat> OpenCvFocalPlane::draw_weights(const VirtualCamera& view) const {
+std::vector<cv::Mat> OpenCvFocalPlane::draw_weights(const render::VirtualCamera& view) const {
   std::vector<cv::Mat> weights(images_.size());
-  const RayCells cells(view, take_.rig(), topology_);
+  const render::RayCells cells(view, take_.rig(), topology_);
   std::vector<int> scratch;
-  std::vector<RayCells::Span> spans;
+  std::vector<render::RayCells::Span> spans;
   for (int y = 0; y < view.height; ++y) {
     cells.row_spans(y, view.width, scratch, spans);
-    for (const RayCells::Span& span : spans) {
-      const auto& cell = cells.cells()[static_cast<std::size_t>(span.cell)];
+    for (const render::RayCells::Span& span : spans) {
+      const auto& cell = cells.cells()[span.cell];
       for (std::size_t c = 0; c < 3; ++c) {
-        cv::Mat& weight = weights[static_cast<std::size_t>(cell.camera[c])];
+        cv::Mat& weight = weights[cell.camera[c]];
         if (weight.empty()) weight = cv::Mat::zeros(view.height, view.width, CV_32F);
         auto* row = weight.ptr<float>(y);
         const double total_y = cell.total.y() * (y + 0.5) + cell.total.z();

@@ -13,26 +13,26 @@
 
 namespace raystage {
 
-/// The peer: every camera's image warped onto the view by its homography, times its weight, added,
-/// in linear light. Of the first frame of each camera.
+/// The OpenCV version: warps the first frame of every camera onto the view by its homography and
+/// adds them by weight, in linear light.
 class OpenCvFocalPlane {
  public:
-  explicit OpenCvFocalPlane(const Take& take);
+  explicit OpenCvFocalPlane(const store::Take& take);
 
   /// `crop`: warp only the rectangle of the view in which the camera has a weight.
-  cv::Mat render(const VirtualCamera& view, const Eigen::Vector4d& plane, bool crop) const;
-  /// Every camera that gathers something, times its weight map, added; then by the maps' sum.
-  cv::Mat render_aperture(const VirtualCamera& view, const Eigen::Vector4d& plane,
+  cv::Mat render(const render::VirtualCamera& view, const Eigen::Vector4d& plane, bool crop) const;
+  /// Adds every contributing camera times its weight map, and divides by the sum of the maps.
+  cv::Mat render_aperture(const render::VirtualCamera& view, const Eigen::Vector4d& plane,
                           double radius) const;
 
  private:
-  cv::Mat source_from_view(const PlaneProjection& projection, std::size_t camera,
+  cv::Mat source_from_view(const render::PlaneProjection& projection, std::size_t camera,
                            const cv::Rect& region) const;
-  std::vector<cv::Mat> draw_weights(const VirtualCamera& view) const;
+  std::vector<cv::Mat> draw_weights(const render::VirtualCamera& view) const;
 
-  const Take& take_;
+  const store::Take& take_;
   std::vector<cv::Mat> images_;
-  Topology topology_;
+  rig::Topology topology_;
 };
 
 }  // namespace raystage

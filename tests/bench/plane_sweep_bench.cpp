@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// plane_sweep against the same in OpenCV: 96 planes, 4 cameras, 5x5 box, best plane, blend.
-// The take: $RAYSTAGE_BENCH_TAKE; by default 4x4 cameras of 960x640 looking at a painted plane.
+// Measures plane_sweep against the same in OpenCV: 96 planes, 4 cameras, 5x5 box, best plane,
+// blend. Take: $RAYSTAGE_BENCH_TAKE; by default 4x4 cameras of 960x640 in front of a painted plane.
 #include <benchmark/benchmark.h>
 #include <tbb/global_control.h>
 
@@ -24,49 +24,50 @@ namespace {
 constexpr int kWidth = 960, kHeight = 640, kPlanes = 96;
 constexpr double kTruncation = 40;
 
-const Take& take() {
+const store::Take& take() {
   static const BenchTake opened("RAYSTAGE_BENCH_TAKE", make_painted_rig(4, 4));
   return opened.take();
 }
 
-/// Amid the four cameras in the middle of the array: they share every ray alike.
-VirtualCamera middle_view() {
-  Pose pose;
+/// Returns a view in the centre of the four middle cameras, which contribute equally to every ray.
+render::VirtualCamera middle_view() {
+  rig::Pose pose;
   pose.position = take().rig().centre();
-  return virtual_camera_with_fov(kWidth, kHeight, 50 * std::numbers::pi / 180, pose);
+  return render::virtual_camera_with_fov(kWidth, kHeight, 50 * std::numbers::pi / 180, pose);
 }
 
-ReconstructionSettings sweep(OptionValues options) {
+render::ReconstructionSettings sweep(schemas::OptionValues options) {
   options["planes"] = static_cast<double>(kPlanes);
   return {"plane_sweep", {0, 0, 0, 1}, std::move(options)};
 }
 
-OptionValues as_opencv() {
+schemas::OptionValues as_opencv() {
   return {{"aggregation", std::string("box")},
           {"interpolation", std::string("linear")},
           {"subplane_refinement", false}};
 }
 
-RenderedView render(const LightFieldRenderer& renderer, const OptionValues& options) {
-  return renderer.render(middle_view(), select_frames(take(), 0, kNanosecondsPerSecond),
+render::RenderedView render(const render::LightFieldRenderer& renderer,
+                            const schemas::OptionValues& options) {
+  return renderer.render(middle_view(), store::select_frames(take(), 0, kNanosecondsPerSecond),
                          sweep(options));
 }
 
-/// The peer: every camera warped onto every plane.
+/// The OpenCV version: warps every camera onto every plane.
 class OpenCvSweep {
  public:
   OpenCvSweep() {
-    const Rig& rig = take().rig();
-    const VirtualCamera view = middle_view();
-    const DepthRange scene = *take().document().depth_range;
+    const rig::Rig& rig = take().rig();
+    const render::VirtualCamera view = middle_view();
+    const schemas::DepthRange scene = *take().document().depth_range;
     std::vector<int> all;
     for (int i = 0; i < take().camera_count(); ++i) all.push_back(i);
-    const InverseDepthRange range = inverse_depth_range_in_view(view, rig, scene);
-    planes_ = evenly_spaced_planes(range, kPlanes);
-    const BlendingField field(view, rig, all, range, 4);
-    JpegDecoder decoder;
+    const render::InverseDepthRange range = render::inverse_depth_range_in_view(view, rig, scene);
+    planes_ = render::evenly_spaced_planes(range, kPlanes);
+    const render::BlendingField field(view, rig, all, range, 4);
+    store::JpegDecoder decoder;
     for (const int i : field.tile(field.columns() / 2, field.rows() / 2).best) {
-      const RgbImage image = decoder.decode(take().archive(i).jpeg(0), "frame");
+      const store::RgbImage image = decoder.decode(take().archive(i).jpeg(0), "frame");
       cv::Mat frame(image.height, image.width, CV_8UC3);
       std::copy(image.pixels.begin(), image.pixels.end(), frame.data);
       frames_.push_back(frame);
@@ -74,7 +75,7 @@ class OpenCvSweep {
     }
   }
 
-  /// Codes, and the plane of each pixel.
+  /// Returns the colour codes and the plane of each pixel.
   cv::Mat render(cv::Mat& best_plane) const {
     cv::Mat best_cost(kHeight, kWidth, CV_32F, cv::Scalar(1e9)), colour(kHeight, kWidth, CV_32FC3);
     best_plane = cv::Mat(kHeight, kWidth, CV_32S, cv::Scalar(0));
@@ -107,16 +108,16 @@ class OpenCvSweep {
 
  private:
   cv::Mat frame_from_view(std::size_t k, int plane) const {
-    const VirtualCamera view = middle_view();
-    const Rig::Camera& camera = take().rig().cameras[static_cast<std::size_t>(cameras_[k])];
+    const render::VirtualCamera view = middle_view();
+    const rig::Rig::Camera& camera = take().rig().cameras[cameras_[k]];
     const double depth = 1 / planes_.inverse_depth(plane);
     const Eigen::Vector3d axis = view.pose.viewing_direction();
-    const PlaneProjection projection(
+    const render::PlaneProjection projection(
         view, {axis.x(), axis.y(), axis.z(), -axis.dot(view.pose.position) - depth});
-    const Intrinsics& i = camera.model.intrinsics();
+    const schemas::Intrinsics& i = camera.model.intrinsics();
     Eigen::Matrix3d pixel_from_ideal;
     pixel_from_ideal << i.fx, 0, i.cx - 0.5, 0, i.fy, i.cy - 0.5, 0, 0, 1;
-    Eigen::Matrix3d centre;  // OpenCV's pixel centres are whole numbers
+    Eigen::Matrix3d centre;  // pixel centres at integers, as in OpenCV
     centre << 1, 0, 0.5, 0, 1, 0.5, 0, 0, 1;
     const Eigen::Matrix3d m = pixel_from_ideal * projection.ideal_from_pixel(camera.pose) * centre;
     cv::Mat result(3, 3, CV_64F);
@@ -126,7 +127,7 @@ class OpenCvSweep {
     return result;
   }
 
-  SweepPlanes planes_;
+  render::SweepPlanes planes_;
   std::vector<int> cameras_;
   std::vector<cv::Mat> frames_;
 };
@@ -139,9 +140,9 @@ void BM_OpenCv(benchmark::State& state) {
     codes = peer.render(planes);
     benchmark::DoNotOptimize(codes.data);
   }
-  // Whether it is the same picture.
-  const LightFieldRenderer renderer(take(), {});
-  const RenderedView ours = render(renderer, as_opencv());
+  // Check that the pictures are equal.
+  const render::LightFieldRenderer renderer(take(), {});
+  const render::RenderedView ours = render(renderer, as_opencv());
   double squares = 0, count = 0;
   for (int y = 8; y < kHeight - 8; ++y) {
     for (int x = 8; x < kWidth - 8; ++x) {
@@ -160,16 +161,16 @@ void BM_OpenCv(benchmark::State& state) {
 }
 BENCHMARK(BM_OpenCv)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime()->Iterations(2);
 
-/// One and two threads in turn, so that whatever else the machine does troubles both alike.
-void BM_PlaneSweep(benchmark::State& state, const OptionValues& options) {
-  const LightFieldRenderer renderer(take(), {});
+/// Alternates one and two threads, so that other processes affect both equally.
+void BM_PlaneSweep(benchmark::State& state, const schemas::OptionValues& options) {
+  const render::LightFieldRenderer renderer(take(), {});
   for (int warm = 0; warm < 2; ++warm) benchmark::DoNotOptimize(render(renderer, options));
   double least_ms[2] = {1e9, 1e9};
   for (auto _ : state) {
     for (std::size_t threads : {1, 2}) {
       const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-      const RenderedView image = render(renderer, options);
-      const RenderStatistics& took = image.statistics;
+      const render::RenderedView image = render(renderer, options);
+      const render::RenderStatistics& took = image.statistics;
       least_ms[threads - 1] =
           std::min(least_ms[threads - 1], took.plan_ms + took.decode_ms + took.render_ms);
       benchmark::DoNotOptimize(image.rgba.data());
@@ -183,7 +184,7 @@ BENCHMARK_CAPTURE(BM_PlaneSweep, box_as_opencv, as_opencv())
     ->Unit(benchmark::kMillisecond)
     ->UseRealTime()
     ->Iterations(8);
-BENCHMARK_CAPTURE(BM_PlaneSweep, semi_global, OptionValues{})
+BENCHMARK_CAPTURE(BM_PlaneSweep, semi_global, schemas::OptionValues{})
     ->Unit(benchmark::kMillisecond)
     ->UseRealTime()
     ->Iterations(8);

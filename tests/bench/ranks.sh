@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# What crosses between MPI ranks that render a shot from archives on several hosts, and what it costs.
+# Measures the traffic between MPI ranks that render a shot from archives on several hosts, and its cost.
 # Usage: tests/bench/ranks.sh BUILD_FOLDER [traffic|latency|jpeg|cpu|scaling|crossover]...     about eight minutes
 # Traffic and latency are drawn in BUILD_FOLDER/ranks.html.
 set -euo pipefail
@@ -15,7 +15,7 @@ cd "$work"
 mkdir cache
 TIMEFORMAT='%U %S %R'
 processors="0-$(($(nproc) - 1))"
-# ranks N TAKE SHOT OPTION...: renders with N ranks of one thread; what they say
+# ranks N TAKE SHOT OPTION...: renders with N ranks of one thread and prints their output
 ranks() {
   local n="$1" take="$2" shot="$3"
   shift 3
@@ -45,7 +45,7 @@ JSON
 local_render() { raystage render "$1" -o local/s.####.exr --existing overwrite -j 1 --cache "$work/cache" 2>&1; }
 
 if [[ "$parts" = *" traffic "* ]]; then
-  echo "== Samples that cross between four ranks, per pixel of the view (512x512, focal_plane, 16 frames of a path)"
+  echo "== Samples sent between four ranks, per pixel of the view (512x512, focal_plane, 16 frames of a path)"
   for side in 2 4 8; do
     array $side $((420 / (side - 1)))
     name="$(shot take$side focal_plane '{}' 16 512)"
@@ -64,7 +64,7 @@ if [[ "$parts" = *" latency "* ]]; then
     echo "$n ranks: $(grep '^milliseconds' <<<"$said")"
     echo "$n ranks: $(grep -o 'milliseconds a view.*' <<<"$said")"
     [ $n = 2 ] || continue
-    # The numbers of the two lines, in their order.
+    # The numbers of both lines, in order.
     read -r light_fields encode <<<"$(sed -n 's/^milliseconds a frame.*light fields \([0-9.]*\),.*encoding \([0-9.]*\);.*/\1 \2/p' <<<"$said")"
     read -r own wait add other_own other_add other_encode messages <<<"$(
       grep -o 'milliseconds a view.*' <<<"$said" | grep -oE '[0-9]+[.][0-9]+' | tr '\n' ' ')"
@@ -79,7 +79,7 @@ if [[ "$parts" = *" latency "* ]]; then
   done
 fi
 if [[ "$parts" = *" jpeg "* ]]; then
-  echo "== JPEG fragments: bytes of a frame of 512x512, and PSNR (sRGB codes) beside the exact frame"
+  echo "== JPEG fragments: bytes of a frame of 512x512, and PSNR (sRGB codes) against the exact frame"
   for side in 2 4 8; do
     array $side $((420 / (side - 1)))
     name="$(shot take$side focal_plane '{}' 16 512)"
@@ -102,11 +102,11 @@ fi
 cost_of_local() { { time local_render "$1" >said; } 2>&1 | tail -n 1 | awk '{ printf "%.2f\n", $1 + $2 }'; }
 if [[ "$parts" = *" cpu "* ]]; then
   array 8 60
-  echo "== CPU seconds of all ranks without waiting, beside one process of one thread (whole commands, all on one processor)"
-  # Ranks have a processor each in truth. Here both sides get one, and turns of 100 ms in place of 3: ranks beside each
-  # other share a core's memory, and ranks that take turns push each other out of its cache.
+  echo "== CPU seconds of all ranks without waiting, and of one process of one thread (complete commands, one processor)"
+  # On real hosts each rank has its own processor. Here all ranks share one, with time slices of 100 ms instead of 3:
+  # ranks on sibling cores share caches, and ranks that alternate evict each other's cache lines.
   taskset -cp 0 $$ >/dev/null
-  chrt -r -p 1 $$ 2>/dev/null || echo "(short turns: real-time scheduling is not allowed here)"
+  chrt -r -p 1 $$ 2>/dev/null || echo "(short time slices: real-time scheduling is not allowed here)"
   for row in "focal_plane {} 48 512" 'depth {"near":2,"far":12} 4 512'; do
     read -r method options frames size <<<"$row"
     name="$(shot take8 "$method" "$options" "$frames" "$size")"
@@ -135,7 +135,7 @@ fi
 if [[ "$parts" = *" crossover "* ]]; then
   array 8 60
   name="$(shot take8 focal_plane '{}' 16 512)"
-  echo "== Bytes of archives read against bytes that cross, for one frame (64 cameras of 320x240, view 512x512)"
+  echo "== Bytes of archives read against bytes sent, for one frame (64 cameras of 320x240, view 512x512)"
   archives="$(du -cb take8/archive/*.mkv | tail -n 1 | cut -f 1)"
   frames="$(raystage info take8 | sed -n 's/^Frames *\([0-9]*\).*/\1/p')"
   said="$(local_render "$name")"

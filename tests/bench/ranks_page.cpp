@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws what tests/bench/ranks.sh measured, beside figures 4-5 and 4-7 of the thesis. Reads lines
+// Draws the results of tests/bench/ranks.sh next to figures 4-5 and 4-7 of the thesis. Reads lines
 // "traffic CAMERAS SAMPLES_PER_PIXEL BAR" and "latency MILLISECONDS NAME"; writes a page of HTML.
 #include <fmt/format.h>
 
@@ -31,9 +31,10 @@ struct Stage {
 };
 
 std::string traffic_chart(const std::vector<Traffic>& rows) {
-  SvgChart chart("Samples that cross between ranks over the number of cameras",
-                 {3, 100, "cameras", true, true}, {0, 3.5, "samples per pixel of the view"});
-  std::vector<SvgChart::Point> measured, bars;
+  charts::SvgChart chart("Samples that cross between ranks over the number of cameras",
+                         {3, 100, "cameras", true, true},
+                         {0, 3.5, "samples per pixel of the view"});
+  std::vector<charts::SvgChart::Point> measured, bars;
   for (const Traffic& row : rows) {
     measured.push_back({row.cameras, row.samples});
     bars.push_back({row.cameras, row.bar});
@@ -50,8 +51,9 @@ std::string traffic_chart(const std::vector<Traffic>& rows) {
 std::string latency_chart(const std::vector<Stage>& stages) {
   double most = 1;
   for (const Stage& stage : stages) most = std::max(most, 1.15 * stage.ms);
-  SvgChart chart("What a view's latency is made of",
-                 {0, static_cast<double>(stages.size()), "", false}, {0, most, "milliseconds"});
+  charts::SvgChart chart("What a view's latency is made of",
+                         {0, static_cast<double>(stages.size()), "", false},
+                         {0, most, "milliseconds"});
   for (std::size_t i = 0; i < stages.size(); ++i) {
     const auto x = static_cast<double>(i);
     chart.bar(x + 0.15, x + 0.85, 0, stages[i].ms, "stage", stages[i].name);
@@ -80,20 +82,23 @@ void run() {
   }
   std::string body;
   if (!traffic.empty()) {
-    body += html_section("Samples that cross between four ranks",
-                         "As figure 4-7 of the thesis, per pixel of the view, before compression: "
-                         "<code>focal_plane</code>, cameras in a square of the same size, a "
-                         "quarter of them on each rank. Dashed: the bars.",
-                         traffic_chart(traffic));
+    body += charts::html_section(
+        "Samples sent between four ranks",
+        "As figure 4-7 of the thesis, per pixel of the view, before compression: "
+        "<code>focal_plane</code>, cameras in a square of the same size, a "
+        "quarter of them on each rank. Dashed: the bars.",
+        traffic_chart(traffic));
   }
   if (!stages.empty()) {
-    body += html_section("Latency of a view",
-                         "As figure 4-5 of the thesis, from the request to the encoded file: two "
-                         "ranks of one thread, a processor each. Messages: until requests and "
-                         "fragments have come, with waits for a turn.",
-                         latency_chart(stages));
+    body += charts::html_section(
+        "Latency of a view",
+        "As figure 4-5 of the thesis, from the request to the encoded file: two "
+        "ranks of one thread, a processor each. Messages: until requests and "
+        "fragments have arrived, with waits for a time slice.",
+        latency_chart(stages));
   }
-  fmt::print("{}", html_page("Ranks that hold cameras", "tests/bench/ranks.sh", body, kStyle));
+  fmt::print("{}", charts::html_page("Distributed rendering by MPI ranks", "tests/bench/ranks.sh",
+                                     body, kStyle));
 }
 
 }  // namespace

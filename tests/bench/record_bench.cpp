@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// How much one node can record, against libjpeg-turbo alone and FFmpeg's recorder, in one run.
+// Measures how much one node can record, against libjpeg-turbo alone and FFmpeg, in one run.
 // Usage: record_bench [SECONDS [THREADS [ROW...]]]: length of each measurement (default 10),
 // encoder threads (default 2), and which rows (default all): raw load small held jpeg.
-// RAYSTAGE_BENCH_PICTURES: a folder of JPEG photographs; without it painted pictures.
+// RAYSTAGE_BENCH_PICTURES: a folder of JPEG photographs; without it synthetic pictures.
 #include <fmt/format.h>
 #include <sys/resource.h>
 #include <turbojpeg.h>
@@ -31,16 +31,16 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr int kCameras = 64, kQuality = 90;
-constexpr int kThesisQuality = 27;  // some 10 KB a frame of 320x240, as the thesis had
+constexpr int kThesisQuality = 27;  // about 10 KB per frame of 320x240, as in the thesis
 
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-/// What this process, or its children, took of the machine so far.
+/// The resources that this process or its children have used so far.
 struct Usage {
   double user = 0, system = 0;         ///< CPU time, seconds
-  double page_faults = 0, sleeps = 0;  ///< times
+  double page_faults = 0, sleeps = 0;  ///< counts
   double cpu() const { return user + system; }
 };
 
@@ -58,8 +58,8 @@ Usage operator-(const Usage& a, const Usage& b) {
   return {a.user - b.user, a.system - b.system, a.page_faults - b.page_faults, a.sleeps - b.sleeps};
 }
 
-/// libjpeg-turbo alone: frames a second on so many threads.
-double turbojpeg_rate(const std::vector<SourceFrame>& frames, int threads, double seconds) {
+/// Measures libjpeg-turbo alone: frames per second on a number of threads.
+double turbojpeg_rate(const std::vector<ingest::SourceFrame>& frames, int threads, double seconds) {
   std::atomic<std::uint64_t> count = 0;
   const auto start = Clock::now();
   {
@@ -70,7 +70,7 @@ double turbojpeg_rate(const std::vector<SourceFrame>& frames, int threads, doubl
         unsigned char* out = nullptr;
         unsigned long size = 0;
         for (auto i = static_cast<std::size_t>(t); seconds_since(start) < seconds; ++i) {
-          const RawImage& raw = frames[i % frames.size()].raw;
+          const store::RawImage& raw = frames[i % frames.size()].raw;
           std::array<const unsigned char*, 3> planes{};
           for (std::size_t p = 0; p < 3; ++p) {
             planes[p] = reinterpret_cast<const unsigned char*>(raw.planes[p].data);
@@ -98,7 +98,7 @@ struct Result {
   double fps() const { return static_cast<double>(stored) / seconds; }
   double cores() const { return used.cpu() / seconds; }
   double kilobytes() const { return 1e3 * megabytes / static_cast<double>(stored); }
-  /// Why it takes what it takes.
+  /// Returns the CPU time and other costs per frame as text.
   std::string costs() const {
     const auto frames = static_cast<double>(stored);
     return fmt::format(
@@ -109,25 +109,26 @@ struct Result {
   }
 };
 
-Result record(const std::vector<SourceFrame>& frames, int cameras, double fps, double seconds,
-              RecorderSettings settings) {
-  const TestFolder folder;
-  RecordConfig config;
+Result record(const std::vector<ingest::SourceFrame>& frames, int cameras, double fps,
+              double seconds, ingest::RecorderSettings settings) {
+  const testing::TestFolder folder;
+  schemas::RecordConfig config;
   config.name = "bench";
   for (int i = 0; i < cameras; ++i) {
-    config.cameras.push_back({fmt::format("c{:02}", i), RecordConfig::SimulatedSource{}});
+    config.cameras.push_back({fmt::format("c{:02}", i), schemas::RecordConfig::SimulatedSource{}});
   }
-  auto opened = open_cameras(config, [&](const RecordConfig::Camera&) {
-    SourceScript script;
+  auto opened = ingest::open_cameras(config, [&](const schemas::RecordConfig::Camera&) {
+    testing::SourceScript script;
     script.frames = frames;
     script.fps = fps;
-    return make_scripted_source(script);
+    return testing::make_scripted_source(script);
   });
-  RecordingTake take = RecordingTake::create(
-      folder.path() / "take", make_take_document(config, opened, "n", host_utc_now(), "bench"),
-      make_recording_rig(config, {}, opened), "n");
+  ingest::RecordingTake take = ingest::RecordingTake::create(
+      folder.path() / "take",
+      ingest::make_take_document(config, opened, "n", ingest::host_utc_now(), "bench"),
+      ingest::make_recording_rig(config, {}, opened), "n");
   settings.duration_s = seconds;
-  Recorder recorder(settings, std::move(opened), take, "bench");
+  ingest::Recorder recorder(settings, std::move(opened), take, "bench");
   const Usage before = usage(RUSAGE_SELF);
   const auto start = Clock::now();
   const auto session = recorder.run({});
@@ -154,17 +155,17 @@ struct Ffmpeg {
   int scale = 0;
 };
 
-/// FFmpeg's MJPEG recorder on the same pictures, at the quality scale whose PSNR is nearest.
-Ffmpeg ffmpeg_recorder(const std::vector<SourceFrame>& frames, double wanted_psnr) {
-  const TestFolder folder;
-  const std::vector<RgbImage> truth = decoded(frames, 100);
+/// Measures FFmpeg's MJPEG recorder on the same pictures, at the quality with the nearest PSNR.
+Ffmpeg ffmpeg_recorder(const std::vector<ingest::SourceFrame>& frames, double wanted_psnr) {
+  const testing::TestFolder folder;
+  const std::vector<store::RgbImage> truth = decoded(frames, 100);
   constexpr int kRepeats = 60;
   const auto raw = folder.path() / "s.yuv";
-  const RawImage& first = frames[0].raw;
+  const store::RawImage& first = frames[0].raw;
   const auto write_raw = [&](int repeats) {
     std::ofstream file(raw, std::ios::binary);
     for (int r = 0; r < repeats; ++r) {
-      for (const SourceFrame& frame : frames) {
+      for (const ingest::SourceFrame& frame : frames) {
         file.write(reinterpret_cast<const char*>(frame.raw.planes[0].data),
                    static_cast<std::streamsize>(frame.raw.bytes()));
       }
@@ -183,10 +184,10 @@ Ffmpeg ffmpeg_recorder(const std::vector<SourceFrame>& frames, double wanted_psn
   write_raw(1);
   for (int scale = 2; scale <= 12; ++scale) {
     run(scale, "%02d.jpg");
-    std::vector<RgbImage> images;
+    std::vector<store::RgbImage> images;
     for (std::size_t i = 0; i < frames.size(); ++i) {
       const std::string bytes = read_file(folder.path() / fmt::format("{:02}.jpg", i + 1));
-      images.push_back(JpegDecoder().decode(std::as_bytes(std::span(bytes)), "ffmpeg"));
+      images.push_back(store::JpegDecoder().decode(std::as_bytes(std::span(bytes)), "ffmpeg"));
     }
     const double db = psnr(images, truth);
     if (best.scale == 0 || std::abs(db - wanted_psnr) < std::abs(best.psnr_db - wanted_psnr)) {
@@ -200,7 +201,7 @@ Ffmpeg ffmpeg_recorder(const std::vector<SourceFrame>& frames, double wanted_psn
   return best;
 }
 
-/// What 64 threads cost that wake up so often and do nothing.
+/// Measures the cost of 64 threads that only wake up at this rate.
 double idle_cores(double wakes_per_second, double seconds) {
   const Usage before = usage(RUSAGE_SELF);
   const auto start = Clock::now();
@@ -229,7 +230,7 @@ class Bench {
  public:
   Bench(double seconds, int threads) : seconds_(seconds), threads_(threads) {
     settings_.threads = threads;
-    settings_.jpeg = {kQuality, JpegEncodeSettings::Chroma::k420, -1};
+    settings_.jpeg = {kQuality, store::JpegEncodeSettings::Chroma::k420, -1};
     settings_.memory_bytes = 500'000'000;
   }
 
@@ -279,7 +280,7 @@ class Bench {
   }
 
   void held() {
-    RecorderSettings settings = settings_;
+    ingest::RecorderSettings settings = settings_;
     settings.hold = true;
     for (const int quality : {kQuality, kThesisQuality}) {
       settings.jpeg.quality = quality;
@@ -292,7 +293,7 @@ class Bench {
   }
 
   void jpeg() {
-    constexpr int kWebcamQuality = 70;  // some 50 KB a frame
+    constexpr int kWebcamQuality = 70;  // about 50 KB per frame
     constexpr double kFps = 30;
     const auto jpegs = jpeg_frames(vga_, kWebcamQuality);
     const Result passed = record(jpegs, kCameras, kFps, seconds_, settings_);
@@ -307,9 +308,9 @@ class Bench {
  private:
   const double seconds_;
   const int threads_;
-  RecorderSettings settings_;
-  const std::vector<SourceFrame> vga_ = raw_frames(load_bench_images(640, 480, 1)),
-                                 small_ = raw_frames(load_bench_images(320, 240, 2));
+  ingest::RecorderSettings settings_;
+  const std::vector<ingest::SourceFrame> vga_ = raw_frames(load_bench_images(640, 480, 1)),
+                                         small_ = raw_frames(load_bench_images(320, 240, 2));
   double capacity_ = 0;
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Resynchronisation of half an hour of 64 cameras, from time stamps to the timeline's bytes.
+// Measures the resynchronisation of 30 min of 64 cameras, from time stamps to the timeline's bytes.
 #include <benchmark/benchmark.h>
 #include <sys/resource.h>
 
@@ -15,9 +15,9 @@
 namespace raystage {
 namespace {
 
-std::vector<CameraTimestamps> half_an_hour(test::SimulatedStamps::Jitter jitter) {
-  return test::cameras_of(
-      test::SimulatedStamps({.seed = 1, .seconds = 1800, .step_at_s = 936, .jitter = jitter}));
+std::vector<store::CameraTimestamps> half_an_hour(testing::SimulatedStamps::Jitter jitter) {
+  return testing::cameras_of(
+      testing::SimulatedStamps({.seed = 1, .seconds = 1800, .step_at_s = 936, .jitter = jitter}));
 }
 
 double peak_megabytes() {
@@ -28,16 +28,16 @@ double peak_megabytes() {
 
 // Argument: 0 for Gaussian jitter, 1 for delays.
 void BM_Resynchronise(benchmark::State& state) {
-  const auto cameras = half_an_hour(static_cast<test::SimulatedStamps::Jitter>(state.range(0)));
+  const auto cameras = half_an_hour(static_cast<testing::SimulatedStamps::Jitter>(state.range(0)));
   double frames = 0;
-  for (const CameraTimestamps& camera : cameras)
+  for (const store::CameraTimestamps& camera : cameras)
     frames += static_cast<double>(camera.stamps.size());
   std::size_t bytes = 0, ticks = 0, steps = 0;
   for (auto _ : state) {
-    const ResyncResult resync = resynchronise(cameras, {}, "bench");
+    const store::ResyncResult resync = store::resynchronise(cameras, {}, "bench");
     ticks = resync.timeline.ticks.size();
     steps = resync.steps.size();
-    bytes = encode_timeline(resync.timeline, 1).size();
+    bytes = store::encode_timeline(resync.timeline, 1).size();
   }
   state.counters["frames"] = frames;
   state.counters["ticks"] = static_cast<double>(ticks);
@@ -47,18 +47,18 @@ void BM_Resynchronise(benchmark::State& state) {
 }
 BENCHMARK(BM_Resynchronise)->Arg(0)->Arg(1)->Unit(benchmark::kSecond)->UseRealTime();
 
-// What --flash costs a frame: 960x640, 4:2:0, quality 85.
+// Measures the cost of --flash per frame: 960x640, 4:2:0, quality 85.
 void BM_MeanLuminance(benchmark::State& state) {
   std::mt19937 random(1);
-  RgbImage image{960, 640, {}};
+  store::RgbImage image{960, 640, {}};
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < 3 * image.width; ++x) {
       const double wave = 128 + 90 * std::sin(x * 0.011) * std::cos(y * 0.023);
       image.pixels.push_back(static_cast<std::uint8_t>(wave + static_cast<double>(random() % 12)));
     }
   }
-  const auto jpeg = encode_jpeg(image, {85, JpegEncodeSettings::Chroma::k420, 0});
-  for (auto _ : state) benchmark::DoNotOptimize(mean_luminance(jpeg));
+  const auto jpeg = store::encode_jpeg(image, {85, store::JpegEncodeSettings::Chroma::k420, 0});
+  for (auto _ : state) benchmark::DoNotOptimize(store::mean_luminance(jpeg));
   state.counters["kB"] = static_cast<double>(jpeg.size()) / 1e3;
 }
 BENCHMARK(BM_MeanLuminance)->Unit(benchmark::kMillisecond);

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# What retiming gains in views whose truth is known, and what it costs: the tables of docs/resync.md.
+# Measures the gain of retiming in views with known truth, and its time: the tables of docs/resync.md.
 # Usage: tests/bench/retime.sh [DATA_FOLDER]   (default: $RAYSTAGE_DATA or ../shared/data; without
 # its stage/ only the simulated take is measured). Needs build/check, as ./test.sh makes it.
 set -euo pipefail
@@ -17,12 +17,12 @@ row() {  # NAME TAKE VIEWS FOCAL_DEPTH [SYNC OPTION...]
   rm -rf "$moved"
   said="$("$raystage" sync "$take" -q -o "$moved" "$@")"
   "$raystage" evaluate "$moved" "$views" --focal-depth "$depth" 2>/dev/null |
-    awk -v name="$name" -v ms="$(awk '/^Moving/ { print $2 }' <<<"$said")" \
+    awk -v name="$name" -v ms="$(awk '/^Cost/ { print $2 }' <<<"$said")" \
         -v missing="$(awk '/^Retimed/ { print $(NF - 1) }' <<<"$said")" \
         '$1 == "mean" { printf "| %s | %s | %s | %s | %s |\n", name, $2, $3, ms == "" ? "0" : ms, missing }'
 }
 table() {  # NAME TAKE VIEWS FOCAL_DEPTH TICK_AT
-  printf '\n%s\n| | PSNR dB | SSIM | ms a frame moved | frames missing |\n| --- | --: | --: | --: | --: |\n' "$1"
+  printf '\n%s\n| | PSNR dB | SSIM | ms per moved frame | frames missing |\n| --- | --: | --: | --: | --: |\n' "$1"
   for method in nearest blend flow; do
     row "$method" "$2" "$3" "$4" --fps 15 --tick-at "$5" --retime "$method"
   done
@@ -33,7 +33,7 @@ if [ -e "$data/stage/import.json" ]; then
   "$raystage" import "$data/stage/import.json" -o "$work/stage" --restart-markers >/dev/null 2>&1
   table "stage, 64 cameras 480x360, 20 views" "$work/stage" "$data/stage/views.json" best 0.233333333
 else
-  echo "no $data/stage: left out" >&2
+  echo "$data/stage is missing: skipped" >&2
 fi
 "$raystage" simulate stage -o "$work/long" -q --seed 7 --seconds 10 --drop 0.03 --clock-offset-ms 0 \
   --truth-views 24 >/dev/null

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures between two frames against the truth, per method: the simulated stage through four of
-// its cameras, in pairs of frames 1/15 s apart (and 2/15 s: one frame lost).
+// Measures the error of pictures between two frames for each retiming method: four cameras of the
+// simulated stage, pairs of frames 1/15 s apart (and 2/15 s: one frame lost).
 // Usage: retime_bench [WIDTH HEIGHT [FOLDER]]: size of a picture, pixels (default 640 480); FOLDER:
-// where the first pair's pictures are written.
+// for the pictures of the first pair.
 #include <fmt/format.h>
 
 #include <chrono>
@@ -31,11 +31,12 @@ double milliseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
-/// Squared errors in codes, over all pixels and over those where something moves.
+/// Squared errors in codes, over all pixels and over those that move.
 struct Error2 {
   double all = 0, moving = 0;
   double count = 0, moving_count = 0;
-  void add(const RgbImage& image, const RgbImage& truth, const std::vector<bool>& moves) {
+  void add(const store::RgbImage& image, const store::RgbImage& truth,
+           const std::vector<bool>& moves) {
     for (std::size_t i = 0; i < moves.size(); ++i) {
       for (std::size_t c = 0; c < 3; ++c) {
         const double difference = image.pixels[3 * i + c] - truth.pixels[3 * i + c];
@@ -52,8 +53,8 @@ struct Error2 {
   }
 };
 
-/// Where the noise-free pictures differ by more than four codes.
-std::vector<bool> moving_pixels(const RgbImage& a, const RgbImage& b) {
+/// Returns the pixels at which the noise-free pictures differ by more than four codes.
+std::vector<bool> moving_pixels(const store::RgbImage& a, const store::RgbImage& b) {
   std::vector<bool> moves(a.pixels.size() / 3);
   for (std::size_t i = 0; i < moves.size(); ++i) {
     for (std::size_t c = 0; c < 3; ++c) {
@@ -65,35 +66,36 @@ std::vector<bool> moving_pixels(const RgbImage& a, const RgbImage& b) {
 
 class Stage {
  public:
-  Stage(int width, int height) : scene_(make_scene("stage")), geometry_(scene_), world_(geometry_) {
-    SimulationSettings settings;
+  Stage(int width, int height)
+      : scene_(simulate::make_scene("stage")), geometry_(scene_), world_(geometry_) {
+    simulate::SimulationSettings settings;
     settings.width = width;
     settings.height = height;
-    const Rig rig = rig_from_document(make_simulated_rig(settings).truth);
+    const rig::Rig rig = rig::rig_from_document(simulate::make_simulated_rig(settings).truth);
     for (const int camera : {0, 7, 27, 63}) {
-      const auto& c = rig.cameras[static_cast<std::size_t>(camera)];
-      cameras_.push_back({PixelRays(c.model, c.pose), StaticSampleCache()});
+      const auto& c = rig.cameras[camera];
+      cameras_.push_back({simulate::PixelRays(c.model, c.pose), simulate::StaticSampleCache()});
     }
   }
   std::size_t cameras() const { return cameras_.size(); }
 
-  RgbImage picture(std::size_t camera, double time, bool noise) {
+  store::RgbImage picture(std::size_t camera, double time, bool noise) {
     world_.set_time(time);
     renderer_.render(world_, cameras_[camera].rays, 4, cameras_[camera].cache, image_);
-    if (!noise) return develop(image_);
-    return SensorModel({}, {image_.width, image_.height}, 0.005).develop(image_, ++seed_);
+    if (!noise) return simulate::develop(image_);
+    return simulate::SensorModel({}, {image_.width, image_.height}, 0.005).develop(image_, ++seed_);
   }
 
  private:
   struct Camera {
-    PixelRays rays;
-    StaticSampleCache cache;
+    simulate::PixelRays rays;
+    simulate::StaticSampleCache cache;
   };
-  Scene scene_;
-  SceneGeometry geometry_;
-  World world_;
-  CameraRenderer renderer_;
-  LinearImage image_;
+  simulate::Scene scene_;
+  simulate::SceneGeometry geometry_;
+  simulate::World world_;
+  simulate::CameraRenderer renderer_;
+  simulate::LinearImage image_;
   std::vector<Camera> cameras_;
   std::uint64_t seed_ = 0;
 };
@@ -102,36 +104,38 @@ void compare(Stage& stage, double gap, const std::filesystem::path& folder) {
   Error2 nearest, blended, flowed;
   double blend_ms = 0, motion_ms = 0, between_ms = 0;
   int pictures = 0;
-  OpticalFlowEstimator estimator;
+  store::OpticalFlowEstimator estimator;
   for (std::size_t camera = 0; camera < stage.cameras(); ++camera) {
     for (int pair = 0; pair < kPairs; ++pair) {
       const double begin = 0.5 + 0.43 * pair;
-      const FlowImage a = make_flow_image(stage.picture(camera, begin, true));
-      const FlowImage b = make_flow_image(stage.picture(camera, begin + gap, true));
+      const store::FlowImage a = store::make_flow_image(stage.picture(camera, begin, true));
+      const store::FlowImage b = store::make_flow_image(stage.picture(camera, begin + gap, true));
       auto start = Clock::now();
-      const FlowField b_from_a = estimator.estimate(a, b), a_from_b = estimator.estimate(b, a);
+      const store::FlowField b_from_a = estimator.estimate(a, b),
+                             a_from_b = estimator.estimate(b, a);
       motion_ms += milliseconds_since(start);
       for (const double part : {0.1, 0.3, 0.5, 0.7, 0.9}) {
-        const RgbImage truth = stage.picture(camera, begin + part * gap, false);
-        const RgbImage nearer = stage.picture(camera, begin + (part <= 0.5 ? 0 : gap), false);
+        const store::RgbImage truth = stage.picture(camera, begin + part * gap, false);
+        const store::RgbImage nearer =
+            stage.picture(camera, begin + (part <= 0.5 ? 0 : gap), false);
         const std::vector<bool> moves = moving_pixels(truth, nearer);
         start = Clock::now();
-        const RgbImage blend_image = blend(a.rgb, b.rgb, part);
+        const store::RgbImage blend_image = store::blend(a.rgb, b.rgb, part);
         blend_ms += milliseconds_since(start);
         start = Clock::now();
-        const RgbImage flow_image = interpolate_frame(a, b, b_from_a, a_from_b, part);
+        const store::RgbImage flow_image = store::interpolate_frame(a, b, b_from_a, a_from_b, part);
         between_ms += milliseconds_since(start);
-        const RgbImage& near_image = part <= 0.5 ? a.rgb : b.rgb;
+        const store::RgbImage& near_image = part <= 0.5 ? a.rgb : b.rgb;
         nearest.add(near_image, truth, moves);
         blended.add(blend_image, truth, moves);
         flowed.add(flow_image, truth, moves);
         ++pictures;
         if (folder.empty() || pictures > 5) continue;
         const std::string name = fmt::format("gap{:.0f}_part{:.0f}_", gap * 1e3, part * 100);
-        write_image(truth, folder / (name + "truth.png"));
-        write_image(near_image, folder / (name + "nearest.png"));
-        write_image(blend_image, folder / (name + "blend.png"));
-        write_image(flow_image, folder / (name + "flow.png"));
+        images::write_image(truth, folder / (name + "truth.png"));
+        images::write_image(near_image, folder / (name + "nearest.png"));
+        images::write_image(blend_image, folder / (name + "blend.png"));
+        images::write_image(flow_image, folder / (name + "flow.png"));
       }
     }
   }
@@ -156,9 +160,9 @@ int main(int argc, char** argv) {
   const int height = argc > 2 ? std::atoi(argv[2]) : 480;
   const std::filesystem::path folder = argc > 3 ? argv[3] : "";
   if (!folder.empty()) std::filesystem::create_directories(folder);
-  use_one_opencv_thread();
+  store::use_one_opencv_thread();
   Stage stage(width, height);
-  fmt::print("| gap ms | method | PSNR dB | of what moves | ms |\n");
+  fmt::print("| gap ms | method | PSNR dB | of moving pixels | ms |\n");
   compare(stage, kFrameTime, folder);
   compare(stage, 2 * kFrameTime, folder);
 }

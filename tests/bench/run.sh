@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # Builds and runs the benchmarks that docs/benchmarks.md quotes.
-# Usage: tests/bench/run.sh [DATA_FOLDER]    (default: $RAYSTAGE_DATA or ../shared/data beside the
-# checkout; without its shop/ light field a painted plane stands in)
+# Usage: tests/bench/run.sh [DATA_FOLDER]    (default: $RAYSTAGE_DATA or ../shared/data next to the
+# checkout; without its shop/ light field a painted plane is used)
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 data="${1:-${RAYSTAGE_DATA:-../shared/data}}"
@@ -12,8 +12,8 @@ cmake --build "$build" -j "$(nproc)" >/dev/null
 work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
 if [ -e "$data/shop/import.json" ]; then
-  # shop stands still: each of its pictures becomes 16 frames, so that a shot through it decodes as
-  # one through a take in motion does.
+  # shop is static: each of its pictures becomes 16 frames, so that a shot through it decodes as many
+  # frames as through a moving take.
   python3 - "$data/shop" "$work/import.json" <<'PYTHON'
 import json, pathlib, sys
 folder, target = pathlib.Path(sys.argv[1]).resolve(), sys.argv[2]
@@ -31,7 +31,7 @@ PYTHON
   done
   export RAYSTAGE_BENCH_TAKE="$work/restart" RAYSTAGE_BENCH_TAKE_PLAIN="$work/plain"
 else
-  echo "no $data/shop: the benchmark runs on a painted plane" >&2
+  echo "$data/shop is missing: the benchmark uses a painted plane" >&2
 fi
 "$build/bin/focal_plane_bench"
 "$build/bin/methods_bench"

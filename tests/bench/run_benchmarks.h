@@ -3,8 +3,8 @@
 
 namespace raystage {
 
-/// Of Google Benchmark, all that are registered, with memory kept as every raystage command keeps
-/// it. For main(): returns the exit code.
+/// Runs all registered benchmarks of Google Benchmark with the memory settings of raystage
+/// commands. Returns the exit code for main().
 int run_benchmarks(int argc, char** argv);
 
 }  // namespace raystage

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The thesis' own case (4.4: 64 cameras of 320x240; a view of 512x512 from archives in the page
-// cache), and how the time goes with cameras, threads and resolution. The take is written anew:
-// 17x17 cameras 6 cm apart, 62 degrees, that look at a painted plane; fewer cameras are its middle.
+// Measures the case of the thesis (4.4: 64 cameras of 320x240; a view of 512x512 from archives in
+// the page cache), and the time by cameras, threads and resolution. Writes the take: 17x17 cameras
+// 6 cm apart, 62 degrees wide, in front of a painted plane. Fewer cameras are those in the middle.
 #include <benchmark/benchmark.h>
 #include <tbb/global_control.h>
 #include <tbb/parallel_pipeline.h>
@@ -24,19 +24,19 @@ constexpr double kSpacing = 0.06, kFov = 40 * std::numbers::pi / 180;
 constexpr const char* kMethods[] = {"focal_plane", "slabs",       "aperture",
                                     "lumigraph",   "plane_sweep", "depth"};
 
-const Take& bench_take() {
+const store::Take& bench_take() {
   static const BenchTake opened([] {
     testing::SyntheticTake settings;
     settings.cameras = testing::camera_grid(kSide, kSide, kSpacing, 320, 240);
-    settings.jpeg = {85, JpegEncodeSettings::Chroma::k420, -1};
+    settings.jpeg = {85, store::JpegEncodeSettings::Chroma::k420, -1};
     settings.frames = kInstants;
-    settings.depth_range = DepthRange{2, 20};
+    settings.depth_range = schemas::DepthRange{2, 20};
     return settings;
   }());
   return opened.take();
 }
 
-/// Leaves per_side x per_side cameras in.
+/// Returns the cameras to exclude so that per_side x per_side contribute.
 std::vector<int> all_but_middle(int per_side) {
   std::vector<int> excluded_cameras;
   const int first = (kSide - per_side) / 2;
@@ -47,30 +47,30 @@ std::vector<int> all_but_middle(int per_side) {
   return excluded_cameras;
 }
 
-/// Behind the array, so far that all of it is in view: every camera contributes. `frame` moves it.
-VirtualCamera view_of(int per_side, int size, int frame = 0) {
+/// Returns a view so far behind the array that every camera contributes. `frame` moves it.
+render::VirtualCamera view_of(int per_side, int size, int frame = 0) {
   const int first = (kSide - per_side) / 2;
   const double middle = (first + (per_side - 1) / 2.0 - (kSide - 1) / 2.0) * kSpacing;
-  Pose pose;
+  rig::Pose pose;
   pose.position = {middle + 0.003 + 0.001 * frame, -middle - 0.002,
                    0.9 * (per_side - 1) * kSpacing / (2 * std::tan(kFov / 2))};
-  return virtual_camera_with_fov(size, size, kFov, pose);
+  return render::virtual_camera_with_fov(size, size, kFov, pose);
 }
 
-ReconstructionSettings reconstruction(std::int64_t method) {
-  return {kMethods[method], fronto_parallel_plane(bench_take().rig(), 4)};
+render::ReconstructionSettings reconstruction(std::int64_t method) {
+  return {kMethods[method], rig::fronto_parallel_plane(bench_take().rig(), 4)};
 }
 
-/// Every frame shows another instant, which is decoded for it.
+/// Every frame shows another instant and decodes it.
 void BM_FromArchives(benchmark::State& state) {
   const auto thread_count = static_cast<std::size_t>(state.range(1));
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, thread_count);
-  const Take& take = bench_take();
-  RendererSettings settings;
+  const store::Take& take = bench_take();
+  render::RendererSettings settings;
   settings.excluded_cameras = all_but_middle(8);
-  settings.cache_bytes = std::size_t{3} * 64 * 320 * 240 * 8;  // of three instants
+  settings.cache_bytes = std::size_t{3} * 64 * 320 * 240 * 8;  // for three instants
   settings.result_cache_bytes = settings.cache_bytes;
-  const LightFieldRenderer renderer(take, settings);
+  const render::LightFieldRenderer renderer(take, settings);
   constexpr int kFrames = 48;
   double rendered = 0, decoded = 0;
   for (auto _ : state) {
@@ -84,8 +84,8 @@ void BM_FromArchives(benchmark::State& state) {
                                                   }) &
                           tbb::make_filter<int, void>(tbb::filter_mode::parallel, [&](int frame) {
                             const auto time = (frame % kInstants) * kNanosecondsPerSecond / 15;
-                            const RenderedView image = renderer.render(
-                                view_of(8, 512, frame), select_frames(take, time, 1'000'000),
+                            const render::RenderedView image = renderer.render(
+                                view_of(8, 512, frame), store::select_frames(take, time, 1'000'000),
                                 reconstruction(state.range(0)));
                             pixels += image.statistics.pixels_decoded;
                             benchmark::DoNotOptimize(image.rgba.data());
@@ -105,25 +105,26 @@ BENCHMARK(BM_FromArchives)
     ->UseRealTime()
     ->MinTime(2);
 
-/// One instant, in memory.
+/// Renders one instant from memory.
 void BM_FromMemory(benchmark::State& state) {
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism,
                                     static_cast<std::size_t>(state.range(2)));
   const int per_side = static_cast<int>(state.range(1)), size = static_cast<int>(state.range(3));
-  RendererSettings settings;
+  render::RendererSettings settings;
   settings.excluded_cameras = all_but_middle(per_side);
-  const LightFieldRenderer renderer(bench_take(), settings);
-  const FrameSelection frames = select_frames(bench_take(), 0, 1'000'000);
-  const VirtualCamera view = view_of(per_side, size);
+  const render::LightFieldRenderer renderer(bench_take(), settings);
+  const store::FrameSelection frames = store::select_frames(bench_take(), 0, 1'000'000);
+  const render::VirtualCamera view = view_of(per_side, size);
   for (int warm = 0; warm < 3; ++warm) {
     renderer.render(view, frames, reconstruction(state.range(0)));
   }
   double cameras = 0, best_ms = std::numeric_limits<double>::infinity();
   for (auto _ : state) {
     const auto start = std::chrono::steady_clock::now();
-    const RenderedView image = renderer.render(view, frames, reconstruction(state.range(0)));
+    const render::RenderedView image =
+        renderer.render(view, frames, reconstruction(state.range(0)));
     const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
-    best_ms = std::min(best_ms, took.count());  // where others share the machine
+    best_ms = std::min(best_ms, took.count());  // the least affected by other processes
     cameras = image.statistics.cameras_used;
     benchmark::DoNotOptimize(image.rgba.data());
   }
@@ -140,15 +141,15 @@ BENCHMARK(BM_FromMemory)  // by cameras, by threads, by resolution
     ->MeasureProcessCPUTime()
     ->UseRealTime();
 
-/// slabs upright and with the view rolled by a quarter turn, so that neighbouring pixels lie in
-/// different rows of the nodes' images: what tiles instead of rows could gain at most.
+/// Measures slabs with an upright view and one rolled by 90 degrees, whose neighbouring pixels are
+/// in different rows of the nodes' images. The difference is the most that tiles could gain.
 void BM_Rolled(benchmark::State& state) {
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, 1);
-  RendererSettings settings;
+  render::RendererSettings settings;
   settings.excluded_cameras = all_but_middle(8);
-  const LightFieldRenderer renderer(bench_take(), settings);
-  const FrameSelection frames = select_frames(bench_take(), 0, 1'000'000);
-  VirtualCamera view = view_of(8, 512);
+  const render::LightFieldRenderer renderer(bench_take(), settings);
+  const store::FrameSelection frames = store::select_frames(bench_take(), 0, 1'000'000);
+  render::VirtualCamera view = view_of(8, 512);
   if (state.range(0) != 0) view.pose.world_from_camera_rotation << 0, -1, 0, 1, 0, 0, 0, 0, 1;
   renderer.render(view, frames, reconstruction(1));
   double best_ms = std::numeric_limits<double>::infinity();
@@ -168,17 +169,17 @@ BENCHMARK(BM_Rolled)
     ->MeasureProcessCPUTime()
     ->UseRealTime();
 
-/// What a new instant costs slabs before its first view: all 64 cameras decoded and rectified, or
-/// rectified alone where `decoded`.
+/// Measures the preparation of an instant by slabs: decoding and rectification of all 64 cameras,
+/// or only rectification if `decoded`.
 void BM_Rectify(benchmark::State& state) {
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, 2);
-  RendererSettings settings;
+  render::RendererSettings settings;
   settings.excluded_cameras = all_but_middle(8);
-  settings.result_cache_bytes = 1;  // nothing stays
+  settings.result_cache_bytes = 1;  // caches nothing
   if (state.range(0) == 0) settings.cache_bytes = 1;
-  const LightFieldRenderer renderer(bench_take(), settings);
-  const FrameSelection frames = select_frames(bench_take(), 0, 1'000'000);
-  const VirtualCamera view = view_of(8, 512);
+  const render::LightFieldRenderer renderer(bench_take(), settings);
+  const store::FrameSelection frames = store::select_frames(bench_take(), 0, 1'000'000);
+  const render::VirtualCamera view = view_of(8, 512);
   double milliseconds = 0;
   for (auto _ : state) {
     milliseconds += renderer.render(view, frames, reconstruction(1)).statistics.decode_ms;

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Speed against accuracy of every method: the tables of docs/benchmarks.md.
+# Measures speed against accuracy of every method: the tables of docs/benchmarks.md.
 # Usage: tests/bench/trade.sh [DATA_FOLDER] [BENCH_OPTION...]
 #   DATA_FOLDER (default: $RAYSTAGE_DATA or ../shared/data) holds shop/, stanford_chess9x9/,
-#   stanford_knights17x17/ and stage/; a set that is not there is left out. Options go to every
+#   stanford_knights17x17/ and stage/; missing sets are left out. Options are passed to every
 #   `raystage bench`, e.g. --view-step 8 to try, or --settings FILE. SETS="shop planes simulated" chooses
 #   sets, PAGES=DIR keeps the pages, CSV and JSON. Needs build/check, as ./test.sh makes it.
 set -euo pipefail
@@ -29,7 +29,7 @@ measure() {  # NAME HEADING TAKE VIEWS [BENCH_OPTION...]
 }
 import() {  # SET: into $work/SET, or says that it is not there
   if [ ! -e "$data/$1/import.json" ]; then
-    echo "no $data/$1: left out" >&2
+    echo "$data/$1 is missing: skipped" >&2
     return 1
   fi
   "$raystage" import "$data/$1/import.json" -o "$work/$1" --restart-markers >/dev/null 2>&1
@@ -65,7 +65,7 @@ for row in json.load(open(sys.argv[1]))["rows"]:
 PYTHON
 fi
 if wanted stage && import stage; then
-  # Free-running cameras: every frame is moved to the ticks that the truth's times lie on.
+  # Free-running cameras: retime every frame to the ticks of the truth.
   "$raystage" sync "$work/stage" -q -o "$work/stage_moved" --fps 15 --tick-at 0.233333333 \
     --retime flow >/dev/null
   measure stage "stage, 64 cameras 480x360, frames moved to their ticks" "$work/stage_moved" \

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Views of captured light fields whose truth is known, by the methods that find the depth.
+// Tests the error of methods that estimate depth on captured light fields with known truth.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -21,30 +21,29 @@ using testing::run;
 
 struct Accuracy {
   const char* method;
-  double psnr_db, covered;  ///< at the least, mean over all views
+  double psnr_db, covered;  ///< lower bounds of the mean over all views
 };
 
 struct Captured {
   const char* set;
-  int views_step;  ///< every n-th of the views whose truth is known is measured
+  int views_step;  ///< every n-th view is measured
   std::vector<Accuracy> reached;
   friend void PrintTo(const Captured& captured, std::ostream* out) { *out << captured.set; }
 };
 
 class CapturedDepth : public ::testing::TestWithParam<Captured> {};
 
-// Some views of each set, with what those reach: all of them take ten times as long, and are
-// measured by tests/bench/accuracy.sh. docs/benchmarks.md, "Accuracy on captured light fields", has
-// what that gives, and what limits depth on shop.
+// Bounds for some views of each set. tests/bench/accuracy.sh measures all views, which takes ten
+// times as long; results: docs/benchmarks.md, "Accuracy on captured light fields".
 TEST_P(CapturedDepth, ShowsWhatNoCameraSawAsWellAsEver) {
   const Captured& captured = GetParam();
   const auto data = testing::find_captured_data(captured.set);
   if (!data) GTEST_SKIP() << "no captured light field " << captured.set;
-  const TestFolder folder;
+  const testing::TestFolder folder;
   std::string take = (folder.path() / "take").string();
   const std::string from = "'" + data->string() + "/import.json'";
   ASSERT_EQ(run("raystage import " + from + " -o '" + take + "' --restart-markers").exit_code, 0);
-  if (std::string(captured.set) == "stage") {  // cameras run free; truth lies on these ticks
+  if (std::string(captured.set) == "stage") {  // free-running cameras; the truth is at these ticks
     const CommandResult moved = run("raystage sync '" + take + "' -q -o '" + take +
                                     "_moved' --fps 15 --tick-at 0.233333333 --retime flow");
     ASSERT_EQ(moved.exit_code, 0) << moved.err;
@@ -60,7 +59,7 @@ TEST_P(CapturedDepth, ShowsWhatNoCameraSawAsWellAsEver) {
     const json mean = json::parse(std::ifstream(file)).at("mean");
     RecordProperty(reached.method, std::to_string(mean.at("psnr_db").get<double>()));
     EXPECT_GE(mean.at("psnr_db").get<double>(), reached.psnr_db) << reached.method;
-    EXPECT_GE(mean.at("covered").get<double>(), reached.covered) << reached.method;
+    EXPECT_GE(mean.at("coverage").get<double>(), reached.covered) << reached.method;
   }
 }
 

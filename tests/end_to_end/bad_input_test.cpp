@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bad input of every kind: a clear error, exit code 2 or 1, nothing lost, no half file.
+// Tests that bad input gives a clear error and exit code 2 or 1, loses nothing and leaves no
+// incomplete file.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -18,7 +19,7 @@ using testing::run;
 using testing::small_manifest;
 using testing::write_text;
 
-/// A folder with three pictures and a manifest of three cameras that imports well.
+/// A folder with three pictures and a valid manifest of three cameras.
 class BadInput : public ::testing::Test {
  protected:
   BadInput() { testing::write_small_manifest(folder_.path()); }
@@ -29,7 +30,7 @@ class BadInput : public ::testing::Test {
     write_text(path("import.json"), text);
     return run("raystage import '" + path("import.json") + "' -o '" + path("take") + "'");
   }
-  /// The import must be refused as bad input, saying `why`, and leave nothing behind.
+  /// Expects that the import fails as bad input, its error contains `why`, and no file is left.
   void expect_refused(const std::string& text, const std::string& why) const {
     const CommandResult result = import_manifest(text);
     EXPECT_EQ(result.exit_code, 2) << result.err;
@@ -37,7 +38,7 @@ class BadInput : public ::testing::Test {
     EXPECT_TRUE(testing::find_files(folder_.path(), "take").empty());
   }
 
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 TEST_F(BadInput, TheManifestItselfIsGood) {
@@ -65,7 +66,7 @@ TEST_F(BadInput, ATruncatedJpeg) {
 }
 
 TEST_F(BadInput, ACameraBehindItsOwnPlane) {
-  // Camera b looks along +z: it is the picture of a manifest in OpenCV's axes.
+  // Camera b looks along +z, as in a manifest with OpenCV's axes.
   const std::string turned =
       replaced(small_manifest(), "[[1,0,0,0.060000],[0,1,0,0],[0,0,1,0],[0,0,0,1]]",
                "[[1,0,0,0.06],[0,-1,0,0],[0,0,-1,0],[0,0,0,1]]");
@@ -159,7 +160,7 @@ TEST(Usage, UnknownCommandsAndOptionsAreBadUsage) {
     EXPECT_EQ(help.exit_code, 0);
     EXPECT_THAT(help.out, HasSubstr("--help"));
     EXPECT_THAT(help.out, HasSubstr("--version"));
-    // The sub-commands of farm have it.
+    // For farm, its sub-commands have the option.
     const std::string name = command;
     const bool has_no_progress = name == "info" || name == "camera" || name == "farm";
     EXPECT_EQ(help.out.find("-q,--quiet") == std::string::npos, has_no_progress);

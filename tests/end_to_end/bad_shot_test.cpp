@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is wrong with a shot is said before its first frame is rendered.
+// Tests that errors of a shot are reported before its first frame is rendered.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -21,7 +21,7 @@ using testing::run;
 class BadShot : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    folder_ = std::make_unique<TestFolder>();
+    folder_ = std::make_unique<testing::TestFolder>();
     const CommandResult made = here(
         "raystage simulate chart -q --rows 2 --columns 2 --width 48 --height 36 --seconds 1 "
         "--startup-loss-seconds 0 --drop 0 --truth-views 0 -o take && raystage sync -q take");
@@ -48,7 +48,7 @@ class BadShot : public ::testing::Test {
             {"camera", {{"keys", {key}}}},
             {"layers", {{{"name", "set"}, {"take", "take"}}, {{"geometry", mesh}}}}};
   }
-  /// Of `raystage render` with the text as its shot; nothing may be written.
+  /// Runs `raystage render` with the text as its shot; if it fails, expects that no frame exists.
   static CommandResult rendered(const std::string& text, const std::string& options = "") {
     std::ofstream(folder_->path() / "shot.json") << text;
     const CommandResult result =
@@ -64,10 +64,10 @@ class BadShot : public ::testing::Test {
     EXPECT_THAT(result.err, AllOf(HasSubstr(place), HasSubstr(what)));
   }
 
-  static std::unique_ptr<TestFolder> folder_;
+  static std::unique_ptr<testing::TestFolder> folder_;
 };
 
-std::unique_ptr<TestFolder> BadShot::folder_;
+std::unique_ptr<testing::TestFolder> BadShot::folder_;
 
 TEST_F(BadShot, TheShotItselfIsGood) {
   const CommandResult result = rendered(good().dump());
@@ -105,7 +105,7 @@ TEST_F(BadShot, WordsThatNothingIsCalled) {
   expect_refused(shot, "#/lights/0", "nobody");
 }
 
-/// The only way in which layers could wait for each other in a circle.
+/// The only possible cyclic dependency of layers.
 TEST_F(BadShot, PlatesThatTheRenderItselfWrites) {
   std::ofstream(folder_->path() / "shot.json") << good().dump();
   ASSERT_EQ(here("rm -rf round && raystage render -q shot.json -o round/f.####.exr").exit_code, 0);
@@ -123,7 +123,7 @@ TEST_F(BadShot, PlatesThatTheRenderItselfWrites) {
 TEST_F(BadShot, NumbersThatAreNone) {
   const std::string text = good().dump();
   for (const char* number : {"NaN", "1e999", "-Infinity"}) {
-    for (const char* place : {"[0,0,-2]", "[0,0,0]"}) {  // of the mesh, of the camera
+    for (const char* place : {"[0,0,-2]", "[0,0,0]"}) {  // position of the mesh, of the camera
       std::string damaged = text;
       const std::size_t at = damaged.find(place);
       ASSERT_NE(at, std::string::npos);

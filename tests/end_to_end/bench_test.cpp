@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `raystage bench` as users run it.
+// Tests `raystage bench` as users run it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -35,7 +35,7 @@ class Bench : public ::testing::Test {
   }
   nlohmann::json document() const { return nlohmann::json::parse(read_text(out_ / "trade.json")); }
 
-  TestFolder folder_;
+  testing::TestFolder folder_;
   const std::filesystem::path take_ = folder_.path() / "take", out_ = folder_.path() / "out";
 };
 
@@ -47,7 +47,7 @@ TEST_F(Bench, WritesTablesAndAPage) {
   EXPECT_THAT(result.err, HasSubstr("Progress: 100%"));
   EXPECT_EQ(document()["rows"].size(), 4U);
   EXPECT_EQ(document()["complete"], true);
-  // The scene lies on the plane.
+  // The scene is on the focal plane.
   EXPECT_GT(document()["rows"][0]["psnr_db"].get<double>(), 40);
   EXPECT_GT(document()["rows"][0]["peak_memory_bytes"].get<double>(), 1e6);
   EXPECT_THAT(read_text(out_ / "trade.csv"), HasSubstr("\r\none,nearest,,1,2,"));
@@ -64,7 +64,7 @@ TEST_F(Bench, TakesSettingsFromADocument) {
   const auto rows = document()["rows"];
   EXPECT_GT(rows[1]["psnr_db"].get<double>(), rows[0]["psnr_db"].get<double>() + 3);
   EXPECT_EQ(rows[0]["focal_depth_m"], 2);
-  // A setting asked for that cannot be rendered: the take has no depth range.
+  // An explicit setting that cannot be rendered, because the take has no depth range.
   const CommandResult partly = run(command(settings + "--setting focal_plane"));
   EXPECT_EQ(partly.exit_code, 3) << partly.err;
   EXPECT_THAT(partly.err, HasSubstr("no depth range"));
@@ -84,7 +84,7 @@ TEST_F(Bench, WithoutADepthRangeSaysWhatToGive) {
   EXPECT_EQ(none.exit_code, 2) << none.err;
   EXPECT_THAT(none.err, AllOf(HasSubstr("no depth range"), HasSubstr("--focal-depth"),
                               HasSubstr(take_.string()), Not(HasSubstr("unexpected"))));
-  // With a plane to look up on, those that need a range say so in their rows, the others stand.
+  // With a focal plane, methods that need a depth range report that in their rows; others succeed.
   ASSERT_EQ(run(command("--focal-depth 4 --repeat 1 --quiet")).exit_code, 0);
   int measured = 0;
   const auto rows = document()["rows"];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From frames to a rig, as users calibrate.
+// Tests geometric calibration from frames to a rig by the commands that users run.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -18,7 +18,7 @@ using ::testing::HasSubstr;
 using testing::run;
 using testing::write_true_rig;
 
-/// A light in the dark before twelve free-running cameras on three nodes whose clocks differ.
+/// Simulates a light in the dark and twelve free-running cameras on three nodes with wrong clocks.
 CommandResult simulate_light(const std::string& take) {
   return run("raystage simulate moving_light -o " + take +
              " --rows 3 --columns 4 --seconds 12 --fps 9 --mounting-deg 8 --mounting-mm 5 "
@@ -27,7 +27,7 @@ CommandResult simulate_light(const std::string& take) {
 }
 
 TEST(Calibrate, FromTheFirstFrameToTheRigInOneCommand) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const std::string take = (folder.path() / "light").string();
   ASSERT_EQ(simulate_light(take).exit_code, 0);
   const std::string rig = (folder.path() / "rig.json").string();
@@ -36,7 +36,7 @@ TEST(Calibrate, FromTheFirstFrameToTheRigInOneCommand) {
                                   " --spacing-mm 60 -q --report " + page);
   ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
   EXPECT_THAT(found.out, HasSubstr("Verdict    accepted"));
-  EXPECT_EQ(read_rig(rig).cameras.size(), 12U);
+  EXPECT_EQ(schemas::read_rig(rig).cameras.size(), 12U);
   EXPECT_THAT(testing::read_text(page), HasSubstr("r2c3"));
   const CommandResult compared =
       run("raystage calibrate compare --json " + write_true_rig(take) + " " + rig);
@@ -48,16 +48,18 @@ TEST(Calibrate, FromTheFirstFrameToTheRigInOneCommand) {
     EXPECT_LE(camera.at("rms_px").get<double>(), 1) << camera;
   }
 
-  // The same from a table; refined from what was found, its lens held.
+  // The same from a table of detections; then refined from the first result with fixed lenses.
   const std::string table = (folder.path() / "light.csv").string();
   const std::string again = (folder.path() / "again.json").string();
   ASSERT_EQ(run("raystage calibrate geometry " + take + " -o " + again +
                 " --spacing-mm 60 -q --detections " + table)
                 .exit_code,
             0);
-  const RigDocument first_time = read_rig(rig), second_time = read_rig(again);
+  const schemas::RigDocument first_time = schemas::read_rig(rig),
+                             second_time = schemas::read_rig(again);
   for (std::size_t i = 0; i < first_time.cameras.size(); ++i) {
-    const CameraGeometry &a = first_time.cameras[i].geometry, &b = second_time.cameras[i].geometry;
+    const schemas::CameraGeometry &a = first_time.cameras[i].geometry,
+                                  &b = second_time.cameras[i].geometry;
     EXPECT_NEAR(a.intrinsics.fx, b.intrinsics.fx, 1e-6);
     for (std::size_t k = 0; k < 16; ++k) {
       EXPECT_NEAR(a.world_from_camera[k], b.world_from_camera[k], 1e-9);
@@ -71,14 +73,14 @@ TEST(Calibrate, FromTheFirstFrameToTheRigInOneCommand) {
   const auto report = nlohmann::json::parse(refined.out);
   EXPECT_EQ(report.at("scale_from"), "start");
   EXPECT_LE(report.at("rms_px").get<double>(), 0.2);
-  // As exact as a rotation and its quaternion agree.
-  const auto held = read_rig(again).cameras[0].geometry.world_from_camera;
-  const auto before = read_rig(rig).cameras[0].geometry.world_from_camera;
+  // Equal up to the conversion of a rotation to a quaternion and back.
+  const auto held = schemas::read_rig(again).cameras[0].geometry.world_from_camera;
+  const auto before = schemas::read_rig(rig).cameras[0].geometry.world_from_camera;
   for (std::size_t i = 0; i < held.size(); ++i) EXPECT_NEAR(held[i], before[i], 1e-12);
 }
 
 TEST(Calibrate, ABoardTellsLensesThatALightCannot) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const std::string take = (folder.path() / "board").string();
   ASSERT_EQ(
       run("raystage simulate board -o " + take +
@@ -90,16 +92,17 @@ TEST(Calibrate, ABoardTellsLensesThatALightCannot) {
   const std::string board = " --board 10x7 --square-mm 30 -q";
   const CommandResult found = run("raystage calibrate lens " + take + board + " -o " + lens);
   ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
-  const RigDocument truth = read_rig(write_true_rig(take)), measured = read_rig(lens);
-  EXPECT_FALSE(is_calibrated(measured));  // lenses only
+  const schemas::RigDocument truth = schemas::read_rig(write_true_rig(take)),
+                             measured = schemas::read_rig(lens);
+  EXPECT_FALSE(schemas::is_calibrated(measured));  // lenses only
   for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
-    const Intrinsics &expected = truth.cameras[i].geometry.intrinsics,
-                     &k = measured.cameras[i].geometry.intrinsics;
+    const schemas::Intrinsics &expected = truth.cameras[i].geometry.intrinsics,
+                              &k = measured.cameras[i].geometry.intrinsics;
     EXPECT_NEAR(k.fx, expected.fx, 0.005 * expected.fx);
     EXPECT_NEAR(k.cx, expected.cx, 2);
     EXPECT_NEAR(k.cy, expected.cy, 2);
   }
-  // The board also tells where the cameras stand, in metres.
+  // The board also determines the positions of the cameras in metres.
   const std::string rig = (folder.path() / "rig.json").string();
   const CommandResult placed = run("raystage calibrate geometry " + take + board + " -o " + rig +
                                    " --lens " + lens + " --lens-per-camera --fix lens --json");
@@ -117,9 +120,9 @@ TEST(Calibrate, ABoardTellsLensesThatALightCannot) {
 }
 
 TEST(Calibrate, WritesNothingThatCannotBeReliedUpon) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const std::string take = (folder.path() / "light").string();
-  // Cameras that look the same way, and clocks that are wrong and believed.
+  // Cameras with equal rotations on nodes with different clocks.
   ASSERT_EQ(run("raystage simulate moving_light -o " + take +
                 " --rows 1 --columns 3 --seconds 8 --fps 9 --mounting-deg 0 --width 160 --height "
                 "120 --truth-views 0 --cameras-per-node 1 -q")
@@ -134,11 +137,11 @@ TEST(Calibrate, WritesNothingThatCannotBeReliedUpon) {
   EXPECT_THAT(refused.out, HasSubstr("The scale is unknown"));
   EXPECT_THAT(refused.err, HasSubstr("--force"));
   EXPECT_EQ(run(command + " --force").exit_code, 0);
-  EXPECT_EQ(read_rig(rig).cameras.size(), 3U);
+  EXPECT_EQ(schemas::read_rig(rig).cameras.size(), 3U);
 }
 
 TEST(Calibrate, SaysWhatIsWrongWithWhatItIsGiven) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const std::string nowhere = (folder.path() / "nowhere").string();
   const std::string rig = (folder.path() / "rig.json").string();
   EXPECT_EQ(run("raystage calibrate geometry " + nowhere + " -o " + rig).exit_code, 2);

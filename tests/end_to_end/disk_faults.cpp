@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Preloaded into a command (LD_PRELOAD) this makes the disk under a folder misbehave:
-//   BAD_DISK_FOLDER=/path   which files it is about
+// Simulates disk faults in a folder when it is preloaded into a command (LD_PRELOAD):
+//   BAD_DISK_FOLDER=/path   the folder
 //   BAD_DISK="FAULT[;FAULT...]" of
-//     ENOSPC|EDQUOT|EROFS|EIO FROM SECONDS   writing fails, for so long after the first FROM bytes
-//     ESTALE FROM SECONDS             no file can be opened to be read
+//     ENOSPC|EDQUOT|EROFS|EIO FROM SECONDS   writes fail for SECONDS after the first FROM bytes
+//     ESTALE FROM SECONDS             no file can be opened for reading
 //     SYNC FROM SECONDS               fdatasync and fsync fail with EIO
-//     STALL FROM SECONDS              whoever writes or syncs waits for the end of it
-//     SLOW BYTES_PER_SECOND           all files together
-// What fails fails as the kernel has it: the write before it is cut short; a disk that is full
-// still truncates and renames; one that is read-only opens nothing for writing.
+//     STALL FROM SECONDS              writes and syncs wait until the fault ends
+//     SLOW BYTES_PER_SECOND           limits the rate of all files together
+// Faults act as in the kernel: the write before the fault is cut short; a full disk still truncates
+// and renames; a read-only disk opens no file for writing.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -37,7 +37,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using Seconds = std::chrono::duration<double>;
 
-/// The function of this name that this library stands before.
+/// Returns the original function, which this library replaces.
 template <class Function>
 Function* real(const char* name) {
   return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
@@ -99,13 +99,13 @@ class BadDisk {
     return is_file && holds(path.data());
   }
 
-  /// 0, or the errno of the refusal. Waits where the disk stalls.
+  /// Returns 0 or the errno of a fault. Waits while the disk stalls.
   int refusal(Call call) {
     std::unique_lock lock(mutex_);
     return refusal(call, lock);
   }
 
-  /// How many of so many bytes may be written; none: with errno.
+  /// Returns how many of `bytes` may be written; sets errno if none.
   std::size_t permit(std::size_t bytes) {
     std::unique_lock lock(mutex_);
     if (const int error = refusal(Call::kWrite, lock)) {
@@ -113,7 +113,7 @@ class BadDisk {
       return 0;
     }
     for (Fault& fault : faults_) {
-      // The write on which it begins is cut short.
+      // The write during which the fault begins is cut short.
       if (fault.began || fault.error() == 0 || fault.what == "SYNC" || fault.what == "ESTALE") {
         continue;
       }
@@ -161,7 +161,7 @@ BadDisk& disk() {
   return bad;
 }
 
-/// Calls `go_on` unless the disk refuses.
+/// Calls `go_on` unless a fault acts.
 template <class GoOn>
 int unless_refused(bool concerned, Call call, GoOn&& go_on) {
   if (concerned) {
@@ -209,7 +209,7 @@ ssize_t pwritev(int file, const iovec* parts, int count, off_t offset) {
 ssize_t pwritev64(int file, const iovec* parts, int count, off64_t offset) {
   return write_parts(file, parts, count, offset);
 }
-ssize_t writev(int file, const iovec* parts, int count) {  // what std::ofstream calls
+ssize_t writev(int file, const iovec* parts, int count) {  // std::ofstream calls it
   if (!disk().holds(file)) {
     return real<ssize_t(int, const iovec*, int)>("writev")(file, parts, count);
   }
@@ -243,7 +243,7 @@ int open64(const char* path, int flags, ...) {
   va_end(arguments);
   return open_file(path, flags, mode);
 }
-FILE* fopen64(const char* path, const char* mode) {  // what std::ifstream calls
+FILE* fopen64(const char* path, const char* mode) {  // std::ifstream calls it
   if (mode[0] == 'r' && disk().holds(path)) {
     if (const int error = disk().refusal(Call::kRead)) {
       errno = error;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recording while the disk is slow, stalls, refuses or lies: disk_faults.cpp is loaded between the
-// command and the kernel.
+// Tests recording to a disk that is slow, stalls, fails writes or loses accepted data, simulated by
+// disk_faults.cpp, which is preloaded into the command.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -41,12 +41,13 @@ class BadDisk : public testing::DiskRecordingTest {
     EXPECT_EQ(lines.back().at("trouble"), "");
     for (int camera = 0; camera < kCameras; ++camera) {
       const auto all = records(take(), camera);
-      EXPECT_GT(count(all, FrameStatus::kDroppedRamFull), 3);
-      EXPECT_EQ(static_cast<long>(all.size()),
-                count(all, FrameStatus::kStored) + count(all, FrameStatus::kDroppedRamFull));
+      EXPECT_GT(count(all, store::FrameStatus::kDroppedRamFull), 3);
+      EXPECT_EQ(static_cast<long>(all.size()), count(all, store::FrameStatus::kStored) +
+                                                   count(all, store::FrameStatus::kDroppedRamFull));
       ASSERT_GT(all.size(), 30U);
       for (const auto& part : {std::span(all).first(3), std::span(all).last(10)}) {
-        for (const FrameRecord& frame : part) EXPECT_EQ(frame.status, FrameStatus::kStored);
+        for (const store::FrameRecord& frame : part)
+          EXPECT_EQ(frame.status, store::FrameStatus::kStored);
       }
     }
     EXPECT_EQ(here("raystage verify -q --decode take").exit_code, 0);
@@ -54,7 +55,7 @@ class BadDisk : public testing::DiskRecordingTest {
 
  private:
 #ifdef __SANITIZE_ADDRESS__
-  // The preloaded library comes before the sanitizer's; that is meant here.
+  // Here the preloaded library must come before the sanitizer's.
   static constexpr const char* kSanitizer =
       " ASAN_OPTIONS=\"$ASAN_OPTIONS:verify_asan_link_order=0\"";
 #else
@@ -75,18 +76,19 @@ TEST_F(BadDisk, ASlowOneFillsMemoryAndEveryDropIsRecorded) {
       const auto used = line.at("memory_used_bytes").get<double>();
       const auto limit = line.at("memory_limit_bytes").get<double>();
       EXPECT_LE(used, limit);
-      // Seen once a second; what a batch held goes free at one moment.
+      // The status is printed once a second, and the memory of a batch is freed at once.
       full = full || used > 0.5 * limit;
     }
     EXPECT_TRUE(full);
     for (int camera = 0; camera < kCameras; ++camera) {
       const auto all = records(take(), camera);
       EXPECT_EQ(session(take()).at("cameras")[camera].at("dropped"),
-                json({{"dropped, memory full", count(all, FrameStatus::kDroppedRamFull)}}));
-      // What the policy keeps: those that memory held first, or those that it held last.
+                json({{"dropped, memory full", count(all, store::FrameStatus::kDroppedRamFull)}}));
+      // The policy keeps the first or the last frames in memory.
       ASSERT_GT(all.size(), 10U);
-      for (const FrameRecord& frame : oldest ? std::span(all).last(3) : std::span(all).first(5)) {
-        EXPECT_EQ(frame.status, FrameStatus::kStored);
+      for (const store::FrameRecord& frame :
+           oldest ? std::span(all).last(3) : std::span(all).first(5)) {
+        EXPECT_EQ(frame.status, store::FrameStatus::kStored);
       }
       for (std::size_t i = 1; i < all.size(); ++i) {
         EXPECT_EQ(all[i].sequence, all[i - 1].sequence + 1);
@@ -106,7 +108,7 @@ TEST_F(BadDisk, OneThatIsReadOnlyForAWhileIsWaitedFor) {
   expect_recovery(record("EROFS 500000 2", 5), "Read-only file system");
 }
 
-// Whether what it took before is there, nobody knows: the audit must not hold.
+// Data that the disk accepted before may be lost, so the audit must fail.
 TEST_F(BadDisk, OneThatCouldNotKeepWhatItTookFailsTheAudit) {
   const CommandResult result = record("SYNC 500000 1.2", 3);
   EXPECT_EQ(result.exit_code, 1) << result.err;
@@ -127,7 +129,7 @@ struct Refusal {
 };
 class RefusingDisk : public BadDisk, public ::testing::WithParamInterface<Refusal> {};
 
-// What is lost cannot be recorded on such a disk: it is said, and what was stored before stays.
+// Losses cannot be recorded on such a disk: they are printed, and stored frames remain.
 TEST_P(RefusingDisk, ForGoodIsSaidAndTheTakeGoesOnElsewhen) {
   const CommandResult result =
       record(GetParam().name + std::string(" 500000 1000"), 2, "--status none");
@@ -135,9 +137,9 @@ TEST_P(RefusingDisk, ForGoodIsSaidAndTheTakeGoesOnElsewhen) {
   EXPECT_THAT(result.out, HasSubstr("THE AUDIT FAILED"));
   EXPECT_THAT(result.out, HasSubstr("frames arrived,"));
   EXPECT_THAT(result.out, HasSubstr(GetParam().text));
-  EXPECT_FALSE(session(take()).contains("audit"));  // what stands there is the session's beginning
+  EXPECT_FALSE(session(take()).contains("audit"));  // only the start of the session is recorded
   const auto before = records(take(), 0);
-  EXPECT_GT(count(before, FrameStatus::kStored), 0);
+  EXPECT_GT(count(before, store::FrameStatus::kStored), 0);
 
   const CommandResult resumed =
       here("raystage record record.json -o take --resume --duration 0.5 --status none");

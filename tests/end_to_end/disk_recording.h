@@ -16,8 +16,8 @@
 
 namespace raystage::testing {
 
-/// For tests: two cameras with 1 MB of JPEG a second, recorded with 1 MB of memory. They count
-/// their frames themselves: one that nobody took in time is a gap.
+/// For tests: two cameras with 1 MB of JPEG per second, recorded with 1 MB of memory. The cameras
+/// count their frames, so a frame that was not read in time is a gap.
 class DiskRecordingTest : public ::testing::Test {
  protected:
   static constexpr double kFps = 15;
@@ -25,7 +25,7 @@ class DiskRecordingTest : public ::testing::Test {
 
   DiskRecordingTest() { write_config("drop_newest"); }
 
-  /// The drops' policy, and the pictures' width in pixels.
+  /// `when_full`: which frames are dropped; `width`: of the pictures, pixels.
   void write_config(const std::string& when_full, int width = 320) const {
     constexpr const char* kConfig = R"({"schema": "raystage/record/1", "name": "test",
       "node": "one", "memory_mb": 1, "when_full": "WHEN_FULL", "cameras": [
@@ -41,20 +41,20 @@ class DiskRecordingTest : public ::testing::Test {
   }
   const std::filesystem::path& folder() const { return folder_.path(); }
 
-  /// The account of a session.
+  /// Returns the record of a session.
   static nlohmann::json session(const std::filesystem::path& take, std::size_t number = 0) {
     return nlohmann::json::parse(read_text(take / "recording" / "one.json"))
         .at("sessions")
         .at(number);
   }
 
-  /// What holds whatever the disk did, as long as it can be written to in the end.
+  /// Expects what is true for any fault of the disk, if the disk is writable at the end.
   static void expect_valid_audit(const nlohmann::json& session, double seconds) {
     EXPECT_TRUE(session.at("audit").at("passed").get<bool>()) << session.dump(1);
     EXPECT_LE(session.at("memory_peak_bytes"), session.at("memory_bytes"));
     ASSERT_EQ(session.at("cameras").size(), kCameras);
     for (const auto& camera : session.at("cameras")) {
-      // Nobody held up the source.
+      // The source was never blocked.
       EXPECT_EQ(camera.at("skipped_by_source"), 0) << camera.dump(1);
       EXPECT_GE(camera.at("arrived").get<double>(), 0.8 * kFps * seconds);
       EXPECT_EQ(camera.at("arrived"), camera.at("stored").get<long>() + dropped(camera));
@@ -66,20 +66,20 @@ class DiskRecordingTest : public ::testing::Test {
     return sum;
   }
 
-  /// Every frame of a camera, in order: stored, or why not. Each stored one is whole.
-  static std::vector<FrameRecord> records(const std::filesystem::path& folder, int camera) {
-    const Take take(folder);
-    const ArchiveReader& archive = take.archive(camera);
+  /// Returns the records of a camera, missing frames included. Expects stored frames to be intact.
+  static std::vector<store::FrameRecord> records(const std::filesystem::path& folder, int camera) {
+    const store::Take take(folder);
+    const store::ArchiveReader& archive = take.archive(camera);
     for (int i = 0; i < static_cast<int>(archive.frames().size()); ++i) {
       EXPECT_TRUE(archive.verify_frame(i)) << i;
     }
     return {archive.records().begin(), archive.records().end()};
   }
-  static long count(const std::vector<FrameRecord>& records, FrameStatus status) {
-    return std::ranges::count(records, status, &FrameRecord::status);
+  static long count(const std::vector<store::FrameRecord>& records, store::FrameStatus status) {
+    return std::ranges::count(records, status, &store::FrameRecord::status);
   }
 
-  /// The lines of `--status json`.
+  /// Returns the lines of `--status json`.
   static std::vector<nlohmann::json> status_lines(const CommandResult& result) {
     std::vector<nlohmann::json> lines;
     std::istringstream text(result.out);
@@ -88,7 +88,7 @@ class DiskRecordingTest : public ::testing::Test {
   }
 
  private:
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 }  // namespace raystage::testing

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The main job by its commands: a take comes in, is resynchronised, and is rendered.
+// Tests the main task by its commands: a take is imported, resynchronised and rendered.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -29,34 +29,34 @@ using nlohmann::json;
 
 json evaluation_in(const std::filesystem::path& file) { return json::parse(read_text(file)); }
 
-/// What the code gives, less a little for other processors.
+/// Lower bounds: the measured values minus a margin for other processors.
 struct AtLeast {
   double psnr_db, ssim, covered;
 };
 
-/// A view of an evaluation, or the mean: every field that it promises is there and sane.
+/// Checks a view of an evaluation or the mean: every documented field exists and is plausible.
 void expect_quality(const json& view, const AtLeast& least) {
   SCOPED_TRACE(view.dump());
   for (const char* field :
-       {"psnr_db", "ssim", "covered", "decode_ms", "render_ms", "decoded_per_needed"}) {
+       {"psnr_db", "ssim", "coverage", "decode_ms", "render_ms", "decoded_per_needed"}) {
     ASSERT_TRUE(view.contains(field)) << field;
   }
   EXPECT_THAT(view.at("psnr_db").get<double>(), AllOf(Ge(least.psnr_db), Lt(60)));
   EXPECT_THAT(view.at("ssim").get<double>(), AllOf(Ge(least.ssim), Le(1)));
-  EXPECT_THAT(view.at("covered").get<double>(), AllOf(Ge(least.covered), Le(1)));
+  EXPECT_THAT(view.at("coverage").get<double>(), AllOf(Ge(least.covered), Le(1)));
   constexpr double kMinute = 60'000;  // milliseconds
   EXPECT_THAT(view.at("decode_ms").get<double>(), AllOf(Gt(0), Lt(kMinute)));
   EXPECT_THAT(view.at("render_ms").get<double>(), AllOf(Gt(0), Lt(kMinute)));
 }
 
-/// Every pixel needed is decoded, and few others.
+/// Expects that all needed pixels and few others are decoded.
 void expect_few_decoded(const json& view, double at_most) {
   EXPECT_THAT(view.at("decoded_per_needed").get<double>(), AllOf(Ge(1), Le(at_most)))
       << view.dump();
 }
 
 TEST(Pipeline, SimulateSyncRenderEvaluate) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const std::string take = (folder.path() / "take").string();
   const std::string frames = (folder.path() / "frames").string();
   const CommandResult simulated =
@@ -77,13 +77,13 @@ TEST(Pipeline, SimulateSyncRenderEvaluate) {
   EXPECT_THAT(rendered.err, HasSubstr("Progress: 100%"));
   EXPECT_EQ(find_files(frames, ".exr").size(), 3U);
   const std::string first = read_text(frames + "/s.0001.exr");
-  EXPECT_NE(run(render + "error").exit_code, 0);  // they exist
+  EXPECT_NE(run(render + "error").exit_code, 0);  // the frames exist
   EXPECT_EQ(run(render + "skip").exit_code, 0);
   const CommandResult quiet = run(render + "overwrite --threads 1 -q");
   EXPECT_EQ(quiet.exit_code, 0) << quiet.err;
   EXPECT_THAT(quiet.err, Not(HasSubstr("Progress")));
-  EXPECT_EQ(read_text(frames + "/s.0001.exr"), first);  // same bytes, one thread or all
-  // A torn file is not trusted.
+  EXPECT_EQ(read_text(frames + "/s.0001.exr"), first);  // same bytes for any number of threads
+  // An incomplete file is rendered again.
   write_text(frames + "/s.0001.exr", first.substr(0, first.size() / 2));
   EXPECT_EQ(run(render + "skip").exit_code, 0);
   EXPECT_EQ(read_text(frames + "/s.0001.exr"), first);
@@ -127,7 +127,7 @@ TEST(Pipeline, SimulateSyncRenderEvaluate) {
 }
 
 TEST(Pipeline, LeftOutCamerasAreTheTruth) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const std::string take = (folder.path() / "take").string();
   testing::SyntheticTake settings;
   settings.cameras = testing::camera_grid(3, 3, 0.06, 96, 72, {-0.2, 0.03, 0, 0, 0});
@@ -141,14 +141,14 @@ TEST(Pipeline, LeftOutCamerasAreTheTruth) {
   EXPECT_EQ(evaluation.at("cameras"), 8);
   ASSERT_EQ(evaluation.at("views").size(), 1U);
   EXPECT_EQ(evaluation.at("views")[0].at("id"), "r1c1");
-  expect_quality(evaluation.at("views")[0], {42, 0.992, 0.93});  // the scene lies on the plane
+  expect_quality(evaluation.at("views")[0], {42, 0.992, 0.93});  // the scene is on the focal plane
   EXPECT_THAT(run("raystage info '" + take + "' >/dev/full").err, HasSubstr("No space left"));
   EXPECT_EQ(run("raystage evaluate '" + take + "' --exclude-cameras nobody").exit_code, 2);
   EXPECT_EQ(run("raystage evaluate '" + take + "' --focal-depth -1").exit_code, 2);
 }
 
 TEST(Pipeline, InterruptedRendersLeaveOnlyWholeFrames) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const std::string take = (folder.path() / "take").string();
   testing::SyntheticTake settings;
   settings.cameras = testing::camera_grid(2, 2, 0.06, 320, 240);
@@ -170,15 +170,15 @@ TEST(Pipeline, InterruptedRendersLeaveOnlyWholeFrames) {
     const std::size_t written = find_files(frames, ".exr").size();
     EXPECT_GE(written, 3U);
     EXPECT_LT(written, 2000U);
-    const CommandResult resumed =  // whole files are kept: nothing is left to do
+    const CommandResult resumed =  // complete files are kept: nothing is left to render
         run("raystage render '" + (folder.path() / "shot.json").string() + "' -o '" +
             frames.string() + "/s.####.exr' --frames 1-3 --existing skip");
     EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
   }
 }
 
-/// Captured light fields. What limits shop is said in docs/benchmarks.md: its views lie in the
-/// middle between four cameras, where a triangulation has only two of them to blend.
+/// Captured light fields. Views of shop are in the middle between four cameras, where a
+/// triangulation blends only two of them (docs/benchmarks.md).
 struct Captured {
   const char* set;
   const char* options;
@@ -192,7 +192,7 @@ class CapturedLightField : public ::testing::TestWithParam<Captured> {};
 TEST_P(CapturedLightField, ComesOutAsWellAsItCanOnOnePlane) {
   const auto data = testing::find_captured_data(GetParam().set);
   if (!data) GTEST_SKIP() << "no captured light field " << GetParam().set;
-  const TestFolder folder;
+  const testing::TestFolder folder;
   const std::string take = (folder.path() / "take").string();
   ASSERT_EQ(run("raystage import '" + data->string() + "/import.json' -o '" + take +
                 "' --restart-markers")

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a recording takes of the machine's RAM, and what it says of that beforehand.
+// Tests that a recording needs no more RAM than it states at its start.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -35,7 +35,7 @@ class RecordMemory : public ::testing::Test {
     return json::parse(testing::read_text(folder_.path() / "take/recording/one.json"))
         .at("sessions")[0];
   }
-  /// The MB that the line at the start names.
+  /// Returns the MB in the line at the start.
   static double said(const std::string& err, const std::string& pattern) {
     std::smatch found;
     return std::regex_search(err, found, std::regex(pattern)) ? std::stod(found[1]) : -1;
@@ -51,7 +51,7 @@ class RecordMemory : public ::testing::Test {
   }
   const std::filesystem::path& folder() const { return folder_.path(); }
 
-  /// That a recording with `--memory 100` took no more than it said, and was put to the test.
+  /// Expects that a recording with `--memory 100` needed most, but not more, of the stated memory.
   void expect_within(const CommandResult& result) const {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
     GTEST_SKIP() << "sanitizers take memory of their own";
@@ -61,23 +61,23 @@ class RecordMemory : public ::testing::Test {
     EXPECT_EQ(said(result.err, "RAM: (\\d+) MB for frames"), kLimit) << result.err;
     const double all = kLimit + said(result.err, "plus up to about (\\d+) MB");
     const double peak = static_cast<double>(result.peak_memory) / kBytesPerMb;
-    std::printf("peak %.0f MB of %.0f MB said\n", peak, all);
+    std::printf("peak %.0f MB of %.0f MB stated\n", peak, all);
     EXPECT_LE(peak, all);
-    EXPECT_GT(peak, 0.5 * all) << "what is said is no use";
+    EXPECT_GT(peak, 0.5 * all) << "the stated memory is far above the peak";
     EXPECT_GT(session().at("memory_peak_bytes").get<double>() / kBytesPerMb, 0.8 * kLimit);
   }
 
  private:
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
-// Graphs bring more than one thread encodes.
+// Filter graphs deliver more frames than one thread encodes.
 TEST_F(RecordMemory, StaysWithinWhatItSays) {
   configure(graph("a") + "," + graph("b") + "," + graph("c"));
   expect_within(record("--memory 100 --threads 1"));
 }
 
-// Pictures that are rendered beforehand lie beside.
+// Simulated cameras also keep the pictures that they render in advance in memory.
 TEST_F(RecordMemory, StaysWithinWhatItSaysOfASimulation) {
   configure(graph("a") + "," + graph("b") + "," + graph("c") + "," + simulated("d", 0) + "," +
             simulated("e", 1));

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A node records, is stopped, killed and resumed; its parts are joined, verified and synchronised.
+// Tests a node that records, is stopped, killed and resumed; its parts are joined, verified and
+// resynchronised.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -41,7 +42,7 @@ class Record : public ::testing::Test {
   const std::filesystem::path& folder() const { return folder_.path(); }
 
  private:
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 TEST_F(Record, TwoNodesBecomeOneTake) {
@@ -91,7 +92,7 @@ TEST_F(Record, AKilledRecordingOpensAndIsGoneOnWith) {
   EXPECT_THAT(here("raystage info take").out, HasSubstr("not closed"));
   const CommandResult verify = here("raystage verify -q take");
   EXPECT_EQ(verify.exit_code, 1);
-  EXPECT_THAT(verify.out, HasSubstr("--resume -o take` goes on with the recording"));
+  EXPECT_THAT(verify.out, HasSubstr("--resume -o take` continues the recording"));
   EXPECT_THAT(verify.out, HasSubstr("`raystage repair take` closes it"));
   EXPECT_EQ(here("raystage record record.json -o take --status none --duration 0.3").exit_code, 2);
   const CommandResult resumed =
@@ -105,7 +106,7 @@ TEST_F(Record, AKilledRecordingOpensAndIsGoneOnWith) {
   EXPECT_TRUE(sync.at("clock_steps").empty());
   for (const json& camera : sync.at("cameras")) {
     EXPECT_TRUE(camera.at("own_jumps").empty());
-    // A slow machine may have left too few frames to tell.
+    // On a slow machine there may be too few frames to check.
     if (camera.at("rate_hz").is_null()) continue;
     EXPECT_NEAR(camera.at("rate_hz").get<double>(), camera.at("id") == "a" ? 30 : 15, 0.2);
   }
@@ -125,7 +126,7 @@ TEST_F(Record, FoldersAboveATakeAreMade) {
 TEST_F(Record, OnlyATakeCanBeGoneOnWith) {
   const CommandResult resumed = here("raystage record other.json -o none --resume --status none");
   EXPECT_EQ(resumed.exit_code, 2);
-  EXPECT_THAT(resumed.err, HasSubstr("none: there is no take to continue. Omit --resume"));
+  EXPECT_THAT(resumed.err, HasSubstr("none: there is no take to resume. Omit --resume"));
   EXPECT_FALSE(std::filesystem::exists(folder() / "none"));
 }
 
@@ -138,11 +139,12 @@ TEST_F(Record, ATimeThatHasPassedIsNoStart) {
   EXPECT_FALSE(std::filesystem::exists(folder() / "take"));
   const CommandResult late = here(
       "raystage record other.json -o take --start-at $(date -u -d '-3 seconds' +%FT%TZ) "
-      "--duration 9 --status none");  // the machine may hold it up by seconds
+      "--duration 9 --status none");  // a busy machine may delay it by seconds
   EXPECT_EQ(late.exit_code, 0) << late.err;
   EXPECT_THAT(late.err, HasSubstr("s ago"));
   EXPECT_THAT(late.out, HasSubstr("s after --start-at: "));
-  const RecordingDocument account = read_recording(folder() / "take/recording/two.json");
+  const schemas::RecordingDocument account =
+      schemas::read_recording(folder() / "take/recording/two.json");
   EXPECT_GE(account.sessions.at(0).late(), 3 * kNanosecondsPerSecond);
   EXPECT_THAT(here("raystage info take").out, HasSubstr("after its --start-at"));
 }
@@ -172,12 +174,12 @@ TEST_F(Record, HoldSaysHowLongTheMemoryLasts) {
   const CommandResult held =
       here("raystage record other.json -o take --buffer-in-memory --duration 1 --status none");
   EXPECT_EQ(held.exit_code, 0) << held.err;
-  // Of the 50 some are for the frames in hand, and for the records of what is missing.
+  // The rest of the 50 MB is for frames being encoded and for records of missing frames.
   EXPECT_THAT(held.err, HasSubstr("48 MB of memory hold"));
   EXPECT_EQ(here("raystage verify -q take").exit_code, 0);
 }
 
-/// A file, a sequence of images, a graph and a pipe: none of them comes by itself, each has an end.
+/// Sources with an end that are read on demand: a file, an image sequence, a filter graph, a pipe.
 class RecordFinite : public Record {
  protected:
   void SetUp() override {
@@ -192,7 +194,7 @@ class RecordFinite : public Record {
     configure("pipe", R"({"url": "pipe:0", "format": "rawvideo", "options": {
               "pixel_format": "yuvj420p", "video_size": "32x24", "framerate": "50"}})");
   }
-  /// Stdin has `piped` raw frames.
+  /// Records with `piped` raw frames on standard input.
   CommandResult record(const std::string& name, const std::string& options, int piped = 20) const {
     constexpr int kRawBytes = 32 * 24 * 3 / 2;
     return here("head -c " + std::to_string(piped * kRawBytes) + " /dev/zero | raystage record " +

@@ -20,16 +20,16 @@
 namespace raystage::testing {
 namespace {
 
-/// What a command writes to one of its streams, read while it runs. Through a pipe: a limit on the
-/// size of files would hold for a file too.
+/// Reads what a command writes to one of its streams while it runs. Uses a pipe, because a limit on
+/// the size of files would also apply to a file.
 class Stream {
  public:
   Stream() {
     if (pipe2(ends_.data(), O_CLOEXEC) != 0) throw std::runtime_error("no pipe");
   }
-  /// In the child: becomes its stream of this number.
+  /// In the child: replaces the stream with this file descriptor.
   void connect(int number) const { dup2(ends_[1], number); }
-  /// In the parent.
+  /// In the parent process.
   void start_reading() {
     close(ends_[1]);
     reader_ = std::thread([this] {
@@ -68,10 +68,10 @@ void start(Running& running, const std::string& command, const CommandLimits& la
       const rlimit limit{*lacks.max_file_bytes, *lacks.max_file_bytes};
       if (setrlimit(RLIMIT_FSIZE, &limit) != 0) _exit(126);
 #ifdef __SANITIZE_THREAD__
-      signal(SIGXFSZ, SIG_IGN);  // its own writes raise it before the command can ignore it
+      signal(SIGXFSZ, SIG_IGN);  // the sanitizer's writes raise it before the command can ignore it
 #endif
     }
-    if (lacks.root && !drop_root_privileges()) _exit(126);
+    if (lacks.root && !testing::drop_root_privileges()) _exit(126);
     execl("/bin/bash", "bash", "-c", whole.c_str(), nullptr);
     _exit(127);
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every shot of docs/shots, in small.
+// Renders every shot of docs/shots at a reduced size.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -24,7 +24,7 @@ const std::filesystem::path kShots = std::filesystem::path(RAYSTAGE_SOURCE_DIR) 
 
 class Shots : public ::testing::Test {
  protected:
-  /// Takes of 16 cameras and 3 s beside copies of the shots; four of 1.2 s around a volume.
+  /// Makes takes of 16 cameras and 3 s next to copies of the shots; four of 1.2 s around a volume.
   void SetUp() override {
     for (const auto& file : std::filesystem::directory_iterator(kShots)) {
       std::filesystem::copy(file.path(), folder_.path() / file.path().filename());
@@ -49,20 +49,20 @@ class Shots : public ::testing::Test {
   CommandResult here(const std::string& command) const {
     return run("cd '" + folder_.path().string() + "' && " + command);
   }
-  ExrImage rendered(const std::string& shot, const char* number) const {
-    return read_exr(folder_.path() / shot / (std::string("f.") + number + ".exr"));
+  compose::ExrImage rendered(const std::string& shot, const char* number) const {
+    return compose::read_exr(folder_.path() / shot / (std::string("f.") + number + ".exr"));
   }
   void check(const std::string& name) const;
 
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 void Shots::check(const std::string& name) const {
-  const ShotDocument shot = read_shot(kShots / (name + ".json"));
+  const schemas::ShotDocument shot = schemas::read_shot(kShots / (name + ".json"));
   const CommandResult render =
       here("raystage render -q " + name + ".json --frames 1,24 -o '" + name + "/f.####.exr'");
   ASSERT_EQ(render.exit_code, 0) << render.err;
-  const ExrImage first = rendered(name, "0001"), last = rendered(name, "0024");
+  const compose::ExrImage first = rendered(name, "0001"), last = rendered(name, "0024");
   ASSERT_EQ(first.width, shot.width);
   double covered = 0, light = 0, difference = 0;
   for (std::size_t i = 0; i < first.rgba.size(); ++i) {
@@ -75,7 +75,7 @@ void Shots::check(const std::string& name) const {
   EXPECT_GT(light, 3 * 0.05 * pixels);
   EXPECT_GT(difference, 3 * 0.005 * pixels) << "nothing moves";
   if (!shot.camera.stereo) return;
-  constexpr ExrChannel kRight[] = {{"right.R"}};
+  constexpr images::ExrChannel kRight[] = {{"right.R"}};
   ASSERT_EQ(
       here("raystage render -q " + name + ".json --layout single --frames 1 -o both.exr").exit_code,
       0);
@@ -89,7 +89,7 @@ void Shots::check(const std::string& name) const {
         "colorInteropID (type string): \"lin_rec709_scene\"", "capDate (type string):"}) {
     EXPECT_THAT(header.out, HasSubstr(line));
   }
-  const auto right = read_exr_channels(folder_.path() / "both.exr", kRight, "").values;
+  const auto right = images::read_exr_channels(folder_.path() / "both.exr", kRight, "").values;
   double apart = 0;
   for (std::size_t i = 0; i < right.size(); ++i) {
     apart += std::abs(double{right[i]} - double{first.rgba[4 * i]});

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recording onto a real disk that is nearly full, fills up, or is read-only: a file system of a few
-// megabytes, mounted where nobody else sees it.
+// Tests recording to a disk that is nearly full, fills up, or is read-only: a file system of a few
+// megabytes, mounted in a private namespace.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -15,8 +15,8 @@ using ::testing::HasSubstr;
 const std::string kRecord = "raystage record ../record.json -o take --status none --duration ";
 const std::string kSay = "; echo \"exit $?\"; ";
 
-/// Until frames were written, and then none for so long that those which wait fill the memory: how
-/// soon that is depends on the machine.
+/// A script: waits until frames were written and then none for so long that the waiting ones fill
+/// the memory. The time depends on the machine.
 const std::string kUntilStalled =
     "kb=0; until [ ${kb:-0} -ge 1000 ]; do sleep 0.05; "
     "kb=$(du -ks take/archive 2>/dev/null | cut -f1); done; "
@@ -33,12 +33,12 @@ class SmallDisk : public testing::DiskRecordingTest {
       GTEST_SKIP() << "no file system can be mounted here: " << mounted.err;
     }
   }
-  /// Runs a script on a disk of that size; in the end what is on it goes to kept().
+  /// Runs a script on a disk of that size; copies its contents to kept() at the end.
   CommandResult on_disk(const std::string& size, const std::string& script) const {
     return here("unshare --user --map-root-user --mount bash -c 'mount -t tmpfs -o size=" + size +
                 " none disk && cd disk && { " + script + "\ncp -a . ../kept; }'");
   }
-  /// A script: gives the disk that size, or another property.
+  /// A script: changes the size or another mount option of the disk.
   static std::string now(const std::string& option) {
     return "mount -o remount," + option + " \"$PWD\"; ";
   }
@@ -64,9 +64,9 @@ TEST_F(SmallDisk, FullToTheEndEveryLossIsRecordedAndARoomierOneGoesOn) {
     EXPECT_GT(account.at("dropped").at("dropped, memory full"), 0);
     EXPECT_EQ(dropped(second.at("cameras")[camera]), 0);
     const auto all = records(kept() / "take", camera);
-    EXPECT_EQ(count(all, FrameStatus::kDroppedDiskFull),
+    EXPECT_EQ(count(all, store::FrameStatus::kDroppedDiskFull),
               account.at("dropped").at("dropped, could not be written"));
-    EXPECT_EQ(count(all, FrameStatus::kDroppedRamFull),
+    EXPECT_EQ(count(all, store::FrameStatus::kDroppedRamFull),
               account.at("dropped").at("dropped, memory full"));
   }
   EXPECT_EQ(here("raystage verify -q --decode kept/take").exit_code, 0);
@@ -83,15 +83,15 @@ TEST_F(SmallDisk, RoomThatIsMadeMeanwhileIsUsed) {
     EXPECT_FALSE(
         account.at("cameras")[camera].at("dropped").contains("dropped, could not be written"));
     const auto all = records(kept() / "take", camera);
-    EXPECT_GT(count(all, FrameStatus::kDroppedRamFull), 0);
+    EXPECT_GT(count(all, store::FrameStatus::kDroppedRamFull), 0);
     ASSERT_GT(all.size(), 20U);
-    for (const FrameRecord& frame : std::span(all).last(10)) {
-      EXPECT_EQ(frame.status, FrameStatus::kStored);
+    for (const store::FrameRecord& frame : std::span(all).last(10)) {
+      EXPECT_EQ(frame.status, store::FrameStatus::kStored);
     }
   }
 }
 
-// Less room than is set aside on other disks, and more records than fit what frames leave over.
+// Less space than is reserved on other disks, and more records than fit next to the frames.
 TEST_F(SmallDisk, NearlyFullFromTheStartEveryLossIsRecorded) {
   write_config("drop_newest", 32);
   const CommandResult result = on_disk("400k", kRecord + "8" + kSay);

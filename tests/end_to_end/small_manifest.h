@@ -11,7 +11,7 @@
 
 namespace raystage::testing {
 
-/// An import manifest of three cameras in a row, each with one picture beside it.
+/// An import manifest of three cameras in a row, each with one picture next to the manifest.
 inline std::string small_manifest() {
   const auto camera = [](const std::string& id, double x) {
     return R"({"id": ")" + id + R"(", "width": 32, "height": 24,
@@ -27,14 +27,14 @@ inline std::string small_manifest() {
          camera("a", 0) + "," + camera("b", 0.06) + "," + camera("c", 0.12) + "]}";
 }
 
-/// Writes it to folder/import.json, and its pictures: stripes, so that no file made of them is
-/// tiny.
+/// Writes it to folder/import.json, and its pictures. They show stripes, so that no file made of
+/// them is tiny.
 inline void write_small_manifest(const std::filesystem::path& folder) {
-  RgbImage picture{32, 24, std::vector<std::uint8_t>(32 * 24 * 3)};
+  store::RgbImage picture{32, 24, std::vector<std::uint8_t>(32 * 24 * 3)};
   for (std::size_t i = 0; i < picture.pixels.size(); ++i) {
     picture.pixels[i] = static_cast<std::uint8_t>(40 + i * i % 170);
   }
-  const auto jpeg = encode_jpeg(picture, {});
+  const auto jpeg = store::encode_jpeg(picture, {});
   for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) {
     write_text(folder / name, {reinterpret_cast<const char*>(jpeg.data()), jpeg.size()});
   }

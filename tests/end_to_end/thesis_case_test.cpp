@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the thesis' prototype did (4.4): 64 cameras of 320x240, a moving view, from archives.
+// The case of the thesis' prototype (4.4): 64 cameras of 320x240, a moving view, from archives.
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -28,16 +28,17 @@ using testing::write_text;
 constexpr int kFrames = 8, kSize = 512;
 constexpr double kThesisFramesPerSecond = 18;  // of the prototype, at 320x240 (4.4)
 
-/// As the last line of a rendering says it; 0 where none does.
+/// Returns the rate in the last line of a rendering's output, or 0 if there is none.
 double frames_per_second(const std::string& log) {
   std::smatch found;
   static const std::regex kRate(R"(([0-9.]+) frames/s)");
   return std::regex_search(log, found, kRate) ? std::stod(found[1]) : 0;
 }
 
-/// Largest difference of a frame from the painted plane that all cameras look at, 4 m away.
-double error_of(const ExrImage& image, const Eigen::Vector3d& eye) {
-  const VirtualCamera view = virtual_camera_with_fov(kSize, kSize, 40 * std::numbers::pi / 180, {});
+/// Returns the largest difference of a frame from the painted plane 4 m in front of all cameras.
+double error_of(const compose::ExrImage& image, const Eigen::Vector3d& eye) {
+  const render::VirtualCamera view =
+      render::virtual_camera_with_fov(kSize, kSize, 40 * std::numbers::pi / 180, {});
   double worst = 0;
   for (int y = 0; y < kSize; ++y) {
     for (int x = 0; x < kSize; ++x) {
@@ -75,23 +76,23 @@ CommandResult render(const std::filesystem::path& folder, const std::string& nam
 class ThesisCase : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(ThesisCase, RendersAMovingViewOfItsArray) {
-  const TestFolder folder;
+  const testing::TestFolder folder;
   testing::SyntheticTake settings;
   settings.cameras = testing::camera_grid(8, 8, 0.06, 320, 240);
   settings.frames = kFrames;
-  settings.jpeg = {90, JpegEncodeSettings::Chroma::k420, -1};
+  settings.jpeg = {90, store::JpegEncodeSettings::Chroma::k420, -1};
   write_synthetic_take(settings, folder.path() / "take");
   ASSERT_EQ(run("raystage sync '" + (folder.path() / "take").string() + "'").exit_code, 0);
   const CommandResult rendered = render(folder.path(), "s", kSize, kSize, GetParam(), "zip");
   ASSERT_EQ(rendered.exit_code, 0) << rendered.err;
-  // The view asks for more than cameras of 320 pixels over 62 degrees have.
+  // The view requires more resolution than cameras with 320 pixels over 62 degrees have.
   EXPECT_THAT(rendered.err, ::testing::HasSubstr("more resolution than the light field"));
   ASSERT_EQ(find_files(folder.path(), ".exr").size(), static_cast<std::size_t>(kFrames));
-  EXPECT_LT(error_of(read_exr(folder.path() / "s.0001.exr"), {-0.07, 0.02, 0.1}), 0.04);
-  EXPECT_LT(error_of(read_exr(folder.path() / "s.0008.exr"), {0.07, -0.04, 0.02}), 0.04);
+  EXPECT_LT(error_of(compose::read_exr(folder.path() / "s.0001.exr"), {-0.07, 0.02, 0.1}), 0.04);
+  EXPECT_LT(error_of(compose::read_exr(folder.path() / "s.0008.exr"), {0.07, -0.04, 0.02}), 0.04);
 
-  // At the prototype's size; to compress files would take longest, and it wrote none. Told beside
-  // its rate, not held to it: thesis_bench measures, on a machine that does nothing else.
+  // At the prototype's size and without compression, because it wrote no files. The rate is printed
+  // but not asserted: thesis_bench measures it on an idle machine.
   const CommandResult timed = render(folder.path(), "timed", 320, 240, GetParam(), "none");
   ASSERT_EQ(timed.exit_code, 0) << timed.err;
   const double rate = frames_per_second(timed.err);

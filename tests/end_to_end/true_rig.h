@@ -9,7 +9,7 @@
 
 namespace raystage::testing {
 
-/// Writes truth.json's true rig as a document of its own.
+/// Writes the true rig in truth.json to a separate document.
 inline std::string write_true_rig(const std::filesystem::path& take) {
   const auto truth = nlohmann::json::parse(read_text(take / "truth.json"));
   const std::filesystem::path file = take / "true_rig.json";

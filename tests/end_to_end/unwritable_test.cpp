@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where a command cannot write, on a full disk or without permission: exit code 1, what and why on
-// stderr, and every file as it was before.
+// Tests commands that cannot write, on a full disk or without permission: exit code 1, file and
+// cause on stderr, and all files unchanged.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -25,7 +25,7 @@ using testing::write_text;
 
 using Contents = std::map<std::string, std::string>;
 
-/// What is new, different or gone.
+/// Returns the new, changed and removed files.
 Contents changes(const Contents& before, const Contents& after) {
   Contents changed;
   for (const auto& [name, text] : after) {
@@ -38,17 +38,17 @@ Contents changes(const Contents& before, const Contents& after) {
   return changed;
 }
 
-/// A command to be run in the test's folder, which has `import.json`, `take`, `shot.json`, `frames`
-/// and a folder `out`.
+/// A command to run in the test's folder, which contains `import.json`, `take`, `shot.json`,
+/// `frames` and a folder `out`.
 struct Writing {
   const char* name;
   const char* command;
-  const char* output;           ///< what it writes
-  bool there_before = true;     ///< and replaces
-  bool same_every_time = true;  ///< to the byte; a measured time is not
+  const char* output;           ///< file or folder that it writes
+  bool there_before = true;     ///< whether it exists and is replaced
+  bool same_every_time = true;  ///< false if it contains measured times
   friend void PrintTo(const Writing& writing, std::ostream* out) { *out << writing.name; }
 
-  /// "raystage sync" of a command line.
+  /// Returns the program and command, for example "raystage sync".
   std::string program() const {
     const std::string text = command;
     return text.substr(0, text.find(' ', text.find(' ') + 1));
@@ -81,14 +81,14 @@ class Unwritable : public ::testing::TestWithParam<Writing> {
     return run("cd '" + folder().string() + "' && " + command, lacks);
   }
 
-  /// What the command writes where it can; everything is put back afterwards.
+  /// Returns the files that the command writes in a writable copy of the folder.
   Contents written_where_it_can(const testing::CommandLimits& lacks) const {
-    const TestFolder elsewhere;
+    const testing::TestFolder elsewhere;
     std::filesystem::copy(folder(), elsewhere.path() / "all",
                           std::filesystem::copy_options::recursive);
     if (lacks.root) {
       std::filesystem::permissions(elsewhere.path(), std::filesystem::perms(0755));
-      make_world_writable(elsewhere.path() / "all");
+      testing::make_world_writable(elsewhere.path() / "all");
     }
     const CommandResult result =
         run("cd '" + (elsewhere.path() / "all").string() + "' && " + GetParam().command, lacks);
@@ -101,7 +101,7 @@ class Unwritable : public ::testing::TestWithParam<Writing> {
     const CommandResult result = run_here(GetParam().command, lacks);
     EXPECT_EQ(result.exit_code, 1) << result.err;
     EXPECT_THAT(result.err, HasSubstr(GetParam().program()));
-    // A render may find out about its folder before its first frame.
+    // A render may check its folder before its first frame.
     const std::string folder_of_output = output().parent_path().filename().string();
     EXPECT_THAT(result.err,
                 AnyOf(AllOf(HasSubstr(output().filename().string()), HasSubstr(why)),
@@ -113,7 +113,7 @@ class Unwritable : public ::testing::TestWithParam<Writing> {
   }
 
  private:
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 TEST_P(Unwritable, AFullDiskChangesNothing) {
@@ -121,7 +121,7 @@ TEST_P(Unwritable, AFullDiskChangesNothing) {
   ASSERT_FALSE(written.empty());
   std::size_t largest = 0;
   for (const auto& [name, text] : written) largest = std::max(largest, text.size());
-  // Full from the start, early in the first file, late in the largest.
+  // Full from the start, early in the first file, or late in the largest.
   const std::size_t late = GetParam().same_every_time ? largest - 1 : largest / 2;
   for (const std::size_t room : {std::size_t{0}, std::size_t{20}, late}) {
     SCOPED_TRACE(std::to_string(room) + " bytes");
@@ -130,13 +130,14 @@ TEST_P(Unwritable, AFullDiskChangesNothing) {
 }
 
 TEST_P(Unwritable, AFolderWithoutPermissionChangesNothing) {
-  make_world_writable(folder());
+  testing::make_world_writable(folder());
   for (const std::string& path : {folder().string(), std::string(RAYSTAGE_BIN_DIR "/raystage")}) {
-    const std::string closed = unprivileged_access_error(path);
+    const std::string closed = testing::unprivileged_access_error(path);
     if (!closed.empty()) GTEST_SKIP() << closed;
   }
-  EXPECT_FALSE(written_where_it_can({.root = true}).empty());  // so that a refusal is the lock's
-  const ReadOnlyFolder locked(output().parent_path());
+  EXPECT_FALSE(
+      written_where_it_can({.root = true}).empty());  // so only the lock can cause a failure
+  const testing::ReadOnlyFolder locked(output().parent_path());
   expect_refused({.root = true}, "ermission denied");
 }
 

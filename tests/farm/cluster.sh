@@ -1,16 +1,16 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
 # Runs a real Slurm cluster on this host, for tests: munged, slurmctld and N slurmd, all listening on 127.0.0.1. Each
-# node has its own PID and mount namespace, so that killing it ends all its processes at once, and that it can have
-# other mounts than the other nodes. Root only.
+# node has its own PID and mount namespace, so that killing it ends all of its processes at once, and its mounts may
+# differ from those of other nodes. Root only.
 #
 #   cluster.sh DIR start N [LINE...]  starts it; LINEs are added to slurm.conf. Clients need SLURM_CONF=DIR/slurm.conf
 #                                     Environment: CPUS of a node (1); NODE_SHARE, per cent of a processor that all
 #                                     processes of a node get together (control group cpu, version 1; none: no limit)
-#   cluster.sh DIR stop               ends every process of it
+#   cluster.sh DIR stop               ends all of its processes
 #   cluster.sh DIR kill-node NODE     simulates a power cut, and reports it to Slurm at once
 #   cluster.sh DIR kill-controller | start-controller
-#   cluster.sh DIR on NODE COMMAND... runs a command as that node sees the file system
+#   cluster.sh DIR on NODE COMMAND... runs a command with the mounts of that node
 #
 # DIR: at most 60 characters (UNIX socket paths), new or empty. Measured on Slurm 22.05 of Debian 12: cred_expire (the
 # time until a requeued task starts again) below 5 means 120.

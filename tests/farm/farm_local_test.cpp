@@ -167,7 +167,7 @@ TEST_F(FarmLocal, RetryRendersWhatWasRemovedOrDamagedAndWhatIsNamed) {
   EXPECT_EQ(here("raystage farm retry out/s.####.exr --frames 99").exit_code, 2);
   const CommandResult logs = here("raystage farm logs out/s.####.exr 7 --attempt 9");
   EXPECT_EQ(logs.exit_code, 2);
-  EXPECT_THAT(logs.err, HasSubstr("there is no attempt 9"));
+  EXPECT_THAT(logs.err, HasSubstr("has no attempt 9"));
 }
 
 TEST_F(FarmLocal, FramesHaveTheSubmittersUmask) {

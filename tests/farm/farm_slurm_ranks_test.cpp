@@ -56,7 +56,7 @@ class FarmSlurmRanks : public FarmJobTest {
       }
       for (const char* file : {"archive", "journal"}) {
         if (camera < 0) continue;
-        const std::string name = document["cameras"][static_cast<std::size_t>(camera)][file];
+        const std::string name = document["cameras"][camera][file];
         fs::copy_file(whole / "take" / name, to / name);
       }
     };

@@ -209,7 +209,7 @@ TEST_F(FarmSlurm, WhatSlurmWouldRejectIsRefusedBeforeAnythingIsRendered) {
   const CommandResult plan =
       on_cluster("raystage farm submit 'show dir/shot.json' -o out/s.####.exr --dry-run");
   EXPECT_EQ(plan.exit_code, 0) << plan.err;
-  EXPECT_THAT(plan.out, HasSubstr("renders frame 1 here first"));
+  EXPECT_THAT(plan.out, HasSubstr("will render frame 1 on this machine first"));
   EXPECT_THAT(plan.out, ::testing::ContainsRegex("render +[0-9]+ +1 ")) << "nodes have one CPU";
 }
 

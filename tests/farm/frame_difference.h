@@ -32,7 +32,7 @@ struct FrameDifference {
 
 inline FrameDifference frame_difference(const std::filesystem::path& a,
                                         const std::filesystem::path& b) {
-  const ExrImage left = read_exr(a), right = read_exr(b);
+  const compose::ExrImage left = compose::read_exr(a), right = compose::read_exr(b);
   FrameDifference found;
   if (left.rgba.size() != right.rgba.size()) return {1 << 16, 1 << 16, 1, 0, 0};
   double squares = 0;

@@ -47,7 +47,7 @@ class Ranks : public ::testing::Test {
         if ((row * (ranks / columns) / kSide) * columns + column * columns / kSide != rank)
           continue;
         for (const char* file : {"archive", "journal"}) {
-          const auto name = take["cameras"][static_cast<std::size_t>(camera)][file];
+          const auto name = take["cameras"][camera][file];
           fs::copy_file(folder_.path() / "take" / name, to / name);
         }
       }
@@ -113,7 +113,7 @@ class Ranks : public ::testing::Test {
     }
   }
 
-  TestFolder folder_;
+  testing::TestFolder folder_;
 };
 
 TEST_F(Ranks, RenderTheViewsOfFocalPlanesAsOneProcessDoes) {
@@ -137,7 +137,7 @@ TEST_F(Ranks, SayWhatCrossedBetweenThem) {
   split(4);
   const CommandResult rendered = render_by(4, "-o ranked/f.####.exr");
   EXPECT_THAT(rendered.err, HasSubstr("the first of 4 ranks"));
-  EXPECT_THAT(rendered.err, HasSubstr("samples per pixel of the views"));
+  EXPECT_THAT(rendered.err, HasSubstr("samples per view pixel"));
 }
 
 TEST_F(Ranks, SendFewerBytesWithLossySamples) {
@@ -174,9 +174,9 @@ TEST_F(Ranks, LeaveOutCamerasThatNoneHasOrRefuse) {
   EXPECT_FALSE(fs::exists(folder_.path() / "ranked"));
   const CommandResult absent = render_by(4, "-o ranked/f.####.exr --missing-archives absent");
   ASSERT_EQ(absent.exit_code, 0) << absent.err;
-  constexpr ExrChannel kCoverage[] = {{"lf.coverage"}};
-  const ExrChannelData coverage =
-      read_exr_channels(folder_.path() / "ranked" / "f.0001.exr", kCoverage, "");
+  constexpr images::ExrChannel kCoverage[] = {{"lf.coverage"}};
+  const images::ExrChannelData coverage =
+      images::read_exr_channels(folder_.path() / "ranked" / "f.0001.exr", kCoverage, "");
   EXPECT_LT(*std::ranges::min_element(coverage.values), 0.9F);
   const CommandResult header = here("exrheader ranked/f.0001.exr");
   EXPECT_THAT(header.out, HasSubstr("absentCameras"));

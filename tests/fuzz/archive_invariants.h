@@ -9,14 +9,14 @@
 
 namespace raystage {
 
-/// Ends the process where a table promises what its archive does not hold.
-inline void check_index(const ArchiveIndex& index, std::span<const std::byte> archive) {
+/// Ends the process if a table lists frames that its archive does not contain.
+inline void check_index(const store::ArchiveIndex& index, std::span<const std::byte> archive) {
   Nanoseconds last = 0, last_stored = -1;
   std::size_t end = 0, stored = 0;
-  for (const FrameRecord& record : index.records) {
+  for (const store::FrameRecord& record : index.records) {
     if (record.time_ns < last) std::abort();
     last = record.time_ns;
-    if (record.status != FrameStatus::kStored) continue;
+    if (record.status != store::FrameStatus::kStored) continue;
     if (record.time_ns <= last_stored) std::abort();
     last_stored = record.time_ns;
     if (stored >= index.frames.size() || !(index.frames[stored++] == record)) std::abort();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any bytes as another program's camera: .chan where the first byte is 'c', glTF otherwise. What is
-// read has finite values, and comes back when it is written.
+// Reads any bytes as another program's camera: .chan if the first byte is 'c', otherwise glTF. A
+// camera that is read has finite values and does not change when written and read again.
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
@@ -14,29 +14,29 @@
 namespace {
 
 void read_chan(std::string_view text) {
-  std::vector<raystage::ChanLine> lines;
+  std::vector<raystage::compose::ChanLine> lines;
   try {
-    lines = raystage::parse_chan(text, raystage::RotationOrder::kZxy, "input");
+    lines = raystage::compose::parse_chan(text, raystage::compose::RotationOrder::kZxy, "input");
   } catch (const raystage::Error&) {
     return;
   }
-  const auto again =
-      raystage::parse_chan(raystage::format_chan(lines, raystage::RotationOrder::kXyz),
-                           raystage::RotationOrder::kXyz, "again");
+  const auto again = raystage::compose::parse_chan(
+      raystage::compose::format_chan(lines, raystage::compose::RotationOrder::kXyz),
+      raystage::compose::RotationOrder::kXyz, "again");
   if (again.size() != lines.size()) std::abort();
   for (std::size_t i = 0; i < lines.size(); ++i) {
     if (again[i].frame != lines[i].frame || again[i].position != lines[i].position) std::abort();
-    // Angles of a billion turns have no digits left.
+    // Angles of a billion turns have no significant digits below a turn.
     if (!(again[i].orientation.angularDistance(lines[i].orientation) < 1e-6)) std::abort();
   }
 }
 
 void read_gltf(std::string_view bytes) {
   try {
-    const auto camera = raystage::parse_gltf_camera(bytes, "nowhere/input.gltf", "");
+    const auto camera = raystage::compose::parse_gltf_camera(bytes, "nowhere/input.gltf", "");
     for (const double part : {-1.0, 0.0, 0.3, 1.0, 2.0}) {
       const double seconds = part * camera.last_seconds;
-      const raystage::Pose pose = camera.pose(seconds);
+      const raystage::rig::Pose pose = camera.pose(seconds);
       if (!pose.world_from_camera_rotation.allFinite()) std::abort();
       if (!(std::abs(pose.world_from_camera_rotation.determinant() - 1) < 1e-6)) std::abort();
       if (!(camera.vertical_fov(seconds) > 0)) std::abort();

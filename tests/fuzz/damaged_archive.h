@@ -16,40 +16,41 @@
 
 namespace raystage {
 
-/// An archive and its journal in memory, written by the formats' pages and not by ArchiveWriter.
+/// An archive and its journal in memory, written by docs/formats and not by ArchiveWriter.
 struct FuzzArchive {
   std::vector<std::byte> archive, journal;
   bool has_journal = true;
 
-  static ArchiveWriter::Description description() { return {"c0", 8, 8, 0}; }
+  static store::ArchiveWriter::Description description() { return {"c0", 8, 8, 0}; }
 
-  ArchivePair pair() const {
-    ArchivePair result{archive, std::nullopt, "archive", "journal", description()};
+  store::ArchivePair pair() const {
+    store::ArchivePair result{archive, std::nullopt, "archive", "journal", description()};
     if (has_journal) result.journal = journal;
     return result;
   }
 
-  void add(const FrameRecord& record, std::span<const std::byte> jpeg, std::uint32_t version) {
-    FrameRecord line = record;
-    if (record.status == FrameStatus::kStored) {
+  void add(const store::FrameRecord& record, std::span<const std::byte> jpeg,
+           std::uint32_t version) {
+    store::FrameRecord line = record;
+    if (record.status == store::FrameStatus::kStored) {
       cues.push_back({record.time_ns, archive.size()});
-      append(archive, matroska::make_cluster_header(record.time_ns, jpeg.size()));
+      append(archive, store::matroska::make_cluster_header(record.time_ns, jpeg.size()));
       line.offset = archive.size();
       append(archive, jpeg);
     }
     if (version == 1) {
-      append(journal, journal::encode_record_v1(line));
+      append(journal, store::journal::encode_record_v1(line));
     } else {
-      append(journal, journal::encode_record(line));
+      append(journal, store::journal::encode_record(line));
     }
   }
   void begin(std::uint32_t version) {
-    append(archive, matroska::make_header(description()).bytes);
-    append(journal, journal::encode_header(description(), version));
+    append(archive, store::matroska::make_header(description()).bytes);
+    append(journal, store::journal::encode_header(description(), version));
   }
   void close() {
-    const auto header = matroska::make_header(description());
-    const auto closing = matroska::make_trailer(cues, header, archive.size());
+    const auto header = store::matroska::make_header(description());
+    const auto closing = store::matroska::make_trailer(cues, header, archive.size());
     const auto put = [&](std::size_t at, const std::vector<std::byte>& bytes) {
       std::ranges::copy(bytes, archive.begin() + static_cast<std::ptrdiff_t>(at));
     };
@@ -65,7 +66,7 @@ struct FuzzArchive {
   }
 
  private:
-  std::vector<matroska::CuePoint> cues;
+  std::vector<store::matroska::CuePoint> cues;
 };
 
 inline FuzzArchive make_intact_archive(bool closed, std::uint32_t version) {
@@ -75,18 +76,19 @@ inline FuzzArchive make_intact_archive(bool closed, std::uint32_t version) {
   for (unsigned i = 0; i < 5; ++i) {
     const std::vector<std::byte> jpeg(kFrameBytes + i, static_cast<std::byte>(i + 1));
     const auto time = static_cast<Nanoseconds>(10 * (i + 1));
-    pair.add({time, 0, static_cast<std::uint32_t>(jpeg.size()), FrameStatus::kStored,
+    pair.add({time, 0, static_cast<std::uint32_t>(jpeg.size()), store::FrameStatus::kStored,
               XXH3_64bits(jpeg.data(), jpeg.size()), time + 1, i},
              jpeg, version);
-    if (i == 2) pair.add({time, 0, 0, FrameStatus::kDroppedLate, 0, time + 2, 99}, {}, version);
+    if (i == 2)
+      pair.add({time, 0, 0, store::FrameStatus::kDroppedLate, 0, time + 2, 99}, {}, version);
   }
   if (closed) pair.close();
   return pair;
 }
 
-/// The first byte says what to start from: bit 0 closed, bit 1 journal of version 1, bit 2 no
-/// journal. If bit 3 is set the rest are the two files, the archive's length in front; otherwise
-/// edits of four bytes each: what to do to which file, where (two bytes), with what.
+/// The first byte selects the original: bit 0: closed; bit 1: journal of version 1; bit 2: no
+/// journal. If bit 3 is set, the rest are the two files after the archive's length. Otherwise they
+/// are edits of four bytes: operation and file, position (two bytes), value.
 inline FuzzArchive make_damaged_archive(std::span<const std::byte> input) {
   if (input.empty()) return make_intact_archive(true, 2);
   const auto flags = std::to_integer<unsigned>(input[0]);

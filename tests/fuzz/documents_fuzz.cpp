@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any text is read or refused with an Error; what was read can be written and read again. The first
-// byte, a digit or a letter after it, selects the document.
+// Reads any text as a document: it is rejected with an Error, or can be written and read again. The
+// first byte, a digit or a letter, selects the type of document.
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
@@ -33,15 +33,16 @@ void round_trip(std::string_view text, Parse parse, Format format) {
   } catch (const raystage::Error&) {
     return;
   }
-  // An Error from here on is a fault: it escapes.
+  // An Error below is a fault and is not caught.
   if (format(parse(written, "written")) != written) std::abort();
 }
 
-/// Offsets of clocks are only read: one a camera, each within a day.
+/// Clock offsets are only read: one per camera, each at most a day.
 void read_offsets(std::string_view text) {
-  const std::vector<raystage::CameraTimestamps> cameras{{"a", "one", {}, {}}, {"b", "two", {}, {}}};
+  const std::vector<raystage::store::CameraTimestamps> cameras{{"a", "one", {}, {}},
+                                                               {"b", "two", {}, {}}};
   try {
-    const auto offsets = raystage::parse_node_offsets(text, "input", cameras);
+    const auto offsets = raystage::store::parse_node_offsets(text, "input", cameras);
     constexpr raystage::Nanoseconds kDay = 86'400 * raystage::kNanosecondsPerSecond;
     if (offsets.size() != cameras.size()) std::abort();
     for (const auto offset : offsets) {
@@ -58,46 +59,49 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string text(data + 1, data + size);
   switch (static_cast<std::uint8_t>(data[0] - '0') % 15) {
     case 0:
-      round_trip(text, raystage::parse_rig, raystage::format_rig);
+      round_trip(text, raystage::schemas::parse_rig, raystage::schemas::format_rig);
       break;
     case 1:
-      round_trip(text, raystage::parse_take, raystage::format_take);
+      round_trip(text, raystage::schemas::parse_take, raystage::schemas::format_take);
       break;
     case 2:
-      round_trip(text, raystage::parse_shot, raystage::format_shot);
+      round_trip(text, raystage::schemas::parse_shot, raystage::schemas::format_shot);
       break;
     case 3:
-      round_trip(text, raystage::parse_import_manifest, raystage::format_import_manifest);
+      round_trip(text, raystage::schemas::parse_import_manifest,
+                 raystage::schemas::format_import_manifest);
       break;
     case 4:
-      round_trip(text, raystage::parse_views, raystage::format_views);
+      round_trip(text, raystage::schemas::parse_views, raystage::schemas::format_views);
       break;
     case 6:
-      round_trip(text, raystage::parse_record_config, raystage::format_record_config);
+      round_trip(text, raystage::schemas::parse_record_config,
+                 raystage::schemas::format_record_config);
       break;
     case 7:
-      round_trip(text, raystage::parse_recording, raystage::format_recording);
+      round_trip(text, raystage::schemas::parse_recording, raystage::schemas::format_recording);
       break;
     case 8:
       read_offsets(text);
       break;
     case 9:
-      round_trip(text, raystage::parse_bench, raystage::format_bench);
+      round_trip(text, raystage::schemas::parse_bench, raystage::schemas::format_bench);
       break;
     case 10:
-      round_trip(text, raystage::parse_planes, raystage::format_planes);
+      round_trip(text, raystage::schemas::parse_planes, raystage::schemas::format_planes);
       break;
     case 11:
-      round_trip(text, raystage::parse_farm_job, raystage::format_farm_job);
+      round_trip(text, raystage::schemas::parse_farm_job, raystage::schemas::format_farm_job);
       break;
     case 12:
-      round_trip(text, raystage::parse_farm_attempt, raystage::format_farm_attempt);
+      round_trip(text, raystage::schemas::parse_farm_attempt,
+                 raystage::schemas::format_farm_attempt);
       break;
     case 13:
-      round_trip(text, raystage::parse_farm_round, raystage::format_farm_round);
+      round_trip(text, raystage::schemas::parse_farm_round, raystage::schemas::format_farm_round);
       break;
     case 14:
-      round_trip(text, raystage::parse_farm_end, raystage::format_farm_end);
+      round_trip(text, raystage::schemas::parse_farm_end, raystage::schemas::format_farm_end);
       break;
     default:
       round_trip(

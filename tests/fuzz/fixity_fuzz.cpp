@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Damaged pairs of archive and journal: they are verified at every depth, what can be saved is
-// saved, and what that gives is whole.
+// Verifies damaged pairs of archive and journal at every depth and repairs them; the result must be
+// complete.
 #include <cstdint>
 #include <cstdlib>
 
@@ -13,13 +13,13 @@ namespace {
 using namespace raystage;
 
 void check_salvage(const FuzzArchive& damaged) {
-  const SalvageResult saved = salvage(damaged.pair());
+  const store::SalvageResult saved = store::salvage(damaged.pair());
   FuzzArchive repaired;
   repaired.begin(2);
   std::int64_t frames = 0;
-  for (const FrameRecord& record : saved.records) {
+  for (const store::FrameRecord& record : saved.records) {
     std::span<const std::byte> jpeg;
-    if (record.status == FrameStatus::kStored) {
+    if (record.status == store::FrameStatus::kStored) {
       if (record.offset > damaged.archive.size() ||
           record.size > damaged.archive.size() - record.offset) {
         std::abort();
@@ -30,9 +30,9 @@ void check_salvage(const FuzzArchive& damaged) {
     repaired.add(record, jpeg, 2);
   }
   repaired.close();
-  const ArchiveFixityReport report = verify_archive(repaired.pair(), {});
+  const store::ArchiveFixityReport report = store::verify_archive(repaired.pair(), {});
   if (!report.whole() || report.frames != frames || frames != saved.frames) std::abort();
-  // Nothing lost means that nothing is missing.
+  // If nothing was lost, all frames exist.
   if (saved.losses.empty() &&
       saved.lost_bytes + static_cast<std::uint64_t>(saved.corrupt_frames) > 0) {
     std::abort();
@@ -44,11 +44,11 @@ void check_salvage(const FuzzArchive& damaged) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const FuzzArchive damaged = make_damaged_archive(std::as_bytes(std::span(data, size)));
   try {
-    for (const VerifyDepth depth :
-         {VerifyDepth::kSizes, VerifyDepth::kJournal, VerifyDepth::kHashes}) {
-      VerifyOptions options;
+    for (const store::VerifyDepth depth :
+         {store::VerifyDepth::kSizes, store::VerifyDepth::kJournal, store::VerifyDepth::kHashes}) {
+      store::VerifyOptions options;
       options.depth = depth;
-      verify_archive(damaged.pair(), options);
+      store::verify_archive(damaged.pair(), options);
     }
   } catch (const Error&) {
   }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any bytes as the journal of a whole archive. If the first byte is odd, the rest is taken as the
-// fields of records and given the right checks, so that what lies behind those is reached; its next
-// bit chooses the version.
+// Reads any bytes as the journal of an intact archive. If the first byte is odd, the rest are
+// fields of records, which get valid checksums so that the code after the checks is reached. Its
+// next bit selects the version.
 #include <cstdint>
 #include <vector>
 
@@ -18,7 +18,7 @@ using Bytes = std::vector<std::byte>;
 
 constexpr std::size_t kFrameBytes = 20;
 
-ArchiveWriter::Description description() { return {"c0", 8, 8, 0}; }
+store::ArchiveWriter::Description description() { return {"c0", 8, 8, 0}; }
 
 template <typename Range>
 void append(Bytes& bytes, const Range& more) {
@@ -26,9 +26,9 @@ void append(Bytes& bytes, const Range& more) {
 }
 
 Bytes make_archive() {
-  Bytes bytes = matroska::make_header(description()).bytes;
+  Bytes bytes = store::matroska::make_header(description()).bytes;
   for (int i = 0; i < 4; ++i) {
-    append(bytes, matroska::make_cluster_header(10 * (i + 1), kFrameBytes));
+    append(bytes, store::matroska::make_cluster_header(10 * (i + 1), kFrameBytes));
     bytes.resize(bytes.size() + kFrameBytes, static_cast<std::byte>(i));
   }
   return bytes;
@@ -36,23 +36,24 @@ Bytes make_archive() {
 
 Bytes seal(std::span<const std::byte> fields, std::uint32_t version) {
   Bytes bytes;
-  append(bytes, journal::encode_header(description(), version));
+  append(bytes, store::journal::encode_header(description(), version));
   for (; fields.size() >= 12; fields = fields.subspan(12)) {
-    FrameRecord record;
+    store::FrameRecord record;
     record.time_ns = load_little_endian<std::int16_t>(fields, 0);
     record.offset = load_little_endian<std::uint16_t>(fields, 2);
     record.size = load_little_endian<std::uint16_t>(fields, 4);
-    record.status = static_cast<FrameStatus>(load_little_endian<std::uint8_t>(fields, 6) % 10);
+    record.status =
+        static_cast<store::FrameStatus>(load_little_endian<std::uint8_t>(fields, 6) % 10);
     record.xxh3 = load_little_endian<std::uint8_t>(fields, 7);
-    // Now and then the far ends of the ranges.
+    // Sometimes the limits of the ranges.
     if (load_little_endian<std::uint8_t>(fields, 8) > 250) record.offset = ~record.offset;
     if (load_little_endian<std::uint8_t>(fields, 9) > 250) record.size = ~record.size;
     record.arrival_ns = load_little_endian<std::int8_t>(fields, 10);
     record.sequence = load_little_endian<std::uint8_t>(fields, 11);
     if (version == 1) {
-      append(bytes, journal::encode_record_v1(record));
+      append(bytes, store::journal::encode_record_v1(record));
     } else {
-      append(bytes, journal::encode_record(record));
+      append(bytes, store::journal::encode_record(record));
     }
   }
   return bytes;
@@ -67,7 +68,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const Bytes journal =
       data[0] % 2 == 1 ? seal(input, data[0] % 4 == 1 ? 2 : 1) : Bytes(input.begin(), input.end());
   try {
-    const auto index = index_archive(archive, journal, "archive", "journal");
+    const auto index = store::index_archive(archive, journal, "archive", "journal");
     check_index(index, archive);
   } catch (const Error&) {
   }

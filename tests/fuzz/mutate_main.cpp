@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Feeds a fuzz target every seed and 2000 fixed mutations of the seeds: the same on every run.
+// Runs a fuzz target on every seed and 2000 mutations of the seeds, the same in every run.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>

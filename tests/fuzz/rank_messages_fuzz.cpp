@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any bytes as a message between ranks; the first byte names its kind.
+// Decodes any bytes as a message between ranks; the first byte selects its type.
 #include <cstdint>
 #include <cstdlib>
 #include <vector>
@@ -9,7 +9,7 @@
 
 namespace {
 
-/// What can be decoded can be encoded, and decoded again to the same message.
+/// A message that can be decoded can be encoded and decoded again to the same message.
 template <class Decode>
 void round_trip(std::span<const std::byte> message, const Decode& decode) {
   raystage::farm::MessageBytes once;

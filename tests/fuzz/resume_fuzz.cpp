@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Going on with damaged pairs of archive and journal: refused, or everything that could be read can
-// still be read, a frame more, and the archive can be closed.
+// Resumes recording to damaged pairs of archive and journal: it is refused, or all readable frames
+// and a new one can be read, and the archive can be closed.
 #include <cstdint>
 #include <cstdlib>
 #include <fstream>
@@ -22,30 +22,31 @@ void write(const std::filesystem::path& file, std::span<const std::byte> bytes) 
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  static const TestFolder folder;
+  static const testing::TestFolder folder;
   const auto archive = folder.path() / "a.mkv", journal = folder.path() / "a.journal";
   const FuzzArchive damaged = make_damaged_archive(std::as_bytes(std::span(data, size)));
   write(archive, damaged.archive);
   std::filesystem::remove(journal);
   if (damaged.has_journal) write(journal, damaged.journal);
-  std::vector<FrameRecord> before;
+  std::vector<store::FrameRecord> before;
   Nanoseconds time = 0;
   const std::vector<std::byte> jpeg(30, std::byte{9});
   try {
     {
-      const ArchiveReader in(archive, journal);
+      const store::ArchiveReader in(archive, journal);
       before.assign(in.frames().begin(), in.frames().end());
     }
-    ArchiveWriter out = ArchiveWriter::resume(archive, journal, FuzzArchive::description());
+    store::ArchiveWriter out =
+        store::ArchiveWriter::resume(archive, journal, FuzzArchive::description());
     time = out.last_time() + 1;
-    if (time > matroska::kMaxTime) return 0;
+    if (time > store::matroska::kMaxTime) return 0;
     out.append(jpeg, time, {1, 2});
     out.close();
   } catch (const Error&) {
     return 0;
   }
-  // An Error from here on is a fault: it escapes.
-  const ArchiveReader in(archive, journal);
+  // An Error below is a fault and is not caught.
+  const store::ArchiveReader in(archive, journal);
   if (!in.was_closed() || in.damaged_records() != 0) std::abort();
   if (in.frames().size() != before.size() + 1) std::abort();
   for (std::size_t i = 0; i < before.size(); ++i) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any bytes as a timeline; if the first byte is odd, as what zstd would unpack, so that mutations
-// get past its checksum.
+// Reads any bytes as a timeline. If the first byte is odd, they are the decompressed contents, so
+// that mutations pass the checksum of zstd.
 #include <zstd.h>
 
 #include <cstdint>
@@ -27,16 +27,16 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size == 0) return 0;
   const auto input = std::as_bytes(std::span(data, size)).subspan(1);
   const auto file = data[0] % 2 == 1 ? pack(input) : std::vector(input.begin(), input.end());
-  raystage::Timeline timeline;
+  raystage::store::Timeline timeline;
   try {
-    timeline = raystage::decode_timeline(file, kFingerprint, kCameras, "timeline");
+    timeline = raystage::store::decode_timeline(file, kFingerprint, kCameras, "timeline");
   } catch (const raystage::Error&) {
     return 0;
   }
-  // What was read can be written and read again.
+  // A timeline that was read can be written and read again.
   if (timeline.ticks.empty()) return 0;
-  const auto again = raystage::decode_timeline(raystage::encode_timeline(timeline, kFingerprint),
-                                               kFingerprint, kCameras, "again");
+  const auto again = raystage::store::decode_timeline(
+      raystage::store::encode_timeline(timeline, kFingerprint), kFingerprint, kCameras, "again");
   if (again.ticks.size() != timeline.ticks.size()) std::abort();
   if (!timeline.clocks.empty() && again.clocks != timeline.clocks) std::abort();
   return 0;

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Installs the Debian package into an empty root (debootstrap, then apt-get in a chroot), so that nothing but
-# its declared dependencies is there, and runs the demo's main steps by the installed commands. Frames must
-# be those of the build folder's commands, byte for byte.
+# Installs the Debian package into an empty root (debootstrap, then apt-get in a chroot) with only its declared
+# dependencies, and runs the demo's main steps by the installed commands. Frames must be byte-identical to those
+# of the build folder's commands.
 # Usage: install_test.sh BUILD_FOLDER      exit code 77: skipped, with the reason on stdout
 set -euo pipefail
 build="$(cd "$1" && pwd)"
@@ -28,7 +28,7 @@ mirror="$(apt-get indextargets --format '$(ORIGIN) $(CODENAME) $(REPO_URI)' 'Cre
 
 work="$build/install_test"
 root="$work/root"
-# The mounts are this process's own: what a run that was killed left behind has none.
+# Mounts are in a private namespace, so that a killed run leaves none.
 clear_work() {
   umount -q "$root/proc" "$root$archives" 2>/dev/null || true
   rm -rf --one-file-system "$work"
@@ -41,27 +41,27 @@ mknod "$work/null" c 1 3 2>/dev/null && echo 2>/dev/null >"$work/null" || skip "
   skip "the Debian mirror of this machine's apt cannot be reached"
 
 say "package"
-# Compressing with xz, as the package is by default, takes half a minute.
+# The default compression of the package, xz, takes half a minute.
 (cd "$build" && cpack -G DEB -B "$work/package" -D CPACK_DEBIAN_COMPRESSION_TYPE=gzip >"$work/cpack.log" 2>&1) ||
   { cat "$work/cpack.log"; fail "cpack"; }
 package="$(echo "$work"/package/*.deb)"
 dpkg-deb -f "$package" Package Version Depends
 
 say "empty root"
-# Packages that apt keeps are used again but not added to: this machine's apt may be at work.
+# Uses the packages in apt's cache but adds none, because this machine's apt may be running.
 cp -al "$archives"/*.deb "$work/archives/" 2>/dev/null || cp -a "$archives"/*.deb "$work/archives/" 2>/dev/null || true
 debootstrap --variant=minbase --cache-dir="$work/archives" "$suite" "$root" "$mirror" >"$work/debootstrap.log" 2>&1 ||
   { tail "$work/debootstrap.log"; fail "debootstrap"; }
 
 say "apt-get install"
-# The same versions as on this machine: all of its Debian mirror's suites.
+# All suites of this machine's Debian mirror, for the same versions.
 rm -f "$root"/etc/apt/sources.list
 apt-get indextargets --format '$(ORIGIN) $(REPO_URI) $(CODENAME)' 'Created-By: Packages' |
   awk -v suite="$suite" '$1 == "Debian" && index($3, suite) == 1 { print "deb", $2, $3, "main" }' |
   sort -u >"$root/etc/apt/sources.list.d/debian.list"
 cp /etc/resolv.conf "$root/etc/resolv.conf"
 cp "$package" "$root/raystage.deb"
-# Of other packages neither pages nor translations.
+# Without man pages and translations of other packages.
 printf 'path-exclude=%s\n' '/usr/share/doc/*' '/usr/share/man/*' '/usr/share/locale/*' >"$root/etc/dpkg/dpkg.cfg.d/lean"
 printf 'path-include=%s\n' '/usr/share/doc/raystage/*' '/usr/share/man/man1/raystage*' >>"$root/etc/dpkg/dpkg.cfg.d/lean"
 echo force-unsafe-io >>"$root/etc/dpkg/dpkg.cfg.d/lean"

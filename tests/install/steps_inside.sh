@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Run by install_test.sh inside the root that the package was installed in; leaves its files in /work.
+# install_test.sh runs it inside the root with the installed package; it writes its files to /work.
 set -euo pipefail
 cd /work
 fail() { echo "FAILED: $1" >&2; exit 1; }
@@ -34,12 +34,12 @@ raystage render take/shot.json -o frames/shot.####.exr -q
 raystage preview frames/shot.####.exr -o preview.mp4 --contact-sheet sheet.png -q >/dev/null
 [ -s preview.mp4 ] && [ -s sheet.png ] || fail "no preview"
 
-# An example shot with textures: the module that is loaded at run time.
+# An example shot with textures, which loads a module at run time.
 cp -r /usr/share/doc/raystage/docs/shots .
 sed -e 's#takes/stage#../take#' shots/reflection_by_map.json >shots/textured.json
 raystage render shots/textured.json -o frames/textured.####.exr --frames 1-2 -q
 
-# A source of FFmpeg's devices: libavdevice, which no executable is linked with.
+# A source of libavdevice, which no executable links.
 cat >node.json <<'JSON'
 {"schema": "raystage/record/1", "name": "devices", "memory_mb": 100,
  "cameras": [{"id": "a", "ffmpeg": {"url": "lavfi:testsrc=size=96x64:rate=30:duration=1"}}]}
@@ -47,7 +47,7 @@ JSON
 raystage record node.json -o recorded -q >/dev/null
 raystage verify recorded -q >/dev/null
 
-# Completion, as bash loads it.
+# Completion as loaded by bash.
 . /usr/share/bash-completion/bash_completion
 _completion_loader raystage || true
 completions() {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-namespace raystage {
+namespace raystage::store {
 
 /// The scale on which the samples of several cameras for one ray are averaged. The result is linear
 /// light.
@@ -13,4 +13,4 @@ enum class BlendSpace {
   kLinear
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -8,27 +8,30 @@
 #include "base/error.h"
 #include "store/jpeg/decode.h"
 
-namespace raystage {
+namespace raystage::store {
 
-PhotometricResponse curve_and_hot_pixels_only(const PhotometricResponse& response) {
-  PhotometricResponse result;
+schemas::PhotometricResponse curve_and_hot_pixels_only(
+    const schemas::PhotometricResponse& response) {
+  schemas::PhotometricResponse result;
   result.curve = response.curve;
   result.hot_pixels = response.hot_pixels;
   return result;
 }
 
-std::array<std::uint16_t, 3> levels_from_code(const Take& take, const PhotometricResponse& response,
+std::array<std::uint16_t, 3> levels_from_code(const Take& take,
+                                              const schemas::PhotometricResponse& response,
                                               const CodeScale& scale, std::uint8_t code) {
-  PhotometricResponse without_hot_pixels = response;
+  schemas::PhotometricResponse without_hot_pixels = response;
   without_hot_pixels.hot_pixels.clear();
   return PhotometricCorrection::reference(without_hot_pixels, {1, 1}, take.document(), scale, 0, 0,
                                           {code, code, code});
 }
 
-CorrectedFrame decode_corrected_frame(const Take& take, int camera, int frame, PictureSize expected,
-                                      const PhotometricResponse& response, const CodeScale& scale,
-                                      const LevelTable& levels) {
-  const std::string& id = take.document().cameras[static_cast<std::size_t>(camera)].id;
+CorrectedFrame decode_corrected_frame(const Take& take, int camera, int frame,
+                                      rig::PictureSize expected,
+                                      const schemas::PhotometricResponse& response,
+                                      const CodeScale& scale, const LevelTable& levels) {
+  const std::string& id = take.document().cameras[camera].id;
   const auto jpeg = take.archive(camera).jpeg(frame);
   const JpegLayout layout = parse_jpeg_layout(jpeg, id);
   if (layout.width != expected.width || layout.height != expected.height) {
@@ -38,13 +41,11 @@ CorrectedFrame decode_corrected_frame(const Take& take, int camera, int frame, P
         take.folder().string(), "Use the rig with which the take was recorded");
   }
   const McuMask all(static_cast<std::size_t>(layout.mcu_count()), 1);
-  CorrectedFrame picture{expected, {}};
-  picture.rgba.resize(4 * static_cast<std::size_t>(layout.width) *
-                      static_cast<std::size_t>(layout.height));
+  CorrectedFrame picture(layout.width, layout.height);
   const PhotometricCorrection correction(response, expected, take.document(), scale, levels);
-  JpegDecoder().decode_region(jpeg, layout, all, correction.table(), picture.rgba, id);
-  correction.correct(picture.rgba, layout, all);
+  JpegDecoder().decode_region(jpeg, layout, all, correction.table(), picture.values, id);
+  correction.correct(picture.values, layout, all);
   return picture;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -17,7 +17,7 @@
 #include "store/processing/frames/incremental_decode.h"
 #include "store/processing/frames/photometric_correction.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 using Key = std::pair<int, int>;  // camera, frame
@@ -37,13 +37,13 @@ struct ReadAhead {
   std::deque<int> requested;                       // frames not in memory yet, the newest last
 };
 
-PictureSize size_of(const Rig::Camera& camera) {
+rig::PictureSize size_of(const rig::Rig::Camera& camera) {
   return {camera.model.width(), camera.model.height()};
 }
 
 double max_linear_light_of_take(const Take& take) {
   double light = 1;
-  for (const Rig::Camera& camera : take.rig().cameras) {
+  for (const rig::Rig::Camera& camera : take.rig().cameras) {
     light = std::max(light, max_linear_light(camera.photometric, size_of(camera), take.document()));
   }
   return light;
@@ -52,10 +52,8 @@ double max_linear_light_of_take(const Take& take) {
 bool contains(const DecodedFrame& frame, const McuMask& wanted) {
   if (frame.decoded.empty()) return true;
   if (wanted.empty()) return false;
-  for (std::size_t i = 0; i < wanted.size(); ++i) {
-    if (wanted[i] && !frame.decoded[i]) return false;
-  }
-  return true;
+  return std::ranges::equal(wanted, frame.decoded,
+                            [](auto needed, auto has) { return needed == 0 || has != 0; });
 }
 
 }  // namespace
@@ -92,7 +90,7 @@ struct FrameCache::State {
   std::map<std::pair<int, int>, std::shared_ptr<const DecodedFrame>> white_frames;  // by size
 
   JpegLayout white_layout(int camera) const {
-    const CameraModel& model = take.rig().cameras[static_cast<std::size_t>(camera)].model;
+    const rig::CameraModel& model = take.rig().cameras[camera].model;
     JpegLayout layout;
     layout.width = model.width();
     layout.height = model.height();
@@ -130,15 +128,14 @@ struct FrameCache::State {
   }
 
   std::string name_of(const Key& key) const {
-    return take.document().cameras[static_cast<std::size_t>(key.first)].archive + " frame " +
-           std::to_string(key.second);
+    return take.document().cameras[key.first].archive + " frame " + std::to_string(key.second);
   }
 
   const JpegLayout& layout_of(const Key& key, Entry& held) {
     if (!held.layout) {
       auto layout =
           std::make_shared<JpegLayout>(take.archive(key.first).layout(key.second, name_of(key)));
-      const CameraModel& model = take.rig().cameras[static_cast<std::size_t>(key.first)].model;
+      const rig::CameraModel& model = take.rig().cameras[key.first].model;
       if (layout->width != model.width() || layout->height != model.height()) {
         throw Error::bad_input("the frame has " + std::to_string(layout->width) + "x" +
                                    std::to_string(layout->height) + " pixels, its camera " +
@@ -199,7 +196,7 @@ struct FrameCache::State {
   std::int64_t decode_into(const DecodedFrame& frame, const Key& key, const JpegLayout& layout,
                            const McuMask& mcus) {
     const auto start = std::chrono::steady_clock::now();
-    const PhotometricCorrection& correction = corrections[static_cast<std::size_t>(key.first)];
+    const PhotometricCorrection& correction = corrections[key.first];
     const FrameBytes jpeg = take.archive(key.first).jpeg_part(key.second, layout, mcus);
     const std::int64_t decoded = decoders.local().decode_region(
         jpeg, layout, mcus, correction.table(), pixels_of(frame), name_of(key));
@@ -216,19 +213,14 @@ struct FrameCache::State {
 
   void key_mcus(const FrameKeyer& key, const DecodedFrame& frame, const JpegLayout& layout,
                 const McuMask& mcus) const {
-    const auto columns = static_cast<std::size_t>(layout.mcus_per_row);
     for (int y = 0; y < frame.height; ++y) {
-      const auto row =
-          mcus.begin() +
-          static_cast<std::ptrdiff_t>(static_cast<std::size_t>(y / layout.mcu_height) * columns);
-      for (std::size_t begin = 0; begin < columns;) {
+      const std::uint8_t* const row = &mcus[y / layout.mcu_height * layout.mcus_per_row];
+      for (int begin = 0; begin < layout.mcus_per_row;) {
         const auto end =
-            static_cast<std::size_t>(std::find(row + static_cast<std::ptrdiff_t>(begin),
-                                               row + static_cast<std::ptrdiff_t>(columns), 0) -
-                                     row);
+            static_cast<int>(std::find(row + begin, row + layout.mcus_per_row, 0) - row);
         if (end > begin) {
-          const int left = static_cast<int>(begin) * layout.mcu_width;
-          const int right = std::min(frame.width, static_cast<int>(end) * layout.mcu_width);
+          const int left = begin * layout.mcu_width;
+          const int right = std::min(frame.width, end * layout.mcu_width);
           const auto first = static_cast<std::size_t>(y) * static_cast<std::size_t>(frame.width) +
                              static_cast<std::size_t>(left);
           key.key_row(
@@ -266,7 +258,7 @@ struct FrameCache::State {
     std::deque<int> waiting;
     {
       const std::scoped_lock lock(mutex);
-      ReadAhead& of_camera = ahead[static_cast<std::size_t>(camera)];
+      ReadAhead& of_camera = ahead[camera];
       if (std::exchange(of_camera.is_in_use, true)) return;
       waiting = of_camera.requested;
       std::erase(waiting, fetched);
@@ -298,7 +290,7 @@ FrameCache::FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace sp
     : state_(std::make_shared<State>(take, budget_bytes, max_linear_light_of_take(take), space,
                                      std::move(matte))) {
   LevelTable levels;
-  for (const Rig::Camera& camera : take.rig().cameras) {
+  for (const rig::Rig::Camera& camera : take.rig().cameras) {
     if (!levels && needs_per_pixel_correction(camera.photometric)) levels = make_level_table(space);
     state_->corrections.emplace_back(camera.photometric, size_of(camera), take.document(),
                                      CodeScale{space, state_->full_scale}, levels);
@@ -359,7 +351,7 @@ std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, con
       state_->bytes += decoded->bytes;
       if (entry->frame) state_->bytes -= entry->frame->bytes;
       entry->frame = decoded;
-      std::erase(state_->ahead[static_cast<std::size_t>(camera)].requested, frame);
+      std::erase(state_->ahead[camera].requested, frame);
     }
   }
   held.reset();
@@ -372,7 +364,7 @@ void FrameCache::read_ahead(int camera, int frame) {
     const std::scoped_lock lock(state_->mutex);
     const auto found = state_->entries.find({camera, frame});
     if (found != state_->entries.end() && found->second->frame) return;
-    ReadAhead& ahead = state_->ahead[static_cast<std::size_t>(camera)];
+    ReadAhead& ahead = state_->ahead[camera];
     if (std::ranges::find(ahead.requested, frame) != ahead.requested.end()) return;
     ahead.requested.push_back(frame);
     if (ahead.requested.size() > ReadAhead::kMaxRequests) ahead.requested.pop_front();
@@ -410,4 +402,4 @@ std::size_t FrameCache::bytes_held() const {
   return state_->bytes;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

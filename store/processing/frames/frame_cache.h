@@ -13,7 +13,7 @@
 #include "store/processing/frames/frame_matte.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// A decoded frame of one camera after photometric correction, whole or in part.
 struct DecodedFrame {
@@ -97,4 +97,4 @@ class FrameCache {
   std::shared_ptr<State> state_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -12,7 +12,7 @@
 #include "store/take.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr int kCameras = 2, kFrames = 6, kWidth = 128, kHeight = 64;
@@ -22,15 +22,15 @@ constexpr std::int64_t kFramePixels = kWidth * kHeight;
 class Cache : public ::testing::Test {
  protected:
   void SetUp() override {
-    TakeDocument take;
+    schemas::TakeDocument take;
     take.name = "greys";
     take.created_by = "test";
     take.nominal_fps = 10;
     take.color_space = "srgb_texture";
-    RigDocument rig;
+    schemas::RigDocument rig;
     rig.name = "two";
     for (int i = 0; i < kCameras; ++i) {
-      RigDocument::Camera camera;
+      schemas::RigDocument::Camera camera;
       camera.geometry.id = "c" + std::to_string(i);
       camera.geometry.width = kWidth;
       camera.geometry.height = kHeight;
@@ -70,7 +70,7 @@ class Cache : public ::testing::Test {
     return pixels;
   }
 
-  TestFolder folder_;
+  testing::TestFolder folder_;
   std::optional<Take> take_;
 };
 
@@ -169,4 +169,4 @@ TEST_F(Cache, ReadsAFrameAheadOnceUntilItIsForgotten) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

@@ -7,7 +7,7 @@
 
 #include "store/processing/frames/blend_space.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// The meaning of the codes of decoded frames.
 struct CodeScale {
@@ -35,4 +35,4 @@ class FrameMatte {
                                                        const CodeScale& scale) const = 0;
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <cassert>
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 struct Rectangle {
@@ -54,7 +54,7 @@ IncrementalDecode::IncrementalDecode(const JpegLayout& layout, const McuMask& he
 
 bool IncrementalDecode::is_new(int column, int row) const {
   return column >= 0 && column < layout_.mcus_per_row && row >= 0 && row < layout_.mcu_rows &&
-         new_[static_cast<std::size_t>(row * layout_.mcus_per_row + column)] != 0;
+         new_[row * layout_.mcus_per_row + column] != 0;
 }
 
 void IncrementalDecode::copy_held(std::span<const std::uint16_t> held,
@@ -87,4 +87,4 @@ void IncrementalDecode::copy_held(std::span<const std::uint16_t> held,
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -7,7 +7,7 @@
 #include "store/jpeg/decode.h"
 #include "store/jpeg/layout.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Adds MCUs to a partly decoded frame. The result equals JpegDecoder::decode_region of all its
 /// MCUs at once, at little more than the cost of the new ones.
@@ -33,4 +33,4 @@ class IncrementalDecode {
   McuMask new_, together_, to_decode_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -11,7 +11,7 @@
 #include "store/jpeg/encode.h"
 #include "testing/store/test_images.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 using Chroma = JpegEncodeSettings::Chroma;
@@ -31,8 +31,7 @@ LinearTable plain_table() {
 class Picture {
  public:
   Picture(Chroma chroma, int width, int height)
-      : jpeg_(encode_jpeg(test_images::make(test_images::Kind::kMixed, width, height),
-                          {95, chroma, -1})),
+      : jpeg_(encode_jpeg(testing::make(testing::Kind::kMixed, width, height), {95, chroma, -1})),
         layout_(parse_jpeg_layout(jpeg_, "x")),
         whole_(decoder_.decode(jpeg_, "x")),
         frame_(4 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height), kUntouched),
@@ -75,7 +74,7 @@ class Picture {
   bool is_held(int x, int y) const {
     if (x < 0 || y < 0 || x >= layout_.width || y >= layout_.height) return true;
     const int mcu = y / layout_.mcu_height * layout_.mcus_per_row + x / layout_.mcu_width;
-    return held_[static_cast<std::size_t>(mcu)] != 0;
+    return held_[mcu] != 0;
   }
   bool is_promised(int x, int y) const {
     return is_held(x - 1, y - 1) && is_held(x, y - 1) && is_held(x + 1, y - 1) &&
@@ -95,7 +94,7 @@ McuMask rectangle(const JpegLayout& layout, int left, int top, int right, int bo
   McuMask wanted(static_cast<std::size_t>(layout.mcu_count()));
   for (int row = top; row < bottom; ++row) {
     for (int column = left; column < right; ++column) {
-      wanted[static_cast<std::size_t>(row * layout.mcus_per_row + column)] = 1;
+      wanted[row * layout.mcus_per_row + column] = 1;
     }
   }
   return wanted;
@@ -143,4 +142,4 @@ TEST(IncrementalDecode, OfBandsCostLittleMoreThanAllOfThem) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

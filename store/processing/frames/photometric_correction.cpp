@@ -16,15 +16,16 @@
 #include "base/transfer_function.h"
 #include "store/linear_from_frame_code.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr int kCodes = 256;
 constexpr std::size_t kLevels = 65536;
 
-double linear_from_code(const PhotometricResponse& response, const TakeDocument& take,
-                        std::size_t c, int code) {
-  const double corrected = evaluate_response_curve(response.curve[c], code / double{kCodes - 1});
+double linear_from_code(const schemas::PhotometricResponse& response,
+                        const schemas::TakeDocument& take, std::size_t c, int code) {
+  const double corrected =
+      rig::evaluate_response_curve(response.curve[c], code / double{kCodes - 1});
   return linear_from_frame_code(take, corrected * (kCodes - 1));
 }
 
@@ -34,29 +35,29 @@ std::uint16_t level_of(double light, const CodeScale& scale) {
   return static_cast<std::uint16_t>(value * (kLevels - 1) + 0.5);
 }
 
-bool exceeds_limit(const HotPixel& pixel) {
-  return std::ranges::max(pixel.light) > PhotometricResponse::kMaxHotPixelLevel;
+bool exceeds_limit(const schemas::HotPixel& pixel) {
+  return std::ranges::max(pixel.light) > schemas::PhotometricResponse::kMaxHotPixelLevel;
 }
 
 }  // namespace
 
-double max_linear_light(const PhotometricResponse& response, PictureSize size,
-                        const TakeDocument& take) {
-  Rgb brightest{}, most_gain{1, 1, 1};
+double max_linear_light(const schemas::PhotometricResponse& response, rig::PictureSize size,
+                        const schemas::TakeDocument& take) {
+  schemas::Rgb brightest{}, most_gain{1, 1, 1};
   if (response.gain_map) {
-    for (const Rgb& node : response.gain_map->gain) {
+    for (const schemas::Rgb& node : response.gain_map->gain) {
       for (std::size_t c = 0; c < 3; ++c) most_gain[c] = std::max(most_gain[c], node[c]);
     }
   }
   if (response.vignetting) {
-    PhotometricResponse lens;
+    schemas::PhotometricResponse lens;
     lens.vignetting = response.vignetting;
     double most = 0;
     constexpr int kSteps = 16;  // enough for a smooth polynomial
     for (int j = 0; j <= kSteps; ++j) {
       for (int i = 0; i <= kSteps; ++i) {
         const double x = 1.0 * i * size.width / kSteps, y = 1.0 * j * size.height / kSteps;
-        most = std::max(most, gain_at(lens, size, x, y)[0]);
+        most = std::max(most, rig::gain_at(lens, size, x, y)[0]);
       }
     }
     for (double& gain : most_gain) gain *= most;
@@ -67,7 +68,7 @@ double max_linear_light(const PhotometricResponse& response, PictureSize size,
                         response.contrast[c] * linear_from_code(response, take, c, kCodes - 1));
   }
   double most = 0;
-  for (const Rgb& row : response.matrix) {
+  for (const schemas::Rgb& row : response.matrix) {
     double sum = 0;
     for (std::size_t c = 0; c < 3; ++c) sum += std::max(0.0, row[c]) * std::max(0.0, brightest[c]);
     most = std::max(most, sum);
@@ -78,7 +79,7 @@ double max_linear_light(const PhotometricResponse& response, PictureSize size,
 /// The gains of a frame, row by row.
 class PhotometricCorrection::Gains {
  public:
-  Gains(const PhotometricResponse& response, PictureSize size)
+  Gains(const schemas::PhotometricResponse& response, rig::PictureSize size)
       : size_(size), map_(response.gain_map), vignetting_(response.vignetting) {}
 
   /// Computes the gains of row y, channel after channel.
@@ -100,21 +101,21 @@ class PhotometricCorrection::Gains {
     const double down = (y + 0.5) / size_.height * (map_->rows - 1);
     const int row = std::min(static_cast<int>(down), map_->rows - 2);
     const auto share = static_cast<float>(down - row);
-    const Rgb* const above =
+    const schemas::Rgb* const above =
         &map_->gain[static_cast<std::size_t>(row) * static_cast<std::size_t>(map_->columns)];
-    const Rgb* const below = above + map_->columns;
+    const schemas::Rgb* const below = above + map_->columns;
     const float step = static_cast<float>(map_->columns - 1) / static_cast<float>(size_.width);
     for (int c = 0; c < 3; ++c) {
       for (int x = 0; x < size_.width; ++x) {
         const float along = (static_cast<float>(x) + 0.5F) * step;
         const int column = std::min(static_cast<int>(along), map_->columns - 2);
         const float part = along - static_cast<float>(column);
-        const auto node = [&](const Rgb* row_of, int i) {
-          return static_cast<float>(row_of[i][static_cast<std::size_t>(c)]);
+        const auto node = [&](const schemas::Rgb* row_of, int i) {
+          return static_cast<float>(row_of[i][c]);
         };
         const float left = std::lerp(node(above, column), node(below, column), share);
         const float right = std::lerp(node(above, column + 1), node(below, column + 1), share);
-        gains[static_cast<std::size_t>(c * size_.width + x)] = left + part * (right - left);
+        gains[c * size_.width + x] = left + part * (right - left);
       }
     }
   }
@@ -134,21 +135,21 @@ class PhotometricCorrection::Gains {
     }
   }
 
-  PictureSize size_;
-  std::optional<GainMap> map_;
-  std::optional<Vignetting> vignetting_;
+  rig::PictureSize size_;
+  std::optional<schemas::GainMap> map_;
+  std::optional<schemas::Vignetting> vignetting_;
 };
 
 /// The correction of single pixels.
 class PhotometricCorrection::Pixels {
  public:
-  Pixels(const PhotometricResponse& response, PictureSize size, const TakeDocument& take,
-         const CodeScale& scale, LevelTable levels)
+  Pixels(const schemas::PhotometricResponse& response, rig::PictureSize size,
+         const schemas::TakeDocument& take, const CodeScale& scale, LevelTable levels)
       : dark_(response.hot_pixels), levels_(std::move(levels)) {
     for (std::size_t c = 0; c < 3; ++c) {
       contrast_[c] = static_cast<float>(response.contrast[c]);
       for (int code = 0; code < kCodes; ++code) {
-        light_[c][static_cast<std::size_t>(code)] =
+        light_[c][code] =
             static_cast<float>(response.brightness[c] +
                                response.contrast[c] * linear_from_code(response, take, c, code));
       }
@@ -169,7 +170,8 @@ class PhotometricCorrection::Pixels {
       const int top = row * layout.mcu_height;
       const int bottom = std::min(top + layout.mcu_height, layout.height);
       const auto first_dark = dark;
-      dark = std::find_if(dark, dark_.end(), [&](const HotPixel& p) { return p.y >= bottom; });
+      dark = std::find_if(dark, dark_.end(),
+                          [&](const schemas::HotPixel& p) { return p.y >= bottom; });
       if (std::all_of(wanted_row, wanted_row + layout.mcus_per_row,
                       [](auto is) { return is == 0; }))
         continue;
@@ -177,11 +179,11 @@ class PhotometricCorrection::Pixels {
       for (int y = top; y < bottom; ++y) {
         if (gains_) gains_->of_row(y, gains);
         const auto begin = of_row;
-        of_row = std::find_if(of_row, dark, [&](const HotPixel& p) { return p.y > y; });
+        of_row = std::find_if(of_row, dark, [&](const schemas::HotPixel& p) { return p.y > y; });
         correct_row(&rgba[4 * static_cast<std::size_t>(y) * static_cast<std::size_t>(layout.width)],
                     layout, wanted_row, gains, {begin, of_row});
       }
-      for (const HotPixel& pixel : std::span(first_dark, dark)) {
+      for (const schemas::HotPixel& pixel : std::span(first_dark, dark)) {
         if (wanted_row[pixel.x / layout.mcu_width] != 0 && exceeds_limit(pixel)) {
           replace_by_neighbours(rgba, layout, pixel, {first_dark, dark});
         }
@@ -194,7 +196,7 @@ class PhotometricCorrection::Pixels {
   using Values = std::array<float, kChunk>;
 
   void correct_row(std::uint16_t* row, const JpegLayout& layout, const std::uint8_t* wanted,
-                   const std::vector<float>& gains, std::span<const HotPixel> dark) const {
+                   const std::vector<float>& gains, std::span<const schemas::HotPixel> dark) const {
     for (int mcu = 0; mcu < layout.mcus_per_row;) {
       int end = mcu;
       while (end < layout.mcus_per_row && wanted[end] != 0) ++end;
@@ -207,26 +209,24 @@ class PhotometricCorrection::Pixels {
   }
 
   void correct_chunk(std::uint16_t* row, int x, int count, const std::vector<float>& gains,
-                     std::span<const HotPixel> dark) const {
+                     std::span<const schemas::HotPixel> dark) const {
     std::array<Values, 3> shown, light;
     std::uint16_t* const pixels = row + 4 * static_cast<std::ptrdiff_t>(x);
     for (int i = 0; i < count; ++i) {
       for (std::size_t c = 0; c < 3; ++c) {
-        shown[c][static_cast<std::size_t>(i)] =
-            light_[c][pixels[4 * i + static_cast<std::ptrdiff_t>(c)]];
+        shown[c][i] = light_[c][pixels[4 * i + static_cast<std::ptrdiff_t>(c)]];
       }
     }
-    for (const HotPixel& pixel : dark) {
+    for (const schemas::HotPixel& pixel : dark) {
       if (pixel.x < x || pixel.x >= x + count) continue;
       for (std::size_t c = 0; c < 3; ++c) {
-        shown[c][static_cast<std::size_t>(pixel.x - x)] -=
-            contrast_[c] * static_cast<float>(pixel.light[c]);
+        shown[c][pixel.x - x] -= contrast_[c] * static_cast<float>(pixel.light[c]);
       }
     }
     const std::size_t width = gains.size() / 3;
     for (std::size_t c = 0; gains_ && c < 3; ++c) {
       const float* const gain = &gains[c * width + static_cast<std::size_t>(x)];
-      for (int i = 0; i < count; ++i) shown[c][static_cast<std::size_t>(i)] *= gain[i];
+      for (int i = 0; i < count; ++i) shown[c][i] *= gain[i];
     }
     for (std::size_t c = 0; c < 3; ++c) {
       const auto [r, g, b] = matrix_[c];
@@ -238,8 +238,7 @@ class PhotometricCorrection::Pixels {
     }
     for (int i = 0; i < count; ++i) {
       for (std::size_t c = 0; c < 3; ++c) {
-        pixels[4 * i + static_cast<std::ptrdiff_t>(c)] = (*levels_)[static_cast<std::size_t>(
-            static_cast<int>(light[c][static_cast<std::size_t>(i)]))];
+        pixels[4 * i + static_cast<std::ptrdiff_t>(c)] = (*levels_)[static_cast<int>(light[c][i])];
       }
     }
   }
@@ -247,7 +246,8 @@ class PhotometricCorrection::Pixels {
   /// Replaces a pixel by the mean of its neighbours within the MCU that are not nearer to the MCU's
   /// edge, so that the result does not depend on other MCUs. `dark`: hot pixels of the MCU row.
   static void replace_by_neighbours(std::span<std::uint16_t> rgba, const JpegLayout& layout,
-                                    const HotPixel& pixel, std::span<const HotPixel> dark) {
+                                    const schemas::HotPixel& pixel,
+                                    std::span<const schemas::HotPixel> dark) {
     const int left = pixel.x / layout.mcu_width * layout.mcu_width;
     const int top = pixel.y / layout.mcu_height * layout.mcu_height;
     const int right = std::min(left + layout.mcu_width, layout.width) - 1;
@@ -258,8 +258,9 @@ class PhotometricCorrection::Pixels {
     const auto is_usable = [&](int x, int y) {
       if (x < left || x > right || y < top || y > bottom) return false;
       if (from_edge(x, y) < from_edge(pixel.x, pixel.y)) return false;
-      return std::ranges::none_of(
-          dark, [&](const HotPixel& p) { return p.x == x && p.y == y && exceeds_limit(p); });
+      return std::ranges::none_of(dark, [&](const schemas::HotPixel& p) {
+        return p.x == x && p.y == y && exceeds_limit(p);
+      });
     };
     std::array<std::uint32_t, 3> sum{};
     std::uint32_t count = 0;
@@ -280,7 +281,7 @@ class PhotometricCorrection::Pixels {
     }
   }
 
-  std::vector<HotPixel> dark_;
+  std::vector<schemas::HotPixel> dark_;
   std::array<float, 3> contrast_{};
   std::array<std::array<float, kCodes>, 3> light_{};  ///< per code, before gain and matrix
   std::array<std::array<float, 3>, 3> matrix_{};      ///< divided by the full scale
@@ -297,14 +298,15 @@ LevelTable make_level_table(BlendSpace space) {
   return std::make_shared<const std::vector<std::uint16_t>>(std::move(levels));
 }
 
-bool needs_per_pixel_correction(const PhotometricResponse& response) {
-  return response.vignetting || response.gain_map || response.matrix != kIdentityColorMatrix ||
-         !response.hot_pixels.empty();
+bool needs_per_pixel_correction(const schemas::PhotometricResponse& response) {
+  return response.vignetting || response.gain_map ||
+         response.matrix != schemas::kIdentityColorMatrix || !response.hot_pixels.empty();
 }
 
-PhotometricCorrection::PhotometricCorrection(const PhotometricResponse& response, PictureSize size,
-                                             const TakeDocument& take, const CodeScale& scale,
-                                             LevelTable levels) {
+PhotometricCorrection::PhotometricCorrection(const schemas::PhotometricResponse& response,
+                                             rig::PictureSize size,
+                                             const schemas::TakeDocument& take,
+                                             const CodeScale& scale, LevelTable levels) {
   const bool by_pixel = needs_per_pixel_correction(response);
   for (std::size_t c = 0; c < 3; ++c) {
     for (int code = 0; code < kCodes; ++code) {
@@ -324,17 +326,18 @@ void PhotometricCorrection::correct(std::span<std::uint16_t> rgba, const JpegLay
 }
 
 std::array<std::uint16_t, 3> PhotometricCorrection::reference(
-    const PhotometricResponse& response, PictureSize size, const TakeDocument& take,
-    const CodeScale& scale, int x, int y, const std::array<std::uint8_t, 3>& code) {
-  Rgb shown{}, dark{};
+    const schemas::PhotometricResponse& response, rig::PictureSize size,
+    const schemas::TakeDocument& take, const CodeScale& scale, int x, int y,
+    const std::array<std::uint8_t, 3>& code) {
+  schemas::Rgb shown{}, dark{};
   for (std::size_t c = 0; c < 3; ++c) shown[c] = linear_from_code(response, take, c, code[c]);
-  for (const HotPixel& pixel : response.hot_pixels) {
+  for (const schemas::HotPixel& pixel : response.hot_pixels) {
     if (pixel.x == x && pixel.y == y) dark = pixel.light;
   }
-  const Rgb light = apply_photometric_correction(response, size, x, y, shown, dark);
+  const schemas::Rgb light = rig::apply_photometric_correction(response, size, x, y, shown, dark);
   std::array<std::uint16_t, 3> levels{};
   for (std::size_t c = 0; c < 3; ++c) levels[c] = level_of(light[c], scale);
   return levels;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

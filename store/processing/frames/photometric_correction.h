@@ -13,11 +13,11 @@
 #include "store/jpeg/layout.h"
 #include "store/processing/frames/frame_matte.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Returns the linear light of the brightest pixel that a camera can record, over all channels.
-double max_linear_light(const PhotometricResponse& response, PictureSize size,
-                        const TakeDocument& take);
+double max_linear_light(const schemas::PhotometricResponse& response, rig::PictureSize size,
+                        const schemas::TakeDocument& take);
 
 /// Levels, 0 to 65535, of light at 65536 equal steps of its square root, which resolves dark tones
 /// as finely as the eye; for full scale 1. Cameras share one table.
@@ -26,7 +26,7 @@ LevelTable make_level_table(BlendSpace space);
 
 /// Returns whether the correction depends on the pixel's position or on several channels, so that a
 /// table of codes is not enough.
-bool needs_per_pixel_correction(const PhotometricResponse& response);
+bool needs_per_pixel_correction(const schemas::PhotometricResponse& response);
 
 /// Converts a camera's codes to light (PhotometricResponse) during decoding. Curve, contrast and
 /// brightness need only a table, at no extra cost. Otherwise the table keeps the codes, and a
@@ -34,8 +34,8 @@ bool needs_per_pixel_correction(const PhotometricResponse& response);
 class PhotometricCorrection {
  public:
   /// `levels`: the table of scale.space; null: computed here if it is needed.
-  PhotometricCorrection(const PhotometricResponse& response, PictureSize size,
-                        const TakeDocument& take, const CodeScale& scale,
+  PhotometricCorrection(const schemas::PhotometricResponse& response, rig::PictureSize size,
+                        const schemas::TakeDocument& take, const CodeScale& scale,
                         LevelTable levels = nullptr);
 
   /// Returns the table for JpegDecoder::decode_region.
@@ -49,8 +49,9 @@ class PhotometricCorrection {
 
   /// Returns the levels of `code` at pixel (x, y), R, G, B: the slow reference for correct(),
   /// except for hot pixels that are replaced by their neighbours.
-  static std::array<std::uint16_t, 3> reference(const PhotometricResponse& response,
-                                                PictureSize size, const TakeDocument& take,
+  static std::array<std::uint16_t, 3> reference(const schemas::PhotometricResponse& response,
+                                                rig::PictureSize size,
+                                                const schemas::TakeDocument& take,
                                                 const CodeScale& scale, int x, int y,
                                                 const std::array<std::uint8_t, 3>& code);
 
@@ -61,4 +62,4 @@ class PhotometricCorrection {
   std::shared_ptr<const Pixels> pixels_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -11,11 +11,11 @@
 #include "base/transfer_function.h"
 #include "store/jpeg/encode.h"
 
-namespace raystage::photometric_correction_test {
+namespace raystage::store::photometric_correction_test {
 namespace {
 
 constexpr int kWidth = 200, kHeight = 72;
-constexpr PictureSize kSize{kWidth, kHeight};
+constexpr rig::PictureSize kSize{kWidth, kHeight};
 
 RgbImage speckled() {
   RgbImage image{kWidth, kHeight, {}};
@@ -41,11 +41,11 @@ class Correction : public ::testing::TestWithParam<BlendSpace> {
     layout_ = parse_jpeg_layout(jpeg_, "speckled");
   }
 
-  CodeScale scale_of(const PhotometricResponse& response) const {
+  CodeScale scale_of(const schemas::PhotometricResponse& response) const {
     return {GetParam(), std::max(1.0, max_linear_light(response, kSize, take_))};
   }
 
-  Decoded decoded(const PhotometricResponse& response, const McuMask& wanted) const {
+  Decoded decoded(const schemas::PhotometricResponse& response, const McuMask& wanted) const {
     const PhotometricCorrection correction(response, kSize, take_, scale_of(response));
     Decoded result{JpegDecoder().decode(jpeg_, "speckled"), {}};
     result.levels.assign(4 * kWidth * kHeight, 7);
@@ -53,12 +53,13 @@ class Correction : public ::testing::TestWithParam<BlendSpace> {
     correction.correct(result.levels, layout_, wanted);
     return result;
   }
-  Decoded decoded(const PhotometricResponse& response) const {
+  Decoded decoded(const schemas::PhotometricResponse& response) const {
     return decoded(response, McuMask(static_cast<std::size_t>(layout_.mcu_count()), 1));
   }
 
   /// The largest difference from the slow reference, of 65535; `left_out`: pixels not looked at.
-  int worst(const PhotometricResponse& response, const std::vector<int>& left_out = {}) const {
+  int worst(const schemas::PhotometricResponse& response,
+            const std::vector<int>& left_out = {}) const {
     const Decoded found = decoded(response);
     int most = 0;
     for (int i = 0; i < kWidth * kHeight; ++i) {
@@ -76,13 +77,13 @@ class Correction : public ::testing::TestWithParam<BlendSpace> {
     return most;
   }
 
-  TakeDocument take_;
+  schemas::TakeDocument take_;
   std::vector<std::byte> jpeg_;
   JpegLayout layout_;
 };
 
 TEST_P(Correction, CurvesContrastAndBrightnessAreTheTableAlone) {
-  PhotometricResponse response;
+  schemas::PhotometricResponse response;
   response.contrast = {1.2, 0.8, 1};
   response.brightness = {0.01, -0.02, 0};
   response.curve = {{{0, 0.3, 0.55, 1}, {0.05, 1.1}, {0, 1}}};
@@ -92,14 +93,14 @@ TEST_P(Correction, CurvesContrastAndBrightnessAreTheTableAlone) {
 
 TEST_P(Correction, GainsMatricesAndDarkPixelsAreAsTheReference) {
   constexpr int kAsPrecise = 12;  // of 65535; one step of a code is 257
-  PhotometricResponse response;
-  response.vignetting = Vignetting{110, 30, {0.35, 0.12, 0.01}};
+  schemas::PhotometricResponse response;
+  response.vignetting = schemas::Vignetting{110, 30, {0.35, 0.12, 0.01}};
   EXPECT_FALSE(PhotometricCorrection(response, kSize, take_, {GetParam(), 1}).is_table_only());
   EXPECT_LE(worst(response), kAsPrecise) << "vignetting";
 
   response = {};
-  response.gain_map =
-      GainMap{3, 2, {{1, 1, 1}, {1.2, 1, 1}, {1, 1, 1.3}, {1, 2, 1}, {1, 1, 1}, {0.7, 1, 1}}};
+  response.gain_map = schemas::GainMap{
+      3, 2, {{1, 1, 1}, {1.2, 1, 1}, {1, 1, 1.3}, {1, 2, 1}, {1, 1, 1}, {0.7, 1, 1}}};
   EXPECT_LE(worst(response), kAsPrecise) << "gain map";
 
   response = {};
@@ -113,13 +114,13 @@ TEST_P(Correction, GainsMatricesAndDarkPixelsAreAsTheReference) {
   response.contrast = {1.2, 0.8, 1};
   response.brightness = {0.01, -0.02, 0};
   response.curve = {{{0, 0.3, 0.55, 1}, {0.05, 1.1}, {0, 1}}};
-  response.vignetting = Vignetting{110, 30, {0.35, 0.12, 0.01}};
+  response.vignetting = schemas::Vignetting{110, 30, {0.35, 0.12, 0.01}};
   response.matrix = {{{1.3, -0.2, -0.1}, {-0.1, 1.2, -0.1}, {0.05, -0.3, 1.25}}};
   EXPECT_LE(worst(response), kAsPrecise) << "all of them";
 }
 
 TEST_P(Correction, PixelsWithoutRangeAreShownAsTheirNeighbours) {
-  PhotometricResponse response;
+  schemas::PhotometricResponse response;
   response.hot_pixels = {{20, 10, {0, 0.6, 0}}, {48, 11, {1, 1, 1}}, {49, 11, {1, 1, 1}}};
   const std::vector<int> lost{10 * kWidth + 20, 11 * kWidth + 48, 11 * kWidth + 49};
   EXPECT_LE(worst(response, lost), 12);
@@ -144,8 +145,8 @@ TEST_P(Correction, PixelsWithoutRangeAreShownAsTheirNeighbours) {
 }
 
 TEST_P(Correction, IsTheSameHoweverMuchIsDecoded) {
-  PhotometricResponse response;
-  response.vignetting = Vignetting{110, 30, {0.35, 0.12, 0.01}};
+  schemas::PhotometricResponse response;
+  response.vignetting = schemas::Vignetting{110, 30, {0.35, 0.12, 0.01}};
   response.matrix = {{{1.3, -0.2, -0.1}, {-0.1, 1.2, -0.1}, {0.05, -0.3, 1.25}}};
   for (int i = 0; i < 700; ++i) {  // many, of both kinds, at edges of MCUs as well
     const int place = i * 20 + i % 7;
@@ -162,7 +163,7 @@ TEST_P(Correction, IsTheSameHoweverMuchIsDecoded) {
       const auto is_wanted = [&](int column, int row) {
         column = std::clamp(column, 0, kWidth - 1) / layout_.mcu_width;
         row = std::clamp(row, 0, kHeight - 1) / layout_.mcu_height;
-        return wanted[static_cast<std::size_t>(row * layout_.mcus_per_row + column)] != 0;
+        return wanted[row * layout_.mcus_per_row + column] != 0;
       };
       const auto at = 4 * static_cast<std::size_t>(y * kWidth + x);
       if (!is_wanted(x, y)) {
@@ -182,15 +183,15 @@ TEST_P(Correction, IsTheSameHoweverMuchIsDecoded) {
 }
 
 TEST_P(Correction, TheBrightestPixelKeepsItsLight) {
-  PhotometricResponse response;
+  schemas::PhotometricResponse response;
   response.contrast = {1.2, 0.8, 1};
-  response.vignetting = Vignetting{kWidth / 2.0, kHeight / 2.0, {0.4, 0, 0}};
+  response.vignetting = schemas::Vignetting{kWidth / 2.0, kHeight / 2.0, {0.4, 0, 0}};
   response.matrix = {{{1.5, -0.2, -0.3}, {0, 1, 0}, {0, 0, 1}}};
   // Red alone, in the corner.
   EXPECT_NEAR(max_linear_light(response, kSize, take_), 1.2 * 1.4 * 1.5, 1e-3);
   // Also where one node alone is bright.
   response = {};
-  response.gain_map = GainMap{40, 2, std::vector<Rgb>(80, {1, 1, 1})};
+  response.gain_map = schemas::GainMap{40, 2, std::vector<schemas::Rgb>(80, {1, 1, 1})};
   response.gain_map->gain[61][1] = 3;
   EXPECT_NEAR(max_linear_light(response, kSize, take_), 3, 1e-12);
   EXPECT_NEAR(max_linear_light({}, kSize, take_), 1, 1e-12);
@@ -203,4 +204,4 @@ INSTANTIATE_TEST_SUITE_P(BothSpaces, Correction,
                          });
 
 }  // namespace
-}  // namespace raystage::photometric_correction_test
+}  // namespace raystage::store::photometric_correction_test

@@ -6,14 +6,13 @@
 
 #include <algorithm>
 #include <limits>
-#include <utility>
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 /// Returns whether the ray from `eye` intersects the box, by the slab method.
 bool intersects(const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
-                const MatteSettings::Box& box) {
+                const schemas::MatteSettings::Box& box) {
   double begin = 0, end = std::numeric_limits<double>::infinity();
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const auto i = static_cast<Eigen::Index>(axis);
@@ -31,10 +30,10 @@ bool intersects(const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
 
 }  // namespace
 
-std::vector<bool> compute_box_mask(const Rig::Camera& camera,
-                                   std::span<const MatteSettings::Box> keep,
-                                   std::span<const MatteSettings::Box> garbage) {
-  const CameraModel& model = camera.model;
+std::vector<bool> compute_box_mask(const rig::Rig::Camera& camera,
+                                   std::span<const schemas::MatteSettings::Box> keep,
+                                   std::span<const schemas::MatteSettings::Box> garbage) {
+  const rig::CameraModel& model = camera.model;
   std::vector<bool> mask;
   mask.reserve(static_cast<std::size_t>(model.width()) * static_cast<std::size_t>(model.height()));
   for (int y = 0; y < model.height(); ++y) {
@@ -45,7 +44,7 @@ std::vector<bool> compute_box_mask(const Rig::Camera& camera,
         continue;
       }
       const Eigen::Vector3d ray = camera.pose.world_from_camera_rotation * *direction;
-      const auto is_hit = [&](const MatteSettings::Box& box) {
+      const auto is_hit = [&](const schemas::MatteSettings::Box& box) {
         return intersects(camera.pose.position, ray, box);
       };
       mask.push_back((keep.empty() || std::ranges::any_of(keep, is_hit)) &&
@@ -55,4 +54,4 @@ std::vector<bool> compute_box_mask(const Rig::Camera& camera,
   return mask;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -8,12 +8,12 @@
 #include "rig/rig.h"
 #include "schemas/matte_settings.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Returns for each pixel of a camera whether its ray is visible: it intersects one of the boxes to
 /// `keep` (if there are any) and none of the `garbage` boxes. Row by row, without padding.
-std::vector<bool> compute_box_mask(const Rig::Camera& camera,
-                                   std::span<const MatteSettings::Box> keep,
-                                   std::span<const MatteSettings::Box> garbage);
+std::vector<bool> compute_box_mask(const rig::Rig::Camera& camera,
+                                   std::span<const schemas::MatteSettings::Box> keep,
+                                   std::span<const schemas::MatteSettings::Box> garbage);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -15,7 +15,7 @@
 #include "base/error.h"
 #include "store/processing/frames/frame_cache.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr int kTerms = 6;
@@ -42,14 +42,13 @@ float quantile(std::vector<float> values, double share) {
 
 /// Returns the pixels that show the screen, of every third column and row: those whose relative
 /// excess is at least 0.8 of the median of bright screen pixels. `examined`: pixels tested.
-std::vector<ScreenPixel> pixels_of_screen(std::span<const float> rgb, int width, int height,
+std::vector<ScreenPixel> pixels_of_screen(const Image<float, 3>& rgb,
                                           const ColorDifferenceKeyer& key, std::size_t& examined) {
   constexpr int kStep = 3;
   const auto for_each_pixel = [&](const auto& look) {
-    for (int y = 0; y < height; y += kStep) {
-      for (int x = 0; x < width; x += kStep) {
-        const float* p = &rgb[3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-                                   static_cast<std::size_t>(x))];
+    for (int y = 0; y < rgb.height; y += kStep) {
+      for (int x = 0; x < rgb.width; x += kStep) {
+        const auto p = rgb.pixel(x, y);
         look(x, y, LinearColour{p[0], p[1], p[2]});
       }
     }
@@ -66,7 +65,7 @@ std::vector<ScreenPixel> pixels_of_screen(std::span<const float> rgb, int width,
   std::vector<ScreenPixel> pixels;
   for_each_pixel([&](int x, int y, const LinearColour& colour) {
     if (key.excess(colour) < bright / 8 || key.relative_excess(colour) < pure) return;
-    pixels.push_back({terms_at(x, y, width, height), {colour[0], colour[1], colour[2]}});
+    pixels.push_back({terms_at(x, y, rgb.width, rgb.height), {colour[0], colour[1], colour[2]}});
   });
   return pixels;
 }
@@ -83,10 +82,10 @@ Terms least_squares(const std::vector<ScreenPixel>& pixels, std::size_t channel)
 
 }  // namespace
 
-CleanPlate CleanPlate::fitted(std::span<const float> rgb, int width, int height,
-                              const ColorDifferenceKeyer& key, const std::string& name) {
+CleanPlate CleanPlate::fitted(const Image<float, 3>& rgb, const ColorDifferenceKeyer& key,
+                              const std::string& name) {
   std::size_t examined = 0;
-  std::vector<ScreenPixel> pixels = pixels_of_screen(rgb, width, height, key, examined);
+  std::vector<ScreenPixel> pixels = pixels_of_screen(rgb, key, examined);
   std::array<Terms, 3> fits;
   // Outliers, such as edges of the subject, are removed after each fit.
   for (int round = 0; round < 3; ++round) {
@@ -94,7 +93,7 @@ CleanPlate CleanPlate::fitted(std::span<const float> rgb, int width, int height,
       throw Error::bad_input(
           fmt::format("only {:.1f} % of the picture show a screen, too little to measure its light",
                       100.0 * static_cast<double>(pixels.size()) / static_cast<double>(examined)),
-          name, "Set screen_color or empty_take in the layer's matte");
+          name, "Set screen_color or clean_plate_take in the layer's matte");
     }
     for (std::size_t c = 0; c < 3; ++c) fits[c] = least_squares(pixels, c);
     double squares = 0;
@@ -110,8 +109,8 @@ CleanPlate CleanPlate::fitted(std::span<const float> rgb, int width, int height,
     std::erase_if(pixels, [&](const ScreenPixel& pixel) { return squared_error(pixel) > limit; });
   }
   Polynomial result;
-  result.width = width;
-  result.height = height;
+  result.width = rgb.width;
+  result.height = rgb.height;
   result.least.fill(1e30F);
   result.most.fill(0);
   for (std::size_t c = 0; c < 3; ++c) {
@@ -134,22 +133,21 @@ CleanPlate CleanPlate::recorded(const Take& clean_plate_take, int camera) {
   const int count = static_cast<int>(clean_plate_take.archive(camera).frames().size());
   if (count == 0) {
     throw Error::bad_input("the empty take has no frame of this camera",
-                           clean_plate_take.document().cameras[static_cast<std::size_t>(camera)].id,
+                           clean_plate_take.document().cameras[camera].id,
                            "Record the empty take again, or exclude the camera");
   }
   const int used = std::min(count, kMaxCleanPlateFrames);
-  std::vector<float> mean;
+  Image<float, 3> mean;
   for (int frame = 0; frame < used; ++frame) {
-    const std::vector<float> light = linear_frame(clean_plate_take, camera, frame);
-    mean.resize(light.size());
-    for (std::size_t i = 0; i < light.size(); ++i) mean[i] += light[i] / static_cast<float>(used);
+    const Image<float, 3> light = linear_frame(clean_plate_take, camera, frame);
+    if (frame == 0) mean = Image<float, 3>(light.width, light.height);
+    for (std::size_t i = 0; i < mean.values.size(); ++i) {
+      mean.values[i] += light.values[i] / static_cast<float>(used);
+    }
   }
-  const float most = std::max(1e-6F, *std::ranges::max_element(mean));
-  Picture picture;
-  picture.width = clean_plate_take.rig().cameras[static_cast<std::size_t>(camera)].model.width();
-  picture.per_code = most / 65535;
-  picture.codes.resize(mean.size());
-  std::ranges::transform(mean, picture.codes.begin(), [&](float light) {
+  const float most = std::max(1e-6F, *std::ranges::max_element(mean.values));
+  Picture picture{most / 65535, {mean.width, mean.height}};
+  std::ranges::transform(mean.values, picture.codes.values.begin(), [&](float light) {
     return static_cast<std::uint16_t>(light / picture.per_code + 0.5F);
   });
   return CleanPlate(std::variant<LinearColour, Polynomial, Picture>(std::move(picture)));
@@ -159,11 +157,9 @@ LinearColour CleanPlate::at(int x, int y) const {
   if (const auto* colour = std::get_if<LinearColour>(&light_)) return *colour;
   LinearColour result{};
   if (const auto* picture = std::get_if<Picture>(&light_)) {
-    const std::size_t first =
-        3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(picture->width) +
-             static_cast<std::size_t>(x));
+    const auto codes = picture->codes.pixel(x, y);
     for (std::size_t c = 0; c < 3; ++c) {
-      result[c] = picture->per_code * static_cast<float>(picture->codes[first + c]);
+      result[c] = picture->per_code * static_cast<float>(codes[c]);
     }
     return result;
   }
@@ -178,20 +174,18 @@ LinearColour CleanPlate::at(int x, int y) const {
   return result;
 }
 
-std::vector<float> linear_frame(const Take& take, int camera, int frame) {
+Image<float, 3> linear_frame(const Take& take, int camera, int frame) {
   FrameCache cache(take, 1, BlendSpace::kLinear);
   std::int64_t decoded = 0;
   const auto held = cache.fetch(camera, frame, {}, decoded);
-  const auto pixels =
-      static_cast<std::size_t>(held->width) * static_cast<std::size_t>(held->height);
   const auto per_code = static_cast<float>(cache.full_scale() / 65535);
-  std::vector<float> rgb(3 * pixels);
-  for (std::size_t i = 0; i < pixels; ++i) {
+  Image<float, 3> rgb(held->width, held->height);
+  for (std::size_t i = 0; i < rgb.values.size() / 3; ++i) {
     for (std::size_t c = 0; c < 3; ++c) {
-      rgb[3 * i + c] = per_code * static_cast<float>(held->rgba[4 * i + c]);
+      rgb.values[3 * i + c] = per_code * static_cast<float>(held->rgba[4 * i + c]);
     }
   }
   return rgb;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

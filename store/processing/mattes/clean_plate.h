@@ -2,15 +2,14 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 #include <string>
 #include <variant>
-#include <vector>
 
+#include "base/image.h"
 #include "store/processing/mattes/keyers.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// The clean plate of a camera: linear light of the set without the subject, at each pixel.
 class CleanPlate {
@@ -19,10 +18,10 @@ class CleanPlate {
   explicit CleanPlate(const LinearColour& colour) : light_(colour) {}
 
   /// Returns the light of a screen: a polynomial of second degree per channel, fitted to the pixels
-  /// that show the screen. `rgb`: linear R, G, B, rows without padding; `name`: the frame in
-  /// errors. Throws Error (bad input) if less than 2 % of the pixels show the screen.
-  static CleanPlate fitted(std::span<const float> rgb, int width, int height,
-                           const ColorDifferenceKeyer& key, const std::string& name);
+  /// that show the screen. `rgb`: linear light; `name`: the frame in errors. Throws Error (bad
+  /// input) if less than 2 % of the pixels show the screen.
+  static CleanPlate fitted(const Image<float, 3>& rgb, const ColorDifferenceKeyer& key,
+                           const std::string& name);
   /// Returns the mean of the first kMaxCleanPlateFrames frames of a camera of an empty take.
   static CleanPlate recorded(const Take& clean_plate_take, int camera);
   static constexpr int kMaxCleanPlateFrames = 8;
@@ -37,9 +36,8 @@ class CleanPlate {
     LinearColour least{}, most{};                      ///< bounds of the result
   };
   struct Picture {
-    int width = 0;
     float per_code = 0;
-    std::vector<std::uint16_t> codes;
+    Image<std::uint16_t, 3> codes;
   };
   explicit CleanPlate(std::variant<LinearColour, Polynomial, Picture> light)
       : light_(std::move(light)) {}
@@ -48,6 +46,6 @@ class CleanPlate {
 };
 
 /// Returns the linear light of a frame after photometric correction, R, G, B per pixel.
-std::vector<float> linear_frame(const Take& take, int camera, int frame);
+Image<float, 3> linear_frame(const Take& take, int camera, int frame);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -8,10 +8,10 @@
 #include <algorithm>
 #include <cmath>
 
-namespace raystage {
+namespace raystage::store {
 
-ColorDifferenceKeyer::ColorDifferenceKeyer(const MatteSettings& settings)
-    : primary_(settings.kind == MatteSettings::Kind::kGreenScreen ? 1 : 2),
+ColorDifferenceKeyer::ColorDifferenceKeyer(const schemas::MatteSettings& settings)
+    : primary_(settings.kind == schemas::MatteSettings::Kind::kGreenScreen ? 1 : 2),
       second_(0),
       third_(3 - primary_),
       balance_(static_cast<float>(settings.balance)),
@@ -46,7 +46,7 @@ KeyedPixel ColorDifferenceKeyer::operator()(const LinearColour& colour,
   return keyed;
 }
 
-DifferenceKeyer::DifferenceKeyer(const MatteSettings& settings)
+DifferenceKeyer::DifferenceKeyer(const schemas::MatteSettings& settings)
     : low_(static_cast<float>(settings.low / 255)),
       per_range_(static_cast<float>(255 / std::max(1e-6, settings.high - settings.low))) {}
 
@@ -65,4 +65,4 @@ KeyedPixel DifferenceKeyer::operator()(const LinearColour& colour, const LinearC
   return keyed;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

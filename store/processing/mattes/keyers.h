@@ -5,7 +5,7 @@
 
 #include "schemas/matte_settings.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Linear light R, G, B.
 using LinearColour = std::array<float, 3>;
@@ -22,7 +22,7 @@ struct KeyedPixel {
 /// subtracted. Works in linear light, in which a partly covered pixel is a linear mix.
 class ColorDifferenceKeyer {
  public:
-  explicit ColorDifferenceKeyer(const MatteSettings& settings);
+  explicit ColorDifferenceKeyer(const schemas::MatteSettings& settings);
 
   /// Returns the screen's primary of a colour minus its companion; above 0 for the screen.
   float excess(const LinearColour& colour) const;
@@ -43,7 +43,7 @@ class ColorDifferenceKeyer {
 /// plate's.
 class DifferenceKeyer {
  public:
-  explicit DifferenceKeyer(const MatteSettings& settings);
+  explicit DifferenceKeyer(const schemas::MatteSettings& settings);
 
   /// Returns the foreground and alpha of a pixel. `empty`: linear light of the clean plate.
   /// `codes`, `empty_codes`: both colours on the sRGB curve, full scale 1.
@@ -54,4 +54,4 @@ class DifferenceKeyer {
   float low_, per_range_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -12,13 +12,13 @@
 #include "store/processing/mattes/clean_plate.h"
 #include "store/processing/mattes/transfer_function.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr LinearColour kBlue{0.03F, 0.1F, 0.6F}, kGreen{0.08F, 0.55F, 0.1F};
 
-MatteSettings exact(MatteSettings::Kind kind) {
-  MatteSettings settings;
+schemas::MatteSettings exact(schemas::MatteSettings::Kind kind) {
+  schemas::MatteSettings settings;
   settings.kind = kind;
   settings.black = 0;
   settings.white = 1;
@@ -32,9 +32,10 @@ LinearColour mixed(const LinearColour& front, const LinearColour& behind, float 
 }
 
 TEST(ScreenKeys, TakeGreysOffTheScreenExactly) {
-  for (const auto kind : {MatteSettings::Kind::kBlueScreen, MatteSettings::Kind::kGreenScreen}) {
-    const LinearColour& screen = kind == MatteSettings::Kind::kBlueScreen ? kBlue : kGreen;
-    MatteSettings settings = exact(kind);
+  for (const auto kind :
+       {schemas::MatteSettings::Kind::kBlueScreen, schemas::MatteSettings::Kind::kGreenScreen}) {
+    const LinearColour& screen = kind == schemas::MatteSettings::Kind::kBlueScreen ? kBlue : kGreen;
+    schemas::MatteSettings settings = exact(kind);
     for (const double balance : {0.0, 0.5, 1.0}) {
       settings.balance = balance;
       const ColorDifferenceKeyer key(settings);
@@ -49,7 +50,7 @@ TEST(ScreenKeys, TakeGreysOffTheScreenExactly) {
 }
 
 TEST(ScreenKeys, NeverGiveLightOrAlphaThatIsNotThere) {
-  const ColorDifferenceKeyer key(MatteSettings{});
+  const ColorDifferenceKeyer key(schemas::MatteSettings{});
   for (float r = 0; r <= 1; r += 0.1F) {
     for (float g = 0; g <= 1; g += 0.1F) {
       for (float b = 0; b <= 1.5F; b += 0.1F) {
@@ -66,7 +67,7 @@ TEST(ScreenKeys, NeverGiveLightOrAlphaThatIsNotThere) {
 }
 
 TEST(ScreenKeys, LeaveSpillWhereNobodyWantsItOff) {
-  MatteSettings settings;
+  schemas::MatteSettings settings;
   const LinearColour bluish{0.3F, 0.3F, 0.32F};  // lit by the screen
   EXPECT_NEAR(ColorDifferenceKeyer(settings)(bluish, kBlue).colour[2], 0.3F, 0.01F);
   settings.despill = 0;
@@ -76,7 +77,7 @@ TEST(ScreenKeys, LeaveSpillWhereNobodyWantsItOff) {
 }
 
 TEST(ScreenKeys, CutOffWhatIsAlmostNothingOrAlmostAll) {
-  const ColorDifferenceKeyer key(MatteSettings{});  // 0.05 and 0.95
+  const ColorDifferenceKeyer key(schemas::MatteSettings{});  // 0.05 and 0.95
   const LinearColour grey{0.5F, 0.5F, 0.5F};
   EXPECT_EQ(key(mixed(grey, kBlue, 0.04F), kBlue).alpha, 0);
   EXPECT_EQ(key(mixed(grey, kBlue, 0.96F), kBlue).alpha, 1);
@@ -84,7 +85,7 @@ TEST(ScreenKeys, CutOffWhatIsAlmostNothingOrAlmostAll) {
 }
 
 TEST(DifferenceKeys, GrowWithTheDistanceOfCodes) {
-  MatteSettings settings;
+  schemas::MatteSettings settings;
   settings.low = 10;
   settings.high = 30;
   const DifferenceKeyer key(settings);
@@ -116,7 +117,7 @@ TEST(CodeCurves, GoThereAndBack) {
 
 TEST(EmptySets, FindAnUnevenScreenAroundAnActor) {
   constexpr int kWidth = 160, kHeight = 120;
-  std::vector<float> rgb;
+  Image<float, 3> rgb(kWidth, kHeight);
   const auto light_at = [](int x, int y, std::size_t c) {
     const double u = (2 * x + 1.0) / kWidth - 1, v = (2 * y + 1.0) / kHeight - 1;
     return static_cast<float>(static_cast<double>(kBlue[c]) *
@@ -125,11 +126,11 @@ TEST(EmptySets, FindAnUnevenScreenAroundAnActor) {
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
       const bool actor = std::hypot(x - 80, y - 70) < 40;
-      for (std::size_t c = 0; c < 3; ++c) rgb.push_back(actor ? 0.4F : light_at(x, y, c));
+      for (std::size_t c = 0; c < 3; ++c) rgb.pixel(x, y)[c] = actor ? 0.4F : light_at(x, y, c);
     }
   }
-  const ColorDifferenceKeyer key(MatteSettings{});
-  const CleanPlate set = CleanPlate::fitted(rgb, kWidth, kHeight, key, "test");
+  const ColorDifferenceKeyer key(schemas::MatteSettings{});
+  const CleanPlate set = CleanPlate::fitted(rgb, key, "test");
   for (int y = 0; y < kHeight; y += 7) {
     for (int x = 0; x < kWidth; x += 7) {
       for (std::size_t c = 0; c < 3; ++c) {
@@ -137,18 +138,18 @@ TEST(EmptySets, FindAnUnevenScreenAroundAnActor) {
       }
     }
   }
-  std::vector<float> grey(rgb.size(), 0.3F);
-  EXPECT_THROW(CleanPlate::fitted(grey, kWidth, kHeight, key, "test"), Error);
+  const Image<float, 3> grey(kWidth, kHeight, 0.3F);
+  EXPECT_THROW(CleanPlate::fitted(grey, key, "test"), Error);
 }
 
 TEST(SeenBoxes, KeepAndThrowAwayWhatRaysPass) {
-  const Rig::Camera camera{
-      "c", CameraModel({"c", 100, 80, {50, 50, 50, 40, {}}, {}, {}, {}}), {}, {}, {}, {}};
-  const std::vector<MatteSettings::Box> front{{{{-1, -1, -3}, {1, 1, -2}}}};
-  const std::vector<MatteSettings::Box> behind{{{{-1, -1, 2}, {1, 1, 3}}}};
-  const std::vector<MatteSettings::Box> left{{{{-1, -9, -3}, {0, 9, -2}}}};
+  const rig::Rig::Camera camera{
+      "c", rig::CameraModel({"c", 100, 80, {50, 50, 50, 40, {}}, {}, {}, {}}), {}, {}, {}, {}};
+  const std::vector<schemas::MatteSettings::Box> front{{{{-1, -1, -3}, {1, 1, -2}}}};
+  const std::vector<schemas::MatteSettings::Box> behind{{{{-1, -1, 2}, {1, 1, 3}}}};
+  const std::vector<schemas::MatteSettings::Box> left{{{{-1, -9, -3}, {0, 9, -2}}}};
   const auto shown = [&](const std::vector<bool>& shows, int x, int y) {
-    return static_cast<bool>(shows[static_cast<std::size_t>(y * 100 + x)]);
+    return static_cast<bool>(shows[y * 100 + x]);
   };
   const auto kept = compute_box_mask(camera, front, {});
   EXPECT_TRUE(shown(kept, 50, 40));
@@ -163,4 +164,4 @@ TEST(SeenBoxes, KeepAndThrowAwayWhatRaysPass) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

@@ -8,10 +8,10 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::store {
 
 std::filesystem::path matte_file_path(const Take& take, int camera, int frame) {
-  return take.folder() / "mattes" / take.document().cameras[static_cast<std::size_t>(camera)].id /
+  return take.folder() / "mattes" / take.document().cameras[camera].id /
          fmt::format("{:06}.png", frame);
 }
 
@@ -42,4 +42,4 @@ std::vector<std::uint8_t> read_matte_png(const std::filesystem::path& file, int 
   return codes;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -7,7 +7,7 @@
 
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Returns the path TAKE/mattes/CAMERA/FRAME.png (docs/formats/mattes.md). `frame`: index into the
 /// camera's archive.
@@ -17,4 +17,4 @@ std::filesystem::path matte_file_path(const Take& take, int camera, int frame);
 /// not a PNG of this size.
 std::vector<std::uint8_t> read_matte_png(const std::filesystem::path& file, int width, int height);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -15,10 +15,10 @@
 #include "store/processing/mattes/matte_file.h"
 #include "store/processing/mattes/transfer_function.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-using Kind = MatteSettings::Kind;
+using Kind = schemas::MatteSettings::Kind;
 
 /// The inputs of a camera's matte, computed once.
 struct CameraMatte {
@@ -74,7 +74,7 @@ std::unique_ptr<const FrameKeyer> pixel_key(const CameraMatte& camera,
 }  // namespace
 
 struct TakeMatte::State {
-  State(const Take& of_take, const MatteSettings& by, const std::filesystem::path& folder)
+  State(const Take& of_take, const schemas::MatteSettings& by, const std::filesystem::path& folder)
       : take(of_take), settings(by), cameras(of_take.rig().cameras.size()) {
     if (!settings.clean_plate_take.empty()) {
       clean_plate_take.emplace((folder / settings.clean_plate_take).lexically_normal());
@@ -83,7 +83,7 @@ struct TakeMatte::State {
   }
 
   const Take& take;
-  MatteSettings settings;
+  schemas::MatteSettings settings;
   std::optional<Take> clean_plate_take;
   std::vector<int> empty_camera;  // of the empty take, for each camera
   mutable std::vector<CameraMatte> cameras;
@@ -94,7 +94,7 @@ struct TakeMatte::State {
     for (std::size_t i = 0; i < cameras.size(); ++i) {
       const std::string& id = take.document().cameras[i].id;
       empty_camera.push_back(clean_plate_take->camera_index(id));
-      const CameraModel& model = take.rig().cameras[i].model;
+      const rig::CameraModel& model = take.rig().cameras[i].model;
       const bool same = empty_camera[i] >= 0 && of_empty(i).width() == model.width() &&
                         of_empty(i).height() == model.height();
       if (same) continue;
@@ -104,8 +104,8 @@ struct TakeMatte::State {
                              "Use an empty take that was recorded with the same array");
     }
   }
-  const CameraModel& of_empty(std::size_t i) const {
-    return clean_plate_take->rig().cameras[static_cast<std::size_t>(empty_camera[i])].model;
+  const rig::CameraModel& of_empty(std::size_t i) const {
+    return clean_plate_take->rig().cameras[empty_camera[i]].model;
   }
 
   const CameraMatte& camera_matte(std::size_t i) const {
@@ -128,15 +128,13 @@ struct TakeMatte::State {
                              [](double light) { return static_cast<float>(light); });
       return CleanPlate(colour);
     }
-    const int camera = static_cast<int>(i);
-    const CameraModel& model = take.rig().cameras[i].model;
-    return CleanPlate::fitted(linear_frame(take, camera, 0), model.width(), model.height(),
+    return CleanPlate::fitted(linear_frame(take, static_cast<int>(i), 0),
                               ColorDifferenceKeyer(settings),
                               take.document().cameras[i].archive + " frame 0");
   }
 };
 
-TakeMatte::TakeMatte(const Take& take, const MatteSettings& settings,
+TakeMatte::TakeMatte(const Take& take, const schemas::MatteSettings& settings,
                      const std::filesystem::path& folder)
     : state_(std::make_unique<State>(take, settings, folder)) {}
 
@@ -147,9 +145,9 @@ std::unique_ptr<const FrameKeyer> TakeMatte::make_keyer(int camera, int frame,
   std::call_once(state_->curve_made, [&] { state_->curve.emplace(scale); });
   const TransferFunction& curve = *state_->curve;
   const CameraMatte& inputs = state_->camera_matte(static_cast<std::size_t>(camera));
-  const MatteSettings& settings = state_->settings;
+  const schemas::MatteSettings& settings = state_->settings;
   if (settings.kind == Kind::kFiles) {
-    const CameraModel& model = state_->take.rig().cameras[static_cast<std::size_t>(camera)].model;
+    const rig::CameraModel& model = state_->take.rig().cameras[camera].model;
     return pixel_key(
         inputs, curve,
         [codes = read_matte_png(matte_file_path(state_->take, camera, frame), model.width(),
@@ -197,11 +195,11 @@ std::vector<std::filesystem::path> TakeMatte::input_files(int camera, int frame)
 std::size_t TakeMatte::bytes() const {
   constexpr std::size_t kBitsPerByte = 8;
   std::size_t pixels = 0;
-  for (const Rig::Camera& camera : state_->take.rig().cameras) {
+  for (const rig::Rig::Camera& camera : state_->take.rig().cameras) {
     pixels += static_cast<std::size_t>(camera.model.width()) *
               static_cast<std::size_t>(camera.model.height());
   }
-  const MatteSettings& settings = state_->settings;
+  const schemas::MatteSettings& settings = state_->settings;
   const bool boxes = !settings.keep.empty() || !settings.garbage.empty();
   return (state_->clean_plate_take ? pixels * 3 * sizeof(std::uint16_t) : 0) +
          (boxes ? pixels / kBitsPerByte : 0);
@@ -232,4 +230,4 @@ std::string TakeMatte::sources() const {
   return text;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -10,7 +10,7 @@
 #include "store/processing/frames/frame_matte.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// The matte of a take, by the settings of a shot's layer. The clean plate of a camera is computed
 /// when one of its frames is first decoded, and kept: 6 bytes per pixel if it is an empty take's.
@@ -18,7 +18,8 @@ class TakeMatte : public FrameMatte {
  public:
   /// Keeps a reference to `take`. `folder`: paths in the settings are relative to it. Throws Error
   /// (bad input) if the empty take does not have the same cameras.
-  TakeMatte(const Take& take, const MatteSettings& settings, const std::filesystem::path& folder);
+  TakeMatte(const Take& take, const schemas::MatteSettings& settings,
+            const std::filesystem::path& folder);
   ~TakeMatte() override;
 
   std::unique_ptr<const FrameKeyer> make_keyer(int camera, int frame,
@@ -37,4 +38,4 @@ class TakeMatte : public FrameMatte {
   std::unique_ptr<State> state_;
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -14,7 +14,7 @@
 #include "store/processing/mattes/matte_file.h"
 #include "testing/test_folder.h"
 
-namespace raystage::take_matte_test {
+namespace raystage::store::take_matte_test {
 namespace {
 
 constexpr int kWidth = 96, kHeight = 64;
@@ -43,13 +43,13 @@ class TakeMattes : public ::testing::Test {
 
   void write(const std::string& name, const RgbImage& image, int width,
              const std::string& camera_id = "c0") {
-    TakeDocument take;
+    schemas::TakeDocument take;
     take.name = take.created_by = "test";
     take.nominal_fps = 10;
     take.color_space = "srgb_texture";
-    RigDocument rig;
+    schemas::RigDocument rig;
     rig.name = "one";
-    RigDocument::Camera camera;
+    schemas::RigDocument::Camera camera;
     camera.geometry.id = camera_id;
     camera.geometry.width = width;
     camera.geometry.height = kHeight;
@@ -68,7 +68,7 @@ class TakeMattes : public ::testing::Test {
   struct Pixel {
     double r, g, b, a;
   };
-  Pixel keyed(const MatteSettings& settings, int x, int y = 30) const {
+  Pixel keyed(const schemas::MatteSettings& settings, int x, int y = 30) const {
     FrameCache cache(*take_, 1 << 20, BlendSpace::kPerceptual,
                      std::make_shared<TakeMatte>(*take_, settings, folder_.path()));
     EXPECT_TRUE(cache.has_matte());
@@ -78,16 +78,16 @@ class TakeMattes : public ::testing::Test {
     return {p[0] / 65535.0, p[1] / 65535.0, p[2] / 65535.0, p[3] / 65535.0};
   }
 
-  TestFolder folder_;
+  testing::TestFolder folder_;
   std::optional<Take> take_;
 };
 
 TEST_F(TakeMattes, AScreenIsFoundInTheTakeStatedOrSeenEmpty) {
-  MatteSettings found, stated, empty;
+  schemas::MatteSettings found, stated, empty;
   stated.screen_color = {
       {linear_from_srgb(50 / 255.0), linear_from_srgb(90 / 255.0), linear_from_srgb(200 / 255.0)}};
   empty.clean_plate_take = "empty";
-  for (const MatteSettings& settings : {found, stated, empty}) {
+  for (const schemas::MatteSettings& settings : {found, stated, empty}) {
     const Pixel actor = keyed(settings, 20), screen = keyed(settings, 80);
     EXPECT_EQ(actor.a, 1);
     EXPECT_NEAR(actor.r, 150 / 255.0, 0.01);
@@ -98,8 +98,8 @@ TEST_F(TakeMattes, AScreenIsFoundInTheTakeStatedOrSeenEmpty) {
 }
 
 TEST_F(TakeMattes, DifferencesFromTheEmptyTake) {
-  MatteSettings settings;
-  settings.kind = MatteSettings::Kind::kDifference;
+  schemas::MatteSettings settings;
+  settings.kind = schemas::MatteSettings::Kind::kDifference;
   settings.clean_plate_take = "empty";
   EXPECT_EQ(keyed(settings, 20).a, 1);
   EXPECT_NEAR(keyed(settings, 20).g, 140 / 255.0, 0.01);
@@ -107,8 +107,8 @@ TEST_F(TakeMattes, DifferencesFromTheEmptyTake) {
 }
 
 TEST_F(TakeMattes, FilesOfOthers) {
-  MatteSettings settings;
-  settings.kind = MatteSettings::Kind::kFiles;
+  schemas::MatteSettings settings;
+  settings.kind = schemas::MatteSettings::Kind::kFiles;
   EXPECT_THROW(keyed(settings, 20), Error);
   const auto file = matte_file_path(*take_, 0, 0);
   EXPECT_EQ(TakeMatte(*take_, settings, "").input_files(0, 0), std::vector{file});
@@ -126,7 +126,7 @@ TEST_F(TakeMattes, FilesOfOthers) {
 }
 
 TEST_F(TakeMattes, BoxesOfTheWorldThrowAway) {
-  MatteSettings settings;
+  schemas::MatteSettings settings;
   settings.keep = {{{{-0.2, -9, -2}, {9, 9, -1}}}};  // x >= -0.2 at 1 m: from pixel 36 on
   EXPECT_EQ(keyed(settings, 10).a, 0);
   EXPECT_EQ(keyed(settings, 40).a, 1);
@@ -137,7 +137,7 @@ TEST_F(TakeMattes, BoxesOfTheWorldThrowAway) {
 }
 
 TEST_F(TakeMattes, PartsOfAFrameAreKeyedAsTheWhole) {
-  const auto matte = std::make_shared<TakeMatte>(*take_, MatteSettings{}, folder_.path());
+  const auto matte = std::make_shared<TakeMatte>(*take_, schemas::MatteSettings{}, folder_.path());
   FrameCache whole(*take_, 1 << 20, BlendSpace::kPerceptual, matte);
   FrameCache parts(*take_, 1 << 20, BlendSpace::kPerceptual, matte);
   std::int64_t decoded = 0;
@@ -160,7 +160,7 @@ TEST_F(TakeMattes, PartsOfAFrameAreKeyedAsTheWhole) {
 
 TEST_F(TakeMattes, RefuseEmptyTakesOfOtherArrays) {
   write("wide", picture(false), kWidth, "other");
-  MatteSettings settings;
+  schemas::MatteSettings settings;
   settings.clean_plate_take = "wide";
   EXPECT_THROW(TakeMatte(*take_, settings, folder_.path()), Error);
   settings.clean_plate_take = "nowhere";
@@ -168,7 +168,7 @@ TEST_F(TakeMattes, RefuseEmptyTakesOfOtherArrays) {
 }
 
 TEST_F(TakeMattes, TellWhatTheyAreFoundFrom) {
-  MatteSettings settings;
+  schemas::MatteSettings settings;
   const std::string found = TakeMatte(*take_, settings, folder_.path()).sources();
   EXPECT_FALSE(found.empty());
   settings.clean_plate_take = "empty";
@@ -179,4 +179,4 @@ TEST_F(TakeMattes, TellWhatTheyAreFoundFrom) {
 }
 
 }  // namespace
-}  // namespace raystage::take_matte_test
+}  // namespace raystage::store::take_matte_test

@@ -6,7 +6,7 @@
 
 #include "base/transfer_function.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr std::size_t kRoots = 4096;  // linear interpolation is within 1e-6
@@ -41,4 +41,4 @@ float TransferFunction::code(float linear) const {
   return 65535 * (perceptual_ ? srgb(part) : std::clamp(part, 0.0F, 1.0F));
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -6,7 +6,7 @@
 
 #include "store/processing/frames/frame_matte.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Converts between codes of decoded frames and linear light, by tables.
 class TransferFunction {
@@ -26,4 +26,4 @@ class TransferFunction {
   std::vector<float> of_root_;  // sRGB code at equal steps of the square root of linear light
 };
 
-}  // namespace raystage
+}  // namespace raystage::store

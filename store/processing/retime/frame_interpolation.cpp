@@ -7,14 +7,13 @@
 #include "store/processing/retime/frame_interpolation.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <limits>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr float kUnset = std::numeric_limits<float>::max();
@@ -32,19 +31,15 @@ constexpr float kHidden = 1e-3F;
 class MotionBetween {
  public:
   MotionBetween(int width, int height)
-      : width_(width),
-        height_(height),
-        shift_(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)),
-        difference_(shift_.size(), kUnset) {}
+      : shift_(width, height), difference_(width, height, kUnset) {}
 
   // Projects every pixel of `from` by the fraction `part` of its flow. `sign`: -1 if `from` is b.
   void project(const FlowImage& from, const FlowImage& to, const FlowField& motion, float part,
                float sign) {
     const cv::Mat difference = differences(from, to, motion);
-    std::size_t i = 0;
-    for (int y = 0; y < height_; ++y) {
-      for (int x = 0; x < width_; ++x, ++i) {
-        const FlowVector s = motion.shift[i];
+    for (int y = 0; y < shift_.height; ++y) {
+      for (int x = 0; x < shift_.width; ++x) {
+        const FlowVector s = motion.at(x, y);
         if (!is_valid(s)) continue;
         land(static_cast<float>(x) + part * s.x, static_cast<float>(y) + part * s.y,
              {sign * s.x, sign * s.y}, difference.at<float>(y, x));
@@ -55,34 +50,34 @@ class MotionBetween {
   // Fills pixels without a vector, from their borders inwards.
   void fill_holes() {
     std::vector<std::size_t> ring;
-    for (std::size_t i = 0; i < shift_.size(); ++i) {
-      if (difference_[i] == kUnset && has_known_neighbour(i)) ring.push_back(i);
+    for (std::size_t i = 0; i < difference_.values.size(); ++i) {
+      if (difference_.values[i] == kUnset && has_known_neighbour(i)) ring.push_back(i);
     }
     while (!ring.empty()) {
       std::vector<FlowVector> values;
       values.reserve(ring.size());
       for (const std::size_t i : ring) values.push_back(mean_of_neighbours(i));
       for (std::size_t k = 0; k < ring.size(); ++k) {
-        shift_[ring[k]] = values[k];
-        difference_[ring[k]] = 0;
+        shift_.values[ring[k]] = values[k];
+        difference_.values[ring[k]] = 0;
       }
       std::vector<std::size_t> next;
       for (const std::size_t i : ring) {
         for_neighbours(i, [&](std::size_t n) {
-          if (difference_[n] == kUnset) {
-            difference_[n] = -1;  // already in `next`
+          if (difference_.values[n] == kUnset) {
+            difference_.values[n] = -1;  // already in `next`
             next.push_back(n);
           }
         });
       }
-      for (const std::size_t n : next) difference_[n] = kUnset;
+      for (const std::size_t n : next) difference_.values[n] = kUnset;
       ring = std::move(next);
     }
   }
 
-  void filter_medians() { median_filter_flow(shift_, width_, height_); }
+  void filter_medians() { median_filter_flow(shift_); }
 
-  const std::vector<FlowVector>& shift() const { return shift_; }
+  const FlowField& shift() const { return shift_; }
 
  private:
   // Flow may diverge where the frames have nothing in common.
@@ -92,33 +87,28 @@ class MotionBetween {
 
   // CV_32FC1: mean absolute difference of luma along the flow around each pixel, codes.
   cv::Mat differences(const FlowImage& from, const FlowImage& to, const FlowField& motion) const {
-    cv::Mat difference(height_, width_, CV_32FC1), mean;
-    std::size_t i = 0;
-    for (int y = 0; y < height_; ++y) {
-      for (int x = 0; x < width_; ++x, ++i) {
-        const FlowVector s = is_valid(motion.shift[i]) ? motion.shift[i] : FlowVector{};
+    cv::Mat difference(shift_.height, shift_.width, CV_32FC1), mean;
+    for (int y = 0; y < shift_.height; ++y) {
+      for (int x = 0; x < shift_.width; ++x) {
+        const FlowVector s = is_valid(motion.at(x, y)) ? motion.at(x, y) : FlowVector{};
         difference.at<float>(y, x) =
-            std::abs(static_cast<float>(from.luma[i]) -
-                     luma_at(to, static_cast<float>(x) + s.x, static_cast<float>(y) + s.y));
+            std::abs(static_cast<float>(from.luma.at(x, y)) -
+                     luma_at(to.luma, static_cast<float>(x) + s.x, static_cast<float>(y) + s.y));
       }
     }
     cv::blur(difference, mean, {kWindow, kWindow});
     return mean;
   }
 
-  static float luma_at(const FlowImage& picture, float x, float y) {
-    const int width = picture.rgb.width, height = picture.rgb.height;
+  static float luma_at(const Image<std::uint8_t>& luma, float x, float y) {
+    const int width = luma.width, height = luma.height;
     x = std::clamp(x, 0.0F, static_cast<float>(width - 1));
     y = std::clamp(y, 0.0F, static_cast<float>(height - 1));
     const int x0 = std::min(static_cast<int>(x), std::max(0, width - 2));
     const int y0 = std::min(static_cast<int>(y), std::max(0, height - 2));
     const int x1 = std::min(x0 + 1, width - 1), y1 = std::min(y0 + 1, height - 1);
     const float u = x - static_cast<float>(x0), v = y - static_cast<float>(y0);
-    const auto at = [&](int column, int row) {
-      return static_cast<float>(
-          picture.luma[static_cast<std::size_t>(row) * static_cast<std::size_t>(width) +
-                       static_cast<std::size_t>(column)]);
-    };
+    const auto at = [&](int column, int row) { return static_cast<float>(luma.at(column, row)); };
     return (1 - v) * ((1 - u) * at(x0, y0) + u * at(x1, y0)) +
            v * ((1 - u) * at(x0, y1) + u * at(x1, y1));
   }
@@ -126,48 +116,40 @@ class MotionBetween {
   void land(float x, float y, FlowVector shift, float difference) {
     const int column = static_cast<int>(std::floor(x + 0.5F));
     const int row = static_cast<int>(std::floor(y + 0.5F));
-    if (column < 0 || row < 0 || column >= width_ || row >= height_) return;
-    const std::size_t i = index(column, row);
-    if (difference >= difference_[i]) return;
-    difference_[i] = difference;
-    shift_[i] = shift;
+    if (!shift_.contains(column, row) || difference >= difference_.at(column, row)) return;
+    difference_.at(column, row) = difference;
+    shift_.at(column, row) = shift;
   }
 
-  std::size_t index(int column, int row) const {
-    return static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
-           static_cast<std::size_t>(column);
-  }
   template <class Visit>
   void for_neighbours(std::size_t i, const Visit& visit) const {
-    const int x = static_cast<int>(i % static_cast<std::size_t>(width_));
-    const int y = static_cast<int>(i / static_cast<std::size_t>(width_));
-    for (int row = std::max(0, y - 1); row <= std::min(height_ - 1, y + 1); ++row) {
-      for (int column = std::max(0, x - 1); column <= std::min(width_ - 1, x + 1); ++column) {
-        const std::size_t n = index(column, row);
+    const int x = static_cast<int>(i) % shift_.width, y = static_cast<int>(i) / shift_.width;
+    for (int row = std::max(0, y - 1); row <= std::min(shift_.height - 1, y + 1); ++row) {
+      for (int column = std::max(0, x - 1); column <= std::min(shift_.width - 1, x + 1); ++column) {
+        const std::size_t n = shift_.offset(column, row);
         if (n != i) visit(n);
       }
     }
   }
   bool has_known_neighbour(std::size_t i) const {
     bool known = false;
-    for_neighbours(i, [&](std::size_t n) { known = known || difference_[n] != kUnset; });
+    for_neighbours(i, [&](std::size_t n) { known = known || difference_.values[n] != kUnset; });
     return known;
   }
   FlowVector mean_of_neighbours(std::size_t i) const {
     FlowVector sum;
     float count = 0;
     for_neighbours(i, [&](std::size_t n) {
-      if (difference_[n] == kUnset) return;
-      sum.x += shift_[n].x;
-      sum.y += shift_[n].y;
+      if (difference_.values[n] == kUnset) return;
+      sum.x += shift_.values[n].x;
+      sum.y += shift_.values[n].y;
       ++count;
     });
     return {sum.x / count, sum.y / count};
   }
 
-  int width_, height_;
-  std::vector<FlowVector> shift_;
-  std::vector<float> difference_;  // kUnset: no vector yet
+  FlowField shift_;
+  Image<float> difference_;  // kUnset: no vector yet
 };
 
 // One of the two frames, sampled for the intermediate time.
@@ -178,8 +160,8 @@ struct WarpedFrame {
 };
 
 // `way`: factor from the vectors in `between` to the displacement to the frame.
-WarpedFrame warp(const FlowImage& picture, const FlowField& motion,
-                 const std::vector<FlowVector>& between, float way) {
+WarpedFrame warp(const FlowImage& picture, const FlowField& motion, const FlowField& between,
+                 float way) {
   const int width = picture.rgb.width, height = picture.rgb.height;
   WarpedFrame out;
   out.x.create(height, width, CV_32FC1);
@@ -187,16 +169,14 @@ WarpedFrame warp(const FlowImage& picture, const FlowField& motion,
   for (int y = 0; y < height; ++y) {
     auto* to_x = out.x.ptr<float>(y);
     auto* to_y = out.y.ptr<float>(y);
-    const FlowVector* shift =
-        &between[static_cast<std::size_t>(y) * static_cast<std::size_t>(width)];
     for (int x = 0; x < width; ++x) {
-      to_x[x] = static_cast<float>(x) + way * shift[x].x;
-      to_y[x] = static_cast<float>(y) + way * shift[x].y;
+      to_x[x] = static_cast<float>(x) + way * between.at(x, y).x;
+      to_y[x] = static_cast<float>(y) + way * between.at(x, y).y;
     }
   }
   // cv::Mat has no const data; these matrices are only read.
   const cv::Mat rgb(height, width, CV_8UC3, const_cast<std::uint8_t*>(picture.rgb.pixels.data()));
-  const cv::Mat own(height, width, CV_32FC2, const_cast<FlowVector*>(motion.shift.data()));
+  const cv::Mat own(height, width, CV_32FC2, const_cast<FlowVector*>(motion.values.data()));
   cv::remap(rgb, out.rgb, out.x, out.y, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
   cv::remap(own, out.motion, out.x, out.y, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
   return out;
@@ -238,7 +218,7 @@ RgbImage interpolate_frame(const FlowImage& a, const FlowImage& b, const FlowFie
   between.project(b, a, a_from_b, 1 - s, -1);
   between.fill_holes();
   between.filter_medians();
-  const std::vector<FlowVector>& shift = between.shift();
+  const FlowField& shift = between.shift();
   const WarpedFrame in_a = warp(a, b_from_a, shift, -s);
   const WarpedFrame in_b = warp(b, a_from_b, shift, 1 - s);
 
@@ -250,8 +230,8 @@ RgbImage interpolate_frame(const FlowImage& a, const FlowImage& b, const FlowFie
     const auto *own_a = in_a.motion.ptr<cv::Vec2f>(y), *own_b = in_b.motion.ptr<cv::Vec2f>(y);
     const auto *rgb_a = in_a.rgb.ptr<cv::Vec3b>(y), *rgb_b = in_b.rgb.ptr<cv::Vec3b>(y);
     for (int x = 0; x < width; ++x, ++i) {
-      const float seen_a = visibility(xa[x], ya[x], width, height, own_a[x], 1, shift[i]);
-      const float seen_b = visibility(xb[x], yb[x], width, height, own_b[x], -1, shift[i]);
+      const float seen_a = visibility(xa[x], ya[x], width, height, own_a[x], 1, shift.at(x, y));
+      const float seen_b = visibility(xb[x], yb[x], width, height, own_b[x], -1, shift.at(x, y));
       const float weight_a = (1 - s) * (seen_a + kHidden), weight_b = s * (seen_b + kHidden);
       const float scale = 1 / (weight_a + weight_b);
       for (int c = 0; c < 3; ++c) {
@@ -264,4 +244,4 @@ RgbImage interpolate_frame(const FlowImage& a, const FlowImage& b, const FlowFie
   return out;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -3,7 +3,7 @@
 
 #include "store/processing/retime/optical_flow.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// The method that computes a frame at a time between two frames. Values are not part of any
 /// format.
@@ -25,4 +25,4 @@ RgbImage blend(const RgbImage& a, const RgbImage& b, double part);
 RgbImage interpolate_frame(const FlowImage& a, const FlowImage& b, const FlowField& b_from_a,
                            const FlowField& a_from_b, double part);
 
-}  // namespace raystage
+}  // namespace raystage::store

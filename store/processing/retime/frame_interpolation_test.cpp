@@ -11,13 +11,13 @@
 #include "base/error.h"
 #include "testing/store/test_scene.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-using test::MovingBoard;
-using test::psnr;
+using testing::MovingBoard;
+using testing::psnr;
 
-struct InBetween : testing::Test {
+struct InBetween : ::testing::Test {
   InBetween() { use_one_opencv_thread(); }
 
   RgbImage moved(const RgbImage& from, const RgbImage& to, double part) {
@@ -32,9 +32,7 @@ struct InBetween : testing::Test {
 
 TEST_F(InBetween, MotionIsThatOfTheBoard) {
   const FlowField motion = estimator.estimate(make_flow_image(before), make_flow_image(after));
-  const auto shift = [&](int x, int y) {
-    return motion.shift[static_cast<std::size_t>(y * board.width + x)];
-  };
+  const auto shift = [&](int x, int y) { return motion.at(x, y); };
   EXPECT_NEAR(shift(62, 58).x, board.speed_x, 0.3);
   EXPECT_NEAR(shift(62, 58).y, board.speed_y, 0.3);
   EXPECT_NEAR(shift(10, 10).x, 0, 0.1);
@@ -123,8 +121,8 @@ TEST_F(InBetween, DoesNotLetChanceDecide) {
   const FlowImage a = make_flow_image(noisy(before)), b = make_flow_image(noisy(after));
   const auto sprinkled = [&](FlowField motion) {
     std::uniform_real_distribution<float> shift(-15, 15);
-    for (std::size_t i = 0; i < motion.shift.size(); i += 7)
-      motion.shift[i] = {shift(random), shift(random)};
+    for (std::size_t i = 0; i < motion.values.size(); i += 7)
+      motion.values[i] = {shift(random), shift(random)};
     return motion;
   };
   const FlowField there = estimator.estimate(a, b), back = estimator.estimate(b, a);
@@ -142,4 +140,4 @@ TEST_F(InBetween, SurvivesPicturesWithNothingInCommon) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

@@ -10,38 +10,35 @@
 
 #include "base/error.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr int kMinSide = 12;     // pixels; DIS cannot build a pyramid below
 constexpr int kMaxSide = 32766;  // pixels; OpenCV cannot remap larger images
 
 // cv::Mat has no const data; the matrices made here are only read.
-cv::Mat luma_of(const FlowImage& picture) {
-  return {picture.rgb.height, picture.rgb.width, CV_8UC1,
-          const_cast<std::uint8_t*>(picture.luma.data())};
+cv::Mat matrix_of(const Image<std::uint8_t>& luma) {
+  return {luma.height, luma.width, CV_8UC1, const_cast<std::uint8_t*>(luma.values.data())};
 }
 
 }  // namespace
 
 FlowImage make_flow_image(RgbImage image) {
-  FlowImage picture;
-  picture.luma.resize(image.pixels.size() / 3);
-  for (std::size_t i = 0; i < picture.luma.size(); ++i) {
+  Image<std::uint8_t> luma(image.width, image.height);
+  for (std::size_t i = 0; i < luma.values.size(); ++i) {
     const std::uint8_t* p = &image.pixels[3 * i];
-    picture.luma[i] = static_cast<std::uint8_t>((77 * p[0] + 150 * p[1] + 29 * p[2] + 128) >> 8);
+    luma.values[i] = static_cast<std::uint8_t>((77 * p[0] + 150 * p[1] + 29 * p[2] + 128) >> 8);
   }
-  picture.rgb = std::move(image);
-  return picture;
+  return {std::move(image), std::move(luma)};
 }
 
-void median_filter_flow(std::vector<FlowVector>& shift, int width, int height) {
+void median_filter_flow(FlowField& field) {
   constexpr int kMedian = 5;  // pixels per side
-  cv::Mat field(height, width, CV_32FC2, shift.data());
+  cv::Mat both(field.height, field.width, CV_32FC2, field.values.data());
   std::array<cv::Mat, 2> parts;
-  cv::split(field, parts.data());
+  cv::split(both, parts.data());
   for (cv::Mat& part : parts) cv::medianBlur(part, part, kMedian);
-  cv::merge(parts.data(), parts.size(), field);
+  cv::merge(parts.data(), parts.size(), both);
 }
 
 struct OpticalFlowEstimator::State {
@@ -73,18 +70,18 @@ FlowField OpticalFlowEstimator::estimate(const FlowImage& from, const FlowImage&
                            "retiming", "Choose the retiming method nearest or blend")
         .concerning({"retime"});
   }
-  FlowField field{width, height, std::vector<FlowVector>(from.luma.size())};
+  FlowField field(width, height);
   if (std::min(width, height) < kMinSide) return field;
-  cv::Mat shift(height, width, CV_32FC2, field.shift.data());
-  state_->flow->calc(luma_of(from), luma_of(to), shift);
-  if (shift.data != reinterpret_cast<unsigned char*>(field.shift.data())) {
+  cv::Mat shift(height, width, CV_32FC2, field.values.data());
+  state_->flow->calc(matrix_of(from.luma), matrix_of(to.luma), shift);
+  if (shift.data != reinterpret_cast<unsigned char*>(field.values.data())) {
     throw Error::failed("OpenCV did not write the flow to the given memory", "retiming",
                         "Report this as a bug");
   }
-  median_filter_flow(field.shift, width, height);
+  median_filter_flow(field);
   return field;
 }
 
 void use_one_opencv_thread() { cv::setNumThreads(1); }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -3,16 +3,16 @@
 
 #include <cstdint>
 #include <memory>
-#include <vector>
 
+#include "base/image.h"
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// A frame of one camera with the luma from which motion is estimated.
 struct FlowImage {
   RgbImage rgb;
-  std::vector<std::uint8_t> luma;  ///< one byte per pixel, row by row
+  Image<std::uint8_t> luma;
 };
 /// Returns the image with its luma.
 FlowImage make_flow_image(RgbImage image);
@@ -23,14 +23,11 @@ struct FlowVector {
 };
 
 /// The displacement of each pixel of one frame to its position in another.
-struct FlowField {
-  int width = 0, height = 0;
-  std::vector<FlowVector> shift;  ///< row by row
-};
+using FlowField = Image<FlowVector>;
 
 /// Applies a 5 x 5 median filter to x and y in place, which removes outliers (Sun, Roth and Black,
-/// "Secrets of optical flow estimation and their principles", CVPR 2010). `shift`: row by row.
-void median_filter_flow(std::vector<FlowVector>& shift, int width, int height);
+/// "Secrets of optical flow estimation and their principles", CVPR 2010).
+void median_filter_flow(FlowField& field);
 
 /// Estimates dense optical flow (OpenCV's DIS: Kroeger et al., "Fast optical flow using dense
 /// inverse search", ECCV 2016), followed by a median filter. Keeps scratch memory; not thread-safe.
@@ -54,4 +51,4 @@ class OpticalFlowEstimator {
 /// Restricts OpenCV to one thread in the whole process: the result of DIS depends on their number.
 void use_one_opencv_thread();
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr double kMaxGapInTicks = 2.5;
@@ -67,4 +67,4 @@ std::vector<RetimedFrame> plan_retiming(const Timeline& timeline, std::size_t ca
   return plan;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

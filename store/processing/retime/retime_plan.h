@@ -7,7 +7,7 @@
 #include "store/processing/retime/frame_interpolation.h"
 #include "store/timeline.h"
 
-namespace raystage {
+namespace raystage::store {
 
 struct RetimeSettings {
   RetimeMethod method = RetimeMethod::kFlow;
@@ -41,4 +41,4 @@ std::vector<RetimedFrame> plan_retiming(const Timeline& timeline, std::size_t ca
                                         const std::vector<Nanoseconds>& times,
                                         const RetimeSettings& settings);
 
-}  // namespace raystage
+}  // namespace raystage::store

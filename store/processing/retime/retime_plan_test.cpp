@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 using Kind = RetimedFrame::Kind;
@@ -11,7 +11,7 @@ using Kind = RetimedFrame::Kind;
 constexpr Nanoseconds kMs = 1'000'000;
 
 // Ticks every 100 ms from 100 ms on, tolerance 50 ms.
-struct RetimePlan : testing::Test {
+struct RetimePlan : ::testing::Test {
   std::vector<RetimedFrame> plan(const std::vector<Nanoseconds>& times, int ticks) {
     timeline.fps = 10;
     timeline.tolerance = 50 * kMs;
@@ -112,4 +112,4 @@ TEST_F(RetimePlan, TimesIncrease) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

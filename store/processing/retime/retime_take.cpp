@@ -6,10 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <cmath>
 #include <map>
-#include <mutex>
-#include <numeric>
 #include <optional>
 
 #include "base/error.h"
@@ -18,7 +15,7 @@
 #include "schemas/rig_document.h"
 #include "store/jpeg/encode.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -36,13 +33,13 @@ const char* name_of(RetimeMethod method) {
   return "";
 }
 
-TakeDocument retimed_document(const TakeDocument& original, RetimeMethod method, Nanoseconds later,
-                              const std::string& created_by) {
-  TakeDocument document = original;
+schemas::TakeDocument retimed_document(const schemas::TakeDocument& original, RetimeMethod method,
+                                       Nanoseconds later, const std::string& created_by) {
+  schemas::TakeDocument document = original;
   document.created_by = created_by;
   document.epoch_utc -= later;
   document.derived_from = {original.name, std::string("retime ") + name_of(method)};
-  for (TakeDocument::Camera& camera : document.cameras) {
+  for (schemas::TakeDocument::Camera& camera : document.cameras) {
     camera.archive.clear();
     camera.journal.clear();
     camera.node.clear();  // all times are on the array's clock now
@@ -72,7 +69,7 @@ class MissingReasons {
 
 // Throws if the frame is damaged, so that a new hash never covers damaged data.
 void check_frame(const ArchiveReader& archive, std::int32_t frame, const std::string& name) {
-  if (archive.frames()[static_cast<std::size_t>(frame)].xxh3 == 0) return;  // no hash
+  if (archive.frames()[frame].xxh3 == 0) return;  // no hash
   if (archive.verify_frame(frame)) return;
   throw Error::bad_input(
       fmt::format("frame {} is damaged: its hash differs from the journal's", frame), name,
@@ -169,7 +166,7 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
   const Nanoseconds later = std::max<Nanoseconds>(0, half - timeline.ticks.front().time_ns);
 
   TakeWriter writer(folder, retimed_document(take.document(), settings.method, later, created_by),
-                    read_rig(take.folder() / "rig.json"));
+                    schemas::read_rig(take.folder() / "rig.json"));
   Timeline retimed;
   retimed.fps = timeline.fps;
   retimed.tolerance = timeline.tolerance;
@@ -251,4 +248,4 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
   return sum;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -11,7 +11,7 @@
 #include "store/processing/retime/retime_plan.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::store {
 
 struct RetimeReport {
   std::uint64_t moved = 0;         ///< frames computed for their tick
@@ -35,4 +35,4 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
                          const std::string& created_by, const std::function<void(double)>& progress,
                          const std::stop_token& stop);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -15,19 +15,19 @@
 #include "testing/store/test_scene.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr Nanoseconds kPeriod = 100'000'000;
 
 // Three cameras at 10 Hz see the board move, each at a phase of its own. Camera 1 loses frame 4,
 // camera 2 frames 3 and 4; the journals say so where `recorded`. Their clock is `ahead`.
-struct RetimeTake : testing::Test {
+struct RetimeTake : ::testing::Test {
   void write(Nanoseconds ahead = 0, bool recorded = true) {
-    TakeDocument document = test::take_document(3, 10);
+    schemas::TakeDocument document = testing::take_document(3, 10);
     document.name = "board";
-    RigDocument rig = test::rig_document(3);
-    for (RigDocument::Camera& camera : rig.cameras) {
+    schemas::RigDocument rig = testing::rig_document(3);
+    for (schemas::RigDocument::Camera& camera : rig.cameras) {
       camera.geometry.width = board.width;
       camera.geometry.height = board.height;
     }
@@ -68,11 +68,11 @@ struct RetimeTake : testing::Test {
   }
   double psnr_of(const Take& of, int camera, int frame, Nanoseconds time) {
     const RgbImage image = JpegDecoder().decode(of.archive(camera).jpeg(frame), "test");
-    return test::psnr(image, board.at(seconds(time)));
+    return testing::psnr(image, board.at(seconds(time)));
   }
 
-  test::MovingBoard board{.left = 20, .top = 20, .speed_x = 25, .speed_y = 9};
-  TestFolder folder;
+  testing::MovingBoard board{.left = 20, .top = 20, .speed_x = 25, .speed_y = 9};
+  testing::TestFolder folder;
   std::optional<Take> take;
   ResyncResult resync;
   std::stop_source stop;
@@ -94,8 +94,7 @@ TEST_F(RetimeTake, MovesFramesToTheirTicks) {
         ++missing;
         continue;
       }
-      const FrameRecord& frame =
-          retimed.archive(c).frames()[static_cast<std::size_t>(tick.frame[i])];
+      const FrameRecord& frame = retimed.archive(c).frames()[tick.frame[i]];
       EXPECT_EQ(frame.time_ns, tick.time_ns + tick.difference[i]);
       EXPECT_TRUE(retimed.archive(c).verify_frame(tick.frame[i]));
       ++present;
@@ -107,7 +106,7 @@ TEST_F(RetimeTake, MovesFramesToTheirTicks) {
   }
   EXPECT_EQ(missing, report.missing);
   EXPECT_EQ(present, report.moved + report.unchanged);
-  const TakeDocument& document = retimed.document();
+  const schemas::TakeDocument& document = retimed.document();
   ASSERT_TRUE(document.derived_from);
   EXPECT_EQ(document.derived_from->take, "board");
   EXPECT_EQ(document.derived_from->by, "retime flow");
@@ -230,7 +229,7 @@ TEST_F(RetimeTake, RefusesDamagedFramesAndNamesThem) {
   std::string bytes = read_file(archive);
   const auto frame = take->archive(0).frames()[2];
   for (std::size_t i = 0; i < 200; ++i) bytes[frame.offset + i] = '\0';
-  test::overwrite(archive, std::as_bytes(std::span(bytes)));
+  testing::overwrite(archive, std::as_bytes(std::span(bytes)));
   take.emplace(folder.path() / "take");
   try {
     retime(RetimeMethod::kFlow, "flow");
@@ -248,7 +247,7 @@ TEST_F(RetimeTake, RefusesAFrameWithOneBitFlipped) {
   std::string bytes = read_file(archive);
   const FrameRecord frame = take->archive(1).frames()[2];
   bytes[frame.offset + frame.size * 2 / 3] ^= 4;
-  test::overwrite(archive, std::as_bytes(std::span(bytes)));
+  testing::overwrite(archive, std::as_bytes(std::span(bytes)));
   take.emplace(folder.path() / "take");
   for (const auto method : {RetimeMethod::kNearest, RetimeMethod::kBlend, RetimeMethod::kFlow}) {
     EXPECT_THROW(retime(method, "new"), Error);
@@ -272,4 +271,4 @@ TEST_F(RetimeTake, RefusesAFolderWithinTheTake) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

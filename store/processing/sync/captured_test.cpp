@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Takes that others captured; skipped where they are not at hand.
+// Tests with takes that other projects captured; skipped if they are not available.
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -12,11 +12,11 @@
 #include "store/processing/sync/resync.h"
 #include "testing/test_data.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 TEST(CapturedTakes, StageTicksHoldTheFramesThatAreNearest) {
-  const auto file = test_data() / "stage" / "take.json";
+  const auto file = testing::test_data() / "stage" / "take.json";
   if (!std::filesystem::exists(file)) GTEST_SKIP() << "no captured light field stage";
   const auto json = nlohmann::json::parse(read_file(file));
   std::vector<CameraTimestamps> cameras;
@@ -46,7 +46,7 @@ TEST(CapturedTakes, StageTicksHoldTheFramesThatAreNearest) {
           EXPECT_EQ(tick.frame[c], nearest - stamps.begin()) << cameras[c].id;
           ++held;
         } else {
-          // Only where that frame is another tick's.
+          // Absent only if another tick uses that frame.
           EXPECT_TRUE(!within ||
                       std::ranges::any_of(result.timeline.ticks, [&](const FrameSelection& other) {
                         return other.frame[c] == nearest - stamps.begin();
@@ -59,9 +59,9 @@ TEST(CapturedTakes, StageTicksHoldTheFramesThatAreNearest) {
 }
 
 TEST(CapturedTakes, FourWebcamsAreGroupedAsTheirOwnRecorderGroupedThem) {
-  const auto folder = test_data() / "four_webcams";
+  const auto folder = testing::test_data() / "four_webcams";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no captured take four_webcams";
-  const ImportManifest manifest = read_import_manifest(folder / "import.json");
+  const schemas::ImportManifest manifest = schemas::read_import_manifest(folder / "import.json");
   std::vector<CameraTimestamps> cameras;
   for (const auto& camera : manifest.cameras) {
     cameras.push_back({camera.geometry.id, "", camera.times_ns, {}});
@@ -76,13 +76,13 @@ TEST(CapturedTakes, FourWebcamsAreGroupedAsTheirOwnRecorderGroupedThem) {
     int group = 0, camera = 0;
     double time = 0;
     ASSERT_EQ(std::sscanf(line.c_str(), "%d,%d,%lf", &group, &camera, &time), 3) << line;
-    groups[group][static_cast<std::size_t>(camera)] = time;
+    groups[group][camera] = time;
   }
   ASSERT_EQ(groups.size(), 57u);
 
   for (const bool exact : {true, false}) {
     const ResyncResult result = resynchronise(cameras, {.trust_timestamps = exact}, "four_webcams");
-    // Frame by frame: are its companions at its tick those of its group?
+    // For each frame: are the other frames of its tick those of its group?
     int frames = 0, agreeing = 0;
     for (const auto& [number, group] : groups) {
       for (const auto& [c, time] : group) {
@@ -115,4 +115,4 @@ TEST(CapturedTakes, FourWebcamsAreGroupedAsTheirOwnRecorderGroupedThem) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

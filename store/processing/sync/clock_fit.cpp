@@ -5,8 +5,7 @@
 // clock steps that all cameras share and those of single cameras (clock_steps.h), remove them and
 // repeat. The method with the smaller variance of periods from quarters of the recording is
 // chosen. Periods of a group are shrunk towards each other as far as their standard errors allow.
-// Input: increasing times in ns per camera. Output: ClockFits. Cost: O(frames log frames) per
-// camera.
+// Input: increasing times per camera, ns. Cost: O(frames log frames) per camera.
 #include "store/processing/sync/clock_fit.h"
 
 #include <algorithm>
@@ -19,7 +18,7 @@
 #include "store/processing/sync/line_fit.h"
 #include "store/processing/sync/refine_phase_steps.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr PhaseStepSettings kOfGroup{7, 0.02}, kOfOneCamera{9, 0.1};
@@ -28,9 +27,7 @@ constexpr std::size_t kMinCamerasToShare = 4;
 constexpr double kEarlyShare = 0.1;        // of a period, if time stamps are never early
 constexpr double kMaxVarianceRatio = 0.5;  // of the envelope, to choose it
 
-struct Group {
-  std::vector<std::size_t> cameras;
-};
+using Group = std::vector<std::size_t>;  // cameras that one clock stamps
 
 // Returns time stamps minus the known phase steps.
 std::vector<double> without_phase_steps(std::span<const double> times, const ClockFit& fit,
@@ -47,14 +44,14 @@ void add_group_steps(const std::vector<std::vector<double>>& times, const Group&
                      std::vector<ClockFit>& fits) {
   std::vector<std::vector<double>> columns;
   std::vector<double> periods;
-  for (const std::size_t c : group.cameras) {
+  for (const std::size_t c : group) {
     columns.push_back(times[c]);
     periods.push_back(fits[c].lattice.period);
   }
   const auto shifts = find_phase_steps(columns, periods, kOfGroup);
   for (std::size_t s = 0; s < shifts.size(); ++s) {
-    for (std::size_t k = 0; k < group.cameras.size(); ++k) {
-      fits[group.cameras[k]].phase_steps.push_back(
+    for (std::size_t k = 0; k < group.size(); ++k) {
+      fits[group[k]].phase_steps.push_back(
           {shifts[s].first_frame[k], shifts[s].step, static_cast<int>(s)});
     }
   }
@@ -80,7 +77,7 @@ void count(const std::vector<double>& times, ClockFit& fit) {
 bool add_whole_periods(const std::vector<std::vector<double>>& times, const Group& group, int step,
                        std::vector<ClockFit>& fits) {
   std::vector<double> gaps;
-  for (const std::size_t c : group.cameras) {
+  for (const std::size_t c : group) {
     ClockFit& fit = fits[c];
     const auto found = std::ranges::find(fit.phase_steps, step, &PhaseStep::group_step);
     if (fit.slots.empty() || found == fit.phase_steps.end() || found->first_frame == 0 ||
@@ -95,9 +92,9 @@ bool add_whole_periods(const std::vector<std::vector<double>>& times, const Grou
   }
   const double extra = gaps.empty() ? 0 : quantile(gaps, 0.5) - 1;
   if (extra == 0) return false;
-  for (const std::size_t c : group.cameras) {
+  for (const std::size_t c : group) {
     for (PhaseStep& b : fits[c].phase_steps) {
-      if (b.group_step == step) b.step += extra * fits[group.cameras[0]].lattice.period;
+      if (b.group_step == step) b.step += extra * fits[group[0]].lattice.period;
     }
   }
   return true;
@@ -106,7 +103,7 @@ bool add_whole_periods(const std::vector<std::vector<double>>& times, const Grou
 std::vector<CameraLine> lines_of(const std::vector<std::vector<double>>& times, const Group& group,
                                  std::vector<ClockFit>& fits) {
   std::vector<CameraLine> lines;
-  for (const std::size_t c : group.cameras) {
+  for (const std::size_t c : group) {
     if (fits[c].lattice.period > 0) lines.push_back({times[c], &fits[c]});
   }
   return lines;
@@ -114,9 +111,9 @@ std::vector<CameraLine> lines_of(const std::vector<std::vector<double>>& times, 
 
 void fit_group(const std::vector<std::vector<double>>& times, const Group& group,
                std::vector<ClockFit>& fits) {
-  if (group.cameras.size() > 1) add_group_steps(times, group, fits);
+  if (group.size() > 1) add_group_steps(times, group, fits);
   int steps = 0;
-  for (const std::size_t c : group.cameras) {
+  for (const std::size_t c : group) {
     if (fits[c].lattice.period <= 0) continue;
     for (const PhaseStep& b : fits[c].phase_steps) steps = std::max(steps, b.group_step + 1);
     add_own_phase_steps(times[c], fits[c]);
@@ -124,7 +121,7 @@ void fit_group(const std::vector<std::vector<double>>& times, const Group& group
   }
   for (int step = 0; step < steps; ++step) {
     if (!add_whole_periods(times, group, step, fits)) continue;
-    for (const std::size_t c : group.cameras) {
+    for (const std::size_t c : group) {
       if (fits[c].lattice.period > 0) count(times[c], fits[c]);
     }
   }
@@ -146,8 +143,7 @@ void fit_group(const std::vector<std::vector<double>>& times, const Group& group
   for (const CameraLine& line : lines) update_residuals(line);
 }
 
-// Assigns slots again if time stamps are never early: a slot's interval is then nearly all after
-// it.
+// Assigns slots again if time stamps are never early: most of a slot's interval is then after it.
 void assign_delayed_slots(const CameraLine& line) {
   if (!line.fit->regular) return;
   const double late = std::max(line.fit->jitter, 1.0);
@@ -261,13 +257,6 @@ double ClockFit::slots_spanned() const {
   return static_cast<double>(*last) - static_cast<double>(*first) + 1;
 }
 
-double ClockFit::group_steps_before(std::size_t frame) const {
-  double sum = 0;
-  for (const PhaseStep& b : phase_steps)
-    sum += b.group_step >= 0 && b.first_frame <= frame ? b.step : 0;
-  return sum;
-}
-
 double ClockFit::own_steps_before(std::size_t frame) const {
   double sum = 0;
   for (const PhaseStep& b : phase_steps)
@@ -281,7 +270,7 @@ ClockFits fit_clocks(const std::vector<std::vector<double>>& times, const std::v
   result.cameras.resize(times.size());
   std::map<int, Group> by_number;
   for (std::size_t c = 0; c < times.size(); ++c) {
-    by_number[group[c]].cameras.push_back(c);
+    by_number[group[c]].push_back(c);
     ClockFit& fit = result.cameras[c];
     fit.slots.assign(times[c].size(), kNoSlot);
     fit.residual.assign(times[c].size(), 0);
@@ -322,4 +311,4 @@ ClockFits fit_clocks(const std::vector<std::vector<double>>& times, const std::v
   return result;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -9,7 +9,7 @@
 #include "base/time.h"
 #include "store/processing/sync/lattice.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// A sudden change of the phase of a camera's time stamps.
 struct PhaseStep {
@@ -38,8 +38,7 @@ struct ClockFit {
   }
   /// Returns the number of slots from the first to the last frame with a slot, inclusive, or 0.
   double slots_spanned() const;
-  /// Returns the sum of the phase steps up to a frame, ns: those of the group, or the camera's own.
-  double group_steps_before(std::size_t frame) const;
+  /// Returns the sum of the camera's own phase steps up to a frame, ns.
   double own_steps_before(std::size_t frame) const;
 };
 
@@ -69,4 +68,4 @@ struct ClockFitSettings {
 ClockFits fit_clocks(const std::vector<std::vector<double>>& times, const std::vector<int>& group,
                      const ClockFitSettings& settings = {});
 
-}  // namespace raystage
+}  // namespace raystage::store

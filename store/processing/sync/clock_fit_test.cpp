@@ -10,10 +10,10 @@
 
 #include "testing/store/simulated_stamps.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-using test::SimulatedStamps;
+using testing::SimulatedStamps;
 using Jitter = SimulatedStamps::Jitter;
 using Settings = SimulatedStamps::Settings;
 
@@ -27,8 +27,8 @@ ClockFits fits_of(const SimulatedStamps& truth, const ClockFitSettings& settings
   return fit_clocks(times, group, settings);
 }
 
-// Cramer and Rao: the least variance that any unbiased estimate of each camera's period can have,
-// ppm^2, from Gaussian stamps of known sigma whose node steps by an unknown amount.
+// Returns the Cramer-Rao bound of each camera's period, ppm^2: the least variance of any unbiased
+// estimate from Gaussian time stamps of known sigma whose node clock steps by an unknown amount.
 std::vector<double> least_variance(const SimulatedStamps& truth, const Settings& s) {
   struct Information {
     double n = 0, x = 0, xx = 0, h = 0, hx = 0;
@@ -95,7 +95,7 @@ void add_errors(const Settings& s, Errors& sum, const ClockFitSettings& fit_sett
     ++sum.cameras;
     const std::size_t middle = camera.stamps.size() / 2;
     const auto zero = fit.slots[middle] - camera.index[middle];
-    // Of the rhythm, half way: where it does not hang on the period.
+    // The phase in the middle of the take, where it does not depend on the period.
     const double phase = fit.lattice.at(450 + zero) - camera.phase - 450 * camera.period;
     sum.largest_phase_ms = std::max(sum.largest_phase_ms, std::abs(phase) / 1e6);
     for (std::size_t i = 0; i < camera.stamps.size(); ++i) {
@@ -109,7 +109,7 @@ void add_errors(const Settings& s, Errors& sum, const ClockFitSettings& fit_sett
       ++sum.steps;
       EXPECT_EQ(camera.node, s.step_node);
       sum.step_ms = std::max(sum.step_ms, std::abs(b.step / 1e6 - s.step_ms));
-      // A clear step parts the frames within one, a faint one within two.
+      // A large step is located to one frame, a small one to two.
       std::size_t first = 0;
       while (static_cast<double>(camera.exposed[first]) < s.step_at_s * 1e9) ++first;
       EXPECT_LE(std::abs(static_cast<double>(first) - static_cast<double>(b.first_frame)),
@@ -147,7 +147,7 @@ TEST(ClockFit, DelaysGivePeriodsWithinTwoPpm) {
       "step %.3f ms, %d outliers\n",
       all.rms_ppm(), all.largest_ppm, all.within_two_ppm, all.cameras, all.largest_phase_ms,
       all.step_ms, all.outliers);
-  // The estimate is the one of least mean squared error; what is left above 2 ppm is chance.
+  // The estimator has the least mean squared error; errors above 2 ppm are chance.
   EXPECT_LT(all.rms_ppm(), 0.7);
   EXPECT_LT(all.largest_ppm, 3);
   EXPECT_GE(all.within_two_ppm, 0.99 * all.cameras);
@@ -169,7 +169,7 @@ TEST(ClockFit, EightMinutesGiveTwoPpmWithGaussianJitter) {
 }
 
 TEST(ClockFit, CamerasThatShareADriftShareTheEvidence) {
-  // Equal crystals, clocks of nodes that drift: four periods in truth, not 64.
+  // Equal camera crystals and drifting node clocks: 4 true periods, not 64.
   Errors shared, alone;
   for (unsigned seed = 1; seed <= 6; ++seed) {
     const Settings s{.seed = seed, .crystal_ppm = 0, .node_ppm = 50};
@@ -184,7 +184,7 @@ TEST(ClockFit, CamerasThatShareADriftShareTheEvidence) {
 TEST(ClockFit, StepsOfAnySizeAreFoundWithTheirWholePeriods) {
   for (const double step_ms :
        {-120.0, -60.0, -40.0, -15.0, -5.0, 5.0, 25.0, 33.3, 60.0, 90.0, 150.0, 700.0}) {
-    // Stamps of an archive increase, so a clock that jumps back has a pause before.
+    // Time stamps of an archive increase, so a clock that steps back has a pause before.
     Settings s{.seed = 9, .seconds = 40, .step_ms = step_ms, .step_at_s = 20};
     s.jitter_ms = 2;
     const SimulatedStamps truth(s);
@@ -220,7 +220,7 @@ TEST(ClockFit, ACameraThatRestartsJumpsAlone) {
   EXPECT_NEAR(jump.step, 20e6, 0.3e6);
 }
 
-// What a recorder sees that did not run for a while: the frames of that time at once.
+// A recorder that was suspended receives the frames of that time at once.
 TEST(ClockFit, AHeapOfFramesIsNoRhythm) {
   const auto is_regular = [](int before, int in_heap, int after) {
     std::vector<double> times;
@@ -239,7 +239,7 @@ TEST(ClockFit, AHeapOfFramesIsNoRhythm) {
   EXPECT_TRUE(is_regular(20, 1, 20));
 }
 
-// A cable that was out for most of a take leaves a camera's rate what it is.
+// A cable that was unplugged for most of a take does not change a camera's rate.
 TEST(ClockFit, ALongGapLeavesTheRhythm) {
   std::vector<double> times;
   for (int i = 0; i < 900; ++i) {
@@ -270,4 +270,4 @@ TEST(CoarsePeriod, Extremes) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

@@ -6,7 +6,7 @@
 #include <map>
 #include <set>
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 // Periods: across a longer gap find_phase_steps() would not detect a restart of the camera.
@@ -96,4 +96,4 @@ std::vector<Nanoseconds> session_clock_offsets(std::span<const ClockSegment> par
   return before;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

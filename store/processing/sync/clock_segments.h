@@ -7,7 +7,7 @@
 
 #include "store/processing/sync/resync.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// A segment: consecutive frames of one camera that one clock fit can describe. A segment ends
 /// where the recorder restarts, because the phase changes, and at a gap too long to count periods.
@@ -31,4 +31,4 @@ std::vector<Nanoseconds> session_clock_offsets(std::span<const ClockSegment> par
                                                std::span<const ClockFit> fits,
                                                std::span<const CameraTimestamps> cameras);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -17,14 +17,14 @@
 
 #include "store/processing/sync/lattice.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 using Phasor = std::complex<double>;
 
 constexpr double kTurn = 2 * std::numbers::pi;
 constexpr std::size_t kWindow = 24, kMinFrames = 12;  // frames on each side
-constexpr std::size_t kGuard = 6;  // frames left out next to a shift whose position is not exact
+constexpr std::size_t kGuard = 6;  // excluded frames next to a shift, whose position is not exact
 constexpr double kGridStep = 2;    // periods between tested instants
 constexpr double kSamePeriod = 0.01;
 constexpr double kAgreeingShare = 0.75;
@@ -265,4 +265,4 @@ std::vector<DetectedPhaseStep> find_phase_steps(std::span<const std::vector<doub
   return shifts;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

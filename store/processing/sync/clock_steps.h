@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-namespace raystage {
+namespace raystage::store {
 
 /// A sudden shift of a group's time stamps relative to the periods of the cameras.
 struct DetectedPhaseStep {
@@ -29,4 +29,4 @@ std::vector<DetectedPhaseStep> find_phase_steps(std::span<const std::vector<doub
                                                 std::span<const double> periods,
                                                 const PhaseStepSettings& settings);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -10,7 +10,7 @@
 #include <cmath>
 #include <numeric>
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 // The frames that the fit uses, with phase steps subtracted.
@@ -116,7 +116,7 @@ struct TwoSides {
     left = slots.size();
     add(split, points.slots.size());
   }
-  /// Returns the sum of residuals over the envelope if the right side is moved down by `delta` ns.
+  // Returns the sum of residuals over the envelope if the right side is moved down by `delta` ns.
   double misfit(double delta) const {
     if (slots.size() < 2) return 0;
     std::vector<double> moved = times;
@@ -148,7 +148,7 @@ double step_correction(std::span<const CameraLine> cameras, std::span<const std:
   const double best = golden_section(-jitter, jitter, misfit);
   if (jitter == 0) return best;
 
-  // As for the line, the posterior mean is better than the most likely value. For exponential
+  // As for the line, the posterior mean has a smaller error than the mode. For exponential
   // delays the measured jitter is 0.83 of the mean delay.
   constexpr double kMeanDelay = 1.2, kUnlikely = 8;
   const double scale = kMeanDelay * jitter, least = misfit(best);
@@ -172,7 +172,7 @@ double step_correction(std::span<const CameraLine> cameras, std::span<const std:
 
 double lower_edge(const ClockFit& fit) {
   constexpr std::size_t kMost = 3, kNext = 20;
-  constexpr double kGap = 15;  // one in three million where delays are exponential
+  constexpr double kGap = 15;  // probability 1 in 3 million for exponential delays
   std::vector<double> values;
   for (std::size_t i = 0; i < fit.slots.size(); ++i) {
     if (fit.slots[i] != kNoSlot && fit.residual[i] >= fit.early_limit) {
@@ -280,4 +280,4 @@ void fit_envelope(std::span<const CameraLine> group) {
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

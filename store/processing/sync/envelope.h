@@ -5,7 +5,7 @@
 
 #include "store/processing/sync/line_fit.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Fits the line under all frames (lower_envelope()) and the steps as above. Starts from a least
 /// squares fit; ignores frames below lower_edge().
@@ -27,4 +27,4 @@ struct Envelope {
 Envelope lower_envelope(std::span<const double> slots, std::span<const double> times,
                         bool posterior_mean);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The envelope against slow, obvious references.
+// Tests of the envelope against slow, simple references.
 #include "store/processing/sync/envelope.h"
 
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 #include <limits>
 #include <random>
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 struct Stamps {
@@ -51,7 +51,7 @@ TEST(LowerEnvelope, IsTheBestOfAllLinesThroughTwoFrames) {
       for (std::size_t b = a + 1; b < stamps.slots.size(); ++b) {
         const double period =
             (stamps.times[b] - stamps.times[a]) / (stamps.slots[b] - stamps.slots[a]);
-        // The highest line of this slope that lies under all frames.
+        // The highest line of this slope below all frames.
         best = std::min(best, sum_over(stamps, {lowest_under(stamps, period), period}));
       }
     }
@@ -71,7 +71,7 @@ TEST(LowerEnvelope, PosteriorMeanIsThatOfASum) {
     const double rate = count * (count - 2) / edge.sum;  // frames per mean delay
     double middle = 0;
     for (const double slot : stamps.slots) middle += slot / count;
-    // Over slopes, and for each over heights below the frames.
+    // Integrates over slopes, and for each slope over heights below the frames.
     double weight = 0, period = 0, height = 0;
     const double top = edge.line.origin + edge.line.period * middle;
     constexpr int kSteps = 40'000;
@@ -116,4 +116,4 @@ TEST(LowerEnvelope, TwoFramesAndExactOnes) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

@@ -9,7 +9,7 @@
 
 #include "base/time.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// A flash in one camera, which began after `after` and not after `until`: the times of the last
 /// dark and of the first bright frame, whatever event of an exposure they mark.
@@ -29,7 +29,7 @@ std::vector<FlashOnset> find_flash_onsets(std::span<const Nanoseconds> times,
 struct FlashOffset {
   std::string group;                       ///< node or camera
   Nanoseconds offset = 0;                  ///< positive: ahead of the reference's clock
-  std::optional<Nanoseconds> uncertainty;  ///< +-; none if it saw no flash
+  std::optional<Nanoseconds> uncertainty;  ///< +-; none if no flash was detected
   int cameras = 0, flashes = 0;            ///< that the offset is measured from
 };
 
@@ -38,14 +38,14 @@ struct FlashOffsets {
   std::vector<Nanoseconds> flashes;  ///< approximate times on the reference's clock
 };
 
-/// Returns the clock offsets of groups from flashes that all cameras see. Each camera bounds the
-/// onset to one frame time. Free-running cameras on one clock narrow it to the interval that most
-/// of their bounds share. The difference of two clocks is within the sum of both intervals, for
-/// every flash. `jumps[c]`: onsets of camera c; `group[c]`: its node or camera. A flash counts if
-/// at least half of the cameras see it. Onsets within one second belong to one flash, so clocks may
-/// differ by less than that, and flashes must be further apart. `name`: the take in errors. Throws
-/// Error (bad input) if there is no flash.
-FlashOffsets offsets_from_flashes(std::span<const std::vector<FlashOnset>> jumps,
+/// Returns the clock offsets of groups from flashes that the cameras observe. Each camera bounds
+/// the onset to one frame time. Free-running cameras on one clock narrow it to the interval that
+/// most of their bounds share. The difference of two clocks is within the sum of both intervals,
+/// for every flash. `onsets[c]`: onsets of camera c; `group[c]`: its node or camera. A flash counts
+/// if at least half of the cameras see it. Onsets within one second belong to one flash, so clocks
+/// may differ by less than that, and flashes must be further apart. `name`: the take in errors.
+/// Throws Error (bad input) if there is no flash.
+FlashOffsets offsets_from_flashes(std::span<const std::vector<FlashOnset>> onsets,
                                   std::span<const std::string> group, std::string_view name);
 
-}  // namespace raystage
+}  // namespace raystage::store

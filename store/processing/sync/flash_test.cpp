@@ -14,7 +14,7 @@
 #include "testing/store/take_test_data.h"
 #include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr Nanoseconds kMs = 1'000'000;
@@ -30,7 +30,7 @@ RgbImage grey(int width, int height, double level, std::mt19937& random) {
   return image;
 }
 
-// Free-running cameras of a few nodes whose clocks are wrong, and lights that go on for 100 ms.
+// Free-running cameras of a few nodes with wrong clocks, and flashes of 100 ms.
 struct FlashTake {
   std::vector<Nanoseconds> offsets;
   std::vector<std::string> node;
@@ -96,7 +96,7 @@ FlashErrors node_errors(const std::vector<double>& flashes) {
       const double error =
           std::abs(static_cast<double>(group.offset - (take.offsets[n] - take.offsets[0])) / 1e6);
       const double stated = static_cast<double>(group.uncertainty.value_or(0)) / 1e6;
-      // Stamps jitter by 0.2 ms, which moves both ends of an interval.
+      // Jitter of 0.2 ms moves both ends of an interval.
       EXPECT_LE(error, stated + 0.3);
       errors.mean += error / (3 * kSeeds);
       errors.mean_stated += stated / (3 * kSeeds);
@@ -144,15 +144,15 @@ TEST(Flash, PerCameraWithinAFrameTimeAndBetterWithMoreFlashes) {
 
 TEST(Flash, FromPicturesOfATake) {
   const FlashTake truth(3, 2, 6, {4.2}, 0.8);
-  const TestFolder folder;
-  TakeDocument document = test::take_document(12);
+  const testing::TestFolder folder;
+  schemas::TakeDocument document = testing::take_document(12);
   for (std::size_t c = 0; c < 12; ++c) document.cameras[c].node = truth.node[c];
-  TakeWriter writer(folder.path() / "take", document, test::rig_document(12));
+  TakeWriter writer(folder.path() / "take", document, testing::rig_document(12));
   std::mt19937 random(1);
   for (int c = 0; c < 12; ++c) {
-    const CameraTimestamps& camera = truth.cameras[static_cast<std::size_t>(c)];
+    const CameraTimestamps& camera = truth.cameras[c];
     for (std::size_t i = 0; i < camera.stamps.size(); ++i) {
-      const double level = truth.brightness[static_cast<std::size_t>(c)][i];
+      const double level = truth.brightness[c][i];
       writer.archive(c).append(encode_jpeg(grey(48, 40, level, random), {.quality = 80}),
                                camera.stamps[i]);
     }
@@ -213,4 +213,4 @@ TEST(MeanLuminance, DamagedFramesHaveNone) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

@@ -11,7 +11,7 @@
 #include <cstddef>
 #include <numbers>
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr double kMaxGap = 8;  // periods; the number of periods in longer gaps is uncertain
@@ -151,4 +151,4 @@ std::vector<std::int64_t> assign_slots(std::span<const double> times, const Latt
   return slots;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

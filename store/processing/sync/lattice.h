@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-namespace raystage {
+namespace raystage::store {
 
 /// The exposure times of a free-running camera: origin + slot * period, ns, slot any integer.
 struct Lattice {
@@ -45,4 +45,4 @@ std::vector<std::int64_t> assign_slots(std::span<const double> times, const Latt
 /// Returns the quantile of the values at `share` in [0, 1], or 0 without values. Reorders them.
 double quantile(std::span<double> values, double share);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -1,30 +1,32 @@
 // SPDX-License-Identifier: Apache-2.0
+// Fits lines through (slot, time stamp) pairs of a group of cameras by Huber's M-estimator. Each
+// camera's line and own phase steps are eliminated by the Schur complement; the group's common
+// steps are solved first. One reweighting per call. Times in ns. Cost: O(frames + cameras steps^3).
 #include "store/processing/sync/line_fit.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-constexpr double kHuber = 2;          // sigmas; 99 % efficient where jitter is Gaussian
-constexpr double kOutlier = 6;        // sigmas of the side it lies on
-constexpr double kLeastJitter = 500;  // ns: what stamps in whole microseconds scatter
-constexpr double kTail = 1.6449;      // sigmas of the 95 % quantile
-// Frames that waited in a queue come out in a heap: its spacing is no rate, however even it is.
-constexpr double kLeastPeriod = 1e5;  // ns
-constexpr double kSparsest = 20;      // slots for each frame
+constexpr double kHuber = 2;        // sigmas; 99 % efficient where jitter is Gaussian
+constexpr double kOutlier = 6;      // sigmas of its side (early or late)
+constexpr double kMinJitter = 500;  // ns: rounding of time stamps to microseconds
+constexpr double kTail = 1.6449;    // sigmas of the 95 % quantile
+constexpr double kMinPeriod = 1e5;  // ns; frames of a flushed queue are closer, without a rate
+constexpr double kMaxSlotsPerFrame = 20;
 
 double weight_of(const ClockFit& fit, std::size_t i) {
   if (fit.is_outlier(i)) return 0;
-  const double sigma = std::max(fit.jitter, kLeastJitter);
+  const double sigma = std::max(fit.jitter, kMinJitter);
   const double bound = kHuber * sigma;
   const double size = std::abs(fit.residual[i]);
   return (size <= bound ? 1 : bound / size) / (sigma * sigma);
 }
 
-// Normal equations of one camera: its line and own phase steps (own), the group's steps (shared).
+// Normal equations of one camera. Unknowns: its line and own phase steps; the group's steps.
 struct NormalEquations {
   Eigen::MatrixXd own, mixed, shared;
   Eigen::VectorXd own_right, shared_right;
@@ -32,19 +34,19 @@ struct NormalEquations {
 
 NormalEquations normal_equations(const CameraLine& camera, double middle, int group_steps) {
   const ClockFit& fit = *camera.fit;
-  const auto own_breaks = std::ranges::count(fit.phase_steps, -1, &PhaseStep::group_step);
-  const Eigen::Index own = 2 + own_breaks;
+  const auto own_steps = std::ranges::count(fit.phase_steps, -1, &PhaseStep::group_step);
+  const Eigen::Index own = 2 + own_steps;
   const Eigen::Index all = own + group_steps;
   Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(all, all);
   Eigen::VectorXd right = Eigen::VectorXd::Zero(all);
-  // Between phase steps every row is (1, slot, the same zeros and ones): five sums make a segment.
+  // Between phase steps all rows are (1, slot, equal zeros and ones): five sums suffice.
   std::vector<double> row(static_cast<std::size_t>(all), 0);
   std::size_t frame = 0, next = 0;
   Eigen::Index next_own = 2;
   while (frame < fit.slots.size()) {
     for (; next < fit.phase_steps.size() && fit.phase_steps[next].first_frame <= frame; ++next) {
       const PhaseStep& b = fit.phase_steps[next];
-      row[static_cast<std::size_t>(b.group_step < 0 ? next_own++ : own + b.group_step)] = 1;
+      row[b.group_step < 0 ? next_own++ : own + b.group_step] = 1;
     }
     const std::size_t end = next < fit.phase_steps.size()
                                 ? std::min(fit.phase_steps[next].first_frame, fit.slots.size())
@@ -54,7 +56,7 @@ NormalEquations normal_equations(const CameraLine& camera, double middle, int gr
       const double weight = weight_of(fit, frame);
       if (weight == 0) continue;
       const double x = static_cast<double>(fit.slots[frame]) - middle;
-      // About the line as it is: small numbers.
+      // Relative to the current line, to avoid cancellation.
       const double y = camera.times[frame] - fit.lattice.at(fit.slots[frame]);
       w += weight;
       wx += weight * x;
@@ -68,17 +70,17 @@ NormalEquations normal_equations(const CameraLine& camera, double middle, int gr
     right(0) += wy;
     right(1) += wxy;
     for (Eigen::Index i = 2; i < all; ++i) {
-      if (row[static_cast<std::size_t>(i)] == 0) continue;
+      if (row[i] == 0) continue;
       normal(0, i) += w;
       normal(1, i) += wx;
       right(i) += wy;
       for (Eigen::Index j = i; j < all; ++j) {
-        if (row[static_cast<std::size_t>(j)] != 0) normal(i, j) += w;
+        if (row[j] != 0) normal(i, j) += w;
       }
     }
   }
   normal = normal.selfadjointView<Eigen::Upper>();
-  // A break without frames on one side must not make the matrix singular.
+  // A step without frames on one side must not make the matrix singular.
   for (Eigen::Index i = 0; i < own; ++i) normal(i, i) = normal(i, i) * (1 + 1e-12) + 1e-30;
   return {normal.topLeftCorner(own, own), normal.topRightCorner(own, group_steps),
           normal.bottomRightCorner(group_steps, group_steps), right.head(own),
@@ -140,14 +142,14 @@ void update_residuals(const CameraLine& camera) {
   const double low = quantile(values, 0.05), middle = quantile(values, 0.5),
                high = quantile(values, 0.95);
   fit.jitter = (quantile(values, 0.8413) - quantile(values, 0.1587)) / 2;
-  const double least = std::max(fit.jitter / 2, kLeastJitter);
+  const double least = std::max(fit.jitter / 2, kMinJitter);
   fit.early_limit = middle - kOutlier * std::max((middle - low) / kTail, least);
   fit.late_limit = middle + kOutlier * std::max((high - middle) / kTail, least);
   std::size_t outliers = 0;
   for (std::size_t i = 0; i < fit.slots.size(); ++i) outliers += fit.is_outlier(i) ? 1 : 0;
   fit.regular = counted >= 2 && 10 * outliers <= fit.slots.size() &&
-                fit.jitter < fit.lattice.period / 5 && fit.lattice.period >= kLeastPeriod &&
-                fit.slots_spanned() <= kSparsest * static_cast<double>(counted);
+                fit.jitter < fit.lattice.period / 5 && fit.lattice.period >= kMinPeriod &&
+                fit.slots_spanned() <= kMaxSlotsPerFrame * static_cast<double>(counted);
 }
 
 void fit_least_squares(std::span<const CameraLine> group) {
@@ -182,4 +184,4 @@ void fit_least_squares(std::span<const CameraLine> group) {
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -6,7 +6,7 @@
 
 #include "store/processing/sync/clock_fit.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Line fits for fit_clocks(). The functions read `fit.slots` and `fit.phase_steps` and write the
 /// lattice, the sizes of steps and the residuals.
@@ -31,4 +31,4 @@ void update_residuals(const CameraLine& camera);
 /// Returns the unweighted least-squares line through (slot, time) pairs.
 Lattice least_squares_line(std::span<const double> slots, std::span<const double> times);
 
-}  // namespace raystage
+}  // namespace raystage::store

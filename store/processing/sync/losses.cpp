@@ -1,18 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
+// Finds frames lost without a record: slots of the fitted clock without a frame. The end of the
+// start-up is the change point of the loss rate with the largest log-likelihood ratio over bins of
+// one tick. Times in ns. Cost: O(frames + lost frames) per camera, O(ticks) for the change point.
 #include "store/processing/sync/losses.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-constexpr double kLeastGain = 12;  // of log likelihood
-constexpr double kLeastLoss = 0.1, kLeastRatio = 3, kLeastLost = 5;
-constexpr double kMostBins = 10'000'000;
+constexpr double kMinGain = 12;  // of log likelihood
+constexpr double kMinLoss = 0.1, kMinRatio = 3, kMinLost = 5;
+constexpr double kMaxBins = 10'000'000;
 
-// Log likelihood of `lost` of `all` at the rate they show.
+// Returns the binomial log likelihood of `lost` of `all` frames at the rate lost / all.
 double log_likelihood(double lost, double all) {
   if (lost <= 0 || lost >= all) return 0;
   return lost * std::log(lost / all) + (all - lost) * std::log(1 - lost / all);
@@ -34,8 +37,7 @@ std::int64_t recorded_in(const CameraTimestamps& camera, const CameraClock& cloc
   return std::min(count, run.count);
 }
 
-// A start-up loses frames from its beginning on; a hole later in the take is none, however much it
-// lost.
+// Returns whether losses begin with the recording: a gap later in the take is no start-up.
 bool begins_with_losses(std::span<const double> lost, std::span<const double> present,
                         std::size_t split) {
   const std::size_t quarter = std::max<std::size_t>(1, split / 4);
@@ -43,10 +45,10 @@ bool begins_with_losses(std::span<const double> lost, std::span<const double> pr
     return std::reduce(bins.begin(), bins.begin() + static_cast<std::ptrdiff_t>(end));
   };
   const auto rate = [&](std::size_t end) {
-    const double away = sum(lost, end);
-    return away / std::max(1.0, away + sum(present, end));
+    const double missing = sum(lost, end);
+    return missing / std::max(1.0, missing + sum(present, end));
   };
-  return rate(quarter) >= rate(split) / kLeastRatio;
+  return rate(quarter) >= rate(split) / kMinRatio;
 }
 
 }  // namespace
@@ -87,7 +89,7 @@ std::optional<Nanoseconds> find_start_up_end(std::span<const CameraSync> cameras
                                              const std::vector<std::vector<Nanoseconds>>& times,
                                              const TimeRange& range, double period) {
   const double length = static_cast<double>(range.end - range.begin) / period;
-  if (!(length >= 3) || length > kMostBins) return std::nullopt;
+  if (!(length >= 3) || length > kMaxBins) return std::nullopt;
   const auto bins = static_cast<std::size_t>(length);
   std::vector<double> lost(bins, 0), present(bins, 0);
   const auto bin_of = [&](double time) {
@@ -95,7 +97,7 @@ std::optional<Nanoseconds> find_start_up_end(std::span<const CameraSync> cameras
   };
   const auto add = [&](std::vector<double>& to, double time) {
     const double bin = bin_of(time);
-    if (bin >= 0 && bin < static_cast<double>(bins)) to[static_cast<std::size_t>(bin)] += 1;
+    if (bin >= 0 && bin < static_cast<double>(bins)) to[bin] += 1;
   };
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     if (!cameras[c].regular) continue;
@@ -125,15 +127,15 @@ std::optional<Nanoseconds> find_start_up_end(std::span<const CameraSync> cameras
     all_lost += lost[b];
     all += lost[b] + present[b];
   }
-  double before_lost = 0, before = 0, best = kLeastGain;
+  double before_lost = 0, before = 0, best = kMinGain;
   std::optional<std::size_t> split;
   for (std::size_t b = 0; b + 1 < bins && b < 2 * bins / 3; ++b) {
     before_lost += lost[b];
     before += lost[b] + present[b];
     const double after_lost = all_lost - before_lost, after = all - before;
-    if (before_lost < kLeastLost || after <= 0) continue;
+    if (before_lost < kMinLost || after <= 0) continue;
     const double rate = before_lost / before, rate_after = after_lost / after;
-    if (rate < kLeastLoss || rate < kLeastRatio * rate_after) continue;
+    if (rate < kMinLoss || rate < kMinRatio * rate_after) continue;
     const double gain = log_likelihood(before_lost, before) + log_likelihood(after_lost, after) -
                         log_likelihood(all_lost, all);
     if (gain > best) {
@@ -145,4 +147,4 @@ std::optional<Nanoseconds> find_start_up_end(std::span<const CameraSync> cameras
   return range.begin + std::llround(static_cast<double>(*split) * period);
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -6,7 +6,7 @@
 
 #include "store/processing/sync/resync.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Returns runs of slots without a frame between the camera's first and last frame. Times are on
 /// the corrected clock; `clock`: of the camera; `base`: the time that the fit's times count from.
@@ -27,4 +27,4 @@ std::optional<Nanoseconds> find_start_up_end(std::span<const CameraSync> cameras
                                              const std::vector<std::vector<Nanoseconds>>& times,
                                              const TimeRange& range, double period);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -11,7 +11,7 @@
 
 #include "base/parallel.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
@@ -21,7 +21,7 @@ struct HandleDeleter {
   void operator()(void* handle) const { tjDestroy(handle); }
 };
 
-// Keeps its decoder and memory from frame to frame.
+// Reuses its decoder and memory from frame to frame.
 class LuminanceMeter {
  public:
   LuminanceMeter() : handle_(tjInitDecompress()) {
@@ -71,4 +71,4 @@ std::vector<std::vector<double>> measure_luminance(
   return luminance;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -10,7 +10,7 @@
 #include "base/time.h"
 #include "store/take.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Returns the mean luminance of a JPEG frame as a code of 0 to 255, or NaN if it is damaged. Uses
 /// an eighth of its size (the block means: no inverse DCT, no chroma).
@@ -23,4 +23,4 @@ std::vector<std::vector<double>> measure_luminance(
     const Take& take, const std::vector<std::vector<Nanoseconds>>& times, Nanoseconds begin,
     Nanoseconds end, const std::function<void(double)>& progress, std::stop_token stop);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -7,23 +7,24 @@
 #include "base/atomic_file.h"
 #include "schemas/json_text.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-constexpr double kMostMs = 86'400'000;
+constexpr double kMaxMs = 86'400'000;  // a day
 
 }  // namespace
 
 std::vector<Nanoseconds> parse_node_offsets(std::string_view text, std::string_view name,
                                             const std::vector<CameraTimestamps>& cameras) {
-  const nlohmann::json json = parse_json(text, name);
+  const nlohmann::json json = schemas::parse_json(text, name);
   if (!json.is_object()) {
-    throw json_value_error(
-        name, "", "found " + describe_json_value(json) + ", allowed: an object {\"node\": ms}",
-        "Write the clocks' offsets in milliseconds");
+    throw schemas::json_value_error(
+        name, "",
+        "found " + schemas::describe_json_value(json) + ", allowed: an object {\"node\": ms}",
+        "Write the clock offset of each node in milliseconds");
   }
   std::vector<Nanoseconds> offsets(cameras.size(), 0);
-  // Nodes first, so that a camera's own entry has the last word.
+  // Nodes first, so that a camera's own entry replaces that of its node.
   for (const bool of_node : {true, false}) {
     for (const auto& item : json.items()) {
       const std::string& key = item.key();
@@ -35,14 +36,15 @@ std::vector<Nanoseconds> parse_node_offsets(std::string_view text, std::string_v
         return (camera.node == key && !key.empty()) || camera.id == key;
       };
       if (std::ranges::none_of(cameras, known)) {
-        throw json_value_error(name, append_json_pointer("", key),
-                               "no node and no camera has this name", "Use the names in take.json");
+        throw schemas::json_value_error(name, schemas::append_json_pointer("", key),
+                                        "no node or camera has this name",
+                                        "Use the names in take.json");
       }
-      if (!value.is_number() || std::abs(value.get<double>()) > kMostMs) {
-        throw json_value_error(
-            name, append_json_pointer("", key),
-            "found " + describe_json_value(value) + ", allowed: milliseconds within a day",
-            "Write how far the clock is ahead, in milliseconds");
+      if (!value.is_number() || std::abs(value.get<double>()) > kMaxMs) {
+        throw schemas::json_value_error(name, schemas::append_json_pointer("", key),
+                                        "found " + schemas::describe_json_value(value) +
+                                            ", allowed: at most a day (86400000 ms)",
+                                        "Write the clock offset in milliseconds (positive: ahead)");
       }
       for (std::size_t c = 0; c < cameras.size(); ++c) {
         if (matches(cameras[c])) offsets[c] = std::llround(value.get<double>() * kNsPerMs);
@@ -68,4 +70,4 @@ void add_offsets(const FlashOffsets& flash, bool per_node,
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

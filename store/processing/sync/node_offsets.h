@@ -8,7 +8,7 @@
 #include "store/processing/sync/flash.h"
 #include "store/processing/sync/resync.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Returns the clock offset of each camera in ns (positive: ahead), 0 if the file names neither the
 /// camera nor its node. The file is {"NAME": MILLISECONDS, ...}; NAME is a node or a camera, and a
@@ -24,4 +24,4 @@ std::vector<Nanoseconds> parse_node_offsets(std::string_view text, std::string_v
 void add_offsets(const FlashOffsets& flash, bool per_node,
                  const std::vector<CameraTimestamps>& cameras, std::vector<Nanoseconds>& offsets);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
+// Moves each phase step by up to two frames to the position of the highest likelihood: the residual
+// of eight neighbouring frames from their nearest slots, with separate scales for early and late
+// frames, and a penalty for two frames in one slot. Times in ns. Cost: 40 residuals per step.
 #include "store/processing/sync/refine_phase_steps.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-namespace raystage {
+namespace raystage::store {
 
-void refine_phase_steps(const CameraLine& camera, const DelayLikelihood& likeness) {
+void refine_phase_steps(const CameraLine& camera, const DelayLikelihood& likelihood) {
   constexpr std::size_t kReach = 2, kAround = 4;
   constexpr double kSharedSlot = 10;  // cost of two frames in one slot
   ClockFit& fit = *camera.fit;
@@ -26,9 +29,10 @@ void refine_phase_steps(const CameraLine& camera, const DelayLikelihood& likenes
            i < std::min(first + kAround, camera.times.size()); ++i) {
         const double time = camera.times[i] - before - (i >= candidate ? b.step : 0);
         const double cycles = (time - fit.lattice.origin) / fit.lattice.period;
-        const double slot = std::floor(cycles + likeness.early_share);
+        const double slot = std::floor(cycles + likelihood.early_share);
         const double residual = (cycles - slot) * fit.lattice.period;
-        cost += residual < 0 ? -residual / likeness.early_scale : residual / likeness.late_scale;
+        cost +=
+            residual < 0 ? -residual / likelihood.early_scale : residual / likelihood.late_scale;
         cost += slot <= previous ? kSharedSlot : 0;
         previous = slot;
       }
@@ -45,4 +49,4 @@ void refine_phase_steps(const CameraLine& camera, const DelayLikelihood& likenes
   }
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Takes whose recorder was killed and resumed, and cameras that were away for long.
+// Tests of takes whose recorder was killed and resumed, and of cameras with long gaps.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,11 +9,11 @@
 #include "store/processing/sync/resync_report.h"
 #include "testing/store/simulated_stamps.h"
 
-namespace raystage::resumed_test {
+namespace raystage::store::resumed_test {
 namespace {
 
-using test::resumed;
-using test::SimulatedStamps;
+using testing::resumed;
+using testing::SimulatedStamps;
 using Settings = SimulatedStamps::Settings;
 
 constexpr Nanoseconds kMs = 1'000'000, kS = 1'000'000'000;
@@ -63,7 +63,7 @@ TEST(ResumedTake, EverySessionHasItsOwnPhases) {
       EXPECT_NEAR(result.timeline.fps, 15, 1e-3);
       EXPECT_TRUE(result.steps.empty());
       for (std::size_t c = 0; c < take.cameras.size(); ++c) {
-        EXPECT_TRUE(result.cameras[c].jumps.empty());
+        EXPECT_TRUE(result.cameras[c].phase_steps.empty());
         EXPECT_EQ(result.cameras[c].dropped(),
                   lost_of(take.first.cameras[c]) + lost_of(take.second.cameras[c]));
       }
@@ -126,11 +126,11 @@ TEST(ResumedTake, TheVerdictNamesThePause) {
   EXPECT_EQ(named, 4);
 }
 
-// Nothing was restarted but the camera: what it lost counts, and its rate is not bent.
+// Only the camera restarted, not the recorder: its losses count, and its rate is not distorted.
 TEST(ResumedTake, ACameraThatWasAwayForLong) {
   for (const double phase : {0.0, 0.3, 0.5, 0.8}) {
     const SimulatedStamps truth(session(3));
-    std::vector<CameraTimestamps> cameras = test::cameras_of(truth);
+    std::vector<CameraTimestamps> cameras = testing::cameras_of(truth);
     auto& stamps = cameras[5].stamps;
     std::vector<Nanoseconds> before, after;
     for (const Nanoseconds stamp : stamps) {
@@ -153,4 +153,4 @@ TEST(ResumedTake, ACameraThatWasAwayForLong) {
 }
 
 }  // namespace
-}  // namespace raystage::resumed_test
+}  // namespace raystage::store::resumed_test

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Resynchronises the free-running cameras of a take (docs/resync.md). Splits the frames of each
+// camera into segments, fits their clocks (clock_fit.h), corrects the time stamps (segment_sync.h)
+// and joins the segments. Chooses the phase of the ticks and assigns the nearest frame of every
+// camera to each tick (store/timeline.h). Times in ns. Cost: O(frames log frames) per camera.
 #include "store/processing/sync/resync.h"
 
 #include <algorithm>
@@ -14,12 +18,12 @@
 #include "store/recordings.h"
 #include "store/tick_phase.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr double kLate = 5;  // periods
-constexpr Nanoseconds kLateAtLeast = kNanosecondsPerSecond;
-constexpr double kSameRate = 0.1;  // a period counts as a multiple within this
+constexpr Nanoseconds kMinLate = kNanosecondsPerSecond;
+constexpr double kSameRate = 0.1;  // relative tolerance of a multiple of a period
 
 Nanoseconds earliest_of(const std::vector<CameraTimestamps>& cameras) {
   Nanoseconds earliest = std::numeric_limits<Nanoseconds>::max();
@@ -29,8 +33,8 @@ Nanoseconds earliest_of(const std::vector<CameraTimestamps>& cameras) {
   return earliest;
 }
 
-// The period that most cameras share; the longer one where two are as common, so that every camera
-// has a frame at every tick.
+// Returns the period that most cameras have; of two equally frequent ones the longer, so that every
+// camera has a frame at every tick.
 double common_period(const std::vector<CameraClock>& clocks) {
   std::vector<double> periods;
   for (const CameraClock& clock : clocks) {
@@ -44,7 +48,7 @@ double common_period(const std::vector<CameraClock>& clocks) {
 double drift_of(double period, double tick) {
   const double ratio = period >= tick ? period / tick : tick / period;
   const double multiple = std::round(ratio);
-  if (std::abs(ratio - multiple) > kSameRate * multiple) return 0;  // of another rate altogether
+  if (std::abs(ratio - multiple) > kSameRate * multiple) return 0;  // another rate
   const double relative = period >= tick ? ratio / multiple : multiple / ratio;
   return (relative - 1) * 1e6;
 }
@@ -84,7 +88,7 @@ std::vector<NodeClockStep> node_steps(const std::vector<CameraTimestamps>& camer
 std::vector<RecordingPause> pauses_of(const std::vector<CameraTimestamps>& cameras,
                                       const std::vector<ClockSegment>& parts,
                                       const std::vector<SegmentSync>& synced) {
-  std::map<int, std::pair<RecordingPause, std::size_t>> of_group;  // where it runs, and its session
+  std::map<int, std::pair<RecordingPause, std::size_t>> of_group;  // first and last time; session
   for (std::size_t p = 0; p < parts.size(); ++p) {
     for (const Nanoseconds time : synced[p].times) {
       if (time == kExcludedTime) continue;
@@ -122,7 +126,7 @@ ClockFits fit_parts(const std::vector<CameraTimestamps>& cameras,
 }
 
 void mark_ends(ResyncResult& result, const TimeRange& range, double period) {
-  const Nanoseconds late = std::max(kLateAtLeast, static_cast<Nanoseconds>(kLate * period));
+  const Nanoseconds late = std::max(kMinLate, static_cast<Nanoseconds>(kLate * period));
   for (std::size_t c = 0; c < result.cameras.size(); ++c) {
     const TimeRange own = running_range({result.times[c]});
     if (result.cameras[c].frames == 0 || own.end == 0) continue;
@@ -136,7 +140,7 @@ void mark_start_up(ResyncResult& result) {
     const double period = result.timeline.clocks[c].period_ns;
     std::vector<LostRun> runs;
     for (const LostRun& run : result.cameras[c].lost) {
-      // A run over the end of the start-up counts in two parts.
+      // A run across the end of the start-up is split there.
       const double before =
           std::ceil(static_cast<double>(*result.start_up_end - run.time) / period);
       const auto cut =
@@ -172,17 +176,19 @@ std::int64_t CameraSync::lost_unrecorded() const {
   return sum;
 }
 
-bool has_arrival_timestamps(const TakeDocument& take) { return take.timestamp_event == "arrival"; }
+bool has_arrival_timestamps(const schemas::TakeDocument& take) {
+  return take.timestamp_event == "arrival";
+}
 
 std::vector<CameraTimestamps> camera_timestamps(const Take& take) {
   std::vector<CameraTimestamps> cameras;
   std::vector<std::vector<Nanoseconds>> restarts = recorder_restarts(take);
   for (int c = 0; c < take.camera_count(); ++c) {
-    const TakeDocument::Camera& document = take.document().cameras[static_cast<std::size_t>(c)];
+    const schemas::TakeDocument::Camera& document = take.document().cameras[c];
     CameraTimestamps camera;
     camera.id = document.id;
     camera.node = document.node;
-    camera.restarts = std::move(restarts[static_cast<std::size_t>(c)]);
+    camera.restarts = std::move(restarts[c]);
     for (const FrameRecord& record : take.archive(c).records()) {
       if (record.status != FrameStatus::kStored) camera.missing.push_back(record);
     }
@@ -198,7 +204,7 @@ ResyncResult resynchronise(const std::vector<CameraTimestamps>& cameras,
                            const ResyncSettings& settings, std::string_view name) {
   check_timeline_settings(settings.fps, settings.tolerance, name);
   if (std::ranges::all_of(cameras, [](const CameraTimestamps& c) { return c.stamps.empty(); })) {
-    throw Error::bad_input("the take holds no frame", std::string(name),
+    throw Error::bad_input("the take has no frames", std::string(name),
                            "Record or import it again");
   }
   const Nanoseconds base = earliest_of(cameras);
@@ -238,13 +244,13 @@ ResyncResult resynchronise(const std::vector<CameraTimestamps>& cameras,
   result.steps = node_steps(cameras, parts, fits.cameras);
   result.pauses = pauses_of(cameras, parts, synced);
 
-  const bool still =
+  const bool single_frames =
       std::ranges::all_of(cameras, [](const auto& c) { return c.stamps.size() < 2; });
   double period = common_period(clocks);
-  if (still || period == 0) {
-    // Too few frames for a rhythm: ticks from the times alone.
+  if (single_frames || period == 0) {
+    // Too few frames to fit clocks: ticks are computed from the times alone.
     if (settings.tick_at) {
-      throw Error::bad_input("with one frame a camera there is one tick, where the frames are",
+      throw Error::bad_input("a take with one frame per camera has one tick, at these frames",
                              std::string(name), "Leave out the time of a tick");
     }
     result.timeline =
@@ -274,4 +280,4 @@ ResyncResult resynchronise(const std::vector<CameraTimestamps>& cameras,
   return result;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -11,7 +11,7 @@
 #include "store/processing/sync/clock_fit.h"
 #include "store/timeline.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Time stamps and journal records of a camera's frames before resynchronisation.
 struct CameraTimestamps {
@@ -49,8 +49,8 @@ struct LostRun {
 /// A frame whose stamp is far from the fitted clock of its camera.
 struct Outlier {
   std::int32_t frame = 0;
-  Nanoseconds stamp = 0, by = 0;  ///< by: stamp minus expected time
-  bool extra = false;             ///< no free slot is left for it
+  Nanoseconds stamp = 0, deviation = 0;  ///< deviation: stamp minus expected time
+  bool extra = false;                    ///< no free slot is left for it
 };
 
 struct CameraSync {
@@ -60,7 +60,7 @@ struct CameraSync {
   double period_sigma_ppm = 0;  ///< standard error of the period
   std::vector<LostRun> lost;
   std::vector<Outlier> outliers;
-  std::vector<ClockStep> jumps;  ///< of its exposure phase; its clock has no step there
+  std::vector<ClockStep> phase_steps;  ///< of its exposures; its clock has no step there
   std::optional<Nanoseconds> late_start, early_end;  ///< against the array, corrected
 
   std::int64_t lost_at_start_up() const;
@@ -100,6 +100,6 @@ ResyncResult resynchronise(const std::vector<CameraTimestamps>& cameras,
 
 /// Returns whether the take declares its stamps as arrival times, which are late by the transfer
 /// delay. Stamps that mark exposures, or are not declared, are used unchanged.
-bool has_arrival_timestamps(const TakeDocument& take);
+bool has_arrival_timestamps(const schemas::TakeDocument& take);
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -8,12 +8,12 @@
 
 #include "store/processing/sync/lattice.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 constexpr double kSameRatePpm = 1000, kFewFramesPpm = 20'000;
 constexpr std::int64_t kFewFrames = 32;
-constexpr std::size_t kMostNamed = 3;
+constexpr std::size_t kMaxNamed = 3;
 
 double to_ms(Nanoseconds time) { return static_cast<double>(time) / kNsPerMs; }
 double to_seconds(Nanoseconds time) { return static_cast<double>(time) / kNsPerS; }
@@ -25,14 +25,14 @@ std::string plural(std::int64_t count, std::string_view what) {
 // "r0c1, r0c2 and 5 more"
 std::string names(const std::vector<std::string>& ids) {
   std::string text;
-  for (std::size_t i = 0; i < std::min(ids.size(), kMostNamed); ++i) {
+  for (std::size_t i = 0; i < std::min(ids.size(), kMaxNamed); ++i) {
     text += (i == 0 ? "" : i + 1 == ids.size() ? " and " : ", ") + ids[i];
   }
-  if (ids.size() > kMostNamed) text += fmt::format(" and {} more", ids.size() - kMostNamed);
+  if (ids.size() > kMaxNamed) text += fmt::format(" and {} more", ids.size() - kMaxNamed);
   return text;
 }
 
-// The period that drifts are counted from.
+// Returns the rate that drifts are relative to, Hz, or 0.
 double common_rate(const ResyncResult& resync) {
   std::vector<double> rates;
   for (const CameraClock& clock : resync.timeline.clocks) {
@@ -42,11 +42,11 @@ double common_rate(const ResyncResult& resync) {
   return rates.empty() ? 0 : rates[(rates.size() - 1) / 2];
 }
 
-void say_rates(const ResyncResult& resync, std::vector<std::string>& verdict) {
+void add_rates(const ResyncResult& resync, std::vector<std::string>& findings) {
   const double common = common_rate(resync);
   if (common == 0) {
-    verdict.push_back(fmt::format(
-        "{} cameras with too few frames to tell their rate: ticks from their stamps alone.",
+    findings.push_back(fmt::format(
+        "{} cameras have too few frames to measure a rate: the ticks follow their time stamps.",
         resync.cameras.size()));
     return;
   }
@@ -63,9 +63,9 @@ void say_rates(const ResyncResult& resync, std::vector<std::string>& verdict) {
     jitters.push_back(clock.jitter_ns / kNsPerMs);
     const double rate = kNsPerS / clock.period_ns;
     sigmas.push_back(resync.cameras[c].period_sigma_ppm);
-    // A few frames do not tell a rate apart, nor how well they do.
-    const double clear = resync.cameras[c].frames < kFewFrames ? kFewFramesPpm : kSameRatePpm;
-    if (std::abs(rate / common - 1) * 1e6 < clear) {
+    // A few frames determine neither a rate nor its standard error well.
+    const double tolerance = resync.cameras[c].frames < kFewFrames ? kFewFramesPpm : kSameRatePpm;
+    if (std::abs(rate / common - 1) * 1e6 < tolerance) {
       ++same;
       largest = std::max(largest, std::abs(clock.drift_ppm));
     } else {
@@ -78,32 +78,32 @@ void say_rates(const ResyncResult& resync, std::vector<std::string>& verdict) {
                          ? fmt::format("All {} cameras run at {:.3f} Hz", all, common)
                          : fmt::format("{} of {} cameras run at {:.3f} Hz", same, all, common);
   if (all > 1 && quantile(sigmas, 0.5) > kSameRatePpm) {
-    text += ", as far as so few frames tell";
+    text += " (uncertain: few frames)";
   } else if (all > 1 && largest < 0.5) {
-    text += ", with no difference that could be measured";
+    text += ", without a measurable difference";
   } else if (all > 1) {
     text += fmt::format(", each within {:.0f} ppm of it", std::ceil(largest));
   }
-  text += fmt::format("; stamps jitter by {:.2f} ms.", quantile(jitters, 0.5));
-  verdict.push_back(text);
-  if (!others.empty()) verdict.push_back("At another rate: " + names(others) + ".");
+  text += fmt::format("; jitter of the time stamps: {:.2f} ms.", quantile(jitters, 0.5));
+  findings.push_back(text);
+  if (!others.empty()) findings.push_back("At another rate: " + names(others) + ".");
   if (!irregular.empty()) {
-    verdict.push_back(fmt::format("No constant rate: {}; {} stamps are taken as they are.",
-                                  names(irregular), irregular.size() == 1 ? "its" : "their"));
+    findings.push_back(fmt::format("No constant rate: {}; {} time stamps are used unchanged.",
+                                   names(irregular), irregular.size() == 1 ? "its" : "their"));
   }
 }
 
-void say_pauses(const ResyncResult& resync, std::vector<std::string>& verdict) {
+void add_pauses(const ResyncResult& resync, std::vector<std::string>& findings) {
   for (const RecordingPause& pause : resync.pauses) {
-    verdict.push_back(fmt::format(
-        "{} stopped at {:.2f} s and was resumed, {:.2f} s without a frame; every camera started "
-        "anew at a phase of its own, and none counts as lost.",
+    findings.push_back(fmt::format(
+        "{} stopped at {:.2f} s and resumed after {:.2f} s. Every camera has a new phase since; "
+        "frames of the pause do not count as lost.",
         pause.node.empty() ? "Recording" : "Recording on " + pause.node, to_seconds(pause.begin),
         to_seconds(pause.end - pause.begin)));
   }
 }
 
-void say_losses(const ResyncResult& resync, std::vector<std::string>& verdict) {
+void add_losses(const ResyncResult& resync, std::vector<std::string>& findings) {
   std::vector<std::pair<std::int64_t, const CameraSync*>> losers;
   std::int64_t dropped = 0, frames = 0, unrecorded = 0, start_up = 0;
   for (const CameraSync& camera : resync.cameras) {
@@ -114,32 +114,32 @@ void say_losses(const ResyncResult& resync, std::vector<std::string>& verdict) {
     if (camera.dropped() > 0) losers.emplace_back(camera.dropped(), &camera);
   }
   if (resync.start_up_end) {
-    verdict.push_back(fmt::format("Start-up lasts until {:.2f} s: {} lost in it.",
-                                  to_seconds(*resync.start_up_end), plural(start_up, "frame")));
+    findings.push_back(fmt::format("Start-up lasts until {:.2f} s: {} lost during it.",
+                                   to_seconds(*resync.start_up_end), plural(start_up, "frame")));
   }
   std::ranges::stable_sort(losers, [](const auto& a, const auto& b) { return a.first > b.first; });
   const auto not_recorded = [](std::int64_t lost, std::int64_t unknown) {
-    if (unknown == 0) return std::string(", all on record in the journal");
-    if (unknown == lost) return std::string(", none on record in the journal");
-    return fmt::format(", {} not on record in the journal", unknown);
+    if (unknown == 0) return std::string(", all recorded in the journal");
+    if (unknown == lost) return std::string(", none recorded in the journal");
+    return fmt::format(", {} not recorded in the journal", unknown);
   };
   if (losers.empty()) {
-    verdict.push_back("No frame is missing between a camera's first and last.");
-  } else if (losers.size() <= kMostNamed) {
+    findings.push_back("No frame is missing between a camera's first and last.");
+  } else if (losers.size() <= kMaxNamed) {
     for (const auto& [count, camera] : losers) {
-      verdict.push_back(fmt::format("Camera {} lost {}{}.", camera->id, plural(count, "frame"),
-                                    not_recorded(count, camera->lost_unrecorded())));
+      findings.push_back(fmt::format("Camera {} lost {}{}.", camera->id, plural(count, "frame"),
+                                     not_recorded(count, camera->lost_unrecorded())));
     }
   } else {
-    verdict.push_back(
-        fmt::format("{} cameras lost {} ({:.2f} %), most of all {} with {}{}.", losers.size(),
+    findings.push_back(
+        fmt::format("{} cameras lost {} ({:.2f} %){}; camera {} lost most: {}.", losers.size(),
                     plural(dropped, "frame"),
                     100.0 * static_cast<double>(dropped) / static_cast<double>(frames + dropped),
-                    losers[0].second->id, losers[0].first, not_recorded(dropped, unrecorded)));
+                    not_recorded(dropped, unrecorded), losers[0].second->id, losers[0].first));
   }
 }
 
-void say_oddities(const ResyncResult& resync, std::vector<std::string>& verdict) {
+void add_irregularities(const ResyncResult& resync, std::vector<std::string>& findings) {
   std::int64_t outliers = 0;
   const CameraSync* camera_of_worst = nullptr;
   const Outlier* worst = nullptr;
@@ -147,20 +147,20 @@ void say_oddities(const ResyncResult& resync, std::vector<std::string>& verdict)
   for (const CameraSync& camera : resync.cameras) {
     for (const Outlier& outlier : camera.outliers) {
       ++outliers;
-      if (worst == nullptr || std::abs(outlier.by) > std::abs(worst->by)) {
+      if (worst == nullptr || std::abs(outlier.deviation) > std::abs(worst->deviation)) {
         worst = &outlier;
         camera_of_worst = &camera;
       }
     }
     const bool alone = std::ranges::count(resync.cameras, camera.node, &CameraSync::node) == 1;
-    for (const ClockStep& jump : camera.jumps) {
-      verdict.push_back(fmt::format("Camera {} alone is {:.1f} ms {} from {:.2f} s on: {}.",
-                                    camera.id, std::abs(to_ms(jump.step_ns)),
-                                    jump.step_ns > 0 ? "later" : "earlier",
-                                    to_seconds(jump.time_ns),
-                                    alone ? "it restarted or its clock jumped, which one camera "
-                                            "cannot tell; nothing is taken off"
-                                          : "it restarted; its node's clock is right"));
+    for (const ClockStep& step : camera.phase_steps) {
+      findings.push_back(fmt::format("Camera {} alone is {:.1f} ms {} from {:.2f} s on: {}.",
+                                     camera.id, std::abs(to_ms(step.step_ns)),
+                                     step.step_ns > 0 ? "later" : "earlier",
+                                     to_seconds(step.time_ns),
+                                     alone ? "it restarted or its clock stepped (the node has no "
+                                             "other camera to compare); nothing is subtracted"
+                                           : "it restarted; its node's clock has no step"));
     }
     if (camera.late_start) {
       late.push_back(fmt::format("{} at {:.2f} s", camera.id, to_seconds(*camera.late_start)));
@@ -169,16 +169,16 @@ void say_oddities(const ResyncResult& resync, std::vector<std::string>& verdict)
       early.push_back(fmt::format("{} at {:.2f} s", camera.id, to_seconds(*camera.early_end)));
     }
   }
-  if (worst != nullptr && worst->extra && worst->by == 0) {
-    verdict.push_back(
-        fmt::format("{} out of rhythm, such as frame {} of {}.",
-                    outliers == 1 ? "One frame is" : fmt::format("{} frames are", outliers),
-                    worst->frame, camera_of_worst->id));
+  const std::string outlier_count =
+      outliers == 1 ? "One frame is an outlier" : fmt::format("{} frames are outliers", outliers);
+  if (worst != nullptr && worst->extra && worst->deviation == 0) {
+    findings.push_back(fmt::format("{}, for example frame {} of {}.", outlier_count, worst->frame,
+                                   camera_of_worst->id));
   } else if (worst != nullptr) {
-    verdict.push_back(fmt::format(
-        "{} out of rhythm; the farthest, frame {} of {}, is {:.1f} ms {}.",
-        outliers == 1 ? "One frame is" : fmt::format("{} frames are", outliers), worst->frame,
-        camera_of_worst->id, std::abs(to_ms(worst->by)), worst->by > 0 ? "late" : "early"));
+    findings.push_back(fmt::format("{}; the largest deviation, of frame {} of {}, is {:.1f} ms {}.",
+                                   outlier_count, worst->frame, camera_of_worst->id,
+                                   std::abs(to_ms(worst->deviation)),
+                                   worst->deviation > 0 ? "late" : "early"));
   }
   std::vector<std::string> unused;
   const TimelineStatistics statistics = timeline_statistics(resync.timeline);
@@ -187,23 +187,24 @@ void say_oddities(const ResyncResult& resync, std::vector<std::string>& verdict)
     if (never && resync.cameras[c].frames > 0) unused.push_back(resync.cameras[c].id);
   }
   if (!unused.empty()) {
-    verdict.push_back(fmt::format("In no tick at all: {}; ticks run while half of the cameras do.",
-                                  names(unused)));
+    findings.push_back(
+        fmt::format("In no tick: {}; ticks cover the time in which half of the cameras record.",
+                    names(unused)));
   }
-  if (!late.empty()) verdict.push_back("Started late: " + names(late) + ".");
-  if (!early.empty()) verdict.push_back("Ended early: " + names(early) + ".");
+  if (!late.empty()) findings.push_back("Started late: " + names(late) + ".");
+  if (!early.empty()) findings.push_back("Ended early: " + names(early) + ".");
 }
 
 }  // namespace
 
 std::vector<std::string> resync_findings(const ResyncResult& resync,
                                          const std::optional<FlashOffsets>& flash) {
-  std::vector<std::string> verdict;
-  say_rates(resync, verdict);
-  say_pauses(resync, verdict);
+  std::vector<std::string> findings;
+  add_rates(resync, findings);
+  add_pauses(resync, findings);
   for (const NodeClockStep& step : resync.steps) {
-    verdict.push_back(fmt::format(
-        "{} jumped {} by {:.1f} ms at {:.1f} s; that is taken off.",
+    findings.push_back(fmt::format(
+        "{} stepped {} by {:.1f} ms at {:.1f} s; the step is subtracted.",
         step.node.empty() ? "The clock of all cameras" : step.node + "'s clock",
         step.step > 0 ? "ahead" : "back", std::abs(to_ms(step.step)), to_seconds(step.time)));
   }
@@ -213,17 +214,17 @@ std::vector<std::string> resync_findings(const ResyncResult& resync,
       offsets.push_back(group.uncertainty
                             ? fmt::format("{} {:+.1f} ms (+-{:.1f})", group.group,
                                           to_ms(group.offset), to_ms(*group.uncertainty))
-                            : fmt::format("{} unknown (saw no flash)", group.group));
+                            : fmt::format("{} unknown (no flash detected)", group.group));
     }
-    verdict.push_back(fmt::format("By {}: {}.",
-                                  flash->flashes.size() == 1
-                                      ? std::string("one flash")
-                                      : fmt::format("{} flashes", flash->flashes.size()),
-                                  names(offsets)));
+    findings.push_back(fmt::format("Clock offsets by {}: {}.",
+                                   flash->flashes.size() == 1
+                                       ? std::string("one flash")
+                                       : fmt::format("{} flashes", flash->flashes.size()),
+                                   names(offsets)));
   }
-  say_losses(resync, verdict);
-  say_oddities(resync, verdict);
-  return verdict;
+  add_losses(resync, findings);
+  add_irregularities(resync, findings);
+  return findings;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -9,10 +9,10 @@
 #include "charts/svg_chart.h"
 #include "store/processing/sync/resync_report.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-constexpr std::size_t kMostPoints = 600;  // of one line: a chart is 1000 pixels wide
+constexpr std::size_t kMaxPoints = 600;  // of one line: a chart is 1000 pixels wide
 
 constexpr std::string_view kStyle = R"(
 .verdict { margin:0 0 40px; padding:0; list-style:none; max-width:100ch }
@@ -30,7 +30,7 @@ svg .unrecorded { fill:var(--red) }
 double seconds(Nanoseconds time) { return static_cast<double>(time) / kNsPerS; }
 
 bool is_odd(const CameraSync& camera) {
-  return !camera.jumps.empty() || camera.early_end || camera.late_start || !camera.regular;
+  return !camera.phase_steps.empty() || camera.early_end || camera.late_start || !camera.regular;
 }
 
 std::string arrival_chart(const ResyncResult& resync) {
@@ -44,15 +44,15 @@ std::string arrival_chart(const ResyncResult& resync) {
       last = std::max(last, time);
     }
   }
-  SvgChart chart("Time of each frame against its index, a line per camera",
-                 {0, static_cast<double>(most - 1), "frame index", true},
-                 {0, std::max(1.04 * seconds(last - first), 1e-3), "time, s", true});
+  charts::SvgChart chart("Time of each frame against its index, one line per camera",
+                         {0, static_cast<double>(most - 1), "frame index", true},
+                         {0, std::max(1.04 * seconds(last - first), 1e-3), "time, s", true});
   for (const bool odd : {false, true}) {
     for (std::size_t c = 0; c < resync.times.size(); ++c) {
       if (is_odd(resync.cameras[c]) != odd) continue;
       const auto& times = resync.times[c];
       const std::size_t step = std::max<std::size_t>(1, times.size() / 120);
-      std::vector<SvgChart::Point> points;
+      std::vector<charts::SvgChart::Point> points;
       for (std::size_t i = 0; i < times.size();
            i += i + 1 < times.size() ? std::min(step, times.size() - 1 - i) : 1) {
         if (times[i] != kExcludedTime)
@@ -68,8 +68,8 @@ std::string arrival_chart(const ResyncResult& resync) {
 }
 
 std::string spread_chart(const Timeline& timeline) {
-  const std::size_t bins = std::min(kMostPoints, timeline.ticks.size());
-  std::vector<SvgChart::Point> points;
+  const std::size_t bins = std::min(kMaxPoints, timeline.ticks.size());
+  std::vector<charts::SvgChart::Point> points;
   double most = 0;
   for (std::size_t b = 0; b < bins; ++b) {
     const std::size_t begin = b * timeline.ticks.size() / bins;
@@ -83,7 +83,7 @@ std::string spread_chart(const Timeline& timeline) {
   }
   const double period = 1e3 / timeline.fps;
   const bool near = most > 0.4 * period;
-  SvgChart chart(
+  charts::SvgChart chart(
       "Largest difference between two cameras' frames, per tick",
       {points.front().x, points.back().x, "time of the tick, s", true},
       {0, std::max(near ? 1.08 * period : 1.15 * most, 0.01), "largest difference, ms", true});
@@ -98,8 +98,8 @@ std::string losses_chart(const ResyncResult& resync) {
   for (const CameraSync& camera : resync.cameras) {
     most = std::max(most, camera.dropped() + camera.lost_at_start_up());
   }
-  SvgChart chart("Frames lost per camera", {0, cameras, "camera", false},
-                 {0, std::max(1.05 * static_cast<double>(most), 5.0), "frames lost", true});
+  charts::SvgChart chart("Frames lost per camera", {0, cameras, "camera", false},
+                         {0, std::max(1.05 * static_cast<double>(most), 5.0), "frames lost", true});
   for (std::size_t c = 0; c < resync.cameras.size(); ++c) {
     const CameraSync& camera = resync.cameras[c];
     const double x = static_cast<double>(c);
@@ -107,12 +107,12 @@ std::string losses_chart(const ResyncResult& resync) {
     const auto dropped = static_cast<double>(camera.dropped());
     const auto all = dropped + static_cast<double>(camera.lost_at_start_up());
     const std::string title =
-        fmt::format("{}: {} dropped ({} not on record), {} at start-up", camera.id,
-                    camera.dropped(), camera.lost_unrecorded(), camera.lost_at_start_up());
+        fmt::format("{}: {} dropped ({} not recorded), {} at start-up", camera.id, camera.dropped(),
+                    camera.lost_unrecorded(), camera.lost_at_start_up());
     chart.bar(x + 0.16, x + 0.84, 0, recorded, "dropped", title);
     chart.bar(x + 0.16, x + 0.84, recorded, dropped, "unrecorded", title);
     chart.bar(x + 0.16, x + 0.84, dropped, all, "startup", title);
-    // Every camera by name while the names fit, then every second, ...
+    // Labels every camera, or every n-th if there are too many.
     if (c % (1 + resync.cameras.size() / 80) == 0) {
       chart.x_label(x + 0.5, camera.id, resync.cameras.size() > 12);
     }
@@ -142,13 +142,12 @@ std::string histogram(const Timeline& timeline) {
   }
   const double scale = 100 / std::max(1.0, static_cast<double>(frames));
   const double most = *std::ranges::max_element(counts) * scale;
-  SvgChart chart("Histogram of frame time minus tick time",
-                 {-reach, reach, "frame minus tick, ms", true},
-                 {0, std::max(1.05 * most, 0.1), "share of frames, %", true});
+  charts::SvgChart chart("Histogram of frame time minus tick time",
+                         {-reach, reach, "frame minus tick, ms", true},
+                         {0, std::max(1.05 * most, 0.1), "share of frames, %", true});
   for (int b = 0; b < kBins; ++b) {
     const double width = 2 * reach / kBins, left = -reach + b * width;
-    chart.bar(left + 0.06 * width, left + 0.94 * width, 0,
-              counts[static_cast<std::size_t>(b)] * scale, "fill");
+    chart.bar(left + 0.06 * width, left + 0.94 * width, 0, counts[b] * scale, "fill");
   }
   return chart.str();
 }
@@ -164,8 +163,8 @@ std::string table(const ResyncResult& resync) {
   for (std::size_t c = 0; c < resync.cameras.size(); ++c) {
     const CameraSync& camera = resync.cameras[c];
     const CameraClock& clock = resync.timeline.clocks[c];
-    rows += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td>", escape_html(camera.id),
-                        escape_html(camera.node), camera.frames);
+    rows += fmt::format("<tr><td>{}</td><td>{}</td><td>{}</td>", charts::escape_html(camera.id),
+                        charts::escape_html(camera.node), camera.frames);
     if (clock.period_ns > 0) {
       const double first = static_cast<double>(resync.timeline.ticks.front().time_ns);
       rows += fmt::format("<td>{:.5f}</td><td>{:+.1f}</td><td>{:+.2f}</td><td>{:.2f}</td>",
@@ -213,36 +212,35 @@ std::string resync_report_html(const ResyncResult& resync, const std::optional<F
   std::string body;
   body += "<ul class=\"verdict\">\n";
   for (const std::string& sentence : resync_findings(resync, flash)) {
-    body += fmt::format("<li>{}</li>\n", escape_html(sentence));
+    body += fmt::format("<li>{}</li>\n", charts::escape_html(sentence));
   }
   body += "</ul>\n" + facts(resync);
-  body += html_section(
-      "When frames came",
-      "Time since the first frame of the take against the index of each stored frame, a line per "
-      "camera. Equal slopes are equal rates; a line that rises above the others has lost "
-      "frames. Red: cameras that stopped, came late or jumped.",
+  body += charts::html_section(
+      "Frame times",
+      "Time since the first frame of the take against the index of each stored frame, one line per "
+      "camera. Equal slopes are equal rates; a line above the others means lost frames. Red: "
+      "cameras with a late start, an early end, a phase step or no constant rate.",
       arrival_chart(resync));
-  body +=
-      html_section("How far apart the frames of a tick lie",
-                   "Latest minus earliest frame of each tick. Free-running cameras lie anywhere "
-                   "within one frame "
-                   "time; more is never used.",
-                   spread_chart(resync.timeline));
-  body += html_section(
+  body += charts::html_section(
+      "Time spread of each tick",
+      "Latest minus earliest frame of each tick. Frames of free-running cameras "
+      "differ by up to one frame time; frames further away are not used.",
+      spread_chart(resync.timeline));
+  body += charts::html_section(
       "Frames lost, per camera",
-      "<span class=\"key\"><i style=\"background:var(--amber)\"></i>on record in the journal"
-      "<i style=\"background:var(--red)\"></i>not on record: found by the camera's rhythm"
+      "<span class=\"key\"><i style=\"background:var(--amber)\"></i>recorded in the journal"
+      "<i style=\"background:var(--red)\"></i>not recorded: found by the camera's clock fit"
       "<i style=\"background:var(--grey)\"></i>during start-up</span>",
       losses_chart(resync));
-  body += html_section("Frame time minus tick time", "Over all frames that a tick uses.",
-                       histogram(resync.timeline));
-  body += html_section(
-      "Every camera",
-      "Rate and drift of its own clock against the array's; phase of its frames against the ticks, "
-      "in the middle of the take; jitter of its stamps, one sigma; offset taken off.",
+  body += charts::html_section("Frame time minus tick time", "Over all frames that a tick uses.",
+                               histogram(resync.timeline));
+  body += charts::html_section(
+      "Cameras",
+      "Rate; drift relative to the array; phase relative to the ticks, in the middle of the take; "
+      "jitter of the time stamps (one sigma); clock offset (subtracted).",
       table(resync));
-  return html_page(fmt::format("{}: resynchronisation", title),
-                   "Resynchronisation of the take's cameras", body, kStyle);
+  return charts::html_page(fmt::format("{}: resynchronisation", title),
+                           "Resynchronisation of the take's cameras", body, kStyle);
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -5,13 +5,14 @@
 #include "schemas/former_names.h"
 #include "store/processing/sync/resync_report.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
 Json camera_json(const CameraSync& camera, const CameraClock& clock, int absent) {
-  Json lost = Json::array(), outliers = Json::array(), jumps = Json::array(), steps = Json::array();
+  Json lost = Json::array(), outliers = Json::array(), phase_steps = Json::array(),
+       steps = Json::array();
   for (const LostRun& run : camera.lost) {
     lost.push_back({{"first", run.first},
                     {"count", run.count},
@@ -21,11 +22,12 @@ Json camera_json(const CameraSync& camera, const CameraClock& clock, int absent)
   }
   for (const Outlier& outlier : camera.outliers) {
     Json json{{"frame", outlier.frame}, {"timestamp_ns", outlier.stamp}};
-    json["error_ms"] = outlier.extra ? Json() : Json(static_cast<double>(outlier.by) / kNsPerMs);
+    json["error_ms"] =
+        outlier.extra ? Json() : Json(static_cast<double>(outlier.deviation) / kNsPerMs);
     outliers.push_back(std::move(json));
   }
-  for (const ClockStep& jump : camera.jumps) {
-    jumps.push_back({{"timestamp_ns", jump.time_ns}, {"step_ns", jump.step_ns}});
+  for (const ClockStep& step : camera.phase_steps) {
+    phase_steps.push_back({{"timestamp_ns", step.time_ns}, {"step_ns", step.step_ns}});
   }
   for (const ClockStep& step : clock.steps) {
     steps.push_back({{"timestamp_ns", step.time_ns}, {"step_ns", step.step_ns}});
@@ -41,7 +43,7 @@ Json camera_json(const CameraSync& camera, const CameraClock& clock, int absent)
   json["fitted_times"] = clock.fitted;
   json["offset_ns"] = clock.offset_ns;
   json["clock_steps"] = std::move(steps);
-  json["phase_steps"] = std::move(jumps);
+  json["phase_steps"] = std::move(phase_steps);
   json["absent_ticks"] = absent;
   json["dropped"] = camera.dropped();
   json["dropped_unrecorded"] = camera.lost_unrecorded();
@@ -105,13 +107,13 @@ std::string resync_report_json(const ResyncResult& resync,
   json["flash"] = flash ? flash_json(*flash) : Json();
   json["findings"] = resync_findings(resync, flash);
   json["cameras"] = std::move(cameras);
-  constexpr FormerName kFormerNames[] = {{"timestamp_ns", "stamp_ns"},
-                                         {"error_ms", "by_ms"},
-                                         {"step_ns", "by_ns"},
-                                         {"phase_steps", "own_jumps"},
-                                         {"findings", "verdict"}};
-  add_former_names(json, kFormerNames);
+  constexpr schemas::FormerName kFormerNames[] = {{"timestamp_ns", "stamp_ns"},
+                                                  {"error_ms", "by_ms"},
+                                                  {"step_ns", "by_ns"},
+                                                  {"phase_steps", "own_jumps"},
+                                                  {"findings", "verdict"}};
+  schemas::add_former_names(json, kFormerNames);
   return json.dump(2);
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

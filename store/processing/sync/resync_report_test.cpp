@@ -10,17 +10,17 @@
 #include "store/processing/sync/node_offsets.h"
 #include "testing/store/simulated_stamps.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-using test::SimulatedStamps;
-using testing::Contains;
-using testing::HasSubstr;
-using testing::Not;
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using testing::SimulatedStamps;
 
-struct Verdict : testing::Test {
+struct Verdict : ::testing::Test {
   SimulatedStamps truth{{.seed = 2, .drop = 0}};
-  std::vector<CameraTimestamps> cameras = test::cameras_of(truth);
+  std::vector<CameraTimestamps> cameras = testing::cameras_of(truth);
 };
 
 TEST_F(Verdict, SaysWhatIsTheMatter) {
@@ -30,9 +30,9 @@ TEST_F(Verdict, SaysWhatIsTheMatter) {
   const ResyncResult resync = resynchronise(cameras, {}, "test");
   const auto verdict = resync_findings(resync, std::nullopt);
   EXPECT_THAT(verdict[0], HasSubstr("All 64 cameras run at 15.000 Hz"));
-  EXPECT_THAT(verdict, Contains(HasSubstr("node2's clock jumped ahead by 40.")));
+  EXPECT_THAT(verdict, Contains(HasSubstr("node2's clock stepped ahead by 40.")));
   EXPECT_THAT(verdict, Contains(HasSubstr("at 31.2 s")));
-  EXPECT_THAT(verdict, Contains("Camera c11 lost 3 frames, none on record in the journal."));
+  EXPECT_THAT(verdict, Contains("Camera c11 lost 3 frames, none recorded in the journal."));
   EXPECT_THAT(verdict, Contains(HasSubstr("Start-up lasts until 4.0")));
   EXPECT_THAT(verdict, Contains(HasSubstr("Ended early: c40 at")));
 
@@ -50,7 +50,7 @@ TEST_F(Verdict, OneCameraCannotTellItsClockFromItself) {
   std::vector<CameraTimestamps> one{cameras[3]};
   for (std::size_t i = 500; i < one[0].stamps.size(); ++i) one[0].stamps[i] += 20'000'000;
   const auto verdict = resync_findings(resynchronise(one, {}, "test"), std::nullopt);
-  EXPECT_THAT(verdict, Contains(HasSubstr("restarted or its clock jumped")));
+  EXPECT_THAT(verdict, Contains(HasSubstr("restarted or its clock stepped")));
 }
 
 TEST_F(Verdict, PageStandsAlone) {
@@ -109,8 +109,8 @@ TEST(VerdictOf, NamesCamerasThatNoTickHolds) {
     cameras.push_back(std::move(camera));
   }
   const auto verdict = resync_findings(resynchronise(cameras, {}, "test"), std::nullopt);
-  EXPECT_THAT(verdict, testing::Contains(testing::StartsWith("In no tick at all: c4;")));
+  EXPECT_THAT(verdict, ::testing::Contains(::testing::StartsWith("In no tick: c4;")));
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::store

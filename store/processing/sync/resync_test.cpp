@@ -11,11 +11,11 @@
 #include "base/error.h"
 #include "testing/store/simulated_stamps.h"
 
-namespace raystage::resync_test {
+namespace raystage::store::resync_test {
 namespace {
 
-using test::cameras_of;
-using test::SimulatedStamps;
+using testing::cameras_of;
+using testing::SimulatedStamps;
 using Jitter = SimulatedStamps::Jitter;
 using Settings = SimulatedStamps::Settings;
 
@@ -35,7 +35,7 @@ std::vector<Nanoseconds> frames(double fps, Nanoseconds start, int count) {
   return times;
 }
 
-// Every tick and camera by looking at every frame and every tick.
+// Checks each tick and camera by an exhaustive search over all frames and ticks.
 void expect_as_reference(const Timeline& timeline,
                          const std::vector<std::vector<Nanoseconds>>& times) {
   const double period = 1e9 / timeline.fps;
@@ -57,7 +57,7 @@ void expect_as_reference(const Timeline& timeline,
       const auto away = [&](std::size_t frame) {
         return std::abs(times[c][frame] - timeline.ticks[k].time_ns);
       };
-      // Beyond the first or last tick there would be another one.
+      // A frame that far outside the first or last tick would belong to another tick.
       if (away(i) > timeline.tolerance || static_cast<double>(away(i)) > period / 2 + 1) continue;
       if (expected[k] < 0 || away(i) < away(static_cast<std::size_t>(expected[k]))) {
         expected[k] = static_cast<std::int32_t>(i);
@@ -66,8 +66,7 @@ void expect_as_reference(const Timeline& timeline,
     for (std::size_t k = 0; k < timeline.ticks.size(); ++k) {
       const FrameSelection& tick = timeline.ticks[k];
       ASSERT_EQ(tick.frame[c], expected[k]) << "camera " << c << " tick " << k;
-      const Nanoseconds difference =
-          expected[k] < 0 ? 0 : times[c][static_cast<std::size_t>(expected[k])] - tick.time_ns;
+      const Nanoseconds difference = expected[k] < 0 ? 0 : times[c][expected[k]] - tick.time_ns;
       ASSERT_EQ(tick.difference[c], difference);
     }
   }
@@ -80,8 +79,8 @@ void expect_truth(const Settings& s, Nanoseconds margin) {
   const double period = 1e9 / timeline.fps;
   EXPECT_NEAR(timeline.fps, s.fps, 1e-4 * s.fps);
 
-  // No frame on a wrong tick: it was exposed within half a period of it, or by less than the margin
-  // beyond, and no other frame that there is was exposed clearly nearer.
+  // No frame is at a wrong tick: it was exposed within half a period and the margin of the tick,
+  // and no other existing frame was exposed clearly nearer.
   std::vector<std::set<std::int32_t>> used(truth.cameras.size());
   for (const FrameSelection& tick : timeline.ticks) {
     for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
@@ -99,7 +98,7 @@ void expect_truth(const Settings& s, Nanoseconds margin) {
       }
     }
   }
-  // Absent is absent: a frame exposed well within a tick's share is there, but for outliers.
+  // A frame exposed well within a tick's interval is not absent, except for outliers.
   for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
     std::set<std::int32_t> outliers;
     for (const Outlier& outlier : result.cameras[c].outliers) outliers.insert(outlier.frame);
@@ -114,7 +113,7 @@ void expect_truth(const Settings& s, Nanoseconds margin) {
     }
   }
 
-  // Every lost frame between a camera's first and last, and none else.
+  // All frames lost between a camera's first and last frame, and no others.
   for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
     const auto& index = truth.cameras[c].index;
     std::set<std::int64_t> lost, found;
@@ -177,7 +176,7 @@ TEST(ResyncResult, AnyStampsGiveASoundTable) {
     const ResyncResult result = resynchronise(cameras_at(stamps), {.nominal_fps = 15}, "test");
     RC_ASSERT(!result.timeline.ticks.empty());
     if (result.timeline.ticks.size() > 1) expect_as_reference(result.timeline, result.times);
-    RC_ASSERT(!testing::Test::HasFailure());
+    RC_ASSERT(!::testing::Test::HasFailure());
   });
 }
 
@@ -207,9 +206,9 @@ TEST(ResyncResult, ALateFrameIsNamedAndLeftOut) {
   const ResyncResult result = resynchronise(cameras, {}, "test");
   ASSERT_EQ(result.cameras[1].outliers.size(), 1u);
   EXPECT_EQ(result.cameras[1].outliers[0].frame, 30);
-  EXPECT_NEAR(static_cast<double>(result.cameras[1].outliers[0].by), 25e6, 1e4);
+  EXPECT_NEAR(static_cast<double>(result.cameras[1].outliers[0].deviation), 25e6, 1e4);
   for (const FrameSelection& tick : result.timeline.ticks) EXPECT_NE(tick.frame[1], 30);
-  // Where a stamp is the exposure's own, it counts as it is.
+  // A time stamp that marks the exposure is used unchanged.
   const ResyncResult exact = resynchronise(cameras, {.trust_timestamps = true}, "test");
   EXPECT_EQ(exact.timeline.ticks[30].frame[1], 30);
   EXPECT_EQ(exact.times[1][30], cameras[1].stamps[30]);
@@ -226,7 +225,7 @@ TEST(ResyncResult, OffsetsAreTakenOff) {
                                .offset_ms = 200});
   ResyncSettings settings;
   for (const auto& camera : truth.cameras) {
-    settings.offsets.push_back(truth.node_offsets[static_cast<std::size_t>(camera.node)]);
+    settings.offsets.push_back(truth.node_offsets[camera.node]);
   }
   const ResyncResult result = resynchronise(cameras_of(truth), settings, "test");
   for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
@@ -267,7 +266,7 @@ TEST(ResyncResult, OneCamera) {
   ASSERT_EQ(result.timeline.ticks.size(), 100u);
   EXPECT_NEAR(result.timeline.fps, 15, 1e-6);
   for (std::int32_t k = 0; k < 100; ++k) {
-    EXPECT_EQ(result.timeline.ticks[static_cast<std::size_t>(k)].frame[0], k);
+    EXPECT_EQ(result.timeline.ticks[k].frame[0], k);
   }
 }
 
@@ -295,7 +294,7 @@ TEST(ResyncResult, ACameraThatDiesIsAbsentFromThenOn) {
 }
 
 TEST(ResyncResult, ConstantStamps) {
-  // No clock at all: all frames of a camera at one instant.
+  // Without any clock: all frames of a camera have one time.
   const ResyncResult result = resynchronise(
       cameras_at({std::vector<Nanoseconds>(40, 77), std::vector<Nanoseconds>(40, 77)}),
       {.nominal_fps = 15}, "test");
@@ -315,7 +314,7 @@ TEST(ResyncResult, WholeMilliseconds) {
   for (const CameraSync& camera : result.cameras) {
     EXPECT_TRUE(camera.lost.empty());
     EXPECT_TRUE(camera.outliers.empty());
-    EXPECT_TRUE(camera.jumps.empty());
+    EXPECT_TRUE(camera.phase_steps.empty());
   }
   for (const CameraClock& clock : result.timeline.clocks) {
     EXPECT_NEAR(clock.period_ns, 1e9 / 30, 500);  // 15 ppm
@@ -323,4 +322,4 @@ TEST(ResyncResult, WholeMilliseconds) {
 }
 
 }  // namespace
-}  // namespace raystage::resync_test
+}  // namespace raystage::store::resync_test

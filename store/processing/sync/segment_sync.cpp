@@ -8,10 +8,10 @@
 
 #include "store/processing/sync/losses.h"
 
-namespace raystage {
+namespace raystage::store {
 namespace {
 
-constexpr std::size_t kLeastToFit = 32;  // frames: fewer say less than their own stamps
+constexpr std::size_t kMinFramesToFit = 32;  // with fewer, time stamps are more accurate
 
 void add_step(CameraClock& clock, const ClockStep& step) {
   if (!clock.steps.empty() && clock.steps.back().time_ns == step.time_ns) {
@@ -41,7 +41,7 @@ CameraClock clock_of(const CameraTimestamps& camera, const ClockFit& fit, Nanose
   return clock;
 }
 
-// When each frame was exposed, as well as is known; kExcludedTime where it is not.
+// Returns the estimated exposure time of each frame, ns; kExcludedTime for outliers.
 std::vector<Nanoseconds> exposure_times(const CameraTimestamps& camera, const ClockFit& fit,
                                         const CameraClock& clock, Nanoseconds base) {
   std::vector<Nanoseconds> times;
@@ -86,13 +86,13 @@ CameraSync sync_of(const CameraTimestamps& camera, const ClockFit& fit, const Ca
   sync.outliers = outliers_of(camera, fit);
   for (const PhaseStep& b : fit.phase_steps) {
     if (b.group_step >= 0 || b.first_frame >= camera.stamps.size()) continue;
-    sync.jumps.push_back({camera.stamps[b.first_frame], std::llround(b.step)});
+    sync.phase_steps.push_back({camera.stamps[b.first_frame], std::llround(b.step)});
   }
   return sync;
 }
 
-// A clock keeps what it stepped by, so each step of a group counts once: at the camera's first
-// frame after it.
+// Returns the clock steps of a camera. A step persists, so each step of a group is listed once: at
+// the camera's first frame after it.
 std::vector<ClockStep> steps_of(const CameraTimestamps& camera, std::span<const ClockSegment> parts,
                                 std::span<const ClockFit> fits) {
   CameraClock clock;
@@ -107,7 +107,7 @@ std::vector<ClockStep> steps_of(const CameraTimestamps& camera, std::span<const 
   return clock.steps;
 }
 
-// First and last time that count.
+// First and last time that are not excluded.
 struct Ends {
   Nanoseconds first = kExcludedTime, last = kExcludedTime;
 };
@@ -131,7 +131,8 @@ void append(CameraSync& whole, const CameraSync& part, const ClockSegment& at,
     outlier.frame += static_cast<std::int32_t>(at.first);
     whole.outliers.push_back(outlier);
   }
-  whole.jumps.insert(whole.jumps.end(), part.jumps.begin(), part.jumps.end());
+  whole.phase_steps.insert(whole.phase_steps.end(), part.phase_steps.begin(),
+                           part.phase_steps.end());
 }
 
 }  // namespace
@@ -140,7 +141,7 @@ SegmentSync sync_segment(const CameraTimestamps& camera, const ClockFit& fit, Na
                          Nanoseconds base, bool exact) {
   SegmentSync part;
   part.clock = clock_of(camera, fit, offset, base);
-  part.clock.fitted = !exact && fit.regular && camera.stamps.size() >= kLeastToFit;
+  part.clock.fitted = !exact && fit.regular && camera.stamps.size() >= kMinFramesToFit;
   part.times = exposure_times(camera, fit, part.clock, base);
   part.sync = sync_of(camera, fit, part.clock, base);
   return part;
@@ -183,4 +184,4 @@ SegmentSync join_segments(const CameraTimestamps& camera, std::span<const ClockS
   return whole;
 }
 
-}  // namespace raystage
+}  // namespace raystage::store

@@ -7,13 +7,13 @@
 #include "store/processing/sync/clock_segments.h"
 #include "store/processing/sync/resync.h"
 
-namespace raystage {
+namespace raystage::store {
 
 /// Resynchronisation of one segment of a camera's frames, from the clock fit of the segment.
 struct SegmentSync {
   CameraClock clock;               ///< offset_ns includes earlier sessions' steps
   CameraSync sync;                 ///< frames and periods count from the segment's first
-  std::vector<Nanoseconds> times;  ///< of each frame, corrected; kExcludedTime: left out
+  std::vector<Nanoseconds> times;  ///< of each frame, corrected; kExcludedTime: excluded
 };
 
 /// Resynchronises one segment. `camera`: the segment's frames (camera_timestamps()); `offset`: of
@@ -29,4 +29,4 @@ SegmentSync join_segments(const CameraTimestamps& camera, std::span<const ClockS
                           std::span<const ClockFit> fits, std::span<const SegmentSync> synced,
                           Nanoseconds offset);
 
-}  // namespace raystage
+}  // namespace raystage::store

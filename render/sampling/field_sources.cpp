@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/sampling/field_sources.h"
+
+#include <algorithm>
+#include <atomic>
+
+#include "base/parallel.h"
+#include "render/sampling/depth_planning.h"
+
+namespace raystage::render {
+
+FieldSources::FieldSources(const VirtualCamera& view, const LightFieldFrame& instant,
+                           const BlendingField& field, std::span<const InverseDepthRange> depths,
+                           double reference, Interpolation interpolation)
+    : instant_(instant), sources_(instant.rig->cameras.size()) {
+  for (const BlendingField::Tile& tile : field.tiles()) {
+    for (const BlendingField::TileCamera& camera : tile.cameras) {
+      sources_[camera.camera].used = instant.is_local(camera.camera);
+    }
+  }
+  raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
+    Source& opened = sources_[i];
+    if (!opened.used) return;
+    const int camera = static_cast<int>(i);
+    opened.look_up = depth_source(view, instant.rig->cameras[i], reference);
+    const auto layout = instant.cache->layout(camera, instant.frame_of_camera[i]);
+    opened.wanted.assign(layout->mcu_count(), 0);
+    set_mcu_layout(opened.look_up.camera, *layout, opened.wanted.data());
+    for (std::size_t t = 0; t < depths.size(); ++t) {
+      const BlendingField::Tile& tile = field.tiles()[t];
+      if (find_camera(tile, camera) == nullptr) continue;
+      mark_block(
+          opened.look_up,
+          {tile.left, tile.right, tile.top, tile.bottom, depths[t].farthest, depths[t].nearest},
+          interpolation);
+    }
+  });
+}
+
+void FieldSources::decode(RenderStatistics& statistics) {
+  std::atomic<std::int64_t> pixels = 0;
+  std::atomic<int> cameras = 0;
+  raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
+    Source& s = sources_[i];
+    if (!s.used || std::ranges::find(s.wanted, 1) == s.wanted.end()) return;
+    std::int64_t decoded = 0;
+    s.frame =
+        instant_.cache->fetch(static_cast<int>(i), instant_.frame_of_camera[i], s.wanted, decoded);
+    s.look_up.camera.rgba = s.frame->rgba.get();
+    pixels += decoded;
+    ++cameras;
+  });
+  statistics.pixels_decoded = pixels;
+  statistics.cameras_used = cameras;
+}
+
+std::int64_t FieldSources::count_marked_pixels(
+    const std::function<void(int camera, const DepthSource& source)>& mark) const {
+  std::atomic<std::int64_t> count = 0;
+  raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
+    const Source& s = sources_[i];
+    if (!s.frame) return;
+    std::vector<std::uint8_t> read(static_cast<std::size_t>(s.frame->width) * s.frame->height);
+    DepthSource marking = s.look_up;
+    marking.camera.wanted_mcus = nullptr;
+    marking.camera.read_pixels = read.data();
+    mark(static_cast<int>(i), marking);
+    count += std::count(read.begin(), read.end(), 1);
+  });
+  return count;
+}
+
+const BlendingField::TileCamera* find_camera(const BlendingField::Tile& tile, int camera) {
+  const auto found =
+      std::ranges::lower_bound(tile.cameras, camera, {}, &BlendingField::TileCamera::camera);
+  return found != tile.cameras.end() && found->camera == camera ? &*found : nullptr;
+}
+
+}  // namespace raystage::render

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "render/common/blending_field.h"
+#include "render/sampling/depth_sampling.h"
+
+namespace raystage::render {
+
+/// The cameras of a view's blending field that this host holds: where they see the view's points,
+/// and their frames, decoded where the view reads them.
+class FieldSources {
+ public:
+  struct Source {
+    DepthSource look_up;  ///< its rgba stays null if nothing of the camera is seen
+    store::McuMask wanted;
+    std::shared_ptr<const store::DecodedFrame> frame;  ///< null: not read
+    bool used = false;
+  };
+
+  /// Determines the cameras and the pixels of theirs that are read. `depths`: the range of each
+  /// tile of the field, relative to `reference` (1/m, see depth_source()). Keeps a reference to
+  /// `instant`. Throws Error (bad input) if a frame cannot be read.
+  FieldSources(const VirtualCamera& view, const LightFieldFrame& instant,
+               const BlendingField& field, std::span<const InverseDepthRange> depths,
+               double reference, Interpolation interpolation);
+  /// Sets `pixels_decoded` and `cameras_used`.
+  void decode(RenderStatistics& statistics);
+
+  const Source& operator[](std::size_t camera) const { return sources_[camera]; }
+  std::size_t size() const { return sources_.size(); }  ///< cameras of the rig
+
+  /// Returns the number of distinct source pixels that mark(camera, source) marks, called in
+  /// parallel for each decoded camera, with mark_samples_at_depth().
+  std::int64_t count_marked_pixels(
+      const std::function<void(int camera, const DepthSource& source)>& mark) const;
+
+ private:
+  const LightFieldFrame& instant_;
+  std::vector<Source> sources_;
+};
+
+/// Returns the camera's weights in the tile, or null if it has none.
+const BlendingField::TileCamera* find_camera(const BlendingField::Tile& tile, int camera);
+
+}  // namespace raystage::render

@@ -104,7 +104,9 @@ Option CommandLine::finish(CLI::Option* option, const std::string& placeholder) 
 
 Option CommandLine::add(const std::string& names, Target target, const std::string& help) {
   const auto [all, placeholder] = split(names);
-  const auto add_to = [&](auto* value) { return app_->add_option(all, *value, help); };
+  const auto add_to = [&, &option_names = all](auto* value) {
+    return app_->add_option(option_names, *value, help);
+  };
   return finish(std::visit(add_to, target), placeholder);
 }
 

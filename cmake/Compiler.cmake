@@ -40,13 +40,13 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_L
                          -Wno-stringop-overread)
 endif()
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-  # The compiler looks for garbage of its own only beyond half a gigabyte: a twelfth of its time.
+  # Raises GCC's garbage collection threshold to 512 MB: saves a twelfth of the compile time.
   target_compile_options(raystage_compiler INTERFACE --param=ggc-min-heapsize=524288)
   # ccache reads precompiled headers only where preprocessed text names them.
   target_compile_options(raystage_compiler INTERFACE -fpch-preprocess)
 endif()
 if(CMAKE_UNITY_BUILD AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-  # A source read by another looks like a header that shows its anonymous namespace.
+  # In a unity build GCC takes included sources for headers and warns about their anonymous namespaces.
   target_compile_options(raystage_compiler INTERFACE -Wno-subobject-linkage)
 endif()
 if(RAYSTAGE_WARNINGS_AS_ERRORS)

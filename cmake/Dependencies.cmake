@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# Every library we stand on, under the target names used by the folders.
+# All external libraries, under the target names that the folders use.
 # The Debian packages that hold them are listed, with what each is for, in scripts/packages.txt.
 
 find_package(PkgConfig REQUIRED)

@@ -12,8 +12,6 @@ namespace raystage {
 /// Coordinates are signed, so that loops over neighbours need no conversion; they are not checked.
 template <class T, int Channels = 1>
 struct Image {
-  static constexpr int kChannels = Channels;
-
   int width = 0, height = 0;  ///< pixels
   std::vector<T> values;      ///< width x height x Channels
 

@@ -58,8 +58,8 @@ void print_text(const store::ResyncResult& resync, const std::vector<std::string
              static_cast<double>(statistics.max_spread) / kNsPerMs);
   fmt::print("Absent     {} of {:.0f} frames ({:.2f} %)", absent, all,
              100 * static_cast<double>(absent) / all);
-  const auto nobody = std::ranges::count(timeline.ticks, 0, &store::FrameSelection::present);
-  if (nobody > 0) fmt::print("; at {} ticks from all cameras", nobody);
+  const auto empty_ticks = std::ranges::count(timeline.ticks, 0, &store::FrameSelection::present);
+  if (empty_ticks > 0) fmt::print("; at {} ticks from all cameras", empty_ticks);
   fmt::print("\n");
 }
 

@@ -51,14 +51,14 @@ std::filesystem::path temporary_beside(const std::filesystem::path& target) {
 }
 
 /// Creates a new, empty file next to `target` and returns its path.
-std::filesystem::path reserved_beside(const std::filesystem::path& target) {
-  constexpr int kMostTries = 16;  // a second try already needs a collision of 64 random bits
+std::filesystem::path reserve_temporary_path(const std::filesystem::path& target) {
+  constexpr int kMaxTries = 16;  // a second try already needs a collision of 64 random bits
   for (int tries = 1;; ++tries) {
     std::filesystem::path path = temporary_beside(target);
     const FileDescriptor file(
         ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666));
     if (file.open()) return path;
-    if (errno != EEXIST || tries == kMostTries) {
+    if (errno != EEXIST || tries == kMaxTries) {
       throw Error::from_errno("cannot create the file", target.string(), kCheckDisk);
     }
   }
@@ -88,7 +88,7 @@ void check_is_no_other_kind(const std::filesystem::path& target) {
 
 TemporaryFile::TemporaryFile(std::filesystem::path target, Creation creation)
     : target_(std::move(target)),
-      path_(creation == Creation::kByConstructor ? reserved_beside(target_)
+      path_(creation == Creation::kByConstructor ? reserve_temporary_path(target_)
                                                  : temporary_beside(target_)) {}
 
 TemporaryFile::~TemporaryFile() {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace raystage {
@@ -19,6 +20,10 @@ struct Image {
   Image(int columns, int rows) : width(columns), height(rows), values(offset(0, rows)) {}
   Image(int columns, int rows, const T& fill)
       : width(columns), height(rows), values(offset(0, rows), fill) {}
+  /// `contents`: width x height x Channels.
+  Image(int columns, int rows, std::vector<T> contents)
+      : width(columns), height(rows), values(std::move(contents)) {}
+  bool operator==(const Image&) const = default;
 
   /// Offset in `values` of the first channel of pixel (x, y).
   std::size_t offset(int x, int y) const {

@@ -56,9 +56,9 @@ struct Targets {
   std::vector<std::string> cameras;
 };
 
-Targets open_targets(const ColorFromTakesSettings& settings) {
-  std::vector<std::filesystem::path> folders = settings.targets;
-  if (!settings.dark.empty()) folders.push_back(settings.dark);
+Targets open_targets(const ColorFromTakesOptions& options) {
+  std::vector<std::filesystem::path> folders = options.targets;
+  if (!options.dark.empty()) folders.push_back(options.dark);
   Targets targets;
   for (const std::filesystem::path& folder : folders) {
     targets.takes.push_back(std::make_unique<store::Take>(folder));
@@ -83,12 +83,12 @@ std::vector<FlatFieldMeasurements> measure_targets(
 }
 
 /// Throws Error (bad input) if a longer exposure is darker than a shorter one in some camera.
-void check_exposures(const ColorFromTakesSettings& settings, const Targets& targets,
+void check_exposures(const ColorFromTakesOptions& options, const Targets& targets,
                      const std::vector<FlatFieldMeasurements>& measurements) {
-  const std::vector<double>& exposures = settings.exposures;
-  if (exposures.size() != settings.targets.size()) {
+  const std::vector<double>& exposures = options.exposures;
+  if (exposures.size() != options.targets.size()) {
     throw Error::bad_input(fmt::format("there are {} exposures for {} takes", exposures.size(),
-                                       settings.targets.size()),
+                                       options.targets.size()),
                            "the exposures",
                            "Give the exposure of each take, in the order of the takes")
         .concerning({"exposures"});
@@ -102,8 +102,8 @@ void check_exposures(const ColorFromTakesSettings& settings, const Targets& targ
         if (is_consistent) continue;
         throw Error::bad_input(
             fmt::format("camera \"{}\" shows {} darker than {}, although its exposure is longer",
-                        targets.cameras[c], settings.targets[b].string(),
-                        settings.targets[a].string()),
+                        targets.cameras[c], options.targets[b].string(),
+                        options.targets[a].string()),
             "the exposures", "Give the exposure of each take, in the order of the takes")
             .concerning({"exposures"});
       }
@@ -123,22 +123,22 @@ void remove_overexposed(std::vector<FlatFieldMeasurements>& measurements) {
   std::erase_if(measurements, is_overexposed);
 }
 
-void match_targets(const ColorFromTakesSettings& settings, const schemas::RigDocument& rig,
+void match_targets(const ColorFromTakesOptions& options, const schemas::RigDocument& rig,
                    ColorFromTakes& found, const std::stop_token& stop) {
-  const Targets targets = open_targets(settings);
+  const Targets targets = open_targets(options);
   for (const auto& take : targets.takes) check_frame_sizes(*take, rig);
   found.cameras = targets.cameras;
-  found.reference = reference_index(settings.reference, targets.cameras);
-  FlatFieldMatchSettings match;
+  found.reference = reference_index(options.reference, targets.cameras);
+  FlatFieldMatchOptions match;
   match.reference = found.reference;
-  match.neutral = settings.neutral;
-  match.vignetting = settings.vignetting;
-  match.flat_field = settings.flat_field;
-  match.dark = !settings.dark.empty();
+  match.neutral = options.neutral;
+  match.vignetting = options.vignetting;
+  match.flat_field = options.flat_field;
+  match.dark = !options.dark.empty();
   std::vector<FlatFieldMeasurements> measurements = measure_targets(targets, {}, stop);
-  if (!settings.exposures.empty()) {
-    check_exposures(settings, targets, measurements);
-    match.curves = fit_response_curves(measurements, settings.exposures,
+  if (!options.exposures.empty()) {
+    check_exposures(options, targets, measurements);
+    match.curves = fit_response_curves(measurements, options.exposures,
                                        match.dark ? &measurements.back() : nullptr,
                                        targets.takes.front()->document().color_space);
     measurements = measure_targets(targets, match.curves, stop);
@@ -166,38 +166,38 @@ schemas::RigDocument reordered_rig(const std::vector<std::string>& cameras,
 }
 
 /// Refines the responses of the targets, or else those of the rig.
-void match_chart(const ColorFromTakesSettings& settings, const schemas::RigDocument& rig,
+void match_chart(const ColorFromTakesOptions& options, const schemas::RigDocument& rig,
                  const std::filesystem::path& rig_file, ColorFromTakes& found,
                  const std::stop_token& stop) {
-  const store::Take take(settings.chart);
+  const store::Take take(options.chart);
   check_frame_sizes(take, rig);
   std::vector<schemas::PhotometricResponse> responses;
   if (found.steps.empty()) {
     found.cameras = camera_ids(take);
-    found.reference = reference_index(settings.reference, found.cameras);
+    found.reference = reference_index(options.reference, found.cameras);
     for (const auto& camera : reordered_rig(found.cameras, rig, rig_file).cameras) {
       responses.push_back(camera.photometric);
     }
   } else {
     responses = found.steps.back().responses;
     if (camera_ids(take) != found.cameras) {
-      throw Error::bad_input("the take has other cameras than the targets", settings.chart.string(),
+      throw Error::bad_input("the take has other cameras than the targets", options.chart.string(),
                              "Record the chart with the same cameras");
     }
   }
   found.steps.push_back(match_charts(measure_charts(take, responses, stop), responses,
                                      found.cameras,
-                                     {found.reference, settings.use_published_values}));
+                                     {found.reference, options.use_published_values}));
 }
 
-schemas::DepthRange search_depths(const ColorFromTakesSettings& settings, const store::Take& take) {
+schemas::DepthRange search_depths(const ColorFromTakesOptions& options, const store::Take& take) {
   constexpr double kTolerance = 1.1;
-  if (settings.focal_depth > 0) {
-    return {settings.focal_depth / kTolerance, settings.focal_depth * kTolerance};
+  if (options.focal_depth > 0) {
+    return {options.focal_depth / kTolerance, options.focal_depth * kTolerance};
   }
   try {
     return store::scene_depth_range(
-        take, settings.depths, "matching colours",
+        take, options.depths, "matching colours",
         "Give the nearest and the farthest depth, or the depth of the focal "
         "plane, in metres in front of the array");
   } catch (const Error& error) {
@@ -205,20 +205,20 @@ schemas::DepthRange search_depths(const ColorFromTakesSettings& settings, const 
   }
 }
 
-void match_scene(const ColorFromTakesSettings& settings, const schemas::RigDocument& document,
+void match_scene(const ColorFromTakesOptions& options, const schemas::RigDocument& document,
                  const std::filesystem::path& rig_file, ColorFromTakes& found,
                  const std::function<void(double)>& progress, const std::stop_token& stop) {
-  const store::Take take(settings.scene);
+  const store::Take take(options.scene);
   check_frame_sizes(take, document);
   if (!schemas::is_calibrated(document)) {
     throw Error::bad_input("the rig has no camera poses", rig_file.string(),
-                           "Calibrate its geometry first (raystage calibrate geometry)");
+                           "Calibrate its geometry first (`raystage calibrate geometry`)");
   }
   found.cameras = camera_ids(take);
-  found.reference = reference_index(settings.reference, found.cameras);
+  found.reference = reference_index(options.reference, found.cameras);
   const rig::Rig rig = rig::rig_from_document(reordered_rig(found.cameras, document, rig_file));
-  PatchSearchSettings search;
-  search.depths = search_depths(settings, take);
+  PatchSearchOptions search;
+  search.depths = search_depths(options, take);
   const std::vector<ScenePatch> patches = find_scene_patches(take, rig, search, progress, stop);
   found.steps.push_back(match_scene_colors(patches, rig, found.reference, stop));
 }
@@ -229,15 +229,15 @@ bool ColorFromTakes::is_accepted() const {
   return std::ranges::all_of(steps, [](const ColorMatch& step) { return step.reasons.empty(); });
 }
 
-ColorFromTakes calibrate_color(const ColorFromTakesSettings& settings,
+ColorFromTakes calibrate_color(const ColorFromTakesOptions& options,
                                const schemas::RigDocument& rig,
                                const std::filesystem::path& rig_file,
                                const std::function<void(double)>& progress,
                                const std::stop_token& stop) {
   ColorFromTakes found;
-  if (!settings.targets.empty()) match_targets(settings, rig, found, stop);
-  if (!settings.chart.empty()) match_chart(settings, rig, rig_file, found, stop);
-  if (!settings.scene.empty()) match_scene(settings, rig, rig_file, found, progress, stop);
+  if (!options.targets.empty()) match_targets(options, rig, found, stop);
+  if (!options.chart.empty()) match_chart(options, rig, rig_file, found, stop);
+  if (!options.scene.empty()) match_scene(options, rig, rig_file, found, progress, stop);
   if (found.steps.empty()) {
     throw Error::bad_input("there is neither a target, a chart nor a scene",
                            "the calibration of colours",

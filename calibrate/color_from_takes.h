@@ -15,7 +15,7 @@ namespace raystage::calibrate {
 
 /// The takes that show targets, a chart or a scene, and what is estimated from them. Paths may be
 /// empty.
-struct ColorFromTakesSettings {
+struct ColorFromTakesOptions {
   std::vector<std::filesystem::path> targets;  ///< each shows a flat target of another brightness
   std::filesystem::path dark;                  ///< lenses capped; needs targets
   std::vector<double> exposures;     ///< relative exposure of each target, for response curves
@@ -24,8 +24,8 @@ struct ColorFromTakesSettings {
   std::string reference;             ///< id of the camera to match; empty: the first
   schemas::DepthRange depths{0, 0};  ///< of the scene, metres in front of the array; 0: the take's
   double focal_depth = 0;            ///< only surfaces within 10 % of it, metres; 0: `depths`
-  bool neutral = false, vignetting = false, flat_field = false;  ///< see FlatFieldMatchSettings
-  bool use_published_values = false;                             ///< see ChartMatchSettings
+  bool neutral = false, vignetting = false, flat_field = false;  ///< see FlatFieldMatchOptions
+  bool use_published_values = false;                             ///< see ChartMatchOptions
 };
 
 /// Colour responses of an array, step by step: targets, chart, scene.
@@ -42,7 +42,7 @@ struct ColorFromTakes {
 /// `rig_file` names it in errors. Calls `progress` with the share that is done, in [0, 1]. Throws
 /// Error (bad input) for takes of other cameras or frame sizes, exposures that contradict the
 /// pictures, and a scene whose rig has no poses; (failed) if a stop is requested.
-ColorFromTakes calibrate_color(const ColorFromTakesSettings& settings,
+ColorFromTakes calibrate_color(const ColorFromTakesOptions& options,
                                const schemas::RigDocument& rig,
                                const std::filesystem::path& rig_file,
                                const std::function<void(double)>& progress,

@@ -19,7 +19,7 @@ void no_progress(double) {}
 class ColorFromTakesTest : public ::testing::Test {
  protected:
   std::filesystem::path take(const std::string& scene, int columns = 2) {
-    simulate::SimulationSettings settings;
+    simulate::SimulationOptions settings;
     settings.scene = scene;
     settings.rows = 1;
     settings.columns = columns;
@@ -34,7 +34,7 @@ class ColorFromTakesTest : public ::testing::Test {
     return path;
   }
 
-  Error error_for(const ColorFromTakesSettings& settings, const std::filesystem::path& rig_file) {
+  Error error_for(const ColorFromTakesOptions& settings, const std::filesystem::path& rig_file) {
     try {
       calibrate_color(settings, schemas::read_rig(rig_file), rig_file, no_progress, {});
     } catch (const Error& error) {
@@ -49,7 +49,7 @@ class ColorFromTakesTest : public ::testing::Test {
 };
 
 TEST_F(ColorFromTakesTest, TargetsGiveEachCameraOfTheRigItsResponse) {
-  ColorFromTakesSettings settings;
+  ColorFromTakesOptions settings;
   settings.targets = {take("white"), take("grey"), take("black")};
   settings.reference = "r0c1";
   const std::filesystem::path rig_file = take("white") / "rig.json";
@@ -70,7 +70,7 @@ TEST_F(ColorFromTakesTest, TargetsGiveEachCameraOfTheRigItsResponse) {
 
 TEST_F(ColorFromTakesTest, NamesTheSettingOfEachContradiction) {
   const std::filesystem::path rig_file = take("white") / "rig.json";
-  ColorFromTakesSettings settings;
+  ColorFromTakesOptions settings;
   EXPECT_THAT(error_for(settings, rig_file).settings(), ElementsAre("chart", "scene"));
   settings.targets = {take("white"), take("grey")};
   settings.reference = "nobody";
@@ -87,7 +87,7 @@ TEST_F(ColorFromTakesTest, NamesTheSettingOfEachContradiction) {
 
 TEST_F(ColorFromTakesTest, ScenesNeedDepthsThatContainSomething) {
   const std::filesystem::path rig_file = take("stage") / "rig.json";
-  ColorFromTakesSettings settings;
+  ColorFromTakesOptions settings;
   settings.scene = take("stage");
   settings.depths = {3, 2};
   EXPECT_THAT(error_for(settings, rig_file).settings(), ElementsAre("near", "far", "focal_depth"));

@@ -12,11 +12,11 @@
 
 namespace raystage::calibrate {
 
-RecordedTracks record_light_tracks(const store::Take& take, const LightDetectionSettings& settings,
+RecordedTracks record_light_tracks(const store::Take& take, const LightDetectionOptions& options,
                                    const std::function<void(double)>& progress,
                                    const std::stop_token& stop) {
   const auto times = synchronised_frame_times(take);
-  return {track_light(take, times, settings, progress, stop), detection_cameras(take),
+  return {track_light(take, times, options, progress, stop), detection_cameras(take),
           median_frame_period(times)};
 }
 
@@ -28,25 +28,25 @@ RecordedTracks record_board_tracks(const store::Take& take, const BoardDetector&
           median_frame_period(times)};
 }
 
-TrackCalibrationSettings board_calibration_settings(const Board& board,
-                                                    std::optional<int> max_instants) {
+TrackCalibrationOptions board_calibration_options(const Board& board,
+                                                  std::optional<int> max_instants) {
   constexpr int kMaxInstants = 80;
-  TrackCalibrationSettings settings;
-  settings.points.max_points = max_instants.value_or(kMaxInstants);
-  settings.points.prefers_still_instants = true;
-  settings.points.min_step_px = 0;
-  settings.points.max_curvature_px = 20;  // frames are close to still instants
-  settings.calibration.board = board.all_corners();
-  return settings;
+  TrackCalibrationOptions options;
+  options.points.max_points = max_instants.value_or(kMaxInstants);
+  options.points.prefers_still_instants = true;
+  options.points.min_step_px = 0;
+  options.points.max_curvature_px = 20;  // frames are close to still instants
+  options.calibration.board = board.all_corners();
+  return options;
 }
 
 Detections match_scene_features(const store::Take& take, std::optional<Nanoseconds> time,
-                                const FeatureMatchingSettings& settings,
+                                const FeatureMatchingOptions& options,
                                 const std::function<void(double)>& progress,
                                 const std::stop_token& stop) {
   const store::TimeRange all = store::running_range(synchronised_frame_times(take));
   return match_features(take, time.value_or(std::midpoint(all.begin, all.end)),
-                        store::default_frame_tolerance(take.document().nominal_fps), settings,
+                        store::default_frame_tolerance(take.document().nominal_fps), options,
                         progress, stop);
 }
 
@@ -74,17 +74,17 @@ std::vector<schemas::Intrinsics> initial_lenses(
   return lenses;
 }
 
-void check_calibration_settings(const CalibrationSettings& settings,
-                                const std::vector<schemas::DetectionsDocument::Camera>& cameras) {
-  if (settings.solve.lens_is_known && settings.solve.lenses.empty() && !settings.start) {
+void check_calibration_options(const CalibrationOptions& options,
+                               const std::vector<schemas::DetectionsDocument::Camera>& cameras) {
+  if (options.solve.lens_is_known && options.solve.lenses.empty() && !options.start) {
     throw Error::bad_input("the lens is to be held, but no lens is given",
                            "the calibration settings",
-                           "Give a lens (raystage calibrate lens), or a rig to start from")
+                           "Give a lens (`raystage calibrate lens`), or a rig to start from")
         .concerning({"lens", "initial_rig"});
   }
-  std::vector<std::string> named = settings.fixed_cameras;
-  if (settings.scale.distance) {
-    named.insert(named.end(), {settings.scale.distance->from, settings.scale.distance->to});
+  std::vector<std::string> named = options.fixed_cameras;
+  if (options.scale.distance) {
+    named.insert(named.end(), {options.scale.distance->from, options.scale.distance->to});
   }
   for (const std::string& id : named) {
     if (std::ranges::find(cameras, id, &schemas::DetectionsDocument::Camera::id) != cameras.end())

@@ -18,7 +18,7 @@ namespace raystage::calibrate {
 
 /// Returns the tracks of a small light in a take, in synchronised time. Errors and progress as
 /// track_light().
-RecordedTracks record_light_tracks(const store::Take& take, const LightDetectionSettings& settings,
+RecordedTracks record_light_tracks(const store::Take& take, const LightDetectionOptions& options,
                                    const std::function<void(double)>& progress,
                                    const std::stop_token& stop);
 
@@ -30,13 +30,13 @@ RecordedTracks record_board_tracks(const store::Take& take, const BoardDetector&
 /// Returns settings for tracks of a board: instants at which the board is still, corners that
 /// determine the scale. `max_instants`: at most so many are used; 80 by default, each has many
 /// corners.
-TrackCalibrationSettings board_calibration_settings(const Board& board,
-                                                    std::optional<int> max_instants);
+TrackCalibrationOptions board_calibration_options(const Board& board,
+                                                  std::optional<int> max_instants);
 
 /// Returns points of the scene itself (match_features()) from the frames at `time`; by default at
 /// the middle of the time in which all cameras ran.
 Detections match_scene_features(const store::Take& take, std::optional<Nanoseconds> time,
-                                const FeatureMatchingSettings& settings,
+                                const FeatureMatchingOptions& options,
                                 const std::function<void(double)>& progress,
                                 const std::stop_token& stop);
 
@@ -49,7 +49,7 @@ std::vector<schemas::Intrinsics> initial_lenses(
 
 /// Throws Error (bad input) if lenses are fixed and unknown, or if a fixed camera or a camera of
 /// the measured distance is not in `cameras`.
-void check_calibration_settings(const CalibrationSettings& settings,
-                                const std::vector<schemas::DetectionsDocument::Camera>& cameras);
+void check_calibration_options(const CalibrationOptions& options,
+                               const std::vector<schemas::DetectionsDocument::Camera>& cameras);
 
 }  // namespace raystage::calibrate

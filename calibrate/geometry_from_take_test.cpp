@@ -63,17 +63,17 @@ TEST(InitialLenses, AreRejectedForMissingCamerasAndOtherFrameSizes) {
   EXPECT_THAT(size.what(), HasSubstr("pictures of 320x480, camera \"a\" has 640x480"));
 }
 
-TEST(CalibrationSettings, NameTheSettingsThatContradict) {
-  CalibrationSettings settings;
-  EXPECT_NO_THROW(check_calibration_settings(settings, kCameras));
+TEST(CalibrationOptions, NameTheSettingsThatContradict) {
+  CalibrationOptions settings;
+  EXPECT_NO_THROW(check_calibration_options(settings, kCameras));
   settings.solve.lens_is_known = true;
-  EXPECT_THAT(error_of([&] { check_calibration_settings(settings, kCameras); }).settings(),
+  EXPECT_THAT(error_of([&] { check_calibration_options(settings, kCameras); }).settings(),
               ElementsAre("lens", "initial_rig"));
   settings.solve.lenses = initial_lenses(lens_document({"a"}), "lens.json", kCameras);
-  EXPECT_NO_THROW(check_calibration_settings(settings, kCameras));
+  EXPECT_NO_THROW(check_calibration_options(settings, kCameras));
   settings.fixed_cameras = {"b"};
   settings.scale.distance = {"a", "c", 1.0};
-  EXPECT_THAT(error_of([&] { check_calibration_settings(settings, kCameras); }).what(),
+  EXPECT_THAT(error_of([&] { check_calibration_options(settings, kCameras); }).what(),
               HasSubstr("no camera \"c\""));
 }
 
@@ -82,11 +82,11 @@ TEST(BoardCalibrationSettings, UseAllCornersOfStillInstants) {
   board.columns = 10;
   board.rows = 7;
   board.square = 0.03;
-  const TrackCalibrationSettings settings = board_calibration_settings(board, std::nullopt);
+  const TrackCalibrationOptions settings = board_calibration_options(board, std::nullopt);
   EXPECT_EQ(settings.calibration.board.size(), 54U);
   EXPECT_TRUE(settings.points.prefers_still_instants);
   EXPECT_EQ(settings.points.max_points, 80);
-  EXPECT_EQ(board_calibration_settings(board, 20).points.max_points, 20);
+  EXPECT_EQ(board_calibration_options(board, 20).points.max_points, 20);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "base/error.h"
+#include "base/options.h"
 #include "calibrate/detect/board_detection.h"
 
 namespace raystage::calibrate {
@@ -17,7 +18,7 @@ std::vector<int> selected_cameras(const store::Take& take, const std::vector<std
     cameras.push_back(take.camera_index(id));
     if (cameras.back() < 0) {
       throw Error::bad_input("there is no camera \"" + id + "\"", take.folder().string(),
-                             "Name cameras of the take (raystage info)");
+                             "Name cameras of the take (`raystage info`)");
     }
   }
   for (int i = 0; ids.empty() && i < take.camera_count(); ++i) cameras.push_back(i);
@@ -42,18 +43,23 @@ std::vector<std::string> prior_group(const std::vector<CameraBoardViews>& select
 
 }  // namespace
 
+bool LensesFromTakeOptions::is_valid(std::string* reason) const {
+  return is_within("views of a camera", max_views, 1, 1e6, reason) && lens.is_valid(reason);
+}
+
 std::vector<CameraLens> calibrate_lenses(const store::Take& take, const BoardDetector& detector,
-                                         const LensesFromTakeSettings& settings,
+                                         const LensesFromTakeOptions& options,
                                          const std::function<void(double)>& progress,
                                          const std::stop_token& stop) {
-  const std::vector<int> cameras = selected_cameras(take, settings.cameras);
+  require_valid(options, "calibration of lenses");
+  const std::vector<int> cameras = selected_cameras(take, options.cameras);
   std::vector<CameraBoardViews> selected;
   for (const int index : cameras) {
     const rig::Rig::Camera& camera = take.rig().cameras[index];
     selected.push_back({camera.id, camera.model.width(), camera.model.height(), {}});
   }
-  const std::vector<std::string> group = prior_group(selected, settings.shared_prior);
-  LensCalibrationSettings lens = settings.lens;
+  const std::vector<std::string> group = prior_group(selected, options.shared_prior);
+  LensCalibrationOptions lens = options.lens;
   lens.stop = stop;
   std::vector<CameraLens> lenses;
   std::vector<CameraBoardViews> grouped;
@@ -61,7 +67,7 @@ std::vector<CameraLens> calibrate_lenses(const store::Take& take, const BoardDet
   for (std::size_t k = 0; k < cameras.size(); ++k) {
     CameraBoardViews& camera = selected[k];
     camera.views = detect_board_views(
-        take, cameras[k], detector, settings.max_views,
+        take, cameras[k], detector, options.max_views,
         [&](double done) {
           progress((static_cast<double>(k) + done) / static_cast<double>(cameras.size()));
         },

@@ -13,11 +13,13 @@
 
 namespace raystage::calibrate {
 
-struct LensesFromTakeSettings {
+struct LensesFromTakeOptions {
   std::vector<std::string> cameras;       ///< ids; empty: all of the take
   std::vector<std::string> shared_prior;  ///< ids of cameras of one model, or "all"
   int max_views = 60;                     ///< of each camera, spread over the take
-  LensCalibrationSettings lens;
+  LensCalibrationOptions lens;
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// A camera of the take and its lens.
@@ -29,10 +31,10 @@ struct CameraLens {
 
 /// Calibrates the lenses of a take's cameras from the board that they show (Zhang 2000); cameras of
 /// `shared_prior` share a prior (calibrate_lenses_with_shared_prior()). Returns one lens for each
-/// camera of `settings`. Calls `progress` with the share that is done, in [0, 1]. Throws Error
+/// camera of `options`. Calls `progress` with the share that is done, in [0, 1]. Throws Error
 /// (bad input) for unknown cameras, (failed) if a stop is requested.
 std::vector<CameraLens> calibrate_lenses(const store::Take& take, const BoardDetector& detector,
-                                         const LensesFromTakeSettings& settings,
+                                         const LensesFromTakeOptions& options,
                                          const std::function<void(double)>& progress,
                                          const std::stop_token& stop);
 

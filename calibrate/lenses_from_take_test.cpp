@@ -22,9 +22,9 @@ Board chessboard() {
 }
 
 /// Returns the message of the error that calibrating this take throws.
-std::string error_for(const store::Take& take, const LensesFromTakeSettings& settings) {
+std::string error_for(const store::Take& take, const LensesFromTakeOptions& options) {
   try {
-    calibrate_lenses(take, BoardDetector(chessboard()), settings, [](double) {}, {});
+    calibrate_lenses(take, BoardDetector(chessboard()), options, [](double) {}, {});
   } catch (const Error& error) {
     return error.what();
   }
@@ -33,7 +33,7 @@ std::string error_for(const store::Take& take, const LensesFromTakeSettings& set
 
 TEST(LensesFromTake, NameUnknownCamerasAndTakesWithoutABoard) {
   const testing::TestFolder folder;
-  simulate::SimulationSettings simulation;
+  simulate::SimulationOptions simulation;
   simulation.scene = "white";
   simulation.rows = 1;
   simulation.columns = 2;
@@ -45,14 +45,14 @@ TEST(LensesFromTake, NameUnknownCamerasAndTakesWithoutABoard) {
   simulate::simulate(simulation, folder.path() / "take", "test");
   const store::Take take(folder.path() / "take");
   const std::string first = take.document().cameras[0].id;
-  LensesFromTakeSettings settings;
-  settings.cameras = {"nobody"};
-  EXPECT_THAT(error_for(take, settings), HasSubstr("no camera \"nobody\""));
-  settings.cameras = {first};
-  settings.shared_prior = {take.document().cameras[1].id};
-  EXPECT_THAT(error_for(take, settings), HasSubstr("is not among those to calibrate"));
-  settings.shared_prior = {};
-  EXPECT_THAT(error_for(take, settings), HasSubstr(first)) << "no board in any frame";
+  LensesFromTakeOptions options;
+  options.cameras = {"nobody"};
+  EXPECT_THAT(error_for(take, options), HasSubstr("no camera \"nobody\""));
+  options.cameras = {first};
+  options.shared_prior = {take.document().cameras[1].id};
+  EXPECT_THAT(error_for(take, options), HasSubstr("is not among those to calibrate"));
+  options.shared_prior = {};
+  EXPECT_THAT(error_for(take, options), HasSubstr(first)) << "no board in any frame";
 }
 
 TEST(LensesFromTake, BecomeARigWithoutPosesAndLinesOfText) {

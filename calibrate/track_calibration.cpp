@@ -17,7 +17,7 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr int kMostRounds = 6;
+constexpr int kMaxRounds = 6;
 
 /// Estimate of a camera's clock offset from one point.
 struct Lag {
@@ -38,19 +38,19 @@ double weighted_median(std::vector<Lag> lags) {
 
 std::vector<std::vector<Lag>> lags_of(const ArrayModel& model, const InterpolatedTracks& points,
                                       const PointTracks& tracks) {
-  constexpr double kMostOff = 30;     // pixels; larger errors are another light
-  constexpr double kLeastSpeed = 10;  // pixels per second
+  constexpr double kMaxDeviation = 30;  // pixels; larger errors are another light
+  constexpr double kMinSpeed = 10;      // pixels per second
   const std::vector<rig::CameraModel> lenses = make_camera_models(model);
   std::vector<std::vector<Lag>> lags(tracks.size());
   for (const ArrayModel::Observation& o : model.observations) {
     const auto off = reprojection_residual(model, lenses, o);
-    if (!off || !(off->norm() <= kMostOff)) continue;
+    if (!off || !(off->norm() <= kMaxDeviation)) continue;
     const int number = model.point_ids[o.point];
     const auto target = static_cast<std::size_t>(number % points.targets);
     const auto speed =
         track_velocity(tracks[o.camera][target],
                        points.begin + number / points.targets * points.period, points.period);
-    if (!speed || !(speed->norm() >= kLeastSpeed)) continue;
+    if (!speed || !(speed->norm() >= kMinSpeed)) continue;
     const double weight = speed->squaredNorm();
     lags[o.camera].push_back({-speed->dot(*off) / weight, weight});
   }
@@ -61,19 +61,19 @@ std::vector<std::vector<Lag>> lags_of(const ArrayModel& model, const Interpolate
 /// points.
 std::vector<double> remaining_offsets(const ArrayModel& model, const InterpolatedTracks& points,
                                       const PointTracks& tracks) {
-  constexpr std::size_t kLeast = 10;  // points
+  constexpr std::size_t kMin = 10;  // points
   const auto lags = lags_of(model, points, tracks);
   std::vector<double> offsets(tracks.size(), 0);
   double sum = 0;
   int count = 0;
   for (std::size_t c = 0; c < offsets.size(); ++c) {
-    if (lags[c].size() < kLeast) continue;
+    if (lags[c].size() < kMin) continue;
     offsets[c] = weighted_median(lags[c]);
     sum += offsets[c];
     ++count;
   }
   for (std::size_t c = 0; c < offsets.size(); ++c) {
-    if (lags[c].size() >= kLeast) offsets[c] -= sum / count;
+    if (lags[c].size() >= kMin) offsets[c] -= sum / count;
   }
   return offsets;
 }
@@ -99,9 +99,9 @@ double median_speed(const PointTracks& tracks) {
 }
 
 /// Returns settings that start from the poses and lenses of a calibration.
-CalibrationSettings continued(const CalibrationSettings& settings, const Calibration& found) {
-  CalibrationSettings next = settings;
-  if (settings.start) return next;
+CalibrationOptions continued(const CalibrationOptions& options, const Calibration& found) {
+  CalibrationOptions next = options;
+  if (options.start) return next;
   next.solve.lenses.clear();
   next.solve.poses.clear();
   for (const ArrayModel::Camera& camera : found.model.cameras) {
@@ -114,16 +114,16 @@ CalibrationSettings continued(const CalibrationSettings& settings, const Calibra
 }  // namespace
 
 TrackCalibration calibrate_from_tracks(const RecordedTracks& light,
-                                       const TrackCalibrationSettings& settings) {
+                                       const TrackCalibrationOptions& options) {
   PointTracks tracks = light.tracks;
   TrackCalibration result;
   result.clock_offsets.assign(tracks.size(), 0);
-  CalibrationSettings calibration = settings.calibration;
+  CalibrationOptions calibration = options.calibration;
   const double speed = median_speed(tracks);
   for (int round = 0;; ++round) {
-    result.points = interpolate_tracks(tracks, light.cameras, light.period, settings.points);
+    result.points = interpolate_tracks(tracks, light.cameras, light.period, options.points);
     result.calibration = calibrate(result.points.detections, calibration);
-    if (!settings.estimates_clock_offsets || round == kMostRounds) break;
+    if (!options.estimates_clock_offsets || round == kMaxRounds) break;
     const std::vector<double> ahead =
         remaining_offsets(result.calibration.model, result.points, tracks);
     double most = 0;
@@ -138,7 +138,7 @@ TrackCalibration calibrate_from_tracks(const RecordedTracks& light,
     }
     constexpr double kSettled = 0.02;  // pixels
     if (most * speed <= kSettled) break;
-    calibration = continued(settings.calibration, result.calibration);
+    calibration = continued(options.calibration, result.calibration);
   }
   return result;
 }

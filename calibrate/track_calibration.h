@@ -16,9 +16,9 @@ struct RecordedTracks {
   Nanoseconds period = 0;  ///< between frames
 };
 
-struct TrackCalibrationSettings {
-  TrackInterpolationSettings points;
-  CalibrationSettings calibration;
+struct TrackCalibrationOptions {
+  TrackInterpolationOptions points;
+  CalibrationOptions calibration;
   bool estimates_clock_offsets = true;  ///< false: the times are used unchanged
 };
 
@@ -35,7 +35,7 @@ struct TrackCalibration {
 /// solve d is estimated from all points of a camera and the times are corrected, until every
 /// correction is below the time of a fiftieth of a pixel. Throws Error as calibrate().
 TrackCalibration calibrate_from_tracks(const RecordedTracks& light,
-                                       const TrackCalibrationSettings& settings);
+                                       const TrackCalibrationOptions& options);
 
 /// Returns a line about the largest clock offset, for example "Clocks     set by up to 4.3 ms".
 std::string format_clock_offsets(const TrackCalibration& found,

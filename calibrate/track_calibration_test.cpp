@@ -62,11 +62,11 @@ Recording recorded(double most_clock_ms, double noise_px) {
 }
 
 TrackCalibration calibrated(const Recording& recording, bool estimates_clock_offsets) {
-  TrackCalibrationSettings settings;
-  settings.estimates_clock_offsets = estimates_clock_offsets;
-  settings.calibration.scale.spacing_m = 0.06;
-  settings.calibration.solve.horizontal_fov = 60 * testing::kTestDegree;
-  return calibrate_from_tracks(recording.light, settings);
+  TrackCalibrationOptions options;
+  options.estimates_clock_offsets = estimates_clock_offsets;
+  options.calibration.scale.spacing_m = 0.06;
+  options.calibration.solve.horizontal_fov = 60 * testing::kTestDegree;
+  return calibrate_from_tracks(recording.light, options);
 }
 
 TEST(InterpolatedTracks, AreAtCommonTimes) {
@@ -100,10 +100,10 @@ TEST(InterpolatedTracks, AreNotMadeUpWhereTheLightWasNotSeen) {
 
 TEST(InterpolatedTracks, AreSpreadOverTheRecording) {
   const Recording recording = recorded(0, 0);
-  TrackInterpolationSettings settings;
-  settings.max_points = 20;
+  TrackInterpolationOptions options;
+  options.max_points = 20;
   const InterpolatedTracks points =
-      interpolate_tracks(recording.light.tracks, recording.light.cameras, kPeriod, settings);
+      interpolate_tracks(recording.light.tracks, recording.light.cameras, kPeriod, options);
   std::set<int> ticks;
   for (const Detections::Detection& d : points.detections.detections) ticks.insert(d.point);
   EXPECT_EQ(ticks.size(), 20U);

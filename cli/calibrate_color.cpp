@@ -18,7 +18,7 @@ namespace raystage::cli {
 namespace {
 
 /// Returns the take that the rig and the contact sheet come from by default.
-const std::filesystem::path& first_take(const calibrate::ColorFromTakesSettings& settings) {
+const std::filesystem::path& first_take(const calibrate::ColorFromTakesOptions& settings) {
   if (!settings.targets.empty()) return settings.targets.front();
   const auto& take = settings.chart.empty() ? settings.scene : settings.chart;
   if (take.empty()) {

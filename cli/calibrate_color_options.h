@@ -10,7 +10,7 @@ namespace raystage::cli {
 
 /// The options of `raystage calibrate color`.
 struct CalibrateColorOptions {
-  calibrate::ColorFromTakesSettings settings;
+  calibrate::ColorFromTakesOptions settings;
   std::filesystem::path output, start, sheet, sheet_of;
   bool force = false, json = false, quiet = false;
   int threads = 0;

@@ -31,12 +31,12 @@ struct GeometryOptions {
   bool features = false, trust_clocks = false, force = false, json = false, quiet = false;
   int threads = 0;
   std::optional<int> max_points;
-  calibrate::LightDetectionSettings light;
+  calibrate::LightDetectionOptions light;
   BoardOptions board;
 };
 
-calibrate::ScaleSettings scale_of(const GeometryOptions& options) {
-  calibrate::ScaleSettings scale;
+calibrate::ScaleOptions scale_of(const GeometryOptions& options) {
+  calibrate::ScaleOptions scale;
   if (options.spacing_mm) scale.spacing_m = *options.spacing_mm / 1000;
   if (options.distance.empty()) return scale;
   double metres = 0;
@@ -53,10 +53,10 @@ calibrate::ScaleSettings scale_of(const GeometryOptions& options) {
   return scale;
 }
 
-calibrate::CalibrationSettings calibration_settings(
+calibrate::CalibrationOptions calibration_options(
     const GeometryOptions& options, const std::vector<schemas::DetectionsDocument::Camera>& cameras,
     const std::stop_token& stop) {
-  calibrate::CalibrationSettings settings;
+  calibrate::CalibrationOptions settings;
   settings.solve.stop = stop;
   if (!options.quiet) {
     settings.solve.on_step = [lines =
@@ -83,7 +83,7 @@ calibrate::CalibrationSettings calibration_settings(
       settings.fixed_cameras.push_back(held);
     }
   }
-  calibrate::check_calibration_settings(settings, cameras);
+  calibrate::check_calibration_options(settings, cameras);
   return settings;
 }
 
@@ -100,12 +100,12 @@ calibrate::Detections table_of(const GeometryOptions& options) {
 }
 
 struct GeometryResult {
-  calibrate::CalibrationSettings settings;
+  calibrate::CalibrationOptions settings;
   calibrate::Calibration calibration;
 };
 
 GeometryResult calibrate_tracks(const calibrate::RecordedTracks& tracks,
-                                calibrate::TrackCalibrationSettings settings,
+                                calibrate::TrackCalibrationOptions settings,
                                 const GeometryOptions& options) {
   settings.estimates_clock_offsets = !options.trust_clocks;
   const calibrate::TrackCalibration found = calibrate::calibrate_from_tracks(tracks, settings);
@@ -118,9 +118,9 @@ GeometryResult calibrate_tracks(const calibrate::RecordedTracks& tracks,
 
 GeometryResult calibrate_with_light(const GeometryOptions& options, const std::stop_token& stop) {
   const store::Take take(options.input);
-  calibrate::TrackCalibrationSettings settings;
+  calibrate::TrackCalibrationOptions settings;
   settings.points.max_points = options.max_points.value_or(settings.points.max_points);
-  settings.calibration = calibration_settings(options, calibrate::detection_cameras(take), stop);
+  settings.calibration = calibration_options(options, calibrate::detection_cameras(take), stop);
   Progress progress(!options.quiet);
   const calibrate::RecordedTracks tracks = calibrate::record_light_tracks(
       take, options.light, [&](double done) { progress.report(done); }, stop);
@@ -132,10 +132,10 @@ GeometryResult calibrate_with_light(const GeometryOptions& options, const std::s
 GeometryResult calibrate_with_board(const GeometryOptions& options, const std::stop_token& stop) {
   const calibrate::BoardDetector detector(make_board(options.board, true));
   const store::Take take(options.input);
-  calibrate::TrackCalibrationSettings settings =
-      calibrate::board_calibration_settings(detector.board(), options.max_points);
+  calibrate::TrackCalibrationOptions settings =
+      calibrate::board_calibration_options(detector.board(), options.max_points);
   const calibrate::BoardObjectPoints corners = settings.calibration.board;
-  settings.calibration = calibration_settings(options, calibrate::detection_cameras(take), stop);
+  settings.calibration = calibration_options(options, calibrate::detection_cameras(take), stop);
   settings.calibration.board = corners;
   Progress progress(!options.quiet);
   return calibrate_tracks(calibrate::record_board_tracks(
@@ -146,9 +146,9 @@ GeometryResult calibrate_with_board(const GeometryOptions& options, const std::s
 GeometryResult calibrate_with_features(const GeometryOptions& options,
                                        const std::stop_token& stop) {
   const store::Take take(options.input);
-  const calibrate::CalibrationSettings settings =
-      calibration_settings(options, calibrate::detection_cameras(take), stop);
-  calibrate::FeatureMatchingSettings features;
+  const calibrate::CalibrationOptions settings =
+      calibration_options(options, calibrate::detection_cameras(take), stop);
+  calibrate::FeatureMatchingOptions features;
   features.max_points = options.max_points.value_or(features.max_points);
   std::optional<Nanoseconds> time;
   if (options.at_s) time = static_cast<Nanoseconds>(std::llround(*options.at_s * 1e9));
@@ -161,8 +161,8 @@ GeometryResult calibrate_with_features(const GeometryOptions& options,
 
 GeometryResult calibrate_table(const GeometryOptions& options, const std::stop_token& stop) {
   const calibrate::Detections detections = table_of(options);
-  const calibrate::CalibrationSettings settings =
-      calibration_settings(options, detections.cameras, stop);
+  const calibrate::CalibrationOptions settings =
+      calibration_options(options, detections.cameras, stop);
   return {settings, calibrate::calibrate(detections, settings)};
 }
 

@@ -18,7 +18,7 @@ namespace {
 struct LensOptions {
   std::filesystem::path take, output;
   BoardOptions board;
-  calibrate::LensesFromTakeSettings settings;
+  calibrate::LensesFromTakeOptions settings;
   int threads = 0;
   bool force = false, quiet = false;
 };

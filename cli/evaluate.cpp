@@ -24,7 +24,7 @@ struct Options {
   std::filesystem::path take, views, json, table;
   std::string focal_depth = "best", label;
   std::vector<std::string> method_options;
-  evaluation::EvaluationSettings settings;
+  evaluation::EvaluationOptions settings;
   int threads = 0;
   double memory_gb = 4;
   bool quiet = false;
@@ -40,7 +40,7 @@ void append_row(const std::filesystem::path& file, const evaluation::Evaluation&
 
 ExitCode evaluate(const Options& options, std::stop_token stop) {
   const ThreadLimit limit(options.threads);
-  evaluation::EvaluationSettings settings = options.settings;
+  evaluation::EvaluationOptions settings = options.settings;
   for (const std::string& text : options.method_options) {
     const auto [name, value] = render::option_from_text(text);
     settings.options[name] = value;

@@ -14,30 +14,30 @@ namespace raystage::cli {
 
 /// Adds --focal-depth, for parse_focal_depth(), and --exclude-cameras.
 inline void add_truth_options(CommandLine& command, std::string& focal_depth,
-                              evaluation::EvaluationSettings& settings) {
+                              evaluation::EvaluationOptions& options) {
   command
       .option("--focal-depth", focal_depth,
               "Focal plane parallel to the array, metres in front of it; 'best': eq. 2.2 from the "
               "take's depth range")
       .show_default();
   command
-      .option("--exclude-cameras ID,...", settings.excluded_camera_ids,
+      .option("--exclude-cameras ID,...", options.excluded_camera_ids,
               "Cameras (ids, comma separated) to exclude and use as truth")
       .one_argument(',');
 }
 
 /// Adds --blend.
-inline void add_blend_option(CommandLine& command, evaluation::EvaluationSettings& settings) {
+inline void add_blend_option(CommandLine& command, evaluation::EvaluationOptions& options) {
   command.choice(
-      "--blend", settings.blend_space,
+      "--blend", options.blend_space,
       {{"perceptual", store::BlendSpace::kPerceptual}, {"linear", store::BlendSpace::kLinear}},
       "Scale on which the cameras' samples are averaged: perceptual (sRGB's curve) or "
       "linear (default: perceptual)");
 }
 
 /// Adds --view-step.
-inline void add_view_step_option(CommandLine& command, evaluation::EvaluationSettings& settings) {
-  command.option("--view-step", settings.view_step, "Render every n-th view only")
+inline void add_view_step_option(CommandLine& command, evaluation::EvaluationOptions& options) {
+  command.option("--view-step", options.view_step, "Render every n-th view only")
       .show_default()
       .positive();
 }

@@ -22,7 +22,7 @@ namespace {
 using farm::SubmissionOptions;
 using Engine = schemas::FarmJobDocument::Engine;
 
-constexpr double kLeastMemoryGb = 1e-3, kMostMemoryGb = 1e5;
+constexpr double kMinMemoryGb = 1e-3, kMaxMemoryGb = 1e5;
 
 /// `submission` is completed after parsing, by completed().
 struct Options {
@@ -110,7 +110,7 @@ void declare_resources(CommandLine& command, Options& options) {
       .option("--memory GB", submission.memory_gb,
               "memory of a task's renderer, GB = 10^9 bytes; 10 % and 0.4 GB more are requested "
               "from the\nscheduler (default: from the memory plan and the measured frame)")
-      .range(kLeastMemoryGb, kMostMemoryGb);
+      .range(kMinMemoryGb, kMaxMemoryGb);
   command
       .option(
           "--time MINUTES", options.minutes,

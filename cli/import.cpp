@@ -20,7 +20,7 @@ namespace {
 
 using namespace raystage;
 using namespace raystage::cli;
-using Chroma = store::JpegEncodeSettings::Chroma;
+using Chroma = store::JpegEncodeOptions::Chroma;
 
 constexpr const char* kDescription =
     "Makes a take from images or movies.\n\n"
@@ -71,23 +71,23 @@ void declare(CommandLine& command, Options& options) {
 
 /// Returns -1 for "default". The option is text because CLI11 reads =0 of a flag as "not set".
 int restart_interval_from(const std::string& text) {
-  constexpr int kDefault = -1, kMost = 65535;  // the DRI marker has 16 bits
+  constexpr int kDefault = -1, kMax = 65535;  // the DRI marker has 16 bits
   if (text == "default") return kDefault;
   int interval = 0;
   const char* end = text.data() + text.size();
   const auto [used, error] = std::from_chars(text.data(), end, interval);
-  if (error != std::errc() || used != end || interval < 1 || interval > kMost) {
+  if (error != std::errc() || used != end || interval < 1 || interval > kMax) {
     throw Error::bad_input(
-        "found " + text + " MCUs between markers, allowed: 1 to " + std::to_string(kMost),
+        "found " + text + " MCUs between markers, allowed: 1 to " + std::to_string(kMax),
         "--restart-markers", "Omit the number for the default");
   }
   return interval;
 }
 
-ingest::ImportSettings settings_from(const Options& options) {
+ingest::ImportOptions settings_from(const Options& options) {
   static const std::map<std::string, Chroma> kChroma{
       {"444", Chroma::k444}, {"422", Chroma::k422}, {"420", Chroma::k420}};
-  ingest::ImportSettings settings;
+  ingest::ImportOptions settings;
   settings.encode.quality = options.quality;
   settings.encode.chroma = kChroma.at(options.chroma);
   if (!options.restart_markers.empty()) {
@@ -99,13 +99,13 @@ ingest::ImportSettings settings_from(const Options& options) {
 }
 
 ExitCode run(const Options& options, std::stop_token stop) {
-  ingest::ModelImportSettings model;
+  ingest::ModelImportOptions model;
   if (!options.images.empty()) model.images = options.images;
   model.epoch_utc = parse_utc(options.epoch);
   model.nominal_fps = options.fps;
 
   const ThreadLimit limit(options.threads);
-  ingest::ImportSettings settings = settings_from(options);
+  ingest::ImportOptions settings = settings_from(options);
   const auto source = ingest::open_import_source(options.manifest, model);
   Progress progress(!options.quiet);
   settings.progress = [&](double done) { progress.report(done); };

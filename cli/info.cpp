@@ -34,14 +34,14 @@ double megabytes_per_second(const store::TakeSummary& summary) {
 
 template <typename Keep>
 std::string ids_of(const store::TakeSummary& summary, Keep keep) {
-  constexpr int kMost = 12;
+  constexpr int kMax = 12;
   std::string text;
   int count = 0;
   for (const Camera& camera : summary.cameras) {
     if (!keep(camera)) continue;
-    if (++count <= kMost) text += (text.empty() ? "" : ", ") + camera.id;
+    if (++count <= kMax) text += (text.empty() ? "" : ", ") + camera.id;
   }
-  if (count > kMost) text += fmt::format(" and {} more", count - kMost);
+  if (count > kMax) text += fmt::format(" and {} more", count - kMax);
   return text;
 }
 
@@ -69,7 +69,7 @@ int missing_of(const Camera& camera) {
 
 /// Prints only the cameras with the most missing frames if many have some; --json lists all.
 void print_missing(const store::TakeSummary& summary) {
-  constexpr std::size_t kMost = 8;
+  constexpr std::size_t kMax = 8;
   std::array<int, store::kFrameStatusCount> all{};
   std::vector<const Camera*> lacking;
   for (const Camera& camera : summary.cameras) {
@@ -84,7 +84,7 @@ void print_missing(const store::TakeSummary& summary) {
                               lacking.size(), by_reason(all)));
   std::ranges::stable_sort(lacking, std::ranges::greater{},
                            [](const Camera* camera) { return missing_of(*camera); });
-  const std::size_t shown = lacking.size() > kMost ? kMost / 2 : lacking.size();
+  const std::size_t shown = lacking.size() > kMax ? kMax / 2 : lacking.size();
   for (std::size_t i = 0; i < shown; ++i) {
     fmt::print("  {:<10}{}\n", lacking[i]->id, by_reason(lacking[i]->by_status));
   }
@@ -283,7 +283,7 @@ ExitCode info(const std::string& folder, bool json) {
   const store::Take take(folder);
   const store::TakeSummary summary = store::summarise_take(take);
   (json ? print_json : print_text)(take, summary);
-  return summary.whole() ? ExitCode::kSuccess : ExitCode::kBadInput;
+  return summary.is_readable() ? ExitCode::kSuccess : ExitCode::kBadInput;
 }
 
 }  // namespace

@@ -22,7 +22,7 @@
 namespace raystage::cli {
 namespace {
 
-constexpr double kBytesPerGb = 1e9, kLeastMemoryGb = 1e-3, kMostMemoryGb = 1e5;
+constexpr double kBytesPerGb = 1e9, kMinMemoryGb = 1e-3, kMaxMemoryGb = 1e5;
 
 struct Options {
   std::filesystem::path shot, cache_folder, color_config, relative_to;
@@ -52,7 +52,7 @@ void declare(CommandLine& command, Options& options, char** argv) {
       .option("--memory GB", options.memory_gb,
               "memory for decoded source frames and the method's buffers, GB = 10^9 bytes "
               "(default:\nhalf of the machine's or control group's, at most 4 GiB for each)")
-      .range(kLeastMemoryGb, kMostMemoryGb);
+      .range(kMinMemoryGb, kMaxMemoryGb);
   add_threads_option(command, options.threads);
   add_simd_option(command, options.simd, argv);
   command.option(

@@ -98,7 +98,7 @@ int main(int argc, char** argv) {
     Progress progress(!quiet);
     options.progress = [&](double done) { progress.report(done); };
     const compose::PreviewReport report = compose::make_preview(options, stop);
-    if (report.stopped) return ExitCode::kFailed;
+    if (report.status != RunStatus::kFinished) return ExitCode::kFailed;
     std::string line = fmt::format("{} frames", report.frames);
     if (report.held > 0) line += fmt::format(", {} of them held", report.held);
     if (!report.encoder.empty()) {

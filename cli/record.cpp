@@ -183,7 +183,7 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   const std::string node = !options.node.empty()  ? options.node
                            : !config.node.empty() ? config.node
                                                   : host_name();
-  ingest::RecorderSettings settings = ingest::make_recorder_settings(config);
+  ingest::RecorderOptions settings = ingest::make_recorder_options(config);
   ingest::check_recording_memory(settings.memory_bytes, available_memory());
   const std::size_t free_before = free_memory();
   settings.threads = thread_count(options.threads);

@@ -21,7 +21,7 @@
 namespace raystage::cli {
 namespace {
 
-constexpr double kBytesPerGb = 1e9, kLeastMemoryGb = 1e-3, kMostMemoryGb = 1e5;
+constexpr double kBytesPerGb = 1e9, kMinMemoryGb = 1e-3, kMaxMemoryGb = 1e5;
 
 }  // namespace
 
@@ -69,7 +69,7 @@ void declare_render_options(CommandLine& command, RenderOptions& options, char**
               "memory for frames in flight, decoded source frames, the method's caches and "
               "buffers,\nGB = 10^9 bytes (default: half of the machine's or control group's, at "
               "most 4 GiB of it for\nsource frames)")
-      .range(kLeastMemoryGb, kMostMemoryGb);
+      .range(kMinMemoryGb, kMaxMemoryGb);
   command
       .option("--layout LAYOUT", options.layout,
               "parts of the EXR files: standard = one for each layer and view; single = one for "

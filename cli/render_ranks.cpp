@@ -14,8 +14,8 @@
 namespace raystage::cli {
 namespace {
 
-render::FragmentEncodingSettings encoding_of(const RenderOptions& options) {
-  render::FragmentEncodingSettings settings;
+render::FragmentEncodingOptions encoding_of(const RenderOptions& options) {
+  render::FragmentEncodingOptions settings;
   if (options.fragments == "half") settings.encoding = render::FragmentEncoding::kHalf;
   if (options.fragments == "jpeg") settings.encoding = render::FragmentEncoding::kJpeg;
   if (options.jpeg_quality > 0) settings.jpeg_quality = options.jpeg_quality;

@@ -21,17 +21,17 @@ struct Options {
   int threads = 0;
 };
 
-constexpr std::size_t kMostShown = 4;
+constexpr std::size_t kMaxShown = 4;
 
 /// Returns "at 0.200000000 s, 0.250000000 s and 3 more: "; empty without times.
 std::string times_text(const std::vector<Nanoseconds>& times) {
   if (times.empty()) return "";
   std::string text = "at ";
-  for (std::size_t i = 0; i < std::min(times.size(), kMostShown); ++i) {
+  for (std::size_t i = 0; i < std::min(times.size(), kMaxShown); ++i) {
     text += fmt::format("{}{:.9f} s", i == 0 ? "" : ", ",
                         static_cast<double>(times[i]) / kNanosecondsPerSecond);
   }
-  if (times.size() > kMostShown) text += fmt::format(" and {} more", times.size() - kMostShown);
+  if (times.size() > kMaxShown) text += fmt::format(" and {} more", times.size() - kMaxShown);
   return text + ": ";
 }
 
@@ -47,11 +47,11 @@ void print_losses(const std::vector<store::SalvageResult::Loss>& losses) {
     if (kind == kinds.end()) kind = kinds.insert(kinds.end(), Kind{loss.what, {}});
     if (loss.time_ns != store::kUnknownTime) kind->times.push_back(loss.time_ns);
   }
-  constexpr std::size_t kMostKinds = 8;
-  for (std::size_t i = 0; i < std::min(kinds.size(), kMostKinds); ++i) {
+  constexpr std::size_t kMaxKinds = 8;
+  for (std::size_t i = 0; i < std::min(kinds.size(), kMaxKinds); ++i) {
     fmt::print("  lost or unverified: {}{}\n", times_text(kinds[i].times), kinds[i].what);
   }
-  if (kinds.size() > kMostKinds) fmt::print("  ... and {} more\n", kinds.size() - kMostKinds);
+  if (kinds.size() > kMaxKinds) fmt::print("  ... and {} more\n", kinds.size() - kMaxKinds);
 }
 
 void print_camera(const store::RepairReport::Camera& camera, bool dry_run) {
@@ -92,7 +92,7 @@ ExitCode repair(const Options& options, const std::stop_token& stop) {
     fmt::print("The timeline no longer matches and was renamed to {}: run `raystage sync`\n",
                report.renamed_timeline);
   }
-  if (report.failed() || report.stopped) return ExitCode::kFailed;
+  if (report.failed() || report.status != RunStatus::kFinished) return ExitCode::kFailed;
   return report.has_losses() ? ExitCode::kSomeFramesFailed : ExitCode::kSuccess;
 }
 

@@ -17,7 +17,7 @@ using namespace raystage;
 using namespace raystage::cli;
 
 struct Options {
-  simulate::SimulationSettings settings;
+  simulate::SimulationOptions settings;
   std::string output, calibration = "true", chroma = "444";
   double spacing_mm = 60, mounting_mm = 3, jitter_ms = 0.2, clock_offset_ms = 5;
   int threads = 0;
@@ -25,7 +25,7 @@ struct Options {
 };
 
 void add_array_options(CommandLine command, Options& o) {
-  simulate::SimulationSettings& s = o.settings;
+  simulate::SimulationOptions& s = o.settings;
   command.option("--rows", s.rows, "Rows of cameras, 1-100");
   command.option("--columns", s.columns, "Columns of cameras, 1-100");
   command.option("--spacing-mm", o.spacing_mm,
@@ -68,7 +68,7 @@ void add_array_options(CommandLine command, Options& o) {
 }
 
 void add_time_options(CommandLine command, Options& o) {
-  simulate::SimulationSettings& s = o.settings;
+  simulate::SimulationOptions& s = o.settings;
   command.option("--fps", s.fps, "Frames per second of each camera, 0.1-1000");
   command.option("--seconds", s.seconds,
                  "Duration of the take, seconds, at least one frame, at most 36000");
@@ -86,7 +86,7 @@ void add_time_options(CommandLine command, Options& o) {
 }
 
 void add_picture_options(CommandLine command, Options& o) {
-  simulate::SimulationSettings& s = o.settings;
+  simulate::SimulationOptions& s = o.settings;
   command.option("--noise", s.noise,
                  "Standard deviation of sensor noise at full scale 1, proportional to the square "
                  "root of the light, 0-1");
@@ -108,14 +108,14 @@ void add_picture_options(CommandLine command, Options& o) {
 }
 
 ExitCode run(Options& o, std::stop_token stop) {
-  simulate::SimulationSettings& s = o.settings;
+  simulate::SimulationOptions& s = o.settings;
   s.spacing = o.spacing_mm / 1000;
   s.mounting_error = o.mounting_mm / 1000;
   s.jitter = o.jitter_ms / 1000;
   s.clock_offset = o.clock_offset_ms / 1000;
   s.nominal_calibration = o.calibration == "nominal";
   s.jpeg.restart_interval = o.no_restart_markers ? 0 : -1;
-  using Chroma = store::JpegEncodeSettings::Chroma;
+  using Chroma = store::JpegEncodeOptions::Chroma;
   s.jpeg.chroma = o.chroma == "420"   ? Chroma::k420
                   : o.chroma == "422" ? Chroma::k422
                                       : Chroma::k444;

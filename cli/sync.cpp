@@ -32,7 +32,7 @@ struct Options {
   double fps = 0, tolerance_ms = 0, longest_gap_ms = 0;
   std::optional<double> tick_at;
   store::RetimeMethod retime = store::RetimeMethod::kNearest;
-  int quality = store::RetimeSettings{}.quality, threads = 0;
+  int quality = store::RetimeOptions{}.quality, threads = 0;
   std::vector<double> flash_window;
   bool flash = false, keep_start_up = false, json = false, quiet = false;
 };
@@ -65,7 +65,7 @@ void print_text(const store::ResyncResult& resync, const std::vector<std::string
 
 store::FlashOffsets find_flashes(const store::Take& take,
                                  const std::vector<store::CameraTimestamps>& cameras,
-                                 const store::ResyncSettings& settings, const Options& options,
+                                 const store::ResyncOptions& settings, const Options& options,
                                  std::stop_token stop) {
   const store::ResyncResult resync = store::resynchronise(cameras, settings, options.take);
   Nanoseconds begin = std::numeric_limits<Nanoseconds>::min() + 1;
@@ -89,7 +89,7 @@ store::FlashOffsets find_flashes(const store::Take& take,
 
 store::RetimeReport retime(const store::Take& take, const store::ResyncResult& resync,
                            const Options& options, const std::stop_token& stop) {
-  store::RetimeSettings settings;
+  store::RetimeOptions settings;
   settings.method = options.retime;
   settings.max_gap = from_ms(options.longest_gap_ms);
   settings.quality = options.quality;
@@ -101,12 +101,12 @@ store::RetimeReport retime(const store::Take& take, const store::ResyncResult& r
 
 void print_text(const store::RetimeReport& report, const std::string& output) {
   fmt::print("Retimed    {}: {} frames interpolated, {} unchanged, {} missing\n", output,
-             report.moved, report.unchanged, report.missing);
+             report.interpolated, report.unchanged, report.missing);
   const store::TimelineStatistics there =
       store::timeline_statistics(store::read_timeline(store::Take(output)));
   fmt::print("Spread     after retiming: mean {:.3f} ms, at most {:.3f} ms\n",
              there.mean_spread_ns / kNsPerMs, static_cast<double>(there.max_spread) / kNsPerMs);
-  if (report.moved > 0)
+  if (report.interpolated > 0)
     fmt::print("Cost       {:.1f} ms per interpolated frame\n", report.ms_per_interpolated);
 }
 
@@ -114,7 +114,7 @@ void print_json(const store::ResyncResult& resync, const std::optional<store::Fl
                 const std::optional<store::RetimeReport>& retimed) {
   auto json = nlohmann::ordered_json::parse(store::resync_report_json(resync, flash));
   if (retimed) {
-    json["retimed"] = {{"interpolated", retimed->moved},
+    json["retimed"] = {{"interpolated", retimed->interpolated},
                        {"unchanged", retimed->unchanged},
                        {"missing", retimed->missing},
                        {"ms_per_interpolated", retimed->ms_per_interpolated}};
@@ -154,7 +154,7 @@ ExitCode sync(const Options& options, std::stop_token stop) {
   const store::Take take(options.take, store::make_journal_archives(options.take));
   say_what_is_elsewhere(take);
   const std::vector<store::CameraTimestamps> cameras = store::camera_timestamps(take);
-  store::ResyncSettings settings;
+  store::ResyncOptions settings;
   settings.fps = options.fps;
   settings.tolerance = from_ms(options.tolerance_ms);
   settings.trust_timestamps =

@@ -32,13 +32,13 @@ struct Options {
 };
 
 std::string frames_text(const std::vector<store::AffectedFrame>& frames) {
-  constexpr std::size_t kMost = 4;
+  constexpr std::size_t kMax = 4;
   std::string text;
-  for (std::size_t i = 0; i < std::min(frames.size(), kMost); ++i) {
+  for (std::size_t i = 0; i < std::min(frames.size(), kMax); ++i) {
     text += fmt::format("{}frame {} at {:.6f} s", i == 0 ? "" : ", ", frames[i].number,
                         static_cast<double>(frames[i].time_ns) / kNanosecondsPerSecond);
   }
-  if (frames.size() > kMost) text += fmt::format(" and {} more", frames.size() - kMost);
+  if (frames.size() > kMax) text += fmt::format(" and {} more", frames.size() - kMax);
   return text.empty() ? "" : " [" + text + "]";
 }
 
@@ -70,7 +70,7 @@ void print_text(const Options& options, const store::TakeFixityReport& report) {
   for (const auto& camera : report.cameras) {
     const bool only_open =
         std::ranges::all_of(camera.report.problems, &store::FixityProblem::not_closed);
-    intact += camera.error.empty() && camera.report.whole() ? 1 : 0;
+    intact += camera.error.empty() && camera.report.is_intact() ? 1 : 0;
     damaged += !camera.error.empty() || !only_open ? 1 : 0;
   }
   const auto cameras = static_cast<long>(report.cameras.size());
@@ -113,7 +113,7 @@ Json json_of(const Options& options, const store::TakeFixityReport& report) {
   Json cameras = Json::array();
   for (const auto& camera : report.cameras) {
     Json json{{"id", camera.id},
-              {"intact", camera.error.empty() && camera.report.whole()},
+              {"intact", camera.error.empty() && camera.report.is_intact()},
               {"bytes", camera.bytes}};
     if (options.depth != "sizes") json["frames"] = camera.report.frames;
     json["problems"] = json_of(camera.report.problems);
@@ -125,7 +125,7 @@ Json json_of(const Options& options, const store::TakeFixityReport& report) {
   Json json{{"take", options.take},
             {"depth", options.depth},
             {"decoded", options.decode},
-            {"intact", report.whole()},
+            {"intact", report.is_intact()},
             {"bytes", report.bytes()},
             {"seconds", report.seconds},
             {"problems", json_of(report.problems)},
@@ -148,7 +148,7 @@ ExitCode verify(const Options& options, const std::stop_token& stop) {
   deep.progress = [&](double share) { progress.report(share); };
   deep.stop = stop;
   const store::TakeFixityReport report = store::verify_take(options.take, deep);
-  if (report.stopped) return ExitCode::kFailed;
+  if (report.status != RunStatus::kFinished) return ExitCode::kFailed;
   if (!options.json.empty()) {
     const std::string text = json_of(options, report).dump(2) + "\n";
     if (options.json == "-") {
@@ -158,8 +158,8 @@ ExitCode verify(const Options& options, const std::stop_token& stop) {
     }
   }
   if (options.json != "-") print_text(options, report);
-  if (!report.readable()) return ExitCode::kBadInput;
-  return report.whole() ? ExitCode::kSuccess : ExitCode::kFailed;
+  if (!report.is_readable()) return ExitCode::kBadInput;
+  return report.is_intact() ? ExitCode::kSuccess : ExitCode::kFailed;
 }
 
 }  // namespace

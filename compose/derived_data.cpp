@@ -26,7 +26,7 @@ constexpr std::size_t kMaxByDefault = std::size_t{4} << 30;
 
 /// Returns the kind of query for which a method stores data. Methods that store data for views
 /// store the same for rays; plane_sweep stores depths for rays only.
-render::QueryKind storing_use(const render::ReconstructionSettings& reconstruction) {
+render::QueryKind storing_use(const render::ReconstructionOptions& reconstruction) {
   return render::method_named(reconstruction.method).stores_data() ? render::QueryKind::kViews
                                                                    : render::QueryKind::kRays;
 }
@@ -41,7 +41,7 @@ bool shows_geometry(const ShotPlan& plan, int frame) {
 /// Returns whether a frame may need the layer for queries of kind storing_use().
 bool is_used(const ShotPlan& plan, std::size_t layer, int frame) {
   const bool as_light = plan.is_light(layer) && shows_geometry(plan, frame);
-  const render::ReconstructionSettings& reconstruction = plan.light_field(layer)->reconstruction();
+  const render::ReconstructionOptions& reconstruction = plan.light_field(layer)->reconstruction();
   if (storing_use(reconstruction) == render::QueryKind::kRays) return as_light;
   return as_light || plan.is_visible(layer, frame);
 }
@@ -83,7 +83,7 @@ std::unique_ptr<const render::LightFieldRenderer> renderer_of(const ShotPlan& pl
                                                               std::size_t layer,
                                                               std::size_t cache_bytes,
                                                               std::size_t working_bytes) {
-  render::RendererSettings settings;
+  render::RendererOptions settings;
   settings.cache_bytes = cache_bytes;
   settings.result_cache_bytes = 0;
   settings.working_bytes = working_bytes;
@@ -105,7 +105,7 @@ void name_files(const ShotPlan& plan, std::vector<DerivedFrameData>& instants) {
   }
   parallel_for(std::size_t{0}, instants.size(), [&](std::size_t i) {
     DerivedFrameData& instant = instants[i];
-    const render::ReconstructionSettings& how = plan.light_field(instant.layer)->reconstruction();
+    const render::ReconstructionOptions& how = plan.light_field(instant.layer)->reconstruction();
     const auto& renderer = renderers.at(instant.layer);
     instant.file = renderer->stored_file(frames_at(plan, instant), how, storing_use(how));
     instant.is_stored = !instant.file.empty() && file_exists(instant.file);
@@ -170,8 +170,8 @@ std::vector<DerivedFrameData> list_derived_data(const ShotPlan& plan,
 
 ExitCode PrepareReport::exit_code() const {
   const int stored = stored_before + derived;
-  if (stored == requested) return ExitCode::kSuccess;
-  if (stopped) return ExitCode::kFailed;
+  if (stored == requested && status == RunStatus::kFinished) return ExitCode::kSuccess;
+  if (status != RunStatus::kFinished) return ExitCode::kFailed;
   if (stored > 0) return ExitCode::kSomeFramesFailed;
   return std::ranges::all_of(failures, &Failure::is_bad_input) ? ExitCode::kBadInput
                                                                : ExitCode::kFailed;
@@ -184,10 +184,11 @@ PrepareReport prepare_derived_data(const ShotPlan& plan, std::span<const Derived
   const std::size_t share = by_default ? std::min(half, kMaxByDefault) : half;
   PrepareReport report;
   report.requested = static_cast<int>(instants.size());
+  report.status = RunStatus::kFinished;
   options.progress(0);
   for (std::size_t i = 0; i < instants.size(); ++i) {
     if (stop.stop_requested()) {
-      report.stopped = true;
+      report.status = RunStatus::kStopped;
       break;
     }
     const DerivedFrameData& instant = instants[i];
@@ -197,7 +198,7 @@ PrepareReport prepare_derived_data(const ShotPlan& plan, std::span<const Derived
       report.failures.push_back({instant.layer, instant.tick, std::move(what), is_bad_input});
     };
     try {
-      const render::ReconstructionSettings& how = plan.light_field(instant.layer)->reconstruction();
+      const render::ReconstructionOptions& how = plan.light_field(instant.layer)->reconstruction();
       // A renderer for each: light field frames share no decoded frames.
       const auto renderer = renderer_of(plan, instant.layer, share, share);
       render::StoreResult result = renderer->store(frames_at(plan, instant), how, storing_use(how));

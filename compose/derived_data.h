@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/run_status.h"
 #include "compose/shot_plan.h"
 
 namespace raystage::compose {
@@ -65,7 +66,7 @@ struct PrepareReport {
     bool is_bad_input = false;  ///< another attempt would fail, too
   };
   int requested = 0, stored_before = 0, derived = 0;
-  bool stopped = false;           ///< stopped on request before the last one
+  RunStatus status = RunStatus::kNotRun;
   std::vector<Failure> failures;  ///< in the order of the request
 
   /// Returns kSuccess only if all requested data is stored; kBadInput if bad input caused all

@@ -82,7 +82,7 @@ class Preparation : public testing::SequenceTest {
   }
   /// An actor in front of a blue screen, 3 x 3 cameras.
   void write_actor_take(double spacing = 0.07) {
-    simulate::SimulationSettings simulation;
+    simulate::SimulationOptions simulation;
     simulation.scene = "blue_screen";
     simulation.rows = simulation.columns = 3;
     simulation.spacing = spacing;
@@ -239,6 +239,8 @@ TEST_F(Preparation, WhatCannotBeStoredIsAFailure) {
 
 TEST_F(Preparation, ExitCodesTellRetriesFromBadInput) {
   PrepareReport report;
+  EXPECT_EQ(report.exit_code(), ExitCode::kFailed);  // nothing has run
+  report.status = RunStatus::kFinished;
   report.requested = 1;
   report.failures = {{0, 3, "disk full"}};
   EXPECT_EQ(report.exit_code(), ExitCode::kFailed);
@@ -247,7 +249,7 @@ TEST_F(Preparation, ExitCodesTellRetriesFromBadInput) {
   report.requested = 3;
   report.derived = 2;
   EXPECT_EQ(report.exit_code(), ExitCode::kSomeFramesFailed);
-  report.stopped = true;
+  report.status = RunStatus::kStopped;
   EXPECT_EQ(report.exit_code(), ExitCode::kFailed);
 }
 
@@ -260,7 +262,7 @@ TEST_F(Preparation, StopsBetweenLightFieldFrames) {
   };
   const PrepareReport report =
       prepare_derived_data(*all.plan, all.instants, options, source.get_token());
-  EXPECT_TRUE(report.stopped);
+  EXPECT_EQ(report.status, RunStatus::kStopped);
   EXPECT_EQ(report.derived, 1);
   EXPECT_EQ(report.exit_code(), ExitCode::kFailed);
 }

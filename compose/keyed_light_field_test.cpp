@@ -18,7 +18,7 @@ constexpr std::array<double, 3> kBehind{0.2, 0.35, 0.1};  // linear light
 class KeyedLightField : public ::testing::Test {
  protected:
   KeyedLightField() {
-    simulate::SimulationSettings simulation;
+    simulate::SimulationOptions simulation;
     simulation.scene = "blue_screen";
     simulation.rows = simulation.columns = 5;
     simulation.spacing = 0.07;

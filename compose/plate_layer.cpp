@@ -60,7 +60,7 @@ LayerImage read_jpeg_plate(const std::filesystem::path& path, const CodeToLight&
       store::JpegDecoder().decode(std::as_bytes(std::span(bytes)), path.string());
   LayerImage image = transparent_layer_image(codes.width, codes.height);
   for (std::size_t i = 0; i < image.pixels(); ++i) {
-    for (std::size_t c = 0; c < 3; ++c) image.rgba[4 * i + c] = light[codes.pixels[3 * i + c]];
+    for (std::size_t c = 0; c < 3; ++c) image.rgba[4 * i + c] = light[codes.values[3 * i + c]];
     image.rgba[4 * i + 3] = 1;
   }
   return image;
@@ -202,7 +202,7 @@ void PlateLayer::check_frame(const LayerFrameCheck& check) const {
 }
 
 std::unique_ptr<const LayerRenderer> PlateLayer::make_renderer(
-    const LayerRendererSettings& /*settings*/) const {
+    const LayerRendererOptions& /*options*/) const {
   class Renderer final : public LayerRenderer {
    public:
     explicit Renderer(const PlateLayer& layer) : layer_(layer) {}

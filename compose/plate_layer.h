@@ -34,7 +34,7 @@ class PlateLayer final : public Layer {
   std::optional<std::filesystem::path> input_file(int frame) const override { return file(frame); }
   bool is_in_scene_space() const override { return true; }
   std::unique_ptr<const LayerRenderer> make_renderer(
-      const LayerRendererSettings& settings) const override;
+      const LayerRendererOptions& options) const override;
 
  private:
   void check_size(const std::array<int, 2>& size, const std::filesystem::path& path) const;

@@ -136,11 +136,11 @@ TEST_F(Plates, StandWhereTheirDepthSays) {
 }
 
 TEST_F(Plates, PngAndJpegAreCodesOfSrgb) {
-  store::RgbImage picture{40, 30, {}};
+  store::RgbImage picture{40, 30, std::vector<std::uint8_t>()};
   for (int i = 0; i < 40 * 30; ++i) {
-    for (const int code : {200, 100, 50}) picture.pixels.push_back(static_cast<std::uint8_t>(code));
+    for (const int code : {200, 100, 50}) picture.values.push_back(static_cast<std::uint8_t>(code));
   }
-  store::JpegEncodeSettings jpeg;
+  store::JpegEncodeOptions jpeg;
   jpeg.quality = 100;
   const auto bytes = store::encode_jpeg(picture, jpeg);
   write_file_atomically(folder_.path() / "p.jpg", std::as_bytes(std::span(bytes)));

@@ -72,7 +72,7 @@ class SequenceRun {
     report_.light_field_frames_loaded = compositor_.stored_data().read;
     const std::size_t done =
         static_cast<std::size_t>(report_.rendered + report_.skipped) + report_.failures.size();
-    report_.stopped = done < frames_.size();
+    report_.status = done < frames_.size() ? RunStatus::kStopped : RunStatus::kFinished;
     std::sort(report_.failures.begin(), report_.failures.end(),
               [](const auto& a, const auto& b) { return a.frame < b.frame; });
     return std::move(report_);

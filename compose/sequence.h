@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/run_status.h"
 #include "compose/sequence_memory_plan.h"
 #include "compose/sequence_name.h"
 #include "compose/shot_plan.h"
@@ -73,7 +74,7 @@ struct SequenceReport {
     bool is_bad_input = false;  ///< another attempt would fail, too
   };
   int requested = 0, rendered = 0, skipped = 0;
-  bool stopped = false;           ///< stopped on request before the last frame
+  RunStatus status = RunStatus::kNotRun;
   std::vector<Failure> failures;  ///< by frame
   double seconds = 0;             ///< wall-clock, of the frames
   std::int64_t bytes_written = 0, pixels_decoded = 0;

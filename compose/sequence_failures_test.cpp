@@ -35,9 +35,8 @@ void make_noisy(const std::filesystem::path& take_folder) {
                               {"c0", kWidth, kHeight, 1'700'000'000 * kNanosecondsPerSecond});
   std::mt19937 random(1);
   for (int tick = 0; tick < kTicks; ++tick) {
-    store::RgbImage image{kWidth, kHeight, {}};
-    image.pixels.resize(static_cast<std::size_t>(kWidth) * kHeight * 3);
-    for (std::uint8_t& value : image.pixels) value = static_cast<std::uint8_t>(random());
+    store::RgbImage image(kWidth, kHeight);
+    for (std::uint8_t& value : image.values) value = static_cast<std::uint8_t>(random());
     const auto jpeg = store::encode_jpeg(image, {.quality = 100});
     ASSERT_GT(jpeg.size(), 8192U);
     writer.append(jpeg, kInterval + tick * kInterval);

@@ -51,11 +51,11 @@ std::size_t max_view_bytes(const ShotPlan& plan, std::span<const PlannedFrame> f
   std::size_t most = pixels_of(plan.shot()) * kViewBytesPerPixel;
   for (const LightFieldLayer* light_field : plan.light_fields()) {
     const std::size_t i = light_field->index();
-    render::RendererSettings settings;
-    settings.cache_bytes = settings.result_cache_bytes = 0;
-    settings.measure_coverage = plan.measures_coverage();
-    settings.measure_confidence = plan.writes_aov("lf.confidence");
-    const render::LightFieldRenderer renderer(light_field->take(), settings);
+    render::RendererOptions options;
+    options.cache_bytes = options.result_cache_bytes = 0;
+    options.measure_coverage = plan.measures_coverage();
+    options.measure_confidence = plan.writes_aov("lf.confidence");
+    const render::LightFieldRenderer renderer(light_field->take(), options);
     for (const PlannedFrame& frame : frames) {
       if (!frame.shown[i].tick) continue;
       for (const Eye eye : plan.eyes()) {

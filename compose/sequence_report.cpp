@@ -12,7 +12,7 @@ namespace raystage::compose {
 
 ExitCode SequenceReport::exit_code() const {
   if (rendered + skipped == requested && requested > 0) return ExitCode::kSuccess;
-  if (stopped) return ExitCode::kFailed;
+  if (status != RunStatus::kFinished) return ExitCode::kFailed;
   if (rendered + skipped == 0) {
     const bool is_bad_input =
         !failures.empty() && std::ranges::all_of(failures, &Failure::is_bad_input);
@@ -29,7 +29,7 @@ std::string SequenceReport::summary() const {
     for (const Failure& failure : failures) frames.push_back(failure.frame);
     text += fmt::format(", {} failed ({})", failures.size(), format_frame_range(frames));
   }
-  if (stopped) text += ", stopped early";
+  if (status == RunStatus::kStopped) text += ", stopped early";
   text += fmt::format("; {:.1f} s", seconds);
   if (rendered > 0 && seconds > 0) text += fmt::format(", {:.2f} frames/s", rendered / seconds);
   return text + fmt::format("; {:.1f} Mpixel decoded, {} written, peak memory {}",

@@ -140,7 +140,7 @@ TEST_F(Sequence, AStopDropsWhatIsUnderWay) {
     if (done > 0.2) source.request_stop();
   };
   const SequenceReport report = run(source.get_token());
-  EXPECT_TRUE(report.stopped);
+  EXPECT_EQ(report.status, RunStatus::kStopped);
   EXPECT_EQ(report.exit_code(), ExitCode::kFailed);
   EXPECT_LT(report.rendered, 6);
   EXPECT_EQ(files(), report.rendered);

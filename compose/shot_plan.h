@@ -64,13 +64,13 @@ class ShotPlan {
   const Layer* layer(std::size_t layer) const { return layers_[layer].get(); }
   /// Returns a layer with a take; null: it is of another kind, or shows nothing.
   const LightFieldLayer* light_field(std::size_t layer) const {
-    return dynamic_cast<const LightFieldLayer*>(layers_[layer].get());
+    return layers_[layer] ? layers_[layer]->as_light_field() : nullptr;
   }
   /// Returns all layers with a take that show something, in the order of the layers.
   std::vector<const LightFieldLayer*> light_fields() const;
   /// Returns a layer with a mesh; null: it is of another kind, or shows nothing.
   const GeometryLayer* geometry(std::size_t layer) const {
-    return dynamic_cast<const GeometryLayer*>(layers_[layer].get());
+    return layers_[layer] ? layers_[layer]->as_geometry() : nullptr;
   }
   /// Returns all meshes that are visible at a frame, and their lights. `mesh_indices`: receives for
   /// each layer the index of its mesh in the result, or -1.
@@ -105,7 +105,7 @@ class ShotPlan {
   render::DistributedTakes* hosts() const { return hosts_; }
   /// Returns whether the files contain an AOV (ShotDocument::Output::aovs).
   bool writes_aov(std::string_view aov) const;
-  /// Returns whether they contain one that needs RendererSettings::measure_coverage.
+  /// Returns whether they contain one that needs RendererOptions::measure_coverage.
   bool measures_coverage() const;
 
   /// Returns the views of a frame: left and right, or one.

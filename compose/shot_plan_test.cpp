@@ -78,7 +78,7 @@ TEST_F(ShotPlans, ATargetKeepsHowDeepTheLayerSaysItsSceneIs) {
   shot_.layers[0].options = {{"near", 1.5}, {"far", 6.0}, {"neighbours", 4.0}};
   schemas::write_shot(shot_, shot_file());
   const ShotPlan plan(shot_file(), {.target = {{"target_error", 30.0}}});
-  const render::ReconstructionSettings& reconstruction = plan.light_field(0)->reconstruction();
+  const render::ReconstructionOptions& reconstruction = plan.light_field(0)->reconstruction();
   EXPECT_EQ(reconstruction.method, "auto");
   EXPECT_EQ(render::options_to_text(reconstruction.options), "far=6,near=1.5,target_error=30");
 }

@@ -178,7 +178,7 @@ BenchResult measure_bench(const store::Take& take, const schemas::ViewsDocument&
   bool measured = false;
 
   const auto measure = [&](BenchRow& row) {
-    EvaluationSettings settings = plan.common;
+    EvaluationOptions settings = plan.common;
     settings.method = row.setting.method;
     settings.options = row.setting.options;
     if (row.setting.focal_depth) settings.focal_depth = row.setting.focal_depth;

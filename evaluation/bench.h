@@ -27,12 +27,12 @@ BenchSetting parse_bench_setting(std::string_view text);
 /// The measurements: every setting with every camera step and every number of threads.
 struct BenchPlan {
   std::vector<BenchSetting> settings;
-  std::vector<int> camera_steps{1};  ///< see EvaluationSettings::camera_step
+  std::vector<int> camera_steps{1};  ///< see EvaluationOptions::camera_step
   std::vector<int> threads{1};
   int pictures = 1;  ///< views whose pictures are stored, spread evenly
   /// Shared by all: focal_depth (if a setting has none), excluded_camera_ids, view_step, repeat,
   /// blend_space, memory_bytes, count_needed_pixels.
-  EvaluationSettings common;
+  EvaluationOptions common;
 };
 
 /// The prediction of the sampling theorem for the cameras of a row (thesis 2.2, eq. 2.1).

@@ -12,7 +12,7 @@
 namespace raystage::evaluation {
 namespace {
 
-constexpr store::JpegEncodeSettings kJpeg{85, store::JpegEncodeSettings::Chroma::k420, 0};
+constexpr store::JpegEncodeOptions kJpeg{85, store::JpegEncodeOptions::Chroma::k420, 0};
 
 std::vector<std::byte> small_jpeg(const store::RgbImage& image) {
   return store::encode_jpeg(scaled_to_width(image, BenchImages::kMaxWidth), kJpeg);
@@ -58,9 +58,9 @@ void BenchImages::remove(std::size_t row) {
 store::RgbImage scaled_to_width(const store::RgbImage& image, int max_width) {
   if (image.width <= max_width) return image;
   const double scale = static_cast<double>(image.width) / max_width;
-  store::RgbImage small{
-      max_width, std::max(1, static_cast<int>(std::lround(image.height / scale))), {}};
-  small.pixels.reserve(static_cast<std::size_t>(small.width) * small.height * 3);
+  store::RgbImage small{max_width, std::max(1, static_cast<int>(std::lround(image.height / scale))),
+                        std::vector<std::uint8_t>()};
+  small.values.reserve(static_cast<std::size_t>(small.width) * small.height * 3);
   const double down = static_cast<double>(image.height) / small.height;
   for (int y = 0; y < small.height; ++y) {
     const int y0 = static_cast<int>(y * down);
@@ -72,12 +72,12 @@ store::RgbImage scaled_to_width(const store::RgbImage& image, int max_width) {
         int sum = 0;
         for (int v = y0; v < y1; ++v) {
           for (int u = x0; u < x1; ++u) {
-            sum += image.pixels[(static_cast<std::size_t>(v) * image.width + u) * 3 +
+            sum += image.values[(static_cast<std::size_t>(v) * image.width + u) * 3 +
                                 static_cast<std::size_t>(channel)];
           }
         }
         const int count = (y1 - y0) * (x1 - x0);
-        small.pixels.push_back(static_cast<std::uint8_t>((sum + count / 2) / count));
+        small.values.push_back(static_cast<std::uint8_t>((sum + count / 2) / count));
       }
     }
   }
@@ -87,12 +87,11 @@ store::RgbImage scaled_to_width(const store::RgbImage& image, int max_width) {
 store::RgbImage difference_image(const store::RgbImage& image, const store::RgbImage& truth,
                                  std::span<const std::uint8_t> covered, int gain) {
   constexpr std::uint8_t kNotCovered = 48;
-  store::RgbImage difference{image.width, image.height, {}};
-  difference.pixels.resize(image.pixels.size(), kNotCovered);
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+  store::RgbImage difference(image.width, image.height, kNotCovered);
+  for (std::size_t i = 0; i < image.values.size(); ++i) {
     if (covered[i / 3] == 0) continue;
-    const int error = std::abs(static_cast<int>(image.pixels[i]) - truth.pixels[i]);
-    difference.pixels[i] = static_cast<std::uint8_t>(std::min(255, gain * error));
+    const int error = std::abs(static_cast<int>(image.values[i]) - truth.values[i]);
+    difference.values[i] = static_cast<std::uint8_t>(std::min(255, gain * error));
   }
   return difference;
 }

@@ -294,16 +294,16 @@ TEST(BenchImages, AreScaledByArea) {
 TEST(BenchImages, ShowDifferencesWhereThereIsATruth) {
   const store::RgbImage image{2, 1, {10, 20, 200, 1, 2, 3}}, truth{2, 1, {12, 20, 100, 9, 9, 9}};
   const std::vector<std::uint8_t> covered{1, 0};
-  EXPECT_EQ(difference_image(image, truth, covered, 4).pixels,
+  EXPECT_EQ(difference_image(image, truth, covered, 4).values,
             (std::vector<std::uint8_t>{8, 0, 255, 48, 48, 48}));
 }
 
 TEST(BenchImages, StayWithinTheirBound) {
   store::RgbImage noise{480, 480, std::vector<std::uint8_t>(480 * 480 * 3)};
   std::mt19937 random(1);
-  for (auto& code : noise.pixels) code = static_cast<std::uint8_t>(random());
+  for (auto& code : noise.values) code = static_cast<std::uint8_t>(random());
   store::RgbImage truth = noise;
-  for (auto& code : truth.pixels) code = static_cast<std::uint8_t>(random());
+  for (auto& code : truth.values) code = static_cast<std::uint8_t>(random());
   const std::vector<std::uint8_t> covered(480 * 480, 1);
   BenchImages pictures;
   const std::string id = "v";

@@ -14,6 +14,7 @@
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "base/options.h"
 #include "base/stopwatch.h"
 #include "evaluation/evaluation_cases.h"
 #include "images/image_file.h"
@@ -41,7 +42,7 @@ double known_share(const GroundTruth& truth) {
   return std::max(1.0, known) / static_cast<double>(truth.known.size());
 }
 
-double focal_depth_of(const store::Take& take, const EvaluationSettings& settings) {
+double focal_depth_of(const store::Take& take, const EvaluationOptions& settings) {
   if (settings.focal_depth) return *settings.focal_depth;
   if (!take.document().depth_range) {
     throw Error::bad_input("the focal plane cannot be chosen: the take has no depth range",
@@ -87,7 +88,7 @@ std::string outside_note(const std::vector<EvaluationCase>& subjects, const stor
   if (outside == subjects.size()) {
     throw Error::bad_input(
         "no view is within the take's time", take.folder().string(),
-        "Compare time_ns of the views with the take's time (raystage info prints it)");
+        "Compare time_ns of the views with the take's time (`raystage info` prints it)");
   }
   return fmt::format("{} of {} views are outside the take's time and empty", outside,
                      subjects.size());
@@ -126,8 +127,8 @@ void read_ahead(const store::Take& take, const std::vector<EvaluationCase>& subj
 
 class TimedView {
  public:
-  TimedView(const store::Take& take, const render::RendererSettings& settings,
-            const EvaluationCase& subject, const render::ReconstructionSettings& reconstruction)
+  TimedView(const store::Take& take, const render::RendererOptions& settings,
+            const EvaluationCase& subject, const render::ReconstructionOptions& reconstruction)
       : take_(take), settings_(settings), subject_(subject), reconstruction_(reconstruction) {}
 
   /// Fills the times of `result`. Uses a new renderer, so that no frame is cached.
@@ -164,7 +165,7 @@ class TimedView {
   /// Returns the source pixels that `first` decoded (with empty caches) per needed pixel. Counting
   /// takes time, so this rendering is not timed.
   double decoded_per_needed(const render::RenderedView& first) const {
-    render::RendererSettings counting = settings_;
+    render::RendererOptions counting = settings_;
     counting.count_needed_pixels = true;
     const render::RenderStatistics counts =
         render::LightFieldRenderer(take_, counting)
@@ -177,9 +178,9 @@ class TimedView {
 
  private:
   const store::Take& take_;
-  const render::RendererSettings& settings_;
+  const render::RendererOptions& settings_;
   const EvaluationCase& subject_;
-  const render::ReconstructionSettings& reconstruction_;
+  const render::ReconstructionOptions& reconstruction_;
 };
 
 }  // namespace
@@ -236,10 +237,17 @@ TemporalStability measure_temporal_stability(std::span<const ViewEvaluation> vie
   return temporal_stability;
 }
 
+bool EvaluationOptions::is_valid(std::string* reason) const {
+  return is_within("camera step", camera_step, 1, 10000, reason) &&
+         is_within("view step", view_step, 1, 1e6, reason) &&
+         is_within("repeat", repeat, 0, 1e6, reason);
+}
+
 Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument& views,
                           const std::filesystem::path& views_folder,
-                          const EvaluationSettings& settings,
+                          const EvaluationOptions& settings,
                           const std::function<void(double)>& progress, std::stop_token stop) {
+  require_valid(settings, "evaluation");
   const render::MethodOptions options(render::method_named(settings.method).options(),
                                       settings.options, settings.method);
   if (!views.views.empty() && views.color_space != "srgb_texture") {
@@ -258,28 +266,28 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
   if (auto note = outside_note(subjects, take); !note.empty()) {
     evaluation.notes.push_back(std::move(note));
   }
-  const render::ReconstructionSettings reconstruction{
+  const render::ReconstructionOptions reconstruction{
       settings.method, rig::fronto_parallel_plane(take.rig(), evaluation.focal_depth),
       settings.options, settings.fill};
-  render::RendererSettings renderer_settings;
+  render::RendererOptions renderer_options;
   const render::MemoryBudgets memory =
       render::split_memory_budget(settings.memory_bytes, reconstruction);
-  renderer_settings.cache_bytes = memory.cache;
-  renderer_settings.result_cache_bytes = memory.result_cache;
-  renderer_settings.working_bytes = memory.working;
-  renderer_settings.blend_space = settings.blend_space;
-  renderer_settings.excluded_cameras =
+  renderer_options.cache_bytes = memory.cache;
+  renderer_options.result_cache_bytes = memory.result_cache;
+  renderer_options.working_bytes = memory.working;
+  renderer_options.blend_space = settings.blend_space;
+  renderer_options.excluded_cameras =
       excluded_camera_indices(take, settings.excluded_camera_ids, settings.camera_step);
   // Do not store data derived from fewer cameras.
-  renderer_settings.use_take_folder =
-      settings.use_take_folder && renderer_settings.excluded_cameras.empty();
-  renderer_settings.result_cache =
-      std::make_shared<render::ResultCache>(renderer_settings.result_cache_bytes);
-  if (timeline) renderer_settings.ticks = timeline->ticks;
+  renderer_options.use_take_folder =
+      settings.use_take_folder && renderer_options.excluded_cameras.empty();
+  renderer_options.result_cache =
+      std::make_shared<render::ResultCache>(renderer_options.result_cache_bytes);
+  if (timeline) renderer_options.ticks = timeline->ticks;
   evaluation.cameras =
-      take.camera_count() - static_cast<int>(renderer_settings.excluded_cameras.size());
+      take.camera_count() - static_cast<int>(renderer_options.excluded_cameras.size());
   if (!settings.image_folder.empty()) create_folder(settings.image_folder);
-  read_ahead(take, subjects, renderer_settings.excluded_cameras);
+  read_ahead(take, subjects, renderer_options.excluded_cameras);
 
   ShotErrors shot_errors;
   for (const EvaluationCase& subject : subjects) {
@@ -288,7 +296,7 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
     }
     ViewEvaluation result;
     result.id = subject.id;
-    const TimedView timed(take, renderer_settings, subject, reconstruction);
+    const TimedView timed(take, renderer_options, subject, reconstruction);
     const render::RenderedView view = timed.render(settings.repeat, result);
     if (settings.count_needed_pixels) result.decoded_per_needed = timed.decoded_per_needed(view);
     const store::RgbImage image = render::srgb_image(view);

@@ -29,7 +29,7 @@ struct EvaluatedView {
   std::span<const std::uint8_t> covered;  ///< 1 per pixel that counts
 };
 
-struct EvaluationSettings {
+struct EvaluationOptions {
   std::string method = "focal_plane";
   schemas::OptionValues options;  ///< of the method
   /// Metres in front of the array, parallel to it; nullopt: eq. 2.2 from the take's depth range.
@@ -47,11 +47,13 @@ struct EvaluationSettings {
   int repeat = 0;
   bool count_needed_pixels = true;  ///< renders each view once more to count
   store::BlendSpace blend_space = store::BlendSpace::kPerceptual;
-  /// As RendererSettings; false measures new computations. Ignored if cameras are excluded.
+  /// As RendererOptions; false measures new computations. Ignored if cameras are excluded.
   bool use_take_folder = true;
   std::filesystem::path image_folder;                 ///< for rendered views as PNG; empty: none
   std::size_t memory_bytes = 4'000'000'000;           ///< divided by split_memory_budget()
   std::function<void(const EvaluatedView&)> on_view;  ///< called for every view; may be empty
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 struct ViewEvaluation {
@@ -104,7 +106,7 @@ std::vector<int> excluded_camera_indices(const store::Take& take,
 /// timeline that is damaged or of another take, no view within the take's time.
 Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument& views,
                           const std::filesystem::path& views_folder,
-                          const EvaluationSettings& settings,
+                          const EvaluationOptions& settings,
                           const std::function<void(double)>& progress, std::stop_token stop);
 
 /// Returns schema "raystage/evaluation/1", documented in docs/formats/evaluation.md.

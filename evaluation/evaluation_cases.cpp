@@ -47,12 +47,12 @@ store::RgbImage codes_of(const store::Take& take, const rig::Rig::Camera& of, in
                          int frame) {
   const store::CorrectedFrame picture = store::decode_corrected_frame(
       take, camera, frame, {of.model.width(), of.model.height()}, of.photometric, {});
-  store::RgbImage image{picture.width, picture.height, {}};
-  image.pixels.reserve(picture.values.size() / 4 * 3);
+  store::RgbImage image{picture.width, picture.height, std::vector<std::uint8_t>()};
+  image.values.reserve(picture.values.size() / 4 * 3);
   for (std::size_t i = 0; i < picture.values.size(); ++i) {
     constexpr unsigned kPerCode = 257;
     if (i % 4 == 3) continue;
-    image.pixels.push_back(
+    image.values.push_back(
         static_cast<std::uint8_t>((picture.values[i] + kPerCode / 2) / kPerCode));
   }
   return image;
@@ -84,14 +84,14 @@ int camera_named(const store::Take& take, const std::string& id) {
   const int camera = take.camera_index(id);
   if (camera >= 0) return camera;
   throw Error::bad_input("the take has no camera '" + id + "'", take.folder().string(),
-                         "Use a camera id of rig.json (raystage info prints them)");
+                         "Use a camera id of rig.json (`raystage info` prints them)");
 }
 
 std::vector<EvaluationCase> make_evaluation_cases(const store::Take& take,
                                                   const store::Timeline* timeline,
                                                   const schemas::ViewsDocument& views,
                                                   const std::filesystem::path& views_folder,
-                                                  const EvaluationSettings& settings) {
+                                                  const EvaluationOptions& options) {
   std::vector<EvaluationCase> subjects;
   for (const schemas::ViewsDocument::View& view : views.views) {
     subjects.push_back({view.geometry.id, render::virtual_camera_from_geometry(view.geometry),
@@ -100,11 +100,11 @@ std::vector<EvaluationCase> make_evaluation_cases(const store::Take& take,
                           return GroundTruth{images::read_image(file), {}};
                         }});
   }
-  for (const std::string& id : settings.excluded_camera_ids) {
+  for (const std::string& id : options.excluded_camera_ids) {
     add_camera(camera_named(take, id), take, timeline, subjects);
   }
   std::vector<EvaluationCase> chosen;
-  for (std::size_t i = 0; i < subjects.size(); i += static_cast<std::size_t>(settings.view_step)) {
+  for (std::size_t i = 0; i < subjects.size(); i += static_cast<std::size_t>(options.view_step)) {
     chosen.push_back(std::move(subjects[i]));
   }
   if (chosen.empty()) {

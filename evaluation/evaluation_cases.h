@@ -37,6 +37,6 @@ std::vector<EvaluationCase> make_evaluation_cases(const store::Take& take,
                                                   const store::Timeline* timeline,
                                                   const schemas::ViewsDocument& views,
                                                   const std::filesystem::path& views_folder,
-                                                  const EvaluationSettings& settings);
+                                                  const EvaluationOptions& options);
 
 }  // namespace raystage::evaluation

@@ -53,8 +53,8 @@ class Subjects : public ::testing::Test {
     for (int camera = 0; camera < kCameras; ++camera) {
       for (int tick = 0; tick < kTicks; ++tick) {
         if (camera == 3 && tick == 2) continue;
-        store::RgbImage image{kWidth, kHeight, {}};
-        image.pixels.assign(std::size_t{3} * kWidth * kHeight,
+        store::RgbImage image{kWidth, kHeight, std::vector<std::uint8_t>()};
+        image.values.assign(std::size_t{3} * kWidth * kHeight,
                             static_cast<std::uint8_t>(grey_at(tick)));
         const Nanoseconds time = (1 + tick) * kInterval;
         times[camera].push_back(time);
@@ -72,9 +72,9 @@ class Subjects : public ::testing::Test {
 
   std::vector<EvaluationCase> excluded_camera_ids(const std::string& id,
                                                   const store::Timeline* timeline) const {
-    EvaluationSettings settings;
-    settings.excluded_camera_ids = {id};
-    return make_evaluation_cases(*take_, timeline, {}, {}, settings);
+    EvaluationOptions options;
+    options.excluded_camera_ids = {id};
+    return make_evaluation_cases(*take_, timeline, {}, {}, options);
   }
 
   store::FrameSelection frames_of_view_at(Nanoseconds time, const store::Timeline* timeline) const {
@@ -120,7 +120,7 @@ TEST_F(Subjects, ACameraLeftOutHasAViewPerTickThatTakesItsFrame) {
   EXPECT_THAT(ids_of(views),
               ElementsAre(fourth + "_0", fourth + "_1", fourth + "_3", fourth + "_4"));
   EXPECT_EQ(views[2].frames.frame, timeline_.ticks[3].frame);
-  EXPECT_NEAR(views[2].truth().image.pixels.front(), grey_at(3), 1);
+  EXPECT_NEAR(views[2].truth().image.values.front(), grey_at(3), 1);
   timeline_.ticks[3].frame[3] = -1;  // there, but not to be trusted
   EXPECT_THAT(ids_of(excluded_camera_ids(fourth, &timeline_)),
               ElementsAre(fourth + "_0", fourth + "_1", fourth + "_4"));
@@ -138,8 +138,8 @@ TEST_F(Subjects, ACameraLeftOutIsShownInTheColoursOfTheOthers) {
   const auto views = excluded_camera_ids(take_->document().cameras[3].id, &timeline_);
   const double light = linear_from_srgb(grey_at(3) / 255.0) / 2;
   const store::RgbImage image = views[2].truth().image;
-  EXPECT_NEAR(image.pixels[0], 255 * srgb_from_linear(light), 2);
-  EXPECT_NEAR(image.pixels[2], 255 * srgb_from_linear(1.5 * light), 2);
+  EXPECT_NEAR(image.values[0], 255 * srgb_from_linear(light), 2);
+  EXPECT_NEAR(image.values[2], 255 * srgb_from_linear(1.5 * light), 2);
 }
 
 TEST_F(Subjects, WithoutATimelineStampsChoose) {
@@ -175,9 +175,9 @@ TEST_F(Subjects, EvaluationsSayHowManyViewsLieOutsideTheTakesTime) {
       views.views.push_back(
           {testing::camera_grid(1, 1, 1, kWidth, kHeight).front(), "truth.png", time});
     }
-    EvaluationSettings settings;
-    settings.focal_depth = 4;
-    return evaluate_views(*take_, views, folder_.path(), settings, [](double) {}, {});
+    EvaluationOptions options;
+    options.focal_depth = 4;
+    return evaluate_views(*take_, views, folder_.path(), options, [](double) {}, {});
   };
   const Nanoseconds within = timeline_.ticks[2].time_ns, outside = within + 100 * kInterval;
   EXPECT_THAT(evaluate({within, within}).notes, IsEmpty());
@@ -197,13 +197,13 @@ TEST_F(Subjects, EvaluationsSayHowManyViewsLieOutsideTheTakesTime) {
 /// A camera's frame at a tick is rendered from the other cameras' frames at that tick, whatever
 /// their time stamps are.
 TEST_F(Subjects, EvaluationsAreOfTheInstantsThatTheTimelineSays) {
-  EvaluationSettings settings;
-  settings.method = "lumigraph";  // a camera of the border has neighbours on one side only
-  settings.focal_depth = 4;
-  settings.excluded_camera_ids = {take_->document().cameras[0].id};
+  EvaluationOptions options;
+  options.method = "lumigraph";  // a camera of the border has neighbours on one side only
+  options.focal_depth = 4;
+  options.excluded_camera_ids = {take_->document().cameras[0].id};
   const auto worst = [&] {
     double least = std::numeric_limits<double>::infinity();
-    const Evaluation evaluation = evaluate_views(*take_, {}, {}, settings, [](double) {}, {});
+    const Evaluation evaluation = evaluate_views(*take_, {}, {}, options, [](double) {}, {});
     EXPECT_EQ(evaluation.views.size(), static_cast<std::size_t>(kTicks));
     for (const ViewEvaluation& view : evaluation.views) {
       EXPECT_GT(view.quality.covered, 0.1);

@@ -75,7 +75,7 @@ class EvaluatedTake : public ::testing::Test {
     return evaluate_views(take, {}, {}, settings_, [](double) {}, {});
   }
   testing::TestFolder folder_;
-  EvaluationSettings settings_;
+  EvaluationOptions settings_;
 };
 
 TEST_F(EvaluatedTake, StepsCountRowsNotTheirNumbers) {

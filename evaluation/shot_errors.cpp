@@ -21,15 +21,15 @@ void ShotErrors::add(std::string_view view_id, const store::RgbImage& image,
   auto shot = std::ranges::find(shots_, id, &Shot::id);
   if (shot == shots_.end()) {
     shots_.push_back({std::string(id), image.width, image.height, 0,
-                      std::vector<std::int32_t>(image.pixels.size()),
-                      std::vector<std::int32_t>(image.pixels.size()),
+                      std::vector<std::int32_t>(image.values.size()),
+                      std::vector<std::int32_t>(image.values.size()),
                       std::vector<std::uint8_t>(covered.size(), 1)});
     shot = std::prev(shots_.end());
   }
   if (shot->width != image.width || shot->height != image.height) return;
   ++shot->views;
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
-    const int error = int{image.pixels[i]} - int{truth.pixels[i]};
+  for (std::size_t i = 0; i < image.values.size(); ++i) {
+    const int error = int{image.values[i]} - int{truth.values[i]};
     shot->sum[i] += error;
     shot->square_sum[i] += error * error;
   }

@@ -9,8 +9,8 @@ namespace raystage::evaluation {
 namespace {
 
 store::RgbImage grey(int width, int height, std::uint8_t code) {
-  store::RgbImage image{width, height, {}};
-  image.pixels.assign(static_cast<std::size_t>(3 * width * height), code);
+  store::RgbImage image{width, height, std::vector<std::uint8_t>()};
+  image.values.assign(static_cast<std::size_t>(3 * width * height), code);
   return image;
 }
 
@@ -58,7 +58,7 @@ TEST(ShotErrors, IsTheVarianceOverTheViewsOfOneShot) {
 TEST(ShotErrors, CountsWhatAllViewsCover) {
   ShotErrors errors;
   store::RgbImage wrong = grey(3, 2, 100);
-  for (std::size_t c = 0; c < 3; ++c) wrong.pixels[c] = 255;  // in the first pixel
+  for (std::size_t c = 0; c < 3; ++c) wrong.values[c] = 255;  // in the first pixel
   std::vector<std::uint8_t> but_first(6, 1), all(6, 1), none(6, 0);
   but_first[0] = 0;
   errors.add("a_0", wrong, grey(3, 2, 100), but_first);

@@ -29,7 +29,7 @@ void sample(const store::RgbImage& frame, const Eigen::Vector2d& at, std::uint8_
       const int x =
           std::clamp(static_cast<int>(left) + static_cast<int>(i) - 1, 0, frame.width - 1);
       const std::size_t from = 3 * (static_cast<std::size_t>(y) * frame.width + x);
-      for (std::size_t c = 0; c < 3; ++c) sum[c] += down[j] * across[i] * frame.pixels[from + c];
+      for (std::size_t c = 0; c < 3; ++c) sum[c] += down[j] * across[i] * frame.values[from + c];
     }
   }
   for (std::size_t c = 0; c < 3; ++c) {
@@ -44,7 +44,7 @@ GroundTruth undistorted_ground_truth(const store::RgbImage& frame, const rig::Ca
   const auto width = static_cast<std::size_t>(pinhole.width);
   const std::size_t pixels = width * pinhole.height;
   GroundTruth truth{{pinhole.width, pinhole.height, {}}, {}};
-  truth.image.pixels.resize(3 * pixels);
+  truth.image.values.resize(3 * pixels);
   truth.known.resize(pixels);
   const schemas::Intrinsics& k = pinhole.intrinsics;
   raystage::parallel_for(0, pinhole.height, [&](int y) {
@@ -53,7 +53,7 @@ GroundTruth undistorted_ground_truth(const store::RgbImage& frame, const rig::Ca
       if (!pixel || !model.contains(*pixel)) continue;
       const std::size_t at = static_cast<std::size_t>(y) * width + x;
       truth.known[at] = 1;
-      sample(frame, *pixel, &truth.image.pixels[3 * at]);
+      sample(frame, *pixel, &truth.image.values[3 * at]);
     }
   });
   return truth;

@@ -157,11 +157,11 @@ void JobFolder::exclude(std::string_view node, std::string_view reason) const {
 }
 
 NodeLock::NodeLock(const JobFolder& folder, std::string_view node) {
-  constexpr int kMostTries = 200;
+  constexpr int kMaxTries = 200;
   constexpr std::chrono::milliseconds kBetweenTries{50};
   const fs::path file = folder.excluded() / ("." + as_file_name(node) + ".lock");
   descriptor_ = open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
-  for (int i = 0; descriptor_ >= 0 && i < kMostTries; ++i) {
+  for (int i = 0; descriptor_ >= 0 && i < kMaxTries; ++i) {
     if (flock(descriptor_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
     std::this_thread::sleep_for(kBetweenTries);
   }

@@ -1,20 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 // Splits the frames of a job into chunks, groups chunks by the instants that they depend on, and
 // splits task indices into Slurm arrays. Inputs and outputs are frame numbers and task indices.
-// Every frame is in one chunk; there are at most kMostGroups groups. Cost: n log n in chunks.
+// Every frame is in one chunk; there are at most kMaxGroups groups. Cost: n log n in chunks.
 #include "farm/job_plan.h"
 
 #include <algorithm>
 #include <cmath>
 #include <map>
 
+#include "base/options.h"
+
 namespace raystage::farm {
 namespace {
 
 constexpr int kPreviewStep = 10;
 constexpr double kSecondsPerTask = 300, kWorthSharing = 30;
-constexpr int kLeastTasks = 16;
-constexpr std::size_t kMostGroups = 100;
+constexpr int kMinTasks = 16;
+constexpr std::size_t kMaxGroups = 100;
 
 void append_chunks(std::span<const int> frames, int per_chunk,
                    std::vector<std::vector<int>>& chunks) {
@@ -25,11 +27,11 @@ void append_chunks(std::span<const int> frames, int per_chunk,
   }
 }
 
-/// Merges adjacent groups until at most kMostGroups are left: each group is a call of sbatch.
+/// Merges adjacent groups until at most kMaxGroups are left: each group is a call of sbatch.
 std::vector<ChunkGroup> merged(std::vector<ChunkGroup> groups) {
-  if (groups.size() <= kMostGroups) return groups;
+  if (groups.size() <= kMaxGroups) return groups;
   std::vector<ChunkGroup> result;
-  const std::size_t step = (groups.size() + kMostGroups - 1) / kMostGroups;
+  const std::size_t step = (groups.size() + kMaxGroups - 1) / kMaxGroups;
   for (std::size_t i = 0; i < groups.size(); ++i) {
     if (i % step == 0) result.emplace_back();
     ChunkGroup& group = result.back();
@@ -48,19 +50,24 @@ std::vector<ChunkGroup> merged(std::vector<ChunkGroup> groups) {
 
 }  // namespace
 
+bool ChunkOptions::is_valid(std::string* reason) const {
+  return is_within("frames per chunk", frames_per_chunk, 1, 1e9, reason);
+}
+
 std::vector<std::vector<int>> split_into_chunks(std::span<const int> frames,
-                                                const ChunkSettings& settings) {
+                                                const ChunkOptions& options) {
+  require_valid(options, "chunks");
   std::vector<std::vector<int>> chunks;
-  if (!settings.preview_first) {
-    append_chunks(frames, settings.frames_per_chunk, chunks);
+  if (!options.preview_first) {
+    append_chunks(frames, options.frames_per_chunk, chunks);
     return chunks;
   }
   std::vector<int> first, rest;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     (i % kPreviewStep == 0 ? first : rest).push_back(frames[i]);
   }
-  append_chunks(first, settings.frames_per_chunk, chunks);
-  append_chunks(rest, settings.frames_per_chunk, chunks);
+  append_chunks(first, options.frames_per_chunk, chunks);
+  append_chunks(rest, options.frames_per_chunk, chunks);
   return chunks;
 }
 
@@ -70,7 +77,7 @@ int automatic_chunk_size(std::size_t frames, std::optional<double> seconds_per_f
   const double seconds = std::max(*seconds_per_frame, 1e-3);
   double chunk = std::clamp(std::floor(kSecondsPerTask / seconds), 1.0, count);
   if (count * seconds > kWorthSharing) {
-    chunk = std::min(chunk, std::max(1.0, std::floor(count / kLeastTasks)));
+    chunk = std::min(chunk, std::max(1.0, std::floor(count / kMinTasks)));
   }
   return static_cast<int>(chunk);
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <string>
 #include <vector>
 
 #include "schemas/farm_job_document.h"
@@ -9,15 +10,17 @@
 namespace raystage::farm {
 
 /// How frames are split into chunks.
-struct ChunkSettings {
+struct ChunkOptions {
   int frames_per_chunk = 1;
   bool preview_first = false;  ///< put every tenth frame into the first chunks
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// Returns the frames of each chunk, in the order of the tasks, in which a scheduler starts them.
 /// `frames` are sorted and distinct. Every frame is in exactly one chunk.
 std::vector<std::vector<int>> split_into_chunks(std::span<const int> frames,
-                                                const ChunkSettings& settings);
+                                                const ChunkOptions& options);
 
 /// Returns the frames per chunk with which a task takes about five minutes, while a job of more
 /// than half a minute keeps at least 16 tasks. `seconds_per_frame` is the wall-clock time within

@@ -112,12 +112,12 @@ ExitCode run_job_locally(const JobFolder& folder, const LocalOptions& options,
 }
 
 void stop_local_job(const JobFolder& folder) {
-  constexpr int kMostLooks = 600;
+  constexpr int kMaxPolls = 600;
   constexpr std::chrono::milliseconds kBetweenLooks{100};
   for (const schemas::FarmRound& round : folder.rounds()) {
     if (round.host.empty()) continue;
     for (int looks = 0; is_local_job_running(round) != false; ++looks) {
-      if (!is_local_job_running(round) || looks == kMostLooks) {
+      if (!is_local_job_running(round) || looks == kMaxPolls) {
         throw Error::failed("the job's process still runs", round.host, "Stop it on that host");
       }
       if (looks == 0) kill(static_cast<pid_t>(round.process), SIGTERM);

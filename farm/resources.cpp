@@ -9,14 +9,14 @@
 namespace raystage::farm {
 namespace {
 
-constexpr double kLeastGb = 0.25, kStep = 0.05;  // GB = 10^9 bytes
+constexpr double kMinGb = 0.25, kStep = 0.05;  // GB = 10^9 bytes
 /// Budget per pixel of all cameras; depth estimation uses a quarter (docs/performance.md#memory).
 constexpr double kSolveBytesPerPixel = 160;
-constexpr int kMostFramesInFlight = 16;
+constexpr int kMaxFramesInFlight = 16;
 constexpr double kLongerThanExpected = 4, kMoreThanMeasured = 1.3;
-constexpr int kLeastMinutes = 10;
+constexpr int kMinMinutes = 10;
 
-double rounded_up(double gb) { return std::ceil(std::max(gb, kLeastGb) / kStep) * kStep; }
+double rounded_up(double gb) { return std::ceil(std::max(gb, kMinGb) / kStep) * kStep; }
 
 double camera_pixels(const compose::ShotPlan& plan) {
   double most = 0;
@@ -33,7 +33,7 @@ double camera_pixels(const compose::ShotPlan& plan) {
 /// Returns the memory in GB: twice that of the frames, as a result cache gets half of the rest.
 double render_gb(const ResourceRequest& request) {
   const auto frames_in_flight =
-      static_cast<std::size_t>(std::clamp(request.threads, 1, kMostFramesInFlight));
+      static_cast<std::size_t>(std::clamp(request.threads, 1, kMaxFramesInFlight));
   const double planned =
       2e-9 * compose::required_memory(request.plan, request.frames, frames_in_flight, request.deep);
   const double measured =
@@ -44,7 +44,7 @@ double render_gb(const ResourceRequest& request) {
 std::optional<int> minutes_for(double seconds, const ResourceRequest& request) {
   if (request.minutes) return request.minutes;
   if (!request.measured) return std::nullopt;
-  return std::max(kLeastMinutes, static_cast<int>(std::ceil(kLongerThanExpected * seconds / 60)));
+  return std::max(kMinMinutes, static_cast<int>(std::ceil(kLongerThanExpected * seconds / 60)));
 }
 
 }  // namespace

@@ -110,7 +110,7 @@ schemas::FarmRound write_retry_round(const JobFolder& folder,
                            folder.path().string(), "Name frames of the job")
         : Error::bad_input("nothing to retry: every frame is complete", folder.path().string(),
                            "Name the frames to render again. To make only the movie, run "
-                           "raystage preview");
+                           "`raystage preview`");
   }
   round.prepare = missing_instants(job, round.render);
   compose::pin_derived_data(std::vector<fs::path>(job.pinned.begin(), job.pinned.end()), job.id);

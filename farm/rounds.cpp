@@ -19,9 +19,9 @@ namespace {
 
 constexpr double kMoreMemory = 1.5, kMoreTime = 2;
 /// Limit of attempts that failed without the task's fault; beyond it the task is given up.
-constexpr int kMostLost = 10;
+constexpr int kMaxLostAttempts = 10;
 /// With more faulty nodes than this number, and than this share of those tried, the job fails.
-constexpr std::size_t kMostExcluded = 3, kMostExcludedPart = 4;
+constexpr std::size_t kMaxExcluded = 3, kMaxExcludedPart = 4;
 constexpr std::size_t kLongestReason = 3000;
 
 struct TaskHistory {
@@ -57,7 +57,7 @@ TaskHistory history_of(const std::vector<schemas::FarmAttempt>& attempts, int fi
 
 bool may_try_again(const schemas::FarmJobDocument& job, const TaskHistory& history) {
   return !history.bad_input && history.out_of_memory < 2 && history.failed < job.attempts &&
-         history.without_blame < kMostLost;
+         history.without_blame < kMaxLostAttempts;
 }
 
 /// Adds the instants of a chunk that must be prepared again to the next round.
@@ -81,8 +81,7 @@ bool is_every_node_at_fault(const RoundOutcome& state) {
     if (task.first != "prepare" && task.first != "render") continue;
     for (const schemas::FarmAttempt& attempt : attempts) tried.insert(attempt.node);
   }
-  if (state.excluded.size() > std::max(kMostExcluded, tried.size() / kMostExcludedPart))
-    return true;
+  if (state.excluded.size() > std::max(kMaxExcluded, tried.size() / kMaxExcludedPart)) return true;
   return tried.size() > 1 && std::ranges::all_of(tried, [&](const std::string& node) {
            return std::ranges::find(state.excluded, node) != state.excluded.end();
          });
@@ -148,7 +147,7 @@ RoundDecision decide_next_round(const RoundOutcome& state) {
   }
   verdict.no_node_left = is_every_node_at_fault(state);
   if (!next.render.empty() && !verdict.no_node_left &&
-      state.round - state.first_round < state.job.attempts + kMostLost) {
+      state.round - state.first_round < state.job.attempts + kMaxLostAttempts) {
     verdict.next = next;
     return verdict;
   }

@@ -11,6 +11,7 @@
 #include <system_error>
 #include <thread>
 
+#include "base/options.h"
 #include "base/parallel.h"
 #include "base/stopwatch.h"
 #include "compose/exr/exr_file.h"
@@ -40,31 +41,35 @@ void refresh_folder(const std::filesystem::path& folder) {
 
 }  // namespace
 
+bool SequenceCheckOptions::is_valid(std::string* reason) const {
+  return is_within("timeout (s)", timeout_seconds, 0, 1e9, reason);
+}
+
 std::vector<int> missing_frames(const compose::SequenceName& name,
                                 std::span<const ExpectedFrame> frames,
-                                const SequenceCheckSettings& settings,
-                                const std::stop_token& stop) {
+                                const SequenceCheckOptions& options, const std::stop_token& stop) {
+  require_valid(options, "check of a sequence");
   const compose::SequenceName deep = name.with("deep");
   std::vector<char> is_missing(frames.size(), 0);
   const auto is_whole = [&](const ExpectedFrame& frame) {
     return compose::is_complete_exr(name.path(frame.frame), frame.fingerprint) &&
-           (!settings.deep || compose::is_complete_exr(deep.path(frame.frame), frame.fingerprint));
+           (!options.deep || compose::is_complete_exr(deep.path(frame.frame), frame.fingerprint));
   };
   const auto may_come = [&](const ExpectedFrame& frame) {
     return may_appear(name.path(frame.frame)) ||
-           (settings.deep && may_appear(deep.path(frame.frame)));
+           (options.deep && may_appear(deep.path(frame.frame)));
   };
   std::atomic<std::size_t> done = 0;
   raystage::parallel_for(std::size_t{0}, frames.size(), [&](std::size_t i) {
     is_missing[i] = stop.stop_requested() || is_whole(frames[i]) ? 0 : 1;
-    settings.progress(static_cast<double>(++done) / frames.size());
+    options.progress(static_cast<double>(++done) / frames.size());
   });
   // The timeout starts after the first check, however long that took.
   const Stopwatch watch;
   const auto is_expected_on_disk = [&](std::size_t i) {
     return is_missing[i] != 0 && frames[i].is_expected_on_disk && may_come(frames[i]);
   };
-  while (watch.seconds() < settings.timeout_seconds && !stop.stop_requested()) {
+  while (watch.seconds() < options.timeout_seconds && !stop.stop_requested()) {
     bool any = false;
     for (std::size_t i = 0; i < frames.size(); ++i) any = any || is_expected_on_disk(i);
     if (!any) break;

@@ -19,19 +19,21 @@ struct ExpectedFrame {
   bool is_expected_on_disk = true;  ///< its task reported success: the file may still appear
 };
 
-struct SequenceCheckSettings {
+struct SequenceCheckOptions {
   bool deep = false;  ///< check the deep files, too
   /// Limit of the wait for an expected frame that is missing or whose handle is stale: the file of
   /// another host may appear late on a network file system. Measured by this process' steady clock,
   /// never by times of files.
   double timeout_seconds = 60;
   std::function<void(double)> progress = [](double) {};
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// Returns the frames that are incomplete (a pixel of a part is missing) or have another
 /// fingerprint, sorted. Only reads files.
 std::vector<int> missing_frames(const compose::SequenceName& name,
                                 std::span<const ExpectedFrame> frames,
-                                const SequenceCheckSettings& settings, const std::stop_token& stop);
+                                const SequenceCheckOptions& options, const std::stop_token& stop);
 
 }  // namespace raystage::farm

@@ -33,10 +33,10 @@ class SequenceCheck : public ::testing::Test {
     raystage::testing::write_exr({&view, 1}, {&camera, 1}, metadata, file);
   }
   std::vector<int> missing(double patience = 0, bool deep = false) const {
-    SequenceCheckSettings settings;
-    settings.timeout_seconds = patience;
-    settings.deep = deep;
-    return missing_frames(name_, frames_, settings, {});
+    SequenceCheckOptions options;
+    options.timeout_seconds = patience;
+    options.deep = deep;
+    return missing_frames(name_, frames_, options, {});
   }
   testing::TestFolder folder_;
   const compose::SequenceName name_{(folder_.path() / "f.####.exr").string()};

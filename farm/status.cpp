@@ -220,10 +220,10 @@ JobState state_of_local_job(const SchedulerAnswer& answer, JobStatus& status) {
   }
   if (*answer.is_local_job_running) return JobState::kRunning;
   if (!has_begun(status)) {
-    status.reason = "raystage farm retry starts it";
+    status.reason = "`raystage farm retry` starts it";
     return JobState::kNotQueued;
   }
-  status.reason = "the process that ran it is gone; raystage farm retry continues the job";
+  status.reason = "the process that ran it is gone; `raystage farm retry` continues the job";
   return JobState::kStalled;
 }
 
@@ -259,7 +259,7 @@ JobState state_of_queued_job(const JobFolder& folder, const std::map<std::string
     return JobState::kNotQueued;
   }
   status.reason =
-      "nothing is queued, and the job has no end: see logs/slurm.*.log; raystage farm retry "
+      "nothing is queued, and the job has no end: see logs/slurm.*.log; `raystage farm retry` "
       "continues it";
   return JobState::kStalled;
 }
@@ -297,7 +297,7 @@ void find_removed_frames(const JobFolder& folder, JobStatus& status) {
   }
   if (gone.empty()) return;
   status.missing_frames = compose::format_frame_range(gone);
-  status.reason = "frames have been removed since; raystage farm retry renders them again";
+  status.reason = "frames have been removed since; `raystage farm retry` renders them again";
 }
 
 }  // namespace

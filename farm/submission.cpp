@@ -33,7 +33,7 @@ namespace {
 namespace fs = std::filesystem;
 using Engine = schemas::FarmJobDocument::Engine;
 
-constexpr int kMostThreadsByDefault = 8;
+constexpr int kMaxDefaultThreads = 8;
 
 std::string user_name() {
   const passwd* user = getpwuid(geteuid());
@@ -70,7 +70,7 @@ void check_not_live(const SubmissionOptions& options) {
   }
   throw Error::bad_input("a job of this output is not over: " + live->job().id,
                          live->path().string(),
-                         "Wait for it (raystage farm status), cancel it, or submit with waiting "
+                         "Wait for it (`raystage farm status`), cancel it, or submit with waiting "
                          "for live jobs enabled");
 }
 
@@ -160,7 +160,7 @@ schemas::FarmJobDocument new_job(const SubmissionOptions& options,
 /// Returns the threads of a task: at most the processors of a node of the partition.
 int threads_of(const SubmissionOptions& options) {
   if (options.threads > 0) return options.threads;
-  int threads = std::min(available_threads(), kMostThreadsByDefault);
+  int threads = std::min(available_threads(), kMaxDefaultThreads);
   if (options.engine != Engine::kSlurm) return threads;
   int most = 0;
   const auto& of_render = options.sbatch[static_cast<std::size_t>(schemas::FarmStage::kRender)];

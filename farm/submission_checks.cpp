@@ -38,7 +38,7 @@ class DocumentOnlyTakes : public render::DistributedTakes {
   store::Take open(const fs::path& folder) override {
     return store::Take(folder, std::make_shared<const UnknownArchives>());
   }
-  void share(const store::Take& /*take*/, render::RendererSettings& /*settings*/) override {
+  void share(const store::Take& /*take*/, render::RendererOptions& /*settings*/) override {
     throw std::logic_error("a take without archives cannot be rendered");
   }
 };

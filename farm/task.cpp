@@ -28,7 +28,7 @@ namespace raystage::farm {
 namespace {
 
 constexpr int kOutOfMemory = 33;  // exit code, as render farms agreed on
-constexpr std::size_t kMostFailuresOfNode = 2;
+constexpr std::size_t kMaxNodeFailures = 2;
 
 std::string environment(const char* name) {
   const char* value = std::getenv(name);
@@ -190,9 +190,9 @@ class Attempt {
         mapped_.job.engine !=
             schemas::FarmJobDocument::Engine::kLocal &&  // these have no other node
         !mapped_.job.distributed &&
-        failures_on(request_.folder, attempt_.node) >= kMostFailuresOfNode) {
+        failures_on(request_.folder, attempt_.node) >= kMaxNodeFailures) {
       request_.folder.exclude(attempt_.node, fmt::format("{} tasks failed here, the last: {}",
-                                                         kMostFailuresOfNode, end.reason));
+                                                         kMaxNodeFailures, end.reason));
     }
     if (!end.reason.empty()) request_.on_message(end.reason);
     // The exit code of the command, including 33 (out of memory) and 128 + n (signal n).

@@ -94,13 +94,13 @@ std::set<int> frames_not_replaced(const VerificationRequest& request, int first_
 
 /// Returns the faults of the nodes as text, each fault once.
 std::string reasons_of(const std::vector<std::pair<std::string, std::string>>& excluded) {
-  constexpr std::size_t kMostReasons = 3;
+  constexpr std::size_t kMaxReasons = 3;
   std::map<std::string, std::vector<std::string>> nodes_by_reason;
   for (const auto& [node, reason] : excluded) nodes_by_reason[reason].push_back(node);
   std::string text;
   std::size_t listed = 0;
   for (const auto& [reason, nodes] : nodes_by_reason) {
-    if (++listed > kMostReasons) break;
+    if (++listed > kMaxReasons) break;
     text += fmt::format("{}{}: {}", text.empty() ? "" : "; ", fmt::join(nodes, ", "), reason);
   }
   return text;
@@ -172,12 +172,12 @@ void end_job(const JobFolder& folder, const schemas::FarmJobDocument& job, schem
 
 std::vector<int> find_incomplete_frames(const VerificationRequest& request,
                                         const std::stop_token& stop) {
-  SequenceCheckSettings settings;
-  settings.deep = request.job.picture.deep;
-  settings.timeout_seconds = request.timeout_seconds;
-  settings.progress = request.progress;
+  SequenceCheckOptions options;
+  options.deep = request.job.picture.deep;
+  options.timeout_seconds = request.timeout_seconds;
+  options.progress = request.progress;
   return missing_frames(compose::SequenceName(request.job.output), expected_frames(request),
-                        settings, stop);
+                        options, stop);
 }
 
 schemas::FarmAttempt::End verify_job(const VerificationRequest& request,

@@ -15,7 +15,7 @@ struct VerificationRequest {
   const schemas::FarmJobDocument& job;
   std::filesystem::path shot;
   int round = 1;
-  double timeout_seconds = 60;  ///< as SequenceCheckSettings
+  double timeout_seconds = 60;  ///< as SequenceCheckOptions
   std::function<void(double)> progress;
 };
 

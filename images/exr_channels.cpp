@@ -100,8 +100,8 @@ ExrChannelData read_open_file(Imf::MultiPartInputFile& file_parts,
   Imf::InputPart input(file_parts, part_with(file_parts, file, channels, what_to_do));
   const Imf::Header& header = input.header();
   const Imath::Box2i data = header.dataWindow(), display = header.displayWindow();
-  constexpr std::int64_t kMostPixels = std::int64_t{1} << 29;
-  if (area(data) > kMostPixels || area(display) > kMostPixels) {
+  constexpr std::int64_t kMaxPixels = std::int64_t{1} << 29;
+  if (area(data) > kMaxPixels || area(display) > kMaxPixels) {
     throw Error::bad_input("the EXR file is larger than 2^29 pixels", file.string(), what_to_do);
   }
   std::vector<float> values(static_cast<std::size_t>(area(data)) * channels.size());

@@ -24,12 +24,11 @@ store::RgbImage read_image(const std::filesystem::path& file) {
     throw Error::bad_input("the image is damaged: " + input->geterror(), file.string(),
                            "Replace the file");
   }
-  store::RgbImage image{spec.width, spec.height, {}};
-  image.pixels.resize(static_cast<std::size_t>(spec.width) * spec.height * 3);
-  for (std::size_t pixel = 0; pixel < image.pixels.size() / 3; ++pixel) {
+  store::RgbImage image(spec.width, spec.height);
+  for (std::size_t pixel = 0; pixel < image.values.size() / 3; ++pixel) {
     for (std::size_t c = 0; c < 3; ++c) {
       const std::size_t source = channels >= 3 ? c : 0;
-      image.pixels[pixel * 3 + c] = codes[pixel * static_cast<std::size_t>(channels) + source];
+      image.values[pixel * 3 + c] = codes[pixel * static_cast<std::size_t>(channels) + source];
     }
   }
   return image;
@@ -50,7 +49,7 @@ void write_image(const store::RgbImage& image, const std::filesystem::path& file
   output->set_ioproxy(&encoded);
   const OIIO::ImageSpec spec(image.width, image.height, 3, OIIO::TypeDesc::UINT8);
   if (!output->open(file.string(), spec) ||
-      !output->write_image(OIIO::TypeDesc::UINT8, image.pixels.data()) || !output->close()) {
+      !output->write_image(OIIO::TypeDesc::UINT8, image.values.data()) || !output->close()) {
     throw Error::failed("the image cannot be encoded: " + output->geterror(), file.string(),
                         "Check that the format allows the image size");
   }

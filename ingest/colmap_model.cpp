@@ -209,7 +209,7 @@ std::vector<ColmapImage> read_images(const std::filesystem::path& file,
 }  // namespace
 
 schemas::ImportManifest read_colmap_model(const std::filesystem::path& folder,
-                                          const ModelImportSettings& settings) {
+                                          const ModelImportOptions& options) {
   const std::filesystem::path file = folder / "images.txt";
   const auto images = read_images(file, read_cameras(folder / "cameras.txt"));
   if (images.empty()) {
@@ -217,8 +217,8 @@ schemas::ImportManifest read_colmap_model(const std::filesystem::path& folder,
                            "Export a model with registered images");
   }
   std::vector<std::filesystem::path> folders;
-  if (settings.images) {
-    folders = {*settings.images};
+  if (options.images) {
+    folders = {*options.images};
   } else {
     folders = {folder / ".." / "images", folder / ".." / ".." / "images", folder / "images",
                folder};
@@ -229,7 +229,7 @@ schemas::ImportManifest read_colmap_model(const std::filesystem::path& folder,
   for (const ColmapImage& image : images) names.push_back(image.name);
   const std::vector<std::string> ids = make_camera_ids(names);
 
-  schemas::ImportManifest manifest = make_model_manifest(file, settings);
+  schemas::ImportManifest manifest = make_model_manifest(file, options);
   for (std::size_t i = 0; i < images.size(); ++i) {
     const ColmapCamera& camera = images[i].camera;
     schemas::ImportManifest::Camera entry;

@@ -19,6 +19,6 @@ namespace raystage::ingest {
 /// next to `folder`, next to its parent and inside `folder`, then in `folder` itself. Their paths
 /// in the manifest are relative to the current folder. Throws Error (bad input) with file and line.
 schemas::ImportManifest read_colmap_model(const std::filesystem::path& folder,
-                                          const ModelImportSettings& settings);
+                                          const ModelImportOptions& options);
 
 }  // namespace raystage::ingest

@@ -30,7 +30,7 @@ Error unsupported(const fs::path& path, std::string what_happened) {
       "COLMAP text model (cameras.txt and images.txt)");
 }
 
-ImportSource from_json(const fs::path& file, const ModelImportSettings& settings) {
+ImportSource from_json(const fs::path& file, const ModelImportOptions& options) {
   const std::string text = read_file(file);
   const std::size_t first = text.find_first_not_of(" \t\r\n\xEF\xBB\xBF");
   if (first == text.npos || text[first] != '{') {
@@ -42,23 +42,23 @@ ImportSource from_json(const fs::path& file, const ModelImportSettings& settings
     if (!document.contains("schema")) {
       throw unsupported(file, "this JSON file has neither \"schema\" nor \"frames\"");
     }
-    if (settings.images) {
+    if (options.images) {
       throw Error::bad_input("an import manifest contains the paths of its images", file.string(),
                              "Remove the folder of images: it is for COLMAP and NeRF models")
           .concerning({"images"});
     }
     return {schemas::parse_import_manifest(text, file.string()), base};
   }
-  return {read_nerf_transforms(file, text, settings), {}};
+  return {read_nerf_transforms(file, text, options), {}};
 }
 
-ImportSource from_folder(const fs::path& folder, const ModelImportSettings& settings) {
-  if (is_file(folder / "import.json")) return from_json(folder / "import.json", settings);
+ImportSource from_folder(const fs::path& folder, const ModelImportOptions& options) {
+  if (is_file(folder / "import.json")) return from_json(folder / "import.json", options);
   for (const char* place : {"", "sparse/0", "sparse"}) {
     const fs::path model = *place == '\0' ? folder : folder / place;
-    if (has_colmap_text(model)) return {read_colmap_model(model, settings), {}};
+    if (has_colmap_text(model)) return {read_colmap_model(model, options), {}};
   }
-  if (is_file(folder / "transforms.json")) return from_json(folder / "transforms.json", settings);
+  if (is_file(folder / "transforms.json")) return from_json(folder / "transforms.json", options);
   for (const char* place : {"cameras.bin", "sparse/0/cameras.bin", "sparse/cameras.bin"}) {
     if (!is_file(folder / place)) continue;
     throw Error::bad_input("this is a binary COLMAP model", (folder / place).string(),
@@ -69,9 +69,9 @@ ImportSource from_folder(const fs::path& folder, const ModelImportSettings& sett
 
 }  // namespace
 
-ImportSource open_import_source(const fs::path& path, const ModelImportSettings& settings) {
+ImportSource open_import_source(const fs::path& path, const ModelImportOptions& options) {
   std::error_code ignored;
-  if (fs::is_directory(path, ignored)) return from_folder(path, settings);
+  if (fs::is_directory(path, ignored)) return from_folder(path, options);
   const fs::path name = path.filename();
   if (name == "cameras.bin" || name == "images.bin") {
     throw Error::bad_input("this is a binary COLMAP model", path.string(),
@@ -79,9 +79,9 @@ ImportSource open_import_source(const fs::path& path, const ModelImportSettings&
   }
   if (is_file(path) && (name == "cameras.txt" || name == "images.txt")) {
     const fs::path folder = path.parent_path().empty() ? fs::path(".") : path.parent_path();
-    return {read_colmap_model(folder, settings), {}};
+    return {read_colmap_model(folder, options), {}};
   }
-  return from_json(path, settings);
+  return from_json(path, options);
 }
 
 }  // namespace raystage::ingest

@@ -18,6 +18,6 @@ struct ImportSource {
 /// of these. A folder is searched for import.json, then cameras.txt with images.txt (in it, in
 /// sparse/0 or in sparse), then transforms.json. Throws Error (bad input).
 ImportSource open_import_source(const std::filesystem::path& path,
-                                const ModelImportSettings& settings);
+                                const ModelImportOptions& options);
 
 }  // namespace raystage::ingest

@@ -10,6 +10,7 @@
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "base/options.h"
 #include "base/parallel.h"
 #include "ingest/movie_reader.h"
 #include "ingest/source_image.h"
@@ -31,8 +32,8 @@ std::int64_t frames_of(const schemas::ImportManifest::Camera& camera) {
 class Importer {
  public:
   Importer(const schemas::ImportManifest& manifest, const std::filesystem::path& base,
-           const ImportSettings& settings, std::stop_token stop)
-      : manifest_(manifest), base_(base), settings_(settings), stop_(std::move(stop)) {
+           const ImportOptions& options, std::stop_token stop)
+      : manifest_(manifest), base_(base), options_(options), stop_(std::move(stop)) {
     for (const auto& camera : manifest.cameras) total_ += frames_of(camera);
   }
 
@@ -60,7 +61,7 @@ class Importer {
 
   const schemas::ImportManifest& manifest_;
   const std::filesystem::path& base_;
-  const ImportSettings& settings_;
+  const ImportOptions& options_;
   const std::stop_token stop_;
   std::int64_t total_ = 0;
   std::atomic<std::int64_t> copied_ = 0, rewritten_ = 0, encoded_ = 0, done_ = 0;
@@ -145,8 +146,8 @@ void Importer::append_jpeg(std::span<const std::byte> jpeg, Nanoseconds time, co
   }
   const store::JpegLayout layout = store::parse_jpeg_layout(jpeg, name);
   check_image_size({layout.width, layout.height}, target.size(), name);
-  if (settings_.restart_markers) {
-    append(store::add_restart_markers(jpeg, *settings_.restart_markers, name), time, target);
+  if (options_.restart_markers) {
+    append(store::add_restart_markers(jpeg, *options_.restart_markers, name), time, target);
     ++rewritten_;
   } else {
     append(jpeg, time, target);
@@ -155,7 +156,7 @@ void Importer::append_jpeg(std::span<const std::byte> jpeg, Nanoseconds time, co
 }
 
 void Importer::append_image(const store::RgbImage& image, Nanoseconds time, const Target& target) {
-  append(store::encode_jpeg(image, settings_.encode), time, target);
+  append(store::encode_jpeg(image, options_.encode), time, target);
   ++encoded_;
 }
 
@@ -163,8 +164,8 @@ void Importer::append(std::span<const std::byte> jpeg, Nanoseconds time, const T
   target.archive.append(jpeg, time);
   jpeg_bytes_ += jpeg.size();
   const std::int64_t done = ++done_;
-  if (settings_.progress) {
-    settings_.progress(static_cast<double>(done) / static_cast<double>(total_));
+  if (options_.progress) {
+    options_.progress(static_cast<double>(done) / static_cast<double>(total_));
   }
 }
 
@@ -185,10 +186,10 @@ ImportSummary Importer::summary() const {
 }
 
 schemas::TakeDocument take_document(const schemas::ImportManifest& manifest,
-                                    const ImportSettings& settings) {
+                                    const ImportOptions& options) {
   schemas::TakeDocument take;
   take.name = manifest.name;
-  take.created_by = settings.created_by;
+  take.created_by = options.created_by;
   take.epoch_utc = manifest.epoch_utc;
   take.nominal_fps = manifest.nominal_fps;
   take.color_space = "srgb_texture";  // linear images are encoded with its curve
@@ -210,13 +211,19 @@ schemas::RigDocument rig_document(const schemas::ImportManifest& manifest) {
 
 }  // namespace
 
+bool ImportOptions::is_valid(std::string* reason) const {
+  return encode.is_valid(reason) &&
+         is_within("restart interval (MCUs)", restart_markers.value_or(0), -1, 65535, reason);
+}
+
 ImportSummary import_take(const schemas::ImportManifest& manifest,
                           const std::filesystem::path& base,
-                          const std::filesystem::path& take_folder, const ImportSettings& settings,
+                          const std::filesystem::path& take_folder, const ImportOptions& options,
                           std::stop_token stop) {
-  Importer importer(manifest, base, settings, std::move(stop));
+  require_valid(options, "import");
+  Importer importer(manifest, base, options, std::move(stop));
   importer.check_files();
-  store::TakeWriter writer(take_folder, take_document(manifest, settings), rig_document(manifest));
+  store::TakeWriter writer(take_folder, take_document(manifest, options), rig_document(manifest));
   const auto import_camera = [&](std::size_t index, const ParallelLoop& loop) {
     importer.import_camera(manifest.cameras[index], writer.archive(static_cast<int>(index)), loop);
   };

@@ -13,15 +13,16 @@
 
 namespace raystage::ingest {
 
-struct ImportSettings {
-  store::JpegEncodeSettings
-      encode{};  ///< for images that are not JPEG, with their restart_interval
+struct ImportOptions {
+  store::JpegEncodeOptions encode{};  ///< for images that are not JPEG, with their restart_interval
   /// Interval in MCUs of the restart markers that are added to JPEG input without a change of its
   /// coefficients (-1: default_restart_interval). Without a value JPEG is stored byte for byte.
   std::optional<int> restart_markers{};
   std::string created_by{};  ///< program and version, for take.json
   /// Called with the fraction done, in [0, 1], from any thread. May be empty.
   std::function<void(double)> progress{};
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 struct ImportSummary {
@@ -38,7 +39,7 @@ struct ImportSummary {
 /// exists, on a disk error, or on a stop. No take is left behind after an error.
 ImportSummary import_take(const schemas::ImportManifest& manifest,
                           const std::filesystem::path& base,
-                          const std::filesystem::path& take_folder, const ImportSettings& settings,
+                          const std::filesystem::path& take_folder, const ImportOptions& options,
                           std::stop_token stop = {});
 
 }  // namespace raystage::ingest

@@ -34,8 +34,8 @@ class ImportTake : public ::testing::Test {
   std::filesystem::path outputs() const { return folder_.path() / "out"; }
   std::filesystem::path take() const { return outputs() / "take"; }
 
-  ImportSummary run(const schemas::ImportManifest& manifest, const ImportSettings& settings = {}) {
-    return import_take(manifest, inputs(), take(), settings);
+  ImportSummary run(const schemas::ImportManifest& manifest, const ImportOptions& options = {}) {
+    return import_take(manifest, inputs(), take(), options);
   }
   /// Returns the error message, and checks that no take was written.
   std::string refusal(const schemas::ImportManifest& manifest, ExitCode exit_code) {
@@ -64,9 +64,9 @@ class ImportTake : public ::testing::Test {
 };
 
 double largest_difference(const store::RgbImage& a, const store::RgbImage& b) {
-  double worst = a.pixels.size() == b.pixels.size() ? 0 : 1000;
-  for (std::size_t i = 0; i < std::min(a.pixels.size(), b.pixels.size()); ++i) {
-    worst = std::max(worst, std::abs(double{1} * a.pixels[i] - b.pixels[i]));
+  double worst = a.values.size() == b.values.size() ? 0 : 1000;
+  for (std::size_t i = 0; i < std::min(a.values.size(), b.values.size()); ++i) {
+    worst = std::max(worst, std::abs(double{1} * a.values[i] - b.values[i]));
   }
   return worst;
 }
@@ -138,9 +138,9 @@ TEST_F(ImportTake, OtherImagesAreEncodedOnceAndWell) {
 
 TEST_F(ImportTake, QualityAndChromaAreAsAsked) {
   images::write_image(picture(48, 40, 1), inputs() / "a.png");
-  ImportSettings settings;
-  settings.encode = {.quality = 30, .chroma = store::JpegEncodeSettings::Chroma::k420};
-  const ImportSummary summary = run(one_image("a.png"), settings);
+  ImportOptions options;
+  options.encode = {.quality = 30, .chroma = store::JpegEncodeOptions::Chroma::k420};
+  const ImportSummary summary = run(one_image("a.png"), options);
   const store::JpegLayout layout =
       store::parse_jpeg_layout(store::Take(take()).archive(0).jpeg(0), "");
   EXPECT_EQ(layout.h[0], 2 * layout.h[1]);
@@ -161,7 +161,7 @@ TEST_F(ImportTake, SixteenBitsAreRounded) {
   const std::vector<float> values(std::size_t{16 * 16 * 3}, 100.4F / 255);
   write_with_oiio(inputs() / "a.png", 16, 16, 3, OIIO::TypeDesc::UINT16, values);
   run(one_image("a.png", 16, 16));
-  EXPECT_NEAR(decoded(0, 0).pixels[100], 100, 1);
+  EXPECT_NEAR(decoded(0, 0).values[100], 100, 1);
 }
 
 TEST_F(ImportTake, GreyWithAlphaBecomesGrey) {
@@ -169,7 +169,7 @@ TEST_F(ImportTake, GreyWithAlphaBecomesGrey) {
   for (int i = 0; i < 16 * 16; ++i) values.insert(values.end(), {0.5F, 1.0F});
   write_with_oiio(inputs() / "a.png", 16, 16, 2, OIIO::TypeDesc::UINT8, values);
   run(one_image("a.png", 16, 16));
-  for (const std::uint8_t code : decoded(0, 0).pixels) EXPECT_NEAR(code, 128, 1);
+  for (const std::uint8_t code : decoded(0, 0).values) EXPECT_NEAR(code, 128, 1);
 }
 
 TEST_F(ImportTake, LinearImagesBecomeSrgb) {
@@ -182,9 +182,9 @@ TEST_F(ImportTake, LinearImagesBecomeSrgb) {
   manifest.color_space = "lin_rec709_scene";
   run(manifest);
   const store::RgbImage image = decoded(0, 0);
-  EXPECT_NEAR(image.pixels[0], srgb_from_linear(0.2) * 255, 2);
-  EXPECT_NEAR(image.pixels[1], 255, 2);
-  EXPECT_NEAR(image.pixels[2], 0, 2);
+  EXPECT_NEAR(image.values[0], srgb_from_linear(0.2) * 255, 2);
+  EXPECT_NEAR(image.values[1], 255, 2);
+  EXPECT_NEAR(image.values[2], 0, 2);
   EXPECT_EQ(store::Take(take()).document().color_space, "srgb_texture");
 }
 
@@ -289,20 +289,20 @@ TEST_F(ImportTake, AFolderWithoutPermissionIsRefused) {
 TEST_F(ImportTake, AStopLeavesNothing) {
   const schemas::ImportManifest manifest = testing::write_two_cameras(inputs());
   std::stop_source source;
-  ImportSettings settings;
-  settings.progress = [&](double) { source.request_stop(); };
-  EXPECT_THROW(import_take(manifest, inputs(), take(), settings, source.get_token()), Error);
+  ImportOptions options;
+  options.progress = [&](double) { source.request_stop(); };
+  EXPECT_THROW(import_take(manifest, inputs(), take(), options, source.get_token()), Error);
   EXPECT_TRUE(std::filesystem::is_empty(outputs()));
 }
 
 TEST_F(ImportTake, ProgressEndsAtOne) {
   std::atomic<int> calls = 0, ends = 0;
-  ImportSettings settings;
-  settings.progress = [&](double done) {
+  ImportOptions options;
+  options.progress = [&](double done) {
     ++calls;
     if (done == 1) ++ends;
   };
-  run(testing::write_two_cameras(inputs()), settings);
+  run(testing::write_two_cameras(inputs()), options);
   EXPECT_EQ(calls, 6);
   EXPECT_EQ(ends, 1);
 }

@@ -44,12 +44,12 @@ class Model : public ::testing::Test {
   void write_jpeg(const std::string& file) const {
     write(file, testing::jpeg_as_string(testing::picture(48, 40, 1)));
   }
-  ImportSource open(const std::string& path, const ModelImportSettings& settings = {}) const {
-    return open_import_source(folder_.path() / path, settings);
+  ImportSource open(const std::string& path, const ModelImportOptions& options = {}) const {
+    return open_import_source(folder_.path() / path, options);
   }
-  std::string refusal(const std::string& path, const ModelImportSettings& settings = {}) const {
+  std::string refusal(const std::string& path, const ModelImportOptions& options = {}) const {
     try {
-      open(path, settings);
+      open(path, options);
     } catch (const Error& error) {
       EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
       EXPECT_FALSE(error.what_to_do().empty());
@@ -148,9 +148,9 @@ TEST_F(Colmap, FindsItsImages) {
     write_model("p/sparse/0", kPinhole, kImages);
     EXPECT_THAT(refusal("p"), AllOf(HasSubstr("sub/a.jpg"), HasSubstr("folder of the images")));
     write_jpeg(fmt::format("{}/sub/a.jpg", place));
-    ModelImportSettings settings;
-    if (std::string_view(place) == "x") settings.images = folder_.path() / "x";
-    const ImportSource source = open("p", settings);
+    ModelImportOptions options;
+    if (std::string_view(place) == "x") options.images = folder_.path() / "x";
+    const ImportSource source = open("p", options);
     EXPECT_TRUE(std::filesystem::equivalent(source.base / source.manifest.cameras[0].frames[0].file,
                                             folder_.path() / place / "sub" / "a.jpg"));
   }
@@ -202,9 +202,9 @@ class Nerf : public Model {
     }
     document_["camera_angle_x"] = std::numbers::pi / 2;
   }
-  schemas::ImportManifest read(const ModelImportSettings& settings = {}) const {
+  schemas::ImportManifest read(const ModelImportOptions& options = {}) const {
     write("transforms.json", document_.dump());
-    return open("transforms.json", settings).manifest;
+    return open("transforms.json", options).manifest;
   }
   std::string refused() const {
     write("transforms.json", document_.dump());

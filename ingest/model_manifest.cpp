@@ -8,6 +8,7 @@
 #include <system_error>
 
 #include "base/error.h"
+#include "base/options.h"
 
 namespace raystage::ingest {
 namespace {
@@ -33,14 +34,18 @@ std::string path_without_extension(const std::string& name) {
 
 }  // namespace
 
+bool ModelImportOptions::is_valid(std::string* reason) const {
+  return is_within("nominal rate (frames per second)", nominal_fps, 1e-3, 1e6, reason);
+}
+
 schemas::ImportManifest make_model_manifest(const std::filesystem::path& file,
-                                            const ModelImportSettings& settings) {
+                                            const ModelImportOptions& options) {
   schemas::ImportManifest manifest;
   std::error_code ignored;
   const auto folder = std::filesystem::weakly_canonical(file, ignored).parent_path();
   manifest.name = folder.filename().string();
-  manifest.epoch_utc = settings.epoch_utc;
-  manifest.nominal_fps = settings.nominal_fps;
+  manifest.epoch_utc = options.epoch_utc;
+  manifest.nominal_fps = options.nominal_fps;
   manifest.color_space = "srgb_texture";
   manifest.arbitrary_scale = true;  // neither format has a unit
   return manifest;

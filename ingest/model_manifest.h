@@ -12,15 +12,17 @@
 namespace raystage::ingest {
 
 /// Settings of a take that a COLMAP or NeRF model does not contain.
-struct ModelImportSettings {
+struct ModelImportOptions {
   std::optional<std::filesystem::path> images;  ///< folder of the images; searched if not given
   Nanoseconds epoch_utc = 0;                    ///< since 1970
   double nominal_fps = 24;
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// Returns a manifest without cameras, named after the folder of the model file.
 schemas::ImportManifest make_model_manifest(const std::filesystem::path& file,
-                                            const ModelImportSettings& settings);
+                                            const ModelImportOptions& options);
 
 /// Returns a camera id for each image file name: the name without folder and extension, reduced to
 /// characters that are safe in file names. Names that are not unique keep their folders as a

@@ -132,9 +132,9 @@ void MovieReader::State::convert(store::RgbImage& image) {
                            sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, kUnchanged, kUnchanged);
   image.width = picture->width;
   image.height = picture->height;
-  image.pixels.resize(static_cast<std::size_t>(image.width) *
+  image.values.resize(static_cast<std::size_t>(image.width) *
                       static_cast<std::size_t>(image.height) * 3);
-  const std::array<std::uint8_t*, 4> planes{image.pixels.data(), nullptr, nullptr, nullptr};
+  const std::array<std::uint8_t*, 4> planes{image.values.data(), nullptr, nullptr, nullptr};
   const std::array<int, 4> strides{image.width * 3, 0, 0, 0};
   const int rows = sws_scale(scaler.get(), picture->data, picture->linesize, 0, picture->height,
                              planes.data(), strides.data());

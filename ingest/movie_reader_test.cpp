@@ -121,10 +121,10 @@ TEST_F(Movie, MatrixAndRangeAreHonoured) {
       MovieReader reader(file("v.mkv"));
       MovieFrame frame;
       ASSERT_TRUE(reader.next(frame));
-      ASSERT_EQ(frame.image.pixels.size(), 48u * 40 * 3);
+      ASSERT_EQ(frame.image.values.size(), 48u * 40 * 3);
       const auto expected = rgb_of(kYuv, standard.kr, standard.kb, range == AVCOL_RANGE_JPEG);
       for (std::size_t c = 0; c < 3; ++c) {
-        EXPECT_NEAR(frame.image.pixels[3 * 500 + c], expected[c], 1.5)
+        EXPECT_NEAR(frame.image.values[3 * 500 + c], expected[c], 1.5)
             << "matrix " << standard.matrix << " range " << range << " channel " << c;
       }
       EXPECT_FALSE(reader.next(frame));

@@ -186,14 +186,14 @@ schemas::Matrix4 pose_of(const json& matrix, const std::string& name, const std:
 
 schemas::ImportManifest read_nerf_transforms(const std::filesystem::path& file,
                                              std::string_view text,
-                                             const ModelImportSettings& settings) {
+                                             const ModelImportOptions& options) {
   const std::string name = file.string();
   const json document = schemas::parse_json(text, name);
   check_schema(document, name);
   const json& frames = document["frames"];
-  const std::filesystem::path folder = settings.images.value_or(file.parent_path());
+  const std::filesystem::path folder = options.images.value_or(file.parent_path());
 
-  schemas::ImportManifest manifest = make_model_manifest(file, settings);
+  schemas::ImportManifest manifest = make_model_manifest(file, options);
   std::vector<std::string> names;
   for (const json& frame : frames) names.push_back(frame["file_path"].get<std::string>());
   const std::vector<std::string> ids = make_camera_ids(names);

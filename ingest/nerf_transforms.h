@@ -20,6 +20,6 @@ namespace raystage::ingest {
 /// Throws Error (bad input) with the JSON pointer.
 schemas::ImportManifest read_nerf_transforms(const std::filesystem::path& file,
                                              std::string_view text,
-                                             const ModelImportSettings& settings);
+                                             const ModelImportOptions& options);
 
 }  // namespace raystage::ingest

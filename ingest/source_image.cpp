@@ -43,7 +43,7 @@ store::RgbImage read_linear(OIIO::ImageInput& input, const std::filesystem::path
   for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
     for (std::size_t c = 0; c < 3; ++c) {
       const std::size_t source = channels >= 3 ? c : 0;
-      image.pixels[pixel * 3 + c] = code_from_linear(values[pixel * channels + source]);
+      image.values[pixel * 3 + c] = code_from_linear(values[pixel * channels + source]);
     }
   }
   return image;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <span>
+#include <string>
 #include <vector>
 
 namespace raystage {
@@ -44,7 +45,7 @@ struct PlaneMap {
   std::vector<std::uint8_t> cost;  ///< the filled-in cost of the nearest integer plane
 };
 
-struct SemiGlobalSettings {
+struct SemiGlobalOptions {
   int p1 = 40;   ///< penalty for neighbours one plane apart: 0 to p2
   int p2 = 200;  ///< penalty for larger differences: p1 to 4000
   bool subplane_refinement = true;
@@ -56,6 +57,8 @@ struct SemiGlobalSettings {
   std::size_t working_bytes = std::size_t{1} << 30;  ///< see semi_global_match()
   BufferPool* buffers =
       nullptr;  ///< allocates the memory, for callers that match often; null: the system
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// Semi-global matching (Hirschmueller 2008): returns the plane with the least cost, summed along
@@ -66,7 +69,7 @@ struct SemiGlobalSettings {
 /// bit-identical for any memory and number of threads. Where no strips fit, those with the least
 /// memory are used. Throws std::logic_error for settings out of range.
 PlaneMap semi_global_match(const CostVolume& volume, const FillCosts& fill,
-                           const SemiGlobalSettings& settings);
+                           const SemiGlobalOptions& options);
 
 /// Returns the memory that semi_global_match() needs besides its result for these `working_bytes`.
 std::size_t semi_global_bytes(const CostVolume& volume, std::size_t working_bytes);
@@ -82,7 +85,7 @@ std::size_t box_bytes(const CostVolume& volume, int radius, int threads);
 
 /// Reference implementations, bit-identical to semi_global_match() and box_match().
 PlaneMap semi_global_match_reference(const CostVolume& volume, const FillCosts& fill,
-                                     const SemiGlobalSettings& settings);
+                                     const SemiGlobalOptions& options);
 PlaneMap box_match_reference(const CostVolume& volume, const FillCosts& fill, int radius,
                              bool subplane_refinement);
 
@@ -95,6 +98,6 @@ inline float parabola_vertex(int before, int least, int after) {
 }
 
 /// Returns p2 for each size of a step in the guide image (0 to 255); constant without a guide.
-std::vector<std::uint16_t> p2_by_guide_step(const SemiGlobalSettings& settings);
+std::vector<std::uint16_t> p2_by_guide_step(const SemiGlobalOptions& options);
 
 }  // namespace raystage::matching

@@ -56,21 +56,21 @@ PlaneMap choose(const Volume& volume, const std::vector<int>& sums, bool subplan
 }
 
 /// Adds to `sums` the path costs of Hirschmueller's eq. 12 for paths from (-dx, -dy).
-void add_paths(const Volume& volume, const SemiGlobalSettings& settings, int dx, int dy,
+void add_paths(const Volume& volume, const SemiGlobalOptions& options, int dx, int dy,
                std::vector<int>& sums) {
   const auto [width, height, planes] = volume.shape;
-  const std::vector<std::uint16_t> p2_table = p2_by_guide_step(settings);
+  const std::vector<std::uint16_t> p2_table = p2_by_guide_step(options);
   std::vector<int> path(sums.size());
   for (int i = 0; i < height; ++i) {
     for (int j = 0; j < width; ++j) {
       const int x = dx < 0 ? width - 1 - j : j, y = dy < 0 ? height - 1 - i : i;
       const int px = x - dx, py = y - dy;
       const bool enters = !volume.contains(px, py);
-      int p2 = settings.p2, least = 0;
+      int p2 = options.p2, least = 0;
       if (!enters) {
-        if (!settings.guide.empty()) {
-          p2 = p2_table[std::abs(settings.guide[volume.pixel(x, y)] -
-                                 settings.guide[volume.pixel(px, py)])];
+        if (!options.guide.empty()) {
+          p2 = p2_table[std::abs(options.guide[volume.pixel(x, y)] -
+                                 options.guide[volume.pixel(px, py)])];
         }
         const auto first = path.begin() + static_cast<std::ptrdiff_t>(volume.at(px, py, 0));
         least = *std::min_element(first, first + planes);
@@ -82,8 +82,8 @@ void add_paths(const Volume& volume, const SemiGlobalSettings& settings, int dx,
             return path[volume.at(px, py, other)] + penalty;
           };
           before = std::min(from(plane, 0), least + p2);
-          if (plane > 0) before = std::min(before, from(plane - 1, settings.p1));
-          if (plane + 1 < planes) before = std::min(before, from(plane + 1, settings.p1));
+          if (plane > 0) before = std::min(before, from(plane - 1, options.p1));
+          if (plane + 1 < planes) before = std::min(before, from(plane + 1, options.p1));
         }
         const std::size_t at = volume.at(x, y, plane);
         path[at] = volume.cost[at] + before - least;
@@ -96,15 +96,15 @@ void add_paths(const Volume& volume, const SemiGlobalSettings& settings, int dx,
 }  // namespace
 
 PlaneMap semi_global_match_reference(const CostVolume& shape, const FillCosts& fill,
-                                     const SemiGlobalSettings& settings) {
+                                     const SemiGlobalOptions& options) {
   const Volume volume(shape, fill);
   std::vector<int> sums(volume.cost.size());
   for (int dy = -1; dy <= 1; ++dy) {
     for (int dx = -1; dx <= 1; ++dx) {
-      if (dx != 0 || dy != 0) add_paths(volume, settings, dx, dy, sums);
+      if (dx != 0 || dy != 0) add_paths(volume, options, dx, dy, sums);
     }
   }
-  return choose(volume, sums, settings.subplane_refinement);
+  return choose(volume, sums, options.subplane_refinement);
 }
 
 PlaneMap box_match_reference(const CostVolume& shape, const FillCosts& fill, int radius,

@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "base/large_buffer.h"
+#include "base/options.h"
 #include "base/parallel.h"
 #include "matching/matching.h"
 #include "matching/path_kernels.h"
@@ -17,12 +18,12 @@ namespace raystage::matching {
 
 int plane_stride(int planes) { return (planes + 31) / 32 * 32; }
 
-std::vector<std::uint16_t> p2_by_guide_step(const SemiGlobalSettings& settings) {
-  std::vector<std::uint16_t> p2(256, static_cast<std::uint16_t>(settings.p2));
-  if (settings.guide.empty()) return p2;
+std::vector<std::uint16_t> p2_by_guide_step(const SemiGlobalOptions& options) {
+  std::vector<std::uint16_t> p2(256, static_cast<std::uint16_t>(options.p2));
+  if (options.guide.empty()) return p2;
   for (std::size_t step = 0; step < p2.size(); ++step) {
-    const double lowered = settings.p2 / (1 + static_cast<double>(step) / settings.guide_scale);
-    p2[step] = static_cast<std::uint16_t>(std::max<double>(settings.p1, lowered));
+    const double lowered = options.p2 / (1 + static_cast<double>(step) / options.guide_scale);
+    p2[step] = static_cast<std::uint16_t>(std::max<double>(options.p1, lowered));
   }
   return p2;
 }
@@ -30,7 +31,7 @@ std::vector<std::uint16_t> p2_by_guide_step(const SemiGlobalSettings& settings) 
 namespace {
 
 constexpr int kTileRows = 16, kTileColumns = kMaxPathPixels;
-constexpr int kLeastStripRows = kTileRows;
+constexpr int kMinStripRows = kTileRows;
 
 /// Accumulated costs of several paths, one line each (see path_kernels.h).
 class Lines {
@@ -221,23 +222,23 @@ std::size_t bytes_of_strips(const CostVolume& volume, int rows) {
 int rows_of_strip(const CostVolume& volume, std::size_t working_bytes) {
   int best = volume.height;
   for (int strips = 2; bytes_of_strips(volume, best) > working_bytes; ++strips) {
-    const int rows = std::max(kLeastStripRows, (volume.height + strips - 1) / strips);
+    const int rows = std::max(kMinStripRows, (volume.height + strips - 1) / strips);
     if (rows >= volume.height) break;
     if (bytes_of_strips(volume, rows) < bytes_of_strips(volume, best)) best = rows;
-    if (rows == kLeastStripRows) break;
+    if (rows == kMinStripRows) break;
   }
   return best;
 }
 
 class SemiGlobal {
  public:
-  SemiGlobal(const CostVolume& volume, const FillCosts& fill, const SemiGlobalSettings& settings)
-      : volume_(volume), fill_(fill), settings_(settings), p2_(p2_by_guide_step(settings)) {
+  SemiGlobal(const CostVolume& volume, const FillCosts& fill, const SemiGlobalOptions& options)
+      : volume_(volume), fill_(fill), options_(options), p2_(p2_by_guide_step(options)) {
     row_ = static_cast<std::size_t>(volume.width) * plane_stride(volume.planes);
-    strip_rows_ = rows_of_strip(volume, settings.working_bytes);
+    strip_rows_ = rows_of_strip(volume, options.working_bytes);
     const std::size_t elements = row_ * strip_rows_;
-    costs_ = LargeBuffer<std::uint8_t>(elements, settings.buffers);
-    sums_ = LargeBuffer<std::uint16_t>(elements, settings.buffers);
+    costs_ = LargeBuffer<std::uint8_t>(elements, options.buffers);
+    sums_ = LargeBuffer<std::uint16_t>(elements, options.buffers);
   }
 
   PlaneMap match() {
@@ -281,9 +282,9 @@ class SemiGlobal {
     strip.sums = sums_.data();
     strip.pixel_step = plane_stride(volume_.planes);
     strip.row_step = static_cast<std::ptrdiff_t>(row_);
-    if (!settings_.guide.empty()) {
+    if (!options_.guide.empty()) {
       strip.guide =
-          settings_.guide.data() + static_cast<std::ptrdiff_t>(first_row(index)) * volume_.width;
+          options_.guide.data() + static_cast<std::ptrdiff_t>(first_row(index)) * volume_.width;
     }
     strip.guide_pixel_step = 1;
     strip.guide_row_step = volume_.width;
@@ -309,14 +310,14 @@ class SemiGlobal {
   }
 
   void sweep_down(int strip, Entering& entering, Entering* leaving) const {
-    Sweep sweep(strip_downwards(strip), settings_.p1, p2_);
+    Sweep sweep(strip_downwards(strip), options_.p1, p2_);
     sweep.enter(entering);
     sweep.run([](int, int, const PathRun& run) { start_path_sums(run); });
     if (leaving != nullptr) sweep.leave(*leaving);
   }
 
   void sweep_up(int strip, Entering& entering, PlaneMap& map) const {
-    Sweep sweep(strip_upwards(strip), settings_.p1, p2_);
+    Sweep sweep(strip_upwards(strip), options_.p1, p2_);
     sweep.enter(entering);
     const int last_row = end_row(strip) - 1;
     sweep.run([&](int x, int y, const PathRun& run) {
@@ -328,7 +329,7 @@ class SemiGlobal {
         const int plane = best[i];
         const std::uint16_t* sums = run.sums + i * run.pixel_step;
         const bool between =
-            settings_.subplane_refinement && plane > 0 && plane + 1 < volume_.planes;
+            options_.subplane_refinement && plane > 0 && plane + 1 < volume_.planes;
         const float offset =
             between ? parabola_vertex(sums[plane - 1], sums[plane], sums[plane + 1]) : 0;
         map.plane[at - static_cast<std::size_t>(i)] = static_cast<float>(plane) + offset;
@@ -340,7 +341,7 @@ class SemiGlobal {
 
   const CostVolume& volume_;
   const FillCosts& fill_;
-  const SemiGlobalSettings& settings_;
+  const SemiGlobalOptions& options_;
   std::vector<std::uint16_t> p2_;
   std::size_t row_ = 0;  // elements
   int strip_rows_ = 0;
@@ -348,27 +349,33 @@ class SemiGlobal {
   LargeBuffer<std::uint16_t> sums_;
 };
 
-void check(const CostVolume& volume, const SemiGlobalSettings& s) {
+void check(const CostVolume& volume, const SemiGlobalOptions& s) {
   if (volume.width < 1 || volume.height < 1 || volume.planes < 1) {
     throw std::logic_error("semi-global matching: no pixels or no planes");
   }
   const std::size_t pixels = static_cast<std::size_t>(volume.width) * volume.height;
-  if (s.p1 < 0 || s.p2 < s.p1 || s.p2 > 4000 || !(s.guide_scale > 0) ||
-      (!s.guide.empty() && s.guide.size() != pixels)) {
-    throw std::logic_error("semi-global matching: settings out of range");
+  std::string reason;
+  if (!s.is_valid(&reason)) throw std::logic_error("semi-global matching: " + reason);
+  if (!s.guide.empty() && s.guide.size() != pixels) {
+    throw std::logic_error("semi-global matching: the guide image has another size");
   }
 }
 
 }  // namespace
+
+bool SemiGlobalOptions::is_valid(std::string* reason) const {
+  return is_within("p2", p2, 0, 4000, reason) && is_within("p1", p1, 0, p2, reason) &&
+         is_within("guide_scale", guide_scale, 1e-9, 1e9, reason);
+}
 
 std::size_t semi_global_bytes(const CostVolume& volume, std::size_t working_bytes) {
   return bytes_of_strips(volume, rows_of_strip(volume, working_bytes));
 }
 
 PlaneMap semi_global_match(const CostVolume& volume, const FillCosts& fill,
-                           const SemiGlobalSettings& settings) {
-  check(volume, settings);
-  return SemiGlobal(volume, fill, settings).match();
+                           const SemiGlobalOptions& options) {
+  check(volume, options);
+  return SemiGlobal(volume, fill, options).match();
 }
 
 }  // namespace raystage::matching

@@ -60,15 +60,15 @@ TEST(Matching, SemiGlobalIsTheReferenceToTheBit) {
     for (const CostVolume& volume : kShapes) {
       SCOPED_TRACE(volume.planes);
       const RandomCosts costs(volume, 1);
-      SemiGlobalSettings settings;
-      expect_equal(semi_global_match(volume, costs.fill(), settings),
-                   semi_global_match_reference(volume, costs.fill(), settings));
-      settings.guide = costs.guide;
-      settings.p1 = 7;
-      settings.p2 = 4000;
-      settings.subplane_refinement = false;
-      expect_equal(semi_global_match(volume, costs.fill(), settings),
-                   semi_global_match_reference(volume, costs.fill(), settings));
+      SemiGlobalOptions options;
+      expect_equal(semi_global_match(volume, costs.fill(), options),
+                   semi_global_match_reference(volume, costs.fill(), options));
+      options.guide = costs.guide;
+      options.p1 = 7;
+      options.p2 = 4000;
+      options.subplane_refinement = false;
+      expect_equal(semi_global_match(volume, costs.fill(), options),
+                   semi_global_match_reference(volume, costs.fill(), options));
     }
   });
 }
@@ -89,14 +89,14 @@ TEST(Matching, BoxIsTheReferenceToTheBit) {
 TEST(Matching, LittleMemoryAndManyThreadsChangeNothing) {
   const CostVolume volume{90, 133, 40};
   const RandomCosts costs(volume, 3);
-  SemiGlobalSettings settings;
-  settings.guide = costs.guide;
-  const PlaneMap expected = semi_global_match_reference(volume, costs.fill(), settings);
+  SemiGlobalOptions options;
+  options.guide = costs.guide;
+  const PlaneMap expected = semi_global_match_reference(volume, costs.fill(), options);
   for (const std::size_t threads : {1, 2, 5}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
     for (const std::size_t bytes : {std::size_t{0}, std::size_t{900'000}, std::size_t{1} << 30}) {
-      settings.working_bytes = bytes;
-      expect_equal(semi_global_match(volume, costs.fill(), settings), expected);
+      options.working_bytes = bytes;
+      expect_equal(semi_global_match(volume, costs.fill(), options), expected);
     }
     expect_equal(box_match(volume, costs.fill(), 2, true),
                  box_match_reference(volume, costs.fill(), 2, true));
@@ -126,9 +126,9 @@ TEST(Matching, PathsCarryAPlaneThroughPixelsThatDoNotTell) {
       if ((x + y) % 3 == 0) row[x * 32 + plane] = 0;
     }
   };
-  SemiGlobalSettings settings;
-  settings.subplane_refinement = false;
-  const PlaneMap found = semi_global_match(volume, fill, settings);
+  SemiGlobalOptions options;
+  options.subplane_refinement = false;
+  const PlaneMap found = semi_global_match(volume, fill, options);
   int wrong = 0;
   for (int y = 0; y < volume.height; ++y) {
     for (int x = 0; x < volume.width; ++x) {
@@ -157,16 +157,16 @@ TEST(Matching, TakesItsMemoryFromThePoolAndLeavesItThere) {
   };
   const PlaneMap fresh = semi_global_match(volume, fill, {});
   BufferPool buffers;
-  SemiGlobalSettings settings;
-  settings.buffers = &buffers;
+  SemiGlobalOptions options;
+  options.buffers = &buffers;
   std::size_t left = 0;
   for (int again = 0; again < 3; ++again) {  // also with the previous contents of the buffers
-    EXPECT_EQ(semi_global_match(volume, fill, settings).plane, fresh.plane);
+    EXPECT_EQ(semi_global_match(volume, fill, options).plane, fresh.plane);
     if (again == 0) left = buffers.free_bytes();
     EXPECT_EQ(buffers.free_bytes(), left);
   }
   EXPECT_GE(left, std::size_t{3} * 640 * 480 * 32);
-  EXPECT_LE(left, semi_global_bytes(volume, settings.working_bytes));
+  EXPECT_LE(left, semi_global_bytes(volume, options.working_bytes));
 }
 
 TEST(BufferPool, HoldsWhatFitsAndFreesTheRest) {
@@ -192,11 +192,11 @@ TEST(BufferPool, HoldsWhatFitsAndFreesTheRest) {
 
 TEST(Matching, RefusesSettingsOutOfRange) {
   const FillCosts none = [](int, std::span<std::uint8_t>) {};
-  SemiGlobalSettings settings;
-  EXPECT_THROW(semi_global_match({0, 1, 1}, none, settings), std::logic_error);
+  SemiGlobalOptions options;
+  EXPECT_THROW(semi_global_match({0, 1, 1}, none, options), std::logic_error);
   EXPECT_THROW(box_match({4, 4, 4}, none, 8, false), std::logic_error);
-  settings.p2 = settings.p1 - 1;
-  EXPECT_THROW(semi_global_match({4, 4, 4}, none, settings), std::logic_error);
+  options.p2 = options.p1 - 1;
+  EXPECT_THROW(semi_global_match({4, 4, 4}, none, options), std::logic_error);
 }
 
 }  // namespace

@@ -79,7 +79,7 @@ struct LightRaySample {
 };
 
 /// Limits of a light field.
-struct LightFieldSettings {
+struct LightFieldOptions {
   std::size_t cache_bytes = std::size_t{1} << 30;  ///< for decoded frames in memory
   /// Folder for depth maps that `depth` stores; empty: the take's own folder.
   std::filesystem::path cache_folder;
@@ -91,7 +91,7 @@ class RAYSTAGE_API LightField {
  public:
   /// Opens a take. Throws std::invalid_argument if the folder is not a take, or was not
   /// synchronised (raystage sync).
-  explicit LightField(const std::filesystem::path& take, const LightFieldSettings& settings = {});
+  explicit LightField(const std::filesystem::path& take, const LightFieldOptions& settings = {});
   ~LightField();
   LightField(LightField&&) noexcept;
   LightField& operator=(LightField&&) noexcept;

@@ -68,7 +68,7 @@ class ApertureDepthMap : public ::testing::Test {
   }
   std::filesystem::path file() const { return folder_.path() / "take/z.exr"; }
 
-  RenderedView render(const VirtualCamera& view, RendererSettings settings,
+  RenderedView render(const VirtualCamera& view, RendererOptions settings,
                       const Eigen::Vector4d& plane = {0, 0, 1, 4}, bool on_map = true) {
     schemas::OptionValues options{{"radius", 0.09}};
     if (on_map) options["depth_map"] = std::string("z.exr");
@@ -79,7 +79,7 @@ class ApertureDepthMap : public ::testing::Test {
 
   /// Fast and slowly; they must agree.
   RenderedView render_both(const VirtualCamera& view) {
-    RendererSettings settings;
+    RendererOptions settings;
     settings.count_needed_pixels = true;
     RenderedView fast = render(view, settings);
     settings.reference = true;
@@ -171,10 +171,10 @@ TEST_F(ApertureDepthMap, IsFollowedByViewsInBandsAndNeverHeldAnew) {
   }
   write_map(z, kCoarseWidth, kCoarseHeight);
   const VirtualCamera view = default_view(kCoarseWidth, kCoarseHeight);
-  RendererSettings in_bands;
+  RendererOptions in_bands;
   for (const bool reference : {false, true}) {
     in_bands.reference = reference;
-    in_bands.supersampling_bytes = RendererSettings{}.supersampling_bytes;
+    in_bands.supersampling_bytes = RendererOptions{}.supersampling_bytes;
     const RenderedView whole = render(view, in_bands);
     const int factor = whole.statistics.supersampling;
     ASSERT_GT(factor, 1);

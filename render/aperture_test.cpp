@@ -52,7 +52,7 @@ struct RenderCase {
   schemas::OptionValues options = {};
   Eigen::Vector4d plane{0, 0, 1, 4};
   int frame = 0;
-  RendererSettings settings = {};
+  RendererOptions settings = {};
   std::string method = "aperture";
 };
 

@@ -249,13 +249,13 @@ class AutomaticAmongAll : public ::testing::Test {
   }
   static store::RgbImage truth(const VirtualCamera& view) {
     const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
-    store::RgbImage image{view.width, view.height, {}};
+    store::RgbImage image{view.width, view.height, std::vector<std::uint8_t>()};
     for (int y = 0; y < view.height; ++y) {
       for (int x = 0; x < view.width; ++x) {
         const auto linear =
             two_walls(view.pose.position, ray_from_pixel * Eigen::Vector3d(x + 0.5, y + 0.5, 1));
         for (const double value : linear) {
-          image.pixels.push_back(
+          image.values.push_back(
               static_cast<std::uint8_t>(std::lround(255 * srgb_from_linear(value))));
         }
       }
@@ -309,7 +309,7 @@ TEST_F(AutomaticAmongAll, SaysThatNothingMeetsATargetOfTime) {
 class ChangedFocalPlane : public Method {
  public:
   std::string_view name() const override { return "focal_plane"; }
-  std::string_view summary() const override { return focal_plane_method().summary(); }
+  MethodDescription description() const override { return focal_plane_method().description(); }
   std::span<const OptionSpec> options() const override { return focal_plane_method().options(); }
   RenderedView render_reference(const ViewRequest& request) const override {
     return focal_plane_method().render_reference(request);
@@ -382,7 +382,7 @@ TEST_F(Automatic, CountsOnThePartOfThePicturesThatFaresWorst) {
   const ViewRequest there{view, rest, {0, 0, 1, 4}, options, kept_, 1 << 28, buffers_, false};
   const store::RgbImage right = srgb_image(focal_plane_method().render(there));
   const store::RgbImage image = srgb_image(wrong.render(there));
-  const std::vector<std::uint8_t> all(image.pixels.size() / 3, 1);
+  const std::vector<std::uint8_t> all(image.values.size() / 3, 1);
   const double whole = compare_images(image, right, all).psnr_db;
   // The same error in four ninths of the pixels.
   EXPECT_NEAR(measure_leave_one_out_quality(wrong, {}, request()).mean_db,
@@ -411,9 +411,9 @@ TEST_F(Automatic, PixelsThatTheCameraDidNotSeeAreNoTruth) {
   std::fill_n(frame.rgba.get(), (96 * 65 + 1) * 4, 65535);
   const UndistortedImage picture = undistort_frame(frame, model, 1, store::BlendSpace::kPerceptual);
   EXPECT_EQ(picture.within.front(), 0);
-  EXPECT_EQ(picture.image.pixels.front(), 0);
+  EXPECT_EQ(picture.image.values.front(), 0);
   EXPECT_EQ(picture.within[32 * 96 + 48], 1);
-  EXPECT_EQ(picture.image.pixels[(32 * 96 + 48) * 3], 255);
+  EXPECT_EQ(picture.image.values[(32 * 96 + 48) * 3], 255);
 }
 
 TEST_F(Automatic, SaysThatNoCameraCanBeLeftOut) {

@@ -67,12 +67,12 @@ class ConfidenceMeasurement {
   }
 
   void compare(const Tile& tile, int y) {
-    constexpr std::size_t kMost = BlendingField::kTile;
+    constexpr std::size_t kMax = BlendingField::kTile;
     const auto n = static_cast<std::size_t>(tile.right - tile.left);
     const std::size_t first = image_.index(tile.left, y);
-    std::array<float, kMost> depths, share, whole;
-    std::array<float, 4 * kMost> sums;
-    std::array<SrgbCode, kMost> pixels;
+    std::array<float, kMax> depths, share, whole;
+    std::array<float, 4 * kMax> sums;
+    std::array<SrgbCode, kMax> pixels;
     whole.fill(1);
     const double full_scale = instant_.cache->full_scale();
     for (std::size_t x = 0; x < n; ++x) {
@@ -85,7 +85,7 @@ class ConfidenceMeasurement {
       if (!source.frame) continue;
       BlendingField::weights(tile, camera, y, {share.data(), n});
       sums.fill(0);
-      add_samples_at_depth(source.look_up, tile.left, y, {depths.data(), n}, {whole.data(), n},
+      add_samples_at_depth(source.source, tile.left, y, {depths.data(), n}, {whole.data(), n},
                            Interpolation::kLinear, {sums.data(), 4 * n});
       for (std::size_t x = 0; x < n; ++x) {
         const double pixel_alpha{image_.rgba[4 * (first + x) + 3]};

@@ -29,13 +29,13 @@ class Confidence : public ::testing::Test {
   static constexpr int kWidth = 120, kHeight = 90;
 
   void SetUp() override {
-    testing::SyntheticTake settings;
-    settings.cameras = testing::camera_grid(3, 3, 0.1, 320, 240, {-0.1, 0.02, 0, 0, 0});
-    settings.scene = wall_and_square;
-    settings.depth_range = schemas::DepthRange{1.8, 4.5};
-    settings.samples = 2;
-    settings.absent = {{8, 0}};
-    write_synthetic_take(settings, folder_.path() / "take");
+    testing::SyntheticTake options;
+    options.cameras = testing::camera_grid(3, 3, 0.1, 320, 240, {-0.1, 0.02, 0, 0, 0});
+    options.scene = wall_and_square;
+    options.depth_range = schemas::DepthRange{1.8, 4.5};
+    options.samples = 2;
+    options.absent = {{8, 0}};
+    write_synthetic_take(options, folder_.path() / "take");
   }
   RenderedView render(const std::string& method, double plane, bool reference = false,
                       const schemas::Distortion& distortion = {}, int width = kWidth) const {
@@ -43,10 +43,10 @@ class Confidence : public ::testing::Test {
     VirtualCamera view =
         virtual_camera_with_fov(width, width * 3 / 4, 0.8, {Eigen::Matrix3d::Identity(), kEye});
     view.intrinsics.distortion = distortion;
-    RendererSettings settings;
-    settings.measure_confidence = true;
-    settings.reference = reference;
-    return LightFieldRenderer(take, settings)
+    RendererOptions options;
+    options.measure_confidence = true;
+    options.reference = reference;
+    return LightFieldRenderer(take, options)
         .render(view, store::select_frames(take, 0, 1), {method, {0, 0, 1, plane}, {}});
   }
   static float mean(const RenderedView& image, int left, int right, int top, int bottom) {
@@ -115,14 +115,14 @@ TEST_F(Confidence, IsToldOfLensesThatDistortAndOfCoarseViews) {
 
 TEST_F(Confidence, IsNoneWhereThereIsNothing) {
   const store::Take take(folder_.path() / "take");
-  RendererSettings settings;
-  settings.measure_confidence = true;
+  RendererOptions options;
+  options.measure_confidence = true;
   const VirtualCamera view =
       virtual_camera_with_fov(kWidth, kHeight, 0.8, {Eigen::Matrix3d::Identity(), kEye});
   store::FrameSelection nothing = store::select_frames(take, 0, 1);
   std::ranges::fill(nothing.frame, -1);
   const RenderedView image =
-      LightFieldRenderer(take, settings).render(view, nothing, {"focal_plane", {0, 0, 1, 4}, {}});
+      LightFieldRenderer(take, options).render(view, nothing, {"focal_plane", {0, 0, 1, 4}, {}});
   ASSERT_EQ(image.confidence.size(), image.coverage.size());
   EXPECT_EQ(std::ranges::count(image.confidence, 0.0F),
             static_cast<std::ptrdiff_t>(image.confidence.size()));

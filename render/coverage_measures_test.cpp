@@ -33,7 +33,7 @@ class CoverageMeasures : public ::testing::Test {
                       const Eigen::Matrix3d& rotation = Eigen::Matrix3d::Identity()) const {
     const store::Take take(folder_.path() / "take");
     VirtualCamera view = virtual_camera_with_fov(91, 71, 0.8, {rotation, eye});
-    RendererSettings settings;
+    RendererOptions settings;
     settings.measure_coverage = measured;
     settings.reference = reference;
     return LightFieldRenderer(take, settings)
@@ -151,7 +151,7 @@ TEST_F(CoverageMeasures, CamerasThatSomethingHidesThePointFromDoNotCount) {
   const store::Take take(folder);
   VirtualCamera view = virtual_camera_with_fov(160, 120, 0.8, {});
   view.pose.position = {0.05, 0, 0};
-  RendererSettings measuring;
+  RendererOptions measuring;
   measuring.measure_coverage = true;
   const RenderedView image =
       LightFieldRenderer(take, measuring)

@@ -43,7 +43,7 @@ class DistributedRenderer {
   virtual bool omits_weights(const DistributedViewRequest& view) const = 0;
 };
 
-struct RendererSettings;
+struct RendererOptions;
 
 /// Ranks that have archives of takes and render their views together (thesis 4.1).
 class DistributedTakes {
@@ -55,7 +55,7 @@ class DistributedTakes {
   virtual store::Take open(const std::filesystem::path& folder) = 0;
   /// Prepares all ranks to contribute to views of a take that open() returned, and sets `settings`
   /// accordingly (hosts, rank_of_camera, this_rank).
-  virtual void share(const store::Take& take, RendererSettings& settings) = 0;
+  virtual void share(const store::Take& take, RendererOptions& settings) = 0;
 };
 
 }  // namespace raystage::render

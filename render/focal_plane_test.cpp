@@ -34,14 +34,14 @@ FastAndReference render_both(const store::Take& take, const VirtualCamera& view,
                              const std::string& method = "focal_plane") {
   const store::FrameSelection frames =
       store::select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
-  RendererSettings settings;
-  settings.excluded_cameras = std::move(excluded_cameras);
-  settings.count_needed_pixels = true;
-  settings.blend_space = space;
+  RendererOptions options;
+  options.excluded_cameras = std::move(excluded_cameras);
+  options.count_needed_pixels = true;
+  options.blend_space = space;
   FastAndReference pair;
-  pair.fast = LightFieldRenderer(take, settings).render(view, frames, {method, plane});
-  settings.reference = true;
-  pair.reference = LightFieldRenderer(take, settings).render(view, frames, {method, plane});
+  pair.fast = LightFieldRenderer(take, options).render(view, frames, {method, plane});
+  options.reference = true;
+  pair.reference = LightFieldRenderer(take, options).render(view, frames, {method, plane});
   return pair;
 }
 
@@ -68,8 +68,8 @@ double mean_alpha(const RenderedView& view) {
 
 class FocalPlane : public ::testing::Test {
  protected:
-  store::Take write(const SyntheticTake& settings) {
-    write_synthetic_take(settings, folder_.path() / "take");
+  store::Take write(const SyntheticTake& options) {
+    write_synthetic_take(options, folder_.path() / "take");
     return store::Take(folder_.path() / "take");
   }
   testing::TestFolder folder_;
@@ -114,14 +114,14 @@ TEST_F(FocalPlane, AgreesWithTheReferenceForAnyPlane) {
 
 TEST_F(FocalPlane, AgreesWithTheReferenceForEverySampling) {
   for (const auto chroma :
-       {store::JpegEncodeSettings::Chroma::k444, store::JpegEncodeSettings::Chroma::k422,
-        store::JpegEncodeSettings::Chroma::k420}) {
+       {store::JpegEncodeOptions::Chroma::k444, store::JpegEncodeOptions::Chroma::k422,
+        store::JpegEncodeOptions::Chroma::k420}) {
     for (const int interval : {0, -1, 1, 7}) {
-      SyntheticTake settings = grid_take(3, 3);
-      settings.jpeg = {80, chroma, interval};
+      SyntheticTake options = grid_take(3, 3);
+      options.jpeg = {80, chroma, interval};
       const auto folder = folder_.path() / (std::to_string(static_cast<int>(chroma)) + "_" +
                                             std::to_string(interval));
-      write_synthetic_take(settings, folder);
+      write_synthetic_take(options, folder);
       const store::Take take(folder);
       expect_equal(render_both(
           take, virtual_camera_with_fov(120, 90, 30 * kDegree, make_pose({0.01, 0.01, 0.4}, 2)),
@@ -193,10 +193,10 @@ TEST_F(FocalPlane, DegenerateArraysRender) {
 }
 
 TEST_F(FocalPlane, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
-  SyntheticTake settings = grid_take(3, 3);
-  settings.frames = 2;
-  settings.absent = {{4, 1}};  // the middle camera, second frame
-  const store::Take take = write(settings);
+  SyntheticTake options = grid_take(3, 3);
+  options.frames = 2;
+  options.absent = {{4, 1}};  // the middle camera, second frame
+  const store::Take take = write(options);
   const VirtualCamera view =
       virtual_camera_with_fov(90, 90, 20 * kDegree, make_pose({0, 0, 0.2}, 0));
   const FastAndReference whole = render_both(take, view, {0, 0, 1, 4}, 0);
@@ -221,10 +221,10 @@ TEST_F(FocalPlane, LeftOutCamerasDoNotCount) {
 }
 
 TEST_F(FocalPlane, PhotometricCorrectionIsAppliedAndMayExceedFullScale) {
-  SyntheticTake settings = grid_take(2, 2);
-  settings.photometric.contrast = {1.6, 0.9, 1.2};
-  settings.photometric.brightness = {-0.02, 0.01, 0};
-  const store::Take take = write(settings);
+  SyntheticTake options = grid_take(2, 2);
+  options.photometric.contrast = {1.6, 0.9, 1.2};
+  options.photometric.brightness = {-0.02, 0.01, 0};
+  const store::Take take = write(options);
   const VirtualCamera view =
       virtual_camera_with_fov(80, 60, 40 * kDegree, make_pose({0.005, 0.002, 0.01}, 0));
   const FastAndReference pair = render_both(take, view, {0, 0, 1, 4});
@@ -264,7 +264,7 @@ TEST_F(FocalPlane, ATinyCacheOnlyCostsTime) {
   const store::Take take = write(grid_take(4, 4));
   const store::FrameSelection frames = store::select_frames(take, 0, 1);
   const VirtualCamera view = virtual_camera_with_fov(160, 120, 0.8, make_pose({0, 0.01, 0.1}, 2));
-  RendererSettings tiny;
+  RendererOptions tiny;
   tiny.cache_bytes = 1;
   const auto large =
       LightFieldRenderer(take, {}).render(view, frames, {"focal_plane", {0, 0, 1, 4}});
@@ -275,10 +275,10 @@ TEST_F(FocalPlane, ATinyCacheOnlyCostsTime) {
 }
 
 TEST_F(FocalPlane, DecodesLittleMoreThanItNeeds) {
-  SyntheticTake settings;
-  settings.cameras = testing::camera_grid(4, 4, 0.06, 640, 480);
-  settings.jpeg = {90, store::JpegEncodeSettings::Chroma::k420, -1};
-  const store::Take take = write(settings);
+  SyntheticTake options;
+  options.cameras = testing::camera_grid(4, 4, 0.06, 640, 480);
+  options.jpeg = {90, store::JpegEncodeOptions::Chroma::k420, -1};
+  const store::Take take = write(options);
   const VirtualCamera view =
       virtual_camera_with_fov(480, 360, 40 * kDegree, make_pose({0, 0, 0.2}, 0));
   const FastAndReference pair = render_both(take, view, {0, 0, 1, 4});
@@ -320,9 +320,9 @@ TEST_F(FocalPlane, WhatIsInMemoryIsNotPlannedForAgain) {
 }
 
 TEST_F(FocalPlane, AFrameWithoutRestartMarkersIsNotTakenForWholeEither) {
-  SyntheticTake settings = grid_take(3, 3);
-  settings.jpeg.restart_interval = 0;
-  const store::Take take = write(settings);
+  SyntheticTake options = grid_take(3, 3);
+  options.jpeg.restart_interval = 0;
+  const store::Take take = write(options);
   const store::FrameSelection frames = store::select_frames(take, 0, 1);
   const LightFieldRenderer renderer(take, {});
   for (const double yaw : {-12.0, 12.0}) {  // elsewhere in the frames

@@ -38,9 +38,9 @@ FastAndReference render_both(const store::Take& take, const VirtualCamera& view,
                              const schemas::OptionValues& options = {}, int frame = 0) {
   const store::FrameSelection frames =
       store::select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
-  RendererSettings settings;
+  RendererOptions settings;
   settings.count_needed_pixels = true;
-  const ReconstructionSettings reconstruction{"lumigraph", plane, options};
+  const ReconstructionOptions reconstruction{"lumigraph", plane, options};
   FastAndReference pair;
   pair.fast = LightFieldRenderer(take, settings).render(view, frames, reconstruction);
   settings.reference = true;
@@ -256,13 +256,13 @@ TEST_F(Lumigraph, SameBytesForAnyNumberOfThreads) {
 TEST_F(Lumigraph, DecodesLittleMoreThanItNeeds) {
   SyntheticTake settings;
   settings.cameras = testing::camera_grid(3, 3, 0.06, 960, 720);
-  settings.jpeg = {90, store::JpegEncodeSettings::Chroma::k420, -1};
+  settings.jpeg = {90, store::JpegEncodeOptions::Chroma::k420, -1};
   const store::Take take = write(settings);
   const store::FrameSelection frames = store::select_frames(take, 0, 1);
   const VirtualCamera view =
       virtual_camera_with_fov(720, 540, 40 * kDegree, make_pose({0, 0, 0.2}, 0));
-  RendererSettings settings_of_renderer;
-  const ReconstructionSettings reconstruction{"lumigraph", {0, 0, 1, 4}};
+  RendererOptions settings_of_renderer;
+  const ReconstructionOptions reconstruction{"lumigraph", {0, 0, 1, 4}};
   const RenderedView image =
       LightFieldRenderer(take, settings_of_renderer).render(view, frames, reconstruction);
   settings_of_renderer.count_needed_pixels = true;

@@ -44,7 +44,7 @@ std::vector<int> all_cameras(const rig::Rig& rig) {
 /// Calls on_ray(weights of all cameras, index in them) with what the kernels make of each ray.
 template <class OnRay>
 void weigh_rays(const rig::Rig& rig, const std::vector<WorldRay>& rays,
-                const std::vector<double>& inverse_distance, const RayWeightSettings& weighing,
+                const std::vector<double>& inverse_distance, const RayWeightOptions& weighing,
                 const OnRay& on_ray) {
   const std::vector<ChunkCamera> cameras = chunk_cameras(rig);
   std::vector<const ChunkCamera*> pointers;
@@ -56,7 +56,7 @@ void weigh_rays(const rig::Rig& rig, const std::vector<WorldRay>& rays,
     fill_chunk(std::span(rays).subspan(begin, n), std::span(inverse_distance).subspan(begin, n),
                rig.centre(), chunk);
     compute_camera_weights(chunk, pointers,
-                           ChunkWeightSettings(weighing, mean_nearest_baseline(rig)), weights);
+                           ChunkWeightOptions(weighing, mean_nearest_baseline(rig)), weights);
     for (std::size_t i = 0; i < n; ++i) on_ray(weights, i);
   }
 }
@@ -64,7 +64,7 @@ void weigh_rays(const rig::Rig& rig, const std::vector<WorldRay>& rays,
 /// The same, as the reference returns it.
 std::vector<std::vector<double>> weights_of(const rig::Rig& rig, const std::vector<WorldRay>& rays,
                                             const std::vector<double>& inverse_distance,
-                                            const RayWeightSettings& weighing) {
+                                            const RayWeightOptions& weighing) {
   std::vector<std::vector<double>> result;
   weigh_rays(rig, rays, inverse_distance, weighing,
              [&](const std::vector<ChunkWeights>& weights, std::size_t i) {
@@ -77,7 +77,7 @@ std::vector<std::vector<double>> weights_of(const rig::Rig& rig, const std::vect
 }
 
 std::vector<double> reference_weights(const rig::Rig& rig, const WorldRay& ray,
-                                      double inverse_distance, const RayWeightSettings& weighing) {
+                                      double inverse_distance, const RayWeightOptions& weighing) {
   std::vector<double> weights(rig.cameras.size());
   double seen = 0;
   const auto found = compute_camera_weights_reference(rig, all_cameras(rig), ray, inverse_distance,
@@ -91,7 +91,7 @@ std::vector<double> reference_weights(const rig::Rig& rig, const WorldRay& ray,
 
 void expect_weights_agree(const rig::Rig& rig, const std::vector<WorldRay>& rays,
                           const std::vector<double>& inverse_distance,
-                          const RayWeightSettings& weighing) {
+                          const RayWeightOptions& weighing) {
   const auto fast = weights_of(rig, rays, inverse_distance, weighing);
   int seen = 0;
   for (std::size_t i = 0; i < rays.size(); ++i) {
@@ -128,7 +128,7 @@ TEST(LumigraphWeights, AgreeWithTheReferenceOnEveryInstructionSet) {
   const rig::Rig rig = grid_rig(5, 6, {-0.2, 0.05, 0.001, -0.002, 0.003});
   testing::for_each_simd_target(kernel_target, [&] {
     for (const int k : {1, 4, 16}) {
-      RayWeightSettings weighing;
+      RayWeightOptions weighing;
       weighing.cameras = k;
       for (const auto& [eye, spread, near, far] :
            {std::tuple{Vector3d(0.01, 0.02, 0), 2.0, 3.0, 9.0},
@@ -186,7 +186,7 @@ TEST(LumigraphRays, OfAViewAreThoseOfItsPixelsOnEveryInstructionSet) {
 /// to 1.
 void expect_sound_weights(const rig::Rig& rig, const std::vector<WorldRay>& rays,
                           const std::vector<double>& inverse_distance,
-                          const RayWeightSettings& weighing, int& whole) {
+                          const RayWeightOptions& weighing, int& whole) {
   weigh_rays(rig, rays, inverse_distance, weighing,
              [&](const std::vector<ChunkWeights>& weights, std::size_t i) {
                double sum = 0, most = 0, seen = 0;
@@ -232,7 +232,7 @@ TEST(LumigraphWeights, SumToOneOrNothingIsSeenAtTheExtremes) {
       }
       int whole = 0;
       for (const double weight : {0.0, 1.0, 1e6}) {
-        RayWeightSettings weighing;
+        RayWeightOptions weighing;
         weighing.angular = weighing.resolution = weighing.field_of_view = weight;
         for (const int cameras : {1, 4, kMaxWeightedCameras}) {
           weighing.cameras = cameras;
@@ -251,7 +251,7 @@ TEST(LumigraphWeights, SumToOneOrNothingIsSeenAmongManyCameras) {
   testing::for_each_simd_target(kernel_target, [&] {
     for (const rig::Rig* rig : {&crowd, &one_place}) {
       for (const int cameras : {1, 4, kMaxWeightedCameras}) {
-        RayWeightSettings weighing;
+        RayWeightOptions weighing;
         weighing.cameras = cameras;
         int whole = 0;
         for (const auto& [eye, spread] : {std::pair{Vector3d(0.01, 0.02, 0), 3.0},
@@ -271,7 +271,7 @@ TEST(LumigraphWeights, AreFiniteForAnyDistanceAndPenalty) {
     rig::Rig rig = grid_rig(3, 3);
     for (rig::Rig::Camera& camera : rig.cameras) camera.pose.position += offset;
     for (const double weight : {0.0, 1.0, 1e6}) {
-      RayWeightSettings weighing;
+      RayWeightOptions weighing;
       weighing.angular = weighing.resolution = weighing.field_of_view = weight;
       for (const Vector3d& eye : {Vector3d(0, 0, 0), Vector3d(0, 0, 1e-12), Vector3d(0.06, 0.06, 0),
                                   Vector3d(0, 0, 1e6), Vector3d(0, 0, -3), Vector3d(0, 0, -100)}) {
@@ -289,7 +289,7 @@ TEST(LumigraphWeights, AreFiniteForAnyDistanceAndPenalty) {
 TEST(LumigraphWeights, CoincidentCamerasShareAlike) {
   rig::Rig rig = grid_rig(1, 3);
   for (rig::Rig::Camera& camera : rig.cameras) camera.pose = rig.cameras[0].pose;
-  RayWeightSettings weighing;
+  RayWeightOptions weighing;
   weighing.cameras = 1;  // all three are second best, too
   const WorldRay ray{rig.cameras[0].pose.position + Vector3d(0.02, 0, 0), -Vector3d::UnitZ()};
   const auto fast = weights_of(rig, {ray}, {0.25F}, weighing);
@@ -302,7 +302,7 @@ TEST(LumigraphWeights, CoincidentCamerasShareAlike) {
 
 TEST(LumigraphWeights, ACameraOnTheRayTakesItAndItsNeighboursComeInSmoothly) {
   const rig::Rig rig = grid_rig(5, 5);
-  const RayWeightSettings weighing;
+  const RayWeightOptions weighing;
   std::vector<double> before;
   for (int step = 0; step <= 600; ++step) {
     const double x = -0.12 + 0.24 * step / 600;  // along the cameras of the middle row and beyond
@@ -322,7 +322,7 @@ TEST(LumigraphWeights, ACameraOnTheRayTakesItAndItsNeighboursComeInSmoothly) {
 
 TEST(LumigraphWeights, ACameraThatStopsSeeingFadesOut) {
   const rig::Rig rig = grid_rig(1, 2);
-  RayWeightSettings weighing;
+  RayWeightOptions weighing;
   const double edge = std::tan(31 * kDegree);
   double before = -1;
   for (int step = 0; step <= 400; ++step) {  // out of the left camera's image, not the right one's
@@ -345,7 +345,7 @@ TEST(LumigraphWeights, ACoarserCameraCountsLess) {
   rig::Rig rig = grid_rig(1, 2);
   rig.cameras[1].pose.position.z() += 1;  // a metre further away
   const WorldRay ray{{0, 0, 0}, -Vector3d::UnitZ()};
-  RayWeightSettings weighing;
+  RayWeightOptions weighing;
   weighing.resolution = 0;
   EXPECT_NEAR(reference_weights(rig, ray, 0.25, weighing)[1], 0.5, 0.1);
   weighing.resolution = 1;
@@ -356,7 +356,7 @@ TEST(LumigraphWeights, LeavingOutCamerasThatCannotCountChangesNothing) {
   const rig::Rig rig = grid_rig(9, 9, {-0.1, 0, 0, 0, 0});
   const std::vector<int> all = all_cameras(rig);
   const double spacing = mean_nearest_baseline(rig);
-  const RayWeightSettings weighing;
+  const RayWeightOptions weighing;
   std::size_t chosen_in_total = 0;
   int bundles = 0;
   for (const Vector3d& eye :

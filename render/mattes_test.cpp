@@ -42,7 +42,7 @@ class LightFieldsWithMattes : public ::testing::TestWithParam<Tried> {
 
   RenderedView render(std::shared_ptr<const store::FrameMatte> matte,
                       bool reference = false) const {
-    RendererSettings settings;
+    RendererOptions settings;
     settings.matte = std::move(matte);
     settings.reference = reference;
     settings.use_take_folder = false;
@@ -83,7 +83,7 @@ class LightFieldsWithMattes : public ::testing::TestWithParam<Tried> {
   std::optional<store::Take> take_;
   store::FrameSelection timeline_;
   VirtualCamera view_;
-  ReconstructionSettings how_;
+  ReconstructionOptions how_;
 };
 
 TEST_P(LightFieldsWithMattes, AMatteOfOneValueIsAFactor) {

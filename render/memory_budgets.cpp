@@ -5,13 +5,13 @@
 
 namespace raystage::render {
 
-bool caches_frames_only(const ReconstructionSettings& reconstruction) {
+bool caches_frames_only(const ReconstructionOptions& reconstruction) {
   const Method& method = method_named(reconstruction.method);
   return method.caches_frames_only(
       MethodOptions(method.options(), reconstruction.options, method.name()));
 }
 
-MemoryBudgets split_memory_budget(std::size_t bytes, const ReconstructionSettings& reconstruction) {
+MemoryBudgets split_memory_budget(std::size_t bytes, const ReconstructionOptions& reconstruction) {
   if (caches_frames_only(reconstruction)) return {bytes, 0, 0};
   const std::size_t quarter = bytes / 4;
   return {bytes - 2 * quarter, quarter, quarter};

@@ -8,7 +8,7 @@
 namespace raystage::render {
 
 /// Whether the method needs memory only for decoded frames; see Method::caches_frames_only.
-bool caches_frames_only(const ReconstructionSettings& reconstruction);
+bool caches_frames_only(const ReconstructionOptions& reconstruction);
 
 /// Memory budgets, bytes.
 struct MemoryBudgets {
@@ -20,6 +20,6 @@ struct MemoryBudgets {
 /// Divides the memory of a renderer. A method that needs more than decoded frames gets a quarter
 /// for the result cache and a quarter as working memory. For other methods all memory is for
 /// decoded frames.
-MemoryBudgets split_memory_budget(std::size_t bytes, const ReconstructionSettings& reconstruction);
+MemoryBudgets split_memory_budget(std::size_t bytes, const ReconstructionOptions& reconstruction);
 
 }  // namespace raystage::render

@@ -47,7 +47,7 @@ const Method& method_named(std::string_view name) {
 std::string describe_methods() {
   std::string text;
   for (const Method* method : methods()) {
-    text += "\n" + std::string(method->name()) + " = " + std::string(method->summary());
+    text += "\n" + std::string(method->name()) + " = " + std::string(method->description().summary);
     for (const OptionSpec& option : method->options()) text += "\n    " + describe_option(option);
     for (const MethodPreset& preset : method->presets()) {
       text += fmt::format("\n    preset {}: {}", preset.name, preset.options);

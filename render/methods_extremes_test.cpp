@@ -126,7 +126,7 @@ class MethodExtremes : public ::testing::TestWithParam<Setting> {
   std::optional<RenderedView> render(const ExtremeView& extreme, Scene scene, bool reference,
                                      store::BlendSpace space = store::BlendSpace::kPerceptual) {
     const store::Take& take = take_of(extreme.array, scene);
-    RendererSettings settings;
+    RendererOptions settings;
     settings.reference = reference;
     settings.blend_space = space;
     settings.measure_coverage = method_named(GetParam().method).measures_coverage();

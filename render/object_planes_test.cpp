@@ -146,7 +146,7 @@ class CardBeforeWall : public ::testing::Test {
       return seen(origin, direction);
     };
     settings.depth_range = schemas::DepthRange{2, 6};
-    settings.jpeg.chroma = store::JpegEncodeSettings::Chroma::k444;
+    settings.jpeg.chroma = store::JpegEncodeOptions::Chroma::k444;
     write_synthetic_take(settings, folder_.path() / "take");
     take_.emplace(folder_.path() / "take");
     write_file_atomically(folder_.path() / "take" / "planes.json",
@@ -164,7 +164,7 @@ class CardBeforeWall : public ::testing::Test {
 
   RenderedView render(const VirtualCamera& view, const schemas::OptionValues& options,
                       bool reference, const std::string& method = "focal_plane") const {
-    RendererSettings settings;
+    RendererOptions settings;
     settings.reference = reference;
     settings.count_needed_pixels = true;
     return LightFieldRenderer(*take_, settings)

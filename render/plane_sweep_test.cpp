@@ -40,7 +40,7 @@ void expect_nearly_equal(const RenderedView& fast, const RenderedView& slow) {
 
 TEST_F(PlaneSweep, AgreesWithTheReference) {
   const store::Take take = write(slanted(3, 3, {-0.15, 0.04, 0.001, -0.002, 0}));
-  RendererSettings slow;
+  RendererOptions slow;
   slow.reference = true;
   for (const schemas::OptionValues& options :
        {schemas::OptionValues{},
@@ -65,7 +65,7 @@ TEST_F(PlaneSweep, AgreesWithTheReference) {
 
 TEST_F(PlaneSweep, EveryInstructionSetAgreesWithTheReference) {
   const store::Take take = write(slanted(2, 3, {-0.15, 0.04, 0.001, -0.002, 0}));
-  RendererSettings slow;
+  RendererOptions slow;
   slow.reference = true;
   const RenderedView expected = render(take, testing::default_view(), {{"step_px", 1.0}}, slow);
   testing::for_each_simd_target(kernel_target, [&] {
@@ -97,7 +97,7 @@ TEST_F(PlaneSweep, FindsASlantedPlaneBetweenItsPlanes) {
   for (const auto& [aggregation, share] : {std::pair{"semi_global", 0.65}, {"box", 0.3}}) {
     SCOPED_TRACE(aggregation);
     for (const bool reference : {false, true}) {
-      RendererSettings settings;
+      RendererOptions settings;
       settings.reference = reference;
       const auto errors = [&](bool sub_plane) {
         const schemas::OptionValues options{{"step_px", 1.0},
@@ -121,7 +121,7 @@ TEST_F(PlaneSweep, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
     std::vector<RenderedView> images;
     for (const std::size_t threads : {1, 2, 5}) {
       const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-      RendererSettings settings;
+      RendererOptions settings;
       if (threads == 5) settings.working_bytes = 0;  // the least that it can do with
       images.push_back(render(take, testing::default_view(), options, settings));
     }
@@ -136,7 +136,7 @@ TEST_F(PlaneSweep, WorksInTheMemoryThatItIsGivenAndSaysHowMuch) {
   const RenderedView all = render(take, testing::default_view());
   const std::size_t wanted = all.statistics.working_bytes;
   EXPECT_GT(wanted, 500'000U);
-  RendererSettings little;
+  RendererOptions little;
   little.working_bytes = wanted * 3 / 4;
   const auto beyond =
       Contains(HasSubstr("a view of 90x64 needs more working memory than its budget of 0 MB"));
@@ -171,7 +171,7 @@ TEST_F(PlaneSweep, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
   const RenderedView lacking = render(take, view, {}, {}, 1);
   EXPECT_NEAR(lacking.rgba[middle * 4 + 3], 1, 1e-3);  // still a picture
   EXPECT_LT(lacking.coverage[middle], 0.1);            // that owns up
-  RendererSettings slow;
+  RendererOptions slow;
   slow.reference = true;
   expect_nearly_equal(lacking, render(take, view, {}, slow, 1));
 }
@@ -179,9 +179,9 @@ TEST_F(PlaneSweep, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
 TEST_F(PlaneSweep, DecodesLittleMoreThanItNeeds) {
   testing::SyntheticTake settings = slanted(3, 3);
   settings.cameras = testing::camera_grid(3, 3, 0.06, 640, 480);
-  settings.jpeg = {90, store::JpegEncodeSettings::Chroma::k420, -1};
+  settings.jpeg = {90, store::JpegEncodeOptions::Chroma::k420, -1};
   const store::Take take = write(settings);
-  RendererSettings counting;
+  RendererOptions counting;
   counting.count_needed_pixels = true;
   const VirtualCamera view =
       virtual_camera_with_fov(480, 360, 40 * testing::kDegree, testing::make_pose({0, 0, 0.2}, 0));
@@ -232,9 +232,9 @@ TEST_F(PlaneSweep, StaysFiniteWhereDepthsEnd) {
 
 TEST_F(PlaneSweep, RendersLinearBlendAndDistortedViews) {
   const store::Take take = write(slanted(2, 2));
-  RendererSettings linear;
+  RendererOptions linear;
   linear.blend_space = store::BlendSpace::kLinear;
-  RendererSettings slow = linear;
+  RendererOptions slow = linear;
   slow.reference = true;
   const schemas::OptionValues coarse{{"step_px", 2.0}};
   expect_nearly_equal(render(take, testing::default_view(), coarse, linear),
@@ -247,11 +247,11 @@ TEST_F(PlaneSweep, RendersLinearBlendAndDistortedViews) {
 TEST_F(PlaneSweep, SaysWhereItTriesFewerPlanesThanDisparityAsksFor) {
   const store::Take take = write(slanted(2, 2));
   const schemas::OptionValues deep{{"near", 0.01}};
-  RendererSettings slow;
+  RendererOptions slow;
   slow.reference = true;
   const VirtualCamera view =
       virtual_camera_with_fov(12, 8, 1, testing::make_pose({0.02, 0.013, 0.03}, 2));
-  for (const RendererSettings& settings : {RendererSettings{}, slow}) {
+  for (const RendererOptions& settings : {RendererOptions{}, slow}) {
     const RenderedView image = render(take, view, deep, settings);
     ASSERT_EQ(image.notes.size(), 1U);
     EXPECT_THAT(image.notes[0], HasSubstr("0.5 px between planes"));

@@ -27,19 +27,19 @@ using testing::SyntheticTake;
 class RayQuery : public ::testing::Test {
  protected:
   store::Take write(std::vector<std::pair<int, int>> absent = {}) {
-    SyntheticTake settings;
-    settings.cameras = testing::camera_grid(4, 4, 0.06, 160, 120, {-0.15, 0.02, 0, 0, 0});
-    settings.absent = std::move(absent);
-    write_synthetic_take(settings, folder_.path() / "take");
+    SyntheticTake options;
+    options.cameras = testing::camera_grid(4, 4, 0.06, 160, 120, {-0.15, 0.02, 0, 0, 0});
+    options.absent = std::move(absent);
+    write_synthetic_take(options, folder_.path() / "take");
     return store::Take(folder_.path() / "take");
   }
   static std::vector<RaySample> ask(const store::Take& take, const std::vector<WorldRay>& rays,
-                                    const ReconstructionSettings& reconstruction,
+                                    const ReconstructionOptions& reconstruction,
                                     bool reference = false) {
-    RendererSettings settings;
-    settings.reference = reference;
+    RendererOptions options;
+    options.reference = reference;
     std::vector<RaySample> samples(rays.size());
-    LightFieldRenderer(take, settings)
+    LightFieldRenderer(take, options)
         .query(rays, store::select_frames(take, 0, 1), reconstruction, samples);
     return samples;
   }
@@ -80,14 +80,14 @@ TEST_F(RayQuery, AgreesWithTheReference) {
   write_file_atomically(take.folder() / "wall.obj",
                         "v -9 -9 -4\nv 9 -9 -4\nv 9 9 -4\nv -9 9 -4\nf 1 2 3 4\n");
   const std::vector<WorldRay> rays = some_rays(3000);
-  for (const ReconstructionSettings& reconstruction :
-       {ReconstructionSettings{"lumigraph", {0, 0, 1, 4}},
-        ReconstructionSettings{"focal_plane", {0, 0.1, 1, 3}},
-        ReconstructionSettings{"lumigraph",
-                               {0, 0, 1, 9},
-                               {{"proxy", std::string("mesh")},
-                                {"mesh", std::string("wall.obj")},
-                                {"cameras", 2.0}}}}) {
+  for (const ReconstructionOptions& reconstruction :
+       {ReconstructionOptions{"lumigraph", {0, 0, 1, 4}},
+        ReconstructionOptions{"focal_plane", {0, 0.1, 1, 3}},
+        ReconstructionOptions{"lumigraph",
+                              {0, 0, 1, 9},
+                              {{"proxy", std::string("mesh")},
+                               {"mesh", std::string("wall.obj")},
+                               {"cameras", 2.0}}}}) {
     expect_equal(ask(take, rays, reconstruction), ask(take, rays, reconstruction, true));
   }
 }
@@ -95,7 +95,7 @@ TEST_F(RayQuery, AgreesWithTheReference) {
 TEST_F(RayQuery, AgreesWithTheReferenceOnEveryInstructionSet) {
   const store::Take take = write();
   const std::vector<WorldRay> rays = some_rays(500);
-  const ReconstructionSettings reconstruction{"lumigraph", {0, 0, 1, 4}};
+  const ReconstructionOptions reconstruction{"lumigraph", {0, 0, 1, 4}};
   const std::vector<RaySample> reference = ask(take, rays, reconstruction, true);
   testing::for_each_simd_target(kernel_target,
                                 [&] { expect_equal(ask(take, rays, reconstruction), reference); });
@@ -105,7 +105,7 @@ TEST_F(RayQuery, AnswersAViewsRaysAsTheViewIsRendered) {
   const store::Take take = write();
   VirtualCamera view = virtual_camera_with_fov(90, 70, 0.7, {});
   view.pose.position = {0.013, -0.02, 0.1};
-  const ReconstructionSettings reconstruction{"lumigraph", {0.1, 0, 1, 3.5}};
+  const ReconstructionOptions reconstruction{"lumigraph", {0.1, 0, 1, 3.5}};
   const RenderedView image =
       LightFieldRenderer(take, {}).render(view, store::select_frames(take, 0, 1), reconstruction);
   std::vector<WorldRay> rays;
@@ -168,7 +168,7 @@ TEST_F(RayQuery, WhatIsNoRayOrSeesNothingIsTransparent) {
 
 TEST_F(RayQuery, MethodsThatChooseForViewsRefuseRaysAndSayWhy) {
   const store::Take take = write();
-  const auto refused = [&](const ReconstructionSettings& reconstruction) -> std::string {
+  const auto refused = [&](const ReconstructionOptions& reconstruction) -> std::string {
     try {
       ask(take, {{{0, 0, 0}, {0, 0, -1}}}, reconstruction);
     } catch (const Error& error) {

@@ -14,6 +14,7 @@
 
 #include "base/error.h"
 #include "base/large_buffer.h"
+#include "base/options.h"
 #include "render/common/footprint.h"
 #include "render/common/light_field_frame.h"
 #include "render/common/push_pull.h"
@@ -26,24 +27,24 @@
 namespace raystage::render {
 
 struct LightFieldRenderer::State {
-  State(const store::Take& of_take, const RendererSettings& with_settings)
+  State(const store::Take& of_take, const RendererOptions& with_options)
       : take(of_take),
-        settings(with_settings),
-        cache(of_take, cache_bytes(with_settings), with_settings.blend_space, with_settings.matte),
-        result_cache(with_settings.result_cache
-                         ? with_settings.result_cache
-                         : std::make_shared<ResultCache>(with_settings.result_cache_bytes)) {
+        settings(with_options),
+        cache(of_take, cache_bytes(with_options), with_options.blend_space, with_options.matte),
+        result_cache(with_options.result_cache
+                         ? with_options.result_cache
+                         : std::make_shared<ResultCache>(with_options.result_cache_bytes)) {
     if (settings.matte) {
       opaque.emplace(take, settings.cache_bytes - cache_bytes(settings), settings.blend_space);
     }
   }
 
-  static std::size_t cache_bytes(const RendererSettings& settings) {
+  static std::size_t cache_bytes(const RendererOptions& settings) {
     return settings.matte ? settings.cache_bytes / 4 * 3 : settings.cache_bytes;
   }
 
   const store::Take& take;
-  RendererSettings settings;
+  RendererOptions settings;
   store::FrameCache cache;
   std::optional<store::FrameCache> opaque;  // the frames without their matte
   std::shared_ptr<ResultCache> result_cache;
@@ -54,10 +55,10 @@ struct LightFieldRenderer::State {
       topologies;  // by cameras present
 
   std::shared_ptr<const rig::Topology> topology(const std::vector<int>& cameras) {
-    constexpr std::size_t kMost =
+    constexpr std::size_t kMax =
         64;  // limits takes whose set of present cameras changes at every frame
     const std::scoped_lock lock(mutex);
-    if (topologies.size() >= kMost && !topologies.contains(cameras)) topologies.clear();
+    if (topologies.size() >= kMax && !topologies.contains(cameras)) topologies.clear();
     auto& known = topologies[cameras];
     if (!known)
       known = std::make_shared<const rig::Topology>(rig::make_topology(take.rig(), cameras));
@@ -119,7 +120,7 @@ struct LightFieldRenderer::State {
 
   /// Returns the view from all ranks' contributions.
   RenderedView render_together(const Method& method, const ViewRequest& request,
-                               const ReconstructionSettings& reconstruction) const {
+                               const ReconstructionOptions& reconstruction) const {
     DistributedViewRequest asked{request.view,
                                  {request.instant.time_ns, {}, {}},
                                  request.instant.adjacent_frames,
@@ -165,7 +166,7 @@ bool is_summed(DistributionMode distribution) {
 }
 
 /// Adds what the request and the method require to a RenderedView.
-std::size_t bytes_per_pixel(const Method& method, const RendererSettings& settings) {
+std::size_t bytes_per_pixel(const Method& method, const RendererOptions& settings) {
   return view_buffer_bytes({1, 1, {}, {}}) + (settings.measure_coverage ? 2 * sizeof(float) : 0) +
          (settings.measure_confidence ? sizeof(float) : 0) +
          (method.marks_empty_space() ? sizeof(float) : 0);
@@ -192,15 +193,15 @@ struct Sampling {
 };
 
 /// The limit ignores requested measures, because they must not change pixels.
-Sampling sampling_of(double ratio, const VirtualCamera& view, const RendererSettings& settings,
-                     bool rows_alone) {
+Sampling sampling_of(double ratio, const VirtualCamera& view, const RendererOptions& settings,
+                     bool row_independent) {
   int factor = std::min(wanted_supersampling(ratio), std::clamp(settings.max_supersampling, 1, 64));
   const auto row_bytes = [&] {
     const VirtualCamera row = crop_rows(view, 0, 1);
     return view_buffer_bytes(row) * static_cast<std::size_t>(factor * factor);
   };
   const std::size_t most = settings.supersampling_bytes;
-  if (rows_alone && factor > 1) {
+  if (row_independent && factor > 1) {
     std::size_t rows = std::max<std::size_t>(1, most / row_bytes());
     // Bands consist of whole tiles, between whose corners weights are interpolated.
     const auto tile =
@@ -232,13 +233,13 @@ struct ChosenMethod {
   MethodOptions options;
 };
 
-ChosenMethod chosen_by(const ReconstructionSettings& reconstruction) {
+ChosenMethod chosen_by(const ReconstructionOptions& reconstruction) {
   const Method& method = method_named(reconstruction.method);
   return {method, {method.options(), reconstruction.options, "method " + reconstruction.method}};
 }
 
 /// Returns the method that answers single rays.
-ChosenMethod chosen_for_rays(const ReconstructionSettings& reconstruction) {
+ChosenMethod chosen_for_rays(const ReconstructionOptions& reconstruction) {
   ChosenMethod chosen = chosen_by(reconstruction);
   const RayDelegate stand_in = chosen.method.ray_delegate(chosen.options);
   if (stand_in.method.empty()) return chosen;
@@ -247,18 +248,22 @@ ChosenMethod chosen_for_rays(const ReconstructionSettings& reconstruction) {
 }
 
 /// Returns the method whose stored data a query of this kind needs.
-ChosenMethod storing(const ReconstructionSettings& reconstruction, QueryKind as) {
+ChosenMethod storing(const ReconstructionOptions& reconstruction, QueryKind as) {
   return as == QueryKind::kViews ? chosen_by(reconstruction) : chosen_for_rays(reconstruction);
 }
 
 }  // namespace
 
-void check_ray_query_support(const ReconstructionSettings& reconstruction) {
+void check_ray_query_support(const ReconstructionOptions& reconstruction) {
   const ChosenMethod chosen = chosen_by(reconstruction);
   chosen.method.check_ray_support(chosen.options);
 }
 
-LightFieldRenderer::LightFieldRenderer(const store::Take& take, const RendererSettings& settings)
+bool RendererOptions::is_valid(std::string* reason) const {
+  return is_within("max_supersampling", max_supersampling, 1, 64, reason);
+}
+
+LightFieldRenderer::LightFieldRenderer(const store::Take& take, const RendererOptions& settings)
     : state_(std::make_unique<State>(take, settings)) {
   for (int camera = 0; camera < take.camera_count(); ++camera) {
     const auto& excluded_cameras = settings.excluded_cameras;
@@ -277,7 +282,7 @@ LightFieldRenderer::~LightFieldRenderer() = default;
 
 RenderedView LightFieldRenderer::render(const VirtualCamera& view,
                                         const store::FrameSelection& frames,
-                                        const ReconstructionSettings& reconstruction) const {
+                                        const ReconstructionOptions& reconstruction) const {
   const ChosenMethod chosen = chosen_by(reconstruction);
   const Method& method = chosen.method;
   const MethodOptions& options = chosen.options;
@@ -376,7 +381,7 @@ Contribution LightFieldRenderer::contribute(const DistributedViewRequest& view,
 
 std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view,
                                            const store::FrameSelection& frames,
-                                           const ReconstructionSettings& reconstruction) const {
+                                           const ReconstructionOptions& reconstruction) const {
   const LightFieldFrame instant = state_->instant(frames);
   const auto& [method, options] = chosen_by(reconstruction);
   const double ratio =
@@ -393,7 +398,7 @@ std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view,
 }
 
 void LightFieldRenderer::query(std::span<const WorldRay> rays, const store::FrameSelection& frames,
-                               const ReconstructionSettings& reconstruction,
+                               const ReconstructionOptions& reconstruction,
                                std::span<RaySample> samples) const {
   const LightFieldFrame instant = state_->instant(frames);
   check_ray_query_support(reconstruction);
@@ -404,16 +409,16 @@ void LightFieldRenderer::query(std::span<const WorldRay> rays, const store::Fram
       method.surface({options, instant, reconstruction.focal_plane, *state_->result_cache,
                       state_->settings.working_bytes, state_->settings.use_take_folder,
                       state_->settings.reference});
-  const RayWeightSettings weighing =
-      ray_weight_settings(method.has_ray_weights() ? options
-                                                   : MethodOptions(lumigraph_method().options(), {},
-                                                                   "method lumigraph"));
+  const RayWeightOptions weighing =
+      ray_weight_options(method.has_ray_weights()
+                             ? options
+                             : MethodOptions(lumigraph_method().options(), {}, "method lumigraph"));
   const auto answer = state_->settings.reference ? query_rays_reference : query_rays;
   answer(rays, instant, surface, weighing, samples);
 }
 
 std::filesystem::path LightFieldRenderer::stored_file(const store::FrameSelection& frames,
-                                                      const ReconstructionSettings& reconstruction,
+                                                      const ReconstructionOptions& reconstruction,
                                                       QueryKind as) const {
   const auto& [method, options] = storing(reconstruction, as);
   const LightFieldFrame instant = state_->instant(frames);
@@ -422,7 +427,7 @@ std::filesystem::path LightFieldRenderer::stored_file(const store::FrameSelectio
 }
 
 StoreResult LightFieldRenderer::store(const store::FrameSelection& frames,
-                                      const ReconstructionSettings& reconstruction,
+                                      const ReconstructionOptions& reconstruction,
                                       QueryKind as) const {
   if (stored_file(frames, reconstruction, as).empty()) return {};
   const auto& [method, options] = storing(reconstruction, as);

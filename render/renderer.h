@@ -25,7 +25,7 @@
 namespace raystage::render {
 
 /// Selects how rays are reconstructed.
-struct ReconstructionSettings {
+struct ReconstructionOptions {
   std::string method = "focal_plane";  ///< see methods()
   /// a x + b y + c z + d = 0 in the world; (0, 0, 0, 1) lies at infinity. See
   /// fronto_parallel_plane().
@@ -34,7 +34,7 @@ struct ReconstructionSettings {
   schemas::HoleFill fill = schemas::HoleFill::kNone;
 };
 
-struct RendererSettings {
+struct RendererOptions {
   std::size_t cache_bytes = std::size_t{1} << 30;  ///< decoded source frames kept in memory
   /// The matte of the frames; null: everything is visible. `depth` searches for surfaces in the
   /// frames without matte, for which a quarter of the cache is reserved; its results are valid for
@@ -76,6 +76,8 @@ struct RendererSettings {
   /// As LightFieldFrame, for distributed views.
   std::vector<int> rank_of_camera = {};
   int this_rank = 0;
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// What is requested from a light field.
@@ -83,21 +85,21 @@ enum class QueryKind { kViews, kRays };
 
 /// Throws Error (bad input) where LightFieldRenderer::query() cannot answer rays with this method,
 /// because they meet no single surface.
-void check_ray_query_support(const ReconstructionSettings& reconstruction);
+void check_ray_query_support(const ReconstructionOptions& reconstruction);
 
 /// Renders views of a take. render() is thread-safe (frames in flight); the pixels do not depend on
 /// the number of threads. Uses the TBB arena in which it is called.
 class LightFieldRenderer {
  public:
   /// Throws Error (bad input) where all cameras are excluded. Keeps a reference to `take`.
-  LightFieldRenderer(const store::Take& take, const RendererSettings& settings);
+  LightFieldRenderer(const store::Take& take, const RendererOptions& settings);
   ~LightFieldRenderer();
 
   /// Renders a view. Adds a note to views with at least one and a half times the light field's
   /// resolution, and to views with too little supersampling. Throws Error (bad input) for an
   /// unknown method, unknown options and frames that cannot be read.
   RenderedView render(const VirtualCamera& view, const store::FrameSelection& frames,
-                      const ReconstructionSettings& reconstruction) const;
+                      const ReconstructionOptions& reconstruction) const;
 
   /// Returns the contribution of this rank's cameras to a view that another rank assembles.
   /// `group`: as ViewRequest. Throws as render().
@@ -106,7 +108,7 @@ class LightFieldRenderer {
   /// Returns the bytes of the view's own values while it is rendered, including requested measures
   /// and, with supersampling, both the samples and their mean.
   std::size_t view_bytes(const VirtualCamera& view, const store::FrameSelection& frames,
-                         const ReconstructionSettings& reconstruction) const;
+                         const ReconstructionOptions& reconstruction) const;
 
   /// Starts reading from disk the frames that a later render() will need. This is a hint: frames of
   /// cameras that earlier views did not use are not read.
@@ -116,7 +118,7 @@ class LightFieldRenderer {
   /// Returns the cost of decoding frames since the renderer was created.
   store::DecodeCosts decode_costs() const;
   /// Returns the bytes of decoded frames cached for later views: at most
-  /// RendererSettings::cache_bytes, unless a single frame is larger.
+  /// RendererOptions::cache_bytes, unless a single frame is larger.
   std::size_t decoded_bytes_cached() const;
 
   /// Samples any rays, not only those of a view, into the same number of `samples`: see
@@ -126,24 +128,24 @@ class LightFieldRenderer {
   ///   depth        its surface, by `near`, `far`, `plane_px`, `neighbours`,
   ///                `support_views`, `temporal` and `store_depths`
   ///   plane_sweep  the surface of depth with default options, between its `near` and `far`; depths
-  ///                are stored in the take unless RendererSettings::use_take_folder is off
+  ///                are stored in the take unless RendererOptions::use_take_folder is off
   ///   all others   `reconstruction`'s focal plane, also for aperture: its own plane is
   ///                ignored
   /// Throws Error (bad input) as render(), for `auto`, which chooses only for views, and for
   /// `slabs` in a box, which has a focal plane per face.
   void query(std::span<const WorldRay> rays, const store::FrameSelection& frames,
-             const ReconstructionSettings& reconstruction, std::span<RaySample> samples) const;
+             const ReconstructionOptions& reconstruction, std::span<RaySample> samples) const;
 
   /// Returns the file in which render() or query() stores what the method derives once per light
   /// field frame (Method::stored_file); empty: none. Empty also for `auto`, which chooses a method
   /// when it renders. Throws Error (bad input) as render() does.
   std::filesystem::path stored_file(const store::FrameSelection& frames,
-                                    const ReconstructionSettings& reconstruction,
+                                    const ReconstructionOptions& reconstruction,
                                     QueryKind as) const;
   /// Writes that file, unless it exists and is complete: the same bytes as render() and query()
   /// write. Throws Error as render() does.
   StoreResult store(const store::FrameSelection& frames,
-                    const ReconstructionSettings& reconstruction, QueryKind as) const;
+                    const ReconstructionOptions& reconstruction, QueryKind as) const;
 
  private:
   struct State;

@@ -51,20 +51,20 @@ class Bands : public ::testing::Test {
     return virtual_camera_with_fov(kWidth, kHeight, 50 * std::numbers::pi / 180, pose);
   }
   store::FrameSelection frames() const { return store::select_frames(*take_, 0, 1); }
-  RenderedView render(const RendererSettings& settings, const ReconstructionSettings& how) const {
+  RenderedView render(const RendererOptions& settings, const ReconstructionOptions& how) const {
     return LightFieldRenderer(*take_, settings).render(view(), frames(), how);
   }
 
   testing::TestFolder folder_;
   std::optional<store::Take> take_;
-  RendererSettings in_bands_;
+  RendererOptions in_bands_;
 };
 
-ReconstructionSettings by(const std::string& method, const schemas::OptionValues& options = {}) {
+ReconstructionOptions by(const std::string& method, const schemas::OptionValues& options = {}) {
   return {method, kPlane, options};
 }
 
-std::vector<ReconstructionSettings> in_rows() {
+std::vector<ReconstructionOptions> in_rows() {
   return {by("focal_plane"),
           by("nearest"),
           by("aperture"),
@@ -78,9 +78,9 @@ std::vector<ReconstructionSettings> in_rows() {
 }
 
 TEST_F(Bands, ShowWhatTheWholeShows) {
-  RendererSettings whole = in_bands_;
-  whole.supersampling_bytes = RendererSettings{}.supersampling_bytes;
-  for (const ReconstructionSettings& how : in_rows()) {
+  RendererOptions whole = in_bands_;
+  whole.supersampling_bytes = RendererOptions{}.supersampling_bytes;
+  for (const ReconstructionOptions& how : in_rows()) {
     SCOPED_TRACE(how.method);
     const RenderedView image = render(in_bands_, how), expected = render(whole, how);
     EXPECT_EQ(image.statistics.supersampling, kFactor);
@@ -113,11 +113,11 @@ TEST_F(Bands, ShowWhatTheWholeShows) {
 
 /// Bands go by the view alone; what a method works in within one, by its share of memory.
 TEST_F(Bands, SameBytesForAnyMemoryAndThreadsWithinTheShare) {
-  for (const ReconstructionSettings& how : in_rows()) {
+  for (const ReconstructionOptions& how : in_rows()) {
     SCOPED_TRACE(how.method);
     const RenderedView image = render(in_bands_, how);
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
-    RendererSettings little = in_bands_;
+    RendererOptions little = in_bands_;
     little.cache_bytes = little.result_cache_bytes = 0;
     little.working_bytes = image.statistics.working_bytes * 3 / 4;
     const RenderedView same = render(little, how);
@@ -136,7 +136,7 @@ TEST_F(Bands, SameBytesForAnyMemoryAndThreadsWithinTheShare) {
 }
 
 TEST_F(Bands, HoldTheSamplesOfOneAtATime) {
-  for (const ReconstructionSettings& how : in_rows()) {
+  for (const ReconstructionOptions& how : in_rows()) {
     const std::size_t bytes =
         LightFieldRenderer(*take_, in_bands_).view_bytes(view(), frames(), how);
     // Cameras and nearest_ray are measured; the hull says where nothing is.
@@ -152,7 +152,7 @@ TEST_F(Bands, DecodeLittleMoreThanTheWhole) {
   testing::SyntheticTake settings;
   settings.cameras = testing::camera_grid(2, 2, 0.06, 640, 480);
   settings.jpeg.chroma =
-      store::JpegEncodeSettings::Chroma::k420;  // reaches across the bands' borders
+      store::JpegEncodeOptions::Chroma::k420;  // reaches across the bands' borders
   write_synthetic_take(settings, folder_.path() / "fine");
   const store::Take take(folder_.path() / "fine");
   constexpr int kWide = 80, kHigh = 60, kTimes = 6, kRowsOfBand = 24;
@@ -160,7 +160,7 @@ TEST_F(Bands, DecodeLittleMoreThanTheWhole) {
   pose.position = {0.013, 0.01, 0};
   const VirtualCamera view =
       virtual_camera_with_fov(kWide, kHigh, 50 * std::numbers::pi / 180, pose);
-  const auto rendered = [&](const RendererSettings& with, const ReconstructionSettings& how) {
+  const auto rendered = [&](const RendererOptions& with, const ReconstructionOptions& how) {
     RenderedView image =
         LightFieldRenderer(take, with).render(view, store::select_frames(take, 0, 1), how);
     EXPECT_EQ(image.statistics.supersampling, kTimes);
@@ -174,15 +174,15 @@ TEST_F(Bands, DecodeLittleMoreThanTheWhole) {
     const auto decoded = static_cast<double>(image.statistics.pixels_decoded);
     EXPECT_LE(decoded, 1.2 * static_cast<double>(expected.statistics.pixels_decoded));
   };
-  RendererSettings in_bands;
+  RendererOptions in_bands;
   in_bands.supersampling_bytes = kBytesOfSample * kTimes * kTimes * kWide * kRowsOfBand;
-  for (const ReconstructionSettings& how : {by("focal_plane"), by("aperture"), by("lumigraph")}) {
+  for (const ReconstructionOptions& how : {by("focal_plane"), by("aperture"), by("lumigraph")}) {
     SCOPED_TRACE(how.method);
     const RenderedView whole = rendered({}, how);
     EXPECT_LT(whole.statistics.pixels_decoded, 4 * 640 * 480 * 0.8);  // there is room for more
     expect_alike(rendered(in_bands, how), whole);
     if (whole.statistics.working_bytes == 0) continue;
-    RendererSettings little;
+    RendererOptions little;
     little.working_bytes = whole.statistics.working_bytes / 3;
     expect_alike(rendered(little, how), whole);
   }
@@ -191,13 +191,13 @@ TEST_F(Bands, DecodeLittleMoreThanTheWhole) {
 /// Where no memory is granted to keep images of nodes, bands make again those that they share.
 TEST_F(Bands, OfSlabsMakeImagesOfSharedNodesAlone) {
   const auto decoded = [&](std::size_t supersampling_bytes) {
-    RendererSettings keeps_nothing = in_bands_;
+    RendererOptions keeps_nothing = in_bands_;
     keeps_nothing.supersampling_bytes = supersampling_bytes;
     keeps_nothing.result_cache_bytes = keeps_nothing.cache_bytes = 0;
     return render(keeps_nothing, by("slabs")).statistics.pixels_decoded;
   };
   constexpr double kFrame = 160 * 120;  // each node's image takes part of one, decoded anew
-  const auto at_once = static_cast<double>(decoded(RendererSettings{}.supersampling_bytes));
+  const auto at_once = static_cast<double>(decoded(RendererOptions{}.supersampling_bytes));
   const auto in_bands = static_cast<double>(decoded(in_bands_.supersampling_bytes));
   EXPECT_LT(at_once, 0.5 * 9 * kFrame);
   // The upper band looks between all three rows of nodes, the lower one between the last two; each
@@ -208,11 +208,11 @@ TEST_F(Bands, OfSlabsMakeImagesOfSharedNodesAlone) {
 
 /// Of the view they know nothing of each other: what several need counts in each.
 TEST_F(Bands, OfTheViewCountPixelsAtTheirBordersInEach) {
-  RendererSettings counting;
+  RendererOptions counting;
   counting.count_needed_pixels = true;
-  RendererSettings in_bands = counting;
+  RendererOptions in_bands = counting;
   in_bands.supersampling_bytes = in_bands_.supersampling_bytes;
-  for (const ReconstructionSettings& how : {by("focal_plane"), by("lumigraph"), by("slabs")}) {
+  for (const ReconstructionOptions& how : {by("focal_plane"), by("lumigraph"), by("slabs")}) {
     SCOPED_TRACE(how.method);
     const auto whole = static_cast<double>(render(counting, how).statistics.pixels_needed);
     const auto bands = static_cast<double>(render(in_bands, how).statistics.pixels_needed);
@@ -244,7 +244,7 @@ TEST_F(Bands, SpeakOfTheWholeWhereMemoryIsShort) {
 
 /// Needed pixels are counted once, however many bands a method works in.
 TEST_F(Bands, OfAMethodCountNothingTwice) {
-  RendererSettings counting;
+  RendererOptions counting;
   counting.count_needed_pixels = true;
   const RenderStatistics whole = render(counting, by("lumigraph")).statistics;
   counting.working_bytes = whole.working_bytes / 3;

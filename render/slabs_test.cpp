@@ -252,7 +252,7 @@ TEST_F(Slabs, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
   const store::Take take = write(grid_take(4, 4, {-0.2, 0, 0, 0, 0}));
   const store::FrameSelection frames = store::select_frames(take, 0, 1);
   const VirtualCamera view = view_from({0, 0.01, 0.1}, 2, 46, 160, 120);
-  const auto render = [&](const RendererSettings& settings) {
+  const auto render = [&](const RendererOptions& settings) {
     return LightFieldRenderer(take, settings).render(view, frames, {"slabs", kPaintedPlane});
   };
   const RenderedView image = render({});
@@ -264,7 +264,7 @@ TEST_F(Slabs, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
   const LightFieldRenderer used(take, {});
   used.render(view_from({0, 0, 0.1}, 0, 15, 40, 30), frames, {"slabs", kPaintedPlane});
   EXPECT_EQ(used.render(view, frames, {"slabs", kPaintedPlane}).rgba, image.rgba);
-  RendererSettings little;
+  RendererOptions little;
   little.result_cache_bytes = 1;
   little.cache_bytes = 1;
   const std::size_t node = 8 * 200 * 160;
@@ -283,7 +283,7 @@ TEST_F(Slabs, CountsThePixelsThatTheViewDependsOn) {
   const store::Take take = write(grid_take(3, 3, {-0.1, 0.02, 0.001, -0.002, 0}));
   const VirtualCamera view = view_from({0.013, 0.017, 0.1}, 2, 15, 48, 32);
   const auto counted = [&](const schemas::OptionValues& options, bool reference) {
-    RendererSettings settings;
+    RendererOptions settings;
     settings.count_needed_pixels = true;
     settings.reference = reference;
     return LightFieldRenderer(take, settings)

@@ -43,7 +43,7 @@ class Filtering : public ::testing::Test {
     return virtual_camera_with_fov(width, width * 3 / 4, 50 * kDegree, pose);
   }
 
-  RenderedView render(int width, const std::string& method, RendererSettings settings = {},
+  RenderedView render(int width, const std::string& method, RendererOptions settings = {},
                       schemas::OptionValues options = {}) const {
     return LightFieldRenderer(*take_, settings)
         .render(view_of(width), store::select_frames(*take_, 0, 1), {method, kPlane, options});
@@ -64,7 +64,7 @@ class Filtering : public ::testing::Test {
 };
 
 TEST_F(Filtering, CoarseViewsAverageInsteadOfAliasing) {
-  RendererSettings never;
+  RendererOptions never;
   never.max_supersampling = 1;
   for (const std::string method : {"focal_plane", "slabs"}) {
     SCOPED_TRACE(method);
@@ -89,7 +89,7 @@ TEST_F(Filtering, CoarseViewsAverageInsteadOfAliasing) {
 }
 
 TEST_F(Filtering, FineViewsAreLeftAsTheyAreAndSaySo) {
-  RendererSettings never;
+  RendererOptions never;
   never.max_supersampling = 1;
   for (const int width : {124, 160, 400}) {
     const RenderedView image = render(width, "focal_plane");
@@ -104,14 +104,14 @@ TEST_F(Filtering, FineViewsAreLeftAsTheyAreAndSaySo) {
 }
 
 TEST_F(Filtering, MemoryBoundsTheFactor) {
-  RendererSettings little;
+  RendererOptions little;
   little.supersampling_bytes = 20 * 15 * 24 * 4;  // twice as many pixels along each axis
   const RenderedView image = render(20, "depth", little);
   EXPECT_NEAR(image.statistics.source_pixels_per_pixel, 6, 0.5);
   EXPECT_EQ(image.statistics.supersampling, 2);
   EXPECT_THAT(image.notes, ElementsAre(HasSubstr("2 samples per pixel and axis")));
   // What it works in has no say in the pixels.
-  RendererSettings no_room;
+  RendererOptions no_room;
   no_room.working_bytes = 0;
   EXPECT_EQ(render(20, "focal_plane", no_room).rgba, render(20, "focal_plane").rgba);
 }
@@ -122,7 +122,7 @@ TEST_F(Filtering, SaysWhereMoreSamplesAreCalledFor) {
   EXPECT_GT(image.statistics.source_pixels_per_pixel, 10);
   EXPECT_EQ(image.statistics.supersampling, 8);
   EXPECT_THAT(image.notes, ElementsAre(HasSubstr("8 samples per pixel and axis")));
-  RendererSettings never;
+  RendererOptions never;
   never.max_supersampling = 1;
   EXPECT_THAT(render(10, "slabs", never).notes,
               ElementsAre(HasSubstr("1 sample per pixel and axis")));
@@ -130,7 +130,7 @@ TEST_F(Filtering, SaysWhereMoreSamplesAreCalledFor) {
 
 TEST_F(Filtering, MemoryOfAViewIsWhatItsValuesTake) {
   const auto bytes = [&](int width, const std::string& method, bool measure_coverage) {
-    RendererSettings settings;
+    RendererOptions settings;
     settings.measure_coverage = measure_coverage;
     return LightFieldRenderer(*take_, settings)
         .view_bytes(view_of(width), store::select_frames(*take_, 0, 1), {method, kPlane});
@@ -148,9 +148,9 @@ TEST_F(Filtering, MemoryOfAViewIsWhatItsValuesTake) {
 }
 
 TEST_F(Filtering, WhatIsMeasuredBesideDoesNotChangeThePixels) {
-  RendererSettings little;
+  RendererOptions little;
   little.supersampling_bytes = 20 * 15 * 24 * 9;
-  RendererSettings measured = little;
+  RendererOptions measured = little;
   measured.measure_coverage = true;
   for (const std::string method : {"focal_plane", "depth"}) {
     const RenderedView image = render(20, method, little);

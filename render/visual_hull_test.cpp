@@ -89,7 +89,7 @@ class VisualHull : public ::testing::Test {
       const schemas::CameraGeometry& camera = cameras[i];
       const rig::CameraModel model(camera);
       const rig::Pose pose = rig::pose_from_matrix(camera.world_from_camera);
-      store::RgbImage picture{camera.width, camera.height, {}};
+      store::RgbImage picture{camera.width, camera.height, std::vector<std::uint8_t>()};
       std::vector<std::uint8_t> matte;
       for (int y = 0; y < camera.height; ++y) {
         for (int x = 0; x < camera.width; ++x) {
@@ -101,7 +101,7 @@ class VisualHull : public ::testing::Test {
           }
           matte.push_back(hit ? 255 : 0);
           for (const double linear : colour(pose.position, direction, hit)) {
-            picture.pixels.push_back(
+            picture.values.push_back(
                 static_cast<std::uint8_t>(srgb_from_linear(linear) * 255 + 0.5));
           }
         }
@@ -128,7 +128,7 @@ class VisualHull : public ::testing::Test {
                       const schemas::OptionValues& options = {{"nearest", 1.0}},
                       schemas::HoleFill fill = schemas::HoleFill::kNone) const {
     const store::Take take(folder());
-    RendererSettings settings;
+    RendererOptions settings;
     settings.reference = reference;
     return LightFieldRenderer(take, settings)
         .render(view, store::select_frames(take, 0, 1),
@@ -244,13 +244,13 @@ TEST_F(VisualHull, RaysOfAViewAreAnsweredAsTheViewShowsThem) {
   }
   const store::Take take(folder());
   for (const bool reference : {false, true}) {
-    RendererSettings settings;
+    RendererOptions settings;
     settings.reference = reference;
     settings.max_supersampling = 1;  // a ray a pixel
     const LightFieldRenderer renderer(take, settings);
     const store::FrameSelection frames = store::select_frames(take, 0, 1);
     // The focal plane, through the sphere's middle, must not matter.
-    const ReconstructionSettings by_hull{"visual_hull", {0, 0, 1, 3}, {{"nearest", 1.0}}};
+    const ReconstructionOptions by_hull{"visual_hull", {0, 0, 1, 3}, {{"nearest", 1.0}}};
     const RenderedView image = renderer.render(view, frames, by_hull);
     std::vector<RaySample> samples(rays.size());
     renderer.query(rays, frames, by_hull, samples);

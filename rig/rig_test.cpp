@@ -105,13 +105,13 @@ TEST(Rig, BestFocalDepth) {
 }
 
 TEST(Rig, BestFocalDepthAtTheEndsOfDoubles) {
-  constexpr double kLeast = std::numeric_limits<double>::denorm_min();
-  constexpr double kMost = std::numeric_limits<double>::max();
+  constexpr double kMin = std::numeric_limits<double>::denorm_min();
+  constexpr double kMax = std::numeric_limits<double>::max();
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  for (const double depth : {kLeast, 1e-310, 1e-3, 0.1, 1.7, 1e9, kMost}) {
+  for (const double depth : {kMin, 1e-310, 1e-3, 0.1, 1.7, 1e9, kMax}) {
     EXPECT_EQ(optimal_focal_depth({depth, depth}), depth);  // near = far: nowhere else
   }
-  EXPECT_EQ(optimal_focal_depth({kLeast, kInfinity}), 2 * kLeast);
+  EXPECT_EQ(optimal_focal_depth({kMin, kInfinity}), 2 * kMin);
   EXPECT_EQ(optimal_focal_depth({1.5, kInfinity}), 3);  // eq. 2.2
   EXPECT_DOUBLE_EQ(optimal_focal_depth({1, 3}), 1.5);
   EXPECT_DOUBLE_EQ(optimal_focal_depth({1e-3, 1e9}), 2 / (1e3 + 1e-9));

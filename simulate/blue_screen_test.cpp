@@ -14,8 +14,8 @@
 namespace raystage::simulate {
 namespace {
 
-SimulationSettings settings_of(const std::string& scene) {
-  SimulationSettings settings;
+SimulationOptions settings_of(const std::string& scene) {
+  SimulationOptions settings;
   settings.scene = scene;
   settings.rows = 1;
   settings.columns = 2;
@@ -37,7 +37,7 @@ struct AlphaError {
 
 AlphaError error_of(const std::string& scene_name, const schemas::MatteSettings& settings,
                     const std::filesystem::path& folder) {
-  const SimulationSettings simulation = settings_of(scene_name);
+  const SimulationOptions simulation = settings_of(scene_name);
   const store::Take take(folder / scene_name);
   const ExposureSchedule schedule = make_exposure_schedule(simulation);
   const Scene scene = make_scene(scene_name);

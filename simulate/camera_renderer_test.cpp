@@ -20,11 +20,11 @@ namespace {
 struct Shoot {
   Shoot(const std::string& scene_name, int width, int height)
       : scene(make_scene(scene_name)), geometry(scene), world(geometry) {
-    SimulationSettings settings;
-    settings.width = width;
-    settings.height = height;
-    settings.rows = settings.columns = 2;
-    rig = rig::rig_from_document(make_simulated_rig(settings).truth);
+    SimulationOptions options;
+    options.width = width;
+    options.height = height;
+    options.rows = options.columns = 2;
+    rig = rig::rig_from_document(make_simulated_rig(options).truth);
   }
   const rig::Rig::Camera& camera() const { return rig.cameras[1]; }
   PixelRays rays() const { return PixelRays(camera().model, camera().pose); }
@@ -44,11 +44,11 @@ struct Shoot {
 
 double psnr(const store::RgbImage& a, const store::RgbImage& b) {
   double sum = 0;
-  for (std::size_t i = 0; i < a.pixels.size(); ++i) {
-    const double difference = static_cast<double>(a.pixels[i]) - b.pixels[i];
+  for (std::size_t i = 0; i < a.values.size(); ++i) {
+    const double difference = static_cast<double>(a.values[i]) - b.values[i];
     sum += difference * difference;
   }
-  return 10 * std::log10(255.0 * 255.0 * static_cast<double>(a.pixels.size()) / sum);
+  return 10 * std::log10(255.0 * 255.0 * static_cast<double>(a.values.size()) / sum);
 }
 
 TEST(CameraImage, PixelsSeeWhatTheCameraModelProjectsThere) {
@@ -181,8 +181,8 @@ TEST_F(StageImage, CacheChangesNothing) {
   shoot.renderer.render(shoot.world, rays, 4, used, from_used);
   shoot.renderer.render(shoot.world, rays, 4, small, from_small);
   shoot.renderer.render(shoot.world, rays, 4, fresh, from_fresh);
-  EXPECT_EQ(develop(from_used).pixels, develop(from_fresh).pixels);
-  EXPECT_EQ(develop(from_small).pixels, develop(from_fresh).pixels);
+  EXPECT_EQ(develop(from_used).values, develop(from_fresh).values);
+  EXPECT_EQ(develop(from_small).values, develop(from_fresh).values);
 }
 
 TEST_F(StageImage, QuickPicturesAreLikeCarefulOnes) {

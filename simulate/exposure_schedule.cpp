@@ -21,7 +21,7 @@ Nanoseconds nanoseconds(double seconds) {
 
 }  // namespace
 
-ExposureSchedule make_exposure_schedule(const SimulationSettings& s) {
+ExposureSchedule make_exposure_schedule(const SimulationOptions& s) {
   ExposureSchedule schedule;
   const int nodes = (s.camera_count() + s.cameras_per_node - 1) / s.cameras_per_node;
   for (int node = 0; node < nodes; ++node) {

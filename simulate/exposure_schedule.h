@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "base/time.h"
-#include "simulate/simulation_settings.h"
+#include "simulate/simulation_options.h"
 #include "store/archive.h"
 
 namespace raystage::simulate {
@@ -27,6 +27,6 @@ struct ExposureSchedule {
   std::vector<Camera> cameras;
 };
 
-ExposureSchedule make_exposure_schedule(const SimulationSettings& settings);
+ExposureSchedule make_exposure_schedule(const SimulationOptions& options);
 
 }  // namespace raystage::simulate

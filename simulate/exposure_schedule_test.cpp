@@ -7,6 +7,7 @@
 #include <set>
 
 #include "base/error.h"
+#include "base/options.h"
 #include "rig/pose.h"
 #include "rig/rig.h"
 #include "simulate/simulated_rig.h"
@@ -17,9 +18,9 @@ namespace {
 constexpr double kFrame = 1e9 / 15;
 
 TEST(ExposureSchedule, StampsAreTrueTimesByTheClockOfTheNode) {
-  SimulationSettings settings;
-  settings.seconds = 4;
-  const ExposureSchedule schedule = make_exposure_schedule(settings);
+  SimulationOptions options;
+  options.seconds = 4;
+  const ExposureSchedule schedule = make_exposure_schedule(options);
   ASSERT_EQ(schedule.cameras.size(), 64U);
   ASSERT_EQ(schedule.clock_offset.size(), 4U);
   for (const Nanoseconds offset : schedule.clock_offset) EXPECT_LE(std::abs(offset), 5'000'000);
@@ -45,11 +46,11 @@ TEST(ExposureSchedule, StampsAreTrueTimesByTheClockOfTheNode) {
 }
 
 TEST(ExposureSchedule, DropsAsOftenAsAsked) {
-  SimulationSettings settings;
-  settings.seconds = 40;
-  settings.drop_probability = 0.1;
+  SimulationOptions options;
+  options.seconds = 40;
+  options.drop_probability = 0.1;
   int dropped = 0, due = 0;
-  for (const ExposureSchedule::Camera& camera : make_exposure_schedule(settings).cameras) {
+  for (const ExposureSchedule::Camera& camera : make_exposure_schedule(options).cameras) {
     for (const ExposureSchedule::Frame& frame : camera.frames) {
       due += frame.status != store::FrameStatus::kStartUp ? 1 : 0;
       dropped += frame.status == store::FrameStatus::kDroppedBySource ? 1 : 0;
@@ -59,19 +60,19 @@ TEST(ExposureSchedule, DropsAsOftenAsAsked) {
 }
 
 TEST(ExposureSchedule, FollowsTheSeedAlone) {
-  SimulationSettings settings;
-  const ExposureSchedule first = make_exposure_schedule(settings),
-                         second = make_exposure_schedule(settings);
-  settings.seed = 2;
-  const ExposureSchedule other = make_exposure_schedule(settings);
+  SimulationOptions options;
+  const ExposureSchedule first = make_exposure_schedule(options),
+                         second = make_exposure_schedule(options);
+  options.seed = 2;
+  const ExposureSchedule other = make_exposure_schedule(options);
   EXPECT_EQ(first.cameras[7].frames[9].true_time, second.cameras[7].frames[9].true_time);
   EXPECT_NE(first.cameras[7].frames[9].true_time, other.cameras[7].frames[9].true_time);
 }
 
 TEST(Array, IsBuiltWithinItsErrors) {
-  SimulationSettings settings;
-  settings.photometric_deviation = 0.05;
-  const SimulatedRig array = make_simulated_rig(settings);
+  SimulationOptions options;
+  options.photometric_deviation = 0.05;
+  const SimulatedRig array = make_simulated_rig(options);
   const rig::Rig nominal = rig::rig_from_document(array.nominal),
                  truth = rig::rig_from_document(array.truth);
   ASSERT_EQ(truth.cameras.size(), 64U);
@@ -94,24 +95,24 @@ TEST(Array, IsBuiltWithinItsErrors) {
   EXPECT_NEAR(nominal.centre().norm(), 0, 1e-12);
 }
 
-TEST(Settings, RefusesWhatCannotBe) {
+TEST(SimulationOptions, RefusesWhatCannotBe) {
   const auto refused = [](const auto& change) {
-    SimulationSettings settings;
-    change(settings);
+    SimulationOptions options;
+    change(options);
     try {
-      check_simulation_settings(settings);
+      require_valid(options, "simulation");
     } catch (const Error& error) {
       return error.exit_code() == ExitCode::kBadInput;
     }
     return false;
   };
-  EXPECT_FALSE(refused([](SimulationSettings&) {}));
-  EXPECT_TRUE(refused([](SimulationSettings& s) { s.rows = 0; }));
-  EXPECT_TRUE(refused([](SimulationSettings& s) { s.fps = std::nan(""); }));
-  EXPECT_TRUE(refused([](SimulationSettings& s) { s.seconds = 0; }));
-  EXPECT_TRUE(refused([](SimulationSettings& s) { s.edge_samples = 5; }));
-  EXPECT_TRUE(refused([](SimulationSettings& s) { s.horizontal_fov_deg = 180; }));
-  EXPECT_TRUE(refused([](SimulationSettings& s) { s.drop_probability = -0.1; }));
+  EXPECT_FALSE(refused([](SimulationOptions&) {}));
+  EXPECT_TRUE(refused([](SimulationOptions& s) { s.rows = 0; }));
+  EXPECT_TRUE(refused([](SimulationOptions& s) { s.fps = std::nan(""); }));
+  EXPECT_TRUE(refused([](SimulationOptions& s) { s.seconds = 0; }));
+  EXPECT_TRUE(refused([](SimulationOptions& s) { s.edge_samples = 5; }));
+  EXPECT_TRUE(refused([](SimulationOptions& s) { s.horizontal_fov_deg = 180; }));
+  EXPECT_TRUE(refused([](SimulationOptions& s) { s.drop_probability = -0.1; }));
 }
 
 }  // namespace

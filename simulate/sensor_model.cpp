@@ -86,7 +86,7 @@ store::RgbImage SensorModel::develop(const LinearImage& image, std::uint64_t noi
       }
       const float scaled = std::clamp(shown, 0.0F, 1.0F) * (kShownLevels - 1) + 0.5F;
       const std::vector<std::uint8_t>& codes = codes_[c].empty() ? srgb_codes : codes_[c];
-      result.pixels[3 * i + c] = codes[scaled];
+      result.values[3 * i + c] = codes[scaled];
     }
     if (is_hot) ++hot;
   }

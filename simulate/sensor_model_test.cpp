@@ -20,15 +20,15 @@ LinearImage even_image(int width, int height, const Eigen::Vector3f& light) {
 
 TEST(SensorModel, AppliesTheInverseOfTheResponse) {
   const LinearImage image = even_image(1, 1, {0.5F, 0.5F, 0.5F});
-  EXPECT_EQ(develop(image).pixels[0], 188);  // sRGB of 0.5
+  EXPECT_EQ(develop(image).values[0], 188);  // sRGB of 0.5
   // light = brightness + contrast * shown
   schemas::PhotometricResponse response;
   response.contrast = {2, 1, 1};
   response.brightness = {0, 0.25, 0};
   const store::RgbImage codes = SensorModel(response, {1, 1}, 0).develop(image);
-  EXPECT_EQ(codes.pixels[0], 137);  // sRGB of 0.25
-  EXPECT_EQ(codes.pixels[1], 137);
-  EXPECT_EQ(codes.pixels[2], 188);
+  EXPECT_EQ(codes.values[0], 137);  // sRGB of 0.25
+  EXPECT_EQ(codes.values[1], 137);
+  EXPECT_EQ(codes.values[2], 188);
 }
 
 TEST(SensorModel, NoiseHasTheStrengthAsked) {
@@ -36,25 +36,25 @@ TEST(SensorModel, NoiseHasTheStrengthAsked) {
   const SensorModel noisy({}, {100, 100}, 0.02);
   const store::RgbImage codes = noisy.develop(image, 5);
   double sum = 0, squares = 0;
-  for (const std::uint8_t code : codes.pixels) {
+  for (const std::uint8_t code : codes.values) {
     sum += code - 188.0;
     squares += (code - 188.0) * (code - 188.0);
   }
-  const auto count = static_cast<double>(codes.pixels.size());
+  const auto count = static_cast<double>(codes.values.size());
   EXPECT_NEAR(sum / count, 0, 0.6);
   // d(code)/d(light) at 0.5 is 164; the noise falls with the root of the light.
   EXPECT_NEAR(std::sqrt(squares / count), 164 * 0.02 * std::sqrt(0.5), 0.25);
-  EXPECT_EQ(noisy.develop(image, 5).pixels, codes.pixels);
+  EXPECT_EQ(noisy.develop(image, 5).values, codes.values);
 }
 
 TEST(SensorModel, WhatItShowsTheResponseTurnsBackIntoLight) {
-  SimulationSettings settings;
-  settings.width = 96;
-  settings.height = 64;
-  settings.color_errors = {0.2, 0.1, 0.03, 0.3, 0.1, 0.1, 40};
-  const rig::PictureSize size{settings.width, settings.height};
+  SimulationOptions options;
+  options.width = 96;
+  options.height = 64;
+  options.color_errors = {0.2, 0.1, 0.03, 0.3, 0.1, 0.1, 40};
+  const rig::PictureSize size{options.width, options.height};
   for (const std::uint64_t camera : {0U, 1U, 2U}) {
-    const schemas::PhotometricResponse response = simulated_response(settings, camera);
+    const schemas::PhotometricResponse response = simulated_response(options, camera);
     const schemas::Rgb light{0.4, 0.45, 0.35};
     const store::RgbImage codes =
         SensorModel(response, size, 0)
@@ -71,7 +71,7 @@ TEST(SensorModel, WhatItShowsTheResponseTurnsBackIntoLight) {
         schemas::Rgb shown{};
         bool is_clipped = false;
         for (std::size_t c = 0; c < 3; ++c) {
-          const int code = codes.pixels[3 * static_cast<std::size_t>(y * size.width + x) + c];
+          const int code = codes.values[3 * static_cast<std::size_t>(y * size.width + x) + c];
           is_clipped = is_clipped || code == 255;
           shown[c] =
               linear_from_srgb(rig::evaluate_response_curve(response.curve[c], code / 255.0));

@@ -10,6 +10,7 @@
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "base/options.h"
 #include "base/parallel.h"
 #include "images/image_file.h"
 #include "rig/rig.h"
@@ -42,33 +43,33 @@ struct Worker {
 
 class Simulation {
  public:
-  Simulation(const SimulationSettings& settings, const std::function<void(double)>& progress,
+  Simulation(const SimulationOptions& options, const std::function<void(double)>& progress,
              std::stop_token stop)
-      : settings_(settings),
+      : options_(options),
         progress_(progress),
         stop_(std::move(stop)),
-        scene_(make_scene(settings.scene)),
+        scene_(make_scene(options.scene)),
         geometry_(scene_),
         workers_([this] { return Worker(geometry_); }),
-        array_(make_simulated_rig(settings)),
-        schedule_(make_exposure_schedule(settings)),
-        path_(make_simulated_shot(settings, schedule_, scene_.focus)),
+        array_(make_simulated_rig(options)),
+        schedule_(make_exposure_schedule(options)),
+        path_(make_simulated_shot(options, schedule_, scene_.focus)),
         true_rig_(rig::rig_from_document(array_.truth)) {
     // Costs are in frames: a truth image takes about as long as half its samples in frames.
-    truth_cost_ = std::max(1.0, settings.truth_samples / 2.0) * settings.view_width() *
-                  settings.view_height() / settings.width / settings.height;
-    total_cost_ = settings.truth_views * truth_cost_ +
-                  static_cast<double>(settings.camera_count()) * settings.frames_per_camera();
+    truth_cost_ = std::max(1.0, options.truth_samples / 2.0) * options.view_width() *
+                  options.view_height() / options.width / options.height;
+    total_cost_ = options.truth_views * truth_cost_ +
+                  static_cast<double>(options.camera_count()) * options.frames_per_camera();
   }
 
   SimulationReport run(const std::filesystem::path& folder, const std::string& created_by) {
     // Before rendering, so that an unwritable folder is reported at once.
     store::TakeWriter writer(folder, take_document(created_by),
-                             settings_.nominal_calibration ? array_.nominal : array_.truth);
+                             options_.nominal_calibration ? array_.nominal : array_.truth);
     SimulationReport report;
-    report.cameras = settings_.camera_count();
-    report.truth_views = settings_.truth_views;
-    raystage::parallel_for(0, settings_.camera_count(), [&](int index, const ParallelLoop& loop) {
+    report.cameras = options_.camera_count();
+    report.truth_views = options_.truth_views;
+    raystage::parallel_for(0, options_.camera_count(), [&](int index, const ParallelLoop& loop) {
       record(writer, index, loop);
     });
     for (const ExposureSchedule::Camera& camera : schedule_.cameras) {
@@ -77,14 +78,15 @@ class Simulation {
                                                      : report.frames_missing)++;
       }
     }
-    if (settings_.truth_views > 0) {
+    if (options_.truth_views > 0) {
       write_truth_images(writer.working_folder());
       schemas::write_views(path_.views, writer.working_folder() / "views.json");
     }
     schemas::write_shot(path_.shot, writer.working_folder() / "shot.json");
     write_file_atomically(writer.working_folder() / "truth.json",
-                          format_truth_document(settings_, array_, schedule_));
+                          format_truth_document(options_, array_, schedule_));
     writer.commit();
+    report.status = RunStatus::kFinished;
     return report;
   }
 
@@ -92,7 +94,7 @@ class Simulation {
   // Also stops after the failure of another camera.
   void check_stop(const ParallelLoop& loop) const {
     if (stop_.stop_requested() || loop.failed()) {
-      throw Error::failed("the simulation was stopped", settings_.scene,
+      throw Error::failed("the simulation was stopped", options_.scene,
                           "Start it again to write the take");
     }
   }
@@ -109,7 +111,7 @@ class Simulation {
     take.name = "simulated " + scene_.name;
     take.created_by = created_by;
     take.epoch_utc = kEpoch;
-    take.nominal_fps = settings_.fps;
+    take.nominal_fps = options_.fps;
     take.color_space = "srgb_texture";
     take.clock = "simulated";
     take.timestamp_event = "exposure_middle";
@@ -126,9 +128,9 @@ class Simulation {
   // Returns the depths of the nearest and farthest surface that the corner and middle cameras see
   // during the take, rounded outwards to a centimetre.
   std::optional<schemas::DepthRange> visible_depths() {
-    const int last_row = settings_.rows - 1, last_column = settings_.columns - 1;
-    const std::vector<int> cameras{0, last_column, last_row * settings_.columns,
-                                   settings_.camera_count() - 1, settings_.camera_count() / 2};
+    const int last_row = options_.rows - 1, last_column = options_.columns - 1;
+    const std::vector<int> cameras{0, last_column, last_row * options_.columns,
+                                   options_.camera_count() - 1, options_.camera_count() / 2};
     constexpr int kInstants = 12;
     constexpr int kStride = 2;
     const Eigen::Vector3f centre = true_rig_.centre().cast<float>();
@@ -151,7 +153,7 @@ class Simulation {
       for (const Hit& hit : hits) limits.push_back(hit.distance);
       for (int instant = 0; instant < kInstants; ++instant) {
         check_stop(loop);
-        worker.world.set_time(settings_.seconds * instant / (kInstants - 1));
+        worker.world.set_time(options_.seconds * instant / (kInstants - 1));
         worker.world.trace_moving(rays, limits, moving_hits);
         const std::scoped_lock lock(mutex);
         for (std::size_t i = 0; i < rays.size(); ++i) {
@@ -174,7 +176,7 @@ class Simulation {
     const rig::Rig::Camera& camera = true_rig_.cameras[index];
     const ExposureSchedule::Camera& times = schedule_.cameras[index];
     const PixelRays rays(camera.model, camera.pose);
-    const SensorModel developer(camera.photometric, {rays.width(), rays.height()}, settings_.noise);
+    const SensorModel developer(camera.photometric, {rays.width(), rays.height()}, options_.noise);
     store::ArchiveWriter& archive = writer.archive(index);
     Worker& worker = workers_.local();
     StaticSampleCache cache;
@@ -185,11 +187,11 @@ class Simulation {
       } else {
         check_stop(loop);
         worker.world.set_time(seconds_of(frame.true_time));
-        worker.renderer.render(worker.world, rays, settings_.edge_samples, cache, worker.image);
+        worker.renderer.render(worker.world, rays, options_.edge_samples, cache, worker.image);
         const store::RgbImage picture = developer.develop(
             worker.image,
-            hash_keys({settings_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number}));
-        archive.append(store::encode_jpeg(picture, settings_.jpeg), frame.stamped_time);
+            hash_keys({options_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number}));
+        archive.append(store::encode_jpeg(picture, options_.jpeg), frame.stamped_time);
       }
       advance(1);
     }
@@ -205,15 +207,14 @@ class Simulation {
                            rig::pose_from_matrix(view.geometry.world_from_camera));
       Worker& worker = workers_.local();
       worker.world.set_time(seconds_of(view.time_ns));
-      worker.renderer.render_supersampled(worker.world, rays, settings_.truth_samples,
-                                          worker.image);
+      worker.renderer.render_supersampled(worker.world, rays, options_.truth_samples, worker.image);
       images::write_image(develop(worker.image), folder / view.file);
       advance(truth_cost_);
     };
     raystage::parallel_for(std::size_t{0}, path_.views.views.size(), render);
   }
 
-  const SimulationSettings& settings_;
+  const SimulationOptions& options_;
   const std::function<void(double)>& progress_;
   std::stop_token stop_;
   Scene scene_;
@@ -230,11 +231,11 @@ class Simulation {
 
 }  // namespace
 
-SimulationReport simulate(const SimulationSettings& settings, const std::filesystem::path& folder,
+SimulationReport simulate(const SimulationOptions& options, const std::filesystem::path& folder,
                           const std::string& created_by,
                           const std::function<void(double)>& progress, std::stop_token stop) {
-  check_simulation_settings(settings);
-  return Simulation(settings, progress, std::move(stop)).run(folder, created_by);
+  require_valid(options, "simulation");
+  return Simulation(options, progress, std::move(stop)).run(folder, created_by);
 }
 
 }  // namespace raystage::simulate

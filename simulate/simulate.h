@@ -6,12 +6,14 @@
 #include <stop_token>
 #include <string>
 
-#include "simulate/simulation_settings.h"
+#include "base/run_status.h"
+#include "simulate/simulation_options.h"
 
 namespace raystage::simulate {
 
 /// Counts of the data that a simulation wrote.
 struct SimulationReport {
+  RunStatus status = RunStatus::kNotRun;
   int cameras = 0;
   int frames_stored = 0, frames_missing = 0;
   int truth_views = 0;
@@ -22,7 +24,7 @@ struct SimulationReport {
 /// shot.json. The bytes depend on the settings only, not on the number of threads (those of the
 /// caller's TBB arena). `created_by`: program and version. `progress` gets 0 to 1, from any thread.
 /// If it throws Error (bad input for settings; failed for the disk or `stop`), no folder remains.
-SimulationReport simulate(const SimulationSettings& settings, const std::filesystem::path& folder,
+SimulationReport simulate(const SimulationOptions& options, const std::filesystem::path& folder,
                           const std::string& created_by,
                           const std::function<void(double)>& progress = {},
                           std::stop_token stop = {});

@@ -13,6 +13,7 @@
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "base/options.h"
 #include "images/image_file.h"
 #include "schemas/shot_document.h"
 #include "schemas/views_document.h"
@@ -27,26 +28,26 @@ namespace {
 
 namespace fs = std::filesystem;
 
-SimulationSettings small_settings() {
-  SimulationSettings settings;
-  settings.scene = "chart";
-  settings.rows = 2;
-  settings.columns = 3;
-  settings.cameras_per_node = 2;
-  settings.width = 48;
-  settings.height = 36;
-  settings.seconds = 1.2;
-  settings.startup_loss_s = 0.2;
-  settings.drop_probability = 0.1;
-  settings.truth_views = 3;
-  settings.truth_samples = 4;
-  return settings;
+SimulationOptions small_options() {
+  SimulationOptions options;
+  options.scene = "chart";
+  options.rows = 2;
+  options.columns = 3;
+  options.cameras_per_node = 2;
+  options.width = 48;
+  options.height = 36;
+  options.seconds = 1.2;
+  options.startup_loss_s = 0.2;
+  options.drop_probability = 0.1;
+  options.truth_views = 3;
+  options.truth_samples = 4;
+  return options;
 }
 
-void simulate_with(int threads, const SimulationSettings& settings, const fs::path& folder) {
+void simulate_with(int threads, const SimulationOptions& options, const fs::path& folder) {
   const tbb::global_control allow(tbb::global_control::max_allowed_parallelism, 4);
   tbb::task_arena arena(threads);
-  arena.execute([&] { simulate(settings, folder, "test"); });
+  arena.execute([&] { simulate(options, folder, "test"); });
 }
 
 std::map<std::string, std::string> contents(const fs::path& folder) {
@@ -61,10 +62,10 @@ std::map<std::string, std::string> contents(const fs::path& folder) {
 
 TEST(Simulate, SameBytesForAnyNumberOfThreads) {
   const testing::TestFolder folder;
-  SimulationSettings settings = small_settings();
-  settings.scene = "stage";
-  simulate_with(1, settings, folder.path() / "one");
-  simulate_with(4, settings, folder.path() / "four");
+  SimulationOptions options = small_options();
+  options.scene = "stage";
+  simulate_with(1, options, folder.path() / "one");
+  simulate_with(4, options, folder.path() / "four");
   const auto one = contents(folder.path() / "one"), four = contents(folder.path() / "four");
   EXPECT_EQ(one.size(), 6U * 2 + 5 + 3);
   ASSERT_EQ(one.size(), four.size());
@@ -78,7 +79,7 @@ class SmallTake : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = std::make_unique<testing::TestFolder>();
-    simulate(small_settings(), take_folder(), "test 1.0");
+    simulate(small_options(), take_folder(), "test 1.0");
   }
   static void TearDownTestSuite() { folder_.reset(); }
   static fs::path take_folder() { return folder_->path() / "take"; }
@@ -90,7 +91,7 @@ TEST_F(SmallTake, ArchivesHoldTheStampedTimesAndWhatIsMissing) {
   EXPECT_EQ(take.document().created_by, "test 1.0");
   EXPECT_EQ(take.document().clock, "simulated");
   EXPECT_EQ(take.document().timestamp_event, "exposure_middle");
-  const ExposureSchedule schedule = make_exposure_schedule(small_settings());
+  const ExposureSchedule schedule = make_exposure_schedule(small_options());
   int missing = 0;
   for (int i = 0; i < take.camera_count(); ++i) {
     const ExposureSchedule::Camera& camera = schedule.cameras[i];
@@ -173,13 +174,13 @@ TEST_F(SmallTake, ViewsLieOnTheShot) {
 }
 
 TEST(Simulate, AnArrayMayStandElsewhereAndLookElsewhere) {
-  SimulationSettings settings = small_settings();
-  settings.scene = "still";
-  settings.position = {0.5, 0.25, -1};
-  settings.turn_deg = 90;
+  SimulationOptions options = small_options();
+  options.scene = "still";
+  options.position = {0.5, 0.25, -1};
+  options.turn_deg = 90;
   const testing::TestFolder folder;
   const fs::path made = folder.path() / "take";
-  simulate_with(2, settings, made);
+  simulate_with(2, options, made);
   const store::Take take(made);
   EXPECT_LT((take.rig().centre() - Eigen::Vector3d(0.5, 0.25, -1)).norm(), 0.003);
   EXPECT_GT(take.rig().mean_viewing_direction().dot(-Eigen::Vector3d::UnitX()), 0.9999);
@@ -193,8 +194,8 @@ TEST(Simulate, AnArrayMayStandElsewhereAndLookElsewhere) {
     EXPECT_LT((pose.position - Eigen::Vector3d(0.5, 0.25, -1)).norm(), 0.2);
     EXPECT_GT(pose.viewing_direction().dot(-Eigen::Vector3d::UnitX()), 0.98);
   }
-  settings.turn_deg = 361;
-  EXPECT_THROW(check_simulation_settings(settings), Error);
+  options.turn_deg = 361;
+  EXPECT_THROW(require_valid(options, "simulation"), Error);
 }
 
 TEST_F(SmallTake, DepthRangeIsTheScenes) {
@@ -207,11 +208,11 @@ TEST_F(SmallTake, DepthRangeIsTheScenes) {
 
 TEST(Simulate, NominalCalibrationHidesTheTruth) {
   const testing::TestFolder folder;
-  SimulationSettings settings = small_settings();
-  settings.seconds = 0.3;
-  settings.truth_views = 0;
-  settings.nominal_calibration = true;
-  simulate(settings, folder.path() / "take", "test");
+  SimulationOptions options = small_options();
+  options.seconds = 0.3;
+  options.truth_views = 0;
+  options.nominal_calibration = true;
+  simulate(options, folder.path() / "take", "test");
   const schemas::RigDocument rig = schemas::read_rig(folder.path() / "take" / "rig.json");
   EXPECT_EQ(rig.cameras[0].geometry.world_from_camera[3], -0.06);
   const auto truth = nlohmann::json::parse(read_file(folder.path() / "take" / "truth.json"));
@@ -225,9 +226,9 @@ TEST(Simulate, NominalCalibrationHidesTheTruth) {
 TEST(Simulate, LeavesNothingWhenStopped) {
   const testing::TestFolder folder;
   std::stop_source stop;
-  SimulationSettings settings = small_settings();
+  SimulationOptions options = small_options();
   EXPECT_THROW(simulate(
-                   settings, folder.path() / "take", "test",
+                   options, folder.path() / "take", "test",
                    [&](double done) {
                      if (done > 0.3) stop.request_stop();
                    },
@@ -240,7 +241,7 @@ TEST(Simulate, DoesNotTouchWhatIsThere) {
   const testing::TestFolder folder;
   create_folder(folder.path() / "take");
   write_file_atomically(folder.path() / "take" / "note", std::string_view("mine"));
-  EXPECT_THROW(simulate(small_settings(), folder.path() / "take", "test"), Error);
+  EXPECT_THROW(simulate(small_options(), folder.path() / "take", "test"), Error);
   EXPECT_EQ(read_file(folder.path() / "take" / "note"), "mine");
 }
 

@@ -23,7 +23,7 @@ void add_contrast(const ColorErrors& errors, HashRandom& random,
   }
 }
 
-schemas::Vignetting random_vignetting(const SimulationSettings& s, HashRandom& random) {
+schemas::Vignetting random_vignetting(const SimulationOptions& s, HashRandom& random) {
   const double lost = s.color_errors.vignetting * random.uniform(0.7, 1);  // in the corner
   const double gain = 1 / (1 - lost) - 1;
   constexpr double kOffCentre = 0.02, kSquareShare = 0.7;
@@ -55,7 +55,7 @@ std::vector<double> random_curve(double deviation, HashRandom& random) {
   return curve;
 }
 
-std::vector<schemas::HotPixel> random_hot_pixels(const SimulationSettings& s, std::uint64_t index) {
+std::vector<schemas::HotPixel> random_hot_pixels(const SimulationOptions& s, std::uint64_t index) {
   HashRandom random{s.seed, kHotSalt, index};
   std::map<std::pair<int, int>, schemas::Rgb> by_place;  // row, column
   for (int i = 0; i < s.color_errors.hot_pixels; ++i) {
@@ -71,7 +71,7 @@ std::vector<schemas::HotPixel> random_hot_pixels(const SimulationSettings& s, st
 
 }  // namespace
 
-schemas::PhotometricResponse simulated_response(const SimulationSettings& s, std::uint64_t index) {
+schemas::PhotometricResponse simulated_response(const SimulationOptions& s, std::uint64_t index) {
   schemas::PhotometricResponse response;
   HashRandom colour{s.seed, kColourSalt, index};
   for (std::size_t c = 0; c < 3; ++c) {

@@ -27,7 +27,7 @@ Eigen::Vector3d in_ball(HashRandom& random) {
 
 }  // namespace
 
-rig::Pose simulated_rig_pose(const SimulationSettings& s) {
+rig::Pose simulated_rig_pose(const SimulationOptions& s) {
   rig::Pose pose;
   pose.position = {s.position[0], s.position[1], s.position[2]};
   pose.world_from_camera_rotation =
@@ -36,7 +36,7 @@ rig::Pose simulated_rig_pose(const SimulationSettings& s) {
   return pose;
 }
 
-SimulatedRig make_simulated_rig(const SimulationSettings& s) {
+SimulatedRig make_simulated_rig(const SimulationOptions& s) {
   const rig::Pose of_array = simulated_rig_pose(s);
   SimulatedRig array;
   array.nominal.name = fmt::format("simulated {}x{}", s.rows, s.columns);

@@ -3,7 +3,7 @@
 
 #include "rig/pose.h"
 #include "schemas/rig_document.h"
-#include "simulate/simulation_settings.h"
+#include "simulate/simulation_options.h"
 
 namespace raystage::simulate {
 
@@ -14,9 +14,9 @@ struct SimulatedRig {
 };
 
 /// Returns the pose of the array's middle in the world; without rotation the array looks along -z.
-rig::Pose simulated_rig_pose(const SimulationSettings& settings);
+rig::Pose simulated_rig_pose(const SimulationOptions& options);
 
 /// Returns an array whose deviations are functions of the settings and their seed.
-SimulatedRig make_simulated_rig(const SimulationSettings& settings);
+SimulatedRig make_simulated_rig(const SimulationOptions& options);
 
 }  // namespace raystage::simulate

@@ -21,7 +21,7 @@ constexpr double kDegrees = std::numbers::pi / 180;
 constexpr int kMinKeys = 8;
 
 // Returns the camera key at `u`, from 0 at the first frame to 1 at the last.
-schemas::ShotDocument::CameraKey key_at(const SimulationSettings& s, double frame, double u) {
+schemas::ShotDocument::CameraKey key_at(const SimulationOptions& s, double frame, double u) {
   constexpr double kTurn = 2 * std::numbers::pi;
   // Narrower than the cameras, so that the view stays within their common field of view.
   const double widest = std::min(s.horizontal_fov_deg, 120.0);
@@ -47,7 +47,7 @@ schemas::ShotDocument::CameraKey key_at(const SimulationSettings& s, double fram
   return key;
 }
 
-schemas::ViewsDocument::View view_of(const SimulationSettings& s,
+schemas::ViewsDocument::View view_of(const SimulationOptions& s,
                                      const schemas::ShotDocument::CameraKey& key, int number,
                                      Nanoseconds time) {
   schemas::ViewsDocument::View view;
@@ -74,7 +74,7 @@ struct Span {
 };
 
 // Returns the first tick and the duration of the take's timeline.
-Span usable_span(const SimulationSettings& s, const ExposureSchedule& schedule) {
+Span usable_span(const SimulationOptions& s, const ExposureSchedule& schedule) {
   std::vector<std::vector<Nanoseconds>> times;
   bool any = false;
   for (const ExposureSchedule::Camera& camera : schedule.cameras) {
@@ -92,7 +92,7 @@ Span usable_span(const SimulationSettings& s, const ExposureSchedule& schedule) 
 
 }  // namespace
 
-SimulatedShot make_simulated_shot(const SimulationSettings& s, const ExposureSchedule& schedule,
+SimulatedShot make_simulated_shot(const SimulationOptions& s, const ExposureSchedule& schedule,
                                   double focus) {
   SimulatedShot path;
   schemas::ShotDocument& shot = path.shot;

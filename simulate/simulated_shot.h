@@ -6,7 +6,7 @@
 #include "schemas/shot_document.h"
 #include "schemas/views_document.h"
 #include "simulate/exposure_schedule.h"
-#include "simulate/simulation_settings.h"
+#include "simulate/simulation_options.h"
 
 namespace raystage::simulate {
 
@@ -20,7 +20,7 @@ struct SimulatedShot {
 
 /// Times refer to the timeline that `raystage sync` builds by default. `focus`: distance of the
 /// shot's focal plane from the array, metres.
-SimulatedShot make_simulated_shot(const SimulationSettings& settings,
+SimulatedShot make_simulated_shot(const SimulationOptions& options,
                                   const ExposureSchedule& schedule, double focus);
 
 }  // namespace raystage::simulate

@@ -8,7 +8,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-ordered_json settings_json(const SimulationSettings& s) {
+ordered_json settings_json(const SimulationOptions& s) {
   return {{"scene", s.scene},
           {"rows", s.rows},
           {"columns", s.columns},
@@ -74,7 +74,7 @@ std::string lines(const char* key, const std::vector<ordered_json>& elements) {
 
 }  // namespace
 
-std::string format_truth_document(const SimulationSettings& settings, const SimulatedRig& array,
+std::string format_truth_document(const SimulationOptions& options, const SimulatedRig& array,
                                   const ExposureSchedule& schedule) {
   std::vector<ordered_json> nodes, cameras;
   for (std::size_t i = 0; i < schedule.clock_offset.size(); ++i) {
@@ -88,8 +88,8 @@ std::string format_truth_document(const SimulationSettings& settings, const Simu
     return ordered_json::parse(schemas::format_rig(document)).dump();
   };
   std::string text = "{\n  \"schema\": \"raystage/simulation-truth/1\",\n";
-  text += "  \"seed\": " + std::to_string(settings.seed) + ",\n";
-  text += "  \"settings\": " + settings_json(settings).dump() + ",\n";
+  text += "  \"seed\": " + std::to_string(options.seed) + ",\n";
+  text += "  \"settings\": " + settings_json(options).dump() + ",\n";
   text += lines("nodes", nodes) + ",\n";
   text += lines("cameras", cameras) + ",\n";
   text += "  \"rig\": " + rig(array.truth) + ",\n";

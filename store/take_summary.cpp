@@ -126,7 +126,7 @@ std::uint64_t TakeSummary::frames() const {
   return sum;
 }
 
-bool TakeSummary::whole() const {
+bool TakeSummary::is_readable() const {
   return std::ranges::all_of(cameras, [](const Camera& camera) { return camera.error.empty(); });
 }
 

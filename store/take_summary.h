@@ -55,7 +55,7 @@ struct TakeSummary {
   std::string timeline_error;  ///< why there is no timeline
 
   std::uint64_t frames() const;
-  bool whole() const;  ///< whether every archive can be read
+  bool is_readable() const;  ///< whether every archive can be read
 };
 
 /// Returns the summary of a take. Opens every archive; reports one that cannot be read in its

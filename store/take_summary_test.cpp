@@ -38,7 +38,7 @@ TEST(TakeSummary, SaysWhatIsThereAndWhatIsNot) {
     writer.commit();
   }
   TakeSummary summary = summarise_take(Take(path));
-  EXPECT_TRUE(summary.whole());
+  EXPECT_TRUE(summary.is_readable());
   ASSERT_EQ(summary.cameras.size(), 3u);
   EXPECT_EQ(summary.cameras[0].frames, 10);
   EXPECT_EQ(summary.cameras[1].frames, 9);
@@ -70,7 +70,7 @@ TEST(TakeSummary, OneBadArchiveDoesNotHideTheOthers) {
   testing::write_take(path, {{1, 2}, {1, 2}});
   std::filesystem::remove(path / "archive" / "c1.mkv");
   const TakeSummary summary = summarise_take(Take(path));
-  EXPECT_FALSE(summary.whole());
+  EXPECT_FALSE(summary.is_readable());
   EXPECT_EQ(summary.cameras[0].frames, 2);
   EXPECT_THAT(summary.cameras[1].error, HasSubstr("c1.mkv"));
   EXPECT_FALSE(summary.timeline.has_value());

@@ -87,7 +87,7 @@ Sums sums_over(const store::CorrectedFrame& picture, const ChartFromPixel& chart
 
 /// Returns whether a detection has the colours of a chart, by correlation with them.
 bool looks_like_a_chart(const std::array<schemas::Rgb, rig::kChartPatches>& light) {
-  constexpr double kLeast = 0.8;
+  constexpr double kMin = 0.8;
   const rig::PatchColors known = rig::color_checker_reference();
   double x = 0, y = 0, xx = 0, yy = 0, xy = 0;
   constexpr double kCount = 3.0 * rig::kChartPatches;
@@ -103,7 +103,7 @@ bool looks_like_a_chart(const std::array<schemas::Rgb, rig::kChartPatches>& ligh
     }
   }
   const double spread = (xx - x * x) * (yy - y * y);
-  return spread > 0 && (xy - x * y) / std::sqrt(spread) > kLeast;
+  return spread > 0 && (xy - x * y) / std::sqrt(spread) > kMin;
 }
 
 }  // namespace
@@ -117,7 +117,7 @@ ChartMeasurement measure_chart(const store::Take& take, int camera,
   const store::CodeScale linear{store::BlendSpace::kLinear, 1};
   const auto black = store::levels_from_code(take, response, linear, 1);  // above clipped codes
   const auto full = store::levels_from_code(take, response, linear, store::kMaxUnclippedCode);
-  constexpr double kLeastPixels = 4, kMostUnexposed = 0.02;
+  constexpr double kMinPixels = 4, kMaxUnexposed = 0.02;
   ChartMeasurement measurement;
   const int looked_at = std::min(frames, most_frames);
   for (int k = 0; k < looked_at; ++k) {
@@ -128,7 +128,7 @@ ChartMeasurement measure_chart(const store::Take& take, int camera,
     const store::CorrectedFrame picture =
         store::decode_corrected_frame(take, camera, frame, size, response, linear);
     const Sums sums = sums_over(picture, *found, black, full);
-    if (std::ranges::min(sums.count) < kLeastPixels) continue;
+    if (std::ranges::min(sums.count) < kMinPixels) continue;
     std::array<schemas::Rgb, rig::kChartPatches> light = sums.light;
     for (std::size_t p = 0; p < light.size(); ++p) {
       for (double& channel : light[p]) channel /= sums.count[p];
@@ -141,7 +141,7 @@ ChartMeasurement measure_chart(const store::Take& take, int camera,
       for (std::size_t c = 0; c < 3; ++c) patch.measured[c] += light[p][c];
       patch.x += sums.x[p] / sums.count[p];
       patch.y += sums.y[p] / sums.count[p];
-      patch.is_exposed = patch.is_exposed && sums.unexposed[p] <= kMostUnexposed * sums.count[p];
+      patch.is_exposed = patch.is_exposed && sums.unexposed[p] <= kMaxUnexposed * sums.count[p];
     }
   }
   for (ChartMeasurement::Patch& patch : measurement.patches) {

@@ -29,11 +29,12 @@ struct PatchError {
     for (std::size_t c = 0; c < 3; ++c) {
       light[c] = gain[c] * (brightness[c] + contrast[c] * measured[c]);
     }
-    constexpr double kInTheDark = 0.004, kByLight = 0.02;
+    constexpr double kNoiseFloor = 0.004, kRelativeNoise = 0.02;
     for (std::size_t row = 0; row < 3; ++row) {
       const T made = matrix[3 * row] * light[0] + matrix[3 * row + 1] * light[1] +
                      matrix[3 * row + 2] * light[2];
-      error[row] = (made - expected[row]) / (kInTheDark + kByLight * std::abs(expected[row]));
+      error[row] =
+          (made - expected[row]) / (kNoiseFloor + kRelativeNoise * std::abs(expected[row]));
     }
     return true;
   }
@@ -83,12 +84,12 @@ void fit(const ChartMeasurement& measurement, const std::vector<bool>& used,
   for (std::size_t p = 0; p < expected.size(); ++p) {
     if (!used[p]) continue;
     const ChartMeasurement::Patch& patch = measurement.patches[p];
-    constexpr double kOdd = 2;
+    constexpr double kCauchyScale = 2;
     problem.AddResidualBlock(
         new ceres::AutoDiffCostFunction<PatchError, 3, 9, 3>(new PatchError{
             patch.measured, rig::gain_at(response, measurement.size, patch.x, patch.y),
             response.contrast, expected[p]}),
-        new ceres::CauchyLoss(kOdd), matrix.data(), response.brightness.data());
+        new ceres::CauchyLoss(kCauchyScale), matrix.data(), response.brightness.data());
   }
   if (!finds_brightness) problem.SetParameterBlockConstant(response.brightness.data());
   ceres::Solver::Summary summary;
@@ -160,9 +161,8 @@ ColorSpread spread_of(const std::vector<ChartMeasurement>& measurements,
 
 ColorMatch match_charts(const std::vector<ChartMeasurement>& measurements,
                         const std::vector<schemas::PhotometricResponse>& responses,
-                        const std::vector<std::string>& cameras,
-                        const ChartMatchSettings& settings) {
-  const auto reference = static_cast<std::size_t>(settings.reference);
+                        const std::vector<std::string>& cameras, const ChartMatchOptions& options) {
+  const auto reference = static_cast<std::size_t>(options.reference);
   ColorMatch match;
   match.what = "chart";
   match.responses = responses;
@@ -180,7 +180,7 @@ ColorMatch match_charts(const std::vector<ChartMeasurement>& measurements,
     return match;
   }
   rig::PatchColors expected{};
-  if (settings.use_published_values) {
+  if (options.use_published_values) {
     expected = published_by(measurements[reference], match.responses[reference]);
   } else {
     for (std::size_t p = 0; p < expected.size(); ++p) {
@@ -188,15 +188,15 @@ ColorMatch match_charts(const std::vector<ChartMeasurement>& measurements,
     }
   }
   std::vector<std::vector<bool>> used(measurements.size());
-  constexpr std::ptrdiff_t kLeastUsed = 18;  // patches
+  constexpr std::ptrdiff_t kMinUsed = 18;  // patches
   std::vector<bool> is_usable;
   std::vector<std::string> overexposed;
   for (std::size_t i = 0; i < measurements.size(); ++i) {
     for (std::size_t p = 0; p < expected.size(); ++p) {
       used[i].push_back(counts(measurements[i], p) &&
-                        (settings.use_published_values || counts(measurements[reference], p)));
+                        (options.use_published_values || counts(measurements[reference], p)));
     }
-    const bool is_exposed = std::ranges::count(used[i], true) >= kLeastUsed;
+    const bool is_exposed = std::ranges::count(used[i], true) >= kMinUsed;
     is_usable.push_back(measurements[i].frames > 0 && is_exposed);
     if (measurements[i].frames > 0 && !is_exposed) overexposed.push_back(cameras[i]);
   }
@@ -209,7 +209,7 @@ ColorMatch match_charts(const std::vector<ChartMeasurement>& measurements,
       response = responses[i];
       continue;
     }
-    if (i == reference && !settings.use_published_values) continue;
+    if (i == reference && !options.use_published_values) continue;
     const bool finds_brightness =
         response.contrast == schemas::Rgb{1, 1, 1} && response.brightness == schemas::Rgb{0, 0, 0};
     fit(measurements[i], used[i], expected, finds_brightness, response);
@@ -217,10 +217,11 @@ ColorMatch match_charts(const std::vector<ChartMeasurement>& measurements,
   match.after = spread_of(measurements, match.responses, used, expected);
   match.fits = fits_of(measurements, match.responses, used, expected);
   // CIEDE2000; sensors whose sensitivities differ from the eye's reach 2
-  constexpr double kMostOff = 4;
+  constexpr double kMaxDeviation = 4;
   std::vector<std::string> wrong;
   for (std::size_t i = 0; i < measurements.size(); ++i) {
-    if (is_usable[i] && !(match.fits[i].mean_difference <= kMostOff)) wrong.push_back(cameras[i]);
+    if (is_usable[i] && !(match.fits[i].mean_difference <= kMaxDeviation))
+      wrong.push_back(cameras[i]);
   }
   add_sentence(match.reasons, "The colours of the chart do not fit even so in ", wrong,
                ": use a ColorChecker Classic, light it evenly, and calibrate the response curves.");

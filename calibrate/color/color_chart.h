@@ -9,7 +9,7 @@
 
 namespace raystage::calibrate {
 
-struct ChartMatchSettings {
+struct ChartMatchOptions {
   int reference = 0;  ///< camera that the others are matched to
   /// Matches all cameras to the published colours of the chart, at the brightness of its greys.
   bool use_published_values = false;
@@ -21,7 +21,6 @@ struct ChartMatchSettings {
 /// response and is rejected, as is one with large residuals.
 ColorMatch match_charts(const std::vector<ChartMeasurement>& measurements,
                         const std::vector<schemas::PhotometricResponse>& responses,
-                        const std::vector<std::string>& cameras,
-                        const ChartMatchSettings& settings);
+                        const std::vector<std::string>& cameras, const ChartMatchOptions& options);
 
 }  // namespace raystage::calibrate

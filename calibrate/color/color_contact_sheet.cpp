@@ -86,8 +86,8 @@ store::RgbImage make_color_contact_sheet(const store::Take& take, const schemas:
     pictures.before.copyTo(sheet(cv::Rect(cv::Point(x, y), tile)));
     pictures.after.copyTo(sheet(cv::Rect(cv::Point(x + half + kSheetGap, y), tile)));
   }
-  store::RgbImage image{sheet.cols, sheet.rows, {}};
-  image.pixels.assign(sheet.data, sheet.data + sheet.total() * 3);
+  store::RgbImage image{sheet.cols, sheet.rows, std::vector<std::uint8_t>()};
+  image.values.assign(sheet.data, sheet.data + sheet.total() * 3);
   return image;
 }
 

@@ -161,8 +161,8 @@ void match_camera(const std::vector<FlatFieldMeasurements>& targets, std::size_t
       expected.push_back((target[reference].mean[k] - scale.black[k]) * scale.factor[k] * left[k]);
     }
     const Line line = measured.empty() ? Line{0, 0} : fitted(measured, expected);
-    constexpr double kLeast = 0.01, kMost = 100;
-    if (!(line.contrast > kLeast && line.contrast < kMost)) {
+    constexpr double kMin = 0.01, kMax = 100;
+    if (!(line.contrast > kMin && line.contrast < kMax)) {
       throw Error::bad_input("camera \"" + name + "\" or the reference camera shows no light", "",
                              "Record a lit white target, in focus, with every camera");
     }
@@ -214,8 +214,8 @@ std::vector<std::string> findings_of(const FlatFieldMatch& colors) {
 
 FlatFieldMatch match_flat_fields(const std::vector<FlatFieldMeasurements>& targets,
                                  const std::vector<std::string>& cameras,
-                                 const FlatFieldMatchSettings& settings) {
-  const auto reference = static_cast<std::size_t>(settings.reference);
+                                 const FlatFieldMatchOptions& options) {
+  const auto reference = static_cast<std::size_t>(options.reference);
   const auto light_of = [&](const FlatFieldMeasurements& target) {
     return target[reference].mean[1];
   };
@@ -223,18 +223,18 @@ FlatFieldMatch match_flat_fields(const std::vector<FlatFieldMeasurements>& targe
   const FlatFieldMeasurements& darkest = targets.back();  // with settings.dark
   FlatFieldMatch colors;
   colors.what = "targets";
-  colors.responses = settings.curves;
+  colors.responses = options.curves;
   colors.responses.resize(cameras.size());
   schemas::Rgb black{}, balance{1, 1, 1};
-  for (std::size_t k = 0; settings.dark && k < 3; ++k) {
+  for (std::size_t k = 0; options.dark && k < 3; ++k) {
     if (darkest[reference].black[k] <= kCutOff) black[k] = darkest[reference].mean[k];
   }
-  if (settings.neutral) {
+  if (options.neutral) {
     const schemas::Rgb& white = brightest[reference].mean;
     for (std::size_t k = 0; k < 3; ++k) balance[k] = (white[1] - black[1]) / (white[k] - black[k]);
   }
   // Vignetting depends on a camera's black level, and contrast on the vignetting.
-  const int rounds = settings.vignetting || settings.flat_field ? 3 : 1;
+  const int rounds = options.vignetting || options.flat_field ? 3 : 1;
   for (int round = 0; round < rounds; ++round) {
     Scale scale{black, balance};
     const schemas::Rgb left =
@@ -244,21 +244,21 @@ FlatFieldMatch match_flat_fields(const std::vector<FlatFieldMeasurements>& targe
       match_camera(targets, c, reference, scale, cameras[c], colors.responses[c]);
     }
     colors.worst_vignetting = 0;
-    for (std::size_t c = 0; settings.vignetting && c < cameras.size(); ++c) {
+    for (std::size_t c = 0; options.vignetting && c < cameras.size(); ++c) {
       const FlatFieldMeasurement& measurement = brightest[c];
       const VignettingFit found =
           fit_vignetting(measurement.cells, measurement.size, colors.responses[c]);
       colors.responses[c].vignetting = found.lens;
       colors.worst_vignetting = std::max(colors.worst_vignetting, found.residual);
     }
-    for (std::size_t c = 0; settings.flat_field && c < cameras.size(); ++c) {
+    for (std::size_t c = 0; options.flat_field && c < cameras.size(); ++c) {
       colors.responses[c].gain_map.reset();
       colors.responses[c].gain_map =
           fit_gain_map(brightest[c].cells, brightest[c].size, colors.responses[c], cameras[c]);
     }
   }
-  if (settings.dark) take_over_darkness(darkest, reference, cameras, colors);
-  if (settings.dark &&
+  if (options.dark) take_over_darkness(darkest, reference, cameras, colors);
+  if (options.dark &&
       light_of(*std::ranges::min_element(targets, {}, light_of)) < light_of(darkest) - kDarker) {
     colors.reasons.emplace_back(
         "A target is darker than the dark target: cap all lenses, including the reference "

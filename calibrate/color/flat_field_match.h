@@ -9,7 +9,7 @@
 
 namespace raystage::calibrate {
 
-struct FlatFieldMatchSettings {
+struct FlatFieldMatchOptions {
   int reference = 0;     ///< camera that the others are matched to
   bool neutral = false;  ///< also makes the brightest target grey
   bool vignetting =
@@ -32,6 +32,6 @@ struct FlatFieldMatch : ColorMatch {
 /// Throws Error (bad input) if a camera sees no light.
 FlatFieldMatch match_flat_fields(const std::vector<FlatFieldMeasurements>& targets,
                                  const std::vector<std::string>& cameras,
-                                 const FlatFieldMatchSettings& settings);
+                                 const FlatFieldMatchOptions& options);
 
 }  // namespace raystage::calibrate

@@ -63,11 +63,11 @@ TEST(FlatTarget, FindsContrastBlackAndVignettingTogether) {
   schemas::PhotometricResponse reference;
   reference.brightness = {-0.01, -0.02, -0.03};
   reference.vignetting = schemas::Vignetting{310, 250, {0.2, 0.05, 0}};
-  FlatFieldMatchSettings settings;
-  settings.vignetting = settings.dark = true;
+  FlatFieldMatchOptions options;
+  options.vignetting = options.dark = true;
   const schemas::PhotometricResponse truth = dim_lens();
   const FlatFieldMatch found =
-      match_flat_fields(targets_of({reference, truth}), {"a", "b"}, settings);
+      match_flat_fields(targets_of({reference, truth}), {"a", "b"}, options);
   EXPECT_TRUE(found.reasons.empty());
   EXPECT_LT(found.worst_vignetting, 1e-3);
   for (const double level : {0.1, 0.5}) {
@@ -132,11 +132,11 @@ TEST(FlatTarget, AGainMapEvensOutWhatNoLensExplains) {
       for (std::size_t c = 0; c < 3; ++c) mean[c] += cell.mean[c] / (16 * 12);
     }
   }
-  FlatFieldMatchSettings settings;
-  settings.flat_field = true;
+  FlatFieldMatchOptions options;
+  options.flat_field = true;
   for (const bool vignetting : {false, true}) {
-    settings.vignetting = vignetting;
-    const FlatFieldMatch found = match_flat_fields(targets, {"a", "b"}, settings);
+    options.vignetting = vignetting;
+    const FlatFieldMatch found = match_flat_fields(targets, {"a", "b"}, options);
     EXPECT_TRUE(found.reasons.empty());
     for (const double level : {0.1, 0.5}) {
       for (const auto& [x, y] : {std::pair{10, 10}, {320, 240}, {629, 100}, {200, 460}}) {
@@ -150,40 +150,40 @@ TEST(FlatTarget, AGainMapEvensOutWhatNoLensExplains) {
     }
   }
   targets[0][1].cells[7].mean = {0.001, 0.001, 0.001};
-  EXPECT_THROW(match_flat_fields(targets, {"a", "b"}, settings), Error);
+  EXPECT_THROW(match_flat_fields(targets, {"a", "b"}, options), Error);
 }
 
 TEST(FlatTarget, WhatNoLensCouldHaveDoneIsRefused) {
   std::vector<FlatFieldMeasurements> targets = targets_of({{}, {}});
   // Not the last camera alone is looked at.
   targets[0][0] = sight_of({}, [](double x, double) { return x < 320 ? 0.6 : 0.45; });
-  FlatFieldMatchSettings settings;
-  settings.vignetting = true;
-  const FlatFieldMatch uneven = match_flat_fields(targets, {"a", "b"}, settings);
+  FlatFieldMatchOptions options;
+  options.vignetting = true;
+  const FlatFieldMatch uneven = match_flat_fields(targets, {"a", "b"}, options);
   ASSERT_FALSE(uneven.reasons.empty());
   EXPECT_THAT(uneven.reasons[0], HasSubstr("evenly lit"));
 
   targets = targets_of({{}, {}});
   targets[0][0].clipped = 0.5;
-  settings.vignetting = false;
-  const FlatFieldMatch clipped = match_flat_fields(targets, {"a", "b"}, settings);
+  options.vignetting = false;
+  const FlatFieldMatch clipped = match_flat_fields(targets, {"a", "b"}, options);
   ASSERT_EQ(clipped.reasons.size(), 1U);
   EXPECT_THAT(clipped.reasons[0], HasSubstr("overexposed"));
 
   targets = targets_of({{}, {}});
   targets[2][1].hot_pixels.resize(schemas::PhotometricResponse::kMaxHotPixels + 1);
-  settings.dark = true;
-  const FlatFieldMatch lit = match_flat_fields(targets, {"a", "b"}, settings);
+  options.dark = true;
+  const FlatFieldMatch lit = match_flat_fields(targets, {"a", "b"}, options);
   ASSERT_EQ(lit.reasons.size(), 1U);
   EXPECT_THAT(lit.reasons[0], HasSubstr("cap the lenses"));
 
   targets.pop_back();  // the grey one is taken for it
-  const FlatFieldMatch grey = match_flat_fields(targets, {"a", "b"}, settings);
+  const FlatFieldMatch grey = match_flat_fields(targets, {"a", "b"}, options);
   ASSERT_EQ(grey.reasons.size(), 1U);
   EXPECT_THAT(grey.reasons[0], HasSubstr("not dark"));
   targets = targets_of({{}, {}});
   targets[2][0].black = {0.5, 0.5, 0.5};
-  const FlatFieldMatch cut_off = match_flat_fields(targets, {"a", "b"}, settings);
+  const FlatFieldMatch cut_off = match_flat_fields(targets, {"a", "b"}, options);
   EXPECT_TRUE(cut_off.reasons.empty());
   ASSERT_FALSE(cut_off.warnings.empty());
   EXPECT_THAT(cut_off.warnings[0], HasSubstr("another reference camera"));

@@ -41,7 +41,7 @@ void add_frame(const store::RgbImage& image, const CodeLight& light,
   const Middle middle = middle_of(sum);
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x) {
-      const std::uint8_t* const rgb = &image.pixels[sum.offset(x, y)];
+      const std::uint8_t* const rgb = &image.values[sum.offset(x, y)];
       const bool counts =
           x >= middle.left && x < middle.right && y >= middle.top && y < middle.bottom;
       for (std::size_t c = 0; c < 3; ++c) {
@@ -108,8 +108,8 @@ std::vector<schemas::HotPixel> outstanding_pixels(const MeanPicture& picture) {
   }
 
   constexpr float kSigmas = 8, kSigmaOfMedian = 1.4826F;
-  constexpr float kLeast = 0.004F;  // of full scale: one code in dark greys
-  const float most = std::max(kLeast, kSigmas * kSigmaOfMedian * median(std::move(apart)));
+  constexpr float kMin = 0.004F;  // of full scale: one code in dark greys
+  const float most = std::max(kMin, kSigmas * kSigmaOfMedian * median(std::move(apart)));
   for (int y = 0; y < picture.height; ++y) {
     for (int x = 0; x < picture.width; ++x) {
       const auto rgb = difference.pixel(x, y);

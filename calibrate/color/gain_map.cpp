@@ -75,11 +75,11 @@ schemas::GainMap fit_gain_map(std::span<const FlatFieldCell> cells, rig::Picture
     in_middle += 1;
   }
   for (double& channel : level) channel /= std::max(1.0, in_middle);
-  constexpr double kLeast = 0.05;  // of the light in the centre
+  constexpr double kMin = 0.05;  // of the light in the centre
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const Around at = around(cells[i].x, cells[i].y, size);
     for (std::size_t c = 0; c < 3; ++c) {
-      if (!(lights[i][c] > kLeast * level[c])) {
+      if (!(lights[i][c] > kMin * level[c])) {
         throw Error::bad_input("part of the picture of camera \"" + camera + "\" has no light",
                                "flat field",
                                "Fill the picture of every camera with the brightest target")
@@ -100,8 +100,8 @@ schemas::GainMap fit_gain_map(std::span<const FlatFieldCell> cells, rig::Picture
   for (int node = 0; node < kNodes; ++node) {
     schemas::Rgb& gain = map.gain.emplace_back();
     for (int c = 0; c < 3; ++c) gain[c] = nodes(node, c) / nodes(kMiddle, c);
-    constexpr double kMost = 20;
-    if (!(std::ranges::min(gain) > 1 / kMost && std::ranges::max(gain) < kMost)) {
+    constexpr double kMax = 20;
+    if (!(std::ranges::min(gain) > 1 / kMax && std::ranges::max(gain) < kMax)) {
       throw Error::bad_input("camera \"" + camera + "\" shows no evenly lit target", "flat field",
                              "Fill the picture of every camera with the brightest target")
           .concerning({"flat_field"});

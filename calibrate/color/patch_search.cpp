@@ -23,7 +23,7 @@ constexpr int kReach = 4;  // pixels from a patch's centre to its border
 constexpr int kSide = 2 * kReach + 1;
 constexpr int kSameHill = 3;  // steps around the best depth that belong to its peak
 constexpr int kBeyond = 4;    // additional steps on both sides of the depth range
-constexpr int kMostSteps = 400;
+constexpr int kMaxSteps = 400;
 
 /// The corners of a patch by rows, then its centre, in one picture.
 using Pixels = std::array<Vector2d, 5>;
@@ -108,7 +108,7 @@ InverseDepthSteps::InverseDepthSteps(const rig::Rig& rig, const schemas::DepthRa
   count_ = 1;
   if (!(most > 0)) return;  // no parallax: depth does not matter
   const double by_pixels = looked_at * kStepPx / most;
-  const int within = std::clamp(static_cast<int>(std::ceil(width / by_pixels)), 1, kMostSteps);
+  const int within = std::clamp(static_cast<int>(std::ceil(width / by_pixels)), 1, kMaxSteps);
   step_ = within > 1 ? width / within : by_pixels;
   // Inverse depth ends at 0 (infinity).
   const int beyond = std::min(kBeyond, static_cast<int>(farthest_ / step_));
@@ -212,19 +212,19 @@ std::vector<int> cameras_of(const std::vector<PatchSearchImage>& pictures) {
 
 }  // namespace
 
-PatchSearch::PatchSearch(const rig::Rig& rig, const PatchSearchSettings& settings,
+PatchSearch::PatchSearch(const rig::Rig& rig, const PatchSearchOptions& options,
                          const PatchSearchImage& base, const std::vector<PatchSearchImage>& others)
     : rig_(rig),
-      settings_(settings),
+      options_(options),
       base_(base),
       others_(others),
-      steps_(rig, settings.depths, base.camera, cameras_of(others)) {}
+      steps_(rig, options.depths, base.camera, cameras_of(others)) {}
 
 std::optional<ScenePatch> PatchSearch::find(const Vector2d& middle) const {
   Pixels pixels = patch_offsets();
   for (Vector2d& pixel : pixels) pixel += middle;
   const auto patch = Patch::at(base_, pixels);
-  if (!patch || !patch->is_exposed || patch->contrast < settings_.min_contrast) return std::nullopt;
+  if (!patch || !patch->is_exposed || patch->contrast < options_.min_contrast) return std::nullopt;
   const auto rays = Rays::of(camera(base_), pixels);
   if (!rays) return std::nullopt;
   const auto step = best_step(*patch, *rays);
@@ -241,7 +241,7 @@ std::optional<double> PatchSearch::best_step(const Patch& patch, const Rays& ray
   if (best < steps_.first() || best > steps_.last()) return std::nullopt;
   for (int i = 0; i < steps_.count(); ++i) {
     const bool is_apart = std::abs(i - best) > kSameHill;
-    if (is_apart && at(i) > at(best) - settings_.min_ncc_margin) return std::nullopt;
+    if (is_apart && at(i) > at(best) - options_.min_ncc_margin) return std::nullopt;
   }
   if (best == 0) return 0;  // infinity
   const double bend = at(best - 1) - 2 * at(best) + at(best + 1);
@@ -286,7 +286,7 @@ std::optional<ScenePatch> PatchSearch::point_at(const Patch& patch, const Rays& 
     const auto found = match_patch(other, rays, step, there);
     if (!found) continue;
     ++visible;
-    if (!found->is_exposed || patch.likeness(*found) < settings_.min_ncc) continue;
+    if (!found->is_exposed || patch.likeness(*found) < options_.min_ncc) continue;
     point.observations.push_back({other.camera, there.x(), there.y(), found->mean});
   }
   // A single camera matches by chance more easily than two.

@@ -61,8 +61,8 @@ class InverseDepthSteps {
 /// Searches patches of one camera in neighbouring cameras. Refers to its arguments.
 class PatchSearch {
  public:
-  PatchSearch(const rig::Rig& rig, const PatchSearchSettings& settings,
-              const PatchSearchImage& base, const std::vector<PatchSearchImage>& others);
+  PatchSearch(const rig::Rig& rig, const PatchSearchOptions& options, const PatchSearchImage& base,
+              const std::vector<PatchSearchImage>& others);
 
   /// Returns the patch around a pixel with all cameras that observe it.
   std::optional<ScenePatch> find(const Eigen::Vector2d& middle) const;
@@ -81,7 +81,7 @@ class PatchSearch {
                                      const Eigen::Vector2d& middle, double step) const;
 
   const rig::Rig& rig_;
-  const PatchSearchSettings& settings_;
+  const PatchSearchOptions& options_;
   const PatchSearchImage& base_;
   const std::vector<PatchSearchImage>& others_;
   InverseDepthSteps steps_;

@@ -122,12 +122,13 @@ std::vector<double> fit_response_curve(std::span<const ResponseSample> codes,
   }
   ceres::Problem problem;
   for (const ResponseSample& shown : codes) {
-    constexpr double kInTheDark = 0.0005, kByLight = 0.003, kOddCodes = 3;
-    const double deviation = kInTheDark + kByLight * light_of_straight(shown.code, is_linear);
+    constexpr double kNoiseFloor = 0.0005, kRelativeNoise = 0.003, kCauchyScale = 3;
+    const double deviation =
+        kNoiseFloor + kRelativeNoise * light_of_straight(shown.code, is_linear);
     problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ExposureError, 1, kKnots, 1, 1>(
                                  new ExposureError{shown, is_linear, deviation}),
-                             new ceres::CauchyLoss(kOddCodes), curve.data(), &light[shown.location],
-                             &black);
+                             new ceres::CauchyLoss(kCauchyScale), curve.data(),
+                             &light[shown.location], &black);
   }
   for (int knot = 1; knot + 1 < kKnots; ++knot) {
     problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Bend, 1, kKnots>(new Bend{knot}),
@@ -139,9 +140,9 @@ std::vector<double> fit_response_curve(std::span<const ResponseSample> codes,
   ceres::Solver::Summary summary;
   ceres::Solve(ceres_options(ceres::DENSE_QR, 200, 1e-10), &problem, &summary);
   // Makes the curve increasing where noise or missing samples made it fall.
-  constexpr double kLeastRise = 1e-4;
+  constexpr double kMinRise = 1e-4;
   for (std::size_t knot = curve.size() - 1; knot > 0; --knot) {
-    curve[knot - 1] = std::min(curve[knot - 1], curve[knot] - kLeastRise);
+    curve[knot - 1] = std::min(curve[knot - 1], curve[knot] - kMinRise);
   }
   return curve;
 }

@@ -24,13 +24,13 @@ using CameraParameters = SceneFit::CameraParameters;
 
 /// Marks outliers, and points with a single remaining observation, as not used.
 void leave_out_odd(SceneFit& fit) {
-  constexpr double kSigmas = 4, kSigmaOfMedian = 1.4826, kLeast = 1;
+  constexpr double kSigmas = 4, kSigmaOfMedian = 1.4826, kMin = 1;
   std::vector<double> off;
   for (const Observation& observation : fit.observations())
     off.push_back(fit.normalised_residual(observation));
   if (off.empty()) return;
 
-  const double most = kSigmas * std::max(kLeast, kSigmaOfMedian * median(off));
+  const double most = kSigmas * std::max(kMin, kSigmaOfMedian * median(off));
   std::vector<int> left(fit.points(), 0);
   for (std::size_t i = 0; i < off.size(); ++i) {
     fit.observations()[i].counts = off[i] <= most;
@@ -124,7 +124,7 @@ std::vector<bool> joined_to(std::size_t reference, const SceneFit& fit) {
 
 void judge(SceneColorMatch& colors, const rig::Rig& rig, const std::vector<bool>& joined) {
   constexpr int kFew = 40;
-  constexpr double kOdd = 0.35;
+  constexpr double kMaxOutlierShare = 0.35;
   constexpr double kDisagree = 2;  // CIEDE2000; 1 is just noticeable
   std::vector<std::string> few, apart, odd, disagree, uncertain;
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
@@ -132,7 +132,7 @@ void judge(SceneColorMatch& colors, const rig::Rig& rig, const std::vector<bool>
     const std::string& id = rig.cameras[c].id;
     if (fit.inliers < kFew) few.push_back(id);
     if (!joined[c]) apart.push_back(id);
-    if (fit.inliers < (1 - kOdd) * fit.observations) odd.push_back(id);
+    if (fit.inliers < (1 - kMaxOutlierShare) * fit.observations) odd.push_back(id);
     if (fit.mean_difference > kDisagree) disagree.push_back(id);
     if (fit.uncertainty > SceneColorMatch::kMaxUncertainty) uncertain.push_back(id);
   }
@@ -145,7 +145,8 @@ void judge(SceneColorMatch& colors, const rig::Rig& rig, const std::vector<bool>
   add_sentence(colors.reasons, "No common points connect the reference camera to ", apart,
                ": choose another reference camera, or record a white target.");
   add_sentence(colors.reasons,
-               fmt::format("More than {:.0f} % of the observations are outliers in ", 100 * kOdd),
+               fmt::format("More than {:.0f} % of the observations are outliers in ",
+                           100 * kMaxOutlierShare),
                odd, kCheckRange);
   add_sentence(colors.reasons,
                "The colours of common points still do not agree with the others in ", disagree,

@@ -96,9 +96,9 @@ SceneFit::SceneFit(std::span<const ScenePatch> points, const rig::Rig& rig, std:
       Observation observation{
           p, camera, seen.measured, rig::gain_at(of.photometric, size, seen.x, seen.y), {}, true};
       // Quantisation in the dark; surfaces whose light depends on the direction.
-      constexpr double kInTheDark = 0.002, kByLight = 0.01;
+      constexpr double kNoiseFloor = 0.002, kRelativeNoise = 0.01;
       for (std::size_t c = 0; c < 3; ++c) {
-        observation.deviation[c] = kInTheDark + kByLight * seen.measured[c];
+        observation.deviation[c] = kNoiseFloor + kRelativeNoise * seen.measured[c];
       }
       observations_.push_back(observation);
     }
@@ -164,10 +164,10 @@ void SceneFit::solve(double scale, const std::function<bool(std::size_t)>& count
         new ceres::AutoDiffCostFunction<SmallBrightness, 3, 6>(new SmallBrightness), nullptr,
         cameras_[c].data());
     ordering->AddElementToGroup(cameras_[c].data(), 1);
-    constexpr double kLeast = 0.01, kMost = 100;  // of contrast
+    constexpr double kMin = 0.01, kMax = 100;  // of contrast
     for (int k = 0; k < 3; ++k) {
-      problem.SetParameterLowerBound(cameras_[c].data(), k, 1 / kMost);
-      problem.SetParameterUpperBound(cameras_[c].data(), k, 1 / kLeast);
+      problem.SetParameterLowerBound(cameras_[c].data(), k, 1 / kMax);
+      problem.SetParameterUpperBound(cameras_[c].data(), k, 1 / kMin);
     }
   }
   problem.SetParameterBlockConstant(cameras_[reference_].data());

@@ -12,6 +12,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/options.h"
 #include "base/parallel.h"
 #include "base/resources.h"
 #include "calibrate/color/patch_search.h"
@@ -38,7 +39,7 @@ std::vector<int> nearest_cameras(const rig::Rig& rig, const store::FrameSelectio
 
 /// Number of threads for which memory suffices: each holds the pictures of a camera and its
 /// neighbours.
-std::size_t searches_at_once(const rig::Rig& rig, const PatchSearchSettings& settings) {
+std::size_t searches_at_once(const rig::Rig& rig, const PatchSearchOptions& options) {
   constexpr std::size_t kBytesPerPixel = 24;  // prepared for comparison, and during decoding
   std::size_t most_pixels = 1;
   for (const rig::Rig::Camera& camera : rig.cameras) {
@@ -46,7 +47,7 @@ std::size_t searches_at_once(const rig::Rig& rig, const PatchSearchSettings& set
                                             static_cast<std::size_t>(camera.model.height()));
   }
   const std::size_t bytes =
-      kBytesPerPixel * most_pixels * static_cast<std::size_t>(settings.neighbours + 1);
+      kBytesPerPixel * most_pixels * static_cast<std::size_t>(options.neighbours + 1);
   const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
   return std::clamp<std::size_t>(free_memory() / 2 / bytes, 1, std::max<std::size_t>(1, threads));
 }
@@ -66,49 +67,59 @@ std::vector<store::FrameSelection> instants_of(const store::Take& take, int coun
 
 }  // namespace
 
+bool PatchSearchOptions::is_valid(std::string* reason) const {
+  return is_within("instants", instants, 1, 1e6, reason) &&
+         is_within("columns", columns, 1, 10000, reason) &&
+         is_within("rows", rows, 1, 10000, reason) &&
+         is_within("neighbours", neighbours, 1, 10000, reason) &&
+         is_within("points", max_points, 1, 1e9, reason) &&
+         is_within("correlation", min_ncc, 0, 1, reason) &&
+         is_within("contrast", min_contrast, 0, 1, reason) &&
+         is_within("correlation margin", min_ncc_margin, 0, 1, reason);
+}
+
 std::vector<ScenePatch> find_scene_patches(const store::Take& take, const rig::Rig& rig,
-                                           const PatchSearchSettings& settings,
+                                           const PatchSearchOptions& options,
                                            const std::function<void(double)>& progress,
                                            const std::stop_token& stop) {
-  const std::vector<store::FrameSelection> instants = instants_of(take, settings.instants);
+  require_valid(options, "search for scene patches");
+  const std::vector<store::FrameSelection> instants = instants_of(take, options.instants);
   const store::LevelTable levels = store::make_level_table(store::BlendSpace::kLinear);
   const std::size_t cameras = rig.cameras.size();
   std::vector<std::vector<ScenePatch>> found(instants.size() * cameras);
   std::atomic<std::size_t> done = 0;
   const auto never = [] { return false; };
-  parallel_for_in_order(
-      found.size(), searches_at_once(rig, settings), never, [&](std::size_t task) {
-        if (stop.stop_requested()) {
-          throw Error::failed("the search for scene patches was stopped", take.folder().string(),
-                              "Start it again");
+  parallel_for_in_order(found.size(), searches_at_once(rig, options), never, [&](std::size_t task) {
+    if (stop.stop_requested()) {
+      throw Error::failed("the search for scene patches was stopped", take.folder().string(),
+                          "Start it again");
+    }
+    const store::FrameSelection& instant = instants[task / cameras];
+    const auto base = static_cast<int>(task % cameras);
+    const auto shown = [&](int camera) {
+      return load_patch_search_image(take, rig, camera, instant.frame[camera], levels);
+    };
+    if (instant.frame[base] >= 0) {
+      std::vector<PatchSearchImage> others;
+      for (const int camera : nearest_cameras(rig, instant, base, options.neighbours)) {
+        others.push_back(shown(camera));
+      }
+      const PatchSearchImage mine = shown(base);
+      const PatchSearch search(rig, options, mine, others);
+      const rig::CameraModel& model = rig.cameras[base].model;
+      for (int j = 0; j < options.rows; ++j) {
+        for (int i = 0; i < options.columns; ++i) {
+          auto point = search.find({std::floor((i + 0.5) * model.width() / options.columns) + 0.5,
+                                    std::floor((j + 0.5) * model.height() / options.rows) + 0.5});
+          if (point) found[task].push_back(std::move(*point));
         }
-        const store::FrameSelection& instant = instants[task / cameras];
-        const auto base = static_cast<int>(task % cameras);
-        const auto shown = [&](int camera) {
-          return load_patch_search_image(take, rig, camera, instant.frame[camera], levels);
-        };
-        if (instant.frame[base] >= 0) {
-          std::vector<PatchSearchImage> others;
-          for (const int camera : nearest_cameras(rig, instant, base, settings.neighbours)) {
-            others.push_back(shown(camera));
-          }
-          const PatchSearchImage mine = shown(base);
-          const PatchSearch search(rig, settings, mine, others);
-          const rig::CameraModel& model = rig.cameras[base].model;
-          for (int j = 0; j < settings.rows; ++j) {
-            for (int i = 0; i < settings.columns; ++i) {
-              auto point =
-                  search.find({std::floor((i + 0.5) * model.width() / settings.columns) + 0.5,
-                               std::floor((j + 0.5) * model.height() / settings.rows) + 0.5});
-              if (point) found[task].push_back(std::move(*point));
-            }
-          }
-        }
-        progress(static_cast<double>(++done) / found.size());
-      });
+      }
+    }
+    progress(static_cast<double>(++done) / found.size());
+  });
   std::vector<ScenePatch> all, points;
   for (auto& some : found) std::ranges::move(some, std::back_inserter(all));
-  const auto most = static_cast<std::size_t>(settings.max_points);
+  const auto most = static_cast<std::size_t>(options.max_points);
   if (all.size() <= most) return all;
   for (std::size_t i = 0; i < most; ++i) points.push_back(std::move(all[i * all.size() / most]));
   return points;

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <stop_token>
+#include <string>
 #include <vector>
 
 #include "rig/rig.h"
@@ -10,7 +11,7 @@
 
 namespace raystage::calibrate {
 
-struct PatchSearchSettings {
+struct PatchSearchOptions {
   schemas::DepthRange depths;    ///< of the scene, in front of the array
   int instants = 5;              ///< spread over the take
   int columns = 40, rows = 30;   ///< grid of patches of a picture that are searched in others
@@ -19,6 +20,8 @@ struct PatchSearchSettings {
   double min_ncc = 0.92;         ///< normalised cross-correlation between two cameras, up to 1
   double min_contrast = 0.02;    ///< standard deviation of the square root of a patch's light
   double min_ncc_margin = 0.05;  ///< margin of the score over any other depth
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// A small patch of a surface with its observations.
@@ -37,7 +40,7 @@ struct ScenePatch {
 /// without contrast, with ambiguous depth, hidden from most cameras, outside `depths`, black or at
 /// full scale. Cameras are in the order of rig and take. Progress and errors as track_light().
 std::vector<ScenePatch> find_scene_patches(const store::Take& take, const rig::Rig& rig,
-                                           const PatchSearchSettings& settings,
+                                           const PatchSearchOptions& options,
                                            const std::function<void(double)>& progress,
                                            const std::stop_token& stop);
 

@@ -20,23 +20,23 @@ using Eigen::Vector3d;
 
 /// Six cameras before a scene; all of them show the same colours.
 store::Take simulated(const std::string& scene, const testing::TestFolder& folder) {
-  simulate::SimulationSettings settings;
-  settings.scene = scene;
-  settings.rows = 2;
-  settings.columns = 3;
-  settings.seconds = 0.3;
-  settings.fps = 10;
-  settings.startup_loss_s = 0;
-  settings.drop_probability = 0;
-  settings.noise = 0.002;
-  settings.jpeg.quality = 95;
-  settings.truth_views = 0;
-  simulate::simulate(settings, folder.path() / scene, "test");
+  simulate::SimulationOptions options;
+  options.scene = scene;
+  options.rows = 2;
+  options.columns = 3;
+  options.seconds = 0.3;
+  options.fps = 10;
+  options.startup_loss_s = 0;
+  options.drop_probability = 0;
+  options.noise = 0.002;
+  options.jpeg.quality = 95;
+  options.truth_views = 0;
+  simulate::simulate(options, folder.path() / scene, "test");
   return store::Take(folder.path() / scene);
 }
 
-std::vector<ScenePatch> found_in(const store::Take& take, const PatchSearchSettings& settings) {
-  return find_scene_patches(take, take.rig(), settings, [](double) {}, {});
+std::vector<ScenePatch> found_in(const store::Take& take, const PatchSearchOptions& options) {
+  return find_scene_patches(take, take.rig(), options, [](double) {}, {});
 }
 
 /// Metres in front of the array where the rays of the first two observations come nearest to each
@@ -61,16 +61,16 @@ double depth_of(const ScenePatch& point, const rig::Rig& rig) {
 TEST(SurfacePoints, AreTheSamePlacesInAllCameras) {
   const testing::TestFolder folder;
   const store::Take take = simulated("stage", folder);
-  PatchSearchSettings settings;
-  settings.instants = 1;
-  settings.depths = *take.document().depth_range;
-  const std::vector<ScenePatch> points = found_in(take, settings);
+  PatchSearchOptions options;
+  options.instants = 1;
+  options.depths = *take.document().depth_range;
+  const std::vector<ScenePatch> points = found_in(take, options);
   ASSERT_GT(points.size(), 500U);
   int observations = 0, wrong = 0, out_of_depth = 0;
   for (const ScenePatch& point : points) {
     ASSERT_GE(point.observations.size(), 2U);
     const double depth = depth_of(point, take.rig());
-    out_of_depth += depth < settings.depths.near * 0.9 || depth > settings.depths.far * 1.2 ? 1 : 0;
+    out_of_depth += depth < options.depths.near * 0.9 || depth > options.depths.far * 1.2 ? 1 : 0;
     for (const ScenePatch::Observation& observation : point.observations) {
       bool is_alike = true;
       for (std::size_t c = 0; c < 3; ++c) {
@@ -85,38 +85,38 @@ TEST(SurfacePoints, AreTheSamePlacesInAllCameras) {
   EXPECT_LE(out_of_depth, static_cast<int>(points.size()) / 50);
   EXPECT_LE(wrong, observations / 10);
 
-  settings.max_points = 100;
-  EXPECT_EQ(found_in(take, settings).size(), 100U);
+  options.max_points = 100;
+  EXPECT_EQ(found_in(take, options).size(), 100U);
 }
 
 TEST(SurfacePoints, OnAFocalPlaneLieThere) {
   const testing::TestFolder folder;
   const store::Take take = simulated("chart", folder);
-  PatchSearchSettings settings;
-  settings.instants = 1;
-  settings.depths = {3.9, 4.1};  // the chart; balls before it
-  const std::vector<ScenePatch> points = found_in(take, settings);
+  PatchSearchOptions options;
+  options.instants = 1;
+  options.depths = {3.9, 4.1};  // the chart; balls before it
+  const std::vector<ScenePatch> points = found_in(take, options);
   ASSERT_GT(points.size(), 100U);
   for (const ScenePatch& point : points) EXPECT_NEAR(depth_of(point, take.rig()), 4, 0.8);
   // One depth is as good as a narrow range, and infinity no end of it.
-  settings.depths = {4, 4};
-  EXPECT_GT(found_in(take, settings).size(), points.size() / 2);
-  settings.depths = {2, std::numeric_limits<double>::infinity()};
-  EXPECT_GT(found_in(take, settings).size(), points.size() / 2);
-  settings.depths = {0.4, 0.5};
-  EXPECT_LT(found_in(take, settings).size(), points.size() / 10);
+  options.depths = {4, 4};
+  EXPECT_GT(found_in(take, options).size(), points.size() / 2);
+  options.depths = {2, std::numeric_limits<double>::infinity()};
+  EXPECT_GT(found_in(take, options).size(), points.size() / 2);
+  options.depths = {0.4, 0.5};
+  EXPECT_LT(found_in(take, options).size(), points.size() / 10);
 }
 
 TEST(SurfacePoints, AreNotFoundWhereNothingHasAPattern) {
   const testing::TestFolder folder;
   const store::Take take = simulated("grey", folder);
-  PatchSearchSettings settings;
-  settings.depths = {1, 10};
-  EXPECT_TRUE(found_in(take, settings).empty());
+  PatchSearchOptions options;
+  options.depths = {1, 10};
+  EXPECT_TRUE(found_in(take, options).empty());
   // Another rig than the frames': said before anything is looked at.
   rig::Rig rig = take.rig();
   rig.cameras[2].model = rig::CameraModel({"c", 100, 80, {90, 90, 50, 40, {}}, {}, {}, {}});
-  EXPECT_THROW(find_scene_patches(take, rig, settings, [](double) {}, {}), Error);
+  EXPECT_THROW(find_scene_patches(take, rig, options, [](double) {}, {}), Error);
 }
 
 }  // namespace

@@ -46,12 +46,12 @@ VignettingFit fit_vignetting(std::span<const FlatFieldCell> cells, rig::PictureS
       light += (response.brightness[c] + response.contrast[c] * cell.mean[c]) / 3;
     }
     level = std::max(level, light);
-    constexpr double kAnOddCell = 0.01;
+    constexpr double kCauchyScale = 0.01;
     blocks.push_back(problem.AddResidualBlock(
         new ceres::AutoDiffCostFunction<CellError, 1, 1, 2, 3>(
             new CellError{(cell.x - size.width / 2.0) / half_diagonal,
                           (cell.y - size.height / 2.0) / half_diagonal, light}),
-        new ceres::CauchyLoss(kAnOddCell), &level, centre.data(), a.data()));
+        new ceres::CauchyLoss(kCauchyScale), &level, centre.data(), a.data()));
   }
   constexpr double kFarOff = 0.3;  // of half a diagonal: without vignetting any centre would fit
   for (int i = 0; i < 2; ++i) {

@@ -50,7 +50,7 @@ const Dictionary* dictionary_named(std::string_view name) {
 cv::Mat grey_of(const store::RgbImage& picture, bool inverted) {
   // OpenCV only reads the pixels.
   const cv::Mat rgb(picture.height, picture.width, CV_8UC3,
-                    const_cast<std::uint8_t*>(picture.pixels.data()));  // NOLINT
+                    const_cast<std::uint8_t*>(picture.values.data()));  // NOLINT
   cv::Mat grey;
   cv::cvtColor(rgb, grey, cv::COLOR_RGB2GRAY);
   if (inverted) cv::bitwise_not(grey, grey);
@@ -80,8 +80,8 @@ int refining_window(const std::vector<cv::Point2f>& places, int across) {
   for (auto i = static_cast<std::size_t>(across); i < places.size(); ++i) {
     least = std::min(least, cv::norm(places[i] - places[i - static_cast<std::size_t>(across)]));
   }
-  constexpr int kMost = 9;
-  return std::clamp(static_cast<int>(least / 2) - 1, 2, kMost);
+  constexpr int kMax = 9;
+  return std::clamp(static_cast<int>(least / 2) - 1, 2, kMax);
 }
 
 std::vector<BoardCornerDetection> checkerboard_in(const cv::Mat& grey, const Board& board) {

@@ -56,7 +56,7 @@ Picture pictured(const Board& board) {
   Picture picture{{800, 640, {}}, {}};
   for (int y = 0; y < 640; ++y) {
     for (int x = 0; x < 800; ++x) {
-      for (int c = 0; c < 3; ++c) picture.image.pixels.push_back(seen.at<unsigned char>(y, x));
+      for (int c = 0; c < 3; ++c) picture.image.values.push_back(seen.at<unsigned char>(y, x));
     }
   }
   for (int i = 0; i < board.corners(); ++i) {

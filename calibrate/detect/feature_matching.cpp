@@ -16,6 +16,7 @@
 #include <set>
 
 #include "base/error.h"
+#include "base/options.h"
 #include "base/parallel.h"
 #include "calibrate/detect/point_tracks.h"
 #include "store/jpeg/decode.h"
@@ -33,7 +34,7 @@ Picture features_of(const store::Take& take, int camera, int frame, int most) {
   store::JpegDecoder decoder;
   const std::string& id = take.document().cameras[camera].id;
   store::RgbImage image = decoder.decode(take.archive(camera).jpeg(frame), id);
-  const cv::Mat rgb(image.height, image.width, CV_8UC3, image.pixels.data());
+  const cv::Mat rgb(image.height, image.width, CV_8UC3, image.values.data());
   cv::Mat grey;
   cv::cvtColor(rgb, grey, cv::COLOR_RGB2GRAY);
   Picture picture;
@@ -59,10 +60,9 @@ std::vector<int> nearest_matches(const Picture& from, const Picture& to, double 
 using Matches = std::vector<std::pair<int, int>>;
 
 /// Returns the mutual matches that fit one epipolar geometry.
-Matches matches_between(const Picture& a, const Picture& b,
-                        const FeatureMatchingSettings& settings) {
-  const std::vector<int> there = nearest_matches(a, b, settings.max_ratio);
-  const std::vector<int> back = nearest_matches(b, a, settings.max_ratio);
+Matches matches_between(const Picture& a, const Picture& b, const FeatureMatchingOptions& options) {
+  const std::vector<int> there = nearest_matches(a, b, options.max_ratio);
+  const std::vector<int> back = nearest_matches(b, a, options.max_ratio);
   Matches matches;
   std::vector<cv::Point2f> from, to;
   for (std::size_t i = 0; i < there.size(); ++i) {
@@ -71,17 +71,17 @@ Matches matches_between(const Picture& a, const Picture& b,
     from.push_back(a.places[i].pt);
     to.push_back(b.places[there[i]].pt);
   }
-  constexpr std::size_t kLeast = 20;  // fewer fit any geometry
-  if (matches.size() < kLeast) return {};
+  constexpr std::size_t kMin = 20;  // fewer fit any geometry
+  if (matches.size() < kMin) return {};
   cv::setRNGSeed(1);
   std::vector<unsigned char> agrees;
-  cv::findFundamentalMat(from, to, cv::FM_RANSAC, settings.max_epipolar_error_px, 0.999, 5000,
+  cv::findFundamentalMat(from, to, cv::FM_RANSAC, options.max_epipolar_error_px, 0.999, 5000,
                          agrees);
   Matches kept;
   for (std::size_t i = 0; i < agrees.size(); ++i) {
     if (agrees[i] != 0) kept.push_back(matches[i]);
   }
-  if (kept.size() < kLeast) kept.clear();
+  if (kept.size() < kMin) kept.clear();
   return kept;
 }
 
@@ -105,7 +105,7 @@ using Point = std::vector<std::pair<int, int>>;  // camera, feature
 
 /// Returns the points with one position per picture, those with the most cameras first.
 std::vector<Point> points_of(Joined& joined, const std::vector<Picture>& pictures,
-                             const FeatureMatchingSettings& settings, int cameras) {
+                             const FeatureMatchingOptions& options, int cameras) {
   std::map<std::size_t, Point> by_root;
   std::size_t index = 0;
   for (std::size_t c = 0; c < pictures.size(); ++c) {
@@ -113,7 +113,7 @@ std::vector<Point> points_of(Joined& joined, const std::vector<Picture>& picture
       by_root[joined.root(index)].emplace_back(static_cast<int>(c), static_cast<int>(i));
     }
   }
-  const auto least = static_cast<std::size_t>(std::min(settings.min_cameras, cameras));
+  const auto least = static_cast<std::size_t>(std::min(options.min_cameras, cameras));
   std::vector<Point> points;
   for (const auto& [root, point] : by_root) {
     std::set<int> seen_by;
@@ -121,18 +121,27 @@ std::vector<Point> points_of(Joined& joined, const std::vector<Picture>& picture
     if (point.size() >= least && seen_by.size() == point.size()) points.push_back(point);
   }
   std::ranges::stable_sort(points, std::greater<>(), [](const Point& p) { return p.size(); });
-  if (points.size() > static_cast<std::size_t>(settings.max_points)) {
-    points.resize(settings.max_points);
+  if (points.size() > static_cast<std::size_t>(options.max_points)) {
+    points.resize(options.max_points);
   }
   return points;
 }
 
 }  // namespace
 
+bool FeatureMatchingOptions::is_valid(std::string* reason) const {
+  return is_within("features of a picture", max_features, 1, 1e6, reason) &&
+         is_within("ratio of distances", max_ratio, 0, 1, reason) &&
+         is_within("epipolar error (pixels)", max_epipolar_error_px, 0, 1e6, reason) &&
+         is_within("cameras of a point", min_cameras, 2, 10000, reason) &&
+         is_within("points", max_points, 1, 1e9, reason);
+}
+
 Detections match_features(const store::Take& take, Nanoseconds time, Nanoseconds tolerance,
-                          const FeatureMatchingSettings& settings,
+                          const FeatureMatchingOptions& options,
                           const std::function<void(double)>& progress,
                           const std::stop_token& stop) {
+  require_valid(options, "matching of features");
   const store::FrameSelection frames = store::select_frames(take, time, tolerance);
   if (frames.present() < 2) {
     throw Error::bad_input("fewer than two cameras have a frame at that time",
@@ -156,12 +165,12 @@ Detections match_features(const store::Take& take, Nanoseconds time, Nanoseconds
   parallel_for(std::size_t{0}, count, [&](std::size_t c) {
     step();
     if (frames.frame[c] < 0) return;
-    pictures[c] = features_of(take, static_cast<int>(c), frames.frame[c], settings.max_features);
+    pictures[c] = features_of(take, static_cast<int>(c), frames.frame[c], options.max_features);
   });
   std::vector<Matches> matches(pairs.size());
   parallel_for(std::size_t{0}, pairs.size(), [&](std::size_t k) {
     step();
-    matches[k] = matches_between(pictures[pairs[k].first], pictures[pairs[k].second], settings);
+    matches[k] = matches_between(pictures[pairs[k].first], pictures[pairs[k].second], options);
   });
   std::vector<std::size_t> first(count + 1, 0);  // index of each picture's first feature
   for (std::size_t c = 0; c < count; ++c) first[c + 1] = first[c] + pictures[c].places.size();
@@ -174,7 +183,7 @@ Detections match_features(const store::Take& take, Nanoseconds time, Nanoseconds
   }
   Detections detections{detection_cameras(take), {}};
   int number = 0;
-  for (const Point& point : points_of(joined, pictures, settings, frames.present())) {
+  for (const Point& point : points_of(joined, pictures, options, frames.present())) {
     for (const auto& [camera, feature] : point) {
       const cv::Point2f& place = pictures[camera].places[feature].pt;
       // OpenCV's pixel centres are at integers.

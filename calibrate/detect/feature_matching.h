@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <stop_token>
+#include <string>
 
 #include "base/time.h"
 #include "calibrate/geometry/detections.h"
@@ -10,7 +11,7 @@
 
 namespace raystage::calibrate {
 
-struct FeatureMatchingSettings {
+struct FeatureMatchingOptions {
   int max_features = 3000;  ///< of a picture, the strongest
   double max_ratio = 0.75;  ///< largest ratio of the nearest to the second nearest distance (Lowe
                             ///< 2004, section 7.1)
@@ -18,6 +19,8 @@ struct FeatureMatchingSettings {
   /// smallest number that observe a point; 2 if the take has only two
   int min_cameras = 3;
   int max_points = 3000;  ///< those with the most cameras
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// Returns points of the scene, without a light or a board. SIFT features of each camera's frame
@@ -27,7 +30,7 @@ struct FeatureMatchingSettings {
 /// track_light(); also Error (bad input) if fewer than two cameras have a frame within `tolerance`
 /// of the time.
 Detections match_features(const store::Take& take, Nanoseconds time, Nanoseconds tolerance,
-                          const FeatureMatchingSettings& settings,
+                          const FeatureMatchingOptions& options,
                           const std::function<void(double)>& progress, const std::stop_token& stop);
 
 }  // namespace raystage::calibrate

@@ -44,17 +44,17 @@ TEST(SceneFeatures, BringSurveyedCamerasBack) {
   ingest::import_take(schemas::read_import_manifest(manifest), manifest.parent_path(),
                       folder.path() / "take", {});
   const schemas::RigDocument survey = schemas::read_rig(folder.path() / "take" / "rig.json");
-  FeatureMatchingSettings features;
+  FeatureMatchingOptions features;
   features.max_features = 1500;
-  CalibrationSettings settings;
-  settings.start = disturbed(survey);
-  settings.solve.lens_is_known = true;
+  CalibrationOptions options;
+  options.start = disturbed(survey);
+  options.solve.lens_is_known = true;
   const store::Take take(folder.path() / "take");
   const Calibration found = calibrate(
-      match_features(take, 0, kNanosecondsPerSecond, features, [](double) {}, {}), settings);
+      match_features(take, 0, kNanosecondsPerSecond, features, [](double) {}, {}), options);
   EXPECT_TRUE(found.verdict.is_accepted()) << ::testing::PrintToString(found.verdict.reasons);
-  const RigComparison before = compare_rigs(survey, *settings.start, 0),
-                      after = compare_rigs(survey, make_rig_document(found, settings.start, ""), 0);
+  const RigComparison before = compare_rigs(survey, *options.start, 0),
+                      after = compare_rigs(survey, make_rig_document(found, options.start, ""), 0);
   double moved = 0, left = 0;
   for (std::size_t i = 0; i < after.cameras.size(); ++i) {
     moved = std::max(moved, before.cameras[i].position_m);

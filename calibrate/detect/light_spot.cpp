@@ -7,6 +7,8 @@
 
 #include <algorithm>
 
+#include "base/options.h"
+
 namespace raystage::calibrate {
 namespace {
 
@@ -41,7 +43,7 @@ Group group_at(std::size_t start, const std::vector<float>& light, const store::
     group.top = std::min(group.top, y);
     group.bottom = std::max(group.bottom, y);
     ++group.area;
-    const std::uint8_t* rgb = &picture.pixels[3 * at];
+    const std::uint8_t* rgb = &picture.values[3 * at];
     group.full += std::max({rgb[0], rgb[1], rgb[2]}) >= kFull ? 1 : 0;
     group.at_border = group.at_border || x == 0 || y == 0 || x + 1 == width || y + 1 == height;
     for (std::size_t row = y > 0 ? y - 1 : 0; row <= std::min(y + 1, height - 1); ++row) {
@@ -90,30 +92,37 @@ LightBackground::LightBackground(std::span<const store::RgbImage> pictures,
     : width_(pictures.front().width),
       height_(pictures.front().height),
       linear_from_code_(linear_from_code) {
-  const std::size_t count = pictures.front().pixels.size() / 3;
+  const std::size_t count = pictures.front().values.size() / 3;
   std::vector<float> of_pixel(pictures.size());
   light_.resize(count);
   const auto middle = of_pixel.begin() + of_pixel.size() / 2;
   for (std::size_t i = 0; i < count; ++i) {
     for (std::size_t k = 0; k < pictures.size(); ++k) {
-      of_pixel[k] = luminance(&pictures[k].pixels[3 * i]);
+      of_pixel[k] = luminance(&pictures[k].values[3 * i]);
     }
     std::nth_element(of_pixel.begin(), middle, of_pixel.end());
     light_[i] = *middle;
   }
 }
 
+bool LightDetectionOptions::is_valid(std::string* reason) const {
+  return is_within("light above the background", min_light, 0, 1, reason) &&
+         is_within("ambiguity ratio", ambiguity_ratio, 0, 1, reason) &&
+         is_within("share of the picture", max_area, 0, 1, reason) &&
+         is_within("saturated share", max_saturated_share, 0, 1, reason);
+}
+
 LightSpot detect_light(const store::RgbImage& picture, const LightBackground& background,
-                       const LightDetectionSettings& settings) {
+                       const LightDetectionOptions& options) {
   const std::span<const float> behind = background.light();
   std::vector<float> light(behind.size());
   float brightest = 0;
   for (std::size_t i = 0; i < light.size(); ++i) {
-    light[i] = background.luminance(&picture.pixels[3 * i]) - behind[i];
+    light[i] = background.luminance(&picture.values[3 * i]) - behind[i];
     brightest = std::max(brightest, light[i]);
   }
   LightSpot spot;
-  if (brightest < settings.min_light) return spot;
+  if (brightest < options.min_light) return spot;
   constexpr float kGroup = 0.25F;  // relative to the brightest pixel
   const float threshold = kGroup * brightest;
   std::vector<std::uint8_t> taken(light.size(), 0);
@@ -135,13 +144,13 @@ LightSpot detect_light(const store::RgbImage& picture, const LightBackground& ba
   spot.light = first.light;
   spot.area = first.area;
   const double pixels = static_cast<double>(light.size());
-  if (second > settings.ambiguity_ratio * first.light) {
+  if (second > options.ambiguity_ratio * first.light) {
     spot.result = LightDetectionStatus::kAmbiguous;
-  } else if (first.area > std::max(settings.max_area * pixels, 4.0 * kSmall)) {
+  } else if (first.area > std::max(options.max_area * pixels, 4.0 * kSmall)) {
     spot.result = LightDetectionStatus::kTooLarge;
   } else if (first.at_border) {
     spot.result = LightDetectionStatus::kAtBorder;
-  } else if (first.area > kSmall && first.full > settings.max_saturated_share * first.area) {
+  } else if (first.area > kSmall && first.full > options.max_saturated_share * first.area) {
     spot.result = LightDetectionStatus::kSaturated;
   } else {
     spot.result = LightDetectionStatus::kFound;

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -26,12 +27,14 @@ enum class LightDetectionStatus : std::uint8_t {
 inline constexpr std::size_t kLightDetectionStatusCount = 7;
 std::string_view name_of(LightDetectionStatus result);
 
-struct LightDetectionSettings {
+struct LightDetectionOptions {
   double min_light = 0.05;  ///< linear light above the background, full scale 1
   double ambiguity_ratio =
       0.4;  ///< smallest ratio of the second spot's light to the first's that makes them ambiguous
   double max_area = 0.004;            ///< share of the picture
   double max_saturated_share = 0.75;  ///< share of its pixels at full scale, if these are many
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// A light in a picture.
@@ -70,6 +73,6 @@ class LightBackground {
 /// with at least a quarter of the largest brightness, the one with the most light. Its centre is
 /// the mean position of its pixels and those around it, weighted by their light.
 LightSpot detect_light(const store::RgbImage& picture, const LightBackground& background,
-                       const LightDetectionSettings& settings);
+                       const LightDetectionOptions& options);
 
 }  // namespace raystage::calibrate

@@ -22,8 +22,7 @@ struct Disc {
 
 /// A dark room with discs of light, each pixel the mean of its area, and a little noise.
 store::RgbImage dark_room(const std::vector<Disc>& discs, double room = 0.002) {
-  store::RgbImage image{160, 120, {}};
-  image.pixels.resize(160 * 120 * 3);
+  store::RgbImage image(160, 120);
   std::mt19937 random(4);
   std::normal_distribution<double> noise(0, 0.0008);
   for (int i = 0; i < 160 * 120; ++i) {
@@ -37,7 +36,7 @@ store::RgbImage dark_room(const std::vector<Disc>& discs, double room = 0.002) {
     }
     const auto code =
         static_cast<std::uint8_t>(std::lround(255 * srgb_from_linear(std::clamp(light, 0.0, 1.0))));
-    std::fill_n(image.pixels.begin() + 3 * i, 3, code);
+    std::fill_n(image.values.begin() + 3 * i, 3, code);
   }
   return image;
 }
@@ -73,14 +72,13 @@ TEST(LightSpots, AreAsBrightAsTheTakesCodesSay) {
   store::RgbImage picture = empty.front();
   for (const int y : {60, 61, 62}) {
     for (const int x : {80, 81, 82}) {
-      std::fill_n(picture.pixels.begin() + 3 * (160 * y + x), 3, std::uint8_t{99});
+      std::fill_n(picture.values.begin() + 3 * (160 * y + x), 3, std::uint8_t{99});
     }
   }
-  LightDetectionSettings settings;
-  settings.min_light = 0.25;
+  LightDetectionOptions options;
+  options.min_light = 0.25;
   const auto result_by = [&](bool is_srgb) {
-    return detect_light(picture, LightBackground(empty, linear_from_code(is_srgb)), settings)
-        .result;
+    return detect_light(picture, LightBackground(empty, linear_from_code(is_srgb)), options).result;
   };
   EXPECT_EQ(result_by(true), LightDetectionStatus::kDark);
   EXPECT_EQ(result_by(false), LightDetectionStatus::kFound);

@@ -7,6 +7,7 @@
 #include <atomic>
 
 #include "base/error.h"
+#include "base/options.h"
 #include "base/parallel.h"
 #include "calibrate/geometry/calibration_verdict.h"
 #include "calibrate/geometry/median.h"
@@ -54,7 +55,7 @@ void mark_unsteady(PointTrack& track) {
 }
 
 PointTrack track_of(const store::Take& take, int camera, const std::vector<Nanoseconds>& times,
-                    const LightDetectionSettings& settings, const std::function<void()>& frame_done,
+                    const LightDetectionOptions& options, const std::function<void()>& frame_done,
                     const std::stop_token& stop) {
   const store::ArchiveReader& archive = take.archive(camera);
   PointTrack track;
@@ -70,7 +71,7 @@ PointTrack track_of(const store::Take& take, int camera, const std::vector<Nanos
     if (times[i] == store::kExcludedTime) continue;
     const store::RgbImage picture =
         decoder.decode(archive.jpeg(static_cast<int>(i)), take.document().cameras[camera].id);
-    track.frame_detections.push_back({times[i], detect_light(picture, background, settings)});
+    track.frame_detections.push_back({times[i], detect_light(picture, background, options)});
   }
   std::ranges::stable_sort(track.frame_detections, {}, &PointTrack::FrameDetection::time);
   mark_unsteady(track);
@@ -85,10 +86,10 @@ PointTrack track_of(const store::Take& take, int camera, const std::vector<Nanos
 std::vector<std::vector<Nanoseconds>> synchronised_frame_times(const store::Take& take) {
   const std::optional<store::Timeline> timeline = store::read_timeline_if_present(take);
   if (!timeline) {
-    store::ResyncSettings settings;
-    settings.nominal_fps = take.document().nominal_fps;
-    settings.trust_timestamps = !store::has_arrival_timestamps(take.document());
-    return store::resynchronise(store::camera_timestamps(take), settings, take.folder().string())
+    store::ResyncOptions options;
+    options.nominal_fps = take.document().nominal_fps;
+    options.trust_timestamps = !store::has_arrival_timestamps(take.document());
+    return store::resynchronise(store::camera_timestamps(take), options, take.folder().string())
         .times;
   }
   std::vector<std::vector<Nanoseconds>> times(static_cast<std::size_t>(take.camera_count()));
@@ -103,8 +104,9 @@ std::vector<std::vector<Nanoseconds>> synchronised_frame_times(const store::Take
 }
 
 PointTracks track_light(const store::Take& take, const std::vector<std::vector<Nanoseconds>>& times,
-                        const LightDetectionSettings& settings,
+                        const LightDetectionOptions& options,
                         const std::function<void(double)>& progress, const std::stop_token& stop) {
+  require_valid(options, "detection of the light");
   PointTracks tracks(times.size());
   std::size_t all = 0;
   for (const auto& of_camera : times) all += of_camera.size();
@@ -114,7 +116,7 @@ PointTracks track_light(const store::Take& take, const std::vector<std::vector<N
     if (now % 16 == 0 || now == all) progress(static_cast<double>(now) / all);
   };
   parallel_for(std::size_t{0}, times.size(), [&](std::size_t c) {
-    tracks[c].push_back(track_of(take, static_cast<int>(c), times[c], settings, frame_done, stop));
+    tracks[c].push_back(track_of(take, static_cast<int>(c), times[c], options, frame_done, stop));
   });
   return tracks;
 }

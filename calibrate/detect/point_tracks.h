@@ -36,7 +36,7 @@ std::vector<std::vector<Nanoseconds>> synchronised_frame_times(const store::Take
 /// of the camera's median light counts as unsteady. Calls `progress` with the completed share, in
 /// [0, 1]. Throws Error (failed) if a stop is requested, (bad input) for a damaged frame.
 PointTracks track_light(const store::Take& take, const std::vector<std::vector<Nanoseconds>>& times,
-                        const LightDetectionSettings& settings,
+                        const LightDetectionOptions& options,
                         const std::function<void(double)>& progress, const std::stop_token& stop);
 
 /// Returns "Light      in 620 of 720 frames; 60 dark, 40 ambiguous", and the cameras with few

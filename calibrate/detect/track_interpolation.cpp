@@ -9,6 +9,7 @@
 #include <limits>
 #include <span>
 
+#include "base/options.h"
 #include "calibrate/geometry/median.h"
 
 namespace raystage::calibrate {
@@ -72,12 +73,12 @@ std::optional<Vector2d> seen_at(const std::vector<FrameDetection>& frame_detecti
 
 using Seen = std::vector<std::optional<Vector2d>>;  // by camera, then by target
 
-int sights_in(const Seen& seen) {
+int count_observations(const Seen& seen) {
   return static_cast<int>(
       std::ranges::count_if(seen, [](const auto& place) { return place.has_value(); }));
 }
 
-int cameras_in(const Seen& seen, std::size_t targets) {
+int count_cameras(const Seen& seen, std::size_t targets) {
   int cameras = 0;
   for (std::size_t i = 0; i < seen.size(); i += targets) {
     const auto of_camera = std::span(seen).subspan(i, targets);
@@ -143,7 +144,7 @@ std::vector<Instant> spread(std::vector<Instant> all, std::size_t most) {
     const auto begin = all.begin() + (part * all.size() / most);
     const auto end = all.begin() + ((part + 1) * all.size() / most);
     chosen.push_back(*std::max_element(begin, end, [](const Instant& a, const Instant& b) {
-      return sights_in(a.seen) < sights_in(b.seen);
+      return count_observations(a.seen) < count_observations(b.seen);
     }));
   }
   return chosen;
@@ -151,9 +152,16 @@ std::vector<Instant> spread(std::vector<Instant> all, std::size_t most) {
 
 }  // namespace
 
+bool TrackInterpolationOptions::is_valid(std::string* reason) const {
+  return is_within("points", max_points, 1, 1e9, reason) &&
+         is_within("step (pixels)", min_step_px, 0, 1e6, reason) &&
+         is_within("curvature (pixels)", max_curvature_px, 0, 1e6, reason);
+}
+
 InterpolatedTracks interpolate_tracks(
     const PointTracks& tracks, const std::vector<schemas::DetectionsDocument::Camera>& cameras,
-    Nanoseconds period, const TrackInterpolationSettings& settings) {
+    Nanoseconds period, const TrackInterpolationOptions& options) {
+  require_valid(options, "interpolation of tracks");
   const std::size_t targets = tracks.empty() ? 1 : tracks.front().size();
   InterpolatedTracks points{{cameras, {}}, static_cast<int>(targets), 0, period};
   std::optional<Nanoseconds> begin, end;
@@ -175,19 +183,19 @@ InterpolatedTracks interpolate_tracks(
     for (const auto& of_camera : tracks) {
       for (const PointTrack& track : of_camera) {
         instant.seen.push_back(
-            seen_at(track.frame_detections, time, period, settings.max_curvature_px));
+            seen_at(track.frame_detections, time, period, options.max_curvature_px));
       }
     }
-    if (cameras_in(instant.seen, targets) < 2) continue;
-    if (!instants.empty() && !has_moved(instants.back().seen, instant.seen, settings.min_step_px)) {
+    if (count_cameras(instant.seen, targets) < 2) continue;
+    if (!instants.empty() && !has_moved(instants.back().seen, instant.seen, options.min_step_px)) {
       continue;
     }
     instants.push_back(std::move(instant));
   }
-  if (settings.prefers_still_instants && !instants.empty())
+  if (options.prefers_still_instants && !instants.empty())
     instants = at_rest(instants, tracks, points);
   for (const Instant& instant :
-       spread(std::move(instants), static_cast<std::size_t>(settings.max_points))) {
+       spread(std::move(instants), static_cast<std::size_t>(options.max_points))) {
     for (std::size_t target = 0; target < targets; ++target) {
       for (std::size_t c = 0; c < tracks.size(); ++c) {
         const auto& seen = instant.seen[c * targets + target];

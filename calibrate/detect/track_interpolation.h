@@ -3,19 +3,22 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "calibrate/detect/point_tracks.h"
 
 namespace raystage::calibrate {
 
-struct TrackInterpolationSettings {
+struct TrackInterpolationOptions {
   int max_points = 300;    ///< instants, spread over the recording
   double min_step_px = 3;  ///< smallest motion of the light between points, median over cameras
   /// Uses only the half of the instants at which targets move least: for boards, which can be held
   /// still, and cameras with inexact times.
   bool prefers_still_instants = false;
   double max_curvature_px = 4;  ///< largest distance between linear and cubic interpolation
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// Detections interpolated at common times.
@@ -30,7 +33,7 @@ struct InterpolatedTracks {
 /// frames, ns; longer gaps are not interpolated.
 InterpolatedTracks interpolate_tracks(
     const PointTracks& tracks, const std::vector<schemas::DetectionsDocument::Camera>& cameras,
-    Nanoseconds period, const TrackInterpolationSettings& settings);
+    Nanoseconds period, const TrackInterpolationOptions& options);
 
 /// Returns the velocity of a target in the picture, pixels per second; none where
 /// interpolate_tracks() has no position.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Calibrates an array from views of a flat board (see board_array.h): lenses by Zhang's method,
-// board poses per view, cameras chained by common boards (the link with the lowest median error
+// board poses per view, cameras compose by common boards (the link with the lowest median error
 // first), then bundle adjustment with boards as rigid bodies. World units: metres. Cost: cameras
 // squared times boards for the chain, plus bundle adjustments.
 #include "calibrate/geometry/board_array.h"
@@ -22,10 +22,10 @@ constexpr std::size_t kMinSharedCorners = 6;
 constexpr double kFirstThreshold = 12;  // pixels
 
 /// Boards in camera, by instant.
-using Sightings = std::map<int, rig::Pose>;
+using BoardPoses = std::map<int, rig::Pose>;
 
 /// Returns a_from_c, given a_from_b and b_from_c.
-rig::Pose chained(const rig::Pose& a_from_b, const rig::Pose& b_from_c) {
+rig::Pose compose(const rig::Pose& a_from_b, const rig::Pose& b_from_c) {
   return {a_from_b.world_from_camera_rotation * b_from_c.world_from_camera_rotation,
           a_from_b.world_from_camera(b_from_c.position)};
 }
@@ -41,8 +41,8 @@ void guess_lenses(ArrayModel& model, const std::vector<std::vector<BoardView>>& 
   for (std::size_t c = 0; c < model.cameras.size(); ++c) {
     ArrayModel::Camera& camera = model.cameras[c];
     camera.intrinsics = shared;
-    constexpr std::size_t kLeastViews = 6;
-    if (!for_each || views[c].size() < kLeastViews) continue;
+    constexpr std::size_t kMinViews = 6;
+    if (!for_each || views[c].size() < kMinViews) continue;
     const schemas::Intrinsics own =
         calibrate_lens({camera.id, camera.width, camera.height, views[c]}, {}).lens;
     if (own.fx > shared.fx / 4 && own.fx < shared.fx * 4) camera.intrinsics = own;
@@ -72,12 +72,12 @@ int instant_of(const ArrayModel& model, const ArrayModel::RigidBody& body,
 /// Returns the error of a camera's corners with board poses from another camera: the median over
 /// the boards that both observe, pixels.
 double median_error(const std::vector<BoardView>& views, const rig::CameraModel& lens,
-                    const rig::Pose& camera_from_other, const Sightings& other) {
+                    const rig::Pose& camera_from_other, const BoardPoses& other) {
   std::vector<double> errors;
   for (const BoardView& view : views) {
     const auto board = other.find(view.frame);
     if (board == other.end()) continue;
-    const rig::Pose in_camera = chained(camera_from_other, board->second);
+    const rig::Pose in_camera = compose(camera_from_other, board->second);
     double sum = 0;
     for (std::size_t i = 0; i < view.pixels.size(); ++i) {
       const auto seen = lens.project(
@@ -97,54 +97,54 @@ struct Link {
 
 /// Returns the best relative pose of two cameras: from the common board that has the lowest median
 /// error on the other boards.
-Link best_link(std::size_t from, std::size_t to, const std::vector<Sightings>& sightings,
+Link best_link(std::size_t from, std::size_t to, const std::vector<BoardPoses>& board_poses,
                const std::vector<BoardView>& views, const rig::CameraModel& lens) {
   Link best;
-  for (const auto& [instant, in_from] : sightings[from]) {
-    const auto in_to = sightings[to].find(instant);
-    if (in_to == sightings[to].end()) continue;
-    const rig::Pose from_from_to = chained(in_from, inverse(in_to->second));
-    const double error = median_error(views, lens, inverse(from_from_to), sightings[from]);
+  for (const auto& [instant, in_from] : board_poses[from]) {
+    const auto in_to = board_poses[to].find(instant);
+    if (in_to == board_poses[to].end()) continue;
+    const rig::Pose from_from_to = compose(in_from, inverse(in_to->second));
+    const double error = median_error(views, lens, inverse(from_from_to), board_poses[from]);
     if (error < best.error) best = {error, from, to, from_from_to};
   }
   return best;
 }
 
 void place_by_boards(ArrayModel& model, const std::vector<std::vector<BoardView>>& views,
-                     const std::vector<Sightings>& sightings) {
+                     const std::vector<BoardPoses>& board_poses) {
   const std::vector<rig::CameraModel> lenses = make_camera_models(model);
-  const auto most = std::ranges::max_element(sightings, {}, &Sightings::size);
+  const auto most = std::ranges::max_element(board_poses, {}, &BoardPoses::size);
   const auto any = std::ranges::find_if(
       model.cameras, [](const ArrayModel::Camera& camera) { return camera.pose.has_value(); });
-  if (any == model.cameras.end()) model.cameras[most - sightings.begin()].pose = rig::Pose{};
+  if (any == model.cameras.end()) model.cameras[most - board_poses.begin()].pose = rig::Pose{};
   for (;;) {
     Link best;
-    for (std::size_t from = 0; from < sightings.size(); ++from) {
-      for (std::size_t to = 0; to < sightings.size(); ++to) {
+    for (std::size_t from = 0; from < board_poses.size(); ++from) {
+      for (std::size_t to = 0; to < board_poses.size(); ++to) {
         if (!model.cameras[from].pose || model.cameras[to].pose) continue;
-        const Link link = best_link(from, to, sightings, views[to], lenses[to]);
+        const Link link = best_link(from, to, board_poses, views[to], lenses[to]);
         if (link.error < best.error) best = link;
       }
     }
     if (best.error >= 1e9) break;
-    model.cameras[best.to].pose = chained(*model.cameras[best.from].pose, best.from_camera);
+    model.cameras[best.to].pose = compose(*model.cameras[best.from].pose, best.from_camera);
   }
 }
 
 /// Takes each board's pose from the camera that observes most of its corners.
 void place_boards(ArrayModel& model, const BoardObjectPoints& corners,
                   const std::vector<std::vector<BoardView>>& views,
-                  const std::vector<Sightings>& sightings) {
+                  const std::vector<BoardPoses>& board_poses) {
   for (ArrayModel::RigidBody& body : model.bodies) {
     const int instant = instant_of(model, body, corners);
     std::size_t most = 0;
     for (std::size_t c = 0; c < views.size(); ++c) {
-      const auto seen = sightings[c].find(instant);
-      if (seen == sightings[c].end() || !model.cameras[c].pose) continue;
+      const auto seen = board_poses[c].find(instant);
+      if (seen == board_poses[c].end() || !model.cameras[c].pose) continue;
       const auto view = std::ranges::find(views[c], instant, &BoardView::frame);
       if (view->pixels.size() <= most) continue;
       most = view->pixels.size();
-      body.pose = chained(*model.cameras[c].pose, seen->second);
+      body.pose = compose(*model.cameras[c].pose, seen->second);
     }
   }
   update_body_points(model);
@@ -171,7 +171,7 @@ std::vector<BoardView> collect_board_views(const Detections& detections, int cam
 }
 
 ArrayModel solve_boards(const Detections& detections, const BoardObjectPoints& corners,
-                        const SolveSettings& settings, SolveReport& report) {
+                        const SolveOptions& options, SolveReport& report) {
   const Stopwatch watch;
   constexpr double kAnyFov = 1;
   ArrayModel model = make_initial_model(detections, kAnyFov);
@@ -180,28 +180,29 @@ ArrayModel solve_boards(const Detections& detections, const BoardObjectPoints& c
   for (std::size_t c = 0; c < model.cameras.size(); ++c) {
     views.push_back(collect_board_views(detections, static_cast<int>(c), corners));
   }
-  if (settings.lenses.empty()) {
-    guess_lenses(model, views, settings.lens_per_camera);
+  if (options.lenses.empty()) {
+    guess_lenses(model, views, options.lens_per_camera);
   } else {
-    for (std::size_t c = 0; c < views.size(); ++c) model.cameras[c].intrinsics = settings.lenses[c];
+    for (std::size_t c = 0; c < views.size(); ++c) model.cameras[c].intrinsics = options.lenses[c];
   }
-  for (std::size_t c = 0; c < settings.poses.size(); ++c) model.cameras[c].pose = settings.poses[c];
+  for (std::size_t c = 0; c < options.poses.size(); ++c) model.cameras[c].pose = options.poses[c];
   const std::vector<rig::CameraModel> lenses = make_camera_models(model);
-  std::vector<Sightings> sightings(views.size());
+  std::vector<BoardPoses> board_poses(views.size());
   for (std::size_t c = 0; c < views.size(); ++c) {
     for (const BoardView& view : views[c]) {
       const auto camera_from_board = estimate_board_pose(view, lenses[c]);
-      if (camera_from_board) sightings[c].emplace(view.frame, *camera_from_board);
+      if (camera_from_board) board_poses[c].emplace(view.frame, *camera_from_board);
     }
   }
-  place_by_boards(model, views, sightings);
-  place_boards(model, corners, views, sightings);
+  place_by_boards(model, views, board_poses);
+  place_boards(model, corners, views, board_poses);
   if (count_registered_cameras(model) < 2) {
     throw Error::bad_input("no two cameras see the board at the same time", "",
                            "Record the board where several cameras see it at once");
   }
   classify_outliers(model, 4 * kFirstThreshold);
-  run_bundle_adjustment_steps(model, settings, report);
+  run_bundle_adjustment_steps(model, options, report);
+  report.status = RunStatus::kFinished;
   report.seconds = watch.seconds();
   return model;
 }

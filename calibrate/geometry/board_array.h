@@ -25,6 +25,6 @@ std::vector<BoardView> collect_board_views(const Detections& detections, int cam
 /// Throws Error (bad input) if no two cameras share a board. Cameras that share none with the
 /// others have no pose.
 ArrayModel solve_boards(const Detections& detections, const BoardObjectPoints& corners,
-                        const SolveSettings& settings, SolveReport& report);
+                        const SolveOptions& options, SolveReport& report);
 
 }  // namespace raystage::calibrate

@@ -159,9 +159,9 @@ TEST(BoardArrays, HaveMetresAndLenses) {
         Eigen::AngleAxisd(0.05 * (static_cast<double>(c) - 1.5), Vector3d(0.3, 1, 0).normalized())
             .toRotationMatrix();
   }
-  CalibrationSettings settings;
-  settings.board = board_corners();
-  const Calibration found = calibrate(seen_by(cameras, 30, 35, 0.2), settings);
+  CalibrationOptions options;
+  options.board = board_corners();
+  const Calibration found = calibrate(seen_by(cameras, 30, 35, 0.2), options);
   EXPECT_TRUE(found.verdict.is_accepted()) << ::testing::PrintToString(found.verdict.reasons);
   EXPECT_EQ(found.scale_source, "board");
   const testing::PoseErrors errors = testing::pose_errors(found.model, cameras);
@@ -174,15 +174,15 @@ TEST(BoardArrays, HaveMetresAndLenses) {
   EXPECT_NEAR(found.model.cameras[2].intrinsics.fx, kLens.fx, 0.005 * kLens.fx);
 
   // From a rig on: its world, but the board's metres.
-  settings.start = make_rig_document(found, {}, "elsewhere, and too large");
+  options.start = make_rig_document(found, {}, "elsewhere, and too large");
   Vector3d middle = Vector3d::Zero();
-  for (schemas::RigDocument::Camera& camera : settings.start->cameras) {
+  for (schemas::RigDocument::Camera& camera : options.start->cameras) {
     rig::Pose pose = rig::pose_from_matrix(camera.geometry.world_from_camera);
     pose.position = 1.03 * pose.position + Vector3d(5, 0, -2);
     middle += pose.position / 4;
     camera.geometry.world_from_camera = rig::matrix_from_pose(pose);
   }
-  const Calibration refined = calibrate(seen_by(cameras, 30, 35, 0.2), settings);
+  const Calibration refined = calibrate(seen_by(cameras, 30, 35, 0.2), options);
   EXPECT_EQ(refined.scale_source, "board");
   const auto place = [&](std::size_t c) { return refined.model.cameras[c].pose->position; };
   EXPECT_NEAR((place(1) - place(0)).norm(), 0.12, 5e-4);
@@ -194,9 +194,9 @@ TEST(BoardArrays, WithoutASharedBoardAreRefused) {
   const auto count = static_cast<int>(board_corners().size());
   std::erase_if(detections.detections,
                 [&](const auto& d) { return (d.point / count) % 2 != d.camera; });
-  CalibrationSettings settings;
-  settings.board = board_corners();
-  EXPECT_THROW(calibrate(detections, settings), Error);
+  CalibrationOptions options;
+  options.board = board_corners();
+  EXPECT_THROW(calibrate(detections, options), Error);
 }
 
 }  // namespace

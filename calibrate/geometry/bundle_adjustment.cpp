@@ -21,6 +21,7 @@
 #include <optional>
 
 #include "base/error.h"
+#include "base/options.h"
 #include "calibrate/geometry/ceres_options.h"
 
 namespace raystage::calibrate {
@@ -227,8 +228,15 @@ std::vector<int> fixed_lens_parameters(LensRefinement freedom) {
   return {};
 }
 
+bool BundleAdjustmentOptions::is_valid(std::string* reason) const {
+  return is_within("noise of the lens prior (pixels)", lens_prior_noise_px, 0, 1e6, reason) &&
+         is_within("loss scale (pixels)", loss_scale_px, 0, 1e6, reason) &&
+         is_within("iterations", max_iterations, 1, 1e6, reason);
+}
+
 BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
-                                             const BundleAdjustmentSettings& settings) {
+                                             const BundleAdjustmentOptions& settings) {
+  require_valid(settings, "bundle adjustment");
   keep_ceres_quiet();
   drop_what_is_behind(model);
   // Held lenses keep their individual values.
@@ -332,7 +340,10 @@ BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
   if (settings.stop.stop_requested()) {
     throw Error::failed("the calibration was stopped", "", "Start it again");
   }
-  if (summary.IsSolutionUsable()) values.store(model, square_pixels);
+  if (summary.IsSolutionUsable()) {
+    values.store(model, square_pixels);
+    report.status = RunStatus::kFinished;
+  }
   report.rms_px = rms_reprojection_error(model);
   return report;
 }

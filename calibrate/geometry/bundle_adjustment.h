@@ -2,8 +2,10 @@
 #pragma once
 
 #include <stop_token>
+#include <string>
 #include <vector>
 
+#include "base/run_status.h"
 #include "calibrate/geometry/array_model.h"
 #include "calibrate/geometry/lens_projection.h"
 
@@ -23,7 +25,7 @@ enum class LensRefinement {
 inline constexpr LensParameters kLensPriorDeviations{0.004, 0.004, 0,     0,   0.01,
                                                      0.02,  0.001, 0.001, 0.04};
 
-struct BundleAdjustmentSettings {
+struct BundleAdjustmentOptions {
   LensRefinement lens = LensRefinement::kNone;
   bool shared_lens = true;  ///< one lens for all cameras
   /// Above 0: noise of the detections, pixels, at which a shared lens prior applies to a lens per
@@ -34,9 +36,12 @@ struct BundleAdjustmentSettings {
   double loss_scale_px = 1;
   int max_iterations = 50;
   std::stop_token stop = {};  ///< stops it
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 struct BundleAdjustmentReport {
+  RunStatus status = RunStatus::kNotRun;
   int observations = 0;
   double rms_px = 0;  ///< afterwards, over the observations that are used
 };
@@ -50,7 +55,7 @@ struct BundleAdjustmentReport {
 /// of the picture (deviation: a tenth of the width), small distortion. Throws Error (failed) if a
 /// stop is requested.
 BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
-                                             const BundleAdjustmentSettings& settings);
+                                             const BundleAdjustmentOptions& options);
 
 /// Marks observations with a reprojection error above `max_error_px` as outliers, and the others as
 /// inliers. Independent points with fewer than two inliers become undetermined. Returns the number

@@ -14,9 +14,9 @@ namespace {
 
 /// Returns the lenses and poses of the initial rig for the cameras of the detections.
 std::vector<std::optional<rig::Pose>> begin_with(const Detections& detections,
-                                                 const CalibrationSettings& settings,
-                                                 SolveSettings& solve) {
-  const schemas::RigDocument& start = *settings.start;
+                                                 const CalibrationOptions& options,
+                                                 SolveOptions& solve) {
+  const schemas::RigDocument& start = *options.start;
   std::vector<std::optional<rig::Pose>> poses;
   for (const auto& camera : detections.cameras) {
     const schemas::RigDocument::Camera* known = start.find(camera.id);
@@ -32,8 +32,8 @@ std::vector<std::optional<rig::Pose>> begin_with(const Detections& detections,
     solve.lenses.push_back(known->geometry.intrinsics);
     poses.emplace_back(rig::pose_from_matrix(known->geometry.world_from_camera));
     const bool held =
-        settings.fixes_all_poses ||
-        std::ranges::find(settings.fixed_cameras, camera.id) != settings.fixed_cameras.end();
+        options.fixes_all_poses ||
+        std::ranges::find(options.fixed_cameras, camera.id) != options.fixed_cameras.end();
     solve.fixed_cameras.push_back(held);
   }
   if (schemas::is_calibrated(start)) {
@@ -44,8 +44,8 @@ std::vector<std::optional<rig::Pose>> begin_with(const Detections& detections,
   return poses;
 }
 
-void check_held(const Detections& detections, const CalibrationSettings& settings) {
-  for (const std::string& id : settings.fixed_cameras) {
+void check_held(const Detections& detections, const CalibrationOptions& options) {
+  for (const std::string& id : options.fixed_cameras) {
     if (std::ranges::find(detections.cameras, id, &schemas::DetectionsDocument::Camera::id) ==
         detections.cameras.end()) {
       throw Error::bad_input("the camera \"" + id + "\" to hold is unknown", "held cameras",
@@ -53,8 +53,8 @@ void check_held(const Detections& detections, const CalibrationSettings& setting
           .concerning({"fix"});
     }
   }
-  const bool holds = !settings.fixed_cameras.empty() || settings.fixes_all_poses;
-  if (holds && !(settings.start && schemas::is_calibrated(*settings.start))) {
+  const bool holds = !options.fixed_cameras.empty() || options.fixes_all_poses;
+  if (holds && !(options.start && schemas::is_calibrated(*options.start))) {
     throw Error::bad_input("poses are to be held, but no calibrated rig defines them",
                            "held cameras", "Start from a calibrated rig")
         .concerning({"initial_rig"});
@@ -81,22 +81,22 @@ void shrink_about(ArrayModel& model, const std::vector<std::optional<rig::Pose>>
 }
 
 /// Sets the origin, rotation and scale of the world. Held cameras have determined them already.
-void settle_world(Calibration& calibration, const CalibrationSettings& settings,
+void settle_world(Calibration& calibration, const CalibrationOptions& options,
                   const std::vector<std::optional<rig::Pose>>& known, std::size_t held) {
   const auto know_scale_from = [&](const char* source) {
     calibration.scale_source = source;
     calibration.scale_is_known = true;
   };
   if (held >= 2) return know_scale_from("held cameras");
-  const bool is_start = settings.start && schemas::is_calibrated(*settings.start);
-  if (!settings.board.empty()) {  // in metres already
+  const bool is_start = options.start && schemas::is_calibrated(*options.start);
+  if (!options.board.empty()) {  // in metres already
     if (!is_start || !align_to_poses(calibration.model, known, false)) {
       align_to_array(calibration.model);
     }
     return know_scale_from("board");
   }
   if (held == 1) {
-    const auto at = std::ranges::find(calibration.model.cameras, settings.fixed_cameras.front(),
+    const auto at = std::ranges::find(calibration.model.cameras, options.fixed_cameras.front(),
                                       &ArrayModel::Camera::id) -
                     calibration.model.cameras.begin();
     shrink_about(calibration.model, known, known[at]->position);
@@ -107,8 +107,8 @@ void settle_world(Calibration& calibration, const CalibrationSettings& settings,
   } else {
     align_to_array(calibration.model);
   }
-  if (scale_world(calibration.model, settings.scale)) {
-    know_scale_from(settings.scale.distance ? "distance" : "spacing");
+  if (scale_world(calibration.model, options.scale)) {
+    know_scale_from(options.scale.distance ? "distance" : "spacing");
   }
 }
 
@@ -165,28 +165,28 @@ int merge_static_points(Detections& detections, double max_distance_px) {
   return merged;
 }
 
-Calibration calibrate(const Detections& all, const CalibrationSettings& settings) {
-  check_held(all, settings);
+Calibration calibrate(const Detections& all, const CalibrationOptions& options) {
+  check_held(all, options);
   Calibration calibration;
   Detections detections = all;
-  const bool has_board = !settings.board.empty();
+  const bool has_board = !options.board.empty();
   if (!has_board) calibration.merged_points = merge_static_points(detections);
-  SolveSettings solve = settings.solve;
+  SolveOptions solve = options.solve;
   std::vector<std::optional<rig::Pose>> known;
-  if (settings.start) known = begin_with(detections, settings, solve);
+  if (options.start) known = begin_with(detections, options, solve);
   const auto differs = [&](const schemas::Intrinsics& lens) {
     return !(lens == solve.lenses.front());
   };
   solve.lens_per_camera = solve.lens_per_camera || std::ranges::any_of(solve.lenses, differs);
-  calibration.model = has_board ? solve_boards(detections, settings.board, solve, calibration.solve)
+  calibration.model = has_board ? solve_boards(detections, options.board, solve, calibration.solve)
                                 : solve_array(detections, solve, calibration.solve);
   const auto held = static_cast<std::size_t>(std::ranges::count(solve.fixed_cameras, true));
-  settle_world(calibration, settings, known, held);
+  settle_world(calibration, options, known, held);
   calibration.grid = find_grid_positions(calibration.model);
   calibration.uncertainty =
-      estimate_uncertainty(calibration.model, calibration.solve.last, settings.limits.tolerances);
+      estimate_uncertainty(calibration.model, calibration.solve.last, options.limits.tolerances);
   calibration.verdict = judge_calibration(calibration.model, calibration.uncertainty,
-                                          calibration.scale_is_known, settings.limits);
+                                          calibration.scale_is_known, options.limits);
   if (solve.lens_is_known) {
     calibration.verdict.warnings.emplace_back(
         "Lenses are held: their errors affect all results and are not part of any deviation. If "

@@ -12,9 +12,9 @@
 
 namespace raystage::calibrate {
 
-struct CalibrationSettings {
-  SolveSettings solve;  ///< lenses, poses and held cameras come from `start` if it is given
-  ScaleSettings scale;
+struct CalibrationOptions {
+  SolveOptions solve;  ///< lenses, poses and held cameras come from `start` if it is given
+  ScaleOptions scale;
   /// Initial rig, with cameras of the detections by id. Its scale is used if no other is given, and
   /// its world frame is kept.
   std::optional<schemas::RigDocument> start = {};
@@ -41,7 +41,7 @@ struct Calibration {
 
 /// Calibrates an array and judges the result. Throws Error (bad input) if no camera can be
 /// calibrated, or if the settings name unknown cameras.
-Calibration calibrate(const Detections& detections, const CalibrationSettings& settings);
+Calibration calibrate(const Detections& detections, const CalibrationOptions& options);
 
 /// Returns the calibrated cameras. Photometric responses and grid positions come from `start`;
 /// without it, from the calibration. Throws Error (bad input) if no camera is calibrated.

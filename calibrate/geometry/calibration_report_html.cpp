@@ -111,8 +111,8 @@ std::string residual_field(const Calibration& calibration, std::size_t index,
                            const std::vector<rig::CameraModel>& lenses, const CameraFit& fit,
                            double drawn) {
   const ArrayModel::Camera& camera = calibration.model.cameras[index];
-  constexpr std::size_t kMostLines = 250;
-  const std::size_t step = static_cast<std::size_t>(fit.observations) / kMostLines + 1;
+  constexpr std::size_t kMaxLines = 250;
+  const std::size_t step = static_cast<std::size_t>(fit.observations) / kMaxLines + 1;
   std::string lines;
   std::size_t k = 0;
   for (const ArrayModel::Observation& o : calibration.model.observations) {

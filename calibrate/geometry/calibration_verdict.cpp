@@ -17,7 +17,7 @@ constexpr int kJoined = 6;  // common points that suffice for a relative pose
 constexpr int kCells = 4;   // of the picture, per axis
 constexpr const char* kMendFit =
     "Check for cameras that moved or refocused during the recording, and for wrong times "
-    "(raystage sync); try a lens model per camera.";
+    "(`raystage sync`); try a lens model per camera.";
 
 std::vector<std::string> names_of(const std::vector<int>& cameras, const ArrayModel& model) {
   std::vector<std::string> names;
@@ -145,8 +145,8 @@ double planar_inlier_ratio(const ArrayModel& model) {
       to.push_back(place);
     }
   }
-  constexpr std::size_t kLeast = 5;  // four points always fit
-  if (from.size() < kLeast) return 1;
+  constexpr std::size_t kMin = 5;  // four points always fit
+  if (from.size() < kMin) return 1;
   constexpr double kNear = 1.5;  // pixels
   cv::setRNGSeed(1);
   cv::Mat inliers;
@@ -175,7 +175,7 @@ void judge_direction(CalibrationVerdict& verdict, const Uncertainty::Direction& 
   if (direction.focal_length + direction.principal_point + direction.distortion > 0.4) {
     say_once(
         verdict.next_steps,
-        "Calibrate the lens with a board (raystage calibrate lens) and hold it: cameras with "
+        "Calibrate the lens with a board (`raystage calibrate lens`) and hold it: cameras with "
         "nearly parallel axes cannot distinguish a longer lens from a deeper scene. With other "
         "arrays, record the light also near, far and in the corners of the pictures.");
   } else {
@@ -313,10 +313,11 @@ CalibrationVerdict judge_calibration(const ArrayModel& model,
     say_once(verdict.next_steps, kMendFit);
   }
   if (uncertainty) {
-    constexpr std::size_t kMostSaid = 4;
+    constexpr std::size_t kMaxDirections = 4;
     std::size_t said = 0;
     for (const Uncertainty::Direction& direction : uncertainty->weakest) {
-      if (direction.deviation > 1 && said++ < kMostSaid) judge_direction(verdict, direction, model);
+      if (direction.deviation > 1 && said++ < kMaxDirections)
+        judge_direction(verdict, direction, model);
     }
   }
   if (!scale_is_known) {

@@ -17,20 +17,20 @@ using ::testing::HasSubstr;
 
 struct Case {
   const char* name;
-  testing::SyntheticArraySettings simulation;
+  testing::SyntheticArrayOptions simulation;
   bool lens_is_known = false;
   bool is_accepted = true;
 };
 
-CalibrationSettings settings_for(const testing::SyntheticArray& truth, bool lens_is_known) {
-  CalibrationSettings settings;
-  settings.scale.spacing_m = 0.06;
-  settings.solve.horizontal_fov = 60 * testing::kTestDegree;
+CalibrationOptions settings_for(const testing::SyntheticArray& truth, bool lens_is_known) {
+  CalibrationOptions options;
+  options.scale.spacing_m = 0.06;
+  options.solve.horizontal_fov = 60 * testing::kTestDegree;
   if (lens_is_known) {
-    settings.solve.lenses.assign(truth.detections.cameras.size(), truth.lens);
-    settings.solve.lens_is_known = true;
+    options.solve.lenses.assign(truth.detections.cameras.size(), truth.lens);
+    options.solve.lens_is_known = true;
   }
-  return settings;
+  return options;
 }
 
 std::string told(const Calibration& calibration) {
@@ -128,19 +128,19 @@ TEST(CalibrationAtItsLimits, CamerasThatShareNothingAreNamed) {
 
 TEST(CalibrationAtItsLimits, WithoutScaleNothingIsVouchedFor) {
   const testing::SyntheticArray truth = testing::make_synthetic_array({.rows = 3, .columns = 3});
-  CalibrationSettings settings = settings_for(truth, true);
-  settings.scale = {};
-  EXPECT_THAT(calibrate(truth.detections, settings).verdict.reasons, Contains(HasSubstr("scale")));
+  CalibrationOptions options = settings_for(truth, true);
+  options.scale = {};
+  EXPECT_THAT(calibrate(truth.detections, options).verdict.reasons, Contains(HasSubstr("scale")));
 }
 
 /// Cases in which least squares finds wrong arrays that fit well.
 TEST(CalibrationAtItsLimits, WhatIsVouchedForIsRight) {
-  const std::vector<testing::SyntheticArraySettings> hard{
+  const std::vector<testing::SyntheticArrayOptions> hard{
       {.rows = 3, .columns = 3, .nearest = 10, .farthest = 20},
       {.rows = 3, .columns = 3, .nearest = 1000, .farthest = 2000},
       {.rows = 1, .columns = 2, .points = 200, .missing = 0, .points_on_a_plane = true},
       {.rows = 2, .columns = 2, .outliers = 0.3}};
-  for (testing::SyntheticArraySettings simulation : hard) {
+  for (testing::SyntheticArrayOptions simulation : hard) {
     for (simulation.seed = 1; simulation.seed <= 8; ++simulation.seed) {
       const testing::SyntheticArray truth = testing::make_synthetic_array(simulation);
       try {

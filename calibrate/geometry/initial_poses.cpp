@@ -13,6 +13,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
+#include "base/options.h"
 #include "calibrate/geometry/bundle_adjustment.h"
 #include "calibrate/geometry/median.h"
 #include "calibrate/geometry/opencv_pose.h"
@@ -24,24 +25,24 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kLeastCommon = 12;  // common points of the initial pair
-constexpr int kLeastKnown = 6;    // known points that a camera must observe to be registered
+constexpr int kMinCommon = 12;  // common points of the initial pair
+constexpr int kMinKnown = 6;    // known points that a camera must observe to be registered
 constexpr double kSure = 0.9999;
 
 /// Our cameras look along -z with y up, OpenCV's along z with y down.
 cv::Mat opencv_from_ours() { return cv::Mat::diag(cv::Mat(cv::Vec3d(1, -1, -1))); }
 
 /// Ideal image points of a camera's observations (y down), by point.
-using Sight = std::map<int, cv::Point2d>;
+using CameraObservations = std::map<int, cv::Point2d>;
 
-std::vector<Sight> sights_of(const ArrayModel& model) {
+std::vector<CameraObservations> observations_by_camera(const ArrayModel& model) {
   const std::vector<rig::CameraModel> lenses = make_camera_models(model);
-  std::vector<Sight> sights(model.cameras.size());
+  std::vector<CameraObservations> observations(model.cameras.size());
   for (const ArrayModel::Observation& observation : model.observations) {
     const auto ideal = lenses[observation.camera].ideal_from_pixel(observation.pixel);
-    if (ideal) sights[observation.camera][observation.point] = {ideal->x(), ideal->y()};
+    if (ideal) observations[observation.camera][observation.point] = {ideal->x(), ideal->y()};
   }
-  return sights;
+  return observations;
 }
 
 /// A second camera relative to a first one.
@@ -52,8 +53,9 @@ struct Pair {
 };
 
 /// Rates two cameras as the initial pair: inliers times the angle between their rays.
-Pair judged_pair(const std::vector<Sight>& sights, int first, int second, double noise) {
-  const Sight &a = sights[first], &b = sights[second];
+Pair score_pair(const std::vector<CameraObservations>& observations, int first, int second,
+                double noise) {
+  const CameraObservations &a = observations[first], &b = observations[second];
   std::vector<cv::Point2d> from, to;
   for (const auto& [point, place] : a) {
     const auto other = b.find(point);
@@ -61,14 +63,14 @@ Pair judged_pair(const std::vector<Sight>& sights, int first, int second, double
     from.push_back(place);
     to.push_back(other->second);
   }
-  if (from.size() < kLeastCommon) return {};
+  if (from.size() < kMinCommon) return {};
   cv::setRNGSeed(1);
   cv::Mat inliers, rotation, translation;
   const cv::Mat unit = cv::Mat::eye(3, 3, CV_64F);
   const cv::Mat essential = cv::findEssentialMat(from, to, unit, cv::RANSAC, kSure, noise, inliers);
   if (essential.rows != 3) return {};
   const int agree = cv::recoverPose(essential, from, to, unit, rotation, translation, inliers);
-  if (agree < kLeastCommon) return {};
+  if (agree < kMinCommon) return {};
   Pair pair{first, second, pose_from_opencv_matrix(rotation * opencv_from_ours(), translation), 0};
   std::vector<double> angles;
   for (std::size_t i = 0; i < from.size(); ++i) {
@@ -85,29 +87,30 @@ Pair judged_pair(const std::vector<Sight>& sights, int first, int second, double
   return pair;
 }
 
-Pair best_pair(const std::vector<Sight>& sights, double noise) {
+Pair best_pair(const std::vector<CameraObservations>& observations, double noise) {
   // Pairs of the camera with the most observations and every other.
-  const auto most = std::ranges::max_element(sights, {}, &Sight::size);
-  const int first = static_cast<int>(most - sights.begin());
+  const auto most = std::ranges::max_element(observations, {}, &CameraObservations::size);
+  const int first = static_cast<int>(most - observations.begin());
   Pair best;
-  for (int second = 0; second < static_cast<int>(sights.size()); ++second) {
+  for (int second = 0; second < static_cast<int>(observations.size()); ++second) {
     if (second == first) continue;
-    const Pair pair = judged_pair(sights, first, second, noise);
+    const Pair pair = score_pair(observations, first, second, noise);
     if (pair.score > best.score) best = pair;
   }
   return best;
 }
 
 /// A camera registered by known points.
-struct Placement {
+struct Registration {
   rig::Pose pose;
-  double focal_factor = 1;  // relative to the initial focal length
-  std::size_t agree = 0;    // inliers
+  double focal_ratio = 1;  // relative to the initial focal length
+  std::size_t agree = 0;   // inliers
 };
 
 /// Rescales the ideal image points to a focal length `factor` times as long.
-Placement placed_by(const std::vector<cv::Point3d>& points, const std::vector<cv::Point2d>& seen,
-                    double noise, double factor) {
+Registration register_with_focal_ratio(const std::vector<cv::Point3d>& points,
+                                       const std::vector<cv::Point2d>& seen, double noise,
+                                       double factor) {
   std::vector<cv::Point2d> scaled = seen;
   for (cv::Point2d& place : scaled) place *= 1 / factor;
   cv::setRNGSeed(1);
@@ -128,62 +131,69 @@ Placement placed_by(const std::vector<cv::Point3d>& points, const std::vector<cv
 }
 
 /// Returns a camera's pose from the known points; none with too few inliers.
-std::optional<Placement> placed(const ArrayModel& model, const Sight& sight, double noise,
-                                bool lens_differs) {
+std::optional<Registration> register_camera(const ArrayModel& model,
+                                            const CameraObservations& observed, double noise,
+                                            bool lens_differs) {
   std::vector<cv::Point3d> points;
   std::vector<cv::Point2d> seen;
-  for (const auto& [point, place] : sight) {
+  for (const auto& [point, place] : observed) {
     const auto& found = model.points[point];
     if (!found) continue;
     points.emplace_back(found->x(), found->y(), found->z());
     seen.push_back(place);
   }
-  if (points.size() < kLeastKnown) return std::nullopt;
-  Placement best = placed_by(points, seen, noise, 1);
+  if (points.size() < kMinKnown) return std::nullopt;
+  Registration best = register_with_focal_ratio(points, seen, noise, 1);
   const std::size_t most = points.size() * 4 / 5;
   for (const double factor : {0.8, 1.25, 0.64, 1.56, 0.5, 2.0}) {
     if (!lens_differs || best.agree >= most) break;
-    const Placement other = placed_by(points, seen, noise, factor);
+    const Registration other = register_with_focal_ratio(points, seen, noise, factor);
     if (other.agree > best.agree) best = other;
   }
-  if (best.agree < std::max<std::size_t>(kLeastKnown, points.size() / 3)) return std::nullopt;
+  if (best.agree < std::max<std::size_t>(kMinKnown, points.size() / 3)) return std::nullopt;
   return best;
 }
 
 /// Returns ideal image units per pixel, of the first camera.
 double ideal_per_pixel(const ArrayModel& model) { return 1 / model.cameras.front().intrinsics.fx; }
 
-void refine(ArrayModel& model, const InitialPosesSettings& settings) {
-  BundleAdjustmentSettings bundle;
+void refine(ArrayModel& model, const InitialPosesOptions& options) {
+  BundleAdjustmentOptions bundle;
   bundle.max_iterations = 30;
-  bundle.loss_scale_px = settings.max_error_px / 4;
-  bundle.fixed_cameras = settings.fixed_cameras;
-  bundle.stop = settings.stop;
+  bundle.loss_scale_px = options.max_error_px / 4;
+  bundle.fixed_cameras = options.fixed_cameras;
+  bundle.stop = options.stop;
   run_bundle_adjustment(model, bundle);
-  classify_outliers(model, settings.max_error_px);
-  triangulate_points(model, settings.max_error_px);
+  classify_outliers(model, options.max_error_px);
+  triangulate_points(model, options.max_error_px);
 }
 
 }  // namespace
 
-bool estimate_initial_poses(ArrayModel& model, const InitialPosesSettings& settings) {
-  const double noise = settings.max_error_px / 2 * ideal_per_pixel(model);
-  const Pair pair = best_pair(sights_of(model), noise);
+bool InitialPosesOptions::is_valid(std::string* reason) const {
+  return is_within("reprojection error (pixels)", max_error_px, 1e-6, 1e6, reason);
+}
+
+bool estimate_initial_poses(ArrayModel& model, const InitialPosesOptions& options) {
+  require_valid(options, "initial poses");
+  const double noise = options.max_error_px / 2 * ideal_per_pixel(model);
+  const Pair pair = best_pair(observations_by_camera(model), noise);
   if (pair.first < 0) return false;
   model.cameras[pair.first].pose = rig::Pose{};
   model.cameras[pair.second].pose = pair.second_pose;
-  triangulate_points(model, settings.max_error_px);
-  refine(model, settings);
-  register_cameras(model, settings);
+  triangulate_points(model, options.max_error_px);
+  refine(model, options);
+  register_cameras(model, options);
   return true;
 }
 
-void register_cameras(ArrayModel& model, const InitialPosesSettings& settings) {
-  const std::vector<Sight> sights = sights_of(model);
-  const double noise = settings.max_error_px / 2 * ideal_per_pixel(model);
-  const auto known_of = [&](const Sight& sight) {
+void register_cameras(ArrayModel& model, const InitialPosesOptions& options) {
+  require_valid(options, "initial poses");
+  const std::vector<CameraObservations> observations = observations_by_camera(model);
+  const double noise = options.max_error_px / 2 * ideal_per_pixel(model);
+  const auto known_of = [&](const CameraObservations& observed) {
     return std::ranges::count_if(
-        sight, [&](const auto& seen) { return model.points[seen.first].has_value(); });
+        observed, [&](const auto& seen) { return model.points[seen.first].has_value(); });
   };
   auto placed_cameras = static_cast<std::size_t>(std::ranges::count_if(
       model.cameras, [](const ArrayModel::Camera& camera) { return camera.pose.has_value(); }));
@@ -192,29 +202,30 @@ void register_cameras(ArrayModel& model, const InitialPosesSettings& settings) {
     // Cameras with the most known points come first; some succeed only later.
     std::vector<std::pair<std::ptrdiff_t, std::size_t>> next;
     for (std::size_t i = 0; i < model.cameras.size(); ++i) {
-      if (!model.cameras[i].pose) next.emplace_back(known_of(sights[i]), i);
+      if (!model.cameras[i].pose) next.emplace_back(known_of(observations[i]), i);
     }
     std::ranges::sort(next, std::greater<>());
     bool found = false;
     for (const auto& [known, camera] : next) {
-      if (known < kLeastKnown) break;
-      const auto placement = placed(model, sights[camera], noise, settings.estimates_focal_lengths);
+      if (known < kMinKnown) break;
+      const auto placement =
+          register_camera(model, observations[camera], noise, options.estimates_focal_lengths);
       if (!placement) continue;
       model.cameras[camera].pose = placement->pose;
-      model.cameras[camera].intrinsics.fx *= placement->focal_factor;
-      model.cameras[camera].intrinsics.fy *= placement->focal_factor;
+      model.cameras[camera].intrinsics.fx *= placement->focal_ratio;
+      model.cameras[camera].intrinsics.fy *= placement->focal_ratio;
       ++placed_cameras;
       found = true;
       break;
     }
     if (!found) break;
-    triangulate_points(model, settings.max_error_px);
+    triangulate_points(model, options.max_error_px);
     if (placed_cameras >= refined_at + std::max<std::size_t>(1, refined_at / 2)) {
-      refine(model, settings);
+      refine(model, options);
       refined_at = placed_cameras;
     }
   }
-  refine(model, settings);
+  refine(model, options);
 }
 
 }  // namespace raystage::calibrate

@@ -15,6 +15,7 @@
 #include <opencv2/core.hpp>
 
 #include "base/error.h"
+#include "base/options.h"
 #include "calibrate/geometry/alignment.h"
 #include "calibrate/geometry/calibration_verdict.h"
 #include "calibrate/geometry/opencv_pose.h"
@@ -23,7 +24,7 @@
 namespace raystage::calibrate {
 namespace {
 
-constexpr std::size_t kLeastViews = 3, kMinLensCorners = 6;
+constexpr std::size_t kMinViews = 3, kMinLensCorners = 6;
 
 /// Model with cameras at the origin and a board pose per view.
 struct Views {
@@ -39,10 +40,10 @@ struct Views {
         views.push_back(&view);
         camera.push_back(c);
       }
-      if (views.size() - before >= kLeastViews) continue;
+      if (views.size() - before >= kMinViews) continue;
       throw Error::bad_input(
           fmt::format("camera \"{}\" has {} usable frames of the board; a lens needs at least {}",
-                      cameras[c].id, views.size() - before, kLeastViews),
+                      cameras[c].id, views.size() - before, kMinViews),
           "",
           "Check the size of the board and of its squares; record it closer and in more "
           "orientations")
@@ -131,8 +132,8 @@ void judge(LensCalibration& found) {
         "Check the board's squares and that it is flat, hold it still, or estimate the full lens "
         "model.");
   }
-  constexpr double kOdd = 0.1;
-  if (found.outliers > kOdd * found.corners) {
+  constexpr double kMaxOutlierShare = 0.1;
+  if (found.outliers > kMaxOutlierShare * found.corners) {
     found.reasons.push_back(fmt::format("{} of {} corners do not fit; at most a tenth is accepted.",
                                         found.outliers, found.corners));
     found.next_steps.emplace_back(
@@ -145,27 +146,27 @@ void judge(LensCalibration& found) {
 }
 
 /// Refines lenses and boards step by step, and removes outliers.
-void refine(ArrayModel& model, const Views& views, const LensCalibrationSettings& settings,
-            BundleAdjustmentSettings& bundle) {
+void refine(ArrayModel& model, const Views& views, const LensCalibrationOptions& options,
+            BundleAdjustmentOptions& bundle) {
   bundle.fixed_cameras.assign(model.cameras.size(), true);
-  bundle.stop = settings.stop;
+  bundle.stop = options.stop;
   place_boards(model, views);
   for (const LensRefinement lens :
        {LensRefinement::kFocalLength, LensRefinement::kRadial,
-        settings.full_lens_model ? LensRefinement::kFullModel : LensRefinement::kRadial}) {
+        options.full_lens_model ? LensRefinement::kFullModel : LensRefinement::kRadial}) {
     bundle.lens = lens;
     run_bundle_adjustment(model, bundle);
     place_boards(model, views);  // recovers a view whose pose diverged with the initial lens
-    mark_outliers(model, std::max(settings.max_error_px, 3 * rms_reprojection_error(model)));
+    mark_outliers(model, std::max(options.max_error_px, 3 * rms_reprojection_error(model)));
     run_bundle_adjustment(model, bundle);
   }
-  mark_outliers(model, settings.max_error_px);
+  mark_outliers(model, options.max_error_px);
   run_bundle_adjustment(model, bundle);
 }
 
 /// Returns the results of each camera without the verdict.
 std::vector<LensCalibration> described(const ArrayModel& model, const Views& views,
-                                       const BundleAdjustmentSettings& bundle) {
+                                       const BundleAdjustmentOptions& bundle) {
   std::vector<LensCalibration> all(model.cameras.size());
   const std::vector<CameraFit> fits = camera_fits(model);
   const auto uncertainty = estimate_uncertainty(model, bundle, {});
@@ -254,21 +255,27 @@ std::optional<rig::Pose> estimate_board_pose(const BoardView& view, const rig::C
   return inverse(pose_from_opencv(turn, translation));
 }
 
+bool LensCalibrationOptions::is_valid(std::string* reason) const {
+  return is_within("reprojection error (pixels)", max_error_px, 1e-6, 1e6, reason);
+}
+
 LensCalibration calibrate_lens(const CameraBoardViews& camera,
-                               const LensCalibrationSettings& settings) {
+                               const LensCalibrationOptions& options) {
+  require_valid(options, "calibration of a lens");
   const std::span<const CameraBoardViews> cameras(&camera, 1);
   const Views views(cameras);
   const schemas::Intrinsics guess = guessed_lens(views, camera.width, camera.height);
   ArrayModel model = make_initial_model(views, cameras, {&guess, 1});
-  BundleAdjustmentSettings bundle;
-  refine(model, views, settings, bundle);
+  BundleAdjustmentOptions bundle;
+  refine(model, views, options, bundle);
   LensCalibration found = described(model, views, bundle).front();
   judge(found);
   return found;
 }
 
 std::vector<LensCalibration> calibrate_lenses_with_shared_prior(
-    std::span<const CameraBoardViews> cameras, const LensCalibrationSettings& settings) {
+    std::span<const CameraBoardViews> cameras, const LensCalibrationOptions& options) {
+  require_valid(options, "calibration of lenses");
   const Views views(cameras);
   std::vector<LensCalibration> alone;
   std::vector<schemas::Intrinsics> lenses;
@@ -280,7 +287,7 @@ std::vector<LensCalibration> calibrate_lenses_with_shared_prior(
           "cameras with a shared lens prior", "Name cameras of one model, with equal frame sizes")
           .concerning({"shared_lens_prior"});
     }
-    const LensCalibration& own = alone.emplace_back(calibrate_lens(camera, settings));
+    const LensCalibration& own = alone.emplace_back(calibrate_lens(camera, options));
     lenses.push_back(own.lens);
     const double weight = own.deviations[0] > 0 ? std::pow(own.deviations[0], -2) : 0;
     focal_length += weight * own.lens.fx;
@@ -291,11 +298,11 @@ std::vector<LensCalibration> calibrate_lenses_with_shared_prior(
     if (weights > 0) lens.fx = lens.fy = focal_length / weights;
   }
   ArrayModel model = make_initial_model(views, cameras, lenses);
-  BundleAdjustmentSettings bundle;
+  BundleAdjustmentOptions bundle;
   bundle.shared_lens = false;
-  constexpr double kLeastNoise = 0.02;
-  bundle.lens_prior_noise_px = std::max(noise_px, kLeastNoise);
-  refine(model, views, settings, bundle);
+  constexpr double kMinNoise = 0.02;
+  bundle.lens_prior_noise_px = std::max(noise_px, kMinNoise);
+  refine(model, views, options, bundle);
   std::vector<LensCalibration> found = described(model, views, bundle);
   share_deviations(found);
   for (LensCalibration& one : found) judge(one);

@@ -25,10 +25,12 @@ struct BoardView {
 /// none with fewer than four corners.
 std::optional<rig::Pose> estimate_board_pose(const BoardView& view, const rig::CameraModel& lens);
 
-struct LensCalibrationSettings {
+struct LensCalibrationOptions {
   bool full_lens_model = false;  ///< also k3 and tangential distortion
   double max_error_px = 3;       ///< corners with a larger reprojection error are outliers
   std::stop_token stop = {};     ///< stops it
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// Result of the calibration of one lens.
@@ -56,13 +58,13 @@ struct CameraBoardViews {
 /// corners. Accepted if the focal length is known to 1 % (two standard deviations) and nine of ten
 /// corners fit. Throws Error (bad input) with fewer than three views of six corners.
 LensCalibration calibrate_lens(const CameraBoardViews& camera,
-                               const LensCalibrationSettings& settings);
+                               const LensCalibrationOptions& options);
 
 /// Calibrates lenses of one model jointly with a shared lens prior; each has its own principal
 /// point. Rejected if a lens differs from its independent calibration by more than
 /// kLensPriorDeviations allow. Errors as calibrate_lens(); (bad input) also for pictures of
 /// different sizes.
 std::vector<LensCalibration> calibrate_lenses_with_shared_prior(
-    std::span<const CameraBoardViews> cameras, const LensCalibrationSettings& settings);
+    std::span<const CameraBoardViews> cameras, const LensCalibrationOptions& options);
 
 }  // namespace raystage::calibrate

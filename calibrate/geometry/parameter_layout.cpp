@@ -12,7 +12,7 @@ using Eigen::Index;
 using Eigen::VectorXd;
 
 ParameterLayout make_parameter_layout(const ArrayModel& model,
-                                      const BundleAdjustmentSettings& free) {
+                                      const BundleAdjustmentOptions& free) {
   ParameterLayout layout;
   std::vector<bool> counts(model.cameras.size(), false);
   for (const ArrayModel::Observation& o : model.observations) {

@@ -20,8 +20,7 @@ struct ParameterLayout {
   Eigen::Index size = 0;
 };
 
-ParameterLayout make_parameter_layout(const ArrayModel& model,
-                                      const BundleAdjustmentSettings& free);
+ParameterLayout make_parameter_layout(const ArrayModel& model, const BundleAdjustmentOptions& free);
 
 /// Returns the size of one tolerance for each parameter.
 Eigen::VectorXd parameter_tolerances(const ArrayModel& model, const ParameterLayout& layout,

@@ -33,30 +33,29 @@ double score_of(const ArrayModel& model) {
 }
 
 /// Computes initial poses, or starts from known ones; inliers are within `max_error_px`.
-ArrayModel begun_once(const ArrayModel& empty, double max_error_px, const SolveSettings& settings) {
+ArrayModel begun_once(const ArrayModel& empty, double max_error_px, const SolveOptions& options) {
   ArrayModel model = empty;
-  BundleAdjustmentSettings bundle;
-  bundle.fixed_cameras = settings.fixed_cameras;
-  bundle.stop = settings.stop;
+  BundleAdjustmentOptions bundle;
+  bundle.fixed_cameras = options.fixed_cameras;
+  bundle.stop = options.stop;
   bundle.loss_scale_px = 2;
-  InitialPosesSettings first{max_error_px, false, settings.fixed_cameras};
-  first.stop = settings.stop;
-  first.estimates_focal_lengths = settings.lens_per_camera && settings.lenses.empty();
+  InitialPosesOptions first{max_error_px, false, options.fixed_cameras};
+  first.stop = options.stop;
+  first.estimates_focal_lengths = options.lens_per_camera && options.lenses.empty();
   const auto is_known = [](const std::optional<rig::Pose>& pose) { return pose.has_value(); };
-  if (std::ranges::count_if(settings.poses, is_known) >= 2) {
-    for (std::size_t i = 0; i < settings.poses.size(); ++i) {
-      model.cameras[i].pose = settings.poses[i];
+  if (std::ranges::count_if(options.poses, is_known) >= 2) {
+    for (std::size_t i = 0; i < options.poses.size(); ++i) {
+      model.cameras[i].pose = options.poses[i];
     }
     triangulate_points(model, max_error_px);
     register_cameras(model, first);
   } else if (!estimate_initial_poses(model, first)) {
     return model;
   }
-  if (!settings.lens_is_known && settings.lenses.empty())
-    bundle.lens = LensRefinement::kFocalLength;
-  bundle.shared_lens = !settings.lens_per_camera;
+  if (!options.lens_is_known && options.lenses.empty()) bundle.lens = LensRefinement::kFocalLength;
+  bundle.shared_lens = !options.lens_per_camera;
   run_bundle_adjustment(model, bundle);
-  if (settings.lens_per_camera) register_cameras(model, first);
+  if (options.lens_per_camera) register_cameras(model, first);
   return model;
 }
 
@@ -64,14 +63,14 @@ ArrayModel begun_once(const ArrayModel& empty, double max_error_px, const SolveS
 /// a strict one is tried, too, for each field of view. All run in parallel; the best one does not
 /// depend on their order.
 ArrayModel begun_with(const Detections& detections, const std::vector<double>& fovs,
-                      const SolveSettings& settings) {
+                      const SolveOptions& options) {
   std::vector<ArrayModel> begun(2 * fovs.size());
   parallel_for(std::size_t{0}, begun.size(), [&](std::size_t i) {
     ArrayModel model = make_initial_model(detections, fovs[i / 2]);
-    for (std::size_t k = 0; k < settings.lenses.size(); ++k) {
-      model.cameras[k].intrinsics = settings.lenses[k];
+    for (std::size_t k = 0; k < options.lenses.size(); ++k) {
+      model.cameras[k].intrinsics = options.lenses[k];
     }
-    begun[i] = begun_once(model, i % 2 == 0 ? kFirstError : kStrict, settings);
+    begun[i] = begun_once(model, i % 2 == 0 ? kFirstError : kStrict, options);
   });
   return std::move(*std::ranges::max_element(begun, {}, score_of));
 }
@@ -101,15 +100,15 @@ Detections thinned(const Detections& all, std::size_t max_points, std::size_t mo
 }
 
 /// Returns the given field of view, or the trial value with which most cameras and points fit.
-double likely_fov(const Detections& detections, const SolveSettings& settings) {
+double likely_fov(const Detections& detections, const SolveOptions& options) {
   constexpr double kDegree = std::numbers::pi / 180;
-  if (settings.horizontal_fov) return *settings.horizontal_fov;
-  if (!settings.lenses.empty()) return 60 * kDegree;  // unused
-  constexpr std::size_t kMostPoints = 150, kMostCameras = 9;
-  const Detections thin = thinned(detections, kMostPoints, kMostCameras);
+  if (options.horizontal_fov) return *options.horizontal_fov;
+  if (!options.lenses.empty()) return 60 * kDegree;  // unused
+  constexpr std::size_t kMaxPoints = 150, kMaxCameras = 9;
+  const Detections thin = thinned(detections, kMaxPoints, kMaxCameras);
   std::vector<double> tried;
   for (const double degrees : {15, 25, 40, 55, 70, 90, 110}) tried.push_back(degrees * kDegree);
-  const ArrayModel best = begun_with(thin, tried, settings);
+  const ArrayModel best = begun_with(thin, tried, options);
   const auto found = std::ranges::find_if(
       best.cameras, [](const ArrayModel::Camera& camera) { return camera.pose.has_value(); });
   if (found == best.cameras.end()) return 60 * kDegree;
@@ -118,24 +117,25 @@ double likely_fov(const Detections& detections, const SolveSettings& settings) {
 
 }  // namespace
 
-ArrayModel solve_array(const Detections& detections, const SolveSettings& settings,
+ArrayModel solve_array(const Detections& detections, const SolveOptions& options,
                        SolveReport& report) {
   const Stopwatch watch;
-  ArrayModel model = begun_with(detections, {likely_fov(detections, settings)}, settings);
+  ArrayModel model = begun_with(detections, {likely_fov(detections, options)}, options);
   const bool is_held =
-      std::ranges::find(settings.fixed_cameras, true) != settings.fixed_cameras.end();
-  if (!settings.poses.empty() && !is_held &&
+      std::ranges::find(options.fixed_cameras, true) != options.fixed_cameras.end();
+  if (!options.poses.empty() && !is_held &&
       2 * make_solve_step(model, "").observations < static_cast<int>(model.observations.size())) {
-    SolveSettings without_poses = settings;  // the array has changed
+    SolveOptions without_poses = options;  // the array has changed
     without_poses.poses.clear();
-    ArrayModel anew = begun_with(detections, {likely_fov(detections, settings)}, without_poses);
+    ArrayModel anew = begun_with(detections, {likely_fov(detections, options)}, without_poses);
     if (score_of(anew) > score_of(model)) model = std::move(anew);
   }
   if (count_registered_cameras(model) < 2) {
     throw Error::bad_input("no two cameras see enough common points at different positions", "",
                            "Record the light where several cameras see it at once, near and far");
   }
-  run_bundle_adjustment_steps(model, settings, report);
+  run_bundle_adjustment_steps(model, options, report);
+  report.status = RunStatus::kFinished;
   report.seconds = watch.seconds();
   return model;
 }

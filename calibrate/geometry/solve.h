@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "base/run_status.h"
 #include "calibrate/geometry/array_model.h"
 #include "calibrate/geometry/bundle_adjustment.h"
 
@@ -19,7 +20,7 @@ struct SolveStep {
   int observations = 0, outliers = 0;
 };
 
-struct SolveSettings {
+struct SolveOptions {
   /// Horizontal field of view of all cameras, radians; none: several are tried.
   std::optional<double> horizontal_fov = {};
   /// Initial lens of each camera, in place of the field of view.
@@ -36,9 +37,10 @@ struct SolveSettings {
 
 /// Record of a solve.
 struct SolveReport {
+  RunStatus status = RunStatus::kNotRun;
   using Step = SolveStep;
   std::vector<Step> steps;
-  BundleAdjustmentSettings last;  ///< settings of the last bundle adjustment
+  BundleAdjustmentOptions last;  ///< settings of the last bundle adjustment
   double seconds = 0;
 };
 
@@ -46,7 +48,7 @@ struct SolveReport {
 /// that refine more and more lens parameters, with outliers classified after each. Throws Error
 /// (bad input) if no two cameras share enough points, (failed) if a stop is requested. Cameras with
 /// too few points have no pose.
-ArrayModel solve_array(const Detections& detections, const SolveSettings& settings,
+ArrayModel solve_array(const Detections& detections, const SolveOptions& options,
                        SolveReport& report);
 
 }  // namespace raystage::calibrate

@@ -12,31 +12,31 @@
 namespace raystage::calibrate {
 namespace {
 
-constexpr double kMostThreshold = 12;  // pixels
-constexpr double kLeastThreshold = 3;
+constexpr double kMaxThreshold = 12;  // pixels
+constexpr double kMinThreshold = 3;
 
 /// Returns the outlier threshold, pixels: six times the standard deviation that the median error
 /// implies (errors are lengths in two dimensions).
 double outlier_threshold(const ArrayModel& model) {
   std::vector<double> errors = reprojection_errors(model);
-  if (errors.empty()) return kMostThreshold;
+  if (errors.empty()) return kMaxThreshold;
 
   const double deviation = median(std::move(errors)) / std::sqrt(2 * std::numbers::ln2);
-  return std::clamp(6 * deviation, kLeastThreshold, kMostThreshold);
+  return std::clamp(6 * deviation, kMinThreshold, kMaxThreshold);
 }
 
 /// Alternates bundle adjustment and outlier classification until few observations change.
 /// `least_px`: smallest threshold, the possible error of the current lens model.
-void settle(ArrayModel& model, const BundleAdjustmentSettings& settings, double least_px) {
-  constexpr int kMostRounds = 6;
-  for (int round = 0; round < kMostRounds; ++round) {
-    run_bundle_adjustment(model, settings);
+void settle(ArrayModel& model, const BundleAdjustmentOptions& options, double least_px) {
+  constexpr int kMaxRounds = 6;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    run_bundle_adjustment(model, options);
     const double threshold = std::max(outlier_threshold(model), least_px);
     if (model.bodies.empty()) triangulate_points(model, threshold);
     const int changed = classify_outliers(model, threshold);
     if (changed <= static_cast<int>(model.observations.size() / 1000)) break;
   }
-  run_bundle_adjustment(model, settings);
+  run_bundle_adjustment(model, options);
 }
 
 }  // namespace
@@ -55,34 +55,34 @@ SolveReport::Step make_solve_step(const ArrayModel& model, std::string what) {
   return step;
 }
 
-void run_bundle_adjustment_steps(ArrayModel& model, const SolveSettings& settings,
+void run_bundle_adjustment_steps(ArrayModel& model, const SolveOptions& options,
                                  SolveReport& report) {
-  BundleAdjustmentSettings bundle;
-  bundle.fixed_cameras = settings.fixed_cameras;
-  bundle.stop = settings.stop;
+  BundleAdjustmentOptions bundle;
+  bundle.fixed_cameras = options.fixed_cameras;
+  bundle.stop = options.stop;
   const auto release = [&](LensRefinement lens, bool shared, double least_px, const char* what) {
     bundle.lens = lens;
     bundle.shared_lens = shared;
     settle(model, bundle, least_px);
     report.steps.push_back(make_solve_step(model, what));
-    if (settings.on_step) settings.on_step(report.steps.back());
+    if (options.on_step) options.on_step(report.steps.back());
   };
-  const bool frees = !settings.lens_is_known, each = settings.lens_per_camera;
-  release(LensRefinement::kNone, false, frees ? 8 : kLeastThreshold, "poses and points");
-  if (frees && settings.lenses.empty()) {
+  const bool frees = !options.lens_is_known, each = options.lens_per_camera;
+  release(LensRefinement::kNone, false, frees ? 8 : kMinThreshold, "poses and points");
+  if (frees && options.lenses.empty()) {
     release(LensRefinement::kFocalLength, !each, 8,
             each ? "a focal length for each camera" : "one focal length for all");
   }
-  if (frees && !each) release(LensRefinement::kRadial, true, kLeastThreshold, "one lens for all");
+  if (frees && !each) release(LensRefinement::kRadial, true, kMinThreshold, "one lens for all");
   if (frees && each) {
     release(LensRefinement::kPinhole, false, 4, "a principal point for each camera");
     release(LensRefinement::kRadial, false, 4, "a lens for each camera");
   }
-  if (frees && settings.full_lens_model) {
+  if (frees && options.full_lens_model) {
     release(LensRefinement::kFullModel, !each, 4, "full lens model");
   }
-  if (frees && (each || settings.full_lens_model)) {
-    release(bundle.lens, bundle.shared_lens, kLeastThreshold, "without remaining outliers");
+  if (frees && (each || options.full_lens_model)) {
+    release(bundle.lens, bundle.shared_lens, kMinThreshold, "without remaining outliers");
   }
   report.last = bundle;
 }

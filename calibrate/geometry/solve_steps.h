@@ -11,7 +11,7 @@ int count_registered_cameras(const ArrayModel& model);
 
 /// Runs bundle adjustments that refine more and more lens parameters, and classifies outliers after
 /// each.
-void run_bundle_adjustment_steps(ArrayModel& model, const SolveSettings& settings,
+void run_bundle_adjustment_steps(ArrayModel& model, const SolveOptions& options,
                                  SolveReport& report);
 
 /// Returns the state of the model under a name.

@@ -16,9 +16,9 @@ namespace {
 TEST(SolvedArrays, TheThesisArrayIsFoundToAMillimetre) {
   const testing::SyntheticArray truth = testing::make_synthetic_array({});
   SolveReport report;
-  SolveSettings settings;
-  settings.horizontal_fov = 60 * testing::kTestDegree;
-  const ArrayModel model = solve_array(truth.detections, settings, report);
+  SolveOptions options;
+  options.horizontal_fov = 60 * testing::kTestDegree;
+  const ArrayModel model = solve_array(truth.detections, options, report);
   const testing::PoseErrors errors = testing::pose_errors(model, truth.poses);
   RecordProperty("seconds", fmt::format("{:.1f}", report.seconds));
   EXPECT_EQ(errors.placed, 64);
@@ -47,14 +47,14 @@ TEST(SolvedArrays, AreGivenUpWhenAskedTo) {
   const testing::SyntheticArray truth = testing::make_synthetic_array({.rows = 2, .columns = 3});
   SolveReport report;
   std::stop_source source;
-  SolveSettings settings{.horizontal_fov = 60 * testing::kTestDegree};
-  settings.stop = source.get_token();
+  SolveOptions options{.horizontal_fov = 60 * testing::kTestDegree};
+  options.stop = source.get_token();
   std::vector<std::string> steps;
-  settings.on_step = [&](const SolveStep& step) {
+  options.on_step = [&](const SolveStep& step) {
     steps.push_back(step.what);
     source.request_stop();
   };
-  EXPECT_THROW(solve_array(truth.detections, settings, report), Error);
+  EXPECT_THROW(solve_array(truth.detections, options, report), Error);
   EXPECT_EQ(steps, std::vector<std::string>{"poses and points"});
 }
 
@@ -62,9 +62,9 @@ TEST(SolvedArrays, AreGivenUpWhenAskedTo) {
 ArrayModel solved_light(const std::filesystem::path& folder, SolveReport& report) {
   const Detections detections = read_detections(
       folder / "detections.csv", schemas::read_detections_document(folder / "cameras.json"));
-  SolveSettings settings;
-  settings.lens_per_camera = true;
-  return solve_array(detections, settings, report);
+  SolveOptions options;
+  options.lens_per_camera = true;
+  return solve_array(detections, options, report);
 }
 
 /// Svoboda's MultiCamSelfCal states 0.62 px in the mean.

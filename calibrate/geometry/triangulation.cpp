@@ -22,12 +22,12 @@ struct Ray {
 /// Returns the point with the least sum of squared distances from the rays; none if they are almost
 /// parallel.
 std::optional<Vector3d> nearest_point(const std::vector<Ray>& rays) {
-  constexpr double kLeastAngle = 1e-3;  // radians between two of them
+  constexpr double kMinAngle = 1e-3;  // radians between two of them
   bool differ = false;
   Matrix3d sum = Matrix3d::Zero();
   Vector3d right = Vector3d::Zero();
   for (const Ray& ray : rays) {
-    differ = differ || ray.direction.cross(rays.front().direction).norm() > kLeastAngle;
+    differ = differ || ray.direction.cross(rays.front().direction).norm() > kMinAngle;
     const Matrix3d across = Matrix3d::Identity() - ray.direction * ray.direction.transpose();
     sum += across;
     right += across * ray.origin;

@@ -214,8 +214,8 @@ double residual_correlation(const ArrayModel& model) {
     }
     last = residual;
   }
-  constexpr double kMost = 0.95;
-  return alone > 0 ? std::clamp(together / alone, 0.0, kMost) : 0;
+  constexpr double kMax = 0.95;
+  return alone > 0 ? std::clamp(together / alone, 0.0, kMax) : 0;
 }
 
 }  // namespace
@@ -235,7 +235,7 @@ double median_neighbour_distance(const ArrayModel& model) {
 }
 
 std::optional<Uncertainty> estimate_uncertainty(const ArrayModel& model,
-                                                const BundleAdjustmentSettings& free,
+                                                const BundleAdjustmentOptions& free,
                                                 const Tolerances& tolerances, double min_noise_px) {
   const ParameterLayout layout = make_parameter_layout(model, free);
   if (layout.size == 0) return std::nullopt;

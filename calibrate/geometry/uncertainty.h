@@ -52,7 +52,7 @@ struct Uncertainty {
 /// `min_noise_px`, because residuals of few observations are too small. None without observations
 /// that are used.
 std::optional<Uncertainty> estimate_uncertainty(const ArrayModel& model,
-                                                const BundleAdjustmentSettings& free,
+                                                const BundleAdjustmentOptions& free,
                                                 const Tolerances& tolerances,
                                                 double min_noise_px = 0.02);
 

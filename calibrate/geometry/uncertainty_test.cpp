@@ -28,9 +28,9 @@ TEST(Deviations, AreAsLargeAsErrors) {
                                        .mounting_deg = 12,
                                        .outliers = 0,
                                        .seed = static_cast<unsigned>(100 + i)});
-    CalibrationSettings settings;
-    settings.solve.horizontal_fov = 60 * testing::kTestDegree;
-    Calibration found = calibrate(truth.detections, settings);
+    CalibrationOptions options;
+    options.solve.horizontal_fov = 60 * testing::kTestDegree;
+    Calibration found = calibrate(truth.detections, options);
     ASSERT_TRUE(found.uncertainty);
     std::vector<rig::Pose> poses;
     for (const ArrayModel::Camera& camera : found.model.cameras) poses.push_back(*camera.pose);
@@ -122,10 +122,10 @@ class Moved {
 TEST(Deviations, AreThoseOfTheWholeCovariance) {
   const testing::SyntheticArray truth = testing::make_synthetic_array(
       {.rows = 2, .columns = 2, .mounting_deg = 8, .points = 40, .outliers = 0, .missing = 0.1});
-  CalibrationSettings settings;
-  settings.solve.horizontal_fov = 60 * testing::kTestDegree;
-  const Calibration found = calibrate(truth.detections, settings);
-  BundleAdjustmentSettings free = found.solve.last;
+  CalibrationOptions options;
+  options.solve.horizontal_fov = 60 * testing::kTestDegree;
+  const Calibration found = calibrate(truth.detections, options);
+  BundleAdjustmentOptions free = found.solve.last;
   ASSERT_EQ(free.lens, LensRefinement::kRadial);
   free.fixed_cameras = {true, true, false, false};
   const auto said = estimate_uncertainty(found.model, free, {});
@@ -152,23 +152,23 @@ TEST(Deviations, AreThoseOfTheWholeCovariance) {
 
 TEST(Lenses, ThatRestStayEachAsItIs) {
   const testing::SyntheticArray truth = testing::make_synthetic_array({.rows = 2, .columns = 2});
-  CalibrationSettings settings;
-  settings.solve.lenses.assign(4, truth.lens);
-  settings.solve.lenses[1].fx = settings.solve.lenses[1].fy = 1.02 * truth.lens.fx;
-  settings.solve.lens_is_known = true;
-  const Calibration found = calibrate(truth.detections, settings);
+  CalibrationOptions options;
+  options.solve.lenses.assign(4, truth.lens);
+  options.solve.lenses[1].fx = options.solve.lenses[1].fy = 1.02 * truth.lens.fx;
+  options.solve.lens_is_known = true;
+  const Calibration found = calibrate(truth.detections, options);
   for (std::size_t i = 0; i < 4; ++i) {
-    EXPECT_EQ(found.model.cameras[i].intrinsics, settings.solve.lenses[i]) << i;
+    EXPECT_EQ(found.model.cameras[i].intrinsics, options.solve.lenses[i]) << i;
   }
 }
 
 TEST(Deviations, OfHeldPartsAreNone) {
   const testing::SyntheticArray truth = testing::make_synthetic_array({.rows = 2, .columns = 2});
-  CalibrationSettings settings;
-  settings.solve.lenses.assign(4, truth.lens);
-  settings.solve.lens_is_known = true;
-  const Calibration found = calibrate(truth.detections, settings);
-  BundleAdjustmentSettings free = found.solve.last;
+  CalibrationOptions options;
+  options.solve.lenses.assign(4, truth.lens);
+  options.solve.lens_is_known = true;
+  const Calibration found = calibrate(truth.detections, options);
+  BundleAdjustmentOptions free = found.solve.last;
   const auto all = estimate_uncertainty(found.model, free, {});
   ASSERT_TRUE(all);
   EXPECT_EQ(all->cameras[0]->lens, LensParameters{});
@@ -185,9 +185,9 @@ TEST(Deviations, OfWhatNothingTellsAreHuge) {
   // Cameras that all look the same way cannot tell a longer lens from a deeper scene.
   const testing::SyntheticArray truth =
       testing::make_synthetic_array({.rows = 2, .columns = 3, .mounting_m = 0, .mounting_deg = 0});
-  CalibrationSettings settings;
-  settings.solve.horizontal_fov = 60 * testing::kTestDegree;
-  const Calibration found = calibrate(truth.detections, settings);
+  CalibrationOptions options;
+  options.solve.horizontal_fov = 60 * testing::kTestDegree;
+  const Calibration found = calibrate(truth.detections, options);
   ASSERT_TRUE(found.uncertainty);
   const Uncertainty::Direction& worst = found.uncertainty->weakest.front();
   EXPECT_GT(worst.deviation, 10);

@@ -13,6 +13,7 @@
 #include <set>
 
 #include "base/error.h"
+#include "base/options.h"
 #include "calibrate/geometry/alignment.h"
 #include "calibrate/geometry/uncertainty.h"
 
@@ -74,7 +75,7 @@ std::vector<Vector2d> neighbour_steps(const ArrayModel& model,
 
 /// Returns the angle of the rows to the first axis, radians, within 45 degrees; 0 if the steps to
 /// neighbours do not have two perpendicular directions.
-double turn_of_rows(const std::vector<Vector2d>& steps) {
+double row_rotation(const std::vector<Vector2d>& steps) {
   std::complex<double> sum = 0;
   for (const Vector2d& step : steps) sum += std::polar(1.0, 4 * std::atan2(step.y(), step.x()));
   constexpr double kRegular = 0.7;
@@ -119,7 +120,7 @@ Matrix3d axes_of(const ArrayModel& model, const std::vector<std::size_t>& found,
     axes.col(0) = (axes.col(0) - normal * normal.dot(axes.col(0))).normalized();
     axes.col(1) = normal.cross(axes.col(0));
   }
-  const double turn = turn_of_rows(neighbour_steps(model, found, axes));
+  const double turn = row_rotation(neighbour_steps(model, found, axes));
   const Vector3d x = std::cos(turn) * axes.col(0) + std::sin(turn) * axes.col(1);
   axes.col(1) = axes.col(2).cross(x);
   axes.col(0) = x;
@@ -127,8 +128,8 @@ Matrix3d axes_of(const ArrayModel& model, const std::vector<std::size_t>& found,
 }
 
 /// Returns grid positions from steps between neighbours, relative to the first camera.
-std::vector<std::optional<GridPosition>> walked_places(const ArrayModel& model, double spacing,
-                                                       const std::vector<std::size_t>& found) {
+std::vector<std::optional<GridPosition>> assign_grid_positions(
+    const ArrayModel& model, double spacing, const std::vector<std::size_t>& found) {
   std::vector<std::optional<GridPosition>> places(model.cameras.size());
   places[found.front()] = GridPosition{};
   std::queue<std::size_t> next({found.front()});
@@ -140,9 +141,9 @@ std::vector<std::optional<GridPosition>> walked_places(const ArrayModel& model, 
       const Vector3d step =
           (model.cameras[to].pose->position - model.cameras[from].pose->position) / spacing;
       const double across = std::round(step.x()), up = std::round(step.y());
-      constexpr double kMostOff = 0.45;
-      if (std::abs(across) + std::abs(up) != 1 || std::abs(step.x() - across) > kMostOff ||
-          std::abs(step.y() - up) > kMostOff || std::abs(step.z()) > kMostOff) {
+      constexpr double kMaxDeviation = 0.45;
+      if (std::abs(across) + std::abs(up) != 1 || std::abs(step.x() - across) > kMaxDeviation ||
+          std::abs(step.y() - up) > kMaxDeviation || std::abs(step.z()) > kMaxDeviation) {
         continue;
       }
       places[to] = GridPosition{places[from]->row - static_cast<int>(up),
@@ -195,7 +196,7 @@ struct Grid {
 std::optional<Grid> grid_of(const ArrayModel& model) {
   const std::vector<std::size_t> found = found_in(model);
   if (found.size() < 2) return std::nullopt;
-  Grid grid{walked_places(model, median_neighbour_distance(model), found), {}};
+  Grid grid{assign_grid_positions(model, median_neighbour_distance(model), found), {}};
   GridPosition least;
   std::set<std::pair<int, int>> taken;
   for (const std::size_t i : found) {
@@ -209,10 +210,10 @@ std::optional<Grid> grid_of(const ArrayModel& model) {
     grid.places[i]->column -= least.column;
   }
   grid.lattice = lattice_of(model, found, grid.places);
-  constexpr double kMostOff = 1.0 / 3;
+  constexpr double kMaxDeviation = 1.0 / 3;
   for (const std::size_t i : found) {
     const Vector3d off = model.cameras[i].pose->position - grid.lattice.at(*grid.places[i]);
-    if (!(off.norm() <= kMostOff * grid.lattice.spacing())) return std::nullopt;
+    if (!(off.norm() <= kMaxDeviation * grid.lattice.spacing())) return std::nullopt;
   }
   return grid;
 }
@@ -260,16 +261,22 @@ double camera_spacing(const ArrayModel& model) {
   return grid ? grid->lattice.spacing() : median_neighbour_distance(model);
 }
 
-bool scale_world(ArrayModel& model, const ScaleSettings& settings) {
+bool ScaleOptions::is_valid(std::string* reason) const {
+  return is_within("spacing (m)", spacing_m.value_or(1), 1e-9, 1e9, reason) &&
+         is_within("distance (m)", distance ? distance->metres : 1, 1e-9, 1e9, reason);
+}
+
+bool scale_world(ArrayModel& model, const ScaleOptions& options) {
+  require_valid(options, "scale of the world");
   double known = 0, found = 0;
-  if (settings.distance) {
-    const auto& [from, to, metres] = *settings.distance;
+  if (options.distance) {
+    const auto& [from, to, metres] = *options.distance;
     const rig::Pose& a = *model.cameras[camera_named(model, from)].pose;
     const rig::Pose& b = *model.cameras[camera_named(model, to)].pose;
     known = metres;
     found = (b.position - a.position).norm();
-  } else if (settings.spacing_m) {
-    known = *settings.spacing_m;
+  } else if (options.spacing_m) {
+    known = *options.spacing_m;
     found = camera_spacing(model);
   } else {
     return false;

@@ -32,7 +32,7 @@ std::optional<std::vector<std::optional<GridPosition>>> find_grid_positions(
 double camera_spacing(const ArrayModel& model);
 
 /// Source of the world's scale.
-struct ScaleSettings {
+struct ScaleOptions {
   std::optional<double> spacing_m = {};  ///< between neighbouring cameras
   /// A measured distance between two cameras.
   struct Distance {
@@ -40,11 +40,13 @@ struct ScaleSettings {
     double metres = 0;
   };
   std::optional<Distance> distance = {};
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// Scales the world to metres. Throws Error (bad input) for a camera that is unknown or has no
 /// pose, or two at the same position. Returns whether the scale is known.
-bool scale_world(ArrayModel& model, const ScaleSettings& settings);
+bool scale_world(ArrayModel& model, const ScaleOptions& options);
 
 /// Aligns the world with known poses (one for each camera, or none) if at least two are known; with
 /// `scales` also its scale. Returns whether it did.

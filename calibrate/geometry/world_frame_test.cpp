@@ -33,7 +33,7 @@ SimilarityTransform somewhere() {
 TEST(WorldFrames, AreTheArraysOwn) {
   ArrayModel model = strange_grid(4, 6, somewhere());
   align_to_array(model);
-  ASSERT_TRUE(scale_world(model, {.distance = ScaleSettings::Distance{"c0", "c1", 0.06}}));
+  ASSERT_TRUE(scale_world(model, {.distance = ScaleOptions::Distance{"c0", "c1", 0.06}}));
   Vector3d middle = Vector3d::Zero();
   for (int i = 0; i < 24; ++i) {
     const rig::Pose& pose = *model.cameras[i].pose;
@@ -96,7 +96,7 @@ TEST(WorldFrames, CamerasAllAroundHaveNoGrid) {
 TEST(WorldFrames, DistancesAreBetweenCamerasThatExist) {
   ArrayModel model = strange_grid(2, 2, {});
   const auto between = [](const char* from, const char* to) {
-    return ScaleSettings{.distance = ScaleSettings::Distance{from, to, 1}};
+    return ScaleOptions{.distance = ScaleOptions::Distance{from, to, 1}};
   };
   EXPECT_THROW(scale_world(model, between("c0", "c9")), Error);
   EXPECT_THROW(scale_world(model, between("c0", "c0")), Error);

@@ -20,7 +20,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::size_t kMostNumbers = std::size_t{1} << 26;
+constexpr std::size_t kMaxNumbers = std::size_t{1} << 26;
 
 std::uint32_t word_at(std::string_view bytes, std::size_t offset) {
   std::uint32_t word = 0;
@@ -213,7 +213,7 @@ std::vector<double> GltfFile::numbers(const json& accessor_index, std::size_t wi
   const std::int64_t stride = integer_member(view, "byteStride", packed);
   if (buffer < 0 || static_cast<std::size_t>(buffer) >= buffers_.size() || in_buffer < 0 ||
       length < 0 || in_view < 0 || count < 1 || stride < packed ||
-      static_cast<std::size_t>(count) * width > kMostNumbers ||
+      static_cast<std::size_t>(count) * width > kMaxNumbers ||
       in_view + (count - 1) * stride + packed > length ||
       in_buffer + length > static_cast<std::int64_t>(buffers_[buffer].size())) {
     throw input_error("the accessor exceeds its buffer or has no size", where);

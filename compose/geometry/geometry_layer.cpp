@@ -126,7 +126,7 @@ std::size_t GeometryLayer::aov_bytes_per_pixel() const {
 }
 
 std::unique_ptr<const LayerRenderer> GeometryLayer::make_renderer(
-    const LayerRendererSettings& /*settings*/) const {
+    const LayerRendererOptions& /*options*/) const {
   return std::make_unique<const MeshRenderer>(samples_);
 }
 

@@ -35,9 +35,10 @@ class GeometryLayer final : public Layer {
   std::vector<std::string> object_names(const std::string& layer) const override;
   std::size_t shared_bytes() const override { return scene_->bytes(); }
   std::size_t aov_bytes_per_pixel() const override;
+  const GeometryLayer* as_geometry() const override { return this; }
   LayerStage stage() const override { return LayerStage::kGeometry; }
   std::unique_ptr<const LayerRenderer> make_renderer(
-      const LayerRendererSettings& settings) const override;
+      const LayerRendererOptions& options) const override;
 
  private:
   AnimatedTransform transform_;

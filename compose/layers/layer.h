@@ -19,7 +19,9 @@
 
 namespace raystage::compose {
 
+class GeometryLayer;
 struct GeometryScene;
+class LightFieldLayer;
 
 /// What to show at a shot frame for which a take has no light field frame (as OpenTimelineIO).
 enum class MissingFrames {
@@ -42,10 +44,10 @@ struct LightFieldMemory {
 };
 
 /// Settings that all layers of a sequence share, except `memory`.
-struct LayerRendererSettings {
+struct LayerRendererOptions {
   LightFieldMemory memory;
-  bool measure_coverage = false, measure_confidence = false;  ///< as RendererSettings
-  std::filesystem::path cache_folder;                         ///< as RendererSettings
+  bool measure_coverage = false, measure_confidence = false;  ///< as RendererOptions
+  std::filesystem::path cache_folder;                         ///< as RendererOptions
   std::shared_ptr<render::StoredDataCounts> stored_data_counts;
   render::DistributedTakes* hosts = nullptr;  ///< null: the take's folder holds its archives
 };
@@ -131,6 +133,11 @@ class Layer {
   /// Returns the memory of the layer's AOVs in a view, bytes per pixel.
   virtual std::size_t aov_bytes_per_pixel() const { return 0; }
 
+  /// Returns the layer if it has a take, and else null.
+  virtual const LightFieldLayer* as_light_field() const { return nullptr; }
+  /// Returns the layer if it has a mesh, and else null.
+  virtual const GeometryLayer* as_geometry() const { return nullptr; }
+
   virtual LayerStage stage() const { return LayerStage::kMerge; }
   /// Returns whether the colours are in kSceneSpace; otherwise they are in the working space.
   virtual bool is_in_scene_space() const { return false; }
@@ -139,7 +146,7 @@ class Layer {
 
   /// Returns a renderer, which keeps a reference to this layer.
   virtual std::unique_ptr<const LayerRenderer> make_renderer(
-      const LayerRendererSettings& settings) const = 0;
+      const LayerRendererOptions& options) const = 0;
 };
 
 }  // namespace raystage::compose

@@ -20,7 +20,7 @@ bool has_option(const render::Method& method, std::string_view name) {
 
 /// Returns the depth range of the method's options, or else that of the take.
 std::optional<schemas::DepthRange> depth_range_of(
-    const render::ReconstructionSettings& reconstruction, const store::Take& take) {
+    const render::ReconstructionOptions& reconstruction, const store::Take& take) {
   const render::Method& method = render::method_named(reconstruction.method);
   const render::MethodOptions options(method.options(), reconstruction.options,
                                       reconstruction.method);
@@ -30,17 +30,17 @@ std::optional<schemas::DepthRange> depth_range_of(
   return scene.near > 0 && scene.far > 0 ? std::optional(scene) : std::nullopt;
 }
 
-render::ReconstructionSettings reconstruction_of(const schemas::ShotDocument::Layer& layer,
-                                                 const store::Take& take, const std::string& where,
-                                                 std::optional<schemas::HoleFill> fill,
-                                                 const schemas::OptionValues& target) {
+render::ReconstructionOptions reconstruction_of(const schemas::ShotDocument::Layer& layer,
+                                                const store::Take& take, const std::string& where,
+                                                std::optional<schemas::HoleFill> fill,
+                                                const schemas::OptionValues& target) {
   const render::Method* of_layer = render::find_method(layer.method);
   if (of_layer == nullptr) {
     throw Error::bad_input("there is no reconstruction method \"" + layer.method + "\"",
                            where + "/method", "Use one of " + render::method_names());
   }
   of_layer->check({of_layer->options(), layer.options, where + "/options"}, take);
-  render::ReconstructionSettings reconstruction;
+  render::ReconstructionOptions reconstruction;
   reconstruction.method =
       target.empty() ? layer.method : std::string(render::automatic_method().name());
   reconstruction.options = target.empty() ? layer.options : target;
@@ -106,8 +106,8 @@ namespace {
 /// Renders the views of a take.
 class TakeRenderer final : public LayerRenderer {
  public:
-  TakeRenderer(const LightFieldLayer& layer, const LayerRendererSettings& settings)
-      : layer_(layer), renderer_(layer.take(), renderer_settings(layer, settings)) {}
+  TakeRenderer(const LightFieldLayer& layer, const LayerRendererOptions& settings)
+      : layer_(layer), renderer_(layer.take(), renderer_options(layer, settings)) {}
 
   LayerImage render(const LayerView& view) const override {
     const render::VirtualCamera& camera = view.camera.view;
@@ -135,9 +135,9 @@ class TakeRenderer final : public LayerRenderer {
   std::size_t decoded_bytes_cached() const override { return renderer_.decoded_bytes_cached(); }
 
  private:
-  static render::RendererSettings renderer_settings(const LightFieldLayer& layer,
-                                                    const LayerRendererSettings& settings) {
-    render::RendererSettings result;
+  static render::RendererOptions renderer_options(const LightFieldLayer& layer,
+                                                  const LayerRendererOptions& settings) {
+    render::RendererOptions result;
     result.cache_bytes = settings.memory.cache;
     result.result_cache_bytes = settings.memory.result_cache;
     result.working_bytes = settings.memory.working;
@@ -208,9 +208,9 @@ bool LightFieldLayer::reads_adjacent_frames() const {
   return method().reads_adjacent_frames(method_options());
 }
 
-render::ReconstructionSettings LightFieldLayer::reconstruction_for(const ExrCamera& camera,
-                                                                   int frame) const {
-  render::ReconstructionSettings result = reconstruction_;
+render::ReconstructionOptions LightFieldLayer::reconstruction_for(const ExrCamera& camera,
+                                                                  int frame) const {
+  render::ReconstructionOptions result = reconstruction_;
   if (focus_) result.focal_plane = rig::fronto_parallel_plane(take_.rig(), focus_(frame));
   schemas::OptionValues& options = result.options;
   const bool has_lens_options = method().has_lens();
@@ -407,7 +407,7 @@ bool LightFieldLayer::fill_metadata(const ShownTick& shown, ExrMetadata& metadat
 }
 
 std::unique_ptr<const LayerRenderer> LightFieldLayer::make_renderer(
-    const LayerRendererSettings& settings) const {
+    const LayerRendererOptions& settings) const {
   return std::make_unique<const TakeRenderer>(*this, settings);
 }
 

@@ -43,13 +43,13 @@ class LightFieldLayer final : public Layer {
   const store::Timeline& timeline() const { return timeline_; }
   /// Matte of the take's frames; null: none.
   const std::shared_ptr<const store::TakeMatte>& matte() const { return matte_; }
-  const render::ReconstructionSettings& reconstruction() const { return reconstruction_; }
+  const render::ReconstructionOptions& reconstruction() const { return reconstruction_; }
   const render::Method& method() const;
   render::MethodOptions method_options() const;  ///< of `reconstruction`, with defaults
   bool reads_adjacent_frames() const;            ///< see Method
   /// Returns the settings at a frame. If the focal plane follows the camera, it lies at the
   /// camera's focus distance, and methods with a lens get its f-number.
-  render::ReconstructionSettings reconstruction_for(const ExrCamera& camera, int frame) const;
+  render::ReconstructionOptions reconstruction_for(const ExrCamera& camera, int frame) const;
   bool focal_plane_follows_camera() const {
     return layer_.focal_plane.kind == schemas::ShotDocument::FocalPlane::Kind::kCamera;
   }
@@ -68,6 +68,7 @@ class LightFieldLayer final : public Layer {
   /// Returns "it lasts N s from its first tick", for messages.
   std::string take_duration_text() const;
 
+  const LightFieldLayer* as_light_field() const override { return this; }
   void check_frame(const LayerFrameCheck& check) const override;
   /// Adds method, take.json and rig.json, and time and XXH3 of each source frame (those of the
   /// ticks before and after, too, if the method reads them). Of the timeline only the selected
@@ -82,7 +83,7 @@ class LightFieldLayer final : public Layer {
   bool is_in_scene_space() const override { return true; }
   bool is_transparent_where_unseen() const override;
   std::unique_ptr<const LayerRenderer> make_renderer(
-      const LayerRendererSettings& settings) const override;
+      const LayerRendererOptions& settings) const override;
 
  private:
   std::optional<int> nearest_present(int tick) const;
@@ -98,11 +99,11 @@ class LightFieldLayer final : public Layer {
   store::Timeline timeline_;
   std::shared_ptr<const store::TakeMatte> matte_;
   AnimationChannel<double> focus_;  ///< metres in front of the array; null: not animated
-  render::ReconstructionSettings reconstruction_;
+  render::ReconstructionOptions reconstruction_;
   std::string common_;  ///< fingerprint of the inputs that all frames share
 };
 
-/// Returns the plane of a shot's focal plane, as ReconstructionSettings::focal_plane. Throws Error
+/// Returns the plane of a shot's focal plane, as ReconstructionOptions::focal_plane. Throws Error
 /// (bad input), which names `where`, for kBest without a depth range or a degenerate equation.
 Eigen::Vector4d focal_plane_equation(const schemas::ShotDocument::FocalPlane& plane,
                                      const rig::Rig& rig,

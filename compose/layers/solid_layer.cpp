@@ -29,7 +29,7 @@ class SolidRenderer final : public LayerRenderer {
 }  // namespace
 
 std::unique_ptr<const LayerRenderer> SolidLayer::make_renderer(
-    const LayerRendererSettings& /*settings*/) const {
+    const LayerRendererOptions& /*options*/) const {
   return std::make_unique<const SolidRenderer>(solid_);
 }
 

@@ -14,7 +14,7 @@ class SolidLayer final : public Layer {
   explicit SolidLayer(const schemas::ShotDocument::Solid& solid) : solid_(solid) {}
 
   std::unique_ptr<const LayerRenderer> make_renderer(
-      const LayerRendererSettings& settings) const override;
+      const LayerRendererOptions& options) const override;
 
  private:
   schemas::ShotDocument::Solid solid_;

@@ -27,17 +27,17 @@ store::RgbImage contact_sheet(std::span<const store::RgbImage> pictures,
   columns = std::min(columns, count);
   const int rows = (count + columns - 1) / columns;
   const int width = pictures.front().width, height = pictures.front().height;
-  store::RgbImage sheet{
-      kGap + columns * (width + kGap), kGap + rows * (height + kLabelHeight + kGap), {}};
-  sheet.pixels.assign(offset(sheet, 0, sheet.height), kPaper);
+  store::RgbImage sheet{kGap + columns * (width + kGap),
+                        kGap + rows * (height + kLabelHeight + kGap), std::vector<std::uint8_t>()};
+  sheet.values.assign(offset(sheet, 0, sheet.height), kPaper);
   for (int i = 0; i < count; ++i) {
     const store::RgbImage& picture = pictures[i];
     assert(picture.width == width && picture.height == height);
     const int x = kGap + (i % columns) * (width + kGap);
     const int y = kGap + (i / columns) * (height + kLabelHeight + kGap);
     for (int row = 0; row < height; ++row) {
-      std::copy_n(picture.pixels.begin() + offset(picture, 0, row), width * 3,
-                  sheet.pixels.begin() + offset(sheet, x, y + row));
+      std::copy_n(picture.values.begin() + offset(picture, 0, row), width * 3,
+                  sheet.values.begin() + offset(sheet, x, y + row));
     }
     draw_digits(std::to_string(frames[i]), x, y + height + 4, x + width, kDot, sheet);
   }

@@ -34,7 +34,7 @@ const std::array<std::uint8_t, kRows>& glyph_of(char c) {
 
 void fill(store::RgbImage& picture, int left, int right, int y, std::uint8_t value) {
   const auto at = [&](int x) {
-    return picture.pixels.begin() + (static_cast<std::ptrdiff_t>(y) * picture.width + x) * 3;
+    return picture.values.begin() + (static_cast<std::ptrdiff_t>(y) * picture.width + x) * 3;
   };
   std::fill(at(left), at(right), value);
 }

@@ -55,15 +55,15 @@ std::vector<Span> spans(int from, int to) {
 }
 
 /// Returns the image over the background: R, G, B of each pixel, linear.
-std::vector<float> over_background(const ExrImage& image, const DisplaySettings& settings) {
-  const float gain = static_cast<float>(std::exp2(settings.exposure));
+std::vector<float> over_background(const ExrImage& image, const DisplayOptions& options) {
+  const float gain = static_cast<float>(std::exp2(options.exposure));
   std::vector<float> light;
   light.reserve(image.rgba.size() / 4 * 3);
   const float* pixel = image.rgba.data();
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x, pixel += 4) {
       float behind = 0;
-      if (settings.background == Background::kChecker) {
+      if (options.background == Background::kChecker) {
         const bool is_light = ((x / kCheckerSize) + (y / kCheckerSize)) % 2 == 0;
         behind = (is_light ? kCheckerLight : kCheckerDark) * (1 - std::clamp(pixel[3], 0.0F, 1.0F));
       }
@@ -74,9 +74,9 @@ std::vector<float> over_background(const ExrImage& image, const DisplaySettings&
 }
 
 /// Returns the config's name of the image's colour space.
-std::string space_of(const ExrImage& image, const DisplaySettings& settings,
+std::string space_of(const ExrImage& image, const DisplayOptions& options,
                      const ColorConfig& config) {
-  if (!settings.space.empty()) return settings.space;
+  if (!options.space.empty()) return options.space;
   std::string by_id = config.space_from_interop_id(image.color_interop_id);
   if (!by_id.empty()) return by_id;
   if (!image.color_space.empty()) return image.color_space;
@@ -85,24 +85,24 @@ std::string space_of(const ExrImage& image, const DisplaySettings& settings,
 
 }  // namespace
 
-store::RgbImage display(const ExrImage& image, const DisplaySettings& settings) {
-  std::vector<float> light = over_background(image, settings);
-  store::RgbImage shown{image.width, image.height, {}};
-  shown.pixels.reserve(light.size());
-  const bool is_rec709 = (settings.space.empty() || settings.space == kSceneSpace) &&
+store::RgbImage display(const ExrImage& image, const DisplayOptions& options) {
+  std::vector<float> light = over_background(image, options);
+  store::RgbImage shown{image.width, image.height, std::vector<std::uint8_t>()};
+  shown.values.reserve(light.size());
+  const bool is_rec709 = (options.space.empty() || options.space == kSceneSpace) &&
                          (image.color_interop_id == kSceneSpace ||
                           (image.color_interop_id.empty() &&
                            (image.color_space.empty() || image.color_space == kSceneSpace)));
-  if (is_rec709 && !settings.colors && settings.monitor.empty() && settings.view.empty()) {
+  if (is_rec709 && !options.colors && options.monitor.empty() && options.view.empty()) {
     static const SrgbTable code_of;
-    for (const float value : light) shown.pixels.push_back(code_of(value));
+    for (const float value : light) shown.values.push_back(code_of(value));
     return shown;
   }
-  const ColorConfig config = settings.colors ? *settings.colors : ColorConfig::built_in();
-  config.to_display(space_of(image, settings, config), settings.monitor, settings.view)
+  const ColorConfig config = options.colors ? *options.colors : ColorConfig::built_in();
+  config.to_display(space_of(image, options, config), options.monitor, options.view)
       .apply_rgb(light);
   for (const float code : light) {
-    shown.pixels.push_back(
+    shown.values.push_back(
         static_cast<std::uint8_t>(code > 0 ? 255 * std::min(code, 1.0F) + 0.5F : 0.0F));
   }
   return shown;

@@ -17,7 +17,7 @@ enum class Background {
 };
 
 /// How scene-linear light is converted to display codes.
-struct DisplaySettings {
+struct DisplayOptions {
   double exposure = 0;  ///< stops: light is multiplied by 2^exposure
   Background background = Background::kChecker;
   /// Config of displays and views; none: the built-in config, or just the sRGB curve for pictures
@@ -29,7 +29,7 @@ struct DisplaySettings {
 
 /// Composites the image over the background and converts it to display codes, clamped at 1. Throws
 /// Error (bad input) if the config has no such colour space, display or view.
-store::RgbImage display(const ExrImage& image, const DisplaySettings& settings);
+store::RgbImage display(const ExrImage& image, const DisplayOptions& options);
 
 /// Returns the image at a size that is at most its own. Each pixel is the mean of the area that it
 /// covers, in premultiplied linear light.

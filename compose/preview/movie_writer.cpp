@@ -43,11 +43,11 @@ std::string text_of(int error) {
 }  // namespace
 
 struct MovieWriter::State {
-  State(const std::filesystem::path& target, const Settings& wanted)
+  State(const std::filesystem::path& target, const Options& wanted)
       : file(target), settings(wanted), temporary(target) {}
 
   std::filesystem::path file;
-  Settings settings;
+  Options settings;
   TemporaryFile temporary;  // declared before the format, which is closed first
   std::unique_ptr<AVFormatContext, FreeFormat> format;
   std::unique_ptr<AVCodecContext, FreeByAddress<avcodec_free_context>> codec;
@@ -151,11 +151,11 @@ struct MovieWriter::State {
 
   const std::uint8_t* even_sized(const store::RgbImage& picture) {
     const int width = picture.width, height = picture.height;
-    if (width == even_width() && height == even_height()) return picture.pixels.data();
+    if (width == even_width() && height == even_height()) return picture.values.data();
     padded.clear();
     for (int y = 0; y < even_height(); ++y) {
       const std::uint8_t* row =
-          picture.pixels.data() +
+          picture.values.data() +
           static_cast<std::size_t>(std::min(y, height - 1)) * static_cast<std::size_t>(width) * 3;
       padded.insert(padded.end(), row, row + width * 3);
       if (even_width() > width) padded.insert(padded.end(), row + (width - 1) * 3, row + width * 3);
@@ -177,7 +177,7 @@ struct MovieWriter::State {
   }
 };
 
-MovieWriter::MovieWriter(const std::filesystem::path& file, const Settings& settings)
+MovieWriter::MovieWriter(const std::filesystem::path& file, const Options& settings)
     : state_(std::make_unique<State>(file, settings)) {
   av_log_set_level(AV_LOG_ERROR);  // otherwise libx264 prints statistics
   state_->open();

@@ -13,13 +13,13 @@ namespace raystage::compose {
 /// Rec.709, limited range. The file has a temporary name until close().
 class MovieWriter {
  public:
-  struct Settings {
+  struct Options {
     int width = 0, height = 0;  ///< pixels; an odd size repeats its last column or row
     int fps_numerator = 24, fps_denominator = 1;
   };
   /// The extension selects the container (.mp4, .mov, .mkv). Throws Error: bad input for an unknown
   /// extension, failed if the encoder or the file cannot be opened.
-  MovieWriter(const std::filesystem::path& file, const Settings& settings);
+  MovieWriter(const std::filesystem::path& file, const Options& options);
   ~MovieWriter();  ///< removes the file unless it was closed
   MovieWriter(const MovieWriter&) = delete;
   MovieWriter& operator=(const MovieWriter&) = delete;

@@ -13,6 +13,7 @@
 #include "base/atomic_file.h"
 #include "base/error.h"
 #include "base/frame_rate.h"
+#include "base/options.h"
 #include "compose/exr/exr_header.h"
 #include "compose/frame_range.h"
 #include "compose/preview/contact_sheet.h"
@@ -114,7 +115,15 @@ std::vector<int> existing_frames(const std::string& sequence) {
   return frames;
 }
 
+bool PreviewOptions::is_valid(std::string* reason) const {
+  return is_within("frames on the contact sheet", sheet_frames, 1, 1e6, reason) &&
+         is_within("columns of the contact sheet", sheet_columns, 1, 1e6, reason) &&
+         is_within("width of thumbnails (pixels)", thumbnail_width, 1, 65535, reason) &&
+         is_within("rate (frames per second)", fps.value_or(1), 1e-3, 1e6, reason);
+}
+
 PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) {
+  require_valid(options, "preview");
   const Selection selection = select(options);
   const SequenceName name(options.sequence);
   const std::vector<int> on_sheet = evenly_spaced_frames(selection.frames, options.sheet_frames);
@@ -128,7 +137,7 @@ PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) 
   std::size_t done = 0;
   for (const int frame : selection.frames) {
     if (stop.stop_requested()) {
-      report.stopped = true;
+      report.status = RunStatus::kStopped;
       return report;
     }
     const bool sheet = want_sheet && std::binary_search(on_sheet.begin(), on_sheet.end(), frame);
@@ -149,7 +158,7 @@ PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) 
         report.fps = static_cast<double>(rate.numerator) / rate.denominator;
         movie = std::make_unique<MovieWriter>(
             options.movie,
-            MovieWriter::Settings{image.width, image.height, rate.numerator, rate.denominator});
+            MovieWriter::Options{image.width, image.height, rate.numerator, rate.denominator});
         report.encoder = movie->encoder();
       }
     }
@@ -179,6 +188,7 @@ PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) 
                         options.contact_sheet);
   }
   options.progress(1);
+  report.status = RunStatus::kFinished;
   return report;
 }
 

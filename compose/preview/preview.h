@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "base/run_status.h"
 #include "compose/preview/display.h"
 
 namespace raystage::compose {
@@ -25,15 +26,17 @@ struct PreviewOptions {
                               ///< sequence with steps is shown for the whole step
   bool hold_missing = false;  ///< repeat the previous frame for a missing one
   bool burn_in = false;       ///< frame numbers and time codes in the movie and the pictures
-  DisplaySettings display;
+  DisplayOptions display;
   std::function<void(double)> progress = [](double) {};
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 struct PreviewReport {
   int frames = 0, held = 0;
   double fps = 0;
   std::string encoder;  ///< empty without a movie
-  bool stopped = false;
+  RunStatus status = RunStatus::kNotRun;
 };
 
 /// Makes the previews. Each file is written whole or not at all. Throws Error: bad input if frames

@@ -175,7 +175,7 @@ TEST_F(Preview, ContactSheetShowsThePicturesInOrder) {
   const auto red = [&](int column, int row) {
     const auto x = static_cast<std::size_t>(8 + column * (kWidth + 8) + 10);
     const auto y = static_cast<std::size_t>(8 + row * (kHeight + 24) + 10);
-    return static_cast<int>(sheet.pixels[(y * static_cast<std::size_t>(sheet.width) + x) * 3]);
+    return static_cast<int>(sheet.values[(y * static_cast<std::size_t>(sheet.width) + x) * 3]);
   };
   EXPECT_EQ(red(0, 0), 0);
   EXPECT_EQ(red(0, 1), 0);
@@ -192,7 +192,7 @@ TEST_F(Preview, PicturesMayCarryTheirFrameNumbers) {
     const store::RgbImage picture =
         images::read_image(folder_.path() / "png" / ("p.00" + std::to_string(frame) + ".png"));
     EXPECT_EQ(picture.width, kWidth);
-    return std::ranges::count(picture.pixels, 220);
+    return std::ranges::count(picture.values, 220);
   };
   EXPECT_EQ(make_preview(options_, {}).frames, 2);
   EXPECT_EQ(light(7), 0);
@@ -226,7 +226,7 @@ TEST_F(Preview, AStopLeavesNothing) {
   write_frame(1, flat_view(1, 1, 1));
   std::stop_source source;
   source.request_stop();
-  EXPECT_TRUE(make_preview(options_, source.get_token()).stopped);
+  EXPECT_EQ(make_preview(options_, source.get_token()).status, RunStatus::kStopped);
   EXPECT_FALSE(std::filesystem::exists(options_.movie));
 }
 
@@ -236,9 +236,9 @@ TEST(Display, CompositesExposesAndEncodes) {
   image.height = 1;
   image.rgba = {0.25F, 0.5F, 9.0F, 1, 0, 0, 0, 0, 0.1F, NAN, -1.0F, 1};
   store::RgbImage shown = display(image, {});
-  EXPECT_THAT(shown.pixels, ElementsAre(137, 188, 255, 118, 118, 118, 89, 0, 0));
+  EXPECT_THAT(shown.values, ElementsAre(137, 188, 255, 118, 118, 118, 89, 0, 0));
   shown = display(image, {1, Background::kBlack});
-  EXPECT_THAT(shown.pixels, ElementsAre(188, 255, 255, 0, 0, 0, 124, 0, 0));
+  EXPECT_THAT(shown.values, ElementsAre(188, 255, 255, 0, 0, 0, 124, 0, 0));
 }
 
 TEST(Display, ShowsOtherPrimariesAsTheyLook) {
@@ -248,10 +248,10 @@ TEST(Display, ShowsOtherPrimariesAsTheyLook) {
   image.rgba = {0.25F, 0.5F, 0.1F, 1, 0.9F, 0.02F, 0.3F, 1, 0, 0, 1, 1, 0.3F, 0.3F, 0.3F, 1};
   const store::RgbImage expected = display(image, {});
   ColorConfig::built_in().to_space("ACEScg").apply(image.rgba);
-  const auto expect_shown = [&](const DisplaySettings& settings, int most) {
+  const auto expect_shown = [&](const DisplayOptions& settings, int most) {
     const store::RgbImage shown = display(image, settings);
-    for (std::size_t i = 0; i < shown.pixels.size(); ++i) {
-      EXPECT_NEAR(shown.pixels[i], expected.pixels[i], most) << i;
+    for (std::size_t i = 0; i < shown.values.size(); ++i) {
+      EXPECT_NEAR(shown.values[i], expected.values[i], most) << i;
     }
   };
   image.color_interop_id = "lin_ap1_scene";
@@ -261,11 +261,11 @@ TEST(Display, ShowsOtherPrimariesAsTheyLook) {
   image.color_space = "ACEScg";
   expect_shown({}, 1);
   image.color_space.clear();
-  DisplaySettings told;
+  DisplayOptions told;
   told.space = "ACEScg";
   expect_shown(told, 1);
   told.view = "ACES 1.0 SDR";
-  EXPECT_NE(display(image, told).pixels, expected.pixels);
+  EXPECT_NE(display(image, told).values, expected.values);
   told.monitor = "nowhere";
   EXPECT_THROW(display(image, told), Error);
 }

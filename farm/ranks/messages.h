@@ -40,7 +40,7 @@ struct Request {
   int take = 0;         ///< number of the take, in the order of kOpen requests
   int light_field = 0;  ///< number of the light field, in the order of kShare requests
   std::string folder;   ///< kOpen: the take's folder, as rank 0 names it
-  /// kShare: as in RendererSettings.
+  /// kShare: as in RendererOptions.
   std::uint64_t cache_bytes = 0, result_cache_bytes = 0, working_bytes = 0;
   std::vector<int> camera_owners;       ///< kShare: rank of each camera's archive; -1: none
   std::vector<int> ranks;               ///< kShare: ranks that have opened the take, increasing

@@ -125,13 +125,13 @@ std::vector<int> child_ranks(int rank, int ranks) {
   return children;
 }
 
-render::FragmentEncodingSettings fragment_encoding_for(
-    const render::DistributedViewRequest& view, const render::FragmentEncodingSettings& requested) {
-  render::FragmentEncodingSettings settings = requested;
+render::FragmentEncodingOptions fragment_encoding_for(
+    const render::DistributedViewRequest& view, const render::FragmentEncodingOptions& requested) {
+  render::FragmentEncodingOptions options = requested;
   if (view.is_lockstep && requested.encoding == render::FragmentEncoding::kJpeg) {
-    settings.encoding = render::FragmentEncoding::kHalf;
+    options.encoding = render::FragmentEncoding::kHalf;
   }
-  return settings;
+  return options;
 }
 
 int host_index(std::span<const int> ranks, int rank) {

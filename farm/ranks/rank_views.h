@@ -23,13 +23,13 @@ std::vector<int> child_ranks(int rank, int ranks);
 /// The ranks and the encoding with which contributions are sent.
 struct ViewExchange {
   MpiWorld& world;
-  render::FragmentEncodingSettings encoding;
+  render::FragmentEncodingOptions encoding;
 };
 
 /// Returns the encoding for a view's contributions. For a view in lockstep it replaces JPEG by
 /// half, because JPEG cannot hold the values of such contributions.
-render::FragmentEncodingSettings fragment_encoding_for(
-    const render::DistributedViewRequest& view, const render::FragmentEncodingSettings& requested);
+render::FragmentEncodingOptions fragment_encoding_for(
+    const render::DistributedViewRequest& view, const render::FragmentEncodingOptions& requested);
 
 /// The ranks that have opened a take, called its hosts. Host i is the rank ranks[i].
 struct RankSet {

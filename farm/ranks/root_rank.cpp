@@ -14,10 +14,10 @@ namespace {
 namespace fs = std::filesystem;
 
 std::string list_text(const std::vector<std::string>& names) {
-  constexpr std::size_t kMost = 8;
-  if (names.size() <= kMost) return fmt::format("{}", fmt::join(names, ", "));
-  return fmt::format("{} and {} more", fmt::join(names.begin(), names.begin() + kMost, ", "),
-                     names.size() - kMost);
+  constexpr std::size_t kMax = 8;
+  if (names.size() <= kMax) return fmt::format("{}", fmt::join(names, ", "));
+  return fmt::format("{} and {} more", fmt::join(names.begin(), names.begin() + kMax, ", "),
+                     names.size() - kMax);
 }
 
 }  // namespace
@@ -135,7 +135,7 @@ store::Take RootRank::open(const fs::path& folder) {
         throw Error::bad_input(fmt::format("rank {} cannot open it: {}", rank, tables[rank].error),
                                request.folder,
                                "Copy take.json, rig.json and timeline.zst to that host "
-                               "(raystage join can make only the documents), or set missing "
+                               "(`raystage join` can make only the documents), or set missing "
                                "archives to \"absent\" to render without its cameras");
       }
       options_.on_message(
@@ -178,7 +178,7 @@ void RootRank::check_rules() const {
   }
 }
 
-void RootRank::share(const store::Take& take, render::RendererSettings& settings) {
+void RootRank::share(const store::Take& take, render::RendererOptions& settings) {
   const auto found = std::ranges::find(takes_, take.folder(), &OpenTake::folder);
   if (found == takes_.end()) {
     throw Error::failed("the take is not open on the ranks", take.folder().string(), "");

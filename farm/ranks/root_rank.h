@@ -26,7 +26,7 @@ enum class MissingArchives {
 struct RankOptions {
   std::vector<PathMappingRule> takes;  ///< folders of takes on the ranks: see local_take_folder()
   MissingArchives missing = MissingArchives::kError;
-  render::FragmentEncodingSettings encoding;
+  render::FragmentEncodingOptions encoding;
   std::function<void(std::string_view)> on_message = [](std::string_view) {};
 };
 
@@ -50,7 +50,7 @@ class RootRank : public render::DistributedTakes {
   RootRank& operator=(const RootRank&) = delete;
 
   store::Take open(const std::filesystem::path& folder) override;
-  void share(const store::Take& take, render::RendererSettings& settings) override;
+  void share(const store::Take& take, render::RendererOptions& settings) override;
   /// Sends the stop request to all ranks and returns their costs. Call it once.
   RankTraffic finish();
 

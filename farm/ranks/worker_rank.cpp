@@ -101,7 +101,7 @@ class WorkerRank {
   void share(const Request& request) {
     RankTake& take = takes_.at(request.take);
     take.archives->set_camera_owners(request.camera_owners, {});
-    render::RendererSettings settings;
+    render::RendererOptions settings;
     settings.cache_bytes = request.cache_bytes;
     settings.result_cache_bytes = request.result_cache_bytes;
     settings.working_bytes = request.working_bytes;

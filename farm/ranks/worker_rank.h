@@ -11,7 +11,7 @@ namespace raystage::farm {
 
 struct WorkerRankOptions {
   std::vector<PathMappingRule> takes;  ///< as RankOptions
-  render::FragmentEncodingSettings encoding;
+  render::FragmentEncodingOptions encoding;
   int threads = 1;             ///< of the TBB arena in which views are rendered
   int out_of_memory_code = 1;  ///< exit code of the job if this rank runs out of memory
 };

@@ -32,15 +32,15 @@ std::string exception_message(const std::function<void()>& attempt) {
   return {};
 }
 
-ArchiveWriterThread::ArchiveWriterThread(std::vector<Camera> cameras, Settings settings)
+ArchiveWriterThread::ArchiveWriterThread(std::vector<Camera> cameras, Options options)
     : cameras_(std::move(cameras)),
-      settings_(std::move(settings)),
+      options_(std::move(options)),
       written_counts_(cameras_.size()),
       retry_states_(cameras_.size()),
       write_errors_(cameras_.size()) {
-  if (settings_.hold) return;
+  if (options_.hold) return;
   writer_ = std::jthread([this](const std::stop_token& stop) { write_loop(stop); });
-  if (settings_.flush_interval_s > 0) {
+  if (options_.flush_interval_s > 0) {
     flusher_ = std::jthread([this](const std::stop_token& stop) { flush_loop(stop); });
   }
 }
@@ -54,17 +54,17 @@ void ArchiveWriterThread::write_loop(const std::stop_token& stop) {
 }
 
 void ArchiveWriterThread::wait_before_next_pass(const std::stop_token& stop) {
-  if (settings_.memory == nullptr || settings_.memory->is_under_pressure()) {
+  if (options_.memory == nullptr || options_.memory->is_under_pressure()) {
     std::this_thread::sleep_for(kPollIntervalUnderPressure);
   } else {
-    settings_.memory->wait_for_pressure(stop, kPollInterval);
+    options_.memory->wait_for_pressure(stop, kPollInterval);
   }
 }
 
 void ArchiveWriterThread::flush_loop(const std::stop_token& stop) {
   std::mutex mutex;
   std::condition_variable_any never;
-  const auto interval = std::chrono::duration<double>(settings_.flush_interval_s);
+  const auto interval = std::chrono::duration<double>(options_.flush_interval_s);
   std::unique_lock lock(mutex);
   while (!never.wait_for(lock, stop, interval, [] { return false; }) && !stop.stop_requested()) {
     for (std::size_t i = 0; i < cameras_.size(); ++i) {
@@ -184,7 +184,7 @@ void ArchiveWriterThread::drain(const std::function<void(double)>& progress) {
 /// Returns true if all cameras that still have frames timed out. While one of them can still write,
 /// the reserved disk space is not used for another.
 bool ArchiveWriterThread::drain_timed_out() const {
-  const auto drain_timeout_s = std::chrono::duration<double>(settings_.drain_timeout_s);
+  const auto drain_timeout_s = std::chrono::duration<double>(options_.drain_timeout_s);
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     if (cameras_[i].queue.empty()) continue;
     if (Clock::now() - retry_states_[i].last_write <= drain_timeout_s) return false;
@@ -199,7 +199,7 @@ void ArchiveWriterThread::drop_remaining() {
   const auto append_record = [&](std::size_t camera, std::span<const FrameQueue::Frame> record) {
     if (append(camera, record)) return true;
     if (!std::exchange(reserve_is_whole, false)) return false;
-    settings_.release_reserved_space();
+    options_.release_reserved_space();
     return append(camera, record);
   };
   for (std::size_t i = 0; i < cameras_.size(); ++i) {

@@ -30,7 +30,7 @@ class ArchiveWriterThread {
     store::ArchiveWriter& archive;
     CameraCounters& counters;
   };
-  struct Settings {
+  struct Options {
     bool hold = false;  ///< write nothing before drain()
     /// Frees disk space for the last records if the disk is still full at the end.
     std::function<void()> release_reserved_space = [] {};
@@ -42,7 +42,7 @@ class ArchiveWriterThread {
     MemoryBudget* memory = nullptr;
   };
 
-  ArchiveWriterThread(std::vector<Camera> cameras, Settings settings);
+  ArchiveWriterThread(std::vector<Camera> cameras, Options options);
   ~ArchiveWriterThread();
   ArchiveWriterThread(const ArchiveWriterThread&) = delete;
   ArchiveWriterThread& operator=(const ArchiveWriterThread&) = delete;
@@ -85,7 +85,7 @@ class ArchiveWriterThread {
   void drop_remaining();
 
   const std::vector<Camera> cameras_;
-  const Settings settings_;
+  const Options options_;
   std::vector<WrittenCounts> written_counts_;
   std::vector<RetryState> retry_states_;  // used by the writer thread, later by drain()
   std::atomic<std::uint64_t> bytes_written_ = 0;

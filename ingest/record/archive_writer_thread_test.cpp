@@ -36,12 +36,12 @@ class Flow : public ::testing::Test {
     frame->jpeg.resize(bytes, std::byte{1});
     queues[camera].push(std::move(frame));
   }
-  ArchiveWriterThread flow(ArchiveWriterThread::Settings settings) {
+  ArchiveWriterThread flow(ArchiveWriterThread::Options options) {
     std::vector<ArchiveWriterThread::Camera> cameras;
     for (std::size_t i = 0; i < kCameras; ++i) {
       cameras.push_back({queues[i], archives_[i], counters[i]});
     }
-    return ArchiveWriterThread(std::move(cameras), std::move(settings));
+    return ArchiveWriterThread(std::move(cameras), std::move(options));
   }
   /// From now on nothing can be written to it.
   void refuse(std::size_t camera) { archives_[camera].close(); }

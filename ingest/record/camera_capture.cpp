@@ -32,14 +32,14 @@ std::vector<RecordingEvent> CameraCounters::events() const {
   return events_;
 }
 
-CameraCapture::CameraCapture(const Settings& settings, std::unique_ptr<FrameSource> source,
+CameraCapture::CameraCapture(const Options& options, std::unique_ptr<FrameSource> source,
                              Open reopen, Pipeline pipeline)
-    : settings_(settings),
+    : options_(options),
       source_(std::move(source)),
       reopen_(std::move(reopen)),
       pipeline_(std::move(pipeline)),
-      clock_(settings.epoch_utc, settings.last_time),
-      reconnect_backoff_(settings.reconnect) {}
+      clock_(options.epoch_utc, options.last_time),
+      reconnect_backoff_(options.reconnect) {}
 
 void CameraCapture::run(const std::stop_token& stop) {
   const std::stop_callback interrupt(stop, [this] {
@@ -72,7 +72,7 @@ void CameraCapture::run(const std::stop_token& stop) {
         take(std::move(frame));
         break;
       case FrameSource::Outcome::kNoData:
-        if (silent || Clock::now() - last_frame < settings_.lost_after) break;
+        if (silent || Clock::now() - last_frame < options_.lost_after) break;
         silent = true;
         if (!handle_loss(fmt::format("no frame for {:.1f} s", seconds(Clock::now() - last_frame)),
                          false)) {
@@ -94,7 +94,7 @@ CameraCapture::LossOutcome CameraCapture::lost(const std::stop_token& stop, cons
                                                bool source_is_gone) {
   pipeline_.counters.state = CameraCounters::State::kLost;
   pipeline_.counters.add_event("lost: " + (why.empty() ? "the source is gone" : why));
-  switch (settings_.when_lost) {
+  switch (options_.when_lost) {
     case LostSourcePolicy::kStop:
       pipeline_.stop_recording();
       return LossOutcome::kFinish;
@@ -142,24 +142,24 @@ store::FrameStatus CameraCapture::check(const SourceFrame& frame) {
   if (frame.torn) return store::FrameStatus::kTorn;
   store::FrameStatus status = store::FrameStatus::kStored;
   if (!frame.jpeg.empty()) {
-    status = check_jpeg_frame(frame.jpeg, settings_.width, settings_.height);
-  } else if (frame.raw.width != settings_.width || frame.raw.height != settings_.height) {
+    status = check_jpeg_frame(frame.jpeg, options_.width, options_.height);
+  } else if (frame.raw.width != options_.width || frame.raw.height != options_.height) {
     status = store::FrameStatus::kUnreadable;
   }
   if (status == store::FrameStatus::kUnreadable && !std::exchange(size_warning_given_, true)) {
     pipeline_.counters.add_event(
-        fmt::format("frames of another size than {} x {} pixels cannot be stored", settings_.width,
-                    settings_.height));
+        fmt::format("frames of another size than {} x {} pixels cannot be stored", options_.width,
+                    options_.height));
   }
   return status;
 }
 
 MemoryBudget::Reservation CameraCapture::reserve_memory(std::size_t bytes) {
   MemoryBudget::Reservation reservation = pipeline_.memory.try_reserve(bytes);
-  if (!reservation && settings_.wait_for_memory > 0ms && memory_was_freed_)
+  if (!reservation && options_.wait_for_memory > 0ms && memory_was_freed_)
     reservation = wait_for_memory(bytes);
   memory_was_freed_ = memory_was_freed_ || reservation;
-  while (!reservation && settings_.drop_oldest &&
+  while (!reservation && options_.drop_oldest &&
          pipeline_.queue.drop_one(true, store::FrameStatus::kDroppedRamFull)) {
     ++pipeline_.counters.dropped;
     reservation = pipeline_.memory.try_reserve(bytes);
@@ -168,7 +168,7 @@ MemoryBudget::Reservation CameraCapture::reserve_memory(std::size_t bytes) {
 }
 
 MemoryBudget::Reservation CameraCapture::wait_for_memory(std::size_t bytes) {
-  const auto deadline = Clock::now() + settings_.wait_for_memory;
+  const auto deadline = Clock::now() + options_.wait_for_memory;
   MemoryBudget::Reservation reservation;
   while (!reservation && !stop_.stop_requested() && Clock::now() < deadline) {
     std::this_thread::sleep_for(kMemoryPollInterval);
@@ -179,7 +179,7 @@ MemoryBudget::Reservation CameraCapture::wait_for_memory(std::size_t bytes) {
 }
 
 void CameraCapture::take(SourceFrame frame) {
-  if (frame.arrival_utc < settings_.start_utc) return;
+  if (frame.arrival_utc < options_.start_utc) return;
   ++pipeline_.counters.arrived;
   const Nanoseconds before = clock_.last_time();
   const FrameTimestamper::Stamp stamp = clock_.stamp(frame);
@@ -220,7 +220,7 @@ void CameraCapture::push_missing_record(store::FrameStatus status, Nanoseconds t
   auto reservation = pipeline_.records.try_reserve(kMissingRecordBytes);
   if (!reservation) reservation = pipeline_.memory.try_reserve(kMissingRecordBytes);
   if (!reservation &&
-      pipeline_.queue.drop_one(settings_.drop_oldest, store::FrameStatus::kDroppedRamFull)) {
+      pipeline_.queue.drop_one(options_.drop_oldest, store::FrameStatus::kDroppedRamFull)) {
     ++pipeline_.counters.dropped;
     reservation = pipeline_.memory.try_reserve(kMissingRecordBytes);
   }

@@ -53,7 +53,7 @@ struct CameraCounters {
 class CameraCapture {
  public:
   using LostSourcePolicy = schemas::RecordConfig::LostSourcePolicy;
-  struct Settings {
+  struct Options {
     Nanoseconds epoch_utc = 0;
     Nanoseconds last_time = -1;  ///< last time in an archive that is resumed, since the epoch
     Nanoseconds start_utc = 0;   ///< frames that arrive earlier are ignored
@@ -77,7 +77,7 @@ class CameraCapture {
   };
   using Open = std::function<std::unique_ptr<FrameSource>()>;
 
-  CameraCapture(const Settings& settings, std::unique_ptr<FrameSource> source, Open reopen,
+  CameraCapture(const Options& options, std::unique_ptr<FrameSource> source, Open reopen,
                 Pipeline pipeline);
 
   /// Runs until it is stopped, or its source has ended or is lost for good.
@@ -96,7 +96,7 @@ class CameraCapture {
   MemoryBudget::Reservation wait_for_memory(std::size_t bytes);
   void push_missing_record(store::FrameStatus status, Nanoseconds time, store::FrameOrigin origin);
 
-  const Settings settings_;
+  const Options options_;
   std::mutex source_mutex_;              // held while the source is replaced or interrupted
   std::unique_ptr<FrameSource> source_;  // null during a reconnection
   const Open reopen_;

@@ -239,13 +239,13 @@ TEST(CameraCapture, WaitsForRoomWhereTheSourceWaitsToo) {
   MemoryBudget memory(100000), records(100000);
   EncoderPool encoders({}, 1);
   CameraCounters counters;
-  CameraCapture::Settings settings;
-  settings.width = 64;
-  settings.height = 48;
+  CameraCapture::Options options;
+  options.width = 64;
+  options.height = 48;
   const auto intake = [&](std::chrono::milliseconds wait) {
-    settings.wait_for_memory = wait;
+    options.wait_for_memory = wait;
     return std::make_unique<CameraCapture>(
-        settings, nullptr, nullptr,
+        options, nullptr, nullptr,
         CameraCapture::Pipeline{queue, memory, records, encoders, counters, [] {}});
   };
   const auto picture = [] {

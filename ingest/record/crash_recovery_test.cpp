@@ -58,9 +58,9 @@ testing::SourceScript endless() {
              : RecordingTake::create(
                    path, make_take_document(config, cameras, "node", host_utc_now(), "test"),
                    make_recording_rig(config, {}, cameras), "node");
-  RecorderSettings settings;
-  settings.status_interval_s = 0.005;
-  Recorder recorder(settings, std::move(cameras), take, "test");
+  RecorderOptions options;
+  options.status_interval_s = 0.005;
+  Recorder recorder(options, std::move(cameras), take, "test");
   recorder.run({}, [pipe](const RecorderStatus& status) {
     std::array<std::uint64_t, kCameras> stored{};
     for (std::size_t i = 0; i < stored.size(); ++i) stored[i] = status.cameras[i].stored;

@@ -7,10 +7,10 @@
 
 namespace raystage::ingest {
 
-EncoderPool::EncoderPool(const store::JpegEncodeSettings& settings, int threads)
+EncoderPool::EncoderPool(const store::JpegEncodeOptions& options, int threads)
     // TBB counts the calling thread too, but sources never encode themselves: allow one more
     // worker, and reserve no slot for callers.
-    : settings_(settings),
+    : options_(options),
       parallelism_(tbb::global_control::max_allowed_parallelism,
                    static_cast<std::size_t>(threads) + 1),
       arena_(threads, 0) {}
@@ -42,7 +42,7 @@ std::unique_ptr<store::RawJpegEncoder> EncoderPool::acquire_encoder() {
       return encoder;
     }
   }
-  return std::make_unique<store::RawJpegEncoder>(settings_);
+  return std::make_unique<store::RawJpegEncoder>(options_);
 }
 
 void EncoderPool::encode_from(FrameQueue& queue) {

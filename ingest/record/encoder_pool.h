@@ -21,7 +21,7 @@ namespace raystage::ingest {
 class EncoderPool {
  public:
   /// `threads`: the number of frames encoded in parallel.
-  EncoderPool(const store::JpegEncodeSettings& settings, int threads);
+  EncoderPool(const store::JpegEncodeOptions& options, int threads);
   ~EncoderPool();
   EncoderPool(const EncoderPool&) = delete;
   EncoderPool& operator=(const EncoderPool&) = delete;
@@ -36,7 +36,7 @@ class EncoderPool {
   void encode_from(FrameQueue& queue);
   std::unique_ptr<store::RawJpegEncoder> acquire_encoder();
 
-  const store::JpegEncodeSettings settings_;
+  const store::JpegEncodeOptions options_;
   std::mutex mutex_;
   std::vector<std::unique_ptr<store::RawJpegEncoder>> idle_;
   tbb::global_control parallelism_;

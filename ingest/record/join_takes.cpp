@@ -252,6 +252,7 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
     writer.finish_documents();
     writer.commit();
     if (progress) progress(1);
+    report.status = RunStatus::kFinished;
     return report;
   }
 
@@ -276,7 +277,7 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
             throw Error::bad_input(
                 fmt::format("frame {} of camera \"{}\" is damaged: its hash differs", frame,
                             part.take.document().cameras[i].id),
-                part.take.folder().string(), "Run raystage verify, and raystage repair on it");
+                part.take.folder().string(), "Run `raystage verify`, and `raystage repair` on it");
           }
           const auto jpeg = from.jpeg(frame++);
           to.append(jpeg, record.time_ns + time_shift, shifted_origin(record, time_shift));
@@ -289,6 +290,7 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
     }
   }
   writer.commit();
+  report.status = RunStatus::kFinished;
   return report;
 }
 

@@ -7,10 +7,13 @@
 #include <string>
 #include <vector>
 
+#include "base/run_status.h"
+
 namespace raystage::ingest {
 
 /// The result of join_takes().
 struct JoinReport {
+  RunStatus status = RunStatus::kNotRun;
   int cameras = 0;
   std::uint64_t frames = 0, missing = 0, bytes = 0;
   std::vector<std::string> warnings;  ///< sentences without a full stop

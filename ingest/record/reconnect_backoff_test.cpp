@@ -46,14 +46,14 @@ class DeviceSource final : public FrameSource {
 class Reconnect : public ::testing::Test {
  protected:
   void run() {
-    CameraCapture::Settings settings;
-    settings.when_lost = CameraCapture::LostSourcePolicy::kReconnect;
-    settings.lost_after = 30ms;
-    settings.reconnect = pauses;
+    CameraCapture::Options options;
+    options.when_lost = CameraCapture::LostSourcePolicy::kReconnect;
+    options.lost_after = 30ms;
+    options.reconnect = pauses;
     FrameQueue queue;
     MemoryBudget memory(1000), records(1000);
     EncoderPool encoders({}, 1);
-    CameraCapture intake(settings, std::make_unique<DeviceSource>(device), reopen,
+    CameraCapture intake(options, std::make_unique<DeviceSource>(device), reopen,
                          {queue, memory, records, encoders, counters, [] {}});
     intake.run(device.stop.get_token());
   }

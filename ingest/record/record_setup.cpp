@@ -12,16 +12,16 @@
 namespace raystage::ingest {
 namespace {
 
-store::JpegEncodeSettings::Chroma chroma_of(const schemas::RecordConfig& config) {
+store::JpegEncodeOptions::Chroma chroma_of(const schemas::RecordConfig& config) {
   switch (config.chroma) {
     case schemas::RecordConfig::Chroma::k444:
-      return store::JpegEncodeSettings::Chroma::k444;
+      return store::JpegEncodeOptions::Chroma::k444;
     case schemas::RecordConfig::Chroma::k422:
-      return store::JpegEncodeSettings::Chroma::k422;
+      return store::JpegEncodeOptions::Chroma::k422;
     case schemas::RecordConfig::Chroma::k420:
       break;
   }
-  return store::JpegEncodeSettings::Chroma::k420;
+  return store::JpegEncodeOptions::Chroma::k420;
 }
 
 /// Cameras in a row, 10 cm apart, with a lens of 53 degrees: a take needs a rig, and this one is
@@ -105,9 +105,9 @@ std::vector<RecorderCamera> open_cameras(const schemas::RecordConfig& config,
   return cameras;
 }
 
-RecorderSettings make_recorder_settings(const schemas::RecordConfig& config) {
+RecorderOptions make_recorder_options(const schemas::RecordConfig& config) {
   constexpr double kBytesPerMb = 1e6;
-  RecorderSettings settings;
+  RecorderOptions settings;
   settings.memory_bytes = static_cast<std::size_t>(config.memory_mb * kBytesPerMb);
   settings.hold = config.hold;
   settings.drop_oldest = config.when_full == schemas::RecordConfig::OverflowPolicy::kDropOldest;

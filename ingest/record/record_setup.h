@@ -24,7 +24,7 @@ using OpenFrameSource =
 std::vector<RecorderCamera> open_cameras(const schemas::RecordConfig& config,
                                          const OpenFrameSource& open);
 
-RecorderSettings make_recorder_settings(const schemas::RecordConfig& config);
+RecorderOptions make_recorder_options(const schemas::RecordConfig& config);
 
 /// Returns the geometry of the cameras, by id from the rig that the configuration names. Without a
 /// rig it returns cameras in a row, marked as not calibrated (kUncalibratedRigName). Throws Error

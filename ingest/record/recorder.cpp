@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/options.h"
 #include "ingest/record/archive_writer_thread.h"
 #include "ingest/record/audit.h"
 #include "ingest/record/clock_sync.h"
@@ -38,9 +39,9 @@ std::size_t frame_bytes(const schemas::CameraGeometry& geometry, bool jpeg) {
 }  // namespace
 
 struct Recorder::State {
-  State(const RecorderSettings& with_settings, std::vector<RecorderCamera> with_cameras,
+  State(const RecorderOptions& with_options, std::vector<RecorderCamera> with_cameras,
         RecordingTake& into, std::string by_program)
-      : settings(with_settings),
+      : settings(with_options),
         cameras(std::move(with_cameras)),
         take(into),
         program(std::move(by_program)),
@@ -48,11 +49,11 @@ struct Recorder::State {
         records(limit() / kRecordsFraction) {}
 
   std::size_t limit() const;
-  CameraCapture::Settings capture_settings(std::size_t camera, Nanoseconds start_utc) const;
+  CameraCapture::Options capture_options(std::size_t camera, Nanoseconds start_utc) const;
   schemas::RecordingDocument::Session make_session() const;
   RecorderStatus status(const ArchiveWriterThread& writer);
 
-  const RecorderSettings settings;
+  const RecorderOptions settings;
   std::vector<RecorderCamera> cameras;
   RecordingTake& take;
   const std::string program;
@@ -86,10 +87,10 @@ std::size_t Recorder::State::limit() const {
   return settings.memory_bytes - in_capture;
 }
 
-CameraCapture::Settings Recorder::State::capture_settings(std::size_t camera,
-                                                          Nanoseconds start_utc) const {
+CameraCapture::Options Recorder::State::capture_options(std::size_t camera,
+                                                        Nanoseconds start_utc) const {
   const schemas::CameraGeometry& geometry = take.rig().cameras[camera].geometry;
-  CameraCapture::Settings capture;
+  CameraCapture::Options capture;
   capture.epoch_utc = take.document().epoch_utc;
   capture.last_time = take.last_time(camera);
   capture.start_utc = start_utc;
@@ -165,9 +166,18 @@ RecorderStatus Recorder::State::status(const ArchiveWriterThread& writer) {
   return status;
 }
 
-Recorder::Recorder(const RecorderSettings& settings, std::vector<RecorderCamera> cameras,
+bool RecorderOptions::is_valid(std::string* reason) const {
+  return is_within("threads", threads, 1, 100000, reason) &&
+         is_within("status interval (s)", status_interval_s, 0, 1e6, reason) &&
+         is_within("flush interval (s)", flush_interval_s, 0, 1e6, reason) &&
+         is_within("drain timeout (s)", drain_timeout_s, 0, 1e6, reason) &&
+         is_within("duration (s)", duration_s.value_or(0), 0, 1e9, reason) && jpeg.is_valid(reason);
+}
+
+Recorder::Recorder(const RecorderOptions& settings, std::vector<RecorderCamera> cameras,
                    RecordingTake& take, std::string program)
     : state_(std::make_unique<State>(settings, std::move(cameras), take, std::move(program))) {
+  require_valid(settings, "recording");
   for (const RecorderCamera& camera : state_->cameras) {
     state_->descriptions.push_back(camera.source->description());
   }
@@ -209,7 +219,7 @@ schemas::RecordingDocument::Session Recorder::run(
     std::vector<std::jthread> threads;
     for (std::size_t i = 0; i < s.cameras.size(); ++i) {
       auto capture = std::make_unique<CameraCapture>(
-          s.capture_settings(i, start_utc), std::move(s.cameras[i].source), s.cameras[i].reopen,
+          s.capture_options(i, start_utc), std::move(s.cameras[i].source), s.cameras[i].reopen,
           CameraCapture::Pipeline{s.queues[i], s.memory, s.records, encoders, s.counters[i],
                                   [&a_camera_asks] { a_camera_asks = true; }});
       threads.emplace_back([&camera_stop, &running, capture = std::move(capture)] {
@@ -258,7 +268,7 @@ schemas::RecordingDocument::Session Recorder::run(
 }
 
 std::optional<double> measure_data_rate(std::vector<RecorderCamera>& cameras,
-                                        const store::JpegEncodeSettings& jpeg, double seconds) {
+                                        const store::JpegEncodeOptions& jpeg, double seconds) {
   for (const RecorderCamera& camera : cameras) {
     if (!camera.source->description().live) return std::nullopt;
   }

@@ -17,14 +17,14 @@
 
 namespace raystage::ingest {
 
-struct RecorderSettings {
+struct RecorderOptions {
   std::size_t memory_bytes = std::size_t{1} << 30;  ///< of all frames of all cameras
   bool hold = false;                                ///< frames stay in memory until the end
   bool drop_oldest = false;  ///< when memory is full, drop the oldest frame, else the new one
   CameraCapture::LostSourcePolicy when_lost = CameraCapture::LostSourcePolicy::kContinue;
   std::chrono::milliseconds lost_after{5000};
-  std::chrono::milliseconds wait_for_memory{10000};  ///< see CameraCapture::Settings
-  store::JpegEncodeSettings jpeg;                    ///< of raw frames
+  std::chrono::milliseconds wait_for_memory{10000};  ///< see CameraCapture::Options
+  store::JpegEncodeOptions jpeg;                     ///< of raw frames
   int threads = 1;                                   ///< frames encoded in parallel
   /// Frames before this time or before the take's epoch are ignored; default: the time of run().
   std::optional<Nanoseconds> start_utc;
@@ -32,6 +32,8 @@ struct RecorderSettings {
   double status_interval_s = 1;
   double flush_interval_s = 1;  ///< of flushing written data to the disk (fdatasync); 0: never
   double drain_timeout_s = 3;   ///< how long writes to a full disk are retried at the end
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 struct RecorderCamera {
@@ -62,8 +64,8 @@ struct RecorderStatus {
 class Recorder {
  public:
   /// Throws Error (bad input) if the memory is too small for a few frames per camera.
-  Recorder(const RecorderSettings& settings, std::vector<RecorderCamera> cameras,
-           RecordingTake& take, std::string program);
+  Recorder(const RecorderOptions& options, std::vector<RecorderCamera> cameras, RecordingTake& take,
+           std::string program);
   ~Recorder();
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
@@ -86,6 +88,6 @@ class Recorder {
 /// Returns the JPEG data rate of all sources in bytes per second, measured over `seconds` of frames
 /// that are discarded. Returns nothing if a source is not live: it would lose these frames.
 std::optional<double> measure_data_rate(std::vector<RecorderCamera>& cameras,
-                                        const store::JpegEncodeSettings& jpeg, double seconds);
+                                        const store::JpegEncodeOptions& jpeg, double seconds);
 
 }  // namespace raystage::ingest

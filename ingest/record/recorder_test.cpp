@@ -27,7 +27,7 @@ constexpr int kWidth = 96, kHeight = 64;
 SourceFrame jpeg_frame(std::uint32_t seed, int width = kWidth) {
   SourceFrame frame;
   frame.jpeg = store::encode_jpeg(testing::make(testing::Kind::kMixed, width, kHeight, seed),
-                                  {80, store::JpegEncodeSettings::Chroma::k420, -1});
+                                  {80, store::JpegEncodeOptions::Chroma::k420, -1});
   return frame;
 }
 
@@ -38,7 +38,7 @@ SourceFrame raw_frame(std::uint32_t seed) {
   frame.raw.format = store::PixelFormat::kRgb;
   frame.raw.width = kWidth;
   frame.raw.height = kHeight;
-  frame.raw.planes[0] = {reinterpret_cast<const std::byte*>(image->pixels.data()),
+  frame.raw.planes[0] = {reinterpret_cast<const std::byte*>(image->values.data()),
                          std::size_t{3} * kWidth};
   frame.raw.owner = image;
   return frame;
@@ -70,7 +70,7 @@ class Recording : public ::testing::Test {
                : RecordingTake::create(path(),
                                        make_take_document(config, cameras, "node", epoch, "test"),
                                        make_recording_rig(config, {}, cameras), "node");
-    Recorder recorder(settings, std::move(cameras), take, "test");
+    Recorder recorder(options, std::move(cameras), take, "test");
     return recorder.run(stop.get_token(), status);
   }
   std::filesystem::path path() const { return folder_.path() / "take"; }
@@ -95,15 +95,15 @@ class Recording : public ::testing::Test {
     EXPECT_TRUE(session.audit->holds) << ::testing::PrintToString(session.audit->problems);
   }
 
-  RecorderSettings settings = every_frame_counts();
+  RecorderOptions options = every_frame_counts();
   std::function<void(const RecorderStatus&)> status;
   std::stop_source stop;
   bool resume = false;
   Nanoseconds epoch = host_utc_now() - kNanosecondsPerSecond;
 
  private:
-  static RecorderSettings every_frame_counts() {
-    RecorderSettings all;
+  static RecorderOptions every_frame_counts() {
+    RecorderOptions all;
     all.start_utc = 0;
     return all;
   }
@@ -111,7 +111,7 @@ class Recording : public ::testing::Test {
 };
 
 TEST_F(Recording, JpegIsStoredByteForByteAndRawIsEncoded) {
-  settings.threads = 2;
+  options.threads = 2;
   const std::vector<SourceFrame> jpegs{jpeg_frame(1), jpeg_frame(2), jpeg_frame(3)};
   const std::vector<SourceFrame> raws{raw_frame(4), raw_frame(5)};
   const auto session = record({script(jpegs, 200, 40), script(raws, 200, 30)});
@@ -121,7 +121,7 @@ TEST_F(Recording, JpegIsStoredByteForByteAndRawIsEncoded) {
   ASSERT_EQ(first.size(), 40U);
   ASSERT_EQ(second.size(), 30U);
   for (std::size_t i = 0; i < first.size(); ++i) EXPECT_EQ(first[i], jpegs[i % 3].jpeg);
-  store::RawJpegEncoder encoder(settings.jpeg);
+  store::RawJpegEncoder encoder(options.jpeg);
   for (std::size_t i = 0; i < second.size(); ++i) {
     Bytes expected;
     encoder.encode(raws[i % 2].raw, expected);
@@ -145,15 +145,15 @@ TEST_F(Recording, JpegIsStoredByteForByteAndRawIsEncoded) {
 }
 
 TEST_F(Recording, FullMemoryDropsAndRecordsEveryDrop) {
-  settings.hold = true;
+  options.hold = true;
   const std::vector<SourceFrame> frames{jpeg_frame(1), jpeg_frame(2)};
-  settings.memory_bytes = kWidth * kHeight / 2 * 5 + 30 * frames[0].jpeg.size();
+  options.memory_bytes = kWidth * kHeight / 2 * 5 + 30 * frames[0].jpeg.size();
   for (const bool oldest : {false, true}) {
     std::filesystem::remove_all(path());
-    settings.drop_oldest = oldest;
+    options.drop_oldest = oldest;
     const auto session = record({script(frames, 0, 300)});
     expect_audit(session);
-    EXPECT_LE(session.memory_peak_bytes, settings.memory_bytes);
+    EXPECT_LE(session.memory_peak_bytes, options.memory_bytes);
     EXPECT_EQ(session.cameras[0].arrived, 300U);
     EXPECT_GT(session.cameras[0].stored, 10U);
     EXPECT_EQ(session.cameras[0].stored + session.cameras[0].dropped.at("dropped, memory full"),
@@ -175,7 +175,7 @@ TEST_F(Recording, FullMemoryDropsAndRecordsEveryDrop) {
 }
 
 TEST_F(Recording, MisbehavingSourcesAreRecordedAndOthersUntouched) {
-  settings.lost_after = std::chrono::milliseconds(600);  // a busy machine may pause
+  options.lost_after = std::chrono::milliseconds(600);  // a busy machine may pause
   testing::SourceScript gap = script({jpeg_frame(1)}, 100, 60);
   gap.events.push_back({20, testing::SourceScript::Gap{7}});
   testing::SourceScript torn = script({jpeg_frame(2)}, 100, 60);
@@ -215,15 +215,15 @@ TEST_F(Recording, MisbehavingSourcesAreRecordedAndOthersUntouched) {
 TEST_F(Recording, ALostCameraMayStopAllOrComeBack) {
   testing::SourceScript dies = script({jpeg_frame(1)}, 100, 1000);
   dies.events.push_back({10, testing::SourceScript::Death{"gone"}});
-  settings.when_lost = CameraCapture::LostSourcePolicy::kStop;
+  options.when_lost = CameraCapture::LostSourcePolicy::kStop;
   const auto stopped = record({dies, script({jpeg_frame(2)}, 100, 1000)});
   EXPECT_EQ(stopped.stop_reason, "a camera was lost");
   expect_audit(stopped);
 
   std::filesystem::remove_all(path());
-  settings.when_lost = CameraCapture::LostSourcePolicy::kReconnect;
-  settings.start_utc.reset();
-  settings.duration_s = 0.6;
+  options.when_lost = CameraCapture::LostSourcePolicy::kReconnect;
+  options.start_utc.reset();
+  options.duration_s = 0.6;
   const auto again = record({dies});
   expect_audit(again);
   EXPECT_GT(again.cameras[0].stored, 15U);
@@ -235,8 +235,8 @@ TEST_F(Recording, AFullDiskLosesNothingSilently) {
   rlimit before{};
   ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
   const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
-  settings.drain_timeout_s = 0.2;
-  settings.flush_interval_s = 0.05;
+  options.drain_timeout_s = 0.2;
+  options.flush_interval_s = 0.05;
   std::string write_error;
   status = [&](const RecorderStatus& now) { write_error += now.write_error; };
   const SourceFrame frame = jpeg_frame(1);
@@ -267,33 +267,33 @@ TEST_F(Recording, ResumesAndCountsTheNewSessionAlone) {
 }
 
 TEST_F(Recording, StopsWhenToldAndStartsWhenToldTo) {
-  settings.start_utc = host_utc_now() + 200'000'000;
-  settings.duration_s = 0.3;
+  options.start_utc = host_utc_now() + 200'000'000;
+  options.duration_s = 0.3;
   const auto session = record({script({jpeg_frame(1)}, 100, 100000)});
   expect_audit(session);
   EXPECT_EQ(session.stop_reason, "the duration is over");
   // At most what the clock allows since the start: a busy machine stops later than asked.
-  const double since_start_s = static_cast<double>(host_utc_now() - *settings.start_utc) * 1e-9;
+  const double since_start_s = static_cast<double>(host_utc_now() - *options.start_utc) * 1e-9;
   EXPECT_GT(session.cameras[0].stored, 10U);
   EXPECT_LE(static_cast<double>(session.cameras[0].stored), since_start_s * 100 + 2);
   EXPECT_GE(records(0).front().arrival_ns + store::Take(path()).document().epoch_utc,
-            *settings.start_utc);
+            *options.start_utc);
   stop.request_stop();
   std::filesystem::remove_all(path());
-  settings.start_utc.reset();
+  options.start_utc.reset();
   EXPECT_EQ(record({script({jpeg_frame(1)}, 100, 100000)}).stop_reason, "stopped as asked");
 }
 
 TEST_F(Recording, RefusesTooLittleMemoryAndWhatIsThere) {
-  settings.memory_bytes = 1000;
+  options.memory_bytes = 1000;
   EXPECT_THROW(record({script({jpeg_frame(1)}, 0, 20)}), Error);
   EXPECT_FALSE(std::filesystem::exists(path()));  // the name is free for another try
-  settings.memory_bytes = 1 << 30;
+  options.memory_bytes = 1 << 30;
   expect_audit(record({script({jpeg_frame(1)}, 0, 20)}));
   EXPECT_THROW(record({script({jpeg_frame(1)}, 0, 20)}), Error);  // the folder is there
   resume = true;
   EXPECT_THROW(record({script({jpeg_frame(1)}, 0, 2), script({jpeg_frame(1)}, 0, 2)}), Error);
-  settings.memory_bytes = 1000;
+  options.memory_bytes = 1000;
   EXPECT_THROW(record({script({jpeg_frame(1)}, 0, 2)}), Error);
   EXPECT_EQ(stored(0).size(), 20U);  // what was there before stays
 }
@@ -313,8 +313,8 @@ TEST_F(Recording, RefusesToResumeWithAnotherSize) {
 
 TEST_F(Recording, NothingCountsBeforeTheEpoch) {
   epoch = host_utc_now() + 300'000'000;
-  settings.start_utc.reset();
-  settings.duration_s = 0.2;
+  options.start_utc.reset();
+  options.duration_s = 0.2;
   const auto session = record({script({jpeg_frame(1)}, 200, 100000)});
   expect_audit(session);
   // At most what the clock allows since the epoch: a busy machine stops later than asked.

@@ -14,12 +14,12 @@ double megabytes(std::size_t bytes) { return static_cast<double>(bytes) / 1e6; }
 
 }  // namespace
 
-RecordingMemoryPlan plan_recording_memory(const RecorderSettings& settings,
+RecordingMemoryPlan plan_recording_memory(const RecorderOptions& options,
                                           const std::vector<RecorderCamera>& cameras) {
   // The growing JPEG of an RGB frame, twice because its buffer is doubled, and a copy without
   // slack.
   constexpr std::size_t kBytesOfAPixel = 3;
-  RecordingMemoryPlan plan{settings.memory_bytes, kProgramBytes};
+  RecordingMemoryPlan plan{options.memory_bytes, kProgramBytes};
   std::size_t largest = 0;
   for (const RecorderCamera& camera : cameras) {
     plan.overhead += camera.source->memory_overhead();
@@ -28,7 +28,7 @@ RecordingMemoryPlan plan_recording_memory(const RecorderSettings& settings,
     largest = std::max(
         largest, static_cast<std::size_t>(source.width) * static_cast<std::size_t>(source.height));
   }
-  plan.overhead += static_cast<std::size_t>(settings.threads) * kBytesOfAPixel * largest;
+  plan.overhead += static_cast<std::size_t>(options.threads) * kBytesOfAPixel * largest;
   return plan;
 }
 
@@ -50,9 +50,9 @@ void check_recording_memory(std::size_t frames, std::size_t machine) {
 }
 
 std::string memory_warning(const RecordingMemoryPlan& plan, std::size_t free_now) {
-  constexpr double kMost = 0.8;
+  constexpr double kMax = 0.8;
   const std::size_t all = plan.frames + plan.overhead;
-  if (static_cast<double>(all) <= kMost * static_cast<double>(free_now)) return {};
+  if (static_cast<double>(all) <= kMax * static_cast<double>(free_now)) return {};
   return fmt::format(
       "the recording may need {:.0f} MB of RAM in total, more than 80 % of the {:.0f} MB that are "
       "free now: the system may swap or kill it",

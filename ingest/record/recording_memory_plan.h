@@ -20,7 +20,7 @@ struct RecordingMemoryPlan {
 /// The program with its libraries, and freed memory that the C library does not return.
 inline constexpr std::size_t kProgramBytes = 64 << 20;
 
-RecordingMemoryPlan plan_recording_memory(const RecorderSettings& settings,
+RecordingMemoryPlan plan_recording_memory(const RecorderOptions& options,
                                           const std::vector<RecorderCamera>& cameras);
 
 /// Returns "RAM: 500 MB for frames, plus up to about 120 MB for ...".

@@ -31,15 +31,15 @@ class Source final : public FrameSource {
 };
 
 TEST(RecordingMemoryPlan, CountsSourcesAndEncoders) {
-  RecorderSettings settings;
-  settings.memory_bytes = 500'000'000;
-  settings.threads = 3;
+  RecorderOptions options;
+  options.memory_bytes = 500'000'000;
+  options.threads = 3;
   std::vector<RecorderCamera> cameras;
   cameras.push_back({"a", std::make_unique<Source>(7'000'000, true), {}});
   cameras.push_back({"b", std::make_unique<Source>(20'000'000, true), {}});
-  EXPECT_EQ(plan_recording_memory(settings, cameras).overhead, kProgramBytes + 27'000'000);
+  EXPECT_EQ(plan_recording_memory(options, cameras).overhead, kProgramBytes + 27'000'000);
   cameras.push_back({"c", std::make_unique<Source>(0, false), {}});
-  const RecordingMemoryPlan plan = plan_recording_memory(settings, cameras);
+  const RecordingMemoryPlan plan = plan_recording_memory(options, cameras);
   EXPECT_EQ(plan.frames, 500'000'000U);
   EXPECT_EQ(plan.overhead, kProgramBytes + 27'000'000 + std::size_t{3} * 3 * 1000 * 500);
   EXPECT_THAT(format_memory_plan(plan), HasSubstr("500 MB for frames, plus up to about 99 MB"));

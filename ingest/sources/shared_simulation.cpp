@@ -8,6 +8,7 @@
 #include <string>
 #include <thread>
 
+#include "base/options.h"
 #include "base/parallel.h"
 #include "ingest/sources/pixel_conversion.h"
 #include "simulate/camera_renderer.h"
@@ -30,22 +31,22 @@ constexpr std::size_t kCacheBytes = 16 << 20;      // of each render thread, kep
 constexpr std::size_t kSceneBytes = 100 << 20;     // textures and Embree's hierarchies
 constexpr std::size_t kRenderBytesPerPixel = 300;  // of each render thread
 
-simulate::SimulationSettings settings_from(const schemas::RecordConfig::SimulatedSource& source) {
-  simulate::SimulationSettings settings;
-  settings.scene = source.scene;
-  settings.seed = source.seed;
-  settings.rows = source.rows;
-  settings.columns = source.columns;
-  settings.width = source.width;
-  settings.height = source.height;
-  settings.fps = source.fps;
-  settings.seconds = 2 * source.seconds;  // there and back
-  settings.jitter = std::min(settings.jitter, 0.05 / source.fps);
+simulate::SimulationOptions settings_from(const schemas::RecordConfig::SimulatedSource& source) {
+  simulate::SimulationOptions options;
+  options.scene = source.scene;
+  options.seed = source.seed;
+  options.rows = source.rows;
+  options.columns = source.columns;
+  options.width = source.width;
+  options.height = source.height;
+  options.fps = source.fps;
+  options.seconds = 2 * source.seconds;  // there and back
+  options.jitter = std::min(options.jitter, 0.05 / source.fps);
   // Only the recorder drops frames.
-  settings.startup_loss_s = 0;
-  settings.drop_probability = 0;
-  simulate::check_simulation_settings(settings);
-  return settings;
+  options.startup_loss_s = 0;
+  options.drop_probability = 0;
+  require_valid(options, "simulation");
+  return options;
 }
 
 std::size_t render_threads() { return std::max(1U, std::thread::hardware_concurrency()); }
@@ -62,7 +63,7 @@ store::RawImage planes_of(const store::RgbImage& rgb, PixelConverter& converter)
   frame->width = rgb.width;
   frame->height = rgb.height;
   frame->format = AV_PIX_FMT_RGB24;
-  frame->data[0] = const_cast<std::uint8_t*>(rgb.pixels.data());
+  frame->data[0] = const_cast<std::uint8_t*>(rgb.values.data());
   frame->linesize[0] = 3 * rgb.width;
   store::RawImage image;
   converter.convert_to(store::PixelFormat::kYuv420, *frame, image);
@@ -73,11 +74,11 @@ store::RawImage planes_of(const store::RgbImage& rgb, PixelConverter& converter)
 
 SharedSimulation::SharedSimulation(const schemas::RecordConfig::SimulatedSource& source)
     : source_(source),
-      settings_(settings_from(source)),
-      scene_(simulate::make_scene(settings_.scene)),
+      options_(settings_from(source)),
+      scene_(simulate::make_scene(options_.scene)),
       geometry_(scene_),
-      rig_(rig::rig_from_document(simulate::make_simulated_rig(settings_).truth)),
-      schedule_(simulate::make_exposure_schedule(settings_)) {}
+      rig_(rig::rig_from_document(simulate::make_simulated_rig(options_).truth)),
+      schedule_(simulate::make_exposure_schedule(options_)) {}
 
 std::shared_ptr<SharedSimulation> SharedSimulation::shared(
     const schemas::RecordConfig::SimulatedSource& source) {
@@ -124,7 +125,7 @@ SimulatedLoop SharedSimulation::render(int index) const {
   loop.exposures.resize(times.frames.size());
   loop.length = std::llround(times.period_ns * static_cast<double>(times.frames.size()));
   const simulate::SensorModel developer(camera.photometric, {rays.width(), rays.height()},
-                                        settings_.noise);
+                                        options_.noise);
   const std::size_t chunks = render_threads();
   parallel_for(std::size_t{0}, chunks, [&](std::size_t chunk) {
     const std::size_t count = loop.exposures.size();
@@ -140,17 +141,17 @@ SimulatedLoop SharedSimulation::render(int index) const {
       const double seconds = static_cast<double>(frame.true_time) * 1e-9;
       world.set_time(
           std::abs(seconds <= source_.seconds ? seconds : 2 * source_.seconds - seconds));
-      renderer.render(world, rays, settings_.edge_samples, cache, light);
+      renderer.render(world, rays, options_.edge_samples, cache, light);
       const store::RgbImage picture = developer.develop(
           light, simulate::hash_keys(
-                     {settings_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number}));
+                     {options_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number}));
       SimulatedLoop::Exposure& exposure = loop.exposures[number];
       exposure.true_time = frame.true_time;
       exposure.stamped_time = frame.stamped_time;
       if (source_.jpeg) {
         exposure.jpeg =
             store::encode_jpeg(picture, {.quality = kWebcamQuality,
-                                         .chroma = store::JpegEncodeSettings::Chroma::k420,
+                                         .chroma = store::JpegEncodeOptions::Chroma::k420,
                                          .restart_interval = 0});
       } else {
         exposure.raw = planes_of(picture, converter);

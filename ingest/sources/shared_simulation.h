@@ -12,7 +12,7 @@
 #include "rig/rig.h"
 #include "schemas/record_config.h"
 #include "simulate/exposure_schedule.h"
-#include "simulate/simulation_settings.h"
+#include "simulate/simulation_options.h"
 #include "simulate/world.h"
 
 namespace raystage::ingest {
@@ -54,7 +54,7 @@ class SharedSimulation {
   SimulatedLoop render(int index) const;
 
   schemas::RecordConfig::SimulatedSource source_;
-  simulate::SimulationSettings settings_;
+  simulate::SimulationOptions options_;
   simulate::Scene scene_;
   simulate::SceneGeometry geometry_;
   rig::Rig rig_;

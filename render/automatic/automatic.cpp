@@ -19,7 +19,7 @@ namespace raystage::render {
 namespace {
 
 /// Least coverage of an acceptable reconstruction, whatever its PSNR; the same as in bench.
-constexpr double kLeastCovered = 0.85;
+constexpr double kMinCovered = 0.85;
 
 double longest_focal_length(const rig::Rig& rig) {
   double longest = 0;
@@ -61,7 +61,7 @@ std::string measured(const LeaveOneOutQuality& quality) {
   std::string text =
       fmt::format("{:.1f} dB (mean {:.1f} - standard deviation {:.1f}) at {} left-out cameras",
                   quality.expected_db(), quality.mean_db, quality.stddev_db, quality.cameras);
-  if (quality.covered < kLeastCovered) {
+  if (quality.covered < kMinCovered) {
     text += fmt::format(", but only {:.0f} % of their pixels covered", quality.covered * 100);
   }
   return text;
@@ -124,7 +124,7 @@ MethodChoice choose_by_range(std::span<const MethodCandidate> candidates,
                                 "camera lies between three others",
                                 candidates[best].label, best_takes)};
     }
-    if (quality.covered >= kLeastCovered && quality.expected_db() >= target.psnr_db) {
+    if (quality.covered >= kMinCovered && quality.expected_db() >= target.psnr_db) {
       return {i,
               fmt::format("{}: {}, target {:.1f} dB, {}", candidates[i].label, measured(quality),
                           target.psnr_db, in_time(seconds_per_frame(candidates[i], work))),

@@ -109,8 +109,11 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
 class AutomaticMethod final : public Method {
  public:
   std::string_view name() const override { return "auto"; }
-  std::string_view summary() const override {
-    return "chooses the cheapest of focal_plane, plane_sweep and depth that meets a target";
+  MethodDescription description() const override {
+    return {
+        .summary = "chooses the cheapest of focal_plane, plane_sweep and depth that meets a target",
+        .artefacts = "",
+        .use = "automatic choice"};
   }
   std::span<const OptionSpec> options() const override { return kOptions; }
   std::span<const MethodPreset> presets() const override {

@@ -62,7 +62,7 @@ bool is_between_others(int camera, const LightFieldFrame& instant) {
 /// Selects by farthest-point sampling, from the camera nearest to the array's centre on.
 std::vector<int> cameras_to_leave_out(const LightFieldFrame& instant) {
   constexpr std::size_t kFewest = 4;  // three remain to blend when one is left out
-  constexpr std::size_t kMost = 9;
+  constexpr std::size_t kMax = 9;
   std::vector<int> candidates = instant.included_cameras;
   std::vector<int> chosen;
   if (candidates.size() < kFewest) return chosen;
@@ -76,7 +76,7 @@ std::vector<int> cameras_to_leave_out(const LightFieldFrame& instant) {
     }
     return nearest;
   };
-  while (!candidates.empty() && chosen.size() < kMost) {
+  while (!candidates.empty() && chosen.size() < kMax) {
     const auto next = std::ranges::max_element(candidates, {}, distance);
     if (is_between_others(*next, instant)) chosen.push_back(*next);
     candidates.erase(next);
@@ -108,7 +108,7 @@ double psnr_of_part(const store::RgbImage& image, const store::RgbImage& truth,
       if (counted[pixel] == 0) continue;
       ++pixels;
       for (std::size_t c = pixel * 3; c < pixel * 3 + 3; ++c) {
-        const double error = static_cast<double>(image.pixels[c]) - truth.pixels[c];
+        const double error = static_cast<double>(image.values[c]) - truth.values[c];
         squares += error * error;
       }
     }

@@ -31,7 +31,7 @@ UndistortedImage undistort_frame(const store::DecodedFrame& frame, const rig::Ca
                                  double full_scale, store::BlendSpace space) {
   const auto pixels = static_cast<std::size_t>(frame.width) * frame.height;
   UndistortedImage picture{{frame.width, frame.height, {}}, {}};
-  picture.image.pixels.assign(pixels * 3, 0);
+  picture.image.values.assign(pixels * 3, 0);
   picture.within.assign(pixels, 0);
   const schemas::Intrinsics& k = model.intrinsics();
   raystage::parallel_for(0, frame.height, [&](int y) {
@@ -44,7 +44,7 @@ UndistortedImage undistort_frame(const store::DecodedFrame& frame, const rig::Ca
         const double code = code_at(frame, pixel->x(), pixel->y(), c);
         const double linear =
             full_scale * (space == store::BlendSpace::kPerceptual ? linear_from_srgb(code) : code);
-        picture.image.pixels[at * 3 + c] = static_cast<std::uint8_t>(
+        picture.image.values[at * 3 + c] = static_cast<std::uint8_t>(
             std::lround(255 * srgb_from_linear(std::clamp(linear, 0.0, 1.0))));
       }
     }

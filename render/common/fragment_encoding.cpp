@@ -13,6 +13,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/options.h"
 #include "store/jpeg/decode.h"
 #include "store/jpeg/encode.h"
 #include "store/jpeg/layout.h"
@@ -21,7 +22,7 @@ namespace raystage::render {
 namespace {
 
 constexpr std::uint32_t kMagic = 0x31465352;  // "RSF1"
-constexpr int kMostPixels = 1 << 30;
+constexpr int kMaxPixels = 1 << 30;
 
 struct Header {
   std::uint32_t magic = kMagic;
@@ -135,18 +136,18 @@ void append_block(std::span<const std::byte> block, std::vector<std::byte>& mess
 
 void append_jpeg(std::span<const float> sums, int width, const FragmentArea& area, int quality,
                  std::vector<std::byte>& message) {
-  store::RgbImage image{area.width, area.height, {}};
-  image.pixels.reserve(area.pixels() * 3);
+  store::RgbImage image{area.width, area.height, std::vector<std::uint8_t>()};
+  image.values.reserve(area.pixels() * 3);
   for_each_row(sums, width, area, [&](const float* row, std::size_t n) {
     for (std::size_t i = 0; i < n; ++i) {
       for (std::size_t c = 0; c < 3; ++c) {
         const float code = std::clamp(row[4 * i + c] / 257.0F, 0.0F, 255.0F);
-        image.pixels.push_back(static_cast<std::uint8_t>(code + 0.5F));
+        image.values.push_back(static_cast<std::uint8_t>(code + 0.5F));
       }
     }
   });
   append_block(
-      store::encode_jpeg(image, {quality, store::JpegEncodeSettings::Chroma::k420, 0, true}),
+      store::encode_jpeg(image, {quality, store::JpegEncodeOptions::Chroma::k420, 0, true}),
       message);
 }
 
@@ -159,7 +160,7 @@ void add_jpeg(Reader& reader, const FragmentArea& area, int width, std::span<flo
   }
   store::JpegDecoder decoder;
   const store::RgbImage image = decoder.decode(jpeg, "fragments");
-  const std::uint8_t* pixel = image.pixels.data();
+  const std::uint8_t* pixel = image.values.data();
   for_each_row(sums, width, area, [&](float* row, std::size_t n) {
     for (std::size_t i = 0; i < n; ++i, pixel += 3) {
       for (std::size_t c = 0; c < 3; ++c) row[4 * i + c] += 257.0F * static_cast<float>(pixel[c]);
@@ -189,28 +190,33 @@ void check(const FragmentArea& area, int width, int height) {
 
 }  // namespace
 
+bool FragmentEncodingOptions::is_valid(std::string* reason) const {
+  return is_within("JPEG quality of fragments", jpeg_quality, 1, 100, reason);
+}
+
 std::vector<std::byte> encode_fragments(const FragmentTag& tag, std::span<const float> sums,
                                         int width, int height,
-                                        const FragmentEncodingSettings& settings,
+                                        const FragmentEncodingOptions& options,
                                         FragmentCounts& counts) {
+  require_valid(options, "fragments");
   std::vector<FragmentArea> areas = cover_nonzero_pixels(sums, width, height);
   // One JPEG is smaller: each has a header of 600 bytes, and zeros compress well.
-  if (settings.encoding == FragmentEncoding::kJpeg && areas.size() > 1) areas = {box_around(areas)};
+  if (options.encoding == FragmentEncoding::kJpeg && areas.size() > 1) areas = {box_around(areas)};
   Header header;
   header.tag = tag;
   header.width = width;
   header.height = height;
-  header.encoding = static_cast<std::uint32_t>(settings.encoding);
+  header.encoding = static_cast<std::uint32_t>(options.encoding);
   header.count = static_cast<std::uint32_t>(areas.size());
   std::size_t samples = 0;
   for (const FragmentArea& area : areas) samples += area.pixels();
   std::vector<std::byte> message;
   message.reserve(sizeof(Header) + areas.size() * sizeof(FragmentArea) +
-                  samples * bytes_of_sample(settings.encoding));
+                  samples * bytes_of_sample(options.encoding));
   append(&header, 1, message);
   append(areas.data(), areas.size(), message);
   for (const FragmentArea& area : areas) {
-    switch (settings.encoding) {
+    switch (options.encoding) {
       case FragmentEncoding::kFloat:
         append_floats(sums, width, area, message);
         break;
@@ -218,7 +224,7 @@ std::vector<std::byte> encode_fragments(const FragmentTag& tag, std::span<const 
         append_halves(sums, width, area, message);
         break;
       case FragmentEncoding::kJpeg:
-        append_jpeg(sums, width, area, settings.jpeg_quality, message);
+        append_jpeg(sums, width, area, options.jpeg_quality, message);
         break;
     }
   }
@@ -238,7 +244,7 @@ void add_fragments(std::span<const std::byte> message, const FragmentTag& tag, i
     throw damaged(
         fmt::format("its view is {}x{}, not {}x{}", header.width, header.height, width, height));
   }
-  if (header.count > static_cast<std::uint32_t>(kMostPixels)) throw damaged("too many rectangles");
+  if (header.count > static_cast<std::uint32_t>(kMaxPixels)) throw damaged("too many rectangles");
   const auto listed = reader.bytes(header.count * sizeof(FragmentArea));
   std::vector<FragmentArea> areas(header.count);
   if (!areas.empty()) std::memcpy(areas.data(), listed.data(), listed.size());

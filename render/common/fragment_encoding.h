@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "render/common/fragments.h"
@@ -22,9 +23,11 @@ enum class FragmentEncoding : std::uint8_t {
   kJpeg = 2
 };
 
-struct FragmentEncodingSettings {
+struct FragmentEncodingOptions {
   FragmentEncoding encoding = FragmentEncoding::kFloat;
   int jpeg_quality = 85;  ///< 1 to 100, libjpeg's scale; chroma has half the resolution
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// Counts what messages contain.
@@ -42,7 +45,7 @@ struct FragmentCounts {
 /// full scale; row-major), and adds what it holds to `counts`. Layout: docs/formats/fragments.md.
 std::vector<std::byte> encode_fragments(const FragmentTag& tag, std::span<const float> sums,
                                         int width, int height,
-                                        const FragmentEncodingSettings& settings,
+                                        const FragmentEncodingOptions& options,
                                         FragmentCounts& counts);
 
 /// Adds the fragments of a message to `sums`. Throws Error (bad input) where the message is

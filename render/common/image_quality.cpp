@@ -62,7 +62,7 @@ double channel_ssim(const store::RgbImage& image, const store::RgbImage& truth, 
   std::array<std::vector<double>, 5> moments;  // x, y, xx, yy, xy
   for (auto& moment : moments) moment.resize(pixels);
   for (std::size_t i = 0; i < pixels; ++i) {
-    const double x = image.pixels[i * 3 + channel], y = truth.pixels[i * 3 + channel];
+    const double x = image.values[i * 3 + channel], y = truth.values[i * 3 + channel];
     const std::array<double, 5> values{x, y, x * x, y * y, x * y};
     for (std::size_t m = 0; m < 5; ++m) moments[m][i] = values[m] * planes.counts[i];
   }
@@ -85,16 +85,16 @@ double channel_ssim(const store::RgbImage& image, const store::RgbImage& truth, 
 }  // namespace
 
 store::RgbImage srgb_image(const RenderedView& view) {
-  store::RgbImage image{view.width, view.height, {}};
+  store::RgbImage image{view.width, view.height, std::vector<std::uint8_t>()};
   const std::size_t pixels = view.coverage.size();
-  image.pixels.resize(pixels * 3);
+  image.values.resize(pixels * 3);
   for (std::size_t i = 0; i < pixels; ++i) {
     const float alpha = view.rgba[i * 4 + 3];
     if (!(alpha > 0)) continue;
     for (std::size_t c = 0; c < 3; ++c) {
       const double linear = static_cast<double>(view.rgba[i * 4 + c]) / static_cast<double>(alpha);
       const double code = std::clamp(srgb_from_linear(linear), 0.0, 1.0);
-      image.pixels[i * 3 + c] = static_cast<std::uint8_t>(code * 255 + 0.5);
+      image.values[i * 3 + c] = static_cast<std::uint8_t>(code * 255 + 0.5);
     }
   }
   return image;
@@ -111,7 +111,7 @@ std::vector<std::uint8_t> coverage_mask(const RenderedView& view) {
 ImageQuality compare_images(const store::RgbImage& image, const store::RgbImage& truth,
                             std::span<const std::uint8_t> covered) {
   if (image.width != truth.width || image.height != truth.height ||
-      image.pixels.size() != truth.pixels.size() || covered.size() * 3 != image.pixels.size()) {
+      image.values.size() != truth.values.size() || covered.size() * 3 != image.values.size()) {
     throw Error::bad_input("the images differ in size: " + std::to_string(image.width) + "x" +
                                std::to_string(image.height) + " and " +
                                std::to_string(truth.width) + "x" + std::to_string(truth.height),
@@ -123,8 +123,8 @@ ImageQuality compare_images(const store::RgbImage& image, const store::RgbImage&
     if (counts[i] == 0) continue;
     ++count;
     for (std::size_t c = 0; c < 3; ++c) {
-      const double difference = static_cast<double>(image.pixels[i * 3 + c]) -
-                                static_cast<double>(truth.pixels[i * 3 + c]);
+      const double difference = static_cast<double>(image.values[i * 3 + c]) -
+                                static_cast<double>(truth.values[i * 3 + c]);
       squares += difference * difference;
     }
   }

@@ -12,10 +12,10 @@ namespace raystage::render {
 namespace {
 
 store::RgbImage gradient(int width, int height, int offset) {
-  store::RgbImage image{width, height, {}};
+  store::RgbImage image{width, height, std::vector<std::uint8_t>()};
   for (int i = 0; i < width * height; ++i) {
     for (int c = 0; c < 3; ++c) {
-      image.pixels.push_back(static_cast<std::uint8_t>(20 + (i * 7 + c * 31) % 200 + offset));
+      image.values.push_back(static_cast<std::uint8_t>(20 + (i * 7 + c * 31) % 200 + offset));
     }
   }
   return image;
@@ -38,7 +38,7 @@ TEST(ImageQuality, PsnrIsTheFormulaOverCoveredPixelsOnly) {
               1e-9);
   for (std::size_t i = 0; i < 160; ++i) {  // ruin what is not covered
     covered[i] = 0;
-    image.pixels[i * 3] = 255;
+    image.values[i * 3] = 255;
   }
   const ImageQuality half = compare_images(image, truth, covered);
   EXPECT_NEAR(half.psnr_db, 10 * std::log10(255 * 255 / 25.0), 1e-9);
@@ -72,7 +72,7 @@ TEST(ImageQuality, ViewsAreUnpremultipliedBeforeTheyAreShown) {
   view.width = view.height = 1;
   view.rgba = {0.25F, 0.25F, 0.25F, 0.5F};
   view.coverage = {0.5F};
-  EXPECT_EQ(srgb_image(view).pixels[0], 188);  // sRGB code of linear 0.5
+  EXPECT_EQ(srgb_image(view).values[0], 188);  // sRGB code of linear 0.5
   EXPECT_EQ(coverage_mask(view)[0], 0);
 }
 

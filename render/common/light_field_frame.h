@@ -33,7 +33,7 @@ struct LightFieldFrame {
   /// Per camera of the rig: its frame, or -1 where it has none at this instant or is excluded.
   std::vector<int> frame_of_camera;
   /// As frame_of_camera, for the ticks before and after where the timeline has them: see
-  /// RendererSettings::ticks.
+  /// RendererOptions::ticks.
   std::vector<std::vector<int>> adjacent_frames;
   std::vector<int> included_cameras;  ///< cameras that are not excluded, in increasing order
   /// Per camera of the rig: the rank that contributes its frames to distributed views; -1: none.

@@ -64,6 +64,14 @@ struct MethodPreset {
   std::string_view options;  ///< "NAME=VALUE,..."
 };
 
+/// What users read about a method: `raystage render --methods`, and the table in docs/artist.md,
+/// which is generated. Without a full stop.
+struct MethodDescription {
+  std::string_view summary;         ///< what the method does: "blends ..."
+  std::string_view artefacts = {};  ///< the visible errors
+  std::string_view use = {};        ///< what the method is good for
+};
+
 /// The result of Method::store().
 struct StoreResult {
   bool was_already_stored = false;  ///< the file existed and was complete
@@ -94,7 +102,7 @@ class Method {
   Method& operator=(const Method&) = delete;
 
   virtual std::string_view name() const = 0;
-  virtual std::string_view summary() const = 0;  ///< one line for the user
+  virtual MethodDescription description() const = 0;
   virtual std::span<const OptionSpec> options() const = 0;
   /// Returns option values worth comparing with the defaults.
   virtual std::span<const MethodPreset> presets() const { return {}; }
@@ -154,7 +162,7 @@ class Method {
   virtual RayDelegate ray_delegate(const MethodOptions& /*options*/) const { return {}; }
   /// Returns the surface that rays meet; by default the focal plane. Throws as render().
   virtual RaySurface surface(const SurfaceRequest& request) const;
-  /// Whether the method has the options of ray_weight_settings(). Rays of other methods are
+  /// Whether the method has the options of ray_weight_options(). Rays of other methods are
   /// weighted with default options.
   virtual bool has_ray_weights() const { return false; }
 

@@ -26,6 +26,7 @@
 
 #include "base/error.h"
 #include "base/large_buffer.h"
+#include "base/options.h"
 #include "base/parallel.h"
 #include "matching/matching.h"
 #include "render/depth/estimation_kernels.h"
@@ -44,12 +45,12 @@ std::size_t pixels_of(const VirtualCamera& camera) {
 class Solver {
  public:
   /// `group`: null if this host estimates the depths of all cameras.
-  Solver(const LightFieldFrame& instant, const DepthEstimationSettings& settings,
+  Solver(const LightFieldFrame& instant, const DepthEstimationOptions& options,
          std::size_t working_bytes, const RankCommunicator* group)
       : instant_(instant),
-        settings_(settings),
+        options_(options),
         group_(group),
-        depths_(camera_depths_without_maps(instant, settings)),
+        depths_(camera_depths_without_maps(instant, options)),
         images_(depths_.pinholes.size()) {
     std::vector<std::size_t> pixels;
     for (std::size_t i = 0; i < images_.size(); ++i) {
@@ -57,9 +58,9 @@ class Solver {
       members_.push_back(static_cast<int>(i));
       pixels.push_back(pixels_of(depths_.pinholes[i]));
     }
-    initial_pass_ = {positions_read(settings.neighbours), true, false};
+    initial_pass_ = {positions_read(options.neighbours), true, false};
     fusion_pass_ = {initial_pass_.reads, false, true};
-    refinement_pass_ = {positions_read(settings.support_views), true, true};
+    refinement_pass_ = {positions_read(options.support_views), true, true};
     is_read_here_.assign(members_.size(), group_ == nullptr);
     for (const EstimationPass* pass : {&initial_pass_, &refinement_pass_}) {
       for (std::size_t i = 0; i < members_.size(); ++i) {
@@ -100,7 +101,7 @@ class Solver {
   const InverseDepthMap& map(int camera) const { return depths_.maps[camera]; }
   const MatchingImage& image(int camera) const { return images_[camera]; }
   InverseDepthRange range(int camera) const {
-    return inverse_depth_range_in_view(pinhole(camera), *instant_.rig, settings_.scene);
+    return inverse_depth_range_in_view(pinhole(camera), *instant_.rig, options_.scene);
   }
   std::vector<int> neighbours(int camera, int count) const {
     return depth_neighbours(depths_, instant_, camera, range(camera), count);
@@ -171,7 +172,7 @@ class Solver {
 
   matching::CostVolume volume_of(int camera) const {
     return {pinhole(camera).width, pinhole(camera).height,
-            initial_sweep_planes(depths_, instant_, camera, settings_).count};
+            initial_sweep_planes(depths_, instant_, camera, options_).count};
   }
   /// Bytes per pixel in addition to the cost volume: seen, guide, planes found and their costs.
   static constexpr std::size_t kSweepBytes = 7;
@@ -187,7 +188,7 @@ class Solver {
     CameraMemory most;
     for (const int camera : members_) {
       const std::size_t pixels = pixels_of(pinhole(camera));
-      const auto hypotheses = static_cast<std::size_t>(settings_.neighbours) + 1;
+      const auto hypotheses = static_cast<std::size_t>(options_.neighbours) + 1;
       const std::size_t fuse =
           hypotheses * (depth_tile_count(pinhole(camera)) + 2) * kTile + kMoreToFuse * pixels;
       const matching::CostVolume volume = volume_of(camera);
@@ -273,7 +274,7 @@ class Solver {
 
   InverseDepthMap initial_depths(int camera, BufferPool& buffers) const {
     const VirtualCamera& from = pinhole(camera);
-    const InitialSweepPlanes planes = initial_sweep_planes(depths_, instant_, camera, settings_);
+    const InitialSweepPlanes planes = initial_sweep_planes(depths_, instant_, camera, options_);
     InverseDepthMap guess(from.width, from.height, kUnknownDepth);
     if (planes.count == 0) return guess;
     const std::vector<std::uint8_t> guide = image(camera).plane();
@@ -283,9 +284,9 @@ class Solver {
       }
       return guess;
     }
-    const std::vector<NeighbourView> with = neighbour_views(camera, settings_.neighbours);
+    const std::vector<NeighbourView> with = neighbour_views(camera, options_.neighbours);
     const matching::CostVolume volume{from.width, from.height, planes.count};
-    matching::SemiGlobalSettings matching;
+    matching::SemiGlobalOptions matching;
     matching.p1 = depth_estimation::kSmallJumpPenalty;
     matching.p2 = depth_estimation::kLargeJumpPenalty;
     matching.guide = guide;
@@ -318,14 +319,14 @@ class Solver {
   }
 
   float tolerance() const {
-    return static_cast<float>(settings_.tolerance_px * depths_.inverse_depth_per_pixel);
+    return static_cast<float>(options_.tolerance_px * depths_.inverse_depth_per_pixel);
   }
 
   InverseDepthMap fused_depths(int camera) const {
     const VirtualCamera& view = pinhole(camera);
     std::vector<DepthHypotheses> hypotheses{
         {&map(camera), &view, uniform_weights(view, depth_estimation::kOwnHypothesisWeight)}};
-    for (const int other : neighbours(camera, settings_.neighbours)) {
+    for (const int other : neighbours(camera, options_.neighbours)) {
       hypotheses.push_back({&map(other), &pinhole(other), uniform_weights(view, 1)});
     }
     return fuse_hypotheses(view, hypotheses, {tolerance(), depth_estimation::kMinSupport});
@@ -362,8 +363,8 @@ class Solver {
     const EdgeWeights linked = links(map(camera), picture);
     InverseDepthMap smooth = map(camera);
     domain_transform_filter(smooth.values, 1, smooth.width, smooth.height, linked);
-    const std::vector<NeighbourView> with = neighbour_views(camera, settings_.support_views);
-    const double step = settings_.refine_px * depths_.inverse_depth_per_pixel;
+    const std::vector<NeighbourView> with = neighbour_views(camera, options_.support_views);
+    const double step = options_.refine_px * depths_.inverse_depth_per_pixel;
     std::vector<float> costs(smooth.values.size() * kRefineOffsetStride);
     raystage::parallel_for(0, smooth.height, [&](int y) {
       const std::size_t row = smooth.offset(0, y);
@@ -404,7 +405,7 @@ class Solver {
   }
 
   const LightFieldFrame& instant_;
-  const DepthEstimationSettings& settings_;
+  const DepthEstimationOptions& options_;
   const RankCommunicator* group_;
   CameraDepths depths_;
   std::vector<bool> is_read_here_;     // by member: a camera of this host reads its image
@@ -431,16 +432,27 @@ std::size_t CameraDepths::bytes() const {
   return sum;
 }
 
+bool DepthEstimationOptions::is_valid(std::string* reason) const {
+  using namespace depth_estimation;
+  return is_within("plane_px", plane_px, 1e-3, 1000, reason) &&
+         is_within("neighbours", neighbours, 1, kMaxNeighbours, reason) &&
+         is_within("support_views", support_views, 1, 10000, reason) &&
+         is_within("refine_px", refine_px, 1e-6, 1000, reason) &&
+         is_within("tolerance_px", tolerance_px, 1e-6, 1000, reason);
+}
+
 CameraDepths estimate_camera_depths(const LightFieldFrame& instant,
-                                    const DepthEstimationSettings& settings,
+                                    const DepthEstimationOptions& options,
                                     std::size_t working_bytes) {
-  return Solver(instant, settings, working_bytes, nullptr).solve();
+  require_valid(options, "depth estimation");
+  return Solver(instant, options, working_bytes, nullptr).solve();
 }
 
 CameraDepths estimate_local_depths(const LightFieldFrame& instant,
-                                   const DepthEstimationSettings& settings,
-                                   std::size_t working_bytes, const RankCommunicator& group) {
-  return Solver(instant, settings, working_bytes, &group).solve();
+                                   const DepthEstimationOptions& options, std::size_t working_bytes,
+                                   const RankCommunicator& group) {
+  require_valid(options, "depth estimation");
+  return Solver(instant, options, working_bytes, &group).solve();
 }
 
 }  // namespace raystage::render

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "render/common/blending_field.h"
@@ -15,24 +16,26 @@ namespace raystage::render {
 
 /// Settings of depth estimation. They suit all takes: lengths are in pixels of disparity between
 /// neighbouring cameras, differences in 8-bit codes.
-struct DepthEstimationSettings {
+struct DepthEstimationOptions {
   schemas::DepthRange scene;  ///< metres in front of the array; far may be infinite
-  double plane_px = 0.5;      ///< spacing of the initial sweep planes; kMostPlanes at most
+  double plane_px = 0.5;      ///< spacing of the initial sweep planes; kMaxPlanes at most
   int neighbours = 8;         ///< cameras that each camera is matched with, 1 to kMaxNeighbours
   int support_views = 12;     ///< cameras that refine a depth
   double refine_px = 0.2;     ///< step between the kRefineOffsets depths
   double tolerance_px = 1;    ///< largest difference of two cameras' depths of a point
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// Constants of the passes of estimate_camera_depths().
 namespace depth_estimation {
-inline constexpr int kMostPlanes = 256;
+inline constexpr int kMaxPlanes = 256;
 inline constexpr int kSmallJumpPenalty = 27,
-                     kLargeJumpPenalty = 160;  ///< SemiGlobalSettings::p1 and p2
-inline constexpr double kGuideScale = 7;       ///< SemiGlobalSettings::guide_scale
+                     kLargeJumpPenalty = 160;  ///< SemiGlobalOptions::p1 and p2
+inline constexpr double kGuideScale = 7;       ///< SemiGlobalOptions::guide_scale
 /// Weight of a camera's own depths; the warped depths of its neighbours have weight 1.
 inline constexpr float kOwnHypothesisWeight = 1.5F;
-inline constexpr float kMinSupport = 0.25F;  ///< FusionSettings::min_support
+inline constexpr float kMinSupport = 0.25F;  ///< FusionOptions::min_support
 /// Widths of the edge-aware filter: in pixels, in codes of luma, and in pixels of disparity
 /// between neighbouring cameras. An edge weight falls by 1/e for each width of luma or disparity.
 inline constexpr double kFilterSigmaSpatial = 4, kFilterSigmaLuma = 12, kFilterSigmaDisparity = 0.5;
@@ -77,27 +80,27 @@ struct CameraDepths {
 /// the cameras in flight. See EstimationMemory. Throws Error (bad input) if a frame cannot be read
 /// or if one camera at a time does not fit.
 CameraDepths estimate_camera_depths(const LightFieldFrame& instant,
-                                    const DepthEstimationSettings& settings,
+                                    const DepthEstimationOptions& options,
                                     std::size_t working_bytes);
 
 /// Returns the depths of the cameras that this host holds (LightFieldFrame::is_local); other maps
 /// are empty. All hosts of `group` must call it: they exchange maps after the first and the second
 /// pass. The depths equal those of estimate_camera_depths().
 CameraDepths estimate_local_depths(const LightFieldFrame& instant,
-                                   const DepthEstimationSettings& settings,
-                                   std::size_t working_bytes, const RankCommunicator& group);
+                                   const DepthEstimationOptions& options, std::size_t working_bytes,
+                                   const RankCommunicator& group);
 
 /// The reference of estimate_camera_depths(): pixel by pixel in double, single-threaded.
 CameraDepths estimate_camera_depths_reference(const LightFieldFrame& instant,
-                                              const DepthEstimationSettings& settings);
+                                              const DepthEstimationOptions& options);
 
 /// Returns CameraDepths without maps (pinholes and `inverse_depth_per_pixel`), for stored maps.
 CameraDepths camera_depths_without_maps(const LightFieldFrame& instant,
-                                        const DepthEstimationSettings& settings);
+                                        const DepthEstimationOptions& options);
 
 /// Returns the planes of the camera's initial plane sweep; see InitialSweepPlanes.
 InitialSweepPlanes initial_sweep_planes(const CameraDepths& depths, const LightFieldFrame& instant,
-                                        int camera, const DepthEstimationSettings& settings);
+                                        int camera, const DepthEstimationOptions& options);
 
 /// Returns at most `count` other cameras that have a frame, see a part of the scene that `camera`
 /// sees, and are at another position; nearest first.

@@ -91,10 +91,10 @@ std::optional<Place> place_of(const VirtualCamera& to, const VirtualCamera& from
 
 class Reference {
  public:
-  Reference(const LightFieldFrame& instant, const DepthEstimationSettings& settings)
+  Reference(const LightFieldFrame& instant, const DepthEstimationOptions& options)
       : instant_(instant),
-        settings_(settings),
-        depths_(camera_depths_without_maps(instant, settings)) {
+        options_(options),
+        depths_(camera_depths_without_maps(instant, options)) {
     for (std::size_t i = 0; i < depths_.pinholes.size(); ++i) {
       pictures_.emplace_back();
       if (!instant.is_present(static_cast<int>(i))) continue;
@@ -129,14 +129,14 @@ class Reference {
   const InverseDepthMap& map(int camera) const { return depths_.maps[camera]; }
   std::vector<int> neighbours(int camera, int count) const {
     const InverseDepthRange range =
-        inverse_depth_range_in_view(pinhole(camera), *instant_.rig, settings_.scene);
+        inverse_depth_range_in_view(pinhole(camera), *instant_.rig, options_.scene);
     return depth_neighbours(depths_, instant_, camera, range, count);
   }
 
   InverseDepthMap first_guess(int camera) const {
     const VirtualCamera& from = pinhole(camera);
     const Picture& own = picture(camera);
-    const InitialSweepPlanes planes = initial_sweep_planes(depths_, instant_, camera, settings_);
+    const InitialSweepPlanes planes = initial_sweep_planes(depths_, instant_, camera, options_);
     Plane is_seen(from.width, from.height, planes.count == 1 ? 1 : 0);
     const matching::FillCosts fill = [&](int y, std::span<std::uint8_t> costs) {
       for (int x = 0; x < from.width; ++x) {
@@ -154,7 +154,7 @@ class Reference {
       guide.push_back(own.shows_pixel(x, y) ? static_cast<std::uint8_t>(own.luma.at(x, y))
                                             : std::uint8_t{0});
     }
-    matching::SemiGlobalSettings matching;
+    matching::SemiGlobalOptions matching;
     matching.p1 = depth_estimation::kSmallJumpPenalty;
     matching.p2 = depth_estimation::kLargeJumpPenalty;
     matching.guide = guide;
@@ -179,7 +179,7 @@ class Reference {
     constexpr double kTruncation = 40;  // codes of 255
     const Picture& own = picture(camera);
     std::vector<double> differences;
-    for (const int other : neighbours(camera, settings_.neighbours)) {
+    for (const int other : neighbours(camera, options_.neighbours)) {
       const auto at = place_of(pinhole(other), pinhole(camera), x, y, depth);
       if (!at || !own.shows_pixel(x, y) || !picture(other).shows(at->u, at->v)) continue;
       const double off = bilinear(picture(other).luma, at->u, at->v) - own.luma.at(x, y);
@@ -197,12 +197,12 @@ class Reference {
     const VirtualCamera& view = pinhole(camera);
     std::vector<DepthHypotheses> hypotheses{
         {&map(camera), &view, uniform_weights(view, depth_estimation::kOwnHypothesisWeight)}};
-    for (const int other : neighbours(camera, settings_.neighbours)) {
+    for (const int other : neighbours(camera, options_.neighbours)) {
       hypotheses.push_back({&map(other), &pinhole(other), uniform_weights(view, 1)});
     }
     return fuse_hypotheses_reference(
         view, hypotheses,
-        {static_cast<float>(settings_.tolerance_px * depths_.inverse_depth_per_pixel),
+        {static_cast<float>(options_.tolerance_px * depths_.inverse_depth_per_pixel),
          depth_estimation::kMinSupport});
   }
 
@@ -251,7 +251,7 @@ class Reference {
     return result;
   }
 
-  double step() const { return settings_.refine_px * depths_.inverse_depth_per_pixel; }
+  double step() const { return options_.refine_px * depths_.inverse_depth_per_pixel; }
 
   std::array<double, kRefineOffsets> refine_costs(int camera, int x, int y, double present) const {
     constexpr double kTruncation = 15;  // codes of 255
@@ -259,12 +259,12 @@ class Reference {
     const Picture& own = picture(camera);
     std::array<double, kRefineOffsets> costs{};
     int count = 0;
-    for (const int other : neighbours(camera, settings_.support_views)) {
+    for (const int other : neighbours(camera, options_.support_views)) {
       const auto at = place_of(pinhole(other), from, x, y, present);
       if (!at) continue;
       const double its = map(other).at(std::min(static_cast<int>(at->u), map(other).width - 1),
                                        std::min(static_cast<int>(at->v), map(other).height - 1));
-      if (its > at->inverse_depth + settings_.tolerance_px * depths_.inverse_depth_per_pixel)
+      if (its > at->inverse_depth + options_.tolerance_px * depths_.inverse_depth_per_pixel)
         continue;
       std::vector<double> tried;
       for (int i = -kRefineOffsets / 2; i <= kRefineOffsets / 2; ++i) {
@@ -294,7 +294,7 @@ class Reference {
   }
 
   const LightFieldFrame& instant_;
-  const DepthEstimationSettings& settings_;
+  const DepthEstimationOptions& options_;
   CameraDepths depths_;
   std::vector<Picture> pictures_;
 };
@@ -302,8 +302,8 @@ class Reference {
 }  // namespace
 
 CameraDepths estimate_camera_depths_reference(const LightFieldFrame& instant,
-                                              const DepthEstimationSettings& settings) {
-  return Reference(instant, settings).solve();
+                                              const DepthEstimationOptions& options) {
+  return Reference(instant, options).solve();
 }
 
 }  // namespace raystage::render

@@ -36,18 +36,18 @@ std::array<double, 3> scene(const Vector3d& from, const Vector3d& direction) {
 class CameraDepthsTest : public ::testing::Test {
  protected:
   void record(int rows, int columns, int width, int height, const schemas::Distortion& distortion) {
-    SyntheticTake settings;
-    settings.cameras = testing::camera_grid(rows, columns, 0.1, width, height, distortion);
+    SyntheticTake options;
+    options.cameras = testing::camera_grid(rows, columns, 0.1, width, height, distortion);
     // Not exactly in rows, so that no sample falls on the border of two rows of pixels.
-    for (std::size_t i = 0; i < settings.cameras.size(); ++i) {
-      auto& pose = settings.cameras[i].world_from_camera;
+    for (std::size_t i = 0; i < options.cameras.size(); ++i) {
+      auto& pose = options.cameras[i].world_from_camera;
       pose[3] += 0.0041 * (static_cast<double>(i * 7 % 5) - 2);
       pose[7] += 0.0033 * (static_cast<double>(i * 5 % 7) - 3);
       pose[11] += 0.0027 * (static_cast<double>(i * 3 % 4) - 1);
     }
-    settings.depth_range = schemas::DepthRange{2.2, 6};
-    settings.scene = scene;
-    write_synthetic_take(settings, folder_.path() / "take");
+    options.depth_range = schemas::DepthRange{2.2, 6};
+    options.scene = scene;
+    write_synthetic_take(options, folder_.path() / "take");
     take_ = std::make_unique<store::Take>(folder_.path() / "take");
     cache_ = std::make_unique<store::FrameCache>(*take_, std::size_t{1} << 28,
                                                  store::BlendSpace::kPerceptual);
@@ -55,14 +55,14 @@ class CameraDepthsTest : public ::testing::Test {
     instant_.rig = &take_->rig();
     instant_.cache = cache_.get();
     instant_.frame_of_camera.assign(take_->rig().cameras.size(), 0);
-    settings_.scene = *settings.depth_range;
+    options_.scene = *options.depth_range;
   }
 
   testing::TestFolder folder_;
   std::unique_ptr<store::Take> take_;
   std::unique_ptr<store::FrameCache> cache_;
   LightFieldFrame instant_;
-  DepthEstimationSettings settings_;
+  DepthEstimationOptions options_;
 };
 
 constexpr std::size_t kPlenty = std::size_t{1} << 30;
@@ -70,9 +70,9 @@ const schemas::Distortion kBarrel{-0.15, 0.02, 0.001, -0.002, 0};
 
 TEST_F(CameraDepthsTest, AgreesWithTheReferenceOnEveryInstructionSet) {
   record(3, 3, 56, 42, kBarrel);
-  const CameraDepths slow = estimate_camera_depths_reference(instant_, settings_);
+  const CameraDepths slow = estimate_camera_depths_reference(instant_, options_);
   testing::for_each_simd_target(depth_estimation_target, [&] {
-    const CameraDepths fast = estimate_camera_depths(instant_, settings_, kPlenty);
+    const CameraDepths fast = estimate_camera_depths(instant_, options_, kPlenty);
     int all = 0, known = 0, differ = 0;
     for (std::size_t camera = 0; camera < slow.maps.size(); ++camera) {
       ASSERT_EQ(fast.maps[camera].values.size(), slow.maps[camera].values.size());
@@ -94,7 +94,7 @@ TEST_F(CameraDepthsTest, AgreesWithTheReferenceOnEveryInstructionSet) {
 
 TEST_F(CameraDepthsTest, WhatAFrameDoesNotShowIsNoEvidence) {
   record(3, 3, 96, 72, {-0.25, 0.05, 0, 0, 0});
-  const CameraDepths depths = estimate_camera_depths(instant_, settings_, kPlenty);
+  const CameraDepths depths = estimate_camera_depths(instant_, options_, kPlenty);
   int beside = 0, at_border = 0, wrong = 0;
   for (std::size_t camera = 0; camera < depths.maps.size(); ++camera) {
     const VirtualCamera& pinhole = depths.pinholes[camera];
@@ -127,13 +127,13 @@ TEST_F(CameraDepthsTest, WhatAFrameDoesNotShowIsNoEvidence) {
 
 TEST_F(CameraDepthsTest, SameInGroupsOfAnySizeAndInLittleMemory) {
   record(4, 4, 56, 42, kBarrel);
-  settings_.support_views = 5;
-  settings_.neighbours = 4;
-  const CameraDepths expected = estimate_camera_depths(instant_, settings_, kPlenty);
+  options_.support_views = 5;
+  options_.neighbours = 4;
+  const CameraDepths expected = estimate_camera_depths(instant_, options_, kPlenty);
   std::size_t fitting = 0;
   for (std::size_t bytes = 100'000; bytes < 6'000'000; bytes = bytes * 5 / 4) {
     try {
-      const CameraDepths found = estimate_camera_depths(instant_, settings_, bytes);
+      const CameraDepths found = estimate_camera_depths(instant_, options_, bytes);
       for (std::size_t i = 0; i < found.maps.size(); ++i) {
         ASSERT_EQ(found.maps[i].values, expected.maps[i].values) << bytes << " bytes, camera " << i;
       }
@@ -144,7 +144,7 @@ TEST_F(CameraDepthsTest, SameInGroupsOfAnySizeAndInLittleMemory) {
     }
   }
   EXPECT_GT(fitting, 6U);
-  EXPECT_THROW(estimate_camera_depths(instant_, settings_, 0), Error);
+  EXPECT_THROW(estimate_camera_depths(instant_, options_, 0), Error);
 }
 
 }  // namespace

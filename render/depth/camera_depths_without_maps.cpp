@@ -56,21 +56,21 @@ std::vector<int> depth_neighbours(const CameraDepths& depths, const LightFieldFr
 }
 
 InitialSweepPlanes initial_sweep_planes(const CameraDepths& depths, const LightFieldFrame& instant,
-                                        int camera, const DepthEstimationSettings& settings) {
+                                        int camera, const DepthEstimationOptions& options) {
   const VirtualCamera& from = depths.pinholes[camera];
-  const InverseDepthRange seen = inverse_depth_range_in_view(from, *instant.rig, settings.scene);
+  const InverseDepthRange seen = inverse_depth_range_in_view(from, *instant.rig, options.scene);
   if (seen.empty()) return {};
   const std::vector<int> nearest = depth_neighbours(depths, instant, camera, seen, 1);
   const double moves = nearest.empty() ? 0 : disparity(depths.pinholes[nearest[0]], from);
-  const double steps = std::ceil((seen.nearest - seen.farthest) * moves / settings.plane_px - 1e-9);
+  const double steps = std::ceil((seen.nearest - seen.farthest) * moves / options.plane_px - 1e-9);
   const int count =
-      1 + static_cast<int>(std::clamp(steps, 0.0, depth_estimation::kMostPlanes - 1.0));
+      1 + static_cast<int>(std::clamp(steps, 0.0, depth_estimation::kMaxPlanes - 1.0));
   if (count == 1) return {1, (seen.farthest + seen.nearest) / 2, 0, 1};
   return {count, seen.farthest, (seen.nearest - seen.farthest) / (count - 1), 1 + steps};
 }
 
 CameraDepths camera_depths_without_maps(const LightFieldFrame& instant,
-                                        const DepthEstimationSettings& settings) {
+                                        const DepthEstimationOptions& options) {
   CameraDepths depths;
   for (const rig::Rig::Camera& camera : instant.rig->cameras) {
     depths.pinholes.push_back(undistorted(camera.model, camera.pose));
@@ -80,7 +80,7 @@ CameraDepths camera_depths_without_maps(const LightFieldFrame& instant,
   for (std::size_t i = 0; i < depths.pinholes.size(); ++i) {
     if (!instant.is_present(static_cast<int>(i))) continue;
     const InverseDepthRange range =
-        inverse_depth_range_in_view(depths.pinholes[i], *instant.rig, settings.scene);
+        inverse_depth_range_in_view(depths.pinholes[i], *instant.rig, options.scene);
     const auto nearest = depth_neighbours(depths, instant, static_cast<int>(i), range, 1);
     if (nearest.empty()) continue;
     moves.push_back(disparity(depths.pinholes[nearest[0]], depths.pinholes[i]));

@@ -94,7 +94,7 @@ class Frame {
                     {samples.data(), share.data(), scratch.visible[i].data()});
       if (cache.has_matte()) {
         scratch.seen = {};
-        add_visibility_at_depth(from.look_up, tile.left, y, depths, {kAll.data(), n},
+        add_visibility_at_depth(from.source, tile.left, y, depths, {kAll.data(), n},
                                 {scratch.seen.data(), n});
         for (std::size_t x = 0; x < n; ++x) {
           scratch.seen_by_all[x] += share[x] * scratch.visible[i][x] * scratch.seen[x];
@@ -134,7 +134,7 @@ class Frame {
         const auto n = static_cast<std::size_t>(tile.right - tile.left);
         for (int y = tile.top; y < tile.bottom; ++y) {
           mark_samples_at_depth(marking, tile.left, y, {sources_.depths_at(tile.left, y), n},
-                                {share.data(), n}, plan_.settings.look_up);
+                                {share.data(), n}, plan_.settings.interpolation);
         }
       }
     });

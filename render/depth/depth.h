@@ -32,13 +32,13 @@ struct DepthEstimationStatistics {
 
 namespace depth {
 
-struct DepthViewSettings {
-  DepthEstimationSettings estimation;
+struct DepthViewOptions {
+  DepthEstimationOptions estimation;
   int cameras = 16;
   double agreement = 10;  ///< colour difference of half weight, codes of 255
-  Interpolation look_up = Interpolation::kCubic;  ///< of source frames
-  bool keep = true;                               ///< store depths in the take's folder
-  bool temporal = false;                          ///< average depths with those of adjacent_frames
+  Interpolation interpolation = Interpolation::kCubic;  ///< of source frames
+  bool stores_depths = true;                            ///< store depths in the take's folder
+  bool temporal = false;  ///< average depths with those of adjacent_frames
 };
 
 /// The depths of the cameras of a light field frame.
@@ -49,7 +49,7 @@ struct NotedDepths {
 
 /// The inputs of rendering a view, for render() and render_reference().
 struct DepthViewPlan {
-  DepthViewSettings settings;
+  DepthViewOptions settings;
   VirtualCamera pinhole;                  ///< the view, without its lens distortion
   InverseDepthRange range;                ///< of what it sees
   BlendingField field;                    ///< of the cameras that have a frame
@@ -70,23 +70,23 @@ std::optional<DepthViewPlan> plan_without_depths(const ViewRequest& request);
 struct FusionInputs {
   std::vector<DepthHypotheses> hypotheses;  ///< map: empty if the plan has none of the camera
   std::vector<int> cameras;                 ///< rig index of each hypothesis, increasing
-  FusionSettings settings;
+  FusionOptions settings;
 };
 FusionInputs fusion_inputs(const DepthViewPlan& plan, const ViewRequest& request);
 /// Sets unknown depths to the farthest depth of the view.
 void fill_unknown_depths(const DepthViewPlan& plan, InverseDepthMap& view_depths);
 /// Returns a key of all inputs of an instant's depths except the take.
-std::string depth_cache_key(const LightFieldFrame& instant,
-                            const DepthEstimationSettings& settings);
+std::string depth_cache_key(const LightFieldFrame& instant, const DepthEstimationOptions& settings);
 /// Returns notes for the user about the depths of an instant's cameras; reads no maps.
 std::vector<std::string> depth_notes(const CameraDepths& depths, const LightFieldFrame& instant,
-                                     const DepthEstimationSettings& settings);
+                                     const DepthEstimationOptions& settings);
 
 /// Returns the depths of an instant's cameras with the default options and the depth range `scene`.
-/// Caches them in `kept` and, if `keep`, stores them in the take. Adds the cost to `work`.
+/// Caches them in `result_cache` and, if `stores_depths`, stores them in the take. Adds the cost to
+/// `work`.
 std::shared_ptr<const CameraDepths> depths_with_default_options(
-    const LightFieldFrame& instant, ResultCache& kept, std::size_t working_bytes, bool keep,
-    const schemas::DepthRange& scene, DepthEstimationStatistics& work);
+    const LightFieldFrame& instant, ResultCache& result_cache, std::size_t working_bytes,
+    bool stores_depths, const schemas::DepthRange& scene, DepthEstimationStatistics& work);
 
 /// Returns the inverse depth, 1/m along the view's axis, by which a camera's depth may be nearer
 /// than a point that counts as visible.

@@ -87,7 +87,7 @@ class Decompressor {
   explicit Decompressor(std::span<const std::byte> file)
       : context_(ZSTD_createDCtx()), input_{file.data(), file.size(), 0} {
     if (!context_) throw std::bad_alloc();
-    ZSTD_DCtx_setParameter(context_.get(), ZSTD_d_windowLogMax, kMostWindowLog);
+    ZSTD_DCtx_setParameter(context_.get(), ZSTD_d_windowLogMax, kMaxWindowLog);
   }
   /// Returns false if the frame is damaged or holds fewer bytes.
   bool take(std::span<std::byte> bytes) {
@@ -110,7 +110,7 @@ class Decompressor {
   struct Deleter {
     void operator()(ZSTD_DCtx* context) const { ZSTD_freeDCtx(context); }
   };
-  static constexpr int kMostWindowLog = 21;  // of kLevel
+  static constexpr int kMaxWindowLog = 21;  // of kLevel
 
   bool step(ZSTD_outBuffer& output) {
     if (is_over_) return false;

@@ -85,10 +85,10 @@ TEST(DepthMemory, SolvingKeepsWithinItsBound) {
   instant.rig = &take.rig();
   instant.cache = &cache;
   instant.frame_of_camera.assign(take.rig().cameras.size(), 0);
-  DepthEstimationSettings settings;
-  settings.scene = *recorded.depth_range;
+  DepthEstimationOptions options;
+  options.scene = *recorded.depth_range;
   const std::size_t plenty = std::size_t{1} << 30;
-  CameraDepths warm = estimate_camera_depths(instant, settings, plenty);  // frames, threads
+  CameraDepths warm = estimate_camera_depths(instant, options, plenty);  // frames, threads
   for (InverseDepthMap& map : warm.maps) quantise_depths(map);
   std::ptrdiff_t most = 0;
   for (const std::size_t bound :
@@ -96,8 +96,7 @@ TEST(DepthMemory, SolvingKeepsWithinItsBound) {
     const std::ptrdiff_t before = held;
     peak = before;
     std::string note;
-    const CameraDepths depths =
-        load_or_estimate_camera_depths(instant, settings, bound, true, note);
+    const CameraDepths depths = load_or_estimate_camera_depths(instant, options, bound, true, note);
     EXPECT_EQ(note, "");
     const std::ptrdiff_t beside = peak - before - static_cast<std::ptrdiff_t>(depths.bytes());
     EXPECT_LT(beside, static_cast<std::ptrdiff_t>(bound));
@@ -107,7 +106,7 @@ TEST(DepthMemory, SolvingKeepsWithinItsBound) {
     // Reading stored depths takes less memory.
     peak = held.load();
     const std::ptrdiff_t before_reading = held;
-    const CameraDepths read = load_or_estimate_camera_depths(instant, settings, bound, true, note);
+    const CameraDepths read = load_or_estimate_camera_depths(instant, options, bound, true, note);
     EXPECT_LT(peak - before_reading - static_cast<std::ptrdiff_t>(read.bytes()), 5'000'000);
     EXPECT_EQ(read.maps[7].values, warm.maps[7].values);
     std::filesystem::remove_all(take.folder() / "depth");
@@ -126,10 +125,10 @@ TEST(DepthMemory, AViewTakesWhatItSaysItTakes) {
   const VirtualCamera view = virtual_camera_with_fov(900, 600, 0.7, {});
   const store::FrameSelection frames = store::select_frames(take, 0, 1);
   for (const std::size_t share : {std::size_t{1} << 30, std::size_t{15'000'000}}) {
-    RendererSettings settings;
-    settings.working_bytes = share;
-    const LightFieldRenderer renderer(take, settings);
-    const ReconstructionSettings by_depth{"depth", {0, 0, 0, 1}};
+    RendererOptions options;
+    options.working_bytes = share;
+    const LightFieldRenderer renderer(take, options);
+    const ReconstructionOptions by_depth{"depth", {0, 0, 0, 1}};
     renderer.render(view, frames, by_depth);  // frames, depths, threads
     const std::ptrdiff_t before = held;
     peak = before;

@@ -94,7 +94,7 @@ class Reference {
       Sample sample;
       sample.at = sample_at_depth_reference(eye, ray.direction, depth, camera,
                                             renderer_.frames().frame(chosen.camera),
-                                            plan_.settings.look_up);
+                                            plan_.settings.interpolation);
       sample.share = BlendingField::share(tile, chosen, ray.x, ray.y);
       sample.visible = point_visibility(
           plan_, chosen.camera, ray.direction + depth * (eye - camera.pose.position), depth);

@@ -24,7 +24,7 @@ TEST_F(DepthFound, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
   std::vector<RenderedView> images;
   for (const std::size_t threads : {1, 2, 5}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-    RendererSettings settings;
+    RendererOptions settings;
     if (threads == 5) settings.working_bytes = 2'000'000;  // camera by camera
     images.push_back(render(take, default_view(), {{"store_depths", false}}, settings));
   }
@@ -45,7 +45,7 @@ TEST_F(DepthFound, SaysHowMuchMemoryItTakesAndWhereThatIsMoreThanItsShare) {
   const auto beyond = ::testing::Contains(
       ::testing::HasSubstr("a view of 90x64 needs more working memory than its budget of 0 MB"));
   EXPECT_THAT(kept.notes, ::testing::Not(beyond));
-  RendererSettings little;
+  RendererOptions little;
   little.working_bytes = kept.statistics.working_bytes - 1;
   const RenderedView in_bands = render(take, default_view(), {}, little);
   EXPECT_LE(in_bands.statistics.working_bytes, little.working_bytes);
@@ -83,7 +83,7 @@ TEST_F(DepthFound, RaysMeetWhatViewsWithTheSameOptionsShow) {
   const store::FrameSelection frames =
       store::select_frames(take, kNanosecondsPerSecond / 15, 30'000'000);
   const auto answered = [&](schemas::OptionValues options, std::shared_ptr<ResultCache> kept) {
-    RendererSettings settings;
+    RendererOptions settings;
     settings.result_cache = std::move(kept);
     const WorldRay ahead{{0.02, 0.013, 0}, {0, 0, -1}};
     RaySample sample;
@@ -99,7 +99,7 @@ TEST_F(DepthFound, RaysMeetWhatViewsWithTheSameOptionsShow) {
         {"support_views", 3.0},
         {"temporal", true}}) {
     const schemas::OptionValues options{{"store_depths", false}, option};
-    RendererSettings settings;
+    RendererOptions settings;
     settings.result_cache = std::make_shared<ResultCache>(std::size_t{1} << 28);
     EXPECT_NEAR(answered(options, settings.result_cache), 4, 0.1) << option.first;
     const std::size_t held = settings.result_cache->bytes_held();
@@ -117,7 +117,7 @@ TEST_F(DepthFound, RaysOfAPlaneSweepEndBetweenItsDepths) {
   SyntheticTake painted = slanted(2, 3);
   painted.has_depth_range = false;
   const store::Take take = write(painted);
-  RendererSettings settings;
+  RendererOptions settings;
   settings.use_take_folder = false;
   const LightFieldRenderer renderer(take, settings);
   const WorldRay ahead{{0.02, 0.013, 0}, {0, 0, -1}};
@@ -139,7 +139,7 @@ TEST_F(DepthFound, TheViewThatDepthsAreFoundForSaysWhatTheyTook) {
   settings.frames = 3;
   const store::Take take = write(settings);
   constexpr std::int64_t kFrames = 6 * 96 * 72;  // pixels of an instant
-  RendererSettings counting;
+  RendererOptions counting;
   counting.count_needed_pixels = true;
   const auto decoded = [&](schemas::OptionValues options, bool by_reference = false) {
     counting.reference = by_reference;

@@ -166,7 +166,7 @@ bool is_pinned(const fs::path& set, fs::file_time_type now) {
 
 }  // namespace
 
-DepthStoreKey depth_store_key(const LightFieldFrame& instant, const DepthEstimationSettings& s) {
+DepthStoreKey depth_store_key(const LightFieldFrame& instant, const DepthEstimationOptions& s) {
   std::array<std::byte, 64> fixed{};
   store_little_endian(fixed, 0, kAlgorithm);
   store_little_endian(fixed, 4, static_cast<std::uint32_t>(instant.cache->blend_space()));
@@ -224,22 +224,22 @@ void prune_depth_sets(const fs::path& folder, fs::file_time_type now) {
 }
 
 CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
-                                            const DepthEstimationSettings& settings,
-                                            std::size_t working_bytes, bool keep,
+                                            const DepthEstimationOptions& options,
+                                            std::size_t working_bytes, bool stores_depths,
                                             std::string& note) {
-  const DepthStoreKey key = keep ? depth_store_key(instant, settings) : DepthStoreKey{};
+  const DepthStoreKey key = stores_depths ? depth_store_key(instant, options) : DepthStoreKey{};
   const fs::path file = depth_file_path(instant.derived_folder(), key);
-  if (keep) {
-    CameraDepths depths = camera_depths_without_maps(instant, settings);
+  if (stores_depths) {
+    CameraDepths depths = camera_depths_without_maps(instant, options);
     if (read_maps(file, key.instant, depths)) {
       if (instant.stored_data_counts != nullptr) ++instant.stored_data_counts->read;
       return depths;
     }
   }
-  CameraDepths depths = estimate_camera_depths(instant, settings, working_bytes);
+  CameraDepths depths = estimate_camera_depths(instant, options, working_bytes);
   if (instant.stored_data_counts != nullptr) ++instant.stored_data_counts->derived;
   for (InverseDepthMap& map : depths.maps) quantise_depths(map);
-  if (!keep) return depths;
+  if (!stores_depths) return depths;
   try {
     const fs::path set = file.parent_path();
     std::error_code error;
@@ -255,13 +255,12 @@ CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
 }
 
 StoreResult store_camera_depths(const LightFieldFrame& instant,
-                                const DepthEstimationSettings& settings,
-                                std::size_t working_bytes) {
+                                const DepthEstimationOptions& options, std::size_t working_bytes) {
   StoredDataCounts counts;
   LightFieldFrame counted = instant;
   counted.stored_data_counts = &counts;
   StoreResult result;
-  load_or_estimate_camera_depths(counted, settings, working_bytes, true, result.failure_reason);
+  load_or_estimate_camera_depths(counted, options, working_bytes, true, result.failure_reason);
   result.was_already_stored = counts.read > 0;
   return result;
 }

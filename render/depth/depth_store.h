@@ -21,25 +21,25 @@ struct DepthStoreKey {
 };
 /// Returns the key of an instant's depths; reads the JPEG bytes of all its frames.
 DepthStoreKey depth_store_key(const LightFieldFrame& instant,
-                              const DepthEstimationSettings& settings);
+                              const DepthEstimationOptions& options);
 
 /// Returns FOLDER/depth/SET/INSTANT.zst. `folder`: LightFieldFrame::derived_folder().
 std::filesystem::path depth_file_path(const std::filesystem::path& folder,
                                       const DepthStoreKey& key);
 
 /// Returns the depths of an instant's cameras: those in LightFieldFrame::derived_folder() if the
-/// file is intact and its key equal, else estimated and, if `keep`, stored there. If they cannot be
-/// stored (a read-only take, a full disk), `note` says why; this is not an error. The first file of
-/// a new set calls prune_depth_sets().
+/// file is intact and its key equal, else estimated and, if `stores_depths`, stored there. If they
+/// cannot be stored (a read-only take, a full disk), `note` says why; this is not an error. The
+/// first file of a new set calls prune_depth_sets().
 CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
-                                            const DepthEstimationSettings& settings,
-                                            std::size_t working_bytes, bool keep,
+                                            const DepthEstimationOptions& options,
+                                            std::size_t working_bytes, bool stores_depths,
                                             std::string& note);
 
 /// Stores the depths of an instant's cameras in depth_file_path(), as
 /// load_or_estimate_camera_depths() does, unless an intact file is there.
 StoreResult store_camera_depths(const LightFieldFrame& instant,
-                                const DepthEstimationSettings& settings, std::size_t working_bytes);
+                                const DepthEstimationOptions& options, std::size_t working_bytes);
 
 /// The number of stored sets per take, and the time after its last use in which a set is kept.
 inline constexpr std::size_t kMaxStoredDepthSets = 4;

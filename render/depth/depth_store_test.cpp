@@ -126,13 +126,13 @@ class TakeWithDepths : public ::testing::Test {
   }
   /// Estimates depths up to `far` metres, last used `ago`; returns the folder of their set.
   fs::path ask(double far, hours ago) {
-    DepthEstimationSettings settings;
-    settings.scene = {3, far};
+    DepthEstimationOptions options;
+    options.scene = {3, far};
     std::string note;
-    load_or_estimate_camera_depths(instant_, settings, std::size_t{1} << 28, true, note);
+    load_or_estimate_camera_depths(instant_, options, std::size_t{1} << 28, true, note);
     EXPECT_EQ(note, "");
     const fs::path set =
-        depth_file_path(take_->folder(), depth_store_key(instant_, settings)).parent_path();
+        depth_file_path(take_->folder(), depth_store_key(instant_, options)).parent_path();
     EXPECT_TRUE(fs::exists(set));
     fs::last_write_time(set, fs::file_time_type::clock::now() - ago);
     return set;
@@ -190,10 +190,10 @@ TEST_F(TakeWithDepths, WhoMayWriteMarksAsUsedAlsoWhatIsAnothers) {
   }
   constexpr uid_t kNobody = 65534;
   ASSERT_EQ(seteuid(kNobody), 0);
-  DepthEstimationSettings settings;
-  settings.scene = {3, 5};
+  DepthEstimationOptions options;
+  options.scene = {3, 5};
   std::string note;
-  load_or_estimate_camera_depths(instant_, settings, std::size_t{1} << 28, true, note);
+  load_or_estimate_camera_depths(instant_, options, std::size_t{1} << 28, true, note);
   ASSERT_EQ(seteuid(0), 0);
   EXPECT_LT(fs::file_time_type::clock::now() - fs::last_write_time(set), hours(1));
 }
@@ -203,7 +203,7 @@ TEST_F(TakeWithDepths, OtherOptionsMakeRoomForThemselves) {
   for (int i = 0; i < 4; ++i) sets.push_back(ask(5 + i, hours(10 - i)));
   EXPECT_EQ(names_in(take_->folder() / "depth").size(), 4U);
   // Last use counts, not age: the first is used again, so the second is removed.
-  DepthEstimationSettings first;
+  DepthEstimationOptions first;
   first.scene = {3, 5};
   std::string note;
   load_or_estimate_camera_depths(instant_, first, std::size_t{1} << 28, true, note);

@@ -15,7 +15,7 @@ namespace raystage::render {
 /// A ray without a hit ends at the far end of the scene; a ray that does not pass through the scene
 /// gives NaN.
 ///
-/// `scene`: as DepthEstimationSettings. The surface keeps `depths` alive.
+/// `scene`: as DepthEstimationOptions. The surface keeps `depths` alive.
 RaySurface depth_surface(std::shared_ptr<const CameraDepths> depths, const rig::Rig& rig,
                          schemas::DepthRange scene);
 

@@ -164,7 +164,7 @@ TEST(DepthProxy, MakesTheLumigraphSharpAtEveryDepth) {
   const VirtualCamera view = virtual_camera_with_fov(100, 75, 40 * kDegree, at({0.03, 0.02, 0}, 0));
   const auto error_of = [&](const char* method, const schemas::OptionValues& options,
                             bool reference) {
-    RendererSettings renderer;
+    RendererOptions renderer;
     renderer.reference = reference;
     const RenderedView image =
         LightFieldRenderer(take, renderer)

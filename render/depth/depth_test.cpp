@@ -32,7 +32,7 @@ class Depth : public testing::DepthTest {};
 
 TEST_F(Depth, AgreesWithTheReference) {
   const store::Take take = write(slanted(3, 3, {-0.15, 0.04, 0.001, -0.002, 0}));
-  RendererSettings slow;
+  RendererOptions slow;
   slow.reference = true;
   for (const schemas::OptionValues& options :
        {schemas::OptionValues{},
@@ -45,7 +45,7 @@ TEST_F(Depth, AgreesWithTheReference) {
         virtual_camera_with_fov(70, 50, 0.5, make_pose({0, 0.05, -1.5}, -5))}) {  // in front
     expect_equal(render(take, view), render(take, view, {}, slow));
   }
-  RendererSettings linear;
+  RendererOptions linear;
   linear.blend_space = store::BlendSpace::kLinear;
   slow.blend_space = store::BlendSpace::kLinear;
   expect_equal(render(take, default_view(), {}, linear), render(take, default_view(), {}, slow));
@@ -109,7 +109,7 @@ TEST_F(Depth, TheErrorDoesNotFlickerWhenTheCameraMoves) {
   SyntheticTake settings = slanted(3, 4);
   settings.scene = holes_scene;
   settings.samples = 3;
-  settings.jpeg = {75, store::JpegEncodeSettings::Chroma::k444, 0};
+  settings.jpeg = {75, store::JpegEncodeOptions::Chroma::k444, 0};
   const store::Take take = write(settings);
   const LightFieldRenderer renderer(take, {});
   const store::FrameSelection frames = store::select_frames(take, 0, 30'000'000);
@@ -165,7 +165,7 @@ TEST_F(Depth, TemporalLooksAtTheFramesBeforeAndAfter) {
   const store::Take take = write(settings);
   const schemas::OptionValues steady{{"temporal", true}};
   const store::Timeline timeline = store::build_timeline(take, 15, 0);
-  RendererSettings on_ticks;
+  RendererOptions on_ticks;
   on_ticks.ticks = timeline.ticks;
   EXPECT_GT(mean_alpha(render(take, default_view(), steady, on_ticks, 0)),
             0.9);  // it has none before
@@ -174,7 +174,7 @@ TEST_F(Depth, TemporalLooksAtTheFramesBeforeAndAfter) {
   for (std::size_t i = 0; i < alone.rgba.size(); ++i) {
     ASSERT_NEAR(second.rgba[i], alone.rgba[i], 1e-3) << i;
   }
-  RendererSettings slow = on_ticks;
+  RendererOptions slow = on_ticks;
   slow.reference = true;
   expect_equal(second, render(take, default_view(), steady, slow, 1));
   EXPECT_EQ(render(take, default_view(), steady, on_ticks, 1).rgba,
@@ -194,7 +194,7 @@ TEST_F(Depth, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
   EXPECT_NEAR(lacking.rgba[middle * 4 + 3], 1, 1e-3);  // still a picture
   EXPECT_LT(lacking.coverage[middle], 0.1);            // and reported
   EXPECT_EQ(stored_depth_files().size(), 2U);
-  RendererSettings slow;
+  RendererOptions slow;
   slow.reference = true;
   expect_equal(lacking, render(take, view, four, slow, 1));
 }

@@ -27,10 +27,10 @@ namespace raystage::render {
 namespace depth {
 namespace {
 
-constexpr int kMostCameras = 64;
+constexpr int kMaxCameras = 64;
 
 constexpr std::array kOptions{
-    integer_option("cameras", 16, 1, kMostCameras, "number of cameras blended per ray"),
+    integer_option("cameras", 16, 1, kMaxCameras, "number of cameras blended per ray"),
     kNearOption,
     kFarOption,
     number_option("plane_px", 0.5, 0.1, 16,
@@ -50,23 +50,23 @@ constexpr std::array kOptions{
         flag_option("store_depths", true,
                     "store depths in the take's folder depth/, and use those stored there"))};
 
-DepthViewSettings settings_of(const MethodOptions& options, const store::Take& take,
-                              bool use_take_folder) {
-  DepthViewSettings s;
+DepthViewOptions settings_of(const MethodOptions& options, const store::Take& take,
+                             bool use_take_folder) {
+  DepthViewOptions s;
   s.estimation.scene = scene_depth_range(options, take, "depth");
   s.estimation.plane_px = options.number("plane_px");
   s.estimation.neighbours = options.integer("neighbours");
   s.estimation.support_views = options.integer("support_views");
   s.cameras = options.integer("cameras");
   s.agreement = options.number("color_tolerance");
-  s.keep = options.flag("store_depths") && use_take_folder;
+  s.stores_depths = options.flag("store_depths") && use_take_folder;
   s.temporal = options.flag("temporal");
   return s;
 }
 
 /// Returns the largest number of planes that a camera's initial sweep requires, before the limit.
 double required_plane_count(const CameraDepths& depths, const LightFieldFrame& instant,
-                            const DepthEstimationSettings& estimation) {
+                            const DepthEstimationOptions& estimation) {
   double most = 1;
   for (std::size_t i = 0; i < depths.pinholes.size(); ++i) {
     const int camera = static_cast<int>(i);
@@ -77,17 +77,15 @@ double required_plane_count(const CameraDepths& depths, const LightFieldFrame& i
 }
 
 /// Returns cached, stored or newly estimated depths. Adds the cost of an estimation to `work`.
-std::shared_ptr<const NotedDepths> camera_depths(const LightFieldFrame& instant,
-                                                 ResultCache& kept_results,
-                                                 std::size_t working_bytes,
-                                                 const DepthEstimationSettings& estimation,
-                                                 bool keep, DepthEstimationStatistics& work) {
-  return kept_results.get<NotedDepths>(
+std::shared_ptr<const NotedDepths> camera_depths(
+    const LightFieldFrame& instant, ResultCache& result_cache, std::size_t working_bytes,
+    const DepthEstimationOptions& estimation, bool stores_depths, DepthEstimationStatistics& work) {
+  return result_cache.get<NotedDepths>(
       depth_cache_key(instant, estimation), [&](std::size_t& bytes) {
         auto kept = std::make_shared<NotedDepths>();
         std::string note;
         kept->depths =
-            load_or_estimate_camera_depths(instant, estimation, working_bytes, keep, note);
+            load_or_estimate_camera_depths(instant, estimation, working_bytes, stores_depths, note);
         kept->notes = depth_notes(kept->depths, instant, estimation);
         if (!note.empty()) kept->notes.push_back(note);
         kept->depths.compute_block_nearest();
@@ -126,18 +124,18 @@ MatchingImage picture_of(const LightFieldFrame& instant, std::size_t camera,
 /// Returns an instant's depths averaged with those of the adjacent instants. Memory: the maps of
 /// three instants, and as many cameras at a time as fit `working_bytes`.
 std::shared_ptr<const NotedDepths> time_averaged_depths(
-    const LightFieldFrame& instant, ResultCache& kept_results, std::size_t working_bytes,
-    const DepthEstimationSettings& estimation, bool keep, DepthEstimationStatistics& work) {
+    const LightFieldFrame& instant, ResultCache& result_cache, std::size_t working_bytes,
+    const DepthEstimationOptions& estimation, bool stores_depths, DepthEstimationStatistics& work) {
   const std::vector<LightFieldFrame> adjacent = adjacent_instants(instant);
   if (adjacent.empty()) {
-    return camera_depths(instant, kept_results, working_bytes, estimation, keep, work);
+    return camera_depths(instant, result_cache, working_bytes, estimation, stores_depths, work);
   }
   std::string key = "steadied " + depth_cache_key(instant, estimation);
   for (const LightFieldFrame& other : adjacent)
     key += " beside " + depth_cache_key(other, estimation);
-  return kept_results.get<NotedDepths>(key, [&](std::size_t& bytes) {
+  return result_cache.get<NotedDepths>(key, [&](std::size_t& bytes) {
     const auto depths_at = [&](const LightFieldFrame& at) {
-      return camera_depths(at, kept_results, working_bytes, estimation, keep, work);
+      return camera_depths(at, result_cache, working_bytes, estimation, stores_depths, work);
     };
     std::vector<std::shared_ptr<const NotedDepths>> adjacent_depths;
     for (const LightFieldFrame& other : adjacent) adjacent_depths.push_back(depths_at(other));
@@ -174,17 +172,18 @@ std::shared_ptr<const NotedDepths> time_averaged_depths(
   });
 }
 
-std::shared_ptr<const NotedDepths> depths_by(const DepthViewSettings& settings,
+std::shared_ptr<const NotedDepths> depths_by(const DepthViewOptions& settings,
                                              const LightFieldFrame& instant,
-                                             ResultCache& kept_results, std::size_t working_bytes,
+                                             ResultCache& result_cache, std::size_t working_bytes,
                                              DepthEstimationStatistics& work) {
   const auto depths_of = settings.temporal ? time_averaged_depths : camera_depths;
-  return depths_of(instant, kept_results, working_bytes, settings.estimation, settings.keep, work);
+  return depths_of(instant, result_cache, working_bytes, settings.estimation,
+                   settings.stores_depths, work);
 }
 
 }  // namespace
 
-std::string depth_cache_key(const LightFieldFrame& instant, const DepthEstimationSettings& s) {
+std::string depth_cache_key(const LightFieldFrame& instant, const DepthEstimationOptions& s) {
   std::string key = fmt::format("camera depths {} {} {} {} {}", s.scene.near, s.scene.far,
                                 s.plane_px, s.neighbours, s.support_views);
   for (const int frame : instant.frame_of_camera) key += " " + std::to_string(frame);
@@ -192,19 +191,19 @@ std::string depth_cache_key(const LightFieldFrame& instant, const DepthEstimatio
 }
 
 std::vector<std::string> depth_notes(const CameraDepths& depths, const LightFieldFrame& instant,
-                                     const DepthEstimationSettings& estimation) {
+                                     const DepthEstimationOptions& estimation) {
   const double needed = required_plane_count(depths, instant, estimation);
-  if (needed <= depth_estimation::kMostPlanes) return {};
+  if (needed <= depth_estimation::kMaxPlanes) return {};
   return {
       fmt::format("depth: {:g} px between planes (plane_px) require up to {:.0f} planes for the "
                   "initial sweep; only {} are used: depths of near objects may be wrong",
-                  estimation.plane_px, rounded_for_display(needed), depth_estimation::kMostPlanes)};
+                  estimation.plane_px, rounded_for_display(needed), depth_estimation::kMaxPlanes)};
 }
 
 /// The weights are those of a blending field of the view with kBest cameras per tile corner.
 FusionInputs fusion_inputs(const DepthViewPlan& plan, const ViewRequest& request) {
   static_assert(kDepthTile == BlendingField::kTile);
-  constexpr float kLeastShare = 0.2F;
+  constexpr float kMinShare = 0.2F;
   constexpr int kBest = 8;
   static_assert(4 * kBest <= kMaxHypotheses, "each corner of a tile may select other cameras");
   const LightFieldFrame& instant = request.instant;
@@ -234,7 +233,7 @@ FusionInputs fusion_inputs(const DepthViewPlan& plan, const ViewRequest& request
   const double per_pixel = depths.inverse_depth_per_pixel;
   const auto thick = static_cast<float>((per_pixel > 0 ? per_pixel : 1) / 2);
   // Keep lines: wires that cover one column of pixels here and two in the next view must not break.
-  vote.settings = {thick, kLeastShare, thick, request.working_bytes};
+  vote.settings = {thick, kMinShare, thick, request.working_bytes};
   return vote;
 }
 
@@ -260,7 +259,7 @@ InverseDepthMap depths_of_view(DepthViewPlan& plan, const ViewRequest& request) 
 }  // namespace
 
 std::optional<DepthViewPlan> plan_without_depths(const ViewRequest& request) {
-  const DepthViewSettings settings =
+  const DepthViewOptions settings =
       settings_of(request.options, *request.instant.take, request.use_take_folder);
   const rig::Rig& rig = *request.instant.rig;
   const VirtualCamera pinhole = undistorted(
@@ -294,11 +293,12 @@ std::optional<DepthViewPlan> plan(const ViewRequest& request) {
 }
 
 std::shared_ptr<const CameraDepths> depths_with_default_options(
-    const LightFieldFrame& instant, ResultCache& kept, std::size_t working_bytes, bool keep,
-    const schemas::DepthRange& scene, DepthEstimationStatistics& work) {
-  DepthEstimationSettings estimation;
+    const LightFieldFrame& instant, ResultCache& result_cache, std::size_t working_bytes,
+    bool stores_depths, const schemas::DepthRange& scene, DepthEstimationStatistics& work) {
+  DepthEstimationOptions estimation;
   estimation.scene = scene;
-  const auto found = camera_depths(instant, kept, working_bytes, estimation, keep, work);
+  const auto found =
+      camera_depths(instant, result_cache, working_bytes, estimation, stores_depths, work);
   return {found, &found->depths};
 }
 
@@ -315,9 +315,12 @@ namespace {
 class DepthMethod final : public Method {
  public:
   std::string_view name() const override { return "depth"; }
-  std::string_view summary() const override {
-    return "blends the cameras that see a point by their depths, which are estimated once per "
-           "instant";
+  MethodDescription description() const override {
+    return {.summary =
+                "blends the cameras that see a point by their depths, which are estimated once per "
+                "instant",
+            .artefacts = "thin objects may fray",
+            .use = "final frames: the most accurate"};
   }
   std::span<const OptionSpec> options() const override { return depth::kOptions; }
   std::span<const MethodPreset> presets() const override {
@@ -345,8 +348,8 @@ class DepthMethod final : public Method {
   bool stores_data() const override { return true; }
   std::filesystem::path stored_file(const MethodOptions& options,
                                     const LightFieldFrame& instant) const override {
-    const depth::DepthViewSettings settings = depth::settings_of(options, *instant.take, true);
-    if (!settings.keep) return {};
+    const depth::DepthViewOptions settings = depth::settings_of(options, *instant.take, true);
+    if (!settings.stores_depths) return {};
     return depth_file_path(instant.derived_folder(), depth_store_key(instant, settings.estimation));
   }
   StoreResult store(const MethodOptions& options, const LightFieldFrame& instant,
@@ -356,7 +359,7 @@ class DepthMethod final : public Method {
   }
 
   RaySurface surface(const SurfaceRequest& r) const override {
-    const depth::DepthViewSettings settings =
+    const depth::DepthViewOptions settings =
         depth::settings_of(r.options, *r.instant.take, r.use_take_folder);
     DepthEstimationStatistics work;
     const auto found = depth::depths_by(settings, r.instant, r.result_cache, r.working_bytes, work);

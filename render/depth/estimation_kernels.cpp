@@ -26,7 +26,7 @@ namespace {
 namespace hn = hwy::HWY_NAMESPACE;
 using D = hn::ScalableTag<float>;
 using V = hn::Vec<D>;
-constexpr int kMostLanes = 16;
+constexpr int kMaxLanes = 16;
 
 /// Bilinear luma at pixel positions within the image, and whether it is known.
 struct Luma {
@@ -57,7 +57,7 @@ HWY_INLINE Luma luma_at(D d, const MatchingImage& image, V u, V v) {
 
 /// Returns the camera's own luma at lanes from pixel x on; the row's last pixel is repeated.
 HWY_INLINE V own_luma(D d, const MatchingImage& image, int x, int y) {
-  HWY_ALIGN float codes[kMostLanes];
+  HWY_ALIGN float codes[kMaxLanes];
   for (int i = 0; i < static_cast<int>(hn::Lanes(d)); ++i) {
     codes[i] = image.luma(std::min(x + i, image.width() - 1), y);
   }
@@ -91,7 +91,7 @@ void match(const MatchRow& row) {
         RowTransfer(row.neighbour_views[p].transfer, row.y, row.neighbour_views[p].image->width(),
                     row.neighbour_views[p].image->height());
   }
-  HWY_ALIGN std::int32_t bytes[kMostLanes];
+  HWY_ALIGN std::int32_t bytes[kMaxLanes];
   for (int x = 0; x < width; x += lanes) {
     const auto own = own_luma(d, *row.image, x, row.y);
     const auto own_known = hn::Gt(own, zero);
@@ -141,7 +141,7 @@ void refine(const RefineRow& row) {
         RowTransfer(row.neighbour_views[p].transfer, row.y, row.neighbour_views[p].image->width(),
                     row.neighbour_views[p].image->height());
   }
-  HWY_ALIGN float present[kMostLanes], costs[kRefineOffsets][kMostLanes];
+  HWY_ALIGN float present[kMaxLanes], costs[kRefineOffsets][kMaxLanes];
   for (int x = 0; x < width; x += lanes) {
     const int n = std::min(lanes, width - x);
     for (int i = 0; i < lanes; ++i) present[i] = row.inverse_depth[x + std::min(i, n - 1)];
@@ -261,7 +261,7 @@ void median(const std::array<const float*, 3>& rows, float line_tolerance,
   const D d;
   const auto tolerance = hn::Set(d, line_tolerance);
   const int lanes = static_cast<int>(hn::Lanes(d)), width = static_cast<int>(medians.size());
-  HWY_ALIGN float part[kMostLanes + 2], out[kMostLanes];
+  HWY_ALIGN float part[kMaxLanes + 2], out[kMaxLanes];
   V values[9], sorted[9];
   for (int x = 0; x < width; x += lanes) {
     const bool inner = x > 0 && x + lanes < width;

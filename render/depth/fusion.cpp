@@ -13,6 +13,7 @@
 #include <array>
 #include <cmath>
 
+#include "base/options.h"
 #include "base/parallel.h"
 #include "render/depth/estimation_kernels.h"
 #include "render/depth/warp.h"
@@ -188,25 +189,32 @@ DepthTiles warp_hypotheses(const VirtualCamera& view, const DepthHypotheses& hyp
   return warp_tiles(view, hypothesis, 0, depth_tile_count(view));
 }
 
+bool FusionOptions::is_valid(std::string* reason) const {
+  return is_within("tolerance (1/m)", tolerance, 1e-12, 1e12, reason) &&
+         is_within("smallest support", min_support, 0, 1, reason);
+}
+
 InverseDepthMap fuse_warped_hypotheses(const VirtualCamera& view,
                                        std::span<const DepthHypotheses> hypotheses,
                                        std::span<const DepthTiles> warped,
-                                       const FusionSettings& settings) {
+                                       const FusionOptions& options) {
+  require_valid(options, "fusion of depth hypotheses");
   InverseDepthMap fused(view.width, view.height);
   std::vector<float> support(fused.values.size());
   raystage::parallel_for(std::size_t{0}, depth_tile_count(view), [&](std::size_t tile) {
-    vote_in_tile(view, hypotheses, warped, tile, settings.tolerance, fused, support);
+    vote_in_tile(view, hypotheses, warped, tile, options.tolerance, fused, support);
   });
-  return median(filled(fused, support, settings.min_support), settings.line_tolerance);
+  return median(filled(fused, support, options.min_support), options.line_tolerance);
 }
 
 InverseDepthMap fuse_hypotheses(const VirtualCamera& view,
                                 std::span<const DepthHypotheses> hypotheses,
-                                const FusionSettings& settings) {
+                                const FusionOptions& options) {
+  require_valid(options, "fusion of depth hypotheses");
   const auto columns = static_cast<std::size_t>(depth_tile_columns(view));
   InverseDepthMap fused(view.width, view.height);
   std::vector<float> support(fused.values.size());
-  for (const TileBand& band : bands_of(view, hypotheses, settings.working_bytes)) {
+  for (const TileBand& band : bands_of(view, hypotheses, options.working_bytes)) {
     const std::size_t first = static_cast<std::size_t>(band.first) * columns;
     const std::size_t end = static_cast<std::size_t>(band.end) * columns;
     std::vector<DepthTiles> warped(hypotheses.size());
@@ -214,10 +222,10 @@ InverseDepthMap fuse_hypotheses(const VirtualCamera& view,
       warped[i] = warp_tiles(view, hypotheses[i], first, end);
     });
     raystage::parallel_for(first, end, [&](std::size_t tile) {
-      vote_in_tile(view, hypotheses, warped, tile, settings.tolerance, fused, support);
+      vote_in_tile(view, hypotheses, warped, tile, options.tolerance, fused, support);
     });
   }
-  return median(filled(fused, support, settings.min_support), settings.line_tolerance);
+  return median(filled(fused, support, options.min_support), options.line_tolerance);
 }
 
 void domain_transform_filter(std::vector<float>& values, int channels, int width, int height,

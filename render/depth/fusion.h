@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <limits>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "render/depth/inverse_depth_map.h"
@@ -24,13 +25,15 @@ struct DepthHypotheses {
 /// Returns the same weight for all tiles of a view.
 std::vector<std::array<float, 4>> uniform_weights(const VirtualCamera& view, float weight);
 
-struct FusionSettings {
+struct FusionOptions {
   float tolerance = 0;    ///< 1/m, above 0: see VoteRun
   float min_support = 0;  ///< smallest share of the weights that must support a depth, 0 to 1
   /// 1/m; see median_row(). Infinite: lines one pixel wide are removed as outliers.
   float line_tolerance = std::numeric_limits<float>::infinity();
   /// Limits how many rows of tiles are warped at a time; at least one.
   std::size_t working_bytes = std::numeric_limits<std::size_t>::max();
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 /// Returns a view's depths: the hypothesis with the largest support (vote(); at most kMaxHypotheses
 /// per tile). If that is below `min_support`, the farthest of the depths next in the row and
@@ -38,14 +41,14 @@ struct FusionSettings {
 /// without a near depth.
 InverseDepthMap fuse_hypotheses(const VirtualCamera& view,
                                 std::span<const DepthHypotheses> hypotheses,
-                                const FusionSettings& settings);
+                                const FusionOptions& options);
 /// Returns the depths of one hypothesis warped into the view, for tiles in which it has a weight.
 DepthTiles warp_hypotheses(const VirtualCamera& view, const DepthHypotheses& hypothesis);
 /// Returns fuse_hypotheses() of warped hypotheses, the whole view at once; reads no maps.
 InverseDepthMap fuse_warped_hypotheses(const VirtualCamera& view,
                                        std::span<const DepthHypotheses> hypotheses,
                                        std::span<const DepthTiles> warped,
-                                       const FusionSettings& settings);
+                                       const FusionOptions& options);
 /// Returns the working memory of fuse_hypotheses(): 8 bytes per pixel, and per hypothesis with a
 /// weight 4 bytes per pixel of the current rows of tiles; at least 16 bytes per pixel in total. At
 /// most `working_bytes` if that suffices.
@@ -65,7 +68,7 @@ void domain_transform_filter(std::vector<float>& values, int channels, int width
 /// The references; they take any number of hypotheses.
 InverseDepthMap fuse_hypotheses_reference(const VirtualCamera& view,
                                           std::span<const DepthHypotheses> hypotheses,
-                                          const FusionSettings& settings);
+                                          const FusionOptions& options);
 void domain_transform_filter_reference(std::vector<float>& values, int channels, int width,
                                        int height, const EdgeWeights& links);
 

@@ -91,7 +91,7 @@ InverseDepthMap median_reference(const InverseDepthMap& depths, float line_toler
 
 InverseDepthMap fuse_hypotheses_reference(const VirtualCamera& view,
                                           std::span<const DepthHypotheses> hypotheses,
-                                          const FusionSettings& settings) {
+                                          const FusionOptions& options) {
   std::vector<InverseDepthMap> warped;
   for (const DepthHypotheses& hypothesis : hypotheses) {
     warped.push_back(warp_depths_reference(*hypothesis.map, *hypothesis.camera, view));
@@ -104,7 +104,7 @@ InverseDepthMap fuse_hypotheses_reference(const VirtualCamera& view,
         said.push_back(static_cast<double>(warped[i].at(x, y)));
         weights.push_back(weight_at(view, hypotheses[i], x, y));
       }
-      const Agreed found = vote_of(said, weights, static_cast<double>(settings.tolerance));
+      const Agreed found = vote_of(said, weights, static_cast<double>(options.tolerance));
       depths.at(x, y) = static_cast<float>(found.depth);
       support.at(x, y) = static_cast<float>(found.support);
     }
@@ -112,11 +112,11 @@ InverseDepthMap fuse_hypotheses_reference(const VirtualCamera& view,
   InverseDepthMap result = depths;
   for (int y = 0; y < view.height; ++y) {
     for (int x = 0; x < view.width; ++x) {
-      if (depths.at(x, y) >= 0 && support.at(x, y) >= settings.min_support) continue;
-      result.at(x, y) = depth_behind(depths, support, settings.min_support, x, y);
+      if (depths.at(x, y) >= 0 && support.at(x, y) >= options.min_support) continue;
+      result.at(x, y) = depth_behind(depths, support, options.min_support, x, y);
     }
   }
-  return median_reference(result, settings.line_tolerance);
+  return median_reference(result, options.line_tolerance);
 }
 
 void domain_transform_filter_reference(std::vector<float>& values, int channels, int width,

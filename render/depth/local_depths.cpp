@@ -38,20 +38,20 @@ class RecentDepths {
 }  // namespace
 
 std::shared_ptr<const NotedDepths> local_depths(const ViewRequest& request,
-                                                const DepthViewSettings& settings,
+                                                const DepthViewOptions& options,
                                                 const RankCommunicator& group) {
   const auto recent = request.result_cache.get<RecentDepths>(
       "depths of this host's cameras", [](std::size_t& bytes) {
         bytes = 0;  // never dropped
         return std::make_shared<const RecentDepths>();
       });
-  const std::string key = depth_cache_key(request.instant, settings.estimation);
+  const std::string key = depth_cache_key(request.instant, options.estimation);
   if (auto found = recent->find(key)) return found;
   auto made = std::make_shared<NotedDepths>();
   made->depths =
-      estimate_local_depths(request.instant, settings.estimation, request.working_bytes, group);
+      estimate_local_depths(request.instant, options.estimation, request.working_bytes, group);
   for (InverseDepthMap& map : made->depths.maps) quantise_depths(map);
-  made->notes = depth_notes(made->depths, request.instant, settings.estimation);
+  made->notes = depth_notes(made->depths, request.instant, options.estimation);
   made->depths.compute_block_nearest();
   recent->add(key, made);
   return made;

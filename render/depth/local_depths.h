@@ -14,7 +14,7 @@ namespace raystage::render::depth {
 /// of the last kLocalDepthFrames light field frames are cached; others are estimated together with
 /// the other hosts. All hosts must ask in the same order. Not stored on disk.
 std::shared_ptr<const NotedDepths> local_depths(const ViewRequest& request,
-                                                const DepthViewSettings& settings,
+                                                const DepthViewOptions& options,
                                                 const RankCommunicator& group);
 inline constexpr std::size_t kLocalDepthFrames = 2;
 

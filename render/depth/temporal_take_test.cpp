@@ -60,11 +60,11 @@ class TemporalTake : public ::testing::Test {
       for (int camera = 0; camera < kCameras; ++camera) {
         if (camera == kDropping && frame == kDropped) continue;
         store::RgbImage image = render_camera_image(settings.cameras[camera], settings);
-        for (std::size_t i = 0; i < image.pixels.size(); i += 3) {
+        for (std::size_t i = 0; i < image.values.size(); i += 3) {
           const double grey = noise(random);
           for (std::size_t c = i; c < i + 3; ++c) {
-            image.pixels[c] =
-                static_cast<std::uint8_t>(std::clamp(image.pixels[c] + grey, 0.0, 255.0));
+            image.values[c] =
+                static_cast<std::uint8_t>(std::clamp(image.values[c] + grey, 0.0, 255.0));
           }
         }
         writer.archive(camera).append(store::encode_jpeg(image, {}), frame * kInterval);
@@ -106,7 +106,7 @@ class TemporalTake : public ::testing::Test {
   }
 
   RenderedView render(int tick, std::vector<int> excluded_cameras = {}) const {
-    RendererSettings settings;
+    RendererOptions settings;
     settings.ticks = timeline_.ticks;
     settings.excluded_cameras = std::move(excluded_cameras);
     return LightFieldRenderer(*take_, settings)
@@ -171,7 +171,7 @@ TEST_F(TemporalTake, AgreesWithInstantsFetchedOneByOne) {
       instant.adjacent_frames.push_back(other.frame_of_camera);
     const CameraDepths fast = depths(instant, true);
 
-    DepthEstimationSettings settings;
+    DepthEstimationOptions settings;
     settings.scene = {2.5, 7};
     const auto solved = [&](const LightFieldFrame& of) {
       CameraDepths found = estimate_camera_depths(of, settings, std::size_t{1} << 28);

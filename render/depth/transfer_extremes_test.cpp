@@ -33,7 +33,7 @@ using testing::WorstError;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr double kFloatEpsilon = std::numeric_limits<float>::epsilon();
-constexpr int kMostLanes = 16;
+constexpr int kMaxLanes = 16;
 
 /// Two cameras, and a pixel of the first one with a depth; the second looks roughly there.
 struct Shot {
@@ -97,7 +97,7 @@ Sum sum_of(const PixelTransfer& t, const Shot& shot) {
     const double* m = &t.direction[3 * r];
     sum.value[r] = m[0] * x + (m[1] * y + m[2]) + q * t.parallax[r];
     // In float: the pixel's ray, the way to it from a vector's first pixel, and the parallax.
-    sum.terms[r] = std::abs(m[0] * x + (m[1] * y + m[2])) + kMostLanes * std::abs(m[0]) +
+    sum.terms[r] = std::abs(m[0] * x + (m[1] * y + m[2])) + kMaxLanes * std::abs(m[0]) +
                    std::abs(q * t.parallax[r]);
   }
   return sum;

@@ -36,7 +36,7 @@ std::vector<InverseDepthRange> ranges_of(const DepthViewPlan& plan) {
 
 ViewSources::ViewSources(const ViewRequest& request, const DepthViewPlan& plan)
     : FieldSources(request.view, request.instant, plan.field, ranges_of(plan), 0,
-                   plan.settings.look_up),
+                   plan.settings.interpolation),
       plan_(plan),
       transfers_(size()) {
   for (std::size_t i = 0; i < size(); ++i) {
@@ -55,8 +55,8 @@ void sample_camera(const ViewSources& sources, const DepthViewPlan& plan, const 
   const std::span<const float> depths(sources.depths_at(tile.left, y), n);
   BlendingField::weights(tile, camera, y, {run.weights, n});
   std::fill_n(run.samples, 4 * n, 0.0F);
-  add_samples_at_depth(sources[camera.camera].look_up, tile.left, y, depths, {kAll.data(), n},
-                       plan.settings.look_up, {run.samples, 4 * n});
+  add_samples_at_depth(sources[camera.camera].source, tile.left, y, depths, {kAll.data(), n},
+                       plan.settings.interpolation, {run.samples, 4 * n});
   compute_visibility({tile.left,
                       y,
                       sources.transfer(camera.camera),

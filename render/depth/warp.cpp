@@ -50,7 +50,7 @@ void warp(const InverseDepthMap& map, const VirtualCamera& camera, const Virtual
           const std::vector<std::uint8_t>& needed, DepthTiles& tiles) {
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> di;
-  constexpr int kMostLanes = static_cast<int>(hn::MaxLanes(d));
+  constexpr int kMaxLanes = static_cast<int>(hn::MaxLanes(d));
   const int lanes = static_cast<int>(hn::Lanes(d));
   const PixelTransfer transfer = pixel_transfer(view, camera);
   // The footprint of a pixel is the ratio of the focal lengths times that of the depths.
@@ -72,8 +72,8 @@ void warp(const InverseDepthMap& map, const VirtualCamera& camera, const Virtual
   const auto height = hn::Set(d, static_cast<float>(view.height));
   const auto columns = hn::Set(di, depth_tile_columns(view)), within = hn::Set(di, kDepthTile - 1);
   const int blocks_per_row = (map.width + kDepthTile - 1) / kDepthTile;
-  HWY_ALIGN float depth[kMostLanes], u[kMostLanes], v[kMostLanes], extent[kMostLanes];
-  HWY_ALIGN std::int32_t at[kMostLanes];
+  HWY_ALIGN float depth[kMaxLanes], u[kMaxLanes], v[kMaxLanes], extent[kMaxLanes];
+  HWY_ALIGN std::int32_t at[kMaxLanes];
   for (int y = 0; y < map.height; ++y) {
     const RowTransfer along(shifted, y, view.width + kMaxSplatSize, view.height + kMaxSplatSize);
     const float* row = map.values.data() + static_cast<std::ptrdiff_t>(y) * map.width;

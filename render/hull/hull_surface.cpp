@@ -22,7 +22,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 /// Points closer to a camera's plane than this, relative to their distance, count as not in front.
-constexpr double kLeastAhead = 1e-12;
+constexpr double kMinAhead = 1e-12;
 
 /// An interval of inverse distances along a ray, the nearer (larger) first, 1/m.
 struct Interval {
@@ -90,7 +90,7 @@ Interval seen_part(const Vector3d& direction, const Vector3d& per_inverse,
       seen.near = -1;
     }
   };
-  keep(direction.z() - kLeastAhead, per_inverse.z());
+  keep(direction.z() - kMinAhead, per_inverse.z());
   const std::array<int, 2> size{raster.width, raster.height};
   for (int axis = 0; axis < 2; ++axis) {
     const double most = size[axis];
@@ -115,7 +115,7 @@ void walk(const WorldRay& ray, const Carver& carver, const Interval& interval, c
   if (seen.near < interval.near && !visit(interval.near, seen.near, MatteValue::kUnseen)) return;
   const auto end = [&](double inverse) {
     Vector3d at = direction + inverse * per_inverse;
-    at.z() = std::max(at.z(), kLeastAhead);
+    at.z() = std::max(at.z(), kMinAhead);
     return at;
   };
   const RasterLine line(end(seen.near), end(seen.far), seen, raster);

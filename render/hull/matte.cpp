@@ -37,12 +37,12 @@ Bounds ideal_bounds(const rig::CameraModel& model) {
   return bounds;
 }
 
-constexpr std::uint8_t kMostAlike = 254;  // 255 must not overflow a byte
+constexpr std::uint8_t kMaxSimilarity = 254;  // 255 must not overflow a byte
 
-/// Returns the minimum of each value and its left and right one; kMostAlike if `row` is null.
+/// Returns the minimum of each value and its left and right one; kMaxSimilarity if `row` is null.
 void least_of_three(const std::uint8_t* row, std::vector<std::uint8_t>& least) {
   if (row == nullptr) {
-    std::ranges::fill(least, kMostAlike);
+    std::ranges::fill(least, kMaxSimilarity);
     return;
   }
   const std::size_t last = least.size() - 1;
@@ -106,7 +106,7 @@ void Matte::Raster::compute_uniform_radius() {
     for (std::size_t x = 0; x < columns; ++x) {
       const bool same = all_are(x > 0 ? x - 1 : x, here[x]) && all_are(x, here[x]) &&
                         all_are(x + 1 < columns ? x + 1 : x, here[x]);
-      out[x] = same ? kMostAlike : 0;
+      out[x] = same ? kMaxSimilarity : 0;
     }
   }
   // Two passes: downwards to the right, then upwards to the left.

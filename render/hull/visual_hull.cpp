@@ -116,22 +116,24 @@ std::vector<OptionSpec> hull_options() {
 class VisualHullMethod final : public Method {
  public:
   std::string_view name() const override { return "visual_hull"; }
-  std::string_view summary() const override {
-    return "shows only the foreground within the mattes of all cameras";
+  MethodDescription description() const override {
+    return {.summary = "shows only the foreground within the mattes of all cameras",
+            .artefacts = "hollows are filled",
+            .use = "actors in front of a keyed background"};
   }
   std::span<const OptionSpec> options() const override { return options_; }
 
   RenderedView render(const ViewRequest& request) const override {
     RenderedView view = render_lumigraph(
         request, hull_of(request.options, request.instant, request.result_cache, false),
-        ray_weight_settings(request.options), WeightField::kPerPixel, MissedRay::kKnownEmpty);
+        ray_weight_options(request.options), WeightField::kPerPixel, MissedRay::kKnownEmpty);
     note_missing_mattes(request.instant, view);
     return view;
   }
   RenderedView render_reference(const ViewRequest& request) const override {
     RenderedView view = render_lumigraph_reference(
         request, hull_of(request.options, request.instant, request.result_cache, true),
-        ray_weight_settings(request.options), MissedRay::kKnownEmpty);
+        ray_weight_options(request.options), MissedRay::kKnownEmpty);
     note_missing_mattes(request.instant, view);
     return view;
   }

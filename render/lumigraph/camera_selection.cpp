@@ -23,7 +23,7 @@ struct Bounds {
 
 /// Returns bounds of the penalty without its term for the field of view.
 Bounds penalty_bounds(const Vector3d& eye_to_camera, const Vector3d& axis, double angle,
-                      const RayBundle& bundle, const RayWeightSettings& weighing) {
+                      const RayBundle& bundle, const RayWeightOptions& weighing) {
   // Distance from a ray and length along it change by at most this from the axis to any ray.
   const double change = eye_to_camera.norm() * angle;
   const double beside = eye_to_camera.cross(axis).norm(), along = eye_to_camera.dot(axis);
@@ -61,7 +61,7 @@ Bounds penalty_bounds(const Vector3d& eye_to_camera, const Vector3d& axis, doubl
 /// Returns whether the camera sees all points of the bundle, away from its image's border. Without
 /// distortion the hull of the corners contains them; a margin allows for the bend by the lens.
 bool sees_all(const rig::Rig::Camera& camera, const RayBundle& bundle,
-              const RayWeightSettings& weighing) {
+              const RayWeightOptions& weighing) {
   constexpr double kMargin = 2;  // pixels
   const rig::CameraModel& model = camera.model;
   const double border = std::max(weighing.border * model.width(), 1.0) + kMargin;
@@ -82,8 +82,8 @@ bool sees_all(const rig::Rig::Camera& camera, const RayBundle& bundle,
 }  // namespace
 
 std::vector<int> select_candidate_cameras(const rig::Rig& rig, std::span<const int> cameras,
-                                          const RayBundle& bundle,
-                                          const RayWeightSettings& weighing, double spacing) {
+                                          const RayBundle& bundle, const RayWeightOptions& weighing,
+                                          double spacing) {
   Vector3d axis = Vector3d::Zero();
   for (const Vector3d& corner : bundle.corners) axis += corner;
   axis.normalize();

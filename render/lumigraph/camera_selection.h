@@ -21,7 +21,7 @@ struct RayBundle {
 /// determine the threshold of the k-th best. It bounds the penalties over the bundle, so excluding
 /// the others changes no weight.
 std::vector<int> select_candidate_cameras(const rig::Rig& rig, std::span<const int> cameras,
-                                          const RayBundle& bundle,
-                                          const RayWeightSettings& weighing, double spacing);
+                                          const RayBundle& bundle, const RayWeightOptions& weighing,
+                                          double spacing);
 
 }  // namespace raystage::render

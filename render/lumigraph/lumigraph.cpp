@@ -46,7 +46,7 @@ struct Scratch {
 class LumigraphFrame {
  public:
   LumigraphFrame(const ViewRequest& request, const RaySurface& surface,
-                 const RayWeightSettings& weighing, WeightField field, MissedRay missed)
+                 const RayWeightOptions& weighing, WeightField field, MissedRay missed)
       : request_(request),
         view_(request.view),
         rig_(*request.instant.rig),
@@ -385,9 +385,9 @@ class LumigraphFrame {
   const VirtualCamera& view_;
   const rig::Rig& rig_;
   const RaySurface& surface_;
-  RayWeightSettings weighing_;
+  RayWeightOptions weighing_;
   double spacing_;
-  ChunkWeightSettings chunk_weighing_;
+  ChunkWeightOptions chunk_weighing_;
   WeightField field_;
   MissedRay missed_;
   Vector3d middle_;
@@ -404,19 +404,19 @@ class LumigraphFrame {
 }  // namespace
 
 Contribution contribute_lumigraph(const ViewRequest& request, const RaySurface& surface,
-                                  const RayWeightSettings& weighing, WeightField field) {
+                                  const RayWeightOptions& weighing, WeightField field) {
   return LumigraphFrame(request, surface, weighing, field, MissedRay::kUnseen).contribute();
 }
 
 RenderedView combine_lumigraph(const ViewRequest& request, const RaySurface& surface,
-                               const RayWeightSettings& weighing, WeightField field,
+                               const RayWeightOptions& weighing, WeightField field,
                                PixelValues sums) {
   return LumigraphFrame(request, surface, weighing, field, MissedRay::kUnseen)
       .combine(std::move(sums));
 }
 
 RenderedView render_lumigraph(const ViewRequest& request, const RaySurface& surface,
-                              const RayWeightSettings& weighing, WeightField field,
+                              const RayWeightOptions& weighing, WeightField field,
                               MissedRay missed) {
   return LumigraphFrame(request, surface, weighing, field, missed).render();
 }

@@ -20,28 +20,28 @@ inline constexpr int kBlendingTileSize = 16;
 enum class MissedRay { kUnseen, kKnownEmpty };
 
 /// Returns a view by the unstructured lumigraph: each ray is looked up where it meets `surface`, in
-/// the few best cameras (see RayWeightSettings). A = the largest `seen` of these cameras; coverage
+/// the few best cameras (see RayWeightOptions). A = the largest `seen` of these cameras; coverage
 /// is A less the weights that cameras absent at this instant would have. Does not read `request`'s
 /// options. The view must have no lens distortion. Threads share rows of blocks of 64 x 16 pixels;
 /// a block considers only cameras that can count in it. Memory: 8 bytes per pixel of a band of
 /// blocks, as high as fits ViewRequest::working_bytes, the frames' masks, and the FrameCache. The
 /// height of the band does not change the pixels.
 RenderedView render_lumigraph(const ViewRequest& request, const RaySurface& surface,
-                              const RayWeightSettings& weighing, WeightField field,
+                              const RayWeightOptions& weighing, WeightField field,
                               MissedRay missed = MissedRay::kUnseen);
 
 /// Returns the contribution of this host's cameras to render_lumigraph(): sums, one plane.
 Contribution contribute_lumigraph(const ViewRequest& request, const RaySurface& surface,
-                                  const RayWeightSettings& weighing, WeightField field);
+                                  const RayWeightOptions& weighing, WeightField field);
 
 /// Returns the view from `sums`, the contributions of all hosts.
 RenderedView combine_lumigraph(const ViewRequest& request, const RaySurface& surface,
-                               const RayWeightSettings& weighing, WeightField field,
+                               const RayWeightOptions& weighing, WeightField field,
                                PixelValues sums);
 
 /// The reference: ray by ray in double, for any view; weights always per pixel.
 RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySurface& surface,
-                                        const RayWeightSettings& weighing,
+                                        const RayWeightOptions& weighing,
                                         MissedRay missed = MissedRay::kUnseen);
 
 }  // namespace raystage::render

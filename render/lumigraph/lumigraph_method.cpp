@@ -41,8 +41,8 @@ void check_proxy(const MethodOptions& options, const store::Take& take) {
 }
 
 /// Returns the settings of depth::depths_with_default_options().
-DepthEstimationSettings default_depth_settings(const store::Take& take) {
-  DepthEstimationSettings settings;
+DepthEstimationOptions default_depth_options(const store::Take& take) {
+  DepthEstimationOptions settings;
   settings.scene = scene_of(take);
   return settings;
 }
@@ -104,8 +104,10 @@ std::vector<OptionSpec> lumigraph_options() {
 class LumigraphMethod final : public Method {
  public:
   std::string_view name() const override { return "lumigraph"; }
-  std::string_view summary() const override {
-    return "blends the best few cameras of each ray where it meets a geometry proxy";
+  MethodDescription description() const override {
+    return {.summary = "blends the best few cameras of each ray where it meets a geometry proxy",
+            .artefacts = "doubled edges where the proxy is wrong",
+            .use = "sets that were scanned or modelled"};
   }
   std::span<const OptionSpec> options() const override { return options_; }
   std::span<const MethodPreset> presets() const override {
@@ -119,7 +121,7 @@ class LumigraphMethod final : public Method {
     DepthEstimationStatistics work;
     const RaySurface surface = surface_of(request, work);
     RenderedView image =
-        render_lumigraph(request, surface, ray_weight_settings(request.options), field_of(request));
+        render_lumigraph(request, surface, ray_weight_options(request.options), field_of(request));
     image.statistics.working_bytes = std::max(image.statistics.working_bytes, work.bytes);
     image.statistics.pixels_decoded += work.pixels_decoded;
     return image;
@@ -127,7 +129,7 @@ class LumigraphMethod final : public Method {
   RenderedView render_reference(const ViewRequest& request) const override {
     DepthEstimationStatistics work;
     return render_lumigraph_reference(request, surface_of(request, work),
-                                      ray_weight_settings(request.options));
+                                      ray_weight_options(request.options));
   }
 
   /// With proxy depth, every host would need the depths of cameras that it does not hold.
@@ -138,12 +140,12 @@ class LumigraphMethod final : public Method {
   Contribution contribute(const ViewRequest& request) const override {
     DepthEstimationStatistics none;
     return contribute_lumigraph(request, surface_of(request, none),
-                                ray_weight_settings(request.options), field_of(request));
+                                ray_weight_options(request.options), field_of(request));
   }
   RenderedView combine(const ViewRequest& request, std::vector<PixelValues> planes) const override {
     DepthEstimationStatistics none;
     return combine_lumigraph(request, surface_of(request, none),
-                             ray_weight_settings(request.options), field_of(request),
+                             ray_weight_options(request.options), field_of(request),
                              std::move(planes.at(0)));
   }
 
@@ -162,11 +164,11 @@ class LumigraphMethod final : public Method {
                                     const LightFieldFrame& instant) const override {
     if (options.text("proxy") != "depth") return {};
     return depth_file_path(instant.derived_folder(),
-                           depth_store_key(instant, default_depth_settings(*instant.take)));
+                           depth_store_key(instant, default_depth_options(*instant.take)));
   }
   StoreResult store(const MethodOptions& /*options*/, const LightFieldFrame& instant,
                     std::size_t working_bytes) const override {
-    return store_camera_depths(instant, default_depth_settings(*instant.take), working_bytes);
+    return store_camera_depths(instant, default_depth_options(*instant.take), working_bytes);
   }
 
   RaySurface surface(const SurfaceRequest& r) const override {

@@ -8,7 +8,7 @@
 namespace raystage::render {
 
 RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySurface& surface,
-                                        const RayWeightSettings& weighing, MissedRay missed) {
+                                        const RayWeightOptions& weighing, MissedRay missed) {
   const LightFieldFrame& instant = request.instant;
   const rig::Pose& pose = request.view.pose;
   const double spacing = mean_nearest_baseline(*instant.rig);

@@ -49,7 +49,7 @@ std::vector<ChunkCamera> chunk_cameras(const rig::Rig& rig) {
   return cameras;
 }
 
-ChunkWeightSettings::ChunkWeightSettings(const RayWeightSettings& weighing, double spacing)
+ChunkWeightOptions::ChunkWeightOptions(const RayWeightOptions& weighing, double spacing)
     : cameras(weighing.cameras),
       angular(static_cast<float>(weighing.angular)),
       resolution(static_cast<float>(weighing.resolution)),

@@ -48,12 +48,12 @@ struct ChunkWeights {
   alignas(64) std::array<float, RayChunk::kSize> seen;
 };
 
-/// RayWeightSettings in metres, for the kernels.
-struct ChunkWeightSettings {
+/// RayWeightOptions in metres, for the kernels.
+struct ChunkWeightOptions {
   int cameras = 4;
   float angular = 1, resolution = 0, field_of_view = 0, border = 0, least = 0;
 
-  ChunkWeightSettings(const RayWeightSettings& weighing, double spacing);
+  ChunkWeightOptions(const RayWeightOptions& weighing, double spacing);
 };
 
 // The kernels. Run-time dispatch, no allocation; `cameras` and `weights` have the same length and
@@ -62,7 +62,7 @@ struct ChunkWeightSettings {
 /// The kernel of compute_camera_weights_reference(): fills all of `weights`. Per ray, their sum
 /// over the cameras is the largest `seen` of a camera: 0 if none sees the point.
 void compute_camera_weights(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
-                            const ChunkWeightSettings& weighing, std::span<ChunkWeights> weights);
+                            const ChunkWeightOptions& weighing, std::span<ChunkWeights> weights);
 
 /// Fills u, v and seen for given weights (not negative), and scales the weights to the same sum.
 void apply_given_weights(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,

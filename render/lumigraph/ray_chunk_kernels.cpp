@@ -62,7 +62,7 @@ RelativeRays<hn::Vec<D>> relative_rays(D d, const RayChunk& chunk, const ChunkCa
   return b;
 }
 
-/// Stores where the camera sees the points (u, v, seen); returns v of RayWeightSettings, 0 to 1.
+/// Stores where the camera sees the points (u, v, seen); returns v of RayWeightOptions, 0 to 1.
 template <class D>
 hn::Vec<D> locate(D d, const RayChunk& chunk, const ChunkCamera& camera, float border,
                   const RelativeRays<hn::Vec<D>>& b, int i, ChunkWeights& out) {
@@ -119,7 +119,7 @@ void normalise(std::span<ChunkWeights> weights, int count) {
 }
 
 void weigh(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
-           const ChunkWeightSettings& weighing, std::span<ChunkWeights> weights) {
+           const ChunkWeightOptions& weighing, std::span<ChunkWeights> weights) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const auto set = [&](float value) HWY_ATTR { return hn::Set(d, value); };
@@ -394,7 +394,7 @@ HWY_EXPORT(blend_all);
 HWY_EXPORT(mark);
 
 void compute_camera_weights(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
-                            const ChunkWeightSettings& weighing, std::span<ChunkWeights> weights) {
+                            const ChunkWeightOptions& weighing, std::span<ChunkWeights> weights) {
   HWY_DYNAMIC_DISPATCH(weigh)(chunk, cameras, weighing, weights);
 }
 void apply_given_weights(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,

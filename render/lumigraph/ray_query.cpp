@@ -61,7 +61,7 @@ class Weigher {
   Weigher(const Weigher&) = delete;
   Weigher& operator=(const Weigher&) = delete;
   void set_frame(std::size_t camera, const std::uint16_t* rgba) { own_[camera].lens.rgba = rgba; }
-  void weigh(const RayChunk& chunk, const ChunkWeightSettings& weighing) {
+  void weigh(const RayChunk& chunk, const ChunkWeightOptions& weighing) {
     compute_camera_weights(chunk, cameras_, weighing, weights_);
   }
   const std::vector<const ChunkCamera*>& cameras() const { return cameras_; }
@@ -77,7 +77,7 @@ class Answers {
  public:
   Answers(const LightFieldFrame& instant, const RaySurface& surface,
           const std::vector<ChunkCamera>& cameras, const std::vector<int>& present,
-          const ChunkWeightSettings& weighing, FramesOnDemand& frames)
+          const ChunkWeightOptions& weighing, FramesOnDemand& frames)
       : instant_(instant),
         surface_(surface),
         middle_(instant.rig->centre()),
@@ -144,7 +144,7 @@ class Answers {
   const LightFieldFrame& instant_;
   const RaySurface& surface_;
   Eigen::Vector3d middle_;
-  const ChunkWeightSettings& weighing_;
+  const ChunkWeightOptions& weighing_;
   FramesOnDemand& frames_;
   Weigher present_, complete_;
   std::vector<WorldRay> rays_;
@@ -155,11 +155,11 @@ class Answers {
 }  // namespace
 
 void query_rays(std::span<const WorldRay> rays, const LightFieldFrame& instant,
-                const RaySurface& surface, const RayWeightSettings& weighing,
+                const RaySurface& surface, const RayWeightOptions& weighing,
                 std::span<RaySample> samples) {
   const std::vector<ChunkCamera> cameras = chunk_cameras(*instant.rig);
   const std::vector<int> present = instant.present_cameras();
-  const ChunkWeightSettings chunk_weighing(weighing, mean_nearest_baseline(*instant.rig));
+  const ChunkWeightOptions chunk_weighing(weighing, mean_nearest_baseline(*instant.rig));
   FramesOnDemand frames(instant);
   constexpr std::size_t kChunk = RayChunk::kSize, kPerTask = 32 * kChunk;
   const std::size_t tasks = (rays.size() + kPerTask - 1) / kPerTask;
@@ -174,7 +174,7 @@ void query_rays(std::span<const WorldRay> rays, const LightFieldFrame& instant,
 }
 
 void query_rays_reference(std::span<const WorldRay> rays, const LightFieldFrame& instant,
-                          const RaySurface& surface, const RayWeightSettings& weighing,
+                          const RaySurface& surface, const RayWeightOptions& weighing,
                           std::span<RaySample> samples) {
   RenderStatistics unused;
   ReferenceFrames frames(instant, false, unused);

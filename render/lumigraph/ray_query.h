@@ -27,12 +27,12 @@ struct RaySample {
 /// whole. Rays adjacent in the span should be adjacent in space. Multi-threaded; the samples do not
 /// depend on the number of threads. Throws Error (bad input) if a frame cannot be read.
 void query_rays(std::span<const WorldRay> rays, const LightFieldFrame& instant,
-                const RaySurface& surface, const RayWeightSettings& weighing,
+                const RaySurface& surface, const RayWeightOptions& weighing,
                 std::span<RaySample> samples);
 
 /// The reference: one ray after the other, in double.
 void query_rays_reference(std::span<const WorldRay> rays, const LightFieldFrame& instant,
-                          const RaySurface& surface, const RayWeightSettings& weighing,
+                          const RaySurface& surface, const RayWeightOptions& weighing,
                           std::span<RaySample> samples);
 
 }  // namespace raystage::render

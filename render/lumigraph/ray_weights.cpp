@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Weights of the cameras for a ray by the penalties of the unstructured lumigraph (Buehler et al.
-// 2001, section 3; thesis eq. 2.3; see RayWeightSettings): the reference in double for one ray.
+// 2001, section 3; thesis eq. 2.3; see RayWeightOptions): the reference in double for one ray.
 // Input: a ray and its inverse distance to the proxy, 1/m. Output: contributing cameras, weights of
 // sum 1. Cost: O(cameras log cameras) per ray.
 #include "render/lumigraph/ray_weights.h"
@@ -10,6 +10,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/options.h"
 #include "render/sampling/direction_visibility.h"
 
 namespace raystage::render {
@@ -40,22 +41,30 @@ double angular_penalty(const Vector3d& towards, const WorldRay& ray, double inve
 
 }  // namespace
 
-RayWeightSettings ray_weight_settings(const MethodOptions& options) {
+bool RayWeightOptions::is_valid(std::string* reason) const {
+  return is_within("cameras", cameras, 1, 10000, reason) &&
+         is_within("angular", angular, 0, 1e6, reason) &&
+         is_within("resolution", resolution, 0, 1e6, reason) &&
+         is_within("field_of_view", field_of_view, 0, 1e6, reason) &&
+         is_within("border", border, 0, 1, reason);
+}
+
+RayWeightOptions ray_weight_options(const MethodOptions& options) {
   return {options.integer("cameras"), options.number("angular"), options.number("resolution"),
           options.number("field_of_view"), options.number("border")};
 }
 
 std::vector<OptionSpec> ray_weight_options() {
-  const RayWeightSettings fallback;
-  constexpr double kMost = 1e6;
+  const RayWeightOptions fallback;
+  constexpr double kMax = 1e6;
   return {
       integer_option("cameras", fallback.cameras, 1, kMaxWeightedCameras,
                      "number of cameras that contribute to a ray"),
-      number_option("angular", fallback.angular, 0, kMost,
+      number_option("angular", fallback.angular, 0, kMax,
                     "penalty of a camera per metre of distance from the ray"),
-      number_option("resolution", fallback.resolution, 0, kMost,
+      number_option("resolution", fallback.resolution, 0, kMax,
                     "penalty of a camera per metre that it is further from the scene than the eye"),
-      number_option("field_of_view", fallback.field_of_view, 0, kMost,
+      number_option("field_of_view", fallback.field_of_view, 0, kMax,
                     "penalty of a camera that sees the point halfway into its image's border, "
                     "in camera spacings"),
       number_option("border", fallback.border, 0, 0.5,
@@ -79,7 +88,7 @@ double mean_nearest_baseline(const rig::Rig& rig) {
 
 std::vector<WeightedCamera> compute_camera_weights_reference(
     const rig::Rig& rig, std::span<const int> cameras, const WorldRay& ray, double inverse_distance,
-    const RayWeightSettings& weighing, double spacing) {
+    const RayWeightOptions& weighing, double spacing) {
   std::vector<WeightedCamera> found;
   std::vector<double> penalties;
   for (const int index : cameras) {

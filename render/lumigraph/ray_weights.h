@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <string>
 #include <vector>
 
 #include "render/common/light_field_frame.h"
@@ -25,11 +26,13 @@ namespace raystage::render {
 ///   (1 - p / p_{k+1}) / p,
 /// which fall to 0 where a camera is replaced by the next: smooth in the ray. p_{k+1} is raised by
 /// kSoftening, so that weights exist if more than k cameras have equal penalties.
-struct RayWeightSettings {
+struct RayWeightOptions {
   int cameras = 4;  ///< k
   double angular = 1, resolution = 0.05, field_of_view = 1;
   /// Width of the border in which v falls to 0, as a share of the image's width.
   double border = 0.05;
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 inline constexpr int kMaxWeightedCameras = 16;
@@ -40,7 +43,7 @@ inline constexpr double kMinPenalty = 1e-6;
 inline constexpr double kMaxAngularPenalty = 1e20;
 
 /// Returns the settings from a method's options of the same names.
-RayWeightSettings ray_weight_settings(const MethodOptions& options);
+RayWeightOptions ray_weight_options(const MethodOptions& options);
 std::vector<OptionSpec> ray_weight_options();  ///< returns these options
 
 /// Returns the mean distance of the cameras from their nearest neighbours, metres; 1 for a single
@@ -59,7 +62,7 @@ struct WeightedCamera {
 /// `cameras`: the candidates. Returns the contributing cameras by index, or none.
 std::vector<WeightedCamera> compute_camera_weights_reference(
     const rig::Rig& rig, std::span<const int> cameras, const WorldRay& ray, double inverse_distance,
-    const RayWeightSettings& weighing, double spacing);
+    const RayWeightOptions& weighing, double spacing);
 
 /// Returns the effective number of equally weighted cameras: (sum w)^2 / sum w^2; 0 if empty.
 double effective_cameras(std::span<const WeightedCamera> cameras);

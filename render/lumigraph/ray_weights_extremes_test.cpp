@@ -102,7 +102,7 @@ enum class Sees { kNot, kYes, kRoundingDecides };
 
 /// As ray_weights.h has it: with the angle at the point, and distances to it.
 Sees exact_penalty(const Shot& shot, const rig::Rig::Camera& camera,
-                   const RayWeightSettings& weighing, double spacing, const Rounding& rounding,
+                   const RayWeightOptions& weighing, double spacing, const Rounding& rounding,
                    Penalty& penalty) {
   const ExactVector eye = exact(shot.ray.origin), centre = exact(camera.pose.position);
   const ExactVector given = exact(shot.ray.direction), ray = (1 / norm(given)) * given;
@@ -170,7 +170,7 @@ struct ExactWeight {
 
 /// By camera of the rig; nullopt if rounding decides which cameras see the point or contribute.
 std::optional<std::vector<ExactWeight>> exact_camera_weights(
-    const Shot& shot, const RayWeightSettings& weighing, double spacing,
+    const Shot& shot, const RayWeightOptions& weighing, double spacing,
     Rounding (*rounding_of)(const Shot&, const rig::Rig::Camera&)) {
   std::vector<ExactWeight> weights(shot.rig.cameras.size());
   std::vector<Real> sorted;
@@ -219,8 +219,8 @@ std::optional<std::vector<ExactWeight>> exact_camera_weights(
   return weights;
 }
 
-RayWeightSettings some_weighing() {
-  RayWeightSettings weighing;
+RayWeightOptions some_weighing() {
+  RayWeightOptions weighing;
   weighing.cameras = *rc::gen::element(1, 2, 4, kMaxWeightedCameras);
   weighing.angular = *rc::gen::element(1.0, 1.0, 0.0, 1e3);
   weighing.resolution = *rc::gen::element(0.05, 0.05, 0.0, 1.0, 1e3);
@@ -234,7 +234,7 @@ TEST(RayWeightsExtremes, OfTheReferenceAreThoseOf50Digits) {
       beside("reference: beside the ray, relative");
   EXPECT_TRUE(rc::check("any array, ray and penalties", [&] {
     const Shot shot = some_shot();
-    const RayWeightSettings weighing = some_weighing();
+    const RayWeightOptions weighing = some_weighing();
     const double spacing = mean_nearest_baseline(shot.rig);
     const auto found = compute_camera_weights_reference(shot.rig, all_cameras(shot.rig), shot.ray,
                                                         shot.inverse_distance, weighing, spacing);
@@ -278,7 +278,7 @@ TEST(RayWeightsExtremes, OfTheKernelsAreThoseOf50Digits) {
         sum_of_weights(std::string(kernel_target()) + ": sum of weights");
     EXPECT_TRUE(rc::check("any array, ray and penalties", [&] {
       const Shot shot = some_shot();
-      const RayWeightSettings weighing = some_weighing();
+      const RayWeightOptions weighing = some_weighing();
       const double spacing = mean_nearest_baseline(shot.rig);
       RayChunk chunk;
       fill_chunk({&shot.ray, 1}, {&shot.inverse_distance, 1}, shot.rig.centre(), chunk);
@@ -286,7 +286,7 @@ TEST(RayWeightsExtremes, OfTheKernelsAreThoseOf50Digits) {
       std::vector<const ChunkCamera*> pointers;
       for (const ChunkCamera& camera : cameras) pointers.push_back(&camera);
       std::vector<ChunkWeights> found(cameras.size());
-      compute_camera_weights(chunk, pointers, ChunkWeightSettings(weighing, spacing), found);
+      compute_camera_weights(chunk, pointers, ChunkWeightOptions(weighing, spacing), found);
       double sum = 0, most = 0;
       for (const ChunkWeights& camera : found) {
         RC_ASSERT(std::isfinite(camera.weight[0]) && camera.weight[0] >= 0);
@@ -314,7 +314,7 @@ TEST(RayWeightsExtremes, OfTheKernelsAreThoseOf50Digits) {
 struct Shares {
   std::vector<double> reference, kernels;
 };
-Shares shares_of(const rig::Rig& rig, const RayWeightSettings& weighing) {
+Shares shares_of(const rig::Rig& rig, const RayWeightOptions& weighing) {
   const WorldRay ray{Vector3d::Zero(), -Vector3d::UnitZ()};
   const double inverse_distance = 1;
   Shares shares{std::vector<double>(rig.cameras.size()), {}};
@@ -328,7 +328,7 @@ Shares shares_of(const rig::Rig& rig, const RayWeightSettings& weighing) {
   std::vector<const ChunkCamera*> pointers;
   for (const ChunkCamera& camera : cameras) pointers.push_back(&camera);
   std::vector<ChunkWeights> found(cameras.size());
-  compute_camera_weights(chunk, pointers, ChunkWeightSettings(weighing, 0.1), found);
+  compute_camera_weights(chunk, pointers, ChunkWeightOptions(weighing, 0.1), found);
   for (const ChunkWeights& camera : found) shares.kernels.push_back(double{camera.weight[0]});
   return shares;
 }
@@ -350,7 +350,7 @@ TEST(RayWeightsExtremes, WhoLooksFromBehindThePointOnTheRaysLineGivesWayToAnyOth
       const rig::Pose behind{backwards, {from_line, 0, -2.5}};
       rig::Rig rig;
       rig.cameras = {{"behind", model, behind, {}, {}, {}}, {"beside", model, beside, {}, {}, {}}};
-      RayWeightSettings weighing;
+      RayWeightOptions weighing;
       const Shares both = shares_of(rig, weighing);
       // 0.3 m and a little for the one beside, against 2 tan(angle / 2) for the one behind.
       const double most = 0.4 * from_line / 6 + 1 / kMaxAngularPenalty;
@@ -383,7 +383,7 @@ TEST(RayWeightsExtremes, WhoIsLeftOutByABundleHasNoWeightIn50Digits) {
     const double spacing = mean_nearest_baseline(middle.rig);
     const Vector3d axis = middle.ray.direction, across = axis.unitOrthogonal();
     for (int i = 0; i < 20; ++i) {
-      RayWeightSettings weighing = some_weighing();
+      RayWeightOptions weighing = some_weighing();
       weighing.cameras = *rc::gen::inRange(1, 5);
       const double width = *rc::gen::element(1e-6, 1e-3, 0.05);  // radians
       const Vector3d right = width * across, down = axis.cross(right);

@@ -262,10 +262,12 @@ class ApertureFrame final : public PlanarFrame {
 class ApertureMethod final : public Method {
  public:
   std::string_view name() const override { return "aperture"; }
-  std::string_view summary() const override {
-    return "blends all cameras within an aperture around the ray, focused on the focal plane or "
-           "at "
-           "a depth map";
+  MethodDescription description() const override {
+    return {.summary =
+                "blends all cameras within an aperture around the ray, focused on the focal plane "
+                "or at a depth map",
+            .artefacts = "soft off the plane, as with any lens",
+            .use = "focus pulls, looking past objects in front"};
   }
   std::span<const OptionSpec> options() const override { return aperture_options(); }
   RenderedView render(const ViewRequest& request) const override {

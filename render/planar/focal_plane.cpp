@@ -254,8 +254,10 @@ class FocalPlaneMethod final : public PlaneMethod {
  public:
   FocalPlaneMethod() : PlaneMethod(CornerWeights::kLinear) {}
   std::string_view name() const override { return "focal_plane"; }
-  std::string_view summary() const override {
-    return "blends three cameras per ray where it meets the focal plane";
+  MethodDescription description() const override {
+    return {.summary = "blends three cameras per ray where it meets the focal plane",
+            .artefacts = "doubled edges off the plane",
+            .use = "a first look, live; flat subjects; dense arrays"};
   }
 };
 
@@ -263,8 +265,10 @@ class NearestMethod final : public PlaneMethod {
  public:
   NearestMethod() : PlaneMethod(CornerWeights::kNearest) {}
   std::string_view name() const override { return "nearest"; }
-  std::string_view summary() const override {
-    return "samples only the camera nearest to the ray, where it meets the focal plane";
+  MethodDescription description() const override {
+    return {.summary = "samples only the camera nearest to the ray, where it meets the focal plane",
+            .artefacts = "jumps from camera to camera",
+            .use = "sharp stills"};
   }
 };
 

@@ -21,7 +21,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kMostOffPlane = 0.01;  // of the polygon's size: corners are often set manually
+constexpr double kMaxOffPlane = 0.01;  // of the polygon's size: corners are often set manually
 
 Error refusal(std::string_view name, std::size_t index, const std::string& id,
               const std::string& what_happened, const std::string& what_to_do) {
@@ -113,7 +113,7 @@ std::vector<ObjectPlane> make_object_planes(const schemas::PlanesDocument& docum
     for (std::size_t i = 0; i < count; ++i) {
       const Vector3d& corner = object.corners[i];
       const double off = std::abs(normal.dot(corner - middle));
-      if (off > kMostOffPlane * size) {
+      if (off > kMaxOffPlane * size) {
         throw refusal(name, index, given.id,
                       fmt::format("corner {} is {:.3g} m from the plane of all corners", i, off),
                       "Give corners in one plane");

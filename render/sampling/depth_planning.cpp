@@ -117,9 +117,8 @@ void mark_block(const DepthSource& source, const ViewBlock& block, Interpolation
         {longest, c.fx * std::abs(near.x[i] - far.x[i]), c.fy * std::abs(near.y[i] - far.y[i])});
   }
   constexpr double kPieceLength = 16;  // pixels
-  constexpr int kMostPieces = 256;
-  const int pieces =
-      1 + static_cast<int>(std::min<double>(kMostPieces - 1, longest / kPieceLength));
+  constexpr int kMaxPieces = 256;
+  const int pieces = 1 + static_cast<int>(std::min<double>(kMaxPieces - 1, longest / kPieceLength));
   // Exceeds the rounding errors of the kernels, which compute in float (pixels).
   const double slack = 0.25;
   const double before =

@@ -22,15 +22,15 @@ FieldSources::FieldSources(const VirtualCamera& view, const LightFieldFrame& ins
     Source& opened = sources_[i];
     if (!opened.used) return;
     const int camera = static_cast<int>(i);
-    opened.look_up = depth_source(view, instant.rig->cameras[i], reference);
+    opened.source = depth_source(view, instant.rig->cameras[i], reference);
     const auto layout = instant.cache->layout(camera, instant.frame_of_camera[i]);
     opened.wanted.assign(layout->mcu_count(), 0);
-    set_mcu_layout(opened.look_up.camera, *layout, opened.wanted.data());
+    set_mcu_layout(opened.source.camera, *layout, opened.wanted.data());
     for (std::size_t t = 0; t < depths.size(); ++t) {
       const BlendingField::Tile& tile = field.tiles()[t];
       if (find_camera(tile, camera) == nullptr) continue;
       mark_block(
-          opened.look_up,
+          opened.source,
           {tile.left, tile.right, tile.top, tile.bottom, depths[t].farthest, depths[t].nearest},
           interpolation);
     }
@@ -46,7 +46,7 @@ void FieldSources::decode(RenderStatistics& statistics) {
     std::int64_t decoded = 0;
     s.frame =
         instant_.cache->fetch(static_cast<int>(i), instant_.frame_of_camera[i], s.wanted, decoded);
-    s.look_up.camera.rgba = s.frame->rgba.get();
+    s.source.camera.rgba = s.frame->rgba.get();
     pixels += decoded;
     ++cameras;
   });
@@ -61,7 +61,7 @@ std::int64_t FieldSources::count_marked_pixels(
     const Source& s = sources_[i];
     if (!s.frame) return;
     std::vector<std::uint8_t> read(static_cast<std::size_t>(s.frame->width) * s.frame->height);
-    DepthSource marking = s.look_up;
+    DepthSource marking = s.source;
     marking.camera.wanted_mcus = nullptr;
     marking.camera.read_pixels = read.data();
     mark(static_cast<int>(i), marking);

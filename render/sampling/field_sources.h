@@ -16,7 +16,7 @@ namespace raystage::render {
 class FieldSources {
  public:
   struct Source {
-    DepthSource look_up;  ///< its rgba stays null if nothing of the camera is seen
+    DepthSource source;  ///< its rgba stays null if nothing of the camera is seen
     store::McuMask wanted;
     std::shared_ptr<const store::DecodedFrame> frame;  ///< null: not read
     bool used = false;

@@ -13,6 +13,8 @@
 #include <limits>
 #include <optional>
 
+#include "base/options.h"
+
 namespace raystage::render {
 namespace {
 
@@ -126,9 +128,9 @@ double median_spacing(const std::vector<Vector2d>& centres) {
 
 /// Fits nodes along the slab's x and -y to the cameras' positions in its plane.
 std::array<Axis, 2> fit_axes(const std::vector<Vector2d>& centres,
-                             const std::optional<Lattice>& lattice, const SlabSettings& settings) {
+                             const std::optional<Lattice>& lattice, const SlabOptions& options) {
   std::array<Axis, 2> axes;
-  const std::array<int, 2> asked{settings.columns, settings.rows};
+  const std::array<int, 2> asked{options.columns, options.rows};
   std::array<Vector2d, 2> range;
   for (int k = 0; k < 2; ++k) {
     Vector2d& r = range[k];
@@ -201,15 +203,15 @@ void see(const rig::Rig::Camera& camera, const Matrix3d& slab_from_world, double
 }
 
 /// Sets the image plane of all nodes; width is 0 where no camera sees any of it.
-void fit_image_plane(const rig::Rig& rig, const SlabSettings& settings, Slab& slab) {
+void fit_image_plane(const rig::Rig& rig, const SlabOptions& options, Slab& slab) {
   VisibleArea sight;
   const Matrix3d slab_from_world = slab.pose.world_from_camera_rotation.transpose();
   for (const int camera : slab.cameras) {
-    see(rig.cameras[camera], slab_from_world, std::tan(settings.max_fov / 2), sight);
+    see(rig.cameras[camera], slab_from_world, std::tan(options.max_fov / 2), sight);
   }
   if (!(sight.samples.minCoeff() > 0)) return;
   const Vector2d extent = sight.high - sight.low;
-  const Vector2d samples = (sight.samples * settings.uv_scale)
+  const Vector2d samples = (sight.samples * options.uv_scale)
                                .cwiseMin(Vector2d::Constant(kMaxSide - 2).cwiseQuotient(extent));
   const schemas::Intrinsics& first = rig.cameras[slab.cameras[0]].model.intrinsics();
   // The left border lies in the first sample; sample centres coincide with the first camera's.
@@ -228,7 +230,7 @@ void fit_image_plane(const rig::Rig& rig, const SlabSettings& settings, Slab& sl
 }
 
 Slab fit_slab(const rig::Rig& rig, std::vector<int> cameras, const Vector3d& facing,
-              const SlabSettings& settings) {
+              const SlabOptions& options) {
   Slab slab;
   slab.cameras = std::move(cameras);
   const auto lattice = lattice_of(rig, slab.cameras);
@@ -242,14 +244,14 @@ Slab fit_slab(const rig::Rig& rig, std::vector<int> cameras, const Vector3d& fac
     centres.emplace_back(c.x(), -c.y());
     mean_z += c.z() / static_cast<double>(slab.cameras.size());
   }
-  const auto axes = fit_axes(centres, lattice, settings);
+  const auto axes = fit_axes(centres, lattice, options);
   slab.columns = axes[0].count;
   slab.rows = axes[1].count;
   slab.column_spacing = axes[0].spacing;
   slab.row_spacing = axes[1].spacing;
   slab.pose.position = origin + slab.pose.world_from_camera_rotation *
                                     Vector3d(axes[0].first, -axes[1].first, mean_z);
-  fit_image_plane(rig, settings, slab);
+  fit_image_plane(rig, options, slab);
   return slab;
 }
 
@@ -292,10 +294,18 @@ VirtualCamera Slab::node_view(int column, int row) const {
   return {width, height, image, {pose.world_from_camera_rotation, node_position(column, row)}};
 }
 
+bool SlabOptions::is_valid(std::string* reason) const {
+  return is_within("columns", columns, 0, kMaxNodes, reason) &&
+         is_within("rows", rows, 0, kMaxNodes, reason) &&
+         is_within("uv_scale", uv_scale, 1e-3, 1000, reason) &&
+         is_within("max_fov (radians)", max_fov, 1e-3, M_PI, reason);
+}
+
 std::vector<Slab> fit_slabs(const rig::Rig& rig, std::span<const int> cameras,
-                            const Vector3d& normal, const SlabSettings& settings) {
-  if (settings.layout == SlabSettings::Layout::kSingle) {
-    return {fit_slab(rig, {cameras.begin(), cameras.end()}, -normal, settings)};
+                            const Vector3d& normal, const SlabOptions& options) {
+  require_valid(options, "slabs");
+  if (options.layout == SlabOptions::Layout::kSingle) {
+    return {fit_slab(rig, {cameras.begin(), cameras.end()}, -normal, options)};
   }
   const Matrix3d box = box_of(rig, cameras);
   std::array<std::vector<int>, 6> members;
@@ -311,7 +321,7 @@ std::vector<Slab> fit_slabs(const rig::Rig& rig, std::span<const int> cameras,
   std::vector<Slab> slabs;
   for (std::size_t face = 0; face < 6; ++face) {
     if (members[face].empty()) continue;
-    slabs.push_back(fit_slab(rig, std::move(members[face]), facing[face], settings));
+    slabs.push_back(fit_slab(rig, std::move(members[face]), facing[face], options));
     for (std::size_t other = 0; other < 6; ++other) {
       if (other != face) slabs.back().competing_axes.push_back(facing[other]);
     }

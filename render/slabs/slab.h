@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "render/common/view.h"
@@ -11,7 +12,7 @@
 namespace raystage::render {
 
 /// Settings for fitting slabs to a rig.
-struct SlabSettings {
+struct SlabOptions {
   enum class Layout {
     kSingle,  ///< one slab of all cameras, on the plane of their centres
     kBox      ///< up to six, on the faces of a box; each camera belongs to the face that it faces
@@ -20,6 +21,8 @@ struct SlabSettings {
   int columns = 0, rows = 0;  ///< nodes of each camera plane; 0: from the rig
   double uv_scale = 1;        ///< image plane samples per finest source pixel, per axis
   double max_fov = 2.6;       ///< radians; largest full angle of the image plane
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// A two-plane light field (thesis 2.3 and appendix A; Levoy and Hanrahan 1996, Gortler et al.
@@ -54,6 +57,6 @@ struct Slab {
 /// any camera projects onto it, so that rectification loses nothing. Its samples coincide with the
 /// pixel centres of the first camera where that is parallel to it.
 std::vector<Slab> fit_slabs(const rig::Rig& rig, std::span<const int> cameras,
-                            const Eigen::Vector3d& normal, const SlabSettings& settings);
+                            const Eigen::Vector3d& normal, const SlabOptions& options);
 
 }  // namespace raystage::render

@@ -17,7 +17,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr std::size_t kMost = 4 * 3;  // nodes times cameras per node
+constexpr std::size_t kMax = 4 * 3;  // nodes times cameras per node
 
 /// The point on a ray relative to a position, divided by its depth: finite at infinity.
 struct ViewPoint {
@@ -56,7 +56,7 @@ class SlabCoverage {
     const int upper = std::min(static_cast<int>(crossing.row), std::max(0, slab_.rows - 2));
     const double right_part = part_of(crossing.column - left);
     const double lower_part = part_of(crossing.row - upper);
-    std::array<RayCamera, kMost> cameras;
+    std::array<RayCamera, kMax> cameras;
     std::size_t count = 0;
     for (int row = upper; row < std::min(upper + 2, slab_.rows); ++row) {
       for (int column = left; column < std::min(left + 2, slab_.columns); ++column) {
@@ -72,7 +72,7 @@ class SlabCoverage {
   double part_of(double place) const { return nearest_ ? (place >= 0.5 ? 1.0 : 0.0) : place; }
 
   void add_node(int column, int row, double weight, const ViewPoint& point,
-                std::array<RayCamera, kMost>& cameras, std::size_t& count) const {
+                std::array<RayCamera, kMax>& cameras, std::size_t& count) const {
     const Vector3d in_node = slab_.pose.world_from_camera_rotation.transpose() *
                              point.seen_from(slab_.node_position(column, row));
     const double held = within_image(slab_, in_node);

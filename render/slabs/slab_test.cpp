@@ -23,10 +23,10 @@ rig::Rig rig_of(const std::vector<schemas::CameraGeometry>& cameras) {
   return rig::rig_from_document(document);
 }
 
-std::vector<Slab> fit(const rig::Rig& rig, const SlabSettings& settings = {}) {
+std::vector<Slab> fit(const rig::Rig& rig, const SlabOptions& options = {}) {
   std::vector<int> all(rig.cameras.size());
   std::iota(all.begin(), all.end(), 0);
-  return fit_slabs(rig, all, rig::make_topology(rig, all).normal, settings);
+  return fit_slabs(rig, all, rig::make_topology(rig, all).normal, options);
 }
 
 void turn(schemas::CameraGeometry& camera, const Eigen::Matrix3d& rotation) {
@@ -127,11 +127,11 @@ TEST(FitSlabs, CamerasAnywhereGetAGridAsDenseAsTheyAre) {
   }
   EXPECT_NEAR(least, 0, 1e-9);
   EXPECT_NEAR(most, slab.column_spacing * (slab.columns - 1), 1e-9);
-  SlabSettings settings;
-  settings.columns = 9;
-  settings.rows = 1;
-  settings.uv_scale = 0.5;
-  const Slab asked = fit(rig, settings)[0];
+  SlabOptions options;
+  options.columns = 9;
+  options.rows = 1;
+  options.uv_scale = 0.5;
+  const Slab asked = fit(rig, options)[0];
   EXPECT_EQ(asked.columns, 9);
   EXPECT_EQ(asked.rows, 1);
   EXPECT_NEAR(asked.width, slab.width / 2.0, 1.01);
@@ -165,10 +165,10 @@ TEST(FitSlabs, ABoxHasASideForEveryDirection) {
     add_side(Eigen::AngleAxisd(quarter * 90 * kDegree, Vector3d::UnitY()).toRotationMatrix());
   }
   add_side(Eigen::AngleAxisd(90 * kDegree, Vector3d::UnitX()).toRotationMatrix());
-  SlabSettings settings;
-  settings.layout = SlabSettings::Layout::kBox;
+  SlabOptions options;
+  options.layout = SlabOptions::Layout::kBox;
   const rig::Rig rig = rig_of(cameras);
-  const std::vector<Slab> slabs = fit(rig, settings);
+  const std::vector<Slab> slabs = fit(rig, options);
   ASSERT_EQ(slabs.size(), 5U);  // nobody looks down
   for (const Slab& slab : slabs) {
     ASSERT_EQ(slab.cameras.size(), 4U);

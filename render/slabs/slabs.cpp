@@ -326,8 +326,12 @@ const OptionSpec kOptions[] = {
 class SlabsMethod final : public Method {
  public:
   std::string_view name() const override { return "slabs"; }
-  std::string_view summary() const override {
-    return "four cameras per ray, from two-plane light fields (slabs) of rectified frames";
+  MethodDescription description() const override {
+    return {
+        .summary =
+            "blends four cameras per ray, from two-plane light fields (slabs) of rectified frames",
+        .artefacts = "soft and doubled off the plane",
+        .use = "arrays that look in all directions (layout box)"};
   }
   std::span<const OptionSpec> options() const override { return kOptions; }
   std::span<const MethodPreset> presets() const override {

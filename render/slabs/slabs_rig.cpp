@@ -12,7 +12,7 @@
 namespace raystage::render {
 namespace {
 
-RigSlabs make_slabs(const LightFieldFrame& instant, const SlabSettings& settings) {
+RigSlabs make_slabs(const LightFieldFrame& instant, const SlabOptions& settings) {
   const rig::Rig& rig = *instant.rig;
   const std::vector<int>& complete = instant.included_cameras;
   RigSlabs made;
@@ -55,9 +55,9 @@ SlabInterpolation slab_interpolation(const MethodOptions& options) {
 
 std::shared_ptr<const RigSlabs> rig_slabs(const ViewRequest& request) {
   const MethodOptions& options = request.options;
-  SlabSettings settings;
+  SlabOptions settings;
   settings.layout =
-      options.text("layout") == "box" ? SlabSettings::Layout::kBox : SlabSettings::Layout::kSingle;
+      options.text("layout") == "box" ? SlabOptions::Layout::kBox : SlabOptions::Layout::kSingle;
   settings.columns = options.integer("columns");
   settings.rows = options.integer("rows");
   settings.uv_scale = options.number("uv_scale");

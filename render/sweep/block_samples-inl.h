@@ -89,9 +89,9 @@ HWY_INLINE Words3 pick_channels(const Row& row, std::ptrdiff_t column, Words ind
 HWY_INLINE Words3 gather_scalar(const Row& origin, Ints columns, Ints rows) {
   const WordTag d;
   const IntTag di;
-  constexpr std::size_t kMostLanes = 16;
-  HWY_ALIGN std::int32_t column[kMostLanes], row[kMostLanes];
-  HWY_ALIGN std::uint32_t red[kMostLanes], green[kMostLanes], blue[kMostLanes];
+  constexpr std::size_t kMaxLanes = 16;
+  HWY_ALIGN std::int32_t column[kMaxLanes], row[kMaxLanes];
+  HWY_ALIGN std::uint32_t red[kMaxLanes], green[kMaxLanes], blue[kMaxLanes];
   hn::Store(columns, di, column);
   hn::Store(rows, di, row);
   for (std::size_t i = 0; i < hn::Lanes(d); ++i) {

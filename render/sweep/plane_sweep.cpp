@@ -38,7 +38,7 @@ class Frame {
         sources_(request.view, request.instant, plan.field,
                  std::vector<InverseDepthRange>(plan.field.tiles().size(),
                                                 {planes_.farthest, planes_.nearest()}),
-                 plan.planes.farthest, plan.settings.look_up),
+                 plan.planes.farthest, plan.settings.interpolation),
         matching_(sources_.size()) {}
 
   RenderedView render(RenderClock::time_point start) {
@@ -74,7 +74,7 @@ class Frame {
   };
 
   static FrameBox wanted_box(const FieldSources::Source& source) {
-    const SourceView& view = source.look_up.camera;
+    const SourceView& view = source.source.camera;
     FrameBox mcus{view.mcus_per_row, 0, std::numeric_limits<int>::max(), 0};
     for (std::size_t i = 0; i < source.wanted.size(); ++i) {
       if (source.wanted[i] == 0) continue;
@@ -98,7 +98,7 @@ class Frame {
         const store::BlendSpace space = request_.instant.cache->blend_space();
         matching_[i].frame = MatchingFrame(*s.frame, space, wanted_box(s));
       }
-      matching_[i].camera = {s.look_up, &matching_[i].frame};
+      matching_[i].camera = {s.source, &matching_[i].frame};
     });
   }
 
@@ -151,7 +151,7 @@ class Frame {
 
   matching::PlaneMap match(std::span<const std::uint8_t> guide, RenderStatistics& statistics) {
     const matching::CostVolume volume{view_.width, view_.height, plan_.planes.count};
-    const PlaneSweepSettings& s = plan_.settings;
+    const PlaneSweepOptions& s = plan_.settings;
     if (volume.planes == 1) return {view_.width, view_.height};
     const std::size_t held = frames_and_map_bytes() + guide.size();
     const matching::FillCosts fill = [&](int y, std::span<std::uint8_t> costs) {
@@ -163,7 +163,7 @@ class Frame {
            statistics);
       return matching::box_match(volume, fill, radius, s.subplane_refinement);
     }
-    matching::SemiGlobalSettings settings = semi_global_settings(s, guide);
+    matching::SemiGlobalOptions settings = semi_global_options(s, guide);
     settings.buffers = &request_.buffers;
     settings.working_bytes = request_.working_bytes - std::min(request_.working_bytes, held);
     hold(held + matching::semi_global_bytes(volume, settings.working_bytes), statistics);
@@ -217,8 +217,8 @@ class Frame {
     for (std::size_t i = 0; i < inverse_depth.size(); ++i) {
       share[i] = BlendingField::share(tile, camera, tile.left + static_cast<int>(i), y);
     }
-    add_samples_at_depth(from.look_up, tile.left, y, inverse_depth,
-                         {share.data(), inverse_depth.size()}, plan_.settings.look_up, sums);
+    add_samples_at_depth(from.source, tile.left, y, inverse_depth,
+                         {share.data(), inverse_depth.size()}, plan_.settings.interpolation, sums);
   }
 
   bool has_matte() const { return request_.instant.cache->has_matte(); }
@@ -238,7 +238,7 @@ class Frame {
       for (std::size_t i = 0; i < inverse_depth.size(); ++i) {
         mattes.share[i] = BlendingField::share(tile, camera, tile.left + static_cast<int>(i), y);
       }
-      add_visibility_at_depth(from.look_up, tile.left, y, inverse_depth,
+      add_visibility_at_depth(from.source, tile.left, y, inverse_depth,
                               {mattes.share.data(), inverse_depth.size()},
                               {mattes.seen.data(), inverse_depth.size()});
     }
@@ -274,10 +274,10 @@ class Frame {
   std::int64_t count_needed(const matching::PlaneMap& map) const {
     return sources_.count_marked_pixels([&](int camera, const DepthSource& marking) {
       std::array<float, BlendingField::kTile> inverse_depth, share;
-      const auto mark = [&](const Tile& tile, int y, Interpolation look_up) {
+      const auto mark = [&](const Tile& tile, int y, Interpolation interpolation) {
         const auto n = static_cast<std::size_t>(tile.right - tile.left);
         mark_samples_at_depth(marking, tile.left, y, {inverse_depth.data(), n}, {share.data(), n},
-                              look_up);
+                              interpolation);
       };
       for (const Tile& tile : plan_.field.tiles()) {
         const BlendingField::TileCamera* found = find_camera(tile, camera);
@@ -289,7 +289,7 @@ class Frame {
           for (int x = tile.left; x < tile.right; ++x) {
             share[x - tile.left] = BlendingField::share(tile, *found, x, y);
           }
-          mark(tile, y, plan_.settings.look_up);
+          mark(tile, y, plan_.settings.interpolation);
           share.fill(1);
           for (int plane = 0; matched && plane < plan_.planes.count; ++plane) {
             inverse_depth.fill(static_cast<float>(planes_.inverse_depth(plane)));

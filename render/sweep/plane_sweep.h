@@ -29,28 +29,30 @@ namespace plane_sweep {
 
 enum class Aggregation { kSemiGlobal, kBox, kNone };
 
-struct PlaneSweepSettings {
+struct PlaneSweepOptions {
   int cameras = 4;
   Aggregation aggregation = Aggregation::kSemiGlobal;
-  Interpolation look_up = Interpolation::kCubic;  ///< of source frames
+  Interpolation interpolation = Interpolation::kCubic;  ///< of source frames
   bool subplane_refinement = true;
   int p1 = 40, p2 = 800, box_radius = 2;
   double truncation = 40;
   int excluded_cameras = 0;
   double edge_scale = 0;  ///< codes; 0: no edge guide
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// The inputs of rendering a view, for render() and render_reference().
 struct PlaneSweepPlan {
-  PlaneSweepSettings settings;
+  PlaneSweepOptions settings;
   BlendingField field;
   std::optional<BlendingField> complete;  ///< as if no camera were absent; set only if one is
   SweepPlanes planes;
   std::vector<std::string> notes;  ///< see RenderedView::notes
 };
-/// Returns the settings of the aggregation. `guide`: see SemiGlobalSettings; empty: no edge_scale.
-matching::SemiGlobalSettings semi_global_settings(const PlaneSweepSettings& settings,
-                                                  std::span<const std::uint8_t> guide);
+/// Returns the settings of the aggregation. `guide`: see SemiGlobalOptions; empty: no edge_scale.
+matching::SemiGlobalOptions semi_global_options(const PlaneSweepOptions& settings,
+                                                std::span<const std::uint8_t> guide);
 /// Returns the plan, or nullopt if the view sees nothing of the scene.
 std::optional<PlaneSweepPlan> plan(const ViewRequest& request);
 

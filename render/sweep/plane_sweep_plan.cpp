@@ -9,12 +9,26 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/options.h"
 #include "render/common/scene_depth_range.h"
 #include "render/sweep/cost_kernels.h"
 #include "render/sweep/plane_sweep.h"
 
 namespace raystage::render {
 namespace plane_sweep {
+
+bool PlaneSweepOptions::is_valid(std::string* reason) const {
+  if (p2 < p1) {
+    *reason = "plane_sweep: p2 is less than p1";
+    return false;
+  }
+  if (edge_scale > 0 && aggregation != Aggregation::kSemiGlobal) {
+    *reason = "plane_sweep: edge_scale applies to p2, which only aggregation semi_global uses";
+    return false;
+  }
+  return true;
+}
+
 namespace {
 
 constexpr std::array kOptions{
@@ -49,16 +63,16 @@ constexpr std::array kOptions{
     renamed_option("look_up", choice_option("interpolation", "cubic", "cubic|linear",
                                             "interpolation of source frames"))};
 
-constexpr int kMostPlanes = 512;
+constexpr int kMaxPlanes = 512;
 
-PlaneSweepSettings settings_of(const MethodOptions& options) {
-  PlaneSweepSettings s;
+PlaneSweepOptions settings_of(const MethodOptions& options) {
+  PlaneSweepOptions s;
   s.cameras = options.integer("cameras");
   const std::string& aggregation = options.text("aggregation");
   s.aggregation = aggregation == "semi_global" ? Aggregation::kSemiGlobal
                   : aggregation == "box"       ? Aggregation::kBox
                                                : Aggregation::kNone;
-  s.look_up =
+  s.interpolation =
       options.text("interpolation") == "cubic" ? Interpolation::kCubic : Interpolation::kLinear;
   s.subplane_refinement = options.flag("subplane_refinement");
   s.p1 = options.integer("p1");
@@ -67,15 +81,7 @@ PlaneSweepSettings settings_of(const MethodOptions& options) {
   s.truncation = options.number("truncation");
   s.excluded_cameras = options.integer("outlier_cameras");
   s.edge_scale = options.number("edge_scale");
-  if (s.p2 < s.p1) {
-    throw Error::bad_input("plane_sweep: p2 is less than p1", "method plane_sweep",
-                           "Set p2 to at least p1");
-  }
-  if (s.edge_scale > 0 && s.aggregation != Aggregation::kSemiGlobal) {
-    throw Error::bad_input(
-        "plane_sweep: edge_scale applies to p2, which only aggregation semi_global uses",
-        "method plane_sweep", "Remove edge_scale, or set aggregation to semi_global");
-  }
+  require_valid(s, "method plane_sweep");
   return s;
 }
 
@@ -84,13 +90,13 @@ std::string too_few_planes(double step_px, double needed) {
   return fmt::format(
       "plane_sweep: {:g} px between planes (step_px) require up to {:.0f} planes across the view; "
       "only {} are used: near objects may show ghosts",
-      step_px, rounded_for_display(needed), kMostPlanes);
+      step_px, rounded_for_display(needed), kMaxPlanes);
 }
 
 }  // namespace
 
 std::optional<PlaneSweepPlan> plan(const ViewRequest& request) {
-  const PlaneSweepSettings settings = settings_of(request.options);
+  const PlaneSweepOptions settings = settings_of(request.options);
   const rig::Rig& rig = *request.instant.rig;
   const InverseDepthRange range = inverse_depth_range_in_view(
       request.view, rig, scene_depth_range(request.options, *request.instant.take, "plane_sweep"));
@@ -107,14 +113,14 @@ std::optional<PlaneSweepPlan> plan(const ViewRequest& request) {
                             ? asked_for
                             : required_plane_count(range, request.view, rig, result.field, step_px);
   result.planes =
-      evenly_spaced_planes(range, static_cast<int>(std::min<double>(needed, kMostPlanes)));
-  if (needed > kMostPlanes) result.notes.push_back(too_few_planes(step_px, needed));
+      evenly_spaced_planes(range, static_cast<int>(std::min<double>(needed, kMaxPlanes)));
+  if (needed > kMaxPlanes) result.notes.push_back(too_few_planes(step_px, needed));
   return result;
 }
 
-matching::SemiGlobalSettings semi_global_settings(const PlaneSweepSettings& settings,
-                                                  std::span<const std::uint8_t> guide) {
-  matching::SemiGlobalSettings result;
+matching::SemiGlobalOptions semi_global_options(const PlaneSweepOptions& settings,
+                                                std::span<const std::uint8_t> guide) {
+  matching::SemiGlobalOptions result;
   result.p1 = settings.p1;
   result.p2 = settings.p2;
   result.subplane_refinement = settings.subplane_refinement;
@@ -130,9 +136,13 @@ namespace {
 class PlaneSweepMethod final : public Method {
  public:
   std::string_view name() const override { return "plane_sweep"; }
-  std::string_view summary() const override {
-    return "blends the nearest cameras at the depth where they agree best, found per view by a "
-           "plane sweep";
+  MethodDescription description() const override {
+    return {
+        .summary =
+            "blends the nearest cameras at the depth where they agree best, found per view by a "
+            "plane sweep",
+        .artefacts = "wrong where there is no texture, and at edges with occlusion in some cameras",
+        .use = "takes in motion, individual views"};
   }
   std::span<const OptionSpec> options() const override { return plane_sweep::kOptions; }
   std::span<const MethodPreset> presets() const override {

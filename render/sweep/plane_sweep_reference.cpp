@@ -85,7 +85,7 @@ class Reference {
   matching::PlaneMap match(std::span<const std::uint8_t> guide) {
     const matching::CostVolume volume{request_.view.width, request_.view.height,
                                       plan_.planes.count};
-    const PlaneSweepSettings& s = plan_.settings;
+    const PlaneSweepOptions& s = plan_.settings;
     const matching::FillCosts fill = [&](int y, std::span<std::uint8_t> costs) {
       fill_row(y, costs);
     };
@@ -94,7 +94,7 @@ class Reference {
                                            s.aggregation == Aggregation::kBox ? s.box_radius : 0,
                                            s.subplane_refinement);
     }
-    return matching::semi_global_match_reference(volume, fill, semi_global_settings(s, guide));
+    return matching::semi_global_match_reference(volume, fill, semi_global_options(s, guide));
   }
 
   RenderedView blend(const matching::PlaneMap& map) {
@@ -111,7 +111,7 @@ class Reference {
     for (const BlendingField::TileCamera& camera : tile.cameras) {
       const DepthSample sample = sample_at_depth_reference(
           request_.view.pose.position, ray.direction, inverse_depth, cameras()[camera.camera],
-          renderer_.frames().frame(camera.camera), plan_.settings.look_up);
+          renderer_.frames().frame(camera.camera), plan_.settings.interpolation);
       const double share =
           sample.seen * static_cast<double>(BlendingField::share(tile, camera, ray.x, ray.y));
       seen += share;

@@ -52,9 +52,9 @@ void check_new_pair(ArchivePair pair, const SalvageResult& salvaged, const fs::p
   pair.archive = archive_file.bytes();
   pair.journal = journal_file.bytes();
   const ArchiveFixityReport report = verify_archive(pair, {});
-  if (report.whole() && report.frames == salvaged.frames) return;
+  if (report.is_intact() && report.frames == salvaged.frames) return;
   throw Error::failed("the repaired " + pair.archive_name + " differs from what was written" +
-                          (report.whole() ? "" : ": " + report.problems.front().what),
+                          (report.is_intact() ? "" : ": " + report.problems.front().what),
                       archive.string(), "Check the disk; the damaged files are unchanged");
 }
 
@@ -83,7 +83,7 @@ class CameraRepair {
                           "Copy the take to an intact disk with a tool that fills in unreadable "
                           "parts (ddrescue), and repair the copy");
     }
-    if (verify_archive(pair_, {}).whole()) {
+    if (verify_archive(pair_, {}).is_intact()) {
       result.was_intact = true;
       return;
     }
@@ -177,8 +177,8 @@ RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
           options.progress(static_cast<double>(so_far) / static_cast<double>(cameras));
         }
       });
-  report.stopped = done < cameras;
-  if (!options.dry_run && !report.stopped && !report.failed()) {
+  report.status = done < cameras ? RunStatus::kStopped : RunStatus::kFinished;
+  if (!options.dry_run && report.status == RunStatus::kFinished && !report.failed()) {
     report.renamed_timeline = set_aside_timeline(folder);
   }
   return report;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "base/run_status.h"
 #include "store/fixity/salvage.h"
 #include "store/take.h"
 
@@ -33,7 +34,7 @@ struct RepairReport {
   std::vector<Camera> cameras;
   /// New name of a timeline that no longer matches; empty if it matches, or with dry_run.
   std::string renamed_timeline;
-  bool stopped = false;
+  RunStatus status = RunStatus::kNotRun;
 
   bool has_losses() const;
   bool failed() const;  ///< some camera has an error

@@ -100,7 +100,7 @@ TEST(SalvageResult, SavesEveryUndamagedFrameByteForByte) {
     const SalvageResult saved = salvage(damaged.bytes.pair());
     const PairBytes now = repaired(damaged.bytes, saved);
     const ArchiveFixityReport report = verify_archive(now.pair(), {});
-    ASSERT_TRUE(report.whole()) << round << ": " << report.problems[0].what;
+    ASSERT_TRUE(report.is_intact()) << round << ": " << report.problems[0].what;
     ASSERT_EQ(report.frames, saved.frames);
 
     std::map<Nanoseconds, FrameRecord> stored, missing;
@@ -256,7 +256,7 @@ struct RepairTake : ::testing::Test {
     }
     return found;
   }
-  bool whole() const { return verify_take(take, {}).whole(); }
+  bool is_intact() const { return verify_take(take, {}).is_intact(); }
 
   testing::TestFolder folder;
   std::filesystem::path take = folder.path() / "take";
@@ -276,14 +276,14 @@ TEST_F(RepairTake, ACrashedTakeIsClosedAndLeavesNothingBehind) {
   const auto before = names();
   const auto original = testing::bytes_of(archive(1));
   leave_open(1);
-  ASSERT_FALSE(whole());
+  ASSERT_FALSE(is_intact());
   const RepairReport report = repair_take(take, {});
   EXPECT_TRUE(report.cameras[0].was_intact);
   EXPECT_TRUE(report.cameras[1].repaired);
   EXPECT_FALSE(report.has_losses());
   EXPECT_EQ(testing::bytes_of(archive(1)), original);
   EXPECT_EQ(names(), before);
-  EXPECT_TRUE(whole());
+  EXPECT_TRUE(is_intact());
 }
 
 TEST_F(RepairTake, TheOriginalsOfALossStay) {
@@ -308,7 +308,7 @@ TEST_F(RepairTake, TheOriginalsOfALossStay) {
   EXPECT_EQ(testing::bytes_of(take / "archive/c2.journal.damaged"), lines);
   // The timeline counts frames: with one fewer it is another.
   EXPECT_EQ(report.renamed_timeline, "timeline.zst.damaged");
-  EXPECT_TRUE(whole());
+  EXPECT_TRUE(is_intact());
   const Take now(take);
   ASSERT_EQ(now.archive(2).frames().size(), 9u);
   EXPECT_EQ(now.archive(2).records()[5].status, FrameStatus::kTorn);
@@ -320,7 +320,7 @@ TEST_F(RepairTake, TheOriginalsOfALossStay) {
   testing::overwrite(archive(2), again);
   report = repair_take(take, {});
   EXPECT_THAT(report.cameras[2].kept, ElementsAre("c2.mkv.damaged-2", "c2.journal.damaged-2"));
-  EXPECT_TRUE(whole());
+  EXPECT_TRUE(is_intact());
 }
 
 // The machine stopped when the archive had been renamed and the journal had not.
@@ -331,7 +331,7 @@ TEST_F(RepairTake, CanBeInterruptedBetweenTheTwoRenames) {
   const auto new_archive = testing::bytes_of(archive(2)),
              new_journal = testing::bytes_of(journal(2));
   testing::overwrite(journal(2), old_journal);
-  ASSERT_FALSE(whole());
+  ASSERT_FALSE(is_intact());
   repair_take(take, {});
   EXPECT_EQ(testing::bytes_of(archive(2)), new_archive);
   EXPECT_EQ(testing::bytes_of(journal(2)), new_journal);
@@ -346,7 +346,7 @@ TEST_F(RepairTake, ALostJournalIsMadeAgain) {
   EXPECT_TRUE(report.has_losses());
   EXPECT_EQ(testing::bytes_of(archive(0)), original);
   EXPECT_EQ(testing::bytes_of(journal(0)), lines);
-  EXPECT_TRUE(whole());
+  EXPECT_TRUE(is_intact());
 }
 
 TEST_F(RepairTake, WhatCannotBeRepairedIsSaidAndTheRestGoesOn) {
@@ -374,7 +374,7 @@ TEST_F(RepairTake, IsTheSameForAnyNumberOfThreads) {
     options.progress = [&](double) { ++done; };
     tbb::task_arena(threads).execute([&] {
       const RepairReport report = repair_take(copy, options);
-      EXPECT_FALSE(report.failed() || report.stopped);
+      EXPECT_FALSE(report.failed() || report.status != RunStatus::kFinished);
     });
     EXPECT_EQ(done, 3);
     std::map<std::string, std::vector<std::byte>> files;
@@ -399,10 +399,10 @@ TEST_F(RepairTake, RandomDamageThenRepairThenVerify) {
       testing::flip(bytes, random() % (8 * bytes.size()));
       testing::overwrite(file, bytes);
     }
-    ASSERT_FALSE(whole());
+    ASSERT_FALSE(is_intact());
     const RepairReport report = repair_take(take, {});
     ASSERT_FALSE(report.failed());
-    ASSERT_TRUE(whole()) << round;
+    ASSERT_TRUE(is_intact()) << round;
   }
 }
 

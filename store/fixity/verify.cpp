@@ -122,12 +122,12 @@ std::uint64_t TakeFixityReport::bytes() const {
   return sum;
 }
 
-bool TakeFixityReport::whole() const {
-  return problems.empty() && readable() && !stopped &&
-         std::ranges::all_of(cameras, [](const Camera& c) { return c.report.whole(); });
+bool TakeFixityReport::is_intact() const {
+  return problems.empty() && is_readable() && status == RunStatus::kFinished &&
+         std::ranges::all_of(cameras, [](const Camera& c) { return c.report.is_intact(); });
 }
 
-bool TakeFixityReport::readable() const {
+bool TakeFixityReport::is_readable() const {
   return std::ranges::all_of(cameras, [](const Camera& c) { return c.error.empty(); });
 }
 
@@ -164,13 +164,14 @@ TakeFixityReport verify_take(const fs::path& folder, const TakeVerifyOptions& gi
       [&](std::size_t i) {
         verify_camera(take, static_cast<int>(i), options, share, report.cameras[i]);
       });
-  report.stopped = options.stop.stop_requested();
+  report.status = options.stop.stop_requested() ? RunStatus::kStopped : RunStatus::kFinished;
   // The timeline depends on the frame tables: it can be checked only if these are intact.
-  if (!report.stopped && options.depth != VerifyDepth::kSizes && report.whole()) {
+  if (report.status == RunStatus::kFinished && options.depth != VerifyDepth::kSizes &&
+      report.is_intact()) {
     verify_timeline(take, report);
   }
-  if (!report.stopped) verify_recordings(take, report);
-  if (options.progress && !report.stopped) options.progress(1);
+  if (report.status == RunStatus::kFinished) verify_recordings(take, report);
+  if (options.progress && report.status == RunStatus::kFinished) options.progress(1);
   report.seconds = watch.seconds();
   return report;
 }

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "base/run_status.h"
 #include "store/fixity/verify_archive.h"
 #include "store/take.h"
 
@@ -31,11 +32,11 @@ struct TakeFixityReport {
   std::vector<Camera> cameras;
   std::vector<FixityProblem> problems;  ///< of the take itself
   double seconds = 0;                   ///< wall time
-  bool stopped = false;                 ///< by options.stop: the report is incomplete
+  RunStatus status = RunStatus::kNotRun;
 
   std::uint64_t bytes() const;
-  bool whole() const;     ///< whether there is no problem
-  bool readable() const;  ///< whether no camera has an error
+  bool is_intact() const;    ///< whether there is no problem
+  bool is_readable() const;  ///< whether no camera has an error
 };
 
 /// Verifies a take. Throws Error (bad input) if take.json or rig.json cannot be read.

@@ -39,20 +39,25 @@ class Verifier {
   }
 
   ArchiveFixityReport run() {
-    if (!check_journal_header()) return std::move(report_);
+    verify();
+    report_.status = options_.stop.stop_requested() ? RunStatus::kStopped : RunStatus::kFinished;
+    return std::move(report_);
+  }
+
+ private:
+  void verify() {
+    if (!check_journal_header()) return;
     if (!can_read(archive_.first(std::min(archive_.size(), header_.bytes.size())))) {
       add(pair_.archive_name, 0, "the disk cannot read the header");
-      return std::move(report_);
+      return;
     }
     if (options_.depth == VerifyDepth::kSizes) {
       check_sizes();
     } else {
       check_everything();
     }
-    return std::move(report_);
   }
 
- private:
   FixityProblem* add(const std::string& file, std::uint64_t offset, std::string what,
                      std::vector<AffectedFrame> frames = {}) {
     if (report_.problems.size() >= kMaxProblems) {

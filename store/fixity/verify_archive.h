@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "base/run_status.h"
 #include "store/archive.h"
 
 namespace raystage::store {
@@ -57,10 +58,11 @@ struct VerifyOptions {
 };
 
 struct ArchiveFixityReport {
+  RunStatus status = RunStatus::kNotRun;
   std::vector<FixityProblem> problems;  ///< the first kMaxProblems
   std::uint64_t omitted_problems = 0;   ///< number beyond those
   std::int64_t frames = 0;              ///< stored frames found; 0 at depth kSizes
-  bool whole() const { return problems.empty(); }
+  bool is_intact() const { return status == RunStatus::kFinished && problems.empty(); }
 };
 inline constexpr std::size_t kMaxProblems = 1000;
 

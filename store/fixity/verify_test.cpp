@@ -43,9 +43,9 @@ TEST(VerifyArchive, NothingIsWrongWithWholeOnes) {
     for (const VerifyDepth depth : kDepths) {
       const PairBytes pair = make_pair(frames, true);
       const ArchiveFixityReport report = verify(pair, depth);
-      EXPECT_TRUE(report.whole()) << frames << ": " << report.problems[0].what;
+      EXPECT_TRUE(report.is_intact()) << frames << ": " << report.problems[0].what;
       EXPECT_EQ(report.frames, depth == VerifyDepth::kSizes ? 0 : frames);
-      EXPECT_TRUE(verify(testing::with_journal_v1(pair), depth).whole());
+      EXPECT_TRUE(verify(testing::with_journal_v1(pair), depth).is_intact());
     }
   }
 }
@@ -125,7 +125,7 @@ TEST(VerifyArchive, SaysWhereAndWhichFrame) {
   {
     PairBytes pair = whole;
     pair.archive[fourth.offset + 11] ^= std::byte{4};
-    EXPECT_TRUE(verify(pair, VerifyDepth::kJournal).whole());
+    EXPECT_TRUE(verify(pair, VerifyDepth::kJournal).is_intact());
     const FixityProblem problem = only_problem(pair);
     EXPECT_EQ(problem.file, "r0c0.mkv");
     EXPECT_EQ(problem.offset, fourth.offset);
@@ -135,7 +135,7 @@ TEST(VerifyArchive, SaysWhereAndWhichFrame) {
   {
     PairBytes pair = whole;
     pair.archive[fourth.offset - 20] ^= std::byte{4};
-    EXPECT_TRUE(verify(pair, VerifyDepth::kSizes).whole());
+    EXPECT_TRUE(verify(pair, VerifyDepth::kSizes).is_intact());
     const FixityProblem problem = only_problem(pair, VerifyDepth::kJournal);
     EXPECT_EQ(problem.offset, fourth.offset - 20);
     EXPECT_THAT(problem.what, HasSubstr("Matroska header of a frame"));
@@ -175,8 +175,8 @@ TEST(VerifyArchive, SaysWhereAndWhichFrame) {
   {
     PairBytes pair = whole;
     pair.archive.push_back(std::byte{0});
-    EXPECT_FALSE(verify(pair, VerifyDepth::kSizes).whole());
-    EXPECT_FALSE(verify(pair, VerifyDepth::kJournal).whole());
+    EXPECT_FALSE(verify(pair, VerifyDepth::kSizes).is_intact());
+    EXPECT_FALSE(verify(pair, VerifyDepth::kJournal).is_intact());
   }
   {
     PairBytes pair = whole;
@@ -238,7 +238,7 @@ TEST_F(VerifyTake, NothingIsWrongWithAWholeOne) {
       done = std::max(done, share);
     };
     const TakeFixityReport report = verify_take(take, options);
-    EXPECT_TRUE(report.whole());
+    EXPECT_TRUE(report.is_intact());
     EXPECT_EQ(report.cameras.size(), 3u);
     EXPECT_EQ(done, 1);
   }
@@ -254,27 +254,27 @@ TEST_F(VerifyTake, FindsAThousandRandomFlips) {
     const std::size_t bit = random();
     damage(file, bit);
     const TakeFixityReport report = verify();
-    ASSERT_FALSE(report.whole()) << file << " bit " << bit;
-    ASSERT_TRUE(report.readable());
+    ASSERT_FALSE(report.is_intact()) << file << " bit " << bit;
+    ASSERT_TRUE(report.is_readable());
     for (const auto& camera : report.cameras) {
       const bool hit = file.find(camera.id) != std::string::npos;
-      ASSERT_EQ(camera.report.whole(), !hit) << file << " bit " << bit;
+      ASSERT_EQ(camera.report.is_intact(), !hit) << file << " bit " << bit;
     }
     damage(file, bit);  // back
   }
-  EXPECT_TRUE(verify().whole());
+  EXPECT_TRUE(verify().is_intact());
 }
 
 TEST_F(VerifyTake, MissingFilesAndATimelineThatDoesNotFit) {
   auto bytes = testing::bytes_of(take / "timeline.zst");
   bytes.pop_back();
   testing::overwrite(take / "timeline.zst", bytes);
-  EXPECT_TRUE(verify(VerifyDepth::kSizes).whole());
+  EXPECT_TRUE(verify(VerifyDepth::kSizes).is_intact());
   TakeFixityReport report = verify(VerifyDepth::kJournal);
   ASSERT_EQ(report.problems.size(), 1u);
   EXPECT_EQ(report.problems[0].file, "timeline.zst");
   std::filesystem::remove(take / "timeline.zst");
-  EXPECT_TRUE(verify().whole());
+  EXPECT_TRUE(verify().is_intact());
   std::filesystem::remove(take / "archive/c1.mkv");
   for (const VerifyDepth depth : kDepths) {
     report = verify(depth);
@@ -292,7 +292,7 @@ TEST_F(VerifyTake, EveryNodesAccountMustBeReadable) {
   const std::string whole = schemas::format_recording(account);
   write_file_atomically(take / "recording/one.json", whole);
   write_file_atomically(take / "recording/two.json", whole);
-  EXPECT_TRUE(verify().whole());
+  EXPECT_TRUE(verify().is_intact());
   std::string future = whole;
   const auto version = future.find("recording/1");
   ASSERT_NE(version, std::string::npos);
@@ -301,7 +301,7 @@ TEST_F(VerifyTake, EveryNodesAccountMustBeReadable) {
     write_file_atomically(take / "recording/two.json", damaged);
     for (const VerifyDepth depth : kDepths) {
       const TakeFixityReport report = verify(depth);
-      EXPECT_FALSE(report.whole()) << damaged;
+      EXPECT_FALSE(report.is_intact()) << damaged;
       ASSERT_EQ(report.problems.size(), 1u);
       EXPECT_EQ(report.problems[0].file, "recording/two.json");
     }
@@ -313,7 +313,7 @@ TEST_F(VerifyTake, AFutureJournalCannotBeJudged) {
   testing::overwrite(take / "archive/c1.journal",
                      journal::encode_header({"c1", 320, 240, document.epoch_utc}, 9));
   const TakeFixityReport report = verify();
-  EXPECT_FALSE(report.readable());
+  EXPECT_FALSE(report.is_readable());
   EXPECT_THAT(report.cameras[1].error, HasSubstr("version 9"));
 }
 
@@ -330,7 +330,7 @@ TEST(VerifyDecode, LooksAtThePictures) {
     writer.commit();
   }
   TakeVerifyOptions options;
-  EXPECT_TRUE(verify_take(take, options).whole());
+  EXPECT_TRUE(verify_take(take, options).is_intact());
   options.decode = true;
   const TakeFixityReport report = verify_take(take, options);
   const auto& problems = report.cameras[0].report.problems;

@@ -23,7 +23,7 @@ RgbImage JpegDecoder::decode(std::span<const std::byte> jpeg, std::string_view n
   image.width = layout.width;
   image.height = layout.height;
   const std::size_t row_bytes = 3 * static_cast<std::size_t>(layout.width);
-  image.pixels.resize(row_bytes * static_cast<std::size_t>(layout.height));
+  image.values.resize(row_bytes * static_cast<std::size_t>(layout.height));
   // A new one per frame: libjpeg keeps tables between frames, and a frame without its own would be
   // decoded with those of another one.
   libjpeg::Decompressor decompressor;
@@ -37,7 +37,7 @@ RgbImage JpegDecoder::decode(std::span<const std::byte> jpeg, std::string_view n
     info.do_fancy_upsampling = TRUE;
     jpeg_start_decompress(&info);
     while (info.output_scanline < info.output_height) {
-      JSAMPROW row = image.pixels.data() + info.output_scanline * row_bytes;
+      JSAMPROW row = image.values.data() + info.output_scanline * row_bytes;
       jpeg_read_scanlines(&info, &row, 1);
     }
     jpeg_finish_decompress(&info);
@@ -66,7 +66,7 @@ std::int64_t JpegDecoder::decode_region(std::span<const std::byte> jpeg, const J
     const int mcu = y / layout.mcu_height * layout.mcus_per_row + x / layout.mcu_width;
     if (wanted[mcu] == 0) continue;
     for (std::size_t c = 0; c < 3; ++c)
-      rgba_linear[4 * pixel + c] = table.code[c][image.pixels[3 * pixel + c]];
+      rgba_linear[4 * pixel + c] = table.code[c][image.values[3 * pixel + c]];
     rgba_linear[4 * pixel + 3] = 65535;
   }
   return layout.mcu_count() * mcu_pixels;

@@ -83,7 +83,7 @@ void expect_region(JpegDecoder& decoder, const Bytes& jpeg, const McuMask& wante
       ASSERT_EQ(got[3], 65535);
       if (!promised(layout, wanted, x, y)) continue;
       for (std::size_t c = 0; c < 3; ++c)
-        ASSERT_EQ(got[c], table.code[c][whole.pixels[3 * pixel + c]])
+        ASSERT_EQ(got[c], table.code[c][whole.values[3 * pixel + c]])
             << "pixel " << x << ", " << y << " channel " << c;
     }
   }
@@ -215,7 +215,7 @@ TEST(DecodeRegion, CountsWhatItDecodes) {
   const auto pixels = [&](int interval, std::initializer_list<std::size_t> mcus) {
     McuMask wanted(28, 0);
     for (const std::size_t mcu : mcus) wanted[mcu] = 1;
-    const Bytes jpeg = encode_jpeg(image, {90, JpegEncodeSettings::Chroma::k420, interval});
+    const Bytes jpeg = encode_jpeg(image, {90, JpegEncodeOptions::Chroma::k420, interval});
     return decode_region(decoder, jpeg, wanted).pixels;
   };
   EXPECT_EQ(pixels(1, {0, 5, 27}), 3 * 256);
@@ -228,7 +228,7 @@ TEST(DecodeRegion, CountsWhatItDecodes) {
 
 TEST(DecodeRegion, RefusesDamageAndGoesOnWithTheNextFrame) {
   const RgbImage image = testing::make(Kind::kMixed, 131, 75);
-  const Bytes good = encode_jpeg(image, {90, JpegEncodeSettings::Chroma::k420, 4});
+  const Bytes good = encode_jpeg(image, {90, JpegEncodeOptions::Chroma::k420, 4});
   const JpegLayout layout = parse_jpeg_layout(good, "x");
   const McuMask all(static_cast<std::size_t>(layout.mcu_count()), 1);
   JpegDecoder decoder;

@@ -30,9 +30,9 @@ RgbImage by_turbojpeg(const Bytes& jpeg) {
   EXPECT_EQ(tjDecompressHeader3(handle, bytes, jpeg.size(), &image.width, &image.height,
                                 &subsampling, &color),
             0);
-  image.pixels.resize(3 * static_cast<std::size_t>(image.width) *
+  image.values.resize(3 * static_cast<std::size_t>(image.width) *
                       static_cast<std::size_t>(image.height));
-  EXPECT_EQ(tjDecompress2(handle, bytes, jpeg.size(), image.pixels.data(), image.width, 0,
+  EXPECT_EQ(tjDecompress2(handle, bytes, jpeg.size(), image.values.data(), image.width, 0,
                           image.height, TJPF_RGB, TJFLAG_ACCURATEDCT),
             0);
   tjDestroy(handle);
@@ -62,9 +62,9 @@ TEST(DecodeJpeg, GreyGivesEqualChannels) {
   JpegDecoder decoder;
   const RgbImage image =
       decoder.decode(encode_jpeg_variant(testing::make(Kind::kMixed, 75, 43), grey), "x");
-  for (std::size_t i = 0; i < image.pixels.size(); i += 3) {
-    ASSERT_EQ(image.pixels[i], image.pixels[i + 1]);
-    ASSERT_EQ(image.pixels[i], image.pixels[i + 2]);
+  for (std::size_t i = 0; i < image.values.size(); i += 3) {
+    ASSERT_EQ(image.values[i], image.values[i + 1]);
+    ASSERT_EQ(image.values[i], image.values[i + 2]);
   }
 }
 

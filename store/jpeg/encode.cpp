@@ -5,6 +5,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/options.h"
 #include "store/jpeg/layout.h"
 #include "store/jpeg/libjpeg.h"
 
@@ -18,20 +19,16 @@ void check_restart_interval(int interval) {
         "Use 1-65535, 0 for none or -1 for the default");
 }
 
-void check(const RgbImage& image, const JpegEncodeSettings& settings) {
+void check(const RgbImage& image, const JpegEncodeOptions& options) {
   if (image.width < 1 || image.height < 1 || image.width > 65500 || image.height > 65500)
     throw Error::bad_input("a JPEG cannot have a size of " + std::to_string(image.width) + "x" +
                                std::to_string(image.height),
                            "", "Use 1-65500 pixels per side");
-  if (image.pixels.size() !=
+  if (image.values.size() !=
       3 * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height))
     throw Error::bad_input("the image has too few or too many bytes for its size", "",
                            "Use 3 bytes per pixel");
-  if (settings.quality < 1 || settings.quality > 100)
-    throw Error::bad_input(
-        "a JPEG quality of " + std::to_string(settings.quality) + " is not possible", "",
-        "Use 1-100");
-  check_restart_interval(settings.restart_interval);
+  require_valid(options, "JPEG options");
 }
 
 // Writes the saved APPn and COM markers unchanged (JFIF and Adobe included).
@@ -46,8 +43,13 @@ int default_restart_interval(int frame_width, int mcu_width) {
   return std::max(1, (frame_width < 640 ? 16 : 32) / mcu_width);
 }
 
-std::vector<std::byte> encode_jpeg(const RgbImage& image, const JpegEncodeSettings& settings) {
-  check(image, settings);
+bool JpegEncodeOptions::is_valid(std::string* reason) const {
+  return is_within("JPEG quality", quality, 1, 100, reason) &&
+         is_within("restart interval (MCUs)", restart_interval, -1, 65535, reason);
+}
+
+std::vector<std::byte> encode_jpeg(const RgbImage& image, const JpegEncodeOptions& options) {
+  check(image, options);
   std::vector<std::byte> bytes;
   libjpeg::Compressor compressor;
   jpeg_compress_struct& info = compressor.info;
@@ -59,19 +61,19 @@ std::vector<std::byte> encode_jpeg(const RgbImage& image, const JpegEncodeSettin
     info.input_components = 3;
     info.in_color_space = JCS_RGB;
     jpeg_set_defaults(&info);
-    jpeg_set_quality(&info, settings.quality, TRUE);
+    jpeg_set_quality(&info, options.quality, TRUE);
     info.dct_method = JDCT_ISLOW;
-    info.comp_info[0].h_samp_factor = settings.chroma == JpegEncodeSettings::Chroma::k444 ? 1 : 2;
-    info.comp_info[0].v_samp_factor = settings.chroma == JpegEncodeSettings::Chroma::k420 ? 2 : 1;
+    info.comp_info[0].h_samp_factor = options.chroma == JpegEncodeOptions::Chroma::k444 ? 1 : 2;
+    info.comp_info[0].v_samp_factor = options.chroma == JpegEncodeOptions::Chroma::k420 ? 2 : 1;
     info.restart_interval = static_cast<unsigned>(
-        settings.restart_interval >= 0
-            ? settings.restart_interval
+        options.restart_interval >= 0
+            ? options.restart_interval
             : default_restart_interval(image.width, 8 * info.comp_info[0].h_samp_factor));
-    if (settings.progressive) jpeg_simple_progression(&info);
+    if (options.progressive) jpeg_simple_progression(&info);
     jpeg_start_compress(&info, TRUE);
     while (info.next_scanline < info.image_height) {
       // libjpeg only reads through this non-const pointer.
-      JSAMPROW row = const_cast<JSAMPROW>(image.pixels.data() + info.next_scanline * row_bytes);
+      JSAMPROW row = const_cast<JSAMPROW>(image.values.data() + info.next_scanline * row_bytes);
       jpeg_write_scanlines(&info, &row, 1);
     }
     jpeg_finish_compress(&info);

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -10,13 +11,15 @@
 
 namespace raystage::store {
 
-struct JpegEncodeSettings {
+struct JpegEncodeOptions {
   int quality = 95;  ///< 1-100, libjpeg's scale
   enum class Chroma { k444, k422, k420 } chroma = Chroma::k444;
   /// MCUs between restart markers; -1: default_restart_interval(); 0: none.
   int restart_interval = -1;
   /// Progressive, with Huffman tables optimised for the picture: a tenth smaller, twice the time.
   bool progressive = false;
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// Returns the MCUs per segment for segments 32 pixels wide (16 in frames narrower than 640), at
@@ -26,7 +29,7 @@ int default_restart_interval(int frame_width, int mcu_width);
 
 /// Returns a picture as JPEG. Throws Error (bad input) for sizes outside 1-65500 or invalid
 /// settings.
-std::vector<std::byte> encode_jpeg(const RgbImage& image, const JpegEncodeSettings& settings);
+std::vector<std::byte> encode_jpeg(const RgbImage& image, const JpegEncodeOptions& options);
 
 /// Returns the same picture with restart markers every `restart_interval` MCUs (-1: the default).
 /// Quantised coefficients are unchanged, so every pixel decodes to the same value. A progressive

@@ -21,12 +21,12 @@ using testing::encode_jpeg_variant;
 using testing::JpegVariant;
 using testing::Kind;
 using Bytes = std::vector<std::byte>;
-using Chroma = JpegEncodeSettings::Chroma;
+using Chroma = JpegEncodeOptions::Chroma;
 
 double psnr(const RgbImage& a, const RgbImage& b) {
   double sum = 0;
-  for (std::size_t i = 0; i < a.pixels.size(); ++i) sum += std::pow(a.pixels[i] - b.pixels[i], 2);
-  return 10 * std::log10(255 * 255 / (sum / static_cast<double>(a.pixels.size()) + 1e-9));
+  for (std::size_t i = 0; i < a.values.size(); ++i) sum += std::pow(a.values[i] - b.values[i], 2);
+  return 10 * std::log10(255 * 255 / (sum / static_cast<double>(a.values.size()) + 1e-9));
 }
 
 // Every quantised coefficient of a file, block after block.
@@ -90,7 +90,7 @@ TEST(EncodeJpeg, RefusesWhatItCannotEncode) {
   const RgbImage image = testing::make(Kind::kMixed, 8, 8);
   EXPECT_THROW(encode_jpeg({0, 8, {}}, {}), Error);
   EXPECT_THROW(encode_jpeg({65501, 1, std::vector<std::uint8_t>(3 * 65501)}, {}), Error);
-  EXPECT_THROW(encode_jpeg({8, 9, image.pixels}, {}), Error);
+  EXPECT_THROW(encode_jpeg({8, 9, image.values}, {}), Error);
   EXPECT_THROW(encode_jpeg(image, {0, Chroma::k444, -1}), Error);
   EXPECT_THROW(encode_jpeg(image, {101, Chroma::k444, -1}), Error);
   EXPECT_THROW(encode_jpeg(image, {90, Chroma::k444, -2}), Error);

@@ -20,7 +20,7 @@ using testing::encode_jpeg_variant;
 using ::testing::HasSubstr;
 using testing::JpegVariant;
 using Bytes = std::vector<std::byte>;
-using Chroma = JpegEncodeSettings::Chroma;
+using Chroma = JpegEncodeOptions::Chroma;
 
 Bytes sample(int width, int height, Chroma chroma, int interval) {
   return encode_jpeg(testing::make(testing::Kind::kNoise, width, height), {90, chroma, interval});

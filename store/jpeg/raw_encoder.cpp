@@ -8,6 +8,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/options.h"
 #include "store/jpeg/libjpeg.h"
 
 namespace raystage::store {
@@ -46,7 +47,7 @@ void check(const RawImage& image) {
 }  // namespace
 
 struct RawJpegEncoder::State {
-  explicit State(const JpegEncodeSettings& encode_settings) : settings(encode_settings) {}
+  explicit State(const JpegEncodeOptions& encode_options) : options(encode_options) {}
 
   void start(const RawImage& image);
   void write_rows(const RawImage& image);
@@ -54,7 +55,7 @@ struct RawJpegEncoder::State {
   JSAMPROW padded_row(const RawImage& image, int plane, int row, std::size_t width,
                       std::size_t slot);
 
-  JpegEncodeSettings settings;
+  JpegEncodeOptions options;
   libjpeg::Compressor compressor;
   std::vector<std::byte> room;  // the output buffer
   // Rows shorter than whole MCUs are copied here and their last sample is repeated, as libjpeg
@@ -69,21 +70,21 @@ void RawJpegEncoder::State::start(const RawImage& image) {
   info.input_components = image.format == PixelFormat::kGray ? 1 : 3;
   info.in_color_space = color_space_of(image.format);
   jpeg_set_defaults(&info);
-  jpeg_set_quality(&info, settings.quality, TRUE);
+  jpeg_set_quality(&info, options.quality, TRUE);
   info.dct_method = JDCT_ISLOW;
   int horizontal = 1, vertical = 1;
   if (is_yuv(image.format)) {
     horizontal = halves_chroma_width(image.format) ? 2 : 1;
     vertical = image.format == PixelFormat::kYuv420 ? 2 : 1;
   } else if (image.format != PixelFormat::kGray) {
-    horizontal = settings.chroma == JpegEncodeSettings::Chroma::k444 ? 1 : 2;
-    vertical = settings.chroma == JpegEncodeSettings::Chroma::k420 ? 2 : 1;
+    horizontal = options.chroma == JpegEncodeOptions::Chroma::k444 ? 1 : 2;
+    vertical = options.chroma == JpegEncodeOptions::Chroma::k420 ? 2 : 1;
   }
   info.comp_info[0].h_samp_factor = horizontal;
   info.comp_info[0].v_samp_factor = vertical;
   info.restart_interval = static_cast<unsigned>(
-      settings.restart_interval >= 0 ? settings.restart_interval
-                                     : default_restart_interval(image.width, 8 * horizontal));
+      options.restart_interval >= 0 ? options.restart_interval
+                                    : default_restart_interval(image.width, 8 * horizontal));
   info.raw_data_in = is_yuv(image.format) ? TRUE : FALSE;
   jpeg_start_compress(&info, TRUE);
 }
@@ -112,9 +113,9 @@ JSAMPROW RawJpegEncoder::State::padded_row(const RawImage& image, int plane, int
 }
 
 void RawJpegEncoder::State::write_planes(const RawImage& image) {
-  constexpr std::size_t kMostRows = 16;  // of an MCU
+  constexpr std::size_t kMaxRows = 16;  // of an MCU
   jpeg_compress_struct& info = compressor.info;
-  std::array<std::array<JSAMPROW, kMostRows>, 3> rows{};
+  std::array<std::array<JSAMPROW, kMaxRows>, 3> rows{};
   std::array<JSAMPARRAY, 3> planes{};
   std::array<std::size_t, 3> widths{};
   const int mcu_rows = info.comp_info[0].v_samp_factor * DCTSIZE;
@@ -137,13 +138,9 @@ void RawJpegEncoder::State::write_planes(const RawImage& image) {
   }
 }
 
-RawJpegEncoder::RawJpegEncoder(const JpegEncodeSettings& settings)
-    : state_(std::make_unique<State>(settings)) {
-  if (settings.quality < 1 || settings.quality > 100) {
-    throw Error::bad_input(
-        "a JPEG quality of " + std::to_string(settings.quality) + " is not possible", "",
-        "Use 1-100");
-  }
+RawJpegEncoder::RawJpegEncoder(const JpegEncodeOptions& options)
+    : state_(std::make_unique<State>(options)) {
+  require_valid(options, "JPEG options");
 }
 RawJpegEncoder::~RawJpegEncoder() = default;
 RawJpegEncoder::RawJpegEncoder(RawJpegEncoder&&) noexcept = default;

@@ -14,7 +14,7 @@ namespace raystage::store {
 /// thread-safe.
 class RawJpegEncoder {
  public:
-  explicit RawJpegEncoder(const JpegEncodeSettings& settings);
+  explicit RawJpegEncoder(const JpegEncodeOptions& options);
   ~RawJpegEncoder();
   RawJpegEncoder(RawJpegEncoder&&) noexcept;
   RawJpegEncoder& operator=(RawJpegEncoder&&) noexcept;

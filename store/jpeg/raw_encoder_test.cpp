@@ -97,22 +97,22 @@ TEST(RawJpegEncoder, PlanesAreEncodedAsLibjpegTurboDoes) {
 TEST(RawJpegEncoder, RgbAndBgrEqualTheOtherEncoder) {
   const RgbImage rgb = testing::make(testing::Kind::kMixed, 75, 41);
   RgbImage bgr = rgb;
-  for (std::size_t i = 0; i < bgr.pixels.size(); i += 3)
-    std::swap(bgr.pixels[i], bgr.pixels[i + 2]);
-  for (const auto chroma : {JpegEncodeSettings::Chroma::k444, JpegEncodeSettings::Chroma::k420}) {
-    const JpegEncodeSettings settings{92, chroma, -1};
-    RawJpegEncoder encoder(settings);
+  for (std::size_t i = 0; i < bgr.values.size(); i += 3)
+    std::swap(bgr.values[i], bgr.values[i + 2]);
+  for (const auto chroma : {JpegEncodeOptions::Chroma::k444, JpegEncodeOptions::Chroma::k420}) {
+    const JpegEncodeOptions options{92, chroma, -1};
+    RawJpegEncoder encoder(options);
     for (const auto& [format, picture] :
          {std::pair(PixelFormat::kRgb, &rgb), std::pair(PixelFormat::kBgr, &std::as_const(bgr))}) {
       RawImage image;
       image.format = format;
       image.width = 75;
       image.height = 41;
-      image.planes[0] = {reinterpret_cast<const std::byte*>(picture->pixels.data()),
+      image.planes[0] = {reinterpret_cast<const std::byte*>(picture->values.data()),
                          std::size_t{3} * 75};
       Bytes bytes;
       encoder.encode(image, bytes);
-      EXPECT_EQ(bytes, encode_jpeg(rgb, settings));
+      EXPECT_EQ(bytes, encode_jpeg(rgb, options));
     }
   }
 }
@@ -127,8 +127,8 @@ TEST(RawJpegEncoder, GreyBecomesOneComponent) {
     for (int x = 0; x < 50; ++x) {
       const auto at = static_cast<std::size_t>(3 * (y * 50 + x));
       const auto expected = std::to_integer<int>(image.planes[0].data[y * 53 + x]);
-      EXPECT_NEAR(back.pixels[at], expected, 2);
-      EXPECT_EQ(back.pixels[at], back.pixels[at + 1]);
+      EXPECT_NEAR(back.values[at], expected, 2);
+      EXPECT_EQ(back.values[at], back.values[at + 1]);
     }
   }
 }

@@ -24,7 +24,7 @@ struct SyntheticArray {
   calibrate::Detections detections;
 };
 
-struct SyntheticArraySettings {
+struct SyntheticArrayOptions {
   int rows = 8, columns = 8;
   double spacing = 0.06, mounting_m = 0.005, mounting_deg = 2;
   int points = 100;
@@ -35,7 +35,7 @@ struct SyntheticArraySettings {
   unsigned seed = 11;
 };
 
-inline SyntheticArray make_synthetic_array(const SyntheticArraySettings& s) {
+inline SyntheticArray make_synthetic_array(const SyntheticArrayOptions& s) {
   std::mt19937 random(s.seed);
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> share(0, 1);

@@ -56,8 +56,8 @@ inline void write_wall_take(const std::filesystem::path& folder, int width = kWi
   for (int i = 0; i < kCameras; ++i) {
     for (int tick = 0; tick < kTicks; ++tick) {
       if (i == 3 && tick == 2) continue;
-      store::RgbImage image{width, height, {}};
-      image.pixels.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 3,
+      store::RgbImage image{width, height, std::vector<std::uint8_t>()};
+      image.values.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 3,
                           static_cast<std::uint8_t>(kFirstGrey + kStep * tick));
       writer.archive(i).append(store::encode_jpeg(image, {}),
                                kInterval + tick * kInterval + i * 1000);

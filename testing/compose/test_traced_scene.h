@@ -173,11 +173,11 @@ class TracedScene {
   }
 
   static store::RgbImage as_frame(const compose::ExrImage& seen) {
-    store::RgbImage frame{seen.width, seen.height, {}};
+    store::RgbImage frame{seen.width, seen.height, std::vector<std::uint8_t>()};
     for (std::size_t pixel = 0; pixel < seen.rgba.size() / 4; ++pixel) {
       for (std::size_t c = 0; c < 3; ++c) {
         const double code = srgb_from_linear(std::min(double{seen.rgba[4 * pixel + c]}, 1.0));
-        frame.pixels.push_back(static_cast<std::uint8_t>(std::lround(255 * code)));
+        frame.values.push_back(static_cast<std::uint8_t>(std::lround(255 * code)));
       }
     }
     return frame;

@@ -17,11 +17,11 @@ namespace raystage::testing {
 
 /// Returns an image for each `seed`, so smooth that JPEG changes it little.
 inline store::RgbImage picture(int width, int height, int seed) {
-  store::RgbImage image{width, height, {}};
+  store::RgbImage image{width, height, std::vector<std::uint8_t>()};
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       for (const int value : {40 + 2 * x + 9 * seed, 200 - 2 * y, 60 + x + y}) {
-        image.pixels.push_back(static_cast<std::uint8_t>(value & 255));
+        image.values.push_back(static_cast<std::uint8_t>(value & 255));
       }
     }
   }

@@ -13,12 +13,12 @@ namespace raystage::testing {
 /// Returns a gradient whose brightness depends on `shade`. Its chroma varies slowly, so that chroma
 /// subsampling changes it little.
 inline store::RgbImage test_picture(int width, int height, int shade) {
-  store::RgbImage image{width, height, {}};
+  store::RgbImage image{width, height, std::vector<std::uint8_t>()};
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      image.pixels.push_back(static_cast<std::uint8_t>(shade / 2 + 100 * x / width));
-      image.pixels.push_back(static_cast<std::uint8_t>(shade / 2 + 100 * y / height));
-      image.pixels.push_back(static_cast<std::uint8_t>(shade));
+      image.values.push_back(static_cast<std::uint8_t>(shade / 2 + 100 * x / width));
+      image.values.push_back(static_cast<std::uint8_t>(shade / 2 + 100 * y / height));
+      image.values.push_back(static_cast<std::uint8_t>(shade));
     }
   }
   return image;

@@ -59,7 +59,7 @@ store::RgbImage render_camera_image(const schemas::CameraGeometry& geometry,
   const rig::CameraModel model(geometry);
   const rig::Pose pose = rig::pose_from_matrix(geometry.world_from_camera);
   const int parts = settings.samples;
-  store::RgbImage image{geometry.width, geometry.height, {}};
+  store::RgbImage image{geometry.width, geometry.height, std::vector<std::uint8_t>()};
   for (int y = 0; y < geometry.height; ++y) {
     for (int x = 0; x < geometry.width; ++x) {
       std::array<double, 3> linear{};
@@ -73,7 +73,7 @@ store::RgbImage render_camera_image(const schemas::CameraGeometry& geometry,
         const schemas::PhotometricResponse& response = settings.photometric;
         const double shown = (linear[c] - response.brightness[c]) / response.contrast[c];
         const double code = std::clamp(srgb_from_linear(shown), 0.0, 1.0);
-        image.pixels.push_back(static_cast<std::uint8_t>(code * 255 + 0.5));
+        image.values.push_back(static_cast<std::uint8_t>(code * 255 + 0.5));
       }
     }
   }

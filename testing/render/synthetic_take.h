@@ -35,7 +35,7 @@ struct SyntheticTake {
   int frames = 1;                                  ///< at 15 fps
   std::vector<std::pair<int, int>> absent;         ///< dropped frames: (camera, frame)
   schemas::PhotometricResponse photometric;        ///< calibration of every camera
-  store::JpegEncodeSettings jpeg;
+  store::JpegEncodeOptions jpeg;
 };
 
 /// Returns `rows` x `columns` wall-eyed cameras in the plane z = 0 at the origin, 62 degrees wide.
@@ -44,9 +44,9 @@ std::vector<schemas::CameraGeometry> camera_grid(int rows, int columns, double s
                                                  const schemas::Distortion& distortion = {});
 
 store::RgbImage render_camera_image(const schemas::CameraGeometry& camera,
-                                    const SyntheticTake& settings);
+                                    const SyntheticTake& options);
 
 /// Writes the take to `folder` (which must not exist).
-void write_synthetic_take(const SyntheticTake& settings, const std::filesystem::path& folder);
+void write_synthetic_take(const SyntheticTake& options, const std::filesystem::path& folder);
 
 }  // namespace raystage::testing

@@ -75,7 +75,7 @@ class DepthTest : public ::testing::Test {
   }
   static render::RenderedView render(const store::Take& take, const render::VirtualCamera& view,
                                      schemas::OptionValues options = {},
-                                     const render::RendererSettings& settings = {}, int frame = 0) {
+                                     const render::RendererOptions& settings = {}, int frame = 0) {
     const store::FrameSelection frames =
         store::select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
     return render::LightFieldRenderer(take, settings)

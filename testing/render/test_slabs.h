@@ -31,9 +31,9 @@ inline FastAndReference render_both(const store::Take& take, const render::Virtu
                                     const RenderCase& asked = {}) {
   const store::FrameSelection frames =
       store::select_frames(take, asked.frame * kNanosecondsPerSecond / 15, 30'000'000);
-  render::RendererSettings settings;
+  render::RendererOptions settings;
   settings.blend_space = asked.space;
-  const render::ReconstructionSettings how{"slabs", asked.plane, asked.options};
+  const render::ReconstructionOptions how{"slabs", asked.plane, asked.options};
   FastAndReference pair;
   pair.fast = render::LightFieldRenderer(take, settings).render(view, frames, how);
   settings.reference = true;

@@ -16,7 +16,7 @@ namespace raystage::testing {
 /// For tests: time stamps of free-running cameras with known truth.
 struct SimulatedStamps {
   enum class Jitter { kGaussian, kDelay };  ///< kDelay: exponential, never negative
-  struct Settings {
+  struct Options {
     unsigned seed = 1;
     int cameras = 64, cameras_per_node = 16;
     double seconds = 60, fps = 15;
@@ -42,7 +42,7 @@ struct SimulatedStamps {
   std::vector<Camera> cameras;
   std::vector<Nanoseconds> node_offsets;
 
-  explicit SimulatedStamps(const Settings& s) {
+  explicit SimulatedStamps(const Options& s) {
     std::mt19937_64 random(s.seed);
     std::normal_distribution<double> normal;
     std::uniform_real_distribution<double> uniform;

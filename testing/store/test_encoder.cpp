@@ -54,7 +54,7 @@ std::vector<std::byte> encode_jpeg_variant(const store::RgbImage& image, const J
     while (info.next_scanline < info.image_height) {
       JSAMPROW row =
           what.cmyk ? four.data()
-                    : const_cast<JSAMPROW>(image.pixels.data() + info.next_scanline * row_bytes);
+                    : const_cast<JSAMPROW>(image.values.data() + info.next_scanline * row_bytes);
       jpeg_write_scanlines(&info, &row, 1);
     }
     jpeg_finish_compress(&info);

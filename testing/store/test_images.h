@@ -19,7 +19,7 @@ enum class Kind { kNoise, kGradient, kEdges, kMixed };
 /// Returns a test picture: flat areas, saturated edges and noise, the same in every run.
 inline store::RgbImage make(Kind kind, int width, int height, std::uint32_t seed = 1) {
   std::mt19937 random(seed);
-  store::RgbImage image{width, height, {}};
+  store::RgbImage image{width, height, std::vector<std::uint8_t>()};
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const std::uint32_t noise = random();
@@ -30,7 +30,7 @@ inline store::RgbImage make(Kind kind, int width, int height, std::uint32_t seed
         if (here == Kind::kGradient)
           value = (x * (3 - c) + y * (1 + c)) * 255 / (3 * (width + height));
         if (here == Kind::kEdges) value = ((x + 2 * y + 5 * c) / 7 % 2) * 255;
-        image.pixels.push_back(static_cast<std::uint8_t>(value));
+        image.values.push_back(static_cast<std::uint8_t>(value));
       }
     }
   }

@@ -21,7 +21,7 @@ struct MovingBoard {
   }
   /// Returns the picture at `time` with 2 x 2 samples per pixel; pixel (0, 0) is centred on (0, 0).
   store::RgbImage at(double time) const {
-    store::RgbImage image{width, height, {}};
+    store::RgbImage image{width, height, std::vector<std::uint8_t>()};
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {
         for (int c = 0; c < 3; ++c) {
@@ -29,7 +29,7 @@ struct MovingBoard {
           for (int s = 0; s < 4; ++s) {
             sum += value(x + (s % 2 - 0.5) / 2, y + (s / 2 - 0.5) / 2, time, c);
           }
-          image.pixels.push_back(static_cast<std::uint8_t>(std::lround(sum / 4)));
+          image.values.push_back(static_cast<std::uint8_t>(std::lround(sum / 4)));
         }
       }
     }
@@ -55,7 +55,7 @@ double psnr(const store::RgbImage& image, const store::RgbImage& truth, const Co
       if (!counts(x, y)) continue;
       for (int c = 0; c < 3; ++c) {
         const auto i = static_cast<std::size_t>(3 * (y * truth.width + x) + c);
-        const double difference = image.pixels[i] - truth.pixels[i];
+        const double difference = image.values[i] - truth.values[i];
         sum += difference * difference;
         ++number;
       }

@@ -21,13 +21,13 @@ constexpr int kPictures = 16;
 
 /// Returns the middle of a picture, every `step`-th pixel.
 store::RgbImage cut(const store::RgbImage& image, int width, int height, int step) {
-  store::RgbImage out{width, height, {}};
+  store::RgbImage out{width, height, std::vector<std::uint8_t>()};
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const auto at = static_cast<std::size_t>(
           3 * ((y * step + (image.height - height * step) / 2) * image.width + x * step +
                (image.width - width * step) / 2));
-      for (std::size_t c = 0; c < 3; ++c) out.pixels.push_back(image.pixels[at + c]);
+      for (std::size_t c = 0; c < 3; ++c) out.values.push_back(image.values[at + c]);
     }
   }
   return out;
@@ -71,7 +71,7 @@ store::RawImage yuv420(const store::RgbImage& rgb) {
     (*bytes)[at] = static_cast<std::byte>(std::lround(std::clamp(value, 0.0, 255.0)));
   };
   const auto channel = [&](int x, int y, int c) -> double {
-    return rgb.pixels[3 * (y * width + x) + c];
+    return rgb.values[3 * (y * width + x) + c];
   };
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
@@ -119,7 +119,7 @@ std::vector<ingest::SourceFrame> raw_frames(const std::vector<store::RgbImage>& 
 
 std::vector<ingest::SourceFrame> jpeg_frames(const std::vector<ingest::SourceFrame>& raw,
                                              int quality) {
-  store::RawJpegEncoder encoder({quality, store::JpegEncodeSettings::Chroma::k420, -1});
+  store::RawJpegEncoder encoder({quality, store::JpegEncodeOptions::Chroma::k420, -1});
   std::vector<ingest::SourceFrame> frames;
   for (const ingest::SourceFrame& frame : raw) {
     frames.emplace_back();
@@ -131,16 +131,16 @@ std::vector<ingest::SourceFrame> jpeg_frames(const std::vector<ingest::SourceFra
 double psnr(const std::vector<store::RgbImage>& a, const std::vector<store::RgbImage>& b) {
   double sum = 0, count = 0;
   for (std::size_t i = 0; i < a.size(); ++i) {
-    for (std::size_t p = 0; p < a[i].pixels.size(); ++p) {
-      sum += std::pow(a[i].pixels[p] - b[i].pixels[p], 2);
+    for (std::size_t p = 0; p < a[i].values.size(); ++p) {
+      sum += std::pow(a[i].values[p] - b[i].values[p], 2);
     }
-    count += static_cast<double>(a[i].pixels.size());
+    count += static_cast<double>(a[i].values.size());
   }
   return 10 * std::log10(255 * 255 / (sum / count));
 }
 
 std::vector<store::RgbImage> decoded(const std::vector<ingest::SourceFrame>& raw, int quality) {
-  store::RawJpegEncoder encoder({quality, store::JpegEncodeSettings::Chroma::k420, 0});
+  store::RawJpegEncoder encoder({quality, store::JpegEncodeOptions::Chroma::k420, 0});
   std::vector<store::RgbImage> images;
   std::vector<std::byte> bytes;
   for (const ingest::SourceFrame& frame : raw) {

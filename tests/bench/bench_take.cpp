@@ -6,12 +6,12 @@
 namespace raystage {
 
 testing::SyntheticTake make_painted_rig(int rows, int columns) {
-  testing::SyntheticTake settings;
-  settings.cameras = testing::camera_grid(rows, columns, 0.0615, 960, 640);
-  settings.plane_depth = 5;
-  settings.depth_range = schemas::DepthRange{3, 40};
-  settings.jpeg = {90, store::JpegEncodeSettings::Chroma::k420, -1};
-  return settings;
+  testing::SyntheticTake options;
+  options.cameras = testing::camera_grid(rows, columns, 0.0615, 960, 640);
+  options.plane_depth = 5;
+  options.depth_range = schemas::DepthRange{3, 40};
+  options.jpeg = {90, store::JpegEncodeOptions::Chroma::k420, -1};
+  return options;
 }
 
 BenchTake::BenchTake(const testing::SyntheticTake& written) {

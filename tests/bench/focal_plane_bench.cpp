@@ -32,12 +32,12 @@ class BenchTakes {
 
  private:
   static testing::SyntheticTake in_motion(int restart_interval) {
-    testing::SyntheticTake settings = make_painted_rig(8, 8);
-    settings.plane_depth = kFocalDepth;
-    settings.depth_range.reset();
-    settings.jpeg.restart_interval = restart_interval;
-    settings.frames = 8;
-    return settings;
+    testing::SyntheticTake options = make_painted_rig(8, 8);
+    options.plane_depth = kFocalDepth;
+    options.depth_range.reset();
+    options.jpeg.restart_interval = restart_interval;
+    options.frames = 8;
+    return options;
   }
   BenchTake restart_{"RAYSTAGE_BENCH_TAKE", in_motion(-1)};
   BenchTake plain_{"RAYSTAGE_BENCH_TAKE_PLAIN", in_motion(0)};
@@ -63,7 +63,7 @@ render::VirtualCamera view_of_frame(int frame, int frames) {
   return render::virtual_camera_with_fov(kWidth, kHeight, 40 * std::numbers::pi / 180, pose);
 }
 
-render::ReconstructionSettings reconstruction(const store::Take& take) {
+render::ReconstructionOptions reconstruction(const store::Take& take) {
   return {"focal_plane", rig::fronto_parallel_plane(take.rig(), kFocalDepth)};
 }
 
@@ -162,7 +162,7 @@ int gathering_cameras(const store::Take& take, const render::VirtualCamera& view
   return count;
 }
 
-render::ReconstructionSettings aperture(const store::Take& take) {
+render::ReconstructionOptions aperture(const store::Take& take) {
   return {"aperture",
           rig::fronto_parallel_plane(take.rig(), kFocalDepth),
           {{"radius", kApertureRadius}}};
@@ -172,9 +172,9 @@ void BM_Aperture(benchmark::State& state) {
   const store::Take& take = takes().restart();
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism,
                                     static_cast<std::size_t>(state.range(0)));
-  render::RendererSettings settings;
-  settings.blend_space = store::BlendSpace::kLinear;  // as in the OpenCV version
-  const render::LightFieldRenderer renderer(take, settings);
+  render::RendererOptions options;
+  options.blend_space = store::BlendSpace::kLinear;  // as in the OpenCV version
+  const render::LightFieldRenderer renderer(take, options);
   const store::FrameSelection frames = store::select_frames(take, 0, kNanosecondsPerSecond);
   const render::VirtualCamera view = view_on_array(take);
   for (int warm = 0; warm < 2; ++warm) {
@@ -205,10 +205,10 @@ void BM_OpenCvAperture(benchmark::State& state) {
   for (auto _ : state) {
     benchmark::DoNotOptimize(peer.render_aperture(view, plane, kApertureRadius).data);
   }
-  render::RendererSettings settings;
-  settings.blend_space = store::BlendSpace::kLinear;
+  render::RendererOptions options;
+  options.blend_space = store::BlendSpace::kLinear;
   const render::RenderedView ours =
-      render::LightFieldRenderer(take, settings)
+      render::LightFieldRenderer(take, options)
           .render(view, store::select_frames(take, 0, kNanosecondsPerSecond), aperture(take));
   expect_same_picture(state, ours, peer.render_aperture(view, plane, kApertureRadius));
 }
@@ -224,19 +224,19 @@ void archive_to_pixels(benchmark::State& state, const store::Take& take) {
   const auto thread_count = static_cast<std::size_t>(state.range(0));
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, thread_count);
   constexpr int kFrames = 48;
-  render::RendererSettings settings;
-  settings.excluded_cameras = excluded_except(take, static_cast<int>(state.range(1)));
+  render::RendererOptions options;
+  options.excluded_cameras = excluded_except(take, static_cast<int>(state.range(1)));
   // Room for three instants, so that none is still cached when the shot repeats.
   const std::size_t cameras =
-      static_cast<std::size_t>(take.camera_count()) - settings.excluded_cameras.size();
-  settings.cache_bytes = 3 * cameras * kWidth * kHeight * 8;
+      static_cast<std::size_t>(take.camera_count()) - options.excluded_cameras.size();
+  options.cache_bytes = 3 * cameras * kWidth * kHeight * 8;
   const auto instants = take.archive(0).frames();
   const auto frames_at = [&](int frame) {
     const auto instant = static_cast<std::size_t>(frame) % instants.size();
     return store::select_frames(take, instants[instant].time_ns, 1);
   };
   double decoded = 0, rendered = 0;
-  const render::LightFieldRenderer renderer(take, settings);
+  const render::LightFieldRenderer renderer(take, options);
   for (auto _ : state) {
     int next = 0;
     std::atomic<std::int64_t> pixels = 0;
@@ -259,9 +259,9 @@ void archive_to_pixels(benchmark::State& state, const store::Take& take) {
   state.counters["frames_per_s"] = benchmark::Counter(rendered, benchmark::Counter::kIsRate);
   state.counters["MP_decoded_per_frame"] = decoded / rendered / 1e6;
 
-  settings.count_needed_pixels = true;
-  settings.cache_bytes = 1;
-  const render::LightFieldRenderer counting(take, settings);
+  options.count_needed_pixels = true;
+  options.cache_bytes = 1;
+  const render::LightFieldRenderer counting(take, options);
   std::int64_t needed = 0;
   for (int frame = 0; frame < kFrames; ++frame) {
     needed += counting.render(view_of_frame(frame, kFrames), frames_at(frame), reconstruction(take))

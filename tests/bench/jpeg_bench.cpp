@@ -26,7 +26,7 @@ using Bytes = std::vector<std::byte>;
 
 // Returns texture of all frequencies with amplitudes that decrease with frequency, as photographs.
 store::RgbImage made_picture(int width, int height) {
-  store::RgbImage image{width, height, {}};
+  store::RgbImage image{width, height, std::vector<std::uint8_t>()};
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       for (int c = 0; c < 3; ++c) {
@@ -36,7 +36,7 @@ store::RgbImage made_picture(int width, int height) {
           value += 60 / std::pow(1.7, octave) *
                    std::sin(x * scale * (1 + 0.3 * octave) + c + 3 * std::sin(y * scale + octave));
         }
-        image.pixels.push_back(static_cast<std::uint8_t>(std::clamp(value, 0.0, 255.0)));
+        image.values.push_back(static_cast<std::uint8_t>(std::clamp(value, 0.0, 255.0)));
       }
     }
   }
@@ -54,7 +54,7 @@ std::vector<Bytes> plain_frames() {
   }
   if (frames.empty())
     frames.push_back(store::encode_jpeg(made_picture(960, 640),
-                                        {85, store::JpegEncodeSettings::Chroma::k420, 0}));
+                                        {85, store::JpegEncodeOptions::Chroma::k420, 0}));
   return frames;
 }
 

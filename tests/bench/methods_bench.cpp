@@ -90,14 +90,14 @@ double disparity_of(const store::Take& take) {
 /// processes affect both equally.
 void BM_Threads(benchmark::State& state, const store::Take& take,
                 const evaluation::BenchSetting& setting) {
-  render::RendererSettings settings;
+  render::RendererOptions settings;
   settings.cache_bytes = settings.result_cache_bytes = std::size_t{2} << 30;
   settings.result_cache = std::make_shared<render::ResultCache>(settings.result_cache_bytes);
   const render::LightFieldRenderer renderer(take, settings);
   const store::FrameSelection frames = store::select_frames(take, 0, kNanosecondsPerSecond);
   // Rays of the hull cost 20 us each; a part of the view suffices to compare threads.
   const render::VirtualCamera view = bench_view(take, setting.method == "visual_hull" ? 8 : 1);
-  const render::ReconstructionSettings reconstruction{
+  const render::ReconstructionOptions reconstruction{
       setting.method,
       rig::fronto_parallel_plane(take.rig(),
                                  rig::optimal_focal_depth(*take.document().depth_range)),
@@ -130,7 +130,7 @@ void BM_Threads(benchmark::State& state, const store::Take& take,
                                     (static_cast<double>(view.width) * view.height);
   state.counters["disparity_px"] = disparity_of(take);
   // The least memory traffic: each source pixel with a weight once, and the view's channels.
-  render::RendererSettings counting = settings;
+  render::RendererOptions counting = settings;
   counting.count_needed_pixels = true;
   const render::RenderStatistics counts =
       render::LightFieldRenderer(take, counting).render(view, frames, reconstruction).statistics;
@@ -139,7 +139,7 @@ void BM_Threads(benchmark::State& state, const store::Take& take,
                           view.width * view.height * kViewBytes) /
                          1e6;
   // The number of samples blended per pixel.
-  render::RendererSettings measuring = settings;
+  render::RendererOptions measuring = settings;
   measuring.measure_coverage = true;
   const render::RenderedView measured =
       render::LightFieldRenderer(take, measuring).render(view, frames, reconstruction);
@@ -180,7 +180,7 @@ void BM_RayQuery(benchmark::State& state) {
                                   static_cast<std::size_t>(state.range(0)));
   const render::LightFieldRenderer renderer(take(), {});
   const store::FrameSelection frames = store::select_frames(take(), 0, kNanosecondsPerSecond);
-  const render::ReconstructionSettings reconstruction{
+  const render::ReconstructionOptions reconstruction{
       "lumigraph", rig::fronto_parallel_plane(
                        take().rig(), rig::optimal_focal_depth(*take().document().depth_range))};
   const std::vector<render::WorldRay> rays = some_rays(state.range(1) != 0);

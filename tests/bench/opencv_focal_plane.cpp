@@ -41,7 +41,7 @@ OpenCvFocalPlane::OpenCvFocalPlane(const store::Take& take) : take_(take) {
     for (int p = 0; p < image.width * image.height; ++p) {
       auto& pixel = linear.at<cv::Vec3f>(p / image.width, p % image.width);
       for (int c = 0; c < 3; ++c) {
-        const auto code = image.pixels[3 * p + c];
+        const auto code = image.values[3 * p + c];
         pixel[c] = static_cast<float>(linear_from_srgb(code / 255.0));
       }
     }

@@ -36,7 +36,7 @@ render::VirtualCamera middle_view() {
   return render::virtual_camera_with_fov(kWidth, kHeight, 50 * std::numbers::pi / 180, pose);
 }
 
-render::ReconstructionSettings sweep(schemas::OptionValues options) {
+render::ReconstructionOptions sweep(schemas::OptionValues options) {
   options["planes"] = static_cast<double>(kPlanes);
   return {"plane_sweep", {0, 0, 0, 1}, std::move(options)};
 }
@@ -69,7 +69,7 @@ class OpenCvSweep {
     for (const int i : field.tile(field.columns() / 2, field.rows() / 2).best) {
       const store::RgbImage image = decoder.decode(take().archive(i).jpeg(0), "frame");
       cv::Mat frame(image.height, image.width, CV_8UC3);
-      std::copy(image.pixels.begin(), image.pixels.end(), frame.data);
+      std::copy(image.values.begin(), image.values.end(), frame.data);
       frames_.push_back(frame);
       cameras_.push_back(i);
     }

@@ -110,7 +110,7 @@ struct Result {
 };
 
 Result record(const std::vector<ingest::SourceFrame>& frames, int cameras, double fps,
-              double seconds, ingest::RecorderSettings settings) {
+              double seconds, ingest::RecorderOptions options) {
   const testing::TestFolder folder;
   schemas::RecordConfig config;
   config.name = "bench";
@@ -127,8 +127,8 @@ Result record(const std::vector<ingest::SourceFrame>& frames, int cameras, doubl
       folder.path() / "take",
       ingest::make_take_document(config, opened, "n", ingest::host_utc_now(), "bench"),
       ingest::make_recording_rig(config, {}, opened), "n");
-  settings.duration_s = seconds;
-  ingest::Recorder recorder(settings, std::move(opened), take, "bench");
+  options.duration_s = seconds;
+  ingest::Recorder recorder(options, std::move(opened), take, "bench");
   const Usage before = usage(RUSAGE_SELF);
   const auto start = Clock::now();
   const auto session = recorder.run({});
@@ -229,14 +229,14 @@ void print(const std::string& what, const std::string& value, const Result& resu
 class Bench {
  public:
   Bench(double seconds, int threads) : seconds_(seconds), threads_(threads) {
-    settings_.threads = threads;
-    settings_.jpeg = {kQuality, store::JpegEncodeSettings::Chroma::k420, -1};
-    settings_.memory_bytes = 500'000'000;
+    options_.threads = threads;
+    options_.jpeg = {kQuality, store::JpegEncodeOptions::Chroma::k420, -1};
+    options_.memory_bytes = 500'000'000;
   }
 
   void raw() {
     const double alone = turbojpeg_rate(vga_, threads_, seconds_);
-    const Result full = record(vga_, kCameras, 1.15 * alone / kCameras, seconds_, settings_);
+    const Result full = record(vga_, kCameras, 1.15 * alone / kCameras, seconds_, options_);
     capacity_ = full.fps();
     print("64 raw streams 640x480 4:2:0, more than fits",
           fmt::format("{:.0f} frames/s stored, {:.0f} MB/s; libjpeg-turbo alone {:.0f} frames/s: "
@@ -258,33 +258,33 @@ class Bench {
   void load() {
     if (capacity_ == 0) raw();
     const double length = 12 * seconds_;
-    const Result load = record(vga_, kCameras, 0.9 * capacity_ / kCameras, length, settings_);
+    const Result load = record(vga_, kCameras, 0.9 * capacity_ / kCameras, length, options_);
     print(fmt::format("the same at 90 % of that for {:.0f} s", length),
           fmt::format("{} of {} frames dropped, {:.0f} MB of RAM at most (limit {:.0f})",
-                      load.dropped, load.arrived, load.peak_mb, settings_.memory_bytes / 1e6),
+                      load.dropped, load.arrived, load.peak_mb, options_.memory_bytes / 1e6),
           load);
   }
 
   void small() {
     constexpr double kFps = 15;
     for (const int quality : {kQuality, kThesisQuality}) {
-      settings_.jpeg.quality = quality;
-      const Result result = record(small_, kCameras, kFps, seconds_, settings_);
+      options_.jpeg.quality = quality;
+      const Result result = record(small_, kCameras, kFps, seconds_, options_);
       print(fmt::format("64 raw streams 320x240 at 15 fps, quality {}", quality),
             fmt::format("{:.1f} % of a core (waking alone {:.1f} %), {:.1f} KB a frame, {} dropped",
                         100 * result.cores(), 100 * idle_cores(kFps, seconds_), result.kilobytes(),
                         result.dropped),
             result);
     }
-    settings_.jpeg.quality = kQuality;
+    options_.jpeg.quality = kQuality;
   }
 
   void held() {
-    ingest::RecorderSettings settings = settings_;
-    settings.hold = true;
+    ingest::RecorderOptions options = options_;
+    options.hold = true;
     for (const int quality : {kQuality, kThesisQuality}) {
-      settings.jpeg.quality = quality;
-      const Result held = record(small_, 16, 15, seconds_, settings);
+      options.jpeg.quality = quality;
+      const Result held = record(small_, 16, 15, seconds_, options);
       print(fmt::format("16 of them held in memory, quality {}", quality),
             fmt::format("{:.1f} minutes per GB ({:.1f} KB a frame), {} dropped",
                         1e9 / (held.peak_mb * 1e6 / seconds_) / 60, held.kilobytes(), held.dropped),
@@ -296,7 +296,7 @@ class Bench {
     constexpr int kWebcamQuality = 70;  // about 50 KB per frame
     constexpr double kFps = 30;
     const auto jpegs = jpeg_frames(vga_, kWebcamQuality);
-    const Result passed = record(jpegs, kCameras, kFps, seconds_, settings_);
+    const Result passed = record(jpegs, kCameras, kFps, seconds_, options_);
     print("64 JPEG streams 640x480 at 30 fps passed through",
           fmt::format("{:.1f} % of a core (waking alone {:.1f} %), {:.0f} MB/s, {:.0f} KB a frame, "
                       "{} dropped",
@@ -308,7 +308,7 @@ class Bench {
  private:
   const double seconds_;
   const int threads_;
-  ingest::RecorderSettings settings_;
+  ingest::RecorderOptions options_;
   const std::vector<ingest::SourceFrame> vga_ = raw_frames(load_bench_images(640, 480, 1)),
                                          small_ = raw_frames(load_bench_images(320, 240, 2));
   double capacity_ = 0;

@@ -50,14 +50,14 @@ BENCHMARK(BM_Resynchronise)->Arg(0)->Arg(1)->Unit(benchmark::kSecond)->UseRealTi
 // Measures the cost of --flash per frame: 960x640, 4:2:0, quality 85.
 void BM_MeanLuminance(benchmark::State& state) {
   std::mt19937 random(1);
-  store::RgbImage image{960, 640, {}};
+  store::RgbImage image{960, 640, std::vector<std::uint8_t>()};
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < 3 * image.width; ++x) {
       const double wave = 128 + 90 * std::sin(x * 0.011) * std::cos(y * 0.023);
-      image.pixels.push_back(static_cast<std::uint8_t>(wave + static_cast<double>(random() % 12)));
+      image.values.push_back(static_cast<std::uint8_t>(wave + static_cast<double>(random() % 12)));
     }
   }
-  const auto jpeg = store::encode_jpeg(image, {85, store::JpegEncodeSettings::Chroma::k420, 0});
+  const auto jpeg = store::encode_jpeg(image, {85, store::JpegEncodeOptions::Chroma::k420, 0});
   for (auto _ : state) benchmark::DoNotOptimize(store::mean_luminance(jpeg));
   state.counters["kB"] = static_cast<double>(jpeg.size()) / 1e3;
 }

@@ -39,7 +39,7 @@ struct Error2 {
            const std::vector<bool>& moves) {
     for (std::size_t i = 0; i < moves.size(); ++i) {
       for (std::size_t c = 0; c < 3; ++c) {
-        const double difference = image.pixels[3 * i + c] - truth.pixels[3 * i + c];
+        const double difference = image.values[3 * i + c] - truth.values[3 * i + c];
         all += difference * difference;
         ++count;
         if (!moves[i]) continue;
@@ -55,10 +55,10 @@ struct Error2 {
 
 /// Returns the pixels at which the noise-free pictures differ by more than four codes.
 std::vector<bool> moving_pixels(const store::RgbImage& a, const store::RgbImage& b) {
-  std::vector<bool> moves(a.pixels.size() / 3);
+  std::vector<bool> moves(a.values.size() / 3);
   for (std::size_t i = 0; i < moves.size(); ++i) {
     for (std::size_t c = 0; c < 3; ++c) {
-      if (std::abs(a.pixels[3 * i + c] - b.pixels[3 * i + c]) > 4) moves[i] = true;
+      if (std::abs(a.values[3 * i + c] - b.values[3 * i + c]) > 4) moves[i] = true;
     }
   }
   return moves;
@@ -68,10 +68,10 @@ class Stage {
  public:
   Stage(int width, int height)
       : scene_(simulate::make_scene("stage")), geometry_(scene_), world_(geometry_) {
-    simulate::SimulationSettings settings;
-    settings.width = width;
-    settings.height = height;
-    const rig::Rig rig = rig::rig_from_document(simulate::make_simulated_rig(settings).truth);
+    simulate::SimulationOptions options;
+    options.width = width;
+    options.height = height;
+    const rig::Rig rig = rig::rig_from_document(simulate::make_simulated_rig(options).truth);
     for (const int camera : {0, 7, 27, 63}) {
       const auto& c = rig.cameras[camera];
       cameras_.push_back({simulate::PixelRays(c.model, c.pose), simulate::StaticSampleCache()});

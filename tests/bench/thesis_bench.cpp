@@ -26,12 +26,12 @@ constexpr const char* kMethods[] = {"focal_plane", "slabs",       "aperture",
 
 const store::Take& bench_take() {
   static const BenchTake opened([] {
-    testing::SyntheticTake settings;
-    settings.cameras = testing::camera_grid(kSide, kSide, kSpacing, 320, 240);
-    settings.jpeg = {85, store::JpegEncodeSettings::Chroma::k420, -1};
-    settings.frames = kInstants;
-    settings.depth_range = schemas::DepthRange{2, 20};
-    return settings;
+    testing::SyntheticTake options;
+    options.cameras = testing::camera_grid(kSide, kSide, kSpacing, 320, 240);
+    options.jpeg = {85, store::JpegEncodeOptions::Chroma::k420, -1};
+    options.frames = kInstants;
+    options.depth_range = schemas::DepthRange{2, 20};
+    return options;
   }());
   return opened.take();
 }
@@ -57,7 +57,7 @@ render::VirtualCamera view_of(int per_side, int size, int frame = 0) {
   return render::virtual_camera_with_fov(size, size, kFov, pose);
 }
 
-render::ReconstructionSettings reconstruction(std::int64_t method) {
+render::ReconstructionOptions reconstruction(std::int64_t method) {
   return {kMethods[method], rig::fronto_parallel_plane(bench_take().rig(), 4)};
 }
 
@@ -66,11 +66,11 @@ void BM_FromArchives(benchmark::State& state) {
   const auto thread_count = static_cast<std::size_t>(state.range(1));
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, thread_count);
   const store::Take& take = bench_take();
-  render::RendererSettings settings;
-  settings.excluded_cameras = all_but_middle(8);
-  settings.cache_bytes = std::size_t{3} * 64 * 320 * 240 * 8;  // for three instants
-  settings.result_cache_bytes = settings.cache_bytes;
-  const render::LightFieldRenderer renderer(take, settings);
+  render::RendererOptions options;
+  options.excluded_cameras = all_but_middle(8);
+  options.cache_bytes = std::size_t{3} * 64 * 320 * 240 * 8;  // for three instants
+  options.result_cache_bytes = options.cache_bytes;
+  const render::LightFieldRenderer renderer(take, options);
   constexpr int kFrames = 48;
   double rendered = 0, decoded = 0;
   for (auto _ : state) {
@@ -110,9 +110,9 @@ void BM_FromMemory(benchmark::State& state) {
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism,
                                     static_cast<std::size_t>(state.range(2)));
   const int per_side = static_cast<int>(state.range(1)), size = static_cast<int>(state.range(3));
-  render::RendererSettings settings;
-  settings.excluded_cameras = all_but_middle(per_side);
-  const render::LightFieldRenderer renderer(bench_take(), settings);
+  render::RendererOptions options;
+  options.excluded_cameras = all_but_middle(per_side);
+  const render::LightFieldRenderer renderer(bench_take(), options);
   const store::FrameSelection frames = store::select_frames(bench_take(), 0, 1'000'000);
   const render::VirtualCamera view = view_of(per_side, size);
   for (int warm = 0; warm < 3; ++warm) {
@@ -145,9 +145,9 @@ BENCHMARK(BM_FromMemory)  // by cameras, by threads, by resolution
 /// in different rows of the nodes' images. The difference is the most that tiles could gain.
 void BM_Rolled(benchmark::State& state) {
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, 1);
-  render::RendererSettings settings;
-  settings.excluded_cameras = all_but_middle(8);
-  const render::LightFieldRenderer renderer(bench_take(), settings);
+  render::RendererOptions options;
+  options.excluded_cameras = all_but_middle(8);
+  const render::LightFieldRenderer renderer(bench_take(), options);
   const store::FrameSelection frames = store::select_frames(bench_take(), 0, 1'000'000);
   render::VirtualCamera view = view_of(8, 512);
   if (state.range(0) != 0) view.pose.world_from_camera_rotation << 0, -1, 0, 1, 0, 0, 0, 0, 1;
@@ -173,11 +173,11 @@ BENCHMARK(BM_Rolled)
 /// or only rectification if `decoded`.
 void BM_Rectify(benchmark::State& state) {
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, 2);
-  render::RendererSettings settings;
-  settings.excluded_cameras = all_but_middle(8);
-  settings.result_cache_bytes = 1;  // caches nothing
-  if (state.range(0) == 0) settings.cache_bytes = 1;
-  const render::LightFieldRenderer renderer(bench_take(), settings);
+  render::RendererOptions options;
+  options.excluded_cameras = all_but_middle(8);
+  options.result_cache_bytes = 1;  // caches nothing
+  if (state.range(0) == 0) options.cache_bytes = 1;
+  const render::LightFieldRenderer renderer(bench_take(), options);
   const store::FrameSelection frames = store::select_frames(bench_take(), 0, 1'000'000);
   const render::VirtualCamera view = view_of(8, 512);
   double milliseconds = 0;

@@ -121,7 +121,7 @@ TEST(CalibrateColor, TargetsMendVignettingOffsetsAndHotPixels) {
   const store::RgbImage picture =
       store::JpegDecoder().decode(std::as_bytes(std::span(jpeg)), "sheet");
   const auto green = [&](int x, int y) {
-    return int{picture.pixels[3 * static_cast<std::size_t>(y * picture.width + x) + 1]};
+    return int{picture.values[3 * static_cast<std::size_t>(y * picture.width + x) + 1]};
   };
   const int half = picture.width / 2;
   int least[2] = {255, 255}, most[2] = {0, 0};

@@ -31,8 +31,8 @@ inline std::string small_manifest() {
 /// them is tiny.
 inline void write_small_manifest(const std::filesystem::path& folder) {
   store::RgbImage picture{32, 24, std::vector<std::uint8_t>(32 * 24 * 3)};
-  for (std::size_t i = 0; i < picture.pixels.size(); ++i) {
-    picture.pixels[i] = static_cast<std::uint8_t>(40 + i * i % 170);
+  for (std::size_t i = 0; i < picture.values.size(); ++i) {
+    picture.values[i] = static_cast<std::uint8_t>(40 + i * i % 170);
   }
   const auto jpeg = store::encode_jpeg(picture, {});
   for (const char* name : {"a.jpg", "b.jpg", "c.jpg"}) {

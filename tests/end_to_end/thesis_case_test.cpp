@@ -77,11 +77,11 @@ class ThesisCase : public ::testing::TestWithParam<const char*> {};
 
 TEST_P(ThesisCase, RendersAMovingViewOfItsArray) {
   const testing::TestFolder folder;
-  testing::SyntheticTake settings;
-  settings.cameras = testing::camera_grid(8, 8, 0.06, 320, 240);
-  settings.frames = kFrames;
-  settings.jpeg = {90, store::JpegEncodeSettings::Chroma::k420, -1};
-  write_synthetic_take(settings, folder.path() / "take");
+  testing::SyntheticTake options;
+  options.cameras = testing::camera_grid(8, 8, 0.06, 320, 240);
+  options.frames = kFrames;
+  options.jpeg = {90, store::JpegEncodeOptions::Chroma::k420, -1};
+  write_synthetic_take(options, folder.path() / "take");
   ASSERT_EQ(run("raystage sync '" + (folder.path() / "take").string() + "'").exit_code, 0);
   const CommandResult rendered = render(folder.path(), "s", kSize, kSize, GetParam(), "zip");
   ASSERT_EQ(rendered.exit_code, 0) << rendered.err;

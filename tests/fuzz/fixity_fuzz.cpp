@@ -31,7 +31,7 @@ void check_salvage(const FuzzArchive& damaged) {
   }
   repaired.close();
   const store::ArchiveFixityReport report = store::verify_archive(repaired.pair(), {});
-  if (!report.whole() || report.frames != frames || frames != saved.frames) std::abort();
+  if (!report.is_intact() || report.frames != frames || frames != saved.frames) std::abort();
   // If nothing was lost, all frames exist.
   if (saved.losses.empty() &&
       saved.lost_bytes + static_cast<std::uint64_t>(saved.corrupt_frames) > 0) {

@@ -42,8 +42,8 @@ class Cache : public ::testing::Test {
     TakeWriter writer(folder_.path() / "take", take, rig);
     for (int camera = 0; camera < kCameras; ++camera) {
       for (int frame = 0; frame < kFrames; ++frame) {
-        RgbImage image{kWidth, kHeight, {}};
-        image.pixels.assign(static_cast<std::size_t>(kFramePixels) * 3,
+        RgbImage image{kWidth, kHeight, std::vector<std::uint8_t>()};
+        image.values.assign(static_cast<std::size_t>(kFramePixels) * 3,
                             static_cast<std::uint8_t>(20 + 30 * frame + camera));
         writer.archive(camera).append(encode_jpeg(image, {}), frame * 100'000'000LL);
       }

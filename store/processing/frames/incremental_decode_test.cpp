@@ -14,7 +14,7 @@
 namespace raystage::store {
 namespace {
 
-using Chroma = JpegEncodeSettings::Chroma;
+using Chroma = JpegEncodeOptions::Chroma;
 constexpr std::uint16_t kUntouched = 12345;  // no value of the table
 
 LinearTable plain_table() {
@@ -63,7 +63,7 @@ class Picture {
         ASSERT_EQ(frame_[4 * pixel + 3], 65535) << x << ", " << y;
         if (!is_promised(x, y)) continue;
         for (std::size_t c = 0; c < 3; ++c) {
-          ASSERT_EQ(frame_[4 * pixel + c], whole_.pixels[3 * pixel + c] * 257)
+          ASSERT_EQ(frame_[4 * pixel + c], whole_.values[3 * pixel + c] * 257)
               << x << ", " << y << " channel " << c;
         }
       }

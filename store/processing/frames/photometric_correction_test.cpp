@@ -18,12 +18,12 @@ constexpr int kWidth = 200, kHeight = 72;
 constexpr rig::PictureSize kSize{kWidth, kHeight};
 
 RgbImage speckled() {
-  RgbImage image{kWidth, kHeight, {}};
+  RgbImage image{kWidth, kHeight, std::vector<std::uint8_t>()};
   for (int i = 0; i < kWidth * kHeight; ++i) {
     const int x = i % kWidth, y = i / kWidth;
-    image.pixels.push_back(static_cast<std::uint8_t>((3 * x + y) % 256));
-    image.pixels.push_back(static_cast<std::uint8_t>((x + 5 * y) % 256));
-    image.pixels.push_back(static_cast<std::uint8_t>((x * y / 7) % 256));
+    image.values.push_back(static_cast<std::uint8_t>((3 * x + y) % 256));
+    image.values.push_back(static_cast<std::uint8_t>((x + 5 * y) % 256));
+    image.values.push_back(static_cast<std::uint8_t>((x * y / 7) % 256));
   }
   return image;
 }
@@ -67,8 +67,8 @@ class Correction : public ::testing::TestWithParam<BlendSpace> {
       const auto at = static_cast<std::size_t>(i);
       const auto expected = PhotometricCorrection::reference(
           response, kSize, take_, scale_of(response), i % kWidth, i / kWidth,
-          {found.codes.pixels[3 * at], found.codes.pixels[3 * at + 1],
-           found.codes.pixels[3 * at + 2]});
+          {found.codes.values[3 * at], found.codes.values[3 * at + 1],
+           found.codes.values[3 * at + 2]});
       for (std::size_t c = 0; c < 3; ++c) {
         most = std::max(most, std::abs(expected[c] - found.levels[4 * at + c]));
       }

@@ -21,12 +21,12 @@ constexpr int kWidth = 96, kHeight = 64;
 
 /// Grey on the left, blue on the right.
 RgbImage picture(bool with_actor) {
-  RgbImage image{kWidth, kHeight, {}};
+  RgbImage image{kWidth, kHeight, std::vector<std::uint8_t>()};
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
       const bool actor = with_actor && x < kWidth / 2;
       for (const int code : actor ? std::array{150, 140, 130} : std::array{50, 90, 200}) {
-        image.pixels.push_back(static_cast<std::uint8_t>(code));
+        image.values.push_back(static_cast<std::uint8_t>(code));
       }
     }
   }
@@ -57,7 +57,7 @@ class TakeMattes : public ::testing::Test {
     rig.cameras.push_back(camera);
     take.cameras.push_back({camera_id, "", "", ""});
     TakeWriter writer(folder_.path() / name, take, rig);
-    JpegEncodeSettings jpeg;
+    JpegEncodeOptions jpeg;
     jpeg.quality = 100;
     for (int frame = 0; frame < 2; ++frame) {
       writer.archive(0).append(encode_jpeg(image, jpeg), frame * 100'000'000LL);

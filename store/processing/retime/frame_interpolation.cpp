@@ -175,7 +175,7 @@ WarpedFrame warp(const FlowImage& picture, const FlowField& motion, const FlowFi
     }
   }
   // cv::Mat has no const data; these matrices are only read.
-  const cv::Mat rgb(height, width, CV_8UC3, const_cast<std::uint8_t*>(picture.rgb.pixels.data()));
+  const cv::Mat rgb(height, width, CV_8UC3, const_cast<std::uint8_t*>(picture.rgb.values.data()));
   const cv::Mat own(height, width, CV_32FC2, const_cast<FlowVector*>(motion.values.data()));
   cv::remap(rgb, out.rgb, out.x, out.y, cv::INTER_CUBIC, cv::BORDER_REPLICATE);
   cv::remap(own, out.motion, out.x, out.y, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
@@ -198,13 +198,12 @@ float visibility(float x, float y, int width, int height, const cv::Vec2f& own, 
 }  // namespace
 
 RgbImage blend(const RgbImage& a, const RgbImage& b, double part) {
-  RgbImage out{a.width, a.height, {}};
-  out.pixels.resize(a.pixels.size());
+  RgbImage out(a.width, a.height);
   const auto weight = static_cast<float>(part);
-  for (std::size_t i = 0; i < out.pixels.size(); ++i) {
+  for (std::size_t i = 0; i < out.values.size(); ++i) {
     const float value =
-        (1 - weight) * static_cast<float>(a.pixels[i]) + weight * static_cast<float>(b.pixels[i]);
-    out.pixels[i] = static_cast<std::uint8_t>(value + 0.5F);
+        (1 - weight) * static_cast<float>(a.values[i]) + weight * static_cast<float>(b.values[i]);
+    out.values[i] = static_cast<std::uint8_t>(value + 0.5F);
   }
   return out;
 }
@@ -222,7 +221,7 @@ RgbImage interpolate_frame(const FlowImage& a, const FlowImage& b, const FlowFie
   const WarpedFrame in_a = warp(a, b_from_a, shift, -s);
   const WarpedFrame in_b = warp(b, a_from_b, shift, 1 - s);
 
-  RgbImage out{width, height, std::vector<std::uint8_t>(a.rgb.pixels.size())};
+  RgbImage out{width, height, std::vector<std::uint8_t>(a.rgb.values.size())};
   std::size_t i = 0;
   for (int y = 0; y < height; ++y) {
     const auto *xa = in_a.x.ptr<float>(y), *ya = in_a.y.ptr<float>(y);
@@ -237,7 +236,7 @@ RgbImage interpolate_frame(const FlowImage& a, const FlowImage& b, const FlowFie
       for (int c = 0; c < 3; ++c) {
         const float value = scale * (weight_a * static_cast<float>(rgb_a[x][c]) +
                                      weight_b * static_cast<float>(rgb_b[x][c]));
-        out.pixels[3 * i + static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(value + 0.5F);
+        out.values[3 * i + static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(value + 0.5F);
       }
     }
   }

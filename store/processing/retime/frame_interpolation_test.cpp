@@ -86,7 +86,7 @@ TEST_F(InBetween, BlendIsTheMeanWeightedByTime) {
   const RgbImage a{2, 1, {0, 10, 200, 255, 7, 100}}, b{2, 1, {255, 20, 100, 255, 8, 0}};
   EXPECT_EQ(blend(a, b, 0), a);
   EXPECT_EQ(blend(a, b, 1), b);
-  EXPECT_EQ(blend(a, b, 0.25).pixels, (std::vector<std::uint8_t>{64, 13, 175, 255, 7, 75}));
+  EXPECT_EQ(blend(a, b, 0.25).values, (std::vector<std::uint8_t>{64, 13, 175, 255, 7, 75}));
 }
 
 TEST_F(InBetween, TinyAndOddSizesWork) {
@@ -97,7 +97,7 @@ TEST_F(InBetween, TinyAndOddSizesWork) {
     small.left = small.top = 2;
     const RgbImage result = moved(small.at(0), small.at(1), 0.5);
     EXPECT_EQ(result.width, width);
-    EXPECT_EQ(result.pixels.size(), static_cast<std::size_t>(3 * width * height));
+    EXPECT_EQ(result.values.size(), static_cast<std::size_t>(3 * width * height));
   }
 }
 
@@ -113,7 +113,7 @@ TEST_F(InBetween, DoesNotLetChanceDecide) {
   std::mt19937 random(7);
   const auto noisy = [&](RgbImage image) {
     std::normal_distribution<double> noise(0, 6);
-    for (std::uint8_t& code : image.pixels) {
+    for (std::uint8_t& code : image.values) {
       code = static_cast<std::uint8_t>(std::clamp(code + noise(random), 0.0, 255.0));
     }
     return image;
@@ -134,9 +134,9 @@ TEST_F(InBetween, DoesNotLetChanceDecide) {
 // Nothing in common: no sense to be made, but no crash, and colours of the two.
 TEST_F(InBetween, SurvivesPicturesWithNothingInCommon) {
   RgbImage black = before;
-  for (std::uint8_t& code : black.pixels) code = 0;
+  for (std::uint8_t& code : black.values) code = 0;
   const RgbImage result = moved(black, after, 0.5);
-  EXPECT_EQ(result.pixels.size(), after.pixels.size());
+  EXPECT_EQ(result.values.size(), after.values.size());
 }
 
 }  // namespace

@@ -26,7 +26,7 @@ cv::Mat matrix_of(const Image<std::uint8_t>& luma) {
 FlowImage make_flow_image(RgbImage image) {
   Image<std::uint8_t> luma(image.width, image.height);
   for (std::size_t i = 0; i < luma.values.size(); ++i) {
-    const std::uint8_t* p = &image.pixels[3 * i];
+    const std::uint8_t* p = &image.values[3 * i];
     luma.values[i] = static_cast<std::uint8_t>((77 * p[0] + 150 * p[1] + 29 * p[2] + 128) >> 8);
   }
   return {std::move(image), std::move(luma)};

@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/options.h"
+
 namespace raystage::store {
 namespace {
 
@@ -32,11 +34,11 @@ std::vector<Usable> usable_frames(const std::vector<Nanoseconds>& times) {
 
 std::vector<RetimedFrame> plan_retiming(const Timeline& timeline, std::size_t camera,
                                         const std::vector<Nanoseconds>& times,
-                                        const RetimeSettings& settings) {
+                                        const RetimeOptions& options) {
   const double period = static_cast<double>(kNanosecondsPerSecond) / timeline.fps;
   const auto near_enough = static_cast<Nanoseconds>(kTickToleranceFraction * period);
-  const Nanoseconds longest = settings.max_gap > 0
-                                  ? settings.max_gap
+  const Nanoseconds longest = options.max_gap > 0
+                                  ? options.max_gap
                                   : static_cast<Nanoseconds>(std::llround(kMaxGapInTicks * period));
   const std::vector<Usable> usable = usable_frames(times);
 
@@ -50,7 +52,7 @@ std::vector<RetimedFrame> plan_retiming(const Timeline& timeline, std::size_t ca
                  tick.time_ns + tick.difference[camera]};
     }
     const bool stays = nearest >= 0 && std::abs(tick.difference[camera]) <= near_enough;
-    if (settings.method != RetimeMethod::kNearest && !stays) {
+    if (options.method != RetimeMethod::kNearest && !stays) {
       const auto after = std::ranges::upper_bound(usable, tick.time_ns, {}, &Usable::time);
       if (after != usable.begin() && after != usable.end()) {
         const Usable &a = *(after - 1), &b = *after;
@@ -65,6 +67,11 @@ std::vector<RetimedFrame> plan_retiming(const Timeline& timeline, std::size_t ca
     plan.push_back(planned);
   }
   return plan;
+}
+
+bool RetimeOptions::is_valid(std::string* reason) const {
+  return is_within("JPEG quality", quality, 1, 100, reason) &&
+         is_within("largest gap (ns)", static_cast<double>(max_gap), 0, 1e18, reason);
 }
 
 }  // namespace raystage::store

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "store/processing/retime/frame_interpolation.h"
@@ -9,12 +10,14 @@
 
 namespace raystage::store {
 
-struct RetimeSettings {
+struct RetimeOptions {
   RetimeMethod method = RetimeMethod::kFlow;
   /// Largest time between two frames for interpolation, ns. 0: 2.5 ticks, which bridges one lost
   /// frame, but not two.
   Nanoseconds max_gap = 0;
   int quality = 95;  ///< JPEG quality of interpolated frames, 1-100
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// The frame of one camera at one tick of the retimed take.
@@ -39,6 +42,6 @@ inline constexpr double kTickToleranceFraction = 0.005;
 /// ResyncResult::times; kExcludedTime: not used.
 std::vector<RetimedFrame> plan_retiming(const Timeline& timeline, std::size_t camera,
                                         const std::vector<Nanoseconds>& times,
-                                        const RetimeSettings& settings);
+                                        const RetimeOptions& options);
 
 }  // namespace raystage::store

@@ -18,11 +18,11 @@ struct RetimePlan : ::testing::Test {
     timeline.ticks =
         assign_ticks({times}, 10, 50 * kMs, {100 * kMs, ticks * 100 * kMs}, "test", Nanoseconds{0})
             .ticks;
-    return plan_retiming(timeline, 0, times, settings);
+    return plan_retiming(timeline, 0, times, options);
   }
 
   Timeline timeline;
-  RetimeSettings settings;
+  RetimeOptions options;
 };
 
 TEST_F(RetimePlan, FrameBetweenItsNeighbours) {
@@ -68,14 +68,14 @@ TEST_F(RetimePlan, OneLostFrameIsBridgedAndTwoAreNot) {
 }
 
 TEST_F(RetimePlan, LongestGapIsASetting) {
-  settings.max_gap = 150 * kMs;
+  options.max_gap = 150 * kMs;
   EXPECT_EQ(plan({80 * kMs, 280 * kMs}, 2)[1].kind, Kind::kMissing);
-  settings.max_gap = 300 * kMs;
+  options.max_gap = 300 * kMs;
   EXPECT_EQ(plan({80 * kMs, 380 * kMs}, 3)[1].kind, Kind::kInterpolated);
 }
 
 TEST_F(RetimePlan, NearestMovesNothing) {
-  settings.method = RetimeMethod::kNearest;
+  options.method = RetimeMethod::kNearest;
   const auto frames = plan({80 * kMs, 180 * kMs, 380 * kMs}, 3);
   EXPECT_EQ(frames[0].kind, Kind::kUnchanged);
   EXPECT_EQ(frames[0].time, 80 * kMs);
@@ -93,7 +93,7 @@ TEST_F(RetimePlan, CameraWithoutFramesIsMissingThroughout) {
   timeline.fps = 10;
   timeline.tolerance = 50 * kMs;
   timeline.ticks = {{100 * kMs, {-1}, {0}}};
-  EXPECT_EQ(plan_retiming(timeline, 0, {}, settings)[0].kind, Kind::kMissing);
+  EXPECT_EQ(plan_retiming(timeline, 0, {}, options)[0].kind, Kind::kMissing);
 }
 
 // Archives need times that increase.

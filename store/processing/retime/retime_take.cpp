@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "base/error.h"
+#include "base/options.h"
 #include "base/parallel.h"
 #include "base/resources.h"
 #include "schemas/rig_document.h"
@@ -73,21 +74,21 @@ void check_frame(const ArchiveReader& archive, std::int32_t frame, const std::st
   if (archive.verify_frame(frame)) return;
   throw Error::bad_input(
       fmt::format("frame {} is damaged: its hash differs from the journal's", frame), name,
-      "Run raystage verify on the take, then raystage repair");
+      "Run `raystage verify` on the take, then `raystage repair`");
 }
 
 // Interpolates between the frames of one camera, in order of time. Decoded frames and flow are
 // reused while the source frames stay the same.
 class Retimer {
  public:
-  Retimer(const ArchiveReader& archive, std::string name, const RetimeSettings& settings)
-      : archive_(archive), name_(std::move(name)), settings_(settings) {}
+  Retimer(const ArchiveReader& archive, std::string name, const RetimeOptions& options)
+      : archive_(archive), name_(std::move(name)), options_(options) {}
 
   std::vector<std::byte> make(const RetimedFrame& frame) {
     load(frame.first, frame.second);
     const FlowImage &a = side_[0].picture, &b = side_[1].picture;
     RgbImage image;
-    if (settings_.method == RetimeMethod::kBlend) {
+    if (options_.method == RetimeMethod::kBlend) {
       image = blend(a.rgb, b.rgb, frame.part);
     } else {
       if (!motion_known_) {
@@ -100,8 +101,8 @@ class Retimer {
       }
       image = interpolate_frame(a, b, side_[0].motion, side_[1].motion, frame.part);
     }
-    JpegEncodeSettings encode;
-    encode.quality = settings_.quality;
+    JpegEncodeOptions encode;
+    encode.quality = options_.quality;
     return encode_jpeg(image, encode);
   }
 
@@ -134,7 +135,7 @@ class Retimer {
 
   const ArchiveReader& archive_;
   const std::string name_;
-  const RetimeSettings& settings_;
+  const RetimeOptions& options_;
   JpegDecoder decoder_;
   std::array<Side, 2> side_;
   std::array<OpticalFlowEstimator, 2> estimators_;
@@ -150,14 +151,10 @@ struct CameraResult {
 
 RetimeReport retime_take(const Take& take, const Timeline& timeline,
                          const std::vector<std::vector<Nanoseconds>>& times,
-                         const RetimeSettings& settings, const std::filesystem::path& folder,
+                         const RetimeOptions& options, const std::filesystem::path& folder,
                          const std::string& created_by, const std::function<void(double)>& progress,
                          const std::stop_token& stop) {
-  if (settings.quality < 1 || settings.quality > 100) {
-    throw Error::bad_input(
-        fmt::format("the JPEG quality is {}, allowed: 1 to 100", settings.quality), "quality",
-        "Give a number from 1 to 100");
-  }
+  require_valid(options, "retiming");
   take.check_not_inside(folder);
   use_one_opencv_thread();
   const auto cameras = static_cast<std::size_t>(take.camera_count());
@@ -165,7 +162,7 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
   const Nanoseconds half = timeline.tolerance + 1;
   const Nanoseconds later = std::max<Nanoseconds>(0, half - timeline.ticks.front().time_ns);
 
-  TakeWriter writer(folder, retimed_document(take.document(), settings.method, later, created_by),
+  TakeWriter writer(folder, retimed_document(take.document(), options.method, later, created_by),
                     schemas::read_rig(take.folder() / "rig.json"));
   Timeline retimed;
   retimed.fps = timeline.fps;
@@ -186,10 +183,10 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
     const std::string name = take.folder().string() + ", camera " + take.document().cameras[c].id;
     const CameraClock clock = timeline.clocks.empty() ? CameraClock{} : timeline.clocks[c];
     const MissingReasons reasons(from, clock);
-    Retimer retimer(from, name, settings);
+    Retimer retimer(from, name, options);
     RetimeReport& report = results[c].report;
     std::int32_t stored = 0;
-    const std::vector<RetimedFrame> plan = plan_retiming(timeline, c, times[c], settings);
+    const std::vector<RetimedFrame> plan = plan_retiming(timeline, c, times[c], options);
     for (std::size_t k = 0; k < plan.size(); ++k) {
       if (stop.stop_requested()) {
         throw Error::failed("retiming was stopped", folder.string(),
@@ -217,7 +214,7 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
           results[c].moving_ms +=
               std::chrono::duration<double, std::milli>(Clock::now() - start).count();
           to.append(jpeg, tick + later, sequence(frame.part <= 0.5 ? frame.first : frame.second));
-          ++report.moved;
+          ++report.interpolated;
         }
         retimed.ticks[k].frame[c] = stored++;
         retimed.ticks[k].difference[c] = frame.time - tick;
@@ -237,14 +234,16 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
   writer.commit();
 
   RetimeReport sum;
+  sum.status = RunStatus::kFinished;
   double moving_ms = 0;
   for (const CameraResult& result : results) {
-    sum.moved += result.report.moved;
+    sum.interpolated += result.report.interpolated;
     sum.unchanged += result.report.unchanged;
     sum.missing += result.report.missing;
     moving_ms += result.moving_ms;
   }
-  if (sum.moved > 0) sum.ms_per_interpolated = moving_ms / static_cast<double>(sum.moved);
+  if (sum.interpolated > 0)
+    sum.ms_per_interpolated = moving_ms / static_cast<double>(sum.interpolated);
   return sum;
 }
 

@@ -8,13 +8,15 @@
 #include <string>
 #include <vector>
 
+#include "base/run_status.h"
 #include "store/processing/retime/retime_plan.h"
 #include "store/take.h"
 
 namespace raystage::store {
 
 struct RetimeReport {
-  std::uint64_t moved = 0;         ///< frames computed for their tick
+  RunStatus status = RunStatus::kNotRun;
+  std::uint64_t interpolated = 0;  ///< frames computed for their tick
   std::uint64_t unchanged = 0;     ///< frames copied byte for byte, at their own times
   std::uint64_t missing = 0;       ///< ticks without a frame, with a record of the loss or not
   double ms_per_interpolated = 0;  ///< decode, flow and encode per frame, by one or two threads
@@ -31,7 +33,7 @@ struct RetimeReport {
 /// writing fails or `stop` is requested. No files remain then.
 RetimeReport retime_take(const Take& take, const Timeline& timeline,
                          const std::vector<std::vector<Nanoseconds>>& times,
-                         const RetimeSettings& settings, const std::filesystem::path& folder,
+                         const RetimeOptions& options, const std::filesystem::path& folder,
                          const std::string& created_by, const std::function<void(double)>& progress,
                          const std::stop_token& stop);
 

@@ -45,12 +45,12 @@ struct RetimeTake : ::testing::Test {
     }
     writer.commit();
     take.emplace(folder.path() / "take");
-    ResyncSettings settings;
-    settings.trust_timestamps = true;
-    settings.fps = 10;
-    settings.offsets = std::vector<Nanoseconds>(3, ahead);
-    settings.tick_at = 2 * kPeriod;
-    resync = resynchronise(camera_timestamps(*take), settings, "board");
+    ResyncOptions options;
+    options.trust_timestamps = true;
+    options.fps = 10;
+    options.offsets = std::vector<Nanoseconds>(3, ahead);
+    options.tick_at = 2 * kPeriod;
+    resync = resynchronise(camera_timestamps(*take), options, "board");
   }
   static Nanoseconds exposed(int camera, int frame) {
     return kPeriod + frame * kPeriod + (camera - 1) * 30'000'000;
@@ -60,10 +60,10 @@ struct RetimeTake : ::testing::Test {
   RetimeReport retime(
       RetimeMethod method, const std::string& name,
       const std::function<void(double)>& progress = [](double) {}) {
-    RetimeSettings settings;
-    settings.method = method;
-    settings.quality = 97;
-    return retime_take(*take, resync.timeline, resync.times, settings, folder.path() / name,
+    RetimeOptions options;
+    options.method = method;
+    options.quality = 97;
+    return retime_take(*take, resync.timeline, resync.times, options, folder.path() / name,
                        "test 1", progress, stop.get_token());
   }
   double psnr_of(const Take& of, int camera, int frame, Nanoseconds time) {
@@ -81,7 +81,7 @@ struct RetimeTake : ::testing::Test {
 TEST_F(RetimeTake, MovesFramesToTheirTicks) {
   write();
   const RetimeReport report = retime(RetimeMethod::kFlow, "flow");
-  EXPECT_GT(report.moved, 10U);
+  EXPECT_GT(report.interpolated, 10U);
   EXPECT_GT(report.ms_per_interpolated, 0);
   const Take retimed(folder.path() / "flow");
   const Timeline timeline = read_timeline(retimed);
@@ -105,7 +105,7 @@ TEST_F(RetimeTake, MovesFramesToTheirTicks) {
     }
   }
   EXPECT_EQ(missing, report.missing);
-  EXPECT_EQ(present, report.moved + report.unchanged);
+  EXPECT_EQ(present, report.interpolated + report.unchanged);
   const schemas::TakeDocument& document = retimed.document();
   ASSERT_TRUE(document.derived_from);
   EXPECT_EQ(document.derived_from->take, "board");

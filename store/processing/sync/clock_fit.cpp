@@ -21,7 +21,7 @@
 namespace raystage::store {
 namespace {
 
-constexpr PhaseStepSettings kOfGroup{7, 0.02}, kOfOneCamera{9, 0.1};
+constexpr PhaseStepOptions kOfGroup{7, 0.02}, kOfOneCamera{9, 0.1};
 constexpr std::size_t kSubsets = 4, kMinFramesToCompare = 64;
 constexpr std::size_t kMinCamerasToShare = 4;
 constexpr double kEarlyShare = 0.1;        // of a period, if time stamps are never early
@@ -265,7 +265,7 @@ double ClockFit::own_steps_before(std::size_t frame) const {
 }
 
 ClockFits fit_clocks(const std::vector<std::vector<double>>& times, const std::vector<int>& group,
-                     const ClockFitSettings& settings) {
+                     const ClockFitOptions& options) {
   ClockFits result;
   result.cameras.resize(times.size());
   std::map<int, Group> by_number;
@@ -283,7 +283,7 @@ ClockFits fit_clocks(const std::vector<std::vector<double>>& times, const std::v
   };
   each_group([&](const Group& members) { fit_group(times, members, result.cameras); });
 
-  if (settings.choose_method) {
+  if (options.choose_method) {
     const Comparison comparison = compare_methods(times, result.cameras);
     result.least_squares_ppm = std::sqrt(comparison.least_squares) * 1e6;
     result.envelope_ppm = std::sqrt(comparison.envelope) * 1e6;
@@ -303,7 +303,7 @@ ClockFits fit_clocks(const std::vector<std::vector<double>>& times, const std::v
         // The error of an envelope is inversely proportional to the number of frames.
         line.fit->period_sigma = result.envelope_ppm * 1e-6 * line.fit->lattice.period / kSubsets;
       }
-    } else if (settings.share_periods) {
+    } else if (options.share_periods) {
       share_periods(lines);
       for (const CameraLine& line : lines) update_residuals(line);
     }

@@ -57,7 +57,7 @@ struct ClockFits {
   double least_squares_ppm = 0, envelope_ppm = 0;
 };
 
-struct ClockFitSettings {
+struct ClockFitOptions {
   bool choose_method = true;  ///< false: least squares
   bool share_periods = true;  ///< shrink the periods of a group towards their mean
 };
@@ -66,6 +66,6 @@ struct ClockFitSettings {
 /// number); a step that the group's cameras share is a step of that clock. `times[c]`: increasing,
 /// in ns since a common time near them.
 ClockFits fit_clocks(const std::vector<std::vector<double>>& times, const std::vector<int>& group,
-                     const ClockFitSettings& settings = {});
+                     const ClockFitOptions& options = {});
 
 }  // namespace raystage::store

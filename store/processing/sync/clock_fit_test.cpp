@@ -15,21 +15,21 @@ namespace {
 
 using testing::SimulatedStamps;
 using Jitter = SimulatedStamps::Jitter;
-using Settings = SimulatedStamps::Settings;
+using Options = SimulatedStamps::Options;
 
-ClockFits fits_of(const SimulatedStamps& truth, const ClockFitSettings& settings = {}) {
+ClockFits fits_of(const SimulatedStamps& truth, const ClockFitOptions& options = {}) {
   std::vector<std::vector<double>> times;
   std::vector<int> group;
   for (const auto& camera : truth.cameras) {
     times.emplace_back(camera.stamps.begin(), camera.stamps.end());
     group.push_back(camera.node);
   }
-  return fit_clocks(times, group, settings);
+  return fit_clocks(times, group, options);
 }
 
 // Returns the Cramer-Rao bound of each camera's period, ppm^2: the least variance of any unbiased
 // estimate from Gaussian time stamps of known sigma whose node clock steps by an unknown amount.
-std::vector<double> least_variance(const SimulatedStamps& truth, const Settings& s) {
+std::vector<double> least_variance(const SimulatedStamps& truth, const Options& s) {
   struct Information {
     double n = 0, x = 0, xx = 0, h = 0, hx = 0;
     double solve_slope(double a, double b) const { return (n * b - x * a) / (n * xx - x * x); }
@@ -78,9 +78,9 @@ struct Errors {
   double bound_ppm() const { return std::sqrt(bound_square_ppm / cameras); }
 };
 
-void add_errors(const Settings& s, Errors& sum, const ClockFitSettings& fit_settings = {}) {
+void add_errors(const Options& s, Errors& sum, const ClockFitOptions& fit_options = {}) {
   const SimulatedStamps truth(s);
-  const ClockFits fits = fits_of(truth, fit_settings);
+  const ClockFits fits = fits_of(truth, fit_options);
   const std::vector<double> bounds = least_variance(truth, s);
   sum.method = fits.method;
   for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
@@ -172,7 +172,7 @@ TEST(ClockFit, CamerasThatShareADriftShareTheEvidence) {
   // Equal camera crystals and drifting node clocks: 4 true periods, not 64.
   Errors shared, alone;
   for (unsigned seed = 1; seed <= 6; ++seed) {
-    const Settings s{.seed = seed, .crystal_ppm = 0, .node_ppm = 50};
+    const Options s{.seed = seed, .crystal_ppm = 0, .node_ppm = 50};
     add_errors(s, shared);
     add_errors(s, alone, {.choose_method = true, .share_periods = false});
   }
@@ -185,7 +185,7 @@ TEST(ClockFit, StepsOfAnySizeAreFoundWithTheirWholePeriods) {
   for (const double step_ms :
        {-120.0, -60.0, -40.0, -15.0, -5.0, 5.0, 25.0, 33.3, 60.0, 90.0, 150.0, 700.0}) {
     // Time stamps of an archive increase, so a clock that steps back has a pause before.
-    Settings s{.seed = 9, .seconds = 40, .step_ms = step_ms, .step_at_s = 20};
+    Options s{.seed = 9, .seconds = 40, .step_ms = step_ms, .step_at_s = 20};
     s.jitter_ms = 2;
     const SimulatedStamps truth(s);
     if (step_ms < -60) continue;

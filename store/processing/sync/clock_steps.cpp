@@ -211,7 +211,7 @@ double robust_period(std::span<const double> times, double period) {
 
 std::vector<DetectedPhaseStep> find_phase_steps(std::span<const std::vector<double>> times,
                                                 std::span<const double> periods,
-                                                const PhaseStepSettings& settings) {
+                                                const PhaseStepOptions& options) {
   std::vector<double> known(periods.begin(), periods.end());
   std::erase(known, 0.0);
   if (known.empty()) return {};
@@ -233,8 +233,8 @@ std::vector<DetectedPhaseStep> find_phase_steps(std::span<const std::vector<doub
   std::vector<Candidate> candidates;
   for (double time = begin; time <= end; time += kGridStep * period) {
     const Pooled pooled = pool(cameras, time);
-    if (pooled.score < settings.min_z_score || !pooled.agreed) continue;
-    if (std::abs(pooled.angle) < kTurn * settings.min_period_fraction) continue;
+    if (pooled.score < options.min_z_score || !pooled.agreed) continue;
+    if (std::abs(pooled.angle) < kTurn * options.min_period_fraction) continue;
     candidates.push_back({time, pooled.angle, pooled.score});
   }
   // By decreasing score; candidates with overlapping windows belong to the same shift.

@@ -15,7 +15,7 @@ struct DetectedPhaseStep {
   std::vector<std::size_t> first_frame;
 };
 
-struct PhaseStepSettings {
+struct PhaseStepOptions {
   double min_z_score = 7;             ///< of the shift divided by its standard error
   double min_period_fraction = 0.02;  ///< of the shift divided by the period
 };
@@ -27,6 +27,6 @@ struct PhaseStepSettings {
 /// estimate_period().
 std::vector<DetectedPhaseStep> find_phase_steps(std::span<const std::vector<double>> times,
                                                 std::span<const double> periods,
-                                                const PhaseStepSettings& settings);
+                                                const PhaseStepOptions& options);
 
 }  // namespace raystage::store

@@ -171,7 +171,7 @@ double step_correction(std::span<const CameraLine> cameras, std::span<const std:
 }  // namespace
 
 double lower_edge(const ClockFit& fit) {
-  constexpr std::size_t kMost = 3, kNext = 20;
+  constexpr std::size_t kMax = 3, kNext = 20;
   constexpr double kGap = 15;  // probability 1 in 3 million for exponential delays
   std::vector<double> values;
   for (std::size_t i = 0; i < fit.slots.size(); ++i) {
@@ -180,9 +180,9 @@ double lower_edge(const ClockFit& fit) {
     }
   }
   double edge = fit.early_limit;
-  if (values.size() < kMost + kNext + 1) return edge;
-  std::ranges::partial_sort(values, values.begin() + kMost + kNext + 1);
-  for (std::size_t k = 0; k < kMost; ++k) {
+  if (values.size() < kMax + kNext + 1) return edge;
+  std::ranges::partial_sort(values, values.begin() + kMax + kNext + 1);
+  for (std::size_t k = 0; k < kMax; ++k) {
     const double spacing = (values[k + 1 + kNext] - values[k + 1]) / static_cast<double>(kNext);
     if (values[k + 1] - values[k] > kGap * spacing) edge = (values[k] + values[k + 1]) / 2;
   }

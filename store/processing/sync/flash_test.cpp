@@ -21,11 +21,11 @@ constexpr Nanoseconds kMs = 1'000'000;
 constexpr double kPeriod = 1e9 / 15;
 
 RgbImage grey(int width, int height, double level, std::mt19937& random) {
-  RgbImage image{width, height, {}};
+  RgbImage image{width, height, std::vector<std::uint8_t>()};
   std::normal_distribution<double> noise(0, 3);
   for (int i = 0; i < width * height; ++i) {
     const auto code = static_cast<std::uint8_t>(std::clamp(level + noise(random), 0.0, 255.0));
-    for (int c = 0; c < 3; ++c) image.pixels.push_back(code);
+    for (int c = 0; c < 3; ++c) image.values.push_back(code);
   }
   return image;
 }

@@ -14,11 +14,11 @@ namespace {
 
 using testing::resumed;
 using testing::SimulatedStamps;
-using Settings = SimulatedStamps::Settings;
+using Options = SimulatedStamps::Options;
 
 constexpr Nanoseconds kMs = 1'000'000, kS = 1'000'000'000;
 
-Settings session(unsigned seed) {
+Options session(unsigned seed) {
   return {.seed = seed,
           .cameras = 16,
           .cameras_per_node = 4,
@@ -32,7 +32,7 @@ struct Resumed {
   SimulatedStamps first, second;
   Nanoseconds behind;
   std::vector<CameraTimestamps> cameras;
-  Resumed(const Settings& a, const Settings& b, Nanoseconds later)
+  Resumed(const Options& a, const Options& b, Nanoseconds later)
       : first(a), second(b), behind(later), cameras(resumed(first, second, later)) {}
 
   void expect_exposures(const ResyncResult& result, Nanoseconds margin) const {
@@ -76,7 +76,7 @@ TEST(ResumedTake, EverySessionHasItsOwnPhases) {
 }
 
 TEST(ResumedTake, AClockStaysWhereItSteppedTo) {
-  Settings first = session(7), second = session(8);
+  Options first = session(7), second = session(8);
   first.step_node = 2;
   first.step_ms = 30;
   first.step_at_s = 11;
@@ -104,7 +104,7 @@ TEST(ResumedTake, AClockStaysWhereItSteppedTo) {
 }
 
 TEST(ResumedTake, AStepIsFoundInTheSecondSessionToo) {
-  Settings second = session(10);
+  Options second = session(10);
   second.step_node = 1;
   second.step_ms = 30;
   second.step_at_s = 9;

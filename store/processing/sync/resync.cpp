@@ -12,6 +12,7 @@
 #include <span>
 
 #include "base/error.h"
+#include "base/options.h"
 #include "base/parallel.h"
 #include "store/processing/sync/losses.h"
 #include "store/processing/sync/segment_sync.h"
@@ -200,9 +201,15 @@ std::vector<CameraTimestamps> camera_timestamps(const Take& take) {
   return cameras;
 }
 
+bool ResyncOptions::is_valid(std::string* reason) const {
+  return is_within("rate (frames per second, 0: detected)", fps, 0, 1e6, reason) &&
+         is_within("nominal rate (frames per second)", nominal_fps, 0, 1e6, reason) &&
+         is_within("tolerance (ns)", static_cast<double>(tolerance), 0, 1e18, reason);
+}
+
 ResyncResult resynchronise(const std::vector<CameraTimestamps>& cameras,
-                           const ResyncSettings& settings, std::string_view name) {
-  check_timeline_settings(settings.fps, settings.tolerance, name);
+                           const ResyncOptions& options, std::string_view name) {
+  require_valid(options, name);
   if (std::ranges::all_of(cameras, [](const CameraTimestamps& c) { return c.stamps.empty(); })) {
     throw Error::bad_input("the take has no frames", std::string(name),
                            "Record or import it again");
@@ -213,7 +220,7 @@ ResyncResult resynchronise(const std::vector<CameraTimestamps>& cameras,
 
   ResyncResult result;
   const auto offset_of = [&](std::size_t c) {
-    return settings.offsets.empty() ? 0 : settings.offsets[c];
+    return options.offsets.empty() ? 0 : options.offsets[c];
   };
   result.method = fits.method;
   result.least_squares_ppm = fits.least_squares_ppm;
@@ -226,7 +233,7 @@ ResyncResult resynchronise(const std::vector<CameraTimestamps>& cameras,
   parallel_for(std::size_t{0}, parts.size(), [&](std::size_t p) {
     const std::size_t c = parts[p].camera;
     synced[p] = sync_segment(camera_timestamps(cameras[c], parts[p]), fits.cameras[p],
-                             offset_of(c) + stepped[p], base, settings.trust_timestamps);
+                             offset_of(c) + stepped[p], base, options.trust_timestamps);
   });
   for (std::size_t begin = 0; begin < parts.size();) {
     const std::size_t c = parts[begin].camera;
@@ -249,28 +256,28 @@ ResyncResult resynchronise(const std::vector<CameraTimestamps>& cameras,
   double period = common_period(clocks);
   if (single_frames || period == 0) {
     // Too few frames to fit clocks: ticks are computed from the times alone.
-    if (settings.tick_at) {
+    if (options.tick_at) {
       throw Error::bad_input("a take with one frame per camera has one tick, at these frames",
                              std::string(name), "Leave out the time of a tick");
     }
     result.timeline =
-        build_timeline(result.times, settings.nominal_fps, settings.fps, settings.tolerance, name);
+        build_timeline(result.times, options.nominal_fps, options.fps, options.tolerance, name);
     result.timeline.clocks = std::move(clocks);
     return result;
   }
   const double own_period = period;
-  if (settings.fps > 0) period = static_cast<double>(kNanosecondsPerSecond) / settings.fps;
+  if (options.fps > 0) period = static_cast<double>(kNanosecondsPerSecond) / options.fps;
   const double fps =
-      settings.fps > 0 ? settings.fps : static_cast<double>(kNanosecondsPerSecond) / period;
-  const Nanoseconds tolerance = settings.tolerance > 0
-                                    ? settings.tolerance
+      options.fps > 0 ? options.fps : static_cast<double>(kNanosecondsPerSecond) / period;
+  const Nanoseconds tolerance = options.tolerance > 0
+                                    ? options.tolerance
                                     : std::max<Nanoseconds>(std::llround(period / 2), 1);
   TimeRange range = running_range(result.times);
   result.start_up_end = find_start_up_end(result.cameras, clocks, result.times, range, own_period);
-  if (result.start_up_end && !settings.keep_start_up) {
+  if (result.start_up_end && !options.keep_start_up) {
     range.begin = std::min(*result.start_up_end, range.end);
   }
-  result.timeline = assign_ticks(result.times, fps, tolerance, range, name, settings.tick_at);
+  result.timeline = assign_ticks(result.times, fps, tolerance, range, name, options.tick_at);
   for (CameraClock& clock : clocks) {
     if (clock.period_ns > 0) clock.drift_ppm = drift_of(clock.period_ns, own_period);
   }

@@ -26,7 +26,7 @@ struct CameraTimestamps {
 /// reports in TAKE/recording cannot be read.
 std::vector<CameraTimestamps> camera_timestamps(const Take& take);
 
-struct ResyncSettings {
+struct ResyncOptions {
   double fps = 0;             ///< ticks per second, Hz; 0: the array's own rate
   Nanoseconds tolerance = 0;  ///< how far a frame may lie from its tick; 0: half a tick
   /// True: stamps are exposure times. False: they contain transfer delays, and the fitted clock of
@@ -36,6 +36,8 @@ struct ResyncSettings {
   bool keep_start_up = false;               ///< whether ticks also cover the start-up
   std::vector<Nanoseconds> offsets = {};    ///< of each camera's clock, subtracted; empty: none
   double nominal_fps = 0;                   ///< Hz, for takes with too few frames to measure it
+
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
 /// A run of consecutive missing frames, as the fitted clock of the camera shows.
@@ -96,7 +98,7 @@ struct ResyncResult {
 /// Resynchronises a take as docs/resync.md describes. `name`: the take in errors. Throws Error
 /// (bad input) if settings are out of range, there is no frame, or there are too many ticks.
 ResyncResult resynchronise(const std::vector<CameraTimestamps>& cameras,
-                           const ResyncSettings& settings, std::string_view name);
+                           const ResyncOptions& options, std::string_view name);
 
 /// Returns whether the take declares its stamps as arrival times, which are late by the transfer
 /// delay. Stamps that mark exposures, or are not declared, are used unchanged.

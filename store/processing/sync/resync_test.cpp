@@ -17,7 +17,7 @@ namespace {
 using testing::cameras_of;
 using testing::SimulatedStamps;
 using Jitter = SimulatedStamps::Jitter;
-using Settings = SimulatedStamps::Settings;
+using Options = SimulatedStamps::Options;
 
 constexpr Nanoseconds kMs = 1'000'000;
 
@@ -72,7 +72,7 @@ void expect_as_reference(const Timeline& timeline,
   }
 }
 
-void expect_truth(const Settings& s, Nanoseconds margin) {
+void expect_truth(const Options& s, Nanoseconds margin) {
   const SimulatedStamps truth(s);
   const ResyncResult result = resynchronise(cameras_of(truth), {}, "test");
   const Timeline& timeline = result.timeline;
@@ -223,13 +223,13 @@ TEST(ResyncResult, OffsetsAreTakenOff) {
                                .start_up_frames = 0,
                                .step_node = -1,
                                .offset_ms = 200});
-  ResyncSettings settings;
+  ResyncOptions options;
   for (const auto& camera : truth.cameras) {
-    settings.offsets.push_back(truth.node_offsets[camera.node]);
+    options.offsets.push_back(truth.node_offsets[camera.node]);
   }
-  const ResyncResult result = resynchronise(cameras_of(truth), settings, "test");
+  const ResyncResult result = resynchronise(cameras_of(truth), options, "test");
   for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
-    EXPECT_EQ(result.timeline.clocks[c].offset_ns, settings.offsets[c]);
+    EXPECT_EQ(result.timeline.clocks[c].offset_ns, options.offsets[c]);
     for (std::size_t f = 0; f < truth.cameras[c].exposed.size(); ++f) {
       EXPECT_NEAR(static_cast<double>(result.times[c][f]),
                   static_cast<double>(truth.cameras[c].exposed[f]), 0.1e6);

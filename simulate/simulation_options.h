@@ -21,7 +21,7 @@ struct ColorErrors {
 };
 
 /// Settings of a simulation. The defaults are the thesis' array (chapter 4), free-running.
-struct SimulationSettings {
+struct SimulationOptions {
   std::string scene = "stage";
   std::uint64_t seed = 1;
 
@@ -58,7 +58,7 @@ struct SimulationSettings {
   // Pictures.
   double noise = 0.005;  ///< standard deviation at full scale; scales with sqrt(light)
   int edge_samples = 4;  ///< per pixel at edges: a square number
-  store::JpegEncodeSettings jpeg;
+  store::JpegEncodeOptions jpeg;
 
   // Truth.
   int truth_views = 8;
@@ -66,13 +66,12 @@ struct SimulationSettings {
   int truth_samples = 16;                 ///< per pixel: a square number
   int shot_frames = 48;
 
+  bool is_valid(std::string* reason) const;  ///< see base/options.h
+
   int camera_count() const { return rows * columns; }
   int frames_per_camera() const { return static_cast<int>(seconds * fps + 1e-9); }
   int view_width() const { return truth_width > 0 ? truth_width : width; }
   int view_height() const { return truth_height > 0 ? truth_height : height; }
 };
-
-/// Throws Error (bad input) that names the setting, its value and the allowed range.
-void check_simulation_settings(const SimulationSettings& settings);
 
 }  // namespace raystage::simulate

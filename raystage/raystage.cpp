@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "raystage/raystage.h"
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -7,7 +9,6 @@
 #include <utility>
 
 #include "base/error.h"
-#include "raystage/raystage.h"
 #include "render/common/view.h"
 #include "render/methods.h"
 #include "render/renderer.h"
@@ -59,17 +60,17 @@ render::VirtualCamera virtual_camera(const PinholeCamera& camera) {
 }  // namespace
 
 struct LightField::State {
-  State(const std::filesystem::path& folder, const LightFieldSettings& settings)
+  State(const std::filesystem::path& folder, const LightFieldOptions& settings)
       : take(folder),
         timeline(store::read_timeline(take)),
-        renderer(take, renderer_settings(settings)) {
+        renderer(take, renderer_options(settings)) {
     for (const rig::Rig::Camera& camera : take.rig().cameras) {
       cameras.push_back(pinhole_camera(camera.id, render::undistorted(camera.model, camera.pose)));
     }
   }
 
-  render::RendererSettings renderer_settings(const LightFieldSettings& settings) const {
-    render::RendererSettings result;
+  render::RendererOptions renderer_options(const LightFieldOptions& settings) const {
+    render::RendererOptions result;
     result.cache_bytes = settings.cache_bytes;
     result.cache_folder = settings.cache_folder;
     result.ticks = timeline.ticks;
@@ -84,13 +85,12 @@ struct LightField::State {
     return timeline.ticks[index];
   }
 
-  render::ReconstructionSettings reconstruction_settings(
-      const Reconstruction& reconstruction) const {
+  render::ReconstructionOptions reconstruction_options(const Reconstruction& reconstruction) const {
     if (!(reconstruction.focal_depth > 0)) {
       throw Error::bad_input("the focal depth is not above 0", "the reconstruction",
                              "Set the distance in front of the array in metres, or infinity");
     }
-    render::ReconstructionSettings result;
+    render::ReconstructionOptions result;
     result.method = reconstruction.method;
     result.focal_plane = rig::fronto_parallel_plane(take.rig(), reconstruction.focal_depth);
     result.options = reconstruction.options;
@@ -130,7 +130,7 @@ std::vector<std::string> reconstruction_methods() {
   return names;
 }
 
-LightField::LightField(const std::filesystem::path& take, const LightFieldSettings& settings)
+LightField::LightField(const std::filesystem::path& take, const LightFieldOptions& settings)
     : state_(with_standard_exceptions([&] { return std::make_unique<State>(take, settings); })) {}
 LightField::~LightField() = default;
 LightField::LightField(LightField&&) noexcept = default;
@@ -156,7 +156,7 @@ RecordedFrame LightField::read_frame(int camera, int tick) const {
                                                         take.document().cameras[c].id);
     result.width = image.width;
     result.height = image.height;
-    result.rgb = std::move(image.pixels);
+    result.rgb = std::move(image.values);
     const Nanoseconds since_first =
         selection.time_ns + selection.difference[c] - state_->timeline.ticks.front().time_ns;
     result.time = static_cast<double>(since_first) / kNanosecondsPerSecond;
@@ -168,7 +168,7 @@ ReconstructedView LightField::render(const PinholeCamera& view, int tick,
                                      const Reconstruction& reconstruction) const {
   return with_standard_exceptions([&] {
     render::RenderedView rendered = state_->renderer.render(
-        virtual_camera(view), state_->tick(tick), state_->reconstruction_settings(reconstruction));
+        virtual_camera(view), state_->tick(tick), state_->reconstruction_options(reconstruction));
     ReconstructedView result;
     result.width = rendered.width;
     result.height = rendered.height;
@@ -190,7 +190,7 @@ std::vector<LightRaySample> LightField::sample(std::span<const LightRay> rays, i
     });
     std::vector<render::RaySample> samples(rays.size());
     state_->renderer.query(world, state_->tick(tick),
-                           state_->reconstruction_settings(reconstruction), samples);
+                           state_->reconstruction_options(reconstruction), samples);
     std::vector<LightRaySample> result(rays.size());
     std::ranges::transform(samples, result.begin(), [](const render::RaySample& sample) {
       return LightRaySample{sample.rgba, sample.coverage, sample.depth};

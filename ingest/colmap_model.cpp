@@ -156,7 +156,7 @@ std::map<std::int64_t, ColmapCamera> read_cameras(const std::filesystem::path& f
   while (lines.next_entry()) {
     const auto id = lines.number<std::int64_t>("camera id");
     if (!cameras.emplace(id, read_camera(lines)).second) {
-      throw lines.refuse(fmt::format("the camera id {} comes twice", id));
+      throw lines.refuse(fmt::format("the camera id {} is used twice", id));
     }
   }
   return cameras;

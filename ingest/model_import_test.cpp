@@ -173,7 +173,7 @@ TEST_F(Colmap, BadModelsAreRefusedByLine) {
         Case{"7 PINHOLE 48 40 1e999 51 24 20\n", kImages, "a finite number"},
         Case{"7 PINHOLE 48 40 -50 51 24 20\n", kImages, "must be greater than 0"},
         Case{"7 PINHOLE 0 40 50 51 24 20\n", kImages, "0x40"},
-        Case{"7 PINHOLE 48 40 50 51 24 20\n7 PINHOLE 48 40 50 51 24 20\n", kImages, "comes twice"},
+        Case{"7 PINHOLE 48 40 50 51 24 20\n7 PINHOLE 48 40 50 51 24 20\n", kImages, "is used twice"},
         Case{"8 PINHOLE 48 40 50 51 24 20\n", kImages, "camera 7 is not in cameras.txt"},
         Case{kPinhole, "1 0 0 0 0 0 0 0 7 a.jpg\n\n", "images.txt:1: the quaternion has length 0"},
         Case{kPinhole, "1 1 0 0 0 0 0 7\n\n", "images.txt:1"},

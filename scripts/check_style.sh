@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# clang-format on every source; clang-tidy on those of the product and of testing/, unless the same content is
+# clang-format and clang-tidy on every source; clang-tidy not where the same content is
 # known to have passed before. Files that git does not track yet are checked, too.
 # Usage: scripts/check_style.sh BUILD_FOLDER
 # On a build server (CI=true) what passed is kept under the home folder, for all checkouts; else in BUILD_FOLDER.
@@ -19,5 +19,5 @@ cmake -S . -B "$commands" -G Ninja -DCMAKE_BUILD_TYPE=Release -DRAYSTAGE_BENCHMA
 ninja -C "$commands" schemas/embedded_schemas.cpp >/dev/null  # a source that CMake writes
 cache="$build/clang-tidy-passed"
 [ "${CI:-}" != true ] || cache="${RAYSTAGE_TIDY_CACHE:-$HOME/.cache/raystage-clang-tidy}"
-mapfile -t product < <(git ls-files --cached --others --exclude-standard --deduplicate '*.cpp' ':!tests' ':!examples' ':!*_test.cpp')
+mapfile -t product < <(git ls-files --cached --others --exclude-standard --deduplicate '*.cpp')
 scripts/clang_tidy.py "$commands" "$cache" "${product[@]}"

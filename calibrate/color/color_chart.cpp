@@ -223,7 +223,7 @@ ColorMatch match_charts(const std::vector<ChartMeasurement>& measurements,
     if (is_usable[i] && !(match.fits[i].mean_difference <= kMaxDeviation))
       wrong.push_back(cameras[i]);
   }
-  add_sentence(match.reasons, "The colours of the chart do not fit even so in ", wrong,
+  add_sentence(match.reasons, "The corrected colours differ from the chart in ", wrong,
                ": use a ColorChecker Classic, light it evenly, and calibrate the response curves.");
   const auto worst = std::ranges::max_element(match.fits, {}, &ColorFit::mean_difference);
   match.findings.push_back(

@@ -25,7 +25,7 @@ schemas::PhotometricResponse mixing(double by) {
 }
 
 /// What a camera shows of a chart in the lower left of its picture.
-ChartMeasurement sight_of(const schemas::PhotometricResponse& response) {
+ChartMeasurement measured_chart(const schemas::PhotometricResponse& response) {
   ChartMeasurement measurement;
   measurement.frames = 1;
   measurement.size = kPicture;
@@ -56,7 +56,7 @@ schemas::PhotometricResponse unmixed(schemas::PhotometricResponse response) {
 
 TEST(ColorChart, FindsWhatChannelsSeeOfEachOther) {
   const schemas::PhotometricResponse one = mixing(0.02), other = mixing(0.15);
-  const ColorMatch found = match_charts({sight_of(one), sight_of(other)},
+  const ColorMatch found = match_charts({measured_chart(one), measured_chart(other)},
                                         {unmixed(one), unmixed(other)}, {"a", "b"}, {1, true});
   EXPECT_THAT(found.reasons, IsEmpty());
   // As bright as the second camera shows the greys.
@@ -76,7 +76,7 @@ TEST(ColorChart, FindsWhatChannelsSeeOfEachOther) {
 
 TEST(ColorChart, MakesCamerasAlikeToTheReferenceCamera) {
   const schemas::PhotometricResponse one = mixing(0.02), other = mixing(0.15);
-  const ColorMatch found = match_charts({sight_of(one), sight_of(other)},
+  const ColorMatch found = match_charts({measured_chart(one), measured_chart(other)},
                                         {unmixed(one), unmixed(other)}, {"a", "b"}, {});
   EXPECT_EQ(found.responses[0], unmixed(one));
   const schemas::Rgb light{0.5, 0.1, 0.3};
@@ -95,7 +95,7 @@ TEST(ColorChart, FindsBlackOnlyWhereNothingIsKnownOfIt) {
   foggy.brightness = {-0.02, -0.03, -0.01};
   schemas::PhotometricResponse nothing_known, contrast_known;
   contrast_known.contrast = {1.01, 1, 1};
-  const ColorMatch found = match_charts({sight_of({}), sight_of(foggy), sight_of(foggy)},
+  const ColorMatch found = match_charts({measured_chart({}), measured_chart(foggy), measured_chart(foggy)},
                                         {{}, nothing_known, contrast_known}, {"a", "b", "c"}, {});
   for (std::size_t c = 0; c < 3; ++c) {
     EXPECT_NEAR(found.responses[1].brightness[c], foggy.brightness[c], 1e-3);
@@ -107,7 +107,7 @@ TEST(ColorChart, FindsTheReferenceCamerasBlackTooWherePublishedColoursTellIt) {
   schemas::PhotometricResponse foggy = mixing(0.1);
   foggy.vignetting.reset();
   foggy.brightness = {-0.02, -0.03, -0.01};
-  const ColorMatch found = match_charts({sight_of(foggy)}, {{}}, {"a"}, {0, true});
+  const ColorMatch found = match_charts({measured_chart(foggy)}, {{}}, {"a"}, {0, true});
   EXPECT_THAT(found.reasons, IsEmpty());
   for (std::size_t c = 0; c < 3; ++c) {
     EXPECT_NEAR(found.responses[0].brightness[c], foggy.brightness[c], 2e-3);
@@ -116,7 +116,7 @@ TEST(ColorChart, FindsTheReferenceCamerasBlackTooWherePublishedColoursTellIt) {
 
 TEST(ColorChart, DoesWithoutPatchesThatAreOverexposed) {
   const schemas::PhotometricResponse other = mixing(0.1);
-  std::vector<ChartMeasurement> measurements{sight_of({}), sight_of(other)};
+  std::vector<ChartMeasurement> measurements{measured_chart({}), measured_chart(other)};
   for (const std::size_t patch : {18U, 15U, 11U}) {
     measurements[1].patches[patch].measured = {1, 1, 1};
     measurements[1].patches[patch].is_exposed = false;
@@ -131,7 +131,7 @@ TEST(ColorChart, DoesWithoutPatchesThatAreOverexposed) {
 
 TEST(ColorChart, OneCameraHasItsPublishedColours) {
   const schemas::PhotometricResponse only = mixing(0.1);
-  const ColorMatch found = match_charts({sight_of(only)}, {unmixed(only)}, {"a"}, {0, true});
+  const ColorMatch found = match_charts({measured_chart(only)}, {unmixed(only)}, {"a"}, {0, true});
   EXPECT_THAT(found.reasons, IsEmpty());
   EXPECT_LT(found.after.mean_difference, 0.1);
   EXPECT_EQ(found.after.deviation, schemas::Rgb{});
@@ -139,13 +139,13 @@ TEST(ColorChart, OneCameraHasItsPublishedColours) {
 
 TEST(ColorChart, OneCameraOfManyThatIsWrongIsNamed) {
   const schemas::PhotometricResponse right = mixing(0.1);
-  std::vector<ChartMeasurement> measurements(16, sight_of(right));
+  std::vector<ChartMeasurement> measurements(16, measured_chart(right));
   std::vector<std::string> names;
   for (std::size_t i = 0; i < measurements.size(); ++i) names.push_back("c" + std::to_string(i));
   std::ranges::reverse(measurements[11].patches);  // upside down
   const ColorMatch found =
       match_charts(measurements, std::vector(16, unmixed(right)), names, {0, false});
-  EXPECT_THAT(found.reasons, ElementsAre(HasSubstr("even so in c11:")));
+  EXPECT_THAT(found.reasons, ElementsAre(HasSubstr("from the chart in c11:")));
   ASSERT_EQ(found.fits.size(), 16U);
   EXPECT_LT(found.fits[3].mean_difference, 0.1);
   EXPECT_GT(found.fits[11].mean_difference, 4);
@@ -162,7 +162,7 @@ TEST(ColorChart, OneCameraOfManyThatIsWrongIsNamed) {
 
 TEST(ColorChart, LeavesCamerasThatDidNotFindItAsTheyAre) {
   const std::vector<schemas::PhotometricResponse> known{mixing(0.1), mixing(0.2)};
-  std::vector<ChartMeasurement> measurements{sight_of(known[0]), {}};
+  std::vector<ChartMeasurement> measurements{measured_chart(known[0]), {}};
   const ColorMatch found = match_charts(measurements, known, {"a", "b"}, {0, true});
   EXPECT_THAT(found.reasons, ElementsAre(HasSubstr("not found by b")));
   EXPECT_EQ(found.responses[1], known[1]);

@@ -172,7 +172,7 @@ void match_camera(const std::vector<FlatFieldMeasurements>& targets, std::size_t
 }
 
 /// Stores the hot pixels of the dark frames; rejects the match if a camera saw light.
-void take_over_darkness(const FlatFieldMeasurements& dark, std::size_t reference,
+void copy_dark_frame_results(const FlatFieldMeasurements& dark, std::size_t reference,
                         const std::vector<std::string>& cameras, FlatFieldMatch& colors) {
   std::vector<std::string> lit;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
@@ -257,7 +257,7 @@ FlatFieldMatch match_flat_fields(const std::vector<FlatFieldMeasurements>& targe
           fit_gain_map(brightest[c].cells, brightest[c].size, colors.responses[c], cameras[c]);
     }
   }
-  if (options.dark) take_over_darkness(darkest, reference, cameras, colors);
+  if (options.dark) copy_dark_frame_results(darkest, reference, cameras, colors);
   if (options.dark &&
       light_of(*std::ranges::min_element(targets, {}, light_of)) < light_of(darkest) - kDarker) {
     colors.reasons.emplace_back(

@@ -18,7 +18,7 @@ using ::testing::HasSubstr;
 constexpr rig::PictureSize kPicture{640, 480};
 
 /// What a camera shows of a target whose light is a function of the place.
-FlatFieldMeasurement sight_of(const schemas::PhotometricResponse& response,
+FlatFieldMeasurement measured_field(const schemas::PhotometricResponse& response,
                               const std::function<double(double, double)>& light) {
   FlatFieldMeasurement measurement;
   measurement.size = kPicture;
@@ -53,7 +53,7 @@ std::vector<FlatFieldMeasurements> targets_of(
   for (const double level : {0.6, 0.15, 0.0}) {
     FlatFieldMeasurements& target = targets.emplace_back();
     for (const schemas::PhotometricResponse& camera : cameras) {
-      target.push_back(sight_of(camera, [&](double, double) { return level; }));
+      target.push_back(measured_field(camera, [&](double, double) { return level; }));
     }
   }
   return targets;
@@ -94,7 +94,7 @@ TEST(FlatTarget, OneCameraIsItsOwnMeasure) {
 
 TEST(FlatTarget, ADustSpotOnTheTargetDoesNotMoveTheLens) {
   const schemas::PhotometricResponse truth = dim_lens();
-  const FlatFieldMeasurement measurement = sight_of(
+  const FlatFieldMeasurement measurement = measured_field(
       truth, [](double x, double y) { return std::hypot(x - 450, y - 300) < 45 ? 0.42 : 0.6; });
   const VignettingFit found = fit_vignetting(measurement.cells, kPicture, truth);
   schemas::PhotometricResponse measured = truth;
@@ -156,7 +156,7 @@ TEST(FlatTarget, AGainMapEvensOutWhatNoLensExplains) {
 TEST(FlatTarget, WhatNoLensCouldHaveDoneIsRefused) {
   std::vector<FlatFieldMeasurements> targets = targets_of({{}, {}});
   // Not the last camera alone is looked at.
-  targets[0][0] = sight_of({}, [](double x, double) { return x < 320 ? 0.6 : 0.45; });
+  targets[0][0] = measured_field({}, [](double x, double) { return x < 320 ? 0.6 : 0.45; });
   FlatFieldMatchOptions options;
   options.vignetting = true;
   const FlatFieldMatch uneven = match_flat_fields(targets, {"a", "b"}, options);

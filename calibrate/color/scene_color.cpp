@@ -23,7 +23,7 @@ using Observation = SceneFit::Observation;
 using CameraParameters = SceneFit::CameraParameters;
 
 /// Marks outliers, and points with a single remaining observation, as not used.
-void leave_out_odd(SceneFit& fit) {
+void exclude_outliers(SceneFit& fit) {
   constexpr double kSigmas = 4, kSigmaOfMedian = 1.4826, kMin = 1;
   std::vector<double> off;
   for (const Observation& observation : fit.observations())
@@ -167,7 +167,7 @@ SceneColorMatch match_scene_colors(std::span<const ScenePatch> points, const rig
   constexpr double kCoarse = 10, kFine = 2;
   for (const double scale : {kCoarse, kFine, kFine}) {
     fit.solve(scale, all, stop);
-    leave_out_odd(fit);
+    exclude_outliers(fit);
   }
   fit.solve(kFine, all, stop);
   const Comparison before = compared(fit, fit.start()), after = compared(fit, fit.cameras());

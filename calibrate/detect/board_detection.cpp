@@ -77,9 +77,9 @@ PointTracks track_board_corners(const store::Take& take,
       for (PointTrack& track : tracks[c]) track.frame_detections.push_back({time, {}});
     }
   }
-  std::vector<std::size_t> sight_of(frames.size(), 0);
+  std::vector<std::size_t> observation_index(frames.size(), 0);
   for (std::size_t k = 1; k < frames.size(); ++k) {
-    sight_of[k] = frames[k].first == frames[k - 1].first ? sight_of[k - 1] + 1 : 0;
+    observation_index[k] = frames[k].first == frames[k - 1].first ? observation_index[k - 1] + 1 : 0;
   }
   std::atomic<std::size_t> done = 0;
   parallel_for(std::size_t{0}, frames.size(), [&](std::size_t k) {
@@ -87,7 +87,7 @@ PointTracks track_board_corners(const store::Take& take,
     const auto [camera, frame] = frames[k];
     for (const BoardCornerDetection& corner :
          corners_in(take, static_cast<int>(camera), static_cast<int>(frame), finder)) {
-      LightSpot& spot = tracks[camera][corner.index].frame_detections[sight_of[k]].spot;
+      LightSpot& spot = tracks[camera][corner.index].frame_detections[observation_index[k]].spot;
       spot.result = LightDetectionStatus::kFound;
       spot.centre = corner.pixel;
     }

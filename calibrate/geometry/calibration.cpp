@@ -62,7 +62,7 @@ void check_held(const Detections& detections, const CalibrationOptions& options)
 }
 
 /// With one camera held, the scale of the world is still free.
-void shrink_about(ArrayModel& model, const std::vector<std::optional<rig::Pose>>& known,
+void scale_about(ArrayModel& model, const std::vector<std::optional<rig::Pose>>& known,
                   const Eigen::Vector3d& held) {
   double found = 0, expected = 0;
   for (std::size_t i = 0; i < known.size(); ++i) {
@@ -99,7 +99,7 @@ void settle_world(Calibration& calibration, const CalibrationOptions& options,
     const auto at = std::ranges::find(calibration.model.cameras, options.fixed_cameras.front(),
                                       &ArrayModel::Camera::id) -
                     calibration.model.cameras.begin();
-    shrink_about(calibration.model, known, known[at]->position);
+    scale_about(calibration.model, known, known[at]->position);
     return know_scale_from("start");
   }
   if (is_start && align_to_poses(calibration.model, known)) {

@@ -282,7 +282,7 @@ std::string describe_direction(const Uncertainty::Direction& d, const ArrayModel
   std::array<Part, 5> parts{
       Part{d.focal_length, "the focal length (and with it the depth of everything)"},
       Part{d.principal_point, "the principal point"}, Part{d.distortion, "the distortion"},
-      Part{d.positions, "where cameras stand"}, Part{d.rotations, "where cameras look"}};
+      Part{d.positions, "the positions of cameras"}, Part{d.rotations, "the rotations of cameras"}};
   std::ranges::sort(parts, std::greater<>(), &Part::share);
   constexpr double kTakesPart = 0.2;
   std::string text = parts[0].name;
@@ -292,7 +292,7 @@ std::string describe_direction(const Uncertainty::Direction& d, const ArrayModel
   if (!d.cameras.empty() && d.positions + d.rotations > kTakesPart) {
     text += " (" + abbreviate_list(names_of(d.cameras, model)) + ")";
   }
-  text[0] = text[0] == 't' ? 'T' : 'W';
+  text[0] = 'T';
   return text + " is";
 }
 

@@ -33,7 +33,7 @@ CalibrationOptions settings_for(const testing::SyntheticArray& truth, bool lens_
   return options;
 }
 
-std::string told(const Calibration& calibration) {
+std::string reasons_text(const Calibration& calibration) {
   std::string text;
   for (const std::string& s : calibration.verdict.reasons) text += "not sure: " + s + "\n";
   for (const std::string& s : calibration.verdict.next_steps) text += "next: " + s + "\n";
@@ -55,7 +55,7 @@ TEST_P(CalibrationAtExtremes, IsRightOrRefused) {
   }
   const testing::PoseErrors errors = testing::pose_errors(calibration.model, truth.poses);
   SCOPED_TRACE(fmt::format("{:.2f} mm, {:.3f} degrees, {} placed\n{}", 1000 * errors.metres,
-                           errors.degrees, errors.placed, told(calibration)));
+                           errors.degrees, errors.placed, reasons_text(calibration)));
   EXPECT_EQ(calibration.verdict.is_accepted(), c.is_accepted);
   if (calibration.verdict.is_accepted()) {
     EXPECT_EQ(errors.placed, static_cast<int>(truth.poses.size()));

@@ -211,7 +211,7 @@ void share_deviations(std::vector<LensCalibration>& cameras) {
 }
 
 /// Rejects cameras whose own focal length contradicts that of the others.
-void tell_apart(const std::vector<LensCalibration>& alone, std::vector<LensCalibration>& found) {
+void reject_other_focal_lengths(const std::vector<LensCalibration>& alone, std::vector<LensCalibration>& found) {
   for (std::size_t c = 0; c < alone.size(); ++c) {
     const LensCalibration& own = alone[c];
     double others = 0, information = 0;
@@ -306,7 +306,7 @@ std::vector<LensCalibration> calibrate_lenses_with_shared_prior(
   std::vector<LensCalibration> found = described(model, views, bundle);
   share_deviations(found);
   for (LensCalibration& one : found) judge(one);
-  tell_apart(alone, found);
+  reject_other_focal_lengths(alone, found);
   return found;
 }
 

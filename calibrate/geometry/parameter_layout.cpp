@@ -105,7 +105,7 @@ Uncertainty::Direction summarise_direction(const VectorXd& direction, double dev
   const double all = direction.squaredNorm();
   std::vector<double> of_camera(layout.pose.size(), 0);
   // counts shared lenses once
-  std::vector<bool> told(static_cast<std::size_t>(layout.size), false);
+  std::vector<bool> is_set(static_cast<std::size_t>(layout.size), false);
   for (std::size_t i = 0; i < layout.pose.size(); ++i) {
     if (layout.pose[i] != kFixed) {
       const double turn = direction.segment<3>(layout.pose[i]).squaredNorm() / all;
@@ -114,8 +114,8 @@ Uncertainty::Direction summarise_direction(const VectorXd& direction, double dev
       d.positions += position;
       of_camera[i] = turn + position;
     }
-    if (layout.lens[i] == kFixed || told[layout.lens[i]]) continue;
-    told[layout.lens[i]] = true;
+    if (layout.lens[i] == kFixed || is_set[layout.lens[i]]) continue;
+    is_set[layout.lens[i]] = true;
     for (std::size_t k = 0; k < layout.free_lens_parameters.size(); ++k) {
       const double component = direction[layout.lens[i] + static_cast<Index>(k)];
       const double share = component * component / all;

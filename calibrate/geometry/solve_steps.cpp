@@ -27,7 +27,7 @@ double outlier_threshold(const ArrayModel& model) {
 
 /// Alternates bundle adjustment and outlier classification until few observations change.
 /// `least_px`: smallest threshold, the possible error of the current lens model.
-void settle(ArrayModel& model, const BundleAdjustmentOptions& options, double least_px) {
+void adjust_without_outliers(ArrayModel& model, const BundleAdjustmentOptions& options, double least_px) {
   constexpr int kMaxRounds = 6;
   for (int round = 0; round < kMaxRounds; ++round) {
     run_bundle_adjustment(model, options);
@@ -63,7 +63,7 @@ void run_bundle_adjustment_steps(ArrayModel& model, const SolveOptions& options,
   const auto release = [&](LensRefinement lens, bool shared, double least_px, const char* what) {
     bundle.lens = lens;
     bundle.shared_lens = shared;
-    settle(model, bundle, least_px);
+    adjust_without_outliers(model, bundle, least_px);
     report.steps.push_back(make_solve_step(model, what));
     if (options.on_step) options.on_step(report.steps.back());
   };

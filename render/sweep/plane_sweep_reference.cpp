@@ -23,7 +23,7 @@ struct Sample {
 };
 
 /// Removes `cameras` times the sample farthest from the mean of the rest, if more than two remain.
-void leave_out(int cameras, std::vector<Sample>& samples) {
+void exclude_outliers(int cameras, std::vector<Sample>& samples) {
   for (int i = 0; i < cameras && samples.size() > 2; ++i) {
     std::array<double, 3> mean{};
     for (const Sample& sample : samples) {
@@ -121,7 +121,7 @@ class Reference {
       matte += share * sample.alpha;
     }
     if (seen <= 0 || matte <= 0) return;
-    leave_out(plan_.settings.excluded_cameras, samples);
+    exclude_outliers(plan_.settings.excluded_cameras, samples);
     std::array<double, 3> sum{};
     double weight = 0;
     for (const Sample& sample : samples) {

@@ -87,7 +87,7 @@ class CameraRepair {
       result.was_intact = true;
       return;
     }
-    result.salvage = salvage(pair_);
+    result.salvage = salvage_archive(pair_);
     if (options_.dry_run) return;
     replace(result);
     result.repaired = true;

@@ -97,7 +97,7 @@ TEST(SalvageResult, SavesEveryUndamagedFrameByteForByte) {
     const PairBytes whole = make_pair(kFrames, round % 2 == 0);
     const auto original = journal::decode(whole.journal, "journal").records;
     const Damaged damaged(whole, random);
-    const SalvageResult saved = salvage(damaged.bytes.pair());
+    const SalvageResult saved = salvage_archive(damaged.bytes.pair());
     const PairBytes now = repaired(damaged.bytes, saved);
     const ArchiveFixityReport report = verify_archive(now.pair(), {});
     ASSERT_TRUE(report.is_intact()) << round << ": " << report.problems[0].what;
@@ -161,7 +161,7 @@ TEST(SalvageResult, OneFlippedBitInTheJournalCostsNothing) {
   PairBytes damaged = whole;
   for (std::size_t bit = 0; bit < 8 * whole.journal.size(); ++bit) {
     testing::flip(damaged.journal, bit);
-    const SalvageResult saved = salvage(damaged.pair());
+    const SalvageResult saved = salvage_archive(damaged.pair());
     ASSERT_THAT(saved.losses, IsEmpty()) << bit << " " << saved.losses[0].what;
     ASSERT_EQ(saved.records, records) << bit;
     testing::flip(damaged.journal, bit);
@@ -174,7 +174,7 @@ TEST(SalvageResult, OneFlippedBitInTheArchiveCostsOneFrameAtMost) {
   PairBytes damaged = whole;
   for (std::size_t bit = 0; bit < 8 * whole.archive.size(); ++bit) {
     testing::flip(damaged.archive, bit);
-    const SalvageResult saved = salvage(damaged.pair());
+    const SalvageResult saved = salvage_archive(damaged.pair());
     const bool in_a_frame = std::ranges::any_of(records, [&](const FrameRecord& record) {
       return bit / 8 >= record.offset && bit / 8 < record.offset + record.size;
     });
@@ -187,7 +187,7 @@ TEST(SalvageResult, OneFlippedBitInTheArchiveCostsOneFrameAtMost) {
     }
     testing::flip(damaged.archive, bit);
   }
-  const PairBytes now = repaired(damaged, salvage(damaged.pair()));
+  const PairBytes now = repaired(damaged, salvage_archive(damaged.pair()));
   EXPECT_EQ(now.archive, whole.archive);
   EXPECT_EQ(now.journal, whole.journal);
 }
@@ -196,7 +196,7 @@ TEST(SalvageResult, AJournalOfVersionOneBecomesVersionTwo) {
   const PairBytes old = testing::with_journal_v1(make_pair(5, true));
   PairBytes damaged = old;
   testing::flip(damaged.archive, 8 * (damaged.archive.size() - 5));
-  const SalvageResult saved = salvage(damaged.pair());
+  const SalvageResult saved = salvage_archive(damaged.pair());
   EXPECT_THAT(saved.losses, IsEmpty());
   const PairBytes now = repaired(damaged, saved);
   EXPECT_EQ(now.archive, old.archive);
@@ -207,9 +207,9 @@ TEST(SalvageResult, RefusesTheFilesOfAnotherCamera) {
   PairBytes pair = make_pair(3, true);
   ArchivePair foreign = pair.pair();
   foreign.description.camera_id = "r9c9";
-  EXPECT_THROW(salvage(foreign), Error);
+  EXPECT_THROW(salvage_archive(foreign), Error);
   foreign.journal.reset();
-  EXPECT_THROW(salvage(foreign), Error);
+  EXPECT_THROW(salvage_archive(foreign), Error);
 }
 
 struct RepairTake : ::testing::Test {

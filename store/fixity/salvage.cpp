@@ -293,7 +293,7 @@ class Salvager {
 
 }  // namespace
 
-SalvageResult salvage(const ArchivePair& pair) {
+SalvageResult salvage_archive(const ArchivePair& pair) {
   refuse_another_camera(pair);
   return Salvager(pair).run();
 }

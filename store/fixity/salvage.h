@@ -34,6 +34,6 @@ struct SalvageResult {
 
 /// Returns what can be saved of a pair; accepts any bytes. Throws Error (bad input) if the journal
 /// is of a future version, or intact files belong to another camera or take.
-SalvageResult salvage(const ArchivePair& pair);
+SalvageResult salvage_archive(const ArchivePair& pair);
 
 }  // namespace raystage::store

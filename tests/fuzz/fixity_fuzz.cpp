@@ -13,7 +13,7 @@ namespace {
 using namespace raystage;
 
 void check_salvage(const FuzzArchive& damaged) {
-  const store::SalvageResult saved = store::salvage(damaged.pair());
+  const store::SalvageResult saved = store::salvage_archive(damaged.pair());
   FuzzArchive repaired;
   repaired.begin(2);
   std::int64_t frames = 0;

@@ -13,7 +13,7 @@ include(PrecompiledHeaders)
 # raystage_library(NAME SOURCES ... [ALONE ...] [PUBLIC ...] [PRIVATE ...])
 #   Static library raystage_NAME of the folder it is called in; without sources an INTERFACE library. PUBLIC: the
 #   libraries whose headers this folder's headers include; PRIVATE: those that only its sources include.
-#   tests/house_test.py checks every include against these lists. Where CMAKE_UNITY_BUILD is on, several sources
+#   tests/module_graph_test.py checks every include against these lists. Where CMAKE_UNITY_BUILD is on, several sources
 #   are compiled at a time, except those after ALONE.
 function(raystage_library NAME)
   cmake_parse_arguments(ARG "" "" "SOURCES;ALONE;PUBLIC;PRIVATE" ${ARGN})
@@ -30,21 +30,21 @@ function(raystage_library NAME)
 endfunction()
 
 # raystage_record_links(TARGET PUBLIC PRIVATE)
-#   Adds a target to house.json in the build folder, which tests/house_test.py reads.
+#   Adds a target to module_graph.json in the build folder, which tests/module_graph_test.py reads.
 function(raystage_record_links TARGET PUBLIC PRIVATE)
   file(RELATIVE_PATH folder "${PROJECT_SOURCE_DIR}" "${CMAKE_CURRENT_SOURCE_DIR}")
   list(JOIN PUBLIC " " public)
   list(JOIN PRIVATE " " private)
-  set_property(GLOBAL APPEND PROPERTY RAYSTAGE_HOUSE
+  set_property(GLOBAL APPEND PROPERTY RAYSTAGE_MODULES
     "{\"target\": \"${TARGET}\", \"folder\": \"${folder}\", \"public\": \"${public}\", \"private\": \"${private}\"}")
 endfunction()
 
-# raystage_write_house()
-#   Writes house.json: one object for each library and command.
-function(raystage_write_house)
-  get_property(targets GLOBAL PROPERTY RAYSTAGE_HOUSE)
+# raystage_write_module_graph()
+#   Writes module_graph.json: one object for each library and command.
+function(raystage_write_module_graph)
+  get_property(targets GLOBAL PROPERTY RAYSTAGE_MODULES)
   list(JOIN targets ",\n " targets)
-  file(CONFIGURE OUTPUT "${CMAKE_BINARY_DIR}/house.json" CONTENT "[${targets}]\n" @ONLY)
+  file(CONFIGURE OUTPUT "${CMAKE_BINARY_DIR}/module_graph.json" CONTENT "[${targets}]\n" @ONLY)
 endfunction()
 
 # raystage_test(NAME SOURCES ... [ALONE ...] LINKS ... [LABELS ...] [LOCK NAME])

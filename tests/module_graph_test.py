@@ -2,14 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks the sources against the structure that CMake builds, and the links in the documentation.
 
-Usage: house_test.py HOUSE_JSON [--write-readme]
+Usage: module_graph_test.py MODULE_GRAPH_JSON [--write-readme]
 
-HOUSE_JSON is house.json in the build folder: CMake writes the libraries and commands of each folder and what they
+MODULE_GRAPH_JSON is module_graph.json in the build folder: CMake writes the libraries and commands of each folder and what they
 link. Checked are:
   * every #include "folder/..." of a library's folder: the library links the included folder, publicly where a header
     includes it. Tests and tests/ may include from every folder, testing/ from those of the product;
   * the graph of libraries and that of top-level folders have no cycle;
-  * the diagram in README.md is the one that this script draws from HOUSE_JSON (--write-readme replaces it);
+  * the diagram in README.md is the one that this script draws from MODULE_GRAPH_JSON (--write-readme replaces it);
   * each source starts with its licence line;
   * each link in a Markdown file leads to a file and heading of the project.
 """
@@ -23,10 +23,10 @@ import sys
 import urllib.parse
 
 TEST_FOLDERS = {"testing", "tests"}
-DIAGRAM = re.compile(r"(<!-- house: .*?-->\n```mermaid\n)(.*?)(```\n)", re.DOTALL)
+DIAGRAM = re.compile(r"(<!-- module graph: .*?-->\n```mermaid\n)(.*?)(```\n)", re.DOTALL)
 
 
-class House:
+class ModuleGraph:
     """Libraries and commands by folder, and which folders each may include from."""
 
     def __init__(self, targets: list[dict[str, str]]) -> None:
@@ -44,13 +44,13 @@ class House:
             self.exposed[target["folder"]] |= (
                 linked if is_command else {self.folder_of.get(name, "") for name in public})
 
-    def floors(self) -> dict[str, set[str]]:
+    def top_folders(self) -> dict[str, set[str]]:
         """Returns top-level folders and those that they link, without test support."""
         graph: dict[str, set[str]] = {folder.split("/")[0]: set() for folder in self.links}
         for folder, linked in self.links.items():
-            floor = folder.split("/")[0]
-            graph[floor] |= {other.split("/")[0] for other in linked if other} - {floor}
-        return {floor: linked for floor, linked in graph.items() if floor not in TEST_FOLDERS}
+            top = folder.split("/")[0]
+            graph[top] |= {other.split("/")[0] for other in linked if other} - {top}
+        return {top: linked for top, linked in graph.items() if top not in TEST_FOLDERS}
 
 
 def cycle_in(graph: dict[str, set[str]]) -> list[str]:
@@ -86,10 +86,10 @@ def reachable(graph: dict[str, set[str]], start: str) -> set[str]:
 def diagram_of(graph: dict[str, set[str]]) -> str:
     """Returns a Mermaid flow chart of the transitive reduction."""
     lines = ["flowchart TD"]
-    for floor in sorted(graph):
-        for linked in sorted(graph[floor]):
-            if not any(linked in reachable(graph, other) for other in graph[floor] - {linked}):
-                lines.append(f"  {floor} --> {linked}")
+    for top in sorted(graph):
+        for linked in sorted(graph[top]):
+            if not any(linked in reachable(graph, other) for other in graph[top] - {linked}):
+                lines.append(f"  {top} --> {linked}")
     return "\n".join(lines) + "\n"
 
 
@@ -146,7 +146,7 @@ def broken_links(root: pathlib.Path, name: str, known: set[str]) -> tuple[int, l
     return len(links), complaints
 
 
-def include_complaints(house: House, name: str, text: str) -> tuple[int, list[str]]:
+def include_complaints(graph: ModuleGraph, name: str, text: str) -> tuple[int, list[str]]:
     """Returns the number of project includes in a source, and those that its library does not link."""
     folder = posixpath.dirname(name)
     is_header = name.endswith(".h")
@@ -160,30 +160,30 @@ def include_complaints(house: House, name: str, text: str) -> tuple[int, list[st
         used = match.group(1)
         if used == folder or may_use_tests:
             continue
-        if used not in house.links.get(folder, ()):
+        if used not in graph.links.get(folder, ()):
             complaints.append(f"{name}:{number}: no library of {folder}/ links one of {used}/ (CMakeLists.txt)")
-        elif is_header and used not in house.exposed[folder]:
+        elif is_header and used not in graph.exposed[folder]:
             complaints.append(f"{name}:{number}: a header includes {used}/: link it as PUBLIC in {folder}/CMakeLists.txt")
     return count, complaints
 
 
 def main() -> int:
     root = pathlib.Path(__file__).resolve().parent.parent
-    house = House(json.loads(pathlib.Path(sys.argv[1]).read_text(encoding="utf-8")))
+    modules = ModuleGraph(json.loads(pathlib.Path(sys.argv[1]).read_text(encoding="utf-8")))
     readme = root / "README.md"
-    diagram = diagram_of(house.floors())
+    diagram = diagram_of(modules.top_folders())
     if "--write-readme" in sys.argv[2:]:
         text = readme.read_text(encoding="utf-8")
         readme.write_text(DIAGRAM.sub(lambda found: found[1] + diagram + found[3], text), encoding="utf-8")
     complaints = []
-    for graph, kind in ((house.libraries, "libraries"), (house.floors(), "folders")):
+    for graph, kind in ((modules.libraries, "libraries"), (modules.top_folders(), "folders")):
         cycle = cycle_in(graph)
         if cycle:
             complaints.append(f"cycle of {kind}: {' -> '.join(cycle)}")
     drawn = DIAGRAM.search(readme.read_text(encoding="utf-8"))
     if not drawn or drawn[2] != diagram:
         complaints.append("README.md: the diagram of the folders differs from the CMake targets. Run "
-                          "tests/house_test.py BUILD/house.json --write-readme")
+                          "tests/module_graph_test.py BUILD/module_graph.json --write-readme")
     listed = subprocess.run(["git", "-C", root, "ls-files", "-co", "--exclude-standard"],
                             capture_output=True, text=True, check=True).stdout.split("\n")
     known = {name for name in listed if name and (root / name).is_file()}
@@ -202,7 +202,7 @@ def main() -> int:
         if "SPDX-License-Identifier: Apache-2.0" not in "\n".join(text.split("\n")[:3]):
             complaints.append(f"{name}: no SPDX line at the top")
         if path.suffix in {".cpp", ".h"}:
-            count, unlinked = include_complaints(house, name, text)
+            count, unlinked = include_complaints(modules, name, text)
             includes += count
             complaints += unlinked
     if includes < 20:

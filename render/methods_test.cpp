@@ -23,7 +23,7 @@ TEST(Methods, AreFoundByNameAndTheirOptionsAreSound) {
       EXPECT_TRUE(options.insert(option.name).second) << method->name() << ' ' << option.name;
       EXPECT_FALSE(option.help.empty()) << method->name() << ' ' << option.name;
     }
-    // What is so unless given must itself be allowed.
+    // Default values must be allowed themselves.
     const MethodOptions fallbacks(method->options(), {}, method->name());
     EXPECT_NO_THROW(MethodOptions(method->options(), fallbacks.values(), method->name()))
         << method->name();
@@ -50,7 +50,7 @@ TEST(Methods, AreDescribed) {
   EXPECT_GT(presets, 0);
 }
 
-/// What the pages say of each method cannot be forgotten with a new one.
+/// A new method must be added to the documents.
 TEST(Methods, AreAllInTheDocuments) {
   const std::string docs = RAYSTAGE_SOURCE_DIR "/docs/";
   const std::string artist = read_file(docs + "artist.md");

@@ -109,7 +109,7 @@ TEST(Rig, BestFocalDepthAtTheEndsOfDoubles) {
   constexpr double kMost = std::numeric_limits<double>::max();
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   for (const double depth : {kLeast, 1e-310, 1e-3, 0.1, 1.7, 1e9, kMost}) {
-    EXPECT_EQ(optimal_focal_depth({depth, depth}), depth);  // near = far: nowhere else
+    EXPECT_EQ(optimal_focal_depth({depth, depth}), depth);  // near = far: no other depth
   }
   EXPECT_EQ(optimal_focal_depth({kLeast, kInfinity}), 2 * kLeast);
   EXPECT_EQ(optimal_focal_depth({1.5, kInfinity}), 3);  // eq. 2.2

@@ -24,7 +24,7 @@ schemas::PhotometricResponse mixing(double by) {
   return response;
 }
 
-/// What a camera shows of a chart in the lower left of its picture.
+/// Returns the measurement by a camera of a chart in the lower left of its picture.
 ChartMeasurement sight_of(const schemas::PhotometricResponse& response) {
   ChartMeasurement measurement;
   measurement.frames = 1;
@@ -48,7 +48,7 @@ void expect_matrix(const schemas::ColorMatrix& found, const schemas::ColorMatrix
   }
 }
 
-/// All but the matrix.
+/// Returns the response with an identity matrix.
 schemas::PhotometricResponse unmixed(schemas::PhotometricResponse response) {
   response.matrix = schemas::kIdentityColorMatrix;
   return response;
@@ -59,8 +59,8 @@ TEST(ColorChart, FindsWhatChannelsSeeOfEachOther) {
   const ColorMatch found = match_charts({sight_of(one), sight_of(other)},
                                         {unmixed(one), unmixed(other)}, {"a", "b"}, {1, true});
   EXPECT_THAT(found.reasons, IsEmpty());
-  // As bright as the second camera shows the greys.
-  // (Its greys are not quite grey, and shift with the mixture.)
+  // The brightness is that of the second camera's greys, which are slightly coloured and therefore
+  // shift with the crosstalk.
   const double scale = found.responses[1].matrix[1][1] / other.matrix[1][1];
   EXPECT_NEAR(scale, 1, 0.005);
   for (std::size_t camera : {0U, 1U}) {
@@ -150,7 +150,7 @@ TEST(ColorChart, OneCameraOfManyThatIsWrongIsNamed) {
   EXPECT_LT(found.fits[3].mean_difference, 0.1);
   EXPECT_GT(found.fits[11].mean_difference, 4);
   EXPECT_EQ(found.fits[11].inliers, rig::kChartPatches);
-  // Nothing can be used of it, and its contrast is known.
+  // No patch of camera 11 is usable, and its contrast is known already.
   for (ChartMeasurement::Patch& patch : measurements[11].patches) patch.is_exposed = false;
   std::vector<schemas::PhotometricResponse> known(16, unmixed(right));
   for (schemas::PhotometricResponse& response : known) response.contrast = {1.01, 1, 1};

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Detects the corners of a board (board.h) in the frames of a take. For a lens it searches a few
+// frames of one camera, spread evenly. For an array it searches all frames of all cameras, which
+// gives one track per corner and camera. Cost: one full JPEG decode and one board search per frame;
+// frames run in parallel.
 #include "calibrate/detect/board_detection.h"
 
 #include <algorithm>

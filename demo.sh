@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# The main job from nothing: installs what is missing, builds, simulates a take of 64 free-running
-# cameras, resynchronises it, renders a moving shot that no camera recorded as EXR, and leaves a
-# preview movie, a contact sheet and a table of speed against accuracy beside it.
-# Usage: ./demo.sh [OUTPUT_FOLDER]      (default: demo-output; a second run reuses what is there)
+# Runs the main task from a fresh checkout: installs missing packages and builds. Then simulates a
+# take of 64 free-running cameras, resynchronises it, and renders a moving shot that no camera
+# recorded as EXR. Next to the frames it writes a preview movie, a contact sheet and a table of
+# speed against accuracy.
+# Usage: ./demo.sh [OUTPUT_FOLDER]      (default: demo-output; a second run reuses existing files)
 set -euo pipefail
 cd "$(dirname "$0")"
 out="${1:-demo-output}"

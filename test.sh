@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Installs what is missing, builds with warnings as errors, runs every test.
-#   ./test.sh            everything that decides whether a change lands
+# Installs missing packages, builds with warnings as errors, and runs the tests.
+#   ./test.sh            all checks and tests that a change must pass
 #   ./test.sh fast       builds and runs the tests without the label `slow`
 #   ./test.sh asan|tsan  all tests under that sanitizer
 #   ./test.sh fuzz [S]   every fuzz target for S seconds (default 60)
@@ -9,7 +9,7 @@ set -euo pipefail
 cd "$(dirname "$0")"
 what="${1:-all}"
 jobs="$(nproc)"
-# The same cases every time decide; RC_PARAMS="max_success=20000" ./test.sh looks further.
+# Property tests repeat the same cases; RC_PARAMS="max_success=20000" ./test.sh tries more.
 export RC_PARAMS="${RC_PARAMS:-seed=20051}"
 
 step() { printf '\n== %s (%ss since start)\n' "$1" "$SECONDS"; }
@@ -31,7 +31,7 @@ run_tests() {  # PRESET [CTEST OPTION...]
   if ctest --test-dir "build/$1" -j "$((jobs + 1))" --no-tests=error --output-on-failure "${@:2}" >"$log" 2>&1; then
     grep -E '\(Skipped\)|tests passed|Total Test time' "$log"
   else
-    # What failed and what it printed; the rest is in the log.
+    # Print the failed tests with their output; the log has the rest.
     awk '/^ *[0-9]+\/[0-9]+ Test +#/ { show = /\*\*\*/ && !/\*\*\*Skipped/ } /tests passed/ { show = 1 }
          show && !/^ +Start +[0-9]+:/' "$log"
     echo "The whole log: $log" >&2

@@ -41,8 +41,8 @@ class TemporaryFile {
 void check_writable(const std::filesystem::path& target);
 
 /// Writes a complete file under a temporary name and renames it. Throws Error (failed) if the disk
-/// is full, permission or the folder is missing, or the target exists but is not a regular file (a
-/// device would be replaced). An existing file is unchanged then.
+/// is full, or if permission or the folder is missing. It does so, too, if the target is not a
+/// regular file: a device would be replaced. An existing file is unchanged then.
 void write_file_atomically(const std::filesystem::path& target, std::span<const std::byte> bytes);
 void write_file_atomically(const std::filesystem::path& target, std::string_view text);
 

@@ -15,16 +15,17 @@ enum class ExitCode : int { kSuccess = 0, kFailed = 1, kBadInput = 2, kSomeFrame
 /// it), and what to do. Broken invariants are assertions, not Errors.
 class Error : public std::exception {
  public:
-  /// Arguments, documents or data are unusable: exit code 2.
+  /// Returns an Error for unusable arguments, documents or data: exit code 2.
   static Error bad_input(std::string what_happened, std::string where, std::string what_to_do);
-  /// The run failed with good input (disk full, permission, lost file): exit code 1.
+  /// Returns an Error for a run that failed with good input (disk full, permission, lost file):
+  /// exit code 1.
   static Error failed(std::string what_happened, std::string where, std::string what_to_do);
-  /// As failed(); appends the text of the current errno to `what_happened`.
+  /// Returns failed() with the text of the current errno appended to `what_happened`.
   static Error from_errno(std::string_view what_happened, std::string where,
                           std::string what_to_do);
 
-  /// Returns a copy that names the settings which the advice is about, by names such as
-  /// "focal_depth", so that a user interface can say how they are set.
+  /// Returns a copy that names the settings which the advice concerns, such as "focal_depth". A
+  /// user interface can then add how they are set.
   Error concerning(std::vector<std::string> settings) const;
 
   /// Returns "where: what happened. What to do." on one line.

@@ -25,20 +25,20 @@ struct Image {
       : width(columns), height(rows), values(std::move(contents)) {}
   bool operator==(const Image&) const = default;
 
-  /// Offset in `values` of the first channel of pixel (x, y).
+  /// Returns the offset in `values` of the first channel of pixel (x, y).
   std::size_t offset(int x, int y) const {
     return static_cast<std::size_t>((static_cast<std::ptrdiff_t>(y) * width + x) * Channels);
   }
   T& at(int x, int y, int channel = 0) { return values[offset(x, y) + channel]; }
   const T& at(int x, int y, int channel = 0) const { return values[offset(x, y) + channel]; }
-  /// The nearest pixel inside the image.
+  /// Returns the nearest pixel inside the image.
   const T& clamped(int x, int y, int channel = 0) const {
     return at(std::clamp(x, 0, width - 1), std::clamp(y, 0, height - 1), channel);
   }
   bool contains(int x, int y) const { return x >= 0 && y >= 0 && x < width && y < height; }
   std::span<T> row(int y) { return {values.data() + offset(0, y), offset(0, 1)}; }
   std::span<const T> row(int y) const { return {values.data() + offset(0, y), offset(0, 1)}; }
-  /// The channels of pixel (x, y).
+  /// Returns the channels of pixel (x, y).
   std::span<T, Channels> pixel(int x, int y) {
     return std::span<T, Channels>(values.data() + offset(x, y), Channels);
   }

@@ -28,7 +28,7 @@ class ParallelLoop {
   ParallelLoop(const ParallelLoop&) = delete;
   ParallelLoop& operator=(const ParallelLoop&) = delete;
 
-  /// Call within a task. Runs body() unless another body has failed.
+  /// Runs body() unless another body has failed. Call it within a task.
   template <class Body>
   void run(const Body& body) {
     if (forked_.load(std::memory_order_acquire) == 0 || failed()) return;
@@ -42,7 +42,7 @@ class ParallelLoop {
 
   bool failed() const { return failed_.load(std::memory_order_relaxed); }
 
-  /// Call after the loop. Rethrows the exception of the first body that failed.
+  /// Rethrows the exception of the first body that failed. Call it after the loop.
   void join() {
     joined_.load(std::memory_order_acquire);
     if (error_) std::rethrow_exception(error_);

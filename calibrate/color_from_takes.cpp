@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Calibrates the colour of an array (thesis 4.3) in up to three steps, each of which starts from
+// the result of the previous one: flat targets (flat_field_match.h), a chart (color_chart.h), the
+// scene itself (scene_color.h).
 #include "calibrate/color_from_takes.h"
 
 #include <fmt/format.h>

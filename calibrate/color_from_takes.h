@@ -40,8 +40,9 @@ struct ColorFromTakes {
 
 /// Estimates the colour response of every camera (thesis 4.3). `rig` describes the cameras;
 /// `rig_file` names it in errors. Calls `progress` with the share that is done, in [0, 1]. Throws
-/// Error (bad input) for takes of other cameras or frame sizes, exposures that contradict the
-/// pictures, and a scene whose rig has no poses; (failed) if a stop is requested.
+/// Error (bad input) for takes of other cameras or frame sizes, and for exposures that contradict
+/// the pictures. It also throws it for a scene whose rig has no poses, and Error (failed) if a stop
+/// is requested.
 ColorFromTakes calibrate_color(const ColorFromTakesOptions& options,
                                const schemas::RigDocument& rig,
                                const std::filesystem::path& rig_file,

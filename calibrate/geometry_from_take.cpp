@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Collects the detections of a take (light, board or scene features) and the settings that depend
+// on its cameras, for a calibration of the array.
 #include "calibrate/geometry_from_take.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Calibrates the lenses of a take's cameras from views of a board (Zhang 2000, lens_calibration.h).
+// Cameras of one model may share a prior. Cost: the board search in at most `max_views` frames per
+// camera dominates.
 #include "calibrate/lenses_from_take.h"
 
 #include <fmt/format.h>

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Alternates between a calibration (calibrate()) and the estimation of clock offsets until they
-// converge, or six times. The offset of a camera is the weighted median, over its points, of the
-// reprojection error along the motion of the target divided by its speed in the picture (weight:
-// speed squared). Inputs: tracks per camera, pixels and ns. Cost: one bundle adjustment per round.
+// converge, or six times. Each point gives an offset: the reprojection error along the motion of
+// the target divided by its speed in the picture. The offset of a camera is their median, weighted
+// by speed squared. Inputs: tracks per camera, pixels and ns. Cost: one bundle adjustment per
+// round.
 #include "calibrate/track_calibration.h"
 
 #include <fmt/format.h>

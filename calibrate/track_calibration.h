@@ -32,8 +32,8 @@ struct TrackCalibration {
 
 /// Calibrates an array and the clock offsets of its cameras. A camera with clock offset d observes
 /// a light of velocity v (pixels per second) at a distance v d behind its projection. After each
-/// solve d is estimated from all points of a camera and the times are corrected, until every
-/// correction is below the time of a fiftieth of a pixel. Throws Error as calibrate().
+/// solve d is estimated from all points of a camera and the times are corrected. This ends when
+/// every correction is below the time of a fiftieth of a pixel. Throws Error as calibrate().
 TrackCalibration calibrate_from_tracks(const RecordedTracks& light,
                                        const TrackCalibrationOptions& options);
 

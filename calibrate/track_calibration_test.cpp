@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A light that moves smoothly before free-running cameras whose clocks are wrong; no pictures.
+// Calibrates from simulated tracks of a moving light: free-running cameras with wrong clocks,
+// without pictures.
 #include "calibrate/track_calibration.h"
 
 #include <gmock/gmock.h>
@@ -26,7 +27,7 @@ Vector3d light_at(double seconds) {
 struct Recording {
   RecordedTracks light;
   std::vector<rig::Pose> poses;
-  std::vector<double> clock_ms;  // ahead
+  std::vector<double> clock_ms;  // ahead of the true time
 };
 
 Recording recorded(double most_clock_ms, double noise_px) {
@@ -109,7 +110,7 @@ TEST(InterpolatedTracks, AreSpreadOverTheRecording) {
   EXPECT_EQ(ticks.size(), 20U);
   EXPECT_LT(*ticks.begin(), 15);
   EXPECT_GT(*ticks.rbegin(), 130);
-  // A light at rest is one point.
+  // A light at rest counts as one point.
   PointTrack rests;
   for (int i = 0; i < 50; ++i) {
     rests.frame_detections.push_back({i * kPeriod, {LightDetectionStatus::kFound, {50, 50}, 1, 9}});

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Draws a chart as SVG. Axis steps are 1, 2 or 5 times a power of ten. Names of dots are placed
+// greedily at the first of eight positions that overlaps no dot or other name. Input: points in the
+// axes' units. Cost: quadratic in dots.
 #include "charts/svg_chart.h"
 
 #include <fmt/format.h>

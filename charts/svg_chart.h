@@ -17,7 +17,7 @@ class SvgChart {
     bool ticks = true;
     bool logarithmic = false;  ///< x axis only; `low` must be above 0
   };
-  /// `description`: text for screen readers.
+  /// Begins an empty chart. `description`: text for screen readers.
   SvgChart(std::string description, Axis x, Axis y);
 
   struct Point {

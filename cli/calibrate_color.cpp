@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// raystage calibrate color: estimates the colour response of every camera.
 #include <fmt/format.h>
 
 #include <filesystem>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// raystage calibrate compare: compares two rigs of the same cameras.
 #include <fmt/format.h>
 
 #include <filesystem>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// raystage calibrate geometry: estimates the poses and lenses of the cameras.
 #include <fmt/format.h>
 
 #include <cmath>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// raystage calibrate lens: estimates the lens of each camera from a board.
 #include <fmt/format.h>
 
 #include <filesystem>

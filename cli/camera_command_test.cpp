@@ -24,7 +24,7 @@ struct CameraCommand : ::testing::Test {
         {.frame = 11, .position = {{0, 1, 2}}, .horizontal_fov_deg = 50, .target = {{0, 1, -3}}},
         {.frame = 14, .position = {{0, 1, 0.5}}}};
     schemas::ShotDocument::Layer layer;
-    layer.take = "take";  // need not be there
+    layer.take = "take";  // need not exist
     shot.layers.push_back(layer);
   }
   testing::CommandResult run(const std::string& arguments) const {

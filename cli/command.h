@@ -43,7 +43,7 @@ class Progress {
   explicit Progress(bool enabled = true)
       : Progress(enabled ? ProgressStyle::kAuto : ProgressStyle::kNone) {}
   explicit Progress(ProgressStyle style);
-  /// `done` in [0, 1].
+  /// Shows the progress. `done`: in [0, 1].
   void report(double done);
   /// Prints a line of text on stderr without overwriting the bar.
   void say(std::string_view line);

@@ -32,12 +32,12 @@ class Option {
   /// Accepts numbers in [min, max], which the help lists.
   Option range(int min, int max);
   Option range(double min, double max);
-  /// As range(), but the help does not list the range: the description states it.
+  /// Accepts numbers as range() does. The help does not list the range: the description states it.
   Option limits(int min, int max);
   Option limits(double min, double max);
   Option positive();
   Option non_negative();
-  /// As limits(), or accepts `word`.
+  /// Accepts numbers as limits() does, or `word`.
   Option word_or_limits(const std::string& word, int min, int max);
   /// Accepts these words and makes them the placeholder: a|b|c.
   Option one_of(const std::vector<std::string>& words);
@@ -48,9 +48,9 @@ class Option {
   Option existing_folder();
   /// Takes from `min` to `max` arguments. By default, a list takes one or more.
   Option expected(int min, int max);
-  /// A list takes one argument, with its values between separators; the option may be repeated.
+  /// Makes a list take one argument, with separators between values; the option may be repeated.
   Option one_argument(char separator = '\0');
-  /// A list's values may be separated by commas.
+  /// Accepts commas between a list's values.
   Option comma_separated();
   /// Shows the variable's present value as the default in the help.
   Option show_default();
@@ -68,7 +68,7 @@ class Option {
 /// argument. Without a placeholder the help shows the type. Variables must outlive parse().
 class CommandLine {
  public:
-  /// `name`: as a user types it, "raystage render".
+  /// Declares a command. `name`: as a user types it, "raystage render".
   CommandLine(const std::string& description, const std::string& name);
 
   /// The types of variables that options can set.

@@ -29,7 +29,7 @@ struct Subcommand {
   CommandBody body;
 };
 
-/// As above; runs the body of the subcommand that is given.
+/// Parses the arguments as above, and runs the body of the subcommand that is given.
 int parse_and_run(CommandLine& command, int argc, char** argv, std::string_view name,
                   const std::vector<Subcommand>& subcommands,
                   std::initializer_list<FormerOption> former);

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// raystage evaluate: measures the error and time of a method on views with ground truth.
 #include <fmt/format.h>
 
 #include <cstdio>

@@ -126,7 +126,7 @@ ingest::RecordingTake open_take(const Options& options, const schemas::RecordCon
       ingest::make_recording_rig(config, options.config.parent_path(), cameras), node);
 }
 
-/// Called before cameras are opened, which can take long.
+/// Throws Error if there is no take. Called before cameras are opened, which can take long.
 void check_take_exists(const std::filesystem::path& take) {
   if (std::filesystem::exists(take / "take.json")) return;
   throw Error::bad_input(
@@ -163,7 +163,7 @@ void say_what_memory_it_takes(const ingest::RecordingMemoryPlan& plan, std::size
   if (!warning.empty()) fmt::print(stderr, "raystage record: {}\n", warning);
 }
 
-/// `rate`: bytes per second, if it could be measured.
+/// Prints how long the memory lasts. `rate`: bytes per second, if it could be measured.
 void say_how_long_memory_lasts(std::size_t bytes, std::optional<double> rate) {
   const double memory = static_cast<double>(bytes);
   const std::string text =

@@ -19,7 +19,7 @@ TEST_F(RenderCommand, OneSimdLevelGivesTheSameBytes) {
       const std::string name(render::simd_level_name(level));
       const std::string out = method + ("." + name);
       const std::string options = "--simd " + name;
-      std::filesystem::remove_all(path("take") / "depth");  // found anew by this level
+      std::filesystem::remove_all(path("take") / "depth");  // estimated again at this level
       const testing::CommandResult first = render(out, options);
       ASSERT_EQ(first.exit_code, 0) << first.output;
       EXPECT_THAT(first.output, HasSubstr(", simd " + name + ", SHOT"));
@@ -29,7 +29,7 @@ TEST_F(RenderCommand, OneSimdLevelGivesTheSameBytes) {
       EXPECT_TRUE(testing::files_under(path(out)) == testing::files_under(path(out + ".again")))
           << out;
     }
-    // Unless told, it is the best one's.
+    // By default it is the best level.
     std::filesystem::remove_all(path("take") / "depth");
     const std::string best(render::simd_level_name(render::best_simd_level()));
     const testing::CommandResult plain = render(method + std::string(".plain"));
@@ -42,7 +42,7 @@ TEST_F(RenderCommand, OneSimdLevelGivesTheSameBytes) {
 #if HWY_ARCH_X86
 TEST_F(RenderCommand, KernelsAndLibmRunAtTheLevelThatIsPinned) {
   if (render::simd_levels().size() < 2) GTEST_SKIP() << "this processor has one level";
-  // Level by level something rounds otherwise: nothing would if they were not pinned.
+  // Levels round differently. The bytes would be equal if the levels were not pinned.
   shot_.layers[0].method = "depth";
   for (const char* level : {"sse4", "avx2"}) {
     std::filesystem::remove_all(path("take") / "depth");

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// raystage simulate: simulates a take with ground truth.
 #include "simulate/simulate.h"
 
 #include <fmt/format.h>

@@ -21,7 +21,7 @@ using ::testing::HasSubstr;
 constexpr Nanoseconds kMs = 1'000'000;
 
 struct SyncCommand : ::testing::Test {
-  // Two nodes of four cameras; node "b" is 80 ms ahead; a light goes on for 150 ms at 1.5 s.
+  // Two nodes of four cameras; node "b" is 80 ms ahead; a light flashes for 150 ms at 1.5 s.
   SyncCommand() {
     schemas::TakeDocument document = testing::take_document(8, 20);
     for (std::size_t c = 0; c < 8; ++c) document.cameras[c].node = c < 4 ? "a" : "b";
@@ -70,7 +70,7 @@ TEST_F(SyncCommand, GivenOffsetsAndReport) {
   EXPECT_THAT(read_file(page), HasSubstr("All 8 cameras run at 20.000 Hz"));
   const store::Timeline timeline = store::read_timeline(store::Take(take));
   EXPECT_EQ(timeline.clocks[5].offset_ns, 80 * kMs);
-  // With the clocks right, cameras of both nodes see the light at the same ticks.
+  // With the correct clocks, cameras of both nodes see the light at the same ticks.
   for (const store::FrameSelection& tick : timeline.ticks) {
     if (tick.frame[0] < 0 || tick.frame[4] < 0) continue;
     EXPECT_LE(std::abs(tick.difference[0] - tick.difference[4]), 50 * kMs);
@@ -131,7 +131,7 @@ TEST_F(SyncCommand, RetimingNeedsANewFolder) {
   EXPECT_THAT(unknown.output, HasSubstr("fast not in {blend,flow,nearest}"));
   EXPECT_EQ(run("--flash --flash-window 2 1 " + quoted).exit_code, 2);
   EXPECT_NE(run("--quality 200 -o x " + quoted).exit_code, 0);
-  EXPECT_NE(run("--max-gap 100 " + quoted).exit_code, 0);  // of nothing
+  EXPECT_NE(run("--max-gap 100 " + quoted).exit_code, 0);  // needs --output
 }
 
 TEST_F(SyncCommand, ATickFallsWhereItIsAskedFor) {

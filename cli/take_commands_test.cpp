@@ -116,7 +116,7 @@ TEST_F(TakeCommands, InfoSaysWhichArchiveIsLost) {
 
 TEST_F(TakeCommands, AnAnswerThatCannotBeWrittenIsAFailure) {
   if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full";
-  // The complaint has nowhere to go either.
+  // The error message cannot be written either.
   for (const std::string& command : {"info " + quoted, "info --json " + quoted, "sync " + quoted}) {
     EXPECT_EQ(run(command + " 1>/dev/full").exit_code, 1) << command;
   }

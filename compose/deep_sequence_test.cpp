@@ -17,7 +17,7 @@ namespace {
 
 class DeepSequence : public testing::SequenceTest {
  protected:
-  /// A light field 3 m away, a mesh through it (part before, part behind), glass before all.
+  /// Makes a light field 3 m away, a mesh partly in front of it, and glass in front of both.
   void SetUp() override {
     SequenceTest::SetUp();
     std::ofstream(folder_.path() / "slant.obj")

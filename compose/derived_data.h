@@ -36,21 +36,22 @@ struct LayerTick {
 };
 
 /// Returns the data that the frames of a shot need, each file once, ordered by the first frame that
-/// needs it; with the option `temporal` also that of adjacent ticks. Layers that are invisible at a
-/// frame need nothing. File names depend on every JPEG of a light field frame, so all are read. The
-/// method `auto` is left out: it chooses a method only when it renders. Throws Error as
-/// LightFieldRenderer::stored_file().
+/// needs it. With the option `temporal` it includes that of adjacent ticks. Layers that are
+/// invisible at a frame need nothing. File names depend on every JPEG of a light field frame, so
+/// all are read. The method `auto` is omitted: it chooses a method only when it renders. Throws
+/// Error as LightFieldRenderer::stored_file().
 std::vector<DerivedFrameData> list_derived_data(const ShotPlan& plan,
                                                 std::span<const PlannedFrame> frames);
-/// As above, for the light field frames in `wanted` only; reads no others. Throws Error (bad input)
-/// also if no frame needs one of them.
+/// Returns the data for the light field frames in `wanted` only, and reads no others. Throws Error
+/// (bad input) also if no frame needs one of them.
 std::vector<DerivedFrameData> list_derived_data(const ShotPlan& plan,
                                                 std::span<const PlannedFrame> frames,
                                                 std::span<const LayerTick> wanted);
 
 struct PrepareOptions {
-  std::size_t memory_bytes = 0;  ///< budget of decoded frames and working memory; 0: half of
-                                 ///< available_memory(), at most 4 GiB for each
+  /// Budget of decoded frames and working memory; 0: half of available_memory(), at most 4 GiB for
+  /// each.
+  std::size_t memory_bytes = 0;
   /// Called with values that rise from 0 to 1.
   std::function<void(double)> progress = [](double) {};
   /// Called with one line for the log for each failure.

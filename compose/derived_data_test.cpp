@@ -63,7 +63,8 @@ class Preparation : public testing::SequenceTest {
     const Needed all = needed(cache_folder);
     return prepare_derived_data(*all.plan, all.instants, {}, std::move(stop));
   }
-  /// Prepared data is what rendering would store; rendering then estimates nothing.
+  /// Expects that prepared data is what rendering would store, and that rendering estimates
+  /// nothing.
   void expect_prepared(int solved) {
     const PrepareReport prepared = prepare(cache("prepared"));
     EXPECT_EQ(prepared.derived, solved);
@@ -80,7 +81,7 @@ class Preparation : public testing::SequenceTest {
     EXPECT_EQ(after.light_field_frames_loaded, solved);
     EXPECT_TRUE(contents(cache("prepared")) == stored);
   }
-  /// An actor in front of a blue screen, 3 x 3 cameras.
+  /// Writes a take of an actor in front of a blue screen, 3 x 3 cameras.
   void write_actor_take(double spacing = 0.07) {
     simulate::SimulationOptions simulation;
     simulation.scene = "blue_screen";
@@ -97,7 +98,7 @@ class Preparation : public testing::SequenceTest {
         store::build_timeline(store::Take(folder_.path() / "actor"), simulation.fps, 0),
         folder_.path() / "actor");
   }
-  /// A mesh in front of the camera, which light fields may light.
+  /// Returns a mesh in front of the camera, which light fields may light.
   schemas::ShotDocument::Layer mesh() const {
     std::ofstream(folder_.path() / "square.obj")
         << "v -0.5 -0.5 0\nv 0.5 -0.5 0\nv 0.5 0.5 0\nv -0.5 0.5 0\nf 1 2 3 4\n";

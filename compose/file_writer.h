@@ -30,7 +30,8 @@ class FileWriter {
   /// Called on the writer's thread. Must not throw.
   using Done = std::function<void(const WriteResult&)>;
 
-  /// `max_queued_calls`: number of calls whose files may wait, besides those being written.
+  /// Starts the thread. `max_queued_calls`: number of calls whose files may wait, in addition to
+  /// those being written.
   explicit FileWriter(std::size_t max_queued_calls);
   /// Calls finish().
   ~FileWriter();

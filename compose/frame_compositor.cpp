@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+// Composites one view of a frame. Visible layers are rendered from the front; takes around a volume
+// are blended by ray direction (volume_blending.h). Shadows, clips and opacity are applied to each
+// layer before merge(). Light fields that are lights answer rays of the geometry, the first one in
+// front of the others. Input: the frame's instants and a camera with overscan. Output: an image in
+// the output colour space with all requested AOVs. Cost: the sum of the layers; in layer order none
+// behind an opaque one.
 #include "compose/frame_compositor.h"
 
 #include <tbb/task_arena.h>

@@ -18,7 +18,7 @@ namespace raystage::compose {
 struct CompositingTimes {
   double light_fields_ms = 0, geometry_ms = 0;
   double merge_ms = 0;  ///< and everything else: plates, clips, colours
-  /// Adds the time of a layer; merge_ms is what remains of the whole.
+  /// Adds the time of a layer; merge_ms is the rest of the total.
   void add(LayerStage stage, double ms) {
     if (stage == LayerStage::kLightFields) light_fields_ms += ms;
     if (stage == LayerStage::kGeometry) geometry_ms += ms;

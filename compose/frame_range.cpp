@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Parses and formats frame ranges. Formatting is greedy: from each frame on, the longest run of one
+// step becomes a range. Cost: linear in frames, with sorting when parsing.
 #include "compose/frame_range.h"
 
 #include <fmt/format.h>

@@ -32,7 +32,7 @@ class GeometryTruth : public ::testing::Test {
     return scene_->render(shot);
   }
 
-  /// The meshes that become the light field, and those that stay geometry.
+  /// Returns the meshes that become the light field, and those that stay geometry.
   static std::vector<schemas::ShotDocument::Layer> set() {
     return {TracedScene::mesh("backdrop", "plane.obj", {0, 0, -6}, 6),
             TracedScene::mesh("left", "ball.obj", {-0.7, 0.1, -3.6}, 0.5)};

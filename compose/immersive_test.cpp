@@ -15,7 +15,7 @@ namespace {
 
 using testing::TracedScene;
 
-/// Rotation about the y axis, counter-clockwise from above.
+/// Returns a rotation about the y axis, counter-clockwise from above.
 std::array<double, 4> turned(double degrees) {
   const double half = degrees * std::numbers::pi / 360;
   return {std::cos(half), 0, std::sin(half), 0};
@@ -44,7 +44,7 @@ class Immersive : public ::testing::Test {
   }
   static void TearDownTestSuite() { room_.reset(); }
 
-  /// A room of 8 m with a ball in one of its corners.
+  /// Returns a room of 8 m with a ball in one of its corners.
   static std::vector<schemas::ShotDocument::Layer> walls() {
     return {TracedScene::mesh("walls", "room.obj", {0, 0, 0}, 4),
             TracedScene::mesh("ball", "ball.obj", {2, 0, -2}, 0.6)};
@@ -60,7 +60,7 @@ class Immersive : public ::testing::Test {
             "f 2/1 6/2 8/3 4/4\nf 5/1 6/2 2/3 1/4\nf 3/1 4/2 8/3 7/4\n";
   }
 
-  /// A view from within the volume.
+  /// Returns a shot of one view from within the volume.
   static schemas::ShotDocument shot_looking(double degrees) {
     schemas::ShotDocument shot;
     shot.width = 240;

@@ -47,7 +47,7 @@ class KeyedLightField : public ::testing::Test {
     shot_.layers = {background, actor};
   }
 
-  /// The frame and the tick that it shows.
+  /// Renders the shot's one frame and returns it.
   ExrImage render() {
     schemas::write_shot(shot_, folder_.path() / "shot.json");
     SequenceOptions options;
@@ -57,7 +57,7 @@ class KeyedLightField : public ::testing::Test {
     return read_exr(options.output);
   }
 
-  /// The picture and the figure's coverage of each pixel.
+  /// Returns the picture and the figure's coverage of each pixel.
   std::pair<simulate::LinearImage, std::vector<double>> traced(const std::string& scene_name,
                                                                const render::VirtualCamera& view,
                                                                double seconds) {

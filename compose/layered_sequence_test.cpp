@@ -37,7 +37,7 @@ class LayeredSequence : public testing::SequenceTest {
     layer.start_seconds = 0.2;
     return layer;
   }
-  /// Linear value, alpha and depth of a pixel.
+  /// Returns the linear value, alpha and depth of a pixel.
   std::array<float, 3> at(int x, int y) const {
     const ExrImage image = read_exr(file(101));
     constexpr images::ExrChannel kZ[] = {{"Z"}};

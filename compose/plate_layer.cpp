@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads plates: EXR as premultiplied R, G, B, A and Z, PNG (8 bits) and JPEG by a table from codes
+// to light. Colours are converted to kSceneSpace: from the layer's space, or else from that of the
+// file. Depth is planar, metres. Cost: linear in pixels.
 #include "compose/plate_layer.h"
 
 #include <fmt/format.h>

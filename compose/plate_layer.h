@@ -17,8 +17,9 @@ namespace raystage::compose {
 /// A layer of images of the shot's size: EXR (with Z, unless the layer has a depth), PNG or JPEG.
 class PlateLayer final : public Layer {
  public:
-  /// `folder`: what the path is relative to. `config`: OpenColorIO config for plates that are
-  /// neither linear Rec.709 nor sRGB; none: the built-in one.
+  /// Checks the colour space; opens no file. `folder`: what the path is relative to. `config`:
+  /// OpenColorIO config for plates that are neither linear Rec.709 nor sRGB; none: the built-in
+  /// one.
   PlateLayer(const schemas::ShotDocument& shot, std::size_t index,
              const std::filesystem::path& folder, std::optional<ColorConfig> config);
 

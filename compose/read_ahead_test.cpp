@@ -72,7 +72,7 @@ TEST_F(ReadAhead, LeavesOutFramesThatAreThereAlready) {
   EXPECT_EQ(again.frames_read_ahead, 0);
 }
 
-/// A resumed sequence knows no more of its cameras than a new one.
+/// A resumed sequence has no more data about its cameras than a new one.
 TEST_F(ReadAhead, OfAShotTakenUpAgainAsksForCamerasThatItLooksThrough) {
   look_through_the_first();
   options_.existing = ExistingFiles::kSkip;

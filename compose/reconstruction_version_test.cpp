@@ -17,7 +17,7 @@ namespace {
 
 constexpr int kWidth = 96, kHeight = 64;
 
-/// A checkerboard, 1 m wide, 2.5 m away, in front of the painted plane.
+/// Returns the colour of a checkerboard, 1 m wide, 2.5 m away, in front of the painted plane.
 std::array<double, 3> board_before_plane(const Eigen::Vector3d& eye, const Eigen::Vector3d& ray) {
   const Eigen::Vector3d near = eye - ray * ((2.5 + eye.z()) / ray.z());
   if (std::abs(near.x()) < 0.5 && std::abs(near.y()) < 0.4) {

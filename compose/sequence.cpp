@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Renders the frames of a sequence in increasing order, several in flight. While a frame is
+// rendered, the source frames of a later one are read from the disk, and finished files are written
+// by FileWriter's thread. A frame that fails is reported; only lack of memory ends the sequence.
 #include "compose/sequence.h"
 
 #include <fmt/format.h>
@@ -83,8 +86,8 @@ class SequenceRun {
   static constexpr int kPartsOfFrame = 10, kPartsOfRender = 8;
   static constexpr double kReportedUncoveredShare = 0.02;  // of a view
 
-  /// Requests the source frames of a later frame from the disk, unless its file exists and may be
-  /// kept, which only reading it would show.
+  /// Requests the source frames of a later frame from the disk. Does nothing if the frame's file
+  /// exists and may be kept, as only reading the file can determine.
   void read_ahead(std::size_t index) {
     if (index >= frames_.size()) return;
     if (options_.existing == ExistingFiles::kSkip &&
@@ -226,7 +229,8 @@ class SequenceRun {
     return views;
   }
 
-  /// Reports views that leave the array: their transparent pixels look black and are easily missed.
+  /// Reports views that leave the array: their transparent pixels appear black and are easily
+  /// missed.
   void report_uncovered_views() const {
     for (const auto& [layer, uncovered_share] : uncovered_) {
       options_.on_message(

@@ -35,9 +35,10 @@ struct SequenceOptions {
   std::optional<schemas::HoleFill> fill;  ///< replaces that of the shot
   schemas::OptionValues target;           ///< as ShotPlan
   int frames_in_flight = 0;               ///< 0: one per thread of the TBB arena, at most 16
-  std::size_t memory_bytes = 0;  ///< budget of frames, caches and working memory; 0: half of
-                                 ///< available_memory(), of which the cache gets 4 GiB at most
-  std::string layout;            ///< replaces that of the shot unless empty
+  /// Budget of frames, caches and working memory; 0: half of available_memory(), of which the cache
+  /// gets at most 4 GiB.
+  std::size_t memory_bytes = 0;
+  std::string layout;                  ///< replaces that of the shot unless empty
   std::filesystem::path color_config;  ///< replaces that of the shot unless empty
   bool chromaticities = false;         ///< as in ExrMetadata
   std::vector<std::string> aovs;       ///< in addition to those of the shot: ShotDocument::Output
@@ -57,7 +58,7 @@ struct SequenceOptions {
 };
 
 /// Wall-clock time of each stage, milliseconds, summed over the frames. Several frames are in
-/// flight at once; writing has a thread of its own.
+/// flight at once; writing has its own thread.
 struct StageTimes {
   double light_fields = 0, geometry = 0;
   double merge = 0;       ///< and everything else: plates, clips, colours
@@ -87,7 +88,7 @@ struct SequenceReport {
   store::DecodeCosts decoding;  ///< part of the time of light fields
   int frames_in_flight = 1;     ///< largest number at once
 
-  /// Returns kSuccess only if every requested frame exists whole; kBadInput if bad input caused all
+  /// Returns kSuccess only if every requested frame is complete; kBadInput if bad input caused all
   /// failures and no frame exists.
   ExitCode exit_code() const;
   /// Returns one line: frames, frames per second, decoded pixels, bytes written, peak memory.

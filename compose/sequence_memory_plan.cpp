@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Divides the memory budget of a sequence: fixed shares for meshes, textures, mattes and queued
-// files; then as many frames in flight as fit with the decoded source frames that their views use
-// at once; the rest in equal parts for the light fields. A frame is estimated in bytes per pixel of
-// each stage. Cost: frames x views x layers.
+// Divides the memory budget of a sequence. Meshes, textures, mattes and queued files get fixed
+// shares. Then as many frames are in flight as fit with the decoded source frames that their views
+// use at once. The light fields get equal parts of the rest. A frame is estimated in bytes per
+// pixel of each stage. Cost: frames x views x layers.
 #include "compose/sequence_memory_plan.h"
 
 #include <fmt/format.h>

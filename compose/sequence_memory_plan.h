@@ -16,7 +16,7 @@ std::string format_byte_size(double bytes);
 /// Returns the size of a frame's files without compression, bytes; with both eyes of stereo shots.
 std::size_t uncompressed_file_bytes(const ShotPlan& plan, bool deep);
 
-/// Largest number of finished frames that wait for the disk, besides the one being written.
+/// Largest number of finished frames that wait for the disk, in addition to the one being written.
 inline constexpr std::size_t kMaxQueuedFrames = 1;
 
 /// Memory budget of a sequence and what it is for.

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Parses the frame token of an image sequence's name: "####", "@@@@" or "%04d". Formats and
+// recognises file names of frames. Cost: linear in the length of the name.
 #include "compose/sequence_name.h"
 
 #include <fmt/format.h>
@@ -98,8 +100,8 @@ SequenceName SequenceName::with(std::string_view word) const {
 
 std::optional<int> SequenceName::frame_from_file_name(std::string_view file_name) const {
   if (!has_token_) return std::nullopt;
-  const std::string_view before =
-      std::string_view(before_).substr(before_.find_last_of('/') + 1);  // npos + 1 == 0
+  // npos + 1 == 0
+  const std::string_view before = std::string_view(before_).substr(before_.find_last_of('/') + 1);
   if (file_name.size() < before.size() + after_.size() || !file_name.starts_with(before) ||
       !file_name.ends_with(after_)) {
     return std::nullopt;

@@ -10,9 +10,9 @@ namespace raystage::compose {
 
 /// The name of an image sequence: a path whose file name contains a token for the frame number.
 ///
-/// "####" is a number with at least that many digits, zero-padded (a single "#": four, as in
-/// fileseq and OpenImageIO). Each "@" is one digit; "%04d" and "%d" are as in printf. Larger frame
-/// numbers get more digits; a minus sign counts as a digit ("-005"), as in printf.
+/// "####" is a number with at least that many digits, zero-padded. A single "#" is four digits, as
+/// in fileseq and OpenImageIO. Each "@" is one digit; "%04d" and "%d" are as in printf. Larger
+/// frame numbers get more digits; a minus sign counts as a digit ("-005"), as in printf.
 class SequenceName {
  public:
   /// Throws Error (bad input) for two frame tokens, one in a folder name, or an unknown "%".

@@ -35,8 +35,8 @@ struct PlannedFrame {
 /// Settings that replace or extend those of the shot.
 struct ShotPlanOptions {
   std::optional<schemas::HoleFill> fill = {};
-  schemas::OptionValues target =
-      {};  ///< not empty: the method `auto` with these options for every light field
+  /// Not empty: the method `auto` with these options for every light field.
+  schemas::OptionValues target = {};
   std::string layout = "";                  ///< not empty: of the EXR files
   std::filesystem::path color_config = {};  ///< not empty: OpenColorIO's
   std::vector<std::string> aovs = {};       ///< in addition to those of the shot
@@ -100,7 +100,7 @@ class ShotPlan {
   std::size_t volume_layer_count(std::size_t layer) const;
 
   const ShotColorSpaces& colors() const { return colors_; }
-  /// As ShotPlanOptions.
+  /// Returns ShotPlanOptions::cache_folder.
   const std::filesystem::path& cache_folder() const { return cache_folder_; }
   render::DistributedTakes* hosts() const { return hosts_; }
   /// Returns whether the files contain an AOV (ShotDocument::Output::aovs).
@@ -122,9 +122,9 @@ class ShotPlan {
   void check_files(std::span<const PlannedFrame> frames) const;
 
   /// Returns the hash of everything that determines the file of a frame: camera, layers, size and
-  /// output of the shot, take.json and rig.json, time and XXH3 of each source frame (also those of
-  /// adjacent ticks if the method reads them), kReconstructionVersion. Paths, threads and other
-  /// frames are not included.
+  /// output of the shot, take.json, rig.json and kReconstructionVersion. It includes time and XXH3
+  /// of each source frame, also those of adjacent ticks if the method reads them. Paths, threads
+  /// and other frames are not included.
   std::string fingerprint(const PlannedFrame& frame, bool chromaticities) const;
   /// Returns the header of a frame. Take and method are those of the first visible light field.
   ExrMetadata metadata(const PlannedFrame& frame) const;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Measures error, time and memory of every setting (evaluate_views()) with every camera step and
-// number of threads, one row at a time, and marks the Pareto fronts of PSNR and SSIM against time.
-// Adds the prediction of the sampling theorem (thesis eq. 2.1). Cost: one evaluation per row.
+// number of threads, one row at a time. Marks the Pareto fronts of PSNR and SSIM against time. Adds
+// the prediction of the sampling theorem (thesis eq. 2.1). Cost: one evaluation per row.
 #include "evaluation/bench.h"
 
 #include <malloc.h>

@@ -53,7 +53,7 @@ struct BenchRow {
   std::optional<SpacingPrediction> predicted;         ///< none without a depth range
   bool on_psnr_front = false, on_ssim_front = false;  ///< among rows of equal cameras and threads
 
-  /// Wall-clock time of a view whose instant is prepared: decoding and rendering.
+  /// Returns the wall-clock time of a view whose instant is prepared: decoding and rendering.
   double seconds_per_frame() const {
     return (evaluation.mean.decode_ms + evaluation.mean.render_ms) / 1e3;
   }
@@ -81,7 +81,7 @@ BenchResult measure_bench(const store::Take& take, const schemas::ViewsDocument&
 // Reports of a result, documented in docs/formats/trade.md.
 std::string bench_as_csv(const BenchResult& trade);
 std::string bench_as_json(const BenchResult& trade);  ///< schema "raystage/trade/1"
-/// A Markdown table with aligned columns, and below it the methods' notes on the rows.
+/// Returns a Markdown table with aligned columns, and below it the methods' notes on the rows.
 std::string bench_as_table(const BenchResult& trade);
 
 }  // namespace raystage::evaluation

@@ -173,7 +173,7 @@ TEST_F(MeasuredTake, SaysWhatAutoChoseForATarget) {
   std::vector<std::string> labels;
   for (const BenchSetting& setting : plan_.settings) labels.push_back(setting.label);
   EXPECT_THAT(labels, ::testing::ElementsAre("auto", "auto 30 dB", "auto 50 ms"));
-  plan_.settings.erase(plan_.settings.begin());  // depth, which takes its time
+  plan_.settings.erase(plan_.settings.begin());  // depth, which is slow
   const BenchResult trade = measure();
   const std::string table = bench_as_table(trade);
   EXPECT_THAT(table, HasSubstr("\n* auto 30 dB: auto: focal_plane: "));

@@ -42,8 +42,8 @@ struct EvaluationOptions {
   int camera_step = 1;
   schemas::HoleFill fill = schemas::HoleFill::kNone;  ///< if not none, all pixels are measured
   int view_step = 1;  ///< every n-th view is rendered, from the first on
-  /// Timed renderings of each view after the first, with decoded frames and a filled result cache;
-  /// at most as many as take 2 s. 0: report the times of the first.
+  /// Timed renderings of each view after the first, with decoded frames and a filled result cache.
+  /// At most as many as take 2 s; 0: report the times of the first.
   int repeat = 0;
   bool count_needed_pixels = true;  ///< renders each view once more to count
   store::BlendSpace blend_space = store::BlendSpace::kPerceptual;
@@ -101,9 +101,10 @@ std::vector<int> excluded_camera_indices(const store::Take& take,
                                          int camera_step);
 
 /// Renders every view at its instant (see make_evaluation_cases()) and compares it with its truth
-/// image. `views` may be empty if cameras are excluded. Throws Error (bad input): unknown camera,
-/// no depth range for the optimal focal plane, unreadable truth, a truth image of another size, a
-/// timeline that is damaged or of another take, no view within the take's time.
+/// image. `views` may be empty if cameras are excluded. Throws Error (bad input) for an unknown
+/// camera, an optimal focal plane without a depth range, and a truth image that is unreadable or of
+/// another size. It does so, too, for a timeline that is damaged or of another take, and if no view
+/// is within the take's time.
 Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument& views,
                           const std::filesystem::path& views_folder,
                           const EvaluationOptions& settings,
@@ -113,7 +114,7 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
 std::string evaluation_as_json(const Evaluation& evaluation);
 /// Returns a table for the terminal: a line per view and the mean.
 std::string evaluation_as_text(const Evaluation& evaluation);
-/// The two heading lines and a row of a Markdown table.
+/// Return the two heading lines and a row of a Markdown table.
 std::string evaluation_table_heading();
 std::string evaluation_table_row(const Evaluation& evaluation, const std::string& label);
 

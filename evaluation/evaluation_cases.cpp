@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Lists the views to evaluate: those of a document, and one per frame of an excluded camera, with
+// the frames that each shows. Truths are functions that read or decode an image when called. Cost:
+// linear in views and ticks.
 #include "evaluation/evaluation_cases.h"
 
 #include "base/error.h"

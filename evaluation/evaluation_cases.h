@@ -26,11 +26,11 @@ int camera_named(const store::Take& take, const std::string& id);
 /// Returns the views of the document and of the excluded cameras, every settings.view_step-th of
 /// them.
 ///
-/// Instants are selected as in a shot: a view shows the timeline's tick nearest to its time, and
+/// Instants are selected as in a shot. A view shows the timeline's tick nearest to its time, and
 /// nothing if it is more than half a tick outside. An excluded camera has a view per tick that
 /// takes a frame of it, named ID_TICK, or ID in a still. Without a timeline (null), time stamps
-/// select: a view shows each camera's frame nearest to its time within default_frame_tolerance(),
-/// and an excluded camera has a view per frame, named ID_FRAME.
+/// select. A view then shows each camera's frame nearest to its time within
+/// default_frame_tolerance(). An excluded camera has a view per frame, named ID_FRAME.
 ///
 /// The take must outlive the result. Throws Error (bad input): unknown camera, no view at all.
 std::vector<EvaluationCase> make_evaluation_cases(const store::Take& take,

@@ -121,7 +121,7 @@ TEST_F(Subjects, ACameraLeftOutHasAViewPerTickThatTakesItsFrame) {
               ElementsAre(fourth + "_0", fourth + "_1", fourth + "_3", fourth + "_4"));
   EXPECT_EQ(views[2].frames.frame, timeline_.ticks[3].frame);
   EXPECT_NEAR(views[2].truth().image.values.front(), grey_at(3), 1);
-  timeline_.ticks[3].frame[3] = -1;  // there, but not to be trusted
+  timeline_.ticks[3].frame[3] = -1;  // stored, but not selected
   EXPECT_THAT(ids_of(excluded_camera_ids(fourth, &timeline_)),
               ElementsAre(fourth + "_0", fourth + "_1", fourth + "_4"));
   timeline_.ticks.resize(1);

@@ -124,7 +124,7 @@ TEST_F(EvaluatedTake, EveryNthView) {
   EXPECT_EQ(evaluation.views[1].id, "r3c3");
   EXPECT_EQ(evaluation.cameras, 22);
   const auto json = nlohmann::json::parse(evaluation_as_json(evaluation));
-  EXPECT_EQ(json["temporal_stability"]["psnr_max_step_db"], 0);  // two places, not a shot
+  EXPECT_EQ(json["temporal_stability"]["psnr_max_step_db"], 0);  // two positions, not a shot
   EXPECT_NEAR(
       json["temporal_stability"]["psnr_stddev_db"].get<double>(),
       std::abs(evaluation.views[0].quality.psnr_db - evaluation.views[1].quality.psnr_db) / 2,

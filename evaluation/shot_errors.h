@@ -28,8 +28,8 @@ std::string_view shot_of_view(std::string_view id);
 /// Accumulates the views' errors by shot. Memory: 9 bytes per pixel and channel for each shot.
 class ShotErrors {
  public:
-  /// `covered`: 1 per pixel that counts. Views of another size than the first of their shot are
-  /// ignored.
+  /// Adds the errors of a view. `covered`: 1 per pixel that counts. Views of another size than the
+  /// first of their shot are ignored.
   void add(std::string_view view_id, const store::RgbImage& image, const store::RgbImage& truth,
            std::span<const std::uint8_t> covered);
   /// Returns the shots of at least two views, in order of appearance.

@@ -17,7 +17,7 @@ store::RgbImage grey(int width, int height, std::uint8_t code) {
 TEST(ShotOfView, IsItsIdWithoutANumber) {
   EXPECT_EQ(shot_of_view("dolly_3"), "dolly");
   EXPECT_EQ(shot_of_view("path-of-light-0012"), "path-of-light");
-  EXPECT_EQ(shot_of_view("j13i13"), "j13i13");  // no sign between: a place, not a number
+  EXPECT_EQ(shot_of_view("j13i13"), "j13i13");  // no separator: a position, not a number
   EXPECT_EQ(shot_of_view("left"), "left");
   EXPECT_EQ(shot_of_view("0007"), "0007");
   EXPECT_EQ(shot_of_view("_7"), "_7");

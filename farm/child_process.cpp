@@ -125,7 +125,7 @@ ChildResult run_child(const std::vector<std::string>& command, const ChildOption
   const Descriptor log(options.log.empty() ? -1
                                            : open(options.log.c_str(),
                                                   O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
-  // A thread of its own, because the child may print before it has read all input.
+  // Input has its own thread, because the child may print before it has read all of it.
   std::thread feeder([input = options.input, end = std::move(in.write)]() mutable {
     std::size_t done = 0;
     while (done < input.size()) {

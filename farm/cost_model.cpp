@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Predicts the duration of a job on a number of nodes with a bottleneck model (Denning and Buzen,
-// "The operational analysis of queueing network models", 1978, asymptotic bounds): the throughput
-// is that of the resource that saturates first. Inputs: costs per frame and task in seconds and
-// bytes, measured from the records of a job, and the rates of a site. Cost: constant per
+// Predicts the duration of a job on a number of nodes with a bottleneck model: the throughput is
+// that of the resource that saturates first. Source: Denning and Buzen, "The operational analysis
+// of queueing network models", 1978, asymptotic bounds. Inputs: costs per frame and task in seconds
+// and bytes, measured from the records of a job, and the rates of a site. Cost: constant per
 // prediction; measured_costs() is linear in attempts and frames.
 #include "farm/cost_model.h"
 

@@ -57,7 +57,7 @@ struct ScalingPrediction {
 };
 
 /// Predicts the time of a job on `nodes` nodes. Each stage takes as long as its slowest resource:
-/// processors in whole waves of tasks, the shared storage, or the scheduler. Stages run in
+/// processors in complete waves of tasks, the shared storage, or the scheduler. Stages run in
 /// sequence.
 ScalingPrediction predict_scaling(const JobCosts& job, const SiteParameters& site, int nodes);
 

@@ -88,10 +88,10 @@ TEST(CostModel, TellsFramesFromTheRestOfATask) {
   schemas::FarmJobDocument job = testing::make_small_job();
   TaskAttempts attempts;
   for (int i = 0; i < 2; ++i) {
-    schemas::FarmAttempt attempt =
-        testing::make_attempt(i, schemas::AttemptResult::kDone);  // 6 s, three frames
+    // 6 s, three frames.
+    schemas::FarmAttempt attempt = testing::make_attempt(i, schemas::AttemptResult::kDone);
     schemas::RenderStageCosts& stages = attempt.end->rendering.emplace();
-    stages.frames = i == 0 ? 2 : 3;  // one was whole before
+    stages.frames = i == 0 ? 2 : 3;  // one was complete before
     stages.seconds = i == 0 ? 3.0 : 4.5;
     stages.encode_s = i == 0 ? 1.0 : 2.0;
     stages.read_bytes = 1e6;

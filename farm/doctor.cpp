@@ -70,7 +70,7 @@ std::string size_fault(const schemas::FarmJobDocument& job, const SlurmNode& nod
   return "";
 }
 
-/// Returns the state of a Slurm job, e.g. "PENDING", or nothing if Slurm does not know it.
+/// Returns the state of a Slurm job, e.g. "PENDING", or nothing if Slurm does not have it.
 std::string slurm_state_of(const std::string& id) {
   const ChildResult result = run_child({"squeue", "-h", "-j", id, "-o", "%T"});
   return result.exit_code == 0 ? result.out : std::string();

@@ -16,7 +16,7 @@ namespace raystage::farm {
 /// only state of a job: the scheduler's memory is never needed to determine what was done.
 class JobFolder {
  public:
-  /// Only stores the path; reads nothing.
+  /// Stores the path; reads nothing.
   explicit JobFolder(std::filesystem::path folder) : path_(std::move(folder)) {}
 
   const std::filesystem::path& path() const { return path_; }
@@ -29,9 +29,9 @@ class JobFolder {
   std::filesystem::path slurm_ids() const { return path_ / "slurm"; }
   std::filesystem::path round_file(int round) const;
   std::filesystem::path end_file() const { return path_ / "ended.json"; }
-  /// The file exists once the job was cancelled.
+  /// Returns the file that exists once the job was cancelled.
   std::filesystem::path cancel_file() const { return path_ / "cancelled"; }
-  /// The file names the job folder that this job waits for; it exists only if there is one.
+  /// Returns the file with the job folder that this job waits for; it exists only if there is one.
   std::filesystem::path after_file() const { return path_ / "after"; }
 
   /// Returns the job with paths as the nodes see them. Throws Error (bad input) if there is no job
@@ -85,9 +85,8 @@ std::optional<JobFolder> find_live_job(const std::string& output,
 /// same folder. Throws Error (failed) if the folder cannot be created.
 JobFolder create_job_folder(const std::string& output);
 
-/// Returns the job that a user names by its folder, by its job.json, by the folder of an output's
-/// jobs (the newest) or by the output's pattern (the newest). Throws Error (bad input) if there is
-/// none.
+/// Returns the job that a user names by its folder or its job.json. The folder of an output's jobs,
+/// or the output's pattern, names the newest job. Throws Error (bad input) if there is none.
 JobFolder find_job(const std::filesystem::path& named);
 
 /// Reads a small text file of a job folder without following links. Returns nothing if the file is

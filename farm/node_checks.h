@@ -10,15 +10,15 @@
 
 namespace raystage::farm {
 
-/// Returns 16 hex digits that identify the renderer of this machine: a hash of the executable
-/// raystage-render next to this program and of the versions of the shared libraries that pixels
-/// depend on. Equal builds render equal frames at equal SIMD levels.
+/// Returns 16 hex digits that identify the renderer of this machine. They are a hash of the
+/// executable raystage-render next to this program and of the versions of the shared libraries that
+/// pixels depend on. Equal builds render equal frames at equal SIMD levels.
 std::string build_id();
 
 /// Returns why this node cannot run tasks of the job although other nodes may, or nothing if it
-/// can: a missing folder, an output folder that is not writable, an unreadable input, no disk space
-/// for a frame, or another build. A job without a build (its tasks run in a container) takes the
-/// build of the first node that is checked, stored in `folder`/build.
+/// can. Reasons: a missing folder, an output folder that is not writable, an unreadable input, no
+/// disk space for a frame, or another build. A job without a build (its tasks run in a container)
+/// takes the build of the first node that is checked, stored in `folder`/build.
 std::optional<std::string> node_fault(const schemas::FarmJobDocument& job,
                                       const std::filesystem::path& folder);
 

@@ -97,7 +97,7 @@ class TemplateCheck {
     return name;
   }
 
-  /// Section 2: STRING and PATH parameters.
+  /// Checks section 2: STRING and PATH parameters.
   void check_parameters(const Json& list) {
     if (!list.is_array() || list.empty() || list.size() > kParameters) {
       return fault("/parameterDefinitions", "1 to 50 elements are allowed (1.1)");
@@ -165,7 +165,7 @@ class TemplateCheck {
     }
   }
 
-  /// Section 3.3.
+  /// Checks section 3.3.
   void check_requirements(const Json& requirements, const std::string& pointer) {
     if (!check_object(requirements, pointer, {}, {"amounts", "attributes"})) return;
     const Json amounts = requirements.value("amounts", Json::array());
@@ -204,7 +204,7 @@ class TemplateCheck {
     }
   }
 
-  /// Section 3.4: INT parameters with range expressions.
+  /// Checks section 3.4: INT parameters with range expressions.
   void check_space(const Json& space, const std::string& pointer, std::set<std::string>& scope) {
     if (!check_object(space, pointer, {"taskParameterDefinitions"}, {"combination"})) return;
     const Json list = space.value("taskParameterDefinitions", Json::array());
@@ -227,7 +227,7 @@ class TemplateCheck {
     }
   }
 
-  /// Sections 3.5 and 5.
+  /// Checks sections 3.5 and 5.
   void check_script(const Json& script, const std::string& pointer,
                     const std::set<std::string>& scope) {
     if (!check_object(script, pointer, {"actions"}, {"embeddedFiles"})) return;
@@ -262,7 +262,7 @@ class TemplateCheck {
     }
   }
 
-  /// Section 7.3: every {{reference}} is in scope.
+  /// Checks section 7.3: every {{reference}} is in scope.
   void check_format(const std::string& text, const std::string& pointer,
                     const std::set<std::string>& scope) {
     static const std::regex reference("\\{\\{\\s*([^{}]*?)\\s*\\}\\}");

@@ -32,8 +32,8 @@ std::string map_shot_paths(std::string_view shot_text, std::string_view name,
                            std::span<const PathMappingRule> rules);
 
 /// Returns the rules that map the paths of a job's document to those of this host, whose job folder
-/// is `folder`: no rules if the nodes use the same path of the folder, otherwise the job's own
-/// mapping reversed.
+/// is `folder`. There are none if the nodes use the same path of the folder; otherwise they are the
+/// job's own mapping reversed.
 std::vector<PathMappingRule> local_path_rules(const schemas::FarmJobDocument& job,
                                               const std::filesystem::path& folder);
 

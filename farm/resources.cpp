@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Estimates the resources of a task, GB = 10^9 bytes. Memory is the larger of twice the memory plan
+// (required_memory()) and 1.3 times the measured peak. Stage prepare needs at least 160 bytes per
+// pixel of all cameras. Time limits are four times the expected time. Cost: that of
+// required_memory().
 #include "farm/resources.h"
 
 #include <algorithm>

@@ -19,8 +19,8 @@ struct ResourceRequest {
   double memory_gb = 0;             ///< requested; 0: estimate it
   std::optional<int> minutes = {};  ///< requested; none: estimate it
   int longest_chunk = 1;            ///< frames
-  const std::optional<schemas::FarmAttempt::End>&
-      measured;  ///< the measured first frame; none: unknown
+  /// The measured first frame; none: unknown.
+  const std::optional<schemas::FarmAttempt::End>& measured;
 };
 
 /// Returns the resources of a task. Memory comes from the memory plan and is raised if the measured

@@ -29,12 +29,12 @@ struct RoundOutcome {
   int first_round = 1;  ///< attempts of earlier rounds do not count
 };
 
-/// Decides which chunks run again. The chunk of a missing frame is in the next round unless its
-/// task has failed `attempts` times, failed because of its inputs, or ran out of memory even
-/// with 1.5 times the memory. A task that did not end by itself (its node died, or it was declined)
-/// runs again. The next round has 1.5 times the memory if a task ran out of memory, and twice the
-/// time if one was stopped. The job fails if all tried nodes have faults, or more than three and
-/// also more than a quarter of them, as the cause is then probably not the nodes.
+/// Decides which chunks run again. The chunk of a missing frame is in the next round. Exceptions:
+/// its task failed `attempts` times, failed because of its inputs, or ran out of memory even with
+/// 1.5 times the memory. A task that did not end by itself (its node died, or it was declined) runs
+/// again. The next round has 1.5 times the memory if a task ran out of memory, and twice the time
+/// if one was stopped. The job fails if all tried nodes have faults, or more than three and also
+/// more than a quarter of them. The cause is then probably not the nodes.
 RoundDecision decide_next_round(const RoundOutcome& state);
 
 /// Returns whether chunks no longer wait for an instant: it was prepared, or its preparation failed

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Finds incomplete frames. All files are checked in parallel; expected ones that are missing are
+// then checked again every 0.5 s until the timeout. Each check requests the folder's entries anew,
+// as clients of network file systems cache them. Cost: reading every file once.
 #include "farm/sequence_check.h"
 
 #include <fcntl.h>

@@ -21,7 +21,7 @@ struct ExpectedFrame {
 
 struct SequenceCheckOptions {
   bool deep = false;  ///< check the deep files, too
-  /// Limit of the wait for an expected frame that is missing or whose handle is stale: the file of
+  /// Limit of the wait for an expected frame that is missing or whose handle is stale. The file of
   /// another host may appear late on a network file system. Measured by this process' steady clock,
   /// never by times of files.
   double timeout_seconds = 60;

@@ -16,13 +16,13 @@ namespace raystage::farm {
 struct SlurmTask {
   std::string stage;   ///< "prepare", "render", "verify", "preview" or "start"
   std::string task;    ///< "123_4" or "123"
-  std::string state;   ///< PENDING, RUNNING, COMPLETED, ... as squeue says
+  std::string state;   ///< PENDING, RUNNING, COMPLETED, ... as in squeue
   std::string reason;  ///< why it is pending
   std::string node;    ///< empty: not assigned yet
   int restarts = 0;
 };
 
-/// Returns all tasks of a job that Slurm still knows, by name of the task, or nothing if the
+/// Returns all tasks of a job that Slurm still has, by name of the task, or nothing if the
 /// controller does not answer.
 std::optional<std::map<std::string, SlurmTask>> slurm_tasks(const schemas::FarmJobDocument& job);
 

@@ -17,7 +17,7 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-/// What /bin/sh says of a script without running it.
+/// Returns the errors that /bin/sh finds in a script without running it.
 std::string shell_complaint(const std::string& script) {
   ChildOptions options;
   options.input = script;
@@ -65,13 +65,13 @@ TEST(SlurmScripts, AskForWhatAStageMayUse) {
   EXPECT_THAT(batch_script(job, schemas::FarmStage::kVerify), Not(HasSubstr("--partition")));
 }
 
-/// A script with false commands of Slurm that write down how they were called.
+/// A script with false commands of Slurm that record their arguments.
 class RoundScript : public ::testing::Test {
  protected:
   std::string run(const schemas::FarmJobDocument& job, const schemas::FarmRound& round) {
     return run_script(round_script(job, round));
   }
-  /// Runs a script in the folder "job" and returns what it asked of Slurm.
+  /// Runs a script in the folder "job" and returns the commands that it gave to Slurm.
   std::string run_script(const std::string& script, const std::string& arguments = "",
                          const std::string& squeue = "") {
     const auto bin = folder_.path() / "bin";

@@ -54,7 +54,7 @@ cd "$JOB" 2>/dev/null && [ -f job.json ] || {
 }
 )sh";
 
-/// sbatch passes SLURM_* variables on whatever --export says: a task that another task queued would
+/// sbatch passes SLURM_* variables on in spite of --export: a task that another task queued would
 /// have the variables of that task.
 inline constexpr std::string_view kUnsetSlurmVariables = R"sh(
 unset_slurm_variables() {

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Determines the status of a job and its tasks. Records in the job folder come first; the scheduler
+// decides only about tasks without an end. Slurm's tasks are matched by array index plus the offset
+// in JOB/slurm. Cost: linear in tasks and attempts.
 #include "farm/status.h"
 
 #include <fmt/format.h>

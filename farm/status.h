@@ -12,8 +12,8 @@
 
 namespace raystage::farm {
 
-/// The state of a task. Ended tasks are known from their records; only the scheduler knows whether
-/// other tasks wait or run.
+/// The state of a task. Ended tasks are known from their records; only the scheduler has the state
+/// of other tasks.
 enum class TaskState {
   kWaiting,  ///< queued
   kRunning,

@@ -218,10 +218,10 @@ bool wants_measure(const SubmissionOptions& options) {
   return options.measure && !options.distributed && options.engine != Engine::kLocal && !all_given;
 }
 
-/// Renders the first frame on this host to its output file, which the job's tasks keep, with the
-/// resources of a task, and records the attempt as stage "measure". Returns nothing if the frame
-/// existed, as nothing was measured. Throws Error (bad input or failed, as the renderer reports) if
-/// the frame cannot be rendered.
+/// Renders the first frame on this host with the resources of a task, and records the attempt as
+/// stage "measure". The job's tasks keep the output file. Returns nothing if the frame existed, as
+/// nothing was measured. Throws Error (bad input or failed, as the renderer reports) if the frame
+/// cannot be rendered.
 std::optional<schemas::FarmAttempt::End> measure_first_frame(const SubmissionOptions& options,
                                                              const SubmissionCheckResult& checked,
                                                              schemas::FarmJobDocument job,

@@ -39,8 +39,8 @@ struct SubmissionOptions {
   std::string program = {};  ///< on the nodes; empty: the mapped path of this program
   std::string simd = {};     ///< empty: avx2, or this machine's best level if it lacks avx2
   std::vector<PathMappingRule> paths = {};
-  std::array<std::vector<std::string>, schemas::kFarmStages.size()> sbatch =
-      {};              ///< options by stage
+  /// Options by stage.
+  std::array<std::vector<std::string>, schemas::kFarmStages.size()> sbatch = {};
   bool after = false;  ///< wait for a live job of the same output
   /// Nodes that hold the archives; engine slurm only. The submitting host needs only the documents
   /// of the takes.

@@ -59,7 +59,7 @@ void check_sbatch_options(const SubmissionOptions& options) {
   }
 }
 
-/// Rejects method `auto`: each task would choose by itself, and tasks could differ.
+/// Rejects method `auto`: each task would choose a method, and the choices could differ.
 void check_methods(const compose::ShotPlan& plan, const fs::path& shot) {
   for (const compose::LightFieldLayer* light_field : plan.light_fields()) {
     if (!light_field->method().chooses_by_measuring()) continue;

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Runs one attempt at a task: records its start, checks the node, runs the command or the
+// verification, and records the end. After a failure the node is checked again: the cause may be a
+// fault of the node, such as a full disk.
 #include "farm/task.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Verifies the frames of a job by their fingerprints (sequence_check.h) and decides what follows
+// (rounds.h): the next round, or the end of the job and its preview. Cost: reading every file once.
 #include "farm/verification.h"
 
 #include <fmt/format.h>

@@ -36,7 +36,7 @@ ExrChannelData read_exr_channels(const std::filesystem::path& file,
                                  std::span<const ExrChannel> channels,
                                  const std::string& what_to_do);
 
-/// Checks, from the headers only, that read_exr_channels() finds the required channels. Returns the
+/// Checks from the headers only that read_exr_channels() finds the required channels. Returns the
 /// display window's width and height. Throws the same Errors.
 std::array<int, 2> check_exr_channels(const std::filesystem::path& file,
                                       std::span<const ExrChannel> channels,

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Imports images and movies as a take. JPEG is stored byte for byte or with added restart markers;
+// other formats are encoded. Cameras run in parallel, each with one frame in memory.
 #include "ingest/import_take.h"
 
 #include <fmt/format.h>

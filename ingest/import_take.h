@@ -14,7 +14,8 @@
 namespace raystage::ingest {
 
 struct ImportOptions {
-  store::JpegEncodeOptions encode{};  ///< for images that are not JPEG, with their restart_interval
+  /// For images that are not JPEG, with their restart_interval.
+  store::JpegEncodeOptions encode{};
   /// Interval in MCUs of the restart markers that are added to JPEG input without a change of its
   /// coefficients (-1: default_restart_interval). Without a value JPEG is stored byte for byte.
   std::optional<int> restart_markers{};

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Makes import manifests for camera models of other programs: names, camera ids and the folder of
+// the images.
 #include "ingest/model_manifest.h"
 
 #include <fmt/format.h>

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads the frames of a movie through FFmpeg: Motion JPEG byte for byte, other codecs decoded in
+// one thread and converted to 8-bit RGB by swscale.
 #include "ingest/movie_reader.h"
 
 #include <fmt/format.h>

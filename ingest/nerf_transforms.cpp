@@ -17,8 +17,8 @@
 #include "schemas/validator.h"
 
 // Converts a NeRF transforms.json. Focal lengths come from fl_x and fl_y in pixels, or from the
-// angles: fl = size / (2 tan(angle / 2)). transform_matrix is world_from_camera (y up, -z forward):
-// its uniform scale, the cube root of the determinant, is removed. Cost: linear in the frames, and
+// angles: fl = size / (2 tan(angle / 2)). transform_matrix is world_from_camera (y up, -z forward).
+// Its uniform scale, the cube root of the determinant, is removed. Cost: linear in the frames, and
 // one file header per frame without a size.
 
 namespace raystage::ingest {

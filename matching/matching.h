@@ -50,40 +50,42 @@ struct SemiGlobalOptions {
   int p2 = 200;  ///< penalty for larger differences: p1 to 4000
   bool subplane_refinement = true;
   /// The guide image for edges: one byte per pixel, row-major; may be empty. A step in it lowers p2
-  /// to p2 / (1 + |step| / guide_scale), but not below p1, so that depth steps are cheaper at edges
-  /// of the image.
+  /// to p2 / (1 + |step| / guide_scale), but not below p1. Depth steps are thus cheaper at edges of
+  /// the image.
   std::span<const std::uint8_t> guide;
   double guide_scale = 10;                           ///< above 0
   std::size_t working_bytes = std::size_t{1} << 30;  ///< see semi_global_match()
-  BufferPool* buffers =
-      nullptr;  ///< allocates the memory, for callers that match often; null: the system
+  /// Allocates the memory, for callers that match often; null: the system.
+  BufferPool* buffers = nullptr;
 
   bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 
-/// Semi-global matching (Hirschmueller 2008): returns the plane with the least cost, summed along
-/// eight straight paths that end in the pixel, with penalties for changes of plane along them.
+/// Returns, for each pixel, the plane with the least cost by semi-global matching (Hirschmueller
+/// 2008). The cost is summed along eight straight paths that end in the pixel, with penalties for
+/// changes of plane along them.
 ///
-/// Memory: 3 bytes per pixel and plane where that fits `working_bytes`; otherwise the image is
+/// Memory: 3 bytes per pixel and plane where that fits `working_bytes`. Otherwise the image is
 /// processed in strips that fit (of at least 16 rows), each of which is filled twice. The result is
 /// bit-identical for any memory and number of threads. Where no strips fit, those with the least
 /// memory are used. Throws std::logic_error for settings out of range.
 PlaneMap semi_global_match(const CostVolume& volume, const FillCosts& fill,
                            const SemiGlobalOptions& options);
 
-/// Returns the memory that semi_global_match() needs besides its result for these `working_bytes`.
+/// Returns the memory that semi_global_match() needs in addition to its result for these
+/// `working_bytes`.
 std::size_t semi_global_bytes(const CostVolume& volume, std::size_t working_bytes);
 
 /// Returns the plane with the least cost, summed over the square of pixels up to `radius` (0 to 7)
-/// away and clipped at the image's border. Memory besides the result: box_bytes().
+/// away and clipped at the image's border. Memory in addition to the result: box_bytes().
 PlaneMap box_match(const CostVolume& volume, const FillCosts& fill, int radius,
                    bool subplane_refinement);
 
-/// Returns the memory that box_match() needs besides its result on this number of threads: 2 radius
-/// + 4 rows of the volume each.
+/// Returns the memory that box_match() needs in addition to its result on this number of threads: 2
+/// radius + 4 rows of the volume each.
 std::size_t box_bytes(const CostVolume& volume, int radius, int threads);
 
-/// Reference implementations, bit-identical to semi_global_match() and box_match().
+/// Return the same as semi_global_match() and box_match(), bit-identical: the references.
 PlaneMap semi_global_match_reference(const CostVolume& volume, const FillCosts& fill,
                                      const SemiGlobalOptions& options);
 PlaneMap box_match_reference(const CostVolume& volume, const FillCosts& fill, int radius,

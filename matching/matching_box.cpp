@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Box matching: the plane with the least cost, summed over a square around each pixel by running
-// sums along columns and rows. Input: costs (u8) per pixel and plane. Output: plane and cost per
-// pixel. Cost: pixels x planes, independent of the radius. Must match box_match_reference() to the
-// bit.
+// Box matching: finds the plane with the least cost, summed over a square around each pixel by
+// running sums along columns and rows. Input: costs (u8) per pixel and plane. Output: plane and
+// cost per pixel. Cost: pixels x planes, independent of the radius. Must match
+// box_match_reference() to the bit.
 
 #include <algorithm>
 #include <stdexcept>
@@ -16,8 +16,8 @@ namespace {
 
 constexpr int kStripRows = 32;
 
-/// Rows [first, last] of an image, from top to bottom: the sums of each column's costs over the
-/// rows of the square, and along a row over its columns.
+/// Processes rows [first, last] of an image from top to bottom. Holds the sums of each column's
+/// costs over the rows of the square, and along a row the sums of these over its columns.
 class BoxStrip {
  public:
   BoxStrip(const CostVolume& volume, const FillCosts& fill, int radius, bool subplane_refinement)

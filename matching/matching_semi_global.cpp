@@ -81,8 +81,8 @@ struct Entering {
   Lines straight, right, left;
 };
 
-/// The rows of costs and sums of a sweep of paths, in the sweep's order (column 0, row 0 first): as
-/// in the image, or in the image rotated by 180 degrees.
+/// The rows of costs and sums of a sweep of paths, in the sweep's order (column 0, row 0 first).
+/// They are in the order of the image, or of the image rotated by 180 degrees.
 struct Strip {
   int width = 0, rows = 0, planes = 0;
   const std::uint8_t* cost = nullptr;  ///< of the sweep's first pixel
@@ -94,7 +94,7 @@ struct Strip {
 };
 
 /// Half of the eight paths: those that run right, down, down to the right and down to the left in
-/// the sweep's order. A diagonal path keeps its own line from entering to leaving the strip, so
+/// the sweep's order. A diagonal path keeps its own line from entering to leaving the strip. So
 /// each pixel updates four lines in place that no other pixel uses at the same time.
 ///
 /// Pixels depend on their left neighbour and on three pixels in the row above. With columns shifted

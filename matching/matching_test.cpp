@@ -132,7 +132,7 @@ TEST(Matching, PathsCarryAPlaneThroughPixelsThatDoNotTell) {
   int wrong = 0;
   for (int y = 0; y < volume.height; ++y) {
     for (int x = 0; x < volume.width; ++x) {
-      if (x >= 18 && x < 22) continue;  // at the step, either plane is correct
+      if (x >= 18 && x < 22) continue;  // at the step, both planes are correct
       wrong += found.plane[y * volume.width + x] != (x < 20 ? 3 : 11);
     }
   }

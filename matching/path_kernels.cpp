@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Kernels of semi-global matching (Hirschmueller, "Stereo processing by semiglobal matching and
-// mutual information", PAMI 2008): advance 4 of the 8 paths by one pixel at a time, L(p, d) = C(p,
-// d) + min(L(q, d), L(q, d +- 1) + P1, min L(q) + P2) - min L(q), add them up and find the plane
-// of the least sum; 16-bit lanes, one per plane. Cost:
-// O(pixels x planes x paths). Must match matching_reference.cpp exactly.
+// mutual information", PAMI 2008). They advance 4 of the 8 paths by one pixel at a time,
+//   L(p, d) = C(p, d) + min(L(q, d), L(q, d +- 1) + P1, min L(q) + P2) - min L(q),
+// add them up and find the plane of the least sum; 16-bit lanes, one per plane. Cost: O(pixels x
+// planes x paths). Must match matching_reference.cpp exactly.
 #include "matching/path_kernels.h"
 
 #undef HWY_TARGET_INCLUDE

@@ -7,9 +7,9 @@
 
 namespace raystage::matching {
 
-/// The accumulated costs of a path are a line of u16 that is updated in place: one per plane from
-/// element 0 on, then kInvalidCost up to and beyond the stride. The padding allows neighbours of
-/// planes to be read without bounds checks.
+/// The accumulated costs of a path are a line of u16 that is updated in place. It has one element
+/// per plane from element 0 on, then kInvalidCost up to and beyond the stride. The padding allows
+/// neighbours of planes to be read without bounds checks.
 inline constexpr std::uint16_t kInvalidCost = 0x3FFF;
 inline constexpr int kLinePadding = 32;  ///< elements of kInvalidCost before and behind each line
 

@@ -7,7 +7,7 @@ set -euo pipefail
 raystage="$1"
 description="$2"
 out="$3"
-# The same bytes on every build of a commit: help2man dates pages.
+# Every build of a commit gives the same bytes: without this variable help2man writes the date.
 if [ -z "${SOURCE_DATE_EPOCH:-}" ]; then
   SOURCE_DATE_EPOCH="$(git -C "$(dirname "$0")" log -1 --format=%ct 2>/dev/null || true)"
   [ -n "$SOURCE_DATE_EPOCH" ] && export SOURCE_DATE_EPOCH || unset SOURCE_DATE_EPOCH
@@ -19,7 +19,7 @@ version="$("$raystage" --version | head -n 1)"
 rm -rf "$out"
 mkdir -p "$out"
 
-# "NAME<tab>SUMMARY" of each command in a help text.
+# Prints "NAME<tab>SUMMARY" of each command in a help text.
 listed() {
   awk '/^(Commands|Subcommands):/ { list = 1; next }
        list && /^  [a-z]/ { name = $1; sub(/^ +[^ ]+ */, ""); print name "\t" $0; next }
@@ -27,8 +27,9 @@ listed() {
                           { list = 0 }' "$1"
 }
 
-# The help as man pages show it: "-h, --help"; the usage line alone; exit codes in a section of their own.
-# CLI11 begins descriptions in column 34; help2man wants two spaces before them, where one may be all there is.
+# Prints the help as man pages show it: "-h, --help"; the usage line alone; no exit codes, which get
+# a section. CLI11 begins descriptions in column 34. help2man needs two spaces before a description;
+# where the help has only one, a second is inserted.
 page_help() {
   perl -pe 'substr($_, 33, 0) = " " if length > 34 && /^  -/ && substr($_, 0, 33) !~ /\S  / &&
       substr($_, 32, 3) =~ /^\S \S/ && substr($_, 34) !~ /^(in \[|- |\.\.\.|REQUIRED|Needs:|Excludes:|\(Env:)/' "$1" |
@@ -36,7 +37,7 @@ page_help() {
       -e '/^  [^ ]/s/ REQUIRED( |$)/ (required)\1/' -e '/^Usage:/s/ {2,}.*//' -e '/^Usage:/s/\[OPTIONS\]/[OPTION...]/'
 }
 
-# "Exit codes: 0 done; 1 failed" on stdin as a section of a list.
+# Prints "Exit codes: 0 done; 1 failed" from stdin as a section with a list.
 exit_status() {
   perl -0777 -ne 's/\s+/ /g; s/^Exit codes: // or exit; s/\.? *$//; print "[EXIT STATUS]\n";
     print /^(\d+(?:\+n)?) (.*)/ ? ".TP\n$1\n$2\n" : "$_\n" for split /[,;] (?=\d+(?:\+n)? )/; print "\n"'
@@ -59,7 +60,7 @@ make_page() {  # SUMMARY WORD...: the command raystage WORD..., and those below 
   done < <(listed "$help")
 
   page_help "$help" >"$work/$name.text"
-  # help2man runs a program with --help and with --version; this one answers for raystage WORD...
+  # help2man calls a program with --help and --version; the script below answers for it.
   {
     echo '#!/bin/sh'
     echo "case \"\$1\" in --version) echo '$name ${version#* }' ;; *) cat '$work/$name.text' ;; esac"

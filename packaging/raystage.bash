@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # Bash completion for raystage. Commands, sub-commands, options and their choices are read from --help when
-# they are first asked for, and kept in memory until the shell ends.
+# they are first asked for, and cached until the shell ends.
 
 declare -gA _raystage_help_texts
 

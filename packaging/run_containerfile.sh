@@ -1,9 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Carries out packaging/Containerfile without a container engine: each stage in a root of its own
-# (debootstrap), its COPY, WORKDIR, RUN, USER and ENTRYPOINT lines by cp and chroot. For checking the recipe
-# where no engine runs; knows no other instructions. Needs root.
-# A second run goes on in the first one's roots.
+# Executes packaging/Containerfile where no container engine runs, to check it. Each stage has a
+# root of its own (debootstrap); COPY, WORKDIR, RUN, USER and ENTRYPOINT are done by cp and chroot.
+# Not supported: other instructions. Needs root. A second run continues in the roots of the first.
 # Usage: packaging/run_containerfile.sh FOLDER MIRROR [ARGUMENT...]     (of the image's entry point)
 set -euo pipefail
 source="$(cd "$(dirname "$0")/.." && pwd)"

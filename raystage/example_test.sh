@@ -25,7 +25,7 @@ grep -q 'take.json' "$work/error" || fail "the error does not say what is missin
 "$build/bin/raystage" sync "$work/take" -q
 "$work/build/render_view" "$work/take" 4 "$work/view.pfm" | tee "$work/printed"
 
-# The same view by the command: between the two cameras, along -z, at the tick in the middle.
+# Render the same view by the command: between the two cameras, along -z, at the tick in the middle.
 python3 - "$work" <<'PYTHON'
 import json, math, sys
 work = sys.argv[1]

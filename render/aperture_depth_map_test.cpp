@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// aperture with its focus on a depth map.
+// Tests of the method `aperture` with its focus on a depth map.
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
@@ -39,7 +39,8 @@ VirtualCamera default_view(int width = kWidth, int height = kHeight) {
   return virtual_camera_with_fov(width, height, 40 * std::numbers::pi / 180, pose);
 }
 
-/// `window`: of the data, within a display window of width x height.
+/// Writes one channel of an EXR file. `window`: the data window within a display window of width x
+/// height.
 void write_channel(const std::filesystem::path& file, const char* channel,
                    const std::vector<float>& values, int width, int height, Imath::Box2i window) {
   Imf::Header header(Imath::Box2i({0, 0}, {width - 1, height - 1}), window);
@@ -77,7 +78,7 @@ class ApertureDepthMap : public ::testing::Test {
                 {"aperture", plane, options});
   }
 
-  /// Fast and slowly; they must agree.
+  /// Renders with the fast and the reference implementation, which must agree.
   RenderedView render_both(const VirtualCamera& view) {
     RendererOptions settings;
     settings.count_needed_pixels = true;
@@ -104,7 +105,7 @@ class ApertureDepthMap : public ::testing::Test {
   std::unique_ptr<store::Take> take_;
 };
 
-/// Steps between 0.8 and 6 m, and pixels at infinity and without depth.
+/// Returns depths in steps between 0.8 and 6 m, with pixels at infinity and without depth.
 std::vector<float> stepped_depths() {
   std::vector<float> z;
   for (int y = 0; y < kHeight; ++y) {
@@ -161,7 +162,7 @@ TEST_F(ApertureDepthMap, HasTheFinalSizeWhereAViewIsRenderedFiner) {
   EXPECT_EQ(image.width, 40);
 }
 
-/// Every row of it differs, so that one in the wrong place shows.
+/// Every row of the depth map differs, so that a row in the wrong place is detected.
 TEST_F(ApertureDepthMap, IsFollowedByViewsInBandsAndNeverHeldAnew) {
   constexpr int kCoarseWidth = 40, kCoarseHeight = 30;
   std::vector<float> z;

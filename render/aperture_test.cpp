@@ -63,7 +63,7 @@ RenderedView render(const store::Take& take, const VirtualCamera& view, const Re
       .render(view, frames, {asked.method, asked.plane, asked.options});
 }
 
-/// Renders fast and slowly; they must agree.
+/// Renders with the fast and the reference implementation, which must agree.
 RenderedView render_both(const store::Take& take, const VirtualCamera& view, RenderCase asked) {
   asked.settings.count_needed_pixels = true;
   RenderedView fast = render(take, view, asked);
@@ -90,7 +90,7 @@ double mean_alpha(const RenderedView& view) {
   return sum / static_cast<double>(view.coverage.size());
 }
 
-/// Mean absolute difference between horizontal neighbours: less of it is more blur.
+/// Returns the mean absolute difference between horizontal neighbours; blur lowers it.
 double detail(const RenderedView& view) {
   double sum = 0, count = 0;
   for (std::size_t i = 0; i + 4 < view.rgba.size(); i += 4) {
@@ -314,7 +314,7 @@ TEST_F(Aperture, IsNamedAsPhotographersDo) {
   EXPECT_EQ(render(take, ours, {{{"f_number", 0.25}, {"focus_distance", 3.5}}}).rgba,
             render(take, ours, {{{"radius", radius}}, view_parallel_plane(ours, 3.5)}).rgba);
   EXPECT_THROW(render(take, ours, {{{"f_number", 2.0}, {"radius", 0.1}}}), Error);
-  // A lens that no array can have is not taken in silence.
+  // A lens that is smaller than the distance of neighbouring cameras adds a note.
   const RenderedView tiny = render(take, ours, {{{"f_number", 22.0}}});
   ASSERT_EQ(tiny.notes.size(), 1U);
   EXPECT_NE(tiny.notes[0].find("smaller than the distance between neighbouring cameras"),

@@ -32,7 +32,7 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::StartsWith;
 
-/// A take of a painted plane 4 m away, on a grid of 4 x 4, and what a method is asked for.
+/// A take of a painted plane 4 m away, recorded by a grid of 4 x 4 cameras, and requests for it.
 class Automatic : public ::testing::Test {
  protected:
   void write(double spacing, std::optional<schemas::DepthRange> range, int frames = 1) {
@@ -59,7 +59,7 @@ class Automatic : public ::testing::Test {
     return {view_, instant_, {0, 0, 1, plane_depth}, none_, kept_, 1 << 28, buffers_, false};
   }
 
-  /// Alike but for what they cost: enough to see which is taken.
+  /// Returns candidates that differ mainly in cost, so that the choice shows in the label.
   std::vector<MethodCandidate> ladder() const {
     MethodCandidate quick{.label = "quick", .method = &focal_plane_method(), .pixel_ns = 10};
     MethodCandidate slow = quick;
@@ -113,7 +113,7 @@ TEST_F(Automatic, TheMostAccurateWithinTheTimeIsTaken) {
 
 TEST_F(Automatic, TheCheapestThatMeetsTheErrorIsTaken) {
   write(0.2, schemas::DepthRange{2.5, 10});  // best at 4 m
-  // The plane is where the scene is, so focal_plane is good and nearest as good.
+  // The focal plane coincides with the scene, so focal_plane and nearest are equally good.
   const double good =
       measure_leave_one_out_quality(focal_plane_method(), {}, request()).expected_db();
   EXPECT_GT(good, 30);
@@ -156,7 +156,7 @@ TEST_F(Automatic, GivesWhatTheChosenMethodGivesAndSaysWhich) {
   const store::FrameSelection frames = store::select_frames(*take_, 0, 1);
   const VirtualCamera view = virtual_camera_with_fov(40, 30, 0.6, {});
   const LightFieldRenderer renderer(*take_, {});
-  // Free of ghosts on the plane of eq. 2.2 (3.75 m), whatever plane is asked for.
+  // The view uses the plane of eq. 2.2 (3.75 m), without ghosts, whatever plane is requested.
   const RenderedView chosen = renderer.render(view, frames, {"auto", {0, 0, 1, 1}});
   const RenderedView plane = renderer.render(view, frames, {"focal_plane", {0, 0, 1, 3.75}});
   EXPECT_EQ(chosen.rgba, plane.rgba);
@@ -194,7 +194,7 @@ TEST_F(Automatic, SaysThatSamplesBesideTheFirstAreNotInTheTime) {
   EXPECT_THAT(note(10, {{"target_error", 1.0}}), Not(HasSubstr("sample per pixel")));
 }
 
-/// What auto itself chooses among, on a wall in front of another.
+/// The real candidates of auto, on a scene of a wall in front of another wall.
 class AutomaticAmongAll : public ::testing::Test {
  protected:
   AutomaticAmongAll() {
@@ -294,7 +294,7 @@ TEST_F(AutomaticAmongAll, MeetsATargetOfTimeByTheMostAccurateThatDoes) {
   EXPECT_THAT(much.why, StartsWith("depth: the most accurate within 1.0 s per frame, "));
   EXPECT_GT(some.psnr_db, little.psnr_db);
   EXPECT_GT(much.psnr_db, some.psnr_db);
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // which take their own time
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // sanitizers change the times
   EXPECT_LE(little.seconds, 0.002);
   EXPECT_LE(some.seconds, 0.04);
   EXPECT_LE(much.seconds, 1);
@@ -316,7 +316,7 @@ class ChangedFocalPlane : public Method {
   }
 };
 
-/// A plane, but for a share of the view's rows, of which nothing is shown.
+/// A focal plane of which a share of the rows of the view shows nothing.
 class OnlyTheTop final : public ChangedFocalPlane {
  public:
   explicit OnlyTheTop(int percent_shown) : percent_shown_(percent_shown) {}
@@ -345,7 +345,7 @@ TEST_F(Automatic, WhatShowsLittleDoesNotMeetATarget) {
   EXPECT_EQ(choose(all, {.psnr_db = 20}, request()).candidate, 0U);
 }
 
-/// As focal_plane, but wrong in the middle of the view, where `request`'s view shows anything.
+/// The method focal_plane with an error in the middle of the view, where the view shows anything.
 class WrongInTheMiddle final : public ChangedFocalPlane {
  public:
   RenderedView render(const ViewRequest& request) const override {
@@ -361,7 +361,7 @@ class WrongInTheMiddle final : public ChangedFocalPlane {
   }
 };
 
-/// Notes from where it is asked for views.
+/// Records the positions of the requested views.
 class Noting final : public ChangedFocalPlane {
  public:
   RenderedView render(const ViewRequest& asked) const override {
@@ -384,7 +384,7 @@ TEST_F(Automatic, CountsOnThePartOfThePicturesThatFaresWorst) {
   const store::RgbImage image = srgb_image(wrong.render(there));
   const std::vector<std::uint8_t> all(image.values.size() / 3, 1);
   const double whole = compare_images(image, right, all).psnr_db;
-  // The same error in four ninths of the pixels.
+  // The error is the same, in four ninths of the pixels.
   EXPECT_NEAR(measure_leave_one_out_quality(wrong, {}, request()).mean_db,
               whole + 10 * std::log10(4.0 / 9), 1.0);
 }
@@ -431,7 +431,7 @@ TEST_F(Automatic, MeasuresTheFramesThatTheTimelineSelects) {
   write(0.2, schemas::DepthRange{2.5, 10}, 4);
   store::Timeline timeline = store::build_timeline(*take_, 15, 0);
   for (store::FrameSelection& tick : timeline.ticks) {
-    tick.frame[7] = -1;  // not to be trusted
+    tick.frame[7] = -1;  // not trusted
     tick.difference[7] = 0;
   }
   store::write_timeline(timeline, folder_.path() / "take");

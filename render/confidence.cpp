@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Confidence of a view: samples four cameras around each ray at the pixel's depth and averages
-// their agreement 1 / (1 + (d / 8)^2), d in 8-bit sRGB codes. Finds source MCUs, decodes, compares.
-// Input: R, G, B, A and depth of a view. Output: 0 to 1 per pixel. Cost: pixels x 4 cameras. Must
-// match measure_confidence_reference().
+// Measures the confidence of a view: samples four cameras around each ray at the pixel's depth and
+// averages their agreement 1 / (1 + (d / 8)^2), d in 8-bit sRGB codes. Stages: source MCUs,
+// decoding, comparison. Input: R, G, B, A and depth of a view. Output: 0 to 1 per pixel. Cost:
+// pixels x 4 cameras. Must match measure_confidence_reference().
 
 #include "render/confidence.h"
 

@@ -12,16 +12,17 @@ namespace raystage::render {
 inline constexpr double kHalfConfidenceDifference = 8;
 
 /// Fills RenderedView::confidence: the weighted mean agreement of the four cameras around each ray
-/// (BlendingField) with the pixel's colour, in the direction of the point at the pixel's depth. The
-/// agreement of a camera is 1 / (1 + (d / kHalfConfidenceDifference)^2) with the colour difference
-/// d, and 0 where its frame shows nothing of the point.
-/// 1 means that all cameras agree. Values near 0 mean that they see different objects, as off the
-/// focal plane, or that the point is occluded for all but a few. 0 where A is 0. `image`: colours,
-/// alpha and depth of `view` at `instant`, by any method.
+/// (BlendingField) with the pixel's colour, in the direction of the point at the pixel's depth. A
+/// camera's agreement is 1 / (1 + (d / kHalfConfidenceDifference)^2) with the colour difference d.
+/// It is 0 where the camera's frame shows nothing of the point. 1 means that all cameras agree.
+/// Values near 0 mean that they see different objects, as off the focal plane, or that the point is
+/// occluded for all but a few. 0 where A is 0. `image`: colours, alpha and depth of `view` at
+/// `instant`, by any method.
 void measure_confidence(const VirtualCamera& view, const LightFieldFrame& instant,
                         RenderedView& image);
 
-/// Fills it per ray in double, for any view: the reference for measure_confidence().
+/// Fills RenderedView::confidence per ray in double, for any view: the reference for
+/// measure_confidence().
 void measure_confidence_reference(const VirtualCamera& view, const LightFieldFrame& instant,
                                   RenderedView& image);
 

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reference of measure_confidence() (confidence.cpp), per pixel in double: the mean agreement of
+// the cameras of the pixel's tile by their weights, each sampled at the pixel's depth. Input: R, G,
+// B, A and depth of a view. Output: 0 to 1 per pixel. Cost: pixels x 4 cameras, all frames decoded
+// whole.
 #include <map>
 
 #include "base/parallel.h"

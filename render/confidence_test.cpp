@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether the cameras around a ray agree with its picture.
+// Tests of the agreement of the cameras around a ray with the view (measure_confidence()).
 #include "render/confidence.h"
 
 #include <gtest/gtest.h>
@@ -16,7 +16,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// A striped wall 4 m away and before it, at 2 m, a red square of 20 cm.
+/// Returns the light of a striped wall 4 m away and, in front of it at 2 m, a red square of 20 cm.
 std::array<double, 3> wall_and_square(const Vector3d& origin, const Vector3d& direction) {
   const Vector3d near = origin + direction * ((-2 - origin.z()) / direction.z());
   if (std::abs(near.x()) < 0.1 && std::abs(near.y()) < 0.1) return {0.8, 0.05, 0.05};
@@ -66,7 +66,7 @@ TEST_F(Confidence, IsHighWhereThePlaneIsRightAndLowWhereItIsNot) {
   const RenderedView wall = render("focal_plane", 4), square = render("focal_plane", 2);
   EXPECT_GT(mean(wall, 5, 35, 10, 80), 0.9F);
   EXPECT_LT(mean(square, 5, 35, 10, 80), 0.5F);
-  // The square's edges are doubled on the wall's plane, and sharp on their own.
+  // The square's edges are doubled on the wall's plane, and sharp on the square's own plane.
   const auto least = [](const RenderedView& image) {
     float found = 1;
     for (int x = 40; x < 80; ++x) {
@@ -98,7 +98,7 @@ TEST_F(Confidence, AgreesWithTheReferenceForEveryMethod) {
       EXPECT_LE(fast.confidence[i], 1.0001F);
       EXPECT_TRUE(fast.rgba[4 * i + 3] > 0 || fast.confidence[i] == 0);
     }
-    // The methods' own pictures differ by as much here and there.
+    // The views of the two implementations differ as much at some pixels.
     EXPECT_LE(differ, fast.confidence.size() / 100) << method;
     EXPECT_GT(sum, 0.2 * static_cast<double>(slow.confidence.size())) << method;
   }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How many cameras are behind a pixel, and how near the nearest of them passes to its ray.
+// Tests of RenderedView::cameras and nearest_ray: the number of cameras behind a pixel, and the
+// distance of the nearest one from its ray.
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -47,7 +48,8 @@ TEST_F(CoverageMeasures, AgreeWithTheReferenceForEveryMethod) {
   for (const Method* method : methods()) {
     const std::string name(method->name());
     ASSERT_TRUE(method->measures_coverage()) << name;
-    // The hull's reference takes 4096 steps along each ray: coarser than what is asked here.
+    // The hull's reference takes 4096 steps along each ray, which is coarser than the tolerance
+    // here.
     if (name == "visual_hull") continue;
     for (const Vector3d& eye : {Vector3d(0.01, 0.02, 0.05), Vector3d(0.02, 0, -0.1)}) {
       const RenderedView fast = render(name, eye), reference = render(name, eye, true);
@@ -60,7 +62,7 @@ TEST_F(CoverageMeasures, AgreeWithTheReferenceForEveryMethod) {
         differ += agree ? 0 : 1;
       }
       EXPECT_GT(compared, fast.coverage.size() / 2) << name;
-      EXPECT_LE(differ, compared / 200) << name;  // where one gives way to the next
+      EXPECT_LE(differ, compared / 200) << name;  // where one camera replaces another
     }
   }
 }
@@ -84,8 +86,8 @@ TEST_F(CoverageMeasures, CountCamerasAndDistances) {
 }
 
 TEST_F(CoverageMeasures, CountTheCamerasOfAnAperture) {
-  // Within 0.1 m of the middle camera the other eight, of which one is absent: four and three
-  // alike.
+  // Of the eight other cameras within 0.1 m of the middle one, one is absent. Four and three of
+  // them have equal weights.
   const RenderedView image = render("aperture", {0, 0, 0}, false, true, {{"radius", 0.1}});
   const auto weight = [](double q_squared) {
     const double t = 1 - q_squared;
@@ -99,7 +101,7 @@ TEST_F(CoverageMeasures, CountTheCamerasOfAnAperture) {
 }
 
 TEST_F(CoverageMeasures, CountTheCamerasBehindASlabsNodes) {
-  // At a quarter of the way between four cameras that are nodes themselves.
+  // The view is at a quarter of the way between four cameras, which are nodes themselves.
   const RenderedView image = render("slabs", {0.015, 0.015, 0});
   const double sum = 1, squares = 0.75 * 0.75 * 0.75 * 0.75 + 2 * 0.75 * 0.75 * 0.25 * 0.25 +
                                   0.25 * 0.25 * 0.25 * 0.25;
@@ -111,12 +113,13 @@ TEST_F(CoverageMeasures, AutoPassesThemThrough) {
   const RenderedView image = render("auto", {0.02, 0.02, 0}),
                      chosen = render("focal_plane", {0.02, 0.02, 0});
   ASSERT_EQ(image.notes.size(), 1U);
-  EXPECT_EQ(image.cameras, chosen.cameras);  // the take has no depth range: a plane
+  EXPECT_EQ(image.cameras, chosen.cameras);  // without a depth range in the take a plane is used
   EXPECT_EQ(image.nearest_ray, chosen.nearest_ray);
 }
 
 TEST_F(CoverageMeasures, AreOnlyThereOnRequestAndSayWhereNobodySees) {
-  // The hull ends nowhere that cameras look: only a view away from it sees nothing.
+  // The hull covers everything that the cameras see, so only a view in the other direction sees
+  // nothing.
   const Eigen::Matrix3d backwards =
       Eigen::AngleAxisd(std::numbers::pi, Vector3d::UnitY()).toRotationMatrix();
   for (const Method* each : methods()) {
@@ -132,8 +135,8 @@ TEST_F(CoverageMeasures, AreOnlyThereOnRequestAndSayWhereNobodySees) {
   }
 }
 
-/// A narrow screen before a wall: where the view sees the wall, cameras beside it that do not must
-/// not be counted.
+/// Returns the light of a narrow screen in front of a wall. Where the view sees the wall, cameras
+/// from which the screen hides it must not be counted.
 std::array<double, 3> screen_scene(const Vector3d& from, const Vector3d& direction) {
   const Vector3d on_screen = from + (-2 - from.z()) / direction.z() * direction;
   const bool screen = std::abs(on_screen.x()) < 0.15;
@@ -156,7 +159,7 @@ TEST_F(CoverageMeasures, CamerasThatSomethingHidesThePointFromDoNotCount) {
   const RenderedView image =
       LightFieldRenderer(take, measuring)
           .render(view, store::select_frames(take, 0, 1), {"depth", {0, 0, 0, 1}, {}});
-  // Just right of the screen: the cameras to the left look at it.
+  // Just right of the screen, the cameras to the left see the screen.
   const auto column = [&](double x_over_depth) {
     return static_cast<std::size_t>(view.intrinsics.fx * x_over_depth + view.intrinsics.cx);
   };

@@ -38,7 +38,7 @@ class DistributedRenderer {
   /// Returns the sum of all ranks' contributions. Throws Error where a rank cannot contribute.
   virtual Contribution sum(const DistributedViewRequest& view,
                            const ContributeFunction& own) const = 0;
-  /// Whether the sums lack the weights (the last of four values), which the caller must
+  /// Returns whether the sums lack the weights (the last of four values), which the caller must
   /// compute.
   virtual bool omits_weights(const DistributedViewRequest& view) const = 0;
 };

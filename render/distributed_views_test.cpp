@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Contributions of hosts that hold some of the cameras each, added and combined, against the view
+// Compares the combined contributions of hosts that hold some of the cameras each with the view
 // that one host renders.
 #include <Imath/half.h>
 #include <gmock/gmock.h>
@@ -24,7 +24,7 @@
 namespace raystage::render {
 namespace {
 
-/// How cameras of a grid are given to hosts.
+/// How the cameras of a grid are distributed to hosts.
 enum class Split { kBlocks, kRoundRobin };
 
 int half_steps(float a, float b) {
@@ -223,20 +223,20 @@ TEST_F(DistributedViews, EqualItWithDepthsThatHostsFindTogether) {
 
 TEST_F(DistributedViews, EqualItWithDepthsWhereMemoryIsShortAndCamerasHaveNoFrame) {
   lose({5, 6, 15});
-  working_bytes_ = 3 << 20;  // not all cameras' pictures, nor all rows' samples at once
+  working_bytes_ = 3 << 20;  // too little for the images of all cameras or the samples of all rows
   expect_all_same("depth", {});
 }
 
 TEST_F(DistributedViews, CrossAsSamplesOfThePictureNotOfTheCameras) {
   const Method& method = method_named("focal_plane");
   const MethodOptions none(method.options(), {}, "focal_plane");
-  // As large as the array, which stands between it and the scene: all cameras contribute.
+  // The view is as wide as the array, which is between it and the scene: all cameras contribute.
   view_ = virtual_camera_with_fov(
       240, 240, 0.8, rig::Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0, 0, 0.7)});
   distributed(method, none, 4, Split::kBlocks);
-  EXPECT_LE(static_cast<double>(counts_.samples) / (240 * 240), 1.75);  // 15 / 9 but for the edges
+  EXPECT_LE(static_cast<double>(counts_.samples) / (240 * 240), 1.75);  // 15 / 9 without the edges
   counts_ = {};
-  distributed(method, none, 16, Split::kRoundRobin);  // a camera a host: three a pixel
+  distributed(method, none, 16, Split::kRoundRobin);  // a camera per host: three samples per pixel
   EXPECT_NEAR(static_cast<double>(counts_.samples) / (240 * 240), 3, 0.25);
 }
 

@@ -22,7 +22,7 @@ using testing::kDegree;
 using testing::make_pose;
 using testing::SyntheticTake;
 
-/// Renders with the fast and with the reference implementation.
+/// Views of the fast and the reference implementation.
 struct FastAndReference {
   RenderedView fast, reference;
 };
@@ -205,8 +205,8 @@ TEST_F(FocalPlane, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
   expect_equal(lacking);
   const std::size_t middle = 45 * 90 + 45;
   EXPECT_NEAR(whole.fast.coverage[middle], 1, 1e-5);
-  EXPECT_NEAR(lacking.fast.rgba[middle * 4 + 3], 1, 1e-5);  // still a picture
-  EXPECT_LT(lacking.fast.coverage[middle], 0.1);            // that owns up
+  EXPECT_NEAR(lacking.fast.rgba[middle * 4 + 3], 1, 1e-5);  // still opaque
+  EXPECT_LT(lacking.fast.coverage[middle], 0.1);            // and the missing camera is reported
 }
 
 TEST_F(FocalPlane, LeftOutCamerasDoNotCount) {
@@ -292,7 +292,7 @@ TEST_F(FocalPlane, BothBlendSpacesAgreeWithTheReference) {
   const store::Take take = write(grid_take(3, 3));
   const VirtualCamera view =
       virtual_camera_with_fov(90, 70, 30 * kDegree, make_pose({0.01, 0.02, 0.2}, 1));
-  const Eigen::Vector4d ghosting(0, 0, 1, 1);  // far from the painted plane: the samples disagree
+  const Eigen::Vector4d ghosting(0, 0, 1, 1);  // far from the painted plane: the samples differ
   const FastAndReference perceptual = render_both(take, view, ghosting);
   const FastAndReference linear =
       render_both(take, view, ghosting, 0, {}, store::BlendSpace::kLinear);
@@ -306,7 +306,7 @@ TEST_F(FocalPlane, WhatIsInMemoryIsNotPlannedForAgain) {
   const store::FrameSelection frames = store::select_frames(take, 0, 1);
   const LightFieldRenderer renderer(take, {});
   std::vector<RenderedView> views;
-  for (int again = 0; again < 4; ++again) {  // in part, then whole, then from memory
+  for (int again = 0; again < 4; ++again) {  // a part, the whole, then from memory
     const VirtualCamera view =
         virtual_camera_with_fov(90, 70, 0.5, make_pose({0.01 * again, 0.02, 0.2}, 1));
     const RenderedView image = renderer.render(view, frames, {"focal_plane", {0, 0, 1, 4}});
@@ -325,7 +325,7 @@ TEST_F(FocalPlane, AFrameWithoutRestartMarkersIsNotTakenForWholeEither) {
   const store::Take take = write(options);
   const store::FrameSelection frames = store::select_frames(take, 0, 1);
   const LightFieldRenderer renderer(take, {});
-  for (const double yaw : {-12.0, 12.0}) {  // elsewhere in the frames
+  for (const double yaw : {-12.0, 12.0}) {  // other parts of the frames
     const VirtualCamera view = virtual_camera_with_fov(60, 40, 0.2, make_pose({0, 0.01, 0.2}, yaw));
     EXPECT_EQ(
         renderer.render(view, frames, {"focal_plane", {0, 0, 1, 4}}).rgba,
@@ -340,7 +340,7 @@ TEST_F(FocalPlane, RefusesAnUnknownMethod) {
 
 TEST_F(FocalPlane, NearestAgreesWithTheReferenceButWhereItCuts) {
   const store::Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
-  const Eigen::Vector4d ghosting(0, 0, 1, 1);  // the cameras disagree
+  const Eigen::Vector4d ghosting(0, 0, 1, 1);  // the samples differ
   for (const auto& [position, fov] :
        {std::pair{Eigen::Vector3d(0.01, 0.02, 0), 50.0}, {Eigen::Vector3d(0, 0, 0.25), 40.0}}) {
     const VirtualCamera view =

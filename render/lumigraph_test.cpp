@@ -105,7 +105,7 @@ TEST_F(Lumigraph, AgreesWithTheReferenceOnEveryInstructionSet) {
     expect_equal(render_both(
         take, virtual_camera_with_fov(117, 83, 45 * kDegree, make_pose({0, 0.01, 0.1}, 2, 40)),
         {0.1, 0, 1, 3.7}));
-    // Neighbours in the view that are far apart in the frames.
+    // Neighbours in the view are far apart in the frames.
     expect_equal(render_both(
         take, virtual_camera_with_fov(40, 30, 1, make_pose({0, 0.01, 0.1}, 2, 1)), {0, 0, 1, 4}));
   });
@@ -131,7 +131,7 @@ TEST_F(Lumigraph, ASceneOnThePlaneComesOutTrueOnAMeshToo) {
                         "v -9 -9 -4\nv 9 -9 -4\nv 9 9 -4\nv -9 9 -4\nf 1 2 3 4\n");
   const VirtualCamera view =
       virtual_camera_with_fov(160, 120, 45 * kDegree, make_pose({0.013, -0.02, 0.02}, 3));
-  const Eigen::Vector4d wrong(0, 0, 1, 1);  // the mesh stands before what the plane says
+  const Eigen::Vector4d wrong(0, 0, 1, 1);  // the mesh is in front of this plane
   for (const auto& [plane, options] :
        {std::pair{Eigen::Vector4d(0, 0, 1, 4), schemas::OptionValues{}},
         {wrong, {{"proxy", std::string("mesh")}, {"mesh", std::string("wall.obj")}}}}) {
@@ -274,7 +274,7 @@ TEST_F(Lumigraph, DecodesLittleMoreThanItNeeds) {
                 static_cast<double>(counted.pixels_needed),
             1.3);
   EXPECT_GE(image.statistics.pixels_decoded, counted.pixels_needed);
-  EXPECT_GE(image.statistics.working_bytes, 8U * 720 * 540);  // where every ray ends
+  EXPECT_GE(image.statistics.working_bytes, 8U * 720 * 540);  // the ends of all rays
   EXPECT_LT(image.statistics.working_bytes, 9U * 720 * 540);
   settings_of_renderer.count_needed_pixels = false;
   settings_of_renderer.cache_bytes = 1;

@@ -41,7 +41,8 @@ std::vector<int> all_cameras(const rig::Rig& rig) {
   return all;
 }
 
-/// Calls on_ray(weights of all cameras, index in them) with what the kernels make of each ray.
+/// Calls on_ray(weights of all cameras, index in them) with the weights of the kernels for each
+/// ray.
 template <class OnRay>
 void weigh_rays(const rig::Rig& rig, const std::vector<WorldRay>& rays,
                 const std::vector<double>& inverse_distance, const RayWeightOptions& weighing,
@@ -61,7 +62,7 @@ void weigh_rays(const rig::Rig& rig, const std::vector<WorldRay>& rays,
   }
 }
 
-/// The same, as the reference returns it.
+/// Returns the weights of the kernels by ray and camera, as the reference returns them.
 std::vector<std::vector<double>> weights_of(const rig::Rig& rig, const std::vector<WorldRay>& rays,
                                             const std::vector<double>& inverse_distance,
                                             const RayWeightOptions& weighing) {
@@ -181,9 +182,9 @@ TEST(LumigraphRays, OfAViewAreThoseOfItsPixelsOnEveryInstructionSet) {
   });
 }
 
-/// Weights must be finite, and sum to what the best camera that counts sees of the point: 1, but
-/// for a pixel's width at the images' borders, or 0. Adds to `whole` how many rays' weights sum
-/// to 1.
+/// Expects finite weights whose sum is the visibility of the point in the best camera with a
+/// weight. This is 1, except within a pixel of the images' borders, or 0. Adds to `whole` the
+/// number of rays whose weights sum to 1.
 void expect_sound_weights(const rig::Rig& rig, const std::vector<WorldRay>& rays,
                           const std::vector<double>& inverse_distance,
                           const RayWeightOptions& weighing, int& whole) {
@@ -198,7 +199,7 @@ void expect_sound_weights(const rig::Rig& rig, const std::vector<WorldRay>& rays
                  if (weight > 0) most = std::max(most, double{camera.seen[i]});
                }
                ASSERT_NEAR(sum, most, 1e-6);
-               ASSERT_EQ(most > 0, seen > 0);  // who can answer does
+               ASSERT_EQ(most > 0, seen > 0);  // a camera that sees the point has a weight
                whole += most == 1 ? 1 : 0;
              });
 }
@@ -225,7 +226,7 @@ TEST(LumigraphWeights, SumToOneOrNothingIsSeenAtTheExtremes) {
         for (int x = 0; x < extreme.view.width; x += step) {
           const Vector3d ray = (ray_from_pixel * Vector3d(x + 0.5, y + 0.5, 1)).normalized();
           const double inverse_distance = -extreme.plane.head<3>().dot(ray) / height;
-          if (!(inverse_distance >= 0) || std::isinf(inverse_distance)) continue;  // not ahead
+          if (!(inverse_distance >= 0) || std::isinf(inverse_distance)) continue;  // not in front
           rays.push_back({extreme.view.pose.position, ray});
           inverse.push_back(inverse_distance);
         }
@@ -290,7 +291,7 @@ TEST(LumigraphWeights, CoincidentCamerasShareAlike) {
   rig::Rig rig = grid_rig(1, 3);
   for (rig::Rig::Camera& camera : rig.cameras) camera.pose = rig.cameras[0].pose;
   RayWeightOptions weighing;
-  weighing.cameras = 1;  // all three are second best, too
+  weighing.cameras = 1;  // all three are also second best
   const WorldRay ray{rig.cameras[0].pose.position + Vector3d(0.02, 0, 0), -Vector3d::UnitZ()};
   const auto fast = weights_of(rig, {ray}, {0.25F}, weighing);
   const auto reference = reference_weights(rig, ray, 0.25, weighing);
@@ -315,7 +316,7 @@ TEST(LumigraphWeights, ACameraOnTheRayTakesItAndItsNeighboursComeInSmoothly) {
     for (std::size_t c = 0; c < weights.size() && !before.empty(); ++c) {
       change = std::max(change, std::abs(weights[c] - before[c]));
     }
-    EXPECT_LT(change, 0.06) << "at " << x;  // 0.4 mm further; a camera's reach is 60 mm
+    EXPECT_LT(change, 0.06) << "at " << x;  // 0.4 mm further; the reach of a camera is 60 mm
     before = weights;
   }
 }
@@ -325,7 +326,7 @@ TEST(LumigraphWeights, ACameraThatStopsSeeingFadesOut) {
   RayWeightOptions weighing;
   const double edge = std::tan(31 * kDegree);
   double before = -1;
-  for (int step = 0; step <= 400; ++step) {  // out of the left camera's image, not the right one's
+  for (int step = 0; step <= 400; ++step) {  // leaves the left camera's image only
     const Vector3d point(-0.03 + 4 * edge * (0.85 + 0.2 * step / 400), 0, -4);
     const Vector3d eye(-0.02, 0, 0);
     const WorldRay ray{eye, (point - eye).normalized()};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light fields with alpha, through every method.
+// Tests of light fields with alpha, with every method.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -49,10 +49,10 @@ class LightFieldsWithMattes : public ::testing::TestWithParam<Tried> {
     return LightFieldRenderer(*take_, settings).render(view_, timeline_, how_);
   }
 
-  /// Of what stands on the painted plane: 0 on its left, 1 on its right.
+  /// Returns the alpha at a position on the painted plane: 0 on its left, 1 on its right.
   double alpha_at(double x) const { return std::clamp(0.5 + x / 1.5, 0.0, 1.0); }
 
-  /// That, as each camera sees it.
+  /// Returns this alpha as a matte of each camera.
   std::shared_ptr<const store::FrameMatte> matte_of_plane() const {
     return std::make_shared<FunctionMatte>([this](int camera, double x, double y) {
       const rig::Rig::Camera& source = take_->rig().cameras[camera];
@@ -64,7 +64,7 @@ class LightFieldsWithMattes : public ::testing::TestWithParam<Tried> {
     });
   }
 
-  /// Choices between cameras or planes may fall another way here and there.
+  /// Expects equal values, but for few pixels where the choice of cameras or planes differs.
   static void expect_same(std::span<const float> a, std::span<const float> b) {
     double sum = 0;
     std::size_t off = 0;
@@ -110,7 +110,7 @@ TEST_P(LightFieldsWithMattes, AlphaStandsWhereItsSurfaceStands) {
   for (int y = 0; y < view_.height; ++y) {
     for (int x = 0; x < view_.width; ++x) {
       const auto at = static_cast<std::size_t>(4 * (y * view_.width + x));
-      if (opaque.rgba[at + 3] < 1) continue;  // near the edge of what the array saw
+      if (opaque.rgba[at + 3] < 1) continue;  // near the border of the area that the array sees
       const double depth = settings_.plane_depth + view_.pose.position.z();
       const double world_x =
           view_.pose.position.x() + depth * (x + 0.5 - view_.intrinsics.cx) / view_.intrinsics.fx;

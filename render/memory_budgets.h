@@ -7,7 +7,7 @@
 
 namespace raystage::render {
 
-/// Whether the method needs memory only for decoded frames; see Method::caches_frames_only.
+/// Returns whether the method needs memory only for decoded frames; see Method::caches_frames_only.
 bool caches_frames_only(const ReconstructionOptions& reconstruction);
 
 /// Memory budgets, bytes.

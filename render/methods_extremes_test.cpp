@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every method there is with its presets, over every extreme there is: whoever adds one of either
-// need not come here. So do the options below that take another way through a method.
+// Tests every method with its presets over all extreme views and arrays
+// (testing/render/extremes.h). New methods, presets and extremes are included automatically.
+// Further settings in settings() use other code paths of a method.
 #include <ImfChannelList.h>
 #include <ImfFrameBuffer.h>
 #include <ImfHeader.h>
@@ -30,11 +31,11 @@ using testing::extremes;
 using testing::ExtremeView;
 using testing::SyntheticTake;
 
-/// The painted plane, in a range of depths of a thousandth of its own; the same at its depth and no
-/// other (zmin = zmax); the same in one from half to ten times its depth; all white.
+/// The painted plane with different depth ranges. kFlat: a thousandth of its depth; kOneDepth: its
+/// depth alone (zmin = zmax); kDeep: half to ten times its depth. kWhite: all white.
 enum class Scene { kFlat, kOneDepth, kDeep, kWhite };
 
-/// A method, with options that take another way through it.
+/// A method, with options that use another code path of it.
 struct Setting {
   std::string method;
   std::string options;  ///< "NAME=VALUE,..."
@@ -46,8 +47,8 @@ void PrintTo(const Setting& setting, std::ostream* out) {
   *out << setting.method << ' ' << setting.options;
 }
 
-/// Planar depths of a view's pixels: of the painted plane, where the view looks straight ahead, and
-/// on the right half of the picture half as much again.
+/// Writes the planar depths of a view's pixels: of the painted plane for a view straight ahead, and
+/// 1.5 times as far on the right half.
 void write_depth_map(const std::filesystem::path& file, const VirtualCamera& view) {
   std::vector<float> z;
   for (int y = 0; y < view.height; ++y) {
@@ -68,8 +69,8 @@ void write_depth_map(const std::filesystem::path& file, const VirtualCamera& vie
 
 class MethodExtremes : public ::testing::TestWithParam<Setting> {
  protected:
-  /// The array's take, with mattes that hold all of its pictures, a mesh of the painted plane, and
-  /// a card that covers some of it.
+  /// Returns the array's take, with fully opaque mattes, a mesh of the painted plane, and a card
+  /// that covers some of it.
   const store::Take& take_of(const std::string& array, Scene scene) {
     const std::string name = array + " " + std::to_string(static_cast<int>(scene));
     if (!takes_.contains(name)) {
@@ -99,7 +100,8 @@ class MethodExtremes : public ::testing::TestWithParam<Setting> {
     return takes_.at(name);
   }
 
-  /// All of them; for a method with options those of few pixels near the world's origin.
+  /// Returns all extreme views; for a method with options only those of few pixels near the world's
+  /// origin.
   static std::vector<ExtremeView> rows() {
     std::vector<ExtremeView> rows = extremes();
     if (GetParam().options.empty()) return rows;
@@ -109,20 +111,21 @@ class MethodExtremes : public ::testing::TestWithParam<Setting> {
     return rows;
   }
 
-  /// Whether the method focuses on the plane that is given; others find out how deep the scene is,
-  /// or are told.
+  /// Returns whether the method focuses on the given plane. Others estimate the depth of the scene,
+  /// or have it from their options.
   static bool looks_up_on_the_plane() {
     static const std::set<std::string> finders{"plane_sweep", "depth", "visual_hull", "auto"};
     return !finders.contains(GetParam().method) && !GetParam().has("proxy=") &&
            !GetParam().has("objects=") && !GetParam().has("depth_map=") &&
-           !GetParam().has("layout=box");  // each face has a plane of its own
+           !GetParam().has("layout=box");  // each face has its own plane
   }
 
-  /// The hull's reference takes 4096 even steps of inverse distance along each ray: minutes for
-  /// what is asked here, and coarser than the methods may differ; visual_hull_test.cpp compares it.
+  /// Returns false for the hull, whose reference takes 4096 even steps of inverse distance along
+  /// each ray. This would take minutes here and be coarser than the tolerance. visual_hull_test.cpp
+  /// compares it.
   static bool has_quick_reference() { return GetParam().method != "visual_hull"; }
 
-  /// nullopt where the method refuses, as it may.
+  /// Returns the view, or nullopt where the method rejects the request, as it may.
   std::optional<RenderedView> render(const ExtremeView& extreme, Scene scene, bool reference,
                                      store::BlendSpace space = store::BlendSpace::kPerceptual) {
     const store::Take& take = take_of(extreme.array, scene);
@@ -145,7 +148,7 @@ class MethodExtremes : public ::testing::TestWithParam<Setting> {
   std::map<std::string, store::Take> takes_;
 };
 
-/// What every rendered view must be; empty where it is.
+/// Returns the violated property of a rendered view, or an empty text.
 std::string what_is_wrong(const RenderedView& image) {
   for (std::size_t i = 0; i < image.coverage.size(); ++i) {
     const float* rgba = &image.rgba[i * 4];
@@ -170,32 +173,35 @@ std::string what_is_wrong(const RenderedView& image) {
   return "";
 }
 
-/// How far a method's fast picture may be from its reference.
+/// The accepted difference of the fast view from the reference.
 struct Tolerance {
   float colour = 4e-3F;
   double depth = 1e-3;   ///< relative
-  double disparity = 0;  ///< or that much between neighbouring cameras, pixels
-  /// Of the pixels that are seen: where a method cuts from camera to camera or from plane to plane,
-  /// or a surface ends, a pixel may fall either way.
+  double disparity = 0;  ///< or this much between neighbouring cameras, pixels
+  /// Share of the seen pixels that may differ more: where a method changes cameras or planes, or a
+  /// surface ends, rounding decides.
   double either_way = 0.002;
 };
 
 Tolerance tolerance_of(const std::string& method) {
-  // Nodes of a slab that are no camera are sampled twice, those of the reference once.
+  // Nodes without a camera are sampled twice, those of the reference once.
   if (method == "slabs") return {1e-2F};
-  // Costs are rounded to 8 bits, either way: depths between planes move by what they cannot tell.
+  // Both implementations round costs to 8 bits, which moves depths between planes by what the costs
+  // do not resolve.
   if (method == "plane_sweep") return {4e-3F, 1e-3, 0.05, 0.021};
-  // The flat takes' depths range over a thousandth of themselves: either end is as good.
+  // In the flat take the range of depths is a thousandth of the depth: both of its ends are
+  // accepted.
   if (method == "depth") return {4e-3F, 2e-3};
   return {};
 }
 
 struct Difference {
-  std::size_t seen = 0;    ///< pixels that either sees
-  std::size_t differ = 0;  ///< of them
+  std::size_t seen = 0;    ///< pixels with alpha in either view
+  std::size_t differ = 0;  ///< of these, the pixels that differ
 };
 
-/// `pixel_metres`: disparity between neighbouring cameras (pixels) per inverse depth.
+/// Returns the number of pixels that differ. `pixel_metres`: disparity between neighbouring cameras
+/// (pixels) per inverse depth.
 Difference difference(const RenderedView& fast, const RenderedView& reference,
                       const Tolerance& tolerance, double pixel_metres) {
   Difference found;
@@ -215,7 +221,7 @@ Difference difference(const RenderedView& fast, const RenderedView& reference,
   return found;
 }
 
-/// That images are sound and alike must not be because they are empty.
+/// Images must be valid and equal, and not because they are empty.
 TEST_P(MethodExtremes, ImagesAreSoundSeeWhatCanBeSeenAndTheFastOneIsTheReference) {
   const Tolerance tolerance = tolerance_of(GetParam().method);
   const std::vector<schemas::CameraGeometry> cameras = testing::make_extreme_array("grid").cameras;
@@ -226,7 +232,7 @@ TEST_P(MethodExtremes, ImagesAreSoundSeeWhatCanBeSeenAndTheFastOneIsTheReference
       SCOPED_TRACE(extreme.name + (scene == Scene::kFlat       ? ", flat"
                                    : scene == Scene::kOneDepth ? ", one depth"
                                                                : ", deep"));
-      if (scene == Scene::kOneDepth && looks_up_on_the_plane()) continue;  // and nowhere else
+      if (scene == Scene::kOneDepth && looks_up_on_the_plane()) continue;  // range not used
       const auto fast = render(extreme, scene, false);
       const auto reference = has_quick_reference() ? render(extreme, scene, true) : fast;
       ASSERT_TRUE(fast && reference);
@@ -237,7 +243,7 @@ TEST_P(MethodExtremes, ImagesAreSoundSeeWhatCanBeSeenAndTheFastOneIsTheReference
                 tolerance.either_way * static_cast<double>(found.seen))
           << "of " << found.seen << " pixels";
       const bool blank = extreme.blank && looks_up_on_the_plane();
-      // A distance of its own may lie behind all cameras.
+      // The plane of a focus distance may be behind all cameras.
       if (!GetParam().has("focus_distance")) {
         EXPECT_EQ(found.seen > 0, !blank);
       }
@@ -266,8 +272,9 @@ TEST_P(MethodExtremes, AWhiteWorldStaysWhite) {
 }
 
 std::vector<Setting> settings() {
-  // Rougher than the reference by more than is asked here: weights every 16 pixels (up to 3 of 432
-  // pixels differ), half as many samples (nearly all do), planes four times as far apart.
+  // Settings that differ from the reference by more than the tolerance: weights every 16 pixels (up
+  // to 3 of 432 pixels differ), half as many samples (nearly all do), planes four times as far
+  // apart.
   static const std::set<std::string> rough{"weights=blending_field", "uv_scale=0.5",
                                            "step_px=2,aggregation=box,interpolation=linear"};
   std::vector<Setting> all;

@@ -27,7 +27,7 @@ TEST(Methods, AreFoundByNameAndTheirOptionsAreSound) {
       EXPECT_TRUE(options.insert(option.name).second) << method->name() << ' ' << option.name;
       EXPECT_FALSE(option.help.empty()) << method->name() << ' ' << option.name;
     }
-    // What is so unless given must itself be allowed.
+    // Default values must be allowed themselves.
     const MethodOptions fallbacks(method->options(), {}, method->name());
     EXPECT_NO_THROW(MethodOptions(method->options(), fallbacks.values(), method->name()))
         << method->name();

@@ -51,7 +51,7 @@ TEST(ObjectPlanes, WhatIsNoFlatConvexPolygonIsRefused) {
   bent.corners[2][2] = -3.3;
   EXPECT_THAT(refusal(bent), HasSubstr("m from the plane"));
   EXPECT_THAT(refusal(bent), HasSubstr("planes.json#/planes/1/corners"));
-  bent.corners[2][2] = -3.001;  // set by eye
+  bent.corners[2][2] = -3.001;  // set manually
   EXPECT_EQ(refusal(bent), "accepted");
   EXPECT_THAT(refusal({"line", {{0, 0, 0}, {1, 1, 1}, {2, 2, 2}}}), HasSubstr("no area"));
   EXPECT_THAT(refusal({"point", {{1, 1, 1}, {1, 1, 1}, {1, 1, 1}}}), HasSubstr("no area"));
@@ -69,7 +69,7 @@ TEST(ObjectPlanes, RegionsAreWhatRaysMeetFirst) {
   std::uniform_real_distribution<double> any(-1, 1);
   int met = 0;
   for (int round = 0; round < 40; ++round) {
-    // Polygons on circles anywhere around the view, also behind it and across its plane.
+    // Polygons on circles anywhere around the view, including behind it and across its plane.
     const double scale = std::pow(10, 6 * any(random));
     std::vector<schemas::PlanesDocument::Plane> planes;
     for (int i = 0; i < 5; ++i) {
@@ -136,7 +136,7 @@ TEST(ObjectPlanes, AnEyeInItsPlaneMeetsNone) {
   }
 }
 
-/// A card 2 m off before a wall 6 m off, in stripes.
+/// A card 2 m away in front of a wall 6 m away, both striped.
 class CardBeforeWall : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -172,8 +172,8 @@ class CardBeforeWall : public ::testing::Test {
                 {method, rig::fronto_parallel_plane(take_->rig(), 6), options});
   }
 
-  /// Root mean square against the truth, sRGB codes, over covered pixels; not at the card's edges,
-  /// where cameras see past it.
+  /// Returns the root mean square error against the truth, in sRGB codes over covered pixels. The
+  /// card's edges are excluded, because cameras see past it.
   static double error_of(const RenderedView& image, const VirtualCamera& view) {
     const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
     double squares = 0, count = 0;
@@ -239,11 +239,11 @@ TEST_F(CardBeforeWall, AgreesWithTheReference) {
         differ += worst > 1e-3 ? 1 : 0;
         near += slow.z[i] < 3 ? 1 : 0;
       }
-      // A cut between cameras, or an edge of the card, may pass through a pixel's centre.
+      // A border between cells, or an edge of the card, may pass through a pixel's centre.
       EXPECT_LE(differ, 2U) << method;
       EXPECT_GT(near, 500U);
       EXPECT_GT(fast.statistics.pixels_needed, 1000);
-      EXPECT_EQ(fast.statistics.working_bytes, view_buffer_bytes(view));  // of the card's own
+      EXPECT_EQ(fast.statistics.working_bytes, view_buffer_bytes(view));  // of one object at a time
     }
   }
 }

@@ -8,8 +8,8 @@ namespace {
 
 using testing::PlaneSweep;
 
-/// Of a view of step_edge(): the share of pixels, `beside` pixels off the edge and more, whose
-/// depth is not that of their side.
+/// Returns, for a view of step_edge(), the share of pixels with a wrong depth: not that of their
+/// side of the edge. Counts pixels at least `beside` pixels away from the edge.
 double wrong_side(const RenderedView& image, const VirtualCamera& view, int beside) {
   const ViewRays rays(view);
   int wrong = 0, count = 0;
@@ -34,8 +34,8 @@ TEST_F(PlaneSweep, KeepsTheTwoSidesOfAStepApart) {
   EXPECT_LT(wrong_side(render(take, testing::default_view()), testing::default_view(), 4), 0.02);
 }
 
-/// A dark wall before a bright one, of little texture: what it costs to jump between them is more
-/// than what costs there can tell.
+/// A dark wall in front of a bright one, with little texture: the penalty of a depth step is larger
+/// than the difference of the matching costs.
 TEST_F(PlaneSweep, LetsDepthJumpWhereLightDoes) {
   testing::SyntheticTake settings = step_edge();
   settings.scene = [](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
@@ -55,7 +55,7 @@ TEST_F(PlaneSweep, LetsDepthJumpWhereLightDoes) {
   EXPECT_GT(wrong(0), 0.05);
 }
 
-/// Something that a single camera of nine looks at, as if it stood right before its lens.
+/// One of nine cameras sees another object, as if that were directly in front of its lens.
 TEST_F(PlaneSweep, LeavesOutTheCameraThatSeesSomethingElse) {
   testing::SyntheticTake settings = slanted(3, 3);
   const auto scene = settings.scene;
@@ -74,7 +74,7 @@ TEST_F(PlaneSweep, LeavesOutTheCameraThatSeesSomethingElse) {
   const testing::SlantedErrors all = errors(0), selected = errors(1);
   EXPECT_LT(selected.disparity, 0.75 * all.disparity);
   EXPECT_LT(selected.disparity, 0.2);
-  EXPECT_LT(selected.colour, 0.2 * all.colour);  // nor is what it sees blended
+  EXPECT_LT(selected.colour, 0.2 * all.colour);  // its samples are not blended either
 }
 
 }  // namespace

@@ -23,8 +23,8 @@ using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-/// Costs are rounded to whole numbers on either way, so where two planes are worth the same the
-/// choice may differ; nearly everywhere it must not.
+/// Expects equal views, except at few pixels. Both implementations round costs to integers, so
+/// where two planes have equal costs the choice may differ.
 void expect_nearly_equal(const RenderedView& fast, const RenderedView& slow) {
   std::size_t differ = 0;
   for (std::size_t i = 0; i < fast.coverage.size(); ++i) {
@@ -89,11 +89,11 @@ TEST_F(PlaneSweep, FindsASlantedPlane) {
   }
 }
 
-/// With planes so far apart it is the parabola that finds what lies between.
+/// With planes so far apart, depths between them come from the parabola.
 TEST_F(PlaneSweep, FindsASlantedPlaneBetweenItsPlanes) {
   const store::Take take = write(slanted(3, 3));
   const VirtualCamera view = testing::default_view();
-  // Semi-global matching draws towards the neighbours' planes.
+  // Semi-global matching favours the planes of the neighbours.
   for (const auto& [aggregation, share] : {std::pair{"semi_global", 0.65}, {"box", 0.3}}) {
     SCOPED_TRACE(aggregation);
     for (const bool reference : {false, true}) {
@@ -106,7 +106,7 @@ TEST_F(PlaneSweep, FindsASlantedPlaneBetweenItsPlanes) {
         return testing::measure_slanted_errors(render(take, view, options, settings), view);
       };
       const testing::SlantedErrors between = errors(true), on_planes = errors(false);
-      EXPECT_GT(on_planes.disparity, 0.15);  // rounded to whole steps: a quarter of one in the mean
+      EXPECT_GT(on_planes.disparity, 0.15);  // rounding to steps: 1/4 on average
       EXPECT_LT(between.disparity, on_planes.disparity * share);
       EXPECT_LT(between.colour, on_planes.colour);
     }
@@ -122,7 +122,7 @@ TEST_F(PlaneSweep, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
     for (const std::size_t threads : {1, 2, 5}) {
       const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
       RendererOptions settings;
-      if (threads == 5) settings.working_bytes = 0;  // the least that it can do with
+      if (threads == 5) settings.working_bytes = 0;  // the minimum of memory
       images.push_back(render(take, testing::default_view(), options, settings));
     }
     EXPECT_EQ(images[0].rgba, images[1].rgba);
@@ -149,7 +149,7 @@ TEST_F(PlaneSweep, WorksInTheMemoryThatItIsGivenAndSaysHowMuch) {
   EXPECT_LE(least.statistics.working_bytes, image.statistics.working_bytes);
   EXPECT_THAT(image.notes, Not(beyond));
   EXPECT_THAT(least.notes, beyond);
-  // Boxes, too: rows of a volume for each thread, the frames' luma and the map.
+  // Box matching needs rows of a volume for each thread, the frames' luma and the map.
   const RenderedView box =
       render(take, testing::default_view(), {{"aggregation", std::string("box")}});
   EXPECT_GT(box.statistics.working_bytes, 90U * 64 * 5);
@@ -169,8 +169,8 @@ TEST_F(PlaneSweep, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
   const std::size_t middle = 20 * 60 + 30;
   EXPECT_NEAR(render(take, view).coverage[middle], 1, 1e-3);
   const RenderedView lacking = render(take, view, {}, {}, 1);
-  EXPECT_NEAR(lacking.rgba[middle * 4 + 3], 1, 1e-3);  // still a picture
-  EXPECT_LT(lacking.coverage[middle], 0.1);            // that owns up
+  EXPECT_NEAR(lacking.rgba[middle * 4 + 3], 1, 1e-3);  // still opaque
+  EXPECT_LT(lacking.coverage[middle], 0.1);            // and the missing camera is reported
   RendererOptions slow;
   slow.reference = true;
   expect_nearly_equal(lacking, render(take, view, {}, slow, 1));
@@ -195,7 +195,7 @@ TEST_F(PlaneSweep, OneCameraIsAllThatItNeeds) {
   const store::Take take = write(slanted(1, 1));
   const RenderedView image = render(take, testing::default_view());
   EXPECT_GT(testing::mean_alpha(image), 0.9);
-  const float z = image.z[32 * 90 + 45];  // mid-way in disparity: there is nothing to compare
+  const float z = image.z[32 * 90 + 45];  // the middle in disparity: there is nothing to compare
   EXPECT_GT(z, 2.5F);
   EXPECT_LT(z, 7.0F);
 }
@@ -211,7 +211,7 @@ TEST_F(PlaneSweep, StaysFiniteWhereDepthsEnd) {
           virtual_camera_with_fov(40, 30, 1,
                                   testing::make_pose({0, 0, -4.5}, 0)),  // inside the scene
           virtual_camera_with_fov(40, 30, 1,
-                                  testing::make_pose({0.3, 0, -4}, 170)),         // make_pose back
+                                  testing::make_pose({0.3, 0, -4}, 170)),         // looking back
           virtual_camera_with_fov(40, 30, 3, testing::make_pose({0, 0, 0}, 90)),  // along the array
           virtual_camera_with_fov(1, 1, 0.001,
                                   testing::make_pose({0, 0, 1e6}, 0))}) {  // far behind
@@ -259,7 +259,7 @@ TEST_F(PlaneSweep, SaysWhereItTriesFewerPlanesThanDisparityAsksFor) {
     EXPECT_THAT(image.notes[0], HasSubstr("only 512 are used"));
   }
   EXPECT_TRUE(render(take, view).notes.empty());
-  // Who says how many knows.
+  // A given number of planes causes no note.
   EXPECT_TRUE(render(take, view, {{"near", 0.01}, {"planes", 512.0}}).notes.empty());
 }
 

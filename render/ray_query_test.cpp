@@ -46,7 +46,7 @@ class RayQuery : public ::testing::Test {
   testing::TestFolder folder_;
 };
 
-/// From all over, most of them towards the scene.
+/// Returns rays from all sides, most of them towards the scene.
 std::vector<WorldRay> some_rays(int count) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> any(-1, 1);
@@ -153,7 +153,7 @@ TEST_F(RayQuery, WhatIsNoRayOrSeesNothingIsTransparent) {
                             {{nan, 0, 0}, {0, 0, -1}},
                             {{0, 0, 0}, {0, infinity, -1}},
                             {{0, 0, 0}, {0, 0, 1}},     // away from the plane
-                            {{50, 0, -3}, {0, 0, -1}},  // where nobody looks
+                            {{50, 0, -3}, {0, 0, -1}},  // where no camera looks
                             {{-0.03, 0.03, 0}, {0, 0, -1e-200}}},
                            {"lumigraph", {0, 0, 1, 4}});
   for (std::size_t i = 0; i < 5; ++i) {

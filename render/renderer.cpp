@@ -51,12 +51,12 @@ struct LightFieldRenderer::State {
   BufferPool buffers;
   std::vector<int> included_cameras;  // cameras that are not excluded
   std::mutex mutex;
-  std::map<std::vector<int>, std::shared_ptr<const rig::Topology>>
-      topologies;  // by cameras present
+  // By cameras present.
+  std::map<std::vector<int>, std::shared_ptr<const rig::Topology>> topologies;
 
   std::shared_ptr<const rig::Topology> topology(const std::vector<int>& cameras) {
-    constexpr std::size_t kMax =
-        64;  // limits takes whose set of present cameras changes at every frame
+    // Limits takes whose set of present cameras changes at every frame.
+    constexpr std::size_t kMax = 64;
     const std::scoped_lock lock(mutex);
     if (topologies.size() >= kMax && !topologies.contains(cameras)) topologies.clear();
     auto& known = topologies[cameras];
@@ -165,7 +165,8 @@ bool is_summed(DistributionMode distribution) {
          distribution == DistributionMode::kLockstep;
 }
 
-/// Adds what the request and the method require to a RenderedView.
+/// Returns the bytes per pixel of a RenderedView, with the measures that the request and the method
+/// require.
 std::size_t bytes_per_pixel(const Method& method, const RendererOptions& settings) {
   return view_buffer_bytes({1, 1, {}, {}}) + (settings.measure_coverage ? 2 * sizeof(float) : 0) +
          (settings.measure_confidence ? sizeof(float) : 0) +
@@ -192,7 +193,8 @@ struct Sampling {
   int factor = 1, rows = 0;
 };
 
-/// The limit ignores requested measures, because they must not change pixels.
+/// Returns how to sample a view. The limit ignores requested measures, because they must not change
+/// pixels.
 Sampling sampling_of(double ratio, const VirtualCamera& view, const RendererOptions& settings,
                      bool row_independent) {
   int factor = std::min(wanted_supersampling(ratio), std::clamp(settings.max_supersampling, 1, 64));
@@ -215,7 +217,7 @@ Sampling sampling_of(double ratio, const VirtualCamera& view, const RendererOpti
 }
 
 /// Returns source_pixels_per_pixel() on the focal plane, or on the plane of eq. 2.2 for methods
-/// that estimate depth. At infinity where that plane is not in view.
+/// that estimate depth. Where that plane is not in view, the plane at infinity is used.
 double filtered_pixels(const VirtualCamera& view, const LightFieldFrame& instant,
                        const Method& method, const Eigen::Vector4d& focal_plane) {
   Eigen::Vector4d plane = focal_plane;

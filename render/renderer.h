@@ -46,18 +46,18 @@ struct RendererOptions {
   std::shared_ptr<ResultCache> result_cache = nullptr;
   std::size_t working_bytes = std::size_t{1} << 30;  ///< working memory of a method for one view
   std::vector<int> excluded_cameras;  ///< indices of cameras that must not contribute
-  /// The take's timeline, by increasing time, for methods that use temporal neighbours: the ticks
-  /// before and after the one nearest to the requested frames, within half a tick. Empty: none.
-  /// Must outlive the renderer.
+  /// The take's timeline, by increasing time, for methods that use temporal neighbours. These are
+  /// the ticks before and after the tick that is nearest to the requested frames, within half a
+  /// tick. Empty: none. Must outlive the renderer.
   std::span<const store::FrameSelection> ticks;
   store::BlendSpace blend_space = store::BlendSpace::kPerceptual;
   /// Maximum supersampling along each axis, 1 to 64; 1: never. Views with less resolution than the
-  /// light field are rendered with an integer multiple of their pixels, large enough for steps as
-  /// short as the cameras' pixels, and averaged in linear light (thesis 5.3). The samples held at
-  /// once take at most supersampling_bytes. This is a separate limit, so that pixels do not depend
-  /// on the memory budget. Row-independent methods (Method::is_row_independent) render bands of
-  /// rows that fit it. Other methods hold the whole view, and use fewer samples where it would
-  /// exceed the limit.
+  /// light field are rendered with an integer multiple of their pixels and averaged in linear light
+  /// (thesis 5.3). The multiple is large enough for steps as short as the cameras' pixels. The
+  /// samples held at once take at most supersampling_bytes. This is a separate limit, so that
+  /// pixels do not depend on the memory budget. Row-independent methods
+  /// (Method::is_row_independent) render bands of rows that fit it. Other methods hold the whole
+  /// view, and use fewer samples where it would exceed the limit.
   int max_supersampling = 8;
   std::size_t supersampling_bytes = std::size_t{512} << 20;
   bool count_needed_pixels = false;  ///< fills RenderStatistics::pixels_needed (costs time)
@@ -123,16 +123,17 @@ class LightFieldRenderer {
 
   /// Samples any rays, not only those of a view, into the same number of `samples`: see
   /// query_rays(). Holes are not filled. `lumigraph` (weights per ray) and `visual_hull` use their
-  /// options. Of every other method only the surface is used, on which rays are blended as by
-  /// lumigraph's defaults; options other than the following are validated and ignored:
-  ///   depth        its surface, by `near`, `far`, `plane_px`, `neighbours`,
-  ///                `support_views`, `temporal` and `store_depths`
-  ///   plane_sweep  the surface of depth with default options, between its `near` and `far`; depths
-  ///                are stored in the take unless RendererOptions::use_take_folder is off
-  ///   all others   `reconstruction`'s focal plane, also for aperture: its own plane is
-  ///                ignored
-  /// Throws Error (bad input) as render(), for `auto`, which chooses only for views, and for
-  /// `slabs` in a box, which has a focal plane per face.
+  /// options. Every other method gives only the surface, on which rays are blended by the default
+  /// options of lumigraph. Of its options, only the following change the surface; others are
+  /// validated and ignored.
+  ///   depth        its own surface: `near`, `far`, `plane_px`, `neighbours`, `support_views`,
+  ///                `temporal` and `store_depths`
+  ///   plane_sweep  the surface of depth with default options: `near` and `far`; depths are
+  ///                stored in the take unless RendererOptions::use_take_folder is off
+  ///   all others   no options; the surface is the focal plane of `reconstruction`, also for
+  ///                aperture, whose own plane is ignored
+  /// Throws Error (bad input) as render(). Also throws for `auto`, which chooses only for views,
+  /// and for `slabs` in a box, which has a focal plane per face.
   void query(std::span<const WorldRay> rays, const store::FrameSelection& frames,
              const ReconstructionOptions& reconstruction, std::span<RaySample> samples) const;
 

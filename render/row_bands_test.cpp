@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Coarse views whose samples are taken in bands of rows.
+// Tests of views with less resolution than the light field whose samples are rendered in bands of
+// rows.
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
@@ -19,7 +20,7 @@ namespace raystage::render::row_bands_test {
 namespace {
 
 constexpr int kWidth = 20, kHeight = 15, kFactor = 6;
-/// Of a band: as many as fit, in whole tiles of 16 samples.
+/// Rows of a band: as many as fit, and as many in whole tiles of 16 samples.
 constexpr int kRowsThatFit = 11, kRows = 8;
 constexpr std::size_t kBytesOfSample = 24;  // RGBA, coverage, depth
 const Eigen::Vector4d kPlane(0, 0, 1, 4);
@@ -44,7 +45,7 @@ class Bands : public ::testing::Test {
     in_bands_.supersampling_bytes = kBytesOfSample * kFactor * kFactor * kWidth * kRowsThatFit;
   }
 
-  /// Behind the array: different rows of it pass between different cameras.
+  /// Returns a view behind the array, whose rows pass between different cameras.
   static VirtualCamera view() {
     rig::Pose pose;
     pose.position = {0.013, 0.01, 0.1};
@@ -111,7 +112,8 @@ TEST_F(Bands, ShowWhatTheWholeShows) {
   }
 }
 
-/// Bands go by the view alone; what a method works in within one, by its share of memory.
+/// Bands depend on the view alone; the working memory of a method within a band depends on its
+/// budget.
 TEST_F(Bands, SameBytesForAnyMemoryAndThreadsWithinTheShare) {
   for (const ReconstructionOptions& how : in_rows()) {
     SCOPED_TRACE(how.method);
@@ -139,15 +141,15 @@ TEST_F(Bands, HoldTheSamplesOfOneAtATime) {
   for (const ReconstructionOptions& how : in_rows()) {
     const std::size_t bytes =
         LightFieldRenderer(*take_, in_bands_).view_bytes(view(), frames(), how);
-    // Cameras and nearest_ray are measured; the hull says where nothing is.
+    // Cameras and nearest_ray are measured; the hull also marks empty space.
     const std::size_t of_pixel = how.method == "visual_hull" ? 36 : 32;
     const std::size_t of_band = std::size_t{kWidth} * kRows * (kFactor * kFactor + 1);
     EXPECT_EQ(bytes, (std::size_t{kWidth} * kHeight + of_band) * of_pixel) << how.method;
   }
 }
 
-/// Whether bands are of the view or of a method: what one has of a frame the next one need not
-/// decode again, nor what none wants.
+/// For bands of the view and bands of a method: what one band has decoded of a frame is not decoded
+/// again for the next, and parts that no band needs are not decoded.
 TEST_F(Bands, DecodeLittleMoreThanTheWhole) {
   testing::SyntheticTake settings;
   settings.cameras = testing::camera_grid(2, 2, 0.06, 640, 480);
@@ -188,7 +190,7 @@ TEST_F(Bands, DecodeLittleMoreThanTheWhole) {
   }
 }
 
-/// Where no memory is granted to keep images of nodes, bands make again those that they share.
+/// Without memory to cache images of nodes, bands make the images that they share again.
 TEST_F(Bands, OfSlabsMakeImagesOfSharedNodesAlone) {
   const auto decoded = [&](std::size_t supersampling_bytes) {
     RendererOptions keeps_nothing = in_bands_;
@@ -200,13 +202,13 @@ TEST_F(Bands, OfSlabsMakeImagesOfSharedNodesAlone) {
   const auto at_once = static_cast<double>(decoded(RendererOptions{}.supersampling_bytes));
   const auto in_bands = static_cast<double>(decoded(in_bands_.supersampling_bytes));
   EXPECT_LT(at_once, 0.5 * 9 * kFrame);
-  // The upper band looks between all three rows of nodes, the lower one between the last two; each
-  // makes of an image what it reads.
+  // The upper band uses all three rows of nodes, the lower one the last two. Each band makes the
+  // parts of the images that it reads.
   EXPECT_GT(in_bands, at_once);
   EXPECT_LT(in_bands, 1.2 * at_once);
 }
 
-/// Of the view they know nothing of each other: what several need counts in each.
+/// Bands of a view are independent: a pixel that several bands need counts in each.
 TEST_F(Bands, OfTheViewCountPixelsAtTheirBordersInEach) {
   RendererOptions counting;
   counting.count_needed_pixels = true;
@@ -221,7 +223,7 @@ TEST_F(Bands, OfTheViewCountPixelsAtTheirBordersInEach) {
   }
 }
 
-/// Or else each would have a note of its own.
+/// Otherwise each band would add its own note.
 TEST_F(Bands, SpeakOfTheWholeWhereMemoryIsShort) {
   const auto note = [&](const VirtualCamera& whole, int first, int end, int full_height) {
     const VirtualCamera fine = supersampled(crop_rows(whole, first, end), kFactor);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Slabs on all sides of a box of cameras that look outwards.
+// Tests of slabs on all sides of a box of cameras that look outwards.
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
@@ -31,7 +31,7 @@ class SlabsBox : public ::testing::Test {
   testing::TestFolder folder_;
 };
 
-/// 24 cameras on the faces of a box, make_pose outwards.
+/// Returns 24 cameras on the faces of a box, which look outwards.
 SyntheticTake box_take() {
   SyntheticTake settings;
   for (int side = 0; side < 6; ++side) {
@@ -56,7 +56,7 @@ std::array<double, 3> painted_direction(const Vector3d& d) {
           0.5 + 0.3 * std::cos(5 * u.z() - u.x())};
 }
 
-/// Of any channel, from what the scene shows along the view's rays.
+/// Returns the largest error of any channel, against the scene along the view's rays.
 double worst_error(const RenderedView& image, const VirtualCamera& view,
                    const testing::SceneFunction& scene) {
   double worst = 0;
@@ -76,7 +76,7 @@ double worst_error(const RenderedView& image, const VirtualCamera& view,
 
 TEST_F(SlabsBox, ABoxLooksAllAround) {
   SyntheticTake settings = box_take();
-  // A world at infinity: what is seen depends on the direction alone.
+  // The scene is at infinity: its light depends on the direction alone.
   settings.scene = [](const Vector3d&, const Vector3d& d) { return painted_direction(d); };
   const store::Take take = write(settings);
   const RenderCase box{.plane = {0, 0, 0, 1}, .options = {{"layout", "box"}}};
@@ -94,7 +94,7 @@ TEST_F(SlabsBox, ABoxLooksAllAround) {
     EXPECT_GT(mean_alpha(pair.fast), 0.999);
     EXPECT_LT(worst_error(pair.fast, view, settings.scene), 0.04);
   }
-  // A side without cameras is empty, the others go on.
+  // A side without cameras is empty; the others are rendered.
   settings.cameras.erase(settings.cameras.begin(), settings.cameras.begin() + 4);
   const store::Take open = write(settings, "open");
   const FastAndReference front = render_both(
@@ -104,7 +104,7 @@ TEST_F(SlabsBox, ABoxLooksAllAround) {
 }
 
 TEST_F(SlabsBox, EveryFaceOfABoxIsInFocusAtTheSameDistance) {
-  // The walls of a room, 5 m off on all sides.
+  // The scene is the walls of a room, 5 m away on all sides.
   SyntheticTake settings = box_take();
   const auto on_wall = [](const Vector3d& origin, const Vector3d& d) {
     double nearest = 1e9;

@@ -30,7 +30,7 @@ VirtualCamera view_from(const Vector3d& position, double yaw, double fov, int wi
   return virtual_camera_with_fov(width, height, fov * kDegree, make_pose(position, yaw));
 }
 
-/// Largest difference from what the painted plane looks like, over the pixels seen by all.
+/// Returns the largest difference from the painted plane, over the pixels that all cameras see.
 double error_against_truth(const RenderedView& image, const VirtualCamera& view) {
   double worst = 0;
   for (int y = 0; y < view.height; ++y) {
@@ -77,7 +77,7 @@ TEST_F(Slabs, AWallEyedArrayIsExactFromEverywhere) {
   const store::Take take = write(grid_take(4, 5));
   for (const auto& view : {view_from({0.01, 0.02, 0}, 0, 50),      // on the camera plane
                            view_from({0.06, 0.03, 0}, 0, 62),      // at a camera
-                           view_from({0.06, 0.03, 1e-12}, 0, 62),  // as good as
+                           view_from({0.06, 0.03, 1e-12}, 0, 62),  // almost at a camera
                            view_from({0, 0, 0.25}, 3, 40),         // behind it
                            view_from({0.02, 0, -0.3}, -4, 30),     // in front of it
                            view_from({0.25, 0, 0.5}, 20, 60),      // from the side
@@ -110,7 +110,8 @@ TEST_F(Slabs, AnyFocalPlaneEntersWhenRaysAreLookedUp) {
     SCOPED_TRACE(plane.transpose());
     expect_equal(render_both(take, view, {.plane = plane}));
   }
-  // The slab of a regular array serves all planes: each image is made in part, then as a whole.
+  // The slab of a regular array is used for all planes: each image is made in part, then as a
+  // whole.
   EXPECT_LE(decoded(), 2 * 9 * 160 * 120);
   EXPECT_EQ(decoded(), 0);
 }
@@ -126,12 +127,12 @@ TEST_F(Slabs, DistortedAndToedInCamerasAreRectified) {
     const store::Take take = write(settings, std::to_string(number++));
     for (const auto& view : {view_from({0.01, 0.02, 0.02}, 2, 40), view_from({0, 0, 0.3}, 0, 30)}) {
       const FastAndReference pair = render_both(take, view);
-      // The rectified picture is interpolated once more; its border falls elsewhere.
+      // The rectified image is interpolated once more, and its border is at another position.
       expect_equal(pair, 0.03, 1);
       EXPECT_NEAR(mean_alpha(pair.fast), mean_alpha(pair.reference), 0.005);
       EXPECT_GT(mean_alpha(pair.fast), 0.3);
       EXPECT_LT(error_against_truth(pair.fast, view), 0.03);
-      // ... less so when it is sampled more finely.
+      // The difference is smaller if it is sampled more finely.
       const FastAndReference fine = render_both(take, view, {.options = {{"uv_scale", 3.0}}});
       double coarse_error = 0, fine_error = 0;
       for (std::size_t i = 0; i < pair.fast.rgba.size(); ++i) {
@@ -221,7 +222,7 @@ TEST_F(Slabs, MissingRaysAreMissing) {
        {std::pair{view_from({5, 0, 0.1}, 0, 50), kPaintedPlane},      // past the array's edge
         {view_from({0, 0, 0.1}, 0, 50), Vector4d(0, 0, 1, -2)},       // the plane behind the view
         {view_from({0, 0, 0}, 90, 0.01, 3, 3), kPaintedPlane},        // along the camera plane
-        {view_from({0, 0, 1}, 90, 20), Vector4d(1, 0, 0, 3)},         // parallel to it, beside it
+        {view_from({0, 0, 1}, 90, 20), Vector4d(1, 0, 0, 3)},         // parallel to it, at its side
         {view_from({0, 0, -8}, 180, 50), kPaintedPlane},              // from behind the scene
         {view_from({0, 0, 0.1}, 0, 50), Vector4d(0, 0, 1, -0.1)}}) {  // the plane through the eye
     SCOPED_TRACE(view.pose.position.transpose());
@@ -260,7 +261,7 @@ TEST_F(Slabs, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
     EXPECT_EQ(render({}).rgba, image.rgba);
   }
-  // Nodes' images that another view left in part, made whole.
+  // Images of nodes that another view left partial are completed.
   const LightFieldRenderer used(take, {});
   used.render(view_from({0, 0, 0.1}, 0, 15, 40, 30), frames, {"slabs", kPaintedPlane});
   EXPECT_EQ(used.render(view, frames, {"slabs", kPaintedPlane}).rgba, image.rgba);
@@ -294,8 +295,8 @@ TEST_F(Slabs, CountsThePixelsThatTheViewDependsOn) {
   EXPECT_GT(fast.pixels_needed, 1000);
   EXPECT_LE(fast.pixels_needed, fast.pixels_decoded);
   EXPECT_LT(fast.pixels_decoded,
-            2.2 * static_cast<double>(fast.pixels_needed));  // few: borders count
-  EXPECT_GT(slow.pixels_decoded, 5 * slow.pixels_needed);    // takes frames as a whole
+            2.2 * static_cast<double>(fast.pixels_needed));  // few pixels: borders count
+  EXPECT_GT(slow.pixels_decoded, 5 * slow.pixels_needed);    // decodes frames as a whole
   EXPECT_NEAR(static_cast<double>(fast.pixels_needed), static_cast<double>(slow.pixels_needed),
               0.02 * static_cast<double>(slow.pixels_needed));
   EXPECT_LT(counted({{"interpolation", "nearest"}}, false).pixels_needed, fast.pixels_needed);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Views with less and with more resolution than the light field.
+// Tests of views with less and with more resolution than the light field.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kMean = 0.4, kAmplitude = 0.3;
 const Eigen::Vector4d kPlane(0, 0, 1, 4);
 
-/// Cameras of 160x120 that see stripes on the plane, four of their pixels wide each.
+/// Cameras of 160x120 that see stripes on the plane, each four of their pixels wide.
 class Filtering : public ::testing::Test {
  protected:
   Filtering() {
@@ -49,7 +49,8 @@ class Filtering : public ::testing::Test {
         .render(view_of(width), store::select_frames(*take_, 0, 1), {method, kPlane, options});
   }
 
-  /// Root mean square of the difference from the stripes' mean: what is left of them.
+  /// Returns the root mean square of the difference from the stripes' mean: their remaining
+  /// contrast.
   static double contrast(const RenderedView& image) {
     double sum = 0;
     for (std::size_t i = 0; i < image.coverage.size(); ++i) {
@@ -68,7 +69,8 @@ TEST_F(Filtering, CoarseViewsAverageInsteadOfAliasing) {
   never.max_supersampling = 1;
   for (const std::string method : {"focal_plane", "slabs"}) {
     SCOPED_TRACE(method);
-    // Pixels of six of the cameras', one and a half stripes: a pixel's mean is sin(x) / x of them.
+    // Each pixel covers six camera pixels, one and a half stripes: it is the stripes' mean and
+    // sin(x) / x of their contrast.
     const int width =
         static_cast<int>(std::round(160 * std::tan(25 * kDegree) / std::tan(31 * kDegree) / 6));
     const RenderedView filtered = render(width, method), aliased = render(width, method, never);
@@ -110,14 +112,14 @@ TEST_F(Filtering, MemoryBoundsTheFactor) {
   EXPECT_NEAR(image.statistics.source_pixels_per_pixel, 6, 0.5);
   EXPECT_EQ(image.statistics.supersampling, 2);
   EXPECT_THAT(image.notes, ElementsAre(HasSubstr("2 samples per pixel and axis")));
-  // What it works in has no say in the pixels.
+  // Working memory must not change the pixels.
   RendererOptions no_room;
   no_room.working_bytes = 0;
   EXPECT_EQ(render(20, "focal_plane", no_room).rgba, render(20, "focal_plane").rgba);
 }
 
 TEST_F(Filtering, SaysWhereMoreSamplesAreCalledFor) {
-  // 12 of the cameras' pixels: more than are ever taken.
+  // Pixels of 12 camera pixels: more samples than the maximum.
   const RenderedView image = render(10, "focal_plane");
   EXPECT_GT(image.statistics.source_pixels_per_pixel, 10);
   EXPECT_EQ(image.statistics.supersampling, 8);
@@ -138,7 +140,7 @@ TEST_F(Filtering, MemoryOfAViewIsWhatItsValuesTake) {
   constexpr std::size_t kFine = 160 * 120, kCoarse = 20 * 15, kSamples = 6 * 6;
   const auto factor = static_cast<std::size_t>(render(20, "focal_plane").statistics.supersampling);
   ASSERT_EQ(factor * factor, kSamples);
-  // Floats: RGBA, coverage, depth; how many cameras and how near; what meets nothing.
+  // Floats per pixel: RGBA, coverage, depth; cameras and nearest_ray; empty space.
   EXPECT_EQ(bytes(160, "focal_plane", false), kFine * 6 * 4);
   EXPECT_EQ(bytes(160, "focal_plane", true), kFine * 8 * 4);
   EXPECT_EQ(bytes(160, "visual_hull", false), kFine * 7 * 4);

@@ -32,7 +32,7 @@ using ::testing::HasSubstr;
 constexpr double kDegree = std::numbers::pi / 180, kRadius = 0.5;
 const Vector3d kMiddle(0, 0.1, -3);
 
-/// Metres along a ray (unit direction) to the sphere that all cameras stand around.
+/// Returns the metres along a ray (unit direction) to the sphere at the centre of the cameras.
 std::optional<double> sphere_hit(const Vector3d& eye, const Vector3d& direction) {
   const Vector3d to_middle = kMiddle - eye;
   const double along = to_middle.dot(direction);
@@ -71,7 +71,7 @@ std::vector<schemas::CameraGeometry> cameras_around(int width, int height,
 
 class VisualHull : public ::testing::Test {
  protected:
-  /// A take of the sphere in `cameras`, with a matte for each.
+  /// Writes a take of the sphere in `cameras`, with a matte for each.
   void write(const std::vector<schemas::CameraGeometry>& cameras) {
     schemas::TakeDocument take;
     take.name = "sphere";
@@ -181,7 +181,8 @@ TEST_F(VisualHull, IsTheSphereThatAllCamerasSee) {
 }
 
 TEST_F(VisualHull, AgreesWithTheReference) {
-  // With a lens, half a pixel more: it is taken out beforehand here, at every point there.
+  // With a lens the tolerance is half a pixel larger: the fast implementation removes its
+  // distortion beforehand, the reference at every point.
   for (const auto& [distortion, tolerance] : {std::pair{schemas::Distortion{}, 0.03F},
                                               {schemas::Distortion{-0.15, 0.02, 0, 0, 0}, 0.08F}}) {
     std::filesystem::remove_all(folder());
@@ -205,7 +206,7 @@ TEST_F(VisualHull, AgreesWithTheReference) {
 
 TEST_F(VisualHull, AFillPaintsNothingBesideTheHull) {
   write(cameras_around(160, 120));
-  // As fine as the cameras, and coarser: then each pixel is the mean of many rays.
+  // As fine as the cameras, and coarser, where each pixel is the mean of many rays.
   for (const int width : {240, 30}) {
     const VirtualCamera view =
         virtual_camera_with_fov(width, width / 3, 40 * kDegree, around(33, 15, 2));
@@ -246,10 +247,10 @@ TEST_F(VisualHull, RaysOfAViewAreAnsweredAsTheViewShowsThem) {
   for (const bool reference : {false, true}) {
     RendererOptions settings;
     settings.reference = reference;
-    settings.max_supersampling = 1;  // a ray a pixel
+    settings.max_supersampling = 1;  // one ray per pixel
     const LightFieldRenderer renderer(take, settings);
     const store::FrameSelection frames = store::select_frames(take, 0, 1);
-    // The focal plane, through the sphere's middle, must not matter.
+    // The focal plane through the sphere's centre must have no effect.
     const ReconstructionOptions by_hull{"visual_hull", {0, 0, 1, 3}, {{"nearest", 1.0}}};
     const RenderedView image = renderer.render(view, frames, by_hull);
     std::vector<RaySample> samples(rays.size());
@@ -267,7 +268,7 @@ TEST_F(VisualHull, RaysOfAViewAreAnsweredAsTheViewShowsThem) {
       ASSERT_NEAR(double{samples[i].depth} * cosine, double{image.z[i]}, 1e-3) << i;
     }
     EXPECT_GT(hits, 500);
-    EXPECT_LT(hits, 2500);  // of 3000: others pass it by
+    EXPECT_LT(hits, 2500);  // of 3000: the others miss it
   }
 }
 
@@ -334,7 +335,7 @@ TEST_F(VisualHull, MattesThatAreNoneAreRefused) {
     }
     return std::string("rendered");
   };
-  // What, where, and what to do.
+  // Errors name what failed, where, and what to do.
   const auto names = [&](const std::string& what) {
     return AllOf(HasSubstr(what), HasSubstr(file.string()),
                  HasSubstr("Write an 8-bit grey PNG of 160x120 pixels"));
@@ -348,7 +349,7 @@ TEST_F(VisualHull, MattesThatAreNoneAreRefused) {
     std::ifstream in(file, std::ios::binary);
     whole.assign(std::istreambuf_iterator<char>(in), {});
   }
-  std::string turned = whole;  // a byte of the picture: its checksum no longer holds
+  std::string turned = whole;  // a changed byte: the checksum does not match
   turned[whole.size() / 2] = static_cast<char>(~turned[whole.size() / 2]);
   for (const std::string& content :
        {std::string(), std::string("no picture at all"), whole.substr(0, 20),
@@ -385,7 +386,8 @@ TEST(Carving, KeepsWhatNoCameraSeesOfARayButShowsOnlyWhatOneDoes) {
     document.cameras.push_back({camera, {}});
   }
   const rig::Rig rig = rig::rig_from_document(document);
-  // Left: foreground everywhere. Right: only its left half, so what lies left of x = 0.25.
+  // The left matte is all foreground. Of the right one only the left half is, so what is left of x
+  // = 0.25.
   std::vector<std::uint8_t> all(100 * 100, 255), left_half = all;
   for (std::size_t i = 0; i < left_half.size(); ++i) left_half[i] = i % 100 < 50 ? 255 : 0;
   const std::vector<Silhouette> silhouettes{
@@ -393,11 +395,11 @@ TEST(Carving, KeepsWhatNoCameraSeesOfARayButShowsOnlyWhatOneDoes) {
       {1, std::make_shared<const Matte>(rig.cameras[1].model, left_half, 0.5)}};
   const double tangent = std::tan(31 * kDegree);
   const std::vector<WorldRay> rays{
-      {{-0.25, 0, 0}, -Vector3d::UnitZ()},  // the left camera's axis: seen at once
-      {{0.3, 0, 0}, -Vector3d::UnitZ()},    // in the right one's background, once it is seen
-      {{-2, 0, -0.5}, Vector3d::UnitX()},   // across: in at the left camera's border
-      {{0, 0, 1}, Vector3d::UnitZ()},       // behind the cameras
-      {{0, 0, 2}, -Vector3d::UnitZ()}};     // from behind: from the plane of the cameras on
+      {{-0.25, 0, 0}, -Vector3d::UnitZ()},  // the left camera's axis: seen from the start
+      {{0.3, 0, 0}, -Vector3d::UnitZ()},   // enters the image of the right camera in its background
+      {{-2, 0, -0.5}, Vector3d::UnitX()},  // across: enters at the left camera's border
+      {{0, 0, 1}, Vector3d::UnitZ()},      // behind the cameras
+      {{0, 0, 2}, -Vector3d::UnitZ()}};    // from behind: starts at the plane of the cameras
   for (const RaySurface& surface : {hull_surface(rig, silhouettes, 1, 0.01),
                                     hull_surface_reference(rig, silhouettes, 1, 0.01, 40000)}) {
     std::vector<double> inverse(rays.size());
@@ -409,7 +411,8 @@ TEST(Carving, KeepsWhatNoCameraSeesOfARayButShowsOnlyWhatOneDoes) {
     EXPECT_TRUE(std::isnan(inverse[3]));
     EXPECT_NEAR(1 / inverse[4], 2 + 0.25 / tangent, 0.03);
   }
-  // From afar, where all that the cameras see lies within a ten millionth of the inverse distances.
+  // Seen from afar, everything that the cameras see is within a ten millionth of the inverse
+  // distances.
   const std::vector<WorldRay> from_afar{{{0, 0, 1e6}, -Vector3d::UnitZ()}};
   double inverse = 0;
   hull_surface(rig, silhouettes, 1, 0.1)(from_afar, {&inverse, 1});

@@ -17,8 +17,9 @@ namespace raystage::rig {
 /// radius two rays would map to one pixel. The model ends there: such points have no projection.
 class CameraModel {
  public:
-  /// Throws Error (bad input), with the camera's id, for non-finite values, a focal length or size
-  /// that is not positive, or a distortion that folds back at the principal point itself.
+  /// Throws Error (bad input), with the camera's id, for non-finite values or a focal length or
+  /// size that is not positive. Also throws for a distortion that folds back at the principal point
+  /// itself.
   explicit CameraModel(const schemas::CameraGeometry& geometry);
 
   int width() const { return width_; }
@@ -29,7 +30,7 @@ class CameraModel {
   /// the fold. The pixel may lie outside the image.
   std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& x_in_camera) const;
   /// Returns the ray through a pixel, scaled to z = -1, or nullopt if no ray reaches the pixel.
-  /// project(unproject(p)) equals p to 1e-9 px wherever there is a ray.
+  /// Wherever there is a ray, project(unproject(p)) equals p to 1e-9 px.
   std::optional<Eigen::Vector3d> unproject(const Eigen::Vector2d& pixel) const;
 
   /// Returns the pixel of an ideal image point, or nullopt beyond the fold.

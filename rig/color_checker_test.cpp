@@ -11,7 +11,7 @@
 namespace raystage::rig {
 namespace {
 
-/// Codes of sRGB, 0 to 255.
+/// Returns sRGB codes, 0 to 255.
 std::array<double, 3> codes_of(const schemas::Rgb& light) {
   std::array<double, 3> codes{};
   for (std::size_t c = 0; c < 3; ++c) {
@@ -56,7 +56,7 @@ TEST(ColorChecker, GreysAreGreyAndFallInEvenSteps) {
     if (i == kFirstNeutralPatch) continue;
     EXPECT_LT(light[i][1], 0.75 * light[i - 1][1]);
   }
-  EXPECT_LT(light[17][0], 0);  // cyan is out of Rec.709's reach
+  EXPECT_LT(light[17][0], 0);  // cyan is outside Rec.709
 }
 
 }  // namespace

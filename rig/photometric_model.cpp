@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Photometric correction of a camera and its inverse, per pixel (thesis eq. 4.1 and section 4.3):
-//   light = matrix * (gain at the pixel * (brightness + contrast * (shown - dark)))
+// Applies the photometric correction of a camera, or its inverse, per pixel (thesis eq. 4.1 and
+// section 4.3):
+//   light = matrix * (gain at the pixel * (brightness + contrast * (shown - dark))).
 // The gain is the product of a vignetting polynomial in r^2 and a bilinear gain map. Inputs and
 // outputs: R, G, B of linear light, full scale 1. Cost: constant per pixel.
 #include "rig/photometric_model.h"

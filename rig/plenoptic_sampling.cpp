@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Limits of sampling without ghosting (thesis eq. 2.1 and 2.2): the disparity of a point is
-// focal_length * spacing / depth, and a focal plane allows an error of one pixel on each side.
+// Computes limits of sampling without ghosting (thesis eq. 2.1 and 2.2). The disparity of a point
+// is focal_length * spacing / depth, and a focal plane allows an error of one pixel on each side.
 // Inputs: pixels, metres, and the n cells of a topology; outputs: pixels or metres. Cost: O(n).
 #include "rig/plenoptic_sampling.h"
 

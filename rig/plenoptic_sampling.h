@@ -24,11 +24,13 @@ double max_alias_free_baseline(double focal_length, schemas::DepthRange range);
 double alias_free_plane_count(double disparity_range);
 
 /// Returns the range of depths without ghosting for a focal plane at `focal_depth`, in metres: one
-/// pixel of disparity on each side. The far end may be infinite. All depths if `spacing` is 0.
+/// pixel of disparity on each side. The far end may be infinite. If `spacing` is 0, the range
+/// contains all depths.
 schemas::DepthRange alias_free_depth_range(double focal_length, double spacing, double focal_depth);
 
-/// Returns the largest distance of neighbouring cameras of the array, in metres: the maximum over
-/// cells of the second longest side (a grid cell's longest is the diagonal). 0 for a single centre.
+/// Returns the largest distance of neighbouring cameras of the array, in metres; 0 for a single
+/// centre. It is the maximum over cells of the second longest side, because a grid cell's longest
+/// side is the diagonal.
 double max_neighbour_baseline(const Rig& rig, const Topology& topology);
 
 }  // namespace raystage::rig

@@ -34,9 +34,9 @@ Rig rig_from_document(const schemas::RigDocument& document);
 /// `Rig::cameras`. "auto" uses the grid if every camera has a row and column, otherwise Delaunay.
 Topology make_topology(const Rig& rig, std::span<const int> cameras);
 
-/// Returns the plane a x + b y + c z + d = 0 in the world, (a, b, c) unit, perpendicular to the
-/// mean viewing direction, `depth` metres in front of the array's centre; for infinity (0, 0, 0,
-/// 1).
+/// Returns the plane a x + b y + c z + d = 0 in the world, with a unit vector (a, b, c). The plane
+/// is perpendicular to the mean viewing direction and `depth` metres in front of the array's
+/// centre. For an infinite depth returns (0, 0, 0, 1).
 Eigen::Vector4d fronto_parallel_plane(const Rig& rig, double depth);
 
 /// Returns the optimal focal depth in metres (thesis eq. 2.2): 1/zopt = (1/zmin + 1/zmax) / 2; zmax

@@ -109,7 +109,7 @@ TEST(Rig, BestFocalDepthAtTheEndsOfDoubles) {
   constexpr double kMax = std::numeric_limits<double>::max();
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   for (const double depth : {kMin, 1e-310, 1e-3, 0.1, 1.7, 1e9, kMax}) {
-    EXPECT_EQ(optimal_focal_depth({depth, depth}), depth);  // near = far: nowhere else
+    EXPECT_EQ(optimal_focal_depth({depth, depth}), depth);  // near = far: no other depth
   }
   EXPECT_EQ(optimal_focal_depth({kMin, kInfinity}), 2 * kMin);
   EXPECT_EQ(optimal_focal_depth({1.5, kInfinity}), 3);  // eq. 2.2
@@ -132,8 +132,9 @@ TEST(Rig, FarFromTheWorldsOriginItIsTheSame) {
       camera.id = std::to_string(i);
       camera.width = camera.height = 8;
       // 1/16 m is a multiple of the resolution of doubles at 1e7 m: the moved rig is exact.
-      camera.world_from_camera[3] = (i % columns) / 16.0;
-      camera.world_from_camera[7] = (i / columns) / 16.0;
+      const int row = i / columns, column = i % columns;
+      camera.world_from_camera[3] = column / 16.0;
+      camera.world_from_camera[7] = row / 16.0;
       document.cameras.push_back({camera, {}});
       all.push_back(i);
     }

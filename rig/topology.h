@@ -33,7 +33,8 @@ struct Topology {
 /// Predicates are exact (centres snapped to 2^-26 of the extent), so co-circular centres, as in a
 /// regular grid, give one deterministic triangulation. Centres closer than 1e-9 of the extent (or
 /// coincident) are merged into the first; centres all closer than 1e-7 of the extent to a line are
-/// collinear. `viewing_directions`: unit, world, one per centre. No centre: Error (bad input).
+/// collinear. `viewing_directions`: unit, world, one per centre. Throws Error (bad input) for no
+/// centre.
 Topology delaunay_topology(std::span<const Eigen::Vector3d> centres,
                            std::span<const Eigen::Vector3d> viewing_directions);
 

@@ -50,8 +50,8 @@ double area(const Topology& topology, const Points& centres) {
   return sum;
 }
 
-// Checks that each directed edge is in at most one triangle, that the border is one closed ring,
-// and that every centre of `expected` (all by default) is a corner.
+// Checks that each directed edge is in at most one triangle and that the border is one closed ring.
+// Also checks that every centre of `expected` (all by default) is a corner.
 void expect_watertight(const Topology& topology, std::size_t expected) {
   ASSERT_EQ(topology.kind, Topology::Kind::kTriangles);
   std::set<std::pair<int, int>> edges;
@@ -206,7 +206,7 @@ struct Grid {
   std::vector<int> rows, columns;
 };
 
-// `absent`: row * 100 + column of positions without a camera.
+// Returns a grid. `absent`: row * 100 + column of positions without a camera.
 Grid places(int rows, int columns, const std::set<int>& absent, double error = 0) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> uniform(-error, error);

@@ -23,7 +23,8 @@ struct BenchDocument {
   std::vector<Setting> settings;
 };
 
-/// Throws Error (bad input) with the file, the JSON pointer, the value found and what is allowed.
+/// Reads the document. Throws Error (bad input) with the file, the JSON pointer, the value found
+/// and what is allowed.
 BenchDocument read_bench(const std::filesystem::path& file);
 
 /// Parses and formats the document in memory; errors use `name` as the file name.

@@ -104,7 +104,7 @@ json good(const std::string& kind) {
   return document;
 }
 
-/// Reads a document of any kind and writes it again.
+/// Returns a document of any kind, read and written again.
 std::string rewritten(const std::string& kind, const std::string& text) {
   if (kind == "rig") return format_rig(parse_rig(text, "f.json"));
   if (kind == "take") return format_take(parse_take(text, "f.json"));
@@ -391,8 +391,8 @@ TEST(ImportManifest, ACameraThatLooksBackIsRefusedByName) {
 TEST(ImportManifest, ACameraBeyondTheNearestPlaneIsRefusedByName) {
   json document = good("import");
   document["depth_range_m"] = {1, 5};
-  document["cameras"][1]["world_from_camera"][2][3] =
-      -1.9;  // the centre of the array is at half of that
+  // The centre of the array is at half of that.
+  document["cameras"][1]["world_from_camera"][2][3] = -1.9;
   EXPECT_EQ(refusal("import", document), "accepted");
   document["cameras"][1]["world_from_camera"][2][3] = -2.1;
   EXPECT_THAT(refusal("import", document), AllOf(StartsWith("f.json#/cameras/1/world_from_camera:"),

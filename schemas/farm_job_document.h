@@ -98,8 +98,8 @@ struct FarmJobDocument {
 
 std::string_view farm_engine_name(FarmJobDocument::Engine engine);
 
-/// Throws Error (bad input) with the file, the JSON pointer, the value found and what is allowed.
-/// `name`: the file name in errors.
+/// Parses the document. Throws Error (bad input) with the file, the JSON pointer, the value found
+/// and what is allowed. `name`: the file name in errors.
 FarmJobDocument parse_farm_job(std::string_view text, std::string_view name);
 std::string format_farm_job(const FarmJobDocument& job);
 

@@ -26,8 +26,8 @@ Vector3 centre(const CameraGeometry& camera) {
   return {m[3], m[7], m[11]};
 }
 
-/// Throws Error (bad input) unless the whole depth range is in front of every camera. It is counted
-/// from the array's centre along its mean viewing direction.
+/// Throws Error (bad input) unless the whole depth range is in front of every camera. It is
+/// measured from the array's centre along its mean viewing direction.
 void check_depth_range(const JsonNode& document, const ImportManifest& manifest) {
   if (!manifest.depth_range) return;
   const JsonNode cameras = document.at("cameras");

@@ -33,9 +33,9 @@ struct ImportManifest {
   std::vector<Camera> cameras;
 };
 
-/// Throws Error (bad input) with the file, the JSON pointer, the value found and what is allowed.
-/// Beyond the schema, it checks that ids are unique, poses rigid and times increasing, and that
-/// every camera has the whole depth range in front of it.
+/// Reads the document. Throws Error (bad input) with the file, the JSON pointer, the value found
+/// and what is allowed. Beyond the schema, it checks that ids are unique, poses rigid and times
+/// increasing, and that every camera has the whole depth range in front of it.
 ImportManifest read_import_manifest(const std::filesystem::path& file);
 void write_import_manifest(const ImportManifest& manifest, const std::filesystem::path& file);
 

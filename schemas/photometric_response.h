@@ -40,8 +40,8 @@ inline constexpr ColorMatrix kIdentityColorMatrix{{{1, 0, 0}, {0, 1, 0}, {0, 0, 
 ///
 ///     light = matrix * (gain at the pixel * (brightness + contrast * (shown - dark)))
 ///
-/// where `shown` is the light of the code after `curve`, in the colour space of the take, and
-/// `dark` that of the pixel in the dark frame. See rig/photometric_model.h.
+/// `shown` is the light of the code after `curve`, in the colour space of the take. `dark` is that
+/// of the pixel in the dark frame. See rig/photometric_model.h.
 struct PhotometricResponse {
   Rgb contrast{1, 1, 1};
   Rgb brightness{0, 0, 0};

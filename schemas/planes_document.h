@@ -19,8 +19,8 @@ struct PlanesDocument {
   std::vector<Plane> planes;
 };
 
-/// Throws Error (bad input) with the file, the JSON pointer, the value found and what is allowed.
-/// Does not check that the corners are coplanar.
+/// Reads the document. Throws Error (bad input) with the file, the JSON pointer, the value found
+/// and what is allowed. Does not check that the corners are coplanar.
 PlanesDocument read_planes(const std::filesystem::path& file);
 
 /// Parses and formats the document in memory; errors use `name` as the file name.

@@ -73,7 +73,8 @@ struct RecordConfig {
   std::vector<Camera> cameras;
 };
 
-/// Throws Error (bad input) at "FILE#/json/pointer" with the value found and what is allowed.
+/// Reads the document. Throws Error (bad input) at "FILE#/json/pointer" with the value found and
+/// what is allowed.
 RecordConfig read_record_config(const std::filesystem::path& file);
 /// Parses and formats the document in memory; errors use `name` as the file name.
 RecordConfig parse_record_config(std::string_view text, std::string_view name);

@@ -80,7 +80,7 @@ constexpr Fields kOutput(defaulted("compression", &Output::compression),
                          optional("overscan", &Output::overscan), defaulted("aovs", &Output::aovs),
                          defaulted("color", &Output::color, kColor));
 
-/// The properties of a shot of schema version `version`.
+/// Returns the properties of a shot of schema version `version`.
 auto shot_fields(int version) {
   const auto camera_of_version = [version](const JsonNode& camera) {
     return shot_camera_from(camera, version);

@@ -10,11 +10,11 @@
 
 namespace raystage::schemas {
 
-/// Validates documents with a subset of JSON Schema, draft 2020-12: type, const, enum, minimum,
-/// exclusiveMinimum, maximum, exclusiveMaximum, minLength, maxLength (bytes), pattern, items,
-/// minItems, maxItems, properties, patternProperties ("^prefix" only, any value),
-/// additionalProperties (false only), required, oneOf, anyOf and $ref to "#/$defs/NAME"; and of our
-/// own "patternDescription" (a pattern in words) and "formerly" (former_names.h). Messages
+/// Validates documents with a subset of JSON Schema, draft 2020-12. Keywords: type, const, enum,
+/// minimum, exclusiveMinimum, maximum, exclusiveMaximum, minLength, maxLength (bytes), pattern,
+/// items, minItems, maxItems, properties, patternProperties ("^prefix" only, any value),
+/// additionalProperties (false only), required, oneOf, anyOf and $ref to "#/$defs/NAME". Our own
+/// keywords: "patternDescription" (a pattern in words) and "formerly" (former_names.h). Messages
 /// state a pattern in the words of "patternDescription", never as a regular expression.
 class SchemaValidator {
  public:

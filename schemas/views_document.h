@@ -22,7 +22,8 @@ struct ViewsDocument {
   std::vector<View> views;
 };
 
-/// Throws Error (bad input) with the file, the JSON pointer, the value found and what is allowed.
+/// Reads the document. Throws Error (bad input) with the file, the JSON pointer, the value found
+/// and what is allowed.
 ViewsDocument read_views(const std::filesystem::path& file);
 void write_views(const ViewsDocument& views, const std::filesystem::path& file);
 

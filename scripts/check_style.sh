@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# clang-format and clang-tidy on every source; clang-tidy not where the same content is
-# known to have passed before. Files that git does not track yet are checked, too.
+# Runs clang-format and clang-tidy on every source, but clang-tidy not on contents that passed before. Files
+# that git does not track yet are checked, too.
 # Usage: scripts/check_style.sh BUILD_FOLDER
-# On a build server (CI=true) what passed is kept under the home folder, for all checkouts; else in BUILD_FOLDER.
+# The cache of passed contents is in BUILD_FOLDER; on a build server (CI=true) in the home folder,
+# for all checkouts.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 build="$1"
@@ -11,7 +12,7 @@ mapfile -t sources < <(git ls-files --cached --others --exclude-standard --dedup
 clang-format-14 --dry-run -Werror "${sources[@]}"
 echo "${#sources[@]} files are formatted as .clang-format says"
 
-# Several sources at a time, with nothing precompiled.
+# Several sources are checked at a time, without precompiled headers.
 commands="$build/clang-tidy"
 cmake -S . -B "$commands" -G Ninja -DCMAKE_BUILD_TYPE=Release -DRAYSTAGE_BENCHMARKS=ON \
   -DCMAKE_UNITY_BUILD=ON -DCMAKE_UNITY_BUILD_BATCH_SIZE=16 \

@@ -34,7 +34,7 @@ def output_of(*command: str) -> str:
 def package_versions() -> str:
     lines = (ROOT / "scripts/packages.txt").read_text(encoding="utf-8").splitlines()
     names = [line.split()[0] for line in lines if line and not line.startswith("#")]
-    # Packages that are not installed are no part of the build.
+    # The build does not depend on packages that are not installed.
     found = subprocess.run(["dpkg-query", "-W", "-f", "${Package} ${Version}\n", *names],
                            capture_output=True, text=True)
     return found.stdout

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Installs what scripts/packages.txt lists and the machine lacks.
+# Installs the packages of scripts/packages.txt that the machine lacks.
 # Usage: scripts/install_packages.sh GROUP...   (build, run, test)
 set -euo pipefail
 here="$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)"

@@ -84,7 +84,7 @@ class CameraRenderer {
                       LinearImage& image);
   void find_edges(const LinearImage& image, const PixelRays& rays);
   void make_batch(const PixelRays& rays, std::span<const Pixel> group, int samples);
-  /// `cache` may be null.
+  /// Takes `samples` samples in each of `pixels`. `cache` may be null.
   void supersample(const World& world, const PixelRays& rays, std::span<const Pixel> pixels,
                    int samples, StaticSampleCache* cache, LinearImage& image);
   void supersample_static(const World& world, const PixelRays& rays, std::span<const Pixel> pixels,

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Makes the meshes of the simulated scenes as samples of parametric surfaces (u, v) on a regular
+// grid, two triangles per cell, with exact normals. Positions are in metres.
 #include "simulate/mesh.h"
 
 #include <algorithm>

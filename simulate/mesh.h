@@ -19,26 +19,29 @@ struct SceneMesh {
                  const Eigen::Isometry3f& placement = Eigen::Isometry3f::Identity());
 };
 
-/// A parallelogram of `cells` x `cells` parts; (u, v) run along its edges from 0 to `uv_size`.
+/// Returns a parallelogram of `cells` x `cells` parts; (u, v) run along its edges from 0 to
+/// `uv_size`.
 SceneMesh make_quad(const Eigen::Vector3f& corner, const Eigen::Vector3f& edge_u,
                     const Eigen::Vector3f& edge_v, const Eigen::Vector2f& uv_size = {1, 1},
                     int cells = 1);
-/// A sphere around the origin; u runs once around the y axis, v from the upper pole to the lower.
+/// Returns a sphere around the origin; u runs once around the y axis, v from the upper pole to the
+/// lower.
 SceneMesh make_sphere(float radius, int segments);
-/// A box around the origin; each face has the whole texture.
+/// Returns a box around the origin; each face has the whole texture.
 SceneMesh make_box(const Eigen::Vector3f& size);
-/// A torus in the plane z = 0 around the origin; u runs `turns` times along the ring, v once around
-/// the tube.
+/// Returns a torus in the plane z = 0 around the origin; u runs `turns` times along the ring, v
+/// once around the tube.
 SceneMesh make_torus(float ring_radius, float tube_radius, int ring_segments, int tube_segments,
                      float turns = 1);
-/// A round rod in pieces of at most 0.3 m, as long triangles slow down ray tracing.
+/// Returns a round rod in pieces of at most 0.3 m, as long triangles slow down ray tracing.
 SceneMesh make_rod(const Eigen::Vector3f& from, const Eigen::Vector3f& to, float radius,
                    int sides = 8);
-/// A truncated cone without caps around the y axis, its top at y = `height`, its bottom at y = 0.
+/// Returns a truncated cone without caps around the y axis, its top at y = `height`, its bottom at
+/// y = 0.
 SceneMesh make_cone(float top_radius, float bottom_radius, float height, int sides);
-/// A folded cloth near the plane z = 0: x from 0 to `width`, y from 0 to `height`.
+/// Returns a folded cloth near the plane z = 0: x from 0 to `width`, y from 0 to `height`.
 SceneMesh make_curtain(float width, float height, float depth, int folds);
-/// A wheel with rim, hub and spokes in the plane z = 0 around the origin.
+/// Returns a wheel with rim, hub and spokes in the plane z = 0 around the origin.
 SceneMesh make_wheel(float radius, float spoke_radius, int spokes);
 
 }  // namespace raystage::simulate

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Procedural textures of the built-in scenes: linear light R, G, B as a function of (u, v), from
+// geometric patterns and octaves of periodic value noise. The noise hashes lattice cells (middle
+// step of Wellons' lowbias32), so textures need no files and no state. Cost: about 4 hashes per
+// octave and texel.
 #include "simulate/procedural_textures.h"
 
 #include <algorithm>
@@ -10,7 +14,7 @@ namespace {
 
 using Eigen::Vector3f;
 
-// Smooth step from 0 at `from` to 1 at `to`.
+// Returns a smooth step from 0 at `from` to 1 at `to`.
 float smooth(float from, float to, float x) {
   const float t = std::clamp((x - from) / (to - from), 0.0F, 1.0F);
   return t * t * (3 - 2 * t);

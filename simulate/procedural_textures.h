@@ -7,8 +7,8 @@
 
 namespace raystage::simulate {
 
-/// The textures of the built-in scenes: linear light R, G, B at (u, v), see ProceduralTexture. All
-/// except backdrop, poster and chart are periodic.
+/// Return the textures of the built-in scenes: linear light R, G, B at (u, v), see
+/// ProceduralTexture. All except backdrop, poster and chart are periodic.
 Eigen::Vector3f paint_backdrop(float u, float v);  ///< evening landscape with houses
 Eigen::Vector3f paint_floor(float u, float v);     ///< 2x2 squares of wooden boards
 Eigen::Vector3f paint_velvet(float u, float v);    ///< red cloth with a gold pattern

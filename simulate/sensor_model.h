@@ -14,10 +14,12 @@ namespace raystage::simulate {
 /// Converts light (full scale 1) to the 8-bit codes of a camera: the inverse of `response`.
 class SensorModel {
  public:
-  /// `noise`: standard deviation at full scale, proportional to the square root of the light.
+  /// Prepares the conversion. `noise`: standard deviation at full scale; it is proportional to the
+  /// square root of the light.
   SensorModel(const schemas::PhotometricResponse& response, rig::PictureSize size, double noise);
 
-  /// The image must have the size given above. Noise depends on its seed only.
+  /// Returns the picture of an image, which must have the size given above. Noise depends on its
+  /// seed only.
   store::RgbImage develop(const LinearImage& image, std::uint64_t noise_seed = 0) const;
 
  private:

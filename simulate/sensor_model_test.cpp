@@ -80,7 +80,7 @@ TEST(SensorModel, WhatItShowsTheResponseTurnsBackIntoLight) {
         const schemas::Rgb found =
             rig::apply_photometric_correction(response, size, x, y, shown, dark);
         for (std::size_t c = 0; c < 3; ++c)
-          EXPECT_NEAR(found[c], light[c], 0.007);  // half a code, gained
+          EXPECT_NEAR(found[c], light[c], 0.007);  // half a code times the gain
       }
     }
   }

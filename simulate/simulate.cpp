@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Simulates a take: makes the scene, the array and its exposure times, renders each frame
+// (camera_renderer.h), applies the sensor model and encodes. Also writes the truth and ground-truth
+// views. Cost: cameras times frames times pixels, in parallel.
 #include "simulate/simulate.h"
 
 #include <tbb/enumerable_thread_specific.h>
@@ -91,7 +94,7 @@ class Simulation {
   }
 
  private:
-  // Also stops after the failure of another camera.
+  // Throws if a stop is requested or another camera has failed.
   void check_stop(const ParallelLoop& loop) const {
     if (stop_.stop_requested() || loop.failed()) {
       throw Error::failed("the simulation was stopped", options_.scene,
@@ -125,7 +128,7 @@ class Simulation {
     return take;
   }
 
-  // Returns the depths of the nearest and farthest surface that the corner and middle cameras see
+  // Returns the depths of the nearest and farthest surface that the corner and central cameras see
   // during the take, rounded outwards to a centimetre.
   std::optional<schemas::DepthRange> visible_depths() {
     const int last_row = options_.rows - 1, last_column = options_.columns - 1;

@@ -184,7 +184,7 @@ TEST(Simulate, AnArrayMayStandElsewhereAndLookElsewhere) {
   const store::Take take(made);
   EXPECT_LT((take.rig().centre() - Eigen::Vector3d(0.5, 0.25, -1)).norm(), 0.003);
   EXPECT_GT(take.rig().mean_viewing_direction().dot(-Eigen::Vector3d::UnitX()), 0.9999);
-  // The wall on the left stands at -6; corners are seen that lie no farther.
+  // The left wall is at -6 m; only corners up to that distance are visible.
   ASSERT_TRUE(take.document().depth_range);
   EXPECT_NEAR(take.document().depth_range->far, 6.5, 0.03);
   const schemas::ShotDocument shot = schemas::read_shot(made / "shot.json");
@@ -201,7 +201,7 @@ TEST(Simulate, AnArrayMayStandElsewhereAndLookElsewhere) {
 TEST_F(SmallTake, DepthRangeIsTheScenes) {
   const store::Take take(take_folder());
   ASSERT_TRUE(take.document().depth_range);
-  // The nearest ball is 2 m away, its radius 6 cm; the chart stands at 4 m.
+  // The nearest ball is at 2 m with a radius of 6 cm; the chart is at 4 m.
   EXPECT_NEAR(take.document().depth_range->near, 1.94, 0.03);
   EXPECT_NEAR(take.document().depth_range->far, 4, 0.03);
 }

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Draws the photometric errors of a simulated camera at random: contrast, brightness, vignetting,
+// crosstalk, response curve and hot pixels. Returns the response that corrects them
+// (rig/photometric_model.h). The random numbers are hashes of the seed and the camera's index
+// (hash_random.h).
 #include "simulate/simulated_response.h"
 
 #include <cmath>

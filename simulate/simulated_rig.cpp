@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Makes the simulated array: a planar grid as designed, and the same with random mounting errors
+// (uniform in a ball), lens deviations (normal) and colour errors. The random numbers are hashes of
+// the seed and the camera's index (hash_random.h). Cost: constant per camera.
 #include "simulate/simulated_rig.h"
 
 #include <fmt/format.h>

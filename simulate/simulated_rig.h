@@ -13,7 +13,7 @@ struct SimulatedRig {
   schemas::RigDocument nominal, truth;
 };
 
-/// Returns the pose of the array's middle in the world; without rotation the array looks along -z.
+/// Returns the pose of the array's centre in the world; without rotation the array looks along -z.
 rig::Pose simulated_rig_pose(const SimulationOptions& options);
 
 /// Returns an array whose deviations are functions of the settings and their seed.

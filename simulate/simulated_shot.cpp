@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Makes a smooth camera move whose views stay within the range of motion of the array (thesis 5.2),
+// and the ground-truth views along it. Positions in metres, angles in degrees.
 #include "simulate/simulated_shot.h"
 
 #include <fmt/format.h>

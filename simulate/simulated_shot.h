@@ -18,8 +18,8 @@ struct SimulatedShot {
   schemas::ViewsDocument views;
 };
 
-/// Times refer to the timeline that `raystage sync` builds by default. `focus`: distance of the
-/// shot's focal plane from the array, metres.
+/// Makes the shot and its views. Times refer to the timeline that `raystage sync` builds by
+/// default. `focus`: distance of the shot's focal plane from the array, metres.
 SimulatedShot make_simulated_shot(const SimulationOptions& options,
                                   const ExposureSchedule& schedule, double focus);
 

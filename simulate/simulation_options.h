@@ -36,12 +36,13 @@ struct SimulationOptions {
   double k1 = -0.2, k2 = 0.05;     ///< radial distortion (Brown-Conrady)
 
   // How the cameras differ from the design and from each other.
-  double lens_deviation = 1;         ///< scale of the standard deviations; 1: focal length 0.3 %,
-                                     ///< principal point 0.6 % of the width, k1 and k2 0.01
-  double mounting_error = 0.003;     ///< largest distance from the design, metres
-  double mounting_error_deg = 0.6;   ///< largest rotation about any axis
-  double photometric_deviation = 0;  ///< standard deviation of the contrast per channel;
-                                     ///< that of the brightness is a twentieth
+  /// scale of the standard deviations; 1: focal length 0.3 %, principal point 0.6 % of the width,
+  /// k1 and k2 0.01
+  double lens_deviation = 1;
+  double mounting_error = 0.003;    ///< largest distance from the design, metres
+  double mounting_error_deg = 0.6;  ///< largest rotation about any axis
+  /// standard deviation of the contrast per channel; that of the brightness is a twentieth
+  double photometric_deviation = 0;
   ColorErrors color_errors;          ///< in addition
   bool nominal_calibration = false;  ///< rig.json contains the design, not the truth
 

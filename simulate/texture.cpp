@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Builds a periodic texture as mip levels of 2x2 box averages, in linear light, and samples it. A
+// sample takes up to 4 trilinear taps along the longer axis of its footprint (anisotropic
+// filtering). The mip level follows the shorter axis, or a quarter of the longer one if that is
+// more. Construction evaluates the procedural texture twice per texel; a sample reads 8 texels per
+// tap.
 #include "simulate/texture.h"
 
 #include <algorithm>

@@ -27,7 +27,8 @@ void check(RTCDevice device) {
   }
 }
 
-// Embree builds with TBB. While this thread waits, it must not start work of another camera.
+// Commits a scene, which Embree builds with TBB. While this thread waits, it must not start work of
+// another camera.
 void commit(RTCScene scene) {
   tbb::this_task_arena::isolate([&] { rtcCommitScene(scene); });
 }

@@ -86,7 +86,7 @@ class World {
   /// whose entry is already set.
   void occlude_static(std::span<const Ray> rays, std::span<const float> limits,
                       std::span<std::uint8_t> occluded) const;
-  /// Does the same for the moving parts.
+  /// Sets `occluded` in the same way for the moving parts.
   void occlude_moving(std::span<const Ray> rays, std::span<const float> limits,
                       std::span<std::uint8_t> occluded) const;
 

@@ -61,8 +61,8 @@ struct NewFrame {
   FrameOrigin origin;
 };
 
-/// Writes one camera's Matroska archive and its journal: 1 ns time scale, one cluster per frame,
-/// each frame complete on disk (in the page cache) when append returns. close() fills in cues,
+/// Writes one camera's Matroska archive and its journal: 1 ns time scale, one cluster per frame.
+/// Each frame is complete on disk (in the page cache) when append returns. close() fills in cues,
 /// duration and sizes; the file is readable without them.
 class ArchiveWriter {
  public:
@@ -100,7 +100,7 @@ class ArchiveWriter {
   /// Appends several frames by the same rules, all or none, with one write to each file. Throws as
   /// the functions above do.
   void append(std::span<const NewFrame> frames);
-  /// Time of the last record, stored or missing; -1 before the first.
+  /// Returns the time of the last record, stored or missing; -1 before the first.
   Nanoseconds last_time() const;
   /// Writes every frame whose append returned before the call to the disk, and waits for it: these
   /// frames survive a power loss. Drops them from the kernel's cache, as recording does not read

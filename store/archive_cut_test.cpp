@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A file cut at any byte gives back every whole frame.
+// Truncates archives and journals at every byte: each complete frame remains readable.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -77,7 +77,7 @@ TEST_P(Cut, ArchiveWithItsJournal) {
     const Bytes file = Bytes(archive).first(size);
     const auto index = index_archive(file, journal, "a.mkv", "a.journal");
     ASSERT_NO_FATAL_FAILURE(expect_frames(index, frames_within(size), file)) << size;
-    // What was cut off is missing, not forgotten.
+    // The records of truncated frames remain, with a status of missing.
     ASSERT_EQ(index.records.size(), kFrames + 1) << size;
     EXPECT_EQ(index.records[5].status, FrameStatus::kDroppedBySource);
     for (std::size_t i = frames_within(size) + (frames_within(size) >= 5 ? 1 : 0); i < kFrames + 1;
@@ -111,7 +111,8 @@ TEST_P(Cut, BothAtOnce) {
   }
 }
 
-// Rot in one byte costs one frame at most, with the journal none (its pixels may be wrong).
+// A flipped bit costs at most one frame. With the journal it costs none, although pixels may be
+// wrong.
 TEST_P(Cut, RottenByteWithoutJournal) {
   const auto begin = whole.frames.front().offset - matroska::kClusterHeaderBytes;
   const auto end = whole.frames.back().offset + whole.frames.back().size;

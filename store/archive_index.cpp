@@ -114,8 +114,8 @@ class Merger {
   ArchiveIndex& index_;
 };
 
-// After a power loss an unclosed archive may end in blocks that were never written, although its
-// size and the journal include them. Frames at the very end whose hash differs are torn.
+// Marks frames at the very end whose hash differs as torn. After a power loss an unclosed archive
+// may end in blocks that were never written, although its size and the journal include them.
 void drop_unwritten_tail(Bytes archive, ArchiveIndex& index) {
   for (auto record = index.records.rbegin(); record != index.records.rend(); ++record) {
     if (record->status != FrameStatus::kStored) continue;

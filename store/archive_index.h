@@ -15,7 +15,7 @@ namespace raystage::store {
 /// memory, so that fuzz tests can pass any bytes.
 struct ArchiveIndex {
   ArchiveWriter::Description description;
-  std::vector<FrameRecord> records;  ///< see ArchiveReader; every stored one lies in the archive
+  std::vector<FrameRecord> records;  ///< see ArchiveReader; the archive has all stored ones
   std::vector<FrameRecord> frames;   ///< the stored ones
   bool closed = false;
   int recovered = 0;        ///< frames found in the archive that the journal does not list

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads an archive through a memory map. The journal is the index (archive_index.h). The nearest
+// frame to a time is found by binary search; frames on another host come from RemoteFrames.
 #include <xxhash.h>
 
 #include <algorithm>

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Opens an existing archive and journal to append to them. Determines the expected journal from
+// both files (archive_index.h) and undoes close() in the reverse order, so that a crash at any
+// moment leaves readable files. Cost: reads the journal, and only those frames that it lacks or
+// that are at the end.
 #include <xxhash.h>
 
 #include <algorithm>

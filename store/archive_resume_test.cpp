@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Going on after a crash: no frame whose append returned is lost, whenever the process died.
+// Tests resuming after a crash: no frame whose append returned is lost, whenever the process ended.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -35,7 +35,7 @@ using Bytes = std::vector<std::byte>;
 struct Resume : ::testing::Test, testing::ArchiveFiles {
   ArchiveWriter resume() const { return ArchiveWriter::resume(mkv, journal, description()); }
 
-  /// What frame i is everywhere here.
+  /// Return the bytes, time and origin of frame i, in all these tests.
   static Bytes jpeg(std::size_t i) { return fake_jpeg(static_cast<unsigned>(i), 100 + i % 5000); }
   static Nanoseconds time(std::size_t i) { return static_cast<Nanoseconds>(i) * 1000; }
   static FrameOrigin origin(std::size_t i) { return {time(i) + 7, i}; }
@@ -46,14 +46,14 @@ struct Resume : ::testing::Test, testing::ArchiveFiles {
     for (std::size_t i = 0; i < in.frames().size(); ++i) {
       ASSERT_EQ(in.frames()[i].time_ns, time(i));
       ASSERT_TRUE(std::ranges::equal(in.jpeg(static_cast<int>(i)), jpeg(i))) << i;
-      if (in.frames()[i].xxh3 == 0) continue;  // not in the journal yet
+      if (in.frames()[i].xxh3 == 0) continue;  // its record is not in the journal
       const FrameOrigin expected = unlisted.contains(i) ? FrameOrigin{} : origin(i);
       ASSERT_EQ(in.frames()[i].arrival_ns, expected.arrival_ns);
       ASSERT_EQ(in.frames()[i].sequence, expected.sequence);
       ASSERT_TRUE(in.verify_frame(static_cast<int>(i)));
     }
   }
-  // The same frames without any interruption.
+  // Returns the archive and journal of the same frames without any interruption.
   std::pair<Bytes, Bytes> in_one_go(std::size_t frames) const {
     const testing::TestFolder other;
     const auto a = other.path() / "a.mkv", b = other.path() / "a.journal";
@@ -65,11 +65,12 @@ struct Resume : ::testing::Test, testing::ArchiveFiles {
     return {bytes_of(a), bytes_of(b)};
   }
 
-  /// Frames that a crash left in the archive only: the journal was to name their origin.
+  /// Frames that a crash left without a record, so their origins are unknown.
   std::set<std::size_t> unlisted;
 };
 
-// A recorder that crashes now and then, and restarts; it says through a pipe how far it got.
+// A recorder that closes and resumes at random until it is killed. It reports the number of stored
+// frames through a pipe.
 [[noreturn]] void record_until_killed(const Resume& test, int pipe) {
   std::mt19937 random(static_cast<unsigned>(getpid()));
   auto frames = std::filesystem::exists(test.journal)
@@ -85,7 +86,7 @@ struct Resume : ::testing::Test, testing::ArchiveFiles {
       if (write(pipe, &frames, sizeof frames) != sizeof frames) _exit(1);
     }
     if (random() % 2 == 0) out.close();
-    // Else the destructor does.
+    // Otherwise the destructor closes it.
   }
 }
 
@@ -94,7 +95,7 @@ TEST_F(Resume, SurvivesBeingKilledAtAnyMoment) {
   std::size_t acknowledged = 0;
   int while_open = 0;
   constexpr int kKills = 60;
-  // A slow disk needs more rounds, and longer ones, to come to enough frames.
+  // A slow disk needs more and longer rounds to store enough frames.
   for (int round = 0; round < kKills || (acknowledged <= 100 && round < 10 * kKills); ++round) {
     std::array<int, 2> ends{};
     ASSERT_EQ(pipe(ends.data()), 0);
@@ -124,7 +125,7 @@ TEST_F(Resume, SurvivesBeingKilledAtAnyMoment) {
     if (!std::filesystem::exists(mkv) || !std::filesystem::exists(journal)) continue;
     ASSERT_NO_FATAL_FAILURE(expect_frames(acknowledged)) << "round " << round;
     while_open += reader().was_closed() ? 0 : 1;
-    // Not acknowledged, and kept all the same.
+    // A frame that was stored but not acknowledged is kept.
     if (reader().recovered_frames() > 0) {
       ASSERT_EQ(reader().recovered_frames(), 1);
       ASSERT_EQ(reader().frames().size(), acknowledged + 1);
@@ -139,7 +140,7 @@ TEST_F(Resume, SurvivesBeingKilledAtAnyMoment) {
   resume().close();
   const auto frames = reader().frames().size();
   ASSERT_NO_FATAL_FAILURE(expect_frames(acknowledged));
-  // As if nothing had happened.
+  // The files equal those of an uninterrupted recording.
   const auto [archive, lines] = in_one_go(frames);
   EXPECT_TRUE(bytes_of(mkv) == archive);
   EXPECT_TRUE(bytes_of(journal) == lines);
@@ -167,7 +168,7 @@ TEST_F(Resume, AClosedArchiveGoesOnAsIfNeverClosed) {
   EXPECT_EQ(std::pair(bytes_of(mkv), bytes_of(journal)), in_one_go(9));
 }
 
-// Every state between closed and open again, written by hand: all can be read, and gone on from.
+// Constructs every intermediate state of closing and resuming: each can be read and resumed.
 TEST_F(Resume, EveryStepOfClosingAndOpeningAgainIsReadable) {
   {
     ArchiveWriter out = writer();
@@ -195,7 +196,7 @@ TEST_F(Resume, EveryStepOfClosingAndOpeningAgainIsReadable) {
         out.append(jpeg(5), time(5), origin(5));
       }
       ASSERT_EQ(std::pair(bytes_of(mkv), bytes_of(journal)), in_one_go(6)) << step << " " << cut;
-      // The journal of five frames again.
+      // Restores the journal of five frames.
       std::filesystem::resize_file(journal, journal::kHeaderBytes + 5 * journal::kRecordBytes);
     }
   }
@@ -225,7 +226,7 @@ TEST_F(Resume, ATornTailIsCutAndUnlistedFramesAreListed) {
           ASSERT_EQ(in.frames()[i].time_ns, time(number));
           ASSERT_TRUE(std::ranges::equal(in.jpeg(static_cast<int>(i)), jpeg(number)));
         }
-        // No trace is left of what was cut.
+        // No bytes of the truncated part remain.
         const Bytes file = bytes_of(a);
         const auto found = matroska::scan_clusters(file, 0, file.size());
         EXPECT_EQ(found.size(), before + 1);

@@ -173,7 +173,7 @@ TEST_F(Archive, NeverTakesTheNameOfAnother) {
   writer().close();
   EXPECT_EQ(error_of([&] { writer(); }).exit_code(), ExitCode::kFailed);
   EXPECT_TRUE(reader().was_closed());
-  // A journal in the way: the archive that was begun goes away again.
+  // If only the journal exists, the new archive is removed again.
   std::filesystem::remove(mkv);
   EXPECT_THROW(writer(), Error);
   EXPECT_FALSE(std::filesystem::exists(mkv));
@@ -194,7 +194,7 @@ TEST_F(Archive, FutureJournalIsRefused) {
   auto bytes = bytes_of(journal);
   auto header = journal::encode_header(description());
   store_little_endian(header, 8, std::uint32_t{7});
-  // An intact header of version 7 carries a check over what it says.
+  // A valid header of version 7 has a hash over its contents.
   store_little_endian(
       header, 56,
       journal::hash_camera_id(std::string_view(reinterpret_cast<const char*>(header.data()), 56)));
@@ -282,7 +282,7 @@ TEST_F(Archive, UnwrittenTailOfACrashIsTorn) {
   EXPECT_EQ(in.records()[3].time_ns, 4);
 }
 
-// A soft limit on file size stands for the full disk: the write stops in the middle of a frame.
+// A soft limit on file size simulates the full disk: the write stops in the middle of a frame.
 class FileSizeLimit {
  public:
   explicit FileSizeLimit(rlim_t bytes) : old_handler_(std::signal(SIGXFSZ, SIG_IGN)) {
@@ -318,9 +318,9 @@ TEST_F(Archive, FullDiskLeavesWholeFrames) {
   }
   EXPECT_EQ(std::filesystem::file_size(mkv), size);
   EXPECT_EQ(std::filesystem::file_size(journal), journal_size);
-  out.append(fake_jpeg(4, 1000), 4);  // room again
+  out.append(fake_jpeg(4, 1000), 4);  // there is space again
   {
-    // Room for neither Cues nor anything: closing fails, the frames stay.
+    // There is no space for the Cues: close() fails, and the frames stay readable.
     const FileSizeLimit limit(std::filesystem::file_size(mkv));
     EXPECT_EQ(error_of([&] { out.close(); }).exit_code(), ExitCode::kFailed);
   }
@@ -381,7 +381,7 @@ std::string output_of(const std::string& command) {
   return text;
 }
 
-/// Pages of a span that are in memory.
+/// Returns the number of pages of a span that are in memory.
 std::size_t pages_in_memory(std::span<const std::byte> bytes) {
   const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
   const auto first = reinterpret_cast<std::uintptr_t>(bytes.data()) / page * page;
@@ -452,7 +452,7 @@ TEST_F(Archive, FfprobeReadsTheSameTimesAndSizes) {
       "ffprobe -v quiet -show_entries format=duration:format_tags=creation_time -of csv=p=0 '" +
       mkv.string() + "'");
   EXPECT_THAT(duration, HasSubstr("2026-01-01T00:00:00.123456Z"));
-  EXPECT_THAT(duration, HasSubstr("800000"));  // seconds: 92 days and a bit
+  EXPECT_THAT(duration, HasSubstr("800000"));  // seconds, 92 days
 }
 
 }  // namespace

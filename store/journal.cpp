@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Encodes and decodes the journal (docs/formats/journal.md): a header of 64 bytes and records of 48
+// bytes, little-endian. The CRC-24 of OpenPGP (RFC 9580, section 6.1) of each record detects up to
+// three flipped bits.
 #include "store/journal.h"
 
 #include <xxhash.h>
@@ -43,8 +46,8 @@ std::uint32_t crc24(std::span<const std::byte> bytes) {
   return crc;
 }
 
-// The 24-bit check of a record, computed with the check's own bits 0. A damaged record must not
-// pass as another frame, and must not invalidate the rest of the journal.
+// Returns the 24-bit check of a record, computed with the check's own bits 0. A damaged record must
+// not pass as another frame, and must not invalidate the rest of the journal.
 std::uint32_t check_of(std::span<const std::byte> record) {
   std::array<std::byte, kRecordBytes> plain{};
   std::ranges::copy(record, plain.begin());

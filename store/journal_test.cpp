@@ -82,7 +82,7 @@ TEST_F(Journal, MissingFramesMayShareATime) {
   EXPECT_EQ(in.frames()[1].time_ns, 5);
 }
 
-// Layout, statuses and checks as the first version had them, from its page, not from our encoder.
+// Builds a journal of version 1 by its specification, not with our encoder.
 TEST_F(Journal, VersionOneIsRead) {
   writer().close();  // for the archive's header
   std::vector<std::byte> archive = bytes_of(mkv);
@@ -134,15 +134,15 @@ TEST_F(Journal, VersionOneIsRead) {
     }
   };
   check(reader(), 3);
-  // Going on with it makes it version 2.
+  // Resuming upgrades it to version 2.
   ArchiveWriter::resume(mkv, journal, description()).append(fake_jpeg(3), 40, {5, 6});
   check(reader(), 4);
   EXPECT_EQ(reader().frames()[3].sequence, 6u);
   EXPECT_EQ(journal::decode_header(bytes_of(journal), "journal")->version, 2u);
 }
 
-// Also of the fields that nothing else in a take could give away: arrival, sequence number, time of
-// a missing frame.
+// Includes the fields that no other check covers: arrival, sequence number, time of a missing
+// frame.
 TEST_F(Journal, NoOneOrTwoFlippedBitsPassTheCheck) {
   const FrameRecord record{123'456'789, 0, 0, FrameStatus::kDroppedLate, 0, 987'654'321, 42};
   auto bytes = journal::encode_record(record);
@@ -164,7 +164,7 @@ TEST_F(Journal, NoOneOrTwoFlippedBitsPassTheCheck) {
   EXPECT_EQ(journal::decode_record(bytes, 2), record);
 }
 
-// A timeline made before journals knew arrivals, or before a repair, stays valid.
+// A timeline remains valid if it was made with a journal of version 1, or before a repair.
 TEST_F(Journal, ArrivalsAreNoPartOfWhatATimelineStandsOn) {
   const auto fingerprint = [&](const std::string& name, FrameOrigin origin, unsigned seed) {
     TakeWriter out(folder.path() / name, testing::take_document(1), testing::rig_document(1));

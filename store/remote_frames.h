@@ -22,7 +22,7 @@ class FrameBytes {
       : owned_(std::move(owned)), bytes_(*owned_) {}
 
   std::span<const std::byte> bytes() const { return bytes_; }
-  // Implicit: the class stands for a span.
+  // Implicit: the class represents a span.
   operator std::span<const std::byte>() const { return bytes_; }  // NOLINT(*-explicit-*)
   auto begin() const { return bytes_.begin(); }
   auto end() const { return bytes_.end(); }

@@ -52,7 +52,7 @@ class Take {
   const ArchiveReader& archive(int camera) const;
   /// Returns whether no host has the camera's archive; see RemoteArchives.
   bool is_missing(int camera) const;
-  /// See RemoteArchives::are_unknown().
+  /// Returns whether archives on other hosts are unknown; see RemoteArchives::are_unknown().
   bool are_archives_unknown() const;
 
  private:

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Summarises a take for `raystage info`: records by status, rate, duration, spacing of the cameras
+// and the alias-free distance zmin = spacing * f / (2 dv) (thesis eq. 4.3). Cost: opens every
+// archive; spacing needs cameras squared.
 #include "store/take_summary.h"
 
 #include <algorithm>

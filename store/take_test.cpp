@@ -84,7 +84,7 @@ TEST_F(TakeFolder, NeverReplacesAnything) {
             ExitCode::kBadInput);
   std::filesystem::remove(path);
   TakeWriter writer(path, testing::take_document(1), testing::rig_document(1));
-  std::filesystem::create_directory(path);  // comes up meanwhile
+  std::filesystem::create_directory(path);  // created by another process
   EXPECT_EQ(error_of([&] { writer.commit(); }).exit_code(), ExitCode::kFailed);
   EXPECT_TRUE(std::filesystem::is_empty(path));
 }
@@ -102,7 +102,7 @@ TEST_F(TakeFolder, FolderWithoutPermission) {
   testing::make_world_writable(folder.path());
   const std::string closed = testing::unprivileged_access_error(folder.path());
   if (!closed.empty()) GTEST_SKIP() << closed;
-  EXPECT_EQ(testing::run_unprivileged(outcome), "accepted");  // so that a refusal is the lock's
+  EXPECT_EQ(testing::run_unprivileged(outcome), "accepted");  // the next refusal is due to the lock
   const testing::ReadOnlyFolder locked(folder.path());
   const std::string refused = testing::run_unprivileged(outcome);
   EXPECT_THAT(refused, HasSubstr("exit code 1, "));
@@ -165,7 +165,7 @@ TEST_F(TakeFolder, RefusesArchivesOfOtherCameras) {
   const Take take(path);
   EXPECT_THAT(error_of([&] { take.archive(0); }).what(), HasSubstr("archive is of camera \"c1\""));
   EXPECT_NO_THROW(take.archive(1));
-  // Put right, it opens: a failure is not remembered.
+  // With the right archive it opens: a failure is not cached.
   std::filesystem::rename(archive("x.mkv"), archive("c0.mkv"));
   std::filesystem::rename(archive("x.journal"), archive("c0.journal"));
   EXPECT_EQ(take.archive(0).frames().size(), 1u);

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Writes a take in a temporary folder next to its final one and renames it on commit(), after all
+// files are on disk.
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>

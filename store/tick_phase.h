@@ -13,8 +13,8 @@ namespace raystage::store {
 /// time stamps in whole milliseconds bias the rate.
 double detect_frame_rate(const std::vector<std::vector<Nanoseconds>>& times);
 
-/// Returns the tick phase, in [0, period) ns, that fits the frames best: least mean squared
-/// difference, and few frames near the border between two ticks, where jitter could move them to
+/// Returns the tick phase, in [0, period) ns, that fits the frames best. It minimises the mean
+/// squared difference, with few frames near the border between two ticks: jitter could move them to
 /// the adjacent tick. Phases of free-running cameras cover the whole period; the border then goes
 /// where the fewest frames are.
 double best_tick_phase(const std::vector<std::vector<Nanoseconds>>& times, double period);

@@ -31,14 +31,14 @@ TEST(DetectRate, DropsDoNotMatter) {
   auto times = frames(15, 0, 100);
   for (const int i : {80, 50, 49, 48, 20, 3}) times.erase(times.begin() + i);
   EXPECT_NEAR(detect_frame_rate({times}), 15, 1e-6);
-  times.erase(times.begin() + 20, times.begin() + 70);  // a long break
+  times.erase(times.begin() + 20, times.begin() + 70);  // a long gap
   EXPECT_NEAR(detect_frame_rate({times}), 15, 1e-6);
 }
 
 TEST(DetectRate, WholeMilliseconds) {
   auto times = frames(30, 0, 900);
   for (Nanoseconds& time : times) time = time / 1'000'000 * 1'000'000;
-  // The median alone says 33 ms: 30.30.
+  // The median of the intervals is 33 ms, or 30.30 Hz.
   EXPECT_NEAR(detect_frame_rate({times}), 30, 2e-3);
 }
 
@@ -100,7 +100,8 @@ TEST(BestTickPhase, IsCloseToTheLeastSquares) {
   }
 }
 
-// Free-running cameras all around the period: the border lies in the widest gap between them.
+// Free-running cameras at all phases: the border between ticks is in the widest gap between their
+// phases.
 TEST(BestTickPhase, BorderAvoidsCameras) {
   const double period = 1e9 / 15;
   Times times;

@@ -96,7 +96,8 @@ void check_timeline_settings(double fps, Nanoseconds tolerance, std::string_view
 /// half a frame time. Each frame is used for one tick only, the nearest.
 Timeline build_timeline(const Take& take, double fps, Nanoseconds tolerance);
 
-/// Returns the same from the frame times of the cameras alone; `name` is the take for errors.
+/// Builds a timeline in the same way from the frame times of the cameras; `name` is the take for
+/// errors.
 Timeline build_timeline(const std::vector<std::vector<Nanoseconds>>& frame_times,
                         double nominal_fps, double fps, Nanoseconds tolerance,
                         std::string_view name);

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Encodes and decodes timelines (docs/formats/timeline.md): a zstd frame with header, clocks and
+// ticks. Decoding checks all sizes step by step, because a damaged file may claim any. Cost: linear
+// in ticks times cameras.
 #include "store/timeline_file.h"
 
 #include <xxhash.h>

@@ -35,7 +35,7 @@ std::vector<Nanoseconds> frames(double fps, Nanoseconds start, int count) {
   return times;
 }
 
-// What every timeline must be, whatever the cameras did.
+// Checks the properties of every timeline, for any frame times.
 void expect_sound(const Timeline& timeline, const Times& times) {
   std::vector<std::set<std::int32_t>> used(times.size());
   for (std::size_t k = 0; k < timeline.ticks.size(); ++k) {
@@ -55,7 +55,7 @@ void expect_sound(const Timeline& timeline, const Times& times) {
       ASSERT_EQ(tick.difference[camera], time - tick.time_ns);
       ASSERT_LE(std::abs(tick.difference[camera]), timeline.tolerance);
       ASSERT_TRUE(used[camera].insert(frame).second) << "a frame stands in two ticks";
-      // The nearest frame, and no other tick is nearer to it.
+      // The frame is the nearest to the tick, and the tick the nearest to the frame.
       for (const Nanoseconds other : times[camera]) {
         ASSERT_LE(std::abs(time - tick.time_ns), std::abs(other - tick.time_ns));
       }
@@ -86,7 +86,7 @@ TEST(Timeline, OneDropMovesNothingElse) {
   }
   const Timeline before = timeline_of(times);
   expect_sound(before, times);
-  // The frame of camera 3 in the middle of the take goes missing.
+  // Removes the frame of camera 3 in the middle of the take.
   std::size_t tick = before.ticks.size() / 2;
   const std::int32_t dropped = before.ticks[tick].frame[3];
   ASSERT_GE(dropped, 0);
@@ -105,7 +105,7 @@ TEST(Timeline, OneDropMovesNothingElse) {
 }
 
 TEST(Timeline, StartUpLossAndEarlyEnd) {
-  // Half of the cameras run from 1 s to 4 s; one comes late, one ends early.
+  // Most cameras run from 1 s to 4 s; one starts late, one ends early.
   Times times(4, frames(10, 1000 * kMs, 31));
   times[0] = frames(10, 0, 51);
   times[2] = frames(10, 2000 * kMs, 21);
@@ -124,13 +124,13 @@ TEST(Timeline, StillLightField) {
   ASSERT_EQ(still.ticks.size(), 1u);
   EXPECT_EQ(still.ticks[0].time_ns, 0);
   EXPECT_EQ(still.ticks[0].frame, (std::vector<std::int32_t>{0, 0, -1, 0}));
-  // Free-running: all within half a frame time of one tick.
+  // Free-running cameras: all frames are within half a period of one tick.
   const Timeline loose = timeline_of({{0}, {30 * kMs}, {60 * kMs}});
   ASSERT_EQ(loose.ticks.size(), 1u);
   EXPECT_EQ(loose.ticks[0].time_ns, 30 * kMs);
   EXPECT_EQ(loose.ticks[0].present(), 3);
   EXPECT_EQ(loose.ticks[0].spread(), 60 * kMs);
-  // Too far apart: the middle one stays.
+  // If frames are too far apart, only the middle one is used.
   const Timeline far = timeline_of({{0}, {500 * kMs}, {9000 * kMs}});
   ASSERT_EQ(far.ticks.size(), 1u);
   EXPECT_EQ(far.ticks[0].frame, (std::vector<std::int32_t>{-1, 0, -1}));
@@ -182,7 +182,7 @@ TEST(Timeline, FreeRunningCamerasProperty) {
     const Timeline timeline = timeline_of(times);
     expect_sound(timeline, times);
     RC_ASSERT(!::testing::Test::HasFailure());
-    // Absent is absent: nowhere stands -1 where a frame was free and near.
+    // A camera is absent at a tick only if it has no frame within the tolerance.
     for (const FrameSelection& tick : timeline.ticks) {
       for (std::size_t camera = 0; camera < times.size(); ++camera) {
         if (tick.frame[camera] >= 0) continue;
@@ -309,7 +309,7 @@ TEST_F(TimelineFile, GivesBackWhatWentInReproducibly) {
 TEST_F(TimelineFile, KeepsEveryCamerasClock) {
   const Take take(path);
   Timeline timeline = build_timeline(take, 0, 0);
-  CameraClock ahead;  // 7 ms, and 40 ms more from the sixth frame on
+  CameraClock ahead;  // by 7 ms, from the sixth frame on by 47 ms
   ahead.offset_ns = 7 * kMs;
   ahead.steps = {{take.archive(1).frames()[5].time_ns, 40 * kMs}};
   CameraClock fitted{0, {}, 66'666'670.25, 1e9, 0.055, 4'900'000.5, true};
@@ -330,7 +330,7 @@ TEST_F(TimelineFile, KeepsEveryCamerasClock) {
 }
 
 TEST_F(TimelineFile, ReadsVersionOne) {
-  // As the first release wrote it: two cameras, no clocks.
+  // A file of the first release: two cameras, no clocks.
   const auto bytes = testing::bytes_of(std::filesystem::path(RAYSTAGE_SOURCE_DIR) /
                                        "tests/fuzz/corpus/timeline/file");
   const Timeline timeline = decode_timeline(std::span(bytes).subspan(1), 1, 2, "");
@@ -373,7 +373,7 @@ TEST_F(TimelineFile, DamageIsRefused) {
     auto rotten = bytes;
     rotten[bit / 8] ^= static_cast<std::byte>(1u << (bit % 8));
     try {
-      // Some bits of zstd's own frame header say nothing; then all is as it was.
+      // Some bits of zstd's frame header have no effect; then the timeline is unchanged.
       expect_same(decode_timeline(rotten, fingerprint, 2, ""),
                   decode_timeline(bytes, fingerprint, 2, ""));
     } catch (const Error&) {

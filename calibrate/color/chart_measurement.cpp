@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Detects a ColorChecker Classic with OpenCV's MCC detector, maps its outline to the grid of
-// patches by a homography and averages the linear light over the central half of each patch. A
+// Detects a ColorChecker Classic with OpenCV's MCC detector and maps its outline to the grid of
+// patches by a homography. Averages the linear light over the central half of each patch. A
 // detection is accepted if it correlates with the published colours. Output: 24 RGB means per
 // camera. Cost: pixels of at most `most_frames` frames per camera.
 #include "calibrate/color/chart_measurement.h"
@@ -53,7 +53,7 @@ struct Sums {
   std::array<double, rig::kChartPatches> x{}, y{}, count{}, unexposed{};
 };
 
-/// Means over the middle of every patch, half as wide and high.
+/// Returns sums over the central part of every patch, half as wide and high.
 Sums sums_over(const store::CorrectedFrame& picture, const ChartFromPixel& chart_from_pixel,
                const std::array<std::uint16_t, 3>& black,
                const std::array<std::uint16_t, 3>& full) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Fits a 3x3 colour matrix per camera (thesis 4.3: colour target) so that its patches match those
-// of the reference camera or the published values: robust least squares (Ceres, Cauchy's loss) over
+// of the reference camera or the published values. Robust least squares (Ceres, Cauchy's loss) over
 // 24 patches and 3 channels; the brightness is a parameter if it is not known. Input: linear RGB
 // means, full scale 1. Cost: cameras times patches.
 #include "calibrate/color/color_chart.h"

@@ -24,7 +24,7 @@ schemas::PhotometricResponse mixing(double by) {
   return response;
 }
 
-/// What a camera shows of a chart in the lower left of its picture.
+/// Returns the measurement by a camera of a chart in the lower left of its picture.
 ChartMeasurement measured_chart(const schemas::PhotometricResponse& response) {
   ChartMeasurement measurement;
   measurement.frames = 1;
@@ -48,7 +48,7 @@ void expect_matrix(const schemas::ColorMatrix& found, const schemas::ColorMatrix
   }
 }
 
-/// All but the matrix.
+/// Returns the response with an identity matrix.
 schemas::PhotometricResponse unmixed(schemas::PhotometricResponse response) {
   response.matrix = schemas::kIdentityColorMatrix;
   return response;
@@ -59,8 +59,8 @@ TEST(ColorChart, FindsWhatChannelsSeeOfEachOther) {
   const ColorMatch found = match_charts({measured_chart(one), measured_chart(other)},
                                         {unmixed(one), unmixed(other)}, {"a", "b"}, {1, true});
   EXPECT_THAT(found.reasons, IsEmpty());
-  // As bright as the second camera shows the greys.
-  // (Its greys are not quite grey, and shift with the mixture.)
+  // The brightness is that of the second camera's greys, which are slightly coloured and therefore
+  // shift with the crosstalk.
   const double scale = found.responses[1].matrix[1][1] / other.matrix[1][1];
   EXPECT_NEAR(scale, 1, 0.005);
   for (std::size_t camera : {0U, 1U}) {
@@ -95,8 +95,9 @@ TEST(ColorChart, FindsBlackOnlyWhereNothingIsKnownOfIt) {
   foggy.brightness = {-0.02, -0.03, -0.01};
   schemas::PhotometricResponse nothing_known, contrast_known;
   contrast_known.contrast = {1.01, 1, 1};
-  const ColorMatch found = match_charts({measured_chart({}), measured_chart(foggy), measured_chart(foggy)},
-                                        {{}, nothing_known, contrast_known}, {"a", "b", "c"}, {});
+  const ColorMatch found =
+      match_charts({measured_chart({}), measured_chart(foggy), measured_chart(foggy)},
+                   {{}, nothing_known, contrast_known}, {"a", "b", "c"}, {});
   for (std::size_t c = 0; c < 3; ++c) {
     EXPECT_NEAR(found.responses[1].brightness[c], foggy.brightness[c], 1e-3);
   }
@@ -150,7 +151,7 @@ TEST(ColorChart, OneCameraOfManyThatIsWrongIsNamed) {
   EXPECT_LT(found.fits[3].mean_difference, 0.1);
   EXPECT_GT(found.fits[11].mean_difference, 4);
   EXPECT_EQ(found.fits[11].inliers, rig::kChartPatches);
-  // Nothing can be used of it, and its contrast is known.
+  // No patch of camera 11 is usable, and its contrast is known already.
   for (ChartMeasurement::Patch& patch : measurements[11].patches) patch.is_exposed = false;
   std::vector<schemas::PhotometricResponse> known(16, unmixed(right));
   for (schemas::PhotometricResponse& response : known) response.contrast = {1.01, 1, 1};

@@ -6,7 +6,7 @@
 namespace raystage::calibrate {
 namespace {
 
-/// The pairs that Sharma, Wu and Dalal published with their answers.
+/// Test data of Sharma, Wu and Dalal: pairs of colours and their CIEDE2000 differences.
 TEST(ColorDifferences, AreThePublishedOnes) {
   const struct {
     Lab one, other;

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reports of a colour match as text and JSON: deviations between the cameras and CIEDE2000
+// differences before and after it.
 #include "calibrate/color/color_match.h"
 
 #include <fmt/format.h>

@@ -10,8 +10,8 @@ namespace raystage::calibrate {
 
 /// Differences between the cameras in what all of them observe.
 struct ColorSpread {
-  schemas::Rgb
-      deviation{};  ///< standard deviation over cameras relative to their mean, of the worst target
+  /// standard deviation over cameras relative to their mean, of the worst target
+  schemas::Rgb deviation{};
   double mean_difference = 0;  ///< CIEDE2000 from the expected colour, over cameras and targets
   double max_difference = 0;
 };

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Fits contrast and brightness per camera and channel (thesis 4.3, eq. 4.1: displayed = brightness
-// + contrast * intensity) by linear least squares over targets of different brightness. Vignetting
-// (vignetting.h) and gain maps (gain_map.h) depend on the black level and contrast on them, so the
-// fits alternate three times. Inputs: linear means per camera, target and cell, full scale 1. Cost:
-// cameras times targets, and cells with vignetting.
+// + contrast * intensity). Method: linear least squares over targets of different brightness.
+// Vignetting (vignetting.h) and gain maps (gain_map.h) depend on the black level and contrast on
+// them, so the fits alternate three times. Inputs: linear means per camera, target and cell, full
+// scale 1. Cost: cameras times targets, and cells with vignetting.
 #include "calibrate/color/flat_field_match.h"
 
 #include <fmt/format.h>
@@ -19,7 +19,7 @@
 namespace raystage::calibrate {
 namespace {
 
-/// Returns the target's light according to a camera's mean over the middle of its picture.
+/// Returns the target's light according to a camera's mean over the centre of its picture.
 schemas::Rgb target_light(const schemas::PhotometricResponse& response,
                           const FlatFieldMeasurement& measurement) {
   const schemas::Rgb left = mean_centre_transmission(response, measurement.size);
@@ -173,7 +173,7 @@ void match_camera(const std::vector<FlatFieldMeasurements>& targets, std::size_t
 
 /// Stores the hot pixels of the dark frames; rejects the match if a camera saw light.
 void copy_dark_frame_results(const FlatFieldMeasurements& dark, std::size_t reference,
-                        const std::vector<std::string>& cameras, FlatFieldMatch& colors) {
+                             const std::vector<std::string>& cameras, FlatFieldMatch& colors) {
   std::vector<std::string> lit;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const bool is_lit = std::ranges::max(dark[c].mean) > FlatFieldMeasurement::kDark ||

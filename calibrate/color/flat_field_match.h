@@ -12,11 +12,11 @@ namespace raystage::calibrate {
 struct FlatFieldMatchOptions {
   int reference = 0;     ///< camera that the others are matched to
   bool neutral = false;  ///< also makes the brightest target grey
-  bool vignetting =
-      false;  ///< fits the vignetting: the brightest target fills every picture evenly
+  /// fits the vignetting: the brightest target fills every picture evenly
+  bool vignetting = false;
   bool flat_field = false;  ///< also fits a gain map to the residuals of the vignetting model
-  std::vector<schemas::PhotometricResponse>
-      curves{};       ///< responses with the curves that were used in the measurements
+  /// responses with the curves that were used in the measurements
+  std::vector<schemas::PhotometricResponse> curves{};
   bool dark = false;  ///< the last target is dark: lens caps
 };
 
@@ -25,11 +25,11 @@ struct FlatFieldMatch : ColorMatch {
 };
 
 /// Returns contrast and brightness of each camera and channel relative to a reference camera
-/// (thesis 4.3, eq. 4.1), by least squares over targets of different brightness (lens caps, grey,
-/// white). `targets`: one entry per take. Black levels that are clipped at code 0 are ignored. One
-/// target determines the contrast only. On request it fits vignetting and a gain map to the
-/// brightest target; a dark target gives the reference camera's black level and the hot pixels.
-/// Throws Error (bad input) if a camera sees no light.
+/// (thesis 4.3, eq. 4.1). Method: least squares over targets of different brightness (lens caps,
+/// grey, white). `targets`: one entry per take. Black levels that are clipped at code 0 are
+/// ignored. One target determines the contrast only. On request it fits vignetting and a gain map
+/// to the brightest target; a dark target gives the reference camera's black level and the hot
+/// pixels. Throws Error (bad input) if a camera sees no light.
 FlatFieldMatch match_flat_fields(const std::vector<FlatFieldMeasurements>& targets,
                                  const std::vector<std::string>& cameras,
                                  const FlatFieldMatchOptions& options);

@@ -17,9 +17,9 @@ using ::testing::HasSubstr;
 
 constexpr rig::PictureSize kPicture{640, 480};
 
-/// What a camera shows of a target whose light is a function of the place.
+/// Returns the measurement by a camera of a target whose light is a function of the pixel position.
 FlatFieldMeasurement measured_field(const schemas::PhotometricResponse& response,
-                              const std::function<double(double, double)>& light) {
+                                    const std::function<double(double, double)>& light) {
   FlatFieldMeasurement measurement;
   measurement.size = kPicture;
   int in_middle = 0;
@@ -109,7 +109,7 @@ TEST(FlatTarget, ADustSpotOnTheTargetDoesNotMoveTheLens) {
   }
 }
 
-/// Light that a lens, and a tinted filter before its lower half, let through.
+/// Returns the transmission of a tinted filter in front of the lower half of a lens.
 double through_filter(double, double y, std::size_t channel) {
   const double tint = 0.1 * static_cast<double>(channel) + 0.05;
   return 1 - tint / (1 + std::exp(-(y - 260) / 25));
@@ -155,7 +155,7 @@ TEST(FlatTarget, AGainMapEvensOutWhatNoLensExplains) {
 
 TEST(FlatTarget, WhatNoLensCouldHaveDoneIsRefused) {
   std::vector<FlatFieldMeasurements> targets = targets_of({{}, {}});
-  // Not the last camera alone is looked at.
+  // The uneven light is in camera a: all cameras are checked, not only the last.
   targets[0][0] = measured_field({}, [](double x, double) { return x < 320 ? 0.6 : 0.45; });
   FlatFieldMatchOptions options;
   options.vignetting = true;
@@ -177,7 +177,7 @@ TEST(FlatTarget, WhatNoLensCouldHaveDoneIsRefused) {
   ASSERT_EQ(lit.reasons.size(), 1U);
   EXPECT_THAT(lit.reasons[0], HasSubstr("cap the lenses"));
 
-  targets.pop_back();  // the grey one is taken for it
+  targets.pop_back();  // the grey target is then the dark one
   const FlatFieldMatch grey = match_flat_fields(targets, {"a", "b"}, options);
   ASSERT_EQ(grey.reasons.size(), 1U);
   EXPECT_THAT(grey.reasons[0], HasSubstr("not dark"));

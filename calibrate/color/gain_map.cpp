@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Fits gains at the nodes of a grid over the picture, bilinear in between, to the cells of an
-// evenly lit target: linear least squares per channel with a smoothness term on second differences
+// evenly lit target. Linear least squares per channel with a smoothness term on second differences
 // (normal equations, dense). Input: cell means, linear light. Output: gains, 1 in the centre. Cost:
 // cells plus nodes cubed.
 #include "calibrate/color/gain_map.h"

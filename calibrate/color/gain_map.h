@@ -8,9 +8,9 @@
 
 namespace raystage::calibrate {
 
-/// Returns the gains that, applied after `response`, flatten the picture of an evenly lit target:
-/// per channel, by least squares with a smoothness term between nodes; 1 in the centre. Throws
-/// Error (bad input), which names the camera, if a part of the picture has no light.
+/// Returns the gains that, applied after `response`, flatten the picture of an evenly lit target; 1
+/// in the centre. Each channel is fitted by least squares with a smoothness term between nodes.
+/// Throws Error (bad input), which names the camera, if a part of the picture has no light.
 schemas::GainMap fit_gain_map(std::span<const FlatFieldCell> cells, rig::PictureSize size,
                               const schemas::PhotometricResponse& response,
                               const std::string& camera);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds the depth of a small patch by a plane sweep: at each step of inverse depth the patch is
-// projected into the neighbouring cameras (corners exactly, pixels bilinear between) and compared
-// by normalised cross-correlation of the square root of luminance. The score is the mean of the
-// better half of the cameras, because the others may be occluded; a parabola refines the best step.
-// Output: the patch with the observations above `min_ncc`. Cost per patch: steps times cameras
-// times 81 pixels.
+// Finds the depth of a small patch by a plane sweep. At each step of inverse depth the patch is
+// projected into the neighbouring cameras (corners exactly, pixels bilinear between). It is
+// compared by normalised cross-correlation of the square root of luminance. The score is the mean
+// of the better half of the cameras, because the others may be occluded; a parabola refines the
+// best step. Output: the patch with the observations above `min_ncc`. Cost per patch: steps times
+// cameras times 81 pixels.
 #include "calibrate/color/patch_search.h"
 
 #include <algorithm>

@@ -35,12 +35,13 @@ class InverseDepthSteps {
  public:
   static constexpr double kStepPx = 0.75;
 
-  /// Between `base` and `others`, indices of the rig's cameras.
+  /// Makes the steps for a patch of camera `base` that is compared with `others`; indices of the
+  /// rig's cameras.
   InverseDepthSteps(const rig::Rig& rig, const schemas::DepthRange& range, int base,
                     const std::vector<int>& others);
 
-  /// Steps are numbered [0, count()) from far to near. Those of the scene are [first(), last()];
-  /// the others detect patches beyond it.
+  /// Returns the number of steps; their indices, [0, count()), increase from far to near. Those of
+  /// the scene are [first(), last()]; the others detect patches beyond it.
   int count() const { return count_; }
   int first() const { return first_; }
   int last() const { return last_; }

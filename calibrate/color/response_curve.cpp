@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Estimates a response curve at fixed knots (piecewise linear in the code) together with the light
-// of each location and, with samples of exposure 0, a dark level: non-linear robust least squares
-// (Ceres, Cauchy's loss) with a smoothness term, after Debevec and Malik (SIGGRAPH 1997). Output:
-// curve values at the knots, increasing, 0 at black and 1 at full scale. Cost: samples times knots
-// squared.
+// of each location and, with samples of exposure 0, a dark level. Method: non-linear robust least
+// squares (Ceres, Cauchy's loss) with a smoothness term, after Debevec and Malik (SIGGRAPH 1997).
+// Output: curve values at the knots, increasing, 0 at black and 1 at full scale. Cost: samples
+// times knots squared.
 #include "calibrate/color/response_curve.h"
 
 #include <ceres/ceres.h>

@@ -18,8 +18,8 @@ struct ResponseSample {
 
 /// Returns a response curve (one channel of PhotometricResponse::curve) that makes light
 /// proportional to exposure. Method: non-linear least squares over the curve and the light of the
-/// locations with a smoothness term (after Debevec and Malik, "Recovering high dynamic range
-/// radiance maps from photographs", SIGGRAPH 1997). Black and full scale are fixed, because
+/// locations, with a smoothness term. It follows Debevec and Malik, "Recovering high dynamic range
+/// radiance maps from photographs", SIGGRAPH 1997. Black and full scale are fixed, because
 /// exposures do not determine contrast and brightness. With samples of exposure 0 the dark level is
 /// estimated, too. Throws Error (bad input) if fewer than two exposures have usable codes.
 std::vector<double> fit_response_curve(std::span<const ResponseSample> codes,

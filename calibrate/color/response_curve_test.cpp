@@ -12,8 +12,8 @@
 namespace raystage::calibrate {
 namespace {
 
-/// As a channel shows places whose light differs by half, through a curve that `true_code` makes
-/// straight, in whole codes.
+/// Returns whole codes of a channel for locations with a range of light at several exposures.
+/// `true_code` is the curve that linearises them.
 template <typename Straight>
 std::vector<ResponseSample> shown_by(const Straight& true_code, double black) {
   std::vector<ResponseSample> codes;
@@ -33,7 +33,7 @@ TEST(ResponseCurve, MakesLightFollowExposure) {
   for (const double power : {0.85, 1.0, 1.15}) {
     const auto straight = [&](double code) { return std::pow(code, power); };
     const auto curve = fit_response_curve(shown_by(straight, 0.01), "srgb_texture");
-    // But for scale and offset of light, which contrast and brightness make up for.
+    // Compares up to scale and offset of light, which contrast and brightness compensate.
     const auto found = [&](int code) {
       return linear_from_srgb(rig::evaluate_response_curve(curve, code / 255.0));
     };

@@ -14,8 +14,8 @@ struct SceneColorMatch : ColorMatch {
 };
 
 /// Returns contrast and brightness of each camera and channel relative to a reference camera
-/// (thesis 4.3, eq. 4.1) without a target: robust least squares over cameras and the light of
-/// common points. Other fields, and the reference camera's response, stay as in `rig`. Outliers
+/// (thesis 4.3, eq. 4.1) without a target. Method: robust least squares over cameras and the light
+/// of common points. Other fields, and the reference camera's response, stay as in `rig`. Outliers
 /// (ghosts, reflections, motion) are removed and counted. Throws Error (failed) if a stop is
 /// requested.
 SceneColorMatch match_scene_colors(std::span<const ScenePatch> points, const rig::Rig& rig,

@@ -19,7 +19,7 @@ using ::testing::IsEmpty;
 
 constexpr rig::PictureSize kPicture{640, 480};
 
-/// Cameras in a row; each has contrast, brightness and vignetting of its own.
+/// Returns cameras in a row, each with its own contrast, brightness and vignetting.
 schemas::RigDocument row_of(int cameras) {
   schemas::RigDocument document;
   std::mt19937_64 random(1);
@@ -42,8 +42,8 @@ schemas::RigDocument row_of(int cameras) {
   return document;
 }
 
-/// What the cameras show of points that three neighbours see; a share of the observations is of
-/// another place.
+/// Returns observations of points that three neighbouring cameras share. The share `wrong` of the
+/// observations is of another point.
 std::vector<ScenePatch> points_before(const schemas::RigDocument& truth, double wrong, double noise,
                                       double darkest = 0.02, double brightest = 0.6) {
   std::mt19937_64 random(2);
@@ -73,7 +73,7 @@ std::vector<ScenePatch> points_before(const schemas::RigDocument& truth, double 
   return points;
 }
 
-/// The truth but for contrast and brightness, which the reference camera alone has.
+/// Returns the true rig without contrast and brightness, except those of the reference camera.
 rig::Rig unmatched(schemas::RigDocument document, std::size_t reference = 0) {
   for (std::size_t i = 0; i < document.cameras.size(); ++i) {
     if (i == reference) continue;
@@ -169,7 +169,7 @@ TEST(SceneColor, OneCameraHasNobodyToAgreeWith) {
 }
 
 TEST(SceneColor, TheSamePlaceTwiceIsNoNews) {
-  // Duplicated points make nothing surer than it is by more than their number says.
+  // Duplicated points reduce the uncertainty at most by their number.
   const schemas::RigDocument truth = row_of(3);
   const std::vector<ScenePatch> once = points_before(truth, 0.05, 0.02);
   std::vector<ScenePatch> twice;
@@ -184,7 +184,7 @@ TEST(SceneColor, TheSamePlaceTwiceIsNoNews) {
 
 TEST(SceneColor, ASceneOfOneBrightnessIsNotBelievedAboutOthers) {
   schemas::RigDocument truth = row_of(4);
-  // (A lens that darkens would show the one brightness as several.)
+  // Without vignetting, which would turn one brightness into several.
   for (schemas::RigDocument::Camera& camera : truth.cameras) camera.photometric.vignetting.reset();
   for (const double noise : {0.0003, 0.001, 0.003, 0.01, 0.05}) {
     const SceneColorMatch found =

@@ -24,7 +24,7 @@ class SceneFit {
     bool counts = true;
   };
 
-  /// `rig` must outlive it.
+  /// Keeps a reference to `rig`.
   SceneFit(std::span<const ScenePatch> points, const rig::Rig& rig, std::size_t reference);
 
   std::vector<Observation>& observations() { return observations_; }

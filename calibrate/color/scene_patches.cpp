@@ -37,8 +37,8 @@ std::vector<int> nearest_cameras(const rig::Rig& rig, const store::FrameSelectio
   return cameras;
 }
 
-/// Number of threads for which memory suffices: each holds the pictures of a camera and its
-/// neighbours.
+/// Returns the number of threads for which memory suffices: each holds the pictures of a camera and
+/// its neighbours.
 std::size_t searches_at_once(const rig::Rig& rig, const PatchSearchOptions& options) {
   constexpr std::size_t kBytesPerPixel = 24;  // prepared for comparison, and during decoding
   std::size_t most_pixels = 1;

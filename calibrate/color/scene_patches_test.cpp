@@ -18,7 +18,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-/// Six cameras before a scene; all of them show the same colours.
+/// Returns a take of a scene by six cameras with the same colours.
 store::Take simulated(const std::string& scene, const testing::TestFolder& folder) {
   simulate::SimulationOptions options;
   options.scene = scene;
@@ -39,8 +39,8 @@ std::vector<ScenePatch> found_in(const store::Take& take, const PatchSearchOptio
   return find_scene_patches(take, take.rig(), options, [](double) {}, {});
 }
 
-/// Metres in front of the array where the rays of the first two observations come nearest to each
-/// other.
+/// Returns the depth of the point at which the rays of the first two observations are closest,
+/// metres in front of the array.
 double depth_of(const ScenePatch& point, const rig::Rig& rig) {
   Eigen::Matrix<double, 3, 2> directions;
   Vector3d places[2];
@@ -94,11 +94,11 @@ TEST(SurfacePoints, OnAFocalPlaneLieThere) {
   const store::Take take = simulated("chart", folder);
   PatchSearchOptions options;
   options.instants = 1;
-  options.depths = {3.9, 4.1};  // the chart; balls before it
+  options.depths = {3.9, 4.1};  // the chart; balls are in front of it
   const std::vector<ScenePatch> points = found_in(take, options);
   ASSERT_GT(points.size(), 100U);
   for (const ScenePatch& point : points) EXPECT_NEAR(depth_of(point, take.rig()), 4, 0.8);
-  // One depth is as good as a narrow range, and infinity no end of it.
+  // A single depth is accepted as a range, and so is an infinite far limit.
   options.depths = {4, 4};
   EXPECT_GT(found_in(take, options).size(), points.size() / 2);
   options.depths = {2, std::numeric_limits<double>::infinity()};
@@ -113,7 +113,7 @@ TEST(SurfacePoints, AreNotFoundWhereNothingHasAPattern) {
   PatchSearchOptions options;
   options.depths = {1, 10};
   EXPECT_TRUE(found_in(take, options).empty());
-  // Another rig than the frames': said before anything is looked at.
+  // A rig with another frame size is rejected before the search.
   rig::Rig rig = take.rig();
   rig.cameras[2].model = rig::CameraModel({"c", 100, 80, {90, 90, 50, 40, {}}, {}, {}, {}});
   EXPECT_THROW(find_scene_patches(take, rig, options, [](double) {}, {}), Error);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Fits the vignetting model to the cells of an evenly lit target: centre, three coefficients and
-// the target's light, by robust non-linear least squares (Ceres, Cauchy's loss). Input: cell means,
-// linear light; positions relative to half of the diagonal. Cost: cells per iteration.
+// the target's light. Method: robust non-linear least squares (Ceres, Cauchy's loss). Input: cell
+// means, linear light; positions relative to half of the diagonal. Cost: cells per iteration.
 #include "calibrate/color/vignetting.h"
 
 #include <ceres/ceres.h>

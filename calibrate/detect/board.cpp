@@ -70,7 +70,8 @@ std::vector<BoardCornerDetection> refined(const cv::Mat& grey, std::vector<cv::P
   return corners;
 }
 
-/// Half the side of the window for corner refinement, pixels: it must not contain another corner.
+/// Returns half the side of the window for corner refinement, pixels: it must not contain another
+/// corner.
 int refining_window(const std::vector<cv::Point2f>& places, int across) {
   double least = 1e9;
   for (std::size_t i = 1; i < places.size(); ++i) {

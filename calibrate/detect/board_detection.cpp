@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Detects the corners of a board (board.h) in the frames of a take. For a lens it searches a few
+// frames of one camera, spread evenly. For an array it searches all frames of all cameras, which
+// gives one track per corner and camera. Cost: one full JPEG decode and one board search per frame;
+// frames run in parallel.
 #include "calibrate/detect/board_detection.h"
 
 #include <algorithm>
@@ -79,7 +83,8 @@ PointTracks track_board_corners(const store::Take& take,
   }
   std::vector<std::size_t> observation_index(frames.size(), 0);
   for (std::size_t k = 1; k < frames.size(); ++k) {
-    observation_index[k] = frames[k].first == frames[k - 1].first ? observation_index[k - 1] + 1 : 0;
+    observation_index[k] =
+        frames[k].first == frames[k - 1].first ? observation_index[k - 1] + 1 : 0;
   }
   std::atomic<std::size_t> done = 0;
   parallel_for(std::size_t{0}, frames.size(), [&](std::size_t k) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A captured scene whose cameras were surveyed.
+// Tests feature matching with a captured scene whose camera poses were surveyed.
 #include "calibrate/detect/feature_matching.h"
 
 #include <fmt/format.h>
@@ -19,7 +19,7 @@
 namespace raystage::calibrate {
 namespace {
 
-/// Every camera 5 cm and half a degree from where it is.
+/// Returns the rig with every camera moved by 5 cm and rotated by half a degree.
 schemas::RigDocument disturbed(schemas::RigDocument rig) {
   std::mt19937 random(7);
   std::normal_distribution<double> normal;

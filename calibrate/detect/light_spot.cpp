@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Detects a point light in a picture: subtracts the background, finds connected components of
-// pixels above a quarter of the maximum, and takes the one with the most light. Its centre is the
-// mean position weighted by light. Input: RGB codes; output: pixels, centres at +0.5. Cost: pixels
-// of the picture.
+// Detects a point light in a picture: subtracts the background and finds connected components of
+// pixels above a quarter of the maximum. Chooses the component with the most light; its centre is
+// the mean position weighted by light. Input: RGB codes; output: pixels, centres at +0.5. Cost:
+// pixels of the picture.
 #include "calibrate/detect/light_spot.h"
 
 #include <algorithm>

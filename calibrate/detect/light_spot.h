@@ -29,8 +29,8 @@ std::string_view name_of(LightDetectionStatus result);
 
 struct LightDetectionOptions {
   double min_light = 0.05;  ///< linear light above the background, full scale 1
-  double ambiguity_ratio =
-      0.4;  ///< smallest ratio of the second spot's light to the first's that makes them ambiguous
+  /// smallest ratio of the second spot's light to the first's that makes them ambiguous
+  double ambiguity_ratio = 0.4;
   double max_area = 0.004;            ///< share of the picture
   double max_saturated_share = 0.75;  ///< share of its pixels at full scale, if these are many
 
@@ -49,8 +49,8 @@ struct LightSpot {
 /// light is at different positions. Linear light, full scale 1.
 class LightBackground {
  public:
-  /// `pictures`: at least one, of one size. `linear_from_code`: linear light, full scale 1,
-  /// increasing.
+  /// Computes the median of `pictures`: at least one, all of one size. `linear_from_code`: linear
+  /// light, full scale 1, increasing.
   LightBackground(std::span<const store::RgbImage> pictures,
                   const std::array<float, 256>& linear_from_code);
 
@@ -69,9 +69,9 @@ class LightBackground {
   std::vector<float> light_;
 };
 
-/// Detects the light in a picture of the background's size: of the connected components of pixels
-/// with at least a quarter of the largest brightness, the one with the most light. Its centre is
-/// the mean position of its pixels and those around it, weighted by their light.
+/// Detects the light in a picture of the background's size. It is the connected component with the
+/// most light, among pixels with at least a quarter of the largest brightness. Its centre is the
+/// mean position of its pixels and those around it, weighted by their light.
 LightSpot detect_light(const store::RgbImage& picture, const LightBackground& background,
                        const LightDetectionOptions& options);
 

@@ -20,7 +20,7 @@ struct Disc {
   double radius = 3, light = 0.8;
 };
 
-/// A dark room with discs of light, each pixel the mean of its area, and a little noise.
+/// Returns a dark picture with discs of light (box-filtered to pixels) and a little noise.
 store::RgbImage dark_room(const std::vector<Disc>& discs, double room = 0.002) {
   store::RgbImage image(160, 120);
   std::mt19937 random(4);
@@ -67,7 +67,7 @@ TEST(LightSpots, AreFoundToATwentiethOfAPixel) {
 }
 
 TEST(LightSpots, AreAsBrightAsTheTakesCodesSay) {
-  // A code of 99 is an eighth of full scale as sRGB, and two fifths as linear light.
+  // Code 99 is 1/8 of full scale as sRGB, and 2/5 as linear light.
   std::vector<store::RgbImage> empty{dark_room({})};
   store::RgbImage picture = empty.front();
   for (const int y : {60, 61, 62}) {
@@ -94,7 +94,7 @@ TEST(LightSpots, AreFoundBeforeABrightRoom) {
 TEST(LightSpots, AreLeftOutWhereTheyCannotBeTrusted) {
   EXPECT_EQ(found_in({}).result, LightDetectionStatus::kDark);
   EXPECT_EQ(found_in({{{50, 50}, 3, 0.02}}).result, LightDetectionStatus::kDark);
-  // A reflection, as large and half as bright; a weak one does no harm.
+  // A reflection of the same size and half the brightness is ambiguous; a weaker one is not.
   EXPECT_EQ(found_in({{{50, 50}, 3, 0.8}, {{90, 70}, 3, 0.4}}).result,
             LightDetectionStatus::kAmbiguous);
   EXPECT_EQ(found_in({{{50, 50}, 3, 0.8}, {{90, 70}, 2, 0.3}}).result,

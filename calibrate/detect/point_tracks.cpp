@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Tracks a point light through a take (thesis 4.3): decodes every frame, subtracts the background
+// and detects the light (light_spot.h). The background is the median of 15 frames spread over the
+// recording. Times come from the take's timeline or, without one, from a resynchronisation. The
+// result has one detection per camera and frame. Cost: one full JPEG decode and one detection per
+// frame; cameras run in parallel.
 #include "calibrate/detect/point_tracks.h"
 
 #include <fmt/format.h>

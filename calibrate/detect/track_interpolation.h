@@ -28,9 +28,9 @@ struct InterpolatedTracks {
   Nanoseconds begin = 0, period = 0;  ///< time of tick 0; from tick to tick, ns
 };
 
-/// Interpolates the tracks of free-running cameras at common times: a cubic through two detections
-/// on each side, a parabola if one side has only one, nothing if both have one. `period`: between
-/// frames, ns; longer gaps are not interpolated.
+/// Interpolates the tracks of free-running cameras at common times. The polynomial is a cubic
+/// through two detections on each side, or a parabola if one side has only one. If both sides have
+/// only one there is no result. `period`: between frames, ns; longer gaps are not interpolated.
 InterpolatedTracks interpolate_tracks(
     const PointTracks& tracks, const std::vector<schemas::DetectionsDocument::Camera>& cameras,
     Nanoseconds period, const TrackInterpolationOptions& options);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Least-squares similarity between two sets of poses after Umeyama (1991), extended by the
-// rotations: the covariance of the centres plus the weighted products of rotations is decomposed by
-// SVD. Cost: linear in the number of poses.
+// Computes the least-squares similarity between two sets of poses after Umeyama (1991), extended by
+// the rotations. An SVD decomposes the covariance of the centres plus the weighted products of
+// rotations. Cost: linear in the number of poses.
 #include "calibrate/geometry/alignment.h"
 
 #include <Eigen/SVD>

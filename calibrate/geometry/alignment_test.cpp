@@ -45,7 +45,7 @@ TEST(Alignment, BringsAnyArrayBack) {
       poses.push_back({some_turn(random), {normal(random), normal(random), normal(random)}});
     }
     expect_brought_back(poses, random);
-    // In a plane, on a line, two alone: directions say how they are turned.
+    // Cameras in a plane, on a line, and only two: rotations complete the alignment.
     for (rig::Pose& pose : poses) pose.position.z() = 0;
     expect_brought_back(poses, random);
     for (rig::Pose& pose : poses) pose.position.y() = 0;

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Makes the initial pinhole cameras of a calibration from a field of view, places the points of
+// rigid bodies, and computes reprojection residuals in pixels. Residuals cost one projection per
+// observation.
 #include "calibrate/geometry/array_model.h"
 
 #include <cmath>

@@ -60,8 +60,8 @@ ArrayModel make_initial_model(const Detections& detections, double horizontal_fo
 /// Returns the model of each camera. Throws Error (bad input) if CameraModel rejects a lens.
 std::vector<rig::CameraModel> make_camera_models(const ArrayModel& model);
 
-/// Returns the observed minus the projected position of the point, pixels; none if the point is
-/// behind the camera, beyond the end of its lens model, or not determined. `lenses`: of
+/// Returns the observed minus the projected position of the point, pixels. Returns none if the
+/// point is behind the camera, beyond the end of its lens model, or not determined. `lenses`: of
 /// make_camera_models().
 std::optional<Eigen::Vector2d> reprojection_residual(const ArrayModel& model,
                                                      const std::vector<rig::CameraModel>& lenses,

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Calibrates an array from views of a flat board (see board_array.h): lenses by Zhang's method,
-// board poses per view, cameras compose by common boards (the link with the lowest median error
-// first), then bundle adjustment with boards as rigid bodies. World units: metres. Cost: cameras
-// squared times boards for the chain, plus bundle adjustments.
+// then board poses per view. Cameras are compose by common boards (the link with the lowest median
+// error first); a bundle adjustment with boards as rigid bodies follows. World units: metres. Cost:
+// cameras squared times boards for the chain, plus bundle adjustments.
 #include "calibrate/geometry/board_array.h"
 
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Boards before cameras that are known; no pictures.
+// Calibrates known cameras from simulated board corners, without pictures.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -30,7 +30,7 @@ BoardObjectPoints board_corners() {
 const schemas::Intrinsics kLens{620, 620, 325, 236, {-0.15, 0.04, 0, 0, 0}};
 const rig::CameraModel kModel({"c", 640, 480, kLens, {}, {}, {}});
 
-/// A board that is carried about and tilted, at one of many instants.
+/// Returns the pose of a moving, tilting board at an instant.
 rig::Pose board_at(int instant, double most_tilt_deg) {
   const double t = 0.37 * instant, tilt = most_tilt_deg * testing::kTestDegree;
   rig::Pose pose;
@@ -93,12 +93,12 @@ TEST(BoardLenses, OfBoardsHeldFlatAreNotVouchedFor) {
 }
 
 TEST(BoardLenses, OfOneKindHelpEachOther) {
-  // The second camera sees the board held nearly flat: alone it knows little of its lens.
+  // The second camera observes a nearly untilted board, which alone hardly determines its lens.
   const CameraBoardViews tilted{
       "c0", 640, 480, collect_board_views(seen_by({rig::Pose{}}, 25, 40, 0.2), 0, board_corners())};
   CameraBoardViews flat{
       "c1", 640, 480, collect_board_views(seen_by({rig::Pose{}}, 25, 3, 0.2), 0, board_corners())};
-  constexpr double kAside = 17;  // its sensor is glued on elsewhere
+  constexpr double kAside = 17;  // pixels; its sensor is shifted
   for (BoardView& view : flat.views) {
     for (Vector2d& pixel : view.pixels) pixel.x() += kAside;
   }
@@ -173,7 +173,7 @@ TEST(BoardArrays, HaveMetresAndLenses) {
   EXPECT_NEAR(spacing, 0.12, 5e-4);
   EXPECT_NEAR(found.model.cameras[2].intrinsics.fx, kLens.fx, 0.005 * kLens.fx);
 
-  // From a rig on: its world, but the board's metres.
+  // With an initial rig: the world is that of the rig, the scale that of the board.
   options.start = make_rig_document(found, {}, "elsewhere, and too large");
   Vector3d middle = Vector3d::Zero();
   for (schemas::RigDocument::Camera& camera : options.start->cameras) {

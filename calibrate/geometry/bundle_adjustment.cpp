@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Bundle adjustment (thesis 4.3: one large least squares over all poses, intrinsics and points)
-// with Ceres: Levenberg-Marquardt, dense Schur complement with points or boards eliminated,
+// with Ceres. Levenberg-Marquardt, dense Schur complement with points or boards eliminated,
 // Cauchy's loss. Residuals are reprojection errors in pixels plus weak priors on the lenses. Poses,
 // lenses and points of the model are updated in place. Cost per iteration: observations plus
 // cameras cubed.
@@ -207,7 +207,7 @@ std::vector<PlaceInBody> places_in_bodies(const ArrayModel& model) {
   return places;
 }
 
-/// Ceres logs rejected trial steps; the report contains what matters.
+/// Disables the log of Ceres, which lists rejected trial steps. The report contains the results.
 void keep_ceres_quiet() { FLAGS_minloglevel = google::FATAL; }
 
 }  // namespace

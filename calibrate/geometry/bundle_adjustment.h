@@ -50,9 +50,9 @@ struct BundleAdjustmentReport {
 /// least squares over all of them). Uses Ceres: Levenberg-Marquardt with a Schur complement that
 /// eliminates the points. Points of a body move with it as a whole and hold the world's scale.
 /// Undetermined cameras and points stay so; observations of points behind their cameras become
-/// outliers. If fewer than two cameras are held, the world may drift, turn and change its scale.
-/// Weak priors hold what the observations leave open of a lens: the principal point at the middle
-/// of the picture (deviation: a tenth of the width), small distortion. Throws Error (failed) if a
+/// outliers. If fewer than two cameras are held, the world may drift, rotate and change its scale.
+/// Weak priors constrain what the observations do not determine of a lens: the principal point at
+/// the image centre (deviation: a tenth of the width), small distortion. Throws Error (failed) if a
 /// stop is requested.
 BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
                                              const BundleAdjustmentOptions& options);

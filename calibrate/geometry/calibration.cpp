@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+// Calibrates an array from detections (thesis 4.3): merges positions of a resting light and solves
+// poses, points and lenses (solve.h, or board_array.h for boards). Then it sets the origin,
+// rotation and scale of the world. The scale comes from held cameras, a board, an initial rig, or a
+// known distance or spacing. Estimates the uncertainty and judges the result
+// (calibration_verdict.h). Merging compares each point only with those in the same or an adjacent
+// cell of a picture.
 #include "calibrate/geometry/calibration.h"
 
 #include <algorithm>
@@ -61,9 +67,10 @@ void check_held(const Detections& detections, const CalibrationOptions& options)
   }
 }
 
-/// With one camera held, the scale of the world is still free.
+/// Scales the model about the position `held`, because one held camera does not determine the
+/// scale.
 void scale_about(ArrayModel& model, const std::vector<std::optional<rig::Pose>>& known,
-                  const Eigen::Vector3d& held) {
+                 const Eigen::Vector3d& held) {
   double found = 0, expected = 0;
   for (std::size_t i = 0; i < known.size(); ++i) {
     if (!model.cameras[i].pose || !known[i]) continue;

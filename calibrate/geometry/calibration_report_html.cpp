@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Formats the result of a calibration as a self-contained HTML page.
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Judges a calibration against limits: observations and reprojection error (pixels) per camera,
+// share of outliers, groups of cameras without common points, weak directions of the uncertainty,
+// unknown scale. With two cameras it also fits one homography to the common points by RANSAC:
+// points in one plane leave two solutions (Ma et al. 2004, section 5.3). Produces sentences. Cost:
+// one projection per observation, and for each point all pairs of cameras that observe it.
 #include "calibrate/geometry/calibration_verdict.h"
 
 #include <fmt/format.h>
@@ -119,8 +124,8 @@ void judge_fit(CalibrationVerdict& verdict, const ArrayModel& model,
 }
 
 /// Returns the share of used points whose observations in two cameras one homography explains, to
-/// 1.5 pixels: they are in one plane or far away. 0 unless exactly two cameras have a pose: with
-/// more, a plane of points is no degenerate case (Ma et al. 2004, section 5.3).
+/// 1.5 pixels: they are in one plane or far away. Returns 0 unless exactly two cameras have a pose.
+/// With more, a plane of points is no degenerate case (Ma et al. 2004, section 5.3).
 double planar_inlier_ratio(const ArrayModel& model) {
   std::vector<int> found;
   for (std::size_t i = 0; i < model.cameras.size(); ++i) {
@@ -155,7 +160,7 @@ double planar_inlier_ratio(const ArrayModel& model) {
   return static_cast<double>(cv::countNonZero(inliers)) / from.size();
 }
 
-/// A plane of points has two solutions with two cameras.
+/// Rejects a calibration of two cameras whose points are in one plane: it has two solutions.
 void judge_flatness(CalibrationVerdict& verdict, const ArrayModel& model) {
   constexpr double kAllButAll = 0.9;
   if (!(planar_inlier_ratio(model) > kAllButAll)) return;

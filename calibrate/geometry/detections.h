@@ -23,9 +23,9 @@ struct Detections {
 };
 
 /// Reads a table with the header `camera,frame,u,v` and a line per detection, in any order; further
-/// columns are ignored. Throws Error (bad input), with file and line, for an unknown camera, a
-/// value that is not a number, a position a picture's size or more outside the picture, and two
-/// detections of a point in one camera.
+/// columns are ignored. Throws Error (bad input), with file and line, for an unknown camera or a
+/// value that is not a number. It also throws for a position a picture's size or more outside the
+/// picture, and for two detections of a point in one camera.
 Detections read_detections(const std::filesystem::path& table,
                            const schemas::DetectionsDocument& cameras);
 void write_detections(const Detections& detections, const std::filesystem::path& table);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A clear result or a clear refusal, never a wrong rig with a good face.
+// Tests difficult arrays: a calibration is either correct or rejected, and never accepted with a
+// wrong rig.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -75,7 +76,7 @@ INSTANTIATE_TEST_SUITE_P(
     Cases, CalibrationAtExtremes,
     ::testing::Values(
         Case{"thesis_lens_known", {}, true},
-        // Turned by nothing, an array cannot tell a longer lens from a deeper scene.
+        // An array with exactly parallel axes cannot distinguish a longer lens from a deeper scene.
         Case{"parallel",
              {.rows = 4, .columns = 4, .mounting_m = 0, .mounting_deg = kParallel},
              false,
@@ -110,7 +111,7 @@ TEST(CalibrationAtItsLimits, ACameraThatSeesNothingIsNamed) {
   std::erase_if(truth.detections.detections, [](const auto& d) { return d.camera == 4; });
   const Calibration calibration = calibrate(truth.detections, settings_for(truth, true));
   EXPECT_THAT(calibration.verdict.reasons, Contains(HasSubstr("Nothing was seen by c04")));
-  // --force: the others are right.
+  // The rig can still be made from the rejected calibration: the other cameras are correct.
   EXPECT_LE(testing::pose_errors(calibration.model, truth.poses).metres, 0.004);
   EXPECT_EQ(make_rig_document(calibration, {}, "").cameras.size(), 8U);
 }
@@ -118,7 +119,7 @@ TEST(CalibrationAtItsLimits, ACameraThatSeesNothingIsNamed) {
 TEST(CalibrationAtItsLimits, CamerasThatShareNothingAreNamed) {
   testing::SyntheticArray truth =
       testing::make_synthetic_array({.rows = 2, .columns = 4, .points = 200});
-  // The left half sees the first hundred, the right half the others.
+  // The left half observes the first 100 points, the right half the others.
   std::erase_if(truth.detections.detections,
                 [](const auto& d) { return (d.camera % 4 < 2) != (d.point < 100); });
   const Calibration calibration = calibrate(truth.detections, settings_for(truth, true));
@@ -133,7 +134,7 @@ TEST(CalibrationAtItsLimits, WithoutScaleNothingIsVouchedFor) {
   EXPECT_THAT(calibrate(truth.detections, options).verdict.reasons, Contains(HasSubstr("scale")));
 }
 
-/// Cases in which least squares finds wrong arrays that fit well.
+/// In these cases least squares may converge to wrong arrays with a small reprojection error.
 TEST(CalibrationAtItsLimits, WhatIsVouchedForIsRight) {
   const std::vector<testing::SyntheticArrayOptions> hard{
       {.rows = 3, .columns = 3, .nearest = 10, .farthest = 20},
@@ -149,7 +150,7 @@ TEST(CalibrationAtItsLimits, WhatIsVouchedForIsRight) {
         const testing::PoseErrors errors = testing::pose_errors(found.model, truth.poses);
         EXPECT_LE(errors.metres, 0.1 * simulation.spacing) << simulation.seed;
         EXPECT_LE(errors.degrees, 0.5) << simulation.seed;
-      } catch (const Error&) {  // refused
+      } catch (const Error&) {  // rejected
       }
     }
   }

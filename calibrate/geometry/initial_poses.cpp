@@ -29,7 +29,7 @@ constexpr int kMinCommon = 12;  // common points of the initial pair
 constexpr int kMinKnown = 6;    // known points that a camera must observe to be registered
 constexpr double kSure = 0.9999;
 
-/// Our cameras look along -z with y up, OpenCV's along z with y down.
+/// Returns the change of camera axes from ours (look along -z, y up) to OpenCV's (along z, y down).
 cv::Mat opencv_from_ours() { return cv::Mat::diag(cv::Mat(cv::Vec3d(1, -1, -1))); }
 
 /// Ideal image points of a camera's observations (y down), by point.

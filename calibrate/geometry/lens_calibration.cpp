@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Zhang's method ("A flexible new technique for camera calibration", 2000) by bundle adjustment:
-// each view is a board with its own pose in front of a camera at the origin. The initial focal
-// length comes from the homographies; parameters are released step by step and outliers removed. A
-// shared prior combines lenses of one model. Inputs: corners in pixels and metres; outputs:
-// intrinsics in pixels with standard deviations. Cost: views times corners per iteration.
+// Calibrates lenses by Zhang's method ("A flexible new technique for camera calibration", 2000)
+// with bundle adjustment. Each view is a board with its own pose in front of a camera at the
+// origin. The initial focal length comes from the homographies; parameters are released step by
+// step and outliers removed. A shared prior combines lenses of one model. Inputs: corners in pixels
+// and metres; outputs: intrinsics in pixels with standard deviations. Cost: views times corners per
+// iteration.
 #include "calibrate/geometry/lens_calibration.h"
 
 #include <fmt/format.h>
@@ -76,7 +77,7 @@ ArrayModel make_initial_model(const Views& views, std::span<const CameraBoardVie
 }
 
 /// Returns the initial lens: the focal length from the boards' homographies, the principal point in
-/// the middle.
+/// the image centre.
 schemas::Intrinsics guessed_lens(const Views& views, int width, int height) {
   std::vector<std::vector<cv::Point3f>> boards;
   std::vector<std::vector<cv::Point2f>> pictures;
@@ -211,7 +212,8 @@ void share_deviations(std::vector<LensCalibration>& cameras) {
 }
 
 /// Rejects cameras whose own focal length contradicts that of the others.
-void reject_other_focal_lengths(const std::vector<LensCalibration>& alone, std::vector<LensCalibration>& found) {
+void reject_other_focal_lengths(const std::vector<LensCalibration>& alone,
+                                std::vector<LensCalibration>& found) {
   for (std::size_t c = 0; c < alone.size(); ++c) {
     const LensCalibration& own = alone[c];
     double others = 0, information = 0;

@@ -25,9 +25,9 @@ struct RigComparison {
 };
 
 /// Compares two rigs. Pixel differences are computed on a 9x9 grid of pixels of the first rig's
-/// camera, with points at `nearest_m` metres, twice and four times as far and at infinity; 0: ten
-/// times the median distance between neighbours. Throws Error (bad input) if fewer than two cameras
-/// are common.
+/// camera. Their points are at `nearest_m` metres (0: ten times the median distance between
+/// neighbours), twice and four times as far, and at infinity. Throws Error (bad input) if fewer
+/// than two cameras are common.
 RigComparison compare_rigs(const schemas::RigDocument& first, const schemas::RigDocument& second,
                            double nearest_m);
 

@@ -61,7 +61,7 @@ TEST(RigComparisons, TellWhatMoved) {
   ASSERT_EQ(comparison.cameras.size(), 8U);
   EXPECT_EQ(comparison.only_in_first, std::vector<std::string>{"c8"});
   EXPECT_EQ(comparison.only_in_second, std::vector<std::string>{"other"});
-  EXPECT_NEAR(comparison.cameras[4].rotation_deg, 1, 0.15);  // alignment shares it out
+  EXPECT_NEAR(comparison.cameras[4].rotation_deg, 1, 0.15);  // alignment spreads it
   EXPECT_NEAR(comparison.cameras[4].rms_px, 500 * std::tan(testing::kTestDegree), 2);
   EXPECT_LE(comparison.cameras[0].rotation_deg, 0.2);
   schemas::RigDocument one = rig;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Solves an array: initial poses for the given field of view, or for seven trial values on a subset
-// of the points, each with a tolerant and a strict inlier threshold in parallel; the best result
-// (most cameras, then most fitting observations) goes on to the bundle adjustment steps
-// (solve_steps.h). Input: detections, pixels; output: poses, lenses, points up to a similarity.
-// Cost: up to 16 initial solves plus the final bundle adjustments.
+// Solves an array. Initial poses are computed for the given field of view, or for seven trial
+// values on a subset of the points. Each is tried with a tolerant and a strict inlier threshold in
+// parallel. The best result (most cameras, then most fitting observations) goes on to the bundle
+// adjustment steps (solve_steps.h). Input: detections, pixels; output: poses, lenses, points up to
+// a similarity. Cost: up to 16 initial solves plus the final bundle adjustments.
 #include "calibrate/geometry/solve.h"
 
 #include <algorithm>
@@ -59,9 +59,9 @@ ArrayModel begun_once(const ArrayModel& empty, double max_error_px, const SolveO
   return model;
 }
 
-/// A large tolerance is needed while lenses are unknown, but it can hide a wrong initialisation; so
-/// a strict one is tried, too, for each field of view. All run in parallel; the best one does not
-/// depend on their order.
+/// Returns the best initial model of all fields of view, each with a tolerant and a strict inlier
+/// threshold. The tolerant one is needed while lenses are unknown, but can hide a wrong
+/// initialisation. All run in parallel; the result does not depend on their order.
 ArrayModel begun_with(const Detections& detections, const std::vector<double>& fovs,
                       const SolveOptions& options) {
   std::vector<ArrayModel> begun(2 * fovs.size());

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Bundle adjustment steps of a solve: poses and points first, then focal lengths, principal points,
+// radial distortion and, on request, the full lens model. Lenses are shared by all cameras or one
+// per camera. Each step alternates bundle adjustment and outlier classification until at most 0.1 %
+// of the observations change, in at most 6 rounds. The outlier threshold is six times the standard
+// deviation that the median error implies, 3 to 12 pixels.
 #include "calibrate/geometry/solve_steps.h"
 
 #include <algorithm>
@@ -27,7 +32,8 @@ double outlier_threshold(const ArrayModel& model) {
 
 /// Alternates bundle adjustment and outlier classification until few observations change.
 /// `least_px`: smallest threshold, the possible error of the current lens model.
-void adjust_without_outliers(ArrayModel& model, const BundleAdjustmentOptions& options, double least_px) {
+void adjust_without_outliers(ArrayModel& model, const BundleAdjustmentOptions& options,
+                             double least_px) {
   constexpr int kMaxRounds = 6;
   for (int round = 0; round < kMaxRounds; ++round) {
     run_bundle_adjustment(model, options);

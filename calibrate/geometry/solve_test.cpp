@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Arrays whose truth is known, and real ones whose published error is.
+// Solves synthetic arrays with known truth, and captured ones with a published reprojection error.
 #include "calibrate/geometry/solve.h"
 
 #include <fmt/format.h>
@@ -25,7 +25,7 @@ TEST(SolvedArrays, TheThesisArrayIsFoundToAMillimetre) {
   EXPECT_LE(report.steps.back().rms_px, 0.3);
   EXPECT_LE(errors.metres, 1e-3);
   EXPECT_LE(errors.degrees, 0.05);
-  // Five in a hundred were made up, and a few good ones look it.
+  // 5 % of the detections are random; a few correct ones exceed the outlier threshold.
   const double outliers = static_cast<double>(report.steps.back().outliers) /
                           static_cast<double>(model.observations.size());
   EXPECT_NEAR(outliers, 0.05, 0.02);
@@ -58,7 +58,7 @@ TEST(SolvedArrays, AreGivenUpWhenAskedTo) {
   EXPECT_EQ(steps, std::vector<std::string>{"poses and points"});
 }
 
-/// A captured light, with a lens for each camera.
+/// Solves a captured recording of a light, with a lens for each camera.
 ArrayModel solved_light(const std::filesystem::path& folder, SolveReport& report) {
   const Detections detections = read_detections(
       folder / "detections.csv", schemas::read_detections_document(folder / "cameras.json"));
@@ -67,7 +67,7 @@ ArrayModel solved_light(const std::filesystem::path& folder, SolveReport& report
   return solve_array(detections, options, report);
 }
 
-/// Svoboda's MultiCamSelfCal states 0.62 px in the mean.
+/// MultiCamSelfCal (Svoboda) reports a mean error of 0.62 px.
 TEST(SolvedArrays, AMovingLightIsExplainedAsWellAsPublished) {
   const auto folder = testing::test_data() / "led_points" / "DATA20100906_134124";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no captured detections at " << folder;
@@ -98,7 +98,7 @@ TEST(SolvedArrays, AMovingLightIsExplainedAsWellAsPublished) {
   EXPECT_GE(kept_by_all, 0.9 * by_all);
 }
 
-/// Three cameras with narrow lenses: two of them explain what they see with many.
+/// Three cameras with narrow lenses. Two of them alone fit many different fields of view.
 TEST(SolvedArrays, LensesThatNobodyGuessedAreFound) {
   const auto folder = testing::test_data() / "led_points" / "DATA20090709_111010";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no captured detections at " << folder;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Covariance of a bundle adjustment as a free network (Triggs et al. 2000, section 9): the reduced
-// camera system with points or boards eliminated, the gauge directions of the world projected out,
-// scaled by tolerances and inverted by an eigendecomposition. The noise is estimated from the
-// residuals and enlarged for their correlation. Output: one standard deviation per parameter. Cost:
-// observations per point squared, plus parameters cubed.
+// Computes the covariance of a bundle adjustment as a free network (Triggs et al. 2000, section 9).
+// Points or boards are eliminated from the normal equations, and the gauge directions of the world
+// are projected out. The result is scaled by tolerances and inverted by an eigendecomposition. The
+// noise is estimated from the residuals and enlarged for their correlation. Output: one standard
+// deviation per parameter. Cost: observations per point squared, plus parameters cubed.
 #include "calibrate/geometry/uncertainty.h"
 
 #include <ceres/jet.h>

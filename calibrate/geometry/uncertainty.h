@@ -38,8 +38,8 @@ struct Uncertainty {
   /// A linear combination of parameters that is poorly determined.
   struct Direction {
     double deviation = 0;  ///< two standard deviations, in tolerances; above 1: too uncertain
-    double focal_length = 0, principal_point = 0, distortion = 0, positions = 0,
-           rotations = 0;      ///< shares, sum 1
+    /// shares, sum 1
+    double focal_length = 0, principal_point = 0, distortion = 0, positions = 0, rotations = 0;
     std::vector<int> cameras;  ///< whose positions and rotations change, if they are few
   };
   std::vector<Direction> weakest;  ///< the worst first: all above 1, and at least one

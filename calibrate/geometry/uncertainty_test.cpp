@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is said to be uncertain is as uncertain as said: by many recordings of one array.
+// Compares the estimated uncertainties with the errors of many simulated recordings of one array.
 #include "calibrate/geometry/uncertainty.h"
 
 #include <gtest/gtest.h>
@@ -12,7 +12,7 @@
 namespace raystage::calibrate {
 namespace {
 
-/// Sums of squares of what was wrong, and of what was said to be.
+/// Sums of squares of the errors (`wrong`) and of the estimated deviations (`said`).
 struct Squares {
   double wrong = 0, said = 0;
   double ratio() const { return std::sqrt(wrong / said); }
@@ -51,7 +51,8 @@ TEST(Deviations, AreAsLargeAsErrors) {
   EXPECT_LE(focal_lengths.ratio(), 1.5);
 }
 
-/// The slow reference: all unknowns (poses but the first two, one lens, points) moved one by one.
+/// Slow reference: a numerical Jacobian over all parameters (poses except the first two, one lens,
+/// points).
 class Moved {
  public:
   explicit Moved(ArrayModel model) : model_(std::move(model)) {
@@ -59,8 +60,8 @@ class Moved {
       if (model_.points[p]) points_.push_back(p);
     }
   }
-  /// By 6 per camera from the third on (turn in the camera, position), the lens' focal length,
-  /// middle, k1 and k2, 3 per point.
+  /// Returns the number of parameters. There are 6 per camera from the third on (rotation in the
+  /// camera, position), 5 of the lens (focal length, principal point, k1, k2), and 3 per point.
   Eigen::Index size() const {
     return first_point() + 3 * static_cast<Eigen::Index>(points_.size());
   }
@@ -182,7 +183,7 @@ TEST(Deviations, OfHeldPartsAreNone) {
 }
 
 TEST(Deviations, OfWhatNothingTellsAreHuge) {
-  // Cameras that all look the same way cannot tell a longer lens from a deeper scene.
+  // Cameras with parallel axes cannot distinguish a longer lens from a deeper scene.
   const testing::SyntheticArray truth =
       testing::make_synthetic_array({.rows = 2, .columns = 3, .mounting_m = 0, .mounting_deg = 0});
   CalibrationOptions options;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Determines the axes of an array from its positions (principal axes of a plane or line, direction
-// of rows from the steps between neighbours) and the mean viewing direction, assigns grid positions
-// by walking from neighbour to neighbour, fits a lattice by least squares, and scales or aligns the
+// Determines the axes of an array from its positions and the mean viewing direction: principal axes
+// of a plane or line, direction of rows from the steps between neighbours. Assigns grid positions
+// by walking from neighbour to neighbour and fits a lattice by least squares. Scales or aligns the
 // world. Input: poses in world units. Cost: cameras squared.
 #include "calibrate/geometry/world_frame.h"
 

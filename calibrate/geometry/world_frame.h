@@ -22,13 +22,13 @@ struct GridPosition {
 /// camera must have a pose.
 void align_to_array(ArrayModel& model);
 
-/// Returns the grid positions of an aligned array: all cameras with a pose are within a third of
-/// the spacing of different grid points, in at least two rows or two columns. None otherwise.
+/// Returns the grid positions of an aligned array, or none. All cameras with a pose must be within
+/// a third of the spacing of different grid points, in at least two rows or two columns.
 std::optional<std::vector<std::optional<GridPosition>>> find_grid_positions(
     const ArrayModel& model);
 
 /// Returns the mean spacing along rows and columns of the grid, world units (least squares over all
-/// cameras); without a grid, the median distance to the nearest other camera.
+/// cameras). Without a grid it is the median distance to the nearest other camera.
 double camera_spacing(const ArrayModel& model);
 
 /// Source of the world's scale.
@@ -49,7 +49,7 @@ struct ScaleOptions {
 bool scale_world(ArrayModel& model, const ScaleOptions& options);
 
 /// Aligns the world with known poses (one for each camera, or none) if at least two are known; with
-/// `scales` also its scale. Returns whether it did.
+/// `scales` also its scale. Returns whether it was aligned.
 bool align_to_poses(ArrayModel& model, std::span<const std::optional<rig::Pose>> known,
                     bool scales = true);
 

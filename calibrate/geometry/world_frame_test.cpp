@@ -11,7 +11,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// A grid of cameras that look down -z, then turned, grown and moved as a whole.
+/// Returns a grid of cameras that look along -z, transformed as a whole by `away`.
 ArrayModel strange_grid(int rows, int columns, const SimilarityTransform& away) {
   ArrayModel model;
   for (int i = 0; i < rows * columns; ++i) {

@@ -28,15 +28,15 @@ struct KeyInterval {
 
 /// Interpolates keys exactly with a cubic Hermite spline: C1 between the first and the last key for
 /// any spacing, constant outside. The slope at an inner key is that of the parabola through it and
-/// its neighbours, limited to 1.5 times the smaller mean slope of the two adjacent intervals. This
-/// limits overshoot with uneven keys: a point deviates from the line between two keys by at most
-/// 3/8 of their distance, and between equal keys the curve is constant. A number never leaves the
+/// its neighbours. It is limited to 1.5 times the smaller mean slope of the two adjacent intervals,
+/// which limits overshoot with uneven keys. A point deviates from the line between two keys by at
+/// most 3/8 of their distance; between equal keys the curve is constant. A number never leaves the
 /// range of two adjacent keys. The acceleration at both ends is 0 (two keys: constant speed); for
 /// an ease-in, add a key. V: double or Eigen::Vector3d.
 template <class V>
 class Curve {
  public:
-  /// `keys`: at least one, ascending frames.
+  /// Computes the curve. `keys`: at least one, ascending frames.
   explicit Curve(const std::vector<CurveKey<V>>& keys);
   V operator()(double frame) const;
 
@@ -49,7 +49,7 @@ class Curve {
 /// "A general construction scheme for unit quaternion curves", SIGGRAPH 1995.
 class RotationCurve {
  public:
-  /// `keys`: at least one, ascending frames; unit quaternions of either sign.
+  /// Computes the curve. `keys`: at least one, ascending frames; unit quaternions of either sign.
   explicit RotationCurve(const std::vector<CurveKey<Eigen::Quaterniond>>& keys);
   Eigen::Quaterniond operator()(double frame) const;
 

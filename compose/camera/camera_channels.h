@@ -10,7 +10,7 @@
 
 namespace raystage::compose {
 
-/// The animated properties of a camera, each a curve of its own; null: not given.
+/// The animated properties of a camera, each with its own curve; null: not given.
 struct CameraChannels {
   AnimationChannel<Eigen::Vector3d> position;        ///< world, metres
   AnimationChannel<Eigen::Quaterniond> orientation;  ///< world_from_camera

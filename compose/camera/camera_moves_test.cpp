@@ -41,7 +41,7 @@ class CameraMoves : public ::testing::Test {
     }
     return "none";
   }
-  /// Pixels right and down of the top left corner.
+  /// Returns the pixels right and down of the top left corner.
   static Eigen::Vector2d image_of(const render::VirtualCamera& view, const Vector3d& point) {
     const Vector3d x = view.pose.camera_from_world(point);
     const schemas::Intrinsics& k = view.intrinsics;
@@ -88,7 +88,7 @@ TEST_F(CameraMoves, LooksAtATargetWithALevelHorizon) {
 TEST_F(CameraMoves, RollTurnsClockwise) {
   shot_.camera.keys = {
       {.frame = 101, .position = {{0, 0, 0}}, .horizontal_fov_deg = 50, .roll_deg = 10}};
-  // The camera's up leans to the right, so what stands upright leans to the left.
+  // The camera's up vector leans to the right, so that vertical objects lean to the left.
   EXPECT_GT(camera().state(101).pose.world_from_camera_rotation(0, 1), 0);
   const render::VirtualCamera view = camera().camera(101);
   EXPECT_LT(image_of(view, {0, 1, -5}).x(), image_of(view, {0, 0, -5}).x());
@@ -137,7 +137,7 @@ TEST_F(CameraMoves, VertigoKeepsItsTargetsSize) {
     EXPECT_NEAR(size(view) / first, 1, 1e-12) << frame;
     narrowest = std::min(narrowest, view.intrinsics.fx);
     widest = std::max(widest, view.intrinsics.fx);
-    // Thesis eq. 7.1 itself, d the target's depth.
+    // Thesis eq. 7.1; d: the target's depth.
     const CameraState state = camera().state(frame);
     const double d = -5, from = 2, fov = 20 * kDegrees;
     EXPECT_NEAR(std::tan(state.horizontal_fov() / 2),
@@ -169,7 +169,7 @@ TEST_F(CameraMoves, StereoEyesConvergeByShift) {
   EXPECT_LT((left.pose.position - -0.05 * right).norm(), 1e-12);
   EXPECT_EQ(left.pose.world_from_camera_rotation,
             eyes.camera(101, Eye::kRight).pose.world_from_camera_rotation);
-  // Parallel: infinity has no disparity, and what is near lies further right for the left eye.
+  // Parallel eyes: infinity has no disparity; near points are further right for the left eye.
   auto [far_left, far_right] = both(axis * 1e9);
   EXPECT_NEAR(far_left.x(), far_right.x(), 1e-5);
   auto [near_left, near_right] = both(axis * 2);

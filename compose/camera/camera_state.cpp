@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Derives eyes and views from a camera's state. Stereo eyes are parallel; convergence is a lens
+// shift (off-axis projection) of side / convergence x focal length / film back. Constant cost.
 #include "compose/camera/camera_state.h"
 
 #include <Eigen/Geometry>

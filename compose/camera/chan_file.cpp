@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads and writes Nuke's .chan text. Angles follow from R(third) R(second) R(first). Of the two
+// sets of angles with the same rotation, each plus full turns, the one nearest to the previous line
+// is written. At gimbal lock one outer angle is kept. Input and output: degrees in the text,
+// radians in the interface. Cost: linear in lines.
 #include "compose/camera/chan_file.h"
 
 #include <fmt/format.h>

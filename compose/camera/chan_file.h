@@ -28,9 +28,9 @@ struct ChanLine {
 
 /// Reads lines of "frame tx ty tz rx ry rz [vertical field of view]", angles in degrees, separated
 /// by spaces or tabs. Ignores empty lines and lines that begin with #. `name`: of the file, for
-/// errors. Throws Error (bad input) with the line number if frames are not ascending, a line does
-/// not have 7 or 8 numbers or not as many as the others, a number is not finite, a field of view is
-/// outside (0, 180), or there is no line.
+/// errors. Throws Error (bad input) with the line number if frames are not ascending, or a line
+/// does not have 7 or 8 numbers, as many as the others. It does so, too, if a number is not finite,
+/// a field of view is outside (0, 180), or there is no line.
 std::vector<ChanLine> parse_chan(std::string_view text, RotationOrder order, std::string_view name);
 
 /// Returns the lines as text, deterministically. Angles have no jumps of 360 degrees between lines.

@@ -101,7 +101,7 @@ TEST(ChanFile, AnglesComeBackAlsoWhereTwoAxesAreOne) {
 }
 
 TEST(ChanFile, AnglesGoOnWithoutJumps) {
-  // Twice round to the left while tilting over the top.
+  // Pans left by two full turns while tilting past the zenith.
   for (const RotationOrder order : kAll) {
     std::vector<ChanLine> lines;
     for (int i = 0; i <= 200; ++i) {

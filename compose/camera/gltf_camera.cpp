@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads an animated perspective camera of a glTF 2.0 file. The pose at a time is the product of the
+// local transforms of the camera's node and its ancestors, without scale. Animated properties are
+// interpolated by STEP, LINEAR (rotations by slerp) or CUBICSPLINE (glTF 2.0, appendix C.5). Input:
+// bytes of a .gltf or .glb file. Output: pose (metres) and vertical field of view (radians) as
+// functions of the time in seconds. Cost per time: O(log n) for n keys of each animated node.
 #include "compose/camera/gltf_camera.h"
 
 #include <fmt/format.h>
@@ -72,7 +77,7 @@ class Sampler {
     return {q.x(), q.y(), q.z(), q.w()};
   }
 
-  /// Cubic spline of glTF 2.0, appendix C.5.
+  /// Interpolates by the cubic spline of glTF 2.0, appendix C.5.
   std::vector<double> spline(std::size_t from, std::size_t to, double u) const {
     const double h = times_[to] - times_[from], u2 = u * u, u3 = u2 * u;
     const std::vector<double> p0 = key(from), p1 = key(to), m0 = key(from, 2), m1 = key(to, 0);

@@ -15,8 +15,8 @@
 namespace raystage::compose {
 
 /// An animated glTF 2.0 camera: y up, looking down -z, metres; time in seconds from the file's 0,
-/// constant before the first and after the last key. Keys are interpolated as the file says: LINEAR
-/// (rotations by slerp), STEP or CUBICSPLINE.
+/// constant before the first and after the last key. Keys are interpolated as the file defines:
+/// LINEAR (rotations by slerp), STEP or CUBICSPLINE.
 struct GltfCamera {
   std::string name;                               ///< of the camera's node, or else of the camera
   std::function<rig::Pose(double seconds)> pose;  ///< in the world; without scale
@@ -27,10 +27,11 @@ struct GltfCamera {
 /// Reads one camera of a .gltf or .glb file. `name`: of its node or of the camera; empty: the only
 /// camera. Buffers are read from files next to it, from the GLB, or from data URIs. Animations of
 /// the camera's nodes and, by KHR_animation_pointer, of its field of view are used. Throws Error
-/// (bad input) if there is no such camera, it is orthographic, a node mirrors or skews it, a
-/// property is animated twice, a number is not finite, or the file is damaged.
+/// (bad input) if there is no such camera, it is orthographic, or a node mirrors or skews it. It
+/// does so, too, if a property is animated twice, a number is not finite, or the file is damaged.
 GltfCamera read_gltf_camera(const std::filesystem::path& file, const std::string& name);
-/// As above, from the bytes of a file. `file`: finds its buffers, and is named by errors.
+/// Parses the bytes of a file as read_gltf_camera() does. `file`: finds its buffers, and is named
+/// by errors.
 GltfCamera parse_gltf_camera(std::string_view bytes, const std::filesystem::path& file,
                              const std::string& name);
 
@@ -42,9 +43,9 @@ struct GltfCameraKey {
 };
 
 /// Returns a .gltf document of one perspective camera with LINEAR keys of the properties that
-/// change. KHR_animation_pointer animates the field of view; programs that do not know it show that
-/// of the first key. `aspect`: width / height. `keys`: at least one, ascending times. Values are
-/// rounded to float. The text depends on the arguments only.
+/// change. KHR_animation_pointer animates the field of view; programs without support for it show
+/// that of the first key. `aspect`: width / height. `keys`: at least one, ascending times. Values
+/// are rounded to float. The text depends on the arguments only.
 std::string format_gltf_camera(const std::string& name, double aspect,
                                std::span<const GltfCameraKey> keys);
 

@@ -35,8 +35,8 @@ std::string data_uri(const std::string& bytes) {
   return "data:application/octet-stream;base64," + encode_base64(std::as_bytes(std::span(bytes)));
 }
 
-/// Two seconds: the boom turns a quarter to the left while the camera at its end rides up 1 m.
-/// Buffer: times 0, 2; two quaternions; two translations.
+/// Returns an animation of 2 s: the boom turns left by 90 degrees while the camera at its end rises
+/// by 1 m. Buffer: times 0, 2; two quaternions; two translations.
 json boom() {
   const float h = std::sqrt(0.5F);
   const std::string bytes = bytes_of({0, 2, 0, 0, 0, 1, 0, h, 0, h, 0, 0, -3, 0, 1, -3});
@@ -144,7 +144,7 @@ TEST_F(GltfCameras, StepsAndSplinesAreTheFilesOwn) {
       {{"bufferView", 3}, {"componentType", 5126}, {"count", 6}, {"type", "VEC3"}});
   document["animations"][0]["samplers"][1] = {
       {"input", 0}, {"output", 3}, {"interpolation", "CUBICSPLINE"}};
-  document["animations"][0]["channels"].erase(0);  // the boom stands still
+  document["animations"][0]["channels"].erase(0);  // the boom does not move
   camera = read(document);
   EXPECT_NEAR(camera.pose(1).position.y(), 0.25, 1e-6);
   EXPECT_NEAR(camera.pose(2).position.y(), 1, 1e-6);
@@ -227,7 +227,7 @@ TEST_F(GltfCameras, WhatIsWrittenComesBack) {
     EXPECT_LT((pose.world_from_camera_rotation - key.pose.world_from_camera_rotation).norm(), 2e-6);
     EXPECT_NEAR(camera.vertical_fov(key.seconds), key.vertical_fov, 1e-6);
   }
-  // The short way round between keys, as readers slerp.
+  // The smaller angle between keys, as readers apply slerp.
   EXPECT_LT(Eigen::AngleAxisd(camera.pose(0.5 / 24).world_from_camera_rotation).angle(), 0.16);
 }
 

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Evaluates the virtual camera of a shot at a fractional frame. Keys, or a .chan or glTF file, give
+// position, orientation or target, roll and focal length. The orbit then rotates the pose about its
+// axis. The dolly zoom (thesis eq. 7.1) keeps the size of its target: the focal length is
+// proportional to the target's depth. Input: keys in world coordinates, metres; focal lengths in
+// half image widths. Output: the state, or a camera in pixels. Cost: O(log n) per frame for n keys.
 #include "compose/camera/shot_camera.h"
 
 #include <fmt/format.h>

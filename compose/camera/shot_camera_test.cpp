@@ -25,7 +25,7 @@ Key make_key(double frame, const Vector3d& position, const Quaterniond& q, doubl
           .horizontal_fov_deg = fov};
 }
 
-/// The camera of a shot of these keys, 640x360.
+/// Returns the camera of a shot of these keys, 640x360.
 ShotCamera camera_of(const std::vector<Key>& keys) {
   schemas::ShotDocument shot;
   shot.width = 640;
@@ -38,7 +38,8 @@ Quaterniond turned(double degrees, const Vector3d& axis) {
   return Quaterniond(AngleAxisd(degrees * std::numbers::pi / 180, axis.normalized()));
 }
 
-/// Keys with uneven spacing, positions of very different distance, any rotations and signs.
+/// Generates keys with uneven spacing, positions of very different distances, any rotations and
+/// signs.
 std::vector<Key> arbitrary_keys() {
   const int count = *rc::gen::inRange(2, 7);
   std::vector<Key> keys;
@@ -97,7 +98,7 @@ TEST(ShotCameraKeys, RotationsStayRotationsAndNothingBlowsUp) {
         const Eigen::Matrix3d& r = pose.world_from_camera_rotation;
         RC_ASSERT((r.transpose() * r - Eigen::Matrix3d::Identity()).norm() < 1e-12);
         RC_ASSERT(std::abs(r.determinant() - 1) < 1e-12);
-        // The promised distance from the straight line between the keys.
+        // The documented bound of the distance from the straight line between the keys.
         const Vector3d chord = b - a;
         const double along =
             chord.squaredNorm() > 0
@@ -121,9 +122,9 @@ TEST(ShotCameraKeys, SpeedIsContinuousAtInnerKeys) {
       const double frame = keys[i].frame;
       const rig::Pose before = pose_at(camera, frame - kStep), at = pose_at(camera, frame),
                       after = pose_at(camera, frame + kStep);
-      // Differences over a step see half the acceleration of either side. A cubic whose end slopes
-      // are at most 1.5 times its chord's accelerates by at most 15 chords per interval squared; a
-      // jump in speed would be thousands of times larger than what that leaves.
+      // Differences over a step include half the acceleration of either side. A cubic whose end
+      // slopes are at most 1.5 times its chord's accelerates by at most 15 chords per interval
+      // squared. A jump in speed would be thousands of times larger than this bound.
       double acceleration = 0, turning = 0;
       for (const std::size_t from : {i - 1, i}) {
         const double h = keys[from + 1].frame - keys[from].frame;
@@ -216,7 +217,7 @@ TEST(ShotCameraKeys, TakesTheShortWayRoundWhateverTheSigns) {
 }
 
 TEST(ShotCameraKeys, ADollyZoomKeepsTheSizeOfItsSubject) {
-  // The subject stands at the origin; the camera backs off from 2 m to 8 m.
+  // The subject is at the origin; the camera moves back from 2 m to 8 m.
   const auto fov = [](double distance) {
     return 2 * std::atan(1.0 / distance) * 180 / std::numbers::pi;
   };

@@ -37,12 +37,12 @@ class ColorTransform {
 /// Colour spaces and displays of an OpenColorIO config: given or built-in. $OCIO is ignored.
 class ColorConfig {
  public:
-  /// Returns a config with the spaces lin_rec709_scene, lin_ap1_scene (ACEScg), lin_ap0_scene
-  /// (ACES2065-1) and srgb_texture, and the displays sRGB, Rec.1886 and P3-D65, each with the views
+  /// Returns the built-in config. Spaces: lin_rec709_scene, lin_ap1_scene (ACEScg), lin_ap0_scene
+  /// (ACES2065-1) and srgb_texture. Displays: sRGB, Rec.1886 and P3-D65, each with the views
   /// "Plain" and "ACES 1.0 SDR".
   static ColorConfig built_in();
-  /// `rec709_name`: name of linear Rec.709 in the config; empty: its usual names are tried. Throws
-  /// Error (bad input) if the file is no readable config or has no such space.
+  /// Reads a config. `rec709_name`: name of linear Rec.709 in it; empty: its usual names are tried.
+  /// Throws Error (bad input) if the file is no readable config or has no such space.
   static ColorConfig from_file(const std::filesystem::path& file, const std::string& rec709_name);
 
   /// Returns the name and a hash of the config, for headers and fingerprints.

@@ -19,7 +19,7 @@ namespace {
 namespace OCIO = OCIO_NAMESPACE;
 using ::testing::HasSubstr;
 
-/// Patches from black to four times white, R, G, B, A.
+/// Returns patches from black to four times white, R, G, B, A.
 std::vector<float> chart(float alpha) {
   std::vector<float> rgba;
   for (const float r : {0.0F, 0.02F, 0.18F, 0.5F, 1.0F, 4.0F}) {
@@ -39,7 +39,7 @@ TEST(ColorConfigs, TheBuiltInOneTurnsRec709IntoAces) {
   EXPECT_TRUE(to_acescg.is_linear());
   to_acescg.apply(white);
   for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(white[c], 1, 1e-5F);
-  // Bradford, as published with ACES: of red.
+  // The colour of red by the Bradford adaptation that is published with ACES.
   std::vector<float> red{1, 0, 0, 1};
   to_acescg.apply(red);
   EXPECT_NEAR(red[0], 0.6131F, 1e-4F);

@@ -20,7 +20,8 @@ struct ExrDeepView {
 };
 
 /// Returns the bytes of a deep scanline EXR: half R, G, B, A, float Z, one part per view. The
-/// compression is none or rle if the metadata says so, or else zips: deep files have no other.
+/// compression is that of the metadata if it is none or rle, otherwise zips: deep files have no
+/// other.
 std::vector<std::byte> encode_deep_exr(std::span<const ExrDeepView> views,
                                        std::span<const ExrCamera> cameras,
                                        const ExrMetadata& metadata);

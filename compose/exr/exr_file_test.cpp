@@ -48,7 +48,7 @@ render::RenderedView synthetic_view() {
   return view;
 }
 
-/// A camera without symmetries.
+/// Returns a camera without symmetries.
 render::VirtualCamera odd_camera() {
   render::VirtualCamera camera;
   camera.width = kWidth;
@@ -86,7 +86,7 @@ rig::CameraModel model_of(const render::VirtualCamera& camera) {
   return rig::CameraModel(geometry);
 }
 
-/// Points at all positions of the view, near and far.
+/// Returns points at all positions of the view, near and far.
 std::vector<Eigen::Vector3d> points_in_view(const render::VirtualCamera& camera) {
   const rig::CameraModel model = model_of(camera);
   std::vector<Eigen::Vector3d> points;
@@ -102,7 +102,8 @@ std::vector<Eigen::Vector3d> points_in_view(const render::VirtualCamera& camera)
   return points;
 }
 
-/// Projects as compositing programs do: row vector times matrix, divided by w. `m`: row-major.
+/// Expects the projection that compositing programs compute: row vector times matrix, divided by w.
+/// `m`: row-major.
 void expect_projects_like(const render::VirtualCamera& camera, const float* to_camera,
                           const float* to_ndc) {
   const rig::CameraModel model = model_of(camera);

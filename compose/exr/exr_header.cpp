@@ -60,7 +60,7 @@ Eigen::Matrix4d forward_camera_from_world(const rig::Pose& pose) {
   return m;
 }
 
-/// "YYYY:MM:DD hh:mm:ss" in UTC.
+/// Returns "YYYY:MM:DD hh:mm:ss" in UTC.
 std::string exr_date(Nanoseconds since_1970) {
   using std::chrono::floor;
   const std::chrono::sys_time<std::chrono::nanoseconds> time{std::chrono::nanoseconds(since_1970)};
@@ -88,7 +88,8 @@ Imf::TimeCode time_code(int frame, int fps_numerator, int fps_denominator) {
   return {seconds / 3600, seconds / 60 % 60, seconds % 60, counted % fps};
 }
 
-/// Chromaticities of SMPTE ST 2065-1 (AP0), AMPAS S-2014-004 (AP1), ITU-R BT.709, or nullopt.
+/// Returns the chromaticities by SMPTE ST 2065-1 (AP0), AMPAS S-2014-004 (AP1) or ITU-R BT.709, or
+/// nullopt.
 std::optional<Imf::Chromaticities> chromaticities_of(const std::string& interop_id) {
   if (interop_id == "lin_rec709_scene") return Imf::Chromaticities();
   const Imath::V2f aces_white(0.32168F, 0.33767F);

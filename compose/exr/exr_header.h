@@ -39,8 +39,8 @@ struct ExrMetadata {
   std::string color_interop_id = "lin_rec709_scene";
   std::string color_space, color_config;
   std::string working_space;  ///< if it is not linear Rec.709; omitted if empty
-  /// Writes `chromaticities` of the space for readers that do not know `colorInteropID`; the
-  /// recommendation forbids both in one file.
+  /// Writes `chromaticities` of the space for readers without `colorInteropID`; the recommendation
+  /// forbids both in one file.
   bool chromaticities = false;
 };
 
@@ -59,9 +59,9 @@ render::VirtualCamera without_overscan(const ExrCamera& camera);
 /// Returns the transform to OpenEXR's camera space: left-handed, x right, y up, z forward (ours: z
 /// backward). Imath multiplies row vectors, so that the translation is in the last row.
 Imath::M44f exr_world_to_camera(const rig::Pose& pose);
-/// Returns the transform from world to the display window after division by w: (0,0) = upper left,
-/// (1,1) = lower right corner (the outer corners of the corner pixels), y down. It ignores lens
-/// distortion. z is 0 at 1 cm in front of the camera and 1 at infinity.
+/// Returns the transform from world to the display window after division by w, y down. The point
+/// (0,0) is the upper left and (1,1) the lower right corner: the outer corners of the corner
+/// pixels. Lens distortion is ignored. z is 0 at 1 cm in front of the camera and 1 at infinity.
 Imath::M44f exr_world_to_ndc(const render::VirtualCamera& camera);
 
 /// Returns the header of a part without its channels: name, type and `view` follow the layout.

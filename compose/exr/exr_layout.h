@@ -53,7 +53,7 @@ struct ExrPart {
 
 /// Returns the parts of a file of these views, which have the same layers. The first part has the
 /// colours of the first view, the default view. As in "Storing multi-view images in OpenEXR files"
-/// (openexr.com), parts have unique names and, if there are several views, the attribute `view`; in
+/// (openexr.com), parts have unique names and, if there are several views, the attribute `view`. In
 /// a single part, channels of other views are called layer.view.channel.
 std::vector<ExrPart> make_exr_parts(std::span<const ExrView> views, ExrLayout layout);
 

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Evaluates a mesh's transform at a fractional frame: translation, rotation and uniform scale, each
+// from a curve through its own keys (animation_curves.h). Input: the keys of a shot, at most one
+// value of each property per key. Output: world_from_object, metres. Cost: O(log n) for n keys.
 #include "compose/geometry/animated_transform.h"
 
 #include <fmt/format.h>

@@ -13,8 +13,8 @@ namespace raystage::compose {
 /// constant before the first and after the last key.
 class AnimatedTransform {
  public:
-  /// `where`: named by errors. Throws Error (bad input) for keys that are not finite, a scale that
-  /// is not above 0, or a quaternion of length 0.
+  /// Builds the curves. `where`: named by errors. Throws Error (bad input) for keys that are not
+  /// finite, a scale that is not above 0, or a quaternion of length 0.
   AnimatedTransform(const schemas::ShotDocument::Geometry& geometry, const std::string& where);
 
   Eigen::Affine3d world_from_object(double frame) const;

@@ -7,9 +7,9 @@
 
 namespace raystage::compose {
 
-/// Returns point `index` of a deterministic low-discrepancy sequence in [0, 1)^2: the R2 sequence
-/// (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018), shifted by a hash of
-/// `seed` (Cranley and Patterson, "Randomization of number theoretic methods", 1976).
+/// Returns point `index` of a deterministic low-discrepancy sequence in [0, 1)^2. It is the R2
+/// sequence (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018), shifted by
+/// a hash of `seed` (Cranley and Patterson, "Randomization of number theoretic methods", 1976).
 std::array<double, 2> r2_sample(std::uint32_t seed, std::uint32_t index);
 
 /// Returns a unit direction around `normal` with density cos / pi (Lambert). `at`: in [0, 1).

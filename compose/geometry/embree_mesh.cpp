@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Traces world rays against one mesh with Embree, in packets of 16. Embree computes in float: rays
-// are transformed to object coordinates around the mesh's centre and start just before its bounding
-// sphere, so that precision does not depend on the distance of the camera. Rays that miss the
+// Traces world rays against one mesh with Embree, in packets of 16. Embree computes in float. Rays
+// are therefore transformed to object coordinates around the mesh's centre and start just before
+// its bounding sphere: precision does not depend on the distance of the camera. Rays that miss the
 // sphere are not traced. Input: rays in world coordinates, metres; output: distances along them,
 // metres. Cost: O(log triangles) per ray near the mesh.
 #include "compose/geometry/embree_mesh.h"

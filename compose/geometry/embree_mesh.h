@@ -37,7 +37,7 @@ enum class RayCoherence { kIncoherent, kCoherent };
 /// Traces rays against a mesh under any transform, with Embree. Thread-safe.
 class EmbreeMesh {
  public:
-  /// `name`: of the mesh, for errors.
+  /// Stores the mesh. `name`: of the mesh, for errors.
   EmbreeMesh(Mesh mesh, std::string name);
 
   /// Builds Embree's BVH unless it exists. The first ray near the mesh does so, too, but blocks
@@ -63,7 +63,7 @@ class EmbreeMesh {
   /// Returns half the diagonal of the bounding box, units of the file.
   double radius() const { return radius_; }
   std::size_t bytes() const { return bytes_; }
-  /// For benchmarks: returns Embree's scene, in units of the file, relative to centre().
+  /// Returns Embree's scene, in units of the file, relative to centre(). For benchmarks.
   RTCScene embree() const {
     build_bvh();
     return scene_.get();

@@ -20,8 +20,9 @@ namespace raystage::compose {
 /// A mesh in a shot: read and checked before rendering.
 class GeometryLayer final : public Layer {
  public:
-  /// `where`: named by errors. `textures`: opens textures as needed; referred to. Throws Error (bad
-  /// input) if the mesh or a texture is missing or wrong, or for unusable keys.
+  /// Reads and checks the mesh. `where`: named by errors. `textures`: opens textures as needed;
+  /// referred to. Throws Error (bad input) if the mesh or a texture is missing or wrong, or for
+  /// unusable keys.
   GeometryLayer(const schemas::ShotDocument::Geometry& geometry,
                 const std::filesystem::path& folder, const std::string& where, Textures& textures);
 
@@ -31,7 +32,7 @@ class GeometryLayer final : public Layer {
 
   /// Adds the contents of the mesh's and textures' files, materials, transform and samples.
   void add_to_fingerprint(Fingerprint& print, int frame, const ShownTick& shown) const override;
-  /// "LAYER/OBJECT".
+  /// Returns names such as "LAYER/OBJECT".
   std::vector<std::string> object_names(const std::string& layer) const override;
   std::size_t shared_bytes() const override { return scene_->bytes(); }
   std::size_t aov_bytes_per_pixel() const override;

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads a file of triangles with Assimp. The transforms of nested nodes are applied to the
+// positions, and their inverse transposes to the normals. Polygons are triangulated; points and
+// lines are ignored. Each mesh of a node becomes an object. Metals (metallic factor of at least
+// 0.5) become glossy, or mirrors if their roughness is below 0.05. Output: one mesh in the file's
+// coordinates and units. Cost: linear in vertices and triangles.
 #include "compose/geometry/mesh.h"
 
 #include <assimp/material.h>

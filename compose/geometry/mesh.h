@@ -19,8 +19,8 @@ struct Material {
     kGlossy    ///< rough reflection: GGX (Walter et al. 2007), sampled by visible normals
   };
   Kind kind = Kind::kDiffuse;
-  Eigen::Vector3f color{0.8F, 0.8F,
-                        0.8F};         ///< scene-linear, in the working space; times the texture
+  /// Scene-linear, in the working space; times the texture.
+  Eigen::Vector3f color{0.8F, 0.8F, 0.8F};
   std::filesystem::path texture = {};  ///< empty: none
   float roughness = 0.2F;              ///< of kGlossy, (0, 1]; alpha of GGX is its square
 };

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Interpolates the surface at a ray's hit: shading normal by barycentric coordinates, colour by the
+// material's texture. The texture filter is isotropic. Its width is the ray's footprint (spread
+// times path length, over the cosine of incidence, at least 0.1) times the texture widths per
+// metre. Input: a hit on one triangle; ray and result in world coordinates, metres. Cost: constant,
+// with one texture lookup.
 #include "compose/geometry/surface_point.h"
 
 #include <algorithm>

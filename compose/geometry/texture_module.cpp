@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Looks up textures by OpenImageIO's texture system: bilinear within a MIP level, filtered over the
+// requested width. Files of integers are read as linear light. Environment images are latitude by
+// longitude. Near the poles the filter is widened along the longitude by 1 / cos(latitude). Output:
+// linear R, G, B in the file's primaries. Cost: constant per lookup, plus the tiles that are not
+// cached.
 #include <OpenImageIO/imagecache.h>
 #include <OpenImageIO/imageio.h>
 #include <OpenImageIO/texture.h>

@@ -17,7 +17,8 @@ class Textures {
  public:
   using Handle = TextureLookup::Handle;
 
-  /// `working_from_rec709`: converts the files' primaries to those of the working space.
+  /// Sets the cache size. `working_from_rec709`: converts the files' primaries to those of the
+  /// working space.
   explicit Textures(std::size_t cache_bytes,
                     const Eigen::Matrix3f& working_from_rec709 = Eigen::Matrix3f::Identity())
       : cache_bytes_(cache_bytes), working_from_rec709_(working_from_rec709) {}

@@ -25,7 +25,7 @@ using ::testing::HasSubstr;
 class TextureFiles : public ::testing::Test {
  protected:
   using Code = std::array<unsigned char, 3>;
-  /// With 8-bit codes.
+  /// Writes a PPM file with 8-bit codes.
   std::filesystem::path write_ppm(int width, int height, const std::function<Code(int, int)>& at) {
     const auto file = folder_.path() / "texture.ppm";
     std::ofstream stream(file, std::ios::binary);

@@ -24,7 +24,7 @@ render::VirtualCamera camera() {
   return render::virtual_camera_with_fov(kWidth, kHeight, 1, pose);
 }
 
-/// A white image at one depth.
+/// Returns a white image at one depth.
 LayerImage wall(float z) {
   LayerImage image = transparent_layer_image(kWidth, kHeight);
   image.rgba.assign(image.pixels() * 4, 1.0F);
@@ -35,7 +35,7 @@ LayerImage wall(float z) {
 
 float alpha(const LayerImage& image, int x, int y) { return image.rgba[4 * (y * kWidth + x) + 3]; }
 
-/// A plane through a point in front of the camera that keeps the nearer side.
+/// Returns a plane through a point in front of the camera that keeps the nearer side.
 PlaneClip plane_before(double depth) {
   const render::VirtualCamera view = camera();
   const Vector3d normal = -view.pose.viewing_direction();

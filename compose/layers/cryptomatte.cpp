@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Encodes object ids as Cryptomatte 1.2 specifies (Friedman and Jones, SIGGRAPH 2015). An id is the
+// MurmurHash3_x86_32 of a name. Hashes that would be zero, a denormal number, an infinity or NaN
+// get another exponent. Input: kIdRanks pairs of id and share of alpha per pixel. Output: the ids
+// and coverages as three AOVs of R, G, B, A. Cost: pixels x kIdRanks.
 #include "compose/layers/cryptomatte.h"
 
 #include <fmt/format.h>

@@ -16,8 +16,8 @@ struct DeepImage {
     float z;        ///< planar depth, metres; kBackgroundDepth for none
   };
   int width = 0, height = 0;
-  std::vector<std::uint32_t>
-      begin;  ///< index of each pixel's first sample, then the end: pixels + 1
+  /// Index of each pixel's first sample, then the end: pixels + 1.
+  std::vector<std::uint32_t> begin;
   std::vector<Sample> samples;
 };
 

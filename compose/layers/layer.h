@@ -59,7 +59,7 @@ struct LayerView {
   const ExrCamera& camera;
   const GeometryScene* scene = nullptr;    ///< all meshes of the frame; null: none is needed
   int mesh = -1;                           ///< index of the layer's mesh in it; -1: none
-  std::span<const float> object_ids = {};  ///< for LayerImage::ids; empty: not asked for
+  std::span<const float> object_ids = {};  ///< for LayerImage::ids; empty: not requested
 };
 
 /// Answers single rays of a layer that is a light.
@@ -85,7 +85,7 @@ class LayerRenderer {
 
   /// Requests the source data of a later render() from the disk.
   virtual void read_ahead(const ShownTick& /*shown*/) const {}
-  /// See LightFieldRenderer for these three.
+  /// Return statistics as LightFieldRenderer defines them.
   virtual int frames_read_ahead() const { return 0; }
   virtual store::DecodeCosts decode_costs() const { return {}; }
   virtual std::size_t decoded_bytes_cached() const { return 0; }
@@ -111,8 +111,8 @@ class Layer {
   Layer(const Layer&) = delete;
   Layer& operator=(const Layer&) = delete;
 
-  /// Throws Error (bad input) if a file that the layer reads at the frame is missing or unusable,
-  /// or if the camera lacks a property that the layer needs.
+  /// Checks the layer's inputs at a frame. Throws Error (bad input) if a file that it reads is
+  /// missing or unusable, or if the camera lacks a property that it needs.
   virtual void check_frame(const LayerFrameCheck& /*check*/) const {}
   /// Adds what determines the layer's pixels at a frame, except properties of all kinds of layers.
   virtual void add_to_fingerprint(Fingerprint& /*print*/, int /*frame*/,

@@ -10,7 +10,7 @@
 
 namespace raystage::compose {
 
-/// Arbitrary output variable: pixel values besides colour and depth, interleaved by pixel.
+/// Arbitrary output variable: pixel values other than colour and depth, interleaved by pixel.
 struct Aov {
   std::string layer;                  ///< as EXR files name it: "lf", "N", "albedo" ...
   std::vector<std::string> channels;  ///< "coverage"; "X", "Y", "Z"; ...

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Renders a take as a layer. A shot frame shows the tick nearest to its time in the take
+// (take_time()). Focal plane and lens follow the camera if the shot requests it. Input: a view with
+// overscan, metres; output: a premultiplied image in kSceneSpace with coverage measures as AOVs.
+// Cost: that of the reconstruction method.
 #include "compose/layers/light_field_layer.h"
 
 #include <fmt/format.h>
@@ -74,7 +78,7 @@ Eigen::Vector4d focal_plane_equation(const schemas::ShotDocument::FocalPlane& pl
   using Kind = schemas::ShotDocument::FocalPlane::Kind;
   switch (plane.kind) {
     case Kind::kInfinity:
-    case Kind::kCamera:  // until reconstruction_for() knows the camera
+    case Kind::kCamera:  // until reconstruction_for() gets the camera
       return {0, 0, 0, 1};
     case Kind::kDepth:
       return rig::fronto_parallel_plane(rig, plane.depth);

@@ -28,11 +28,11 @@ namespace raystage::compose {
 /// A light field in a shot: opens the take and checks what can be checked before rendering.
 class LightFieldLayer final : public Layer {
  public:
-  /// `index`: of the shot's layers. `shot_file`: named by errors. `folder`: what paths are relative
-  /// to. `fill`: replaces that of the layer. `target`: if not empty, the method `auto` with these
-  /// options replaces that of the layer. `hosts`: as ShotPlanOptions. Throws Error (bad input) if
-  /// take, timeline or an archive is missing or wrong, the method unknown, or the focal plane is
-  /// `best` without a depth range.
+  /// Opens and checks the take. `index`: of the shot's layers. `shot_file`: named by errors.
+  /// `folder`: what paths are relative to. `fill`: replaces that of the layer. `target`: if not
+  /// empty, the method `auto` with these options replaces that of the layer. `hosts`: as
+  /// ShotPlanOptions. Throws Error (bad input) if take, timeline or an archive is missing or wrong,
+  /// the method unknown, or the focal plane is `best` without a depth range.
   LightFieldLayer(const schemas::ShotDocument& shot, std::size_t index,
                   const std::filesystem::path& shot_file, const std::filesystem::path& folder,
                   std::optional<schemas::HoleFill> fill, const schemas::OptionValues& target,
@@ -41,14 +41,14 @@ class LightFieldLayer final : public Layer {
   std::size_t index() const { return index_; }
   const store::Take& take() const { return take_; }
   const store::Timeline& timeline() const { return timeline_; }
-  /// Matte of the take's frames; null: none.
+  /// Returns the matte of the take's frames; null: none.
   const std::shared_ptr<const store::TakeMatte>& matte() const { return matte_; }
   const render::ReconstructionOptions& reconstruction() const { return reconstruction_; }
   const render::Method& method() const;
   render::MethodOptions method_options() const;  ///< of `reconstruction`, with defaults
   bool reads_adjacent_frames() const;            ///< see Method
-  /// Returns the settings at a frame. If the focal plane follows the camera, it lies at the
-  /// camera's focus distance, and methods with a lens get its f-number.
+  /// Returns the settings at a frame. If the focal plane follows the camera, it is at the camera's
+  /// focus distance, and methods with a lens get its f-number.
   render::ReconstructionOptions reconstruction_for(const ExrCamera& camera, int frame) const;
   bool focal_plane_follows_camera() const {
     return layer_.focal_plane.kind == schemas::ShotDocument::FocalPlane::Kind::kCamera;

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Composites layers with "over" of premultiplied colours (Porter and Duff, SIGGRAPH 1984), in layer
 // order or per pixel by depth. Input: layer images of one size, scene-linear; output: one image
-// with the depth and AOVs of the sample at half of the pixel's alpha, and merged ids. merge() must
-// match the tests' reference up to rounding. Cost: pixels x layers (squared by depth, at worst).
+// with merged ids. Its depth and AOVs are those of the sample at half of the pixel's alpha. The
+// result of merge() must match merge_reference() of the tests up to rounding. Cost: pixels x layers
+// (squared by depth, at worst).
 #include "compose/layers/merge.h"
 
 #include <algorithm>

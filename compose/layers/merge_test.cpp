@@ -15,7 +15,7 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-/// One pixel of one colour.
+/// Returns one pixel of one colour.
 LayerImage dot(float value, float alpha, float z) {
   LayerImage image = transparent_layer_image(1, 1);
   image.rgba = {value * alpha, value * alpha, value * alpha, alpha};
@@ -23,7 +23,7 @@ LayerImage dot(float value, float alpha, float z) {
   return image;
 }
 
-/// Alphas of 0, 1 and between, depths that are often the same or infinite.
+/// Returns an image with alphas of 0, 1 and between, and depths that are often equal or infinite.
 LayerImage any_image(int width, int height, unsigned seed, bool with_normals) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<float> share(0, 1);

@@ -14,9 +14,9 @@ namespace raystage::compose {
 inline constexpr double kBlendWidthDegrees = 4;
 
 /// Selects the takes around a volume that answer a ray (thesis 7, immersive environment from slabs
-/// around a box): the take whose viewing direction is nearest to the ray, or, if it saw nothing,
-/// the next one. `view_directions`: mean viewing directions of the takes, unit vectors, world; at
-/// least one; a reference is kept. One object serves many rays in turn.
+/// around a box). It is the take whose viewing direction is nearest to the ray, or, if that saw
+/// nothing, the next one. `view_directions`: mean viewing directions of the takes, unit vectors,
+/// world; at least one; a reference is kept. One object serves many rays in turn.
 class VolumeBlender {
  public:
   explicit VolumeBlender(std::span<const Eigen::Vector3d> view_directions);

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Converts scene-linear pictures to display codes: exposure, "over" the background, then
+// OpenColorIO's view, or the sRGB curve from a table. Downscaling averages the covered area. Input:
+// premultiplied R, G, B, A; output: R, G, B of 8 bits. Cost: linear in source pixels.
 #include "compose/preview/display.h"
 
 #include <algorithm>

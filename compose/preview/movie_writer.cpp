@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Encodes pictures by libavcodec: conversion to 4:2:0, Rec.709 matrix, limited range (libswscale);
+// then H.264 at CRF 18, or MPEG-4 part 2 at quantiser 3. Flags for bit-exact output are set. Input:
+// sRGB codes, R, G, B of 8 bits. Cost: linear in pixels.
 #include "compose/preview/movie_writer.h"
 
 extern "C" {

@@ -17,8 +17,8 @@ class MovieWriter {
     int width = 0, height = 0;  ///< pixels; an odd size repeats its last column or row
     int fps_numerator = 24, fps_denominator = 1;
   };
-  /// The extension selects the container (.mp4, .mov, .mkv). Throws Error: bad input for an unknown
-  /// extension, failed if the encoder or the file cannot be opened.
+  /// Opens the file and the encoder. The extension selects the container (.mp4, .mov, .mkv). Throws
+  /// Error: bad input for an unknown extension, failed if the encoder or the file cannot be opened.
   MovieWriter(const std::filesystem::path& file, const Options& options);
   ~MovieWriter();  ///< removes the file unless it was closed
   MovieWriter(const MovieWriter&) = delete;

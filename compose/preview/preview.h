@@ -22,8 +22,9 @@ struct PreviewOptions {
   std::filesystem::path contact_sheet;     ///< PNG; may be empty
   int sheet_frames = 16, sheet_columns = 4;
   int thumbnail_width = 400;  ///< pixels, at most
-  std::optional<double> fps;  ///< of the movie; none: that of the files, where each frame of a
-                              ///< sequence with steps is shown for the whole step
+  /// Of the movie; none: that of the files, where each frame of a sequence with steps is shown for
+  /// the whole step.
+  std::optional<double> fps;
   bool hold_missing = false;  ///< repeat the previous frame for a missing one
   bool burn_in = false;       ///< frame numbers and time codes in the movie and the pictures
   DisplayOptions display;

@@ -29,7 +29,7 @@ using ::testing::HasSubstr;
 
 constexpr int kWidth = 161, kHeight = 91;  // odd, as a crop may be
 
-/// One colour, transparent in the right half.
+/// Returns a view of one colour, transparent in the right half.
 render::RenderedView flat_view(float r, float g, float b, int width = kWidth,
                                int height = kHeight) {
   render::RenderedView view;

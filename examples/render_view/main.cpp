@@ -26,7 +26,7 @@ void write_pfm(const raystage::ReconstructedView& view, const char* path) {
   if (!file.flush()) throw std::runtime_error(std::string(path) + " cannot be written");
 }
 
-/// The ray through a pixel centre.
+/// Returns the ray through a pixel centre.
 raystage::LightRay ray_through(const raystage::PinholeCamera& camera, int x, int y) {
   const auto& m = camera.world_from_camera;
   const double right = (x + 0.5 - camera.cx) / camera.fx, up = (camera.cy - y - 0.5) / camera.fy;

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Gives a rank access to all frames of a take: its own from archives, others by request to the
+// owner of the camera. Requests can be for a whole JPEG, for its layout, or for single segments
+// between restart markers, so that only the needed parts are sent. Cost: one message each way per
+// request.
 #include "farm/ranks/rank_takes.h"
 
 #include <fmt/format.h>

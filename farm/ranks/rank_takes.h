@@ -58,7 +58,7 @@ struct RankTake {
   TakeTable table;                    ///< the parts that this rank has
 };
 
-/// Opens this rank's folder of a take. On failure the table's error says why.
+/// Opens this rank's folder of a take. On failure the table's error has the reason.
 RankTake open_rank_take(MpiWorld& world, int number, const std::filesystem::path& folder);
 
 /// Returns this rank's path of a folder that rank 0 names `folder`. Applies the first matching
@@ -66,7 +66,7 @@ RankTake open_rank_take(MpiWorld& world, int number, const std::filesystem::path
 std::filesystem::path local_take_folder(const std::string& folder,
                                         std::span<const PathMappingRule> rules, int rank);
 
-/// Answers other ranks' requests for frames on a thread of its own, until it is destroyed.
+/// Answers other ranks' requests for frames on its own thread, until it is destroyed.
 class FrameService {
  public:
   explicit FrameService(MpiWorld& world);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adds the contributions of ranks to a view (thesis 4.1.4) along a tree with kReductionRadix = 4:
-// rank r receives from r + 4^k, r + 2 * 4^k and r + 3 * 4^k for all 4^k that divide r (rank 0: for
+// Adds the contributions of ranks to a view (thesis 4.1.4) along a tree with kReductionRadix = 4.
+// Rank r receives from r + 4^k, r + 2 * 4^k and r + 3 * 4^k for all 4^k that divide r (rank 0: for
 // all k). Inputs and outputs are planes of weighted samples of the view, 4 floats per pixel. For n
 // ranks the cost is log4 n steps; each sample is sent at most that often. Sums are in single
 // precision, in the same order for a given number of ranks.
@@ -24,7 +24,7 @@ int tag_of(std::uint32_t view_number) {
 
 int tag_of_group(std::uint32_t view_number) { return tag_of(view_number) + (1 << 28); }
 
-/// Exchanges messages between the hosts of a take in lockstep. The last byte of each message says
+/// Exchanges messages between the hosts of a take in lockstep. The last byte of each message states
 /// whether its sender has left the view. All others then leave it in the same exchange.
 class MpiCommunicator : public render::RankCommunicator {
  public:
@@ -54,7 +54,7 @@ class MpiCommunicator : public render::RankCommunicator {
   /// Runs a final exchange, in which hosts that have left the view meet the others.
   void end() const { exchange(std::vector<Message>(members_.ranks.size())); }
 
-  /// Takes part in the next exchange of the others, so that none of them waits for ever.
+  /// Takes part in the next exchange of the others, so that none of them waits forever.
   void leave() const {
     if (has_ended_) return;
     members_.world.exchange(tag_, members_.ranks,

@@ -42,7 +42,7 @@ int host_index(std::span<const int> ranks, int rank);
 std::vector<int> host_indices(std::span<const int> ranks, std::span<const int> camera_owners);
 
 /// Returns this rank's contribution to a view by calling `own`. For a view in lockstep `own` gets a
-/// communicator of all hosts; if it throws, the other ranks are told that this rank has left.
+/// communicator of all hosts; if it throws, the other ranks are notified that this rank has left.
 render::Contribution contribute_as_rank(const RankSet& members,
                                         const render::DistributedViewRequest& view,
                                         std::uint32_t view_number,

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Distributes the rendering of views from rank 0. Each camera is assigned to one rank that has its
+// archive; if several have it, each gets a block of adjacent cameras. For a view, rank 0 sends a
+// request to all ranks and sums their contributions along a tree (rank_views.h). Requests have one
+// order on all ranks.
 #include "farm/ranks/root_rank.h"
 
 #include <fmt/format.h>

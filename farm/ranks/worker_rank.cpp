@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Serves the requests of rank 0. One thread receives them. Two threads contribute to views, one
+// more to views in lockstep, which wait for all hosts. A further thread answers requests for frames
+// (FrameService).
 #include "farm/ranks/worker_rank.h"
 
 #include <tbb/task_arena.h>

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Writes queued frames to the archives in batches, and flushes them to the disk at intervals. An
+// archive that rejects frames is retried later and does not delay the others.
 #include "ingest/record/archive_writer_thread.h"
 
 #include <algorithm>

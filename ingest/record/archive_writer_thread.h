@@ -20,9 +20,9 @@
 namespace raystage::ingest {
 
 /// Writes frames from memory to the archives, in a thread of its own. A slow or full disk delays
-/// only this thread: frames stay in memory until they can be written, and the capture threads drop
-/// those for which there is no memory. An archive that refuses writes does not delay the archives
-/// of other cameras.
+/// only this thread. Frames stay in memory until they can be written; without free memory the
+/// capture threads drop frames. An archive that refuses writes does not delay the archives of other
+/// cameras.
 class ArchiveWriterThread {
  public:
   struct Camera {

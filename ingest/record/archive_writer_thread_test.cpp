@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From memory to archives of which some refuse.
+// Tests the writer thread with archives of which some reject frames.
 #include "ingest/record/archive_writer_thread.h"
 
 #include <gmock/gmock.h>
@@ -18,7 +18,7 @@ namespace {
 using namespace std::chrono_literals;
 using ::testing::HasSubstr;
 
-/// Cameras whose archives stand in a folder of their own.
+/// Cameras with archives in a temporary folder.
 class Flow : public ::testing::Test {
  protected:
   static constexpr int kCameras = 3, kFrames = 40;
@@ -43,7 +43,7 @@ class Flow : public ::testing::Test {
     }
     return ArchiveWriterThread(std::move(cameras), std::move(options));
   }
-  /// From now on nothing can be written to it.
+  /// Makes all further writes to an archive fail.
   void refuse(std::size_t camera) { archives_[camera].close(); }
 
   std::vector<FrameQueue> queues = std::vector<FrameQueue>(kCameras);
@@ -66,7 +66,7 @@ TEST_F(Flow, AnArchiveThatRefusesHoldsUpNoOther) {
   EXPECT_EQ(writing.written(1, store::FrameStatus::kStored), kFrames);
   EXPECT_EQ(writing.written(2, store::FrameStatus::kStored), kFrames);
   EXPECT_THAT(writing.write_error(),
-              HasSubstr("after the archive was closed"));  // not hidden by those
+              HasSubstr("after the archive was closed"));  // not hidden by the other cameras
   writing.drain({});
   EXPECT_EQ(counters[0].dropped, kFrames);
   EXPECT_EQ(counters[0].unrecorded, kFrames);
@@ -85,7 +85,7 @@ TEST_F(Flow, AtTheEndEveryOtherIsWrittenToo) {
   EXPECT_EQ(counters[0].dropped, kFrames);
 }
 
-// No file may grow beyond a limit: there is room for small frames, and for every record.
+// A limit on file size leaves space for the small frames and for every record.
 TEST_F(Flow, WhatStillFitsIsWrittenBeforeItIsGivenUp) {
   push(0, 100'000);
   for (int i = 0; i < 5; ++i) push(0, 1000);

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Moves frames of one source into the queue of its camera. Frames that are torn, late, unreadable
+// or too many for the memory budget become records of missing frames.
 #include "ingest/record/camera_capture.h"
 
 #include <fmt/format.h>
@@ -215,8 +217,8 @@ void CameraCapture::take(SourceFrame frame) {
 
 void CameraCapture::push_missing_record(store::FrameStatus status, Nanoseconds time,
                                         store::FrameOrigin origin) {
-  // Records have their own budget. If it is used up a frame is dropped instead, because a record
-  // that says what is missing is worth more than a frame.
+  // Records have their own budget. If it is used up, a frame is dropped instead: the record of a
+  // missing frame is worth more than a frame.
   auto reservation = pipeline_.records.try_reserve(kMissingRecordBytes);
   if (!reservation) reservation = pipeline_.memory.try_reserve(kMissingRecordBytes);
   if (!reservation &&

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The recorder's parts, each alone.
+// Tests the parts of a recorder one by one.
 #include "ingest/record/camera_capture.h"
 
 #include <gtest/gtest.h>
@@ -60,7 +60,7 @@ TEST(MemoryBudget, WakesWhoWaitsWhenItBecomesTight) {
   MemoryBudget budget(1000);
   const auto half = budget.try_reserve(500);
   EXPECT_FALSE(budget.is_under_pressure());
-  budget.wait_for_pressure({}, 1ms);  // in vain
+  budget.wait_for_pressure({}, 1ms);  // times out
   EXPECT_FALSE(budget.is_under_pressure());
   MemoryBudget::Reservation more;
   {
@@ -134,12 +134,12 @@ TEST(FrameTimestamper, TimesAlwaysIncreaseAndGapsHaveRoom) {
 
 TEST(FrameTimestamper, CountsWhatTheSourceSkipped) {
   FrameTimestamper clock(0);
-  EXPECT_EQ(clock.stamp(arrival(100, {}, 7)).skipped, 0U);  // nobody knows where it begins
+  EXPECT_EQ(clock.stamp(arrival(100, {}, 7)).skipped, 0U);  // the first value is arbitrary
   EXPECT_EQ(clock.stamp(arrival(200, {}, 8)).skipped, 0U);
   const auto gap = clock.stamp(arrival(300, {}, 12));
   EXPECT_EQ(gap.skipped, 3U);
   EXPECT_EQ(gap.sequence, 12U);
-  EXPECT_EQ(clock.stamp(arrival(400, {}, 3)).skipped, 0U);  // set anew
+  EXPECT_EQ(clock.stamp(arrival(400, {}, 3)).skipped, 0U);  // the counter was reset
   EXPECT_EQ(clock.stamp(arrival(500, {}, std::uint64_t{1} << 60)).skipped, 0U);
 }
 
@@ -150,7 +150,7 @@ FrameQueue::Frame queued(Nanoseconds time, QueuedFrame::Stage stage) {
   return frame;
 }
 
-/// Takes the front away, where it is ready; null otherwise.
+/// Removes and returns the first frame if it is ready; null otherwise.
 FrameQueue::Frame written(FrameQueue& queue) {
   const auto frames = queue.start_writing(1);
   queue.finish_writing(frames.size());
@@ -190,7 +190,7 @@ TEST(FrameQueue, KeepsWhatTheWriterCouldNotWrite) {
 
 TEST(FrameQueue, GivesUpOnlyWhatNobodyHoldsInHands) {
   FrameQueue queue;
-  queue.push(queued(1, QueuedFrame::Stage::kReady));  // the writer's
+  queue.push(queued(1, QueuedFrame::Stage::kReady));  // the writer holds it
   queue.push(queued(2, QueuedFrame::Stage::kToEncode));
   queue.push(queued(3, QueuedFrame::Stage::kReady));
   queue.push(queued(4, QueuedFrame::Stage::kToEncode));
@@ -201,7 +201,7 @@ TEST(FrameQueue, GivesUpOnlyWhatNobodyHoldsInHands) {
   EXPECT_TRUE(queue.drop_one(false, store::FrameStatus::kDroppedRamFull));  // 4
   EXPECT_FALSE(queue.drop_one(true, store::FrameStatus::kDroppedRamFull));
   EXPECT_FALSE(queue.drop_one(false, store::FrameStatus::kDroppedRamFull));
-  EXPECT_EQ(queue.start_encoding(), nullptr);  // 4 was given up meanwhile
+  EXPECT_EQ(queue.start_encoding(), nullptr);  // frame 4 was dropped
   queue.finish_encoding(encoding, Bytes(5));
   queue.finish_writing(0);
   std::vector<store::FrameStatus> statuses;
@@ -217,7 +217,7 @@ TEST(FrameQueue, CallsNoEncoderForWhatWasGivenUp) {
   queue.push(queued(1, QueuedFrame::Stage::kReady));
   EXPECT_FALSE(queue.needs_encoder());
   int called = 0;
-  for (Nanoseconds time = 2; time < 1000; ++time) {  // encoders that never come
+  for (Nanoseconds time = 2; time < 1000; ++time) {  // no encoder starts
     queue.push(queued(time, QueuedFrame::Stage::kToEncode));
     if (time > 3) {
       EXPECT_TRUE(queue.drop_one(true, store::FrameStatus::kDroppedRamFull));
@@ -271,7 +271,7 @@ TEST(CameraCapture, WaitsForRoomWhereTheSourceWaitsToo) {
   EXPECT_EQ(counters.dropped, 1U);
   EXPECT_GE(std::chrono::steady_clock::now() - start, 50ms);
   const auto again = std::chrono::steady_clock::now();
-  for (int i = 0; i < 100; ++i) patient->take(picture());  // in vain: not each waits anew
+  for (int i = 0; i < 100; ++i) patient->take(picture());  // only the first one waits
   EXPECT_EQ(counters.dropped, 101U);
   EXPECT_LT(std::chrono::steady_clock::now() - again, 4s);
 }
@@ -281,7 +281,7 @@ TEST(EncoderPool, WhatCannotBeEncodedIsMissing) {
   EncoderPool encoders({}, 2);
   for (int i = 0; i < 20; ++i) {
     auto frame = queued(i + 1, QueuedFrame::Stage::kToEncode);
-    frame->raw.width = i % 2 == 0 ? 70000 : 8;  // more than a JPEG holds
+    frame->raw.width = i % 2 == 0 ? 70000 : 8;  // wider than a JPEG can be
     frame->raw.height = 8;
     frame->raw.format = store::PixelFormat::kGray;
     auto pixels = std::make_shared<Bytes>(64);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A recording that is killed at any moment keeps every frame that it said was stored, and can be
-// gone on with.
+// Kills recordings at random times. Every frame that was reported as stored must be readable, and
+// the recording must be resumable.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -19,8 +19,8 @@
 #include "testing/test_folder.h"
 
 #ifdef __SANITIZE_THREAD__
-// Libraries have started threads before main: by default the sanitizer then ends a child that
-// starts its own.
+// Libraries start threads before main. By default the thread sanitizer ends a child process that
+// starts threads after a fork.
 extern "C" const char* __tsan_default_options();
 extern "C" const char* __tsan_default_options() { return "die_after_fork=0"; }
 #endif
@@ -41,7 +41,8 @@ testing::SourceScript endless() {
   return script;
 }
 
-/// In a child: records until killed, telling the pipe how many frames are stored in each archive.
+/// Records in a child process until it is killed. Writes the number of stored frames of each
+/// archive to the pipe.
 [[noreturn]] void record_until_killed(const std::filesystem::path& path, bool resume, int pipe) {
   schemas::RecordConfig config;
   config.name = "test";
@@ -91,7 +92,7 @@ TEST(KilledRecording, LosesNoStoredFrameAndResumes) {
     }
     close(ends[1]);
     std::array<std::uint64_t, kCameras> acknowledged{}, said{};
-    // Every other one has begun when it is killed, however slow the machine.
+    // In every other round, waits until the recording has begun, even on a slow machine.
     if (round % 2 == 0 && read(ends[0], said.data(), sizeof(said)) == sizeof(said)) {
       acknowledged = said;
     }
@@ -112,7 +113,7 @@ TEST(KilledRecording, LosesNoStoredFrameAndResumes) {
       before[at] = archive.frames().size();
     }
   }
-  // Every frame is one of the three that were recorded, byte for byte.
+  // Every frame equals one of the three recorded JPEG files.
   const testing::SourceScript script = endless();
   const store::Take take(path);
   std::size_t stored = 0;

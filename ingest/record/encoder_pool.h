@@ -20,7 +20,7 @@ namespace raystage::ingest {
 /// source is delayed.
 class EncoderPool {
  public:
-  /// `threads`: the number of frames encoded in parallel.
+  /// Prepares the pool. `threads`: the number of frames encoded in parallel.
   EncoderPool(const store::JpegEncodeOptions& options, int threads);
   ~EncoderPool();
   EncoderPool(const EncoderPool&) = delete;

@@ -41,7 +41,7 @@ struct QueuedFrame {
 inline constexpr std::size_t kMissingRecordBytes = sizeof(QueuedFrame) + 64;
 
 /// Keeps the frames of one camera in memory, ordered by time. Thread-safe: the source's thread
-/// appends frames, encoders process frames in the middle, the writer removes them at the front.
+/// appends frames, encoders process frames in between, the writer removes them at the front.
 class FrameQueue {
  public:
   /// Encoders share ownership of their frames; no other thread may access a frame in kEncoding.

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Computes the time stamp of each frame: the device's clock with the offset of its first frame, or
+// the arrival time. Times in ns since the take's epoch, strictly increasing. Gaps in the device's
+// counter give the number of skipped frames.
 #include "ingest/record/frame_timestamper.h"
 
 namespace raystage::ingest {

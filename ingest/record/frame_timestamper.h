@@ -24,14 +24,15 @@ class FrameTimestamper {
     bool corrected = false;      ///< the time did not increase: it was set to the last one + 1 ns
   };
   /// Returns the times and counters of the next frame. The first frame determines the offset of the
-  /// device's clock; its drift and steps are not corrected, so that resynchronisation sees them.
+  /// device's clock. Its drift and steps are not corrected, so that resynchronisation can measure
+  /// them.
   Stamp stamp(const SourceFrame& frame);
 
   /// Returns the time of missing frame `index` of `count`, evenly spaced between `last` and `next`.
   static Nanoseconds interpolate_time(Nanoseconds last, Nanoseconds next, std::uint64_t index,
                                       std::uint64_t count);
   Nanoseconds last_time() const { return last_time_; }
-  /// Must be called after a reconnection: the device's clock and counter start anew.
+  /// Forgets the device's clock and counter, which start anew. Must be called after a reconnection.
   void reset_device_clock();
 
  private:

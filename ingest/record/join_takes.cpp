@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Joins the takes that several nodes recorded of one scene. Frames are copied byte for byte with
+// times relative to the earliest epoch, and compared with their hashes. Cost: reads and writes
+// every archive once.
 #include "ingest/record/join_takes.h"
 
 #include <fmt/format.h>
@@ -147,7 +150,8 @@ void check_compatible(const Part& part, const Part& first) {
       part.take.folder().string(), "Join parts of one recording only");
 }
 
-/// `keeps_archives`: cameras keep the names and epochs of their archives.
+/// Returns take.json of the joined take. `keeps_archives`: cameras keep the names and epochs of
+/// their archives.
 schemas::TakeDocument joined_document(const std::vector<Part>& parts, const std::string& created_by,
                                       bool keeps_archives) {
   schemas::TakeDocument joined = parts.front().take.document();

@@ -72,7 +72,7 @@ TEST_F(Join, MakesTheDocumentsAloneWhereArchivesStay) {
   write_part(part("b"), "right", kEpoch, "two");
   const std::vector<std::filesystem::path> parts{part("a"), part("b")};
   join(parts);
-  // The archives need not be there.
+  // Joining with archives left in place does not read them.
   for (const char* file : {"a/archive/left.mkv", "b/archive/right.mkv"}) {
     std::filesystem::rename(part(file), part(file).string() + ".elsewhere");
   }
@@ -82,7 +82,7 @@ TEST_F(Join, MakesTheDocumentsAloneWhereArchivesStay) {
   EXPECT_EQ(report.missing, 2U);
   EXPECT_FALSE(std::filesystem::exists(part("shared") / "archive" / "left.mkv"));
   EXPECT_THROW(store::Take(part("shared")).archive(0), Error);
-  // By their journals, and with their archives, the records are those of the joined take.
+  // The records from journals alone, and from the archives, equal those of the joined take.
   const store::Take joined(part("joined"));
   const store::Take journals(part("shared"), store::make_journal_archives(part("shared")));
   EXPECT_THROW(journals.archive(0).jpeg(0), Error);

@@ -8,9 +8,9 @@
 
 namespace raystage::ingest {
 
-/// Returns kStored if a JPEG from a camera can be stored, kTorn if it is incomplete or not a JPEG,
-/// or kUnreadable if its size is not `width` x `height` pixels. Reads only the headers and the end,
-/// in about a microsecond; it does not decode pixels.
+/// Returns kStored if a JPEG from a camera can be stored and kTorn if it is incomplete or not a
+/// JPEG. Returns kUnreadable if its size is not `width` x `height` pixels. Reads only the headers
+/// and the end, in about a microsecond; it does not decode pixels.
 store::FrameStatus check_jpeg_frame(std::span<const std::byte> jpeg, int width, int height);
 
 }  // namespace raystage::ingest

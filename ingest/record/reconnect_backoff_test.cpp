@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A lost camera is opened again.
+// Tests that a lost camera is reconnected.
 #include <gtest/gtest.h>
 
 #include <thread>
@@ -13,12 +13,12 @@ namespace {
 using namespace std::chrono_literals;
 using Outcome = FrameSource::Outcome;
 
-/// A camera that serves one program at a time, and what its owner has seen of it.
+/// A simulated camera that only one program can open at a time, and counts of its use.
 struct Device {
   int opened = 0;
   bool taken = false;
-  std::vector<Outcome> outcomes;  ///< what the n-th source that is opened says all the time
-  int patience = 2000;            ///< questions, of about 1 ms, before the test is given up
+  std::vector<Outcome> outcomes;  ///< of the n-th opened source, for every call
+  int patience = 2000;            ///< calls, of about 1 ms, until the test stops
   std::stop_source stop;
 };
 

@@ -24,8 +24,8 @@ store::JpegEncodeOptions::Chroma chroma_of(const schemas::RecordConfig& config) 
   return store::JpegEncodeOptions::Chroma::k420;
 }
 
-/// Cameras in a row, 10 cm apart, with a lens of 53 degrees: a take needs a rig, and this one is
-/// good enough to look at. Calibration replaces it.
+/// Returns camera `index` of a row with 10 cm spacing and a field of view of 53 degrees. A take
+/// needs a rig; calibration replaces this one.
 schemas::CameraGeometry uncalibrated(const std::string& id, const SourceDescription& source,
                                      std::size_t index) {
   schemas::CameraGeometry geometry;
@@ -154,7 +154,7 @@ RecordingTake resume_take(const std::filesystem::path& folder,
   const schemas::RigDocument rig = schemas::read_rig(folder / "rig.json");
   for (const RecorderCamera& camera : cameras) {
     const auto found = find_camera(rig, camera.id);
-    if (found == rig.cameras.end()) continue;  // resume() says which cameras there are
+    if (found == rig.cameras.end()) continue;  // resume() reports this
     check_size(found->geometry, camera, folder / "rig.json",
                "Set the source to the size that the take began with, or record into a new take");
   }

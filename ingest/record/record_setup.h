@@ -34,8 +34,8 @@ schemas::RigDocument make_recording_rig(const schemas::RecordConfig& config,
                                         const std::vector<RecorderCamera>& cameras);
 
 /// Calls RecordingTake::resume with these cameras. Also throws Error (bad input) if the size of a
-/// source differs from the take's rig, or if the recording would begin before the take's epoch or
-/// end after the longest time of a take: its frames would be lost.
+/// source differs from the take's rig. The same applies if the recording would begin before the
+/// take's epoch or end after the longest time of a take, as its frames would be lost.
 RecordingTake resume_take(const std::filesystem::path& folder,
                           const std::vector<RecorderCamera>& cameras, const std::string& node,
                           std::optional<Nanoseconds> start_utc = {},

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Runs a recording on one node: a capture thread per source, encoder threads and a writer thread,
+// connected by one queue per camera within a common memory budget. Audits the frame counts at the
+// end.
 #include "ingest/record/recorder.h"
 
 #include <fmt/format.h>

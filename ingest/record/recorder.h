@@ -74,8 +74,9 @@ class Recorder {
   std::size_t memory_for_frames() const;
 
   /// Records until it is stopped, the duration is over, or every source has ended. Returns the
-  /// session, which is also written to the take; if that fails its audit says why. `status` is
-  /// called every status_interval_s, `writing` with the fraction of remaining frames written.
+  /// session, which is also written to the take; if that fails, its audit contains the reason.
+  /// `status` is called every status_interval_s, `writing` with the fraction of remaining frames
+  /// written.
   schemas::RecordingDocument::Session run(
       const std::stop_token& stop, const std::function<void(const RecorderStatus&)>& status = {},
       const std::function<void(double)>& writing = {});

@@ -52,7 +52,7 @@ testing::SourceScript script(std::vector<SourceFrame> frames, double fps, std::u
   return script;
 }
 
-/// Records what scripts deliver and keeps what came of it.
+/// Records scripted sources and keeps the session and the take.
 class Recording : public ::testing::Test {
  protected:
   schemas::RecordingDocument::Session record(const std::vector<testing::SourceScript>& scripts) {
@@ -164,7 +164,7 @@ TEST_F(Recording, FullMemoryDropsAndRecordsEveryDrop) {
     for (const store::FrameRecord& record : all) {
       if (record.status == store::FrameStatus::kStored) kept.push_back(record.sequence);
     }
-    // The first frame stays in either case: it is the writer's.
+    // The first frame is stored in both cases: the writer holds it already.
     EXPECT_EQ(kept[0], 0U);
     if (oldest) {
       EXPECT_EQ(kept.back(), 299U);
@@ -204,7 +204,7 @@ TEST_F(Recording, MisbehavingSourcesAreRecordedAndOthersUntouched) {
   ASSERT_EQ(session.cameras[5].events.size(), 2U);
   EXPECT_THAT(session.cameras[5].events[0].what, HasSubstr("no frame for"));
   EXPECT_THAT(session.cameras[5].events[1].what, HasSubstr("frames arrive again"));
-  // The seven that the counter skipped stand where they are missing.
+  // The seven frames that the counter skipped have records at their positions.
   const auto all = records(1);
   for (std::size_t i = 20; i < 27; ++i) {
     EXPECT_EQ(all[i].status, store::FrameStatus::kDroppedBySource);
@@ -230,7 +230,7 @@ TEST_F(Recording, ALostCameraMayStopAllOrComeBack) {
   EXPECT_THAT(again.cameras[0].events.at(1).what, HasSubstr("connected again"));
 }
 
-// No file may grow beyond a limit, as on a full disk.
+// Simulates a full disk by a limit on file size.
 TEST_F(Recording, AFullDiskLosesNothingSilently) {
   rlimit before{};
   ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
@@ -252,7 +252,7 @@ TEST_F(Recording, AFullDiskLosesNothingSilently) {
       session.cameras[0].stored + session.cameras[0].dropped.at("dropped, could not be written"),
       100U);
   EXPECT_THAT(write_error, HasSubstr("too large"));
-  // The index could not be written; the audit says so, and the frames are there all the same.
+  // The audit reports that the index could not be written; all stored frames are readable.
   EXPECT_EQ(stored(0).size(), session.cameras[0].stored);
 }
 
@@ -272,7 +272,7 @@ TEST_F(Recording, StopsWhenToldAndStartsWhenToldTo) {
   const auto session = record({script({jpeg_frame(1)}, 100, 100000)});
   expect_audit(session);
   EXPECT_EQ(session.stop_reason, "the duration is over");
-  // At most what the clock allows since the start: a busy machine stops later than asked.
+  // The limit is computed from the time since the start: a busy machine stops later than requested.
   const double since_start_s = static_cast<double>(host_utc_now() - *options.start_utc) * 1e-9;
   EXPECT_GT(session.cameras[0].stored, 10U);
   EXPECT_LE(static_cast<double>(session.cameras[0].stored), since_start_s * 100 + 2);
@@ -287,15 +287,15 @@ TEST_F(Recording, StopsWhenToldAndStartsWhenToldTo) {
 TEST_F(Recording, RefusesTooLittleMemoryAndWhatIsThere) {
   options.memory_bytes = 1000;
   EXPECT_THROW(record({script({jpeg_frame(1)}, 0, 20)}), Error);
-  EXPECT_FALSE(std::filesystem::exists(path()));  // the name is free for another try
+  EXPECT_FALSE(std::filesystem::exists(path()));  // the name can be used again
   options.memory_bytes = 1 << 30;
   expect_audit(record({script({jpeg_frame(1)}, 0, 20)}));
-  EXPECT_THROW(record({script({jpeg_frame(1)}, 0, 20)}), Error);  // the folder is there
+  EXPECT_THROW(record({script({jpeg_frame(1)}, 0, 20)}), Error);  // the folder exists
   resume = true;
   EXPECT_THROW(record({script({jpeg_frame(1)}, 0, 2), script({jpeg_frame(1)}, 0, 2)}), Error);
   options.memory_bytes = 1000;
   EXPECT_THROW(record({script({jpeg_frame(1)}, 0, 2)}), Error);
-  EXPECT_EQ(stored(0).size(), 20U);  // what was there before stays
+  EXPECT_EQ(stored(0).size(), 20U);  // earlier frames remain
 }
 
 TEST_F(Recording, RefusesToResumeWithAnotherSize) {
@@ -317,14 +317,14 @@ TEST_F(Recording, NothingCountsBeforeTheEpoch) {
   options.duration_s = 0.2;
   const auto session = record({script({jpeg_frame(1)}, 200, 100000)});
   expect_audit(session);
-  // At most what the clock allows since the epoch: a busy machine stops later than asked.
+  // The limit is computed from the time since the epoch: a busy machine stops later than requested.
   const double since_epoch_s = static_cast<double>(host_utc_now() - epoch) * 1e-9;
   EXPECT_GT(session.cameras[0].stored, 10U);
   EXPECT_LE(static_cast<double>(session.cameras[0].stored), since_epoch_s * 200 + 2);
   EXPECT_EQ(session.cameras[0].corrected_timestamps, 0U);
 }
 
-// An archive's times go up to 104 days.
+// Times in an archive are limited to 104 days.
 TEST_F(Recording, RefusesAnEpochThatIsTooFarAway) {
   constexpr Nanoseconds kDay = 86400 * kNanosecondsPerSecond;
   const Nanoseconds now = host_utc_now();

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Estimates the RAM of a recording, bytes: the frame budget, buffers of sources, encoders, and the
+// program itself.
 #include "ingest/record/recording_memory_plan.h"
 
 #include <fmt/format.h>

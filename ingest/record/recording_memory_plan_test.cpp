@@ -63,7 +63,7 @@ TEST(RecordingMemoryPlan, RefusesMoreThanThereIsAndWarnsNearIt) {
 TEST(Resources, NoMoreIsFreeThanThereIs) {
   EXPECT_GT(free_memory(), std::size_t{1} << 20);
   EXPECT_LE(free_memory(), available_memory());
-  // Memory that is used is not free. Others come and go meanwhile: a quarter of it is enough.
+  // Used memory is not free. Other processes change it meanwhile, so a quarter suffices.
   const std::size_t before = free_memory();
   constexpr std::size_t kBytes = std::size_t{400} << 20;
   if (before < 2 * kBytes) GTEST_SKIP() << "too little memory is free";

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Delivers the frames of a GigE Vision or USB3 Vision camera through Aravis, with the device's
+// frame ids and without a copy where the driver's buffers suffice.
 #include "ingest/sources/aravis_source.h"
 
 #include <fmt/format.h>

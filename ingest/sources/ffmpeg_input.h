@@ -19,7 +19,7 @@
 namespace raystage::ingest {
 
 /// Reads the packets of the best video stream of anything that FFmpeg opens. A separate thread
-/// reads a few packets ahead and notes when each was complete: FFmpeg discards a partial packet if
+/// reads a few packets ahead and notes when each was complete. FFmpeg discards a partial packet if
 /// it is interrupted, so a caller's timeout must not interrupt FFmpeg.
 class FfmpegInput {
  public:

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Delivers the frames of an FFmpeg stream as a source: Motion JPEG byte for byte, other codecs
+// decoded and converted (pixel_conversion.h). Cost: one decode per frame on the caller's thread,
+// except for Motion JPEG.
 #include "ingest/sources/ffmpeg_source.h"
 
 #include <fmt/format.h>
@@ -134,8 +137,8 @@ class FfmpegSource final : public FrameSource {
   /// Returns an upper estimate of the bytes of the decoder's pictures.
   std::size_t decoder_memory() const {
     if (!codec_) return 0;
-    // One picture is decoded, one delivered. Codecs that predict keep 16 reference pictures; the
-    // motion vectors of each picture take half as much again.
+    // One picture is decoded, one delivered. Codecs with prediction keep 16 reference pictures; the
+    // motion vectors add half of each picture's bytes.
     constexpr std::size_t kIntra = 2, kPredicted = (16 + 2) * 3 / 2, kMaxBytesPerPixel = 4;
     const AVCodecDescriptor* codec = avcodec_descriptor_get(codec_->codec_id);
     const bool intra = codec != nullptr && (codec->props & AV_CODEC_PROP_INTRA_ONLY) != 0;

@@ -32,9 +32,9 @@ struct SourceDescription {
   int width = 0, height = 0;  ///< pixels
   double fps = 0;             ///< nominal; 0 if unknown
   bool delivers_jpeg = false;
-  bool live = true;    ///< produces frames even if nobody reads; a file or pipe waits and ends
-  bool waits = false;  ///< waits without loss at its producer: a file, but not a pipe
-  std::string clock = "host";               ///< as in take.json: "host", "device", "simulated"
+  bool live = true;            ///< produces frames without a reader; a file or pipe waits and ends
+  bool waits = false;          ///< waits without loss at its producer: a file, but not a pipe
+  std::string clock = "host";  ///< as in take.json: "host", "device", "simulated"
   std::string timestamp_event = "arrival";  ///< event of device_time, or else of arrival_utc
 };
 

@@ -25,7 +25,7 @@ constexpr Matrix kRec601{0.299, 0.114}, kRec709{0.2126, 0.0722};
 
 using Triple = std::array<double, 3>;
 
-/// Reference: converts Y'CbCr codes to R'G'B' codes by the definition.
+/// Converts Y'CbCr codes to R'G'B' codes by the definition: the reference.
 Triple rgb_from(const Triple& code, const Matrix& m, bool full) {
   const double y = full ? code[0] / 255 : (code[0] - 16) / 219;
   const double cb = (code[1] - 128) / (full ? 255 : 224);

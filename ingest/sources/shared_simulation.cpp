@@ -17,10 +17,10 @@
 #include "simulate/simulated_rig.h"
 #include "store/jpeg/encode.h"
 
-// Renders the frames of one simulated camera over one loop: ray-traced linear light with edge
-// samples at its exposure times, then the sensor model, then a JPEG or YUV 4:2:0 planes. The scene
-// plays forwards for `seconds` and backwards for as long. Cost per camera: 2 * seconds * fps frames
-// of width * height pixels, in parallel over chunks of frames.
+// Renders the frames of one simulated camera over one loop. Ray-traced linear light with edge
+// samples at its exposure times goes through the sensor model and becomes a JPEG or YUV 4:2:0
+// planes. The scene plays forwards for `seconds` and backwards for as long. Cost per camera: 2 *
+// seconds * fps frames of width * height pixels, in parallel over chunks of frames.
 
 namespace raystage::ingest {
 namespace {

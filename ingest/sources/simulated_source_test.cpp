@@ -58,7 +58,7 @@ TEST(SimulatedSource, CamerasRunFreelyAtTheirOwnTimes) {
 
 TEST(SimulatedSource, WhatWaitedArrivedWhenItWasExposed) {
   const auto source = open_simulated_source(small(0));
-  std::this_thread::sleep_for(100ms);  // as while other cameras are opened: five frames wait
+  std::this_thread::sleep_for(100ms);  // five frames wait in the source
   SourceFrame frame;
   std::optional<Nanoseconds> offset;
   for (int i = 0; i < 10; ++i) {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Chooses a reconstruction method: the focal plane if the sampling theorem (thesis eq. 2.1) allows
-// it, otherwise the cheapest candidate whose leave-one-out PSNR meets the target, otherwise the
-// most accurate within the time limit. Costs are linear in pixels and disparity. Cost: up to nine
-// renderings per measured candidate.
+// Chooses a reconstruction method. It is the focal plane if the sampling theorem (thesis eq. 2.1)
+// allows it; otherwise the cheapest candidate whose leave-one-out PSNR meets the target. If none
+// meets it, it is the most accurate candidate within the time limit. Costs are linear in pixels and
+// disparity. Cost: up to nine renderings per measured candidate.
 
 #include "render/automatic/automatic.h"
 

@@ -16,9 +16,9 @@ struct MethodCandidate {
   const Method* method;
   schemas::OptionValues options = {};
   /// Cost on one thread in nanoseconds: per pixel of the view; in addition, per pixel of the view
-  /// and pixel of disparity_range(); and per light field frame, for each pixel of its cameras.
-  /// Measured on the machine of docs/benchmarks.md and constant, so that every node of a farm
-  /// chooses alike.
+  /// and pixel of disparity_range(); and per light field frame, for each pixel of its cameras. The
+  /// costs were measured on the machine of docs/benchmarks.md and are constant, so that every node
+  /// of a farm chooses alike.
   double pixel_ns = 0, disparity_ns = 0, instant_ns = 0;
 };
 
@@ -43,11 +43,11 @@ struct MethodChoice {
 };
 
 /// Chooses among `candidates`, which are ordered from the least to the most accurate. A single
-/// plane (the first candidate) is chosen wherever eq. 2.1 says that it is free of ghosts.
-/// Otherwise, of the candidates within the time limit, the cheapest one that meets the target at
-/// left-out cameras is chosen: by LeaveOneOutQuality::expected_db(), with at least 85 % of their
-/// images covered. The most accurate is chosen where none meets it, no target is set or no camera
-/// can be left out. A candidate that was not measured is never reported to meet the target.
+/// plane (the first candidate) is chosen wherever eq. 2.1 says that it is free of ghosts. Otherwise
+/// the cheapest candidate within the time limit that meets the target at left-out cameras is
+/// chosen. It meets the target if LeaveOneOutQuality::expected_db() reaches it with at least 85 %
+/// of the images covered. The most accurate is chosen where none meets it, no target is set or no
+/// camera can be left out. A candidate that was not measured is never reported to meet the target.
 /// This estimates views among the cameras, with a margin for their positions and contents. It says
 /// nothing about views off the array: see extrapolation_note(). The choice depends only on the
 /// take, the options and the image size: every frame of a shot and every node of a farm gets the

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// The method "auto": lets choose() (automatic.cpp) select one of four candidates for a take,
+// options and view size, caches the choice and renders the view by the chosen method. Adds the
+// reason and, where it applies, extrapolation to the view's notes. Cost: that of the chosen method;
+// choosing may render up to nine cameras per candidate once.
 #include <fmt/format.h>
 
 #include <array>

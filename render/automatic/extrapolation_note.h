@@ -9,10 +9,10 @@
 
 namespace raystage::render {
 
-/// Returns a note if a view is farther from every camera than the cameras are from each other: the
-/// distance (to one digit, so that a moving camera does not get a note per frame) and the side of
-/// the array. Returns nullopt for views among the cameras, which leave-one-out measurements
-/// represent.
+/// Returns a note if a view is farther from every camera than the cameras are from each other. The
+/// note names the distance and the side of the array. The distance has one digit, so that a moving
+/// camera does not get a note per frame. Returns nullopt for views among the cameras, which
+/// leave-one-out measurements represent.
 std::optional<std::string> extrapolation_note(const VirtualCamera& view,
                                               const LightFieldFrame& instant);
 

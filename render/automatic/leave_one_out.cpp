@@ -50,7 +50,7 @@ VirtualCamera view_of(const rig::Rig::Camera& camera) {
   return view;
 }
 
-/// Whether the camera has others around it; other views are extrapolated.
+/// Returns whether the camera has others around it; other views are extrapolated.
 bool is_between_others(int camera, const LightFieldFrame& instant) {
   std::vector<int> others = instant.included_cameras;
   std::erase(others, camera);
@@ -59,7 +59,8 @@ bool is_between_others(int camera, const LightFieldFrame& instant) {
   return cells.locate(view.intrinsics.cx, view.intrinsics.cy).has_value();
 }
 
-/// Selects by farthest-point sampling, from the camera nearest to the array's centre on.
+/// Selects cameras by farthest-point sampling, starting with the camera nearest to the array's
+/// centre.
 std::vector<int> cameras_to_leave_out(const LightFieldFrame& instant) {
   constexpr std::size_t kFewest = 4;  // three remain to blend when one is left out
   constexpr std::size_t kMax = 9;
@@ -84,8 +85,8 @@ std::vector<int> cameras_to_leave_out(const LightFieldFrame& instant) {
   return chosen;
 }
 
-/// Returns the light field frame for one of `count` cameras, which are spread over the sequence:
-/// the first from the camera's position on at which it and three others have frames.
+/// Returns the light field frame for one of `count` cameras, which are spread over the sequence. It
+/// is the first frame from the camera's position on at which it and three others have frames.
 std::optional<LightFieldFrame> instant_of(const LightFieldSequence& instants, int camera,
                                           std::size_t place, std::size_t count) {
   const auto all = static_cast<std::size_t>(instants.count());

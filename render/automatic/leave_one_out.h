@@ -24,9 +24,9 @@ struct LeaveOneOutQuality {
 /// Leaves out up to nine cameras, one at a time, and compares what `method` renders at their poses
 /// with their frames. The cameras have others around them and are spread over the array, from the
 /// centre to the rim without its corners. They are also spread over the take's frames
-/// (LightFieldSequence), because a shot may show any. No camera is left out of fewer than four. Of
-/// `request` it uses the take and included cameras, the focal plane and the memory limits, not the
-/// view.
+/// (LightFieldSequence), because a shot may show any. No camera is left out if fewer than four have
+/// frames. `request` gives the take and included cameras, the focal plane and the memory limits;
+/// its view is not used.
 LeaveOneOutQuality measure_leave_one_out_quality(const Method& method,
                                                  const schemas::OptionValues& options,
                                                  const ViewRequest& request);

@@ -10,8 +10,8 @@
 namespace raystage::render {
 
 /// The light field frames of a take: the ticks of its timeline with their selected frames (with
-/// clocks corrected and untrusted frames excluded). Without a timeline: the frames of the first
-/// included camera and the frames of the others within default_frame_tolerance() of them.
+/// clocks corrected and untrusted frames excluded). Without a timeline they are the frames of the
+/// first included camera, with the frames of the others within default_frame_tolerance() of them.
 class LightFieldSequence {
  public:
   /// Uses the take and included cameras of `now`, which must outlive it. Throws Error (bad input)

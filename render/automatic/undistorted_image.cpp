@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Resamples a frame without lens distortion, bilinearly in its codes, and converts it to 8-bit sRGB
+// codes. Pixels that the frame does not show stay black. Cost: O(pixels), rows in parallel.
 #include "render/automatic/undistorted_image.h"
 
 #include <algorithm>

@@ -26,8 +26,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// The fraction of the frame's width inside the border from which a camera has full visibility.
 constexpr double kBorderPart = 0.05;
 
-/// Returns the vector from a position to a point, times the point's inverse depth: finite at
-/// infinity.
+/// A point on a ray. towards() returns the vector from the point to a position, times the point's
+/// inverse depth: finite at infinity.
 struct RayPoint {
   Vector3d eye, ray;
   double inverse_depth = 0;
@@ -48,7 +48,8 @@ double point_visibility(const rig::Rig::Camera& camera, const RayPoint& point) {
   return std::clamp(to_border / (kBorderPart * camera.model.width()), 0.0, 1.0);
 }
 
-/// Averages over the ray's range of depths, because the depth of the point is not known yet.
+/// Returns the mean visibility over the ray's range of depths, because the depth of the point is
+/// not known yet.
 double mean_visibility(const rig::Rig::Camera& camera, RayPoint point,
                        const InverseDepthRange& range) {
   constexpr int kPoints = 5;

@@ -26,8 +26,8 @@ struct SweepPlanes {
 /// A range of inverse depths, 1/m.
 struct InverseDepthRange {
   double farthest = 0, nearest = 0;
-  /// Whether the range is empty, as inverse_depth_range_in_view() returns it where nothing is
-  /// visible.
+  /// Returns whether the range is empty, as inverse_depth_range_in_view() returns it where nothing
+  /// is visible.
   bool empty() const { return !(farthest <= nearest); }
 };
 /// The rays of a view, lens distortion included. The per-ray references and the planning use it.
@@ -53,20 +53,20 @@ struct CameraWeight {
 };
 
 /// The cameras from which a view's rays are reconstructed: the best few at each corner of a grid of
-/// tiles, with weights that fall to 0 before a camera is no longer chosen (after Buehler et al.
-/// 2001 and thesis eq. 2.3, without their resolution penalty: README.md).
-/// Weights are linear between corners, so that they are continuous across pixels and across views.
-/// If no camera sees any corner of a tile, the choice at the tile's centre applies; such a tile is
-/// wider than all that the cameras see.
+/// tiles. Their weights fall to 0 before a camera is no longer chosen (after Buehler et al. 2001
+/// and thesis eq. 2.3, without their resolution penalty: README.md). Weights are linear between
+/// corners, so that they are continuous across pixels and across views. If no camera sees any
+/// corner of a tile, the choice at the tile's centre applies; such a tile is wider than all that
+/// the cameras see.
 class BlendingField {
  public:
   static constexpr int kTile = 32;  ///< pixels
 
-  /// `members`: the cameras to choose from. The penalty p of a camera at a corner is the angle
-  /// between its ray and the view's ray to the midpoint of `range`, divided by the camera's
-  /// visibility of the ray within `range` (1 in the inner part of its frame, falling to 0 at the
-  /// border; the mean over the range). The `count` cameras with the smallest penalties are used,
-  /// with weights (1 - p / p_next) / p.
+  /// Computes the weights. `members`: the cameras to choose from. The penalty p of a camera at a
+  /// corner is an angle divided by the camera's visibility of the ray. The angle is between its ray
+  /// and the view's ray to the midpoint of `range`. The visibility is the mean within `range`: 1 in
+  /// the inner part of the camera's frame, falling to 0 at the border. The `count` cameras with the
+  /// smallest penalties are used, with weights (1 - p / p_next) / p.
   BlendingField(const VirtualCamera& view, const rig::Rig& rig, std::vector<int> members,
                 const InverseDepthRange& range, int count);
 
@@ -120,8 +120,8 @@ float absent_camera_weight(const std::optional<BlendingField>& complete,
 InverseDepthRange inverse_depth_range_in_view(const VirtualCamera& view, const rig::Rig& rig,
                                               schemas::DepthRange scene);
 
-/// Returns the number of planes needed across the range so that from plane to plane a point moves
-/// by at most `step_px` pixels between neighbouring cameras of `field` (eq. 2.1). The result is an
+/// Returns the number of planes needed across the range. From plane to plane, a point then moves by
+/// at most `step_px` pixels between neighbouring cameras of `field` (eq. 2.1). The result is an
 /// integer of any size: 1 where the range is a point or no two cameras see the same rays.
 double required_plane_count(const InverseDepthRange& range, const VirtualCamera& view,
                             const rig::Rig& rig, const BlendingField& field, double step_px);

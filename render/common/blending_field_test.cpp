@@ -12,7 +12,7 @@
 namespace raystage::render {
 namespace {
 
-/// `size` x `size` wall-eyed cameras 0.1 m apart, 60 degrees wide, around the origin.
+/// Returns `size` x `size` wall-eyed cameras 0.1 m apart, 60 degrees wide, around the origin.
 rig::Rig grid(int size) {
   rig::Rig rig;
   schemas::CameraGeometry geometry;
@@ -100,7 +100,7 @@ TEST(BlendingField, ACameraAtTheEyeTakesNearlyAll) {
 
 TEST(BlendingField, CamerasThatDoNotSeeAreNotChosen) {
   rig::Rig rig = grid(2);
-  rig.cameras[0].pose.world_from_camera_rotation.col(0) *= -1;  // turned round
+  rig.cameras[0].pose.world_from_camera_rotation.col(0) *= -1;  // rotated backwards
   rig.cameras[0].pose.world_from_camera_rotation.col(2) *= -1;
   const BlendingField field(view_from({0, 0, 0}), rig, all(rig), {0.125, 0.375}, 4);
   const auto weights = shares_at(field, 100, 75);
@@ -149,7 +149,7 @@ TEST(SweepPlanes, AreAsManyAsDisparityAsksFor) {
   EXPECT_EQ(found, std::round(found));
   EXPECT_NEAR(planes({2, 8}, 1, all(rig)), (found + 1) / 2, 1);
   EXPECT_EQ(planes({3, 3}, 0.5, all(rig)), 1);
-  EXPECT_EQ(planes({2, 8}, 0.5, {4}), 1);  // nobody to compare with
+  EXPECT_EQ(planes({2, 8}, 0.5, {4}), 1);  // no camera to compare with
   EXPECT_GT(planes({1e-3, 8}, 0.05, all(rig)), 10'000);
 
   const SweepPlanes across = evenly_spaced_planes({1.0 / 8, 0.5}, 7);

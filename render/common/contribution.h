@@ -11,9 +11,9 @@ namespace raystage::render {
 /// Selects what the sampling kernels do with the sums of weighted samples of a pixel.
 enum class SumStage {
   kSampleAndFinish,  ///< sample the cameras and write finished pixels
-  kSampleOnly,  ///< sample the cameras and write the sums: R, G, B, weight in codes of the blend
-                ///< space
-  kFinishOnly   ///< sample no camera: finish the sums that are there instead of the pixels
+  /// Sample the cameras and write the sums: R, G, B, weight in codes of the blend space.
+  kSampleOnly,
+  kFinishOnly  ///< sample no camera: finish the sums that are there instead of the pixels
 };
 
 /// The contribution of one rank's cameras to a view (thesis 4.1.2): the sums of their weighted

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Filter footprint and supersampling (thesis 5.3). The footprint is the largest singular value of
-// the 2x2 derivative of source pixels by view pixels (central differences over one pixel, through
-// the focal plane and the lens), at 5x5 positions of the view. Downsampling averages factor x
-// factor pixels. Cost: 25 positions x cameras; one pass over the samples.
+// the 2x2 derivative of source pixels by view pixels, at 5x5 positions of the view. Derivatives are
+// central differences over one pixel, through the focal plane and the lens. Downsampling averages
+// factor x factor pixels. Cost: 25 positions x cameras; one pass over the samples.
 
 #include "render/common/footprint.h"
 

@@ -23,11 +23,10 @@ VirtualCamera supersampled(const VirtualCamera& view, int factor);
 /// view up to rounding.
 VirtualCamera crop_rows(const VirtualCamera& view, int first, int end);
 
-/// Returns the view downsampled by averaging factor x factor pixels. Averages premultiplied linear
-/// light, alpha, coverage and (where measured) cameras. Inverse depths are averaged where alpha is
-/// above 0, weighted by alpha, because they are linear on a plane. nearest_ray becomes the minimum
-/// where measured. Statistics and notes are kept. `image`: rendered from supersampled() with this
-/// factor.
+/// Returns the view downsampled by averaging factor x factor pixels: premultiplied linear light,
+/// alpha, coverage and (where measured) cameras. Inverse depths are averaged where alpha is above
+/// 0, weighted by alpha, because they are linear on a plane. nearest_ray becomes the minimum where
+/// measured. Statistics and notes are kept. `image`: rendered from supersampled() with this factor.
 RenderedView downsampled(const RenderedView& image, int factor);
 
 /// Copies a view of crop_rows() into its rows of the full view, which the first call creates. Adds

@@ -45,12 +45,12 @@ TEST_F(Footprint, IsTheRatioOfPixelsOnThePlane) {
   EXPECT_NEAR(ratio(160, 62, {0.01, 0.01, 0}), 1, 1e-9);
   EXPECT_NEAR(ratio(40, 62, {0.01, 0.01, 0}), 4, 1e-9);
   EXPECT_NEAR(ratio(640, 62, {0.01, 0.01, 0}), 0.25, 1e-9);
-  // As far from the plane again, twice the pixel; at infinity the same.
+  // At twice the distance from the plane the footprint doubles; at infinity it does not change.
   EXPECT_NEAR(ratio(16, 1, {0.01, 0.01, 4}),
               2 * 10 * std::tan(0.5 * kDegree) / std::tan(31 * kDegree), 1e-9);
   EXPECT_NEAR(ratio(16, 1, {0.01, 0.01, 4}, {0, 0, 0, 1}),
               10 * std::tan(0.5 * kDegree) / std::tan(31 * kDegree), 1e-9);
-  EXPECT_EQ(ratio(160, 62, {5, 0, 0}), 0);                   // nobody there
+  EXPECT_EQ(ratio(160, 62, {5, 0, 0}), 0);                   // no camera there
   EXPECT_EQ(ratio(160, 62, {0, 0, 0}, {0, 0, 1, 0}), 0);     // the eye on the plane
   EXPECT_EQ(ratio(160, 62, {0, 0, 0.1}, {0, 0, 1, -2}), 0);  // the plane behind it
 }
@@ -60,7 +60,7 @@ TEST_F(Footprint, SupersampledViewsSeeTheSameImage) {
   const VirtualCamera fine = supersampled(view, 3);
   EXPECT_EQ(fine.width, 120);
   EXPECT_EQ(fine.height, 90);
-  // The middle of a pixel is that of its middle sample.
+  // A pixel's centre is that of its middle sample.
   EXPECT_NEAR((7.5 - view.intrinsics.cx) / view.intrinsics.fx,
               (3 * 7 + 1.5 - fine.intrinsics.cx) / fine.intrinsics.fx, 1e-12);
 }

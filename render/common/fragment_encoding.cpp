@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fragments as bytes. A message is a header, the list of rectangles, and one block of samples that
-// depends on the encoding (docs/formats/fragments.md). Ranks of one job run the same program on
-// machines of one byte order; the reader still checks every size, because a message may be damaged.
+// Encodes fragments as bytes and decodes them. A message is a header, the list of rectangles, and
+// one block of samples that depends on the encoding (docs/formats/fragments.md). Ranks of one job
+// run the same program on machines of one byte order. The reader still checks every size, because a
+// message may be damaged.
 #include "render/common/fragment_encoding.h"
 
 #include <Imath/half.h>

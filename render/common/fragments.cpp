@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Covers the pixels of a view that are not zero with rectangles (the fragments of thesis 4.1.4):
-// strips of kFragmentRows rows are cut into intervals of columns, gaps narrower than kMinGap are
-// closed, and an interval that the strip above has too continues that rectangle.
+// Covers the pixels of a view that are not zero with rectangles (the fragments of thesis 4.1.4).
+// Strips of kFragmentRows rows are cut into intervals of columns, and gaps narrower than kMinGap
+// are closed. An interval that the strip above has too continues that rectangle.
 #include "render/common/fragments.h"
 
 #include <algorithm>

@@ -19,7 +19,7 @@ std::size_t at(int x, int y, int width) {
               static_cast<std::size_t>(x));
 }
 
-/// A view in which some discs and single pixels hold sums, the rest zeros.
+/// Returns a view in which some discs and single pixels hold sums and all others are zero.
 std::vector<float> some_sums(int width, int height, unsigned seed) {
   std::mt19937 random(seed);
   std::vector<float> sums(at(0, height, width));
@@ -62,7 +62,7 @@ TEST(Fragments, CoverWhatIsNotZeroOnceAndStayWithinTheView) {
 }
 
 TEST(Fragments, AreFewRectanglesWithLittleWaste) {
-  // A triangle, as a camera has in a view.
+  // A triangle, like the area of a camera in a view.
   constexpr int kSize = 256;
   std::vector<float> sums(at(0, kSize, kSize));
   for (int y = 0; y < kSize; ++y) {

@@ -36,7 +36,7 @@ TEST(ImageQuality, PsnrIsTheFormulaOverCoveredPixelsOnly) {
   std::vector<std::uint8_t> covered(20 * 16, 1);
   EXPECT_NEAR(compare_images(image, truth, covered).psnr_db, 10 * std::log10(255 * 255 / 25.0),
               1e-9);
-  for (std::size_t i = 0; i < 160; ++i) {  // ruin what is not covered
+  for (std::size_t i = 0; i < 160; ++i) {  // change pixels that are not covered
     covered[i] = 0;
     image.values[i * 3] = 255;
   }

@@ -25,11 +25,11 @@ struct LightFieldFrame {
   const store::Take* take = nullptr;  ///< the take of the frames
   const rig::Rig* rig = nullptr;      ///< the rig of the take
   store::FrameCache* cache = nullptr;
-  store::FrameCache* opaque =
-      nullptr;  ///< decodes frames without their matte; null: `cache` has none
-  store::FrameCache::FetchGroup fetch_group =
-      store::FrameCache::kUngrouped;  ///< of the view, whatever parts it is made in
-  Nanoseconds time_ns = 0;            ///< since the take's epoch
+  /// Decodes frames without their matte; null: `cache` has none.
+  store::FrameCache* opaque = nullptr;
+  /// The fetch group of the view, whatever parts it is made in.
+  store::FrameCache::FetchGroup fetch_group = store::FrameCache::kUngrouped;
+  Nanoseconds time_ns = 0;  ///< since the take's epoch
   /// Per camera of the rig: its frame, or -1 where it has none at this instant or is excluded.
   std::vector<int> frame_of_camera;
   /// As frame_of_camera, for the ticks before and after where the timeline has them: see

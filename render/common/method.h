@@ -41,8 +41,8 @@ struct ViewRequest {
   bool measure_coverage = false;     ///< fill RenderedView::cameras and nearest_ray (costs time)
   bool use_take_folder = true;       ///< derived data may be stored in the take and read from it
   int supersampling = 1;  ///< rays per output pixel along each axis; `view` includes the factor
-  /// If the view is a band of rows of a larger view: its first row and the height of the larger
-  /// view, in pixels of `view`. full_height 0: the view is complete.
+  /// For a band of rows of a larger view: the band's first row and the height of the larger view,
+  /// in pixels of `view`. full_height 0: the view is complete.
   int first_row = 0, full_height = 0;
   const RankCommunicator* group = nullptr;  ///< for contribute() with DistributionMode::kLockstep
 };
@@ -162,33 +162,34 @@ class Method {
   virtual RayDelegate ray_delegate(const MethodOptions& /*options*/) const { return {}; }
   /// Returns the surface that rays meet; by default the focal plane. Throws as render().
   virtual RaySurface surface(const SurfaceRequest& request) const;
-  /// Whether the method has the options of ray_weight_options(). Rays of other methods are
+  /// Returns whether the method has the options of ray_weight_options(). Rays of other methods are
   /// weighted with default options.
   virtual bool has_ray_weights() const { return false; }
 
   // Properties of the method for the renderer and its users.
 
-  /// Whether the method supports ViewRequest::measure_coverage.
+  /// Returns whether the method supports ViewRequest::measure_coverage.
   virtual bool measures_coverage() const { return true; }
-  /// Whether the method needs memory only for decoded frames: it caches no results and its working
-  /// memory is small.
+  /// Returns whether the method needs memory only for decoded frames: it caches no results and its
+  /// working memory is small.
   virtual bool caches_frames_only(const MethodOptions& /*options*/) const { return false; }
-  /// Whether rays are sampled on ViewRequest::focal_plane.
+  /// Returns whether rays are sampled on ViewRequest::focal_plane.
   virtual bool uses_focal_plane() const { return true; }
-  /// Whether rays are sampled on the focal plane where the depth range of the scene is unknown.
+  /// Returns whether rays are sampled on the focal plane where the depth range of the scene is
+  /// unknown.
   virtual bool may_use_focal_plane() const { return uses_focal_plane(); }
-  /// Whether the method may fill RenderedView::empty_space.
+  /// Returns whether the method may fill RenderedView::empty_space.
   virtual bool marks_empty_space() const { return false; }
-  /// Whether only the foreground is shown: transparent pixels are not missing rays.
+  /// Returns whether only the foreground is shown: transparent pixels are not missing rays.
   virtual bool shows_foreground_only() const { return false; }
-  /// Whether pixels depend on LightFieldFrame::adjacent_frames.
+  /// Returns whether pixels depend on LightFieldFrame::adjacent_frames.
   virtual bool reads_adjacent_frames(const MethodOptions& /*options*/) const { return false; }
-  /// Whether pixels do not depend on pixels in other rows, so that any rows can be rendered
+  /// Returns whether pixels do not depend on pixels in other rows, so that any rows can be rendered
   /// separately. Results for all rows should be cached, because each band requests them again.
   virtual bool is_row_independent(const MethodOptions& /*options*/) const { return false; }
-  /// Whether the method has a lens: the options f_number, film_width and radius.
+  /// Returns whether the method has a lens: the options f_number, film_width and radius.
   virtual bool has_lens() const { return false; }
-  /// Whether the method measures, on the take, which other method to use.
+  /// Returns whether the method measures, on the take, which other method to use.
   virtual bool chooses_by_measuring() const { return false; }
 };
 

@@ -64,7 +64,8 @@ PlaneProjection::PlaneProjection(const VirtualCamera& view, const Eigen::Vector4
   }
   const double height = signed_plane_distance(plane, eye_);
   distance_ = std::abs(height);
-  // n.d of the pixels, turned so that it is positive where the plane lies in front of the eye.
+  // n.d of the pixels, with the sign that makes it positive where the plane lies in front of the
+  // eye.
   slope_ = (height > 0 ? -1.0 : 1.0) * (ray_from_pixel_.transpose() * (given.head<3>() / length));
 }
 

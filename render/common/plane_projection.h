@@ -9,10 +9,10 @@
 namespace raystage::render {
 
 /// Returns the signed distance in metres of `point` from the plane a x + b y + c z + d = 0, with
-/// (a, b, c) not 0. Accurate to the last places also where the terms nearly cancel, as far from the
-/// world's origin (compensated sum: Ogita, Rump and Oishi, Accurate Sum and Dot Product, 2005).
-/// Returns 0, on the plane, where the terms cancel to less than the rounding of the given numbers
-/// or to less than 1e-30 m.
+/// (a, b, c) not 0. It is accurate to the last places also where the terms nearly cancel, as far
+/// from the world's origin (compensated sum: Ogita, Rump and Oishi, Accurate Sum and Dot Product,
+/// 2005). Returns 0, on the plane, where the terms cancel to less than the rounding of the given
+/// numbers or to less than 1e-30 m.
 double signed_plane_distance(const Eigen::Vector4d& plane, const Eigen::Vector3d& point);
 
 /// Projects a focal plane into a virtual camera: where each pixel's ray meets the plane, and where
@@ -21,12 +21,12 @@ double signed_plane_distance(const Eigen::Vector4d& plane, const Eigen::Vector3d
 /// With the plane n.X + c = 0, the eye O, h = n.O + c and the ray d, the point is O - d h / (n.d).
 /// Multiplied by |n.d| and taken relative to a camera's centre C it is
 ///   |h| d - sign(h) (n.d) (O - C),
-/// linear in the pixel, without a division, for planes from next to the eye to infinity.
+/// This is linear in the pixel, without a division, for planes from next to the eye to infinity.
 class PlaneProjection {
  public:
-  /// `plane`: a x + b y + c z + d = 0 in the world, any scale; (0, 0, 0, d) lies at infinity.
-  /// Throws Error (bad input) where all four are 0 or one is not finite, or the plane lies further
-  /// than 1e30 m from the world's origin without being at infinity.
+  /// Projects `plane` into `view`: a x + b y + c z + d = 0 in the world, any scale; (0, 0, 0, d) is
+  /// at infinity. Throws Error (bad input) where all four are 0 or one is not finite. Also throws
+  /// where the plane lies further than 1e30 m from the world's origin without being at infinity.
   PlaneProjection(const VirtualCamera& view, const Eigen::Vector4d& plane);
 
   /// Returns the matrix that maps (x, y, 1) of the view's pixel to (X, Y, W). The camera's ideal
@@ -34,13 +34,13 @@ class PlaneProjection {
   /// point.
   Eigen::Matrix3d ideal_from_pixel(const rig::Pose& camera) const;
 
-  /// Planar depth along the view's axis is distance() / slope().(x, y, 1), where that is positive;
-  /// slope is 0 for a plane at infinity.
+  /// Returns the slope of the plane. The planar depth along the view's axis is distance() /
+  /// slope().(x, y, 1), where that is positive. The slope is 0 for a plane at infinity.
   const Eigen::Vector3d& slope() const { return slope_; }
   double distance() const { return distance_; }
   bool at_infinity() const { return at_infinity_; }
-  /// Returns the planar depth of the plane at a pixel in metres: infinity for a plane at infinity,
-  /// 0 where the ray does not meet the plane in front of the virtual camera.
+  /// Returns the planar depth of the plane at a pixel in metres. It is infinity for a plane at
+  /// infinity, and 0 where the ray does not meet the plane in front of the virtual camera.
   double depth(double x, double y) const;
 
  private:

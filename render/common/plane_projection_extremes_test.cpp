@@ -37,7 +37,7 @@ TEST(PlaneProjectionExtremes, HeightIsThatOf50Digits) {
         (plane.head<3>().cwiseProduct(point).cwiseAbs().sum() + std::abs(plane.w())) /
         plane.head<3>().norm();
     const double height = signed_plane_distance(plane, point);
-    if (height == 0) {  // nothing that the numbers given could have told
+    if (height == 0) {  // the true distance is within rounding
       RC_ASSERT(static_cast<double>(abs(truth)) <= 1e-15 * magnitude);
     } else {
       RC_ASSERT(std::abs(static_cast<double>((height - truth) / truth)) < 4e-15);
@@ -70,7 +70,7 @@ TEST(PlaneProjectionExtremes, PositionsAndDepthsAreThoseOf50Digits) {
     const PlaneProjection projection(view, plane);
     const double x = between(0, width), y = between(0, 10);
     const auto ray = exact_ray(view, x, y);
-    // What a double knows of the ray: its parts are larger than itself far from the view's axis.
+    // The rounding of the ray in double: far from the view's axis its terms are larger than itself.
     const Eigen::Vector3d rounded = world_ray_from_pixel(view) * Eigen::Vector3d(x, y, 1);
     const double reach = (rounded.norm() + 2 * view.intrinsics.cx / view.intrinsics.fx);
     const double epsilon = 32 * std::numeric_limits<double>::epsilon();
@@ -80,7 +80,7 @@ TEST(PlaneProjectionExtremes, PositionsAndDepthsAreThoseOf50Digits) {
       const auto truth = exact_depth(plane, view.pose.position, ray);
       const double depth = projection.depth(x, y);
       RC_ASSERT(std::isfinite(depth) && depth >= 0);
-      if (slope < 1e-6 * reach) return;  // along the plane: met at any depth, or not at all
+      if (slope < 1e-6 * reach) return;  // nearly parallel to the plane: any depth is correct
       RC_ASSERT(truth.has_value());
       RC_ASSERT((depth > 0) == (*truth > 0));
       if (depth > 0) {
@@ -94,8 +94,8 @@ TEST(PlaneProjectionExtremes, PositionsAndDepthsAreThoseOf50Digits) {
     if (!truth || abs((*truth)[0]) > 1000 || abs((*truth)[1]) > 1000) return;  // not in its image
     ++met;
     RC_ASSERT(ideal.z() > 0);
-    // (X, Y, W) is a sum of two vectors: where they all but cancel the camera stands on the plane,
-    // next to the point.
+    // (X, Y, W) is a sum of two vectors. Where they nearly cancel, the camera is on the plane, next
+    // to the point.
     const double parts = projection.distance() * reach +
                          (view.pose.position - camera.position).norm() *
                              (projection.slope().cwiseAbs().dot(Eigen::Vector3d(width, 10, 1)));

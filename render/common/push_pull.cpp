@@ -64,7 +64,8 @@ void pull(const PyramidLevel& fine, const PyramidLevel& coarse) {
   });
 }
 
-/// `empty_space`: of the pixels of the fine image, or null.
+/// Adds the coarser level to fine pixels by 1 - alpha. `empty_space`: of the pixels of the fine
+/// image, or null.
 void push(const PyramidLevel& coarse, const PyramidLevel& fine, const float* empty_space) {
   raystage::parallel_for_grains(0, fine.height, kRowsPerTask, [&](int y) {
     const Between rows = coarse_of(y, coarse.height);

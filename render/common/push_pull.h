@@ -19,7 +19,8 @@ namespace raystage::render {
 /// rgba's. The bytes do not depend on the number of threads.
 void fill_push_pull(RenderedView& view);
 
-/// As fill_push_pull(), pixel by pixel in double, level by level recursively: the reference.
+/// Does the same as fill_push_pull(), pixel by pixel in double and level by level recursively: the
+/// reference.
 void fill_push_pull_reference(RenderedView& view);
 
 /// Sums with less confidence than this contain no usable colour: they are not divided by it.

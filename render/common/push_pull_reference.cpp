@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reference of fill_push_pull() (push_pull.cpp): hole filling by pull and push (Gortler,
+// Grzeszczuk, Szeliski and Cohen 1996, section 3.4), pixel by pixel in double, level by level
+// recursively. Input and output: premultiplied R, G, B, A of a view, in place. Cost: O(pixels),
+// with four coarse pixels per fine pixel in each direction.
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -19,7 +19,8 @@ void set(RenderedView& view, std::size_t at, std::array<float, 3> colour, float 
   view.rgba[at * 4 + 3] = view.coverage[at] = alpha;
 }
 
-/// Pixels seen, half seen and unseen; `holes`: the share of those not seen whole.
+/// Returns a view of seen, half seen and unseen pixels. `holes`: the share of pixels that are not
+/// fully seen.
 RenderedView with_holes(int width, int height, double holes) {
   RenderedView view = empty(width, height);
   std::mt19937 random(static_cast<unsigned>(width * 1000 + height));

@@ -59,8 +59,9 @@ RayCells::Cell make_cell(const rig::Topology::Cell& indices, const rig::Topology
   return cell;
 }
 
-/// For a distant virtual camera, the crossing of a cell is accurate to a few units in the last
-/// place of its distance. Neighbouring cells extend by as much, so that no ray falls between them.
+/// Returns the tolerance of a cell's edges. For a distant virtual camera, the crossing of a cell is
+/// accurate to a few units in the last place of its distance. Neighbouring cells extend by as much,
+/// so that no ray falls between them.
 double edge_tolerance(const RayCells::Cell& cell, const rig::Rig& rig, const Vector3d& eye) {
   if (cell.count < 2) return 0;
   const auto centre = [&](std::size_t i) { return rig.cameras[cell.camera[i]].pose.position; };
@@ -77,9 +78,9 @@ double edge_tolerance(const RayCells::Cell& cell, const rig::Rig& rig, const Vec
   return kEdgeTolerance + 8 * kEpsilon * distance / width;
 }
 
-/// For a virtual camera in the array's plane, on the edge between two cameras, the third has no
-/// weight. Its weight, which rounding keeps below the tolerance, is set to 0, so that its frame
-/// need not be decoded.
+/// Sets weights that rounding keeps below the tolerance to 0, so that the camera's frame need not
+/// be decoded. This is the third camera's weight for a virtual camera in the array's plane, on the
+/// edge between the other two.
 void drop_shares_below_tolerance(RayCells::Cell& cell, const VirtualCamera& view) {
   const auto range_of = [&](const Vector3d& linear) {
     double least = linear.z(), most = linear.z();
@@ -100,8 +101,8 @@ void drop_shares_below_tolerance(RayCells::Cell& cell, const VirtualCamera& view
   }
 }
 
-/// Returns the rows that contain a triangle's projection, including the tolerance around it; all
-/// rows where it reaches beyond the horizon.
+/// Sets the rows that contain a triangle's projection, including the tolerance around it; all rows
+/// where it reaches beyond the horizon.
 void bound_rows(RayCells::Cell& cell, const rig::Rig& rig, const Vector3d& eye,
                 const Matrix3d& pixel_from_world_ray) {
   constexpr double kEverywhere = std::numeric_limits<double>::infinity();
@@ -115,7 +116,7 @@ void bound_rows(RayCells::Cell& cell, const rig::Rig& rig, const Vector3d& eye,
   for (std::size_t i = 0; i < 3; ++i) corners[i] = rig.cameras[cell.camera[i]].pose.position;
   const Vector3d middle = corners[0] + ((corners[1] - corners[0]) + (corners[2] - corners[0])) / 3;
   for (const Vector3d& corner : corners) {
-    // Weights down to -tolerance: the triangle 3 tolerances larger.
+    // Weights down to -tolerance enlarge the triangle by 3 tolerances.
     const Vector3d to_corner = (corner - eye) + 4 * cell.edge_tolerance * (corner - middle);
     const Vector3d pixel = pixel_from_world_ray * to_corner;
     if (std::abs(pixel.z()) <= 1e-9 * to_corner.norm()) return;
@@ -149,7 +150,8 @@ bool passes_through(const RayCells::Cell& cell, double x, double y) {
   return sum > 0;
 }
 
-/// The edges from the cell's first camera to its others; a missing camera is placed far away.
+/// Returns the products of the edges from the cell's first camera to its others; a missing camera
+/// is placed far away.
 std::array<double, 3> edge_products(const RayCells::Cell& cell, const rig::Rig& rig) {
   constexpr double kFar = 1e30;
   const auto edge = [&](std::size_t i) {

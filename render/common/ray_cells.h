@@ -16,9 +16,10 @@ namespace raystage::render {
 ///
 /// A ray from O along d passes between the cameras at C1, C2, C3 with barycentric weights
 ///   w1 : w2 : w3 = d.((C2-O)x(C3-O)) : d.((C3-O)x(C1-O)) : d.((C1-O)x(C2-O)),
-/// whose sum is d.((C2-C1)x(C3-C1)). As d is linear in the pixel, each is a linear function of the
-/// pixel: exact on the array plane, in front of it and behind it alike, without a division by the
-/// distance to the plane. Rays are whole lines: an array behind the virtual camera counts too.
+/// whose sum is d.((C2-C1)x(C3-C1)). As d is linear in the pixel, each weight is a linear function
+/// of the pixel. It is exact on the array plane, in front of it and behind it alike, without a
+/// division by the distance to the plane. Rays are whole lines: an array behind the virtual camera
+/// counts too.
 class RayCells {
  public:
   struct Cell {
@@ -45,7 +46,7 @@ class RayCells {
     int begin = 0, end = 0, cell = 0;
   };
 
-  /// `view` without its distortion; `topology` over cameras of `rig`.
+  /// Projects the cells of `topology`, over cameras of `rig`, into `view` without its distortion.
   RayCells(const VirtualCamera& view, const rig::Rig& rig, const rig::Topology& topology);
 
   const std::vector<Cell>& cells() const { return cells_; }

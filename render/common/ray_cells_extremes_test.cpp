@@ -41,7 +41,7 @@ int count_of(const std::array<int, 3>& cell) {
   return static_cast<int>(std::count_if(cell.begin(), cell.end(), [](int c) { return c >= 0; }));
 }
 
-/// A ray of a view that is aimed at a cell: at its inside, an edge, a camera, or beside it.
+/// A ray of a view that is aimed at the inside of a cell, an edge or a camera, or outside the cell.
 struct Shot {
   VirtualCamera view;
   double x = 0, y = 0;  ///< pixel position of the ray
@@ -57,7 +57,7 @@ Shot some_shot(const rig::Rig& rig, const rig::Topology& topology) {
   if (kind == 2) share[1] = 0;
   if (kind == 3) share[1] = -3;
   for (std::size_t i = static_cast<std::size_t>(count_of(cell)); i < 3; ++i) share[i] = 0;
-  if (share[0] + share[1] + share[2] == 0) share[0] = 1;  // nothing left
+  if (share[0] + share[1] + share[2] == 0) share[0] = 1;  // no weight remains
   const double sum = share[0] + share[1] + share[2];
   Eigen::Vector3d target = centres[0];
   for (std::size_t i = 0; i < 3; ++i) target += share[i] / sum * (centres[i] - centres[0]);
@@ -71,7 +71,7 @@ Shot some_shot(const rig::Rig& rig, const rig::Topology& topology) {
   pose.position = target + height * topology.normal + slant * std::abs(height) * aside;
   const Eigen::Vector3d towards = target - pose.position;
   pose.world_from_camera_rotation = rotation();
-  if (towards.norm() > 1e-6 && *rc::gen::arbitrary<bool>()) {  // look there, more or less
+  if (towards.norm() > 1e-6 && *rc::gen::arbitrary<bool>()) {  // look approximately at the target
     pose.world_from_camera_rotation =
         Eigen::Quaterniond::FromTwoVectors(-Eigen::Vector3d::UnitZ(), towards).toRotationMatrix();
   }
@@ -89,8 +89,8 @@ Shot some_shot(const rig::Rig& rig, const rig::Topology& topology) {
   return shot;
 }
 
-/// How well a double can know a weight: a few units in the last place of the eye's distance, seen
-/// at the ray's angle, against the cell's width. What lies outside the edge by the tolerance adds.
+/// Returns a bound of a weight's rounding error in double: a few units in the last place of the
+/// eye's distance, divided by the cell's width and the ray's slope. The edge tolerance is added.
 double bound_of(const rig::Rig& rig, const RayCells::Cell& cell, const Eigen::Vector3d& up,
                 const VirtualCamera& view, double x, double y) {
   if (cell.count == 1) return kEpsilon;
@@ -106,7 +106,8 @@ double bound_of(const rig::Rig& rig, const RayCells::Cell& cell, const Eigen::Ve
   const double width = cell.count == 3 ? normal.norm() / longest : longest;
   const Eigen::Vector3d ray = world_ray_from_pixel(view) * Eigen::Vector3d(x, y, 1);
   const double slope = std::abs(normal.normalized().dot(ray.normalized()));
-  // The ray itself: its parts are as large as the view is wide and far off its axis.
+  // The rounding of the ray itself: its terms grow with the field of view and the distance from the
+  // axis.
   const schemas::Intrinsics& k = view.intrinsics;
   const double reach = (1 + (std::abs(x) + k.cx) / k.fx + (std::abs(y) + k.cy) / k.fy) / ray.norm();
   return 3 * cell.edge_tolerance + 64 * kEpsilon * reach * (distance + longest) / width / slope;
@@ -125,7 +126,7 @@ TEST(RayCellsExtremes, WeightsAreThoseOf50Digits) {
                            shot.view.pose.position, ray);
     };
     const auto crossing = cells.locate(shot.x, shot.y);
-    if (!crossing) {  // then no cell is crossed, but for rays along the array
+    if (!crossing) {  // then no cell is crossed, except for rays along the array
       for (const RayCells::Cell& cell : cells.cells()) {
         const auto truth = truth_in(cell);
         if (!truth) continue;
@@ -145,7 +146,7 @@ TEST(RayCellsExtremes, WeightsAreThoseOf50Digits) {
     }
     RC_ASSERT(std::abs(sum - 1) < 1e-12);
     const double bound = bound_of(rig, cell, topology.up, shot.view, shot.x, shot.y);
-    if (bound > 0.1) return;  // a ray along the array: any weights are as good
+    if (bound > 0.1) return;  // a ray along the array: its weights are undetermined
     const auto truth = truth_in(cell);
     RC_ASSERT(truth.has_value());
     for (std::size_t i = 0; i < 3; ++i) {
@@ -159,7 +160,7 @@ TEST(RayCellsExtremes, WeightsAreThoseOf50Digits) {
   EXPECT_GT(crossed, 30);  // else nothing was tested
 }
 
-/// How spans differ from each pixel's own crossing; empty where they do not.
+/// Returns how spans differ from each pixel's own crossing, or an empty text.
 std::string what_is_wrong(const RayCells& cells, const VirtualCamera& view) {
   std::vector<int> scratch;
   std::vector<RayCells::Span> spans;

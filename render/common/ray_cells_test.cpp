@@ -35,7 +35,8 @@ VirtualCamera view_at(const Eigen::Vector3d& position, double yaw = 0) {
   return virtual_camera_with_fov(64, 48, 50 * std::numbers::pi / 180, pose);
 }
 
-/// Barycentric coordinates of the point where the ray (a whole line) meets the triangle's plane.
+/// Returns the barycentric coordinates of the point where the ray (a whole line) meets the
+/// triangle's plane.
 std::array<double, 3> by_intersection(const rig::Rig& rig, const RayCells::Cell& cell,
                                       const Eigen::Vector3d& eye, const Eigen::Vector3d& ray) {
   std::array<Eigen::Vector3d, 3> c;
@@ -164,7 +165,7 @@ TEST(RayCells, InTheMiddleOfAnEdgeTheThirdCameraHasNoShare) {
   const rig::Rig rig = grid_rig(2, 2, 0.1);
   rig::Pose pose;
   for (const double off : {0.0, 1e-13}) {
-    pose.position = {off, -off / 3, 0};  // on the diagonal, however it is drawn
+    pose.position = {off, -off / 3, 0};  // on the diagonal, whichever way it is split
     const VirtualCamera view = virtual_camera_with_fov(96, 64, 1, pose);
     const RayCells cells(view, rig, rig::make_topology(rig, all_cameras(rig)));
     for (const RayCells::Cell& cell : cells.cells()) {

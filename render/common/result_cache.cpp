@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Caches results by key with a memory budget: least recently used results are evicted first. Each
+// result is computed once, and waiting threads help with its loops
+// (tbb::collaborative_call_once()). Cost: O(log results) per request; an eviction walks the list of
+// results.
 #include "render/common/result_cache.h"
 
 #include <tbb/collaborative_call_once.h>

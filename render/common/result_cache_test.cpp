@@ -17,7 +17,7 @@
 namespace raystage::render {
 namespace {
 
-/// Asks for a result of `size` bytes and counts how often it had to be made.
+/// Requests a result of `size` bytes and counts how often it is computed.
 int get(ResultCache& kept, const std::string& key, int value, std::size_t size,
         std::atomic<int>& made) {
   return *kept.get<int>(key, [&](std::size_t& bytes) {
@@ -100,7 +100,7 @@ TEST(ResultCache, ManyThreadsMakeAResultOnce) {
 }
 
 TEST(ResultCache, WhoWaitsHelps) {
-  // Two frames in flight that ask for the same: as in a shot in which time stands still.
+  // Two frames in flight request the same result, as in a shot of one instant.
   tbb::task_arena arena(2);
   ResultCache kept(100);
   std::mutex mutex;
@@ -111,7 +111,7 @@ TEST(ResultCache, WhoWaitsHelps) {
     ++made;
     bytes = 1;
     tbb::parallel_for(0, 64, [&](int) {
-      for (;;) {  // until two threads are at work
+      for (;;) {  // until two threads compute
         const std::scoped_lock lock(mutex);
         threads.insert(std::this_thread::get_id());
         if (threads.size() > 1 || std::chrono::steady_clock::now() > deadline) return;

@@ -32,8 +32,8 @@ constexpr std::array<std::pair<SimdLevel, std::string_view>, 4> kNames{
 constexpr std::array<std::pair<SimdLevel, std::int64_t>, 3> kTargets{
     {{SimdLevel::kSse4, HWY_SSE4}, {SimdLevel::kAvx2, HWY_AVX2}, {SimdLevel::kAvx512, HWY_AVX3}}};
 
-/// Returns the enabled targets. Highway 1.0.3 resets the dispatch to all targets in
-/// SupportedTargets() although it returns fewer, so that only this function may call it.
+/// Returns the enabled targets. Only this function may call SupportedTargets(): Highway 1.0.3
+/// resets the dispatch to all targets in it, although it returns fewer.
 std::int64_t supported_targets() {
   const std::int64_t targets = hwy::SupportedTargets();
   hwy::GetChosenTarget().Update(targets);
@@ -49,7 +49,7 @@ std::string names_of(const std::vector<SimdLevel>& levels) {
   return names;
 }
 
-/// Whether the C library computes with fused multiply-add, as its AVX2 variants do.
+/// Returns whether the C library computes with fused multiply-add, as its AVX2 variants do.
 bool libm_fuses() {
 #ifdef RAYSTAGE_LIBM_HAS_VARIANTS
   return CPU_FEATURE_ACTIVE(FMA) || CPU_FEATURE_ACTIVE(FMA4);

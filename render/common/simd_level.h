@@ -42,9 +42,9 @@ SimdLevel kernel_simd_level();
 std::string embree_config();
 
 /// Returns the value of the environment variable GLIBC_TUNABLES with which exp(), sin() etc. of a
-/// process compute as `level` does; nullopt if they do so in this process. glibc 2.33 or later
-/// chooses, once at its start, between variants with and without fused multiply-add, which differ
-/// in the last bit.
+/// process compute as `level` does; nullopt if they do so in this process. At its start, glibc 2.33
+/// or later chooses between variants with and without fused multiply-add, which differ in the last
+/// bit.
 std::optional<std::string> libm_tunables(SimdLevel level);
 
 }  // namespace raystage::render

@@ -17,7 +17,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-/// Releases what a test has pinned.
+/// Resets the level that a test has pinned.
 class SimdLevels : public ::testing::Test {
  protected:
   ~SimdLevels() override {
@@ -42,7 +42,7 @@ TEST_F(SimdLevels, APinnedLevelIsTheBest) {
   for (const SimdLevel level : levels) {
     pin_simd_level(level);
     EXPECT_EQ(best_simd_level(), level);
-    // What runs, also after somebody asked for the levels.
+    // The dispatched target must not change when the levels were queried.
     EXPECT_EQ(dispatched_target(), level == SimdLevel::kSse4   ? HWY_SSE4
                                    : level == SimdLevel::kAvx2 ? HWY_AVX2
                                                                : HWY_AVX3);
@@ -69,7 +69,7 @@ TEST_F(SimdLevels, OneThatTheProcessorLacksIsRefused) {
   EXPECT_EQ(best_simd_level(), SimdLevel::kAvx2);
 }
 
-/// Of what another process' libm computes under these tunables.
+/// Returns a hash of results of another process's C library under these tunables.
 std::string computed_with(const std::string& tunables) {
   const std::string command =
       "GLIBC_TUNABLES='" + tunables +
@@ -88,12 +88,12 @@ TEST_F(SimdLevels, TheCLibraryIsHeldToSse4) {
   EXPECT_EQ(libm_tunables(SimdLevel::kAvx512), std::nullopt);
   const auto tunables = libm_tunables(SimdLevel::kSse4);
   if (!tunables) GTEST_SKIP() << "this C library computes as on SSE4 already";
-  // A processor without any of AVX computes as one that has it hidden.
+  // A processor without AVX computes the same as one whose AVX is hidden.
   const std::string held = computed_with(*tunables);
   EXPECT_GT(held.size(), 5U) << held;
   EXPECT_EQ(held, computed_with("glibc.cpu.hwcaps=-AVX,-AVX2,-FMA,-FMA4,-AVX512F"));
   EXPECT_NE(held, computed_with("")) << "this test would not see a difference";
-  // Extensions of AVX-512 make none.
+  // Extensions of AVX-512 make no difference.
   EXPECT_EQ(computed_with(""), computed_with("glibc.cpu.hwcaps=-AVX512F,-AVX512VL,-AVX512BW"));
 }
 #endif

@@ -47,8 +47,8 @@ struct RenderStatistics {
   double decode_ms = 0;             ///< wall-clock time in which frames were decoded
   double render_ms = 0;             ///< wall-clock time of the sampling
   std::int64_t pixels_decoded = 0;  ///< entropy-decoded source pixels, all cameras
-  std::int64_t pixels_needed =
-      0;                 ///< distinct source pixels with a weight; counted on request only
+  /// Distinct source pixels with a weight; counted on request only.
+  std::int64_t pixels_needed = 0;
   int cameras_used = 0;  ///< cameras that contribute to at least one pixel
   /// Bytes of working buffers held at once, as the method computes them, without the view, decoded
   /// frames and cached results. Buffers used to compute cached results of this frame are included.
@@ -63,8 +63,8 @@ struct RenderStatistics {
   void add_part(const RenderStatistics& part);
 };
 
-/// An allocator that leaves values uninitialised when a vector grows without given values. Writing
-/// the 15 MB of zeros of a view takes as long as rendering it.
+/// An allocator that leaves values uninitialised when a vector grows without given values.
+/// Otherwise writing the 15 MB of zeros of a view takes as long as rendering it.
 template <class T>
 struct DefaultInitAllocator : std::allocator<T> {
   template <class U>

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Kernels of the blending by depths, up to 64 pixels at a time: compute_visibility() compares a
-// view's points with a camera's inverse depths (bilinear ramp behind the surface);
+// Kernels of the blending by depths, up to 64 pixels at a time. compute_visibility() compares a
+// view's points with a camera's inverse depths (bilinear ramp behind the surface).
 // blend_reweighted() computes the mean of the cameras' samples by iteratively reweighted least
-// squares with Cauchy weights (2 rounds). Cost: O(pixels x cameras x rounds). Must match the per-
-// pixel double computation in depth_reference.cpp.
+// squares with Cauchy weights (2 rounds). Cost: O(pixels x cameras x rounds). Must match the
+// per-pixel double computation in depth_reference.cpp.
 #include "render/depth/blend_kernels.h"
 
 #include <algorithm>

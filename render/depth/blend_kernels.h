@@ -10,9 +10,9 @@ namespace raystage::render {
 inline constexpr int kMaxRunPixels = 64;  ///< pixels per kernel call
 
 /// Inputs and output of compute_visibility(): how far a camera sees the points of a run of a view's
-/// pixels, by its own depths. 1 up to `tolerance` (1/m) behind them, falling to 0 at kOcclusionRamp
-/// times the tolerance; bilinear between the camera's pixels, so edges are soft. 1 outside its
-/// image and where its depth is unknown.
+/// pixels, by its own depths. The visibility is 1 up to `tolerance` (1/m) behind them and falls to
+/// 0 at kOcclusionRamp times the tolerance. It is bilinear between the camera's pixels, so edges
+/// are soft. It is 1 outside the camera's image and where its depth is unknown.
 struct VisibilityRun {
   int x = 0, y = 0;                          ///< first pixel of the view
   PixelTransfer transfer;                    ///< from the view to the camera
@@ -36,8 +36,9 @@ struct BlendRun {
 };
 /// Writes `sums`: the mean colour of the cameras times A, and A, the summed weights of cameras that
 /// see the point (0 where something hides it from all). The mean is weighted by weight and
-/// visibility; then twice by these and 1 / (1 + d^2 / agreement^2), d = root mean square distance
-/// of a sample's colour from the mean. kMinVisibleWeight keeps the mean finite for occluded points.
+/// visibility. Then it is twice weighted by these and 1 / (1 + d^2 / agreement^2), d = root mean
+/// square distance of a sample's colour from the mean. kMinVisibleWeight keeps the mean finite for
+/// occluded points.
 inline constexpr float kMinVisibleWeight = 1e-4F;
 void blend_reweighted(const BlendRun& run, std::span<float> sums);
 inline constexpr int kReweightingRounds = 2;

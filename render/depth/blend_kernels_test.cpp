@@ -80,7 +80,7 @@ TEST_F(BlendKernels, ACameraThatDiffersCountsLess) {
   std::vector<const float*> sample_of, share_of, visible_of;
   for (std::size_t i = 0; i < kCameras; ++i) {
     const float seen = i == 4 ? 0.5F * 65535 : 65535.0F;
-    const float code = i == 0 ? 0.9F : 0.4F;  // the first sees something else
+    const float code = i == 0 ? 0.9F : 0.4F;  // the first camera sees another object
     samples[i] = {code * seen, 0.5F * seen, 0.2F * seen, seen};
     weights[i][0] = 0.2F;
     visible[i][0] = i == 3 ? 0.0F : 1.0F;
@@ -91,13 +91,13 @@ TEST_F(BlendKernels, ACameraThatDiffersCountsLess) {
   testing::for_each_simd_target(depth_estimation_target, [&] {
     std::array<float, 4> sums{};
     blend_reweighted({sample_of, share_of, visible_of, 1, 0.04F * 65535}, sums);
-    const double alpha = 0.2 * 3.5;  // one is hidden, and one sees but half
+    const double alpha = 0.2 * 3.5;  // one camera is occluded, and one sees half
     EXPECT_NEAR(sums[3] / 65535, alpha, 1e-4);
     EXPECT_NEAR(sums[1] / 65535 / alpha, 0.5, 1e-4);
-    const double red = sums[0] / 65535 / alpha;  // the plain mean of those who see: 0.543
+    const double red = sums[0] / 65535 / alpha;  // the mean of cameras that see it: 0.543
     EXPECT_GT(red, 0.4);
     EXPECT_LT(red, 0.45);
-    for (auto& camera : visible) camera[0] = 0;  // occluded for all
+    for (auto& camera : visible) camera[0] = 0;  // occluded for all cameras
     blend_reweighted({sample_of, share_of, visible_of, 1, 0.04F * 65535}, sums);
     EXPECT_EQ(sums, (std::array<float, 4>{}));
     for (std::size_t i = 0; i < kCameras; ++i) visible[i][0] = i == 3 ? 0.0F : 1.0F;

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Estimates an inverse depth map (1/m) for each camera of a light field frame in three passes over
 // all cameras:
-// 1. matching with up to 8 neighbours on planes of even inverse depth (match_row(): mean of the
-//    smaller half of the truncated luma differences) and semi-global matching (Hirschmueller 2008,
-//    matching);
-// 2. fusion of the hypotheses of the neighbours and the camera itself (fusion.cpp);
-// 3. refinement by fractions of a pixel against all cameras that see the point (refine_row():
-//    Geman-McClure residuals, smoothed by domain_transform_filter() along edges of picture and
-//    depth).
+//   1. matching with up to 8 neighbours on planes of even inverse depth (match_row(): mean of the
+//      smaller half of the truncated luma differences), and semi-global matching (Hirschmueller
+//      2008, matching);
+//   2. fusion of the hypotheses of the neighbours and the camera itself (fusion.cpp);
+//   3. refinement by fractions of a pixel against all cameras that see the point (refine_row():
+//      Geman-McClure residuals), smoothed by domain_transform_filter() along edges of picture and
+//      depth.
 // Cost per camera: O(pixels x planes x neighbours) for pass 1, O(pixels x support views x offsets)
 // for pass 3. Memory is planned by estimation_memory.h; the result does not depend on it.
 // Reference: camera_depths_reference.cpp.
@@ -44,7 +44,7 @@ std::size_t pixels_of(const VirtualCamera& camera) {
 
 class Solver {
  public:
-  /// `group`: null if this host estimates the depths of all cameras.
+  /// Prepares the estimation. `group`: null if this host estimates the depths of all cameras.
   Solver(const LightFieldFrame& instant, const DepthEstimationOptions& options,
          std::size_t working_bytes, const RankCommunicator* group)
       : instant_(instant),

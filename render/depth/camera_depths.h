@@ -30,6 +30,7 @@ struct DepthEstimationOptions {
 /// Constants of the passes of estimate_camera_depths().
 namespace depth_estimation {
 inline constexpr int kMaxPlanes = 256;
+/// SemiGlobalOptions::p1 and p2.
 inline constexpr int kSmallJumpPenalty = 27,
                      kLargeJumpPenalty = 160;  ///< SemiGlobalOptions::p1 and p2
 inline constexpr double kGuideScale = 7;       ///< SemiGlobalOptions::guide_scale
@@ -56,7 +57,7 @@ struct CameraDepths {
   std::vector<VirtualCamera> pinholes;  ///< by camera of the rig; see undistorted()
   std::vector<InverseDepthMap> maps;    ///< empty where there is no frame
   /// The inverse depth, 1/m, that moves a point by one pixel between neighbouring cameras (median
-  /// over the rig); 0 if no two cameras see the same from different positions.
+  /// over the rig). It is 0 if no two cameras see the same from different positions.
   double inverse_depth_per_pixel = 0;
   std::vector<InverseDepthMap> block_nearest;  ///< of the maps, by compute_block_nearest()
   /// Cost of the estimation: memory in addition to the maps, and pixels decoded. Both are 0 if the
@@ -69,16 +70,16 @@ struct CameraDepths {
 };
 
 /// Returns the depths of all cameras, estimated in three passes over the cameras:
-/// 1. matching with the neighbours (mean of the smaller half of the differences, semi-global
-///    matching);
-/// 2. fusion: each pixel takes the hypothesis that most neighbours support, its own included;
-/// 3. refinement by fractions of a pixel to the depth at which the support views agree best,
-///    smoothed by a filter that stops at edges of luma and of depth.
-/// The result depends on neither the number of threads nor `working_bytes`. `working_bytes` limits
-/// the memory in addition to the result: a matching image per camera (4 bytes a pixel, computed
-/// again if not all fit), a second map until the neighbours have read the first, and the memory of
-/// the cameras in flight. See EstimationMemory. Throws Error (bad input) if a frame cannot be read
-/// or if one camera at a time does not fit.
+///   1. matching with the neighbours (mean of the smaller half of the differences, semi-global
+///      matching);
+///   2. fusion: each pixel takes the hypothesis that most neighbours support, its own included;
+///   3. refinement by fractions of a pixel to the depth at which the support views agree best,
+///      smoothed by a filter that stops at edges of luma and of depth.
+/// The result depends on neither the number of threads nor `working_bytes`, which limits the memory
+/// in addition to the result. It includes a matching image per camera (4 bytes a pixel, computed
+/// again if not all fit) and a second map until the neighbours have read the first. The rest is the
+/// memory of the cameras in flight. See EstimationMemory. Throws Error (bad input) if a frame
+/// cannot be read or if one camera at a time does not fit.
 CameraDepths estimate_camera_depths(const LightFieldFrame& instant,
                                     const DepthEstimationOptions& options,
                                     std::size_t working_bytes);
@@ -90,7 +91,8 @@ CameraDepths estimate_local_depths(const LightFieldFrame& instant,
                                    const DepthEstimationOptions& options, std::size_t working_bytes,
                                    const RankCommunicator& group);
 
-/// The reference of estimate_camera_depths(): pixel by pixel in double, single-threaded.
+/// Estimates the same pixel by pixel in double, single-threaded: the reference of
+/// estimate_camera_depths().
 CameraDepths estimate_camera_depths_reference(const LightFieldFrame& instant,
                                               const DepthEstimationOptions& options);
 

@@ -19,9 +19,9 @@ namespace {
 using Eigen::Vector3d;
 using testing::SyntheticTake;
 
-constexpr double kWall = 2.5, kBack = 5;  // metres off
+constexpr double kWall = 2.5, kBack = 5;  // distances in metres
 
-/// Left of x = 0.1 a wall, behind it another one.
+/// Returns the depth along a ray: left of x = 0.1 a wall, behind it another one.
 double depth_along(const Vector3d& from, const Vector3d& direction) {
   const double wall = (-kWall - from.z()) / direction.z();
   return (from + wall * direction).x() < 0.1 ? wall : (-kBack - from.z()) / direction.z();
@@ -80,7 +80,8 @@ TEST_F(CameraDepthsTest, AgreesWithTheReferenceOnEveryInstructionSet) {
         const float expected = slow.maps[camera].values[i], found = fast.maps[camera].values[i];
         ++all;
         known += expected >= 0 ? 1 : 0;
-        // A hundredth of a pixel of disparity, except where rounding decides a choice.
+        // The tolerance is a hundredth of a pixel of disparity, except where rounding decides a
+        // choice.
         const bool is_other = (found < 0) != (expected < 0);
         differ +=
             is_other || std::abs(found - expected) > 0.01 * slow.inverse_depth_per_pixel ? 1 : 0;

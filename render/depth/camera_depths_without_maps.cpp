@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Selects the cameras that each camera is matched with (the nearest that share its view) and the
-// planes of its initial sweep, spaced by at most plane_px of disparity to the nearest neighbour.
-// Also computes the inverse depth per pixel of disparity, the median over the rig. Distances in
-// metres, inverse depths in 1/m. Cost: O(cameras^2).
+// planes of its initial sweep. Planes are spaced by at most plane_px of disparity to the nearest
+// neighbour. Also computes the inverse depth per pixel of disparity, the median over the rig.
+// Distances in metres, inverse depths in 1/m. Cost: O(cameras^2).
 #include <algorithm>
 #include <cmath>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Renders a view of the method "depth" from its plan (depth_view_plan.cpp): determines the source
+// Renders a view of the method "depth" from its plan (depth_view_plan.cpp). Determines the source
 // pixels, decodes them, and per pixel blends the samples of the selected cameras by weight,
 // visibility and agreement (blend_kernels.cpp). Input: the inverse depth (1/m) of each pixel of the
 // view. Output: premultiplied linear RGBA, coverage and planar depth z in metres. Cost: O(pixels x
@@ -44,7 +44,7 @@ class Frame {
   }
 
  private:
-  /// Tile by tile, not row by row: adjacent rows read the same source pixels from the cache.
+  /// Blends tile by tile, not row by row: adjacent rows read the same source pixels from the cache.
   void blend(RenderedView& image) {
     constexpr int kTiles = 4;
     const std::vector<Tile>& all = plan_.field.tiles();

@@ -101,7 +101,7 @@ double point_visibility(const DepthViewPlan& plan, int camera, const Eigen::Vect
 /// Fills RenderedView::cameras and nearest_ray.
 void measure_coverage(const ViewRequest& request, const DepthViewPlan& plan, RenderedView& image);
 
-/// Return the view, by the kernels and by the per-pixel reference in double.
+/// Returns the view by the kernels, or by the per-pixel reference in double.
 RenderedView render(const ViewRequest& request);
 RenderedView render_reference(const ViewRequest& request);
 

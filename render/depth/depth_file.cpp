@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Encodes and decodes files of inverse depth maps (docs/formats/depth.md). A depth is a 16-bit
+// multiple of a power of two per map, stored as its difference from the depth before in the row and
+// compressed by zstd. Input and output: maps in 1/m. Cost: O(pixels); memory of one map.
 #include "render/depth/depth_file.h"
 
 #include <zstd.h>
@@ -97,7 +100,7 @@ class Decompressor {
     }
     return true;
   }
-  /// Returns whether the frame ends here with a correct checksum, and the file with it.
+  /// Returns whether the frame, and the file with it, ends here with a correct checksum.
   bool ends() {
     std::byte more{};
     ZSTD_outBuffer output{&more, 1, 0};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A separate program: it counts the bytes of all allocations.
+// Tests of the memory of method depth, in a separate program that counts all allocated bytes.
 #include <gtest/gtest.h>
 #include <malloc.h>
 
@@ -39,7 +39,7 @@ std::atomic<std::ptrdiff_t> held{0}, peak{0};
 }  // namespace
 
 #if RAYSTAGE_COUNTS_MEMORY
-// glibc's own, below the names that programs use.
+// glibc's functions underneath the names that programs use.
 extern "C" {
 void* __libc_malloc(std::size_t bytes);                           // NOLINT
 void* __libc_calloc(std::size_t count, std::size_t bytes);        // NOLINT
@@ -111,7 +111,7 @@ TEST(DepthMemory, SolvingKeepsWithinItsBound) {
     EXPECT_EQ(read.maps[7].values, warm.maps[7].values);
     std::filesystem::remove_all(take.folder() / "depth");
   }
-  EXPECT_GT(most, 10'000'000);  // so the smaller bounds were put to the test
+  EXPECT_GT(most, 10'000'000);  // so the smaller bounds were tested
 }
 
 TEST(DepthMemory, AViewTakesWhatItSaysItTakes) {

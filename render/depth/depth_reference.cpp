@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reference of the blending of method "depth", ray by ray in double: per pixel the samples of the
-// tile's cameras at the view's depth, weighted by weight, visibility (point_visibility()) and two
-// rounds of Cauchy reweighting; see BlendRun. Also renders views with lens distortion. Output as
-// depth.cpp. Cost: O(pixels x cameras of a tile), all frames decoded.
+// Reference of the blending of method "depth", ray by ray in double. Each pixel is the mean of the
+// samples of the tile's cameras at the view's depth. They are weighted by weight, visibility
+// (point_visibility()) and two rounds of Cauchy reweighting; see BlendRun. Also renders views with
+// lens distortion. Output as depth.cpp. Cost: O(pixels x cameras of a tile), all frames decoded.
 #include <algorithm>
 #include <array>
 #include <cmath>

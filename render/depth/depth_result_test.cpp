@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Results of method depth: their cost, where they are stored, and their reuse.
+// Tests of the results of method depth: their cost, where they are stored, and their reuse.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -39,7 +39,7 @@ TEST_F(DepthFound, SaysHowMuchMemoryItTakesAndWhereThatIsMoreThanItsShare) {
   constexpr std::size_t kPixels = 90 * 64;
   const std::size_t solved = render(take, default_view()).statistics.working_bytes;
   const RenderedView kept = render(take, default_view());
-  EXPECT_GT(solved, 9U * 8 * 96 * 72);  // images and second maps of all cameras, at the least
+  EXPECT_GT(solved, 9U * 8 * 96 * 72);  // minimum: images and second maps of all cameras
   EXPECT_GE(kept.statistics.working_bytes, 16 * kPixels);
   EXPECT_LT(kept.statistics.working_bytes, solved);
   const auto beyond = ::testing::Contains(
@@ -66,7 +66,7 @@ TEST_F(DepthFound, KeepsDepthsInTheTakeAndUsesThem) {
   EXPECT_EQ(render(take, default_view()).rgba, first.rgba);
   EXPECT_EQ(fs::last_write_time(file), written);
   EXPECT_EQ(render(take, default_view(), {{"store_depths", false}}).rgba,
-            first.rgba);  // found or read: the same
+            first.rgba);  // cached or read: equal
   // Other settings have another file; a damaged file is replaced.
   render(take, default_view(), {{"far", 9.0}});
   EXPECT_EQ(stored_depth_files().size(), 2U);

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Stores the camera depths of light field frames as FOLDER/depth/SET/INSTANT.zst
+// (docs/formats/depth.md). SET and INSTANT are XXH3 hashes of all inputs, so that a file is found
+// exactly if its inputs are equal. Damaged files are estimated again. Sets are removed by their
+// last use unless they are pinned. Cost: reading the encoded frames of all cameras for the key; the
+// estimation (camera_depths.cpp) if there is no file.
 #include "render/depth/depth_store.h"
 
 #include <fcntl.h>
@@ -29,8 +34,8 @@ namespace fs = std::filesystem;
 constexpr std::uint32_t kAlgorithm = 3;  ///< raise it if equal inputs give different depths
 constexpr std::size_t kDigits = 16;
 
-/// Sets the set's time of use; failure is ignored. UTIME_NOW is allowed to all who may write to the
-/// folder, an explicit time to its owner only.
+/// Sets the set's time of use; failure is ignored. Everyone who may write to the folder may set
+/// UTIME_NOW; only its owner may set an explicit time.
 void mark_used(const fs::path& set) {
   constexpr timespec kNow{0, UTIME_NOW};
   const std::array times{kNow, kNow};
@@ -92,7 +97,8 @@ void add_pixel_numbers(double camera, const schemas::PhotometricResponse& respon
   }
 }
 
-/// Returns all numbers of a rig that depths depend on: not its file, which may have changed.
+/// Returns all numbers of a rig that depths depend on. Its file is not used, because it may have
+/// changed.
 std::vector<std::byte> numbers_of(const rig::Rig& rig) {
   std::vector<double> numbers;
   for (const rig::Rig::Camera& camera : rig.cameras) {

@@ -27,10 +27,10 @@ DepthStoreKey depth_store_key(const LightFieldFrame& instant,
 std::filesystem::path depth_file_path(const std::filesystem::path& folder,
                                       const DepthStoreKey& key);
 
-/// Returns the depths of an instant's cameras: those in LightFieldFrame::derived_folder() if the
-/// file is intact and its key equal, else estimated and, if `stores_depths`, stored there. If they
-/// cannot be stored (a read-only take, a full disk), `note` says why; this is not an error. The
-/// first file of a new set calls prune_depth_sets().
+/// Returns the depths of an instant's cameras. They are read from LightFieldFrame::derived_folder()
+/// if the file is intact and its key equal, else estimated and, if `stores_depths`, stored there.
+/// If they cannot be stored (a read-only take, a full disk), `note` says why; this is not an error.
+/// The first file of a new set calls prune_depth_sets().
 CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
                                             const DepthEstimationOptions& options,
                                             std::size_t working_bytes, bool stores_depths,

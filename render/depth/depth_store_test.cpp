@@ -156,7 +156,7 @@ store::Take with(const fs::path& take, const char* file, const std::string& from
 TEST_F(TakeWithDepths, WhatFramesMeanIsPartOfTheKey) {
   const DepthStoreKey before = depth_store_key(instant_, {});
   const store::Take linear = with(take_->folder(), "take.json", "srgb_texture", "lin_rec709_scene");
-  EXPECT_EQ(depth_store_key(instant_, {}), before);  // goes by the take as it was opened
+  EXPECT_EQ(depth_store_key(instant_, {}), before);  // the key uses the take as it was opened
   LightFieldFrame other = instant_;
   other.take = &linear;
   EXPECT_NE(depth_store_key(other, {}).set, before.set);

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Intersects rays with the depth maps of cameras by relief mapping (Policarpo, Oliveira and Comba
-// 2005, "Real-time relief mapping on arbitrary polygonal surfaces"): the ray is projected to a
+// 2005, "Real-time relief mapping on arbitrary polygonal surfaces"). The ray is projected to a
 // camera's image and followed pixel by pixel until it passes from in front of the depths to behind
-// them; linear interpolation gives the hit. The median over the 3 nearest cameras that see the ray
-// counts. Input: rays, maps in 1/m; output: inverse distances along the rays, 1/m. Cost: O(rays x 3
-// x pixels along the ray, at most 4096), and O(cameras log cameras) per ray to sort them.
+// them; linear interpolation gives the hit. The result is the median over the 3 nearest cameras
+// that see the ray. Input: rays, maps in 1/m; output: inverse distances along the rays, 1/m. Cost:
+// O(rays x 3 x pixels along the ray, at most 4096), and O(cameras log cameras) per ray to sort
+// them.
 #include "render/depth/depth_surface.h"
 
 #include <algorithm>

@@ -9,8 +9,8 @@
 namespace raystage::render {
 
 /// Returns a surface that intersects rays with the cameras' depth maps, by relief mapping
-/// (Policarpo, Oliveira and Comba 2005). A ray is followed through the maps of the three cameras
-/// nearest to it that see a part of it, within the scene; the result is the median of their hits.
+/// (Policarpo, Oliveira and Comba 2005). A ray is followed, within the scene, through the maps of
+/// the three cameras nearest to it that see a part of it. The result is the median of their hits.
 /// Cameras for which something nearer hides a part of the ray are used only if there are no others.
 /// A ray without a hit ends at the far end of the scene; a ray that does not pass through the scene
 /// gives NaN.

@@ -24,7 +24,8 @@ constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kRadius = 0.5, kWall = 6;
 const Vector3d kMiddle(0.1, 0, -3);
 
-/// Distance along a ray (units of `direction`) to a sphere 3 m off before a wall 6 m off.
+/// Returns the distance along a ray (units of `direction`) to a sphere 3 m away in front of a wall
+/// 6 m away.
 double distance_to_scene(const Vector3d& origin, const Vector3d& direction) {
   const double a = direction.squaredNorm(), b = (kMiddle - origin).dot(direction);
   const double c = (kMiddle - origin).squaredNorm() - kRadius * kRadius;
@@ -66,7 +67,7 @@ double inverse_distance(const RaySurface& surface, const WorldRay& ray) {
   return inverse;
 }
 
-/// Numbers of rays of a view, and of those wrong by more than a camera's pixel resolves.
+/// Numbers of rays of a view, and of rays whose error exceeds what a camera's pixel resolves.
 struct Score {
   int wrong = 0, all = 0;
 };
@@ -124,10 +125,10 @@ TEST(DepthSurface, RaysThatMissTheSceneMeetNothing) {
   EXPECT_TRUE(std::isnan(inverse_distance(surface, {Vector3d::Zero(), Vector3d::UnitZ()})));
   EXPECT_TRUE(std::isnan(inverse_distance(surface, {Vector3d::Zero(), Vector3d::UnitX()})));
   EXPECT_TRUE(std::isnan(inverse_distance(surface, {Vector3d(0, 0, -8), -Vector3d::UnitZ()})));
-  // Seen by no camera: ends where the scene does.
+  // No camera sees this ray: it ends at the far end of the scene.
   const WorldRay beside{Vector3d(30, 0, 0), -Vector3d::UnitZ()};
   EXPECT_NEAR(inverse_distance(surface, beside), 1 / 6.2, 1e-12);
-  // A scene without end, and one without cameras.
+  // A scene with an infinite far end, and a rig without cameras.
   const RaySurface endless =
       depth_surface(true_depths(rig), rig, {2.3, std::numeric_limits<double>::infinity()});
   EXPECT_EQ(inverse_distance(endless, beside), 0);
@@ -191,7 +192,7 @@ TEST(DepthProxy, MakesTheLumigraphSharpAtEveryDepth) {
   const double on_plane = error_of("lumigraph", {}, false);
   const double on_depth = error_of("lumigraph", by_depth, false);
   EXPECT_LT(on_depth, 0.85 * on_plane);
-  EXPECT_LT(on_depth, 1.3 * error_of("depth", {}, false));  // what those depths are good for
+  EXPECT_LT(on_depth, 1.3 * error_of("depth", {}, false));  // the accuracy that these depths allow
   EXPECT_NEAR(error_of("lumigraph", by_depth, true), on_depth, 0.05 * on_depth);
 }
 

@@ -93,7 +93,8 @@ TEST_F(Depth, FindsASlantedPlane) {
   EXPECT_LT(colour_error / count, 0.012);
 }
 
-/// A wall with round holes, before the back plane: edges at every angle and of every phase.
+/// Returns the light of a wall with round holes in front of the back plane: edges at every angle
+/// and of every phase.
 std::array<double, 3> holes_scene(const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
   const Eigen::Vector3d on_wall = from + kFront.distance(from, direction) * direction;
   const bool wall = std::cos(5 * on_wall.x() + 1) + std::cos(5 * on_wall.y()) > 0.6;
@@ -134,7 +135,7 @@ TEST_F(Depth, TheErrorDoesNotFlickerWhenTheCameraMoves) {
     return largest;
   };
   EXPECT_LT(largest_step({}), 0.3);                  // dB
-  EXPECT_GT(largest_step({{"cameras", 2.0}}), 0.3);  // too few to hide the change
+  EXPECT_GT(largest_step({{"cameras", 2.0}}), 0.3);  // too few cameras to hide the change
 }
 
 TEST_F(Depth, KeepsTheTwoSidesOfAStepApart) {
@@ -161,14 +162,14 @@ TEST_F(Depth, KeepsTheTwoSidesOfAStepApart) {
 
 TEST_F(Depth, TemporalLooksAtTheFramesBeforeAndAfter) {
   SyntheticTake settings = slanted(2, 3);
-  settings.frames = 4;  // all alike
+  settings.frames = 4;  // all equal
   const store::Take take = write(settings);
   const schemas::OptionValues steady{{"temporal", true}};
   const store::Timeline timeline = store::build_timeline(take, 15, 0);
   RendererOptions on_ticks;
   on_ticks.ticks = timeline.ticks;
   EXPECT_GT(mean_alpha(render(take, default_view(), steady, on_ticks, 0)),
-            0.9);  // it has none before
+            0.9);  // the first tick has none before
   const RenderedView second = render(take, default_view(), steady, on_ticks, 1);
   const RenderedView alone = render(take, default_view(), {}, {}, 1);
   for (std::size_t i = 0; i < alone.rgba.size(); ++i) {
@@ -178,7 +179,7 @@ TEST_F(Depth, TemporalLooksAtTheFramesBeforeAndAfter) {
   slow.reference = true;
   expect_equal(second, render(take, default_view(), steady, slow, 1));
   EXPECT_EQ(render(take, default_view(), steady, on_ticks, 1).rgba,
-            second.rgba);  // found or read: the same
+            second.rgba);  // cached or read: equal
 }
 
 TEST_F(Depth, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
@@ -191,7 +192,7 @@ TEST_F(Depth, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
   const std::size_t middle = 20 * 60 + 30;
   EXPECT_NEAR(render(take, view, four).coverage[middle], 1, 1e-3);
   const RenderedView lacking = render(take, view, four, {}, 1);
-  EXPECT_NEAR(lacking.rgba[middle * 4 + 3], 1, 1e-3);  // still a picture
+  EXPECT_NEAR(lacking.rgba[middle * 4 + 3], 1, 1e-3);  // still opaque
   EXPECT_LT(lacking.coverage[middle], 0.1);            // and reported
   EXPECT_EQ(stored_depth_files().size(), 2U);
   RendererOptions slow;
@@ -203,7 +204,7 @@ TEST_F(Depth, OneCameraIsAllThatItNeeds) {
   const store::Take take = write(slanted(1, 1));
   const RenderedView image = render(take, default_view());
   EXPECT_GT(mean_alpha(image), 0.9);
-  const float z = image.z[32 * 90 + 45];  // mid-way in disparity: there is nothing to compare
+  const float z = image.z[32 * 90 + 45];  // the middle in disparity: there is nothing to compare
   EXPECT_GT(z, 2.5F);
   EXPECT_LT(z, 7.0F);
 }
@@ -217,7 +218,7 @@ TEST_F(Depth, StaysFiniteWhereDepthsEnd) {
     for (const VirtualCamera& view :
          {virtual_camera_with_fov(40, 30, 1, make_pose({0, 0, 0}, 0)),
           virtual_camera_with_fov(40, 30, 1, make_pose({0, 0, -4.5}, 0)),      // inside the scene
-          virtual_camera_with_fov(40, 30, 1, make_pose({0.3, 0, -4}, 170)),    // make_pose back
+          virtual_camera_with_fov(40, 30, 1, make_pose({0.3, 0, -4}, 170)),    // looking back
           virtual_camera_with_fov(40, 30, 3, make_pose({0, 0, 0}, 90)),        // along the array
           virtual_camera_with_fov(1, 1, 0.001, make_pose({0, 0, 1e6}, 0))}) {  // far behind
       const RenderedView image = render(take, view, options);

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plans a view of the method "depth": reads or estimates the depths of all cameras (depth_store.h),
-// averages them over adjacent frames if option `temporal` is set, and fuses the hypotheses of up to
-// 8 cameras per tile corner to the view's depths (fusion.cpp). Output: DepthViewPlan with inverse
-// depths in 1/m of all pixels of the pinhole view, and the blending field of the cameras. Cost:
-// estimation once per instant; fusion O(pixels x hypotheses^2) per view. Also defines the method.
+// Plans a view of the method "depth". Reads or estimates the depths of all cameras (depth_store.h)
+// and, if option `temporal` is set, averages them over adjacent frames. Then fuses the hypotheses
+// of up to 8 cameras per tile corner to the view's depths (fusion.cpp). Output: DepthViewPlan with
+// inverse depths in 1/m of all pixels of the pinhole view, and the blending field of the cameras.
+// Cost: estimation once per instant; fusion O(pixels x hypotheses^2) per view. Also defines the
+// method.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -200,7 +201,8 @@ std::vector<std::string> depth_notes(const CameraDepths& depths, const LightFiel
                   estimation.plane_px, rounded_for_display(needed), depth_estimation::kMaxPlanes)};
 }
 
-/// The weights are those of a blending field of the view with kBest cameras per tile corner.
+/// Returns the hypotheses of the cameras. Their weights are those of a blending field of the view
+/// with kBest cameras per tile corner.
 FusionInputs fusion_inputs(const DepthViewPlan& plan, const ViewRequest& request) {
   static_assert(kDepthTile == BlendingField::kTile);
   constexpr float kMinShare = 0.2F;
@@ -331,7 +333,7 @@ class DepthMethod final : public Method {
   RenderedView render_reference(const ViewRequest& request) const override {
     return depth::render_reference(request);
   }
-  /// Time-averaged depths depend on other light field frames.
+  /// Returns kNone for time-averaged depths, because they depend on other light field frames.
   DistributionMode distribution(const MethodOptions& options) const override {
     return options.flag("temporal") ? DistributionMode::kNone : DistributionMode::kLockstep;
   }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Method `depth` on several hosts. Each host estimates the depths of its own cameras once per light
-// field frame, with the frames and maps of their neighbours (local_depths.h). For a view, each host
-// warps its cameras' depths, host 0 selects the depth with the largest support, and each host adds
-// the samples of its cameras at these depths. The two rounds of reweighting (blend_reweighted())
-// exchange the mean. Output: sums per pixel, see contribute(). Cost per host: O(pixels x its
-// cameras).
+// Renders views of the method "depth" on several hosts. Each host estimates the depths of its own
+// cameras once per light field frame, with the frames and maps of their neighbours
+// (local_depths.h). For a view, each host warps its cameras' depths and host 0 selects the depth
+// with the largest support. Then each host adds the samples of its cameras at these depths. The two
+// rounds of reweighting (blend_reweighted()) exchange the mean. Output: sums per pixel, see
+// contribute(). Cost per host: O(pixels x its cameras).
 #include "render/depth/distributed.h"
 
 #include <algorithm>
@@ -41,7 +41,7 @@ std::vector<Message> empty_messages(const RankCommunicator& group) {
   return std::vector<Message>(static_cast<std::size_t>(group.size()));
 }
 
-/// Returns the depth of each pixel of the view: hypotheses of all hosts, voted on by host 0.
+/// Returns the depth of each pixel of the view: host 0 votes on the hypotheses of all hosts.
 InverseDepthMap vote_together(const ViewRequest& request, DepthViewPlan& plan,
                               const RankCommunicator& group) {
   const LightFieldFrame& instant = request.instant;
@@ -220,8 +220,8 @@ class BandBlend {
   std::vector<TileSamples> tiles_;
 };
 
-/// Returns the end of the band from row of tiles `first` on: the samples of all hosts' cameras fit
-/// `working_bytes`, so all hosts use the same bands. At least one row.
+/// Returns the end of the band from row of tiles `first` on, at least one row of tiles further. The
+/// samples of all hosts' cameras in it fit `working_bytes`, so all hosts use the same bands.
 int end_of_band(const DepthViewPlan& plan, int first, std::size_t working_bytes) {
   constexpr std::size_t kPerCamera =
       6 * sizeof(float) * static_cast<std::size_t>(kMaxRunPixels) * BlendingField::kTile;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Kernels of the depth estimation, a row or a run of pixels at a time: match_row() fills a row of
-// a cost volume, O(pixels x planes x neighbours); refine_row() computes Geman-McClure residuals at
-// 7 offsets around given depths, O(pixels x 7 x support views); vote() finds the best supported
-// hypothesis, O(pixels x hypotheses^2); median_row() is a 3x3 median. Must match
+// Kernels of the depth estimation, a row or a run of pixels at a time. match_row() fills a row of a
+// cost volume, O(pixels x planes x neighbours). refine_row() computes Geman-McClure residuals at 7
+// offsets around given depths, O(pixels x 7 x support views). vote() finds the best supported
+// hypothesis, O(pixels x hypotheses^2). median_row() computes a 3x3 median. Must match
 // camera_depths_reference.cpp and fusion_reference.cpp.
 #include "render/depth/estimation_kernels.h"
 
@@ -226,7 +226,7 @@ void vote_run(const VoteRun& run) {
   }
 }
 
-/// By a sorting network that computes only the middle (Paeth 1990).
+/// Returns the median by a sorting network that computes only the middle (Paeth 1990).
 HWY_INLINE V median_of_nine(V* v) {
   const auto sort = [&](int a, int b) HWY_ATTR {
     const V low = hn::Min(v[a], v[b]);

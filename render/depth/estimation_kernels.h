@@ -32,9 +32,10 @@ struct MatchRow {
   std::uint8_t* seen = nullptr;   ///< per pixel: 1 if a neighbour sees it on some plane, else 0
 };
 /// Writes matching costs: the mean of the smaller half of the absolute luma differences between the
-/// camera and the neighbours that see the point (occlusions hide it from some, on one side).
-/// Differences are limited to the truncation, which becomes 255; the cost is kUnknownCost if no
-/// neighbour sees the point. Samples are bilinear. Pixels unknown in an image count as unseen.
+/// camera and the neighbours that see the point. The larger half is left out because occlusions
+/// hide the point from some neighbours, on one side. Differences are limited to the truncation,
+/// which becomes 255; the cost is kUnknownCost if no neighbour sees the point. Samples are
+/// bilinear. Pixels unknown in an image count as unseen.
 void match_row(const MatchRow& row);
 
 inline constexpr int kMaxSupportViews = 64;  ///< neighbour_views of refine_row()
@@ -52,9 +53,9 @@ struct RefineRow {
   float truncation = 15;   ///< codes of 255
   float* costs = nullptr;  ///< of the row's first pixel; the eighth of each pixel is 0
 };
-/// Writes the mean over neighbour views of e^2 / (1 + e^2 / t^2), e = difference of luma, t =
-/// truncation (Geman and McClure); 0 if no view counts. A view counts if it sees the point at all
-/// offsets, by its own depths too: costs are comparable only over the same views.
+/// Writes the mean over neighbour views of e^2 / (1 + e^2 / t^2) (Geman and McClure), with e =
+/// difference of luma and t = truncation; 0 if no view counts. A view counts if it sees the point
+/// at all offsets, by its own depths too: costs are comparable only over the same views.
 void refine_row(const RefineRow& row);
 
 inline constexpr int kMaxHypotheses = 32;

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Divides the working memory of depth estimation: halves the group of cameras, starting from all,
+// until the images and new maps of a group and the memory of one camera fit. Input: which images
+// and maps each camera reads in each pass, pixels per map, bytes per camera. Output:
+// EstimationMemory, bytes. Cost: O(cameras^2) per size of group.
 #include "render/depth/estimation_memory.h"
 
 #include <fmt/format.h>

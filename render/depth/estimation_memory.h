@@ -16,7 +16,8 @@ struct EstimationPass {
   std::vector<std::size_t> last_readers() const;
 };
 
-/// Working memory of one camera, bytes: the minimum, and the amount beyond which it gets no faster.
+/// Working memory of one camera, bytes: the minimum, and the amount beyond which it does not get
+/// faster.
 struct CameraMemory {
   std::size_t minimum = 0, sufficient = 0;
 };

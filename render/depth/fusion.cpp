@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fuses the depth hypotheses of several cameras into one inverse depth map of a view: each
-// camera's map is warped to the view (warp.cpp), each pixel takes the hypothesis with the largest
-// weighted support of the others (vote() in estimation_kernels.cpp), unknown pixels take the
+// Fuses the depth hypotheses of several cameras into one inverse depth map of a view. Each camera's
+// map is warped to the view (warp.cpp), and each pixel takes the hypothesis with the largest
+// weighted support of the others (vote() in estimation_kernels.cpp). Unknown pixels take the
 // farther of their known neighbours in row and column, and a 3x3 median removes outliers.
 // domain_transform_filter() is the recursive edge-aware filter of Gastal and Oliveira, "Domain
 // transform for edge-aware image and video processing", SIGGRAPH 2011. Input and output: inverse
-// planar depths, 1/m, row-major. Cost: O(pixels x hypotheses) for warping, O(pixels x
-// hypotheses^2) for the vote within tiles of 32 x 32 pixels. Reference: fusion_reference.cpp.
+// planar depths, 1/m, row-major. Cost: O(pixels x hypotheses) for warping, O(pixels x hypotheses^2)
+// for the vote within tiles of 32 x 32 pixels. Reference: fusion_reference.cpp.
 #include "render/depth/fusion.h"
 
 #include <algorithm>

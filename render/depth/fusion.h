@@ -36,9 +36,9 @@ struct FusionOptions {
   bool is_valid(std::string* reason) const;  ///< see base/options.h
 };
 /// Returns a view's depths: the hypothesis with the largest support (vote(); at most kMaxHypotheses
-/// per tile). If that is below `min_support`, the farthest of the depths next in the row and
-/// column, as cameras miss the background. Then a 3x3 median that can keep lines. kUnknownDepth
-/// without a near depth.
+/// per tile). If that support is below `min_support`, the pixel takes the farthest of the depths
+/// next in the row and column, as cameras miss the background. Then a 3x3 median is applied that
+/// can keep lines. Pixels without a near depth stay kUnknownDepth.
 InverseDepthMap fuse_hypotheses(const VirtualCamera& view,
                                 std::span<const DepthHypotheses> hypotheses,
                                 const FusionOptions& options);
@@ -50,8 +50,8 @@ InverseDepthMap fuse_warped_hypotheses(const VirtualCamera& view,
                                        std::span<const DepthTiles> warped,
                                        const FusionOptions& options);
 /// Returns the working memory of fuse_hypotheses(): 8 bytes per pixel, and per hypothesis with a
-/// weight 4 bytes per pixel of the current rows of tiles; at least 16 bytes per pixel in total. At
-/// most `working_bytes` if that suffices.
+/// weight 4 bytes per pixel of the current rows of tiles. It is at least 16 bytes per pixel in
+/// total, and at most `working_bytes` if that suffices.
 std::size_t fusion_bytes(const VirtualCamera& view, std::span<const DepthHypotheses> hypotheses,
                          std::size_t working_bytes);
 
@@ -59,13 +59,13 @@ std::size_t fusion_bytes(const VirtualCamera& view, std::span<const DepthHypothe
 struct EdgeWeights {
   std::vector<float> left, above;
 };
-/// A recursive edge-aware filter (Gastal and Oliveira 2011), in place: along rows, then along
-/// columns, forth and back, each value moves towards its neighbour's by their edge weight.
+/// Applies a recursive edge-aware filter (Gastal and Oliveira 2011) in place: along rows, then
+/// along columns, forth and back. Each value moves towards its neighbour's by their edge weight.
 /// `channels`: values per pixel.
 void domain_transform_filter(std::vector<float>& values, int channels, int width, int height,
                              const EdgeWeights& links);
 
-/// The references; they take any number of hypotheses.
+/// Compute the same in double for any number of hypotheses: the references.
 InverseDepthMap fuse_hypotheses_reference(const VirtualCamera& view,
                                           std::span<const DepthHypotheses> hypotheses,
                                           const FusionOptions& options);

@@ -85,7 +85,7 @@ TEST(WarpDepths, TheNearerHidesTheFarther) {
        {warp_all(map, camera, view), warp_depths_reference(map, camera, view)}) {
     EXPECT_FLOAT_EQ(warped.at(16, 10), 1);
     EXPECT_FLOAT_EQ(warped.at(15, 10), 0.26F);
-    EXPECT_EQ(warped.at(19, 10), kUnknownDepth);  // bared
+    EXPECT_EQ(warped.at(19, 10), kUnknownDepth);  // uncovered
     EXPECT_EQ(warped.at(39, 10), kUnknownDepth);  // beyond the camera's frame
   }
 }
@@ -109,8 +109,8 @@ TEST(WarpDepths, EveryInstructionSetAgreesWithTheReference) {
   }
   testing::for_each_simd_target(depth_estimation_target, [&] {
     for (const VirtualCamera& view :
-         {camera_at({0.31, 0.12, 0.4}, 75, 41),  // aside and behind
-          camera_at({-0.1, 0, -0.9}, 66, 60),    // in front: pixels are drawn out
+         {camera_at({0.31, 0.12, 0.4}, 75, 41),  // at the side and behind
+          camera_at({-0.1, 0, -0.9}, 66, 60),    // in front: pixels are stretched
           camera_at({0, 0, -2.6}, 64, 48)}) {    // with most of the scene behind it
       const InverseDepthMap fast = warp_all(map, camera, view);
       const InverseDepthMap slow = warp_depths_reference(map, camera, view);
@@ -187,7 +187,7 @@ TEST(FuseDepths, KeepsLinesOnePixelWideAndNotSpecks) {
   constexpr float kBehind = 0.4F, kNear = 0.8F;
   InverseDepthMap map = flat(view, kBehind);
   for (int y = 0; y < view.height; ++y) at(map, 20, y) = kNear;   // a wire
-  for (int i = 0; i < 12; ++i) at(map, 25 + i, 10 + i) = kNear;   // another, aslant
+  for (int i = 0; i < 12; ++i) at(map, 25 + i, 10 + i) = kNear;   // another, slanted
   at(map, 5, 5) = at(map, 6, 5) = kNear;                          // a speck
   for (int y = 0; y < view.height; ++y) at(map, 12, y) = 0.001F;  // a crack: wrong, or background
   const std::vector<DepthHypotheses> hypotheses{{&map, &view, uniform_weights(view, 1)}};
@@ -233,7 +233,7 @@ TEST(FuseDepths, InBandsOfRowsTheSameInLessMemory) {
   std::vector<DepthHypotheses> hypotheses;
   for (std::size_t i = 0; i < maps.size(); ++i) {
     hypotheses.push_back({&maps[i], &cameras[i], uniform_weights(view, 1), &nearest[i]});
-    hypotheses.back().weights[i] = {};  // a tile where it does not count
+    hypotheses.back().weights[i] = {};  // a tile in which it has no weight
   }
   const InverseDepthMap whole = fuse_hypotheses(view, hypotheses, {0.03F, 0.3F});
   const std::size_t most = fusion_bytes(view, hypotheses, std::size_t{1} << 30);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reduce-scatter, then gather: each host adds a part of the rows of values per pixel and returns
-// the sums to the hosts that have values there. A sample crosses the network at most twice,
-// whatever the number of hosts.
+// Adds values per pixel over hosts by reduce-scatter, then gather: each host adds a part of the
+// rows and returns the sums to the hosts that have values there. A sample crosses the network at
+// most twice, whatever the number of hosts.
 #include "render/depth/host_reduction.h"
 
 #include <algorithm>

@@ -18,7 +18,7 @@ class HostReduction {
     std::int32_t begin = 0, end = 0;
   };
 
-  /// `columns`: of this host, by row. All hosts must give the same number of rows.
+  /// Stores `columns`: of this host, by row. All hosts must give the same number of rows.
   HostReduction(const RankCommunicator& group, int width, std::vector<Columns> columns)
       : group_(group), width_(static_cast<std::size_t>(width)), columns_(std::move(columns)) {}
 

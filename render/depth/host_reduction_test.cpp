@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sums over hosts that are threads, compared with plain sums of all their values.
+// Tests of sums over hosts that are threads, compared with plain sums of all their values.
 #include "render/depth/host_reduction.h"
 
 #include <gtest/gtest.h>
@@ -20,7 +20,7 @@ struct HostValues {
   std::vector<float> values;
 };
 
-/// Values in columns of some rows; some rows, and the whole last host, have none.
+/// Returns values in columns of some rows; some rows, and the whole last host, have none.
 HostValues random_values(int width, int height, int channels, bool is_empty, std::mt19937& random) {
   HostValues host;
   host.values.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) *
@@ -49,7 +49,7 @@ std::vector<HostValues> random_hosts(int hosts, int width, int height, int chann
   return all;
 }
 
-/// In the order of the hosts, as HostReduction adds.
+/// Returns the sum in the order of the hosts, as HostReduction adds.
 std::vector<float> plain_sum(const std::vector<HostValues>& all, std::size_t first = 0) {
   std::vector<float> sums(all[0].values.size(), 0.0F);
   if (first > 0) sums = all[0].values;

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Computes the nearest depths of blocks of an inverse depth map (1/m), and the transfer of pixels
+// with inverse depths between two cameras: a homography plus the inverse depth times the epipole.
+// Cost: O(pixels) and constant.
 #include "render/depth/inverse_depth_map.h"
 
 #include <algorithm>

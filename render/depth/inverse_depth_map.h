@@ -16,7 +16,8 @@ using InverseDepthMap = Image<float>;
 inline constexpr float kUnknownDepth = -1;  ///< the value of a pixel whose depth is unknown
 
 /// Returns, for each block of kVisibilityBlock x kVisibilityBlock pixels, the nearest depth that
-/// bilinear samples starting in it can read: that of the block, its right column and its lower row.
+/// bilinear samples starting in it can read. These read the block, its right column and its lower
+/// row.
 InverseDepthMap block_nearest_depths(const InverseDepthMap& map);
 inline constexpr int kVisibilityBlockLog2 = 3, kVisibilityBlock = 1 << kVisibilityBlockLog2;
 

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Caches the depths of this host's cameras for the last kLocalDepthFrames light field frames.
+// Missing ones are estimated together with the other hosts (estimate_local_depths() in
+// camera_depths.cpp) and quantised as in a depth file. Cost: the estimation, once per light field
+// frame.
 #include "render/depth/local_depths.h"
 
 #include <algorithm>
@@ -11,8 +15,8 @@
 namespace raystage::render::depth {
 namespace {
 
-/// The last light field frames of a renderer, the newest first. Hosts must drop the same ones, so
-/// the limit is a number, not the memory that each host has left.
+/// The depths of the last light field frames of a renderer, the newest first. Hosts must drop the
+/// same ones, so the limit is a number of frames, not the memory that each host has left.
 class RecentDepths {
  public:
   using Entry = std::pair<std::string, std::shared_ptr<const NotedDepths>>;

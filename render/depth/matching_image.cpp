@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Converts a decoded frame to the luma image that depths are estimated on: luma in 8-bit codes of
-// the sRGB curve, resampled without lens distortion, then packed with its three neighbours per
-// 32-bit word. Cost: O(pixels). Reference: Picture in camera_depths_reference.cpp.
+// the sRGB curve, resampled without lens distortion. It is then packed with its three neighbours
+// per 32-bit word. Cost: O(pixels). Reference: Picture in camera_depths_reference.cpp.
 #include "render/depth/matching_image.h"
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 namespace raystage::render {
 namespace {
 
-/// 8-bit codes of sRGB's curve for the upper 12 bits of a frame's codes.
+/// Returns 8-bit codes of sRGB's curve for the upper 12 bits of a frame's codes.
 std::vector<float> code_table(store::BlendSpace space) {
   constexpr int kEntries = 4096;
   std::vector<float> table(kEntries);

@@ -17,7 +17,7 @@ namespace raystage::render {
 class MatchingImage {
  public:
   MatchingImage() = default;
-  /// `pinhole`: undistorted() of the camera.
+  /// Converts a frame. `pinhole`: undistorted() of the camera.
   MatchingImage(const store::DecodedFrame& frame, store::BlendSpace space,
                 const rig::Rig::Camera& camera, const VirtualCamera& pinhole);
 

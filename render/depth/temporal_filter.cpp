@@ -23,7 +23,7 @@ class ChangeRows {
   ChangeRows(const MatchingImage& a, const MatchingImage& b)
       : a_(a), b_(b), columns_(static_cast<std::size_t>(a.width())) {}
 
-  /// Writes the window's mean at each pixel of row y; rows in turn, from 0.
+  /// Writes the window's mean at each pixel of row y; rows must be requested in turn, from 0.
   void means(int y, std::vector<float>& of_row) {
     if (y == 0) {
       for (int i = -kStaticWindowRadius; i <= kStaticWindowRadius; ++i) add(i, 1);

@@ -15,10 +15,10 @@ struct TemporalNeighbour {
 };
 
 /// Returns a camera's depths averaged with those of temporal neighbours where its picture has not
-/// changed, so that static surfaces do not flicker and moving ones are not blurred. A neighbour's
-/// depth has weight 1 if the mean absolute luma difference over kStaticWindowRadius pixels to each
-/// side is at most kStaticLumaThreshold (of 255), falling to 0 at twice that; times 1 -
-/// |difference| / tolerance (1/m). Unknown depths stay unknown.
+/// changed. So static surfaces do not flicker and moving ones are not blurred. A neighbour's depth
+/// has weight 1 if the mean absolute luma difference over kStaticWindowRadius pixels to each side
+/// is at most kStaticLumaThreshold (of 255). The weight falls to 0 at twice that, and is multiplied
+/// by 1 - |difference| / tolerance (1/m). Unknown depths stay unknown.
 InverseDepthMap temporal_filter(const InverseDepthMap& depths, const MatchingImage& picture,
                                 std::span<const TemporalNeighbour> others, float tolerance);
 inline constexpr int kStaticWindowRadius = 2;

@@ -72,7 +72,7 @@ TEST(Temporal, SteadiesWhatStandsStillAndLeavesAloneWhatMoves) {
   const InverseDepthMap mixed = temporal_filter(depths, now, close, kTolerance);
   EXPECT_NEAR(mixed.at(8, 11), (0.40 + 0.8 * 0.41) / 1.8, 1e-5);
   EXPECT_EQ(mixed.at(28, 11), 0.40F);                                         // moved
-  EXPECT_EQ(temporal_filter(depths, now, far, kTolerance).at(8, 11), 0.40F);  // something else
+  EXPECT_EQ(temporal_filter(depths, now, far, kTolerance).at(8, 11), 0.40F);  // another depth
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Option `temporal` of method depth on a noisy take with motion and missing frames.
+// Tests of option `temporal` of method depth on a noisy take with motion and missing frames.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -20,11 +20,11 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kCameras = 6, kTicks = 4, kWidth = 96, kHeight = 72;
-constexpr int kDropping = 4, kDropped = 2;    ///< this camera's frame lacks at this tick
-constexpr double kDepth = 4, kStillFrom = 0;  ///< right of it, metres, nothing moves
+constexpr int kDropping = 4, kDropped = 2;    ///< this camera has no frame at this tick
+constexpr double kDepth = 4, kStillFrom = 0;  ///< nothing to the right of this x (metres) moves
 constexpr Nanoseconds kInterval = kNanosecondsPerSecond / 15;
 
-/// A wall; what is painted on its left changes from frame to frame.
+/// Returns a wall whose left part changes from frame to frame.
 testing::SceneFunction wall(int frame) {
   return [frame](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
     const Eigen::Vector3d hit = from - (from.z() + kDepth) / direction.z() * direction;
@@ -159,7 +159,7 @@ TEST_F(TemporalTake, WhatStandsStillComesNearerToTheTruthAndWhatMovesStays) {
   ASSERT_GT(still_pixels, 10'000);
   ASSERT_GT(moving_pixels, 10'000);
   EXPECT_LT(after, 0.9 * before);
-  EXPECT_LT(moving / moving_pixels, 0.05);  // paint may be alike here and there
+  EXPECT_LT(moving / moving_pixels, 0.05);  // the paint may be similar at some pixels
 }
 
 TEST_F(TemporalTake, AgreesWithInstantsFetchedOneByOne) {
@@ -216,7 +216,7 @@ TEST_F(TemporalTake, AgreesWithInstantsFetchedOneByOne) {
 TEST_F(TemporalTake, TheInstantsBesideAreTheTicks) {
   ASSERT_EQ(timeline_.ticks.size(), static_cast<std::size_t>(kTicks));
   ASSERT_EQ(timeline_.ticks[kDropped].frame[kDropping], -1);
-  ASSERT_EQ(timeline_.ticks[3].frame[kDropping], 2);  // as an archive counts, not as ticks do
+  ASSERT_EQ(timeline_.ticks[3].frame[kDropping], 2);  // the archive's frame number
   render(1);
   EXPECT_EQ(stored_depth_files(), 3U);
   for (int tick = 0; tick < kTicks; ++tick) render(tick);

@@ -56,7 +56,7 @@ Shot some_shot() {
                          static_cast<double>(ray.z));
   const Vector3d way =
       rounded + static_cast<double>(shot.inverse_depth) * (pose.position - other.position);
-  const int kind = *rc::gen::inRange(0, 6);  // as the first, any way, or towards the point
+  const int kind = *rc::gen::inRange(0, 6);  // as the first, any, or towards the point
   if (kind == 0) other.world_from_camera_rotation = testing::rotation();
   if (kind > 1) {
     other.world_from_camera_rotation = testing::rotation_towards(
@@ -96,7 +96,7 @@ Sum sum_of(const PixelTransfer& t, const Shot& shot) {
   for (std::size_t r = 0; r < 3; ++r) {
     const double* m = &t.direction[3 * r];
     sum.value[r] = m[0] * x + (m[1] * y + m[2]) + q * t.parallax[r];
-    // In float: the pixel's ray, the way to it from a vector's first pixel, and the parallax.
+    // Computed in float: the pixel's ray, its offset from a vector's first pixel, and the parallax.
     sum.terms[r] = std::abs(m[0] * x + (m[1] * y + m[2])) + kMaxLanes * std::abs(m[0]) +
                    std::abs(q * t.parallax[r]);
   }
@@ -108,8 +108,8 @@ struct Bound {
   double depth = 0;     ///< inverse, relative
 };
 
-/// In double: two rotations of the ray, and the offset of the cameras. Large angles and
-/// cancellation of W raise the bound.
+/// Returns the bound of the error in double: two rotations of the ray, and the offset of the
+/// cameras. Large angles and cancellation of W raise the bound.
 Bound bound_in_double(const Shot& shot, const Sum& sum) {
   const double away = (shot.from.pose.position - shot.to.pose.position).norm();
   const double terms = ray_term_magnitude(shot.from, shot.x + 0.5, shot.y + 0.5) +
@@ -235,7 +235,7 @@ TEST(TransferExtremes, APointIsPutDownWhere50DigitsSeeIt) {
         RC_ASSERT(abs(Real(double{found}) / truth->inverse_depth - 1) <= bound.depth);
       }
       if (extent > 1) return;
-      // One pixel: no other one in any tile.
+      // A single pixel: no other pixel is written in any tile.
       const auto of_tiles = tiles.values.begin() + kDepthTile * kDepthTile;
       RC_ASSERT(
           std::count_if(of_tiles, tiles.values.end(), [](float value) { return value >= 0; }) == 1);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Forward warping (splatting) of a camera's inverse depth map to a view: each pixel is written
-// where the view sees its point, over the pixels that it covers there, and the nearest surface
-// wins. Works in tiles of 32 x 32 pixels of the view; blocks of the map that cannot reach a wanted
-// tile are skipped. Cost: O(pixels of the map + pixels written). Must match
-// warp_depths_reference() in warp_reference.cpp.
+// Warps a camera's inverse depth map forward to a view (splatting): each pixel is written where the
+// view sees its point, over the pixels that it covers there, and the nearest surface wins. Works in
+// tiles of 32 x 32 pixels of the view; blocks of the map that cannot reach a wanted tile are
+// skipped. Cost: O(pixels of the map + pixels written). Must match warp_depths_reference() in
+// warp_reference.cpp.
 #include "render/depth/warp.h"
 
 #include <algorithm>
@@ -45,7 +45,7 @@ HWY_INLINE void put_down(const VirtualCamera& view, DepthTiles& tiles, float u, 
   }
 }
 
-/// `needed`: by block of kDepthTile x kDepthTile pixels of the map.
+/// Warps the needed blocks. `needed`: by block of kDepthTile x kDepthTile pixels of the map.
 void warp(const InverseDepthMap& map, const VirtualCamera& camera, const VirtualCamera& view,
           const std::vector<std::uint8_t>& needed, DepthTiles& tiles) {
   const hn::ScalableTag<float> d;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reference of warp_depths() (warp.cpp): each pixel of a camera's inverse depth map (1/m) is
-// splatted over the pixels of the view that it covers, the nearest wins; pixel by pixel, the whole
-// view. Cost: O(pixels of the map + pixels written).
+// Reference of warp_depths() (warp.cpp), pixel by pixel for the whole view. Each pixel of a
+// camera's inverse depth map (1/m) is splatted over the pixels of the view that it covers, and the
+// nearest wins. Cost: O(pixels of the map + pixels written).
 #include <algorithm>
 #include <cmath>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Intersects rays with the visual hull of silhouettes (Matusik et al., SIGGRAPH 2000, section 2):
-// each ray is projected to each camera's matte and walked pixel by pixel, skipping uniform areas;
-// the intervals on foreground are kept, and the first point seen by at least `min_views` cameras is
+// Intersects rays with the visual hull of silhouettes (Matusik et al., SIGGRAPH 2000, section 2).
+// Each ray is projected to each camera's matte and walked pixel by pixel, skipping uniform areas.
+// The intervals on foreground are kept, and the first point seen by at least `min_views` cameras is
 // the hit. Input: rays and undistorted mattes; output: inverse distances, 1/m, NaN without a hit.
 // Cost: O(rays x cameras x pixels along the ray). Reference: hull_surface_reference.cpp.
 #include "render/hull/hull_surface.h"
@@ -48,7 +48,7 @@ Carver carver_of(const rig::Rig::Camera& camera, const Matte& matte) {
 /// of position and inverse distance.
 class RasterLine {
  public:
-  /// Both ends must be in front of the camera and in the raster.
+  /// Requires both ends to be in front of the camera and in the raster.
   RasterLine(const Vector3d& at_near, const Vector3d& at_far, const Interval& interval,
              const Matte::Raster& raster)
       : w_near_(at_near.z()), w_far_(at_far.z()), interval_(interval) {
@@ -62,8 +62,8 @@ class RasterLine {
 
   Vector2d position(double s) const { return from_ + s * way_; }
   const Vector2d& way() const { return way_; }
-  /// A weighted mean of the ends, not a difference: from afar all that cameras see is in the last
-  /// millionth of the interval.
+  /// Returns the inverse distance at a position, as a weighted mean of the ends instead of a
+  /// difference: from afar all that cameras see is in the last millionth of the interval.
   double inverse_distance(double s) const {
     const double of_near = (1 - s) * w_far_, of_far = s * w_near_;
     return (of_near * interval_.near + of_far * interval_.far) / (of_near + of_far);
@@ -77,7 +77,7 @@ class RasterLine {
 
 /// Returns the part of an interval in which the camera sees the ray; far > near if there is none. A
 /// point (X, Y, W) = `direction` + inverse distance * `per_inverse` is in the raster if 0 <= X <=
-/// width W and 0 <= Y <= height W: linear, without a division by W, which may be 0.
+/// width W and 0 <= Y <= height W. This is linear, without a division by W, which may be 0.
 Interval seen_part(const Vector3d& direction, const Vector3d& per_inverse,
                    const Matte::Raster& raster, const Interval& interval) {
   Interval seen = interval;

@@ -41,7 +41,7 @@ Shot some_shot() {
   const double depth = *rc::gen::element(1e-3, 0.1, 4.0, 1e3, 1e9);
   const Vector3d target =
       aimed_at_by.world_from_camera(depth * Vector3d(between(-0.7, 0.7), between(-0.5, 0.5), -1));
-  // On the array's plane, near it, in front of and behind it, and at the side of its view.
+  // On the array's plane, near it, in front of and behind it, and at the side of its field of view.
   const double height = *rc::gen::element(0.0, 1e-12, -1e-12, 0.1, -0.3, 10.0, 1e6, -1e6);
   const double aside = *rc::gen::element(0.0, 0.01, 1.0, 1e6);
   shot.ray.origin = aimed_at_by.world_from_camera({0, 0, height}) + aside * testing::direction();
@@ -84,9 +84,10 @@ struct Stretch {
   double far_bound = 0, near_bound = 0;
 };
 
-/// Rounding of the end of a stretch: a pixel is a quotient of sums, of the ray's direction and the
-/// offset of the eye, which may cancel. Their rounding moves the end by the ray's length over that
-/// part of a pixel; the inverse distance is rounded too.
+/// Returns the rounding error of the end of a stretch. A pixel is a quotient of sums of the ray's
+/// direction and the offset of the eye, which may cancel. The end moves by the rounding of the
+/// pixel divided by the pixel's speed along the inverse distance. The inverse distance is rounded
+/// too.
 double end_bound(const rig::Rig::Camera& camera, const WorldRay& ray, const Track& track,
                  const Real& q) {
   const Real w = track.w.at(q);
@@ -101,8 +102,8 @@ double end_bound(const rig::Rig::Camera& camera, const WorldRay& ray, const Trac
   return pixels / speed + 8 * kEpsilon * inverse;
 }
 
-/// Returns where the ray's pixel is in [left, width] x [0, height], 0 <= inverse distance <= most,
-/// by the crossings with each border; nullopt if nowhere.
+/// Returns the interval of inverse distances, 0 to `most`, in which the ray's pixel is in [left,
+/// width] x [0, height]. It is computed by the crossings with each border; nullopt if it is empty.
 std::optional<Stretch> exact_stretch(const rig::Rig::Camera& camera, const WorldRay& ray,
                                      const Real& left, const Real& most) {
   const Track track = track_of(camera, ray);
@@ -225,7 +226,7 @@ TEST(CarvingExtremes, LookingForWhatIsNextToTheEyeHidesNothing) {
   }
   Shot shot{rig::rig_from_document(document), {}, 0.1};
   const std::vector<Silhouette> all{{0, matte_of(shot.rig.cameras[0].model, 0)}};
-  // In the camera's plane, where the ray's depth is constant; and from afar.
+  // The eye is in the camera's plane, where the ray's depth is constant, or far away.
   for (const Vector3d& eye : {Vector3d(5, 0, 0), Vector3d(1e6, 0, 0), Vector3d(-1e6, 10, 1e5)}) {
     shot.ray = {eye, (Vector3d(0, 0, -4) - eye).normalized()};
     shot.nearest = 0.1;

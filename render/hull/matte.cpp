@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Thresholds a camera's matte and resamples it without lens distortion, so that rays are straight
-// lines in it, with the radius of uniform values around each pixel for fast walks. Cost: O(pixels).
+// lines in it. Also computes the radius of uniform values around each pixel, for fast walks. Cost:
+// O(pixels).
 #include "render/hull/matte.h"
 
 #include <algorithm>
@@ -91,8 +92,8 @@ Matte::Matte(const rig::CameraModel& model, std::vector<std::uint8_t> codes, dou
   raster_.compute_uniform_radius();
 }
 
-/// By chessboard distances (Rosenfeld and Pfaltz, "Distance functions on digital pictures", 1968)
-/// to the nearest pixel next to a different value.
+/// Computes the radius by chessboard distances (Rosenfeld and Pfaltz, "Distance functions on
+/// digital pictures", 1968) to the nearest pixel next to a different value.
 void Matte::Raster::compute_uniform_radius() {
   const auto columns = static_cast<std::size_t>(width);
   uniform_radius = Image<std::uint8_t>(width, height);

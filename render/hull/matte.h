@@ -16,7 +16,8 @@ enum class MatteValue : std::uint8_t { kBackground = 0, kForeground = 1, kUnseen
 
 class Matte {
  public:
-  /// `codes`: 8 bits per pixel of the camera's image; foreground from 255 * `threshold` (0 to 1).
+  /// Stores `codes`, 8 bits per pixel of the camera's image; foreground from 255 * `threshold` (0
+  /// to 1).
   Matte(const rig::CameraModel& model, std::vector<std::uint8_t> codes, double threshold);
 
   /// The matte without lens distortion: straight lines in space are straight here. Its pixel
@@ -31,7 +32,7 @@ class Matte {
   };
   const Raster& raster() const { return raster_; }
 
-  /// The reference: the value of the pixel that contains the point, through the lens.
+  /// Returns the value of the pixel that contains the point, through the lens: the reference.
   MatteValue at(const rig::CameraModel& model, const Eigen::Vector3d& direction_in_camera) const;
 
   std::size_t bytes() const {

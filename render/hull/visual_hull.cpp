@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The method "visual_hull": reads the mattes of the cameras at an instant (cached), intersects the
-// view's rays with their hull (hull_surface.cpp), and blends colours by lumigraph weights (thesis,
-// Reconstruction; Matusik et al. 2000). Cost: that of hull_surface.cpp and lumigraph.cpp.
+// The method "visual_hull": reads the mattes of the cameras at an instant (cached) and intersects
+// the view's rays with their hull (hull_surface.cpp). Colours are blended by lumigraph weights
+// (thesis, Reconstruction; Matusik et al. 2000). Cost: that of hull_surface.cpp and lumigraph.cpp.
 #include "render/hull/visual_hull.h"
 
 #include <fmt/format.h>
@@ -77,7 +77,8 @@ std::vector<std::filesystem::path> mattes_of(const store::Take& take, std::span<
   return files;
 }
 
-/// The hull of few silhouettes is too large, which the picture does not show: add a note.
+/// Adds a note if mattes are missing: the hull of few silhouettes is too large, which the picture
+/// does not show.
 void note_missing_mattes(const LightFieldFrame& instant, RenderedView& view) {
   const auto frames = std::ranges::count_if(instant.frame_of_camera, [](int f) { return f >= 0; });
   const auto mattes =

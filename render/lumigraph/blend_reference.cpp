@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reference of blend_chunk() (ray_chunk_kernels.cpp) for one ray, in double: the mean of the
+// bilinear samples of the cameras by their weights, times the largest `seen`. Input: weighted
+// cameras. Output: R, G, B, A, premultiplied linear light. Cost: O(cameras).
 #include "render/lumigraph/blend_reference.h"
 
 #include <algorithm>

@@ -9,8 +9,8 @@
 
 namespace raystage::render {
 
-/// Returns R, G, B, A, premultiplied linear light, of the weighted cameras of a ray; A is the
-/// largest `seen` of a camera. Thread-safe.
+/// Returns R, G, B, A, premultiplied linear light, of the weighted cameras of a ray. A is the
+/// largest `seen` of a camera times the mean alpha of the frames. Thread-safe.
 std::array<float, 4> blend_reference(ReferenceFrames& frames,
                                      const std::vector<WeightedCamera>& cameras,
                                      const store::FrameCache& cache);

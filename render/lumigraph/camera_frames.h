@@ -14,7 +14,8 @@ namespace raystage::render {
 /// The frames of an instant, decoded where a view or, in turn, its parts read them.
 class CameraFrames {
  public:
-  /// `count_needed`: also record which pixels are read, for RenderStatistics::pixels_needed.
+  /// Opens no frame yet. `count_needed`: also record which pixels are read, for
+  /// RenderStatistics::pixels_needed.
   CameraFrames(const LightFieldFrame& instant, bool count_needed);
 
   /// Opens the frames of the `used` cameras (by camera of the rig) and closes those of the part

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Selects the cameras that can contribute to a bundle of rays: bounds each camera's penalty over
-// the bundle (ray_weights.h) and removes those whose lower bound exceeds the (k+1)-th upper bound
-// of the cameras that see all of the bundle. Input: corner rays and inverse distances in 1/m. Cost:
-// O(cameras log cameras) per bundle.
+// Selects the cameras that can contribute to a bundle of rays. Bounds each camera's penalty over
+// the bundle (ray_weights.h) and removes the cameras whose lower bound exceeds a threshold. This is
+// the (k+1)-th upper bound of the cameras that see all of the bundle. Input: corner rays and
+// inverse distances in 1/m. Cost: O(cameras log cameras) per bundle.
 #include "render/lumigraph/camera_selection.h"
 
 #include <Eigen/Geometry>
@@ -33,8 +33,8 @@ Bounds penalty_bounds(const Vector3d& eye_to_camera, const Vector3d& axis, doubl
                                   1 - (along + change) * bundle.min_inverse_distance,
                                   1 - (along + change) * bundle.max_inverse_distance});
   // tan(angle / 2) times the point's distance. It falls with the length ahead and with the inverse
-  // distance. With the distance from the ray it grows for a camera in front of the point, and falls
-  // from infinity for one behind it.
+  // distance. With the distance from the ray it grows for a camera in front of the point; for a
+  // camera behind the point it falls from infinity.
   const auto half_angular = [](double beside_ray, double inverse, double ahead_of) {
     const double across = beside_ray * inverse, side = std::hypot(across, ahead_of);
     if (ahead_of < 0) return (side - ahead_of) / (across * inverse);

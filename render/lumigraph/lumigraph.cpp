@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Renders a view by the unstructured lumigraph (Buehler et al., SIGGRAPH 2001; thesis eq. 2.3): per
+// Renders a view by the unstructured lumigraph (Buehler et al., SIGGRAPH 2001; thesis eq. 2.3). Per
 // block of 64 x 16 pixels the rays are intersected with the surface and the candidate cameras
-// selected (camera_selection.cpp), then frames are decoded and the rays blended in chunks of 64
+// selected (camera_selection.cpp). Then frames are decoded and the rays blended in chunks of 64
 // (ray_chunk_kernels.cpp). Input: a surface (inverse distances, 1/m). Output: premultiplied RGBA,
 // coverage, z in metres. Cost: O(pixels x candidate cameras). Reference: lumigraph_reference.cpp.
 #include "render/lumigraph/lumigraph.h"
@@ -195,7 +195,8 @@ class LumigraphFrame {
     });
   }
 
-  /// Threads share rows of blocks: some rays take a hundred times as long as others.
+  /// Intersects the rays; threads share rows of blocks, because some rays take a hundred times as
+  /// long as others.
   void find_surface(int end, RenderedView& image) {
     inverse_distance_.resize(in_band(0, end));
     const int rows = static_cast<int>(blocks_.size()) * kBlockHeight;

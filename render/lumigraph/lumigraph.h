@@ -9,14 +9,15 @@
 
 namespace raystage::render {
 
-/// Whether weights are computed for every pixel, or at the corners of tiles of kBlendingTileSize
-/// pixels and interpolated (Buehler et al. 2001, section 4). The latter is faster, but wrong where
-/// a tile crosses the border of an image or an edge of the proxy.
+/// Selects whether weights are computed for every pixel, or at the corners of tiles of
+/// kBlendingTileSize pixels and interpolated (Buehler et al. 2001, section 4). The latter is
+/// faster, but wrong where a tile crosses the border of an image or an edge of the proxy.
 enum class WeightField { kPerPixel, kBlendingField };
 
 inline constexpr int kBlendingTileSize = 16;
 
-/// How a ray that misses the surface counts: as unseen, or as empty (RenderedView::empty_space).
+/// Selects how a ray that misses the surface counts: as unseen, or as empty
+/// (RenderedView::empty_space).
 enum class MissedRay { kUnseen, kKnownEmpty };
 
 /// Returns a view by the unstructured lumigraph: each ray is looked up where it meets `surface`, in
@@ -39,7 +40,8 @@ RenderedView combine_lumigraph(const ViewRequest& request, const RaySurface& sur
                                const RayWeightOptions& weighing, WeightField field,
                                PixelValues sums);
 
-/// The reference: ray by ray in double, for any view; weights always per pixel.
+/// Renders the same ray by ray in double, for any view, with weights always per pixel: the
+/// reference.
 RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySurface& surface,
                                         const RayWeightOptions& weighing,
                                         MissedRay missed = MissedRay::kUnseen);

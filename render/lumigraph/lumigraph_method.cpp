@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// The method "lumigraph": chooses the surface by the option `proxy` and renders it by the
+// unstructured lumigraph (lumigraph.cpp). The surface is the focal plane, a mesh in front of that
+// plane (mesh_proxy.cpp) or the depth maps of the method "depth" (depth_surface.cpp). Cost: that of
+// lumigraph.cpp. A mesh is read once; proxy depth estimates the depths once per light field frame.
 #include "render/lumigraph/lumigraph_method.h"
 
 #include <algorithm>
@@ -48,8 +52,8 @@ DepthEstimationOptions default_depth_options(const store::Take& take) {
 }
 
 /// Returns the surface that the options `proxy` and `mesh` choose; adds the cost of estimating
-/// depths to `work`. Throws Error (bad input) for a mesh that is missing or unreadable or set
-/// without the proxy mesh, and for depths of a take without a depth range.
+/// depths to `work`. Throws Error (bad input) for a mesh that is missing, unreadable or set without
+/// the proxy mesh. Also throws for depths of a take without a depth range.
 RaySurface proxy_surface(const SurfaceRequest& r, DepthEstimationStatistics& work) {
   RaySurface on_plane = plane_surface(r.focal_plane);
   const store::Take& take = *r.instant.take;
@@ -132,7 +136,8 @@ class LumigraphMethod final : public Method {
                                       ray_weight_options(request.options));
   }
 
-  /// With proxy depth, every host would need the depths of cameras that it does not hold.
+  /// Returns kNone for proxy depth: every host would need the depths of cameras that it does not
+  /// hold.
   DistributionMode distribution(const MethodOptions& options) const override {
     return options.text("proxy") == "depth" ? DistributionMode::kNone
                                             : DistributionMode::kContributions;
@@ -177,7 +182,8 @@ class LumigraphMethod final : public Method {
   }
   bool has_ray_weights() const override { return true; }
 
-  /// With proxy depth, depths that do not fit in memory would be estimated for every few rows.
+  /// Returns false for proxy depth: depths that do not fit in memory would be estimated for every
+  /// few rows.
   bool is_row_independent(const MethodOptions& options) const override {
     return options.text("proxy") != "depth";
   }

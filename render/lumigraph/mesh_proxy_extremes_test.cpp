@@ -49,7 +49,7 @@ TEST(ProxyExtremes, APlaneIsMetWhere50DigitsMeetIt) {
     const Real height = exact_plane_distance(plane, ray.origin);
     const double magnitude =
         (normal.cwiseProduct(ray.origin).cwiseAbs().sum() + std::abs(plane.w())) / normal.norm();
-    if (static_cast<double>(abs(height)) <= 1e-15 * magnitude) return;  // through the eye, almost
+    if (static_cast<double>(abs(height)) <= 1e-15 * magnitude) return;  // through the eye
     const Real slope = dot(exact(normal), exact(ray.direction)) / norm(exact(normal));
     const Real truth = -slope / height;
     // n.d is a sum of three products, each of which is 1 at most.
@@ -81,7 +81,8 @@ TEST(ProxyExtremes, APlaneOfAnyScaleOrAtInfinity) {
   EXPECT_TRUE(std::isnan(meet(plane_surface({0, 1, 0, 0.5}), ray)));  // edge-on
 }
 
-/// Two triangles, a square of 2 x `half`; every coordinate a float, and short in decimal.
+/// Two triangles that form a square of 2 x `half`; every coordinate is a float with a short decimal
+/// form.
 struct Square {
   Vector3d origin, right, up;
   std::array<Vector3d, 4> corners() const {
@@ -142,7 +143,8 @@ TEST(ProxyExtremes, AMeshIsMetWhere50DigitsMeetIt) {
     const Real slope = dot(exact_normal, exact(ray.direction)) / norm(exact_normal);
     const Real truth = dot(exact_normal, exact(square.origin) - exact(eye)) /
                        dot(exact_normal, exact(ray.direction));
-    // In float from just in front of the mesh: some roundings of its size, at the ray's angle.
+    // The rounding in float from just in front of the mesh: some roundings of its size, at the
+    // ray's angle.
     const double size = 4 * (square.right.norm() + square.up.norm());
     const double bound =
         2 * std::numeric_limits<float>::epsilon() * size / std::abs(static_cast<double>(slope)) +

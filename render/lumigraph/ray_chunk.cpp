@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Converts rays and cameras to the floats of the lumigraph kernels (ray_chunk_kernels.cpp),
+// relative to the centre of the rig. Input: rays in the world (metres) and inverse distances (1/m),
+// in double. Output: RayChunk, ChunkCamera. Cost: O(rays), O(cameras).
 #include "render/lumigraph/ray_chunk.h"
 
 #include <algorithm>

@@ -27,7 +27,8 @@ struct RayChunk {
 };
 
 /// Fills a chunk with at most kSize rays; the other rays see nothing. `middle`: Rig::centre().
-/// Inverse distances are double up to here: from 1e6 m away, a scene's differ by a millionth.
+/// Inverse distances are double up to here, because from 1e6 m away those of a scene differ by a
+/// millionth.
 void fill_chunk(std::span<const WorldRay> rays, std::span<const double> inverse_distance,
                 const Eigen::Vector3d& middle, RayChunk& chunk);
 
@@ -59,8 +60,8 @@ struct ChunkWeightOptions {
 // The kernels. Run-time dispatch, no allocation; `cameras` and `weights` have the same length and
 // order.
 
-/// The kernel of compute_camera_weights_reference(): fills all of `weights`. Per ray, their sum
-/// over the cameras is the largest `seen` of a camera: 0 if none sees the point.
+/// Computes what compute_camera_weights_reference() computes, for all rays: fills all of `weights`.
+/// Per ray, their sum over the cameras is the largest `seen` of a camera: 0 if none sees the point.
 void compute_camera_weights(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
                             const ChunkWeightOptions& weighing, std::span<ChunkWeights> weights);
 
@@ -69,8 +70,8 @@ void apply_given_weights(const RayChunk& chunk, std::span<const ChunkCamera* con
                          std::span<ChunkWeights> weights);
 
 /// Measures, per ray, the cameras that have a weight: their effective number (effective_cameras()),
-/// and the smallest distance of their centres from the ray's line, metres. 0 and infinity if there
-/// are none. Arrays are aligned, of kSize.
+/// and the smallest distance of their centres from the ray's line, metres. These are 0 and infinity
+/// if there are none. Arrays are aligned, of kSize.
 void measure_effective_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
                                std::span<const ChunkWeights> weights, float* effective,
                                float* nearest);
@@ -78,9 +79,9 @@ void measure_effective_cameras(const RayChunk& chunk, std::span<const ChunkCamer
 /// Returns whether a camera has a weight for any of the rays.
 bool has_weight(const ChunkWeights& weights, int count);
 
-/// Blends the cameras' bilinear samples by their weights to premultiplied linear light (R, G, B, A;
-/// code 65535 = `full_scale`) of `count` rays. Skips cameras without SourceView::rgba. `sums`: as
-/// blend_run().
+/// Blends the cameras' bilinear samples of `count` rays by their weights to premultiplied linear
+/// light: R, G, B, A, with code 65535 = `full_scale`. Skips cameras without SourceView::rgba.
+/// `sums`: as blend_run().
 void blend_chunk(std::span<const ChunkCamera* const> cameras, std::span<const ChunkWeights> weights,
                  int count, store::BlendSpace space, float full_scale, float* rgba,
                  SumStage sums = SumStage::kSampleAndFinish);

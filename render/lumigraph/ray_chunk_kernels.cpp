@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Kernels of the unstructured lumigraph (Buehler et al., SIGGRAPH 2001; thesis eq. 2.3), 64 rays at
-// a time: penalties and weights of the cameras, positions of the points in their frames, bilinear
-// samples and their weighted mean. Input: RayChunk (floats about the centre of the rig, metres).
-// Output: ChunkWeights, premultiplied linear light. Cost: O(rays x cameras). Must match
-// compute_camera_weights_reference() (ray_weights.cpp) and lumigraph_reference.cpp.
+// a time. They compute penalties and weights of the cameras, positions of the points in their
+// frames, bilinear samples and their weighted mean. Input: RayChunk (floats about the centre of the
+// rig, metres). Output: ChunkWeights, premultiplied linear light. Cost: O(rays x cameras). Must
+// match compute_camera_weights_reference() (ray_weights.cpp) and lumigraph_reference.cpp.
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
@@ -256,7 +256,8 @@ void find_taps_of(const SourceView& lens, const ChunkWeights& weights, int count
   pad_taps(count, taps);
 }
 
-/// add_samples() of one camera, ray by ray: the same result, faster for few rays.
+/// Adds the samples of one camera ray by ray: the same result as add_samples(), faster for few
+/// rays.
 void add_few(const SourceView& lens, const Taps& taps, int count, float* HWY_RESTRICT sums) {
   const hn::FixedTag<float, 4> d;
   const hn::RebindToSigned<decltype(d)> di;

@@ -22,7 +22,7 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// `ray_from_pixel`: row-major.
+/// Computes unit directions. `ray_from_pixel`: row-major.
 void directions(const double* ray_from_pixel, int x, int y, int count, RayDirections& row) {
   const hn::ScalableTag<double> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
@@ -42,7 +42,7 @@ void directions(const double* ray_from_pixel, int x, int y, int count, RayDirect
   }
 }
 
-/// `from_middle`: the eye relative to the centre of the rig.
+/// Converts a row's rays to a chunk. `from_middle`: the eye relative to the centre of the rig.
 void fill(const double* from_middle, const RayDirections& row, const double* inverse_distance,
           RayChunk& chunk) {
   const hn::ScalableTag<double> d;

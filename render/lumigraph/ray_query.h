@@ -30,7 +30,7 @@ void query_rays(std::span<const WorldRay> rays, const LightFieldFrame& instant,
                 const RaySurface& surface, const RayWeightOptions& weighing,
                 std::span<RaySample> samples);
 
-/// The reference: one ray after the other, in double.
+/// Looks up the rays one after the other, in double: the reference.
 void query_rays_reference(std::span<const WorldRay> rays, const LightFieldFrame& instant,
                           const RaySurface& surface, const RayWeightOptions& weighing,
                           std::span<RaySample> samples);

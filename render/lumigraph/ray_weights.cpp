@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Weights of the cameras for a ray by the penalties of the unstructured lumigraph (Buehler et al.
-// 2001, section 3; thesis eq. 2.3; see RayWeightOptions): the reference in double for one ray.
-// Input: a ray and its inverse distance to the proxy, 1/m. Output: contributing cameras, weights of
-// sum 1. Cost: O(cameras log cameras) per ray.
+// Computes the weights of the cameras for a ray by the penalties of the unstructured lumigraph
+// (Buehler et al. 2001, section 3; thesis eq. 2.3; see RayWeightOptions). This is the reference in
+// double for one ray. Input: a ray and its inverse distance to the proxy, 1/m. Output: contributing
+// cameras, weights of sum 1. Cost: O(cameras log cameras) per ray.
 #include "render/lumigraph/ray_weights.h"
 
 #include <Eigen/Geometry>
@@ -27,7 +27,8 @@ double within_image(const rig::CameraModel& model, const Vector2d& pixel, double
   return std::clamp(to_border / std::max(border * model.width(), 1.0), 0.0, 1.0);
 }
 
-/// 2 D tan(angle / 2); see ray_weights.h. `towards`: from the camera to the point, divided by D.
+/// Returns 2 D tan(angle / 2); see ray_weights.h. `towards`: from the camera to the point, divided
+/// by D.
 double angular_penalty(const Vector3d& towards, const WorldRay& ray, double inverse_distance,
                        double ray_distance) {
   const double ahead = towards.dot(ray.direction);

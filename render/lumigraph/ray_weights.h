@@ -16,15 +16,18 @@ namespace raystage::render {
 /// The ray from the eye E meets the proxy at P, at distance D. A camera at C has the penalty, in
 /// metres,
 ///   p = angular * a + resolution * r + field_of_view * spacing * (1 / v - 1):
-///   a = 2 D tan(angle / 2), angle = the angle at P between E and C. For small angles it is the
-///       camera's distance from the ray; for P at infinity exactly. For a camera behind P it
-///       grows as it approaches the ray's line, up to kMaxAngularPenalty instead of infinity.
+///   a = 2 D tan(angle / 2), where angle is the angle at P between E and C. For small angles, and
+///       exactly for P at infinity, a is the camera's distance from the ray. For a camera behind P
+///       it grows as the camera approaches the ray's line, up to kMaxAngularPenalty instead of
+///       infinity.
 ///   r = max(0, |C - P| - D): the extra distance, thus coarser resolution, of the camera.
 ///   v in (0, 1]: 1 if the camera sees P within its image, falling to 0 in the image's border.
-/// (Eq. 2.3; Buehler, Bosse, McMillan, Gortler and Cohen, "Unstructured Lumigraph Rendering",
-/// SIGGRAPH 2001, section 3.) The k cameras of lowest penalty have the weights
-///   (1 - p / p_{k+1}) / p,
-/// which fall to 0 where a camera is replaced by the next: smooth in the ray. p_{k+1} is raised by
+/// Source: thesis eq. 2.3; Buehler, Bosse, McMillan, Gortler and Cohen, "Unstructured Lumigraph
+/// Rendering", SIGGRAPH 2001, section 3.
+///
+/// The k cameras of lowest penalty have the weights
+///   (1 - p / p_{k+1}) / p.
+/// They fall to 0 where a camera is replaced by the next: smooth in the ray. p_{k+1} is raised by
 /// kSoftening, so that weights exist if more than k cameras have equal penalties.
 struct RayWeightOptions {
   int cameras = 4;  ///< k
@@ -58,8 +61,8 @@ struct WeightedCamera {
   double ray_distance = 0;                          ///< metres from its centre to the ray's line
 };
 
-/// The reference of the weights, for one ray that meets the proxy at 1 / `inverse_distance`.
-/// `cameras`: the candidates. Returns the contributing cameras by index, or none.
+/// Returns the contributing cameras by index, or none: the reference of the weights, for one ray
+/// that meets the proxy at 1 / `inverse_distance`. `cameras`: the candidates.
 std::vector<WeightedCamera> compute_camera_weights_reference(
     const rig::Rig& rig, std::span<const int> cameras, const WorldRay& ray, double inverse_distance,
     const RayWeightOptions& weighing, double spacing);

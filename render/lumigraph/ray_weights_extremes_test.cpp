@@ -38,12 +38,13 @@ struct Shot {
   double inverse_distance = 0;
 };
 
-/// The ray starts on the array's plane or near it, or up to 1e6 m in front of or behind it.
+/// Returns an array and a ray. The ray starts on the array's plane or near it, or up to 1e6 m in
+/// front of or behind it.
 Shot some_shot() {
   const int width = *rc::gen::element(1, 64, 640, 16384);
   Shot shot{testing::random_rig(width, std::min(width, 480)), {}, 0};
   std::vector<rig::Rig::Camera>& cameras = shot.rig.cameras;
-  if (*rc::gen::inRange(0, 6) == 0) {  // all in one place
+  if (*rc::gen::inRange(0, 6) == 0) {  // all at the same position
     for (rig::Rig::Camera& camera : cameras) camera.pose = cameras[0].pose;
   }
   const rig::Pose& aimed_at_by = cameras[*rc::gen::inRange<std::size_t>(0, cameras.size())].pose;
@@ -51,7 +52,7 @@ Shot some_shot() {
   const Vector3d target =
       aimed_at_by.world_from_camera(depth * Vector3d(between(-0.7, 0.7), between(-0.5, 0.5), -1));
   const double height = *rc::gen::element(0.0, 1e-12, -1e-12, 1e-3, 0.1, -0.3, 10.0, 1e6, -1e6);
-  const double aside = *rc::gen::element(0.0, 0.0, 0.01, 1.0);  // 0: in a camera's place
+  const double aside = *rc::gen::element(0.0, 0.0, 0.01, 1.0);  // 0: at a camera's position
   shot.ray.origin = aimed_at_by.world_from_camera({0, 0, height}) + aside * direction();
   const Vector3d way = target - shot.ray.origin;
   const double distance = way.norm();
@@ -63,12 +64,12 @@ Shot some_shot() {
 
 struct Rounding {
   double epsilon = 0;
-  double towards = 0;  ///< of the way from the camera to the point, over the point's distance
+  double towards = 0;  ///< of the vector from the camera to the point, over the point's distance
   double beside = 0;   ///< of the camera's distance from the ray's line, metres
-  double further = 0;  ///< of how much further away it is from the point than the eye, metres
+  double further = 0;  ///< of the distance of camera less that of eye from the point, metres
 };
 
-/// compute_camera_weights_reference(): in double, from the eye.
+/// Returns the rounding of compute_camera_weights_reference(): in double, relative to the eye.
 Rounding rounding_in_double(const Shot& shot, const rig::Rig::Camera& camera) {
   const double epsilon = std::numeric_limits<double>::epsilon();
   const double away = (camera.pose.position - shot.ray.origin).norm();
@@ -76,7 +77,8 @@ Rounding rounding_in_double(const Shot& shot, const rig::Rig::Camera& camera) {
   return {epsilon, 4 * epsilon * (1 + in_distances), 4 * epsilon * away, 16 * epsilon * away};
 }
 
-/// The kernels: in float, from the point of the ray's line nearest to the middle of the rig.
+/// Returns the rounding of the kernels: in float, relative to the point of the ray's line nearest
+/// to the rig's centre.
 Rounding rounding_in_float(const Shot& shot, const rig::Rig::Camera& camera) {
   const double epsilon = std::numeric_limits<float>::epsilon();
   const Vector3d middle = shot.rig.centre();
@@ -94,13 +96,14 @@ Rounding rounding_in_float(const Shot& shot, const rig::Rig::Camera& camera) {
 struct Penalty {
   Real value;
   double bound = 0;
-  double seen = 0;  ///< how far it sees the point at all, 0 to 1
-  Real u, v;        ///< where, pixels
+  double seen = 0;  ///< visibility of the point, 0 to 1
+  Real u, v;        ///< position in the image, pixels
   double position_bound = 0;
 };
 enum class Sees { kNot, kYes, kRoundingDecides };
 
-/// As ray_weights.h has it: with the angle at the point, and distances to it.
+/// Computes the penalty as ray_weights.h defines it: with the angle at the point, and distances to
+/// it.
 Sees exact_penalty(const Shot& shot, const rig::Rig::Camera& camera,
                    const RayWeightOptions& weighing, double spacing, const Rounding& rounding,
                    Penalty& penalty) {
@@ -138,7 +141,7 @@ Sees exact_penalty(const Shot& shot, const rig::Rig::Camera& camera,
   const Real beside = norm(cross(ray, centre - eye)), along = dot(ray, centre - eye);
   const double from_line = static_cast<double>(beside);
   const bool behind = !at_infinity && dot(eye_from_point, camera_from_point) < 0;
-  // Next to the line behind the point, where it is rounding by how much.
+  // Near the line behind the point, rounding determines the distance from the line.
   if (behind && from_line <= 4 * rounding.beside) return Sees::kRoundingDecides;
   const Real half_tangent =
       at_infinity ? Real(0) : Real(norm(cross(eye_from_point, camera_from_point)) / facing);
@@ -168,7 +171,8 @@ struct ExactWeight {
   double bound = 0;
 };
 
-/// By camera of the rig; nullopt if rounding decides which cameras see the point or contribute.
+/// Returns the weights by camera of the rig; nullopt if rounding decides which cameras see the
+/// point or contribute.
 std::optional<std::vector<ExactWeight>> exact_camera_weights(
     const Shot& shot, const RayWeightOptions& weighing, double spacing,
     Rounding (*rounding_of)(const Shot&, const rig::Rig::Camera&)) {
@@ -309,8 +313,8 @@ TEST(RayWeightsExtremes, OfTheKernelsAreThoseOf50Digits) {
   });
 }
 
-/// Weights of the cameras for a ray that meets the scene 1 m ahead of the origin, along -z, by the
-/// reference and by the kernels on the current target.
+/// Weights of the cameras by the reference and by the kernels on the current target. The ray meets
+/// the scene 1 m ahead of the origin, along -z.
 struct Shares {
   std::vector<double> reference, kernels;
 };
@@ -346,20 +350,22 @@ TEST(RayWeightsExtremes, WhoLooksFromBehindThePointOnTheRaysLineGivesWayToAnyOth
     SCOPED_TRACE(kernel_target());
     for (const double from_line : {0.0, 1e-30, 1e-12, 1e-5, 1e-3}) {
       SCOPED_TRACE(from_line);
-      // 1.5 m behind the point.
+      // The camera is 1.5 m behind the point.
       const rig::Pose behind{backwards, {from_line, 0, -2.5}};
       rig::Rig rig;
       rig.cameras = {{"behind", model, behind, {}, {}, {}}, {"beside", model, beside, {}, {}, {}}};
       RayWeightOptions weighing;
       const Shares both = shares_of(rig, weighing);
-      // 0.3 m and a little for the one beside, against 2 tan(angle / 2) for the one behind.
+      // The penalty is slightly above 0.3 m for the camera at the side, and 2 tan(angle / 2) for
+      // the one behind.
       const double most = 0.4 * from_line / 6 + 1 / kMaxAngularPenalty;
       EXPECT_LE(both.reference[0], most);
-      EXPECT_LE(both.kernels[0], most + 1e-8);  // a float knows the line to 1e-8 m
+      EXPECT_LE(both.kernels[0], most + 1e-8);  // float resolves the line to 1e-8 m
       EXPECT_NEAR(both.reference[1], 1, 1e-3);
       EXPECT_NEAR(both.kernels[1], 1, 1e-3);
 
-      // By resolution alone: half a metre further away than the eye, the other but 44 mm.
+      // With resolution alone: one camera is half a metre further away than the eye, the other 44
+      // mm.
       weighing.angular = 0;
       const double least = kMinPenalty * 0.1;
       const double far = 1 / (weighing.resolution * 0.5 + least);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Synthetic aperture (Isaksen, McMillan, Gortler 2000; thesis, Reconstruction): blends all cameras
-// around a ray's crossing with the array (weights: ApertureLens), each sampled where the ray meets
-// the focal plane or a depth map. Plans which MCUs each block reads, decodes them and runs the
-// kernels of sampling/aperture_run.h. Output: R, G, B, A, coverage, depth. Cost: pixels x cameras
-// in the aperture. Must match aperture_reference.cpp.
+// around a ray's crossing with the array (weights: ApertureLens). Each camera is sampled where the
+// ray meets the focal plane or a depth map. Plans which MCUs each block reads, decodes them and
+// runs the kernels of sampling/aperture_run.h. Output: R, G, B, A, coverage, depth. Cost: pixels x
+// cameras in the aperture. Must match aperture_reference.cpp.
 
 #include "render/planar/aperture.h"
 
@@ -141,7 +141,8 @@ class ApertureFrame final : public PlanarFrame {
     return disc;
   }
 
-  /// Whether a camera's weight may be above 0 for a ray that crosses the array within `disc`.
+  /// Returns whether a camera's weight may be above 0 for a ray that crosses the array within
+  /// `disc`.
   bool may_gather(int camera, const Disc& disc) const {
     const double radius = lens_.cameras()[camera].radius;
     if (radius == 0) return false;
@@ -228,8 +229,8 @@ class ApertureFrame final : public PlanarFrame {
     mark_block(source, block, Interpolation::kLinear);
   }
 
-  /// Returns points whose convex hull contains all crossings of the block's rays with a cell: the
-  /// crossings of the corners' rays with the cell's plane, or the cell's cameras.
+  /// Returns points whose convex hull contains all crossings of the block's rays with a cell. They
+  /// are the crossings of the corners' rays with the cell's plane, or the cell's cameras.
   std::vector<Eigen::Vector2d> crossings(int index, const PixelBlock& block) const {
     const RayCells::Cell& cell = cells_.cells()[index];
     std::vector<Eigen::Vector2d> points, cameras;

@@ -31,11 +31,11 @@ class ApertureLens {
   ApertureLens(const VirtualCamera& view, const LightFieldFrame& instant,
                const Eigen::Vector4d& focal_plane, const MethodOptions& options);
 
-  /// Per camera of the rig.
+  /// Returns the cameras by index in the rig.
   const std::vector<Camera>& cameras() const { return cameras_; }
   /// Returns unit normals of the polygon's sides, one per pair of opposite sides; none if round.
   const std::vector<Eigen::Vector2d>& sides() const { return sides_; }
-  /// 1 / (1 - (1 - soft_edge)^2).
+  /// Returns 1 / (1 - (1 - soft_edge)^2).
   double steepness() const { return steepness_; }
 
   /// Returns a note with the effective radius where the requested aperture is smaller than the
@@ -55,10 +55,10 @@ class ApertureLens {
 /// Throws Error (bad input) where the options contradict each other.
 void check_aperture_options(const MethodOptions& options);
 
-/// Returns the radius in metres of the lens with a given f-number, on a film back `film_width` mm
-/// wide with the view's field of view, focused at `focus_distance` m (may be infinite). By the thin
-/// lens: 1 / focal length = 1 / image distance + 1 / focus distance; the aperture's diameter is the
-/// focal length divided by the f-number.
+/// Returns the radius in metres of the lens with a given f-number. The lens is on a film back
+/// `film_width` mm wide with the view's field of view, focused at `focus_distance` m (may be
+/// infinite). By the thin lens, 1 / focal length = 1 / image distance + 1 / focus distance; the
+/// aperture's diameter is the focal length divided by the f-number.
 double aperture_radius(const VirtualCamera& view, double f_number, double film_width,
                        double focus_distance);
 

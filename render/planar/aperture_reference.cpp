@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reference of the method aperture: the mean over the cameras within the aperture around the ray,
-// of weight (ApertureLens) x visibility x the camera's sample where the ray meets the plane. Per
-// ray in double. Output: R, G, B, A, coverage, depth (m). Cost: pixels x cameras.
+// Reference of the method aperture, per ray in double. A pixel is the mean of the samples of the
+// cameras within the aperture around the ray, weighted by ApertureLens x visibility. Each sample is
+// taken where the ray meets the plane. Output: R, G, B, A, coverage, depth (m). Cost: pixels x
+// cameras.
 #include <optional>
 
 #include "render/common/ray_cells.h"

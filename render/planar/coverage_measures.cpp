@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Measures the cameras behind each visible pixel of a view of focal_plane, nearest or aperture.
+// Locates the cell that the ray crosses and adds its cameras by weight times visibility of the
+// ray's point (RayCoverage), in double. Input: alpha and z (metres) of the view. Output: effective
+// number of cameras, (sum w)^2 / sum w^2, and distance of the nearest one from the ray, metres.
+// Cost: O(pixels x 3), for aperture O(pixels x cameras).
 #include "render/planar/coverage_measures.h"
 
 #include <Eigen/Geometry>

@@ -7,9 +7,9 @@
 
 namespace raystage::render {
 
-/// Fills RenderedView::cameras and nearest_ray of a view of focal_plane or nearest, or of
-/// their reference, whose rays are blended from the cameras at the corners of their cells. The
-/// weights are computed again per pixel, in double.
+/// Fills RenderedView::cameras and nearest_ray of a view of focal_plane or nearest, or of their
+/// reference. Their rays are blended from the cameras at the corners of their cells. The weights
+/// are computed again per pixel, in double.
 void measure_planar_coverage(const ViewRequest& request, CornerWeights weights,
                              RenderedView& image);
 

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads the focus distances of a view from channel Z of an EXR file (metres), as inverse depths in
+// 1/m, and repeats them for supersampled views. Cost: O(pixels of the file), once per file.
 #include "render/planar/depth_map.h"
 
 #include <fmt/format.h>

@@ -19,7 +19,7 @@ namespace {
 
 class FocalPlaneFrame final : public PlanarFrame {
  public:
-  /// `region`: the pixels to render, the others stay unseen; null: all.
+  /// Prepares a view. `region`: the pixels to render, the others stay unseen; null: all.
   FocalPlaneFrame(const ViewRequest& request, const Eigen::Vector4d& plane, CornerWeights weights,
                   const ViewRegion* region)
       : PlanarFrame(request.view, request.instant, plane, region, request.count_needed_pixels),
@@ -63,7 +63,8 @@ class FocalPlaneFrame final : public PlanarFrame {
     }
   }
 
-  /// Whether all rays of rows [first, end) meet the plane. The corners decide: slope is linear.
+  /// Returns whether all rays of rows [first, end) meet the plane. The corners decide: slope is
+  /// linear.
   bool meets_plane(int first, int end) const {
     if (projection_.at_infinity()) return true;
     const double right = view_.width - 0.5;
@@ -233,7 +234,7 @@ class PlaneMethod : public Method {
     return {objects_file(options, take)};
   }
 
-  /// Regions of objects are computed for the whole view.
+  /// Returns false with objects, whose regions are computed for the whole view.
   bool is_row_independent(const MethodOptions& options) const override {
     return options.text("objects").empty();
   }

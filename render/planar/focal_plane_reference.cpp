@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reference of focal_plane.cpp (thesis 4.1.2): the sum over the corners of the cell that the
-// ray crosses, of corner weight x visibility x the camera's sample where the ray meets the plane.
-// Per ray in double. Output: R, G, B, A, coverage, depth (m). Cost: pixels x 3 cameras.
+// Reference of focal_plane.cpp (thesis 4.1.2), per ray in double. A pixel is a sum over the corners
+// of the cell that the ray crosses: corner weight x visibility x the camera's sample. Each sample
+// is taken where the ray meets the plane. Output: R, G, B, A, coverage, depth (m). Cost: pixels x 3
+// cameras.
 #include <algorithm>
 #include <array>
 #include <limits>

@@ -19,8 +19,8 @@ struct ObjectPlane {
 };
 
 /// Returns the objects of the document `name`. Throws Error (bad input) with the object's position
-/// in the document where corners lie off their plane by more than a hundredth of its size, or the
-/// polygon has no area or is not convex.
+/// in the document where corners lie off their plane by more than a hundredth of its size. Also
+/// throws where the polygon has no area or is not convex.
 std::vector<ObjectPlane> make_object_planes(const schemas::PlanesDocument& document,
                                             std::string_view name);
 

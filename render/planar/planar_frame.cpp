@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Renders a view of focal_plane, nearest or aperture in stages: finds the cameras, marks the source
+// pixels in blocks of 8 rows, decodes them and blends each row. A row is blended in spans, each
+// within one cell of the array. With several ranks (thesis 4.1.2), contribute() returns the sums of
+// this rank's cameras and combine() finishes the sums of all ranks. Cost: that of blend_span() for
+// every pixel.
 #include "render/planar/planar_frame.h"
 
 #include <algorithm>

@@ -32,7 +32,7 @@ class PlanarFrame {
   virtual void find_cameras() = 0;
   /// Marks the source pixels that rows [first, end) read.
   virtual void mark_rows(int first, int end) = 0;
-  /// Whether this rank has a frame of a camera that may contribute to rays through a cell.
+  /// Returns whether this rank has a frame of a camera that may contribute to rays through a cell.
   virtual bool has_frame(const RayCells::Span& span) = 0;
   /// Writes the pixels of a span: four values each in `rgba`, one each in `coverage` and `z`, which
   /// may be null with SumStage::kSampleOnly.

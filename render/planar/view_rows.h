@@ -15,7 +15,7 @@ namespace raystage::render {
 /// The rows of a view, divided into spans whose rays pass between the same cameras.
 class ViewRows {
  public:
-  /// `region`: the pixels to include; null: all.
+  /// Divides the rows of `view`. `region`: the pixels to include; null: all.
   ViewRows(const VirtualCamera& view, const RayCells& cells, const ViewRegion* region = nullptr)
       : width_(view.width), spans_(static_cast<std::size_t>(view.height)) {
     for_each_row_block([&](int first, int end) {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Kernels of the synthetic aperture (Isaksen et al., "Dynamically reparameterized light fields",
-// SIGGRAPH 2000): weights of all cameras within the aperture around a ray's crossing of the array,
-// and the weighted mean of their samples on a plane or at given depths. Input: ApertureRun, one
-// row of pixels within a cell of the array. Cost: O(pixels x cameras in the aperture). Must match
-// aperture_reference.cpp.
+// SIGGRAPH 2000). They compute the weights of all cameras within the aperture around a ray's
+// crossing of the array. The output is the weighted mean of their samples on a plane or at given
+// depths. Input: ApertureRun, one row of pixels within a cell of the array. Cost: O(pixels x
+// cameras in the aperture). Must match aperture_reference.cpp.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -40,7 +40,7 @@ struct CrossedBox {
   float left = std::numeric_limits<float>::infinity(), right = -left;
   float bottom = left, top = -left;
 
-  /// Whether the camera's weight may be above 0 for some of them.
+  /// Returns whether the camera's weight may be above 0 for some of them.
   bool is_near(const ApertureCamera& camera, const ApertureShape& shape) const {
     const float x = camera.x - std::clamp(camera.x, left, right);
     const float y = camera.y - std::clamp(camera.y, bottom, top);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Marks the MCUs that a block of the view may read at any depth within a range. Projects the
-// block's corners at both ends of the range, divides their motion into pieces of 16 pixels, and
-// bounds each piece through the lens by interval arithmetic, so that never too little is marked.
+// block's corners at both ends of the range and divides their motion into pieces of 16 pixels.
+// Bounds each piece through the lens by interval arithmetic, so that never too little is marked.
 // Input: DepthSource, ViewBlock. Cost: pieces per block, independent of its pixels.
 
 #include "render/sampling/depth_planning.h"

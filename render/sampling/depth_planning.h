@@ -6,7 +6,8 @@
 namespace raystage::render {
 
 /// Pixels [left, right) x [top, bottom) of a view, seen at inverse depths from `nearest` down to
-/// `farthest` (1/m along the view's axis, from the source's reference, farthest <= nearest).
+/// `farthest` (farthest <= nearest). These are in 1/m along the view's axis, from the source's
+/// reference.
 struct ViewBlock {
   int left = 0, right = 0, top = 0, bottom = 0;
   double farthest = 0, nearest = 0;

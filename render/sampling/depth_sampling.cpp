@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Computes the geometry of source cameras for pixels with individual depths (DepthSource), and
+// samples one ray at a depth in double. sample_at_depth_reference() is the reference of the kernels
+// in depth_sampling_kernels.cpp: bilinear or bicubic interpolation (Keys 1981). Input: ray in the
+// world, inverse planar depth (1/m). Output: codes of the blend space times alpha, full scale 1.
+// Cost: 16 pixels per sample.
 #include "render/sampling/depth_sampling.h"
 
 #include <algorithm>

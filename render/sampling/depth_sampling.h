@@ -35,19 +35,18 @@ struct DepthSource {
 };
 
 /// Returns geometry and lens of a source camera, without a frame. `view`: its lens distortion is
-/// ignored. All inverse depths used with the source are relative to `reference` (1/m): a virtual
-/// camera far behind a scene sees all of it within a part of its inverse depth that float does not
-/// resolve.
+/// ignored. All inverse depths used with the source are relative to `reference` (1/m), because
+/// float does not resolve the absolute ones for a virtual camera far behind a scene.
 DepthSource depth_source(const VirtualCamera& view, const rig::Rig::Camera& camera,
                          double reference = 0);
 
 /// Sets what planning needs of JpegLayout; `mcus` as for SourceView::wanted_mcus.
 void set_mcu_layout(SourceView& camera, const store::JpegLayout& layout, std::uint8_t* mcus);
 
-/// Adds a camera's samples to a run of pixels of row y, starting at pixel x. Per pixel: inverse
-/// depth (1/m from the source's reference; not-a-number contributes nothing), weight (0 or more),
-/// and four floats in `sums`, which grow by weight * visibility * (R, G, B, A) in codes of the
-/// blend space. The visibility falls from 1 to 0 at the frame's border (kBorderFade) and at the
+/// Adds a camera's samples to a run of pixels of row y, starting at pixel x. Inputs per pixel:
+/// inverse depth (1/m from the source's reference; not-a-number contributes nothing) and weight (0
+/// or more). Four floats per pixel in `sums` grow by weight * visibility * (R, G, B, A) in codes of
+/// the blend space. The visibility falls from 1 to 0 at the frame's border (kBorderFade) and at the
 /// limit of the lens model. All spans have equal lengths (sums: four times). Run-time dispatch, no
 /// allocation. Must match sample_at_depth_reference().
 void add_samples_at_depth(const DepthSource& source, int x, int y,
@@ -66,8 +65,8 @@ void mark_samples_at_depth(const DepthSource& source, int x, int y,
                            std::span<const float> inverse_depth, std::span<const float> weight,
                            Interpolation interpolation);
 
-/// A ray's alpha grows with the weight of the cameras that saw it, up to this weight; from there on
-/// the pixel is opaque although not all chosen cameras saw it.
+/// The weight of the cameras that saw a ray up to which the ray's alpha grows. From there on the
+/// pixel is opaque although not all chosen cameras saw it.
 inline constexpr float kFullAlphaWeight = 0.1F;
 /// Converts sums to premultiplied linear light (R, G, B, A; code 65535 is `full_scale`). A is the
 /// sum of the weights divided by kFullAlphaWeight, at most 1. Overshoot of cubic interpolation is

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Kernels that sample cameras for pixels with individual depths: position (X, Y, W) = a (x, y, 1)
-// + q b with inverse depth q, lens model, bilinear or bicubic interpolation (Keys 1981),
-// accumulation with weights. Also conversion of the sums to linear light. Cost: O(pixels) per
+// Kernels that sample cameras for pixels with individual depths. Per pixel: position (X, Y, W) = a
+// (x, y, 1) + q b with inverse depth q, lens model, bilinear or bicubic interpolation (Keys 1981),
+// and accumulation with weights. Also converts the sums to linear light. Cost: O(pixels) per
 // camera. Must match sample_at_depth_reference() (depth_sampling.cpp).
 #include <algorithm>
 #include <cstddef>

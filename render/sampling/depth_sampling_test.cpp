@@ -96,7 +96,8 @@ void expect_samples_equal_reference(Interpolation interpolation) {
             view.pose.position, ray, row.inverse_depth[i], camera, frame, interpolation);
         const double weight = row.weight[i] * expected.seen;
         seen += weight;
-        // A code jumps by up to 65535 from pixel to pixel here; 1e-4 px of rounding shows.
+        // Codes differ by up to 65535 between neighbouring pixels, so 1e-4 px of rounding is
+        // visible.
         for (std::size_t c = 0; c < 3; ++c) {
           EXPECT_NEAR((sums[4 * i + c] - 3) / 65535, weight * expected.code[c], 2e-4) << i;
         }
@@ -147,7 +148,7 @@ TEST(DepthSampling, MarksEveryPixelThatIsReadAndNoOther) {
         }
       }
       add_samples_at_depth(source, 4, 37, row.inverse_depth, row.weight, interpolation, after);
-      EXPECT_EQ(before, after);  // what was not marked is not read, or weighs nothing
+      EXPECT_EQ(before, after);  // unmarked pixels are not read, or have no weight
     }
   }
 }
@@ -193,7 +194,7 @@ TEST(DepthSampling, ABlocksPlanHoldsAllThatItsPixelsRead) {
 }
 
 TEST(DepthSampling, FinishCutsOffWhatOvershootsAndTurnsCodesIntoLight) {
-  const float seen = 65535 * kFullAlphaWeight / 2;  // by half of what makes a ray opaque
+  const float seen = 65535 * kFullAlphaWeight / 2;  // half of the weight that makes a ray opaque
   const std::vector<float> sums{seen * 0.25F, -900, 2 * seen, seen, 0, 0, 0, 0};
   std::vector<float> rgba(8);
   finish_samples(sums, store::BlendSpace::kPerceptual, 2, rgba);
@@ -219,7 +220,7 @@ TEST(DepthSampling, ARaySeenBySomeOfItsCamerasIsOpaque) {
 }
 
 TEST(DepthSampling, LooksUpWhereTheInfinitePlaneDoes) {
-  // At inverse depth 0 the camera's place does not matter.
+  // At inverse depth 0 the camera's position does not matter.
   const VirtualCamera view = test_view();
   const DepthSource here = depth_source(view, camera_at({0, 0, 0}, 0.1, {}));
   const DepthSource there = depth_source(view, camera_at({5, 3, 1}, 0.1, {}));

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Measures the cameras behind each visible pixel of a view that blends the cameras of a
+// BlendingField, in double. Adds the cameras of the pixel's tile by weight times visibility of the
+// pixel's point (RayCoverage). Input: alpha and z (metres) of the view. Output: effective number of
+// cameras, and distance of the nearest one from the ray, metres. Cost: O(pixels x cameras of a
+// tile).
 #include "render/sampling/field_coverage.h"
 
 #include "base/parallel.h"

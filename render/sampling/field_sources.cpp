@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads the parts of the source frames that a view blended by a BlendingField needs. Per camera and
+// tile, marks the MCUs that the tile's pixels may read within the tile's range of inverse depths
+// (depth_planning.cpp), then decodes them. Input: blending field, range of inverse depths (1/m) per
+// tile. Cost: O(cameras x tiles), and decoding, in parallel over cameras.
 #include "render/sampling/field_sources.h"
 
 #include <algorithm>

@@ -22,9 +22,9 @@ class FieldSources {
     bool used = false;
   };
 
-  /// Determines the cameras and the pixels of theirs that are read. `depths`: the range of each
-  /// tile of the field, relative to `reference` (1/m, see depth_source()). Keeps a reference to
-  /// `instant`. Throws Error (bad input) if a frame cannot be read.
+  /// Determines the cameras and which of their pixels are read. `depths`: the range of each tile of
+  /// the field, relative to `reference` (1/m, see depth_source()). Keeps a reference to `instant`.
+  /// Throws Error (bad input) if a frame cannot be read.
   FieldSources(const VirtualCamera& view, const LightFieldFrame& instant,
                const BlendingField& field, std::span<const InverseDepthRange> depths,
                double reference, Interpolation interpolation);
@@ -34,8 +34,8 @@ class FieldSources {
   const Source& operator[](std::size_t camera) const { return sources_[camera]; }
   std::size_t size() const { return sources_.size(); }  ///< cameras of the rig
 
-  /// Returns the number of distinct source pixels that mark(camera, source) marks, called in
-  /// parallel for each decoded camera, with mark_samples_at_depth().
+  /// Returns the number of distinct source pixels that `mark` marks with mark_samples_at_depth().
+  /// mark(camera, source) is called in parallel for each decoded camera.
   std::int64_t count_marked_pixels(
       const std::function<void(int camera, const DepthSource& source)>& mark) const;
 

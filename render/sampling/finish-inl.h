@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Converts sums of samples to pixels of a view, with SIMD. Included once per instruction set, hence
-// Highway's include guard. Input: sums of weighted codes; output: premultiplied linear light.
+// Highway's include guard. Input: sums of weighted codes; output: premultiplied linear light. Cost:
+// O(pixels). Must match premultiplied_light() (reference_renderer.cpp).
 
 #if defined(RAYSTAGE_RENDER_SAMPLING_FINISH_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef RAYSTAGE_RENDER_SAMPLING_FINISH_INL_H
@@ -24,9 +25,9 @@ namespace raystage::render {
 namespace HWY_NAMESPACE {
 
 /// Returns linear light for blended sRGB codes (IEC 61966-2-1). With b the base of the power 2.4
-/// and s its square root, b^2.4 = s^4 s^0.8. s^0.8 is a minimax polynomial of degree 6
-/// on [0.3, 1], exact at 1 (white stays white). The relative error is at most 3e-6; that of half
-/// floats, in which views are written, is 2.4e-4.
+/// and s its square root, b^2.4 = s^4 s^0.8. The factor s^0.8 is approximated by a minimax
+/// polynomial of degree 6 on [0.3, 1], exact at 1 (white stays white). The relative error is at
+/// most 3e-6; that of half floats, in which views are written, is 2.4e-4.
 template <class D, class V>
 HWY_INLINE V linear_from_codes(D d, V code) {
   namespace hn = hwy::HWY_NAMESPACE;

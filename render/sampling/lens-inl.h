@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Projects ideal image points through a lens into a frame, with SIMD. Included once per instruction
-// set, hence Highway's include guard. Must match CameraModel::pixel_from_ideal().
+// set, hence Highway's include guard. Cost: constant per point. Must match
+// CameraModel::pixel_from_ideal().
 
 #if defined(RAYSTAGE_RENDER_SAMPLING_LENS_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef RAYSTAGE_RENDER_SAMPLING_LENS_INL_H
@@ -45,8 +46,8 @@ HWY_INLINE FramePosition<V> project_through_lens(D d, const SourceView& source, 
         hn::MulAdd(set(source.p2), xy2, hn::Mul(set(source.p1), hn::MulAdd(set(2), yy, rr)));
     x_ideal = hn::MulAdd(x_ideal, radial, tangential_x);
     y_ideal = hn::MulAdd(y_ideal, radial, tangential_y);
-    const auto room =
-        hn::Sub(one, hn::Mul(rr, set(1.0F / source.fold_radius_squared)));  // 1 - 0 without a fold
+    // 1 - 0 without a fold.
+    const auto room = hn::Sub(one, hn::Mul(rr, set(1.0F / source.fold_radius_squared)));
     seen = hn::Mul(seen, hn::Min(one, hn::Max(zero, hn::Mul(room, set(kFoldFade)))));
   }
   const auto u = hn::MulAdd(x_ideal, set(source.fx), set(source.cx));

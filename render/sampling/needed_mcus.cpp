@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Marks the MCUs that a block of the view may read on a plane. Bounds the projected quadrilateral
-// by a box, enlarged by a bound of the lens distortion's second derivative (see needed_mcus.h);
-// large or horizon-crossing blocks are halved. Marks all that mark_run() marks. Cost: constant per
-// block.
+// Marks the MCUs that a block of the view may read on a plane: all that mark_run() marks. Bounds
+// the projected quadrilateral by a box, enlarged by a bound of the lens distortion's second
+// derivative (see needed_mcus.h). Blocks that are large or cross the horizon are halved. Cost:
+// constant per block.
 
 #include "render/sampling/needed_mcus.h"
 
@@ -21,7 +21,8 @@ struct Point {
   double x = 0, y = 0;
 };
 
-/// Distorts as CameraModel::pixel_from_ideal (Brown-Conrady), but beyond the model's limit too.
+/// Distorts a point as CameraModel::pixel_from_ideal() (Brown-Conrady), but beyond the model's
+/// limit too.
 Point project_through_lens(const SourceView& s, Point p) {
   const double xx = p.x * p.x, yy = p.y * p.y, xy2 = 2 * p.x * p.y, rr = xx + yy;
   const double radial = 1 + rr * (s.k1 + rr * (s.k2 + rr * s.k3));

@@ -12,7 +12,8 @@ namespace {
 
 constexpr int kWidth = 320, kHeight = 240, kMcu = 16;
 
-/// A camera that a view sees turned, tilted and scaled at random, with or without a lens.
+/// Returns a camera that a view sees rotated, tilted and scaled at random, with or without lens
+/// distortion.
 SourceView random_camera(std::mt19937& random, bool distorted) {
   const auto uniform = [&](double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random);

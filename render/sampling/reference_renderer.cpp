@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Common parts of the per-ray references: decodes all frames whole, computes the ray of each pixel
+// with CameraModel in double, samples frames bilinearly and stores pixels with their statistics.
+// Output: R, G, B, A, coverage, z in metres. Cost: all frames are decoded; one call of the
+// reference's formula per pixel.
 #include "render/sampling/reference_renderer.h"
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the per-ray references have in common: whole frames, rays in double with CameraModel, loops,
-// statistics. A reference is left with its formula.
+// The common parts of the per-ray references: whole frames, rays in double with CameraModel, loops,
+// statistics. Each reference adds only its formula.
 #pragma once
 
 #include <Eigen/Core>
@@ -47,8 +47,8 @@ class ReferenceFrames {
   std::vector<std::vector<std::uint8_t>> read_;  ///< per camera and pixel; empty: not counted
 };
 
-/// Returns the visibility of a direction, 0 to 1 (fading at the frame's border and before a lens
-/// model folds back), and sets `pixel` to its position in the image.
+/// Returns the visibility of a direction, 0 to 1, and sets `pixel` to its position in the image.
+/// The visibility fades at the frame's border and before a lens model folds back.
 double visibility(const rig::CameraModel& model, const Eigen::Vector3d& direction_in_camera,
                   Eigen::Vector2d& pixel);
 

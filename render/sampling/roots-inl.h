@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Approximate reciprocals and square roots with SIMD, several times as fast as exact ones. Included
-// once per instruction set, hence Highway's include guard.
+// Computes approximate reciprocals and square roots with SIMD, several times as fast as exact ones.
+// Included once per instruction set, hence Highway's include guard. Errors: see each function.
 
 #if defined(RAYSTAGE_RENDER_SAMPLING_ROOTS_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef RAYSTAGE_RENDER_SAMPLING_ROOTS_INL_H

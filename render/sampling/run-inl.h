@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Camera weights of a run of pixels, accumulation of samples and output, with SIMD. Included once
-// per instruction set, hence Highway's include guard.
+// Computes camera weights of a run of pixels, accumulates samples and writes pixels, with SIMD.
+// Included once per instruction set, hence Highway's include guard. Cost: O(pixels x cameras).
+// Weights must match RayCells::crossing_in_cell(), depths PlaneProjection::depth().
 
 #if defined(RAYSTAGE_RENDER_SAMPLING_RUN_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef RAYSTAGE_RENDER_SAMPLING_RUN_INL_H

@@ -15,13 +15,13 @@ namespace raystage::render {
 /// mark_block), decode(), blend.
 class SourceFrames {
  public:
-  /// `count_needed`: cameras also get a pixel mask. Keeps references.
+  /// `count_needed`: cameras also get a pixel mask. Keeps references to the arguments.
   SourceFrames(const LightFieldFrame& instant, const PlaneProjection& projection,
                bool count_needed);
 
   /// Sets geometry and frame layout of the listed cameras, which must be present.
   void open(const std::vector<int>& cameras);
-  /// Whether marking is unnecessary because all frames are in memory as a whole.
+  /// Returns whether marking is unnecessary because all frames are in memory as a whole.
   bool are_fully_decoded() const;
   /// Decodes what was marked. Cameras without marks keep a null frame.
   void decode(RenderStatistics& statistics);

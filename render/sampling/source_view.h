@@ -32,8 +32,8 @@ struct SourceView {
   std::uint8_t* wanted_mcus = nullptr;
   int mcus_per_row = 0;
   int mcu_width_log2 = 3, mcu_height_log2 = 3;
-  int chroma_radius =
-      0;  ///< radius in pixels around a sample's own pixels from which its chroma is made: 0 or 1
+  /// Radius in pixels around a sample's own pixels from which its chroma is made: 0 or 1.
+  int chroma_radius = 0;
   /// For counting: one byte per pixel, set to 1 where a sample reads it with a weight; or null.
   std::uint8_t* read_pixels = nullptr;
 };
@@ -75,10 +75,10 @@ inline constexpr float kFoldFade = 100.0F;  // per fold radius squared
 /// dispatch: see kernel_target().
 void mark_run(const PixelRun& run);
 
-/// Reconstructs the run into rows of the view, starting at its first pixel: `rgba` 4 floats per
-/// pixel (premultiplied linear light, code 65535 is `full_scale`), `alpha` 1 float (equal to A),
-/// `z` 1 float (+infinity where A is 0). `sums`: kSampleOnly writes only `rgba`, and nothing beyond
-/// the run; kFinishOnly reads `rgba` first.
+/// Reconstructs the run into rows of the view, starting at its first pixel. `rgba`: 4 floats per
+/// pixel (premultiplied linear light, code 65535 is `full_scale`). `alpha`: 1 float (equal to A).
+/// `z`: 1 float (+infinity where A is 0). `sums`: kSampleOnly writes only `rgba`, and nothing
+/// beyond the run; kFinishOnly reads `rgba` first.
 void blend_run(const PixelRun& run, store::BlendSpace space, float full_scale, float* rgba,
                float* alpha, float* z, SumStage sums = SumStage::kSampleAndFinish);
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Kernels of the focal plane reconstruction (thesis 4.1.2): for a run of pixels within one
-// triangle of cameras, barycentric weights, positions in the three cameras by a homography each
-// and their lens models, bilinear samples, weighted sum, conversion to linear light. Cost:
-// O(pixels x 3). Must match focal_plane_reference.cpp.
+// Kernels of the focal plane reconstruction (thesis 4.1.2), for a run of pixels within one triangle
+// of cameras. They compute barycentric weights, positions in the three cameras by a homography each
+// and their lens models, and the weighted sum of bilinear samples in linear light. Cost: O(pixels x
+// 3). Must match focal_plane_reference.cpp.
 #include <algorithm>
 #include <atomic>
 #include <cstddef>

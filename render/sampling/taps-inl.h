@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Computes where a camera's frame is sampled for a run of pixels, and its bilinear samples, with
-// SIMD. Included once per instruction set, hence Highway's include guard.
+// SIMD. Included once per instruction set, hence Highway's include guard. Cost: O(pixels) per
+// camera. Must match ReferenceFrames::sample() (reference_renderer.cpp).
 
 #if defined(RAYSTAGE_RENDER_SAMPLING_TAPS_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef RAYSTAGE_RENDER_SAMPLING_TAPS_INL_H
@@ -35,9 +36,9 @@ constexpr int kChunk = 128;
 /// products with codes fit in 32 bits. Positions are thereby rounded to 1/32768 of a pixel.
 constexpr float kWeightUnit = 16384.0F;
 
-/// For each pixel of a chunk: the index in the frame of the upper left of four neighbours; the
-/// weights of the upper two and of the lower two, the left one in the lower half of each word; and
-/// the camera's weight for the ray, divided by kWeightUnit.
+/// For each pixel of a chunk: the index in the frame of the upper left of four neighbours, their
+/// weights, and the camera's weight for the ray, divided by kWeightUnit. The weights of the upper
+/// two and of the lower two are a word each, with the left one in the lower half.
 struct Taps {
   HWY_ALIGN std::int32_t pixel[kChunk];
   HWY_ALIGN std::int32_t upper[kChunk], lower[kChunk];
@@ -156,8 +157,8 @@ HWY_INLINE void store_taps(D d, int frame_width, V left, V top, V weight, int i,
   hn::Store(hn::Sub(pixel, rounders), di, taps.pixel + i);
 }
 
-/// Whether a camera without distortion sees the whole run of n pixels well within its frame. Both
-/// ends decide, because a projection is monotone along a row.
+/// Returns whether a camera without distortion sees the whole run of n pixels well within its
+/// frame. Both ends decide, because a projection is monotone along a row.
 inline bool run_is_inside_frame(const SourceView& source, int begin, int y, int n) {
   if (source.distorted) return false;
   const double* m = source.ideal_from_pixel.data();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bilinear samples of pixels that are close together in a frame, from windows loaded into registers
-// (AVX-512 only). Included once per instruction set, hence Highway's include guard.
+// Samples pixels that are close together in a frame bilinearly, from windows loaded into registers
+// (AVX-512 only). Included once per instruction set, hence Highway's include guard. Cost: O(pixels)
+// per camera, about half of that of taps-inl.h. Must match ReferenceFrames::sample().
 
 #if defined(RAYSTAGE_RENDER_SAMPLING_WINDOWS_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef RAYSTAGE_RENDER_SAMPLING_WINDOWS_INL_H
@@ -29,8 +30,9 @@ HWY_BEFORE_NAMESPACE();
 namespace raystage::render {
 namespace HWY_NAMESPACE {
 
-/// Pixels of a row in two vectors: a window. If all left neighbours of a vector of taps are among
-/// the first kWindow - 1, the window is read once per row, and a permutation selects the taps.
+/// Pixels of a row in two vectors: a window. It is used if all left neighbours of a vector of taps
+/// are among its first kWindow - 1 pixels. The window is then read once per row, and a permutation
+/// selects the taps.
 constexpr int kWindow = 16;
 /// With this many windows per vector the cost is about half of that of single taps.
 constexpr int kMaxWindows = 2;
@@ -44,8 +46,8 @@ struct WindowedCamera {
   std::int32_t width, back;  ///< `back`: pixels from a window's begin to its first tap
 };
 
-/// Whether windows are efficient for n pixels; sets `camera` if so. The camera must see all pixels,
-/// roughly along its rows, and at a scale at which a vector needs few windows.
+/// Returns whether windows are efficient for n pixels; sets `camera` if so. The camera must see all
+/// pixels, roughly along its rows, and at a scale at which a vector needs few windows.
 inline bool fits_windows(const SourceView& source, int begin, int y, int n,
                          WindowedCamera& camera) {
   // A window at the frame's end extends at most into the next row.
@@ -72,9 +74,9 @@ inline bool fits_windows(const SourceView& source, int begin, int y, int n,
   return true;
 }
 
-/// For each pixel of a chunk: the index in the frame of the upper left of four neighbours; the
-/// weights of left and right (times kWeightUnit) in the halves of each word; and the weights of the
-/// upper and lower row.
+/// For each pixel of a chunk: the index in the frame of the upper left of four neighbours, and its
+/// weights. The weights of left and right (times kWeightUnit) are in the halves of each word; the
+/// weights of the upper and lower row are separate.
 struct WindowTaps {
   HWY_ALIGN std::int32_t pixel[kChunk], pairs[kChunk];
   HWY_ALIGN float upper[kChunk], lower[kChunk];

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Counts the source pixels that a view of slabs depends on: marks the bilinear taps of each ray in
+// the frames of the cameras of its nodes, where the ray meets the focal plane (mark_run()). Output:
+// number of distinct pixels. Cost: O(pixels x 4 nodes x up to 3 cameras).
 #include "render/slabs/needed_pixels.h"
 
 #include <algorithm>

@@ -12,15 +12,16 @@
 
 namespace raystage::render {
 
-/// Pixels of the cameras' frames that a view by slabs depends on, for
-/// RenderStatistics::pixels_needed: each ray's taps in the cameras of the nodes around it, as if it
-/// were sampled in the frames themselves. Rectified images are made of whole frames.
+/// Counts the pixels of the cameras' frames that a view of slabs depends on, for
+/// RenderStatistics::pixels_needed. These are each ray's taps in the cameras of the nodes around
+/// it, as if it were sampled in the frames themselves. Rectified images are made of whole frames.
 class NeededPixels {
  public:
   explicit NeededPixels(const LightFieldFrame& instant);
 
-  /// A run of pixels of row `y`, `projection` of the view on the focal plane. `nodes`: of the run's
-  /// cell, upper left, upper right, lower left, lower right; null where there is none.
+  /// Marks what a run of pixels of row `y` needs. `projection`: of the view on the focal plane.
+  /// `nodes`: of the run's cell, upper left, upper right, lower left, lower right; null where there
+  /// is none.
   void mark(const SlabRays& rays, const SlabRays::Run& run, int y, bool nearest,
             const std::array<const NodeSources*, 4>& nodes, const PlaneProjection& projection);
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rectifies camera frames into the image of a node (thesis 2.3; Levoy and Hanrahan 1996): a
-// homography and lens distortion per camera, by the kernels of sampling/source_view.h. Output:
+// Rectifies camera frames into the image of a node (thesis 2.3; Levoy and Hanrahan 1996) by a
+// homography and lens distortion per camera. Uses the kernels of sampling/source_view.h. Output:
 // 16-bit R, G, B, A sums per sample. Cost: samples x cameras of the node.
 
 #include "render/slabs/node_image.h"

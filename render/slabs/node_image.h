@@ -18,9 +18,10 @@ namespace raystage::render {
 struct NodeImage {
   int width = 0, height = 0;
   /// R, G, B, A per sample, rows without padding: sums of weighted codes on the scale of the blend
-  /// space, A = 65535 where all cameras see the sample. 16 bits as in decoded frames: with 8, each
-  /// sample would add its rounding to the camera's, and linear light would have steps in shadows.
-  /// One row and one sample of padding follow, so that a bilinear tap may read past the last.
+  /// space, A = 65535 where all cameras see the sample. They have 16 bits as in decoded frames:
+  /// with 8, each sample would add its rounding to the camera's, and linear light would have steps
+  /// in shadows. One row and one sample of padding follow, so that a bilinear tap may read past the
+  /// last.
   std::unique_ptr<std::uint16_t[]> rgba;
   NodeRows made;                    ///< the valid samples; others are undefined
   std::size_t bytes = 0;            ///< of memory held

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Bounds the samples of a node's image that runs of pixels read: one interval of columns per row.
+// Positions (u, v) / ahead are monotone along a run, so that its two ends bound them by a box. Runs
+// of more than kPixelsPerBox pixels whose box has more than kRowsPerBox rows are halved. Output:
+// all samples that sample_slab_run() reads, and few more. Cost: O(boxes x rows of a box).
 #include "render/slabs/node_rows.h"
 
 #include <algorithm>
@@ -7,8 +11,8 @@
 namespace raystage::render {
 namespace {
 
-/// Pixels of the view whose samples are bounded by one box: longer runs if they lie within
-/// kRowsPerBox rows of the image.
+/// Pixels of the view whose samples are bounded by one box. Runs may be longer if their samples lie
+/// within kRowsPerBox rows of the image.
 constexpr int kPixelsPerBox = 16, kRowsPerBox = 3;
 
 /// Maximum difference from the kernels' positions, in samples.
@@ -21,7 +25,8 @@ double value(const SlabRun::LinearFunction& function, double x, int y) {
   return function[0] * x + (function[1] * (y + 0.5) + function[2]);
 }
 
-/// Whether the second (or first) of two nodes along an axis has weight anywhere between two rays.
+/// Returns whether the second (or first) of two nodes along an axis has weight anywhere between two
+/// rays.
 bool counts(const SlabRun& run, const SlabRun::LinearFunction& times, bool second, double x0,
             double x1) {
   if (run.interpolation != SlabInterpolation::kNearest) return true;

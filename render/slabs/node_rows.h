@@ -26,8 +26,8 @@ class NodeRows {
   bool is_whole() const;
 
   /// Adds what sample_slab_run() reads with a weight of the run's node at `corner` (as
-  /// SlabRun::node: bit 0 for right, bit 1 for lower), and all between that and the present
-  /// interval. Slightly more is added where runs are slanted in the image.
+  /// SlabRun::node: bit 0 for right, bit 1 for lower). Everything between that and the present
+  /// interval is added too, and slightly more where runs are slanted in the image.
   void add(const SlabRun& run, int corner);
 
  private:

@@ -15,8 +15,8 @@ double value_at(const SlabRun::LinearFunction& function, int x, int y) {
   return function[0] * (x + 0.5) + function[1] * (y + 0.5) + function[2];
 }
 
-/// Whether the node's image is read with a weight at (u, v) only where `rows` has it: the four
-/// samples around, as SlabInterpolation says, pixel by pixel.
+/// Expects that `rows` contains all samples of the node's image that are read at (u, v) with a
+/// weight: the four samples around, as SlabInterpolation defines, pixel by pixel.
 void expect_holds_what_is_read(const SlabRun& run, int corner, const NodeRows& rows) {
   const auto right = static_cast<std::size_t>(corner & 1),
              lower = static_cast<std::size_t>(corner / 2);

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Finds the cameras of each node of a slab: the nearest point of the array's cells, projected along
+// the slab's normal, and its barycentric weights. Input: slab, camera centres (metres), topology.
+// Output: up to 3 cameras per node, weights of sum 1. Cost: O(nodes x cells).
 #include "render/slabs/node_sources.h"
 
 #include <algorithm>

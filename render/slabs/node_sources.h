@@ -22,11 +22,12 @@ struct NodeSources {
   double present_weight = 1;
 };
 
-/// Returns the sources of every node, row by row: the cell of `present` that contains it, projected
-/// along the slab's normal, and its barycentric weights there. Outside of all cells the nearest
-/// point of any cell is used, up to one node spacing away. A camera nearer than 1e-4 of the spacing
-/// is used alone, which shifts the image by 1e-4 of the disparity between neighbours.
-/// `present`, `complete`: of the slab's cameras, with indices into `rig`.
+/// Returns the sources of every node, row by row. They are the cameras of the cell of `present`
+/// that contains the node, projected along the slab's normal, with the node's barycentric weights.
+/// Outside of all cells the nearest point of any cell is used, up to one node spacing away. A
+/// camera nearer than 1e-4 of the spacing is used alone, which shifts the image by 1e-4 of the
+/// disparity between neighbours. `present`, `complete`: of the slab's cameras, with indices into
+/// `rig`.
 std::vector<NodeSources> node_sources(const Slab& slab, const rig::Rig& rig,
                                       const rig::Topology& present, const rig::Topology& complete);
 

@@ -75,7 +75,7 @@ TEST(NodeSources, AreTheCamerasOfAGridAndTheirNeighboursWhereOneIsAbsent) {
     }
     EXPECT_EQ(nodes[absent].count, 2);  // between two, half each
   }
-  // With nobody near, nobody stands in.
+  // Without a camera near enough, the node has no sources.
   const rig::Topology corner = rig::make_topology(rig, std::vector<int>{0});
   EXPECT_EQ(node_sources(slab, rig, corner, complete)[8].count, 0);
   EXPECT_EQ(node_sources(slab, rig, corner, complete)[1].count, 1);

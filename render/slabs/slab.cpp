@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fits two-plane light fields to a rig (thesis 2.3 and appendix A): detects a lattice of cameras by
+// Fits two-plane light fields to a rig (thesis 2.3 and appendix A). Detects a lattice of cameras by
 // least squares or lays a grid over them, and sizes the image plane by the finest source pixels and
 // the visible area. A box divides cameras among six faces. Input: rig, camera indices. Output:
 // slabs, metres. Cost: quadratic in cameras.

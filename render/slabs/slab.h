@@ -48,14 +48,14 @@ struct Slab {
   VirtualCamera node_view(int column, int row) const;
 };
 
-/// Fits slabs to some of a rig's cameras (`cameras` not empty; `normal` of their plane, towards
-/// their back, as Topology::normal).
+/// Fits slabs to some of a rig's cameras. `cameras`: not empty. `normal`: of their plane, towards
+/// their back, as Topology::normal.
 ///
-/// Nodes: cameras in a grid give its lattice, by least squares; for others, a grid over their
+/// Nodes: cameras in a grid give its lattice, by least squares. Other cameras get a grid over their
 /// bounding rectangle, with the median distance to the nearest neighbour as spacing. Image plane:
-/// contains all that some camera sees (within max_fov), sampled as densely as the finest pixel of
-/// any camera projects onto it, so that rectification loses nothing. Its samples coincide with the
-/// pixel centres of the first camera where that is parallel to it.
+/// contains all that some camera sees (within max_fov). It is sampled as densely as the finest
+/// pixel of any camera projects onto it, so that rectification loses nothing. Its samples coincide
+/// with the pixel centres of the first camera where that is parallel to it.
 std::vector<Slab> fit_slabs(const rig::Rig& rig, std::span<const int> cameras,
                             const Eigen::Vector3d& normal, const SlabOptions& options);
 

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Measures the cameras behind each visible pixel of a view of slabs, in double. Adds the cameras of
+// the up to four nodes around the ray's crossing (RayCoverage). A camera's weight is the node's
+// weight times its weight in the node times the visibility of the ray's point. Input: alpha and z
+// (metres) of the view. Output: effective number of cameras, and distance of the nearest one from
+// the ray, metres. Cost: O(pixels x 4 nodes x up to 3 cameras).
 #include "render/slabs/slab_coverage.h"
 
 #include <algorithm>

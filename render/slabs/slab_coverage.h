@@ -16,8 +16,8 @@ struct RayCamera {
 RayCoverage measure_ray_coverage(std::span<const RayCamera> cameras, const ViewRequest& request,
                                  const Eigen::Vector3d& ray);
 
-/// Fills RenderedView::cameras and nearest_ray of a view of slabs: the cameras of the
-/// nodes around each ray are determined again per pixel, in double.
+/// Fills RenderedView::cameras and nearest_ray of a view of slabs: the cameras of the nodes around
+/// each ray are determined again per pixel, in double.
 void measure_slab_coverage(const ViewRequest& request, const RigSlabs& slabs, RenderedView& image);
 
 }  // namespace raystage::render

@@ -35,10 +35,10 @@ using testing::WorstError;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr double kFloatEpsilon = std::numeric_limits<float>::epsilon();
-constexpr double kEdge = 1e-9;  // nodes beyond the grid's edge that are still within it
-constexpr int kChunk = 64;      // pixels that the kernel works on at once
+constexpr double kEdge = 1e-9;  // tolerance beyond the edge of the grid, in nodes
+constexpr int kChunk = 64;      // pixels that the kernel processes at once
 
-/// A slab, and a view with a focal plane; a ray of it is aimed at the grid, or beside it.
+/// A slab, and a view with a focal plane; a ray of the view is aimed at the grid, or outside it.
 struct Shot {
   Slab slab;
   VirtualCamera view;
@@ -75,7 +75,7 @@ Shot some_shot() {
   const Vector3d normal = pose.world_from_camera_rotation.col(2);
   rig::Pose eye{testing::rotation(),
                 target + height * normal + slant * std::abs(height) * normal.cross(direction())};
-  // Along the slab's own way, so that its nodes see what the view sees; or another.
+  // In the slab's own direction, so that its nodes see what the view sees; or in another.
   const Vector3d ahead = pose.viewing_direction();
   const Vector3d to_target = target - eye.position;
   const double distance_to_target = to_target.norm();
@@ -103,13 +103,15 @@ Shot some_shot() {
   return shot;
 }
 
-/// Where a ray crosses the camera plane, in nodes, and how well doubles can know it.
+/// The position at which a ray crosses the camera plane, in nodes, and a bound of its rounding in
+/// double.
 struct Crossing {
   Real column, row;
   double bound = 0;
 };
 
-/// By intersection; nullopt along the plane, where doubles know nothing.
+/// Returns the crossing by intersection; nullopt for a ray along the plane, where rounding
+/// determines it.
 std::optional<Crossing> exact_crossing(const Slab& slab, const VirtualCamera& view, double x,
                                        double y) {
   const Eigen::Matrix3d& r = slab.pose.world_from_camera_rotation;
@@ -124,7 +126,7 @@ std::optional<Crossing> exact_crossing(const Slab& slab, const VirtualCamera& vi
   const auto nodes = [&](Eigen::Index axis, double spacing) {
     return spacing > 0 ? Real(dot(exact(r.col(axis)), hit) / spacing) : Real(0);
   };
-  // The eye's distance at the ray's angle, and as many roundings as the ray has terms.
+  // The eye's distance at the ray's angle, with as many roundings as the ray has terms.
   const double least_spacing = slab.nodes() == 1
                                    ? 1
                                    : std::min(slab.columns > 1 ? slab.column_spacing : 1e300,
@@ -134,7 +136,7 @@ std::optional<Crossing> exact_crossing(const Slab& slab, const VirtualCamera& vi
                   16 * kEpsilon * terms * (away + slab.columns + slab.rows) / slope};
 }
 
-/// By how many nodes a crossing lies within the grid; negative outside.
+/// Returns by how many nodes a crossing is within the grid; negative outside.
 double to_edge(const Slab& slab, const Crossing& crossing) {
   const auto within = [](const Real& place, int count) {
     return count == 1 ? 1e300 : static_cast<double>(std::min(place, Real(Real(count - 1) - place)));
@@ -142,7 +144,8 @@ double to_edge(const Slab& slab, const Crossing& crossing) {
   return std::min(within(crossing.column, slab.columns), within(crossing.row, slab.rows));
 }
 
-/// Where a node sees a ray's point on the focal plane; nullopt where it does not.
+/// Returns the position at which a node sees a ray's point on the focal plane; nullopt where it
+/// does not.
 std::optional<std::array<Real, 2>> exact_uv(const Shot& shot, int column, int row, double x,
                                             double y) {
   const Slab& slab = shot.slab;
@@ -159,7 +162,7 @@ std::optional<std::array<Real, 2>> exact_uv(const Shot& shot, int column, int ro
   return testing::exact_projection(slab.image, slab.pose, towards);
 }
 
-/// Samples from a position in a node's image to its border; negative outside.
+/// Returns the samples from a position in a node's image to its border; negative outside.
 Real to_border(const Slab& slab, const std::array<Real, 2>& uv) {
   return std::min({uv[0], Real(slab.width - uv[0]), uv[1], Real(slab.height - uv[1])});
 }
@@ -168,9 +171,9 @@ double at(const SlabRun::LinearFunction& f, double x, double y) {
   return f[0] * x + (f[1] * y + f[2]);
 }
 
-/// How well doubles can know where a node sees the point, pixels: the way from the node to it is a
-/// sum of the ray, times the eye's distance from the plane, and of the way from node to eye. Where
-/// the node stands is rounded, too.
+/// Returns a bound of the rounding in double of the position at which a node sees the point,
+/// pixels. The vector from the node to the point is a sum of two: the ray times the eye's distance
+/// from the plane, and the vector from node to eye. The node's position is rounded, too.
 double uv_bound(const Shot& shot, const PlaneProjection& projection, double ahead, double x,
                 double y) {
   const Slab& slab = shot.slab;
@@ -226,14 +229,14 @@ TEST(SlabExtremes, RaysCrossBothPlanesWhere50DigitsDo) {
   }));
 }
 
-/// The largest of a function along a run.
+/// Returns the largest magnitude of a function along a run.
 double most_along(const SlabRun& run, const SlabRun::LinearFunction& f) {
   const double y = run.y + 0.5;
   return std::max(std::abs(at(f, run.begin + 0.5, y)), std::abs(at(f, run.end - 0.5, y)));
 }
 
-/// The part of the view's row that the kernel works on together with the pixel; nullopt where no
-/// run holds the pixel.
+/// Returns the part of the view's row that the kernel processes together with the pixel; nullopt
+/// where no run contains the pixel.
 std::optional<SlabRun> run_around(const Shot& shot, const SlabRays& rays,
                                   const PlaneProjection& projection, int x, int y) {
   std::vector<SlabRays::Run> runs;
@@ -274,7 +277,7 @@ TEST(SlabExtremes, KernelsInterpolateAs50DigitsDo) {
         RC_ASSERT(part >= -4 * kFloatEpsilon && part <= 1 + 4 * kFloatEpsilon);
       sum_of_weights.expect(weights[0] + weights[1] + weights[2] + weights[3] - 1,
                             8 * kFloatEpsilon);
-      // The cell is the run's; how far into it the crossing lies is the truth's.
+      // The cell is that of the run; the position of the crossing within it is the exact one.
       const SlabRays::Crossing crossing = rays.crossing(centre_x, centre_y);
       const double across = at(run->across, centre_x, centre_y);
       const auto cell = [&](double place, const SlabRun::LinearFunction& into, int count) {
@@ -285,7 +288,8 @@ TEST(SlabExtremes, KernelsInterpolateAs50DigitsDo) {
       const int left = cell(crossing.column, run->column, slab.columns);
       const int upper = cell(crossing.row, run->row, slab.rows);
       if (truth) {
-        // Floats step from the chunk's first pixel on, on the scale of the largest.
+        // Floats step from the chunk's first pixel on; their rounding is relative to the largest
+        // value.
         const double steepness = most_along(*run, run->across) / std::abs(across);
         const double bound = 8 * kFloatEpsilon * (1 + steepness) + truth->bound + 2 * kEdge;
         const auto share = [](const Real& place, int first, int count) -> Real {
@@ -304,7 +308,7 @@ TEST(SlabExtremes, KernelsInterpolateAs50DigitsDo) {
         const int column = left + static_cast<int>(i % 2), row = upper + static_cast<int>(i / 2);
         if (column >= slab.columns || row >= slab.rows) continue;
         const auto seen = exact_uv(shot, column, row, centre_x, centre_y);
-        if (!seen || to_border(slab, *seen) < 2) continue;  // where it fades
+        if (!seen || to_border(slab, *seen) < 2) continue;  // within the fade at the border
         const double ahead = at(run->ahead, centre_x, centre_y);
         const double steepness = most_along(*run, run->ahead) / ahead;
         const double reach =

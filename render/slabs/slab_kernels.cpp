@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Kernels of two-plane light fields (Levoy and Hanrahan; Gortler et al., SIGGRAPH 1996; thesis
-// 2.3, appendix A): quadrilinear, bilinear or nearest interpolation between the samples of the
-// four nodes around a ray, for a run of pixels within one cell of the camera plane. Cost: O(pixels
-// x 16) for quadrilinear interpolation. Must match slabs_reference.cpp.
+// Kernels of two-plane light fields (Levoy and Hanrahan; Gortler et al., SIGGRAPH 1996; thesis 2.3,
+// appendix A). They interpolate between the samples of the four nodes around a ray (quadrilinear,
+// bilinear or nearest), for a run of pixels within one cell of the camera plane. Cost: O(pixels x
+// 16) for quadrilinear interpolation. Must match slabs_reference.cpp.
 #include "render/slabs/slab_kernels.h"
 
 #include <algorithm>

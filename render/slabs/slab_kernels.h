@@ -30,7 +30,7 @@ struct SlabRun {
   /// across; both in [0, 1].
   LinearFunction column{}, row{}, across{};
   /// Where the nodes see the point of the focal plane, in samples: u / ahead for the left and right
-  /// nodes, v / ahead for the upper and lower. Visible where `ahead` is above 0.
+  /// nodes, v / ahead for the upper and lower. The point is visible where `ahead` is above 0.
   std::array<LinearFunction, 2> u{}, v{};
   LinearFunction ahead{};
   /// The focal plane as seen from the view (PlaneProjection).
@@ -39,8 +39,8 @@ struct SlabRun {
   bool at_infinity = false;
 };
 
-/// Reconstructs the run into rows of the view, starting at its first pixel: `rgba` 4 floats per
-/// pixel (premultiplied linear light, code 65535 is `full_scale`), `z` 1 float (+infinity where
+/// Reconstructs the run into rows of the view, starting at its first pixel. `rgba`: 4 floats per
+/// pixel (premultiplied linear light, code 65535 is `full_scale`). `z`: 1 float (+infinity where
 /// alpha is 0). Run-time dispatch: see slab_kernel_target(). `sums`: as blend_run(); kSampleOnly
 /// does not write `z`.
 void sample_slab_run(const SlabRun& run, store::BlendSpace space, float full_scale, float* rgba,

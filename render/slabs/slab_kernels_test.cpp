@@ -17,7 +17,7 @@ namespace {
 
 constexpr int kWidth = 37, kHeight = 23;
 
-/// Four random images with their padding.
+/// Returns four random images with their padding.
 std::vector<std::vector<std::uint16_t>> random_images() {
   std::mt19937 random(11);
   std::vector<std::vector<std::uint16_t>> images;
@@ -29,7 +29,7 @@ std::vector<std::vector<std::uint16_t>> random_images() {
   return images;
 }
 
-/// A run that sweeps over the images' borders and the cell's corners.
+/// Returns a run that crosses the images' borders and the cell's corners.
 SlabRun sweeping_run(const std::vector<std::vector<std::uint16_t>>& images) {
   SlabRun run;
   run.begin = 3;
@@ -53,7 +53,7 @@ double at(const SlabRun::LinearFunction& f, int x, int y) {
   return f[0] * (x + 0.5) + f[1] * (y + 0.5) + f[2];
 }
 
-/// One pixel in double, as the header says it.
+/// One pixel in double, by the formulas of the header.
 struct Pixel {
   double rgba[4] = {0, 0, 0, 0};
   double z = std::numeric_limits<double>::infinity();
@@ -117,7 +117,8 @@ void expect_agreement(const SlabRun& run, store::BlendSpace space) {
     const Pixel truth = pixel_of(run, run.begin + static_cast<int>(i), space, 1.5);
     seen += truth.rgba[3] > 0 ? 1 : 0;
     for (std::size_t k = 0; k < 4; ++k) {
-      // Premultiplied codes of a thin pixel are large against its alpha, so is its linear light.
+      // Premultiplied codes of a pixel with low alpha are large relative to it, and so is its
+      // linear light.
       ASSERT_NEAR(rgba[i * 4 + k], truth.rgba[k], 1e-3 + 2e-3 * std::abs(truth.rgba[k])) << i;
     }
     if (truth.rgba[3] > 1e-4) {

@@ -13,7 +13,7 @@ namespace raystage::render {
 /// With the virtual camera at e and the ray d in the slab's frame (camera plane z = 0), the
 /// crossing is e - d e_z / d_z. In units of nodes, column = column_numerator / across with
 ///   across = -d_z,  column_numerator = (e_x across + e_z d_x) / spacing,
-/// which is linear in the pixel, and exact with the virtual camera on the plane, where e_z is 0.
+/// which is linear in the pixel. It is exact with the virtual camera on the plane, where e_z is 0.
 /// Rays are whole lines: a camera plane behind the virtual camera counts too.
 class SlabRays {
  public:
@@ -26,11 +26,12 @@ class SlabRays {
     double column = 0, row = 0;  ///< in nodes, within the grid
   };
 
-  /// `view` without its distortion.
+  /// Computes the functions of the rays of `view` without its distortion.
   SlabRays(const VirtualCamera& view, const Slab& slab);
 
-  /// Linear functions of (x, y, 1), x and y in pixels of the view; 0 along an axis with one node. A
-  /// single line of cameras acts as an endless strip; a single camera is used for every ray.
+  /// Return linear functions of (x, y, 1), x and y in pixels of the view; 0 along an axis with one
+  /// node. A single line of cameras acts as an endless strip; a single camera is used for every
+  /// ray.
   const Eigen::Vector3d& column_numerator() const { return column_times_; }
   const Eigen::Vector3d& row_numerator() const { return row_times_; }
   const Eigen::Vector3d& across() const { return across_; }
@@ -39,8 +40,8 @@ class SlabRays {
   /// Pixels that miss the grid or belong to another slab are omitted.
   void runs_of_row(int y, int width, std::vector<Run>& runs) const;
 
-  /// Whether the ray through (x, y) belongs to the slab: it crosses the grid, in front of or behind
-  /// the virtual camera.
+  /// Returns whether the ray through (x, y) belongs to the slab: it crosses the grid, in front of
+  /// or behind the virtual camera.
   bool contains_ray(double x, double y) const;
   /// Returns the crossing of a ray for which contains_ray() is true.
   Crossing crossing(double x, double y) const;

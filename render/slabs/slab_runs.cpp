@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Computes the linear functions of the pixel by which the kernels interpolate a slab: positions
+// between the nodes of a cell, and positions u / ahead and v / ahead of the focal plane's point in
+// the nodes' images, in samples. Cost: one homography per column and row of nodes, then constant
+// per run.
 #include "render/slabs/slab_runs.h"
 
 #include <algorithm>

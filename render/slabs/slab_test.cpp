@@ -98,7 +98,7 @@ TEST(FitSlabs, TheImagePlaneHoldsAndResolvesWhatEveryCameraSees) {
         ASSERT_GT(sample.minCoeff(), -0.5);
         ASSERT_LT(sample.x(), slab.width + 0.5);
         ASSERT_LT(sample.y(), slab.height + 0.5);
-        ASSERT_GT((sample_of(camera, x + 1, y) - sample).norm(), 0.98);  // a pixel, a sample
+        ASSERT_GT((sample_of(camera, x + 1, y) - sample).norm(), 0.98);  // one pixel is one sample
       }
     }
   }
@@ -169,7 +169,7 @@ TEST(FitSlabs, ABoxHasASideForEveryDirection) {
   options.layout = SlabOptions::Layout::kBox;
   const rig::Rig rig = rig_of(cameras);
   const std::vector<Slab> slabs = fit(rig, options);
-  ASSERT_EQ(slabs.size(), 5U);  // nobody looks down
+  ASSERT_EQ(slabs.size(), 5U);  // no camera looks down
   for (const Slab& slab : slabs) {
     ASSERT_EQ(slab.cameras.size(), 4U);
     EXPECT_EQ(slab.nodes(), 4);

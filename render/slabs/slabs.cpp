@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two-plane light field rendering (thesis 2.3 and appendix A; Levoy and Hanrahan 1996). Plans which
-// nodes each row of the view needs, makes or caches their rectified images in bands of rows that
-// fit in memory, and interpolates each ray quadrilinearly by slab_kernels.h. Output: R, G, B, A,
+// nodes each row of the view needs, and makes or caches their rectified images in bands of rows
+// that fit in memory. Interpolates each ray quadrilinearly by slab_kernels.h. Output: R, G, B, A,
 // coverage, depth. Cost: pixels x 16 samples, plus rectification once per node. Must match
 // slabs_reference.cpp up to rectification.
 
@@ -105,7 +105,7 @@ class SlabFrame {
     return request_.view.height;
   }
 
-  /// Whether this rank makes the node's image.
+  /// Returns whether this rank makes the node's image.
   bool is_made_here(const NodeSources& node) const {
     if (node.count == 0 || sums_ == SumStage::kFinishOnly) return false;
     const auto heaviest = std::max_element(node.weight.begin(), node.weight.begin() + node.count) -
@@ -124,7 +124,7 @@ class SlabFrame {
         "method slabs", "Lower the option uv_scale or columns, or increase the memory budget");
   }
 
-  /// Gets the images of the nodes, from the previous band, from the result cache, or made now.
+  /// Gets the images of the nodes from the previous band or the result cache, or makes them.
   void fetch(const std::vector<bool>& needed, RenderStatistics& statistics) {
     std::vector<int> missing;
     for (std::size_t i = 0; i < needed.size(); ++i) {
@@ -283,7 +283,7 @@ class SlabFrame {
   std::vector<bool> camera_used_;
 };
 
-/// `given`: sums of all ranks, with kFinishOnly.
+/// Renders the rays of all slabs. `given`: sums of all ranks, with kFinishOnly.
 void render_rays(const ViewRequest& request, SumStage sums, const PixelValues& given,
                  RenderedView& image) {
   const auto start = RenderClock::now();
@@ -350,8 +350,8 @@ class SlabsMethod final : public Method {
   DistributionMode distribution(const MethodOptions&) const override {
     return DistributionMode::kContributions;
   }
-  /// A node belongs to the rank of the camera with the largest weight in it; the frames of its
-  /// other cameras are read, too.
+  /// Returns the sums of this rank's nodes. A node belongs to the rank of the camera with the
+  /// largest weight in it; the frames of its other cameras are read, too.
   Contribution contribute(const ViewRequest& request) const override {
     RenderedView image = empty_view(request.view);
     render_rays(request, SumStage::kSampleOnly, {}, image);
@@ -371,8 +371,8 @@ class SlabsMethod final : public Method {
         "slabs with layout box sample rays on a plane per face, but single rays need one plane",
         "method slabs", "Render views, or choose another method for rays");
   }
-  /// Also where memory is too short to cache node images: bands then make shared images again, and
-  /// pixels do not depend on the budget.
+  /// Returns true, also where memory is too short to cache node images: bands then make shared
+  /// images again, and pixels do not depend on the budget.
   bool is_row_independent(const MethodOptions&) const override { return true; }
 };
 

@@ -19,8 +19,8 @@ struct RigSlabs {
 
 /// Returns the slabs that the request's options describe, from the result cache where possible.
 std::shared_ptr<const RigSlabs> rig_slabs(const ViewRequest& request);
-/// Returns the plane on which a slab's rays are sampled: the requested focal plane; for a box, a
-/// separate plane per face, at the same distance from the rig's centre.
+/// Returns the plane on which a slab's rays are sampled: the requested focal plane. For a box it is
+/// a separate plane per face, at the same distance from the rig's centre.
 Eigen::Vector4d slab_focal_plane(const Slab& slab, const ViewRequest& request);
 SlabInterpolation slab_interpolation(const MethodOptions& options);
 
@@ -31,8 +31,8 @@ SlabInterpolation slab_interpolation(const MethodOptions& options);
 /// `working_bytes`.
 const Method& slabs_method();
 
-/// Renders as the method, per ray in double, without slabs: each node is sampled in the frames
-/// of its cameras. The difference is the cost of rectification: one more linear interpolation,
+/// Renders as the method, per ray in double, without slabs: each node is sampled in the frames of
+/// its cameras. The difference is the effect of rectification: one more linear interpolation,
 /// except where the image plane coincides with the cameras' own.
 RenderedView render_slabs_reference(const ViewRequest& request);
 

@@ -26,7 +26,8 @@ using Eigen::Vector4d;
 /// Weighted codes, full scale 1; the fourth value is the weight.
 using Sum = std::array<double, 4>;
 
-/// Visibility along one image axis: 1 inside, falling to 0 over the outermost half pixel.
+/// Returns the visibility along one image axis: 1 inside, falling to 0 over the outermost half
+/// pixel.
 double fade(double at, int size) {
   return std::clamp(std::min(at, size - at) * kBorderFade, 0.0, 1.0);
 }

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Fits the slabs of a light field frame's cameras (slab.cpp), finds the sources of their nodes
+// (node_sources.cpp) and caches both by options and present cameras. Also returns the focal plane
+// of each slab. Cost: that of fit_slabs() and node_sources(), once per set of present cameras.
 #include <fmt/format.h>
 
 #include <algorithm>

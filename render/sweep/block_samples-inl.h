@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bilinear samples of a MatchingFrame, in vectors. Included once per instruction set by Highway, so
-// its include guard toggles.
+// Samples a MatchingFrame bilinearly, in vectors. Output: codes with kCodeBits fractional bits.
+// Cost: O(pixels x 3 channels). Included once per instruction set by Highway, so its include guard
+// toggles. Must match the samples of matching_cost_reference() (cost_kernels_reference.cpp).
 
 #if defined(RAYSTAGE_RENDER_SWEEP_BLOCK_SAMPLES_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef RAYSTAGE_RENDER_SWEEP_BLOCK_SAMPLES_INL_H
@@ -139,7 +140,7 @@ HWY_INLINE Words3 gather_rows(const Row& origin, const SourceBounds& need, Ints 
           hn::IfThenElse(is_upper, upper.blue, lower.blue)};
 }
 
-/// Returns a word's weighted sum in two parts, one per half. A half is left + 256 right; its result
+/// Returns a word's weighted sum in two parts, one per half. A half is left + 256 right. Its result
 /// (256 - part) left + part right is (256 - part) half + 257 part right in 16 bits.
 HWY_INLINE Codes weigh(Words words, const ColumnTaps& columns, Codes rows) {
   const CodeTag d;

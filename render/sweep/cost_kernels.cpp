@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Kernels of the plane sweep's matching costs, 32 pixels at a time: positions of the pixels in
-// each camera plane by plane (block_positions-inl.h), bilinear samples (block_samples-inl.h), mean
-// truncated difference from the mean colour, without the worst cameras on request (Kang, Szeliski
-// and Chai, CVPR 2001). Output: bytes, 255 = truncation. Cost:
-// O(pixels x planes x cameras). Must match matching_cost_reference() (cost_kernels_reference.cpp).
+// Kernels of the plane sweep's matching costs, 32 pixels at a time. They compute positions of the
+// pixels in each camera plane by plane (block_positions-inl.h), bilinear samples
+// (block_samples-inl.h) and the mean truncated difference from the mean colour. On request the
+// worst cameras are excluded (Kang, Szeliski and Chai, CVPR 2001). Output: bytes, 255 = truncation.
+// Cost: O(pixels x planes x cameras). Must match matching_cost_reference()
+// (cost_kernels_reference.cpp).
 #include "render/sweep/cost_kernels.h"
 
 #include <algorithm>
@@ -13,7 +14,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "render/sweep/cost_kernels.cpp"
 // The order matters.
-// clang-format difference_from
+// clang-format off
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
 
@@ -56,7 +57,7 @@ HWY_INLINE Samples samples_of(const Taps& first, const Taps& second) {
           channel_of(first.words.green, first, second.words.green, second),
           channel_of(first.words.blue, first, second.words.blue, second)};
 }
-/// `y`: from the first row needed.
+/// Returns taps. `y`: from the first row needed.
 HWY_INLINE Taps make_taps(const Row& origin, const SourceBounds& need, Ints x, Ints y) {
   const ColumnTaps columns = column_taps(x);
   if (HWY_LIKELY(need.more_rows == 0)) {
@@ -73,7 +74,7 @@ HWY_INLINE Ints evaluate_rounded(const float* c0, const float* c1, const float* 
   return evaluate_rounded(Curve<Floats>{hn::Set(d, *c0), hn::Set(d, *c1), hn::Set(d, *c2)}, x);
 }
 
-/// Taps at the fitted positions; all of them are seen.
+/// Returns taps at the fitted positions; all of them are seen.
 HWY_INLINE Taps taps_along(const Camera& camera, Floats x, int part, int plane) {
   const BlockPositions& p = camera.positions;
   const std::ptrdiff_t i = part * p.stride + plane;
@@ -86,7 +87,7 @@ HWY_INLINE Samples sample_fitted(const Camera& camera, const Pixels& x, int plan
                     taps_along(camera, x.second, x.part + 1, plane));
 }
 
-/// Samples at exact positions. Lanes of `seen` become 0 if unseen, else all bits are set.
+/// Returns samples at exact positions. Lanes of `seen` become 0 if unseen, else all bits are set.
 HWY_INLINE Samples sample_exactly(const Camera& camera, const Pixels& x, int plane, Codes& seen) {
   const FloatTag d;
   const CodeTag dc;
@@ -149,7 +150,7 @@ struct Mean {
 };
 HWY_INLINE Codes codes(int value) { return hn::Set(CodeTag(), static_cast<std::uint16_t>(value)); }
 
-/// `kAllSeen`: every camera sees every pixel; else `seen` says which.
+/// Returns the mean colour. `kAllSeen`: every camera sees every pixel; else `seen` says which.
 template <bool kAllSeen>
 HWY_INLINE Mean mean_of(const CostScale& scaling, const Samples* samples, const Codes* seen) {
   const CodeTag d;

@@ -70,14 +70,14 @@ class CostScratch {
   std::vector<std::uint8_t> costs_;
 };
 
-/// Writes matching costs: for each point the mean over the cameras that see it of the absolute
+/// Writes matching costs: for each point the mean, over the cameras that see it, of the absolute
 /// differences (mean of R, G, B) from their mean colour. Differences are limited to the truncation,
 /// which becomes 255: one outlier among many cameras costs little. Samples are bilinear at
 /// positions that are exact to 1/256 pixel.
 ///
-/// Against occlusion, after Kang, Szeliski and Chai 2001 ("Handling occlusions in dense multi-view
-/// stereo"): `excluded_cameras` times, the camera farthest from the mean of the remaining ones is
-/// excluded, the first of equals, while more than two remain.
+/// Against occlusion, `excluded_cameras` times the camera farthest from the mean of the remaining
+/// ones is excluded, while more than two remain; of equals the first. The method follows Kang,
+/// Szeliski and Chai 2001 ("Handling occlusions in dense multi-view stereo").
 void compute_matching_costs(const CostRun& run, CostScratch& scratch);
 
 /// Input of matching_cost_reference(), the reference of compute_matching_costs() for one point.

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reference of compute_matching_costs() (cost_kernels.cpp) for one point of a ray: bilinear 8-bit
-// codes of each camera that sees it, mean truncated difference from the mean colour, without the
-// worst `excluded_cameras`. In double; output 0 to 255, 255 = truncation. Cost: O(cameras).
+// Reference of compute_matching_costs() (cost_kernels.cpp) for one point of a ray, in double. Takes
+// bilinear 8-bit codes of each camera that sees the point. The cost is the mean truncated
+// difference from the mean colour, without the worst `excluded_cameras`. Output: 0 to 255, 255 =
+// truncation. Cost: O(cameras).
 #include <algorithm>
 #include <array>
 #include <cmath>

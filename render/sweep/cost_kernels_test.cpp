@@ -60,7 +60,7 @@ store::DecodedFrame random_frame(unsigned seed) {
 
 struct Counts {
   int told = 0, unknown = 0;
-  int torn = 0;  ///< that left out another camera than the reference did
+  int torn = 0;  ///< that excluded another camera than the reference did
 };
 
 /// Compares all pixels of a view that some cameras see only partly.
@@ -156,7 +156,7 @@ TEST(CostKernels, AgreeWhereAllCamerasSee) {
   }
   Case many = narrow;
   many.cameras = 16;
-  many.truncation = 255;  // their sum is more than 16 bits hold
+  many.truncation = 255;  // the sum of differences exceeds 16 bits
   many.planes = {9, 0.02, 0.01};
   expect_costs_everywhere(many, 3 * 83 * 9, 0);
 }

@@ -17,11 +17,11 @@ TEST(EdgeGuide, IsTheLuminanceAsACode) {
   picture.height = 2;
   const auto grey = static_cast<float>(linear_from_srgb(100.0 / 255) * 0.5);  // of full scale 0.5
   picture.rgba = {0,        0,        0,        1,                            // black
-                  0.5F,     0.5F,     0.5F,     1,                            // all there is
-                  2,        2,        2,        1,                            // and more
+                  0.5F,     0.5F,     0.5F,     1,                            // full scale
+                  2,        2,        2,        1,                            // above full scale
                   grey,     grey,     grey,     1,                            //
-                  grey / 4, grey / 4, grey / 4, 0.25F,  // as bright, if less of it
-                  0,        0,        0,        0};     // nothing
+                  grey / 4, grey / 4, grey / 4, 0.25F,  // the same colour with less alpha
+                  0,        0,        0,        0};     // transparent
   picture.coverage = {1, 1, 1, 1, 0.25F, 0};
   EXPECT_THAT(edge_guide(picture, 0.5), ElementsAre(0, 255, 255, 100, 100, 0));
 }

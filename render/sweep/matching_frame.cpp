@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Converts the matched part of a decoded frame to words that cost_kernels.cpp reads: 8-bit codes of
+// the sRGB curve, packed with their right, lower and lower right neighbours. Input: 16-bit R, G, B,
+// A. Output: 3 words of 32 bits per pixel of the box, channel by channel within a row. Cost:
+// O(pixels of the box).
 #include "render/sweep/matching_frame.h"
 
 #include <algorithm>

@@ -14,20 +14,23 @@ struct FrameBox {
   int left = 0, right = 0, top = 0, bottom = 0;
 };
 
-/// The matched part of a frame in 8-bit codes of the sRGB curve. A 32-bit word holds a pixel's code
-/// in one channel (lowest byte) and those of its right, lower and lower right neighbours, so a
-/// bilinear sample reads one word per channel. Border pixels of the frame are repeated outwards.
+/// The matched part of a frame in 8-bit codes of the sRGB curve. A 32-bit word holds four codes of
+/// one channel: the pixel's (lowest byte) and those of its right, lower and lower right neighbours.
+/// So a bilinear sample reads one word per channel. Border pixels of the frame are repeated
+/// outwards.
 class MatchingFrame {
  public:
   MatchingFrame() = default;
-  /// `box`: the matched part, not empty. Linear codes are converted to the sRGB curve.
+  /// Converts a frame. `box`: the matched part, not empty. Linear codes are converted to the sRGB
+  /// curve.
   MatchingFrame(const store::DecodedFrame& frame, store::BlendSpace space, const FrameBox& box);
 
   const FrameBox& box() const { return box_; }
-  /// Words from a row of a channel to the same row of the next channel: the R, G, B of a row are
-  /// followed by those of the next row.
+  /// Returns the words from a row of a channel to the same row of the next channel. The R, G, B of
+  /// a row are followed by those of the next row.
   std::ptrdiff_t pitch() const { return box_.right - box_.left; }
-  /// Words of the box's first pixel, red. At least 32 words may be read from any pixel on.
+  /// Returns the words of the box's first pixel, red. At least 32 words may be read from any pixel
+  /// on.
   const std::uint32_t* words() const { return words_.data(); }
   static std::size_t bytes(const FrameBox& box);
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Renders a view by plane sweep (Yang, Welch and Bishop 2002; Zhang and Chen 2004; thesis,
-// Reconstruction): determines the source pixels per tile, decodes them, fills a cost volume of
-// planes evenly spaced in inverse depth (cost_kernels.cpp), selects a plane per pixel
-// (matching), and blends the cameras at the depths found (1/m). Output: premultiplied linear
-// RGBA, coverage, z in metres. Cost: O(pixels x planes x cameras of a tile), twice with an edge
-// guide. Reference: plane_sweep_reference.cpp.
+// Reconstruction). Determines the source pixels per tile, decodes them and fills a cost volume of
+// planes evenly spaced in inverse depth (cost_kernels.cpp). Selects a plane per pixel (matching),
+// and blends the cameras at the depths found (1/m). Output: premultiplied linear RGBA, coverage, z
+// in metres. Cost: O(pixels x planes x cameras of a tile), twice with an edge guide. Reference:
+// plane_sweep_reference.cpp.
 #include "render/sweep/plane_sweep.h"
 
 #include <tbb/enumerable_thread_specific.h>
@@ -141,8 +141,8 @@ class Frame {
   /// Returns the edge guide of the view blended at the planes of `map`.
   std::vector<std::uint8_t> guide_from(const matching::PlaneMap& map,
                                        RenderStatistics& statistics) {
-    constexpr std::size_t kPictureBytes =
-        6 * sizeof(float) + 1;  // per pixel: the picture and its guide
+    // Per pixel: the picture and its guide.
+    constexpr std::size_t kPictureBytes = 6 * sizeof(float) + 1;
     hold(frames_and_map_bytes() + kPictureBytes * pixels(), statistics);
     RenderedView picture = empty_view(view_);
     blend(map, picture);
@@ -254,7 +254,7 @@ class Frame {
     }
   }
 
-  /// `seen`: of frames with a matte.
+  /// Converts sums to pixels. `seen`: of frames with a matte.
   void finish(std::span<float> rgba, std::span<const float> seen,
               std::span<const float> inverse_depth, int x, int y, std::size_t at,
               RenderedView& image) const {

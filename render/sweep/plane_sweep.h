@@ -15,8 +15,8 @@
 namespace raystage::render {
 
 /// Returns the method "plane_sweep" (Yang et al. 2002; Zhang and Chen 2004; thesis,
-/// Reconstruction). It tries planes across the view, evenly spaced in inverse depth, and selects at
-/// each pixel the one on which the cameras agree best, smoothed by semi-global matching. Then it
+/// Reconstruction). It tries planes across the view, evenly spaced in inverse depth. At each pixel
+/// it selects the plane on which the cameras agree best, smoothed by semi-global matching. Then it
 /// blends the cameras that see that point, weighted by angle and field of view (README.md compares
 /// them with the lumigraph's).
 ///

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Plans a view of the method "plane_sweep": the range of inverse depths (1/m) of the scene in the
-// view, evenly spaced planes by the disparity of the selected cameras (step_px), and the blending
-// field. Also defines the method and its options. Cost: O(tiles x cameras log cameras).
+// view, the planes, and the blending field. Planes are evenly spaced by the disparity of the
+// selected cameras (step_px). Also defines the method and its options. Cost: O(tiles x cameras log
+// cameras).
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -156,7 +157,8 @@ class PlaneSweepMethod final : public Method {
   RenderedView render_reference(const ViewRequest& request) const override {
     return plane_sweep::render_reference(request);
   }
-  /// Fetching parts of a few cameras' frames costs a hundredth of sending a cost volume.
+  /// Returns kFetchFrames: fetching parts of a few cameras' frames costs a hundredth of sending a
+  /// cost volume.
   DistributionMode distribution(const MethodOptions&) const override {
     return DistributionMode::kFetchFrames;
   }
@@ -164,7 +166,7 @@ class PlaneSweepMethod final : public Method {
     plane_sweep::settings_of(options);
     scene_depth_range(options, take, "plane_sweep");
   }
-  /// Rays use the surface of the method `depth` with the same depth range.
+  /// Returns the method `depth`, whose surface with the same depth range answers rays.
   RayDelegate ray_delegate(const MethodOptions& options) const override {
     return {"depth", {{"near", options.number("near")}, {"far", options.number("far")}}};
   }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reference of plane_sweep.cpp, pixel by pixel in double: matching_cost_reference() on every plane,
-// aggregation by matching, then the weighted mean of the cameras that see the point. Output
-// as plane_sweep.cpp; decodes all frames whole. Cost: O(pixels x planes x cameras).
+// aggregation by matching, then the weighted mean of the cameras that see the point. Output as
+// plane_sweep.cpp; decodes all frames whole. Cost: O(pixels x planes x cameras).
 #include <algorithm>
 #include <cmath>
 

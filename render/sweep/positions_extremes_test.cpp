@@ -72,7 +72,7 @@ Shot some_shot() {
   return shot;
 }
 
-/// Where the camera sees a pixel's point on a plane, and the rounding in float.
+/// The position at which the camera sees a pixel's point on a plane, and its rounding in float.
 struct Place {
   Real u, v;
   double bound = 0;  ///< pixels
@@ -102,7 +102,7 @@ std::optional<Place> exact_place(const Shot& shot, const DepthSource& source, in
   }
   const double in_double = testing::ray_term_magnitude(shot.view, pixel_x, pixel_y) +
                            static_cast<double>(q) * (eye - centre).norm();
-  const double size = 500 + 320 + 640;  // focal length, principal point, and how far from there
+  const double size = 500 + 320 + 640;  // focal length, principal point, and distance from it
   return Place{(*pixel)[0], (*pixel)[1],
                2 * size * (2 * kFloatEpsilon * terms + 16 * kEpsilon * in_double) / ahead};
 }
@@ -133,7 +133,7 @@ TEST(BlockPositionsExtremes, AreThoseOf50Digits) {
           const Real to_border =
               std::min({truth->u, Real(kWidth - truth->u), truth->v, Real(kHeight - truth->v)});
           if (to_border > 0.5 + truth->bound) RC_ASSERT(place.seen);
-          if (!place.seen || to_border < 0.5) continue;  // held at the outermost centres
+          if (!place.seen || to_border < 0.5) continue;  // clamped to the outermost pixel centres
           const double error_u = off(place.u, truth->u), error_v = off(place.v, truth->v);
           // Rounded to 1/256 and 1/4096 of a pixel.
           if (!place.by_fit) {

@@ -37,11 +37,12 @@ Shot some_shot() {
   const double near = *rc::gen::element(1e-3, 0.1, 4.0, 1e6, 1e9);
   shot.scene = {near, *rc::gen::element(near, near * (1 + 1e-12), 2 * near, 1e12, kInfinity)};
   const rig::Pose& camera = shot.rig.cameras[0].pose;
-  // On the array, on the scene's nearest plane, in the scene, in front of and behind all.
+  // On the array, on the scene's nearest plane, in the scene, and in front of and behind
+  // everything.
   const double ahead = *rc::gen::element(0.0, 1e-12, -0.1, near / 2, near, 1.5 * near, -1e6, 1e6);
   rig::Pose eye{camera.world_from_camera_rotation,
                 camera.world_from_camera({between(-0.1, 0.1), between(-0.1, 0.1), -ahead})};
-  const int kind = *rc::gen::inRange(0, 3);  // as the array, any way, or turned a little
+  const int kind = *rc::gen::inRange(0, 3);  // as the array, in any direction, or slightly rotated
   if (kind == 1) eye.world_from_camera_rotation = testing::rotation();
   if (kind == 2) {
     eye.world_from_camera_rotation =
@@ -52,14 +53,14 @@ Shot some_shot() {
   return shot;
 }
 
-/// Inverse depths at which some ray meets the scene between two planes. A ray that moves `speed`
-/// metres away from the array per metre of planar depth is there at inverse depth q if q (near -
-/// eye) <= speed <= q (far - eye). Speeds are linear in the pixel, so those of a view are between
-/// the extremes at its corners.
+/// Inverse depths at which some ray meets the scene between two planes. `speed` is the distance in
+/// metres by which a ray moves away from the array per metre of planar depth. The ray is between
+/// the planes at inverse depth q if q (near - eye) <= speed <= q (far - eye). Speeds are linear in
+/// the pixel, so those of a view are between the extremes at its corners.
 struct ExactRange {
   Real farthest = 0, nearest = 0;
-  double farthest_bound = 0, nearest_bound = 0;  ///< what rounding may change
-  bool rounding_decides = false;                 ///< whether there is anything at all
+  double farthest_bound = 0, nearest_bound = 0;  ///< rounding errors
+  bool rounding_decides = false;                 ///< of whether the range is empty
 };
 
 ExactRange exact_range(const Shot& shot) {
@@ -120,7 +121,7 @@ ExactRange exact_range(const Shot& shot) {
       range.farthest_bound = std::max(range.farthest_bound, 2 * bound);
     }
   };
-  if (to_near == 0) {  // on the nearest plane itself: seen from there on, if any ray goes there
+  if (to_near == 0) {  // the eye is on the nearest plane: rays forwards are in the scene
     range.rounding_decides = range.rounding_decides || abs(fastest) <= speed_bound;
     if (fastest < 0) range.nearest = -1;
   } else {

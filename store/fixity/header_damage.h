@@ -20,10 +20,10 @@ struct Damage {
 /// of the other.
 std::size_t first_difference(std::span<const std::byte> a, std::span<const std::byte> b);
 
-/// Returns the parts of the archive's header that differ from `closing` (as filled in by close())
-/// and that are not accepted as in `header` (as during recording): the latter applies to parts that
-/// are not filled in, or to an archive that is not marked closed. `is_marked_closed`: the archive's
-/// size is filled in. An archive that was not closed may end within its header.
+/// Returns the damaged parts of the archive's header. A part may be as in `closing` (as filled in
+/// by close()). It may also be as in `header` (as during recording) if it is not filled in, or if
+/// the archive is not marked closed. `is_marked_closed`: the archive's size is filled in. An
+/// archive that was not closed may end within its header.
 std::vector<Damage> find_header_damage(std::span<const std::byte> archive,
                                        const matroska::Header& header,
                                        const matroska::Trailer& closing, bool is_marked_closed);

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Repairs the archives of a take from what can be saved (salvage.h): writes each damaged pair anew,
+// verifies it, and renames it over the originals. Cameras run in parallel.
 #include "store/fixity/repair.h"
 
 #include <tbb/task_arena.h>

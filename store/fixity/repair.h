@@ -42,10 +42,10 @@ struct RepairReport {
 
 /// Writes each damaged archive and journal of a take anew from what can be saved of them. Each pair
 /// is written next to the originals under temporary names, verified, synced to the disk and renamed
-/// over them. Originals of which anything was lost or is in doubt are kept as CAMERA.mkv.damaged
-/// and CAMERA.journal.damaged. Repairs as many cameras at once as TBB has threads, and needs free
-/// space for that many of the largest damaged archives.
-/// Throws Error (bad input) if take.json or rig.json cannot be read.
+/// over them. Originals with lost or unverified contents are kept as CAMERA.mkv.damaged and
+/// CAMERA.journal.damaged. Repairs as many cameras at once as TBB has threads, and needs free space
+/// for that many of the largest damaged archives. Throws Error (bad input) if take.json or rig.json
+/// cannot be read.
 RepairReport repair_take(const std::filesystem::path& folder, const RepairOptions& options);
 
 /// Writes the frames and records of `salvaged` as a new pair of closed files. Throws Error (failed)

@@ -38,12 +38,12 @@ PairBytes repaired(const PairBytes& damaged, const SalvageResult& saved) {
   return {testing::bytes_of(archive), testing::bytes_of(journal), true};
 }
 
-// A pair that is damaged at random, and which of the original's bytes are still in place or, in an
-// archive that lost or gained some, at least there and in one piece.
+// A randomly damaged archive and journal, with the bytes of the originals that the damage touched.
+// Where bytes were removed or inserted, the others have moved but are still contiguous.
 struct Damaged {
   PairBytes bytes;
   std::vector<bool> archive_touched, journal_touched;
-  bool moved = false;  // bytes of the archive are not where they were
+  bool moved = false;  // bytes of the archive have moved
 
   Damaged(const PairBytes& whole, Random& random)
       : bytes(whole), archive_touched(whole.archive.size()), journal_touched(whole.journal.size()) {
@@ -62,7 +62,7 @@ struct Damaged {
       for (std::size_t i = begin; i < std::min(end, touched.size()); ++i) touched[i] = true;
     };
     if (kind <= 3 || (moved && kind % 2 == 0)) {
-      if (moved && kind % 2 == 0) return;  // where the bytes came from is no longer told
+      if (moved && kind % 2 == 0) return;  // original offsets are unknown
       testing::flip(file, 8 * at + random() % 8);
       touch(at, at + 1);
     } else if (kind == 4 || kind == 5) {
@@ -78,7 +78,7 @@ struct Damaged {
     } else {
       const std::vector<std::byte> garbage(length, std::byte{0x55});
       file.insert(first, garbage.begin(), garbage.end());
-      if (at > 0) touch(at - 1, at + 1);  // a frame around it is torn apart
+      if (at > 0) touch(at - 1, at + 1);  // splits a frame around it
       moved = true;
     }
   }
@@ -142,8 +142,8 @@ TEST(SalvageResult, SavesEveryUndamagedFrameByteForByte) {
       EXPECT_EQ(stored[record.time_ns].arrival_ns, record.arrival_ns);
       EXPECT_EQ(stored[record.time_ns].sequence, record.sequence);
     }
-    // Frames that are not what was recorded are said to be in doubt, but for one that looks like a
-    // crash's.
+    // Frames that differ from the recorded ones count as unverified, except one at the end of an
+    // unclosed archive, which looks like an interrupted write.
     for (const auto& [time, record] : stored) changed += known.contains(time) ? 0 : 1;
     ASSERT_LE(changed, std::max<std::int64_t>(saved.unverified_frames, round % 2)) << round;
     mended += saved.corrected_records;
@@ -182,7 +182,7 @@ TEST(SalvageResult, OneFlippedBitInTheArchiveCostsOneFrameAtMost) {
       ASSERT_EQ(saved.corrupt_frames, 1) << bit;
       ASSERT_EQ(saved.frames, 3);
     } else {
-      // In the headers and the Cues: they are made again.
+      // Damage of the headers and the Cues: they are written again.
       ASSERT_EQ(saved.records, records) << bit;
     }
     testing::flip(damaged.archive, bit);
@@ -230,7 +230,7 @@ struct RepairTake : ::testing::Test {
   std::filesystem::path journal(int camera) const {
     return take / ("archive/c" + std::to_string(camera) + ".journal");
   }
-  // What a crash leaves: no Cues, no size.
+  // Makes the archive as a crash leaves it: without Cues and sizes.
   void leave_open(int camera) const {
     const Take whole(take);
     const FrameRecord last = whole.archive(camera).frames().back();
@@ -241,7 +241,7 @@ struct RepairTake : ::testing::Test {
     bytes.resize(static_cast<std::size_t>(last.offset) + last.size);
     testing::overwrite(archive(camera), bytes);
   }
-  // One bit of one frame, which is returned.
+  // Flips a bit of a frame and returns the record of the frame.
   FrameRecord rot_a_frame(int camera) const {
     const FrameRecord frame = Take(take).archive(camera).frames()[5];
     auto bytes = testing::bytes_of(archive(camera));
@@ -306,7 +306,7 @@ TEST_F(RepairTake, TheOriginalsOfALossStay) {
   EXPECT_EQ(report.cameras[2].salvage.losses[0].time_ns, frame.time_ns);
   EXPECT_EQ(testing::bytes_of(take / "archive/c2.mkv.damaged"), bytes);
   EXPECT_EQ(testing::bytes_of(take / "archive/c2.journal.damaged"), lines);
-  // The timeline counts frames: with one fewer it is another.
+  // The timeline refers to frames by index, so it is invalid with one frame fewer.
   EXPECT_EQ(report.renamed_timeline, "timeline.zst.damaged");
   EXPECT_TRUE(is_intact());
   const Take now(take);
@@ -314,7 +314,7 @@ TEST_F(RepairTake, TheOriginalsOfALossStay) {
   EXPECT_EQ(now.archive(2).records()[5].status, FrameStatus::kTorn);
   EXPECT_EQ(now.archive(2).records()[5].time_ns, frame.time_ns);
 
-  // A second loss does not overwrite what the first left.
+  // A second repair does not overwrite the files kept by the first.
   auto again = testing::bytes_of(archive(2));
   again[now.archive(2).frames()[0].offset] ^= std::byte{1};
   testing::overwrite(archive(2), again);
@@ -323,7 +323,7 @@ TEST_F(RepairTake, TheOriginalsOfALossStay) {
   EXPECT_TRUE(is_intact());
 }
 
-// The machine stopped when the archive had been renamed and the journal had not.
+// The process stopped after the rename of the archive, before that of the journal.
 TEST_F(RepairTake, CanBeInterruptedBetweenTheTwoRenames) {
   rot_a_frame(2);
   const auto old_journal = testing::bytes_of(journal(2));
@@ -384,7 +384,7 @@ TEST_F(RepairTake, IsTheSameForAnyNumberOfThreads) {
     return files;
   };
   const auto by_one = repaired_by(1);
-  EXPECT_EQ(by_one.size(), 12U);  // each camera's pair, new and damaged
+  EXPECT_EQ(by_one.size(), 12U);  // the new and the damaged pair of each camera
   EXPECT_EQ(repaired_by(2), by_one);
 }
 

@@ -49,8 +49,8 @@ struct Journal {
   std::int64_t mended = 0, lost = 0;
 };
 
-// A record with several flipped bits may be corrected to a wrong one. To protect its neighbours, it
-// must fit between their times.
+// Reads the records of a journal and corrects flipped bits. With several flipped bits the
+// correction may be wrong, so a corrected record must fit between the times of its neighbours.
 Journal read_journal(Bytes file, std::uint32_t version) {
   const std::size_t step = journal::record_bytes(version);
   struct Slot {

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Verifies all archives of a take (verify_archive.h), cameras in parallel, its timeline and its
+// recording reports. Each file is mapped and read once.
 #include "store/fixity/verify.h"
 
 #include <tbb/task_arena.h>

@@ -304,7 +304,8 @@ void Verifier::check_decoded(Bytes jpeg, const FrameRecord& record, const Affect
   }
 }
 
-// The journal still gives the header of a truncated archive, so this is a single problem.
+// Reports a truncated archive as a single problem; the journal still gives its header. Returns
+// whether the archive is truncated.
 bool Verifier::report_cut_off() {
   if (cut_off_.empty()) return false;
   std::string what = fmt::format(

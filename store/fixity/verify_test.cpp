@@ -53,7 +53,7 @@ TEST(VerifyArchive, NothingIsWrongWithWholeOnes) {
 TEST(VerifyArchive, AfterACrashItIsNotClosedAndNothingElse) {
   for (const unsigned frames : {0u, 1u, 7u}) {
     const PairBytes whole = make_pair(frames, false);
-    // A frame that was being written; one whose record was; one whose record was not begun.
+    // Crashes while a frame was written, while its record was written, and between the two.
     PairBytes torn_frame = whole, torn_record = whole, no_record = whole;
     const auto cluster = matroska::make_cluster_header(900'000, 100);
     for (PairBytes* pair : {&torn_frame, &torn_record, &no_record}) {
@@ -74,7 +74,7 @@ TEST(VerifyArchive, AfterACrashItIsNotClosedAndNothingElse) {
     EXPECT_THAT(verify(torn_frame).problems[0].what, HasSubstr("95 bytes follow"));
     EXPECT_THAT(verify(torn_record).problems[0].what, HasSubstr("last record is torn"));
     EXPECT_THAT(verify(no_record).problems[0].what, HasSubstr("journal lacks: 1"));
-    // Cut while it was being closed.
+    // Truncated during close().
     const PairBytes closed = make_pair(frames, true);
     for (std::size_t size = whole.archive.size(); size < closed.archive.size(); ++size) {
       PairBytes pair = whole;
@@ -87,7 +87,7 @@ TEST(VerifyArchive, AfterACrashItIsNotClosedAndNothingElse) {
   }
 }
 
-// Every bit of every byte: header, paddings, cluster headers, frames, Cues, records.
+// Flips every bit of every byte: header, padding, cluster headers, frames, Cues, records.
 TEST(VerifyArchive, FindsAnyFlippedBit) {
   for (const PairBytes& whole :
        {make_pair(7, true), make_pair(7, false), make_pair(0, true), make_pair(0, false),
@@ -113,7 +113,7 @@ TEST(VerifyArchive, FindsAnyFlippedBit) {
 TEST(VerifyArchive, SaysWhereAndWhichFrame) {
   const PairBytes whole = make_pair(7, true);
   const auto contents = journal::decode(whole.journal, "journal");
-  const FrameRecord fourth = contents.records[4];  // the record of a missing one lies before it
+  const FrameRecord fourth = contents.records[4];  // follows the record of a missing frame
   ASSERT_EQ(fourth.time_ns, testing::frame_time(3));
   const AffectedFrame affected{3, fourth.time_ns};
   const auto only_problem = [](const PairBytes& pair,
@@ -151,7 +151,7 @@ TEST(VerifyArchive, SaysWhereAndWhichFrame) {
     EXPECT_THAT(problem.frames, ElementsAre(affected));
   }
   {
-    PairBytes pair = whole;  // the record of a missing one
+    PairBytes pair = whole;  // the record of a missing frame
     pair.journal[journal::kHeaderBytes + 3 * journal::kRecordBytes + 40] ^= std::byte{4};
     EXPECT_THAT(only_problem(pair).frames, ::testing::IsEmpty());
   }
@@ -260,7 +260,7 @@ TEST_F(VerifyTake, FindsAThousandRandomFlips) {
       const bool hit = file.find(camera.id) != std::string::npos;
       ASSERT_EQ(camera.report.is_intact(), !hit) << file << " bit " << bit;
     }
-    damage(file, bit);  // back
+    damage(file, bit);  // restores the bit
   }
   EXPECT_TRUE(verify().is_intact());
 }
@@ -335,7 +335,7 @@ TEST(VerifyDecode, LooksAtThePictures) {
   const TakeFixityReport report = verify_take(take, options);
   const auto& problems = report.cameras[0].report.problems;
   ASSERT_EQ(problems.size(), 2u);
-  for (const VerifyDepth depth : kDepths) {  // decoding is the deepest look, whatever is asked for
+  for (const VerifyDepth depth : kDepths) {  // decoding overrides the depth
     options.depth = depth;
     EXPECT_EQ(verify_take(take, options).cameras[0].report.problems.size(), 2u);
   }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Converts wanted MCUs of decoded YCbCr planes to RGB and looks the codes up in a table of linear
-// light, a row of pixels at a time, bit for bit as libjpeg-turbo's full decode followed by the
-// table. Cost: O(pixels). The tests compare it with libjpeg-turbo.
+// light, a row of pixels at a time. The result equals, bit for bit, libjpeg-turbo's full decode
+// followed by the table; the tests compare with it. Cost: O(pixels).
 #include "store/jpeg/convert_to_linear.h"
 
 #include <algorithm>
@@ -53,13 +53,14 @@ HWY_INLINE Short widen(const std::uint8_t* samples) {
   return hn::PromoteTo(kShort, hn::LoadU(kByte, samples));
 }
 
-// (factor * a + 32768) >> 16 for |a| <= 16383: twice the high half, then halved with rounding.
+// Returns (factor * a + 32768) >> 16 for |a| <= 16383: twice the high half, then halved with
+// rounding.
 HWY_INLINE Short multiply(Short a, int factor) {
   const Short high = hn::MulHigh(hn::Add(a, a), hn::Set(kShort, static_cast<std::int16_t>(factor)));
   return hn::ShiftRight<1>(hn::Add(high, hn::Set(kShort, 1)));
 }
 
-// (32768 - 22554 u + 18734 v) >> 16 of the pairs u, v.
+// Returns (32768 - 22554 u + 18734 v) >> 16 of the pairs u, v.
 HWY_INLINE hn::Vec<decltype(kInt)> green_pairs(Short uv) {
   const std::int32_t factors = 18734 * 65536 + (65536 - 22554);
   auto odd = hn::Zero(kInt);

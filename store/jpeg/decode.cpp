@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Decodes whole frames with libjpeg-turbo, and wanted MCUs of baseline frames to linear light:
+// entropy decoding and inverse DCT (scan_decoder.h), then upsampling and colour conversion
+// (convert_to_linear.h). Other frames are decoded whole, and only wanted pixels are written. The
+// cost of a region grows with the MCUs of each segment up to its last wanted MCU.
 #include "store/jpeg/decode.h"
 
 #include <cassert>

@@ -38,7 +38,8 @@ bool all_wanted(const JpegLayout& layout, const McuMask& wanted, int column, int
   return wanted[mcu] != 0;
 }
 
-// Whether decode_region promises this pixel of a wanted MCU: none not wanted within 2 pixels.
+// Returns whether decode_region guarantees this pixel of a wanted MCU: no unwanted MCU is within
+// one pixel.
 bool promised(const JpegLayout& layout, const McuMask& wanted, int x, int y) {
   for (const int dy : {-1, 0, 1})
     for (const int dx : {-1, 0, 1})
@@ -65,7 +66,7 @@ Decoded decode_region(JpegDecoder& decoder, const Bytes& jpeg, const McuMask& wa
   return decoded;
 }
 
-// Every promised pixel is that of decode(), every pixel not wanted is untouched.
+// Checks that every guaranteed pixel equals decode()'s, and that unwanted pixels are untouched.
 void expect_region(JpegDecoder& decoder, const Bytes& jpeg, const McuMask& wanted,
                    const RgbImage& whole) {
   const Decoded decoded = decode_region(decoder, jpeg, wanted);
@@ -104,7 +105,7 @@ McuMask random_mask(const JpegLayout& layout, std::mt19937& random) {
   return wanted;
 }
 
-// Full, empty and random masks.
+// Checks full, empty and random masks.
 void expect_regions(const Bytes& jpeg, const std::string& what) {
   SCOPED_TRACE(what);
   JpegDecoder decoder;

@@ -21,7 +21,7 @@ using testing::JpegVariant;
 using testing::Kind;
 using Bytes = std::vector<std::byte>;
 
-// turbojpeg's own answer.
+// Reference: decodes with turbojpeg.
 RgbImage by_turbojpeg(const Bytes& jpeg) {
   const tjhandle handle = tjInitDecompress();
   RgbImage image;
@@ -78,7 +78,7 @@ TEST(DecodeJpeg, ImpliesTheStandardHuffmanTables) {
   JpegVariant optimised;
   optimised.optimised = true;
   decoder.decode(encode_jpeg_variant(testing::make(Kind::kGradient, 75, 43), optimised), "x");
-  EXPECT_EQ(decoder.decode(without, "x"), expected);  // not by the tables of the frame before
+  EXPECT_EQ(decoder.decode(without, "x"), expected);  // not with the previous frame's tables
 }
 
 TEST(DecodeJpeg, AcceptsFillerAtTheEndOfTheScanOnly) {

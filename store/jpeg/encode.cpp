@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Encodes 8-bit RGB pictures by libjpeg-turbo (accurate integer DCT), and adds restart markers to
+// existing files. The latter rewrites the entropy-coded data from the unchanged quantised
+// coefficients (as jpegtran does), so pixels do not change. Cost: one encode per picture; for
+// restart markers one entropy decode and one entropy encode, without DCT.
 #include "store/jpeg/encode.h"
 
 #include <algorithm>

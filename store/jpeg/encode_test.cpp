@@ -29,7 +29,7 @@ double psnr(const RgbImage& a, const RgbImage& b) {
   return 10 * std::log10(255 * 255 / (sum / static_cast<double>(a.values.size()) + 1e-9));
 }
 
-// Every quantised coefficient of a file, block after block.
+// Returns all quantised coefficients of a file, block by block.
 std::vector<JCOEF> coefficients(const Bytes& jpeg) {
   std::vector<JCOEF> all;
   libjpeg::Decompressor source;

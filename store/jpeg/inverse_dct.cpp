@@ -64,7 +64,7 @@ HWY_INLINE Int multiply_pairs(Short pairs, Short factors) {
   return hn::RearrangeToOddPlusEven(sum, odd);
 }
 
-// a * factor_a + b * factor_b
+// Returns a * factor_a + b * factor_b.
 template <int kFactorA, int kFactorB>
 HWY_INLINE Wide combine(Interleaved ab) {
   static_assert(kFactorA >= -32768 && kFactorA < 32768 && kFactorB >= -32768 && kFactorB < 32768);
@@ -88,7 +88,7 @@ HWY_INLINE Short descale(Wide a) {
                               hn::ShiftRight<kBits>(a.upper));
 }
 
-// The one-dimensional transform of the columns. `kBits`: scale removed from the result.
+// Computes the one-dimensional transform of the columns. `kBits`: scale removed from the result.
 template <int kBits>
 HWY_INLINE void transform(Short (&row)[8]) {
   const Wide rounding{hn::Set(kInt, 1 << (kBits - 1)), hn::Set(kInt, 1 << (kBits - 1))};

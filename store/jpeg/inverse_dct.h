@@ -7,7 +7,7 @@
 
 namespace raystage::store {
 
-/// Two 8x8 blocks of dequantised coefficients, row by row, side by side: coefficient (row, column)
+/// Two 8x8 blocks of dequantised coefficients, row by row, side by side. Coefficient (row, column)
 /// of block b is at row * 16 + b * 8 + column.
 struct BlockPair {
   alignas(64) std::array<std::int16_t, 128> coefficients{};

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Scalar reference of inverse_dct(): the integer inverse DCT of Loeffler, Ligtenberg and Moschytz
+// (ICASSP 1989) as in libjpeg's jidctint.c, of two 8x8 blocks, columns first, then rows. The SIMD
+// kernel must match it bit for bit. Cost: 32 one-dimensional transforms per pair of blocks.
 #include <algorithm>
 #include <cstdint>
 
@@ -14,8 +17,8 @@ constexpr std::int32_t k0298 = 2446, k0390 = 3196, k0541 = 4433, k0765 = 6270, k
                        k1175 = 9633, k1501 = 12299, k1847 = 15137, k1961 = 16069, k2053 = 16819,
                        k2562 = 20995, k3072 = 25172;
 
-// The SIMD form adds with wrapping 16 bits and packs with saturation. This differs only for
-// coefficients that no encoder writes.
+// Returns a + b with wrapping 16 bits, as the SIMD kernel adds; the kernel packs with saturation.
+// This differs from exact sums only for coefficients that no encoder writes.
 std::int32_t add16(std::int32_t a, std::int32_t b) { return static_cast<std::int16_t>(a + b); }
 
 std::int16_t descale(std::int32_t value, int bits) {

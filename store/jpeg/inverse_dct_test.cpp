@@ -20,7 +20,7 @@ Samples transformed(BlockPair pair, void (*transform)(BlockPair&)) {
   pair.target = {samples.data(), samples.data() + 64};
   pair.stride = {8, 8};
   transform(pair);
-  for (const std::int16_t c : pair.coefficients) EXPECT_EQ(c, 0);  // cleared for the next
+  for (const std::int16_t c : pair.coefficients) EXPECT_EQ(c, 0);  // cleared for the next blocks
   return samples;
 }
 

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Parses the markers of a JPEG file (ITU-T T.81 annex B) up to its scan, finds the restart markers
+// in the scan and checks their order and number. The result has the frame's size and sampling and
+// the byte offset of each segment. Nothing is entropy-decoded; the cost is one pass over the bytes
+// (marker_search.h).
 #include "store/jpeg/layout.h"
 
 #include <algorithm>

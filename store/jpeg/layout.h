@@ -21,9 +21,10 @@ struct JpegLayout {
   int h[3] = {1, 1, 1}, v[3] = {1, 1, 1};  ///< sampling factors per component
   int mcu_width = 8, mcu_height = 8;       ///< pixels
   int mcus_per_row = 0, mcu_rows = 0;
-  int restart_interval = 0;   ///< MCUs per segment; 0: no restart markers
-  bool baseline_ycc = false;  ///< 8-bit Huffman baseline, one interleaved scan, grey or YCbCr: what
-                              ///< region decoding needs besides restart markers
+  int restart_interval = 0;  ///< MCUs per segment; 0: no restart markers
+  /// 8-bit Huffman baseline, one interleaved scan, grey or YCbCr: what region decoding needs in
+  /// addition to restart markers
+  bool baseline_ycc = false;
   std::size_t sof_offset = 0;   ///< of the SOF marker's 0xFF
   std::size_t scan_offset = 0;  ///< first byte of entropy-coded data (of the first scan)
   std::size_t scan_end = 0;     ///< one past its last byte: the next marker

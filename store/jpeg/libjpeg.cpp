@@ -24,7 +24,8 @@ ErrorManager& manager_of(j_common_ptr info) {
   std::longjmp(errors.return_point, 1);
 }
 
-// "%u extraneous bytes before marker": harmless if they are filler.
+// Returns whether the warning "%u extraneous bytes before marker" is about filler, which is
+// harmless.
 bool is_camera_padding(j_common_ptr info) {
   if (info->err->msg_code != JWRN_EXTRANEOUS_DATA || !info->is_decompressor) return false;
   const auto* decompress = reinterpret_cast<j_decompress_ptr>(info);

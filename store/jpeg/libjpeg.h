@@ -51,7 +51,7 @@ class Decompressor {
   Decompressor(const Decompressor&) = delete;
   Decompressor& operator=(const Decompressor&) = delete;
 
-  /// `jpeg` must outlive the decompression. Call within guarded().
+  /// Sets the data to decode, which must outlive the decompression. Call within guarded().
   void set_input(std::span<const std::byte> jpeg);
 
   jpeg_decompress_struct info;

@@ -20,8 +20,8 @@ namespace raystage::store {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// A marker is 0xFF followed by neither 0x00 (stuffed data byte) nor 0xFF (fill byte). Scans have a
-// stuffed byte every 100 bytes or so; vectors handle them without a branch.
+// Finds markers: 0xFF followed by neither 0x00 (stuffed data byte) nor 0xFF (fill byte). Scans have
+// a stuffed byte every 100 bytes or so; vectors handle them without a branch.
 void FindRestartMarkers(const std::uint8_t* bytes, std::size_t at, std::size_t end,
                         std::vector<std::uint32_t>& found) {
   // Returns whether the search continues.

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Iterates over the markers of a JPEG file (ITU-T T.81 B.1).
 #include "store/jpeg/markers.h"
 
 #include <cstring>

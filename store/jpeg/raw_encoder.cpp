@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Encodes grey, RGB, BGR and planar YUV frames as JPEG with libjpeg-turbo, without intermediate
+// pictures. YUV planes go to the encoder as raw data (jpeg_write_raw_data): no colour conversion
+// and no chroma resampling. Only rows that do not fill whole MCUs are copied. One encoder and its
+// buffers serve all frames of a camera.
 #include "store/jpeg/raw_encoder.h"
 
 #include <algorithm>

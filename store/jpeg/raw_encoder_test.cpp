@@ -19,8 +19,9 @@ namespace {
 
 using Bytes = std::vector<std::byte>;
 
-// Noise in planes whose rows have a few bytes more, as drivers have. The first of these bytes and
-// one row more repeat the last: libjpeg-turbo's own interface reads luma of even size there.
+// Returns noise in planes with padded rows, as drivers deliver. The first padding byte and one
+// extra row repeat the last sample, because libjpeg-turbo's planar interface reads luma of even
+// size.
 RawImage make_raw(PixelFormat format, int width, int height, std::size_t padding) {
   RawImage image;
   image.format = format;
@@ -55,7 +56,7 @@ RawImage make_raw(PixelFormat format, int width, int height, std::size_t padding
   return image;
 }
 
-// libjpeg-turbo's own interface for planes: the reference.
+// Reference: encodes with libjpeg-turbo's planar interface.
 Bytes encode_by_turbojpeg(const RawImage& image, int subsampling, int quality) {
   const std::unique_ptr<void, int (*)(tjhandle)> handle(tjInitCompress(), tjDestroy);
   std::array<const unsigned char*, 3> planes{};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decodes wanted MCUs of a baseline scan (ITU-T T.81 F.2): Huffman decoding with a 10-bit table
+// Decodes wanted MCUs of a baseline scan (ITU-T T.81 F.2). Huffman decoding with a 10-bit table
 // lookup, dequantisation, and inverse DCT of two blocks at a time. Input: file bytes, layout and
 // MCU mask; output: one 8-bit plane per component. Cost: O(bytes of the segments up to their last
 // wanted MCU).
@@ -90,7 +90,7 @@ struct BlockTables {
 
 enum class BlockResult { kDamaged, kDcOnly, kFull };
 
-// kStore false: skips the block, except its DC difference.
+// Decodes one block; without `kStore` it skips the block, except its DC difference.
 template <bool kStore>
 BlockResult decode_block(BitReader& shared, const BlockTables& tables, std::int32_t& dc_predictor,
                          std::int16_t* coefficients) {

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads the quantisation and Huffman tables of a baseline scan (ITU-T T.81 B.2.4, annex C). Codes
+// of up to 10 bits are found by one lookup in a table of 1024 entries, longer codes by comparison
+// with the limit of each length (F.2.2.3). Frames without Huffman tables use the standard ones of
+// annex K.3.
 #include "store/jpeg/tables.h"
 
 #include <algorithm>

@@ -15,7 +15,7 @@
 
 namespace raystage::testing {
 
-/// Reference of merge(): sorts and composites the samples of each pixel in a list.
+/// Returns the reference of merge(): sorts and composites the samples of each pixel in a list.
 inline compose::LayerImage merge_reference(std::span<const compose::MergedLayer> layers,
                                            compose::MergeOrder order) {
   struct Sample {

@@ -48,9 +48,9 @@ inline ExactVector exact_ray(const render::VirtualCamera& view, double x, double
   return right * exact(r.col(0)) + (up * exact(r.col(1)) - exact(r.col(2)));
 }
 
-/// Returns the weights of a cell's cameras where the line through the eye along `ray` crosses it:
-/// barycentric coordinates in a triangle, linear ones in a strip along `up`. They sum to 1 and are
-/// negative outside of the cell. nullopt for a ray parallel to the cell.
+/// Returns the weights of a cell's cameras where the line through the eye along `ray` crosses it.
+/// They are barycentric coordinates in a triangle, linear ones in a strip along `up`; they sum to 1
+/// and are negative outside of the cell. Returns nullopt for a ray parallel to the cell.
 inline std::optional<std::array<Real, 3>> exact_weights(
     const std::array<Eigen::Vector3d, 3>& centres, int count, const Eigen::Vector3d& up,
     const Eigen::Vector3d& eye, const ExactVector& ray) {
@@ -75,7 +75,7 @@ inline Real exact_plane_distance(const Eigen::Vector4d& plane, const Eigen::Vect
 }
 
 /// Returns the planar depth at which a ray (scaled to 1 along the view's axis) meets a plane that
-/// has a normal: negative behind the eye, nullopt if parallel.
+/// has a normal. It is negative behind the eye; nullopt if parallel.
 inline std::optional<Real> exact_depth(const Eigen::Vector4d& plane, const Eigen::Vector3d& eye,
                                        const ExactVector& ray) {
   const ExactVector normal = exact(plane.head<3>());
@@ -100,8 +100,8 @@ inline std::optional<std::array<Real, 2>> exact_projection(const schemas::Intrin
       k.fy * (y * radial + (rr + 2 * y * y) * d.p1 + 2 * x * y * d.p2) + k.cy};
 }
 
-/// Returns the pixel at which a camera sees the point of `plane` on the ray; nullopt if the ray
-/// does not meet the plane in front of the eye, or the point is behind the camera.
+/// Returns the pixel at which a camera sees the point of `plane` on the ray. Returns nullopt if the
+/// ray does not meet the plane in front of the eye, or the point is behind the camera.
 inline std::optional<std::array<Real, 2>> exact_pixel(const schemas::Intrinsics& k,
                                                       const rig::Pose& camera,
                                                       const Eigen::Vector4d& plane,
@@ -116,8 +116,8 @@ inline std::optional<std::array<Real, 2>> exact_pixel(const schemas::Intrinsics&
   return exact_projection(k, camera, towards);
 }
 
-/// Returns the magnitude of the terms of a ray that is scaled to 1 along the view's axis: a double
-/// ray is accurate to some roundings of it.
+/// Returns the magnitude of the terms of a ray that is scaled to 1 along the view's axis. A ray in
+/// double is accurate to a few roundings of it.
 inline double ray_term_magnitude(const render::VirtualCamera& view, double x, double y) {
   const schemas::Intrinsics& k = view.intrinsics;
   return 1 + (std::abs(x) + std::abs(k.cx)) / k.fx + (std::abs(y) + std::abs(k.cy)) / k.fy;

@@ -19,9 +19,9 @@ struct ExtremeView {
 };
 
 /// Returns a small array. "grid": 3 x 3, 6 cm apart, in the plane z = 0 around the origin, looking
-/// at the painted plane 4 m ahead. "flat": the same with near = far; "far off": with its origin at
-/// 1e7 m along every axis; "double": with a duplicate camera. And "row", "diagonal", "coincident",
-/// "single".
+/// at the painted plane 4 m ahead. "flat": the same with near = far. "far off": the same with its
+/// origin at 1e7 m along every axis. "double": the same with a duplicate camera. Others: "row",
+/// "diagonal", "coincident", "single".
 SyntheticTake make_extreme_array(const std::string& name);
 
 std::vector<ExtremeView> extremes();

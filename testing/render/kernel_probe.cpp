@@ -16,7 +16,7 @@ constexpr int kCodesPerPixel = 64;  // of a coordinate picture
 
 std::array<double, 3> as_array(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
-/// Red increases to the right, green downwards.
+/// Returns a picture in which red increases to the right and green downwards.
 std::vector<std::uint16_t> picture_of_coordinates(int width, int height) {
   std::vector<std::uint16_t> rgba;
   for (int y = 0; y < height; ++y) {

@@ -22,8 +22,9 @@ struct ProbedPixel {
 };
 
 /// Probes the view's pixels that cross a cell. The rig's images are at most 1024 pixels wide and
-/// high. Black box: blend_run() renders pictures of the coordinates themselves, then cameras of one
-/// primary colour each that see everything, whose mixture is the weights.
+/// high. The kernels are a black box: blend_run() first renders pictures of the coordinates
+/// themselves. Then it renders cameras of one primary colour each that see everything; their
+/// mixture gives the weights.
 std::vector<ProbedPixel> probe_kernels(const render::VirtualCamera& view, const rig::Rig& rig,
                                        const render::RayCells& cells,
                                        const render::PlaneProjection& projection);

@@ -24,7 +24,7 @@ using render::HWY_NAMESPACE::BlockProjection, render::HWY_NAMESPACE::PositionFit
 using render::HWY_NAMESPACE::Curve, render::HWY_NAMESPACE::evaluate_rounded;
 using render::HWY_NAMESPACE::kColumnBits, render::HWY_NAMESPACE::kRowBits;
 
-/// As sample_fitted() and sample_exactly() of the cost kernels.
+/// Computes positions as sample_fitted() and sample_exactly() of the cost kernels do.
 void probe(const render::MatchingCamera& camera, const render::CostRun& run, int begin, int count,
            std::vector<ProbedPosition>& found) {
   const hn::ScalableTag<float> d;

@@ -14,8 +14,8 @@ struct ProbedPosition {
   bool seen = false;    ///< if exact
 };
 
-/// Returns the positions plane by plane, of `count` pixels (at most kCostBlockSize) from `begin`
-/// on. Run-time dispatch: see cost_kernel_target().
+/// Returns the positions of `count` pixels (at most kCostBlockSize) from `begin` on, plane by
+/// plane. Run-time dispatch: see cost_kernel_target().
 std::vector<ProbedPosition> probe_positions(const render::MatchingCamera& camera,
                                             const render::CostRun& run, int begin, int count);
 

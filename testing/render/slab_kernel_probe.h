@@ -51,8 +51,8 @@ class SlabKernelProbe {
     }
   }
 
-  /// Weights of the nodes at pixel x, visible or not: upper left, upper right, lower left, lower
-  /// right.
+  /// Returns the weights of the nodes at pixel x, visible or not: upper left, upper right, lower
+  /// left, lower right.
   std::array<double, 4> weights(render::SlabRun run, int x) const {
     for (std::size_t node = 0; node < 4; ++node) run.node[node] = primaries_.of(node);
     run.width = run.height = 4;
@@ -65,7 +65,8 @@ class SlabKernelProbe {
             pixel.rgba[3] - pixel.rgba[0] - pixel.rgba[1] - pixel.rgba[2]};
   }
 
-  /// Position of pixel x's point in a node (samples; undefined if alpha is 0), and depth (metres).
+  /// The position of pixel x's point in a node (samples; undefined if alpha is 0), and its depth
+  /// (metres).
   struct Seen {
     double u = 0, v = 0, alpha = 0, z = 0;
   };

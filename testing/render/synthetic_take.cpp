@@ -40,7 +40,7 @@ std::vector<schemas::CameraGeometry> camera_grid(int rows, int columns, double s
 
 namespace {
 
-/// Linear light along the ray of an image position.
+/// Returns the linear light along the ray of an image position.
 std::array<double, 3> light_at(const SyntheticTake& settings, const rig::CameraModel& model,
                                const rig::Pose& pose, double x, double y) {
   const auto ray = model.unproject({x, y});

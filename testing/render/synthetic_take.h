@@ -20,7 +20,8 @@ namespace raystage::testing {
 /// Returns the smooth linear RGB of a painted plane z = -depth at world position (x, y), metres.
 std::array<double, 3> painted_plane(double x, double y);
 
-/// Returns the linear RGB that a ray sees (origin and direction in the world, metres; any length).
+/// Returns the linear RGB that a ray sees. The ray has an origin and a direction of any length in
+/// the world, in metres.
 using SceneFunction =
     std::function<std::array<double, 3>(const Eigen::Vector3d&, const Eigen::Vector3d&)>;
 

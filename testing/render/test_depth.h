@@ -19,7 +19,7 @@
 
 namespace raystage::testing {
 
-/// Finer texture than the painted plane's, so that depth can be estimated.
+/// Returns a finer texture than the painted plane's, so that depth can be estimated.
 inline std::array<double, 3> texture(double x, double y) {
   const auto rgb = painted_plane(1.5 * x, 1.5 * y);
   const auto fine = painted_plane(4 * x + 1, 4 * y);
@@ -37,7 +37,8 @@ struct Plane {
 inline const Plane kSlanted{{0.35, 0.1, 1}, -4};
 inline const Plane kBack{{0, 0, 1}, -5}, kFront{{0, 0, 1}, -2.5};
 
-/// Everything left of x = 0.1 on the front plane is a wall; behind it the back plane.
+/// Returns whether a ray hits the wall, which is everything left of x = 0.1 on the front plane;
+/// behind it is the back plane.
 inline bool hits_wall(const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
   return (from + kFront.distance(from, direction) * direction).x() < 0.1;
 }
@@ -97,7 +98,8 @@ inline render::VirtualCamera default_view() {
   return render::virtual_camera_with_fov(90, 64, 40 * kDegree, make_pose({0.02, 0.013, 0.03}, 2));
 }
 
-/// Both results blend at the same depths, so they differ only by float rounding.
+/// Expects equal views: both results blend at the same depths, so they differ only by float
+/// rounding.
 inline void expect_equal(const render::RenderedView& fast, const render::RenderedView& slow) {
   for (std::size_t i = 0; i < fast.coverage.size(); ++i) {
     ASSERT_NEAR(fast.coverage[i], slow.coverage[i], 2e-3) << "pixel " << i;

@@ -25,7 +25,8 @@ inline render::VirtualCamera camera_at(const Eigen::Vector3d& position, double y
   return render::virtual_camera_with_fov(kWidth, kHeight, 0.8, pose);
 }
 
-/// `bend`: k1 of the lens. Above 0 the frame does not show the pinhole's corners.
+/// Returns a random image. `bend`: k1 of the lens; above 0 the frame does not show the pinhole's
+/// corners.
 inline render::MatchingImage random_image(unsigned seed, const render::VirtualCamera& pinhole,
                                           double bend) {
   store::DecodedFrame frame;

@@ -18,8 +18,8 @@ namespace raystage::testing {
 /// Fails if nothing was compared.
 class WorstError {
  public:
-  /// `what`: with its unit. Errors whose bound exceeds `of_interest` are not printed as the
-  /// largest: they are ill-conditioned even in double.
+  /// `what`: the quantity, with its unit. Errors whose bound exceeds `of_interest` are not printed
+  /// as the largest: they are ill-conditioned even in double.
   explicit WorstError(std::string what, double of_interest = 1e300)
       : what_(std::move(what)), of_interest_(of_interest) {}
   ~WorstError() {
@@ -31,7 +31,7 @@ class WorstError {
   WorstError(const WorstError&) = delete;
   WorstError& operator=(const WorstError&) = delete;
 
-  /// Call it only within a property.
+  /// Compares an error with its bound. Call it only within a property.
   void expect(double error, double bound) {
     error = std::abs(error);
     if (!(error <= bound)) RC_LOG() << what_ << ": " << error << ", bound " << bound << '\n';

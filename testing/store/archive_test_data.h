@@ -15,7 +15,7 @@
 
 namespace raystage::testing {
 
-/// For tests: returns bytes in place of a JPEG (archives do not parse it), the same for the same
+/// Returns bytes in place of a JPEG for tests (archives do not parse it), the same for the same
 /// seed. They contain Matroska's cluster identifier, as JPEG data may by chance.
 inline std::vector<std::byte> fake_jpeg(unsigned seed, std::size_t size = 60) {
   std::mt19937 random(seed);

@@ -33,8 +33,8 @@ struct SimulatedStamps {
   };
   struct Camera {
     int node = 0;
-    double period = 0,
-           phase = 0;  ///< ns by the node's clock before the step; frame n at phase + n period
+    /// ns by the node's clock before the step; frame n at phase + n period
+    double period = 0, phase = 0;
     std::vector<std::int64_t> index;  ///< n of each frame that arrived
     std::vector<Nanoseconds> stamps;
     std::vector<Nanoseconds> exposed;  ///< true time, without step and jitter

@@ -9,7 +9,7 @@
 
 namespace raystage::testing {
 
-/// For tests: documents of a row of cameras 60 mm apart.
+/// Returns the document of a row of cameras 60 mm apart, for tests.
 inline schemas::TakeDocument take_document(int cameras, double nominal_fps = 15) {
   schemas::TakeDocument take;
   take.name = "test";

@@ -3,7 +3,7 @@
 # Prints the PSNR of methods at every view with known truth as a Markdown table.
 # Usage: tests/bench/accuracy.sh [DATA_FOLDER]
 #   DATA_FOLDER (default: $RAYSTAGE_DATA or ../shared/data) holds shop/, stanford_chess9x9/,
-#   stanford_knights17x17/ and stage/; missing sets are left out. SETS="shop stage"
+#   stanford_knights17x17/ and stage/; missing sets are skipped. SETS="shop stage"
 #   chooses sets, METHODS="plane_sweep depth" methods. Needs build/check, as ./test.sh makes it.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."

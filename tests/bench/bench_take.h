@@ -9,8 +9,8 @@
 
 namespace raystage {
 
-/// `rows` x `columns` cameras of 960x640, 61.5 mm apart as in the light field shop, in front of a
-/// painted plane at 5 m; depth range 3 to 40 m; JPEG of quality 90 with restart markers.
+/// Returns `rows` x `columns` cameras of 960x640, 61.5 mm apart as in the light field shop, in
+/// front of a painted plane at 5 m. Depth range: 3 to 40 m. JPEG: quality 90 with restart markers.
 testing::SyntheticTake make_painted_rig(int rows, int columns);
 
 /// A take for measurements.

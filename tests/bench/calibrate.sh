@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Measures the error and time of calibration with simulated arrays of known truth: geometry of the
-# thesis' 8x8 array from a moving light, from frames and from detections; colours of 16 cameras by
+# Measures the error and time of calibration with simulated arrays of known truth. Geometry: the
+# thesis' 8x8 array from a moving light, from frames and from detections. Colours: 16 cameras by
 # targets, by a chart and by the scene, and their effect on rendered views.
 # Usage: tests/bench/calibrate.sh [FOLDER]     (default: a temporary folder)
 #   `raystage` must be on the PATH, e.g. PATH=$PWD/build/check/bin:$PATH. Takes about fifteen minutes.
@@ -26,7 +26,7 @@ print(f'positions within {1000 * max(c["place_m"] for c in cameras):.3f} mm, '
       f'pixels within {max(c["rms_px"] for c in cameras):.3f}')
 PYTHON
 }
-true_rig() {  # TAKE FILE [KEEP...]: of each camera's colours only what is named; of =CAMERA also contrast and brightness
+true_rig() {  # TAKE FILE [KEEP...]: named colour fields; of =CAMERA also contrast, brightness
   python3 - "$@" <<'PYTHON'
 import json, sys
 take, file, *keep = sys.argv[1:]
@@ -56,12 +56,12 @@ worst_of compared.json
 echo "from its detections: $(seconds raystage calibrate geometry light.csv \
   --cameras light.cameras.json --spacing-mm 60 -o again.json -q)"
 
-colours() {  # what rigs find, in views whose truth is known: SCENE REFERENCE RIG...
+colours() {  # SCENE REFERENCE RIG...: PSNR of views with known truth, by rig
   local scene="$1" reference="$2"
   shift 2
   for rig in "$@"; do
-    # Scaled to the truth by the reference camera, because no target determines the scale (each channel
-    # separately, unless channels mix).
+    # The reference camera scales them to the truth, because no target determines the scale. Each
+    # channel has its own scale, unless channels mix.
     python3 - "$scene" "$reference" "$rig" <<'PYTHON'
 import json, sys
 scene, reference, name = sys.argv[1:]
@@ -86,7 +86,7 @@ PYTHON
     done
   done
 }
-brightest_black() {  # TAKE: the camera whose black can be seen best
+brightest_black() {  # TAKE: prints the camera with the highest black level
   python3 - "$1" <<'PYTHON'
 import json, sys
 cameras = json.load(open(sys.argv[1] + "/truth.json"))["rig"]["cameras"]

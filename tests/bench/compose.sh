@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Measures the time of a composited frame of 1920x1080: a light field (focal_plane, 64 cameras of 960x640), a mesh
-# of a million triangles, both, and a picture of one colour (only writing); with all AOVs, and with picture and
-# depth only; several frames in parallel and one by one; both also on a disk that needs 0.7 of a frame's time
-# per file.
+# Measures the time of a composited frame of 1920x1080: a light field (focal_plane, 64 cameras of
+# 960x640), a mesh of a million triangles, both, and a picture of one colour (only writing). Each is
+# rendered with all AOVs, and with picture and depth only; several frames in parallel, and one by
+# one. Both are also rendered to a disk that needs 0.7 of a frame's time per file.
 # Usage: tests/bench/compose.sh [FOLDER] [FRAMES] [BAD_DISK_LIBRARY]     (default: a temporary folder, 8, none)
 #   `raystage` must be on the PATH, e.g. PATH=$PWD/build/check/bin:$PATH. The library that slows down
 #   the disk belongs to the tests: build/check/tests/end_to_end/libbad_disk.so.

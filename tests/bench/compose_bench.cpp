@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures the stages of a composited frame of 1920x1080 against the lower bound of the library: a
-// mesh of a million triangles against Embree alone, merging against copying, EXR files against
+// Measures the stages of a composited frame of 1920x1080 against the lower bound of the library. A
+// mesh of a million triangles is compared with Embree alone, merging with copying, EXR files with
 // OpenEXR alone. Light fields: methods_bench.
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
@@ -71,7 +71,7 @@ const compose::LayerImage& mesh_image() {
   return image;
 }
 
-/// A layer like a light field on a plane behind half of the mesh: smooth with fine noise.
+/// Returns a layer like a light field on a plane behind half of the mesh: smooth with fine noise.
 const compose::LayerImage& light_field_image() {
   static const compose::LayerImage image = [] {
     compose::LayerImage result = compose::transparent_layer_image(kWidth, kHeight);
@@ -111,7 +111,7 @@ void OurGeometry(benchmark::State& state) {
   }
 }
 
-/// Only generates and traces camera rays and a shadow ray from each hit.
+/// Generates and traces only camera rays and a shadow ray from each hit.
 std::int64_t trace_rows(RTCScene mesh, int first_row, int last_row) {
   constexpr int kPacket = 16;
   const Eigen::Vector3f light =
@@ -227,7 +227,7 @@ void OurEncoding(benchmark::State& state, const std::string& colours, const std:
   state.counters["MB"] = static_cast<double>(bytes) * 1e-6;
 }
 
-/// OpenEXR alone: the same parts one after the other, with pixels in OpenEXR's layout.
+/// Writes by OpenEXR alone: the same parts one after the other, with pixels in OpenEXR's layout.
 void OpenExrAlone(benchmark::State& state, Imf::Compression colours, Imf::Compression data,
                   int zip_level) {
   struct Part {

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Measures the overhead of a farm job over rendering, the cost of Slurm's scheduling at 4, 16 and 64 slots, and the
-# error of the cost model for jobs on 1, 2 and 4 nodes. Needs root and Debian's slurm-wlm and munge (a cluster on this host).
+# Measures the overhead of a farm job over rendering, and the cost of Slurm's scheduling at 4, 16
+# and 64 slots. Measures the error of the cost model for jobs on 1, 2 and 4 nodes. Needs root and
+# Debian's slurm-wlm and munge: a cluster on this host.
 # Usage: tests/bench/farm.sh BUILD_FOLDER [overhead|scheduling|model]...      about nine minutes
 set -euo pipefail
 build="$(cd "$1" && pwd)"
@@ -42,7 +43,7 @@ overhead() {
     submit="$(cost raystage farm submit -q $shot.json -o out/s.####.exr --no-queue --no-measure --no-preview --chunk 12 -j 2)"
     tasks=0
     for i in 0 1 2 3; do
-      # As Slurm runs it, including the calls of Slurm's commands.
+      # Run the script as Slurm does, including the calls of Slurm's commands.
       task="$(cost env SLURMD_NODENAME=n1 SLURM_JOB_ID=1 SLURM_ARRAY_TASK_ID=$i sh out/s.farm/job-0001/render.sbatch 1 0)"
       tasks="$(awk -v a="$tasks" -v b="$task" 'BEGIN { split(b, x, " "); print a + x[1] }')"
     done

@@ -237,7 +237,7 @@ void BM_MemoryWrite(benchmark::State& state) {
 BENCHMARK(BM_MemoryRead)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK(BM_MemoryWrite)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
 
-/// Measures the rate of the sampling kernel alone: one frame in the cache, sampled along its rows
+/// Measures the rate of the sampling kernel alone. One frame in the cache is sampled along its rows
 /// at its own scale with an offset of a quarter of a pixel.
 void BM_SampleRate(benchmark::State& state) {
   const auto threads = static_cast<std::size_t>(state.range(0));

@@ -19,7 +19,8 @@ class OpenCvFocalPlane {
  public:
   explicit OpenCvFocalPlane(const store::Take& take);
 
-  /// `crop`: warp only the rectangle of the view in which the camera has a weight.
+  /// Returns the focal-plane view. `crop`: warp only the rectangle of the view in which the camera
+  /// has a weight.
   cv::Mat render(const render::VirtualCamera& view, const Eigen::Vector4d& plane, bool crop) const;
   /// Adds every contributing camera times its weight map, and divides by the sum of the maps.
   cv::Mat render_aperture(const render::VirtualCamera& view, const Eigen::Vector4d& plane,

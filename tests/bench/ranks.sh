@@ -31,7 +31,7 @@ array() {
   raystage sync -q "take$1" >/dev/null
   for n in 1 2 4; do "$here/../farm/split_take.py" "take$1" "take$1.$n" "$n"; done
 }
-# shot TAKE METHOD OPTIONS FRAMES SIZE: prints its name
+# shot TAKE METHOD OPTIONS FRAMES SIZE: writes a shot and prints its name
 shot() {
   cat >"$1.$2.json" <<JSON
 {"schema": "raystage/shot/2", "width": $5, "height": $5, "fps": 15, "first_frame": 1, "last_frame": $4,
@@ -103,8 +103,9 @@ cost_of_local() { { time local_render "$1" >said; } 2>&1 | tail -n 1 | awk '{ pr
 if [[ "$parts" = *" cpu "* ]]; then
   array 8 60
   echo "== CPU seconds of all ranks without waiting, and of one process of one thread (complete commands, one processor)"
-  # On real hosts each rank has its own processor. Here all ranks share one, with time slices of 100 ms instead of 3:
-  # ranks on sibling cores share caches, and ranks that alternate evict each other's cache lines.
+  # On real hosts each rank has its own processor. Here all ranks share one, with time slices of 100
+  # ms instead of 3, because ranks that alternate evict each other's cache lines. Ranks on sibling
+  # cores would share caches.
   taskset -cp 0 $$ >/dev/null
   chrt -r -p 1 $$ 2>/dev/null || echo "(short time slices: real-time scheduling is not allowed here)"
   for row in "focal_plane {} 48 512" 'depth {"near":2,"far":12} 4 512'; do

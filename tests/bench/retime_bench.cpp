@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures the error of pictures between two frames for each retiming method: four cameras of the
-// simulated stage, pairs of frames 1/15 s apart (and 2/15 s: one frame lost).
+// Measures the error of pictures between two frames for each retiming method. Input: four cameras
+// of the simulated stage, pairs of frames 1/15 s apart (and 2/15 s: one frame lost).
 // Usage: retime_bench [WIDTH HEIGHT [FOLDER]]: size of a picture, pixels (default 640 480); FOLDER:
 // for the pictures of the first pair.
 #include <fmt/format.h>

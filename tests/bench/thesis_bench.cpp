@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measures the case of the thesis (4.4: 64 cameras of 320x240; a view of 512x512 from archives in
-// the page cache), and the time by cameras, threads and resolution. Writes the take: 17x17 cameras
-// 6 cm apart, 62 degrees wide, in front of a painted plane. Fewer cameras are those in the middle.
+// Measures the case of the thesis (4.4): 64 cameras of 320x240; a view of 512x512 from archives in
+// the page cache. Measures the time by cameras, threads and resolution. Writes the take: 17x17
+// cameras 6 cm apart, 62 degrees wide, in front of a painted plane. Fewer cameras are those in the
+// middle.
 #include <benchmark/benchmark.h>
 #include <tbb/global_control.h>
 #include <tbb/parallel_pipeline.h>
@@ -61,7 +62,7 @@ render::ReconstructionOptions reconstruction(std::int64_t method) {
   return {kMethods[method], rig::fronto_parallel_plane(bench_take().rig(), 4)};
 }
 
-/// Every frame shows another instant and decodes it.
+/// Renders frames of which each shows another instant and decodes it.
 void BM_FromArchives(benchmark::State& state) {
   const auto thread_count = static_cast<std::size_t>(state.range(1));
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, thread_count);

@@ -3,7 +3,7 @@
 # Measures speed against accuracy of every method: the tables of docs/benchmarks.md.
 # Usage: tests/bench/trade.sh [DATA_FOLDER] [BENCH_OPTION...]
 #   DATA_FOLDER (default: $RAYSTAGE_DATA or ../shared/data) holds shop/, stanford_chess9x9/,
-#   stanford_knights17x17/ and stage/; missing sets are left out. Options are passed to every
+#   stanford_knights17x17/ and stage/; missing sets are skipped. Options are passed to every
 #   `raystage bench`, e.g. --view-step 8 to try, or --settings FILE. SETS="shop planes simulated" chooses
 #   sets, PAGES=DIR keeps the pages, CSV and JSON. Needs build/check, as ./test.sh makes it.
 set -euo pipefail
@@ -27,7 +27,7 @@ measure() {  # NAME HEADING TAKE VIEWS [BENCH_OPTION...]
   printf '\n**%s**\n\n' "$heading"
   "$raystage" bench "$take" "$views" -o "$pages/$name" -q "$@"
 }
-import() {  # SET: into $work/SET, or says that it is not there
+import() {  # SET: into $work/SET; reports a missing set
   if [ ! -e "$data/$1/import.json" ]; then
     echo "$data/$1 is missing: skipped" >&2
     return 1

@@ -7,7 +7,7 @@
 //     SYNC FROM SECONDS               fdatasync and fsync fail with EIO
 //     STALL FROM SECONDS              writes and syncs wait until the fault ends
 //     SLOW BYTES_PER_SECOND           limits the rate of all files together
-// Faults act as in the kernel: the write before the fault is cut short; a full disk still truncates
+// Faults act as in the kernel. The write before the fault is cut short. A full disk still truncates
 // and renames; a read-only disk opens no file for writing.
 #include <dlfcn.h>
 #include <fcntl.h>

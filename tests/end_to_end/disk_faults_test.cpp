@@ -24,8 +24,8 @@ class BadDisk : public testing::DiskRecordingTest {
   }
   std::filesystem::path take() const { return folder() / "take"; }
 
-  /// That a disk out of order for two of five seconds is waited for, and what memory could not keep
-  /// meanwhile is recorded as dropped.
+  /// Expects that the recorder waited for a disk that failed for two of five seconds, and recorded
+  /// as dropped the frames for which the memory did not suffice.
   void expect_recovery(const CommandResult& result, const std::string& trouble) const {
     EXPECT_EQ(result.exit_code, 3) << result.err;
     const json account = session(take());

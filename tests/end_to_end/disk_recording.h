@@ -25,7 +25,7 @@ class DiskRecordingTest : public ::testing::Test {
 
   DiskRecordingTest() { write_config("drop_newest"); }
 
-  /// `when_full`: which frames are dropped; `width`: of the pictures, pixels.
+  /// Writes record.json. `when_full`: which frames are dropped; `width`: of the pictures, pixels.
   void write_config(const std::string& when_full, int width = 320) const {
     constexpr const char* kConfig = R"({"schema": "raystage/record/1", "name": "test",
       "node": "one", "memory_mb": 1, "when_full": "WHEN_FULL", "cameras": [

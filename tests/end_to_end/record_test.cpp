@@ -137,9 +137,10 @@ TEST_F(Record, ATimeThatHasPassedIsNoStart) {
   EXPECT_EQ(past.exit_code, 2) << past.err;
   EXPECT_THAT(past.err, HasSubstr("--start-at"));
   EXPECT_FALSE(std::filesystem::exists(folder() / "take"));
+  // A busy machine may delay it by seconds.
   const CommandResult late = here(
       "raystage record other.json -o take --start-at $(date -u -d '-3 seconds' +%FT%TZ) "
-      "--duration 9 --status none");  // a busy machine may delay it by seconds
+      "--duration 9 --status none");
   EXPECT_EQ(late.exit_code, 0) << late.err;
   EXPECT_THAT(late.err, HasSubstr("s ago"));
   EXPECT_THAT(late.out, HasSubstr("s after --start-at: "));

@@ -27,9 +27,9 @@ class Stream {
   Stream() {
     if (pipe2(ends_.data(), O_CLOEXEC) != 0) throw std::runtime_error("no pipe");
   }
-  /// In the child: replaces the stream with this file descriptor.
+  /// Replaces the stream with this file descriptor. For the child.
   void connect(int number) const { dup2(ends_[1], number); }
-  /// In the parent process.
+  /// Starts the thread that reads. For the parent.
   void start_reading() {
     close(ends_[1]);
     reader_ = std::thread([this] {

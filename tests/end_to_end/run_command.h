@@ -18,8 +18,8 @@ struct CommandResult {
 
 /// Limits for a command.
 struct CommandLimits {
-  std::optional<std::uint64_t> max_file_bytes =
-      {};             ///< no file grows beyond this, as on a full disk
+  /// No file grows beyond this, as on a full disk.
+  std::optional<std::uint64_t> max_file_bytes = {};
   bool root = false;  ///< true: it runs as another user
 };
 

@@ -15,8 +15,8 @@ using ::testing::HasSubstr;
 const std::string kRecord = "raystage record ../record.json -o take --status none --duration ";
 const std::string kSay = "; echo \"exit $?\"; ";
 
-/// A script: waits until frames were written and then none for so long that the waiting ones fill
-/// the memory. The time depends on the machine.
+/// A script that waits until frames were written, and then until no more are, so that the queued
+/// frames fill the memory. The time depends on the machine.
 const std::string kUntilStalled =
     "kb=0; until [ ${kb:-0} -ge 1000 ]; do sleep 0.05; "
     "kb=$(du -ks take/archive 2>/dev/null | cut -f1); done; "
@@ -38,7 +38,7 @@ class SmallDisk : public testing::DiskRecordingTest {
     return here("unshare --user --map-root-user --mount bash -c 'mount -t tmpfs -o size=" + size +
                 " none disk && cd disk && { " + script + "\ncp -a . ../kept; }'");
   }
-  /// A script: changes the size or another mount option of the disk.
+  /// Returns a script that changes the size or another mount option of the disk.
   static std::string now(const std::string& option) {
     return "mount -o remount," + option + " \"$PWD\"; ";
   }

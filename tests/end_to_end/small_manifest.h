@@ -11,7 +11,8 @@
 
 namespace raystage::testing {
 
-/// An import manifest of three cameras in a row, each with one picture next to the manifest.
+/// Returns an import manifest of three cameras in a row, each with one picture next to the
+/// manifest.
 inline std::string small_manifest() {
   const auto camera = [](const std::string& id, double x) {
     return R"({"id": ")" + id + R"(", "width": 32, "height": 24,
@@ -27,8 +28,8 @@ inline std::string small_manifest() {
          camera("a", 0) + "," + camera("b", 0.06) + "," + camera("c", 0.12) + "]}";
 }
 
-/// Writes it to folder/import.json, and its pictures. They show stripes, so that no file made of
-/// them is tiny.
+/// Writes small_manifest() to folder/import.json, and its pictures. They show stripes, so that no
+/// derived file is tiny.
 inline void write_small_manifest(const std::filesystem::path& folder) {
   store::RgbImage picture{32, 24, std::vector<std::uint8_t>(32 * 24 * 3)};
   for (std::size_t i = 0; i < picture.values.size(); ++i) {

@@ -1,8 +1,8 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# Runs a real Slurm cluster on this host, for tests: munged, slurmctld and N slurmd, all listening on 127.0.0.1. Each
-# node has its own PID and mount namespace, so that killing it ends all of its processes at once, and its mounts may
-# differ from those of other nodes. Root only.
+# Runs a real Slurm cluster on this host, for tests: munged, slurmctld and N slurmd, all listening
+# on 127.0.0.1. Each node has its own PID and mount namespace. Killing it therefore ends all of its
+# processes at once, and its mounts may differ from those of other nodes. Root only.
 #
 #   cluster.sh DIR start N [LINE...]  starts it; LINEs are added to slurm.conf. Clients need SLURM_CONF=DIR/slurm.conf
 #                                     Environment: CPUS of a node (1); NODE_SHARE, per cent of a processor that all
@@ -12,8 +12,8 @@
 #   cluster.sh DIR kill-controller | start-controller
 #   cluster.sh DIR on NODE COMMAND... runs a command with the mounts of that node
 #
-# DIR: at most 60 characters (UNIX socket paths), new or empty. Measured on Slurm 22.05 of Debian 12: cred_expire (the
-# time until a requeued task starts again) below 5 means 120.
+# DIR: at most 60 characters (UNIX socket paths), new or empty. Measured on Slurm 22.05 of Debian
+# 12: a cred_expire (the time until a requeued task starts again) below 5 counts as 120.
 set -u
 PATH=/usr/sbin:/usr/bin:/sbin:/bin
 export PATH
@@ -62,7 +62,7 @@ start_node() {
       die "control groups cannot be written to"
   fi
   mkdir -p "$D/spool/$1"
-  # The namespace's first process reaps the others; they end with it.
+  # The namespace's first process reaps the others, which end with it.
   limit=
   [ -z "${NODE_SHARE:-}" ] || limit=$(node_group "$1")/cgroup.procs
   # shellcheck disable=SC2016

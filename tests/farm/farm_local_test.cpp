@@ -157,7 +157,7 @@ TEST_F(FarmLocal, RetryRendersWhatWasRemovedOrDamagedAndWhatIsNamed) {
   EXPECT_EQ(here("raystage farm status out/s.####.exr").exit_code, 0);
   // Only the named frame is rendered again.
   std::filesystem::remove(folder_ / "calls");
-  write_text(folder_ / "broken", "");  // the first attempt fails, and the old frame is whole
+  write_text(folder_ / "broken", "");  // the first attempt fails, and the old frame is complete
   EXPECT_EQ(here("raystage farm retry out/s.####.exr --frames 7,99").exit_code, 0);
   const std::string calls = read_text(folder_ / "calls");
   const auto first = calls.find("--frames=7 --existing overwrite");

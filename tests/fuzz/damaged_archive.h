@@ -86,9 +86,9 @@ inline FuzzArchive make_intact_archive(bool closed, std::uint32_t version) {
   return pair;
 }
 
-/// The first byte selects the original: bit 0: closed; bit 1: journal of version 1; bit 2: no
-/// journal. If bit 3 is set, the rest are the two files after the archive's length. Otherwise they
-/// are edits of four bytes: operation and file, position (two bytes), value.
+/// Returns a damaged archive. The first byte selects the original: bit 0: closed; bit 1: journal of
+/// version 1; bit 2: no journal. If bit 3 is set, the rest are the two files after the archive's
+/// length. Otherwise they are edits of four bytes: operation and file, position (two bytes), value.
 inline FuzzArchive make_damaged_archive(std::span<const std::byte> input) {
   if (input.empty()) return make_intact_archive(true, 2);
   const auto flags = std::to_integer<unsigned>(input[0]);

@@ -37,7 +37,7 @@ void round_trip(std::string_view text, Parse parse, Format format) {
   if (format(parse(written, "written")) != written) std::abort();
 }
 
-/// Clock offsets are only read: one per camera, each at most a day.
+/// Reads clock offsets: one per camera, each at most a day. They are not written again.
 void read_offsets(std::string_view text) {
   const std::vector<raystage::store::CameraTimestamps> cameras{{"a", "one", {}, {}},
                                                                {"b", "two", {}, {}}};

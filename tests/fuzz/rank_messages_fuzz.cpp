@@ -9,7 +9,7 @@
 
 namespace {
 
-/// A message that can be decoded can be encoded and decoded again to the same message.
+/// Expects that a decoded message can be encoded and decoded again to the same message.
 template <class Decode>
 void round_trip(std::span<const std::byte> message, const Decode& decode) {
   raystage::farm::MessageBytes once;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Resumes recording to damaged pairs of archive and journal: it is refused, or all readable frames
+// Resumes recording to damaged pairs of archive and journal. It is refused, or all readable frames
 // and a new one can be read, and the archive can be closed.
 #include <cstdint>
 #include <cstdlib>

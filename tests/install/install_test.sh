@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Installs the Debian package into an empty root (debootstrap, then apt-get in a chroot) with only its declared
-# dependencies, and runs the demo's main steps by the installed commands. Frames must be byte-identical to those
-# of the build folder's commands.
+# Installs the Debian package into an empty root (debootstrap, then apt-get in a chroot) with only
+# its declared dependencies. Then runs the demo's main steps by the installed commands. Frames must
+# be byte-identical to those of the build folder's commands.
 # Usage: install_test.sh BUILD_FOLDER      exit code 77: skipped, with the reason on stdout
 set -euo pipefail
 build="$(cd "$1" && pwd)"
@@ -21,7 +21,7 @@ if [ -z "${RAYSTAGE_INSTALL_TEST_MOUNTS:-}" ]; then
 fi
 suite="$(. /etc/os-release && [ "$ID" = debian ] && echo "$VERSION_CODENAME" || true)"
 [ -n "$suite" ] || skip "this machine's system is not Debian"
-# The mirror that this machine's apt uses.
+# Use the mirror of this machine's apt.
 mirror="$(apt-get indextargets --format '$(ORIGIN) $(CODENAME) $(REPO_URI)' 'Created-By: Packages' |
           awk -v suite="$suite" '$1 == "Debian" && $2 == suite { sub("/$", "", $3); print $3; exit }')"
 [ -n "$mirror" ] || skip "apt has no package lists of Debian $suite (apt-get update)"
@@ -54,14 +54,14 @@ debootstrap --variant=minbase --cache-dir="$work/archives" "$suite" "$root" "$mi
   { tail "$work/debootstrap.log"; fail "debootstrap"; }
 
 say "apt-get install"
-# All suites of this machine's Debian mirror, for the same versions.
+# Use all suites of this machine's Debian mirror, for the same versions.
 rm -f "$root"/etc/apt/sources.list
 apt-get indextargets --format '$(ORIGIN) $(REPO_URI) $(CODENAME)' 'Created-By: Packages' |
   awk -v suite="$suite" '$1 == "Debian" && index($3, suite) == 1 { print "deb", $2, $3, "main" }' |
   sort -u >"$root/etc/apt/sources.list.d/debian.list"
 cp /etc/resolv.conf "$root/etc/resolv.conf"
 cp "$package" "$root/raystage.deb"
-# Without man pages and translations of other packages.
+# Omit man pages and translations of other packages.
 printf 'path-exclude=%s\n' '/usr/share/doc/*' '/usr/share/man/*' '/usr/share/locale/*' >"$root/etc/dpkg/dpkg.cfg.d/lean"
 printf 'path-include=%s\n' '/usr/share/doc/raystage/*' '/usr/share/man/man1/raystage*' >>"$root/etc/dpkg/dpkg.cfg.d/lean"
 echo force-unsafe-io >>"$root/etc/dpkg/dpkg.cfg.d/lean"

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# install_test.sh runs it inside the root with the installed package; it writes its files to /work.
+# Tests the installed commands. install_test.sh runs it inside the root with the package; it writes
+# its files to /work.
 set -euo pipefail
 cd /work
 fail() { echo "FAILED: $1" >&2; exit 1; }
@@ -34,12 +35,12 @@ raystage render take/shot.json -o frames/shot.####.exr -q
 raystage preview frames/shot.####.exr -o preview.mp4 --contact-sheet sheet.png -q >/dev/null
 [ -s preview.mp4 ] && [ -s sheet.png ] || fail "no preview"
 
-# An example shot with textures, which loads a module at run time.
+# Render an example shot with textures, which loads a module at run time.
 cp -r /usr/share/doc/raystage/docs/shots .
 sed -e 's#takes/stage#../take#' shots/reflection_by_map.json >shots/textured.json
 raystage render shots/textured.json -o frames/textured.####.exr --frames 1-2 -q
 
-# A source of libavdevice, which no executable links.
+# Record from a source of libavdevice, which no executable links.
 cat >node.json <<'JSON'
 {"schema": "raystage/record/1", "name": "devices", "memory_mb": 100,
  "cameras": [{"id": "a", "ffmpeg": {"url": "lavfi:testsrc=size=96x64:rate=30:duration=1"}}]}
@@ -47,7 +48,7 @@ JSON
 raystage record node.json -o recorded -q >/dev/null
 raystage verify recorded -q >/dev/null
 
-# Completion as loaded by bash.
+# Test the completion as bash loads it.
 . /usr/share/bash-completion/bash_completion
 _completion_loader raystage || true
 completions() {

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Caches decoded and corrected frames in a memory budget, least recently used first out. A frame is
+// decoded whole or in MCUs (decode.h, incremental_decode.h), then corrected
+// (photometric_correction.h) and keyed (frame_matte.h). Output: 16-bit R, G, B, A, premultiplied, 8
+// bytes per pixel.
 #include "store/processing/frames/frame_cache.h"
 
 #include <tbb/enumerable_thread_specific.h>

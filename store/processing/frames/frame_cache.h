@@ -48,7 +48,7 @@ class FrameCache {
   using FetchGroup = std::uint64_t;
   static constexpr FetchGroup kUngrouped = 0;  ///< each fetch is a group of its own
 
-  /// `matte`: gives the frames their alpha; null: all pixels are opaque.
+  /// Makes an empty cache. `matte`: gives the frames their alpha; null: all pixels are opaque.
   FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace space,
              std::shared_ptr<const FrameMatte> matte = nullptr);
   /// Returns a cache of white frames in the cameras' sizes, whose samples are the blending weights

@@ -52,14 +52,14 @@ class Cache : public ::testing::Test {
     take_.emplace(folder_.path() / "take");
   }
 
-  /// What it takes to have a frame, whole or the first MCU alone.
+  /// Returns the pixels decoded to fetch a frame: all of it or only the first MCU.
   std::int64_t decoded(FrameCache& cache, int camera, int frame, bool whole = true) {
     if (!whole) return decoded_of(cache, camera, frame, {0}, FrameCache::kUngrouped);
     std::int64_t pixels = 0;
     cache.fetch(camera, frame, {}, pixels);
     return pixels;
   }
-  /// What it takes to have some MCUs of it.
+  /// Returns the pixels decoded to fetch some MCUs of a frame.
   static std::int64_t decoded_of(FrameCache& cache, int camera, int frame,
                                  const std::vector<std::size_t>& mcus,
                                  FrameCache::FetchGroup look) {
@@ -75,11 +75,11 @@ class Cache : public ::testing::Test {
 };
 
 TEST_F(Cache, ForgetsWhatWasUsedLeastRecentlyAndKeepsToItsBytes) {
-  // An eighth of it is for the memory of frames that are gone.
+  // An eighth of the budget is for the memory of evicted frames.
   FrameCache cache(*take_, 4 * kFrameBytes, BlendSpace::kPerceptual);
   for (int frame = 0; frame < 3; ++frame) EXPECT_EQ(decoded(cache, 0, frame), kFramePixels);
   EXPECT_EQ(cache.bytes_held(), 3 * kFrameBytes);
-  EXPECT_EQ(decoded(cache, 0, 0), 0);  // used again: the oldest is frame 1 now
+  EXPECT_EQ(decoded(cache, 0, 0), 0);  // now frame 1 is the least recently used
   EXPECT_EQ(decoded(cache, 0, 3), kFramePixels);
   EXPECT_EQ(cache.bytes_held(), 3 * kFrameBytes);
   EXPECT_EQ(decoded(cache, 0, 0), 0);
@@ -94,7 +94,7 @@ TEST_F(Cache, AFrameInUseOutlivesItsPlace) {
   const std::uint16_t before = first->rgba[0];
   for (int frame = 1; frame < kFrames; ++frame) decoded(cache, 0, frame);
   EXPECT_EQ(first->rgba[0], before);
-  EXPECT_LE(cache.bytes_held(), kFrameBytes);  // the last alone
+  EXPECT_LE(cache.bytes_held(), kFrameBytes);  // only the last
 }
 
 TEST_F(Cache, DecodesAPartAndAtTheSecondLookAll) {
@@ -120,7 +120,7 @@ TEST_F(Cache, PartsOfOneLookAddUp) {
   EXPECT_EQ(decoded_of(cache, 0, 1, {40}, look), kMcu);
   EXPECT_FALSE(cache.is_fully_decoded(0, 1));
   EXPECT_EQ(cache.bytes_held(), kFrameBytes);
-  EXPECT_EQ(decoded_of(cache, 0, 1, {60}, other), kFramePixels);  // looked at again
+  EXPECT_EQ(decoded_of(cache, 0, 1, {60}, other), kFramePixels);  // second request
   EXPECT_TRUE(cache.is_fully_decoded(0, 1));
   EXPECT_EQ(decoded_of(cache, 0, 1, {80}, look), 0);
 }
@@ -140,14 +140,14 @@ TEST_F(Cache, DecodesAFrameOnceHoweverManyAsk) {
 
 TEST_F(Cache, ReadsAheadFramesOfCamerasInUseThatItDoesNotHold) {
   FrameCache cache(*take_, 16 * kFrameBytes, BlendSpace::kPerceptual);
-  cache.read_ahead(0, 0);  // nobody knows yet who will be in use
+  cache.read_ahead(0, 0);  // no camera is in use yet
   cache.read_ahead(0, 2);
   cache.read_ahead(1, 0);
   EXPECT_EQ(cache.frames_read_ahead(), 0);
   decoded(cache, 0, 0);
-  EXPECT_EQ(cache.frames_read_ahead(), 1);  // what waited, but for the frame itself
-  cache.read_ahead(0, 0);                   // held
-  cache.read_ahead(1, 1);                   // not in use
+  EXPECT_EQ(cache.frames_read_ahead(), 1);  // the pending ones except this frame
+  cache.read_ahead(0, 0);                   // in the cache
+  cache.read_ahead(1, 1);                   // a camera that is not in use
   EXPECT_EQ(cache.frames_read_ahead(), 1);
   cache.read_ahead(0, 1);
   EXPECT_EQ(cache.frames_read_ahead(), 2);
@@ -156,7 +156,7 @@ TEST_F(Cache, ReadsAheadFramesOfCamerasInUseThatItDoesNotHold) {
 }
 
 TEST_F(Cache, ReadsAFrameAheadOnceUntilItIsForgotten) {
-  FrameCache cache(*take_, 2 * kFrameBytes, BlendSpace::kPerceptual);  // holds one
+  FrameCache cache(*take_, 2 * kFrameBytes, BlendSpace::kPerceptual);  // holds one frame
   decoded(cache, 0, 0);
   for (int times = 0; times < 3; ++times) cache.read_ahead(0, 1);
   EXPECT_EQ(cache.frames_read_ahead(), 1);

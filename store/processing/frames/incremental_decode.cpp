@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Adds MCUs to a partly decoded JPEG frame. Chroma upsampling at an MCU depends on its eight
-// neighbours, so held MCUs next to new ones are decoded again; of these, the quarters that touch no
+// neighbours, so held MCUs next to new ones are decoded again. Of these, the quarters that touch no
 // new MCU are copied from the held frame. Inputs: masks with one value per MCU, frames with 4
 // values per pixel. Cost: O(MCUs) for the masks, O(held pixels) for the copy.
 #include "store/processing/frames/incremental_decode.h"

@@ -13,8 +13,8 @@ namespace raystage::store {
 /// MCUs at once, at little more than the cost of the new ones.
 class IncrementalDecode {
  public:
-  /// `held`, `wanted`: one value per MCU of `layout`, whose regions must be decodable. Keeps a
-  /// reference to `layout`.
+  /// Determines the MCUs to decode. `held`, `wanted`: one value per MCU of `layout`, whose regions
+  /// must be decodable. Keeps a reference to `layout`.
   IncrementalDecode(const JpegLayout& layout, const McuMask& held, const McuMask& wanted);
 
   /// Returns all MCUs that the frame will contain.

@@ -27,7 +27,7 @@ LinearTable plain_table() {
   return table;
 }
 
-/// A picture, decoded bit by bit.
+/// A picture that is decoded in several parts.
 class Picture {
  public:
   Picture(Chroma chroma, int width, int height)
@@ -39,7 +39,7 @@ class Picture {
 
   const JpegLayout& layout() const { return layout_; }
 
-  /// Returns the pixels decoded for it.
+  /// Adds MCUs and returns the number of pixels that were decoded for them.
   std::int64_t add(const McuMask& wanted) {
     const IncrementalDecode added(layout_, held_, wanted);
     std::vector<std::uint16_t> more(frame_.size(), kUntouched);
@@ -51,7 +51,7 @@ class Picture {
     return pixels;
   }
 
-  /// As JpegDecoder::decode_region promises for all that was added.
+  /// Checks what JpegDecoder::decode_region guarantees, for all MCUs that were added.
   void expect_as_decoded_at_once() const {
     for (int y = 0; y < layout_.height; ++y) {
       for (int x = 0; x < layout_.width; ++x) {
@@ -123,7 +123,7 @@ TEST(IncrementalDecode, ShowWhatDecodingAllAtOnceShows) {
   }
 }
 
-/// One row of MCUs is decoded twice at every border, none where chroma ends with its MCU.
+/// With 4:2:0, one row of MCUs is decoded twice at every border; with 4:4:4, none.
 TEST(IncrementalDecode, OfBandsCostLittleMoreThanAllOfThem) {
   constexpr int kBands = 5;
   for (const Chroma chroma : {Chroma::k444, Chroma::k420}) {
@@ -132,7 +132,7 @@ TEST(IncrementalDecode, OfBandsCostLittleMoreThanAllOfThem) {
     std::int64_t pixels = 0;
     for (int band = 0; band < kBands; ++band) {
       const int top = layout.mcu_rows * band / kBands, end = layout.mcu_rows * (band + 1) / kBands;
-      // Who looks across the border wants what the band before has too.
+      // A band also wants the MCU row above it, which the previous band has decoded.
       pixels += picture.add(rectangle(layout, 0, std::max(top - 1, 0), layout.mcus_per_row, end));
     }
     picture.expect_as_decoded_at_once();

@@ -244,7 +244,7 @@ class PhotometricCorrection::Pixels {
   }
 
   /// Replaces a pixel by the mean of its neighbours within the MCU that are not nearer to the MCU's
-  /// edge, so that the result does not depend on other MCUs. `dark`: hot pixels of the MCU row.
+  /// edge. The result thus does not depend on other MCUs. `dark`: hot pixels of the MCU row.
   static void replace_by_neighbours(std::span<std::uint16_t> rgba, const JpegLayout& layout,
                                     const schemas::HotPixel& pixel,
                                     std::span<const schemas::HotPixel> dark) {

@@ -33,7 +33,7 @@ bool needs_per_pixel_correction(const schemas::PhotometricResponse& response);
 /// second pass corrects every pixel.
 class PhotometricCorrection {
  public:
-  /// `levels`: the table of scale.space; null: computed here if it is needed.
+  /// Prepares the tables. `levels`: the table of scale.space; null: computed here if it is needed.
   PhotometricCorrection(const schemas::PhotometricResponse& response, rig::PictureSize size,
                         const schemas::TakeDocument& take, const CodeScale& scale,
                         LevelTable levels = nullptr);

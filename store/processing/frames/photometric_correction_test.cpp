@@ -30,7 +30,7 @@ RgbImage speckled() {
 
 struct Decoded {
   RgbImage codes;
-  std::vector<std::uint16_t> levels;  // 4 a pixel
+  std::vector<std::uint16_t> levels;  // 4 per pixel
 };
 
 class Correction : public ::testing::TestWithParam<BlendSpace> {
@@ -57,7 +57,7 @@ class Correction : public ::testing::TestWithParam<BlendSpace> {
     return decoded(response, McuMask(static_cast<std::size_t>(layout_.mcu_count()), 1));
   }
 
-  /// The largest difference from the slow reference, of 65535; `left_out`: pixels not looked at.
+  /// Returns the largest difference from the slow reference, of 65535. `left_out`: excluded pixels.
   int worst(const schemas::PhotometricResponse& response,
             const std::vector<int>& left_out = {}) const {
     const Decoded found = decoded(response);
@@ -137,7 +137,7 @@ TEST_P(Correction, PixelsWithoutRangeAreShownAsTheirNeighbours) {
     }
     EXPECT_GE(level(20, 10, c), least);
     EXPECT_LE(level(20, 10, c), most);
-    // At an MCU's left edge: the neighbours in the MCU to the left are not looked at, nor the lost.
+    // At an MCU's left edge, neighbours in the MCU to the left and other hot pixels are excluded.
     EXPECT_NEAR(level(48, 11, c),
                 (level(48, 10, c) + level(48, 12, c) + level(49, 10, c) + level(49, 12, c)) / 4.0,
                 1);
@@ -148,7 +148,7 @@ TEST_P(Correction, IsTheSameHoweverMuchIsDecoded) {
   schemas::PhotometricResponse response;
   response.vignetting = schemas::Vignetting{110, 30, {0.35, 0.12, 0.01}};
   response.matrix = {{{1.3, -0.2, -0.1}, {-0.1, 1.2, -0.1}, {0.05, -0.3, 1.25}}};
-  for (int i = 0; i < 700; ++i) {  // many, of both kinds, at edges of MCUs as well
+  for (int i = 0; i < 700; ++i) {  // of both kinds, also at edges of MCUs
     const int place = i * 20 + i % 7;
     response.hot_pixels.push_back(
         {place % kWidth, place / kWidth, {i % 3 == 0 ? 0.5 : 0.05, 0.01, 0.02}});
@@ -187,9 +187,9 @@ TEST_P(Correction, TheBrightestPixelKeepsItsLight) {
   response.contrast = {1.2, 0.8, 1};
   response.vignetting = schemas::Vignetting{kWidth / 2.0, kHeight / 2.0, {0.4, 0, 0}};
   response.matrix = {{{1.5, -0.2, -0.3}, {0, 1, 0}, {0, 0, 1}}};
-  // Red alone, in the corner.
+  // The maximum is pure red in the corner.
   EXPECT_NEAR(max_linear_light(response, kSize, take_), 1.2 * 1.4 * 1.5, 1e-3);
-  // Also where one node alone is bright.
+  // A single node with a high gain.
   response = {};
   response.gain_map = schemas::GainMap{40, 2, std::vector<schemas::Rgb>(80, {1, 1, 1})};
   response.gain_map->gain[61][1] = 3;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Garbage matte from axis-aligned boxes in the world: intersects the ray of every pixel with every
-// box by the slab method (Kay and Kajiya, "Ray tracing complex scenes", SIGGRAPH 1986). Input: a
-// camera and boxes in metres. Output: one bool per pixel. Cost: pixels times boxes.
+// Computes a garbage matte from axis-aligned boxes in the world. Intersects the ray of every pixel
+// with every box by the slab method (Kay and Kajiya, "Ray tracing complex scenes", SIGGRAPH 1986).
+// Input: a camera and boxes in metres. Output: one bool per pixel. Cost: pixels times boxes.
 #include "store/processing/mattes/box_mask.h"
 
 #include <algorithm>

@@ -10,8 +10,8 @@
 
 namespace raystage::store {
 
-/// Returns for each pixel of a camera whether its ray is visible: it intersects one of the boxes to
-/// `keep` (if there are any) and none of the `garbage` boxes. Row by row, without padding.
+/// Returns for each pixel of a camera whether it is visible. Its ray must intersect one of the
+/// boxes to `keep` (if there are any) and none of the `garbage` boxes. Row by row, without padding.
 std::vector<bool> compute_box_mask(const rig::Rig::Camera& camera,
                                    std::span<const schemas::MatteSettings::Box> keep,
                                    std::span<const schemas::MatteSettings::Box> garbage);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Keyers of single pixels. Colour difference: alpha = 1 - excess(pixel) / excess(screen), stretched
-// from [black, white] to [0, 1]; the screen's share is subtracted and spill suppressed (Vlahos, US
+// Keys single pixels. Colour difference: alpha = 1 - excess(pixel) / excess(screen), stretched from
+// [black, white] to [0, 1]. The screen's share is subtracted and spill suppressed (Vlahos, US
 // patent 3,158,477; Smith and Blinn, SIGGRAPH 1996). Difference: alpha from the RMS difference of
 // codes. Input: linear R, G, B. Output: premultiplied R, G, B and alpha. Cost: constant per pixel.
 #include "store/processing/mattes/keyers.h"

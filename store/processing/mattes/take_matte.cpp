@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Computes the mattes of a take's frames by colour difference key, difference key or matte files,
+// limited by boxes (keyers.h, clean_plate.h, box_mask.h). Each pixel is linearised, keyed in linear
+// light, and stored premultiplied as 16-bit code with 16-bit alpha. The clean plate and mask of a
+// camera are computed once, on first use. Cost: one key per decoded pixel.
 #include "store/processing/mattes/take_matte.h"
 
 #include <fmt/format.h>

@@ -13,7 +13,8 @@
 namespace raystage::store {
 
 /// The matte of a take, by the settings of a shot's layer. The clean plate of a camera is computed
-/// when one of its frames is first decoded, and kept: 6 bytes per pixel if it is an empty take's.
+/// when one of its frames is first decoded, and stays in memory: 6 bytes per pixel if it comes from
+/// an empty take.
 class TakeMatte : public FrameMatte {
  public:
   /// Keeps a reference to `take`. `folder`: paths in the settings are relative to it. Throws Error

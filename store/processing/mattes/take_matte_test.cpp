@@ -19,7 +19,7 @@ namespace {
 
 constexpr int kWidth = 96, kHeight = 64;
 
-/// Grey on the left, blue on the right.
+/// Returns a picture that is grey on the left and blue on the right.
 RgbImage picture(bool with_actor) {
   RgbImage image{kWidth, kHeight, std::vector<std::uint8_t>()};
   for (int y = 0; y < kHeight; ++y) {

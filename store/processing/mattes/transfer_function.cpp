@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Tabulates the conversion between 16-bit codes and linear light: one entry per code, and the
+// inverse sRGB curve at 4096 equal steps of the square root of light, linear between.
 #include "store/processing/mattes/transfer_function.h"
 
 #include <algorithm>

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Interpolates a frame at a time between two frames by optical flow in both directions (Baker et
-// al., IJCV 2011, section 3.3.2). Forward-projects both flow fields to that time, keeps the vector
-// with the smallest photometric difference per pixel, fills holes from their borders, applies a
-// median filter, then samples both frames bicubically and weights them by time and visibility.
-// Inputs: two RGB frames of equal size, flow in pixels. Output: RGB. Cost: O(pixels).
+// al., IJCV 2011, section 3.3.2). Forward-projects both flow fields to that time and keeps the
+// vector with the smallest photometric difference per pixel. Fills holes from their borders and
+// applies a median filter. Then samples both frames bicubically and weights them by time and
+// visibility. Inputs: two RGB frames of equal size, flow in pixels. Output: RGB. Cost: O(pixels).
 #include "store/processing/retime/frame_interpolation.h"
 
 #include <algorithm>
@@ -80,12 +80,14 @@ class MotionBetween {
   const FlowField& shift() const { return shift_; }
 
  private:
-  // Flow may diverge where the frames have nothing in common.
+  // Returns whether a vector is plausible: flow may diverge where the frames have nothing in
+  // common.
   static bool is_valid(FlowVector s) {
     return std::abs(s.x) < kMaxMotion && std::abs(s.y) < kMaxMotion;
   }
 
-  // CV_32FC1: mean absolute difference of luma along the flow around each pixel, codes.
+  // Returns the mean absolute difference of luma along the flow around each pixel, codes
+  // (CV_32FC1).
   cv::Mat differences(const FlowImage& from, const FlowImage& to, const FlowField& motion) const {
     cv::Mat difference(shift_.height, shift_.width, CV_32FC1), mean;
     for (int y = 0; y < shift_.height; ++y) {
@@ -159,7 +161,8 @@ struct WarpedFrame {
   cv::Mat x, y;    // sampled positions, pixels
 };
 
-// `way`: factor from the vectors in `between` to the displacement to the frame.
+// Samples a frame along the vectors of `between`. `way`: factor from these to the displacement to
+// the frame.
 WarpedFrame warp(const FlowImage& picture, const FlowField& motion, const FlowField& between,
                  float way) {
   const int width = picture.rgb.width, height = picture.rgb.height;

@@ -18,7 +18,7 @@ RgbImage blend(const RgbImage& a, const RgbImage& b, double part);
 
 /// Returns the frame at time fraction `part` in [0, 1] between a and b, from the optical flow in
 /// both directions. Flow vectors are projected to that time. Where several land on one pixel, the
-/// one with the smallest difference of a and b over a small window is kept; holes take their
+/// one with the smallest difference of a and b over a small window is kept. Holes take their
 /// neighbours' vectors (Baker et al., "A database and evaluation methodology for optical flow",
 /// IJCV 2011, section 3.3.2). A median filter removes outliers. Each pixel then samples a and b
 /// along its vector. A frame whose own flow differs there is occluded and gets almost no weight.

@@ -50,12 +50,12 @@ TEST_F(InBetween, MovesWhatMoves) {
   }
 }
 
-// Wall that the board covers in one of the two pictures must come from the other alone.
+// Pixels of the wall that the board covers in one picture must come from the other picture.
 TEST_F(InBetween, TakesWhatIsHiddenInOneFromTheOther) {
   const double part = 0.5;
   const RgbImage truth = board.at(part), flow = moved(before, after, part);
   const auto hidden_once = [&](int x, int y) {
-    // Two pixels away from the board's edge, where samples are mixed.
+    // At least two pixels from the board's edge, where samples are mixed.
     for (const int dx : {-2, 0, 2}) {
       for (const int dy : {-2, 0, 2}) {
         if (board.covers(x + dx, y + dy, part)) return false;
@@ -107,8 +107,8 @@ TEST_F(InBetween, RefusesTwoSizes) {
   EXPECT_THROW(estimator.estimate(make_flow_image(before), make_flow_image(other.at(0))), Error);
 }
 
-// Noise that differs from picture to picture makes wrong motions look right by chance, here and
-// there; what is seen must not be speckled by them.
+// With independent noise in both pictures, wrong flow vectors have a small photometric difference
+// by chance. They must not speckle the result.
 TEST_F(InBetween, DoesNotLetChanceDecide) {
   std::mt19937 random(7);
   const auto noisy = [&](RgbImage image) {
@@ -131,7 +131,7 @@ TEST_F(InBetween, DoesNotLetChanceDecide) {
             psnr(interpolate_frame(a, b, there, back, 0.5), truth) - 1);
 }
 
-// Nothing in common: no sense to be made, but no crash, and colours of the two.
+// Pictures without common content must not cause a crash.
 TEST_F(InBetween, SurvivesPicturesWithNothingInCommon) {
   RgbImage black = before;
   for (std::uint8_t& code : black.values) code = 0;

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Computes dense optical flow between two frames of one camera by DIS (Kroeger et al., ECCV 2016)
+// at full resolution: 8x8 patches every 4 pixels, 16 descent iterations, no variational refinement.
+// A 5x5 median filter removes outliers. Input: 8-bit luma, 0.30 R + 0.59 G + 0.11 B. Output: a
+// displacement in pixels for each pixel. docs/resync.md has cost and accuracy.
 #include "store/processing/retime/optical_flow.h"
 
 #include <algorithm>
@@ -16,7 +20,7 @@ namespace {
 constexpr int kMinSide = 12;     // pixels; DIS cannot build a pyramid below
 constexpr int kMaxSide = 32766;  // pixels; OpenCV cannot remap larger images
 
-// cv::Mat has no const data; the matrices made here are only read.
+// Returns luma as a matrix without a copy. cv::Mat has no const data; these matrices are only read.
 cv::Mat matrix_of(const Image<std::uint8_t>& luma) {
   return {luma.height, luma.width, CV_8UC1, const_cast<std::uint8_t*>(luma.values.data())};
 }

@@ -25,8 +25,8 @@ struct FlowVector {
 /// The displacement of each pixel of one frame to its position in another.
 using FlowField = Image<FlowVector>;
 
-/// Applies a 5 x 5 median filter to x and y in place, which removes outliers (Sun, Roth and Black,
-/// "Secrets of optical flow estimation and their principles", CVPR 2010).
+/// Applies a 5 x 5 median filter to x and y in place, which removes outliers. Source: Sun, Roth and
+/// Black, "Secrets of optical flow estimation and their principles", CVPR 2010.
 void median_filter_flow(FlowField& field);
 
 /// Estimates dense optical flow (OpenCV's DIS: Kroeger et al., "Fast optical flow using dense

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Chooses the source frames of every tick for one camera: a frame near its tick stays unchanged;
-// otherwise the tick is interpolated between the frames before and after it, if their distance is
+// Chooses the source frames of every tick for one camera. A frame near its tick stays unchanged.
+// Otherwise the tick is interpolated between the frames before and after it, if their distance is
 // small enough. Input: a timeline and corrected times, ns. Output: one RetimedFrame per tick. Cost:
 // O(ticks log frames).
 #include "store/processing/retime/retime_plan.h"

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Writes a take whose frames are at the ticks of a timeline. plan_retiming() chooses the source
+// frames of each tick. A frame is then copied byte for byte, or computed and encoded: blended, or
+// interpolated by optical flow in both directions (frame_interpolation.h). Cost per interpolated
+// frame: one decode, two flow fields, one interpolation and one JPEG encode, less where consecutive
+// ticks use the same source frames. Cameras run in parallel.
 #include "store/processing/retime/retime_take.h"
 
 #include <fmt/format.h>

@@ -22,7 +22,7 @@ struct RetimeReport {
   double ms_per_interpolated = 0;  ///< decode, flow and encode per frame, by one or two threads
 };
 
-/// Writes a new take whose frames lie on the ticks of `timeline`, with a timeline of its own.
+/// Writes a new take whose frames are at the ticks of `timeline`, with a timeline of its own.
 /// `take` is not changed. Cameras run in parallel, with about 60 bytes of memory per pixel and
 /// thread; the files do not depend on the number of threads. Interpolated frames are 4:4:4 with
 /// restart markers; their sequence number in the journal is the index of the nearer source frame. A

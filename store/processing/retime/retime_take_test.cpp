@@ -20,8 +20,8 @@ namespace {
 
 constexpr Nanoseconds kPeriod = 100'000'000;
 
-// Three cameras at 10 Hz see the board move, each at a phase of its own. Camera 1 loses frame 4,
-// camera 2 frames 3 and 4; the journals say so where `recorded`. Their clock is `ahead`.
+// Three cameras at 10 Hz record the moving board, each at its own phase. Camera 1 loses frame 4,
+// camera 2 frames 3 and 4. The journals record these losses if `recorded`. The clocks are `ahead`.
 struct RetimeTake : ::testing::Test {
   void write(Nanoseconds ahead = 0, bool recorded = true) {
     schemas::TakeDocument document = testing::take_document(3, 10);
@@ -98,7 +98,7 @@ TEST_F(RetimeTake, MovesFramesToTheirTicks) {
       EXPECT_EQ(frame.time_ns, tick.time_ns + tick.difference[i]);
       EXPECT_TRUE(retimed.archive(c).verify_frame(tick.frame[i]));
       ++present;
-      // A frame was lost in camera 1, and twice the motion is bridged.
+      // Camera 1 lost a frame: the interpolation spans twice the motion.
       const bool bridged = c == 1 && tick.time_ns == exposed(1, 4);
       EXPECT_GT(psnr_of(retimed, c, tick.frame[i], frame.time_ns), bridged ? 26 : 31)
           << tick.time_ns << " " << c;
@@ -141,7 +141,7 @@ TEST_F(RetimeTake, FramesOnTheirTickAreTakenByteForByte) {
   write();
   retime(RetimeMethod::kFlow, "flow");
   const Take retimed(folder.path() / "flow");
-  // Camera 1 exposes on the ticks; its lost frame is bridged.
+  // Camera 1 exposes at the ticks; only its lost frame is interpolated.
   const auto& from = take->archive(1);
   const auto& to = retimed.archive(1);
   int same = 0;

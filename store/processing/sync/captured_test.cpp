@@ -87,7 +87,7 @@ TEST(CapturedTakes, FourWebcamsAreGroupedAsTheirOwnRecorderGroupedThem) {
     for (const auto& [number, group] : groups) {
       for (const auto& [c, time] : group) {
         ++frames;
-        const auto frame_of = [&](std::size_t camera) {
+        const auto frame_of = [&, &group = group](std::size_t camera) {
           const auto found = group.find(camera);
           if (found == group.end()) return -1L;
           const auto stamp = std::llround(found->second * 1e9);
@@ -96,9 +96,9 @@ TEST(CapturedTakes, FourWebcamsAreGroupedAsTheirOwnRecorderGroupedThem) {
               stamps, {}, [&](Nanoseconds s) { return std::abs(s - stamp); });
           return static_cast<long>(at - stamps.begin());
         };
-        const auto tick = std::ranges::find_if(result.timeline.ticks, [&](const FrameSelection& t) {
-          return t.frame[c] == frame_of(c);
-        });
+        const auto tick = std::ranges::find_if(
+            result.timeline.ticks,
+            [&, c = c](const FrameSelection& t) { return t.frame[c] == frame_of(c); });
         if (tick == result.timeline.ticks.end()) continue;
         bool same = true;
         for (std::size_t other = 0; other < 4; ++other) {

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Fits the clock of each camera: frame times = period * slot + phase + clock steps + delay. Per
-// group of cameras with one clock: count the slots of the frames (lattice.h), fit a line by
-// Huber's M-estimator or, if delays are never negative, its lower envelope (line_fit.h), find
-// clock steps that all cameras share and those of single cameras (clock_steps.h), remove them and
-// repeat. The method with the smaller variance of periods from quarters of the recording is
-// chosen. Periods of a group are shrunk towards each other as far as their standard errors allow.
-// Input: increasing times per camera, ns. Cost: O(frames log frames) per camera.
+// group of cameras with one clock, the slots of the frames are counted (lattice.h). A line is
+// fitted by Huber's M-estimator or, if delays are never negative, as lower envelope (line_fit.h).
+// Clock steps that all cameras share and those of single cameras are found (clock_steps.h) and
+// removed, and the fit repeats. The method with the smaller variance of periods from quarters of
+// the recording is chosen. Periods of a group are shrunk towards each other as far as their
+// standard errors allow. Input: increasing times per camera, ns. Cost: O(frames log frames) per
+// camera.
 #include "store/processing/sync/clock_fit.h"
 
 #include <algorithm>
@@ -72,8 +73,9 @@ void count(const std::vector<double>& times, ClockFit& fit) {
   fit.slots = assign_slots(moved, fit.lattice, residual_quantiles(moved, fit.lattice));
 }
 
-// A phase shift is known modulo the period. A clock step makes no camera lose frames, so the number
-// of whole periods is the one that leaves most cameras without a gap.
+// Adds whole periods to a clock step, since a phase shift is known modulo the period. A clock step
+// makes no camera lose frames, so the number of periods is the one that leaves most cameras without
+// a gap.
 bool add_whole_periods(const std::vector<std::vector<double>>& times, const Group& group, int step,
                        std::vector<ClockFit>& fits) {
   std::vector<double> gaps;
@@ -203,8 +205,9 @@ Comparison compare_methods(const std::vector<std::vector<double>>& times,
   return sum;
 }
 
-// Shrinks the periods of a group's cameras towards their mean (empirical Bayes): the weight of a
-// camera's own period is the variance of true periods over its sum with the period's own variance.
+// Shrinks the periods of a group's cameras towards their mean (empirical Bayes). The weight of a
+// camera's own period is V / (V + v): V is the variance of true periods, v that of the camera's
+// estimate.
 void share_periods(std::span<const CameraLine> group) {
   std::vector<ClockFit*> fits;
   for (const CameraLine& line : group) {

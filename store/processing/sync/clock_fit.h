@@ -29,8 +29,8 @@ struct ClockFit {
   double early_limit = 0, late_limit = 0;  ///< residuals outside are outliers, ns
   double period_sigma = 0;                 ///< standard error of the period, ns
   /// Whether the camera has a constant rate. False if more than a tenth of its frames are outliers,
-  /// the jitter exceeds a fifth of the period, fewer than one slot in 20 has a frame, or the rate
-  /// exceeds 10 kHz.
+  /// or the jitter exceeds a fifth of the period. Also false if fewer than one slot in 20 has a
+  /// frame, or the rate exceeds 10 kHz.
   bool regular = false;
 
   bool is_outlier(std::size_t frame) const {

@@ -28,7 +28,8 @@ ClockFits fits_of(const SimulatedStamps& truth, const ClockFitOptions& options =
 }
 
 // Returns the Cramer-Rao bound of each camera's period, ppm^2: the least variance of any unbiased
-// estimate from Gaussian time stamps of known sigma whose node clock steps by an unknown amount.
+// estimate. Time stamps are Gaussian with known sigma, and their node clock steps by an unknown
+// amount.
 std::vector<double> least_variance(const SimulatedStamps& truth, const Options& s) {
   struct Information {
     double n = 0, x = 0, xx = 0, h = 0, hx = 0;
@@ -125,7 +126,7 @@ TEST(ClockFit, GaussianJitterReachesTheCramerRaoBound) {
   std::printf("Gaussian: period rms %.2f ppm, bound %.2f ppm, largest %.1f ppm, phase %.2f ms\n",
               errors.rms_ppm(), errors.bound_ppm(), errors.largest_ppm, errors.largest_phase_ms);
   EXPECT_EQ(errors.method, ClockFitMethod::kLeastSquares);
-  EXPECT_GT(errors.bound_ppm(), 9);  // 2 ppm are out of reach
+  EXPECT_GT(errors.bound_ppm(), 9);  // 2 ppm cannot be reached
   EXPECT_LE(errors.rms_ppm(), 1.1 * errors.bound_ppm());
   EXPECT_LT(errors.largest_phase_ms, 1);
   EXPECT_EQ(errors.steps, 16 * kSeeds);
@@ -256,9 +257,9 @@ TEST(CountFrames, LateFramesMoveBackExtraOnesHaveNoSlot) {
   const auto slots = [&](std::vector<double> times) { return assign_slots(times, lattice, even); };
   using Slots = std::vector<std::int64_t>;
   EXPECT_EQ(slots({0, 101, 299, 400}), (Slots{0, 1, 3, 4}));
-  EXPECT_EQ(slots({0, 160, 200, 300}), (Slots{0, 1, 2, 3}));  // the second came late
+  EXPECT_EQ(slots({0, 160, 200, 300}), (Slots{0, 1, 2, 3}));  // the second arrived late
   EXPECT_EQ(slots({0, 100, 270, 370, 400}), (Slots{0, 1, 2, 3, 4}));
-  EXPECT_EQ(slots({0, 100, 130, 200}), (Slots{0, 1, kNoSlot, 2}));  // one too many
+  EXPECT_EQ(slots({0, 100, 130, 200}), (Slots{0, 1, kNoSlot, 2}));  // one more frame than slots
   EXPECT_EQ(slots({-100, 0, 70, 100, 200}), (Slots{-1, 0, kNoSlot, 1, 2}));
 }
 

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Splits the frames of each camera into segments that one clock fit can describe: at restarts of
+// the recorder, and at gaps of more than 96 median frame intervals. Segments of one session of a
+// node form a group with common clock steps. Cost: linear in the number of frames, plus the median
+// of each camera's intervals.
 #include "store/processing/sync/clock_segments.h"
 
 #include <algorithm>

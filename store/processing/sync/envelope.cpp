@@ -88,8 +88,8 @@ std::size_t edge_over(std::span<const std::size_t> hull, std::span<const double>
   return edge;
 }
 
-// A camera's points on both sides of a phase step, reduced to the hull of each side: the hull of
-// all points is the hull of both hulls for any size of the step.
+// A camera's points on both sides of a phase step, reduced to the hull of each side. For any size
+// of the step, the hull of all points is the hull of both hulls.
 struct TwoSides {
   std::vector<double> slots, times;
   std::size_t left = 0;  // points before the step

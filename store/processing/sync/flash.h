@@ -11,14 +11,14 @@
 
 namespace raystage::store {
 
-/// A flash in one camera, which began after `after` and not after `until`: the times of the last
-/// dark and of the first bright frame, whatever event of an exposure they mark.
+/// A flash in one camera, which began after `after` and not after `until`. These are the times of
+/// the last dark and of the first bright frame, for any event of an exposure that they mark.
 struct FlashOnset {
   Nanoseconds after = 0, until = 0;
   double strength = 0;  ///< rise of the mean luminance, codes of 255
 };
 
-/// Returns the onsets: where the luminance exceeds the median of up to five frames before by more
+/// Returns the onsets. There the luminance exceeds the median of up to five frames before by more
 /// than eight times its usual change (robust sigma) and by at least three codes. `times`:
 /// corrected; frames with kExcludedTime or luminance NaN are ignored. `after` is moved back by the
 /// part of a frame time in which a flash would stay below the threshold.

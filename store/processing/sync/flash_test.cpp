@@ -190,7 +190,7 @@ TEST(Flash, OnlyASuddenRiseIsAJump) {
   std::vector<double> luminance;
   for (int i = 0; i < 60; ++i) {
     times.push_back(i * 100 * kMs);
-    luminance.push_back(50 + 0.5 * i + (i % 2));  // it dawns
+    luminance.push_back(50 + 0.5 * i + (i % 2));  // daylight increases slowly
   }
   EXPECT_TRUE(find_flash_onsets(times, luminance).empty());
   luminance[30] += 90;

@@ -18,10 +18,10 @@ std::vector<LostRun> find_lost_runs(const CameraTimestamps& camera, const ClockF
 LostRun find_lost_run_between(const CameraTimestamps& camera, const CameraClock& clock,
                               Nanoseconds last, Nanoseconds next);
 
-/// Returns the end of the start-up: frames are lost at one rate before it, from the beginning on,
-/// and at a clearly lower rate after it (at least a third; at least a tenth of the frames before).
-/// The maximum of the likelihood determines the time. Cameras that start after `range.begin` count
-/// as losing frames until they start. `period`: of the ticks, ns.
+/// Returns the end of the start-up. Before it, from the beginning on, at least a tenth of the
+/// frames are lost. After it the rate of losses is at most a third of that. The maximum of the
+/// likelihood determines the time. Cameras that start after `range.begin` count as losing frames
+/// until they start. `period`: of the ticks, ns.
 std::optional<Nanoseconds> find_start_up_end(std::span<const CameraSync> cameras,
                                              const std::vector<CameraClock>& clocks,
                                              const std::vector<std::vector<Nanoseconds>>& times,

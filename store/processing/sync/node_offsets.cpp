@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Reads clock offsets of nodes and cameras from a JSON file (milliseconds; converted to ns) and
+// adds those measured by flashes.
 #include "store/processing/sync/node_offsets.h"
 
 #include <algorithm>

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Moves each phase step by up to two frames to the position of the highest likelihood: the residual
-// of eight neighbouring frames from their nearest slots, with separate scales for early and late
-// frames, and a penalty for two frames in one slot. Times in ns. Cost: 40 residuals per step.
+// Moves each phase step by up to two frames to the position of the highest likelihood. The
+// likelihood is that of the residuals of eight neighbouring frames from their nearest slots, with
+// separate scales for early and late frames. Two frames in one slot are penalised. Times in ns.
+// Cost: 40 residuals per step.
 #include "store/processing/sync/refine_phase_steps.h"
 
 #include <algorithm>

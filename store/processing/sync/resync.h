@@ -28,7 +28,7 @@ std::vector<CameraTimestamps> camera_timestamps(const Take& take);
 
 struct ResyncOptions {
   double fps = 0;             ///< ticks per second, Hz; 0: the array's own rate
-  Nanoseconds tolerance = 0;  ///< how far a frame may lie from its tick; 0: half a tick
+  Nanoseconds tolerance = 0;  ///< largest distance of a frame from its tick, ns; 0: half a tick
   /// True: stamps are exposure times. False: they contain transfer delays, and the fitted clock of
   /// the camera replaces them.
   bool trust_timestamps = false;

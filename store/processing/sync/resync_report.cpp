@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Describes the results of a resynchronisation as sentences: rate, clock steps, losses, outliers.
 #include "store/processing/sync/resync_report.h"
 
 #include <fmt/format.h>
@@ -22,7 +23,7 @@ std::string plural(std::int64_t count, std::string_view what) {
   return fmt::format("{} {}{}", count, what, count == 1 ? "" : "s");
 }
 
-// "r0c1, r0c2 and 5 more"
+// Returns a list such as "r0c1, r0c2 and 5 more".
 std::string names(const std::vector<std::string>& ids) {
   std::string text;
   for (std::size_t i = 0; i < std::min(ids.size(), kMaxNamed); ++i) {

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Formats the results of a resynchronisation as a self-contained HTML page with charts as inline
+// SVG.
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+// Formats the results of a resynchronisation as JSON.
 #include <nlohmann/json.hpp>
 #include <numeric>
 

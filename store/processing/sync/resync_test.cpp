@@ -79,7 +79,7 @@ void expect_truth(const Options& s, Nanoseconds margin) {
   const double period = 1e9 / timeline.fps;
   EXPECT_NEAR(timeline.fps, s.fps, 1e-4 * s.fps);
 
-  // No frame is at a wrong tick: it was exposed within half a period and the margin of the tick,
+  // No frame is at a wrong tick. It was exposed within half a period and the margin of the tick,
   // and no other existing frame was exposed clearly nearer.
   std::vector<std::set<std::int32_t>> used(truth.cameras.size());
   for (const FrameSelection& tick : timeline.ticks) {

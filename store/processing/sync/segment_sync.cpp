@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Turns the clock fit of a segment into exposure times (ns), lost frames, outliers and clock steps,
+// and joins the segments of a camera. Times of a fitted clock are those of the lattice (lattice.h)
+// plus the camera's own phase steps; without a fit they are the corrected time stamps. Cost: linear
+// in the number of frames.
 #include "store/processing/sync/segment_sync.h"
 
 #include <algorithm>

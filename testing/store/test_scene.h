@@ -27,7 +27,8 @@ struct MovingBoard {
         for (int c = 0; c < 3; ++c) {
           double sum = 0;
           for (int s = 0; s < 4; ++s) {
-            sum += value(x + (s % 2 - 0.5) / 2, y + (s / 2 - 0.5) / 2, time, c);
+            const int right = s % 2, down = s / 2;
+            sum += value(x + (right - 0.5) / 2, y + (down - 0.5) / 2, time, c);
           }
           image.values.push_back(static_cast<std::uint8_t>(std::lround(sum / 4)));
         }

@@ -18,8 +18,7 @@ struct LensesFromTakeOptions {
   std::vector<std::string> shared_prior;  ///< ids of cameras of one model, or "all"
   int max_views = 60;                     ///< of each camera, spread over the take
   LensCalibrationOptions lens;
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// A camera of the take and its lens.

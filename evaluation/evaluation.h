@@ -52,8 +52,7 @@ struct EvaluationOptions {
   std::filesystem::path image_folder;                 ///< for rendered views as PNG; empty: none
   std::size_t memory_bytes = 4'000'000'000;           ///< divided by split_memory_budget()
   std::function<void(const EvaluatedView&)> on_view;  ///< called for every view; may be empty
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 struct ViewEvaluation {

@@ -13,8 +13,7 @@ namespace raystage::farm {
 struct ChunkOptions {
   int frames_per_chunk = 1;
   bool preview_first = false;  ///< put every tenth frame into the first chunks
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// Returns the frames of each chunk, in the order of the tasks, in which a scheduler starts them.

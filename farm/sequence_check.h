@@ -26,8 +26,7 @@ struct SequenceCheckOptions {
   /// never by times of files.
   double timeout_seconds = 60;
   std::function<void(double)> progress = [](double) {};
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// Returns the frames that are incomplete (a pixel of a part is missing) or have another

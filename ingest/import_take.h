@@ -22,8 +22,7 @@ struct ImportOptions {
   std::string created_by{};  ///< program and version, for take.json
   /// Called with the fraction done, in [0, 1], from any thread. May be empty.
   std::function<void(double)> progress{};
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 struct ImportSummary {

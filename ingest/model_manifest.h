@@ -16,8 +16,7 @@ struct ModelImportOptions {
   std::optional<std::filesystem::path> images;  ///< folder of the images; searched if not given
   Nanoseconds epoch_utc = 0;                    ///< since 1970
   double nominal_fps = 24;
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// Returns a manifest without cameras, named after the folder of the model file.

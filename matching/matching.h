@@ -57,8 +57,7 @@ struct SemiGlobalOptions {
   std::size_t working_bytes = std::size_t{1} << 30;  ///< see semi_global_match()
   /// Allocates the memory, for callers that match often; null: the system.
   BufferPool* buffers = nullptr;
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// Returns, for each pixel, the plane with the least cost by semi-global matching (Hirschmueller

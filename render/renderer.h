@@ -76,8 +76,7 @@ struct RendererOptions {
   /// As LightFieldFrame, for distributed views.
   std::vector<int> rank_of_camera = {};
   int this_rank = 0;
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// What is requested from a light field.

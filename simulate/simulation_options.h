@@ -67,7 +67,7 @@ struct SimulationOptions {
   int truth_samples = 16;                 ///< per pixel: a square number
   int shot_frames = 48;
 
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 
   int camera_count() const { return rows * columns; }
   int frames_per_camera() const { return static_cast<int>(seconds * fps + 1e-9); }

@@ -1,21 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Appends frames to an archive and its journal (layouts: matroska.h, docs/formats/journal.md). The
-// archive is written before the journal, so each record has its frame. After a failed write both
-// files are truncated to the last complete frame. Cost: one hash (XXH3) per frame and one write to
-// each file per call.
-#include <xxhash.h>
-
-#include <algorithm>
-#include <array>
-#include <cerrno>
-#include <limits>
-#include <system_error>
 #include <utility>
-#include <vector>
 
-#include "base/error.h"
 #include "store/archive_writer_files.h"
-#include "store/journal.h"
 
 namespace raystage::store {
 

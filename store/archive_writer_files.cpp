@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Appends frames to an archive and its journal (layouts: matroska.h, docs/formats/journal.md). The
+// archive is written before the journal, so each record has its frame. After a failed write both
+// files are truncated to the last complete frame. Cost: one hash (XXH3) per frame and one write to
+// each file per call.
 #include "store/archive_writer_files.h"
 
 #include <xxhash.h>

@@ -20,8 +20,7 @@ struct PatchSearchOptions {
   double min_ncc = 0.92;         ///< normalised cross-correlation between two cameras, up to 1
   double min_contrast = 0.02;    ///< standard deviation of the square root of a patch's light
   double min_ncc_margin = 0.05;  ///< margin of the score over any other depth
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// A small patch of a surface with its observations.

@@ -19,8 +19,7 @@ struct FeatureMatchingOptions {
   /// smallest number that observe a point; 2 if the take has only two
   int min_cameras = 3;
   int max_points = 3000;  ///< those with the most cameras
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// Returns points of the scene, without a light or a board. SIFT features of each camera's frame

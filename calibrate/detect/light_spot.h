@@ -33,8 +33,7 @@ struct LightDetectionOptions {
   double ambiguity_ratio = 0.4;
   double max_area = 0.004;            ///< share of the picture
   double max_saturated_share = 0.75;  ///< share of its pixels at full scale, if these are many
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// A light in a picture.

@@ -17,8 +17,7 @@ struct TrackInterpolationOptions {
   /// still, and cameras with inexact times.
   bool prefers_still_instants = false;
   double max_curvature_px = 4;  ///< largest distance between linear and cubic interpolation
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// Detections interpolated at common times.

@@ -36,8 +36,7 @@ struct BundleAdjustmentOptions {
   double loss_scale_px = 1;
   int max_iterations = 50;
   std::stop_token stop = {};  ///< stops it
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 struct BundleAdjustmentReport {

@@ -16,8 +16,7 @@ struct InitialPosesOptions {
   bool estimates_focal_lengths = false;
   std::vector<bool> fixed_cameras = {};  ///< whose poses are held; empty: none
   std::stop_token stop = {};             ///< stops it
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// Determines poses and points by incremental structure from motion. It starts with two cameras

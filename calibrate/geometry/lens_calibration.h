@@ -29,8 +29,7 @@ struct LensCalibrationOptions {
   bool full_lens_model = false;  ///< also k3 and tangential distortion
   double max_error_px = 3;       ///< corners with a larger reprojection error are outliers
   std::stop_token stop = {};     ///< stops it
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// Result of the calibration of one lens.

@@ -40,8 +40,7 @@ struct ScaleOptions {
     double metres = 0;
   };
   std::optional<Distance> distance = {};
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// Scales the world to metres. Throws Error (bad input) for a camera that is unknown or has no

@@ -29,8 +29,7 @@ struct PreviewOptions {
   bool burn_in = false;       ///< frame numbers and time codes in the movie and the pictures
   DisplayOptions display;
   std::function<void(double)> progress = [](double) {};
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 struct PreviewReport {

@@ -32,8 +32,7 @@ struct RecorderOptions {
   double status_interval_s = 1;
   double flush_interval_s = 1;  ///< of flushing written data to the disk (fdatasync); 0: never
   double drain_timeout_s = 3;   ///< how long writes to a full disk are retried at the end
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 struct RecorderCamera {

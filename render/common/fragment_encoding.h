@@ -26,8 +26,7 @@ enum class FragmentEncoding : std::uint8_t {
 struct FragmentEncodingOptions {
   FragmentEncoding encoding = FragmentEncoding::kFloat;
   int jpeg_quality = 85;  ///< 1 to 100, libjpeg's scale; chroma has half the resolution
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// Counts what messages contain.

@@ -23,8 +23,7 @@ struct DepthEstimationOptions {
   int support_views = 12;     ///< cameras that refine a depth
   double refine_px = 0.2;     ///< step between the kRefineOffsets depths
   double tolerance_px = 1;    ///< largest difference of two cameras' depths of a point
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// Constants of the passes of estimate_camera_depths().

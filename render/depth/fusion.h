@@ -32,8 +32,7 @@ struct FusionOptions {
   float line_tolerance = std::numeric_limits<float>::infinity();
   /// Limits how many rows of tiles are warped at a time; at least one.
   std::size_t working_bytes = std::numeric_limits<std::size_t>::max();
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 /// Returns a view's depths: the hypothesis with the largest support (vote(); at most kMaxHypotheses
 /// per tile). If that support is below `min_support`, the pixel takes the farthest of the depths

@@ -34,8 +34,7 @@ struct RayWeightOptions {
   double angular = 1, resolution = 0.05, field_of_view = 1;
   /// Width of the border in which v falls to 0, as a share of the image's width.
   double border = 0.05;
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 inline constexpr int kMaxWeightedCameras = 16;

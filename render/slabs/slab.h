@@ -21,8 +21,7 @@ struct SlabOptions {
   int columns = 0, rows = 0;  ///< nodes of each camera plane; 0: from the rig
   double uv_scale = 1;        ///< image plane samples per finest source pixel, per axis
   double max_fov = 2.6;       ///< radians; largest full angle of the image plane
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// A two-plane light field (thesis 2.3 and appendix A; Levoy and Hanrahan 1996, Gortler et al.

@@ -38,8 +38,7 @@ struct PlaneSweepOptions {
   double truncation = 40;
   int excluded_cameras = 0;
   double edge_scale = 0;  ///< codes; 0: no edge guide
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// The inputs of rendering a view, for render() and render_reference().

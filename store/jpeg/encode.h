@@ -18,8 +18,7 @@ struct JpegEncodeOptions {
   int restart_interval = -1;
   /// Progressive, with Huffman tables optimised for the picture: a tenth smaller, twice the time.
   bool progressive = false;
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// Returns the MCUs per segment for segments 32 pixels wide (16 in frames narrower than 640), at

@@ -16,8 +16,7 @@ struct RetimeOptions {
   /// frame, but not two.
   Nanoseconds max_gap = 0;
   int quality = 95;  ///< JPEG quality of interpolated frames, 1-100
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// The frame of one camera at one tick of the retimed take.

@@ -36,8 +36,7 @@ struct ResyncOptions {
   bool keep_start_up = false;               ///< whether ticks also cover the start-up
   std::vector<Nanoseconds> offsets = {};    ///< of each camera's clock, subtracted; empty: none
   double nominal_fps = 0;                   ///< Hz, for takes with too few frames to measure it
-
-  bool is_valid(std::string* reason) const;  ///< see base/options.h
+  bool is_valid(std::string* reason) const;
 };
 
 /// A run of consecutive missing frames, as the fitted clock of the camera shows.

@@ -43,8 +43,7 @@ GroundTruth undistorted_ground_truth(const store::RgbImage& frame, const rig::Ca
                                      const render::VirtualCamera& pinhole) {
   const auto width = static_cast<std::size_t>(pinhole.width);
   const std::size_t pixels = width * pinhole.height;
-  GroundTruth truth{{pinhole.width, pinhole.height, {}}, {}};
-  truth.image.values.resize(3 * pixels);
+  GroundTruth truth{{pinhole.width, pinhole.height}, {}};
   truth.known.resize(pixels);
   const schemas::Intrinsics& k = pinhole.intrinsics;
   raystage::parallel_for(0, pinhole.height, [&](int y) {

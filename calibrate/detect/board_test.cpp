@@ -53,7 +53,7 @@ Picture pictured(const Board& board) {
   const cv::Matx33d view(0.82, 0.10, 40, -0.06, 0.86, 70, 1.2e-4, 0.9e-4, 1);
   cv::Mat seen;
   cv::warpPerspective(sheet, seen, view, {800, 640}, cv::INTER_AREA, cv::BORDER_CONSTANT, 90);
-  Picture picture{{800, 640, {}}, {}};
+  Picture picture{{800, 640, std::vector<std::uint8_t>()}, {}};
   for (int y = 0; y < 640; ++y) {
     for (int x = 0; x < 800; ++x) {
       for (int c = 0; c < 3; ++c) picture.image.values.push_back(seen.at<unsigned char>(y, x));

@@ -32,8 +32,7 @@ double code_at(const store::DecodedFrame& frame, double x, double y, std::size_t
 UndistortedImage undistort_frame(const store::DecodedFrame& frame, const rig::CameraModel& model,
                                  double full_scale, store::BlendSpace space) {
   const auto pixels = static_cast<std::size_t>(frame.width) * frame.height;
-  UndistortedImage picture{{frame.width, frame.height, {}}, {}};
-  picture.image.values.assign(pixels * 3, 0);
+  UndistortedImage picture{{frame.width, frame.height}, {}};
   picture.within.assign(pixels, 0);
   const schemas::Intrinsics& k = model.intrinsics();
   raystage::parallel_for(0, frame.height, [&](int y) {

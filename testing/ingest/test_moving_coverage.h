@@ -23,8 +23,9 @@ inline std::vector<double> moving_part_coverage(const simulate::World& world,
   for (int y = 0; y < rays.height(); ++y) {
     for (int x = 0; x < rays.width(); ++x) {
       for (int i = 0; i < kSteps * kSteps; ++i) {
-        batch[i] = rays.ray(x, y, (static_cast<float>(i % kSteps) + 0.5F) / kSteps,
-                            (static_cast<float>(i / kSteps) + 0.5F) / kSteps);
+        const int column = i % kSteps, row = i / kSteps;
+        batch[i] = rays.ray(x, y, (static_cast<float>(column) + 0.5F) / kSteps,
+                            (static_cast<float>(row) + 0.5F) / kSteps);
       }
       world.trace_moving(batch, limits, hits);
       const auto met =

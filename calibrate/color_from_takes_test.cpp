@@ -73,7 +73,7 @@ TEST_F(ColorFromTakesTest, NamesTheSettingOfEachContradiction) {
   ColorFromTakesOptions settings;
   EXPECT_THAT(error_for(settings, rig_file).settings(), ElementsAre("chart", "scene"));
   settings.targets = {take("white"), take("grey")};
-  settings.reference = "nobody";
+  settings.reference = "unknown";
   EXPECT_THAT(error_for(settings, rig_file).settings(), ElementsAre("reference"));
   settings.reference = "";
   settings.exposures = {1};

@@ -46,8 +46,8 @@ TEST(LensesFromTake, NameUnknownCamerasAndTakesWithoutABoard) {
   const store::Take take(folder.path() / "take");
   const std::string first = take.document().cameras[0].id;
   LensesFromTakeOptions options;
-  options.cameras = {"nobody"};
-  EXPECT_THAT(error_for(take, options), HasSubstr("no camera \"nobody\""));
+  options.cameras = {"unknown"};
+  EXPECT_THAT(error_for(take, options), HasSubstr("no camera \"unknown\""));
   options.cameras = {first};
   options.shared_prior = {take.document().cameras[1].id};
   EXPECT_THAT(error_for(take, options), HasSubstr("is not among those to calibrate"));

@@ -149,7 +149,7 @@ TEST_F(ImportTake, QualityAndChromaAreAsAsked) {
 }
 
 void write_with_oiio(const std::filesystem::path& file, int width, int height, int channels,
-                     OIIO::TypeDesc type, const std::vector<float>& values) {
+                     const OIIO::TypeDesc& type, const std::vector<float>& values) {
   const auto output = OIIO::ImageOutput::create(file.string());
   ASSERT_TRUE(output);
   ASSERT_TRUE(output->open(file.string(), OIIO::ImageSpec(width, height, channels, type)));

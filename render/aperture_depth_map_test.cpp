@@ -42,7 +42,8 @@ VirtualCamera default_view(int width = kWidth, int height = kHeight) {
 /// Writes one channel of an EXR file. `window`: the data window within a display window of width x
 /// height.
 void write_channel(const std::filesystem::path& file, const char* channel,
-                   const std::vector<float>& values, int width, int height, Imath::Box2i window) {
+                   const std::vector<float>& values, int width, int height,
+                   const Imath::Box2i& window) {
   Imf::Header header(Imath::Box2i({0, 0}, {width - 1, height - 1}), window);
   header.channels().insert(channel, Imf::Channel(Imf::FLOAT));
   Imf::OutputFile output(file.c_str(), header, 0);
@@ -69,7 +70,7 @@ class ApertureDepthMap : public ::testing::Test {
   }
   std::filesystem::path file() const { return folder_.path() / "take/z.exr"; }
 
-  RenderedView render(const VirtualCamera& view, RendererOptions settings,
+  RenderedView render(const VirtualCamera& view, const RendererOptions& settings,
                       const Eigen::Vector4d& plane = {0, 0, 1, 4}, bool on_map = true) {
     schemas::OptionValues options{{"radius", 0.09}};
     if (on_map) options["depth_map"] = std::string("z.exr");
@@ -167,8 +168,8 @@ TEST_F(ApertureDepthMap, IsFollowedByViewsInBandsAndNeverHeldAnew) {
   constexpr int kCoarseWidth = 40, kCoarseHeight = 30;
   std::vector<float> z;
   for (int i = 0; i < kCoarseWidth * kCoarseHeight; ++i) {
-    z.push_back(1 + 0.15F * static_cast<float>(i / kCoarseWidth) +
-                0.01F * static_cast<float>(i % 7));
+    const int row = i / kCoarseWidth;
+    z.push_back(1 + 0.15F * static_cast<float>(row) + 0.01F * static_cast<float>(i % 7));
   }
   write_map(z, kCoarseWidth, kCoarseHeight);
   const VirtualCamera view = default_view(kCoarseWidth, kCoarseHeight);

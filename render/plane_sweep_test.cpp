@@ -99,7 +99,7 @@ TEST_F(PlaneSweep, FindsASlantedPlaneBetweenItsPlanes) {
     for (const bool reference : {false, true}) {
       RendererOptions settings;
       settings.reference = reference;
-      const auto errors = [&](bool sub_plane) {
+      const auto errors = [&, &aggregation = aggregation](bool sub_plane) {
         const schemas::OptionValues options{{"step_px", 1.0},
                                             {"aggregation", std::string(aggregation)},
                                             {"subplane_refinement", sub_plane}};

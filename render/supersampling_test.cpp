@@ -43,8 +43,8 @@ class Filtering : public ::testing::Test {
     return virtual_camera_with_fov(width, width * 3 / 4, 50 * kDegree, pose);
   }
 
-  RenderedView render(int width, const std::string& method, RendererOptions settings = {},
-                      schemas::OptionValues options = {}) const {
+  RenderedView render(int width, const std::string& method, const RendererOptions& settings = {},
+                      const schemas::OptionValues& options = {}) const {
     return LightFieldRenderer(*take_, settings)
         .render(view_of(width), store::select_frames(*take_, 0, 1), {method, kPlane, options});
   }

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Runs clang-format on every source, and clang-tidy on those of the product and of testing/, but not on contents
-# that passed before. Files that git does not track yet are checked, too.
+# Runs clang-format on every source, and clang-tidy on all but the example (which is compiled against an
+# installation), but not on contents that passed before. Files that git does not track yet are checked, too.
 # Usage: scripts/check_style.sh BUILD_FOLDER
 # The cache of passed contents is in BUILD_FOLDER; on a build server (CI=true) in the home folder,
 # for all checkouts.
@@ -20,5 +20,5 @@ cmake -S . -B "$commands" -G Ninja -DCMAKE_BUILD_TYPE=Release -DRAYSTAGE_BENCHMA
 ninja -C "$commands" schemas/embedded_schemas.cpp >/dev/null  # a source that CMake writes
 cache="$build/clang-tidy-passed"
 [ "${CI:-}" != true ] || cache="${RAYSTAGE_TIDY_CACHE:-$HOME/.cache/raystage-clang-tidy}"
-mapfile -t checked < <(git ls-files --cached --others --exclude-standard --deduplicate '*.cpp' ':!tests' ':!examples' ':!*_test.cpp')
+mapfile -t checked < <(git ls-files --cached --others --exclude-standard --deduplicate '*.cpp' ':!examples')
 scripts/clang_tidy.py "$commands" "$cache" "${checked[@]}"

@@ -32,8 +32,9 @@ ChartMeasurement measured_chart(const schemas::PhotometricResponse& response) {
   const rig::PatchColors light = rig::color_checker_reference();
   for (int p = 0; p < rig::kChartPatches; ++p) {
     ChartMeasurement::Patch& patch = measurement.patches[p];
-    patch.x = 40.5 + 50 * (p % rig::kChartColumns);
-    patch.y = 250.5 + 50 * (p / rig::kChartColumns);
+    const int row = p / rig::kChartColumns, column = p % rig::kChartColumns;
+    patch.x = 40.5 + 50 * column;
+    patch.y = 250.5 + 50 * row;
     schemas::Rgb lit = light[p];
     for (double& channel : lit) channel *= 0.7;
     patch.measured = rig::invert_photometric_correction(

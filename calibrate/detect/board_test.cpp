@@ -60,8 +60,8 @@ Picture pictured(const Board& board) {
     }
   }
   for (int i = 0; i < board.corners(); ++i) {
-    const double x = kMargin + kDrawn * (1 + i % (board.columns - 1)) - 0.5;
-    const double y = kMargin + kDrawn * (1 + i / (board.columns - 1)) - 0.5;
+    const int row = i / (board.columns - 1), column = i % (board.columns - 1);
+    const double x = kMargin + kDrawn * (1 + column) - 0.5, y = kMargin + kDrawn * (1 + row) - 0.5;
     const cv::Vec3d at = view * cv::Vec3d(x, y, 1);
     picture.corners.emplace_back(at[0] / at[2] + 0.5, at[1] / at[2] + 0.5);
   }

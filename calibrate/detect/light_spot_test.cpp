@@ -26,11 +26,13 @@ store::RgbImage dark_room(const std::vector<Disc>& discs, double room = 0.002) {
   std::mt19937 random(4);
   std::normal_distribution<double> noise(0, 0.0008);
   for (int i = 0; i < 160 * 120; ++i) {
+    const int x = i % 160, y = i / 160;
     double light = room + noise(random);
     for (const Disc& disc : discs) {
       constexpr int kSide = 8;
       for (int k = 0; k < kSide * kSide; ++k) {
-        const Vector2d at(i % 160 + (k % kSide + 0.5) / kSide, i / 160 + (k / kSide + 0.5) / kSide);
+        const int across = k % kSide, down = k / kSide;
+        const Vector2d at(x + (across + 0.5) / kSide, y + (down + 0.5) / kSide);
         if ((at - disc.centre).norm() < disc.radius) light += disc.light / (kSide * kSide);
       }
     }

@@ -22,7 +22,8 @@ constexpr int kAcross = 9, kDown = 6;
 BoardObjectPoints board_corners() {
   BoardObjectPoints corners;
   for (int i = 0; i < kAcross * kDown; ++i) {
-    corners.emplace_back(0.03 * (i % kAcross), 0.03 * (i / kAcross));
+    const int row = i / kAcross, column = i % kAcross;
+    corners.emplace_back(0.03 * column, 0.03 * row);
   }
   return corners;
 }
@@ -154,7 +155,8 @@ TEST(BoardLenses, WithManyCornersThatDoNotFitAreNotVouchedFor) {
 TEST(BoardArrays, HaveMetresAndLenses) {
   std::vector<rig::Pose> cameras(4);
   for (std::size_t c = 0; c < 4; ++c) {
-    cameras[c].position = {0.12 * static_cast<double>(c % 2), 0.1 * static_cast<double>(c / 2), 0};
+    const std::size_t row = c / 2, column = c % 2;
+    cameras[c].position = {0.12 * static_cast<double>(column), 0.1 * static_cast<double>(row), 0};
     cameras[c].world_from_camera_rotation =
         Eigen::AngleAxisd(0.05 * (static_cast<double>(c) - 1.5), Vector3d(0.3, 1, 0).normalized())
             .toRotationMatrix();

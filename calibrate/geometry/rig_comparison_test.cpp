@@ -16,7 +16,8 @@ schemas::RigDocument grid_rig() {
   schemas::RigDocument rig;
   for (int i = 0; i < 9; ++i) {
     rig::Pose pose;
-    pose.position = {0.06 * (i % 3), 0.06 * (i / 3), 0};
+    const int row = i / 3, column = i % 3;
+    pose.position = {0.06 * column, 0.06 * row, 0};
     schemas::RigDocument::Camera camera;
     camera.geometry = {fmt::format("c{}", i),       640, 480, {500, 500, 320, 240, {}},
                        rig::matrix_from_pose(pose), {},  {}};

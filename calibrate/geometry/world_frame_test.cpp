@@ -16,7 +16,8 @@ ArrayModel strange_grid(int rows, int columns, const SimilarityTransform& away) 
   ArrayModel model;
   for (int i = 0; i < rows * columns; ++i) {
     rig::Pose pose;
-    pose.position = Vector3d(0.06 * (i % columns), -0.05 * (i / columns), 0.001 * (i % 3));
+    const int row = i / columns, column = i % columns;
+    pose.position = Vector3d(0.06 * column, -0.05 * row, 0.001 * (i % 3));
     model.cameras.push_back({fmt::format("c{}", i), 640, 480, {}, away(pose)});
   }
   return model;
@@ -38,7 +39,8 @@ TEST(WorldFrames, AreTheArraysOwn) {
   for (int i = 0; i < 24; ++i) {
     const rig::Pose& pose = *model.cameras[i].pose;
     middle += pose.position / 24;
-    const Vector3d expected(0.06 * (i % 6 - 2.5), -0.05 * (i / 6 - 1.5), 0);
+    const int row = i / 6, column = i % 6;
+    const Vector3d expected(0.06 * (column - 2.5), -0.05 * (row - 1.5), 0);
     EXPECT_LE((pose.position - expected).norm(), 0.003) << i;
     EXPECT_GE(pose.viewing_direction().dot(Vector3d(0, 0, -1)), 0.999);
     EXPECT_GE(pose.world_from_camera_rotation.col(1).y(), 0.999);

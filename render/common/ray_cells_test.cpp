@@ -97,7 +97,7 @@ TEST(RayCells, NearestIsTheCameraNearestToTheCrossing) {
         ++crossed;
         const Eigen::Vector3d ray = ray_from_pixel * Eigen::Vector3d(x + 0.5, y + 0.5, 1);
         const Eigen::Vector3d hit = view.pose.position - ray * (view.pose.position.z() / ray.z());
-        const auto distance = [&](int camera) {
+        const auto distance = [&, &rows = rows](int camera) {
           const Eigen::Vector3d& at = rig.cameras[camera].pose.position;
           return rows > 1 ? (at - hit).norm() : std::abs(at.x() - hit.x());
         };

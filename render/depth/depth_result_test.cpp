@@ -141,7 +141,7 @@ TEST_F(DepthFound, TheViewThatDepthsAreFoundForSaysWhatTheyTook) {
   constexpr std::int64_t kFrames = 6 * 96 * 72;  // pixels of an instant
   RendererOptions counting;
   counting.count_needed_pixels = true;
-  const auto decoded = [&](schemas::OptionValues options, bool by_reference = false) {
+  const auto decoded = [&](const schemas::OptionValues& options, bool by_reference = false) {
     counting.reference = by_reference;
     const store::FrameSelection frames =
         store::select_frames(take, kNanosecondsPerSecond / 15, 30'000'000);

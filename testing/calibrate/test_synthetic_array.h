@@ -58,8 +58,9 @@ inline SyntheticArray make_synthetic_array(const SyntheticArrayOptions& s) {
     const Eigen::Vector3d turn = s.mounting_deg * kTestDegree / std::sqrt(3.0) *
                                  Eigen::Vector3d(normal(random), normal(random), normal(random));
     rig::Pose pose;
-    pose.position = Eigen::Vector3d((i % s.columns - (s.columns - 1) / 2.0) * s.spacing,
-                                    (i / s.columns - (s.rows - 1) / 2.0) * s.spacing, 0) +
+    const int row = i / s.columns, column = i % s.columns;
+    pose.position = Eigen::Vector3d((column - (s.columns - 1) / 2.0) * s.spacing,
+                                    (row - (s.rows - 1) / 2.0) * s.spacing, 0) +
                     off;
     if (turn.norm() > 0) {
       pose.world_from_camera_rotation =

@@ -47,8 +47,9 @@ inline void write_wall_take(const std::filesystem::path& folder, int width = kWi
     g.width = width;
     g.height = height;
     g.intrinsics = {0.9375 * width, 0.9375 * width, width / 2.0, height / 2.0, {}};
-    g.world_from_camera[3] = 0.1 * (i % 2);
-    g.world_from_camera[7] = -0.1 * (i / 2);
+    const int row = i / 2, column = i % 2;
+    g.world_from_camera[3] = 0.1 * column;
+    g.world_from_camera[7] = -0.1 * row;
     rig.cameras.push_back(camera);
     take.cameras.push_back({g.id, "", "", ""});
   }

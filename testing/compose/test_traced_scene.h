@@ -89,8 +89,9 @@ class TracedScene {
       const double focal =
           array.width / 2.0 / std::tan(array.horizontal_fov_deg * std::numbers::pi / 360);
       g.intrinsics = {focal, focal, array.width / 2.0, array.height / 2.0, {}};
-      const Eigen::Vector3d place(array.spacing * (i % array.side - array.side / 2),
-                                  -array.spacing * (i / array.side - array.side / 2), 0);
+      const int middle = array.side / 2;
+      const int right = i % array.side - middle, down = i / array.side - middle;
+      const Eigen::Vector3d place(array.spacing * right, -array.spacing * down, 0);
       const Eigen::Vector3d position = array.centre + turn * place;
       const Eigen::Matrix3d rotation = turn.toRotationMatrix();
       for (int row = 0; row < 3; ++row) {

@@ -74,8 +74,9 @@ class SlabKernelProbe {
     run.node = {};
     run.node[node] = coordinates_.of(0);
     run.across = {0, 0, 1};
-    run.column = {0, 0, static_cast<double>(node % 2)};
-    run.row = {0, 0, static_cast<double>(node / 2)};
+    const std::size_t row = node / 2, column = node % 2;
+    run.column = {0, 0, static_cast<double>(column)};
+    run.row = {0, 0, static_cast<double>(row)};
     const Pixel pixel = render(run, x);
     constexpr double kPixels = 65535.0 / kCodesPerPixel;
     return {pixel.rgba[0] / pixel.rgba[3] * kPixels + 0.5,

@@ -27,7 +27,8 @@ class FunctionMatte : public store::FrameMatte {
     Key(const Function& alpha, int camera) : alpha_(alpha), camera_(camera) {}
     void key_row(int x, int y, std::span<std::uint16_t> rgba) const override {
       for (std::size_t i = 0; i < rgba.size(); ++i) {
-        const double alpha = alpha_(camera_, x + static_cast<double>(i / 4) + 0.5, y + 0.5);
+        const std::size_t pixel = i / 4;
+        const double alpha = alpha_(camera_, x + static_cast<double>(pixel) + 0.5, y + 0.5);
         rgba[i] = static_cast<std::uint16_t>(rgba[i] * alpha + 0.5);
       }
     }

@@ -76,7 +76,8 @@ const compose::LayerImage& light_field_image() {
   static const compose::LayerImage image = [] {
     compose::LayerImage result = compose::transparent_layer_image(kWidth, kHeight);
     for (std::size_t i = 0; i < kPixels; ++i) {
-      const auto x = static_cast<float>(i % kWidth), y = static_cast<float>(i / kWidth);
+      const std::size_t row = i / kWidth, column = i % kWidth;
+      const auto x = static_cast<float>(column), y = static_cast<float>(row);
       for (std::size_t c = 0; c < 3; ++c) {
         result.rgba[4 * i + c] = 0.3F + 0.2F * std::sin(0.01F * x + 0.02F * y) +
                                  0.02F * std::sin(7.1F * x + 3.7F * y + static_cast<float>(c));
@@ -124,14 +125,15 @@ std::int64_t trace_rows(RTCScene mesh, int first_row, int last_row) {
       alignas(64) std::array<int, kPacket> valid{};
       for (int i = 0; i < kPacket; ++i) {
         const int pixel = i / kSamples, sample = i % kSamples;
+        const int down = sample / kPerSide, right = sample % kPerSide;
         const Eigen::Vector3f direction =
-            Eigen::Vector3f((static_cast<float>(x + pixel) + 0.25F +
-                             0.5F * static_cast<float>(sample % kPerSide) - kWidth / 2.0F) /
-                                f,
-                            (kHeight / 2.0F - static_cast<float>(y) - 0.25F -
-                             0.5F * static_cast<float>(sample / kPerSide)) /
-                                f,
-                            -1)
+            Eigen::Vector3f(
+                (static_cast<float>(x + pixel) + 0.25F + 0.5F * static_cast<float>(right) -
+                 kWidth / 2.0F) /
+                    f,
+                (kHeight / 2.0F - static_cast<float>(y) - 0.25F - 0.5F * static_cast<float>(down)) /
+                    f,
+                -1)
                 .normalized();
         packet.ray.org_z[i] = 3 / 0.8F;
         packet.ray.dir_x[i] = direction.x();

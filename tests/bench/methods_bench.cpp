@@ -159,7 +159,8 @@ std::vector<render::WorldRay> some_rays(bool of_view) {
     const render::VirtualCamera view = bench_view(take());
     const Eigen::Matrix3d ray_from_pixel = render::world_ray_from_pixel(view);
     for (int i = 0; i < kRays; ++i) {
-      const Eigen::Vector3d pixel(i % view.width + 0.5, i / view.width + 200.5, 1);
+      const int row = i / view.width, column = i % view.width;
+      const Eigen::Vector3d pixel(column + 0.5, row + 200.5, 1);
       rays.push_back({view.pose.position, (ray_from_pixel * pixel).normalized()});
     }
     return rays;

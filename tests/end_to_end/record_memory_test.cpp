@@ -40,9 +40,11 @@ class RecordMemory : public ::testing::Test {
     std::smatch found;
     return std::regex_search(err, found, std::regex(pattern)) ? std::stod(found[1]) : -1;
   }
+  /// Returns a source that repeats three noisy pictures for 8 s: fast to deliver, slow to encode,
+  /// so that frames wait in memory on a loaded machine, too.
   static std::string graph(const std::string& id) {
-    return R"({"id": ")" + id +
-           R"(", "ffmpeg": {"url": "lavfi:testsrc=size=640x480:rate=30:duration=8"}})";
+    return R"({"id": ")" + id + R"(", "ffmpeg": {"url": "lavfi:testsrc2=size=640x480:rate=30)" +
+           R"(:duration=0.1,noise=alls=60:allf=t,loop=loop=79:size=3"}})";
   }
   static std::string simulated(const std::string& id, int index) {
     return R"({"id": ")" + id +

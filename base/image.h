@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <concepts>
 #include <cstddef>
 #include <span>
 #include <utility>
@@ -18,8 +19,10 @@ struct Image {
 
   Image() = default;
   Image(int columns, int rows) : width(columns), height(rows), values(offset(0, rows)) {}
-  Image(int columns, int rows, const T& fill)
-      : width(columns), height(rows), values(offset(0, rows), fill) {}
+  /// A template, so that `{}` means no contents and not a fill.
+  template <std::convertible_to<T> Fill>
+  Image(int columns, int rows, const Fill& fill)
+      : width(columns), height(rows), values(offset(0, rows), static_cast<T>(fill)) {}
   /// `contents`: width x height x Channels.
   Image(int columns, int rows, std::vector<T> contents)
       : width(columns), height(rows), values(std::move(contents)) {}

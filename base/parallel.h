@@ -9,7 +9,10 @@
 #include <concepts>
 #include <cstddef>
 #include <exception>
+#include <stop_token>
 #include <utility>
+
+#include "base/cancellation.h"
 
 namespace raystage {
 
@@ -22,9 +25,14 @@ namespace raystage {
 /// Exceptions never pass through TBB. TBB would cancel the loop and every loop nested in it,
 /// including Embree's, which then return incomplete results (TBB 2021.8 may also crash). Here
 /// running tasks finish, no further body starts, and the caller receives the first exception.
+///
+/// Bodies run in the caller's CancellationScope. Once that is cancelled no further body starts, and
+/// the caller receives Cancelled.
 class ParallelLoop {
  public:
-  ParallelLoop() { forked_.store(1, std::memory_order_release); }
+  ParallelLoop() : cancellation_(current_cancellation()) {
+    forked_.store(1, std::memory_order_release);
+  }
   ParallelLoop(const ParallelLoop&) = delete;
   ParallelLoop& operator=(const ParallelLoop&) = delete;
 
@@ -32,6 +40,7 @@ class ParallelLoop {
   template <class Body>
   void run(const Body& body) {
     if (forked_.load(std::memory_order_acquire) == 0 || failed()) return;
+    const CancellationScope scope(cancellation_);
     try {
       body();
     } catch (...) {
@@ -40,18 +49,24 @@ class ParallelLoop {
     joined_.fetch_add(1, std::memory_order_release);
   }
 
-  bool failed() const { return failed_.load(std::memory_order_relaxed); }
+  /// Returns whether the loop should end early: a body has failed, or the loop was cancelled.
+  bool failed() const {
+    return failed_.load(std::memory_order_relaxed) || cancellation_.stop_requested();
+  }
 
-  /// Rethrows the exception of the first body that failed. Call it after the loop.
+  /// Rethrows the exception of the first body that failed, or throws Cancelled. Call it after the
+  /// loop.
   void join() {
     joined_.load(std::memory_order_acquire);
     if (error_) std::rethrow_exception(error_);
+    if (cancellation_.stop_requested()) throw Cancelled();
   }
 
  private:
   std::atomic<int> forked_ = 0, joined_ = 0;
   std::atomic<bool> failed_ = false;
   std::exception_ptr error_;
+  std::stop_token cancellation_;
 };
 
 /// Runs tbb::parallel_for over a range of rows: body(part).

@@ -11,7 +11,10 @@
 #include <list>
 #include <map>
 #include <mutex>
+#include <stop_token>
 #include <vector>
+
+#include "base/cancellation.h"
 
 namespace raystage::render {
 namespace {
@@ -84,11 +87,23 @@ ResultCache::ResultCache(std::size_t budget_bytes)
 ResultCache::~ResultCache() = default;
 
 std::shared_ptr<const void> ResultCache::get_any(const std::string& key, const Make& make) {
+  for (;;) {
+    try {
+      return get_or_make(key, make);
+    } catch (const Cancelled&) {
+      throw_if_cancelled();  // otherwise another thread was cancelled, whose result was awaited
+    }
+  }
+}
+
+std::shared_ptr<const void> ResultCache::get_or_make(const std::string& key, const Make& make) {
   const auto entry = state_->entry(key);
   // Waiting threads help with the loops inside. They cannot pick up a view there that waits for
   // this result, which would deadlock.
+  const std::stop_token cancellation = current_cancellation();
   tbb::collaborative_call_once(entry->once, [&] {
     std::size_t bytes = 0;
+    const CancellationScope scope(cancellation);
     try {
       const std::shared_ptr<const void> result = make(bytes);
       state_->keep(key, entry, result, bytes);

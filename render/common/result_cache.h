@@ -20,7 +20,8 @@ class ResultCache {
   /// Returns the result cached under `key`, or the result of `make`, which is then cached. The key
   /// names the result's type and all that it depends on. `make` sets `bytes`, the memory that the
   /// result holds; a result of 0 bytes is never evicted. If `make` throws, nothing is cached, and
-  /// every waiting thread throws too.
+  /// every waiting thread throws too. If `make` was cancelled (Cancelled), waiting threads that
+  /// were not make the result themselves.
   template <class T>
   std::shared_ptr<const T> get(
       const std::string& key,
@@ -34,6 +35,7 @@ class ResultCache {
  private:
   using Make = std::function<std::shared_ptr<const void>(std::size_t& bytes)>;
   std::shared_ptr<const void> get_any(const std::string& key, const Make& make);
+  std::shared_ptr<const void> get_or_make(const std::string& key, const Make& make);
 
   struct State;
   std::unique_ptr<State> state_;

@@ -41,7 +41,7 @@ std::vector<std::vector<Lag>> lags_of(const ArrayModel& model, const Interpolate
                                       const PointTracks& tracks) {
   constexpr double kMaxDeviation = 30;  // pixels; larger errors are another light
   constexpr double kMinSpeed = 10;      // pixels per second
-  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
+  const CameraModels lenses = camera_models(model);
   std::vector<std::vector<Lag>> lags(tracks.size());
   for (const ArrayModel::Observation& o : model.observations) {
     const auto off = reprojection_residual(model, lenses, o);

@@ -43,17 +43,33 @@ void update_body_points(ArrayModel& model) {
   }
 }
 
-std::vector<rig::CameraModel> make_camera_models(const ArrayModel& model) {
-  std::vector<rig::CameraModel> lenses;
-  for (const ArrayModel::Camera& camera : model.cameras) {
-    lenses.emplace_back(schemas::CameraGeometry{
+CameraModels camera_models(const ArrayModel& model) {
+  const CameraModels known = model.known_camera_models.get();
+  const auto is_known = [&](std::size_t c) {
+    const ArrayModel::Camera& camera = model.cameras[c];
+    return c < known.size() && known[c].width() == camera.width &&
+           known[c].height() == camera.height && known[c].intrinsics() == camera.intrinsics;
+  };
+  std::vector<rig::CameraModel> models;
+  bool all_known = known.size() == model.cameras.size();
+  for (std::size_t c = 0; c < model.cameras.size(); ++c) {
+    const ArrayModel::Camera& camera = model.cameras[c];
+    if (is_known(c)) {
+      models.push_back(known[c]);
+      continue;
+    }
+    all_known = false;
+    models.emplace_back(schemas::CameraGeometry{
         camera.id, camera.width, camera.height, camera.intrinsics, {}, {}, {}});
   }
-  return lenses;
+  if (all_known) return known;
+  CameraModels made(std::move(models));
+  model.known_camera_models.set(made);
+  return made;
 }
 
 std::optional<Eigen::Vector2d> reprojection_residual(const ArrayModel& model,
-                                                     const std::vector<rig::CameraModel>& lenses,
+                                                     const CameraModels& lenses,
                                                      const ArrayModel::Observation& observation) {
   const auto& pose = model.cameras[observation.camera].pose;
   const auto& point = model.points[observation.point];
@@ -64,7 +80,7 @@ std::optional<Eigen::Vector2d> reprojection_residual(const ArrayModel& model,
 }
 
 std::vector<double> reprojection_errors(const ArrayModel& model) {
-  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
+  const CameraModels lenses = camera_models(model);
   std::vector<double> errors;
   for (const ArrayModel::Observation& observation : model.observations) {
     if (!model.counts(observation)) continue;

@@ -2,8 +2,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "calibrate/geometry/detections.h"
@@ -12,6 +16,44 @@
 #include "schemas/geometry.h"
 
 namespace raystage::calibrate {
+
+/// The camera models of an array, by camera. Copies are cheap.
+class CameraModels {
+ public:
+  CameraModels() = default;
+  explicit CameraModels(std::vector<rig::CameraModel> models)
+      : models_(std::make_shared<const std::vector<rig::CameraModel>>(std::move(models))) {}
+  std::size_t size() const { return models_ ? models_->size() : 0; }
+  const rig::CameraModel& operator[](std::size_t camera) const { return (*models_)[camera]; }
+
+ private:
+  std::shared_ptr<const std::vector<rig::CameraModel>> models_;
+};
+
+/// Remembers camera models between calls of camera_models(): each takes 24 us, because the end of
+/// its distortion is searched. Thread-safe.
+class CameraModelMemo {
+ public:
+  CameraModelMemo() = default;
+  CameraModelMemo(const CameraModelMemo& other) : models_(other.get()) {}
+  CameraModelMemo& operator=(const CameraModelMemo& other) {
+    if (this != &other) set(other.get());
+    return *this;
+  }
+  ~CameraModelMemo() = default;
+  CameraModels get() const {
+    const std::scoped_lock lock(mutex_);
+    return models_;
+  }
+  void set(CameraModels models) const {
+    const std::scoped_lock lock(mutex_);
+    models_ = std::move(models);
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  mutable CameraModels models_;
+};
 
 /// State of a calibration: cameras, points and observations. The origin, rotation and scale of the
 /// world are arbitrary until it is aligned (see world_frame.h).
@@ -41,6 +83,7 @@ struct ArrayModel {
   std::vector<std::optional<Eigen::Vector3d>> points;  ///< world; none: not determined
   std::vector<int> point_ids;                          ///< their numbers in the detections
   std::vector<Observation> observations;               ///< by point, then by camera
+  CameraModelMemo known_camera_models = {};            ///< use camera_models()
 
   /// Returns whether an observation is used: its camera and point are determined and it is an
   /// inlier.
@@ -57,14 +100,15 @@ void update_body_points(ArrayModel& model);
 /// view (radians), the principal point in the middle and no distortion.
 ArrayModel make_initial_model(const Detections& detections, double horizontal_fov);
 
-/// Returns the model of each camera. Throws Error (bad input) if CameraModel rejects a lens.
-std::vector<rig::CameraModel> make_camera_models(const ArrayModel& model);
+/// Returns the model of each camera. Only those whose lens has changed since the last call are made
+/// anew. Throws Error (bad input) if CameraModel rejects a lens.
+CameraModels camera_models(const ArrayModel& model);
 
 /// Returns the observed minus the projected position of the point, pixels. Returns none if the
 /// point is behind the camera, beyond the end of its lens model, or not determined. `lenses`: of
-/// make_camera_models().
+/// camera_models().
 std::optional<Eigen::Vector2d> reprojection_residual(const ArrayModel& model,
-                                                     const std::vector<rig::CameraModel>& lenses,
+                                                     const CameraModels& lenses,
                                                      const ArrayModel::Observation& observation);
 
 /// Returns the RMS length of the residuals that are used, pixels; NaN if there are none.

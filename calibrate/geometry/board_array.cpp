@@ -112,7 +112,7 @@ Link best_link(std::size_t from, std::size_t to, const std::vector<BoardPoses>& 
 
 void place_by_boards(ArrayModel& model, const std::vector<std::vector<BoardView>>& views,
                      const std::vector<BoardPoses>& board_poses) {
-  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
+  const CameraModels lenses = camera_models(model);
   const auto most = std::ranges::max_element(board_poses, {}, &BoardPoses::size);
   const auto any = std::ranges::find_if(
       model.cameras, [](const ArrayModel::Camera& camera) { return camera.pose.has_value(); });
@@ -186,7 +186,7 @@ ArrayModel solve_boards(const Detections& detections, const BoardObjectPoints& c
     for (std::size_t c = 0; c < views.size(); ++c) model.cameras[c].intrinsics = options.lenses[c];
   }
   for (std::size_t c = 0; c < options.poses.size(); ++c) model.cameras[c].pose = options.poses[c];
-  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
+  const CameraModels lenses = camera_models(model);
   std::vector<BoardPoses> board_poses(views.size());
   for (std::size_t c = 0; c < views.size(); ++c) {
     for (const BoardView& view : views[c]) {

@@ -349,7 +349,7 @@ BundleAdjustmentReport run_bundle_adjustment(ArrayModel& model,
 }
 
 int classify_outliers(ArrayModel& model, double max_error_px) {
-  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
+  const CameraModels lenses = camera_models(model);
   int changed = 0;
   std::vector<int> seen_by(model.points.size(), 0);
   for (ArrayModel::Observation& observation : model.observations) {

@@ -109,8 +109,7 @@ std::string points_chart(const Calibration& calibration, const std::vector<Camer
 
 /// Draws the residuals in one camera's picture, enlarged `kDrawn` times.
 std::string residual_field(const Calibration& calibration, std::size_t index,
-                           const std::vector<rig::CameraModel>& lenses, const CameraFit& fit,
-                           double drawn) {
+                           const CameraModels& lenses, const CameraFit& fit, double drawn) {
   const ArrayModel::Camera& camera = calibration.model.cameras[index];
   constexpr std::size_t kMaxLines = 250;
   const std::size_t step = static_cast<std::size_t>(fit.observations) / kMaxLines + 1;
@@ -142,7 +141,7 @@ std::string residual_field(const Calibration& calibration, std::size_t index,
 }
 
 std::string residual_fields(const Calibration& calibration, const std::vector<CameraFit>& fits) {
-  const std::vector<rig::CameraModel> lenses = make_camera_models(calibration.model);
+  const CameraModels lenses = camera_models(calibration.model);
   const double rms = rms_reprojection_error(calibration.model);
   const double width = calibration.model.cameras.front().width;
   const double drawn = rms > 0 ? width / 25 / rms : 1;

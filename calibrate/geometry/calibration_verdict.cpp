@@ -132,7 +132,7 @@ double planar_inlier_ratio(const ArrayModel& model) {
     if (model.cameras[i].pose) found.push_back(static_cast<int>(i));
   }
   if (found.size() != 2) return 0;
-  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
+  const CameraModels lenses = camera_models(model);
   std::vector<cv::Point2d> from, to;
   std::optional<cv::Point2d> first;
   int point = -1;
@@ -193,7 +193,7 @@ void judge_direction(CalibrationVerdict& verdict, const Uncertainty::Direction& 
 }  // namespace
 
 std::vector<CameraFit> camera_fits(const ArrayModel& model) {
-  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
+  const CameraModels lenses = camera_models(model);
   std::vector<CameraFit> fits(model.cameras.size());
   std::vector<std::array<bool, kCells * kCells>> image_coverage(fits.size());
   for (const ArrayModel::Observation& o : model.observations) {

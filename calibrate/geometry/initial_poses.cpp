@@ -36,7 +36,7 @@ cv::Mat opencv_from_ours() { return cv::Mat::diag(cv::Mat(cv::Vec3d(1, -1, -1)))
 using CameraObservations = std::map<int, cv::Point2d>;
 
 std::vector<CameraObservations> observations_by_camera(const ArrayModel& model) {
-  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
+  const CameraModels lenses = camera_models(model);
   std::vector<CameraObservations> observations(model.cameras.size());
   for (const ArrayModel::Observation& observation : model.observations) {
     const auto ideal = lenses[observation.camera].ideal_from_pixel(observation.pixel);

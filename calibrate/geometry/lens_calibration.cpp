@@ -99,7 +99,7 @@ schemas::Intrinsics guessed_lens(const Views& views, int width, int height) {
 }
 
 void place_boards(ArrayModel& model, const Views& views) {
-  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
+  const CameraModels lenses = camera_models(model);
   for (std::size_t v = 0; v < views.views.size(); ++v) {
     model.bodies[v].pose = estimate_board_pose(*views.views[v], lenses[views.camera[v]]);
   }
@@ -107,7 +107,7 @@ void place_boards(ArrayModel& model, const Views& views) {
 }
 
 void mark_outliers(ArrayModel& model, double max_error_px) {
-  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
+  const CameraModels lenses = camera_models(model);
   for (ArrayModel::Observation& o : model.observations) {
     const auto residual = reprojection_residual(model, lenses, o);
     o.is_outlier = !residual || !(residual->norm() <= max_error_px);

@@ -39,7 +39,7 @@ std::optional<Vector3d> nearest_point(const std::vector<Ray>& rays) {
 }  // namespace
 
 void triangulate_points(ArrayModel& model, double max_error_px) {
-  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
+  const CameraModels lenses = camera_models(model);
   for (std::size_t begin = 0; begin < model.observations.size();) {
     const int point = model.observations[begin].point;
     std::size_t end = begin;

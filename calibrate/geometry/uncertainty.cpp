@@ -134,7 +134,7 @@ std::vector<std::vector<const ArrayModel::Observation*>> groups_of(const ArrayMo
 }
 
 Information information_of(const ArrayModel& model, const ParameterLayout& layout) {
-  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
+  const CameraModels lenses = camera_models(model);
   const bool has_bodies = !model.bodies.empty();
   const Index freedom = has_bodies ? 6 : 3;
   Information sum;
@@ -200,7 +200,7 @@ MatrixXd free_motions(const ArrayModel& model, const ParameterLayout& layout) {
 /// Returns the correlation of successive residuals of a camera, in the order of the points'
 /// numbers; at least 0.
 double residual_correlation(const ArrayModel& model) {
-  const std::vector<rig::CameraModel> lenses = make_camera_models(model);
+  const CameraModels lenses = camera_models(model);
   std::vector<std::optional<Eigen::Vector2d>> before(model.cameras.size());
   double together = 0, alone = 0;
   for (const ArrayModel::Observation& o : model.observations) {

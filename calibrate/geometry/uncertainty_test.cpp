@@ -106,7 +106,7 @@ class Moved {
       const Eigen::Index at = unknown - first_point();
       (*model.points[points_[at / 3]])[at % 3] += by;
     }
-    const std::vector<rig::CameraModel> lenses = make_camera_models(model);
+    const CameraModels lenses = camera_models(model);
     std::vector<double> all;
     for (const ArrayModel::Observation& o : model.observations) {
       if (!model.counts(o)) continue;

@@ -36,6 +36,7 @@ constexpr Command kCommands[] = {
     {"camera", "export the virtual camera of a shot: .chan, .gltf"},
     {"evaluate", "measure error and time on views with ground truth"},
     {"bench", "compare methods: error against time, as an HTML page"},
+    {"replay", "show a take or a shot in the browser: fly, focus, play, save the shot"},
     {"preview", "turn an EXR sequence into a movie and a contact sheet"},
 };
 

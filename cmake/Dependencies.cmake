@@ -47,10 +47,10 @@ endforeach()
 # Loaded at run time only, by the version that its header names.
 pkg_check_modules(AVDEVICE REQUIRED libavdevice)
 find_package(MPI REQUIRED COMPONENTS C)            # MPI::MPI_C
+find_package(Boost 1.74 REQUIRED)                  # Boost::headers
 if(RAYSTAGE_TESTS)
   find_package(GTest REQUIRED)                     # GTest::gtest_main
   find_package(rapidcheck REQUIRED)                # rapidcheck
-  find_package(Boost 1.74 REQUIRED)                # Boost::headers
 endif()
 if(RAYSTAGE_BENCHMARKS)
   find_package(benchmark REQUIRED)                 # benchmark::benchmark

@@ -54,7 +54,8 @@ LayerView FrameCompositor::layer_view(std::size_t layer, const PlannedFrame& fra
           camera,
           has_meshes ? &geometry.scene : nullptr,
           has_meshes ? geometry.mesh_indices[layer] : -1,
-          object_ids};
+          object_ids,
+          frame.preview_method};
 }
 
 FrameCompositor::Geometry FrameCompositor::geometry_in_frame(const PlannedFrame& frame,

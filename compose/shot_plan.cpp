@@ -61,11 +61,15 @@ Clip clip_from(const schemas::ShotDocument::Clip& document, const schemas::ShotD
 }  // namespace
 
 ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions& options)
+    : ShotPlan(schemas::read_shot(shot_file), shot_file, options) {}
+
+ShotPlan::ShotPlan(const schemas::ShotDocument& shot, const std::filesystem::path& shot_file,
+                   const ShotPlanOptions& options)
     : shot_file_(shot_file),
       cache_folder_(options.cache_folder),
       folder_(options.folder.empty() ? shot_file.parent_path() : options.folder),
       hosts_(options.hosts),
-      shot_(shot_with(schemas::read_shot(shot_file), options)),
+      shot_(shot_with(shot, options)),
       camera_(shot_, shot_file, folder_),
       colors_(make_shot_color_spaces(shot_, shot_file, folder_, options.color_config)) {
   check_exr_compression(shot_.output.compression);

@@ -29,7 +29,8 @@ inline constexpr int kReconstructionVersion = 5;
 /// A frame of the shot with the instants that it shows.
 struct PlannedFrame {
   int frame = 0;
-  std::vector<ShownTick> shown;  ///< for each layer; none for layers without a take
+  std::vector<ShownTick> shown;     ///< for each layer; none for layers without a take
+  std::string preview_method = {};  ///< as LayerView
 };
 
 /// Settings that replace or extend those of the shot.
@@ -57,6 +58,9 @@ class ShotPlan {
   /// Throws Error (bad input) if the shot, its camera or a layer cannot be used, or if compression
   /// or layout is unknown.
   explicit ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions& options = {});
+  /// Plans a shot that is in memory. `shot_file`: where it is or would be. Throws likewise.
+  ShotPlan(const schemas::ShotDocument& shot, const std::filesystem::path& shot_file,
+           const ShotPlanOptions& options);
 
   const schemas::ShotDocument& shot() const { return shot_; }
   std::size_t layers() const { return shot_.layers.size(); }

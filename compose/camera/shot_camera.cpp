@@ -177,8 +177,11 @@ CameraState ShotCamera::state(double frame) const {
 }
 
 render::VirtualCamera ShotCamera::camera(double frame, Eye eye) const {
-  const CameraState both = state(frame);
-  return make_virtual_camera(stereo_ ? stereo_eye_state(both, *stereo_, eye) : both, width_,
+  return camera(state(frame), eye);
+}
+
+render::VirtualCamera ShotCamera::camera(const CameraState& state, Eye eye) const {
+  return make_virtual_camera(stereo_ ? stereo_eye_state(state, *stereo_, eye) : state, width_,
                              height_);
 }
 

@@ -27,6 +27,8 @@ class ShotCamera {
 
   /// Returns the camera of one eye for views of the shot's size. kBoth: of a shot without stereo.
   render::VirtualCamera camera(double frame, Eye eye = Eye::kBoth) const;
+  /// Returns the same for a state that is not on the camera's path.
+  render::VirtualCamera camera(const CameraState& state, Eye eye) const;
 
   bool is_stereo() const { return stereo_.has_value(); }
   /// Returns kLeft and kRight, or kBoth only.

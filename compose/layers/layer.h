@@ -10,6 +10,7 @@
 #include <set>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "compose/exr/exr_header.h"
@@ -60,6 +61,9 @@ struct LayerView {
   const GeometryScene* scene = nullptr;    ///< all meshes of the frame; null: none is needed
   int mesh = -1;                           ///< index of the layer's mesh in it; -1: none
   std::span<const float> object_ids = {};  ///< for LayerImage::ids; empty: not requested
+  /// Replaces the method of light fields that show all they see, with its default options; empty:
+  /// none. For previews.
+  std::string_view preview_method = {};
 };
 
 /// Answers single rays of a layer that is a light.

@@ -65,6 +65,12 @@ render::ReconstructionOptions reconstruction_of(const schemas::ShotDocument::Lay
   return reconstruction;
 }
 
+/// Returns the plane perpendicular to the optical axis, `focus` metres in front of the camera.
+Eigen::Vector4d plane_at_focus(const rig::Pose& pose, double focus) {
+  const Eigen::Vector3d ahead = -pose.world_from_camera_rotation.col(2);
+  return {ahead.x(), ahead.y(), ahead.z(), -ahead.dot(pose.position) - focus};
+}
+
 std::string pointer_of(const std::filesystem::path& shot_file, std::size_t index) {
   return fmt::format("{}#/layers/{}", shot_file.string(), index);
 }
@@ -116,8 +122,12 @@ class TakeRenderer final : public LayerRenderer {
   LayerImage render(const LayerView& view) const override {
     const render::VirtualCamera& camera = view.camera.view;
     if (!view.shown.tick) return transparent_layer_image(camera.width, camera.height);
-    return make_layer_image(renderer_.render(camera, layer_.tick(view.shown),
-                                             layer_.reconstruction_for(view.camera, view.frame)));
+    const bool is_preview =
+        !view.preview_method.empty() && !layer_.method().shows_foreground_only();
+    return make_layer_image(renderer_.render(
+        camera, layer_.tick(view.shown),
+        is_preview ? layer_.preview_reconstruction(view.preview_method, view.camera, view.frame)
+                   : layer_.reconstruction_for(view.camera, view.frame)));
   }
 
   std::optional<LayerRays> rays(const LayerView& view) const override {
@@ -219,10 +229,7 @@ render::ReconstructionOptions LightFieldLayer::reconstruction_for(const ExrCamer
   schemas::OptionValues& options = result.options;
   const bool has_lens_options = method().has_lens();
   if (focal_plane_follows_camera() && camera.focus_m) {
-    const rig::Pose& pose = camera.view.pose;
-    const Eigen::Vector3d ahead = -pose.world_from_camera_rotation.col(2);
-    const double distance = -ahead.dot(pose.position) - *camera.focus_m;
-    result.focal_plane << ahead, distance;
+    result.focal_plane = plane_at_focus(camera.view.pose, *camera.focus_m);
     const bool has_lens = options.contains("f_number") || options.contains("radius");
     if (has_lens_options && camera.f_number && !has_lens) {
       options["f_number"] = *camera.f_number;
@@ -235,6 +242,20 @@ render::ReconstructionOptions LightFieldLayer::reconstruction_for(const ExrCamer
     options["film_width"] = given.number("film_width") * camera.view.width /
                             (camera.view.width - 2.0 * camera.overscan_x);
   }
+  return result;
+}
+
+render::ReconstructionOptions LightFieldLayer::preview_reconstruction(std::string_view method,
+                                                                      const ExrCamera& camera,
+                                                                      int frame) const {
+  render::ReconstructionOptions result = reconstruction_for(camera, frame);
+  if (method == result.method) return result;
+  result.method = method;
+  const render::Method& preview = render::method_named(result.method);
+  std::erase_if(result.options, [&](const auto& option) {
+    return (option.first != "near" && option.first != "far") || !has_option(preview, option.first);
+  });
+  if (camera.focus_m) result.focal_plane = plane_at_focus(camera.view.pose, *camera.focus_m);
   return result;
 }
 

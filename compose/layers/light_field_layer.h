@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "compose/camera/animation_curves.h"
@@ -50,6 +51,10 @@ class LightFieldLayer final : public Layer {
   /// Returns the settings at a frame. If the focal plane follows the camera, it is at the camera's
   /// focus distance, and methods with a lens get its f-number.
   render::ReconstructionOptions reconstruction_for(const ExrCamera& camera, int frame) const;
+  /// Returns the settings of a preview by another method: its default options with the layer's
+  /// depth range. The focal plane is at the camera's focus distance, or else that of the layer.
+  render::ReconstructionOptions preview_reconstruction(std::string_view method,
+                                                       const ExrCamera& camera, int frame) const;
   bool focal_plane_follows_camera() const {
     return layer_.focal_plane.kind == schemas::ShotDocument::FocalPlane::Kind::kCamera;
   }

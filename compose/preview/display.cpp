@@ -57,56 +57,67 @@ std::vector<Span> spans(int from, int to) {
   return result;
 }
 
-/// Returns the image over the background: R, G, B of each pixel, linear.
-std::vector<float> over_background(const ExrImage& image, const DisplayOptions& options) {
-  const float gain = static_cast<float>(std::exp2(options.exposure));
-  std::vector<float> light;
-  light.reserve(image.rgba.size() / 4 * 3);
-  const float* pixel = image.rgba.data();
-  for (int y = 0; y < image.height; ++y) {
-    for (int x = 0; x < image.width; ++x, pixel += 4) {
-      float behind = 0;
-      if (options.background == Background::kChecker) {
-        const bool is_light = ((x / kCheckerSize) + (y / kCheckerSize)) % 2 == 0;
-        behind = (is_light ? kCheckerLight : kCheckerDark) * (1 - std::clamp(pixel[3], 0.0F, 1.0F));
-      }
-      for (int c = 0; c < 3; ++c) light.push_back(pixel[c] * gain + behind);
-    }
-  }
-  return light;
+/// Returns the config's name of the pictures' colour space.
+std::string space_in_config(const std::string& given, const std::string& interop_id,
+                            const std::string& color_space, const ColorConfig& config) {
+  if (!given.empty()) return given;
+  std::string by_id = config.space_from_interop_id(interop_id);
+  if (!by_id.empty()) return by_id;
+  if (!color_space.empty()) return color_space;
+  return config.space_from_interop_id(kSceneSpace);
 }
 
-/// Returns the config's name of the image's colour space.
-std::string space_of(const ExrImage& image, const DisplayOptions& options,
-                     const ColorConfig& config) {
-  if (!options.space.empty()) return options.space;
-  std::string by_id = config.space_from_interop_id(image.color_interop_id);
-  if (!by_id.empty()) return by_id;
-  if (!image.color_space.empty()) return image.color_space;
-  return config.space_from_interop_id(kSceneSpace);
+const SrgbTable& srgb_table() {
+  static const SrgbTable table;
+  return table;
 }
 
 }  // namespace
 
-store::RgbImage display(const ExrImage& image, const DisplayOptions& options) {
-  std::vector<float> light = over_background(image, options);
-  store::RgbImage shown{image.width, image.height, std::vector<std::uint8_t>()};
-  shown.values.reserve(light.size());
-  const bool is_rec709 = (options.space.empty() || options.space == kSceneSpace) &&
-                         (image.color_interop_id == kSceneSpace ||
-                          (image.color_interop_id.empty() &&
-                           (image.color_space.empty() || image.color_space == kSceneSpace)));
-  if (is_rec709 && !options.colors && options.monitor.empty() && options.view.empty()) {
-    static const SrgbTable code_of;
-    for (const float value : light) shown.values.push_back(code_of(value));
-    return shown;
-  }
+DisplayTransform::DisplayTransform(const DisplayOptions& options, const std::string& interop_id,
+                                   const std::string& color_space)
+    : gain_(static_cast<float>(std::exp2(options.exposure))), background_(options.background) {
+  const bool is_rec709 =
+      (options.space.empty() || options.space == kSceneSpace) &&
+      (interop_id == kSceneSpace ||
+       (interop_id.empty() && (color_space.empty() || color_space == kSceneSpace)));
+  if (is_rec709 && !options.colors && options.monitor.empty() && options.view.empty()) return;
   const ColorConfig config = options.colors ? *options.colors : ColorConfig::built_in();
-  config.to_display(space_of(image, options, config), options.monitor, options.view)
-      .apply_rgb(light);
-  for (const float code : light) {
-    shown.values.push_back(
-        static_cast<std::uint8_t>(code > 0 ? 255 * std::min(code, 1.0F) + 0.5F : 0.0F));
+  transform_ = config.to_display(space_in_config(options.space, interop_id, color_space, config),
+                                 options.monitor, options.view);
+}
+
+void DisplayTransform::apply_row(std::span<const float> rgba, int y,
+                                 std::span<std::uint8_t> codes) const {
+  const std::size_t width = rgba.size() / 4;
+  std::vector<float> light(width * 3);
+  for (std::size_t x = 0; x < width; ++x) {
+    const float* const pixel = &rgba[4 * x];
+    float behind = 0;
+    if (background_ == Background::kChecker && pixel[3] < 1) {
+      const bool is_light = ((static_cast<int>(x) / kCheckerSize) + (y / kCheckerSize)) % 2 == 0;
+      behind = (is_light ? kCheckerLight : kCheckerDark) * (1 - std::max(pixel[3], 0.0F));
+    }
+    for (std::size_t c = 0; c < 3; ++c) light[3 * x + c] = pixel[c] * gain_ + behind;
+  }
+  if (!transform_) {
+    const SrgbTable& code_of = srgb_table();
+    for (std::size_t i = 0; i < light.size(); ++i) codes[i] = code_of(light[i]);
+    return;
+  }
+  transform_->apply_rgb(light);
+  for (std::size_t i = 0; i < light.size(); ++i) {
+    codes[i] =
+        static_cast<std::uint8_t>(light[i] > 0 ? 255 * std::min(light[i], 1.0F) + 0.5F : 0.0F);
+  }
+}
+
+store::RgbImage display(const ExrImage& image, const DisplayOptions& options) {
+  const DisplayTransform transform(options, image.color_interop_id, image.color_space);
+  store::RgbImage shown(image.width, image.height);
+  const std::size_t row = static_cast<std::size_t>(image.width) * 4;
+  for (int y = 0; y < image.height; ++y) {
+    transform.apply_row(std::span(image.rgba).subspan(y * row, row), y, shown.row(y));
   }
   return shown;
 }

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 
 #include "compose/color/color_config.h"
@@ -25,6 +27,24 @@ struct DisplayOptions {
   std::optional<ColorConfig> colors = {};
   std::string monitor = {}, view = {};  ///< names in the config; empty: its defaults
   std::string space = {};  ///< of the pictures; empty: that of their files, else linear Rec.709
+};
+
+/// Converts scene-linear pixels to display codes: exposure, over the background, then the view of
+/// the display, clamped at 1. Thread-safe.
+class DisplayTransform {
+ public:
+  /// `interop_id`, `color_space`: of the pictures, as ExrImage. Throws Error (bad input) if the
+  /// config has no such colour space, display or view.
+  DisplayTransform(const DisplayOptions& options, const std::string& interop_id,
+                   const std::string& color_space);
+
+  /// Converts row `y` of a picture. `rgba`: premultiplied; `codes`: R, G, B of each pixel.
+  void apply_row(std::span<const float> rgba, int y, std::span<std::uint8_t> codes) const;
+
+ private:
+  float gain_;
+  Background background_;
+  std::optional<ColorTransform> transform_;  ///< none: the sRGB curve
 };
 
 /// Composites the image over the background and converts it to display codes, clamped at 1. Throws

@@ -20,6 +20,7 @@
 #include "schemas/rig_document.h"
 #include "schemas/shot_document.h"
 #include "schemas/take_document.h"
+#include "schemas/viewer_message.h"
 #include "schemas/views_document.h"
 #include "store/processing/sync/node_offsets.h"
 
@@ -57,7 +58,7 @@ void read_offsets(std::string_view text) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   const std::string text(data + 1, data + size);
-  switch (static_cast<std::uint8_t>(data[0] - '0') % 15) {
+  switch (static_cast<std::uint8_t>(data[0] - '0') % 16) {
     case 0:
       round_trip(text, raystage::schemas::parse_rig, raystage::schemas::format_rig);
       break;
@@ -102,6 +103,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       break;
     case 14:
       round_trip(text, raystage::schemas::parse_farm_end, raystage::schemas::format_farm_end);
+      break;
+    case 15:
+      round_trip(text, raystage::schemas::parse_viewer_message,
+                 raystage::schemas::format_viewer_message);
       break;
     default:
       round_trip(

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+// Converts rendered views to pictures for a display, row by row in parallel. Input: scene-linear
+// R, G, B, A, depth in metres and coverage; output: 8-bit R, G, B. Depth is shown in false colours,
+// linear in inverse depth, as the precision of a light field is. Cost: linear in pixels.
+#include "replay/picture.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <span>
+#include <vector>
+
+#include "base/parallel.h"
+
+namespace raystage::replay {
+namespace {
+
+using Channel = schemas::ViewerMessage::Look::Channel;
+
+constexpr std::array<std::uint8_t, 3> kWithoutDepth{24, 24, 24};
+
+compose::DisplayOptions display_options(const schemas::ViewerMessage::Look& look,
+                                        const compose::ShotColorSpaces& colors) {
+  compose::DisplayOptions options;
+  options.exposure = look.exposure;
+  options.background = look.black ? compose::Background::kBlack : compose::Background::kChecker;
+  options.colors = colors.studio;
+  options.monitor = look.display;
+  options.view = look.view;
+  return options;
+}
+
+std::span<const float> coverage_of(const compose::LayerImage& image) {
+  for (const compose::Aov& aov : image.aovs) {
+    if (aov.layer == "lf" && aov.channels.front() == "coverage") return aov.values;
+  }
+  return {};
+}
+
+/// Returns whether a pixel and the next ones are opaque: what is behind them is not in focus.
+bool is_opaque_around(const compose::LayerImage& image, int x, int y) {
+  constexpr float kOpaque = 0.99F;
+  const auto is_opaque = [&](int column, int row) {
+    const auto at = static_cast<std::size_t>(std::clamp(row, 0, image.height - 1)) * image.width +
+                    std::clamp(column, 0, image.width - 1);
+    return image.rgba[4 * at + 3] > kOpaque;
+  };
+  return is_opaque(x, y) && is_opaque(x - 1, y) && is_opaque(x + 1, y) && is_opaque(x, y - 1) &&
+         is_opaque(x, y + 1);
+}
+
+std::uint8_t code_of_share(float share) {
+  return static_cast<std::uint8_t>(std::lround(255 * std::clamp(share, 0.0F, 1.0F)));
+}
+
+void show_share(std::span<const float> values, std::size_t stride, std::span<std::uint8_t> codes) {
+  for (std::size_t x = 0; x < codes.size() / 3; ++x) {
+    const float value = x * stride < values.size() ? values[x * stride] : 0.0F;
+    std::fill_n(&codes[3 * x], 3, code_of_share(value));
+  }
+}
+
+void show_depth(std::span<const float> z, const InverseDepthSpan& span,
+                std::span<std::uint8_t> codes) {
+  for (std::size_t x = 0; x < z.size(); ++x) {
+    const double share = (1 / static_cast<double>(z[x]) - span.far) / (span.near - span.far);
+    const auto color = std::isfinite(z[x]) ? false_color(share) : kWithoutDepth;
+    std::ranges::copy(color, &codes[3 * x]);
+  }
+}
+
+}  // namespace
+
+std::array<std::uint8_t, 3> false_color(double share) {
+  constexpr std::array<std::array<double, 3>, 6> kStops{{{20, 20, 110},
+                                                         {30, 110, 230},
+                                                         {40, 200, 190},
+                                                         {120, 220, 60},
+                                                         {245, 200, 40},
+                                                         {215, 40, 30}}};
+  const double place = share > 0 ? std::min(share, 1.0) * (kStops.size() - 1) : 0;
+  const std::size_t first = std::min(static_cast<std::size_t>(place), kStops.size() - 2);
+  const double u = place - static_cast<double>(first);
+  std::array<std::uint8_t, 3> color{};
+  for (std::size_t c = 0; c < 3; ++c) {
+    color[c] = static_cast<std::uint8_t>(
+        std::lround((1 - u) * kStops[first][c] + u * kStops[first + 1][c]));
+  }
+  return color;
+}
+
+InverseDepthSpan inverse_depth_span(const compose::LayerImage& image) {
+  constexpr std::size_t kMaxSamples = 20'000;
+  const std::size_t step = image.z.size() / kMaxSamples + 1;
+  std::vector<double> inverse;
+  for (std::size_t i = 0; i < image.z.size(); i += step) {
+    if (std::isfinite(image.z[i]) && image.z[i] > 0) inverse.push_back(1.0 / image.z[i]);
+  }
+  if (inverse.empty()) return {};
+  const auto percentile = [&](double share) {
+    const auto place =
+        inverse.begin() + std::lround(share * static_cast<double>(inverse.size() - 1));
+    std::nth_element(inverse.begin(), place, inverse.end());
+    return *place;
+  };
+  InverseDepthSpan span{percentile(0.01), percentile(0.99)};
+  // A plane gets the middle of the colours.
+  constexpr double kSmallestSpan = 1e-6;
+  if (span.near - span.far < kSmallestSpan)
+    span = {span.far - kSmallestSpan, span.near + kSmallestSpan};
+  return span;
+}
+
+PictureMaker::PictureMaker(const schemas::ViewerMessage::Look& look,
+                           const compose::ShotColorSpaces& colors)
+    : look_(look), display_(display_options(look, colors), colors.interop_id, colors.space) {}
+
+store::RgbImage PictureMaker::make(const compose::LayerImage& image) const {
+  store::RgbImage picture(image.width, image.height);
+  const InverseDepthSpan span =
+      look_.channel == Channel::kDepth ? inverse_depth_span(image) : InverseDepthSpan{};
+  const std::span<const float> coverage = coverage_of(image);
+  const auto width = static_cast<std::size_t>(image.width);
+  constexpr int kRowsOfTask = 8;
+  parallel_for_grains(0, image.height, kRowsOfTask, [&](int y) {
+    const std::size_t first = y * width;
+    const std::span<const float> rgba = std::span(image.rgba).subspan(4 * first, 4 * width);
+    switch (look_.channel) {
+      case Channel::kColor:
+        display_.apply_row(rgba, y, picture.row(y));
+        break;
+      case Channel::kAlpha:
+        show_share(rgba.subspan(3), 4, picture.row(y));
+        break;
+      case Channel::kDepth:
+        show_depth(std::span(image.z).subspan(first, width), span, picture.row(y));
+        break;
+      case Channel::kCoverage:
+        show_share(coverage.empty() ? coverage : coverage.subspan(first, width), 1, picture.row(y));
+        break;
+    }
+  });
+  if (look_.peaking) mark_sharp_edges(image, picture);
+  return picture;
+}
+
+void mark_sharp_edges(const compose::LayerImage& image, store::RgbImage& picture) {
+  constexpr int kThreshold = 30;  // codes of 8 bits, sum of both directions
+  const store::RgbImage seen = picture;
+  const auto green = [&](int x, int y) { return static_cast<int>(seen.clamped(x, y, 1)); };
+  constexpr int kRowsOfTask = 8;
+  parallel_for_grains(0, picture.height, kRowsOfTask, [&](int y) {
+    for (int x = 0; x < picture.width; ++x) {
+      // The second difference: large at sharp edges, small at blurred ones.
+      const int across = std::abs(2 * green(x, y) - green(x - 1, y) - green(x + 1, y));
+      const int down = std::abs(2 * green(x, y) - green(x, y - 1) - green(x, y + 1));
+      if (across + down < kThreshold || !is_opaque_around(image, x, y)) continue;
+      const auto pixel = picture.pixel(x, y);
+      pixel[0] = 255;
+      pixel[1] = 32;
+      pixel[2] = 32;
+    }
+  });
+}
+
+}  // namespace raystage::replay

@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: Apache-2.0
+// Two lanes of jobs, each with a thread and a TBB arena. A lane serves its clients in turns: after
+// a job, its client goes to the end of the queue. Waiting jobs are bounded: one of each kind per
+// client.
+#include "replay/render_scheduler.h"
+
+#include <tbb/task_arena.h>
+
+#include <array>
+#include <condition_variable>
+#include <list>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "base/cancellation.h"
+
+namespace raystage::replay {
+namespace {
+
+constexpr std::size_t kLanes = 2;
+
+std::size_t lane_of(JobKind kind) { return kind == JobKind::kRefinement ? 1 : 0; }
+
+tbb::task_arena::priority priority_of_lane(std::size_t lane) {
+  return lane == 0 ? tbb::task_arena::priority::high : tbb::task_arena::priority::low;
+}
+
+struct WaitingJob {
+  RenderScheduler::Job run;
+  std::function<void()> dropped;
+};
+
+/// Waiting and running jobs of one client in one lane.
+struct ClientJobs {
+  std::map<JobKind, WaitingJob> waiting;
+  std::optional<JobKind> running;
+  std::stop_source stop;    ///< of the running job
+  bool is_removed = false;  ///< forgotten when the running job ends
+};
+
+struct Lane {
+  std::map<RenderScheduler::ClientId, ClientJobs> clients;
+  std::list<RenderScheduler::ClientId> turns;  ///< each client that has jobs, the next one first
+  std::condition_variable_any has_job;
+};
+
+}  // namespace
+
+struct RenderScheduler::State {
+  std::mutex mutex;
+  std::array<Lane, kLanes> lanes;
+  std::array<std::jthread, kLanes> threads;  // the last members: they end first
+
+  void stop_running(ClientId client, std::size_t lane, JobKind from) {
+    const auto found = lanes[lane].clients.find(client);
+    if (found == lanes[lane].clients.end()) return;
+    std::erase_if(found->second.waiting, [&](const auto& job) {
+      if (job.first >= from) drop(job.second);
+      return job.first >= from;
+    });
+    if (found->second.running && *found->second.running >= from) found->second.stop.request_stop();
+  }
+
+  static void drop(const WaitingJob& job) {
+    if (job.dropped) job.dropped();
+  }
+
+  static void forget(Lane& lane, ClientId client) {
+    lane.clients.erase(client);
+    lane.turns.remove(client);
+  }
+
+  /// Returns the client whose turn it is, or nullopt if none has a waiting job.
+  static std::optional<ClientId> next_client(Lane& lane) {
+    for (auto turn = lane.turns.begin(); turn != lane.turns.end(); ++turn) {
+      if (lane.clients.at(*turn).waiting.empty()) continue;
+      lane.turns.splice(lane.turns.end(), lane.turns, turn);
+      return lane.turns.back();
+    }
+    return std::nullopt;
+  }
+
+  void run(const std::stop_token& end, std::size_t index, int concurrency) {
+    tbb::task_arena arena(concurrency, 1, priority_of_lane(index));
+    Lane& lane = lanes[index];
+    std::unique_lock lock(mutex);
+    for (;;) {
+      std::optional<ClientId> client;
+      if (!lane.has_job.wait(lock, end, [&] { return (client = next_client(lane)).has_value(); })) {
+        return;
+      }
+      ClientJobs& jobs = lane.clients.at(*client);
+      const auto first = jobs.waiting.begin();
+      jobs.running = first->first;
+      const Job job = std::move(first->second.run);
+      jobs.waiting.erase(first);
+      jobs.stop = std::stop_source();
+      const std::stop_token stop = jobs.stop.get_token();
+      lock.unlock();
+      {
+        const std::stop_callback on_end(end,
+                                        [source = jobs.stop]() mutable { source.request_stop(); });
+        try {
+          arena.execute([&] { job(stop); });
+        } catch (const Cancelled&) {
+        }
+      }
+      lock.lock();
+      jobs.running.reset();
+      if (jobs.is_removed) forget(lane, *client);
+    }
+  }
+};
+
+RenderScheduler::RenderScheduler(int threads) : state_(std::make_unique<State>()) {
+  const int concurrency = threads > 0 ? threads : tbb::task_arena::automatic;
+  for (std::size_t lane = 0; lane < kLanes; ++lane) {
+    state_->threads[lane] =
+        std::jthread([state = state_.get(), lane, concurrency](const std::stop_token& end) {
+          state->run(end, lane, concurrency);
+        });
+  }
+}
+
+RenderScheduler::~RenderScheduler() = default;
+
+void RenderScheduler::submit(ClientId client, JobKind kind, Job job,
+                             std::function<void()> dropped) {
+  Lane& lane = state_->lanes[lane_of(kind)];
+  const std::scoped_lock lock(state_->mutex);
+  if (kind == JobKind::kDocument) {
+    state_->stop_running(client, 0, JobKind::kDocument);
+    state_->stop_running(client, 1, JobKind::kDocument);
+  }
+  if (kind == JobKind::kMotion || kind == JobKind::kRefinement) {
+    state_->stop_running(client, 1, JobKind::kRefinement);
+  }
+  const auto [jobs, is_new] = lane.clients.try_emplace(client);
+  if (is_new) lane.turns.push_back(client);
+  const auto [waiting, is_first] = jobs->second.waiting.try_emplace(kind);
+  if (!is_first) State::drop(waiting->second);
+  waiting->second = {std::move(job), std::move(dropped)};
+  lane.has_job.notify_one();
+}
+
+void RenderScheduler::cancel_refinement(ClientId client) {
+  const std::scoped_lock lock(state_->mutex);
+  state_->stop_running(client, 1, JobKind::kRefinement);
+}
+
+void RenderScheduler::remove(ClientId client) {
+  const std::scoped_lock lock(state_->mutex);
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    Lane& lane = state_->lanes[i];
+    state_->stop_running(client, i, JobKind::kDocument);
+    const auto found = lane.clients.find(client);
+    if (found == lane.clients.end()) continue;
+    if (found->second.running) {
+      found->second.is_removed = true;
+    } else {
+      State::forget(lane, client);
+    }
+  }
+}
+
+}  // namespace raystage::replay

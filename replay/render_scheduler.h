@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <stop_token>
+
+namespace raystage::replay {
+
+/// What a job is for. Each client has at most one waiting job of each kind: a newer one replaces
+/// it. A client's jobs run in this order.
+enum class JobKind {
+  kDocument,    ///< opens a shot; ends the client's other jobs
+  kFocus,       ///< finds a focus distance
+  kProbe,       ///< reads a pixel
+  kMotion,      ///< renders a view that is needed now; ends the client's refinement
+  kFile,        ///< writes files
+  kRefinement,  ///< renders a view for which the user can wait; a newer one ends it
+};
+
+/// Runs the jobs of several clients on two threads: refinements on one, all other jobs on the
+/// other, which has the higher priority in TBB. Clients take turns. Thread-safe.
+class RenderScheduler {
+ public:
+  using ClientId = std::int64_t;
+  /// `stop` is requested when the result is no longer wanted. May throw Cancelled. Every other
+  /// exception ends the program: jobs report their own errors.
+  using Job = std::function<void(const std::stop_token& stop)>;
+
+  /// `threads`: of the renderers; 0: all.
+  explicit RenderScheduler(int threads);
+  /// Ends all jobs.
+  ~RenderScheduler();
+
+  /// `dropped`: called if the job never runs, because a newer one of its kind came or its client
+  /// was removed. Must not call the scheduler.
+  void submit(ClientId client, JobKind kind, Job job, std::function<void()> dropped = {});
+  /// Drops the waiting refinement of a client and requests the running one to stop.
+  void cancel_refinement(ClientId client);
+  /// As cancel_refinement() for all kinds of jobs. The running ones may end later.
+  void remove(ClientId client);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace raystage::replay

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "replay/scene.h"
+
+#include <algorithm>
+#include <array>
+#include <numeric>
+#include <span>
+#include <vector>
+
+#include "base/cancellation.h"
+#include "compose/derived_data.h"
+#include "render/methods.h"
+
+namespace raystage::replay {
+namespace {
+
+/// Views in flight: one that moves and one that is refined.
+constexpr int kViewsInFlight = 2;
+
+compose::ShotPlanOptions plan_options(const SceneOptions& options) {
+  compose::ShotPlanOptions result;
+  result.cache_folder = options.cache_folder;
+  return result;
+}
+
+std::vector<compose::PlannedFrame> all_frames(const compose::ShotPlan& plan) {
+  std::vector<int> frames(static_cast<std::size_t>(plan.shot().last_frame) -
+                          plan.shot().first_frame + 1);
+  std::iota(frames.begin(), frames.end(), plan.shot().first_frame);
+  return plan.plan(frames, compose::MissingFrames::kHold);
+}
+
+}  // namespace
+
+Scene::Scene(const schemas::ShotDocument& shot, const std::filesystem::path& shot_file,
+             const SceneOptions& options)
+    : plan_(shot, shot_file, plan_options(options)),
+      memory_(compose::plan_sequence_memory(plan_, all_frames(plan_),
+                                            {options.memory_bytes, kViewsInFlight, false})),
+      compositor_(plan_, memory_) {}
+
+compose::PlannedFrame Scene::planned(int frame) const {
+  return plan_.plan(std::array{frame}, compose::MissingFrames::kHold).front();
+}
+
+compose::CompositedView Scene::render(const SceneView& view, const std::stop_token& stop) const {
+  const CancellationScope scope(stop);
+  compose::PlannedFrame frame = planned(view.frame);
+  frame.preview_method = view.preview_method;
+  compose::CompositedView result = compositor_.composite(frame, view.camera, stop);
+  throw_if_cancelled();
+  return result;
+}
+
+void Scene::read_ahead(int frame) const { compositor_.read_ahead(planned(frame)); }
+
+std::string Scene::fast_method() const {
+  constexpr std::string_view kFast = "focal_plane";
+  const bool has_slow = std::ranges::any_of(plan_.light_fields(), [](const auto* layer) {
+    // Methods without a focal plane search for surfaces, and so may those that choose by measuring.
+    return !layer->method().uses_focal_plane() || layer->method().chooses_by_measuring();
+  });
+  return has_slow ? std::string(kFast) : std::string();
+}
+
+bool Scene::must_estimate_depths(int frame) const {
+  const std::array frames{planned(frame)};
+  return std::ranges::any_of(compose::list_derived_data(plan_, frames),
+                             [](const auto& data) { return !data.is_stored; });
+}
+
+compose::ExrCamera make_view_camera(const compose::ShotCamera& shot_camera,
+                                    const compose::CameraState& state, compose::Eye eye, int width,
+                                    int height) {
+  compose::ExrCamera camera;
+  camera.view = shot_camera.camera(state, eye);
+  if (camera.view.width != width || camera.view.height != height) {
+    const double scale = static_cast<double>(width) / camera.view.width;
+    schemas::Intrinsics& lens = camera.view.intrinsics;
+    lens.fx *= scale;
+    lens.fy *= scale;
+    lens.cx *= scale;
+    lens.cy = (lens.cy - camera.view.height / 2.0) * scale + height / 2.0;
+    camera.view.width = width;
+    camera.view.height = height;
+  }
+  camera.film_back_mm = state.film_back_mm;
+  camera.focus_m = state.focus_m;
+  camera.f_number = state.f_number;
+  return camera;
+}
+
+}  // namespace raystage::replay

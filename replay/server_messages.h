@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// The messages from the server to the page, see docs/formats/viewer.md.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/error.h"
+#include "compose/camera/shot_camera.h"
+#include "compose/shot_plan.h"
+#include "replay/picture.h"
+#include "schemas/shot_document.h"
+
+namespace raystage::replay {
+
+/// What the page must know about a shot.
+struct ShotMessage {
+  std::int64_t id = 0;
+  std::string_view file, text;
+  const compose::ShotPlan& plan;
+  const schemas::ShotDocument& shot;
+  const compose::ShotCamera& camera;
+};
+
+/// A picture, in front of its JPEG.
+struct PictureMessage {
+  std::int64_t id = 0;
+  int frame = 0, width = 0, height = 0;
+  std::string_view quality;              ///< "moving", "playing" or "resting"
+  std::string method;                    ///< that replaced those of the layers; empty: none
+  bool is_final = true;                  ///< false: a better picture of this request follows
+  double uncovered_share = 0;            ///< of the pixels: seen by no camera
+  double render_ms = 0, picture_ms = 0;  ///< reconstruction; display and JPEG
+  std::optional<InverseDepthSpan> false_colors;
+  std::vector<std::string> absent_cameras;
+  bool is_held = false;  ///< the nearest instant replaces a missing one
+  std::vector<std::string> notes;
+};
+
+struct ProbeMessage {
+  std::int64_t id = 0;
+  std::array<float, 4> rgba{};  ///< scene-linear, premultiplied
+  std::array<std::uint8_t, 3> display{};
+  double z = 0;  ///< metres along the optical axis; infinite: unknown
+  std::optional<double> coverage;
+};
+
+std::string hello_message(std::string_view program_version, std::string_view folder);
+std::string shot_message(const ShotMessage& message);
+std::string error_message(std::int64_t id, const Error& error);
+/// The request was not handled, because a newer one replaced it.
+std::string dropped_message(std::int64_t id);
+std::string focus_message(std::int64_t id, double distance_m);
+std::string probe_message(const ProbeMessage& message);
+/// `what`: "saved" or "written".
+std::string file_message(std::int64_t id, std::string_view what, std::string_view file);
+
+/// Returns a picture: the length of the header (4 bytes, little-endian), the header (JSON), the
+/// JPEG.
+std::vector<std::byte> picture_message(const PictureMessage& header,
+                                       std::span<const std::byte> jpeg);
+
+}  // namespace raystage::replay

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "replay/shot_files.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "testing/test_folder.h"
+
+namespace raystage::replay {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr const char* kShot = R"({
+  "schema": "raystage/shot/2",
+  "comment": "stays",
+  "name": "test",
+  "width": 64, "height": 48, "fps": 24, "first_frame": 1, "last_frame": 2,
+  "camera": {"keys": [{"frame": 1, "position": [0, 0, 0], "horizontal_fov_deg": 40, "x_mine": 1}]},
+  "layers": [{"name": "a", "solid": {"color": [1, 0, 0]}}]
+}
+)";
+
+class ShotFilesTest : public ::testing::Test {
+ protected:
+  void SetUp() override { create_folder(folder()); }
+  std::filesystem::path folder() const { return outside_.path() / "shots"; }
+
+  std::string error_of(const std::function<void()>& action) const {
+    try {
+      action();
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  }
+
+  testing::TestFolder outside_;
+};
+
+TEST_F(ShotFilesTest, KeepTheTextAsItIs) {
+  const ShotFiles files(folder());
+  files.write("a.json", kShot, false);
+  EXPECT_EQ(files.read("a.json"), kShot);
+  EXPECT_EQ(read_file(folder() / "a.json"), kShot);
+}
+
+TEST_F(ShotFilesTest, ReplaceOnlyShotsAndOnlyIfAsked) {
+  const ShotFiles files(folder());
+  files.write("a.json", kShot, false);
+  EXPECT_THAT(error_of([&] { files.write("a.json", kShot, false); }), HasSubstr("exists"));
+  files.write("a.json", kShot, true);
+  write_file_atomically(folder() / "take.json",
+                        std::string_view("{\"schema\": \"raystage/take/1\"}"));
+  EXPECT_NE(error_of([&] { files.write("take.json", kShot, true); }), "");
+  EXPECT_THAT(read_file(folder() / "take.json"), HasSubstr("take/1"));
+}
+
+TEST_F(ShotFilesTest, AreValidShots) {
+  const ShotFiles files(folder());
+  EXPECT_NE(error_of([&] { files.write("a.json", "{}", false); }), "");
+  EXPECT_THAT(error_of([&] { files.write("a.sh", kShot, false); }), HasSubstr(".json"));
+  EXPECT_FALSE(file_exists(folder() / "a.json"));
+}
+
+TEST_F(ShotFilesTest, AreNeverOutsideOfTheFolder) {
+  write_file_atomically(outside_.path() / "secret.json", std::string_view(kShot));
+  std::filesystem::create_symlink(outside_.path() / "secret.json", folder() / "link.json");
+  std::filesystem::create_directory_symlink(outside_.path(), folder() / "up");
+  const ShotFiles files(folder());
+  for (const std::string& file :
+       {std::string("../secret.json"), (outside_.path() / "secret.json").string(),
+        std::string("link.json"), std::string("up/secret.json"), std::string("up/new.json"),
+        std::string("a/../../secret.json"), std::string(), std::string("."), std::string("..")}) {
+    EXPECT_THAT(error_of([&] { files.read(file); }), HasSubstr("outside")) << file;
+    EXPECT_THAT(error_of([&] { files.write(file, kShot, true); }), HasSubstr("outside")) << file;
+  }
+  EXPECT_EQ(read_file(outside_.path() / "secret.json"), kShot);
+  EXPECT_FALSE(file_exists(outside_.path() / "new.json"));
+}
+
+TEST_F(ShotFilesTest, AreNotFoldersAndNotHuge) {
+  const ShotFiles files(folder());
+  create_folder(folder() / "b.json");
+  EXPECT_NE(error_of([&] { files.read("b.json"); }), "");
+  EXPECT_NE(error_of([&] { files.read("missing.json"); }), "");
+  write_file_atomically(folder() / "c.json", std::string(5'000'000, ' '));
+  EXPECT_THAT(error_of([&] { files.read("c.json"); }), HasSubstr("4 MB"));
+}
+
+}  // namespace
+}  // namespace raystage::replay

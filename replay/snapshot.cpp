@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "replay/snapshot.h"
+
+#include <array>
+#include <vector>
+
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "compose/exr/exr_file.h"
+#include "compose/preview/display.h"
+#include "images/image_file.h"
+#include "replay/picture.h"
+
+namespace raystage::replay {
+namespace {
+
+/// Adds the overscan of the shot.
+void add_overscan(const schemas::ShotDocument& shot, compose::ExrCamera& camera) {
+  camera.overscan_x = shot.output.overscan[0];
+  camera.overscan_y = shot.output.overscan[1];
+  camera.view.width += 2 * camera.overscan_x;
+  camera.view.height += 2 * camera.overscan_y;
+  camera.view.intrinsics.cx += camera.overscan_x;
+  camera.view.intrinsics.cy += camera.overscan_y;
+}
+
+}  // namespace
+
+void write_snapshot(const ShownShot& shown, const schemas::ViewerMessage& request,
+                    const std::filesystem::path& file, const std::string& program_version,
+                    const std::stop_token& stop) {
+  const bool is_exr = file.extension() == ".exr";
+  if (!is_exr && file.extension() != ".png") {
+    throw Error::bad_input("a snapshot is an .exr or a .png file", file.string(),
+                           "Change its extension");
+  }
+  if (file_exists(file) && !request.replace) {
+    throw Error::bad_input("the file exists", file.string(),
+                           "Confirm to replace it, or choose another name");
+  }
+  const schemas::ShotDocument& shot = shown.shot;
+  const compose::ShotPlan& plan = shown.scene->plan();
+  std::vector<compose::ExrCamera> cameras;
+  std::vector<compose::LayerImage> images;
+  const bool is_stereo = is_exr && shown.camera.is_stereo();
+  using Eye = schemas::ViewerMessage::Eye;
+  const std::vector<Eye> eyes =
+      is_stereo ? std::vector{Eye::kLeft, Eye::kRight} : std::vector{request.eye};
+  for (const Eye eye : eyes) {
+    schemas::ViewerMessage of_eye = request;
+    of_eye.eye = eye;
+    cameras.push_back(requested_camera(shown, of_eye, shot.width, shot.height));
+    add_overscan(shot, cameras.back());
+    images.push_back(shown.scene->render({request.frame, cameras.back(), {}}, stop).picture);
+  }
+  std::vector<compose::ExrView> views;
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    views.push_back(compose::exr_view(images[i], !is_stereo              ? ""
+                                                 : eyes[i] == Eye::kLeft ? "left"
+                                                                         : "right"));
+  }
+  const compose::PlannedFrame planned = shown.scene->planned(request.frame);
+  // Without a fingerprint: `raystage render --existing skip` must not take it for a rendered frame.
+  compose::ExrMetadata metadata = plan.metadata(planned);
+  metadata.program_version = program_version;
+  metadata.notes = images.front().notes;
+  const std::vector<std::byte> exr = compose::encode_exr(views, cameras, metadata);
+  if (is_exr) return write_file_atomically(file, exr);
+  // Through the file, whose colours are of half precision, as `raystage preview` reads it.
+  const TemporaryFile through(file.parent_path() / (file.stem().string() + ".exr"));
+  write_file_atomically(through.path(), exr);
+  compose::DisplayOptions display;
+  display.exposure = request.look.exposure;
+  display.background =
+      request.look.black ? compose::Background::kBlack : compose::Background::kChecker;
+  display.colors = plan.colors().studio;
+  display.monitor = request.look.display;
+  display.view = request.look.view;
+  images::write_image(compose::display(compose::read_exr(through.path()), display), file);
+}
+
+}  // namespace raystage::replay

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "replay/take_shot.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "base/frame_rate.h"
+#include "compose/camera/camera_state.h"
+
+namespace raystage::replay {
+namespace {
+
+constexpr double kFocusWithoutDepthRange = 5;  // metres
+constexpr double kFullFrameWidth = 36;         // millimetres
+constexpr int kMaxWidth = 1920;                // pixels
+
+/// Returns the camera whose centre is nearest to the array's.
+const rig::Rig::Camera& central_camera(const rig::Rig& rig) {
+  const Eigen::Vector3d centre = rig.centre();
+  return *std::ranges::min_element(rig.cameras, {}, [&](const rig::Rig::Camera& camera) {
+    return (camera.pose.position - centre).norm();
+  });
+}
+
+}  // namespace
+
+schemas::ShotDocument make_take_shot(const store::Take& take, const store::Timeline& timeline,
+                                     const std::string& path) {
+  const rig::Rig& rig = take.rig();
+  const rig::Rig::Camera& central = central_camera(rig);
+  schemas::ShotDocument shot;
+  shot.name = take.document().name;
+  const int divisor = (central.model.width() + kMaxWidth - 1) / kMaxWidth;
+  shot.width = std::max(1, central.model.width() / divisor);
+  shot.height = std::max(1, central.model.height() / divisor);
+  shot.fps = timeline.fps;
+  // Measured rates have any number of decimals.
+  const FrameRate rate = frame_rate_from(std::round(shot.fps * 1e6) / 1e6).value_or(FrameRate{});
+  shot.fps = rate.fps();
+  shot.fps_numerator = rate.numerator;
+  shot.fps_denominator = rate.denominator;
+  shot.first_frame = 1;
+  shot.last_frame = static_cast<int>(timeline.ticks.size());
+
+  schemas::ShotDocument::CameraKey key;
+  key.frame = 1;
+  const Eigen::Vector3d centre = rig.centre();
+  key.position = {centre.x(), centre.y(), centre.z()};
+  const Eigen::Quaterniond orientation(
+      compose::look_at_rotation(centre, centre + rig.mean_viewing_direction()));
+  key.orientation = {orientation.w(), orientation.x(), orientation.y(), orientation.z()};
+  key.focal_length_mm = kFullFrameWidth * central.model.intrinsics().fx / central.model.width();
+  key.focus_m = take.document().depth_range ? rig::optimal_focal_depth(*take.document().depth_range)
+                                            : kFocusWithoutDepthRange;
+  shot.camera.film_back_mm = kFullFrameWidth;
+  shot.camera.keys = {key};
+
+  schemas::ShotDocument::Layer layer;
+  layer.name = "light_field";
+  layer.take = path;
+  layer.focal_plane.kind = schemas::ShotDocument::FocalPlane::Kind::kCamera;
+  shot.layers = {layer};
+  return shot;
+}
+
+}  // namespace raystage::replay

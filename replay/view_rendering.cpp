@@ -1,0 +1,220 @@
+// SPDX-License-Identifier: Apache-2.0
+// Renders the views of a viewer. A patch is a view of the same camera whose picture is cropped: its
+// principal point is shifted. Cost of a patch: that of its pixels, after the frames are decoded.
+#include "replay/view_rendering.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+#include "base/stopwatch.h"
+#include "compose/layers/light_field_layer.h"
+#include "replay/picture.h"
+#include "store/jpeg/encode.h"
+
+namespace raystage::replay {
+namespace {
+
+using schemas::ViewerMessage;
+
+compose::Eye eye_of(ViewerMessage::Eye eye) {
+  switch (eye) {
+    case ViewerMessage::Eye::kLeft:
+      return compose::Eye::kLeft;
+    case ViewerMessage::Eye::kRight:
+      return compose::Eye::kRight;
+    case ViewerMessage::Eye::kBoth:
+      break;
+  }
+  return compose::Eye::kBoth;
+}
+
+compose::CameraState camera_state(const ShownShot& shown, const ViewerMessage& request) {
+  if (!request.camera) return shown.camera.state(request.frame);
+  const ViewerMessage::Camera& given = *request.camera;
+  compose::CameraState state;
+  const auto& [w, x, y, z] = given.orientation;
+  state.pose.world_from_camera_rotation =
+      Eigen::Quaterniond(w, x, y, z).normalized().toRotationMatrix();
+  state.pose.position = Eigen::Vector3d(given.position.data());
+  state.focal_length_mm = given.focal_length_mm;
+  state.film_back_mm = given.film_back_mm;
+  state.focus_m = given.focus_m;
+  state.f_number = given.f_number;
+  return state;
+}
+
+int frame_in_shot(const ShownShot& shown, int frame) {
+  return std::clamp(frame, shown.shot.first_frame, shown.shot.last_frame);
+}
+
+std::string_view name_of(ViewerMessage::Quality quality) {
+  switch (quality) {
+    case ViewerMessage::Quality::kMoving:
+      return "moving";
+    case ViewerMessage::Quality::kPlaying:
+      return "playing";
+    case ViewerMessage::Quality::kResting:
+      break;
+  }
+  return "resting";
+}
+
+/// Resting pictures are looked at: they keep all of their colour.
+store::JpegEncodeOptions jpeg_options(ViewerMessage::Quality quality) {
+  store::JpegEncodeOptions options;
+  options.restart_interval = 0;
+  if (quality == ViewerMessage::Quality::kResting) {
+    options.quality = 95;
+  } else {
+    options.quality = 85;
+    options.chroma = store::JpegEncodeOptions::Chroma::k420;
+  }
+  return options;
+}
+
+void add_instant(const ShownShot& shown, int frame, PictureMessage& message) {
+  const compose::PlannedFrame planned = shown.scene->planned(frame);
+  for (const compose::LightFieldLayer* layer : shown.scene->plan().light_fields()) {
+    const compose::ShownTick& tick = planned.shown[layer->index()];
+    message.is_held = message.is_held || tick.held;
+    if (!tick.tick) continue;
+    const store::FrameSelection& frames = layer->tick(tick);
+    for (std::size_t i = 0; i < frames.frame.size(); ++i) {
+      if (frames.frame[i] < 0) {
+        message.absent_cameras.push_back(layer->take().document().cameras[i].id);
+      }
+    }
+  }
+}
+
+/// Renders the pixels around one: `size` in width and height, an odd number. `scale`: at most 1, of
+/// the requested size.
+compose::LayerImage render_patch(const ShownShot& shown, const ViewerMessage& request, int size,
+                                 double scale, const std::string& method,
+                                 const std::stop_token& stop) {
+  const int width = std::max(1, static_cast<int>(std::lround(request.width * scale)));
+  const int height = std::max(1, static_cast<int>(std::lround(request.height * scale)));
+  SceneView view{frame_in_shot(shown, request.frame),
+                 requested_camera(shown, request, width, height), method};
+  schemas::Intrinsics& lens = view.camera.view.intrinsics;
+  lens.cx -= std::floor(request.pixel[0] * width / request.width) - size / 2;
+  lens.cy -= std::floor(request.pixel[1] * height / request.height) - size / 2;
+  view.camera.view.width = size;
+  view.camera.view.height = size;
+  return shown.scene->render(view, stop).picture;
+}
+
+/// Returns the scale of the requested view at which its pixels are about as large as those of the
+/// cameras, at most 1: a patch of an enlarged view would show too little to find its depth.
+double scale_of_sources(const ShownShot& shown, const ViewerMessage& request) {
+  const double focal =
+      requested_camera(shown, request, request.width, request.height).view.intrinsics.fx;
+  double scale = 1;
+  for (const compose::LightFieldLayer* layer : shown.scene->plan().light_fields()) {
+    for (const rig::Rig::Camera& camera : layer->take().rig().cameras) {
+      scale = std::min(scale, camera.model.intrinsics().fx / focal);
+    }
+  }
+  return scale;
+}
+
+}  // namespace
+
+int ResolutionControl::divisor(int width, int height) const {
+  constexpr double kTarget = 20;  // ms
+  constexpr int kMax = 8;
+  int divisor = 1;
+  const double pixels = static_cast<double>(width) * height;
+  while (divisor < kMax && ms_per_pixel_ * pixels / (divisor * divisor) > kTarget) ++divisor;
+  return divisor;
+}
+
+void ResolutionControl::record(double pixels, double ms) {
+  constexpr double kNew = 0.25;  // weight of the newest picture
+  const double now = ms / std::max(pixels, 1.0);
+  ms_per_pixel_ = ms_per_pixel_ == 0 ? now : (1 - kNew) * ms_per_pixel_ + kNew * now;
+}
+
+compose::ExrCamera requested_camera(const ShownShot& shown, const ViewerMessage& request, int width,
+                                    int height) {
+  return make_view_camera(shown.camera, camera_state(shown, request), eye_of(request.eye), width,
+                          height);
+}
+
+std::vector<std::byte> render_picture(const ShownShot& shown, const ViewerMessage& request,
+                                      const std::string& method, int divisor, bool is_final,
+                                      const std::stop_token& stop, double* elapsed_ms) {
+  PictureMessage message;
+  message.id = request.id;
+  message.frame = frame_in_shot(shown, request.frame);
+  message.width = std::max(1, request.width / divisor);
+  message.height = std::max(1, request.height / divisor);
+  message.quality = name_of(request.quality);
+  message.method = method;
+  message.is_final = is_final;
+  const Stopwatch total;
+  const compose::CompositedView view = shown.scene->render(
+      {message.frame, requested_camera(shown, request, message.width, message.height), method},
+      stop);
+  message.render_ms = total.ms();
+  for (const double share : view.uncovered_share) {
+    message.uncovered_share = std::max(message.uncovered_share, share);
+  }
+  message.notes = view.picture.notes;
+  add_instant(shown, message.frame, message);
+  if (request.look.channel == ViewerMessage::Look::Channel::kDepth) {
+    message.false_colors = inverse_depth_span(view.picture);
+  }
+  const PictureMaker maker(request.look, shown.scene->plan().colors());
+  const std::vector<std::byte> jpeg =
+      store::encode_jpeg(maker.make(view.picture), jpeg_options(request.quality));
+  message.picture_ms = total.ms() - message.render_ms;
+  if (elapsed_ms != nullptr) *elapsed_ms = total.ms();
+  return picture_message(message, jpeg);
+}
+
+double find_focus_distance(const ShownShot& shown, const ViewerMessage& request,
+                           const std::stop_token& stop) {
+  constexpr int kPatch = 33, kMiddle = 5;  // pixels
+  const compose::LayerImage patch =
+      render_patch(shown, request, kPatch, scale_of_sources(shown, request), "plane_sweep", stop);
+  std::vector<float> depths;
+  for (int y = kPatch / 2 - kMiddle / 2; y <= kPatch / 2 + kMiddle / 2; ++y) {
+    for (int x = kPatch / 2 - kMiddle / 2; x <= kPatch / 2 + kMiddle / 2; ++x) {
+      const float z = patch.z[static_cast<std::size_t>(y) * kPatch + x];
+      if (std::isfinite(z) && z > 0) depths.push_back(z);
+    }
+  }
+  if (depths.empty()) {
+    throw Error::bad_input("nothing with a depth is at this pixel", "",
+                           "Click on something that the cameras saw");
+  }
+  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+  std::nth_element(depths.begin(), middle, depths.end());
+  return *middle;
+}
+
+ProbeMessage probe_pixel(const ShownShot& shown, const ViewerMessage& request,
+                         const std::stop_token& stop) {
+  constexpr int kPatch = 5;  // for methods that read neighbours
+  const compose::LayerImage patch = render_patch(shown, request, kPatch, 1, {}, stop);
+  const std::size_t middle = kPatch * kPatch / 2;
+  ProbeMessage message;
+  message.id = request.id;
+  std::copy_n(&patch.rgba[4 * middle], 4, message.rgba.begin());
+  message.z = patch.z[middle];
+  for (const compose::Aov& aov : patch.aovs) {
+    if (aov.layer == "lf" && aov.channels.front() == "coverage")
+      message.coverage = aov.values[middle];
+  }
+  ViewerMessage::Look look = request.look;
+  look.channel = ViewerMessage::Look::Channel::kColor;
+  look.peaking = false;
+  const store::RgbImage shown_codes = PictureMaker(look, shown.scene->plan().colors()).make(patch);
+  std::ranges::copy(shown_codes.pixel(kPatch / 2, kPatch / 2), message.display.begin());
+  return message;
+}
+
+}  // namespace raystage::replay

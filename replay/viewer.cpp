@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "replay/viewer.h"
+
+#include <utility>
+
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "replay/embedded_files.h"
+#include "replay/render_scheduler.h"
+#include "replay/scene_cache.h"
+#include "replay/shot_files.h"
+#include "replay/take_shot.h"
+#include "replay/viewer_session.h"
+#include "store/take.h"
+#include "store/timeline.h"
+
+namespace raystage::replay {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_take(const fs::path& target) { return file_exists(target / "take.json"); }
+
+/// Returns the folder that shots are in: as the options say, or next to the target.
+fs::path shot_folder_of(const ViewerOptions& options) {
+  if (!options.shot_folder.empty()) return options.shot_folder;
+  const fs::path target = fs::weakly_canonical(options.target);
+  return target.parent_path();
+}
+
+ShotText first_shot(const ViewerOptions& options, const ShotFiles& files) {
+  std::error_code error;
+  const fs::path target = fs::canonical(options.target, error);
+  if (error) {
+    throw Error::bad_input("there is no such take or shot", options.target.string(),
+                           "Give the folder of a take, or a shot's .json file");
+  }
+  if (is_take(target)) {
+    const store::Take take(target);
+    const schemas::ShotDocument shot = make_take_shot(
+        take, store::read_timeline(take), fs::relative(target, files.folder()).string());
+    return {target.filename().string() + ".json", schemas::format_shot(shot)};
+  }
+  if (fs::is_directory(target)) {
+    throw Error::bad_input("this folder is no take", target.string(),
+                           "Give the folder of a take (with take.json), or a shot's .json file");
+  }
+  const std::string file = fs::relative(target, files.folder()).string();
+  return {file, files.read(file)};
+}
+
+}  // namespace
+
+struct Viewer::State : RequestHandler {
+  explicit State(const ViewerOptions& options)
+      : files(shot_folder_of(options)),
+        scenes(options.cache_folder, options.memory_bytes),
+        first(first_shot(options, files)),
+        scheduler(options.threads),
+        services{scheduler, files,
+                 [this](const schemas::ShotDocument& shot, const fs::path& shot_file) {
+                   return scenes.open(shot, shot_file);
+                 },
+                 options.program_version},
+        server(options.server, *this) {}
+
+  std::optional<Resource> find(std::string_view path) const override {
+    for (const EmbeddedFile& file : embedded_files()) {
+      if (file.name == path) return Resource{file.content_type, file.content};
+    }
+    return std::nullopt;
+  }
+  std::unique_ptr<ClientHandler> connect(std::shared_ptr<Client> client) override {
+    return std::make_unique<ViewerSession>(services, client, first);
+  }
+
+  ShotFiles files;
+  SceneCache scenes;
+  ShotText first;
+  RenderScheduler scheduler;
+  SessionServices services;
+  HttpServer server;
+};
+
+Viewer::Viewer(const ViewerOptions& options) : state_(std::make_unique<State>(options)) {}
+
+Viewer::~Viewer() = default;
+
+std::string Viewer::url() const { return state_->server.url(); }
+
+void Viewer::run(const std::stop_token& stop) { state_->server.run(stop); }
+
+}  // namespace raystage::replay

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// The WebSocket to the server: see docs/formats/viewer.md.
+
+const kSchema = "raystage/viewer_message/1";
+
+/** Sends messages and receives answers, texts and pictures. */
+export class Connection {
+  /** handlers: {open(), close(), message(json), picture(header, jpeg Blob)}. */
+  constructor(handlers) {
+    this.handlers = handlers;
+    this.nextId = 1;
+    this.waiting = new Map();  // id of a question -> {resolve, reject}
+    const url = new URL("socket", location.href);
+    url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
+    this.socket = new WebSocket(url);
+    this.socket.binaryType = "arraybuffer";
+    this.socket.onopen = () => handlers.open();
+    this.socket.onclose = () => {
+      for (const { reject } of this.waiting.values()) reject(new Error("The server has ended."));
+      this.waiting.clear();
+      handlers.close();
+    };
+    this.socket.onmessage = (event) => this.receive(event.data);
+  }
+
+  /** Sends a message and returns its id. */
+  send(type, members) {
+    const id = this.nextId++;
+    if (this.socket.readyState === WebSocket.OPEN) {
+      this.socket.send(JSON.stringify({ schema: kSchema, type, id, ...members }));
+    }
+    return id;
+  }
+
+  /** Sends a message; the promise is the answer with its id. */
+  ask(type, members) {
+    const id = this.send(type, members);
+    return new Promise((resolve, reject) => this.waiting.set(id, { resolve, reject }));
+  }
+
+  receive(data) {
+    if (typeof data !== "string") {
+      const length = new DataView(data).getUint32(0, true);
+      const header = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
+      this.handlers.picture(header, new Blob([new Uint8Array(data, 4 + length)], { type: "image/jpeg" }));
+      return;
+    }
+    const message = JSON.parse(data);
+    const question = this.waiting.get(message.id);
+    if (question) {
+      this.waiting.delete(message.id);
+      if (message.type === "error") {
+        question.reject(new Error(errorText(message)));
+      } else if (message.type === "dropped") {
+        question.reject(new Error("A newer request replaced this one."));
+      } else {
+        question.resolve(message);
+      }
+    }
+    this.handlers.message(message);
+  }
+}
+
+/** Returns "where: what. Advice." of an error message. */
+export function errorText(message) {
+  return (message.where ? message.where + ": " : "") + message.what + (message.advice ? ". " + message.advice + "." : "");
+}

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// Plan (from above) and elevation (from the right): cameras of the array, the virtual camera with its
+// field of view and focal plane, and its path.
+import { ahead, fieldOfView, focusDistance, right, up } from "./camera.js";
+
+/** `axes`: for each of plan and elevation, the world's axes to the right and up on the map. */
+const kPanels = [
+  { title: "Plan", across: [1, 0, 0], upwards: [0, 0, -1] },
+  { title: "Elevation", across: [0, 0, -1], upwards: [0, 1, 0] },
+];
+
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+
+export function drawMap(canvas, arrayCameras, camera, path) {
+  const context = canvas.getContext("2d");
+  context.clearRect(0, 0, canvas.width, canvas.height);
+  if (!camera) return;
+  const points = [...arrayCameras.map((c) => c.position), camera.position];
+  const reach = focusDistance(camera);
+  const focus = camera.position.map((v, i) => v + ahead(camera)[i] * reach);
+  const shown = [...points, ...path.map((c) => c.position)];
+  const middle = [0, 1, 2].map((i) => (Math.min(...shown.map((p) => p[i])) + Math.max(...shown.map((p) => p[i]))) / 2);
+  // The array fills a third of a panel; the focal plane may be outside.
+  const size = Math.max(0.05, ...shown.map((p) => Math.hypot(...p.map((v, i) => v - middle[i]))));
+  kPanels.forEach(({ title, across, upwards }, panel) => {
+    const top = panel * canvas.height / 2, centerX = canvas.width / 2, centerY = top + canvas.height / 4;
+    const perMetre = canvas.height / 4 / (size * 1.6);
+    const at = (p) => [centerX + dot(p.map((v, i) => v - middle[i]), across) * perMetre,
+      centerY - dot(p.map((v, i) => v - middle[i]), upwards) * perMetre];
+    context.save();
+    context.beginPath();
+    context.rect(0, top, canvas.width, canvas.height / 2 - 2);
+    context.clip();
+    context.fillStyle = "#191a1c";
+    context.fill();
+    context.fillStyle = "#6ea3dc";
+    for (const { position } of arrayCameras) {
+      const [x, y] = at(position);
+      context.fillRect(x - 1.5, y - 1.5, 3, 3);
+    }
+    if (path.length > 1) {
+      context.strokeStyle = "#8a7440";
+      context.beginPath();
+      path.forEach(({ position }, i) => (i ? context.lineTo(...at(position)) : context.moveTo(...at(position))));
+      context.stroke();
+    }
+    // The field of view up to the focal plane, horizontally on the plan and vertically on the elevation.
+    const half = Math.tan(fieldOfView(camera) * Math.PI / 360) * reach * (panel === 0 ? 1 : 9 / 16);
+    const side = panel === 0 ? right(camera) : up(camera);
+    const ends = [-half, half].map((h) => focus.map((v, i) => v + side[i] * h));
+    context.strokeStyle = "#f0b429";
+    context.beginPath();
+    context.moveTo(...at(ends[0]));
+    context.lineTo(...at(camera.position));
+    context.lineTo(...at(ends[1]));
+    context.stroke();
+    context.setLineDash([4, 3]);
+    context.beginPath();
+    context.moveTo(...at(ends[0]));
+    context.lineTo(...at(ends[1]));
+    context.stroke();
+    context.setLineDash([]);
+    context.fillStyle = "#f0b429";
+    context.beginPath();
+    context.arc(...at(camera.position), 4, 0, 7);
+    context.fill();
+    context.fillStyle = "#9a9da3";
+    context.font = "11px system-ui";
+    context.fillText(title, 6, top + 14);
+    context.restore();
+  });
+}

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+// The picture: requests views while the camera moves and when it rests, and shows the newest one.
+
+const kMaxUnderWay = 2;    // requests that wait for their pictures: one rendered, one on its way
+const kRestAfter = 150;    // ms without motion until the view is refined
+const kMaxPixels = 8192;   // of width and height
+
+export class View {
+  /** request(quality, width, height) returns the members of a view message; send(members) its id. */
+  constructor(stage, canvas, guides, { request, send, shown }) {
+    this.stage = stage;
+    this.canvas = canvas;
+    this.guides = guides;
+    this.request = request;
+    this.send = send;
+    this.shown = shown;
+    this.context = canvas.getContext("2d", { alpha: false });
+    this.aspect = 16 / 9;
+    this.wanted = null;        // quality of the view that is wanted next
+    this.underWay = new Map(); // id -> {quality, input}
+    this.newestShown = 0;
+    this.next = null;          // decoded picture for the next animation frame
+    this.statistics = { shown: [], latency: [] };
+    this.input = 0;            // time of the input event that the wanted view answers
+    new ResizeObserver(() => this.resize()).observe(stage);
+    requestAnimationFrame((time) => this.animate(time));
+  }
+
+  /** Fits the picture into its area; its pixels are those of the screen. */
+  resize() {
+    const ratio = devicePixelRatio;
+    const width = Math.min(this.stage.clientWidth, this.stage.clientHeight * this.aspect);
+    if (!(width > 0)) return;
+    this.width = Math.min(kMaxPixels, Math.max(1, Math.round(width * ratio)));
+    this.height = Math.min(kMaxPixels, Math.max(1, Math.round(width / this.aspect * ratio)));
+    const style = { left: (this.stage.clientWidth - width) / 2, top: (this.stage.clientHeight - width / this.aspect) / 2,
+      width, height: width / this.aspect };
+    for (const canvas of [this.canvas, this.guides]) {
+      for (const [name, value] of Object.entries(style)) canvas.style[name] = value + "px";
+    }
+    this.guides.width = this.width;
+    this.guides.height = this.height;
+    this.shown?.resized?.();
+    this.rest();
+  }
+
+  setAspect(aspect) {
+    this.aspect = aspect;
+    this.resize();
+  }
+
+  /** Wants the view of the present camera while it moves. */
+  move(inputTime = performance.now()) {
+    if (this.wanted !== "moving") this.input = inputTime;
+    this.wanted = "moving";
+    this.flush();
+    clearTimeout(this.restTimer);
+    this.restTimer = setTimeout(() => this.rest(), kRestAfter);
+  }
+
+  /** Wants a frame of a playing timeline. */
+  play() {
+    clearTimeout(this.restTimer);
+    this.wanted = "playing";
+    this.flush();
+  }
+
+  /** Wants the refined view. */
+  rest() {
+    clearTimeout(this.restTimer);
+    if (!this.width) return;
+    this.wanted = "resting";
+    this.flush();
+  }
+
+  flush() {
+    if (!this.wanted || !this.width) return;
+    const quality = this.wanted;
+    const fast = [...this.underWay.values()].filter((one) => one.quality !== "resting").length;
+    if (quality !== "resting" && fast >= kMaxUnderWay) return;
+    const members = this.request(quality, this.width, this.height);
+    if (!members) return;
+    this.wanted = null;
+    this.underWay.set(this.send(members), { quality, input: this.input });
+  }
+
+  /** Handles a picture of the server. */
+  async receive(header, jpeg) {
+    const bitmap = await createImageBitmap(jpeg);
+    // The server answers only the newest request: older ones will not be answered any more.
+    const under = this.underWay.get(header.id);
+    for (const id of this.underWay.keys()) {
+      if (id < header.id || (id === header.id && header.final)) this.underWay.delete(id);
+    }
+    this.flush();
+    if (header.id < this.newestShown) return bitmap.close();
+    this.newestShown = header.id;
+    this.next?.bitmap.close();
+    this.next = { header, bitmap, input: under?.input };
+  }
+
+  /** A request that failed is not under way any more. */
+  failed(id) {
+    this.underWay.delete(id);
+    this.flush();
+  }
+
+  animate() {
+    if (this.next) {
+      const { header, bitmap, input } = this.next;
+      this.next = null;
+      if (this.canvas.width !== bitmap.width || this.canvas.height !== bitmap.height) {
+        this.canvas.width = bitmap.width;
+        this.canvas.height = bitmap.height;
+      }
+      this.context.drawImage(bitmap, 0, 0);
+      bitmap.close();
+      const now = performance.now();
+      this.record(header, now, input);
+      this.shown.picture(header);
+    }
+    requestAnimationFrame((time) => this.animate(time));
+  }
+
+  record(header, now, input) {
+    const { shown, latency } = this.statistics;
+    shown.push(now);
+    if (header.quality === "moving" && input) latency.push(now - input);
+    for (const list of [shown, latency]) if (list.length > 5000) list.splice(0, 1000);
+  }
+
+  /** Returns the pixel of the picture under a pointer event, as the server counts them. */
+  pixelAt(event) {
+    const box = this.canvas.getBoundingClientRect();
+    const x = (event.clientX - box.left) / box.width * this.width;
+    const y = (event.clientY - box.top) / box.height * this.height;
+    return [Math.min(this.width - 1, Math.max(0, x)), Math.min(this.height - 1, Math.max(0, y))];
+  }
+}
+
+/** Draws the guides of a kind over the picture. `overscan`: pixels of the shot, [x, y]. */
+export function drawGuides(canvas, kind, shot) {
+  const context = canvas.getContext("2d");
+  context.clearRect(0, 0, canvas.width, canvas.height);
+  context.strokeStyle = "#fff9";
+  context.lineWidth = Math.max(1, canvas.width / 1200);
+  const rectangle = (share) => context.strokeRect(canvas.width * (1 - share) / 2, canvas.height * (1 - share) / 2,
+    canvas.width * share, canvas.height * share);
+  if (kind === "safe") {
+    for (const share of [0.93, 0.9]) rectangle(share);  // SMPTE ST 2046-1: action, title
+  } else if (kind === "thirds") {
+    context.beginPath();
+    for (const share of [1 / 3, 2 / 3]) {
+      context.moveTo(canvas.width * share, 0);
+      context.lineTo(canvas.width * share, canvas.height);
+      context.moveTo(0, canvas.height * share);
+      context.lineTo(canvas.width, canvas.height * share);
+    }
+    context.stroke();
+  } else if (kind === "overscan" && shot) {
+    // The shot renders more than the picture: corners show how much.
+    const x = shot.overscan[0] / shot.width * canvas.width, y = shot.overscan[1] / shot.height * canvas.height;
+    context.setLineDash([8, 6]);
+    context.strokeRect(x, y, canvas.width - 2 * x, canvas.height - 2 * y);
+    context.setLineDash([]);
+  }
+}

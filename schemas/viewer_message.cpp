@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "schemas/viewer_message.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "schemas/fields.h"
+
+namespace raystage::schemas {
+namespace {
+
+using Camera = ViewerMessage::Camera;
+using Look = ViewerMessage::Look;
+using Type = ViewerMessage::Type;
+
+constexpr Fields kCamera(required("position", &Camera::position),
+                         required("orientation", &Camera::orientation),
+                         required("focal_length_mm", &Camera::focal_length_mm),
+                         required("film_back_mm", &Camera::film_back_mm),
+                         optional("focus_m", &Camera::focus_m),
+                         optional("f_number", &Camera::f_number));
+
+constexpr auto kChannels = enum_names<Look::Channel>("color", "alpha", "depth", "coverage");
+constexpr Fields kLook(optional("channel", &Look::channel, kChannels),
+                       optional("exposure", &Look::exposure), optional("display", &Look::display),
+                       optional("view", &Look::view), optional("black", &Look::black),
+                       optional("peaking", &Look::peaking));
+
+constexpr auto kTypes =
+    enum_names<Type>("view", "shot", "focus", "probe", "open", "save", "snapshot");
+constexpr auto kEyes = enum_names<ViewerMessage::Eye>("both", "left", "right");
+constexpr auto kQualities = enum_names<ViewerMessage::Quality>("moving", "playing", "resting");
+
+/// Returns the properties that a type of message needs.
+std::vector<std::string_view> needed_by(Type type) {
+  switch (type) {
+    case Type::kView:
+      return {"frame", "width", "height"};
+    case Type::kShot:
+      return {"file", "text"};
+    case Type::kFocus:
+    case Type::kProbe:
+      return {"frame", "width", "height", "pixel"};
+    case Type::kOpen:
+      return {"file"};
+    case Type::kSave:
+      return {"file", "text"};
+    case Type::kSnapshot:
+      return {"frame", "file"};
+  }
+  return {};
+}
+
+void check_type(const JsonNode& object, const ViewerMessage& message) {
+  for (const std::string_view property : needed_by(message.type)) {
+    if (object.has(property)) continue;
+    throw object.input_error(fmt::format("the property \"{}\" is missing", property),
+                             "Add what this type of message needs");
+  }
+}
+
+void check_orientation(const JsonNode& object, const ViewerMessage& message) {
+  if (!message.camera) return;
+  double square = 0;
+  for (const double value : message.camera->orientation) square += value * value;
+  constexpr double kTolerance = 1e-6;  // of browsers' arithmetic
+  if (std::abs(square - 1) <= kTolerance) return;
+  throw object.at("camera")
+      .at("orientation")
+      .input_error("found a quaternion that is not a unit", "Divide it by its length");
+}
+
+constexpr Fields kMessage(
+    required("type", &ViewerMessage::type, kTypes), required("id", &ViewerMessage::id),
+    defaulted("frame", &ViewerMessage::frame), optional("camera", &ViewerMessage::camera, kCamera),
+    optional("width", &ViewerMessage::width), optional("height", &ViewerMessage::height),
+    optional("eye", &ViewerMessage::eye, kEyes),
+    defaulted("quality", &ViewerMessage::quality, kQualities),
+    optional("look", &ViewerMessage::look, kLook), defaulted("pixel", &ViewerMessage::pixel),
+    optional("file", &ViewerMessage::file, kPath), optional("text", &ViewerMessage::text),
+    optional("replace", &ViewerMessage::replace), check(check_type), check(check_orientation));
+
+}  // namespace
+
+ViewerMessage parse_viewer_message(std::string_view text, std::string_view name) {
+  return parse_document_as<ViewerMessage>("viewer_message", kMessage, text, name);
+}
+
+std::string format_viewer_message(const ViewerMessage& message) {
+  return format_document("viewer_message", kMessage, message);
+}
+
+}  // namespace raystage::schemas

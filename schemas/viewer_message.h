@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace raystage::schemas {
+
+/// Schema "raystage/viewer_message/1": a message from the page of `raystage replay` to its server.
+struct ViewerMessage {
+  enum class Type {
+    kView,      ///< render a view
+    kShot,      ///< show the shot in `text`, which is or would be in `file`
+    kFocus,     ///< find the distance of what a pixel shows
+    kProbe,     ///< read a pixel of the view that was shown last
+    kOpen,      ///< read the shot in `file`
+    kSave,      ///< write `text` to `file`
+    kSnapshot,  ///< render a frame into `file`, .exr or .png
+  };
+  enum class Quality {
+    kMoving,   ///< by a fast method, with fewer pixels if necessary
+    kPlaying,  ///< by a fast method
+    kResting,  ///< by the methods of the shot
+  };
+  enum class Eye { kBoth, kLeft, kRight };
+  /// A camera that is not on the path of the shot.
+  struct Camera {
+    std::array<double, 3> position{};     ///< world, metres
+    std::array<double, 4> orientation{};  ///< world_from_camera: w, x, y, z
+    double focal_length_mm = 0, film_back_mm = 0;
+    std::optional<double> focus_m, f_number;
+  };
+  /// How a picture is shown.
+  struct Look {
+    enum class Channel { kColor, kAlpha, kDepth, kCoverage } channel = Channel::kColor;
+    double exposure = 0;        ///< stops
+    std::string display, view;  ///< names in the colour config; empty: its defaults
+    bool black = false;         ///< composited over black and not over a checkerboard
+    bool peaking = false;       ///< sharp edges are marked
+    bool operator==(const Look&) const = default;
+  };
+
+  Type type = Type::kView;
+  std::int64_t id = 0;
+  int frame = 0;
+  std::optional<Camera> camera;  ///< none: that of the shot
+  int width = 0, height = 0;     ///< pixels
+  Eye eye = Eye::kBoth;
+  Quality quality = Quality::kMoving;
+  Look look;
+  std::array<double, 2> pixel{};  ///< column, row
+  std::string file, text;
+  bool replace = false;
+};
+
+/// Parses a message. Throws Error (bad input) if it is not valid, or lacks what its type needs.
+ViewerMessage parse_viewer_message(std::string_view text, std::string_view name = "message");
+std::string format_viewer_message(const ViewerMessage& message);
+
+}  // namespace raystage::schemas

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "schemas/viewer_message.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+
+namespace raystage::schemas {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::string error_of(std::string_view text) {
+  try {
+    parse_viewer_message(text);
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+std::string message(std::string_view members) {
+  return R"({"schema": "raystage/viewer_message/1", "id": 3, )" + std::string(members) + "}";
+}
+
+constexpr std::string_view kCamera =
+    R"("camera": {"position": [1, 2, 3], "orientation": [1, 0, 0, 0], "focal_length_mm": 35,
+       "film_back_mm": 36, "focus_m": 2.5})";
+
+TEST(ViewerMessages, AreReadAndWritten) {
+  const ViewerMessage read = parse_viewer_message(
+      message(R"("type": "view", "frame": 7, "width": 640, "height": 480, "quality": "resting",
+                 "look": {"channel": "depth", "exposure": -1.5}, )" +
+              std::string(kCamera)));
+  EXPECT_EQ(read.type, ViewerMessage::Type::kView);
+  EXPECT_EQ(read.id, 3);
+  EXPECT_EQ(read.frame, 7);
+  EXPECT_EQ(read.quality, ViewerMessage::Quality::kResting);
+  EXPECT_EQ(read.look.channel, ViewerMessage::Look::Channel::kDepth);
+  EXPECT_EQ(read.look.exposure, -1.5);
+  ASSERT_TRUE(read.camera);
+  EXPECT_EQ(read.camera->position[2], 3);
+  EXPECT_EQ(read.camera->focus_m, 2.5);
+  EXPECT_FALSE(read.camera->f_number);
+  const std::string written = format_viewer_message(read);
+  EXPECT_EQ(format_viewer_message(parse_viewer_message(written)), written);
+}
+
+TEST(ViewerMessages, StateWhatTheirTypeNeeds) {
+  EXPECT_THAT(error_of(message(R"("type": "view", "frame": 1, "width": 640)")),
+              HasSubstr("\"height\" is missing"));
+  EXPECT_THAT(error_of(message(R"("type": "focus", "frame": 1, "width": 6, "height": 4)")),
+              HasSubstr("\"pixel\" is missing"));
+  EXPECT_THAT(error_of(message(R"("type": "save", "file": "a.json")")),
+              HasSubstr("\"text\" is missing"));
+}
+
+TEST(ViewerMessages, OutsideTheSchemaAreRejected) {
+  const std::string view = R"("type": "view", "frame": 1, "height": 480, )";
+  EXPECT_THAT(error_of(message(view + R"("width": 100000)")), HasSubstr("/width"));
+  EXPECT_THAT(error_of(message(view + R"("width": 640, "method": "depth")")), HasSubstr("method"));
+  EXPECT_THAT(error_of(message(R"("type": "delete", "file": "a")")), HasSubstr("/type"));
+  EXPECT_THAT(error_of(message(view + R"("width": 640, "camera": {"position": [0, 0, 0],
+      "orientation": [0.5, 0, 0, 0], "focal_length_mm": 35, "film_back_mm": 36})")),
+              HasSubstr("not a unit"));
+  EXPECT_NE(error_of("{"), "");
+  EXPECT_NE(error_of(""), "");
+  EXPECT_NE(error_of(std::string(100'000, '[')), "");
+  EXPECT_THAT(error_of(message(R"("type": "open", "file": "a\u0000b")")),
+              HasSubstr("control character"));
+}
+
+}  // namespace
+}  // namespace raystage::schemas

@@ -1,0 +1,340 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Tests the viewer's page in Chromium: every control changes the picture as it should."""
+import json
+import math
+import sys
+import unittest
+
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import Select
+
+from viewer_page import PageTest, run
+
+
+def distance(a, b) -> float:
+    return math.dist(a, b)
+
+
+class Flying(PageTest):
+    def drag(self, x: int, y: int, key: str = "") -> None:
+        actions = ActionChains(self.browser, duration=20)
+        if key:
+            actions.key_down(key)
+        actions.move_to_element(self.element("picture")).click_and_hold()
+        for _ in range(5):
+            actions.move_by_offset(x // 5, y // 5)
+        actions.release()
+        if key:
+            actions.key_up(key)
+        actions.perform()
+
+    def focus_point(self) -> list:
+        return self.js("return import('./camera.js').then(cam => cam.focusPoint(raystage.camera()))")
+
+    def test_shows_the_take(self) -> None:
+        header = self.refined()
+        self.assertEqual(header["frame"], 1)
+        self.assertLess(header["uncovered"], 0.2)
+        self.assertEqual(self.element("title").text, "simulated still")
+        self.assertGreater(len(set(self.pixels())), 50, "the picture shows something")
+        self.screenshot("take")
+
+    def test_dragging_orbits_about_the_focus_point(self) -> None:
+        before, seen, point = self.camera(), self.pixels(), self.focus_point()
+        self.drag(50, 0)
+        after = self.camera()
+        self.assertLess(after["position"][0], before["position"][0])
+        self.assertLess(distance(self.focus_point(), point), 1e-6)
+        self.assertGreater(self.difference(self.pixels(), seen), 1)
+        self.drag(0, 50)
+        self.assertGreater(self.camera()["position"][1], after["position"][1])
+
+    def test_shift_and_drag_pans(self) -> None:
+        before, seen = self.camera(), self.pixels()
+        self.drag(20, 0, Keys.SHIFT)
+        after = self.camera()
+        self.assertLess(after["position"][0], before["position"][0])
+        self.assertEqual(after["orientation"], before["orientation"])
+        self.assertGreater(self.difference(self.pixels(), seen), 1)
+
+    def test_the_wheel_dollies_and_keeps_the_focal_plane(self) -> None:
+        before, point = self.camera(), self.focus_point()
+        ActionChains(self.browser).scroll_from_origin(
+            ScrollOrigin.from_element(self.element("picture")), 0, -100).perform()
+        self.refined()
+        after = self.camera()
+        self.assertLess(after["position"][2], before["position"][2])
+        self.assertLess(distance(self.focus_point(), point), 1e-6)
+
+    def test_fields_set_the_camera(self) -> None:
+        for name, value in [("position-x", "0.05"), ("position-y", "-0.02"), ("position-z", "0.1"), ("fov", "30"),
+                            ("azimuth", "4"), ("elevation", "-3"), ("roll", "10"), ("focal-length", "60")]:
+            seen = self.pixels()
+            field = self.element(name)
+            field.clear()
+            field.send_keys(value, Keys.TAB)
+            self.assertGreater(self.difference(self.pixels(), seen), 0.3, name)
+            self.assertAlmostEqual(float(field.get_attribute("value")), float(value), 2, name)
+        angles = self.js("return import('./camera.js').then(cam => cam.angles(raystage.camera()))")
+        self.assertAlmostEqual(angles["azimuth"], 4, 6)
+        self.assertAlmostEqual(angles["elevation"], -3, 6)
+        self.assertAlmostEqual(angles["roll"], 10, 6)
+
+    def test_the_keyboard_alone_suffices(self) -> None:
+        self.element("picture").send_keys("")
+        for keys, index, sign in [(Keys.ARROW_LEFT, 0, -1), (Keys.ARROW_RIGHT, 0, 1), (Keys.ARROW_UP, 1, 1),
+                                  (Keys.ARROW_DOWN, 1, -1), (Keys.PAGE_UP, 2, -1), (Keys.PAGE_DOWN, 2, 1)]:
+            before = self.camera()["position"][index]
+            self.element("picture").send_keys(keys)
+            self.assertGreater((self.camera()["position"][index] - before) * sign, 1e-4, repr(keys))
+        focus = self.camera()["focus_m"]
+        self.element("picture").send_keys("]")
+        self.assertGreater(self.camera()["focus_m"], focus)
+        self.element("picture").send_keys(".")
+        self.assertEqual(self.js("return raystage.timeline.frame"), 2)
+        self.element("picture").send_keys("k")
+        self.wait_for("return raystage.shotText.keys().length === 2")
+        self.element("picture").send_keys(Keys.HOME, "?")
+        self.wait_for("return document.getElementById('help-dialog').open")
+        self.screenshot("keys")
+        self.element("help-dialog").send_keys(Keys.ESCAPE)
+
+
+class Focusing(PageTest):
+    def click(self, x: float, y: float) -> float:
+        """Clicks at a share of the picture and returns the distance in focus."""
+        size = self.element("picture").size
+        self.js("raystage.state.focusMs = null")
+        ActionChains(self.browser).move_to_element_with_offset(
+            self.element("picture"), int((x - 0.5) * size["width"]), int((y - 0.5) * size["height"])).click().perform()
+        self.wait_for("return raystage.state.focusMs")
+        return self.camera()["focus_m"]
+
+    def test_clicks_focus_on_what_is_there(self) -> None:
+        near, far = self.click(0.5, 0.62), self.click(0.395, 0.43)
+        self.assertLess(near, far)
+        # By the depths of the method depth, at the same pixels.
+        depth = self.js("""
+          const ask = (pixel) => raystage.connection.ask('probe', {frame: 1, width: raystage.view.width,
+            height: raystage.view.height, pixel, camera: {...raystage.camera(), focus_m: undefined}});
+          raystage.shotText.change(json => { json.layers[0].method = 'depth'; });
+          return raystage.connection.ask('shot', {file: raystage.shotText.file, text: raystage.shotText.text()})
+            .then(async () => {
+              const found = [];
+              for (const [x, y] of [[0.5, 0.62], [0.395, 0.43]]) {
+                found.push((await ask([x * raystage.view.width, y * raystage.view.height])).z);
+              }
+              return found;
+            })""")
+        self.assertAlmostEqual(near, depth[0], delta=0.1 * depth[0])
+        self.assertAlmostEqual(far, depth[1], delta=0.1 * depth[1])
+
+    def test_the_slider_is_in_dioptres(self) -> None:
+        seen = self.pixels()
+        self.js("""const slider = document.getElementById('focus-slider');
+          slider.value = 0.5; slider.dispatchEvent(new Event('input', {bubbles: true}))""")
+        self.assertAlmostEqual(self.camera()["focus_m"], 2, 6)
+        self.assertGreater(self.difference(self.pixels(), seen), 0.3)
+
+    def test_peaking_marks_what_is_sharp(self) -> None:
+        red = """const c = document.getElementById('picture'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+          let n = 0; for (let i = 0; i < d.length; i += 4) n += d[i] > 200 && d[i + 1] < 90 && d[i + 2] < 90; return n"""
+        self.refined()
+        before = self.js(red)
+        self.element("peaking").click()
+        self.refined()
+        self.assertGreater(self.js(red), before + 100)
+        self.screenshot("peaking")
+
+    def test_the_aperture_changes_the_depth_of_field(self) -> None:
+        Select(self.element("method-0")).select_by_value("aperture")
+        self.wait_for("return raystage.state.shot.layers[0].method === 'aperture'")
+        seen = self.pixels()
+        field = self.element("f-number")
+        field.send_keys("0.2", Keys.TAB)
+        self.assertGreater(self.difference(self.pixels(), seen), 0.1)
+
+
+class Looking(PageTest):
+    def choose(self, name: str, value: str) -> list:
+        Select(self.element(name)).select_by_value(value)
+        return self.pixels()
+
+    def test_channels_exposure_display_and_background(self) -> None:
+        color = self.pixels()
+        seen = {"color": color}
+        for channel in ("alpha", "depth", "coverage"):
+            seen[channel] = self.choose("channel", channel)
+            self.screenshot("channel-" + channel)
+        self.assertGreater(self.difference(seen["depth"], color), 5)
+        self.assertGreater(self.difference(seen["alpha"], color), 5)
+        self.assertLess(self.difference(self.choose("channel", "color"), color), 0.01)
+        self.element("exposure").clear()
+        self.element("exposure").send_keys("2", Keys.TAB)
+        self.assertGreater(sum(self.pixels()), sum(color) * 1.2)
+        self.element("exposure").clear()
+        self.element("exposure").send_keys("0", Keys.TAB)
+        self.assertGreater(self.difference(self.choose("display", "sRGB|ACES 1.0 SDR"), color), 2)
+        self.choose("display", "|")
+        self.element("azimuth").clear()
+        self.element("azimuth").send_keys("40", Keys.TAB)  # beyond what the array saw
+        checker = self.pixels()
+        self.assertGreater(self.js("return raystage.state.picture.uncovered"), 0.1)
+        self.element("black").click()
+        self.assertGreater(self.difference(self.pixels(), checker), 2)
+
+    def test_guides_are_drawn(self) -> None:
+        drawn = """const c = document.getElementById('guides');
+          return c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some(v => v > 0)"""
+        self.assertFalse(self.js(drawn))
+        for kind in ("thirds", "safe", "overscan"):
+            Select(self.element("guides-kind")).select_by_value(kind)
+            self.assertTrue(self.js(drawn), kind)
+
+    def test_every_method_shows_a_picture(self) -> None:
+        for method in ("nearest", "lumigraph", "slabs", "plane_sweep", "depth", "focal_plane"):
+            Select(self.element("method-0")).select_by_value(method)
+            self.wait_for("return raystage.state.shot.layers[0].method === arguments[0]", method)
+            header = self.refined()
+            self.wait_for("return raystage.state.picture.final")
+            self.assertLess(header["uncovered"], 0.3, method)
+            self.assertNotEqual(self.element("method-summary").text, "")
+
+
+class KeysAndFiles(PageTest):
+    def set_key(self, frame: int, x: float) -> None:
+        self.js("raystage.timeline.go(arguments[0])", frame)
+        self.js("raystage.setCamera({...raystage.camera(), position: [arguments[0], 0.01, 0.02]})", x)
+        self.element("set-key").click()
+        self.wait_for("return !raystage.connection.waiting.size && raystage.state.shot.path.length > 0")
+
+    def save_as(self, name: str, replace: bool = False) -> None:
+        self.element("save").click()
+        field = self.element("file-name")
+        field.clear()
+        field.send_keys(name)
+        if replace:
+            self.element("replace").click()
+        field.send_keys(Keys.ENTER)
+
+    def status(self) -> str:
+        return self.element("status").text
+
+    def test_keys_survive_save_and_open(self) -> None:
+        self.set_key(5, 0.03)
+        self.set_key(12, -0.02)
+        keys = self.js("return raystage.shotText.keys()")
+        self.assertEqual([key["frame"] for key in keys], [1, 5, 12])
+        path = self.js("return raystage.state.shot.path.map(c => c.position[0])")
+        self.assertEqual(path[4], 0.03)
+        self.assertEqual(path[11], -0.02)
+        self.js("raystage.shotText.change(j => { j.x_note = 'kept'; j.layers[0].comment = 'kept, too'; })")
+        self.save_as("moved.json")
+        self.wait_for("return document.getElementById('status').textContent === 'Saved moved.json'")
+        saved = json.loads((self.root / "moved.json").read_text())
+        self.assertEqual(saved["camera"]["keys"], keys)
+        self.assertEqual(saved["x_note"], "kept")
+        self.assertEqual(saved["layers"][0]["comment"], "kept, too")
+        self.screenshot("keys-set")
+        self.open_page(self.viewer.url)
+        self.element("open").click()
+        self.element("file-name").clear()
+        self.element("file-name").send_keys("moved.json", Keys.ENTER)
+        self.wait_for("return raystage.state.shot && raystage.state.shot.file === 'moved.json'")
+        self.assertEqual(self.js("return raystage.shotText.keys()"), keys)
+        self.assertEqual(self.js("return raystage.shotText.json.x_note"), "kept")
+
+    def test_an_existing_file_is_replaced_only_if_confirmed(self) -> None:
+        (self.root / "there.json").write_text((self.root / "take/shot.json").read_text())
+        before = (self.root / "there.json").read_text()
+        self.save_as("there.json")
+        self.wait_for("return document.getElementById('status').textContent.includes('exists')")
+        self.assertEqual((self.root / "there.json").read_text(), before)
+        self.save_as("there.json", replace=True)
+        self.wait_for("return document.getElementById('status').textContent === 'Saved there.json'")
+        self.assertNotEqual((self.root / "there.json").read_text(), before)
+        self.save_as("../outside.json")
+        self.wait_for("return document.getElementById('status').textContent.includes('outside')")
+        self.assertFalse((self.root.parent / "outside.json").exists())
+
+    def test_undo_and_redo(self) -> None:
+        self.set_key(5, 0.03)
+        self.set_key(5, 0.04)
+        position = "return raystage.shotText.keyAt(5)?.position[0] ?? null"
+        self.element("undo").click()
+        self.assertEqual(self.js(position), 0.03)
+        self.element("undo").click()
+        self.assertIsNone(self.js(position))
+        self.element("redo").click()
+        self.element("redo").click()
+        self.assertEqual(self.js(position), 0.04)
+        self.wait_for("return raystage.state.shot.path[4].position[0] === 0.04")
+
+    def test_a_snapshot_is_what_render_and_preview_write(self) -> None:
+        self.set_key(1, 0.015)
+        for method in ("focal_plane", "depth"):
+            Select(self.element("method-0")).select_by_value(method)
+            self.wait_for("return raystage.state.shot.layers[0].method === arguments[0]", method)
+            self.save_as(f"{method}.json")
+            self.wait_for("return document.getElementById('status').textContent === arguments[0]", f"Saved {method}.json")
+            self.element("snapshot").click()
+            self.element("file-name").clear()
+            self.element("file-name").send_keys(f"{method}.png", Keys.ENTER)
+            self.wait_for("return document.getElementById('status').textContent === arguments[0]", f"Written {method}.png")
+            run("render", self.root / f"{method}.json", "--frames", "1", "-o", self.root / f"{method}.####.exr", "-q")
+            run("preview", self.root / f"{method}.####.exr", "-o", self.root / f"{method}-rendered.####.png", "-q")
+            rendered = next(self.root.glob(f"{method}-rendered.*.png"))
+            self.assertEqual((self.root / f"{method}.png").read_bytes(), rendered.read_bytes(), method)
+
+    def test_plays_at_true_speed(self) -> None:
+        self.refined()
+        self.js("raystage.timeline.loop = true; document.getElementById('play').click()")
+        start = self.js("return performance.now()")
+        self.wait_for("return performance.now() - arguments[0] > 2000", start)
+        statistics = self.js("return raystage.timeline.statistics")
+        elapsed = (self.js("return performance.now()") - start) / 1000
+        self.element("play").click()
+        self.assertAlmostEqual(statistics["wanted"], elapsed * 10, delta=0.1 * elapsed * 10 + 3)
+        self.assertGreater(statistics["shown"], 3, "frames may be dropped, but not all")
+
+
+class HostileNames(PageTest):
+    def test_markup_in_documents_is_text(self) -> None:
+        markup = "<img src=x onerror='document.title=1'><script>document.title=2</script>"
+        shot = json.loads(self.js("return raystage.shotText.text()"))
+        shot["name"] = markup
+        shot["layers"][0]["name"] = markup
+        (self.root / "hostile.json").write_text(json.dumps(shot))
+        self.element("open").click()
+        self.element("file-name").clear()
+        self.element("file-name").send_keys("hostile.json", Keys.ENTER)
+        self.wait_for("return raystage.state.shot?.file === 'hostile.json'")
+        self.refined()
+        self.assertEqual(self.element("title").text, markup)
+        self.assertIn(markup, self.element("layers").text)
+        self.assertEqual(self.js("return document.querySelectorAll('img').length"), 0)
+
+    def test_errors_say_where_and_what_to_do(self) -> None:
+        (self.root / "wrong.json").write_text('{"schema": "raystage/shot/2", "name": 3}')
+        for file, expected in [("wrong.json", "wrong.json#"), ("missing.json", "missing.json")]:
+            self.js("raystage.connection.ask('open', {file: arguments[0]}).catch(() => {})", file)
+            self.wait_for("return document.getElementById('status').textContent.includes(arguments[0])", expected)
+        self.assertIsNotNone(self.js("return raystage.state.shot"), "the shot before is still shown")
+        self.refined()
+
+
+class LargeWindow(PageTest):
+    SIZE = (3840, 2160)
+
+    def test_the_picture_has_the_pixels_of_the_screen(self) -> None:
+        header = self.refined()
+        self.assertGreater(header["height"], 1800)
+        self.assertAlmostEqual(header["width"] / header["height"], 4 / 3, 2)
+        self.screenshot("large")
+
+
+if __name__ == "__main__":
+    unittest.main(argv=[sys.argv[0], "-v", *sys.argv[1:]])

@@ -12,7 +12,8 @@ foreach(name IN LISTS FILES)
   string(REGEX REPLACE ".*\\." "" extension "${name}")
   string(APPEND entries "    {\"${name}\", \"${types_${extension}}\", R\"WEB_FILE(${text})WEB_FILE\"},\n")
 endforeach()
-file(WRITE "${OUTPUT}" "// SPDX-License-Identifier: Apache-2.0
+# Unchanged contents keep their time stamp: nothing is compiled again.
+file(WRITE "${OUTPUT}.new" "// SPDX-License-Identifier: Apache-2.0
 // Generated from replay/web/ by embed_files.cmake.
 #include \"replay/embedded_files.h\"
 
@@ -28,3 +29,5 @@ std::span<const EmbeddedFile> embedded_files() { return kFiles; }
 
 }  // namespace raystage::replay
 ")
+file(COPY_FILE "${OUTPUT}.new" "${OUTPUT}" ONLY_IF_DIFFERENT)
+file(REMOVE "${OUTPUT}.new")

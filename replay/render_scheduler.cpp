@@ -146,9 +146,11 @@ void RenderScheduler::submit(ClientId client, JobKind kind, Job job,
   lane.has_job.notify_one();
 }
 
-void RenderScheduler::cancel_refinement(ClientId client) {
-  const std::scoped_lock lock(state_->mutex);
-  state_->stop_running(client, 1, JobKind::kRefinement);
+void RenderScheduler::end() {
+  for (std::jthread& thread : state_->threads) thread.request_stop();
+  for (std::jthread& thread : state_->threads) {
+    if (thread.joinable()) thread.join();
+  }
 }
 
 void RenderScheduler::remove(ClientId client) {

@@ -36,10 +36,10 @@ class RenderScheduler {
   /// `dropped`: called if the job never runs, because a newer one of its kind came or its client
   /// was removed. Must not call the scheduler.
   void submit(ClientId client, JobKind kind, Job job, std::function<void()> dropped = {});
-  /// Drops the waiting refinement of a client and requests the running one to stop.
-  void cancel_refinement(ClientId client);
-  /// As cancel_refinement() for all kinds of jobs. The running ones may end later.
+  /// Drops the waiting jobs of a client and requests the running ones to stop, which may end later.
   void remove(ClientId client);
+  /// Ends the threads. Jobs that are submitted later never run.
+  void end();
 
  private:
   struct State;

@@ -146,12 +146,17 @@ TEST(RenderScheduler, RemovedClientsAreForgotten) {
 
 TEST(RenderScheduler, EndsWhateverRuns) {
   std::promise<void> started;
+  bool has_run = false;
   RenderScheduler scheduler(2);
   scheduler.submit(1, JobKind::kRefinement, [&](const std::stop_token& stop) {
     started.set_value();
     wait_until_cancelled(stop);
   });
   started.get_future().wait();
+  scheduler.end();
+  scheduler.submit(1, JobKind::kMotion, [&](const std::stop_token&) { has_run = true; });
+  scheduler.end();
+  EXPECT_FALSE(has_run);
 }
 
 }  // namespace

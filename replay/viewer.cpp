@@ -63,6 +63,10 @@ struct Viewer::State : RequestHandler {
                  },
                  options.program_version},
         server(options.server, *this) {}
+  /// Jobs send to connections of the server, which is destroyed first.
+  ~State() override { scheduler.end(); }
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
 
   std::optional<Resource> find(std::string_view path) const override {
     for (const EmbeddedFile& file : embedded_files()) {

@@ -54,6 +54,9 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
         [self = shared_from_this(), request, job](const std::stop_token& stop) {
           try {
             job(*self, stop);
+          } catch (const Cancelled&) {
+            self->send(dropped_message(request));
+            throw;
           } catch (const Error& error) {
             self->send(error_message(request, error));
           } catch (const std::bad_alloc&) {

@@ -60,6 +60,15 @@ void check_type(const JsonNode& object, const ViewerMessage& message) {
   }
 }
 
+/// Bounds the memory of a picture: a wall of 5120x2880 is below.
+void check_size(const JsonNode& object, const ViewerMessage& message) {
+  constexpr double kMaxPixels = 1 << 24;
+  if (static_cast<double>(message.width) * message.height <= kMaxPixels) return;
+  throw object.input_error(fmt::format("found a picture of {}x{}, allowed: at most 2^24 pixels",
+                                       message.width, message.height),
+                           "Request a smaller picture");
+}
+
 void check_orientation(const JsonNode& object, const ViewerMessage& message) {
   if (!message.camera) return;
   double square = 0;
@@ -79,7 +88,8 @@ constexpr Fields kMessage(
     defaulted("quality", &ViewerMessage::quality, kQualities),
     optional("look", &ViewerMessage::look, kLook), defaulted("pixel", &ViewerMessage::pixel),
     optional("file", &ViewerMessage::file, kPath), optional("text", &ViewerMessage::text),
-    optional("replace", &ViewerMessage::replace), check(check_type), check(check_orientation));
+    optional("replace", &ViewerMessage::replace), check(check_type), check(check_size),
+    check(check_orientation));
 
 }  // namespace
 

@@ -64,6 +64,8 @@ TEST(ViewerMessages, OutsideTheSchemaAreRejected) {
   EXPECT_THAT(error_of(message(view + R"("width": 640, "camera": {"position": [0, 0, 0],
       "orientation": [0.5, 0, 0, 0], "focal_length_mm": 35, "film_back_mm": 36})")),
               HasSubstr("not a unit"));
+  EXPECT_THAT(error_of(message(R"("type": "view", "frame": 1, "width": 8192, "height": 8192)")),
+              HasSubstr("2^24 pixels"));
   EXPECT_NE(error_of("{"), "");
   EXPECT_NE(error_of(""), "");
   EXPECT_NE(error_of(std::string(100'000, '[')), "");

@@ -94,12 +94,8 @@ function sendShot() {
   connection.ask("shot", { file: shotText.file, text: shotText.text() })
     .then(() => { if (timeline.frame === frame) view.rest(); })
     .catch((error) => say(error.message));
-  try {
-    localStorage.setItem(autosaveName(), shotText.text());
-  } catch { /* a browser without storage: nothing to recover later */ }
   refreshPanels();
 }
-const autosaveName = () => "raystage:" + document.body.dataset.folder + ":" + shotText.file;
 
 function undo(step) {
   if (!step) return;

@@ -3,7 +3,7 @@
 
 const kMaxUnderWay = 2;    // requests that wait for their pictures: one rendered, one on its way
 const kRestAfter = 150;    // ms without motion until the view is refined
-const kMaxPixels = 8192;   // of width and height
+const kMaxPixels = 2 ** 24;  // of a picture
 
 export class View {
   /** request(quality, width, height) returns the members of a view message; send(members) its id. */
@@ -31,8 +31,10 @@ export class View {
     const ratio = devicePixelRatio;
     const width = Math.min(this.stage.clientWidth, this.stage.clientHeight * this.aspect);
     if (!(width > 0)) return;
-    this.width = Math.min(kMaxPixels, Math.max(1, Math.round(width * ratio)));
-    this.height = Math.min(kMaxPixels, Math.max(1, Math.round(width / this.aspect * ratio)));
+    // The pixels of the screen, as far as the server renders them.
+    const fit = Math.min(1, Math.sqrt(kMaxPixels / (width * ratio * width / this.aspect * ratio)));
+    this.width = Math.max(1, Math.floor(width * ratio * fit));
+    this.height = Math.max(1, Math.floor(width / this.aspect * ratio * fit));
     const style = { left: (this.stage.clientWidth - width) / 2, top: (this.stage.clientHeight - width / this.aspect) / 2,
       width, height: width / this.aspect };
     for (const canvas of [this.canvas, this.guides]) {

@@ -83,7 +83,6 @@ class PageTest(unittest.TestCase):
 
     def open_page(self, url: str) -> None:
         self.browser.get(url)
-        self.js("window.onbeforeunload = null; localStorage.clear()")
         self.wait_for("return raystage.state.picture && raystage.state.picture.final")
 
     def js(self, script: str, *arguments):

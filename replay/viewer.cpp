@@ -46,7 +46,9 @@ ShotText first_shot(const ViewerOptions& options, const ShotFiles& files) {
                            "Give the folder of a take (with take.json), or a shot's .json file");
   }
   const std::string file = fs::relative(target, files.folder()).string();
-  return {file, files.read(file)};
+  ShotText shot{file, files.read(file)};
+  schemas::parse_shot(shot.text, target.string());  // fails now, and not in the page
+  return shot;
 }
 
 }  // namespace

@@ -7,13 +7,14 @@ import os
 import pathlib
 import socket
 import struct
+import subprocess
 import sys
 import tempfile
 import time
 import unittest
 import urllib.parse
 
-from viewer_page import WAIT_SECONDS, Viewer, simulate
+from viewer_page import BIN, WAIT_SECONDS, Viewer, simulate
 
 SCHEMA = "raystage/viewer_message/1"
 
@@ -260,6 +261,14 @@ class Server(unittest.TestCase):
         # `raystage` runs the program in its own process.
         status = pathlib.Path(f"/proc/{self.viewer.process.pid}/status").read_text()
         return int(status.split("VmRSS:")[1].split()[0]) / 1024
+
+    def test_targets_that_cannot_be_shown_end_at_once(self) -> None:
+        (self.root / "broken.json").write_text("{")
+        for target, expected in (("broken.json", "broken.json:"), ("nowhere", "no such take"), (".", "no take")):
+            ended = subprocess.run([str(BIN / "raystage"), "replay", str(self.root / target)], capture_output=True, text=True,
+                                   timeout=WAIT_SECONDS)
+            self.assertEqual(ended.returncode, 2, target)
+            self.assertIn(expected, ended.stderr)
 
     def test_connections_that_send_nothing_do_not_keep_others_out(self) -> None:
         idle = [self.connect() for _ in range(200)]

@@ -22,9 +22,11 @@ struct Options {
 void declare(CommandLine& command, Options& options) {
   command.option("SHOT", options.shot, "the shot (shot.json)").required();
   command
-      .option("-o,--output FILE.chan|FILE.gltf", options.output,
-              "file to write: .chan for Nuke (frame tx ty tz rx ry rz and vertical field of view; "
-              "metres,\ndegrees) or .gltf for Blender, Maya, Houdini (glTF 2.0, with animation)")
+      .option(
+          "-o,--output FILE.chan|FILE.gltf|FILE.nk", options.output,
+          "file to write: .nk for Nuke (a camera node with lens, shift and focus), .chan (frame "
+          "tx ty\ntz rx ry rz and vertical field of view; metres, degrees), or .gltf for "
+          "Blender, Maya, Houdini\n(glTF 2.0, with animation)")
       .required();
   command.option("--frames RANGE", options.frames,
                  "frames to write, e.g. 1-48 (default: all of the shot)");
@@ -57,23 +59,14 @@ ExitCode write_camera(const Options& options) {
                            "Omit --eye, or add \"stereo\" to the shot's camera");
   }
   const std::vector<int> frames = frames_of(shot, options.frames);
-  std::string text;
-  if (output.extension() == ".chan") {
-    const compose::RotationOrder order = compose::parse_rotation_order(options.rotation_order)
-                                             .value_or(compose::RotationOrder::kZxy);
-    text = compose::camera_to_chan(camera, frames, options.eye, order);
-  } else if (output.extension() == ".gltf") {
-    const std::string name =
-        shot.name.empty() ? std::filesystem::path(options.shot).stem().string() : shot.name;
-    text = compose::camera_to_gltf(camera, shot, frames, options.eye, name);
-  } else {
-    throw Error::bad_input("the camera can only be written as .chan or .gltf", options.output,
-                           "Name the output FILE.chan or FILE.gltf");
-  }
-  write_file_atomically(output, text);
+  compose::CameraExport exported{camera, shot, frames, options.eye};
+  exported.order =
+      compose::parse_rotation_order(options.rotation_order).value_or(compose::RotationOrder::kZxy);
+  if (shot.name.empty()) exported.name = std::filesystem::path(options.shot).stem().string();
+  write_file_atomically(output, compose::format_camera_file(exported, output));
   fmt::print("{}: {} frames, {}\n", options.output, frames.size(),
              compose::format_frame_range(frames));
-  if (options.eye != compose::Eye::kBoth && shot.camera.stereo &&
+  if (output.extension() != ".nk" && options.eye != compose::Eye::kBoth && shot.camera.stereo &&
       shot.camera.stereo->convergence_m) {
     fmt::print(
         "the eye's lens is shifted to converge at {} m; the file format cannot store the shift\n",

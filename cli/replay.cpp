@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <cstdio>
-#include <cstdlib>
 
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
@@ -15,12 +14,15 @@ int main(int argc, char** argv) {
   using namespace raystage;
   using namespace raystage::cli;
   CommandLine command(
-      "Shows a take or a shot in the browser: fly the camera, click to focus, play, set keys, "
-      "save\n"
-      "the shot. Prints the address to open and serves until it is stopped (Ctrl-C).",
+      "Shows a take, a shot or a folder of these in the browser: fly the camera, click to focus,\n"
+      "play, set keys, save the shot. A take that is being recorded is shown live. Prints the\n"
+      "address to open and serves until it is stopped (Ctrl-C).",
       "raystage replay");
   replay::ViewerOptions options;
-  command.option("TARGET", options.target, "a take's folder, or a shot's .json file").required();
+  command
+      .option("TARGET", options.target,
+              "a take's folder, a shot's .json file, or a folder of takes and\nshots")
+      .required();
   int port = 0;
   double memory_gb = 0;
   command

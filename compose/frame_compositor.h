@@ -10,7 +10,6 @@
 #include "compose/layers/layer_image.h"
 #include "compose/sequence_memory_plan.h"
 #include "compose/shot_plan.h"
-#include "render/renderer.h"
 
 namespace raystage::compose {
 

@@ -303,12 +303,7 @@ ExrCamera ShotPlan::exr_camera(int frame, Eye eye) const {
   camera.film_back_mm = state.film_back_mm;
   camera.focus_m = state.focus_m;
   camera.f_number = state.f_number;
-  camera.overscan_x = shot_.output.overscan[0];
-  camera.overscan_y = shot_.output.overscan[1];
-  camera.view.width += 2 * camera.overscan_x;
-  camera.view.height += 2 * camera.overscan_y;
-  camera.view.intrinsics.cx += camera.overscan_x;
-  camera.view.intrinsics.cy += camera.overscan_y;
+  add_overscan(camera, shot_.output.overscan);
   if (state.shutter_deg) {
     camera.exposure_seconds =
         *state.shutter_deg / 360 * shot_.fps_denominator / shot_.fps_numerator;

@@ -6,7 +6,6 @@
 #include <string_view>
 #include <vector>
 
-#include "farm/attempts.h"
 #include "farm/job_folder.h"
 #include "farm/slurm_queue.h"
 

@@ -2,7 +2,6 @@
 // References of semi_global_match() (Hirschmueller 2008, eq. 12) and box_match(), bit-exact, on the
 // complete cost volume. Output: plane and cost per pixel. Cost: pixels x planes x 8 paths.
 #include <algorithm>
-#include <array>
 #include <cstdlib>
 
 #include "matching/matching.h"

@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "base/parallel.h"
@@ -19,20 +20,10 @@ using Channel = schemas::ViewerMessage::Look::Channel;
 
 constexpr std::array<std::uint8_t, 3> kWithoutDepth{24, 24, 24};
 
-compose::DisplayOptions display_options(const schemas::ViewerMessage::Look& look,
-                                        const compose::ShotColorSpaces& colors) {
-  compose::DisplayOptions options;
-  options.exposure = look.exposure;
-  options.background = look.black ? compose::Background::kBlack : compose::Background::kChecker;
-  options.colors = colors.studio;
-  options.monitor = look.display;
-  options.view = look.view;
-  return options;
-}
-
-std::span<const float> coverage_of(const compose::LayerImage& image) {
+/// Returns the values of an AOV of light fields; empty if the image has none.
+std::span<const float> light_field_aov(const compose::LayerImage& image, std::string_view channel) {
   for (const compose::Aov& aov : image.aovs) {
-    if (aov.layer == "lf" && aov.channels.front() == "coverage") return aov.values;
+    if (aov.layer == "lf" && aov.channels.front() == channel) return aov.values;
   }
   return {};
 }
@@ -53,6 +44,11 @@ std::uint8_t code_of_share(float share) {
   return static_cast<std::uint8_t>(std::lround(255 * std::clamp(share, 0.0F, 1.0F)));
 }
 
+/// Returns a part of values that may be empty.
+std::span<const float> row_of(std::span<const float> values, std::size_t first, std::size_t count) {
+  return values.empty() ? values : values.subspan(first, count);
+}
+
 void show_share(std::span<const float> values, std::size_t stride, std::span<std::uint8_t> codes) {
   for (std::size_t x = 0; x < codes.size() / 3; ++x) {
     const float value = x * stride < values.size() ? values[x * stride] : 0.0F;
@@ -70,6 +66,17 @@ void show_depth(std::span<const float> z, const InverseDepthSpan& span,
 }
 
 }  // namespace
+
+compose::DisplayOptions display_options(const schemas::ViewerMessage::Look& look,
+                                        const compose::ShotColorSpaces& colors) {
+  compose::DisplayOptions options;
+  options.exposure = look.exposure;
+  options.background = look.black ? compose::Background::kBlack : compose::Background::kChecker;
+  options.colors = colors.studio;
+  options.monitor = look.display;
+  options.view = look.view;
+  return options;
+}
 
 std::array<std::uint8_t, 3> false_color(double share) {
   constexpr std::array<std::array<double, 3>, 6> kStops{{{20, 20, 110},
@@ -119,7 +126,8 @@ store::RgbImage PictureMaker::make(const compose::LayerImage& image) const {
   store::RgbImage picture(image.width, image.height);
   const InverseDepthSpan span =
       look_.channel == Channel::kDepth ? inverse_depth_span(image) : InverseDepthSpan{};
-  const std::span<const float> coverage = coverage_of(image);
+  const std::span<const float> coverage = light_field_aov(image, "coverage");
+  const std::span<const float> confidence = light_field_aov(image, "confidence");
   const auto width = static_cast<std::size_t>(image.width);
   constexpr int kRowsOfTask = 8;
   parallel_for_grains(0, image.height, kRowsOfTask, [&](int y) {
@@ -136,7 +144,10 @@ store::RgbImage PictureMaker::make(const compose::LayerImage& image) const {
         show_depth(std::span(image.z).subspan(first, width), span, picture.row(y));
         break;
       case Channel::kCoverage:
-        show_share(coverage.empty() ? coverage : coverage.subspan(first, width), 1, picture.row(y));
+        show_share(row_of(coverage, first, width), 1, picture.row(y));
+        break;
+      case Channel::kConfidence:
+        show_share(row_of(confidence, first, width), 1, picture.row(y));
         break;
     }
   });

@@ -18,6 +18,10 @@ struct InverseDepthSpan {
 /// and near = 1 if none has a depth.
 InverseDepthSpan inverse_depth_span(const compose::LayerImage& image);
 
+/// Returns the settings of a look for pictures in the colours of a shot.
+compose::DisplayOptions display_options(const schemas::ViewerMessage::Look& look,
+                                        const compose::ShotColorSpaces& colors);
+
 /// Converts rendered views to pictures for a display. Thread-safe.
 class PictureMaker {
  public:

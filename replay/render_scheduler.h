@@ -15,7 +15,9 @@ enum class JobKind {
   kFocus,       ///< finds a focus distance
   kProbe,       ///< reads a pixel
   kMotion,      ///< renders a view that is needed now; ends the client's refinement
+  kSource,      ///< shows source frames
   kFile,        ///< writes files
+  kFolder,      ///< lists a folder, or shows a take's thumbnail
   kRefinement,  ///< renders a view for which the user can wait; a newer one ends it
 };
 

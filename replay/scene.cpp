@@ -52,7 +52,22 @@ compose::CompositedView Scene::render(const SceneView& view, const std::stop_tok
   return result;
 }
 
-void Scene::read_ahead(int frame) const { compositor_.read_ahead(planned(frame)); }
+void Scene::read_ahead_of(int frame) const {
+  constexpr int kFrames = 8;
+  for (int next = frame + 1; next <= frame + kFrames; ++next) {
+    if (next <= plan_.shot().last_frame) compositor_.read_ahead(planned(next));
+  }
+}
+
+std::function<std::optional<double>()> Scene::depth_progress() const {
+  const render::StoredDataCounts& counts = compositor_.stored_data();
+  return [&counts, begun = counts.parts_begun.load(),
+          done = counts.parts_done.load()]() -> std::optional<double> {
+    const auto parts = static_cast<double>(counts.parts_begun.load() - begun);
+    if (parts == 0) return std::nullopt;
+    return std::min(1.0, static_cast<double>(counts.parts_done.load() - done) / parts);
+  };
+}
 
 std::string Scene::fast_method() const {
   constexpr std::string_view kFast = "focal_plane";

@@ -3,7 +3,9 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <stop_token>
 #include <string>
 
@@ -40,8 +42,8 @@ class Scene {
   /// Renders a view. At frames without an instant the takes show the nearest one. Throws Cancelled
   /// once `stop` is requested, and Error as FrameCompositor.
   compose::CompositedView render(const SceneView& view, const std::stop_token& stop) const;
-  /// Requests the source frames of a frame from the disk.
-  void read_ahead(int frame) const;
+  /// Requests the source frames of the frames after one from the disk, for playing.
+  void read_ahead_of(int frame) const;
   /// Returns the instants that a frame shows.
   compose::PlannedFrame planned(int frame) const;
 
@@ -51,6 +53,9 @@ class Scene {
   /// Returns whether a view at a frame first estimates the depths of an instant, which takes
   /// seconds: they are not stored yet.
   bool must_estimate_depths(int frame) const;
+  /// Returns a function that returns the share of the estimation of depths that is done since this
+  /// call, [0, 1]; nullopt before it begins. The scene must outlive it.
+  std::function<std::optional<double>()> depth_progress() const;
 
  private:
   compose::ShotPlan plan_;

@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
 #include "base/little_endian.h"
+#include "base/time.h"
 #include "render/methods.h"
 
 namespace raystage::replay {
@@ -63,23 +65,110 @@ Json layers_of(const compose::ShotPlan& plan) {
   return layers;
 }
 
+std::string_view name_of(PictureContent content) {
+  switch (content) {
+    case PictureContent::kComparison:
+      return "comparison";
+    case PictureContent::kMosaic:
+      return "mosaic";
+    case PictureContent::kSource:
+      return "source";
+    case PictureContent::kEpi:
+      return "epi";
+    case PictureContent::kThumbnail:
+      return "thumbnail";
+    case PictureContent::kLive:
+      return "live";
+    case PictureContent::kView:
+      break;
+  }
+  return "view";
+}
+
+Json json_from(const std::vector<MosaicCell>& cells) {
+  Json list = Json::array();
+  for (const MosaicCell& cell : cells) {
+    Json json{{"id", cell.camera_id}, {"box", {cell.x, cell.y, cell.width, cell.height}}};
+    if (cell.is_absent) json["absent"] = true;
+    list.push_back(std::move(json));
+  }
+  return list;
+}
+
+Json json_from(const EpipolarImage& epi) {
+  Json columns = Json::array();
+  for (const std::optional<double>& column : epi.focus_columns) {
+    columns.push_back(column ? Json(*column) : Json(nullptr));
+  }
+  return {{"cameras", epi.camera_ids}, {"view_line", epi.view_line}, {"focus_columns", columns}};
+}
+
+Json json_from(const LiveStatus& live) {
+  Json cameras = Json::array();
+  for (const LiveStatus::Camera& camera : live.cameras) {
+    Json json{{"id", camera.id}, {"fps", camera.fps}, {"dropped", camera.dropped}};
+    if (camera.age_s) json["age_s"] = *camera.age_s;
+    cameras.push_back(std::move(json));
+  }
+  Json json{{"cameras", cameras}, {"is_held", live.is_held}, {"has_ended", live.has_ended}};
+  if (live.age_s) json["age_s"] = *live.age_s;
+  return json;
+}
+
+/// Returns the frames at which cameras are absent: [frame, their number]. kHeld: no camera has one.
+Json absences_of(const compose::ShotPlan& plan, int last) {
+  constexpr int kHeld = -1;
+  Json absences = Json::array();
+  std::vector<int> frames(static_cast<std::size_t>(last) - plan.shot().first_frame + 1);
+  std::iota(frames.begin(), frames.end(), plan.shot().first_frame);
+  const auto planned = plan.plan(frames, compose::MissingFrames::kHold);
+  for (const compose::PlannedFrame& frame : planned) {
+    int absent = 0;
+    for (const compose::LightFieldLayer* layer : plan.light_fields()) {
+      const compose::ShownTick& tick = frame.shown[layer->index()];
+      if (!tick.tick || absent == kHeld) continue;
+      const store::FrameSelection& selection = layer->tick(tick);
+      absent = tick.held ? kHeld
+                         : absent + static_cast<int>(selection.frame.size()) - selection.present();
+    }
+    if (absent != 0) absences.push_back({frame.frame, absent});
+  }
+  return absences;
+}
+
+std::vector<std::byte> with_header(const Json& header, std::span<const std::byte> jpeg) {
+  const std::string text = dump(header);
+  std::vector<std::byte> message(4 + text.size() + jpeg.size());
+  store_little_endian<std::uint32_t>(message, 0, static_cast<std::uint32_t>(text.size()));
+  std::ranges::copy(std::as_bytes(std::span(text)), message.begin() + 4);
+  std::ranges::copy(jpeg, message.begin() + 4 + static_cast<std::ptrdiff_t>(text.size()));
+  return message;
+}
+
 /// JSON has no infinity.
 Json finite_or_null(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 }  // namespace
 
-std::string hello_message(std::string_view program_version, std::string_view folder) {
+std::string hello_message(std::string_view program_version, std::string_view folder,
+                          const FirstView& first) {
   Json methods = Json::array();
   for (const render::Method* method : render::methods()) {
     methods.push_back({{"name", method->name()},
                        {"summary", method->description().summary},
                        {"artefacts", method->description().artefacts}});
   }
-  return dump({{"type", "hello"},
-               {"protocol", 1},
-               {"version", program_version},
-               {"folder", folder},
-               {"methods", methods}});
+  Json json{{"type", "hello"},
+            {"protocol", 2},
+            {"version", program_version},
+            {"folder", folder},
+            {"methods", methods}};
+  if (!first.live.empty()) {
+    json["live"] = first.live;
+  } else if (!first.shot) {
+    json["list"] = first.folder;
+  }
+  return dump(json);
 }
 
 std::string shot_message(const ShotMessage& message) {
@@ -90,20 +179,31 @@ std::string shot_message(const ShotMessage& message) {
   for (int frame = shot.first_frame; frame <= last; ++frame) {
     path.push_back(json_from(message.camera.state(frame)));
   }
-  return dump({{"type", "shot"},
-               {"id", message.id},
-               {"file", message.file},
-               {"text", message.text},
-               {"name", shot.name},
-               {"width", shot.width},
-               {"height", shot.height},
-               {"overscan", shot.output.overscan},
-               {"fps", shot.fps},
-               {"first_frame", shot.first_frame},
-               {"last_frame", shot.last_frame},
-               {"is_stereo", message.camera.is_stereo()},
-               {"layers", layers_of(message.plan)},
-               {"path", std::move(path)}});
+  Json measurements = Json::array();
+  for (const MethodMeasurement& measured : message.measurements) {
+    measurements.push_back({{"method", measured.method},
+                            {"psnr_db", measured.psnr_db},
+                            {"seconds", measured.seconds_per_frame}});
+  }
+  Json json{{"type", "shot"},
+            {"id", message.id},
+            {"file", message.file},
+            {"text", message.text},
+            {"name", shot.name},
+            {"width", shot.width},
+            {"height", shot.height},
+            {"overscan", shot.output.overscan},
+            {"fps", shot.fps},
+            {"first_frame", shot.first_frame},
+            {"last_frame", shot.last_frame},
+            {"is_stereo", message.camera.is_stereo()},
+            {"layers", layers_of(message.plan)},
+            {"path", std::move(path)},
+            {"absences", absences_of(message.plan, last)},
+            {"measurements", std::move(measurements)}};
+  if (!message.notes.empty()) json["notes"] = message.notes;
+  if (!message.recovered.empty()) json["recovered"] = message.recovered;
+  return dump(json);
 }
 
 std::string error_message(std::int64_t id, const Error& error) {
@@ -127,7 +227,41 @@ std::string probe_message(const ProbeMessage& message) {
             {"display", message.display},
             {"z", finite_or_null(message.z)}};
   if (message.coverage) json["coverage"] = *message.coverage;
+  json["cameras"] = Json::array();
+  for (const ProbeMessage::Source& source : message.sources) {
+    json["cameras"].push_back({source.camera_id, source.share});
+  }
   return dump(json);
+}
+
+std::string progress_message(std::int64_t id, double share) {
+  return dump({{"type", "progress"}, {"id", id}, {"share", share}});
+}
+
+std::string folder_message(std::int64_t id, std::string_view folder,
+                           const std::vector<FolderEntry>& entries) {
+  Json list = Json::array();
+  for (const FolderEntry& entry : entries) {
+    Json json{{"name", entry.name}};
+    if (!entry.title.empty()) json["title"] = entry.title;
+    if (!entry.problem.empty()) json["problem"] = entry.problem;
+    if (entry.kind == FolderEntry::Kind::kTake) {
+      json.update({{"kind", "take"},
+                   {"cameras", entry.cameras},
+                   {"seconds", entry.seconds},
+                   {"bytes", entry.bytes},
+                   {"is_recording", entry.is_recording}});
+      if (entry.recorded_utc > 0) json["recorded"] = format_utc(entry.recorded_utc);
+      if (entry.verified_utc) {
+        json["verified"] = format_utc(*entry.verified_utc);
+        json["is_intact"] = entry.is_intact;
+      }
+    } else {
+      json["kind"] = entry.kind == FolderEntry::Kind::kShot ? "shot" : "folder";
+    }
+    list.push_back(std::move(json));
+  }
+  return dump({{"type", "folder"}, {"id", id}, {"file", folder}, {"entries", std::move(list)}});
 }
 
 std::string file_message(std::int64_t id, std::string_view what, std::string_view file) {
@@ -137,6 +271,7 @@ std::string file_message(std::int64_t id, std::string_view what, std::string_vie
 std::vector<std::byte> picture_message(const PictureMessage& header,
                                        std::span<const std::byte> jpeg) {
   Json json{{"type", "picture"},
+            {"content", name_of(header.content)},
             {"id", header.id},
             {"frame", header.frame},
             {"width", header.width},
@@ -150,15 +285,23 @@ std::vector<std::byte> picture_message(const PictureMessage& header,
   if (header.false_colors) {
     json["false_colors"] = {header.false_colors->far, header.false_colors->near};
   }
+  if (header.camera) json["camera"] = json_from(*header.camera);
   if (!header.absent_cameras.empty()) json["absent_cameras"] = header.absent_cameras;
   if (header.is_held) json["held"] = true;
   if (!header.notes.empty()) json["notes"] = header.notes;
-  const std::string text = dump(json);
-  std::vector<std::byte> message(4 + text.size() + jpeg.size());
-  store_little_endian<std::uint32_t>(message, 0, static_cast<std::uint32_t>(text.size()));
-  std::ranges::copy(std::as_bytes(std::span(text)), message.begin() + 4);
-  std::ranges::copy(jpeg, message.begin() + 4 + static_cast<std::ptrdiff_t>(text.size()));
-  return message;
+  return with_header(json, jpeg);
+}
+
+std::vector<std::byte> source_picture_message(const SourcePictureMessage& header,
+                                              std::span<const std::byte> jpeg) {
+  Json json{{"type", "picture"},     {"content", name_of(header.content)},
+            {"id", header.id},       {"frame", header.frame},
+            {"width", header.width}, {"height", header.height}};
+  if (!header.camera_id.empty()) json["camera_id"] = header.camera_id;
+  if (header.mosaic != nullptr) json["cells"] = json_from(header.mosaic->cells);
+  if (header.epi != nullptr) json["epi"] = json_from(*header.epi);
+  if (header.live != nullptr) json["live"] = json_from(*header.live);
+  return with_header(json, jpeg);
 }
 
 }  // namespace raystage::replay

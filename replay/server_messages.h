@@ -14,7 +14,13 @@
 #include "base/error.h"
 #include "compose/camera/shot_camera.h"
 #include "compose/shot_plan.h"
+#include "replay/epipolar_image.h"
+#include "replay/folder_listing.h"
+#include "replay/live/live_status.h"
+#include "replay/measurements.h"
 #include "replay/picture.h"
+#include "replay/source_pictures.h"
+#include "replay/take_shot.h"
 #include "schemas/shot_document.h"
 
 namespace raystage::replay {
@@ -26,10 +32,17 @@ struct ShotMessage {
   const compose::ShotPlan& plan;
   const schemas::ShotDocument& shot;
   const compose::ShotCamera& camera;
+  std::string notes = {};      ///< the notes document beside the shot; empty: none
+  std::string recovered = {};  ///< an autosaved text that is newer than the file; empty: none
+  std::vector<MethodMeasurement> measurements = {};
 };
 
-/// A picture, in front of its JPEG.
+/// What a picture shows.
+enum class PictureContent { kView, kComparison, kMosaic, kSource, kEpi, kThumbnail, kLive };
+
+/// A rendered picture, in front of its JPEG.
 struct PictureMessage {
+  PictureContent content = PictureContent::kView;  ///< or kComparison
   std::int64_t id = 0;
   int frame = 0, width = 0, height = 0;
   std::string_view quality;              ///< "moving", "playing" or "resting"
@@ -38,28 +51,60 @@ struct PictureMessage {
   double uncovered_share = 0;            ///< of the pixels: seen by no camera
   double render_ms = 0, picture_ms = 0;  ///< reconstruction; display and JPEG
   std::optional<InverseDepthSpan> false_colors;
+  std::optional<compose::CameraState> camera;  ///< of a live view
   std::vector<std::string> absent_cameras;
   bool is_held = false;  ///< the nearest instant replaces a missing one
   std::vector<std::string> notes;
 };
 
+/// A picture of source frames, in front of its JPEG.
+struct SourcePictureMessage {
+  PictureContent content = PictureContent::kSource;
+  std::int64_t id = 0;
+  int frame = 0, width = 0, height = 0;
+  std::string camera_id = {};          ///< kSource
+  const Mosaic* mosaic = nullptr;      ///< kMosaic and kLive
+  const EpipolarImage* epi = nullptr;  ///< kEpi
+  const LiveStatus* live = nullptr;    ///< kLive
+};
+
 struct ProbeMessage {
+  /// A camera from which the pixel is blended.
+  struct Source {
+    std::string camera_id;
+    double share = 0;
+  };
   std::int64_t id = 0;
   std::array<float, 4> rgba{};  ///< scene-linear, premultiplied
   std::array<std::uint8_t, 3> display{};
   double z = 0;  ///< metres along the optical axis; infinite: unknown
   std::optional<double> coverage;
+  std::vector<Source> sources;
 };
 
-std::string hello_message(std::string_view program_version, std::string_view folder);
+/// What a page shows first: a shot, the contents of a folder, or a recording.
+struct FirstView {
+  std::optional<ShotText> shot;
+  std::string folder;  ///< relative to the viewer's folder; without a shot
+  std::string live;    ///< a take that is being recorded, relative likewise; empty: none
+};
+std::string hello_message(std::string_view program_version, std::string_view folder,
+                          const FirstView& first);
 std::string shot_message(const ShotMessage& message);
 std::string error_message(std::int64_t id, const Error& error);
 /// The request was not handled, because a newer one replaced it.
 std::string dropped_message(std::int64_t id);
 std::string focus_message(std::int64_t id, double distance_m);
 std::string probe_message(const ProbeMessage& message);
-/// `what`: "saved" or "written".
+/// `share`: of the depths of the instant that are estimated, [0, 1].
+std::string progress_message(std::int64_t id, double share);
+std::string folder_message(std::int64_t id, std::string_view folder,
+                           const std::vector<FolderEntry>& entries);
+/// `what`: "saved", "written", "kept" or "noted".
 std::string file_message(std::int64_t id, std::string_view what, std::string_view file);
+
+std::vector<std::byte> source_picture_message(const SourcePictureMessage& header,
+                                              std::span<const std::byte> jpeg);
 
 /// Returns a picture: the length of the header (4 bytes, little-endian), the header (JSON), the
 /// JPEG.

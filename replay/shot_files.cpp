@@ -9,17 +9,25 @@
 #include "base/atomic_file.h"
 #include "base/error.h"
 #include "schemas/shot_document.h"
+#include "schemas/shot_notes.h"
 
 namespace raystage::replay {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uintmax_t kMaxShotBytes = 4'000'000;
-
 bool is_below(const fs::path& path, const fs::path& folder) {
   return std::mismatch(folder.begin(), folder.end(), path.begin(), path.end()).first ==
          folder.end();
+}
+
+/// Returns the text of a file; empty if there is none, or it is too large for a shot.
+std::string read_if_present(const fs::path& file) {
+  std::error_code error;
+  if (!fs::is_regular_file(file, error) || fs::file_size(file, error) > kMaxShotBytes || error) {
+    return {};
+  }
+  return read_file(file);
 }
 
 }  // namespace
@@ -45,6 +53,22 @@ fs::path ShotFiles::path(std::string_view file) const {
   return resolved;
 }
 
+fs::path ShotFiles::folder_path(std::string_view folder) const {
+  return folder == "." ? folder_ : path(folder);
+}
+
+fs::path ShotFiles::writable_path(std::string_view file) const {
+  fs::path resolved = path(file);
+  for (fs::path folder = resolved.parent_path();; folder = folder.parent_path()) {
+    if (file_exists(folder / "take.json")) {
+      throw Error::bad_input("the file would be inside of a take, which the viewer never changes",
+                             std::string(file), "Choose a folder that is not a take");
+    }
+    if (folder == folder_) break;
+  }
+  return resolved;
+}
+
 std::string ShotFiles::read(std::string_view file) const {
   const fs::path from = path(file);
   std::error_code error;
@@ -56,9 +80,10 @@ std::string ShotFiles::read(std::string_view file) const {
 }
 
 void ShotFiles::write(std::string_view file, std::string_view text, bool replace) const {
-  const fs::path to = path(file);
-  if (to.extension() != ".json") {
-    throw Error::bad_input("a shot's file ends in .json", to.string(), "Add .json to its name");
+  const fs::path to = writable_path(file);
+  if (to.extension() != ".json" || to.filename() == "take.json") {
+    throw Error::bad_input("a shot's file ends in .json, and is not called take.json", to.string(),
+                           "Choose another name");
   }
   schemas::parse_shot(text, to.string());
   if (file_exists(to)) {
@@ -70,6 +95,45 @@ void ShotFiles::write(std::string_view file, std::string_view text, bool replace
     schemas::parse_shot(read(file), to.string());
   }
   write_file_atomically(to, text);
+  forget_autosave(file);
+}
+
+std::string ShotFiles::read_notes(std::string_view shot_file) const {
+  std::string text = read_if_present(beside(shot_file, ".notes.json"));
+  if (!text.empty()) schemas::parse_shot_notes(text, std::string(shot_file));
+  return text;
+}
+
+void ShotFiles::write_notes(std::string_view shot_file, std::string_view text) const {
+  schemas::parse_shot_notes(text, "notes");
+  writable_path(shot_file);
+  write_file_atomically(beside(shot_file, ".notes.json"), text);
+}
+
+std::string ShotFiles::read_autosave(std::string_view shot_file) const {
+  const fs::path kept = beside(shot_file, ".autosave.json"), saved = path(shot_file);
+  std::error_code error;
+  if (file_exists(saved) && fs::last_write_time(kept, error) < fs::last_write_time(saved, error)) {
+    return {};
+  }
+  return read_if_present(kept);
+}
+
+void ShotFiles::write_autosave(std::string_view shot_file, std::string_view text) const {
+  schemas::parse_shot(text, std::string(shot_file));
+  writable_path(shot_file);
+  write_file_atomically(beside(shot_file, ".autosave.json"), text);
+}
+
+void ShotFiles::forget_autosave(std::string_view shot_file) const {
+  std::error_code error;  // it may be gone, or never have been
+  fs::remove(beside(shot_file, ".autosave.json"), error);
+}
+
+fs::path ShotFiles::beside(std::string_view shot_file, std::string_view extension) const {
+  fs::path name(shot_file);
+  name.replace_extension(extension);
+  return path(name.string());
 }
 
 }  // namespace raystage::replay

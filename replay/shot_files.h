@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <string_view>
 
 namespace raystage::replay {
+
+/// Larger files are not read as shots.
+inline constexpr std::uintmax_t kMaxShotBytes = 4'000'000;
 
 /// The files that a page may read and write: below one folder, by relative paths. A path never
 /// leads out of the folder, by ".." or by a link.
@@ -17,6 +21,11 @@ class ShotFiles {
   const std::filesystem::path& folder() const { return folder_; }
   /// Returns the path of a file. Throws Error (bad input) if it would be outside of the folder.
   std::filesystem::path path(std::string_view file) const;
+  /// Returns the path of a folder; "." is the folder of all. Throws as path().
+  std::filesystem::path folder_path(std::string_view folder) const;
+  /// Returns the path of a file to write. Throws Error (bad input) also if it would be inside of a
+  /// take.
+  std::filesystem::path writable_path(std::string_view file) const;
   /// Returns the text of a shot: at most 4 MB. Throws Error (bad input).
   std::string read(std::string_view file) const;
   /// Writes a shot atomically. `text`: kept as it is, with remarks and what the viewer does not
@@ -24,7 +33,22 @@ class ShotFiles {
   /// false; Error (failed) if it cannot be written.
   void write(std::string_view file, std::string_view text, bool replace) const;
 
+  /// Return the notes on a shot, NAME.notes.json beside it, and replace them. Throw Error (bad
+  /// input) if they are not valid; read_notes() returns an empty text if there are none.
+  std::string read_notes(std::string_view shot_file) const;
+  void write_notes(std::string_view shot_file, std::string_view text) const;
+
+  /// Returns the text that was kept for a shot and is newer than its file, NAME.autosave.json;
+  /// empty: none. write() forgets it.
+  std::string read_autosave(std::string_view shot_file) const;
+  /// Throws Error (bad input) if `text` is no valid shot.
+  void write_autosave(std::string_view shot_file, std::string_view text) const;
+  void forget_autosave(std::string_view shot_file) const;
+
  private:
+  /// Returns NAME and the extension, in the folder of a shot.
+  std::filesystem::path beside(std::string_view shot_file, std::string_view extension) const;
+
   std::filesystem::path folder_;  ///< without links
 };
 

@@ -90,5 +90,55 @@ TEST_F(ShotFilesTest, AreNotFoldersAndNotHuge) {
   EXPECT_THAT(error_of([&] { files.read("c.json"); }), HasSubstr("4 MB"));
 }
 
+TEST_F(ShotFilesTest, NeverWriteIntoATake) {
+  create_folder(folder() / "take");
+  write_file_atomically(folder() / "take/take.json", std::string_view("{}"));
+  create_folder(folder() / "take/more");
+  const ShotFiles files(folder());
+  for (const char* file : {"take/a.json", "take/more/a.json"}) {
+    EXPECT_THAT(error_of([&] { files.write(file, kShot, true); }), HasSubstr("inside of a take"));
+    EXPECT_THAT(error_of([&] { files.write_autosave(file, kShot); }),
+                HasSubstr("inside of a take"));
+  }
+  EXPECT_FALSE(file_exists(folder() / "take/a.json"));
+  // A folder with a file of this name would be taken for a take.
+  EXPECT_THAT(error_of([&] { files.write("take.json", kShot, false); }), HasSubstr("not called"));
+}
+
+TEST_F(ShotFilesTest, KeepUnsavedWorkUntilItIsSaved) {
+  const ShotFiles files(folder());
+  EXPECT_EQ(files.read_autosave("a.json"), "");
+  files.write_autosave("a.json", kShot);
+  EXPECT_EQ(files.read_autosave("a.json"), kShot);
+  files.write("a.json", kShot, false);
+  EXPECT_EQ(files.read_autosave("a.json"), "");
+  files.write_autosave("a.json", kShot);
+  EXPECT_EQ(files.read_autosave("a.json"), kShot);
+  files.forget_autosave("a.json");
+  EXPECT_EQ(files.read_autosave("a.json"), "");
+  EXPECT_NE(error_of([&] { files.write_autosave("a.json", "{}"); }), "");
+  // The file is newer: somebody saved the shot by other means.
+  files.write_autosave("a.json", kShot);
+  std::filesystem::last_write_time(
+      folder() / "a.autosave.json",
+      std::filesystem::file_time_type::clock::now() - std::chrono::hours(1));
+  EXPECT_EQ(files.read_autosave("a.json"), "");
+}
+
+TEST_F(ShotFilesTest, KeepNotesBesideTheShot) {
+  const ShotFiles files(folder());
+  EXPECT_EQ(files.read_notes("a.json"), "");
+  constexpr std::string_view kNotes =
+      R"({"schema": "raystage/shot_notes/1", "notes": [{"frame": 7, "text": "soft", "author": "x"}]})";
+  files.write_notes("a.json", kNotes);
+  EXPECT_EQ(files.read_notes("a.json"), kNotes);
+  EXPECT_TRUE(file_exists(folder() / "a.notes.json"));
+  EXPECT_NE(error_of([&] { files.write_notes("a.json", "{}"); }), "");
+  std::filesystem::remove(folder() / "a.notes.json");
+  write_file_atomically(outside_.path() / "secret", kNotes);
+  std::filesystem::create_symlink(outside_.path() / "secret", folder() / "a.notes.json");
+  EXPECT_THAT(error_of([&] { files.read_notes("a.json"); }), HasSubstr("outside"));
+}
+
 }  // namespace
 }  // namespace raystage::replay

@@ -12,19 +12,6 @@
 #include "replay/picture.h"
 
 namespace raystage::replay {
-namespace {
-
-/// Adds the overscan of the shot.
-void add_overscan(const schemas::ShotDocument& shot, compose::ExrCamera& camera) {
-  camera.overscan_x = shot.output.overscan[0];
-  camera.overscan_y = shot.output.overscan[1];
-  camera.view.width += 2 * camera.overscan_x;
-  camera.view.height += 2 * camera.overscan_y;
-  camera.view.intrinsics.cx += camera.overscan_x;
-  camera.view.intrinsics.cy += camera.overscan_y;
-}
-
-}  // namespace
 
 void write_snapshot(const ShownShot& shown, const schemas::ViewerMessage& request,
                     const std::filesystem::path& file, const std::string& program_version,
@@ -50,7 +37,7 @@ void write_snapshot(const ShownShot& shown, const schemas::ViewerMessage& reques
     schemas::ViewerMessage of_eye = request;
     of_eye.eye = eye;
     cameras.push_back(requested_camera(shown, of_eye, shot.width, shot.height));
-    add_overscan(shot, cameras.back());
+    compose::add_overscan(cameras.back(), shot.output.overscan);
     images.push_back(shown.scene->render({request.frame, cameras.back(), {}}, stop).picture);
   }
   std::vector<compose::ExrView> views;

@@ -15,20 +15,32 @@ constexpr double kFocusWithoutDepthRange = 5;  // metres
 constexpr double kFullFrameWidth = 36;         // millimetres
 constexpr int kMaxWidth = 1920;                // pixels
 
-/// Returns the camera whose centre is nearest to the array's.
-const rig::Rig::Camera& central_camera(const rig::Rig& rig) {
+}  // namespace
+
+int central_camera(const rig::Rig& rig) {
   const Eigen::Vector3d centre = rig.centre();
-  return *std::ranges::min_element(rig.cameras, {}, [&](const rig::Rig::Camera& camera) {
-    return (camera.pose.position - centre).norm();
-  });
+  const auto nearest = std::ranges::min_element(
+      rig.cameras, {},
+      [&](const rig::Rig::Camera& camera) { return (camera.pose.position - centre).norm(); });
+  return static_cast<int>(std::distance(rig.cameras.begin(), nearest));
 }
 
-}  // namespace
+ShotText open_take_shot(const std::filesystem::path& take_folder,
+                        const std::filesystem::path& shot_folder) {
+  const store::Take take(take_folder);
+  const std::filesystem::path relative = std::filesystem::relative(take_folder, shot_folder);
+  // Paths in a shot are relative to its folder, which is that of the take.
+  const schemas::ShotDocument shot =
+      make_take_shot(take, store::read_timeline(take), relative.filename().string());
+  const std::filesystem::path file =
+      relative.parent_path() / (relative.filename().string() + ".shot.json");
+  return {file.string(), schemas::format_shot(shot)};
+}
 
 schemas::ShotDocument make_take_shot(const store::Take& take, const store::Timeline& timeline,
                                      const std::string& path) {
   const rig::Rig& rig = take.rig();
-  const rig::Rig::Camera& central = central_camera(rig);
+  const rig::Rig::Camera& central = rig.cameras[central_camera(rig)];
   schemas::ShotDocument shot;
   shot.name = take.document().name;
   const int divisor = (central.model.width() + kMaxWidth - 1) / kMaxWidth;

@@ -6,10 +6,15 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <limits>
+#include <utility>
 
 #include "base/error.h"
 #include "base/stopwatch.h"
 #include "compose/layers/light_field_layer.h"
+#include "render/common/blending_field.h"
+#include "replay/multiview.h"
 #include "replay/picture.h"
 #include "store/jpeg/encode.h"
 
@@ -32,21 +37,25 @@ compose::Eye eye_of(ViewerMessage::Eye eye) {
 
 compose::CameraState camera_state(const ShownShot& shown, const ViewerMessage& request) {
   if (!request.camera) return shown.camera.state(request.frame);
-  const ViewerMessage::Camera& given = *request.camera;
-  compose::CameraState state;
-  const auto& [w, x, y, z] = given.orientation;
-  state.pose.world_from_camera_rotation =
-      Eigen::Quaterniond(w, x, y, z).normalized().toRotationMatrix();
-  state.pose.position = Eigen::Vector3d(given.position.data());
-  state.focal_length_mm = given.focal_length_mm;
-  state.film_back_mm = given.film_back_mm;
-  state.focus_m = given.focus_m;
-  state.f_number = given.f_number;
-  return state;
+  return camera_state_of(*request.camera);
 }
 
 int frame_in_shot(const ShownShot& shown, int frame) {
   return std::clamp(frame, shown.shot.first_frame, shown.shot.last_frame);
+}
+
+/// Returns the extent of the first light field's cameras along the view's x axis, metres.
+double array_width(const ShownShot& shown, const compose::CameraState& state) {
+  constexpr double kWithoutArray = 0.065;  // as far apart as eyes
+  const auto layers = shown.scene->plan().light_fields();
+  if (layers.empty()) return kWithoutArray;
+  double least = std::numeric_limits<double>::infinity(), most = -least;
+  for (const rig::Rig::Camera& camera : layers.front()->take().rig().cameras) {
+    const double x = state.pose.world_from_camera_rotation.col(0).dot(camera.pose.position);
+    least = std::min(least, x);
+    most = std::max(most, x);
+  }
+  return most - least;
 }
 
 std::string_view name_of(ViewerMessage::Quality quality) {
@@ -89,11 +98,10 @@ void add_instant(const ShownShot& shown, int frame, PictureMessage& message) {
   }
 }
 
-/// Renders the pixels around one: `size` in width and height, an odd number. `scale`: at most 1, of
-/// the requested size.
-compose::LayerImage render_patch(const ShownShot& shown, const ViewerMessage& request, int size,
-                                 double scale, const std::string& method,
-                                 const std::stop_token& stop) {
+/// Returns a view of the pixels around one: `size` in width and height, an odd number. `scale`: at
+/// most 1, of the requested size.
+SceneView patch_view(const ShownShot& shown, const ViewerMessage& request, int size, double scale,
+                     const std::string& method) {
   const int width = std::max(1, static_cast<int>(std::lround(request.width * scale)));
   const int height = std::max(1, static_cast<int>(std::lround(request.height * scale)));
   SceneView view{frame_in_shot(shown, request.frame),
@@ -103,7 +111,43 @@ compose::LayerImage render_patch(const ShownShot& shown, const ViewerMessage& re
   lens.cy -= std::floor(request.pixel[1] * height / request.height) - size / 2;
   view.camera.view.width = size;
   view.camera.view.height = size;
-  return shown.scene->render(view, stop).picture;
+  return view;
+}
+
+/// Returns the cameras from which a pixel of a view is blended, with their weights, the largest
+/// first. `z`: its planar depth, or infinite.
+std::vector<ProbeMessage::Source> sources_of_pixel(const ShownShot& shown, const SceneView& view,
+                                                   int x, int y, double z) {
+  constexpr int kBlended = 4;  // cameras of a ray
+  constexpr schemas::DepthRange kAnyDepth{0.3, std::numeric_limits<double>::infinity()};
+  std::vector<ProbeMessage::Source> sources;
+  const compose::PlannedFrame planned = shown.scene->planned(view.frame);
+  for (const compose::LightFieldLayer* layer : shown.scene->plan().light_fields()) {
+    const compose::ShownTick& tick = planned.shown[layer->index()];
+    if (!tick.tick || !shown.scene->plan().is_visible(layer->index(), view.frame)) continue;
+    const rig::Rig& rig = layer->take().rig();
+    const std::vector<std::int32_t>& frames = layer->tick(tick).frame;
+    std::vector<int> members;
+    for (int i = 0; i < static_cast<int>(frames.size()); ++i) {
+      if (frames[i] >= 0) members.push_back(i);
+    }
+    const bool has_depth = std::isfinite(z) && z > 0;
+    const render::InverseDepthRange range =
+        has_depth
+            ? render::InverseDepthRange{1 / z, 1 / z}
+            : render::inverse_depth_range_in_view(
+                  view.camera.view, rig, layer->take().document().depth_range.value_or(kAnyDepth));
+    if (members.empty() || range.empty()) continue;
+    const render::BlendingField field(view.camera.view, rig, members, range, kBlended);
+    const render::BlendingField::Tile& tile = field.tile_at(x, y);
+    for (const render::BlendingField::TileCamera& camera : tile.cameras) {
+      const double share = render::BlendingField::share(tile, camera, x, y);
+      if (share > 0) sources.push_back({rig.cameras[camera.camera].id, share});
+    }
+    break;  // the foremost light field
+  }
+  std::ranges::sort(sources, std::greater(), &ProbeMessage::Source::share);
+  return sources;
 }
 
 /// Returns the scale of the requested view at which its pixels are about as large as those of the
@@ -137,39 +181,89 @@ void ResolutionControl::record(double pixels, double ms) {
   ms_per_pixel_ = ms_per_pixel_ == 0 ? now : (1 - kNew) * ms_per_pixel_ + kNew * now;
 }
 
+compose::CameraState camera_state_of(const ViewerMessage::Camera& given) {
+  compose::CameraState state;
+  const auto& [w, x, y, z] = given.orientation;
+  state.pose.world_from_camera_rotation =
+      Eigen::Quaterniond(w, x, y, z).normalized().toRotationMatrix();
+  state.pose.position = Eigen::Vector3d(given.position.data());
+  state.focal_length_mm = given.focal_length_mm;
+  state.film_back_mm = given.film_back_mm;
+  state.focus_m = given.focus_m;
+  state.f_number = given.f_number;
+  return state;
+}
+
 compose::ExrCamera requested_camera(const ShownShot& shown, const ViewerMessage& request, int width,
                                     int height) {
   return make_view_camera(shown.camera, camera_state(shown, request), eye_of(request.eye), width,
                           height);
 }
 
+SourceFrames requested_source(const ShownShot& shown, const ViewerMessage& request) {
+  const compose::ShotPlan& plan = shown.scene->plan();
+  const compose::PlannedFrame planned = shown.scene->planned(frame_in_shot(shown, request.frame));
+  const auto shown_at = [&](const compose::LightFieldLayer& layer) {
+    return planned.shown[layer.index()].tick.has_value();
+  };
+  const auto index = static_cast<std::size_t>(request.layer);
+  const compose::LightFieldLayer* chosen =
+      index < plan.layers() ? plan.light_field(index) : nullptr;
+  for (const compose::LightFieldLayer* layer : plan.light_fields()) {
+    if (chosen == nullptr || !shown_at(*chosen)) chosen = layer;
+  }
+  if (chosen == nullptr || !shown_at(*chosen)) {
+    throw Error::bad_input("no camera recorded this frame", "", "Choose another frame");
+  }
+  return {chosen->take(), chosen->tick(planned.shown[chosen->index()])};
+}
+
 std::vector<std::byte> render_picture(const ShownShot& shown, const ViewerMessage& request,
-                                      const std::string& method, int divisor, bool is_final,
-                                      const std::stop_token& stop, double* elapsed_ms) {
+                                      const PictureOptions& options, const std::stop_token& stop,
+                                      double* elapsed_ms) {
   PictureMessage message;
+  message.content = options.content;
   message.id = request.id;
   message.frame = frame_in_shot(shown, request.frame);
-  message.width = std::max(1, request.width / divisor);
-  message.height = std::max(1, request.height / divisor);
   message.quality = name_of(request.quality);
-  message.method = method;
-  message.is_final = is_final;
+  message.method = options.method;
+  message.is_final = options.is_final;
   const Stopwatch total;
-  const compose::CompositedView view = shown.scene->render(
-      {message.frame, requested_camera(shown, request, message.width, message.height), method},
-      stop);
-  message.render_ms = total.ms();
-  for (const double share : view.uncovered_share) {
-    message.uncovered_share = std::max(message.uncovered_share, share);
-  }
-  message.notes = view.picture.notes;
-  add_instant(shown, message.frame, message);
-  if (request.look.channel == ViewerMessage::Look::Channel::kDepth) {
-    message.false_colors = inverse_depth_span(view.picture);
-  }
+  const compose::CameraState state = camera_state(shown, request);
+  const ArrangementOptions arrangement{
+      request.arrangement,
+      {std::max(1, request.width / options.divisor), std::max(1, request.height / options.divisor)},
+      array_width(shown, state)};
+  const ArrangedViews arranged =
+      arrange_views(shown.camera, state, eye_of(request.eye), arrangement);
   const PictureMaker maker(request.look, shown.scene->plan().colors());
-  const std::vector<std::byte> jpeg =
-      store::encode_jpeg(maker.make(view.picture), jpeg_options(request.quality));
+  std::vector<store::RgbImage> pictures;
+  for (const EyeView& eye : arranged.views) {
+    const Stopwatch rendering;
+    const compose::CompositedView view =
+        shown.scene->render({message.frame,
+                             make_view_camera(shown.camera, eye.state, eye.eye,
+                                              arranged.view_size.width, arranged.view_size.height),
+                             options.method},
+                            stop);
+    message.render_ms += rendering.ms();
+    for (const double share : view.uncovered_share) {
+      message.uncovered_share = std::max(message.uncovered_share, share);
+    }
+    if (pictures.empty()) {
+      message.notes = view.picture.notes;
+      if (request.look.channel == ViewerMessage::Look::Channel::kDepth) {
+        message.false_colors = inverse_depth_span(view.picture);
+      }
+    }
+    pictures.push_back(maker.make(view.picture));
+  }
+  add_instant(shown, message.frame, message);
+  const store::RgbImage picture =
+      pictures.size() == 1 ? std::move(pictures.front()) : assemble_picture(arrangement, pictures);
+  message.width = picture.width;
+  message.height = picture.height;
+  const std::vector<std::byte> jpeg = store::encode_jpeg(picture, jpeg_options(request.quality));
   message.picture_ms = total.ms() - message.render_ms;
   if (elapsed_ms != nullptr) *elapsed_ms = total.ms();
   return picture_message(message, jpeg);
@@ -179,7 +273,11 @@ double find_focus_distance(const ShownShot& shown, const ViewerMessage& request,
                            const std::stop_token& stop) {
   constexpr int kPatch = 33, kMiddle = 5;  // pixels
   const compose::LayerImage patch =
-      render_patch(shown, request, kPatch, scale_of_sources(shown, request), "plane_sweep", stop);
+      shown.scene
+          ->render(
+              patch_view(shown, request, kPatch, scale_of_sources(shown, request), "plane_sweep"),
+              stop)
+          .picture;
   std::vector<float> depths;
   for (int y = kPatch / 2 - kMiddle / 2; y <= kPatch / 2 + kMiddle / 2; ++y) {
     for (int x = kPatch / 2 - kMiddle / 2; x <= kPatch / 2 + kMiddle / 2; ++x) {
@@ -199,12 +297,14 @@ double find_focus_distance(const ShownShot& shown, const ViewerMessage& request,
 ProbeMessage probe_pixel(const ShownShot& shown, const ViewerMessage& request,
                          const std::stop_token& stop) {
   constexpr int kPatch = 5;  // for methods that read neighbours
-  const compose::LayerImage patch = render_patch(shown, request, kPatch, 1, {}, stop);
+  const SceneView view = patch_view(shown, request, kPatch, 1, {});
+  const compose::LayerImage patch = shown.scene->render(view, stop).picture;
   const std::size_t middle = kPatch * kPatch / 2;
   ProbeMessage message;
   message.id = request.id;
   std::copy_n(&patch.rgba[4 * middle], 4, message.rgba.begin());
   message.z = patch.z[middle];
+  message.sources = sources_of_pixel(shown, view, kPatch / 2, kPatch / 2, message.z);
   for (const compose::Aov& aov : patch.aovs) {
     if (aov.layer == "lf" && aov.channels.front() == "coverage")
       message.coverage = aov.values[middle];

@@ -6,13 +6,12 @@
 #include "base/atomic_file.h"
 #include "base/error.h"
 #include "replay/embedded_files.h"
+#include "replay/live/live_take.h"
 #include "replay/render_scheduler.h"
 #include "replay/scene_cache.h"
 #include "replay/shot_files.h"
 #include "replay/take_shot.h"
 #include "replay/viewer_session.h"
-#include "store/take.h"
-#include "store/timeline.h"
 
 namespace raystage::replay {
 namespace {
@@ -21,34 +20,46 @@ namespace fs = std::filesystem;
 
 bool is_take(const fs::path& target) { return file_exists(target / "take.json"); }
 
-/// Returns the folder that shots are in: as the options say, or next to the target.
+bool is_being_recorded(const fs::path& take) {
+  LiveTake live(take);
+  live.update(0);
+  return !live.status().has_ended && fs::exists(take / "recording");
+}
+
+/// Returns the folder that shots are in: as the options say, or that of the target. A shot inside
+/// of a take is saved beside it.
 fs::path shot_folder_of(const ViewerOptions& options) {
   if (!options.shot_folder.empty()) return options.shot_folder;
   const fs::path target = fs::weakly_canonical(options.target);
-  return target.parent_path();
+  if (fs::is_directory(target) && !is_take(target)) return target;
+  return is_take(target.parent_path()) ? target.parent_path().parent_path() : target.parent_path();
 }
 
-ShotText first_shot(const ViewerOptions& options, const ShotFiles& files) {
+FirstView first_view(const ViewerOptions& options, const ShotFiles& files) {
   std::error_code error;
   const fs::path target = fs::canonical(options.target, error);
   if (error) {
-    throw Error::bad_input("there is no such take or shot", options.target.string(),
-                           "Give the folder of a take, or a shot's .json file");
+    throw Error::bad_input("there is no such take, shot or folder", options.target.string(),
+                           "Give the folder of a take, a shot's .json file, or a folder of these");
   }
+  FirstView first;
+  const std::string relative = fs::relative(target, files.folder()).string();
   if (is_take(target)) {
-    const store::Take take(target);
-    const schemas::ShotDocument shot = make_take_shot(
-        take, store::read_timeline(take), fs::relative(target, files.folder()).string());
-    return {target.filename().string() + ".json", schemas::format_shot(shot)};
+    if (is_being_recorded(target)) {
+      first.live = relative;
+    } else {
+      first.shot = open_take_shot(target, files.folder());
+    }
+    return first;
   }
   if (fs::is_directory(target)) {
-    throw Error::bad_input("this folder is no take", target.string(),
-                           "Give the folder of a take (with take.json), or a shot's .json file");
+    list_folder(target);  // fails now, and not in the page
+    first.folder = relative;
+    return first;
   }
-  const std::string file = fs::relative(target, files.folder()).string();
-  ShotText shot{file, files.read(file)};
-  schemas::parse_shot(shot.text, target.string());  // fails now, and not in the page
-  return shot;
+  first.shot = ShotText{relative, files.read(relative)};
+  schemas::parse_shot(first.shot->text, target.string());  // likewise
+  return first;
 }
 
 }  // namespace
@@ -57,7 +68,7 @@ struct Viewer::State : RequestHandler {
   explicit State(const ViewerOptions& options)
       : files(shot_folder_of(options)),
         scenes(options.cache_folder, options.memory_bytes),
-        first(first_shot(options, files)),
+        first(first_view(options, files)),
         scheduler(options.threads),
         services{scheduler, files,
                  [this](const schemas::ShotDocument& shot, const fs::path& shot_file) {
@@ -82,7 +93,7 @@ struct Viewer::State : RequestHandler {
 
   ShotFiles files;
   SceneCache scenes;
-  ShotText first;
+  FirstView first;
   RenderScheduler scheduler;
   SessionServices services;
   HttpServer server;

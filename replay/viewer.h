@@ -14,7 +14,7 @@
 namespace raystage::replay {
 
 struct ViewerOptions {
-  std::filesystem::path target;  ///< a take's folder, or a shot's file
+  std::filesystem::path target;  ///< a take's folder, a shot's file, or a folder of these
   /// Folder in which shots are opened and saved; empty: that of the shot, or the one that holds the
   /// take.
   std::filesystem::path shot_folder;

@@ -3,12 +3,18 @@
 
 #include <atomic>
 #include <mutex>
+#include <optional>
 #include <utility>
 
+#include "base/atomic_file.h"
 #include "base/cancellation.h"
 #include "base/error.h"
+#include "compose/camera/camera_export.h"
+#include "replay/live/live_view.h"
+#include "replay/progress_reporter.h"
 #include "replay/server_messages.h"
 #include "replay/snapshot.h"
+#include "replay/source_answers.h"
 #include "replay/view_rendering.h"
 #include "schemas/viewer_message.h"
 
@@ -28,14 +34,17 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
   RenderScheduler::ClientId id = 0;
   std::mutex mutex;  // guards the members below
   std::shared_ptr<const ShownShot> shown;
+  std::shared_ptr<const ShownShot> with_confidence;  // the same, with the measure; null: not opened
   ResolutionControl resolution;
+  std::optional<LiveView> live;  // used by jobs of one kind only, which never run at once
 
   void send(std::string text) const {
     if (const auto to = client.lock()) to->send_text(std::move(text));
   }
-  void send_picture(std::vector<std::byte> message) const {
-    constexpr int kStream = 0;
-    if (const auto to = client.lock()) to->send_picture(kStream, std::move(message));
+  void send_picture(PictureContent content, std::vector<std::byte> message) const {
+    if (const auto to = client.lock()) {
+      to->send_picture(static_cast<int>(content), std::move(message));
+    }
   }
 
   std::shared_ptr<const ShownShot> shown_shot() {
@@ -78,36 +87,119 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
     std::shared_ptr<const Scene> scene = services.open_scene(shot, file);
     auto opened = std::make_shared<const ShownShot>(
         ShownShot{text.file, text.text, std::move(shot), std::move(camera), std::move(scene)});
-    send(shot_message({request, opened->file, opened->text, opened->scene->plan(), opened->shot,
-                       opened->camera}));
+    ShotMessage message{request,      opened->file,  opened->text, opened->scene->plan(),
+                        opened->shot, opened->camera};
+    message.notes = services.files.read_notes(text.file);
+    message.recovered = services.files.read_autosave(text.file);
+    const auto light_fields = opened->scene->plan().light_fields();
+    if (!light_fields.empty()) {
+      message.measurements =
+          find_measurements(file.parent_path(), light_fields.front()->take().document().name);
+    }
+    send(shot_message(message));
     const std::scoped_lock lock(mutex);
     shown = std::move(opened);
+    with_confidence.reset();
+  }
+
+  /// Opens a shot, or makes one of a take.
+  void open(std::int64_t request, const std::string& file) {
+    const std::filesystem::path path = services.files.path(file);
+    if (file_exists(path / "take.json")) {
+      return show(request, open_take_shot(path, services.files.folder()));
+    }
+    show(request, {file, services.files.read(file)});
+  }
+
+  /// Returns the shown shot, with the measures that the request shows.
+  std::shared_ptr<const ShownShot> shot_for(const ViewerMessage& request) {
+    auto shot = shown_shot();
+    if (request.look.channel != ViewerMessage::Look::Channel::kConfidence) return shot;
+    {
+      const std::scoped_lock lock(mutex);
+      if (with_confidence) return with_confidence;
+    }
+    ShownShot measured = *shot;
+    measured.shot.output.aovs.emplace_back("lf.confidence");
+    measured.scene = services.open_scene(measured.shot, services.files.path(measured.file));
+    auto result = std::make_shared<const ShownShot>(std::move(measured));
+    const std::scoped_lock lock(mutex);
+    if (shown == shot) with_confidence = result;
+    return result;
   }
 
   /// Renders by the fast method, with fewer pixels if the view moves and is slow.
   void render_fast(const ViewerMessage& request, const std::stop_token& stop) {
-    const auto shot = shown_shot();
-    int divisor = 1;
+    const auto shot = shot_for(request);
+    PictureOptions options;
+    options.method = shot->scene->fast_method();
     if (request.quality == ViewerMessage::Quality::kMoving) {
       const std::scoped_lock lock(mutex);
-      divisor = resolution.divisor(request.width, request.height);
+      options.divisor = resolution.divisor(request.width, request.height);
     }
     double ms = 0;
-    send_picture(
-        render_picture(*shot, request, shot->scene->fast_method(), divisor, true, stop, &ms));
+    send_picture(options.content, render_picture(*shot, request, options, stop, &ms));
+    if (request.quality == ViewerMessage::Quality::kPlaying)
+      shot->scene->read_ahead_of(request.frame);
     const std::scoped_lock lock(mutex);
-    resolution.record(static_cast<double>(request.width / divisor) * (request.height / divisor),
-                      ms);
+    resolution.record(
+        static_cast<double>(request.width / options.divisor) * (request.height / options.divisor),
+        ms);
   }
 
   /// Renders by the methods of the shot. Where depths must be estimated first, which takes seconds,
-  /// plane sweep comes before.
+  /// plane sweep comes before, and the progress is reported.
   void refine(const ViewerMessage& request, const std::stop_token& stop) {
-    const auto shot = shown_shot();
+    const auto shot = shot_for(request);
+    std::optional<ProgressReporter> reporter;
     if (shot->scene->must_estimate_depths(request.frame)) {
-      send_picture(render_picture(*shot, request, "plane_sweep", 1, false, stop));
+      PictureOptions first;
+      first.method = "plane_sweep";
+      first.is_final = false;
+      send_picture(first.content, render_picture(*shot, request, first, stop));
+      reporter.emplace([this, id = request.id, progress = shot->scene->depth_progress()] {
+        if (const auto share = progress()) send(progress_message(id, *share));
+      });
     }
-    send_picture(render_picture(*shot, request, {}, 1, true, stop));
+    PictureOptions options;
+    options.is_final = !request.comparison.has_value();
+    send_picture(options.content, render_picture(*shot, request, options, stop));
+    if (!request.comparison) return;
+    send_picture(PictureContent::kComparison,
+                 render_comparison(*shot, request, services.files, services.open_scene, stop));
+  }
+
+  void export_camera(const ViewerMessage& request) {
+    const std::filesystem::path file = services.files.writable_path(request.file);
+    const auto shot = shown_shot();
+    if (file_exists(file) && !request.replace) {
+      throw Error::bad_input("the file exists", file.string(),
+                             "Confirm to replace it, or choose another name");
+    }
+    std::vector<int> frames;
+    for (int frame = shot->shot.first_frame; frame <= shot->shot.last_frame; ++frame) {
+      frames.push_back(frame);
+    }
+    write_file_atomically(file,
+                          compose::format_camera_file({shot->camera, shot->shot, frames}, file));
+    send(file_message(request.id, "written", request.file));
+  }
+
+  void autosave(const ViewerMessage& request) const {
+    if (request.text.empty()) {
+      services.files.forget_autosave(request.file);
+    } else {
+      services.files.write_autosave(request.file, request.text);
+    }
+    send(file_message(request.id, "kept", request.file));
+  }
+
+  void follow_live(const ViewerMessage& request, const std::stop_token& stop) {
+    const std::filesystem::path folder = services.files.path(request.file);
+    if (!live || live->folder() != folder) live.emplace(folder);
+    for (auto& picture : live->update(request, stop)) {
+      send_picture(picture.content, std::move(picture.message));
+    }
   }
 
   void handle(const ViewerMessage& request) {
@@ -128,9 +220,8 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
         });
         break;
       case Type::kOpen:
-        submit(JobKind::kDocument, request.id, [request](State& state, const auto&) {
-          state.show(request.id, {request.file, state.services.files.read(request.file)});
-        });
+        submit(JobKind::kDocument, request.id,
+               [request](State& state, const auto&) { state.open(request.id, request.file); });
         break;
       case Type::kFocus:
         submit(JobKind::kFocus, request.id, [request](State& state, const auto& stop) {
@@ -151,21 +242,65 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
         break;
       case Type::kSnapshot:
         submit(JobKind::kFile, request.id, [request](State& state, const auto& stop) {
-          write_snapshot(*state.shown_shot(), request, state.services.files.path(request.file),
+          write_snapshot(*state.shown_shot(), request,
+                         state.services.files.writable_path(request.file),
                          state.services.program_version, stop);
           state.send(file_message(request.id, "written", request.file));
         });
+        break;
+      case Type::kExport:
+        submit(JobKind::kFile, request.id,
+               [request](State& state, const auto&) { state.export_camera(request); });
+        break;
+      case Type::kAutosave:
+        submit(JobKind::kFolder, request.id,
+               [request](State& state, const auto&) { state.autosave(request); });
+        break;
+      case Type::kNotes:
+        submit(JobKind::kFile, request.id, [request](State& state, const auto&) {
+          state.services.files.write_notes(request.file, request.text);
+          state.send(file_message(request.id, "noted", request.file));
+        });
+        break;
+      case Type::kCancel:
+        submit(JobKind::kRefinement, request.id, [](State&, const auto&) {});
+        break;
+      case Type::kMosaic:
+      case Type::kSource:
+      case Type::kEpi:
+        submit(JobKind::kSource, request.id, [request](State& state, const auto&) {
+          const SourceAnswer answer = answer_source_request(*state.shown_shot(), request);
+          state.send_picture(answer.content, answer.message);
+        });
+        break;
+      case Type::kFolder:
+        submit(JobKind::kFolder, request.id, [request](State& state, const auto&) {
+          state.send(folder_message(request.id, request.file,
+                                    list_folder(state.services.files.folder_path(request.file))));
+        });
+        break;
+      case Type::kThumbnail:
+        submit(JobKind::kFolder, request.id, [request](State& state, const auto&) {
+          const SourceAnswer answer =
+              answer_thumbnail_request(state.services.files.path(request.file), request);
+          state.send_picture(answer.content, answer.message);
+        });
+        break;
+      case Type::kLive:
+        submit(JobKind::kSource, request.id,
+               [request](State& state, const auto& stop) { state.follow_live(request, stop); });
         break;
     }
   }
 };
 
 ViewerSession::ViewerSession(const SessionServices& services, const std::shared_ptr<Client>& client,
-                             const ShotText& first)
+                             const FirstView& first)
     : state_(std::make_shared<State>(services, client)) {
-  state_->send(hello_message(services.program_version, services.files.folder().string()));
+  state_->send(hello_message(services.program_version, services.files.folder().string(), first));
+  if (!first.shot) return;
   state_->submit(JobKind::kDocument, 0,
-                 [first](State& state, const auto&) { state.show(0, first); });
+                 [shot = *first.shot](State& state, const auto&) { state.show(0, shot); });
 }
 
 ViewerSession::~ViewerSession() { state_->services.scheduler.remove(state_->id); }

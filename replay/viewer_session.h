@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
 
+#include "replay/comparison.h"
 #include "replay/render_scheduler.h"
-#include "replay/scene.h"
 #include "replay/server/http_server.h"
+#include "replay/server_messages.h"
 #include "replay/shot_files.h"
 
 namespace raystage::replay {
@@ -17,16 +17,8 @@ namespace raystage::replay {
 struct SessionServices {
   RenderScheduler& scheduler;
   const ShotFiles& files;
-  /// Returns the scene of a shot, opened if it is not open yet. Throws Error (bad input).
-  std::function<std::shared_ptr<const Scene>(const schemas::ShotDocument& shot,
-                                             const std::filesystem::path& shot_file)>
-      open_scene;
+  OpenScene open_scene;
   std::string program_version;
-};
-
-/// A shot as text, with the file that it is or would be in, relative to the viewer's folder.
-struct ShotText {
-  std::string file, text;
 };
 
 /// The conversation with one page: shows shots, renders views, answers questions, writes files.
@@ -35,7 +27,7 @@ class ViewerSession final : public ClientHandler {
  public:
   /// Greets the page and shows `first`.
   ViewerSession(const SessionServices& services, const std::shared_ptr<Client>& client,
-                const ShotText& first);
+                const FirstView& first);
   ~ViewerSession() override;
 
   /// Handles a message. A message that is not valid is answered with an error.

@@ -56,7 +56,8 @@ constexpr Fields kCameraKey(
     optional("horizontal_fov_deg", &CameraKey::horizontal_fov_deg),
     optional("focal_length_mm", &CameraKey::focal_length_mm), check(check_lens),
     optional("focus_m", &CameraKey::focus_m), optional("f_number", &CameraKey::f_number),
-    optional("shutter_deg", &CameraKey::shutter_deg));
+    optional("shutter_deg", &CameraKey::shutter_deg), optional("tension", &CameraKey::tension),
+    optional("ease_in", &CameraKey::ease_in), optional("ease_out", &CameraKey::ease_out));
 constexpr auto kCameraKeys = list_of(kCameraKey, check_camera_frames);
 
 constexpr Fields kCameraFile(required("path", &CameraFile::path, kPath),

@@ -28,6 +28,9 @@ struct ShotDocument {
     std::optional<std::array<double, 3>> target = {};  ///< at the picture's centre; world, metres
     std::optional<double> roll_deg = {}, orbit_deg = {}, focus_m = {}, f_number = {},
                           shutter_deg = {};
+    /// How much the motion slows down near the key, [0, 1]; 1: it stops. Tension acts on both
+    /// sides, ease on the motion towards the key (in) and away from it (out).
+    double tension = 0, ease_in = 0, ease_out = 0;
   };
   /// A camera exported from another program.
   struct CameraFile {

@@ -34,7 +34,10 @@ json shot_of_today() {
                {"orbit_deg", 10},
                {"focus_m", 4},
                {"f_number", 2},
-               {"shutter_deg", 180}}}},
+               {"shutter_deg", 180},
+               {"tension", 0.25},
+               {"ease_in", 0.5},
+               {"ease_out", 1}}}},
             {"film_back_mm", 24.5},
             {"file", {{"path", "move.glb"}, {"camera_name", "main"}, {"frame_offset", 12}}},
             {"orbit", {{"center", {0, 1, -5}}, {"axis", {0, 2, 0}}}},
@@ -65,6 +68,10 @@ TEST(ShotCameraDocument, ReadsEveryField) {
   EXPECT_EQ(camera.keys[1].focus_m, 4);
   EXPECT_EQ(camera.keys[1].f_number, 2);
   EXPECT_EQ(camera.keys[1].shutter_deg, 180);
+  EXPECT_EQ(camera.keys[0].tension, 0);
+  EXPECT_EQ(camera.keys[1].tension, 0.25);
+  EXPECT_EQ(camera.keys[1].ease_in, 0.5);
+  EXPECT_EQ(camera.keys[1].ease_out, 1);
   EXPECT_EQ(camera.file->path, "move.glb");
   EXPECT_EQ(camera.file->camera_name, "main");
   EXPECT_EQ(camera.file->rotation_order, "ZXY");

@@ -21,14 +21,22 @@ constexpr Fields kCamera(required("position", &Camera::position),
                          optional("focus_m", &Camera::focus_m),
                          optional("f_number", &Camera::f_number));
 
-constexpr auto kChannels = enum_names<Look::Channel>("color", "alpha", "depth", "coverage");
+constexpr auto kChannels =
+    enum_names<Look::Channel>("color", "alpha", "depth", "coverage", "confidence");
 constexpr Fields kLook(optional("channel", &Look::channel, kChannels),
                        optional("exposure", &Look::exposure), optional("display", &Look::display),
                        optional("view", &Look::view), optional("black", &Look::black),
                        optional("peaking", &Look::peaking));
 
-constexpr auto kTypes =
-    enum_names<Type>("view", "shot", "focus", "probe", "open", "save", "snapshot");
+constexpr Fields kComparison(optional("text", &ViewerMessage::Comparison::text),
+                             optional("file", &ViewerMessage::Comparison::file, kPath),
+                             optional("sequence", &ViewerMessage::Comparison::sequence, kPath));
+
+constexpr auto kTypes = enum_names<Type>("view", "shot", "focus", "probe", "open", "save",
+                                         "snapshot", "export", "autosave", "notes", "cancel",
+                                         "mosaic", "source", "epi", "folder", "thumbnail", "live");
+constexpr auto kArrangements =
+    enum_names<ViewerMessage::Arrangement>("single", "side_by_side", "anaglyph", "quilt");
 constexpr auto kEyes = enum_names<ViewerMessage::Eye>("both", "left", "right");
 constexpr auto kQualities = enum_names<ViewerMessage::Quality>("moving", "playing", "resting");
 
@@ -41,13 +49,27 @@ std::vector<std::string_view> needed_by(Type type) {
       return {"file", "text"};
     case Type::kFocus:
     case Type::kProbe:
+    case Type::kEpi:
       return {"frame", "width", "height", "pixel"};
     case Type::kOpen:
+    case Type::kExport:
+    case Type::kAutosave:
+    case Type::kFolder:
       return {"file"};
     case Type::kSave:
+    case Type::kNotes:
       return {"file", "text"};
     case Type::kSnapshot:
       return {"frame", "file"};
+    case Type::kCancel:
+      return {};
+    case Type::kMosaic:
+      return {"frame", "width", "height"};
+    case Type::kSource:
+      return {"frame", "width", "height", "camera_id"};
+    case Type::kThumbnail:
+    case Type::kLive:
+      return {"file", "width", "height"};
   }
   return {};
 }
@@ -80,16 +102,29 @@ void check_orientation(const JsonNode& object, const ViewerMessage& message) {
       .input_error("found a quaternion that is not a unit", "Divide it by its length");
 }
 
+void check_comparison(const JsonNode& object, const ViewerMessage& message) {
+  if (!message.comparison) return;
+  const ViewerMessage::Comparison& with = *message.comparison;
+  const int given = !with.text.empty() + !with.file.empty() + !with.sequence.empty();
+  if (given == 1) return;
+  throw object.at("comparison")
+      .input_error(fmt::format("found {} of text, file and sequence, allowed: 1", given),
+                   "State what to compare with");
+}
+
 constexpr Fields kMessage(
     required("type", &ViewerMessage::type, kTypes), required("id", &ViewerMessage::id),
     defaulted("frame", &ViewerMessage::frame), optional("camera", &ViewerMessage::camera, kCamera),
     optional("width", &ViewerMessage::width), optional("height", &ViewerMessage::height),
     optional("eye", &ViewerMessage::eye, kEyes),
+    optional("arrangement", &ViewerMessage::arrangement, kArrangements),
+    optional("comparison", &ViewerMessage::comparison, kComparison),
     defaulted("quality", &ViewerMessage::quality, kQualities),
     optional("look", &ViewerMessage::look, kLook), defaulted("pixel", &ViewerMessage::pixel),
+    optional("layer", &ViewerMessage::layer), optional("camera_id", &ViewerMessage::camera_id),
     optional("file", &ViewerMessage::file, kPath), optional("text", &ViewerMessage::text),
     optional("replace", &ViewerMessage::replace), check(check_type), check(check_size),
-    check(check_orientation));
+    check(check_orientation), check(check_comparison));
 
 }  // namespace
 

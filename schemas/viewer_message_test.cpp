@@ -56,6 +56,15 @@ TEST(ViewerMessages, StateWhatTheirTypeNeeds) {
               HasSubstr("\"text\" is missing"));
 }
 
+TEST(ViewerMessages, AreComparedWithOneThing) {
+  const std::string view = R"("type": "view", "frame": 1, "width": 640, "height": 480, )";
+  EXPECT_EQ(error_of(message(view + R"("comparison": {"file": "b.json"})")), "");
+  EXPECT_THAT(error_of(message(view + R"("comparison": {})")), HasSubstr("found 0 of text"));
+  EXPECT_THAT(
+      error_of(message(view + R"("comparison": {"file": "b.json", "sequence": "a.#.exr"})")),
+      HasSubstr("found 2 of text"));
+}
+
 TEST(ViewerMessages, OutsideTheSchemaAreRejected) {
   const std::string view = R"("type": "view", "frame": 1, "height": 480, )";
   EXPECT_THAT(error_of(message(view + R"("width": 100000)")), HasSubstr("/width"));

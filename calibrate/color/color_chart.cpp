@@ -11,7 +11,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "base/error.h"
 #include "calibrate/color/color_difference.h"
 #include "calibrate/geometry/calibration_verdict.h"
 #include "calibrate/geometry/ceres_options.h"

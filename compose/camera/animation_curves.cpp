@@ -49,7 +49,7 @@ V end_slope(const V& mean, const V& inner) {
 
 /// Returns the slopes at all keys from the lengths `h` (frames) and mean slopes of the intervals.
 template <class V>
-std::vector<V> slopes_of(const std::vector<V>& means, const std::vector<double>& h) {
+std::vector<V> smooth_slopes(const std::vector<V>& means, const std::vector<double>& h) {
   const std::size_t segments = means.size();
   if (segments == 1) return {means[0], means[0]};
   std::vector<V> slopes(segments + 1);
@@ -58,6 +58,19 @@ std::vector<V> slopes_of(const std::vector<V>& means, const std::vector<double>&
   }
   slopes.front() = end_slope(means.front(), slopes[1]);
   slopes.back() = end_slope(means.back(), slopes[segments - 1]);
+  return slopes;
+}
+
+/// Returns the smooth slopes, slowed down as the keys say.
+template <class V, class Key>
+std::vector<KeySlopes<V>> slopes_of(const std::vector<V>& means, const std::vector<double>& h,
+                                    const std::vector<Key>& keys) {
+  std::vector<KeySlopes<V>> slopes;
+  const std::vector<V> smooth = smooth_slopes(means, h);
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    const KeySpeed& speed = keys[i].speed;
+    slopes.push_back({V(smooth[i] * speed.arriving), V(smooth[i] * speed.leaving)});
+  }
   return slopes;
 }
 
@@ -108,14 +121,14 @@ Curve<V>::Curve(const std::vector<CurveKey<V>>& keys) {
     frames_.push_back(key.frame);
     values_.push_back(key.value);
   }
-  if (!means.empty()) slopes_ = slopes_of(means, h);
+  if (!means.empty()) slopes_ = slopes_of(means, h, keys);
 }
 
 template <class V>
 V Curve<V>::operator()(double frame) const {
   const auto [from, to, u] = find_key_interval(frames_, frame);
   if (u == 0) return values_[from];
-  return hermite(values_[from], slopes_[from], values_[to], slopes_[to],
+  return hermite(values_[from], slopes_[from].leaving, values_[to], slopes_[to].arriving,
                  frames_[to] - frames_[from], u);
 }
 
@@ -134,7 +147,7 @@ RotationCurve::RotationCurve(const std::vector<CurveKey<Quaterniond>>& keys) {
     frames_.push_back(key.frame);
     values_.push_back(key.value);
   }
-  if (!means.empty()) angular_velocities_ = slopes_of(means, h);
+  if (!means.empty()) angular_velocities_ = slopes_of(means, h, keys);
 }
 
 Quaterniond RotationCurve::operator()(double frame) const {
@@ -142,15 +155,16 @@ Quaterniond RotationCurve::operator()(double frame) const {
   if (u == 0) return values_[from];
   const double h = frames_[to] - frames_[from];
   // The first and the last factor determine the angular velocities at the ends.
-  const Quaterniond first = from_rotation_vector(angular_velocities_[from] * (h / 3));
-  const Quaterniond last = from_rotation_vector(angular_velocities_[to] * (h / 3));
+  const Vector3d first_third = angular_velocities_[from].leaving * (h / 3);
+  const Vector3d last_third = angular_velocities_[to].arriving * (h / 3);
+  const Quaterniond first = from_rotation_vector(first_third);
+  const Quaterniond last = from_rotation_vector(last_third);
   const Vector3d middle = rotation_vector(first.conjugate() * values_[from].conjugate() *
                                           values_[to] * last.conjugate());
   const double v = 1 - u;
   const double b1 = 1 - v * v * v, b2 = u * u * (3 - 2 * u), b3 = u * u * u;
-  return (values_[from] * from_rotation_vector(angular_velocities_[from] * (h / 3 * b1)) *
-          from_rotation_vector(middle * b2) *
-          from_rotation_vector(angular_velocities_[to] * (h / 3 * b3)))
+  return (values_[from] * from_rotation_vector(first_third * b1) *
+          from_rotation_vector(middle * b2) * from_rotation_vector(last_third * b3))
       .normalized();
 }
 

@@ -52,6 +52,15 @@ std::optional<double> focal_of(const Key& key, double film_back_mm, const std::s
   return focal;
 }
 
+KeySpeed speed_at(const Key& key, const std::string& where) {
+  for (const double share : {key.tension, key.ease_in, key.ease_out}) {
+    if (share >= 0 && share <= 1) continue;
+    refuse("a tension or ease of a camera key is not between 0 and 1", where, "Correct the key");
+  }
+  const double kept = 1 - key.tension;
+  return {kept * (1 - key.ease_in), kept * (1 - key.ease_out)};
+}
+
 /// Returns the curve of one property, or null if no key has it; `value_of(key, where)` returns its
 /// value or nullopt.
 template <class V, class CurveOfV = Curve<V>, class ValueOf>
@@ -59,8 +68,9 @@ AnimationChannel<V> curve_of(const schemas::ShotDocument::Camera& camera, const 
                              const ValueOf& value_of) {
   std::vector<CurveKey<V>> keys;
   for (std::size_t i = 0; i < camera.keys.size(); ++i) {
-    const std::optional<V> value = value_of(camera.keys[i], fmt::format("{}/keys/{}", where, i));
-    if (value) keys.push_back({camera.keys[i].frame, *value});
+    const std::string at = fmt::format("{}/keys/{}", where, i);
+    const std::optional<V> value = value_of(camera.keys[i], at);
+    if (value) keys.push_back({camera.keys[i].frame, *value, speed_at(camera.keys[i], at)});
   }
   if (keys.empty()) return nullptr;
   return CurveOfV(keys);

@@ -219,6 +219,29 @@ TEST_F(CameraMoves, ChanAndGltfGiveBackTheCameraTheyWereMadeOf) {
   }
 }
 
+TEST_F(CameraMoves, ANukeScriptHasTheCameraWithItsShift) {
+  shot_.camera.film_back_mm = 24;
+  shot_.camera.keys = {
+      {.frame = 101, .position = {{0, 1, 2}}, .focal_length_mm = 48, .focus_m = 4, .f_number = 2.8},
+      {.frame = 102, .position = {{1, 1, 2}}}};
+  shot_.camera.stereo = {.interaxial_m = 0.08, .convergence_m = 4};
+  const ShotCamera original = camera();
+  const std::vector<int> frames{101, 102};
+  const std::string left = format_camera_file(
+      {original, shot_, frames, Eye::kLeft, RotationOrder::kZxy, "2nd unit"}, "a.nk");
+  EXPECT_THAT(left, HasSubstr("Camera2 {\n"));
+  EXPECT_THAT(left, HasSubstr(" translate {{curve x101 -0.04 x102 0.96} {curve x101 1 x102 1}"));
+  EXPECT_THAT(left, HasSubstr(" rotate {{curve x101 0 x102 0}"));
+  EXPECT_THAT(left, HasSubstr(" haperture 24\n"));
+  EXPECT_THAT(left, HasSubstr(" focal_point {{curve x101 4 x102 4}}"));
+  EXPECT_THAT(left, HasSubstr(" fstop {{curve x101 2.8 x102 2.8}}"));
+  EXPECT_THAT(left, HasSubstr(" name camera_2nd_unit\n}\n"));
+  // The left eye's picture is shifted to the right: 0.04 m at 4 m by 48 mm on half of 24 mm.
+  const render::VirtualCamera view = original.camera(101, Eye::kLeft);
+  EXPECT_NEAR(1 - 2 * view.intrinsics.cx / view.width, 0.04 / 4 * 48 / 12, 1e-12);
+  EXPECT_THROW(format_camera_file({original, shot_, frames}, "a.fbx"), Error);
+}
+
 TEST_F(CameraMoves, AFileAndKeysAddUpButDoNotContradict) {
   write_file_atomically(folder_.path() / "move.chan", "101 0 0 0 0 0 0\n150 1 0 0 0 0 0\n");
   shot_.camera.file = {.path = "move.chan"};

@@ -232,6 +232,36 @@ TEST(ShotCameraKeys, ADollyZoomKeepsTheSizeOfItsSubject) {
   }
 }
 
+TEST(ShotCameraKeys, EaseSlowsDownOneSideAndTensionBoth) {
+  Key first = make_key(0, {0, 0, 0}, Quaterniond::Identity(), 40);
+  Key last = make_key(10, {10, 0, 0}, turned(90, Vector3d::UnitY()), 40);
+  const auto x = [&](double frame) {
+    return pose_at(camera_of({first, last}), frame).position.x();
+  };
+  const auto angle = [&](double frame) {
+    return rotation_between(Eigen::Matrix3d::Identity(),
+                            pose_at(camera_of({first, last}), frame).world_from_camera_rotation) *
+           180 / std::numbers::pi;
+  };
+  EXPECT_NEAR(x(2.5), 2.5, 1e-12);
+  first.ease_out = 1;  // starts from rest
+  EXPECT_LT(x(0.1), 0.01);
+  EXPECT_NEAR((x(10) - x(9.9)) / 0.1, 1, 0.02);
+  EXPECT_LT(angle(0.1), 0.1);
+  EXPECT_NEAR((angle(10) - angle(9.9)) / 0.1, 9, 0.2);
+  last.ease_in = 1;  // and comes to rest: 3 u^2 - 2 u^3
+  EXPECT_NEAR(x(2.5), 10 * 0.15625, 1e-12);
+  EXPECT_NEAR(x(5), 5, 1e-12);
+  EXPECT_NEAR(angle(5), 45, 1e-9);
+  first.ease_out = last.ease_in = 0;
+  first.tension = last.tension = 1;
+  EXPECT_NEAR(x(2.5), 10 * 0.15625, 1e-12);
+  first.tension = last.tension = 0.5;
+  EXPECT_NEAR(x(2.5), 0.5 * (2.5 + 10 * 0.15625), 1e-12);
+  EXPECT_EQ(x(0), 0);
+  EXPECT_EQ(x(10), 10);
+}
+
 TEST(ShotCameraKeys, RefusesUnusableKeys) {
   const Key good = make_key(1, {0, 0, 0}, Quaterniond::Identity(), 40);
   EXPECT_THROW(camera_of({}), Error);
@@ -244,6 +274,12 @@ TEST(ShotCameraKeys, RefusesUnusableKeys) {
   EXPECT_THROW(camera_of({bad}), Error);
   bad = good;
   bad.position->at(1) = NAN;
+  EXPECT_THROW(camera_of({bad}), Error);
+  bad = good;
+  bad.tension = 1.5;
+  EXPECT_THROW(camera_of({bad}), Error);
+  bad = good;
+  bad.ease_in = -0.1;
   EXPECT_THROW(camera_of({bad}), Error);
 }
 

@@ -131,6 +131,15 @@ void add_perspective(Imf::Header& header, const render::VirtualCamera& camera) {
 
 void check_exr_compression(const std::string& name) { compression_named(name); }
 
+void add_overscan(ExrCamera& camera, std::array<int, 2> overscan) {
+  camera.overscan_x = overscan[0];
+  camera.overscan_y = overscan[1];
+  camera.view.width += 2 * overscan[0];
+  camera.view.height += 2 * overscan[1];
+  camera.view.intrinsics.cx += overscan[0];
+  camera.view.intrinsics.cy += overscan[1];
+}
+
 render::VirtualCamera without_overscan(const ExrCamera& camera) {
   render::VirtualCamera picture = camera.view;
   picture.width -= 2 * camera.overscan_x;

@@ -3,6 +3,7 @@
 
 #include <ImathMatrix.h>
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -55,6 +56,8 @@ struct ExrCamera {
 
 /// Returns the camera of the display window.
 render::VirtualCamera without_overscan(const ExrCamera& camera);
+/// Adds pixels on the left and right, and at the top and bottom, to a camera without overscan.
+void add_overscan(ExrCamera& camera, std::array<int, 2> overscan);
 
 /// Returns the transform to OpenEXR's camera space: left-handed, x right, y up, z forward (ours: z
 /// backward). Imath multiplies row vectors, so that the translation is in the last row.

@@ -7,7 +7,6 @@
 #include <fstream>
 #include <numbers>
 
-#include "base/error.h"
 #include "compose/geometry/frustum_culling.h"
 #include "compose/geometry/geometry_scene.h"
 

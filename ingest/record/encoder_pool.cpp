@@ -3,8 +3,6 @@
 
 #include <utility>
 
-#include "base/error.h"
-
 namespace raystage::ingest {
 
 EncoderPool::EncoderPool(const store::JpegEncodeOptions& options, int threads)

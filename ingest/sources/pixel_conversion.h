@@ -5,7 +5,6 @@
 #include <memory>
 
 #include "ingest/sources/ffmpeg_pointers.h"
-#include "ingest/sources/frame_source.h"
 
 namespace raystage::ingest {
 

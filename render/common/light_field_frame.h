@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <filesystem>
 #include <memory>
 #include <vector>
@@ -18,6 +19,8 @@ namespace raystage::render {
 struct StoredDataCounts {
   std::atomic<int> derived = 0;  ///< not stored before, or damaged
   std::atomic<int> read = 0;     ///< from their files
+  /// Progress of deriving: equal parts of the work, begun and done since the counts were made.
+  std::atomic<std::int64_t> parts_begun = 0, parts_done = 0;
 };
 
 /// The frames of all cameras at one tick: which cameras have a frame, and which are neighbours.

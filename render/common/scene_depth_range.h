@@ -3,7 +3,6 @@
 
 #include <string_view>
 
-#include "render/common/method.h"
 #include "store/scene_depth_range.h"
 
 namespace raystage::render {

@@ -79,6 +79,8 @@ class Solver {
   }
 
   CameraDepths solve() {
+    constexpr int kPasses = 3;
+    count_parts(&StoredDataCounts::parts_begun, kPasses * std::ssize(members_));
     {
       BufferPool buffers;
       for_each_camera(initial_pass_, [&](int camera) { return initial_depths(camera, buffers); });
@@ -214,6 +216,11 @@ class Solver {
     return most;
   }
 
+  /// Counts a part of the work for each camera and pass.
+  void count_parts(std::atomic<std::int64_t> StoredDataCounts::*counter, std::int64_t parts) const {
+    if (instant_.stored_data_counts != nullptr) instant_.stored_data_counts->*counter += parts;
+  }
+
   /// Replaces all maps by new ones, each computed from the current ones.
   template <class Make>
   void for_each_camera(const EstimationPass& pass, const Make& make) {
@@ -226,6 +233,7 @@ class Solver {
           end - begin, memory_.in_flight, [] { return false; },
           [&](std::size_t i) {
             if (is_solved(begin + i)) made[begin + i] = make(members_[begin + i]);
+            count_parts(&StoredDataCounts::parts_done, 1);
           });
       for (std::size_t i = 0; i < end; ++i) {
         if (made[i].values.empty() || last_readers[i] >= end) continue;

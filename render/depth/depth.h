@@ -8,7 +8,6 @@
 
 #include "render/common/blending_field.h"
 #include "render/common/method.h"
-#include "render/common/world_ray.h"
 #include "render/depth/camera_depths.h"
 #include "render/depth/fusion.h"
 #include "render/sampling/depth_sampling.h"

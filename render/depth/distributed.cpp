@@ -8,7 +8,6 @@
 #include "render/depth/distributed.h"
 
 #include <algorithm>
-#include <array>
 #include <memory>
 #include <utility>
 

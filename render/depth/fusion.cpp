@@ -11,7 +11,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "base/options.h"
 #include "base/parallel.h"

@@ -5,7 +5,6 @@
 #include "render/depth/inverse_depth_map.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "render/common/ray_cells.h"
 

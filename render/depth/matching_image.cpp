@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 
 #include "base/parallel.h"
 #include "base/transfer_function.h"

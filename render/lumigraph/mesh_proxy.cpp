@@ -10,7 +10,6 @@
 
 #include <algorithm>
 #include <assimp/Importer.hpp>
-#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <vector>

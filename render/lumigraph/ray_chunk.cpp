@@ -5,7 +5,6 @@
 #include "render/lumigraph/ray_chunk.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "render/sampling/depth_sampling.h"

@@ -7,7 +7,6 @@
 #include "render/planar/coverage_measures.h"
 
 #include <Eigen/Geometry>
-#include <limits>
 
 #include "base/parallel.h"
 #include "render/common/ray_cells.h"

@@ -5,7 +5,6 @@
 #include "render/slabs/node_sources.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 namespace raystage::render {

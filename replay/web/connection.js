@@ -9,7 +9,7 @@ export class Connection {
   constructor(handlers) {
     this.handlers = handlers;
     this.nextId = 1;
-    this.waiting = new Map();  // id of a question -> {resolve, reject}
+    this.waiting = new Map();  // id of a question -> {type, resolve, reject}
     const url = new URL("socket", location.href);
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
     this.socket = new WebSocket(url);
@@ -32,17 +32,23 @@ export class Connection {
     return id;
   }
 
-  /** Sends a message; the promise is the answer with its id. */
+  /** Sends a message; the promise is the answer with its id: a message, or {header, jpeg}. */
   ask(type, members) {
     const id = this.send(type, members);
-    return new Promise((resolve, reject) => this.waiting.set(id, { resolve, reject }));
+    return new Promise((resolve, reject) => this.waiting.set(id, { type, resolve, reject }));
   }
 
   receive(data) {
     if (typeof data !== "string") {
       const length = new DataView(data).getUint32(0, true);
       const header = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
-      this.handlers.picture(header, new Blob([new Uint8Array(data, 4 + length)], { type: "image/jpeg" }));
+      const jpeg = new Blob([new Uint8Array(data, 4 + length)], { type: "image/jpeg" });
+      const question = this.waiting.get(header.id);
+      if (question?.type === header.content) {
+        this.waiting.delete(header.id);
+        question.resolve({ header, jpeg });
+      }
+      this.handlers.picture(header, jpeg);
       return;
     }
     const message = JSON.parse(data);

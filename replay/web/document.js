@@ -69,6 +69,16 @@ export class ShotText {
     });
   }
 
+  /** Sets a property of the key at a frame; 0 removes it. */
+  setKeyProperty(frame, name, value) {
+    return this.change((json) => {
+      const key = json.camera?.keys?.find((k) => k.frame === frame);
+      if (!key) return;
+      if (value) key[name] = value;
+      else delete key[name];
+    });
+  }
+
   deleteKey(frame) {
     return this.change((json) => {
       const keys = json.camera?.keys ?? [];

@@ -1,35 +1,51 @@
 // SPDX-License-Identifier: Apache-2.0
 // The viewer's page: connects the shot, the picture, the timeline and the panels.
 import * as cam from "./camera.js";
+import { Comparison } from "./comparison.js";
 import { Connection, errorText } from "./connection.js";
 import { ShotText } from "./document.js";
-import { addFields } from "./fields.js";
+import { Files } from "./files.js";
+import { Folder } from "./folder.js";
+import * as headset from "./headset.js";
 import { addKeyboard, addPointerInput, cameraKeys } from "./input.js";
-import { drawMap } from "./map.js";
+import { Live } from "./live.js";
+import { addLook } from "./look.js";
+import { Notes } from "./notes.js";
+import { makePanels } from "./panels.js";
+import { Sources } from "./sources.js";
 import { Timeline } from "./timeline.js";
 import { drawGuides, View } from "./view.js";
 
 const element = (id) => document.getElementById(id);
 
 /** What is shown. `own`: the camera that the user moved, null: that of the shot at the frame. */
-const state = { shot: null, own: null, look: {}, methods: [], picture: null };
+const state = { shot: null, own: null, look: {}, arrangement: {}, methods: [], picture: null, recovered: null, seconds: {}, liveCamera: null };
 const shotText = new ShotText();
 
-const camera = () => state.own ?? pathCamera(timeline.frame);
+const camera = () => state.own ?? (live.isOn ? state.liveCamera : pathCamera(timeline.frame));
 function pathCamera(frame) {
   return state.shot?.path[frame - state.shot.first_frame] ?? state.shot?.path.at(-1);
 }
+/** The members of a view message that say what is seen. */
+const seen = () => ({ frame: timeline.frame, camera: state.own ?? undefined });
 
 function say(text) { element("status").textContent = text; }
 
 const connection = new Connection({
   open: () => say(""),
   close: () => say("The server has ended. Start raystage replay again."),
-  picture: (header, jpeg) => view.receive(header, jpeg),
+  picture: (header, jpeg) => {
+    if (header.content === "view" || header.content === "comparison") view.receive(header, jpeg);
+  },
   message: (message) => {
     if (message.type === "hello") {
       state.methods = message.methods;
       document.body.dataset.folder = message.folder;
+      comparison.update();
+      if (message.live !== undefined) followLive(message.live);
+      else if (message.list !== undefined) folder.show(message.list);
+    } else if (message.type === "progress") {
+      showProgress(message);
     } else if (message.type === "shot") {
       showShot(message);
     } else if (message.type === "dropped") {
@@ -42,17 +58,19 @@ const connection = new Connection({
 });
 
 const view = new View(element("stage"), element("picture"), element("guides"), {
-  request: (quality) => state.shot && {
-    frame: timeline.frame, camera: state.own ?? undefined, width: view.width, height: view.height, quality, look: state.look,
+  request: (quality) => state.shot && !live.isOn && {
+    ...seen(), ...state.arrangement, width: view.width, height: view.height, quality, look: state.look,
+    comparison: quality === "resting" ? comparison.member() : undefined,
   },
   send: (members) => connection.send("view", members),
   shown: {
-    picture: showFacts,
+    picture: (header) => panels.showFacts(header),
     resized: () => drawGuides(element("guides"), element("guides-kind").value, state.shot),
   },
 });
 
 const timeline = new Timeline(element("timeline"), {
+  notes: () => notes?.frames() ?? [],
   keys: () => shotText.json ? shotText.keys().map((key) => key.frame) : [],
   moveKey: (from, to) => shotText.moveKey(from, to) && (sendShot(), true),
   changed: (frame, quality) => {
@@ -60,14 +78,62 @@ const timeline = new Timeline(element("timeline"), {
     if (quality === "playing") view.play();
     else if (quality === "resting") view.rest();
     else view.move();
-    refreshPanels();
+    sources.refresh();
+    panels.refresh();
   },
 });
 
+const sources = new Sources(element("sources"), element("epi"), {
+  ask: (type, members) => connection.ask(type, members),
+  request: seen, say,
+  chosen: (mode, id) => {
+    element("mosaic").textContent = mode === "view" ? "Mosaic" : "Virtual view";
+    say(mode === "source" ? `Camera ${id}. Click to return to all cameras.` : "");
+  },
+});
+const comparison = new Comparison(
+  { kind: element("compare"), file: element("compare-file"), wipe: element("wipe"), keep: element("keep") },
+  { shotText, methods: () => state.methods, changed: () => view.rest(), say, setWipe: (share) => view.setWipe(share) });
+const files = new Files(element("file-dialog"), {
+  ask: (type, members) => connection.ask(type, members),
+  shotText, say, saved: () => panels.refresh(),
+  request: () => ({ ...seen(), ...state.arrangement, look: state.look }),
+});
+const folder = new Folder(element("cards"), {
+  ask: (type, members) => connection.ask(type, members), say,
+  open: (file) => files.attempt(() => connection.ask("open", { file })),
+  live: (file) => followLive(file),
+});
+const live = new Live(element("live"), {
+  ask: (type, members) => connection.ask(type, members), view, sources, say,
+  camera: () => state.own, look: () => state.look,
+});
+const notes = new Notes(element("notes"), element("note"), {
+  ask: (type, members) => connection.ask(type, members), say,
+  file: () => shotText.file, frame: () => timeline.frame,
+  go: (frame) => timeline.go(frame), changed: () => timeline.draw(),
+});
+
+function followLive(file) {
+  folder.hide();
+  state.shot = null;
+  state.own = null;
+  element("title").textContent = file;
+  document.title = file + " - Raystage";
+  sources.canvas.hidden = false;
+  sources.mode = "live";
+  live.start(file);
+}
+
+function showProgress({ share }) {
+  element("progress-row").hidden = false;
+  element("progress").value = share;
+}
+
 function setCamera(next, inputTime = performance.now()) {
   state.own = next;
-  view.move(inputTime);
-  refreshPanels();
+  if (!live.isOn) view.move(inputTime);
+  panels.refresh();
 }
 
 // The shot.
@@ -77,14 +143,22 @@ function showShot(message) {
   if (isOther) {
     shotText.reset(message.file, message.text);
     state.own = null;
+    notes.reset(message.notes);
+    live.stop();
+    sources.show("view");
+    // What the text was when the page or the program ended.
+    state.recovered = message.recovered && message.recovered !== message.text ? message.recovered : null;
+    element("recovery").hidden = !state.recovered;
   }
+  folder.hide();
   state.shot = message;
+  timeline.absences = message.absences;
   element("title").textContent = message.name || "Raystage";
   document.title = (message.name || "shot") + " - Raystage";
   timeline.reset(message.first_frame, message.last_frame, message.fps);
   view.setAspect(message.width / message.height);
-  showLayers();
-  refreshPanels();
+  panels.showLayers();
+  panels.refresh();
   say("");
 }
 
@@ -94,7 +168,7 @@ function sendShot() {
   connection.ask("shot", { file: shotText.file, text: shotText.text() })
     .then(() => { if (timeline.frame === frame) view.rest(); })
     .catch((error) => say(error.message));
-  refreshPanels();
+  panels.refresh();
 }
 
 function undo(step) {
@@ -107,55 +181,6 @@ function setKey() {
   if (!shotText.canSetKeys()) return say("Keys cannot be set: the camera follows a file, a target, an orbit or a dolly zoom.");
   if (shotText.setKey(timeline.frame, cam.copy(camera()))) sendShot();
   state.own = null;
-}
-
-function ask(question, name, canReplace) {
-  const dialog = element("file-dialog");
-  element("file-question").textContent = question;
-  element("file-name").value = name;
-  element("replace").checked = false;
-  element("replace-label").hidden = !canReplace;
-  dialog.showModal();
-  return new Promise((resolve) => dialog.addEventListener("close", () =>
-    resolve(dialog.returnValue === "ok" && element("file-name").value ? {
-      file: element("file-name").value, replace: element("replace").checked,
-    } : null), { once: true }));
-}
-
-async function save() {
-  const answer = await ask("Save the shot as", shotText.file, true);
-  if (!answer) return;
-  try {
-    await connection.ask("save", { ...answer, text: shotText.text() });
-    shotText.file = answer.file;
-    shotText.savedText = shotText.text();
-    say("Saved " + answer.file);
-    refreshPanels();
-  } catch (error) {
-    say(error.message);
-  }
-}
-
-async function open() {
-  const answer = await ask("Open the shot file", shotText.file, false);
-  if (!answer) return;
-  try {
-    await connection.ask("open", { file: answer.file });
-  } catch (error) {
-    say(error.message);
-  }
-}
-
-async function snapshot() {
-  const answer = await ask("Write this frame as .exr or .png", `frame.${String(timeline.frame).padStart(4, "0")}.png`, true);
-  if (!answer) return;
-  say("Writing " + answer.file);
-  try {
-    await connection.ask("snapshot", { ...answer, frame: timeline.frame, camera: state.own ?? undefined, look: state.look });
-    say("Written " + answer.file);
-  } catch (error) {
-    say(error.message);
-  }
 }
 
 // Focus.
@@ -176,6 +201,7 @@ async function focusAt(event) {
 
 let probeUnderWay = false;
 async function hover(event) {
+  if (state.shot && !live.isOn) sources.showEpi(view.pixelAt(event), view);
   if (probeUnderWay || !state.shot || timeline.playing) return;
   probeUnderWay = true;
   const [x, y] = view.pixelAt(event);
@@ -185,138 +211,51 @@ async function hover(event) {
     });
     element("readout").textContent = `${Math.floor(x)}, ${Math.floor(y)}   linear ${found.rgba.map((v) => v.toFixed(4)).join(" ")}` +
       `   display ${found.display.join(" ")}   Z ${found.z === null ? "-" : found.z.toFixed(3) + " m"}` +
-      (found.coverage === undefined ? "" : `   coverage ${found.coverage.toFixed(2)}`);
+      (found.coverage === undefined ? "" : `   coverage ${found.coverage.toFixed(2)}`) +
+      (found.cameras.length ? "   cameras " + found.cameras.map(([id, share]) => `${id} ${Math.round(100 * share)} %`).join(", ") : "");
   } catch { /* the next pixel may have an answer */ }
   setTimeout(() => { probeUnderWay = false; }, 100);
 }
 
 addPointerInput(element("picture"), { camera, setCamera, focusAt, hover, rest: () => view.rest() });
 
-// Panels.
-
-const change = (edit) => (value) => {
-  if (value !== undefined) setCamera(edit(cam.copy(camera()), value));
-};
-const updateFields = [
-  addFields(element("camera-fields"), [
-    ...["x", "y", "z"].map((axis, i) => ({
-      name: "position-" + axis, label: axis, unit: "m", step: 0.01, get: () => camera().position[i],
-      set: change((c, v) => { c.position[i] = v; return c; }),
-    })),
-    { name: "fov", label: "Field of view", unit: "deg", step: 1, get: () => cam.fieldOfView(camera()),
-      set: change((c, v) => ({ ...c, focal_length_mm: cam.focalLength(c.film_back_mm, Math.min(179, Math.max(0.1, v))) })) },
-    ...["azimuth", "elevation", "roll"].map((angle) => ({
-      name: angle, label: angle[0].toUpperCase() + angle.slice(1), unit: "deg", step: 1, get: () => cam.angles(camera())[angle],
-      set: change((c, v) => {
-        const turned = { ...cam.angles(c), [angle]: v };
-        return { ...c, orientation: cam.fromAngles(turned.azimuth, turned.elevation, turned.roll) };
-      }),
-    })),
-    { name: "focal-length", label: "Focal length", unit: "mm", step: 1, get: () => camera().focal_length_mm,
-      set: change((c, v) => ({ ...c, focal_length_mm: Math.max(0.1, v) })) },
-  ], refreshPanels),
-  addFields(element("focus-fields"), [
-    { name: "focus", label: "Distance", unit: "m", step: 0.01, get: () => camera().focus_m,
-      set: (v) => setCamera({ ...cam.copy(camera()), focus_m: v === undefined ? undefined : Math.max(0.01, v) }) },
-    { name: "f-number", label: "f-number", step: 0.1, get: () => camera().f_number,
-      set: (v) => setCamera({ ...cam.copy(camera()), f_number: v === undefined ? undefined : Math.max(0.01, v) }) },
-  ], refreshPanels),
-];
-element("focus-slider").addEventListener("input", (event) =>
-  setCamera({ ...cam.copy(camera()), focus_m: 1 / Math.max(0.001, Number(event.target.value)) }, event.timeStamp));
-
-function refreshPanels() {
-  if (!state.shot) return;
-  for (const update of updateFields) update();
-  const slider = element("focus-slider");
-  if (document.activeElement !== slider) slider.value = 1 / cam.focusDistance(camera());
-  element("frame").value = timeline.frame;
-  element("file").textContent = shotText.file + (shotText.json && shotText.isChanged() ? " *" : "");
-  element("undo").disabled = shotText.past.length === 0;
-  element("redo").disabled = shotText.future.length === 0;
-  element("delete-key").disabled = !shotText.keyAt(timeline.frame) || shotText.keys().length < 2;
-  element("to-path").disabled = !state.own;
-  timeline.draw();
-  drawMap(element("map"), state.shot.layers.flatMap((layer) => layer.cameras ?? []), camera(), state.shot.path);
-}
-
-function showLayers() {
-  const parent = element("layers");
-  parent.replaceChildren();
-  state.shot.layers.forEach((layer, index) => {
-    const label = document.createElement("label");
-    label.append(layer.name || `Layer ${index + 1}`);
-    if (layer.method) {
-      const select = document.createElement("select");
-      select.id = "method-" + index;
-      for (const { name } of state.methods) select.append(new Option(name, name, false, name === layer.method));
-      select.addEventListener("change", () => {
-        shotText.change((json) => {
-          json.layers[index].method = select.value;
-          delete json.layers[index].options;  // they belong to the other method
-        });
-        sendShot();
-      });
-      label.append(select);
-      const found = state.methods.find((method) => method.name === layer.method);
-      element("method-summary").textContent = found ? found.summary + (found.artefacts ? ". Visible errors: " + found.artefacts : "") + "." : "";
-    }
-    parent.append(label);
-  });
-}
-
-function showFacts(header) {
-  state.picture = header;
-  if (timeline.playing) ++timeline.statistics.shown;
-  const facts = [
-    ["Rendered", `${header.width} x ${header.height}${header.method ? ", " + header.method : ""}`],
-    ["Time", `${header.render_ms.toFixed(1)} + ${header.picture_ms.toFixed(1)} ms`],
-    ["Missing pixels", (100 * header.uncovered).toFixed(1) + " %"],
-    ["Absent cameras", header.absent_cameras ? header.absent_cameras.join(", ") : "none"],
-  ];
-  if (header.held) facts.push(["Instant", "missing, the nearest is shown"]);
-  if (header.false_colors) facts.push(["Blue to red", header.false_colors.map((d) => d > 0 ? (1 / d).toFixed(2) + " m" : "infinity").join(" to ")]);
-  if (header.notes) facts.push(["Note", header.notes.join(" ")]);
-  const list = element("facts");
-  list.replaceChildren(...facts.flatMap(([name, value]) => {
-    const term = document.createElement("dt"), data = document.createElement("dd");
-    term.textContent = name;
-    data.textContent = value;
-    return [term, data];
-  }));
-}
-
-// Look.
-
-function changeLook(name, value) {
-  if (value === undefined || value === "" || value === false) delete state.look[name];
-  else state.look[name] = value;
-  view.rest();
-}
-element("channel").addEventListener("change", (event) => changeLook("channel", event.target.value));
-element("exposure").addEventListener("change", (event) => changeLook("exposure", Number(event.target.value) || 0));
-element("black").addEventListener("change", (event) => changeLook("black", event.target.checked));
-element("peaking").addEventListener("change", (event) => changeLook("peaking", event.target.checked));
-const kDisplays = [["", ""], ["sRGB", "Plain"], ["sRGB", "ACES 1.0 SDR"], ["Rec.1886", "Plain"], ["Rec.1886", "ACES 1.0 SDR"],
-  ["P3-D65", "Plain"], ["P3-D65", "ACES 1.0 SDR"]];
-for (const [display, name] of kDisplays) element("display").append(new Option(display ? `${display}, ${name}` : "Default", `${display}|${name}`));
-element("display").addEventListener("change", (event) => {
-  const [display, name] = event.target.value.split("|");
-  changeLook("display", display);
-  changeLook("view", name);
-});
-element("guides-kind").addEventListener("change", (event) => drawGuides(element("guides"), event.target.value, state.shot));
+const panels = makePanels({ state, shotText, timeline, camera, setCamera, sendShot, changed: () => files.autosave() });
+addLook({ state, view });
 
 // Buttons and keys.
 
 const stepFrame = (step) => timeline.go(timeline.frame + step);
 const actions = {
-  undo: () => undo(shotText.undo()), redo: () => undo(shotText.redo()), open, save, snapshot,
+  undo: () => undo(shotText.undo()), redo: () => undo(shotText.redo()),
+  open: () => files.open(), save: () => files.save(), snapshot: () => files.snapshot(timeline.frame), export: () => files.exportCamera(),
+  folder: () => {
+    if (!element("cards").hidden && state.shot) return folder.hide();
+    const parent = shotText.file.includes("/") ? shotText.file.replace(/\/[^/]*$/, "") : ".";
+    return folder.show(folder.folder ?? parent);
+  },
+  mosaic: () => (live.isOn ? toggleLiveMosaic() : sources.show(sources.mode === "view" ? "mosaic" : "view")),
+  cancel: () => {
+    connection.send("cancel", {});
+    element("progress-row").hidden = true;
+  },
+  recover: () => {
+    element("recovery").hidden = true;
+    if (shotText.change((json) => replaceContents(json, JSON.parse(state.recovered)))) sendShot();
+  },
+  discard: () => {
+    element("recovery").hidden = true;
+    files.attempt(() => connection.ask("autosave", { file: shotText.file }));
+  },
+  "add-note": () => notes.add(),
+  headset: () => headset.showOnHeadset({
+    camera, frame: () => timeline.frame,
+    render: (members) => connection.ask("view", { ...members, look: state.look }),
+  }).catch((error) => say("The headset cannot be used: " + error.message)),
   help: () => element("help-dialog").showModal(),
   first: () => timeline.go(timeline.in), last: () => timeline.go(timeline.out),
   back: () => stepFrame(-1), forward: () => stepFrame(1),
   play: () => { timeline.toggle(); element("play").textContent = timeline.playing ? "\u23F8" : "\u25B6"; },
-  "to-path": () => { state.own = null; view.move(); refreshPanels(); },
+  "to-path": () => { state.own = null; view.move(); panels.refresh(); },
   "set-key": setKey,
   "delete-key": () => { if (shotText.deleteKey(timeline.frame)) sendShot(); },
   "set-in": () => { timeline.in = Math.min(timeline.frame, timeline.out); timeline.draw(); },
@@ -326,6 +265,25 @@ for (const [id, action] of Object.entries(actions)) element(id).addEventListener
 element("frame").addEventListener("change", (event) => timeline.go(Number(event.target.value)));
 element("speed").addEventListener("change", (event) => timeline.setSpeed(Number(event.target.value)));
 element("loop").addEventListener("change", (event) => { timeline.loop = event.target.checked; });
+
+/** Makes a JSON object equal to another one, in place. */
+function replaceContents(json, other) {
+  for (const name of Object.keys(json)) delete json[name];
+  Object.assign(json, other);
+}
+function toggleLiveMosaic() {
+  sources.canvas.hidden = !sources.canvas.hidden;
+  element("mosaic").textContent = sources.canvas.hidden ? "Mosaic" : "Virtual view";
+}
+/** Returns from what covers the view: one camera, the mosaic, the folder; or ends what takes long. */
+function escape() {
+  if (!element("cards").hidden && state.shot) folder.hide();
+  else if (sources.mode === "source") sources.show("mosaic");
+  else if (sources.mode === "mosaic") sources.show("view");
+  else if (!element("progress-row").hidden) actions.cancel();
+}
+element("epi-on").addEventListener("change", (event) => { element("epi").hidden = !event.target.checked; });
+headset.isSupported().then((yes) => { element("headset").hidden = !yes; });
 
 const bindings = [
   ...cameraKeys({ camera, setCamera }),
@@ -341,8 +299,12 @@ const bindings = [
   ["o", "End of the loop", actions["set-out"]],
   ["Ctrl+z", "Undo", actions.undo],
   ["Ctrl+Shift+z Ctrl+y", "Redo", actions.redo],
-  ["Ctrl+s", "Save", save],
-  ["Ctrl+o", "Open", open],
+  ["Ctrl+s", "Save", actions.save],
+  ["Ctrl+o", "Open", actions.open],
+  ["Ctrl+l", "Takes and shots of the folder", actions.folder],
+  ["m", "Frames of all cameras", actions.mosaic],
+  ["x", "Epipolar-plane image", () => element("epi-on").click()],
+  ["Escape", "Back, or cancel", escape],
   ["f", "Full screen", () => document.fullscreenElement ? document.exitFullscreen() : element("stage").requestFullscreen()],
   ["?", "This list", actions.help],
 ];
@@ -363,4 +325,4 @@ setInterval(() => {
 }, 500);
 
 /** For tests and curious users: what the page knows and measured. */
-globalThis.raystage = { state, view, timeline, shotText, connection, camera, setCamera };
+globalThis.raystage = { state, view, timeline, shotText, connection, camera, setCamera, sources, comparison, files, folder, live, notes, headset };

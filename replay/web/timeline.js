@@ -3,12 +3,14 @@
 // dropped; playing never becomes slower.
 
 export class Timeline {
-  /** changed(frame, quality): shows a frame, "playing" or "moving". moveKey(from, to). */
-  constructor(canvas, { changed, moveKey, keys }) {
+  /** changed(frame, quality): shows a frame, "playing" or "moving". moveKey(from, to). notes(): frames. */
+  constructor(canvas, { changed, moveKey, keys, notes }) {
     this.canvas = canvas;
     this.changed = changed;
     this.moveKey = moveKey;
     this.keys = keys;
+    this.notes = notes;
+    this.absences = [];  // [frame, cameras without a frame; -1: all]
     this.first = 1;
     this.last = 1;
     this.in = 1;
@@ -134,6 +136,11 @@ export class Timeline {
     context.fillRect(this.x(this.first), 14, this.x(this.last) - this.x(this.first), 6);
     context.fillStyle = "#4b6a8f";
     context.fillRect(this.x(this.in), 14, this.x(this.out) - this.x(this.in), 6);
+    const perFrame = Math.max(1.5, (this.x(this.last) - this.x(this.first)) / Math.max(1, this.last - this.first));
+    for (const [frame, absent] of this.absences) {
+      context.fillStyle = absent < 0 ? "#d4493f" : "#c98a2b";
+      context.fillRect(this.x(frame) - perFrame / 2, 20, perFrame, 4);
+    }
     context.fillStyle = "#9a9da3";
     context.font = "10px system-ui";
     context.textAlign = "center";
@@ -151,6 +158,12 @@ export class Timeline {
       context.lineTo(x + 6, y);
       context.lineTo(x, y + 6);
       context.lineTo(x - 6, y);
+      context.fill();
+    }
+    context.fillStyle = "#6ea3dc";
+    for (const frame of this.notes()) {
+      context.beginPath();
+      context.arc(this.x(frame), 41, 3, 0, 7);
       context.fill();
     }
     context.fillStyle = "#f0b429";

@@ -20,6 +20,9 @@ export class View {
     this.underWay = new Map(); // id -> {quality, input}
     this.newestShown = 0;
     this.next = null;          // decoded picture for the next animation frame
+    this.current = null;       // {header, bitmap} that is shown
+    this.other = null;         // {header, bitmap} that it is compared with
+    this.wipe = 0.5;           // share of the width where the comparison begins
     this.statistics = { shown: [], latency: [] };
     this.input = 0;            // time of the input event that the wanted view answers
     new ResizeObserver(() => this.resize()).observe(stage);
@@ -86,7 +89,7 @@ export class View {
     this.underWay.set(this.send(members), { quality, input: this.input });
   }
 
-  /** Handles a picture of the server. */
+  /** Handles a picture of the server: of the view, or what it is compared with. */
   async receive(header, jpeg) {
     const bitmap = await createImageBitmap(jpeg);
     // The server answers only the newest request: older ones will not be answered any more.
@@ -97,6 +100,12 @@ export class View {
     this.flush();
     if (header.id < this.newestShown) return bitmap.close();
     this.newestShown = header.id;
+    if (header.content === "comparison") {
+      this.other?.bitmap.close();
+      this.other = { header, bitmap };
+      this.needsDrawing = true;
+      return;
+    }
     this.next?.bitmap.close();
     this.next = { header, bitmap, input: under?.input };
   }
@@ -111,17 +120,42 @@ export class View {
     if (this.next) {
       const { header, bitmap, input } = this.next;
       this.next = null;
-      if (this.canvas.width !== bitmap.width || this.canvas.height !== bitmap.height) {
-        this.canvas.width = bitmap.width;
-        this.canvas.height = bitmap.height;
-      }
-      this.context.drawImage(bitmap, 0, 0);
-      bitmap.close();
-      const now = performance.now();
-      this.record(header, now, input);
+      this.current?.bitmap.close();
+      this.current = { header, bitmap };
+      this.draw();
+      this.record(header, performance.now(), input);
       this.shown.picture(header);
+    } else if (this.needsDrawing && this.current) {
+      this.draw();
     }
     requestAnimationFrame((time) => this.animate(time));
+  }
+
+  /** Draws the picture, and right of the wipe what it is compared with. */
+  draw() {
+    this.needsDrawing = false;
+    const { header, bitmap } = this.current;
+    if (this.canvas.width !== bitmap.width || this.canvas.height !== bitmap.height) {
+      this.canvas.width = bitmap.width;
+      this.canvas.height = bitmap.height;
+    }
+    this.context.drawImage(bitmap, 0, 0);
+    if (!this.isCompared()) return;
+    const { width, height } = bitmap, left = Math.round(this.wipe * width), other = this.other.bitmap;
+    const scale = other.width / width;
+    if (left < width) {
+      this.context.drawImage(other, left * scale, 0, other.width - left * scale, other.height, left, 0, width - left, height);
+    }
+    this.context.fillStyle = "#f0b429";
+    this.context.fillRect(left - 1, 0, 2, height);
+  }
+
+  /** Whether what the shown view is compared with is shown, too: it is only while the view rests. */
+  isCompared() { return Boolean(this.other && this.current && this.other.header.id === this.current.header.id); }
+
+  setWipe(share) {
+    this.wipe = Math.min(1, Math.max(0, share));
+    this.needsDrawing = true;
   }
 
   record(header, now, input) {

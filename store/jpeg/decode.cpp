@@ -22,12 +22,18 @@ JpegDecoder::~JpegDecoder() = default;
 JpegDecoder::JpegDecoder(JpegDecoder&&) noexcept = default;
 
 RgbImage JpegDecoder::decode(std::span<const std::byte> jpeg, std::string_view name) {
+  return decode_scaled(jpeg, 1, name);
+}
+
+RgbImage JpegDecoder::decode_scaled(std::span<const std::byte> jpeg, int divisor,
+                                    std::string_view name) {
+  assert(divisor == 1 || divisor == 2 || divisor == 4 || divisor == 8);
   const JpegLayout layout = parse_jpeg_layout(jpeg, name);  // its errors are more specific
   RgbImage image;
-  image.width = layout.width;
-  image.height = layout.height;
-  const std::size_t row_bytes = 3 * static_cast<std::size_t>(layout.width);
-  image.values.resize(row_bytes * static_cast<std::size_t>(layout.height));
+  image.width = (layout.width + divisor - 1) / divisor;
+  image.height = (layout.height + divisor - 1) / divisor;
+  const std::size_t row_bytes = 3 * static_cast<std::size_t>(image.width);
+  image.values.resize(row_bytes * static_cast<std::size_t>(image.height));
   // A new one per frame: libjpeg keeps tables between frames, and a frame without its own would be
   // decoded with those of another one.
   libjpeg::Decompressor decompressor;
@@ -39,6 +45,8 @@ RgbImage JpegDecoder::decode(std::span<const std::byte> jpeg, std::string_view n
     info.out_color_space = JCS_RGB;
     info.dct_method = JDCT_ISLOW;
     info.do_fancy_upsampling = TRUE;
+    info.scale_num = 1;
+    info.scale_denom = static_cast<unsigned>(divisor);
     jpeg_start_decompress(&info);
     while (info.output_scanline < info.output_height) {
       JSAMPROW row = image.values.data() + info.output_scanline * row_bytes;

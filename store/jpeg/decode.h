@@ -34,6 +34,11 @@ class JpegDecoder {
   /// damaged or truncated.
   RgbImage decode(std::span<const std::byte> jpeg, std::string_view name);
 
+  /// Returns the picture at an 8th, 4th or half of its size, rounded up (`divisor` 8, 4 or 2), or
+  /// whole (1), by libjpeg-turbo's scaled inverse DCT: for small pictures, at less than the cost of
+  /// a whole one. Throws as decode().
+  RgbImage decode_scaled(std::span<const std::byte> jpeg, int divisor, std::string_view name);
+
   /// Decodes the MCUs that `wanted` marks into `rgba_linear` and leaves other pixels untouched.
   /// `rgba_linear` has width * height * 4 uint16: R, G, B through `table`, then 65535. `layout`
   /// must be that of this file.

@@ -56,6 +56,29 @@ TEST(DecodeJpeg, IsLibjpegTurbosOwn) {
   }
 }
 
+TEST(DecodeJpeg, ScaledPicturesAreLikeTheMeanOfTheirPixels) {
+  const RgbImage image = testing::make(Kind::kGradient, 75, 43);
+  const Bytes bytes = encode_jpeg_variant(image, {});
+  JpegDecoder decoder;
+  EXPECT_EQ(decoder.decode_scaled(bytes, 1, "x"), decoder.decode(bytes, "x"));
+  const RgbImage whole = decoder.decode(bytes, "x");
+  for (const int divisor : {2, 4, 8}) {
+    const RgbImage small = decoder.decode_scaled(bytes, divisor, "x");
+    EXPECT_EQ(small.width, (75 + divisor - 1) / divisor);
+    EXPECT_EQ(small.height, (43 + divisor - 1) / divisor);
+    for (int y = 1; y + 1 < small.height; ++y) {
+      for (int x = 1; x + 1 < small.width; ++x) {
+        double mean = 0;
+        for (int i = 0; i < divisor * divisor; ++i) {
+          mean += whole.at(x * divisor + i % divisor, y * divisor + i / divisor, 1);
+        }
+        EXPECT_NEAR(small.at(x, y, 1), mean / (divisor * divisor), 4) << divisor;
+      }
+    }
+  }
+  EXPECT_THROW(decoder.decode_scaled(std::span(bytes).first(bytes.size() / 2), 8, "x"), Error);
+}
+
 TEST(DecodeJpeg, GreyGivesEqualChannels) {
   JpegVariant grey;
   grey.grey = true;

@@ -19,6 +19,7 @@
 #include "schemas/recording_document.h"
 #include "schemas/rig_document.h"
 #include "schemas/shot_document.h"
+#include "schemas/shot_notes.h"
 #include "schemas/take_document.h"
 #include "schemas/viewer_message.h"
 #include "schemas/views_document.h"
@@ -107,6 +108,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     case 15:
       round_trip(text, raystage::schemas::parse_viewer_message,
                  raystage::schemas::format_viewer_message);
+      break;
+    case 16:
+      round_trip(text, raystage::schemas::parse_shot_notes, raystage::schemas::format_shot_notes);
       break;
     default:
       round_trip(

@@ -264,7 +264,7 @@ class Server(unittest.TestCase):
 
     def test_targets_that_cannot_be_shown_end_at_once(self) -> None:
         (self.root / "broken.json").write_text("{")
-        for target, expected in (("broken.json", "broken.json:"), ("nowhere", "no such take"), (".", "no take")):
+        for target, expected in (("broken.json", "broken.json:"), ("nowhere", "no such take")):
             ended = subprocess.run([str(BIN / "raystage"), "replay", str(self.root / target)], capture_output=True, text=True,
                                    timeout=WAIT_SECONDS)
             self.assertEqual(ended.returncode, 2, target)

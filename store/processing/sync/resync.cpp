@@ -17,7 +17,6 @@
 #include "store/processing/sync/losses.h"
 #include "store/processing/sync/segment_sync.h"
 #include "store/recordings.h"
-#include "store/tick_phase.h"
 
 namespace raystage::store {
 namespace {

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+// Lists what a folder holds. A take is described from take.json, the sizes of its archives, and the
+// first and the last record of one journal: long takes cost no more than short ones.
+#include "replay/folder_listing.h"
+
+#include <algorithm>
+#include <chrono>
+#include <nlohmann/json.hpp>
+#include <system_error>
+
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "replay/shot_files.h"
+#include "replay/source_pictures.h"
+#include "replay/take_shot.h"
+#include "schemas/recording_document.h"
+#include "schemas/shot_document.h"
+#include "schemas/take_document.h"
+#include "store/journal_tail.h"
+#include "store/take.h"
+
+namespace raystage::replay {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMaxEntries = 2000;
+constexpr std::uintmax_t kMaxVerificationBytes = 64'000'000;
+
+Nanoseconds utc_of(const fs::path& file) {
+  std::error_code error;
+  const fs::file_time_type time = fs::last_write_time(file, error);
+  if (error) return 0;
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(
+             std::chrono::file_clock::to_sys(time).time_since_epoch())
+      .count();
+}
+
+/// Returns whether a recorder has not ended its session in one of the documents.
+bool has_open_session(const fs::path& take) {
+  std::error_code error;
+  for (fs::directory_iterator entry(take / "recording", error), end; !error && entry != end;
+       entry.increment(error)) {
+    if (entry->path().extension() != ".json") continue;
+    try {
+      const schemas::RecordingDocument recording = schemas::read_recording(entry->path());
+      if (!recording.sessions.empty() && !recording.sessions.back().stopped_utc) return true;
+    } catch (const Error&) {
+      continue;  // being written, or damaged: verify reports it
+    }
+  }
+  return false;
+}
+
+void add_verification(const fs::path& folder, FolderEntry& entry) {
+  const fs::path file = folder / (entry.name + ".verify.json");
+  std::error_code error;
+  if (fs::is_symlink(file, error) || !fs::is_regular_file(file, error) ||
+      fs::file_size(file, error) > kMaxVerificationBytes) {
+    return;
+  }
+  try {
+    const auto report = nlohmann::json::parse(read_file(file), nullptr, false);
+    if (!report.is_object() || !report.contains("intact") || !report["intact"].is_boolean()) return;
+    entry.verified_utc = utc_of(file);
+    entry.is_intact = report["intact"].get<bool>();
+  } catch (const Error&) {
+    return;
+  }
+}
+
+void describe_take(const fs::path& folder, FolderEntry& entry) {
+  const fs::path take = folder / entry.name;
+  const schemas::TakeDocument document = schemas::read_take(take / "take.json");
+  entry.title = document.name;
+  entry.cameras = static_cast<int>(document.cameras.size());
+  entry.recorded_utc = document.epoch_utc;
+  for (const schemas::TakeDocument::Camera& camera : document.cameras) {
+    std::error_code error;
+    const std::uintmax_t bytes = fs::file_size(take / camera.archive, error);
+    if (!error) entry.bytes += bytes;
+  }
+  if (const auto range = store::journal_time_range(take / document.cameras.front().journal)) {
+    entry.seconds = static_cast<double>(range->end - range->begin) * 1e-9;
+  }
+  entry.is_recording = has_open_session(take);
+  add_verification(folder, entry);
+}
+
+/// Returns the entry for a path, or nullopt if it is none of a take, a shot and a folder.
+std::optional<FolderEntry> describe(const fs::directory_entry& path) {
+  std::error_code error;
+  FolderEntry entry;
+  entry.name = path.path().filename().string();
+  if (entry.name.starts_with('.') || path.is_symlink(error)) return std::nullopt;
+  const fs::path folder = path.path().parent_path();
+  try {
+    if (path.is_directory(error)) {
+      if (!file_exists(path.path() / "take.json")) return entry;
+      entry.kind = FolderEntry::Kind::kTake;
+      describe_take(folder, entry);
+      return entry;
+    }
+    if (path.path().extension() != ".json" || path.file_size(error) > kMaxShotBytes || error) {
+      return std::nullopt;
+    }
+    // Other documents are no shots: their "schema" says so.
+    const std::string text = read_file(path.path());
+    if (text.find("raystage/shot/") == std::string::npos ||
+        entry.name.ends_with(".autosave.json")) {
+      return std::nullopt;
+    }
+    entry.kind = FolderEntry::Kind::kShot;
+    entry.title = schemas::parse_shot(text, entry.name).name;
+  } catch (const Error& problem) {
+    entry.problem = problem.what_happened();
+  }
+  return entry;
+}
+
+}  // namespace
+
+std::vector<FolderEntry> list_folder(const fs::path& folder) {
+  std::vector<FolderEntry> entries;
+  std::error_code error;
+  for (fs::directory_iterator path(folder, error), end; !error && path != end;
+       path.increment(error)) {
+    if (entries.size() >= kMaxEntries) break;
+    if (auto entry = describe(*path)) entries.push_back(std::move(*entry));
+  }
+  if (error) {
+    throw Error::bad_input("the folder cannot be read: " + error.message(), folder.string(),
+                           "Choose another folder");
+  }
+  std::ranges::sort(entries, {}, [](const FolderEntry& e) { return std::pair(e.kind, e.name); });
+  return entries;
+}
+
+store::RgbImage take_thumbnail(const fs::path& folder, int width, int height) {
+  const store::Take take(folder);
+  const int camera = central_camera(take.rig());
+  const auto frames = static_cast<int>(take.archive(camera).frames().size());
+  store::FrameSelection middle;
+  middle.frame.assign(static_cast<std::size_t>(take.camera_count()), -1);
+  middle.frame[static_cast<std::size_t>(camera)] = frames > 0 ? frames / 2 : -1;
+  return source_picture({take, middle}, camera, width, height);
+}
+
+}  // namespace raystage::replay

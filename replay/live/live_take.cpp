@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+// Follows a recording. Of each journal only the new records are read; frames are read from the
+// archive at the offset that their record states, so that no index of a long archive is built.
+#include "replay/live/live_take.h"
+
+#include <sched.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <deque>
+#include <fstream>
+#include <utility>
+
+#include "base/error.h"
+#include "schemas/recording_document.h"
+#include "store/journal_tail.h"
+
+namespace raystage::replay {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kFirstRecords = 10'000;  // of each journal, when it is opened
+constexpr std::size_t kFramesHeld = 16;        // records of stored frames, per camera
+constexpr Nanoseconds kRateWindow = 5'000'000'000;
+/// Cameras whose latest frame is older than this, compared with the newest one, are not waited for.
+constexpr Nanoseconds kStalled = 700'000'000;
+constexpr std::uint32_t kMaxFrameBytes = std::uint32_t{64} << 20;
+
+/// The frames of an archive that is being written, by their records.
+class ArchiveTail final : public store::RemoteFrames {
+ public:
+  ArchiveTail(fs::path archive, std::vector<store::FrameRecord> records)
+      : archive_(std::move(archive)), records_(std::move(records)) {}
+
+  store::FrameBytes jpeg(int frame) const override {
+    const store::FrameRecord& record = records_.at(static_cast<std::size_t>(frame));
+    auto bytes = std::make_shared<std::vector<std::byte>>(std::min(record.size, kMaxFrameBytes));
+    std::ifstream in(archive_, std::ios::binary);
+    in.seekg(static_cast<std::streamoff>(record.offset));
+    in.read(reinterpret_cast<char*>(bytes->data()), static_cast<std::streamsize>(bytes->size()));
+    if (!in) {
+      throw Error::bad_input("a frame of the recording cannot be read", archive_.string(),
+                             "Try again");
+    }
+    return store::FrameBytes(std::shared_ptr<const std::vector<std::byte>>(std::move(bytes)));
+  }
+  store::JpegLayout layout(int frame) const override {
+    return store::parse_jpeg_layout(jpeg(frame), archive_.string());
+  }
+  store::FrameBytes jpeg_part(int frame, const store::JpegLayout& /*layout*/,
+                              const store::McuMask& /*wanted*/) const override {
+    return jpeg(frame);
+  }
+
+ private:
+  fs::path archive_;
+  std::vector<store::FrameRecord> records_;
+};
+
+/// What is known of a camera.
+struct CameraTail {
+  CameraTail(fs::path archive_file, const fs::path& journal_file)
+      : archive(std::move(archive_file)), journal(journal_file, kFirstRecords) {}
+
+  fs::path archive;
+  store::JournalTail journal;
+  std::deque<store::FrameRecord> latest;    // stored frames
+  std::deque<Nanoseconds> times_of_stored;  // within kRateWindow
+  std::int64_t dropped = 0;
+
+  void update() {
+    for (const store::FrameRecord& record : journal.read()) {
+      if (record.status == store::FrameStatus::kStored) {
+        if (!latest.empty() && record.time_ns <= latest.back().time_ns) continue;  // damaged
+        latest.push_back(record);
+        times_of_stored.push_back(record.time_ns);
+      } else if (record.status != store::FrameStatus::kStartUp) {
+        ++dropped;
+      }
+      while (latest.size() > kFramesHeld) latest.pop_front();
+      while (!times_of_stored.empty() &&
+             times_of_stored.front() < times_of_stored.back() - kRateWindow) {
+        times_of_stored.pop_front();
+      }
+    }
+  }
+  double fps() const {
+    if (times_of_stored.size() < 2) return 0;
+    return static_cast<double>(times_of_stored.size() - 1) * 1e9 /
+           static_cast<double>(times_of_stored.back() - times_of_stored.front());
+  }
+};
+
+/// Opens archives that have the latest frames only.
+class TailArchives final : public store::RemoteArchives {
+ public:
+  TailArchives(const std::vector<CameraTail>& cameras, const schemas::TakeDocument& take,
+               const rig::Rig& rig) {
+    for (std::size_t i = 0; i < cameras.size(); ++i) {
+      const rig::CameraModel& model = rig.cameras[i].model;
+      descriptions_.push_back({take.cameras[i].id, model.width(), model.height(), take.epoch_utc});
+      records_.emplace_back(cameras[i].latest.begin(), cameras[i].latest.end());
+      archives_.push_back(cameras[i].archive);
+    }
+  }
+
+  std::optional<store::ArchiveReader> open(int camera) const override {
+    const std::vector<store::FrameRecord>& records = records_[static_cast<std::size_t>(camera)];
+    auto frames =
+        std::make_shared<const ArchiveTail>(archives_[static_cast<std::size_t>(camera)], records);
+    return std::optional<store::ArchiveReader>(
+        std::in_place, descriptions_[static_cast<std::size_t>(camera)], records, std::move(frames));
+  }
+  bool is_missing(int /*camera*/) const override { return false; }
+
+ private:
+  std::vector<store::ArchiveWriter::Description> descriptions_;
+  std::vector<std::vector<store::FrameRecord>> records_;
+  std::vector<fs::path> archives_;
+};
+
+/// Reads what the recorders of a take state about themselves.
+void read_sessions(const fs::path& take, LiveStatus& status) {
+  bool is_any = false, is_any_open = false;
+  status.is_held = false;
+  std::error_code error;
+  for (fs::directory_iterator entry(take / "recording", error), end; !error && entry != end;
+       entry.increment(error)) {
+    if (entry->path().extension() != ".json") continue;
+    try {
+      const schemas::RecordingDocument recording = schemas::read_recording(entry->path());
+      if (recording.sessions.empty()) continue;
+      is_any = true;
+      const bool is_open = !recording.sessions.back().stopped_utc;
+      is_any_open = is_any_open || is_open;
+      status.is_held = status.is_held || (is_open && recording.sessions.back().held);
+    } catch (const Error&) {
+      continue;  // the recorder replaces it at this moment
+    }
+  }
+  status.has_ended = is_any && !is_any_open;
+}
+
+/// Returns the latest time at which all cameras that still record have a frame.
+std::optional<Nanoseconds> newest_time(const std::vector<CameraTail>& cameras) {
+  std::optional<Nanoseconds> newest;
+  for (const CameraTail& camera : cameras) {
+    if (camera.latest.empty()) continue;
+    newest = std::max(newest.value_or(camera.latest.back().time_ns), camera.latest.back().time_ns);
+  }
+  if (!newest) return std::nullopt;
+  Nanoseconds all = *newest;
+  for (const CameraTail& camera : cameras) {
+    if (camera.latest.empty() || camera.latest.back().time_ns < *newest - kStalled) continue;
+    all = std::min(all, camera.latest.back().time_ns);
+  }
+  return all;
+}
+
+}  // namespace
+
+struct LiveTake::State {
+  explicit State(fs::path take_folder) : folder(std::move(take_folder)) {
+    take.emplace(folder);
+    for (const schemas::TakeDocument::Camera& camera : take->document().cameras) {
+      cameras.emplace_back(folder / camera.archive, folder / camera.journal);
+    }
+  }
+
+  fs::path folder;
+  std::optional<store::Take> take;
+  std::vector<CameraTail> cameras;
+  LiveStatus status;
+  std::optional<store::FrameSelection> newest;
+};
+
+LiveTake::LiveTake(fs::path folder) : state_(std::make_unique<State>(std::move(folder))) {}
+LiveTake::~LiveTake() = default;
+
+void LiveTake::update(Nanoseconds now_utc) {
+  State& state = *state_;
+  for (CameraTail& camera : state.cameras) camera.update();
+  const schemas::TakeDocument document = state.take->document();
+  // Opened again: a take reads each archive once.
+  state.take.emplace(state.folder, std::make_shared<const TailArchives>(state.cameras, document,
+                                                                        state.take->rig()));
+  const Nanoseconds now = now_utc - document.epoch_utc;
+  const auto age_of = [&](Nanoseconds time) { return static_cast<double>(now - time) * 1e-9; };
+  state.newest.reset();
+  state.status.age_s.reset();
+  if (const auto time = newest_time(state.cameras)) {
+    state.newest = store::select_frames(*state.take, *time,
+                                        store::default_frame_tolerance(document.nominal_fps));
+    state.status.age_s = age_of(*time);
+  }
+  state.status.cameras.clear();
+  for (std::size_t i = 0; i < state.cameras.size(); ++i) {
+    const CameraTail& camera = state.cameras[i];
+    LiveStatus::Camera of{document.cameras[i].id, camera.fps(), camera.dropped, {}};
+    if (!camera.latest.empty()) of.age_s = age_of(camera.latest.back().time_ns);
+    state.status.cameras.push_back(std::move(of));
+  }
+  read_sessions(state.folder, state.status);
+}
+
+const LiveStatus& LiveTake::status() const { return state_->status; }
+const store::Take& LiveTake::take() const { return *state_->take; }
+const std::optional<store::FrameSelection>& LiveTake::newest() const { return state_->newest; }
+
+bool lower_priority_of_process() {
+  constexpr int kIdleClassOfDisks = 3 << 13, kProcess = 1;  // linux/ioprio.h
+  bool is_allowed = true;
+  std::error_code error;
+  for (fs::directory_iterator entry("/proc/self/task", error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
+    pid_t thread = 0;
+    std::from_chars(name.data(), name.data() + name.size(), thread);
+    const sched_param none{};
+    is_allowed = sched_setscheduler(thread, SCHED_IDLE, &none) == 0 && is_allowed;
+    is_allowed = syscall(SYS_ioprio_set, kProcess, thread, kIdleClassOfDisks) == 0 && is_allowed;
+  }
+  return is_allowed && !error;
+}
+
+}  // namespace raystage::replay

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+// Opening, saving and exporting, and the copy of unsaved work that survives a crash.
+
+const kAutosaveAfter = 1500;  // ms without a change
+
+export class Files {
+  /** options: {ask(type, members), shotText, say(text), saved(), request(): frame, camera, look, arrangement}. */
+  constructor(dialog, options) {
+    this.dialog = dialog;
+    this.options = options;
+    this.element = (name) => dialog.querySelector("#" + name);
+  }
+
+  /** Asks for a file name; the promise is {file, replace} or null. */
+  question(text, name, canReplace) {
+    this.element("file-question").textContent = text;
+    this.element("file-name").value = name;
+    this.element("replace").checked = false;
+    this.element("replace-label").hidden = !canReplace;
+    this.dialog.showModal();
+    return new Promise((resolve) => this.dialog.addEventListener("close", () => {
+      const file = this.element("file-name").value;
+      resolve(this.dialog.returnValue === "ok" && file ? { file, replace: this.element("replace").checked } : null);
+    }, { once: true }));
+  }
+
+  async attempt(work) {
+    try {
+      await work();
+    } catch (error) {
+      this.options.say(error.message);
+    }
+  }
+
+  async save() {
+    const { ask, shotText, say, saved } = this.options;
+    const answer = await this.question("Save the shot as", shotText.file, true);
+    if (!answer) return;
+    await this.attempt(async () => {
+      const text = shotText.text(), before = shotText.file;
+      await ask("save", { ...answer, text });
+      if (before !== answer.file) await ask("autosave", { file: before });  // it is saved elsewhere
+      shotText.file = answer.file;
+      shotText.savedText = text;
+      say("Saved " + answer.file);
+      saved();
+    });
+  }
+
+  async open() {
+    const answer = await this.question("Open the shot file or take", this.options.shotText.file, false);
+    if (answer) await this.attempt(() => this.options.ask("open", { file: answer.file }));
+  }
+
+  async snapshot(frame) {
+    const { ask, say, request } = this.options;
+    const answer = await this.question("Write this frame as .exr or .png", `frame.${String(frame).padStart(4, "0")}.png`, true);
+    if (!answer) return;
+    say("Writing " + answer.file);
+    await this.attempt(async () => {
+      await ask("snapshot", { ...answer, ...request() });
+      say("Written " + answer.file);
+    });
+  }
+
+  async exportCamera() {
+    const { ask, say, shotText } = this.options;
+    const answer = await this.question("Export the camera as .chan, .gltf or .nk", shotText.file.replace(/(\.shot)?\.json$/, "") + ".nk", true);
+    if (!answer) return;
+    await this.attempt(async () => {
+      await ask("export", answer);
+      say("Written " + answer.file);
+    });
+  }
+
+  /** Keeps unsaved changes for the next start, a moment after the last one. */
+  autosave() {
+    clearTimeout(this.timer);
+    const { ask, shotText, say } = this.options;
+    if (!shotText.json || this.isOff) return;
+    this.timer = setTimeout(async () => {
+      try {
+        await ask("autosave", shotText.isChanged() ? { file: shotText.file, text: shotText.text() } : { file: shotText.file });
+        this.isWritten = true;
+      } catch (error) {
+        if (error.message.startsWith("A newer request")) return;
+        this.isOff = true;  // say it once, and not at every change
+        say("Changes are not kept automatically. " + error.message);
+      }
+    }, kAutosaveAfter);
+  }
+}

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+// The panels beside the picture: fields of the camera, focus and key, layers with their methods, facts.
+import * as cam from "./camera.js";
+import { addFields } from "./fields.js";
+import { drawMap } from "./map.js";
+
+const element = (id) => document.getElementById(id);
+
+/**
+ * Connects the panels. app: {state, shotText, timeline, camera(), setCamera(camera, inputTime), sendShot(), changed()}.
+ * Returns {refresh(), showLayers(), showFacts(header)}.
+ */
+export function makePanels({ state, shotText, timeline, camera, setCamera, sendShot, changed }) {
+  const change = (edit) => (value) => {
+    if (value !== undefined) setCamera(edit(cam.copy(camera()), value));
+  };
+  const updateFields = [
+    addFields(element("camera-fields"), [
+      ...["x", "y", "z"].map((axis, i) => ({
+        name: "position-" + axis, label: axis, unit: "m", step: 0.01, get: () => camera().position[i],
+        set: change((c, v) => { c.position[i] = v; return c; }),
+      })),
+      { name: "fov", label: "Field of view", unit: "deg", step: 1, get: () => cam.fieldOfView(camera()),
+        set: change((c, v) => ({ ...c, focal_length_mm: cam.focalLength(c.film_back_mm, Math.min(179, Math.max(0.1, v))) })) },
+      ...["azimuth", "elevation", "roll"].map((angle) => ({
+        name: angle, label: angle[0].toUpperCase() + angle.slice(1), unit: "deg", step: 1, get: () => cam.angles(camera())[angle],
+        set: change((c, v) => {
+          const turned = { ...cam.angles(c), [angle]: v };
+          return { ...c, orientation: cam.fromAngles(turned.azimuth, turned.elevation, turned.roll) };
+        }),
+      })),
+      { name: "focal-length", label: "Focal length", unit: "mm", step: 1, get: () => camera().focal_length_mm,
+        set: change((c, v) => ({ ...c, focal_length_mm: Math.max(0.1, v) })) },
+    ], refresh),
+    addFields(element("focus-fields"), [
+      { name: "focus", label: "Distance", unit: "m", step: 0.01, get: () => camera().focus_m,
+        set: (v) => setCamera({ ...cam.copy(camera()), focus_m: v === undefined ? undefined : Math.max(0.01, v) }) },
+      { name: "f-number", label: "f-number", step: 0.1, get: () => camera().f_number,
+        set: (v) => setCamera({ ...cam.copy(camera()), f_number: v === undefined ? undefined : Math.max(0.01, v) }) },
+    ], refresh),
+    addFields(element("key-fields"), [["tension", "Tension"], ["ease_in", "Ease in"], ["ease_out", "Ease out"]].map(([name, label]) => ({
+      name: name.replace("_", "-"), label, step: 0.1, get: () => (shotText.keyAt(timeline.frame) ?? {})[name] ?? 0,
+      set: (v) => shotText.setKeyProperty(timeline.frame, name, Math.min(1, Math.max(0, v ?? 0))) && sendShot(),
+    })), refresh),
+  ];
+  element("focus-slider").addEventListener("input", (event) =>
+    setCamera({ ...cam.copy(camera()), focus_m: 1 / Math.max(0.001, Number(event.target.value)) }, event.timeStamp));
+
+  function refresh() {
+    if (!state.shot) return;
+    for (const update of updateFields) update();
+    const slider = element("focus-slider");
+    if (document.activeElement !== slider) slider.value = 1 / cam.focusDistance(camera());
+    element("frame").value = timeline.frame;
+    element("file").textContent = shotText.file + (shotText.json && shotText.isChanged() ? " *" : "");
+    element("undo").disabled = shotText.past.length === 0;
+    element("redo").disabled = shotText.future.length === 0;
+    element("delete-key").disabled = !shotText.keyAt(timeline.frame) || shotText.keys().length < 2;
+    element("to-path").disabled = !state.own;
+    element("key-fields").hidden = !shotText.keyAt(timeline.frame);
+    changed();
+    timeline.draw();
+    drawMap(element("map"), state.shot.layers.flatMap((layer) => layer.cameras ?? []), camera(), state.shot.path);
+  }
+
+  function showLayers() {
+    const parent = element("layers");
+    parent.replaceChildren();
+    state.shot.layers.forEach((layer, index) => {
+      const label = document.createElement("label");
+      label.append(layer.name || `Layer ${index + 1}`);
+      if (layer.method) {
+        const select = document.createElement("select");
+        select.id = "method-" + index;
+        for (const { name } of state.methods) select.append(new Option(name + costText(name), name, false, name === layer.method));
+        select.addEventListener("change", () => {
+          shotText.change((json) => {
+            json.layers[index].method = select.value;
+            delete json.layers[index].options;  // they belong to the other method
+          });
+          sendShot();
+        });
+        label.append(select);
+        const found = state.methods.find((method) => method.name === layer.method);
+        element("method-summary").textContent = found ? found.summary + (found.artefacts ? ". Visible errors: " + found.artefacts : "") + "." : "";
+      }
+      parent.append(label);
+    });
+  }
+
+  /** Returns what is known of a method's error and time: as measured on this take, or by this page. */
+  function costText(name) {
+    const measured = state.shot.measurements.find(({ method }) => method === name);
+    if (measured) return ` (${measured.psnr_db.toFixed(1)} dB, ${measured.seconds.toFixed(2)} s)`;
+    const seconds = state.seconds[name];
+    return seconds === undefined ? "" : ` (${seconds.toFixed(2)} s)`;
+  }
+
+  function showFacts(header) {
+    state.picture = header;
+    if (header.quality === "live") {
+      state.liveCamera ??= header.camera;
+      return;
+    }
+    if (header.final) element("progress-row").hidden = true;
+    const [layer] = state.shot.layers.filter(({ method }) => method);
+    if (header.quality === "resting" && header.method === "" && layer) state.seconds[layer.method] = header.render_ms / 1000;
+    if (timeline.playing) ++timeline.statistics.shown;
+    const facts = [
+      ["Rendered", `${header.width} x ${header.height}${header.method ? ", " + header.method : ""}`],
+      ["Time", `${header.render_ms.toFixed(1)} + ${header.picture_ms.toFixed(1)} ms`],
+      ["Missing pixels", (100 * header.uncovered).toFixed(1) + " %"],
+      ["Absent cameras", header.absent_cameras ? header.absent_cameras.join(", ") : "none"],
+    ];
+    if (header.held) facts.push(["Instant", "missing, the nearest is shown"]);
+    if (header.false_colors) facts.push(["Blue to red", header.false_colors.map((d) => d > 0 ? (1 / d).toFixed(2) + " m" : "infinity").join(" to ")]);
+    if (header.notes) facts.push(["Note", header.notes.join(" ")]);
+    const list = element("facts");
+    list.replaceChildren(...facts.flatMap(([name, value]) => {
+      const term = document.createElement("dt"), data = document.createElement("dd");
+      term.textContent = name;
+      data.textContent = value;
+      return [term, data];
+    }));
+  }
+
+  return { refresh, showLayers, showFacts };
+}

@@ -52,9 +52,10 @@ ArrangedViews arrange_views(const compose::ShotCamera& camera, const compose::Ca
     case Arrangement::kQuilt: {
       ArrangedViews arranged;
       constexpr int kViews = kQuiltColumns * kQuiltRows;
+      constexpr double kInner = 0.9;  // of the array: at its edge, half of a view has no cameras
       for (int i = 0; i < kViews; ++i) {
         const double share = static_cast<double>(i) / (kViews - 1) - 0.5;
-        arranged.views.push_back({shifted_state(state, share * options.array_width_m)});
+        arranged.views.push_back({shifted_state(state, share * kInner * options.array_width_m)});
       }
       arranged.view_size = {std::max(1, size.width / kQuiltColumns),
                             std::max(1, size.height / kQuiltRows)};

@@ -60,8 +60,8 @@ TEST(Multiview, AStereoShotHasItsOwnEyes) {
 TEST(Multiview, AQuiltSpreadsOverTheArray) {
   const ArrangedViews views = arranged(Arrangement::kQuilt);
   ASSERT_EQ(views.views.size(), 48U);
-  EXPECT_NEAR(views.views.front().state.pose.position.x(), -0.21, 1e-12);
-  EXPECT_NEAR(views.views.back().state.pose.position.x(), 0.21, 1e-12);
+  EXPECT_NEAR(views.views.front().state.pose.position.x(), -0.189, 1e-12);
+  EXPECT_NEAR(views.views.back().state.pose.position.x(), 0.189, 1e-12);
   for (const EyeView& view : views.views) EXPECT_NEAR(column_of(view.state, 2), 0.5, 1e-12);
 }
 

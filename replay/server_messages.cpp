@@ -238,6 +238,12 @@ std::string progress_message(std::int64_t id, double share) {
   return dump({{"type", "progress"}, {"id", id}, {"share", share}});
 }
 
+std::string live_message(std::int64_t id, const LiveStatus& status) {
+  Json json{{"type", "live"}, {"id", id}};
+  json.update(json_from(status));
+  return dump(json);
+}
+
 std::string folder_message(std::int64_t id, std::string_view folder,
                            const std::vector<FolderEntry>& entries) {
   Json list = Json::array();
@@ -300,7 +306,6 @@ std::vector<std::byte> source_picture_message(const SourcePictureMessage& header
   if (!header.camera_id.empty()) json["camera_id"] = header.camera_id;
   if (header.mosaic != nullptr) json["cells"] = json_from(header.mosaic->cells);
   if (header.epi != nullptr) json["epi"] = json_from(*header.epi);
-  if (header.live != nullptr) json["live"] = json_from(*header.live);
   return with_header(json, jpeg);
 }
 

@@ -65,7 +65,6 @@ struct SourcePictureMessage {
   std::string camera_id = {};          ///< kSource
   const Mosaic* mosaic = nullptr;      ///< kMosaic and kLive
   const EpipolarImage* epi = nullptr;  ///< kEpi
-  const LiveStatus* live = nullptr;    ///< kLive
 };
 
 struct ProbeMessage {
@@ -98,6 +97,7 @@ std::string focus_message(std::int64_t id, double distance_m);
 std::string probe_message(const ProbeMessage& message);
 /// `share`: of the depths of the instant that are estimated, [0, 1].
 std::string progress_message(std::int64_t id, double share);
+std::string live_message(std::int64_t id, const LiveStatus& status);
 std::string folder_message(std::int64_t id, std::string_view folder,
                            const std::vector<FolderEntry>& entries);
 /// `what`: "saved", "written", "kept" or "noted".

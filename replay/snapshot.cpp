@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "replay/snapshot.h"
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <vector>
 
 #include "base/atomic_file.h"
@@ -9,9 +11,30 @@
 #include "compose/exr/exr_file.h"
 #include "compose/preview/display.h"
 #include "images/image_file.h"
+#include "replay/multiview.h"
 #include "replay/picture.h"
 
 namespace raystage::replay {
+
+namespace {
+
+using SeveralViews = schemas::ViewerMessage::Arrangement;
+
+/// Returns the size of a picture whose views have the size of the shot, or as much as fits into
+/// 2^24 pixels.
+PictureSize arranged_size(const schemas::ShotDocument& shot, SeveralViews arrangement) {
+  constexpr double kMaxPixels = 1 << 24;
+  const int columns = arrangement == SeveralViews::kQuilt        ? kQuiltColumns
+                      : arrangement == SeveralViews::kSideBySide ? 2
+                                                                 : 1;
+  const int rows = arrangement == SeveralViews::kQuilt ? kQuiltRows : 1;
+  const double pixels = static_cast<double>(shot.width) * columns * shot.height * rows;
+  const double scale = std::min(1.0, std::sqrt(kMaxPixels / pixels));
+  return {std::max(1, static_cast<int>(shot.width * scale)) * columns,
+          std::max(1, static_cast<int>(shot.height * scale)) * rows};
+}
+
+}  // namespace
 
 void write_snapshot(const ShownShot& shown, const schemas::ViewerMessage& request,
                     const std::filesystem::path& file, const std::string& program_version,
@@ -26,6 +49,16 @@ void write_snapshot(const ShownShot& shown, const schemas::ViewerMessage& reques
                            "Confirm to replace it, or choose another name");
   }
   const schemas::ShotDocument& shot = shown.shot;
+  if (request.arrangement != SeveralViews::kSingle) {
+    if (is_exr) {
+      throw Error::bad_input("several views in one picture are written as .png only", file.string(),
+                             "Change its extension, or choose a single view");
+    }
+    PictureMessage facts;
+    return images::write_image(
+        render_arranged(shown, request, arranged_size(shot, request.arrangement), {}, stop, facts),
+        file);
+  }
   const compose::ShotPlan& plan = shown.scene->plan();
   std::vector<compose::ExrCamera> cameras;
   std::vector<compose::LayerImage> images;

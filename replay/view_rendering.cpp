@@ -167,7 +167,7 @@ double scale_of_sources(const ShownShot& shown, const ViewerMessage& request) {
 }  // namespace
 
 int ResolutionControl::divisor(int width, int height) const {
-  constexpr double kTarget = 20;  // ms
+  constexpr double kTarget = 30;  // ms
   constexpr int kMax = 8;
   int divisor = 1;
   const double pixels = static_cast<double>(width) * height;
@@ -218,6 +218,39 @@ SourceFrames requested_source(const ShownShot& shown, const ViewerMessage& reque
   return {chosen->take(), chosen->tick(planned.shown[chosen->index()])};
 }
 
+store::RgbImage render_arranged(const ShownShot& shown, const ViewerMessage& request,
+                                PictureSize size, const std::string& method,
+                                const std::stop_token& stop, PictureMessage& facts) {
+  const compose::CameraState state = camera_state(shown, request);
+  const ArrangementOptions arrangement{request.arrangement, size, array_width(shown, state)};
+  const ArrangedViews arranged =
+      arrange_views(shown.camera, state, eye_of(request.eye), arrangement);
+  const PictureMaker maker(request.look, shown.scene->plan().colors());
+  std::vector<store::RgbImage> pictures;
+  for (const EyeView& eye : arranged.views) {
+    const Stopwatch rendering;
+    const compose::CompositedView view =
+        shown.scene->render({frame_in_shot(shown, request.frame),
+                             make_view_camera(shown.camera, eye.state, eye.eye,
+                                              arranged.view_size.width, arranged.view_size.height),
+                             method},
+                            stop);
+    facts.render_ms += rendering.ms();
+    for (const double share : view.uncovered_share) {
+      facts.uncovered_share = std::max(facts.uncovered_share, share);
+    }
+    if (pictures.empty()) {
+      facts.notes = view.picture.notes;
+      if (request.look.channel == ViewerMessage::Look::Channel::kDepth) {
+        facts.false_colors = inverse_depth_span(view.picture);
+      }
+    }
+    pictures.push_back(maker.make(view.picture));
+  }
+  if (pictures.size() == 1) return std::move(pictures.front());
+  return assemble_picture(arrangement, pictures);
+}
+
 std::vector<std::byte> render_picture(const ShownShot& shown, const ViewerMessage& request,
                                       const PictureOptions& options, const std::stop_token& stop,
                                       double* elapsed_ms) {
@@ -229,38 +262,11 @@ std::vector<std::byte> render_picture(const ShownShot& shown, const ViewerMessag
   message.method = options.method;
   message.is_final = options.is_final;
   const Stopwatch total;
-  const compose::CameraState state = camera_state(shown, request);
-  const ArrangementOptions arrangement{
-      request.arrangement,
-      {std::max(1, request.width / options.divisor), std::max(1, request.height / options.divisor)},
-      array_width(shown, state)};
-  const ArrangedViews arranged =
-      arrange_views(shown.camera, state, eye_of(request.eye), arrangement);
-  const PictureMaker maker(request.look, shown.scene->plan().colors());
-  std::vector<store::RgbImage> pictures;
-  for (const EyeView& eye : arranged.views) {
-    const Stopwatch rendering;
-    const compose::CompositedView view =
-        shown.scene->render({message.frame,
-                             make_view_camera(shown.camera, eye.state, eye.eye,
-                                              arranged.view_size.width, arranged.view_size.height),
-                             options.method},
-                            stop);
-    message.render_ms += rendering.ms();
-    for (const double share : view.uncovered_share) {
-      message.uncovered_share = std::max(message.uncovered_share, share);
-    }
-    if (pictures.empty()) {
-      message.notes = view.picture.notes;
-      if (request.look.channel == ViewerMessage::Look::Channel::kDepth) {
-        message.false_colors = inverse_depth_span(view.picture);
-      }
-    }
-    pictures.push_back(maker.make(view.picture));
-  }
-  add_instant(shown, message.frame, message);
+  const PictureSize size{std::max(1, request.width / options.divisor),
+                         std::max(1, request.height / options.divisor)};
   const store::RgbImage picture =
-      pictures.size() == 1 ? std::move(pictures.front()) : assemble_picture(arrangement, pictures);
+      render_arranged(shown, request, size, options.method, stop, message);
+  add_instant(shown, message.frame, message);
   message.width = picture.width;
   message.height = picture.height;
   const std::vector<std::byte> jpeg = store::encode_jpeg(picture, jpeg_options(request.quality));

@@ -48,6 +48,12 @@ struct PictureOptions {
   PictureContent content = PictureContent::kView;
 };
 
+/// Renders a view, or the views of an arrangement, into a picture of about this size. `facts`:
+/// receives what is known of the views. Throws Cancelled, and Error as Scene::render().
+store::RgbImage render_arranged(const ShownShot& shown, const schemas::ViewerMessage& request,
+                                PictureSize size, const std::string& method,
+                                const std::stop_token& stop, PictureMessage& facts);
+
 /// Renders a view, or the views of an arrangement, and returns its message. Throws Cancelled, and
 /// Error as Scene::render().
 std::vector<std::byte> render_picture(const ShownShot& shown, const schemas::ViewerMessage& request,

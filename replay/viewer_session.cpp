@@ -197,8 +197,9 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
   void follow_live(const ViewerMessage& request, const std::stop_token& stop) {
     const std::filesystem::path folder = services.files.path(request.file);
     if (!live || live->folder() != folder) live.emplace(folder);
-    for (auto& picture : live->update(request, stop)) {
-      send_picture(picture.content, std::move(picture.message));
+    send(live_message(request.id, live->update()));
+    if (auto picture = live->picture(request, stop)) {
+      send_picture(picture->content, std::move(picture->message));
     }
   }
 

@@ -122,9 +122,9 @@ constexpr Fields kMessage(
     defaulted("quality", &ViewerMessage::quality, kQualities),
     optional("look", &ViewerMessage::look, kLook), defaulted("pixel", &ViewerMessage::pixel),
     optional("layer", &ViewerMessage::layer), optional("camera_id", &ViewerMessage::camera_id),
-    optional("file", &ViewerMessage::file, kPath), optional("text", &ViewerMessage::text),
-    optional("replace", &ViewerMessage::replace), check(check_type), check(check_size),
-    check(check_orientation), check(check_comparison));
+    optional("mosaic", &ViewerMessage::mosaic), optional("file", &ViewerMessage::file, kPath),
+    optional("text", &ViewerMessage::text), optional("replace", &ViewerMessage::replace),
+    check(check_type), check(check_size), check(check_orientation), check(check_comparison));
 
 }  // namespace
 

@@ -79,6 +79,7 @@ struct ViewerMessage {
   std::array<double, 2> pixel{};  ///< column, row
   int layer = 0;                  ///< light field whose cameras are meant; else the first one
   std::string camera_id;
+  bool mosaic = false;  ///< kLive: show all cameras and not a virtual view
   std::string file, text;
   bool replace = false;
 };

@@ -120,10 +120,11 @@ TEST_F(LiveTakeTest, RendersAViewOfTheNewestInstant) {
   request.type = schemas::ViewerMessage::Type::kLive;
   request.width = 60;
   request.height = 40;
-  const auto answers = view.update(request, {});
-  ASSERT_EQ(answers.size(), 2U);
-  EXPECT_EQ(answers[0].content, PictureContent::kLive);
-  EXPECT_EQ(answers[1].content, PictureContent::kView);
+  EXPECT_FALSE(view.picture(request, {}));
+  EXPECT_TRUE(view.update().age_s);
+  EXPECT_EQ(view.picture(request, {})->content, PictureContent::kView);
+  request.mosaic = true;
+  EXPECT_EQ(view.picture(request, {})->content, PictureContent::kLive);
 }
 
 TEST_F(LiveTakeTest, ADamagedFrameIsShownAsAbsent) {

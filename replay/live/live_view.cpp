@@ -80,25 +80,24 @@ LiveView::LiveView(std::filesystem::path folder) : folder_(std::move(folder)), t
   lower_priority_of_process();
 }
 
-std::vector<SourceAnswer> LiveView::update(const ViewerMessage& request,
-                                           const std::stop_token& stop) {
+const LiveStatus& LiveView::update() {
   take_.update(now_utc());
-  store::FrameSelection none;
-  none.frame.assign(static_cast<std::size_t>(take_.take().camera_count()), -1);
-  const store::FrameSelection& newest = take_.newest() ? *take_.newest() : none;
-  const Mosaic mosaic = make_mosaic({take_.take(), newest}, request.width, request.height);
+  return take_.status();
+}
+
+std::optional<SourceAnswer> LiveView::picture(const ViewerMessage& request,
+                                              const std::stop_token& stop) const {
+  if (!take_.newest()) return std::nullopt;
+  if (!request.mosaic) return render_view(take_.take(), *take_.newest(), request, stop);
+  const Mosaic mosaic = make_mosaic({take_.take(), *take_.newest()}, request.width, request.height);
   SourcePictureMessage header;
   header.content = PictureContent::kLive;
   header.id = request.id;
   header.width = request.width;
   header.height = request.height;
   header.mosaic = &mosaic;
-  header.live = &take_.status();
-  std::vector<SourceAnswer> answers;
-  answers.push_back(
-      {header.content, source_picture_message(header, encode_source_picture(mosaic.picture))});
-  if (take_.newest()) answers.push_back(render_view(take_.take(), newest, request, stop));
-  return answers;
+  return SourceAnswer{header.content,
+                      source_picture_message(header, encode_source_picture(mosaic.picture))};
 }
 
 }  // namespace raystage::replay

@@ -2,8 +2,8 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <stop_token>
-#include <vector>
 
 #include "replay/live/live_take.h"
 #include "replay/source_answers.h"
@@ -11,7 +11,7 @@
 
 namespace raystage::replay {
 
-/// Shows the newest instant of a take that is being recorded: all cameras as a mosaic, and a
+/// Shows the newest instant of a take that is being recorded: all cameras as a mosaic, or a
 /// virtual view by `focal_plane`. The process has the lowest priority from then on. Not
 /// thread-safe.
 class LiveView {
@@ -20,11 +20,13 @@ class LiveView {
   explicit LiveView(std::filesystem::path folder);
 
   const std::filesystem::path& folder() const { return folder_; }
-  /// Answers a message of the type kLive: the mosaic with the recording's status, and the view from
-  /// the request's camera, or else from the middle of the array. Before the first instant the
-  /// mosaic is empty and there is no view. Throws Cancelled.
-  std::vector<SourceAnswer> update(const schemas::ViewerMessage& request,
-                                   const std::stop_token& stop);
+  /// Reads what was appended, and returns how the recording goes on.
+  const LiveStatus& update();
+  /// Returns the picture for a message of the type kLive at the last update: the mosaic, or the
+  /// view from the request's camera or else from the middle of the array; nullopt before the first
+  /// instant. Throws Cancelled, and Error (bad input) for a frame that cannot be read.
+  std::optional<SourceAnswer> picture(const schemas::ViewerMessage& request,
+                                      const std::stop_token& stop) const;
 
  private:
   std::filesystem::path folder_;

@@ -36,6 +36,7 @@ const connection = new Connection({
   close: () => say("The server has ended. Start raystage replay again."),
   picture: (header, jpeg) => {
     if (header.content === "view" || header.content === "comparison") view.receive(header, jpeg);
+    else if (header.content === "live" && live.isOn) sources.draw({ header, jpeg });
   },
   message: (message) => {
     if (message.type === "hello") {
@@ -44,6 +45,7 @@ const connection = new Connection({
       comparison.update();
       if (message.live !== undefined) followLive(message.live);
       else if (message.list !== undefined) folder.show(message.list);
+      document.body.classList.toggle("without-shot", message.list !== undefined);
     } else if (message.type === "progress") {
       showProgress(message);
     } else if (message.type === "shot") {
@@ -79,7 +81,8 @@ const timeline = new Timeline(element("timeline"), {
     else if (quality === "resting") view.rest();
     else view.move();
     sources.refresh();
-    panels.refresh();
+    if (quality === "playing") panels.refreshSoon();
+    else panels.refresh();
   },
 });
 
@@ -105,7 +108,7 @@ const folder = new Folder(element("cards"), {
   live: (file) => followLive(file),
 });
 const live = new Live(element("live"), {
-  ask: (type, members) => connection.ask(type, members), view, sources, say,
+  connection, view, sources, say,
   camera: () => state.own, look: () => state.look,
 });
 const notes = new Notes(element("notes"), element("note"), {
@@ -122,6 +125,10 @@ function followLive(file) {
   document.title = file + " - Raystage";
   sources.canvas.hidden = false;
   sources.mode = "live";
+  document.body.classList.remove("without-shot");
+  element("live").closest("details").open = true;
+  element("map").closest("details").open = false;
+  live.showMosaic(true);
   live.start(file);
 }
 
@@ -132,8 +139,9 @@ function showProgress({ share }) {
 
 function setCamera(next, inputTime = performance.now()) {
   state.own = next;
-  if (!live.isOn) view.move(inputTime);
-  panels.refresh();
+  if (live.isOn) live.hurry?.();
+  else view.move(inputTime);
+  panels.refreshSoon();
 }
 
 // The shot.
@@ -151,6 +159,7 @@ function showShot(message) {
     element("recovery").hidden = !state.recovered;
   }
   folder.hide();
+  document.body.classList.remove("without-shot");
   state.shot = message;
   timeline.absences = message.absences;
   element("title").textContent = message.name || "Raystage";
@@ -272,8 +281,8 @@ function replaceContents(json, other) {
   Object.assign(json, other);
 }
 function toggleLiveMosaic() {
-  sources.canvas.hidden = !sources.canvas.hidden;
-  element("mosaic").textContent = sources.canvas.hidden ? "Mosaic" : "Virtual view";
+  live.showMosaic(!live.isMosaic);
+  element("mosaic").textContent = live.isMosaic ? "Virtual view" : "Mosaic";
 }
 /** Returns from what covers the view: one camera, the mosaic, the folder; or ends what takes long. */
 function escape() {

@@ -5,10 +5,11 @@ import { addFields } from "./fields.js";
 import { drawMap } from "./map.js";
 
 const element = (id) => document.getElementById(id);
+const kMotionInterval = 100;  // ms between updates of numbers while pictures move
 
 /**
  * Connects the panels. app: {state, shotText, timeline, camera(), setCamera(camera, inputTime), sendShot(), changed()}.
- * Returns {refresh(), showLayers(), showFacts(header)}.
+ * Returns {refresh(), refreshSoon(), showLayers(), showFacts(header)}.
  */
 export function makePanels({ state, shotText, timeline, camera, setCamera, sendShot, changed }) {
   const change = (edit) => (value) => {
@@ -96,6 +97,7 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
     return seconds === undefined ? "" : ` (${seconds.toFixed(2)} s)`;
   }
 
+  let factsTime = 0;
   function showFacts(header) {
     state.picture = header;
     if (header.quality === "live") {
@@ -105,7 +107,10 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
     if (header.final) element("progress-row").hidden = true;
     const [layer] = state.shot.layers.filter(({ method }) => method);
     if (header.quality === "resting" && header.method === "" && layer) state.seconds[layer.method] = header.render_ms / 1000;
-    if (timeline.playing) ++timeline.statistics.shown;
+    timeline.shown(header.frame);
+    const now = performance.now();
+    if (header.quality !== "resting" && now - factsTime < kMotionInterval) return;
+    factsTime = now;
     const facts = [
       ["Rendered", `${header.width} x ${header.height}${header.method ? ", " + header.method : ""}`],
       ["Time", `${header.render_ms.toFixed(1)} + ${header.picture_ms.toFixed(1)} ms`],
@@ -124,5 +129,14 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
     }));
   }
 
-  return { refresh, showLayers, showFacts };
+  /** Refreshes a moment later, once for all calls until then: pictures come before numbers. */
+  let timer = null;
+  function refreshSoon() {
+    timer ??= setTimeout(() => {
+      timer = null;
+      refresh();
+    }, kMotionInterval);
+  }
+
+  return { refresh, refreshSoon, showLayers, showFacts };
 }

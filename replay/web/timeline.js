@@ -2,6 +2,8 @@
 // The timeline: frames, keys, in and out, and playing at true speed. Frames that come too late are
 // dropped; playing never becomes slower.
 
+const kMaxPreroll = 1000;  // ms
+
 export class Timeline {
   /** changed(frame, quality): shows a frame, "playing" or "moving". moveKey(from, to). notes(): frames. */
   constructor(canvas, { changed, moveKey, keys, notes }) {
@@ -20,7 +22,7 @@ export class Timeline {
     this.speed = 1;
     this.loop = true;
     this.playing = false;
-    this.statistics = { wanted: 0, shown: 0, late: 0 };
+    this.statistics = { wanted: 0, shown: 0 };
     new ResizeObserver(() => this.draw()).observe(canvas);
     canvas.addEventListener("pointerdown", (event) => this.pointerDown(event));
     canvas.addEventListener("pointermove", (event) => this.pointerMove(event));
@@ -58,9 +60,19 @@ export class Timeline {
     if (this.speed > 0 && this.frame >= this.out) this.frame = this.in;
     if (this.speed < 0 && this.frame <= this.in) this.frame = this.out;
     this.startFrame = this.frame;
-    this.startTime = performance.now();
-    this.statistics = { wanted: 0, shown: 0, late: 0 };
+    this.statistics = { wanted: 0, shown: 0 };
+    // The clock starts with the first picture: what comes from a cold disk does not make it late.
+    this.startTime = null;
+    this.patience = performance.now() + kMaxPreroll;
+    this.changed(this.frame, "playing");
     requestAnimationFrame(() => this.tick());
+  }
+
+  /** Tells that the picture of a frame is shown. */
+  shown(frame) {
+    if (!this.playing) return;
+    if (this.startTime === null && frame === this.startFrame) this.startTime = performance.now();
+    else ++this.statistics.shown;
   }
 
   /** Returns the frame that is due at a time, or null at the end. */
@@ -77,6 +89,8 @@ export class Timeline {
 
   tick() {
     if (!this.playing) return;
+    if (this.startTime === null && performance.now() > this.patience) this.startTime = performance.now();
+    if (this.startTime === null) return void requestAnimationFrame(() => this.tick());
     const frame = this.due(performance.now());
     if (frame === null) {
       this.go(this.speed > 0 ? this.out : this.in);

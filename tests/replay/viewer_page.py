@@ -45,12 +45,16 @@ class Viewer:
         return code
 
 
-def start_browser(width: int = 1280, height: int = 720) -> webdriver.Chrome:
+def start_browser(width: int = 1280, height: int = 720, unlimited: bool = False) -> webdriver.Chrome:
+    """`unlimited`: animation frames as fast as they are drawn, and not at 60 Hz."""
     options = Options()
     options.binary_location = "/usr/bin/chromium"
     for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu",
                      f"--window-size={width},{height}", "--hide-scrollbars", "--force-device-scale-factor=1"):
         options.add_argument(argument)
+    if unlimited:
+        options.add_argument("--disable-frame-rate-limit")
+        options.add_argument("--disable-gpu-vsync")
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     return webdriver.Chrome(service=Service("/usr/bin/chromedriver"), options=options)
 

@@ -3,6 +3,7 @@
 """Tests the viewer's page in Chromium: source frames, comparisons, stereo, notes, recovery, folders and recordings."""
 import json
 import shutil
+import struct
 import subprocess
 import sys
 import time
@@ -164,6 +165,12 @@ class Stereo(PageTest):
         self.assertEqual(header["width"] % 8, 0)
         self.assertEqual(header["height"] % 6, 0)
         self.screenshot("quilt")
+        self.element("snapshot").click()
+        self.element("file-name").clear()
+        self.element("file-name").send_keys("quilt.png", Keys.ENTER)
+        self.wait_for("return document.getElementById('status').textContent === 'Written quilt.png'")
+        size = struct.unpack(">II", (self.root / "quilt.png").read_bytes()[16:24])
+        self.assertEqual(size, (8 * 160, 6 * 120))
         self.assertGreater(self.difference(self.pixels(), single), 5)
 
     def test_confidence_is_a_channel(self) -> None:

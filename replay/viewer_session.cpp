@@ -10,7 +10,7 @@
 #include "base/cancellation.h"
 #include "base/error.h"
 #include "compose/camera/camera_export.h"
-#include "replay/live/live_view.h"
+#include "replay/live_view.h"
 #include "replay/progress_reporter.h"
 #include "replay/server_messages.h"
 #include "replay/snapshot.h"

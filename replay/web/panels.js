@@ -21,7 +21,7 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
         name: "position-" + axis, label: axis, unit: "m", step: 0.01, get: () => camera().position[i],
         set: change((c, v) => { c.position[i] = v; return c; }),
       })),
-      { name: "fov", label: "Field of view", unit: "deg", step: 1, get: () => cam.fieldOfView(camera()),
+      { name: "fov", label: "FOV", unit: "deg", step: 1, get: () => cam.fieldOfView(camera()),
         set: change((c, v) => ({ ...c, focal_length_mm: cam.focalLength(c.film_back_mm, Math.min(179, Math.max(0.1, v))) })) },
       ...["azimuth", "elevation", "roll"].map((angle) => ({
         name: angle, label: angle[0].toUpperCase() + angle.slice(1), unit: "deg", step: 1, get: () => cam.angles(camera())[angle],
@@ -104,7 +104,7 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
       state.liveCamera ??= header.camera;
       return;
     }
-    if (header.final) element("progress-row").hidden = true;
+    if (header.quality === "resting" && header.method === "") element("progress-row").hidden = true;
     const [layer] = state.shot.layers.filter(({ method }) => method);
     if (header.quality === "resting" && header.method === "" && layer) state.seconds[layer.method] = header.render_ms / 1000;
     timeline.shown(header.frame);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "replay/live/live_view.h"
+#include "replay/live_view.h"
 
 #include <Eigen/Geometry>
 #include <chrono>

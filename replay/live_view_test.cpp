@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "replay/live/live_take.h"
+#include "replay/live_view.h"
 
 #include <gtest/gtest.h>
 
 #include "base/error.h"
-#include "replay/live/live_view.h"
+#include "replay/live/live_take.h"
 #include "schemas/recording_document.h"
 #include "store/archive.h"
 #include "testing/render/synthetic_take.h"

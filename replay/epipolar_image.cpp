@@ -10,7 +10,6 @@
 #include "base/error.h"
 #include "base/parallel.h"
 #include "images/resize.h"
-#include "store/jpeg/decode.h"
 
 namespace raystage::replay {
 namespace {
@@ -40,8 +39,8 @@ double median_spacing(const rig::Rig& rig) {
 /// Returns the row of pixels of a camera that shows a point, clamped to its frame.
 int row_of_point(const rig::Rig::Camera& camera, const Vector3d& point) {
   const auto seen = camera.model.project(camera.pose.camera_from_world(point));
-  const double y = seen ? seen->y() : camera.model.height() / 2.0;
-  return std::clamp(static_cast<int>(std::floor(y)), 0, camera.model.height() - 1);
+  const double y = seen ? std::floor(seen->y()) : camera.model.height() / 2.0;
+  return static_cast<int>(std::clamp(y, 0.0, camera.model.height() - 1.0));
 }
 
 /// A point between the cameras of a row: position among them, 0 for the first.
@@ -137,9 +136,7 @@ EpipolarImage make_epipolar_image(const SourceFrames& source, const render::Virt
   std::vector<store::RgbImage> lines(row.size());
   parallel_for(std::size_t{0}, row.size(), [&](std::size_t i) {
     const rig::Rig::Camera& camera = rig.cameras[row[i]];
-    store::JpegDecoder decoder;
-    const store::RgbImage frame = decoder.decode(
-        source.take.archive(row[i]).jpeg(source.frames.frame[row[i]]), "camera " + camera.id);
+    const store::RgbImage frame = decode_source_frame(source, row[i], 1);
     const auto pixels = frame.row(row_of_point(camera, point));
     lines[i] = images::resize(store::RgbImage(frame.width, 1, {pixels.begin(), pixels.end()}),
                               size.width, 1);

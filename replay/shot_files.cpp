@@ -59,7 +59,7 @@ fs::path ShotFiles::folder_path(std::string_view folder) const {
 
 fs::path ShotFiles::writable_path(std::string_view file) const {
   fs::path resolved = path(file);
-  for (fs::path folder = resolved.parent_path();; folder = folder.parent_path()) {
+  for (fs::path folder = resolved;; folder = folder.parent_path()) {
     if (file_exists(folder / "take.json")) {
       throw Error::bad_input("the file would be inside of a take, which the viewer never changes",
                              std::string(file), "Choose a folder that is not a take");
@@ -107,6 +107,7 @@ std::string ShotFiles::read_notes(std::string_view shot_file) const {
 void ShotFiles::write_notes(std::string_view shot_file, std::string_view text) const {
   schemas::parse_shot_notes(text, "notes");
   writable_path(shot_file);
+  read_notes(shot_file);  // a file that cannot be read is not replaced
   write_file_atomically(beside(shot_file, ".notes.json"), text);
 }
 
@@ -126,14 +127,21 @@ void ShotFiles::write_autosave(std::string_view shot_file, std::string_view text
 }
 
 void ShotFiles::forget_autosave(std::string_view shot_file) const {
+  writable_path(shot_file);
   std::error_code error;  // it may be gone, or never have been
   fs::remove(beside(shot_file, ".autosave.json"), error);
 }
 
 fs::path ShotFiles::beside(std::string_view shot_file, std::string_view extension) const {
-  fs::path name(shot_file);
-  name.replace_extension(extension);
-  return path(name.string());
+  const fs::path shot = path(shot_file);
+  fs::path file = shot.parent_path() / fs::path(shot_file).filename();
+  std::error_code error;
+  if (!file.has_filename() || file.filename() == "." || file.filename() == ".." ||
+      fs::is_symlink(file.replace_extension(extension), error)) {
+    throw Error::bad_input("this is no name of a shot, or a link is in the place of its notes",
+                           std::string(shot_file), "Choose another name");
+  }
+  return file;
 }
 
 }  // namespace raystage::replay

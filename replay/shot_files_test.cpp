@@ -95,6 +95,10 @@ TEST_F(ShotFilesTest, NeverWriteIntoATake) {
   write_file_atomically(folder() / "take/take.json", std::string_view("{}"));
   create_folder(folder() / "take/more");
   const ShotFiles files(folder());
+  for (const char* file : {"take/", "take/.", "take"}) {
+    EXPECT_NE(error_of([&] { files.write_autosave(file, kShot); }), "") << file;
+    EXPECT_NE(error_of([&] { files.forget_autosave(file); }), "") << file;
+  }
   for (const char* file : {"take/a.json", "take/more/a.json"}) {
     EXPECT_THAT(error_of([&] { files.write(file, kShot, true); }), HasSubstr("inside of a take"));
     EXPECT_THAT(error_of([&] { files.write_autosave(file, kShot); }),
@@ -134,10 +138,14 @@ TEST_F(ShotFilesTest, KeepNotesBesideTheShot) {
   EXPECT_EQ(files.read_notes("a.json"), kNotes);
   EXPECT_TRUE(file_exists(folder() / "a.notes.json"));
   EXPECT_NE(error_of([&] { files.write_notes("a.json", "{}"); }), "");
+  write_file_atomically(folder() / "a.notes.json", std::string_view("damaged"));
+  EXPECT_NE(error_of([&] { files.write_notes("a.json", kNotes); }), "");
+  EXPECT_EQ(read_file(folder() / "a.notes.json"), "damaged");
   std::filesystem::remove(folder() / "a.notes.json");
   write_file_atomically(outside_.path() / "secret", kNotes);
   std::filesystem::create_symlink(outside_.path() / "secret", folder() / "a.notes.json");
-  EXPECT_THAT(error_of([&] { files.read_notes("a.json"); }), HasSubstr("outside"));
+  EXPECT_THAT(error_of([&] { files.read_notes("a.json"); }), HasSubstr("a link"));
+  EXPECT_THAT(error_of([&] { files.write_notes("a.json", kNotes); }), HasSubstr("a link"));
 }
 
 }  // namespace

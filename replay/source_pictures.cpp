@@ -86,18 +86,28 @@ int divisor_for(PictureSize whole, PictureSize wanted) {
 }
 
 store::RgbImage decode_reduced(const SourceFrames& source, int camera, PictureSize size) {
-  const store::ArchiveReader& archive = source.take.archive(camera);
-  const std::string& id = source.take.document().cameras[camera].id;
   const rig::CameraModel& model = source.take.rig().cameras[camera].model;
-  store::JpegDecoder decoder;
-  const store::FrameBytes jpeg = archive.jpeg(source.frames.frame[camera]);
-  store::RgbImage picture = decoder.decode_scaled(
-      jpeg.bytes(), divisor_for({model.width(), model.height()}, size), "camera " + id);
+  store::RgbImage picture =
+      decode_source_frame(source, camera, divisor_for({model.width(), model.height()}, size));
   if (picture.width == size.width && picture.height == size.height) return picture;
   return images::resize(picture, size.width, size.height);
 }
 
 }  // namespace
+
+store::RgbImage decode_source_frame(const SourceFrames& source, int camera, int divisor) {
+  const rig::Rig::Camera& of = source.take.rig().cameras[camera];
+  const std::string name = "camera " + of.id;
+  const store::FrameBytes jpeg = source.take.archive(camera).jpeg(source.frames.frame[camera]);
+  const store::JpegLayout layout = store::parse_jpeg_layout(jpeg, name);
+  if (layout.width != of.model.width() || layout.height != of.model.height()) {
+    throw Error::bad_input(
+        fmt::format("a frame of {}x{} pixels, the camera has {}x{}", layout.width, layout.height,
+                    of.model.width(), of.model.height()),
+        name, "Verify the take");
+  }
+  return store::JpegDecoder().decode_scaled(jpeg, divisor, name);
+}
 
 std::vector<MosaicCell> mosaic_cells(const store::Take& take, int width, int height) {
   const rig::Rig& rig = take.rig();

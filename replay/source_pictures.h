@@ -34,6 +34,10 @@ struct Mosaic {
 /// columns, or else in lines of about the picture's shape.
 std::vector<MosaicCell> mosaic_cells(const store::Take& take, int width, int height);
 
+/// Returns the frame of a camera at an 8th, 4th, half or all of its size. Throws Error (bad input)
+/// if it is damaged, or does not have the camera's size.
+store::RgbImage decode_source_frame(const SourceFrames& source, int camera, int divisor);
+
 /// Returns all frames in one picture of this size. Frames are decoded at a fraction of their size.
 /// Damaged ones are left out. Uses the current TBB arena.
 Mosaic make_mosaic(const SourceFrames& source, int width, int height);

@@ -22,6 +22,12 @@ namespace raystage::replay {
 
 using schemas::ViewerMessage;
 
+namespace {
+
+constexpr std::int64_t kNoRequest = -1;  ///< of messages that answer no request
+
+}  // namespace
+
 struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State> {
   State(const SessionServices& with_services, std::weak_ptr<Client> to_client)
       : services(with_services), client(std::move(to_client)) {
@@ -89,14 +95,20 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
         ShownShot{text.file, text.text, std::move(shot), std::move(camera), std::move(scene)});
     ShotMessage message{request,      opened->file,  opened->text, opened->scene->plan(),
                         opened->shot, opened->camera};
-    message.notes = services.files.read_notes(text.file);
-    message.recovered = services.files.read_autosave(text.file);
+    std::optional<Error> notes_error;
+    try {
+      message.notes = services.files.read_notes(text.file);
+      message.recovered = services.files.read_autosave(text.file);
+    } catch (const Error& error) {
+      notes_error = error;  // the shot is shown nevertheless
+    }
     const auto light_fields = opened->scene->plan().light_fields();
     if (!light_fields.empty()) {
       message.measurements =
           find_measurements(file.parent_path(), light_fields.front()->take().document().name);
     }
     send(shot_message(message));
+    if (notes_error) send(error_message(kNoRequest, *notes_error));
     const std::scoped_lock lock(mutex);
     shown = std::move(opened);
     with_confidence.reset();
@@ -164,6 +176,7 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
     PictureOptions options;
     options.is_final = !request.comparison.has_value();
     send_picture(options.content, render_picture(*shot, request, options, stop));
+    reporter.reset();
     if (!request.comparison) return;
     send_picture(PictureContent::kComparison,
                  render_comparison(*shot, request, services.files, services.open_scene, stop));
@@ -197,7 +210,12 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
   void follow_live(const ViewerMessage& request, const std::stop_token& stop) {
     const std::filesystem::path folder = services.files.path(request.file);
     if (!live || live->folder() != folder) live.emplace(folder);
-    send(live_message(request.id, live->update()));
+    try {
+      send(live_message(request.id, live->update()));
+    } catch (...) {
+      live.reset();  // the next request opens the take again
+      throw;
+    }
     if (auto picture = live->picture(request, stop)) {
       send_picture(picture->content, std::move(picture->message));
     }
@@ -311,7 +329,7 @@ void ViewerSession::receive_text(std::string_view message) {
   try {
     request = schemas::parse_viewer_message(message);
   } catch (const Error& error) {
-    state_->send(error_message(-1, error));
+    state_->send(error_message(kNoRequest, error));
     return;
   }
   state_->handle(request);

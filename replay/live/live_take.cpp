@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <chrono>
 #include <deque>
 #include <fstream>
 #include <utility>
@@ -23,8 +24,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kFirstRecords = 10'000;  // of each journal, when it is opened
-constexpr std::size_t kFramesHeld = 16;        // records of stored frames, per camera
+constexpr std::size_t kFirstRecords = 10'000;                  // of each journal, when it is opened
+constexpr std::size_t kFramesHeld = 16, kMaxFramesHeld = 512;  // records of stored frames
+constexpr Nanoseconds kLatestTime = Nanoseconds{1} << 62;
+/// A recorder that writes nothing for so long has been killed.
+constexpr auto kSilence = std::chrono::seconds(60);
 constexpr Nanoseconds kRateWindow = 5'000'000'000;
 /// Cameras whose latest frame is older than this, compared with the newest one, are not waited for.
 constexpr Nanoseconds kStalled = 700'000'000;
@@ -74,6 +78,8 @@ struct CameraTail {
 
   void update() {
     for (const store::FrameRecord& record : journal.read()) {
+      // Hostile journals may state any time.
+      if (record.time_ns < 0 || record.time_ns > kLatestTime) continue;
       if (record.status == store::FrameStatus::kStored) {
         if (!latest.empty() && record.time_ns <= latest.back().time_ns) continue;  // damaged
         latest.push_back(record);
@@ -81,7 +87,12 @@ struct CameraTail {
       } else if (record.status != store::FrameStatus::kStartUp) {
         ++dropped;
       }
-      while (latest.size() > kFramesHeld) latest.pop_front();
+      // Frames of the times at which slower cameras may still be.
+      while (latest.size() > kMaxFramesHeld ||
+             (latest.size() > kFramesHeld &&
+              latest.front().time_ns < latest.back().time_ns - 2 * kStalled)) {
+        latest.pop_front();
+      }
       while (!times_of_stored.empty() &&
              times_of_stored.front() < times_of_stored.back() - kRateWindow) {
         times_of_stored.pop_front();
@@ -123,6 +134,21 @@ class TailArchives final : public store::RemoteArchives {
   std::vector<fs::path> archives_;
 };
 
+/// Returns whether nothing was written into a take's archives and accounts for kSilence.
+bool is_silent(const fs::path& take) {
+  const auto recently = fs::file_time_type::clock::now() - kSilence;
+  for (const char* folder : {"archive", "recording"}) {
+    std::error_code error;
+    for (fs::directory_iterator entry(take / folder, error), end; !error && entry != end;
+         entry.increment(error)) {
+      std::error_code of_file;
+      const fs::file_time_type written = entry->last_write_time(of_file);
+      if (!of_file && written > recently) return false;
+    }
+  }
+  return true;
+}
+
 /// Reads what the recorders of a take state about themselves.
 void read_sessions(const fs::path& take, LiveStatus& status) {
   bool is_any = false, is_any_open = false;
@@ -142,7 +168,7 @@ void read_sessions(const fs::path& take, LiveStatus& status) {
       continue;  // the recorder replaces it at this moment
     }
   }
-  status.has_ended = is_any && !is_any_open;
+  status.has_ended = (is_any && !is_any_open) || is_silent(take);
 }
 
 /// Returns the latest time at which all cameras that still record have a frame.
@@ -186,8 +212,17 @@ void LiveTake::update(Nanoseconds now_utc) {
   for (CameraTail& camera : state.cameras) camera.update();
   const schemas::TakeDocument document = state.take->document();
   // Opened again: a take reads each archive once.
-  state.take.emplace(state.folder, std::make_shared<const TailArchives>(state.cameras, document,
-                                                                        state.take->rig()));
+  store::Take next(state.folder, std::make_shared<const TailArchives>(state.cameras, document,
+                                                                      state.take->rig()));
+  using Camera = schemas::TakeDocument::Camera;
+  const auto is_same = [](const Camera& a, const Camera& b) {
+    return a.id == b.id && a.archive == b.archive && a.journal == b.journal;
+  };
+  if (!std::ranges::equal(next.document().cameras, document.cameras, is_same)) {
+    throw Error::bad_input("the cameras of the take have changed", state.folder.string(),
+                           "Open the take again");
+  }
+  state.take = std::move(next);
   const Nanoseconds now = now_utc - document.epoch_utc;
   const auto age_of = [&](Nanoseconds time) { return static_cast<double>(now - time) * 1e-9; };
   state.newest.reset();

@@ -2,6 +2,8 @@
 // The WebSocket to the server: see docs/formats/viewer.md.
 
 const kSchema = "raystage/viewer_message/1";
+/** The error of a question that the server did not answer. */
+export const kReplaced = "A newer request replaced this one.";
 
 /** Sends messages and receives answers, texts and pictures. */
 export class Connection {
@@ -34,6 +36,7 @@ export class Connection {
 
   /** Sends a message; the promise is the answer with its id: a message, or {header, jpeg}. */
   ask(type, members) {
+    if (this.socket.readyState !== WebSocket.OPEN) return Promise.reject(new Error("The server has ended."));
     const id = this.send(type, members);
     return new Promise((resolve, reject) => this.waiting.set(id, { type, resolve, reject }));
   }
@@ -58,7 +61,7 @@ export class Connection {
       if (message.type === "error") {
         question.reject(new Error(errorText(message)));
       } else if (message.type === "dropped") {
-        question.reject(new Error("A newer request replaced this one."));
+        question.reject(new Error(kReplaced));
       } else {
         question.resolve(message);
       }

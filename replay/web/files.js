@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Opening, saving and exporting, and the copy of unsaved work that survives a crash.
 
+import { kReplaced } from "./connection.js";
+
 const kAutosaveAfter = 1500;  // ms without a change
 
 export class Files {
@@ -39,11 +41,11 @@ export class Files {
     await this.attempt(async () => {
       const text = shotText.text(), before = shotText.file;
       await ask("save", { ...answer, text });
-      if (before !== answer.file) await ask("autosave", { file: before });  // it is saved elsewhere
       shotText.file = answer.file;
       shotText.savedText = text;
       say("Saved " + answer.file);
       saved();
+      if (before !== answer.file && this.keptFile === before) ask("autosave", { file: before }).catch(() => {});
     });
   }
 
@@ -76,17 +78,26 @@ export class Files {
   /** Keeps unsaved changes for the next start, a moment after the last one. */
   autosave() {
     clearTimeout(this.timer);
-    const { ask, shotText, say } = this.options;
-    if (!shotText.json || this.isOff) return;
-    this.timer = setTimeout(async () => {
-      try {
-        await ask("autosave", shotText.isChanged() ? { file: shotText.file, text: shotText.text() } : { file: shotText.file });
-        this.isWritten = true;
-      } catch (error) {
-        if (error.message.startsWith("A newer request")) return;
-        this.isOff = true;  // say it once, and not at every change
-        say("Changes are not kept automatically. " + error.message);
-      }
-    }, kAutosaveAfter);
+    const { shotText } = this.options;
+    if (!shotText.json || this.offFile === shotText.file) return;
+    // What an earlier session kept stays until the user has decided about it.
+    if (!shotText.isChanged() && this.keptFile !== shotText.file) return;
+    this.timer = setTimeout(() => this.keep(), kAutosaveAfter);
+  }
+
+  /** Keeps the changes now, or forgets what was kept if there are none any more. */
+  async keep() {
+    clearTimeout(this.timer);
+    const { ask, shotText, say } = this.options, file = shotText.file;
+    const text = shotText.isChanged() ? shotText.text() : undefined;
+    if (text !== undefined) this.keptFile = file;
+    try {
+      await ask("autosave", { file, text });
+      if (text === undefined) this.keptFile = null;
+    } catch (error) {
+      if (error.message === kReplaced) return this.autosave();
+      this.offFile = file;  // say it once, and not at every change
+      say("Changes are not kept automatically. " + error.message);
+    }
   }
 }

@@ -22,6 +22,7 @@ export function addPointerInput(canvas, controls) {
     if (moved < kClickDistance) return;
     last = event;
     const width = canvas.clientWidth, camera = controls.camera();
+    if (!camera) return;
     if (event.shiftKey || event.buttons & 6) {
       const metres = metresPerPixel(camera, width);
       controls.setCamera(pan(camera, -x * metres, y * metres), event.timeStamp);
@@ -37,6 +38,7 @@ export function addPointerInput(canvas, controls) {
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
     const camera = controls.camera();
+    if (!camera) return;
     const steps = Math.max(-3, Math.min(3, -event.deltaY / 100));
     controls.setCamera(dolly(camera, focusDistance(camera) * 0.05 * steps), event.timeStamp);
   }, { passive: false });
@@ -45,7 +47,7 @@ export function addPointerInput(canvas, controls) {
 /** Keys of the page: [keys, description, action]. Keys: "Shift+ArrowLeft", "Ctrl+s". */
 export function cameraKeys(controls) {
   const turn = 0.02, step = 0.02, tilt = 0.02;
-  const change = (edit) => () => controls.setCamera(edit(controls.camera()), performance.now());
+  const change = (edit) => () => controls.camera() && controls.setCamera(edit(controls.camera()), performance.now());
   const by = (camera) => focusDistance(camera) * step;
   return [
     ["ArrowLeft", "Orbit left", change((c) => orbit(c, -turn, 0))],

@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // A take that is being recorded: its newest instant, once per second, and how its cameras do.
 
+const kShortestInterval = 200;  // ms, while the user moves the virtual camera
 const kInterval = 1000;  // ms from request to request: the machine has to record
 
 export class Live {
-  /** options: {connection, view, sources, camera(): camera or null, look(), say(text)}. */
+  /** options: {connection, view, sources, camera(): camera or null, look(), say(text), ended()}. */
   constructor(table, options) {
     this.table = table;
     this.options = options;
     this.file = null;
     this.isMosaic = true;
+    this.run = 0;  // counts the loops, of which the latest goes on
   }
 
   get isOn() { return this.file !== null; }
@@ -17,7 +19,8 @@ export class Live {
   /** Follows a take until stop(). */
   async start(file) {
     this.file = file;
-    while (this.file === file) {
+    const run = ++this.run;
+    while (this.run === run) {
       const start = performance.now();
       const { view, connection, camera, look } = this.options;
       try {
@@ -25,23 +28,27 @@ export class Live {
           file, width: view.width || 640, height: view.height || 400, mosaic: this.isMosaic || undefined,
           camera: camera() ?? undefined, look: look(),
         });
-        if (this.file !== file) return;
+        if (this.run !== run) return;
         this.show(status);
         if (status.has_ended) {
           this.options.say("The recording has ended. Run raystage sync, then open the take.");
+          this.options.ended();
           return this.stop();
         }
       } catch (error) {
         this.options.say(error.message);
       }
       await new Promise((resolve) => {
-        this.hurry = resolve;
+        this.hurry = () => setTimeout(resolve, kShortestInterval);
         setTimeout(resolve, Math.max(50, kInterval - (performance.now() - start)));
       });
     }
   }
 
-  stop() { this.file = null; }
+  stop() {
+    ++this.run;
+    this.file = null;
+  }
 
   /** Shows all cameras, or the virtual view. */
   showMosaic(isMosaic) {

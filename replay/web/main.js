@@ -35,8 +35,10 @@ const connection = new Connection({
   open: () => say(""),
   close: () => say("The server has ended. Start raystage replay again."),
   picture: (header, jpeg) => {
-    if (header.content === "view" || header.content === "comparison") view.receive(header, jpeg);
-    else if (header.content === "live" && live.isOn) sources.draw({ header, jpeg });
+    if (header.content === "view" || header.content === "comparison") {
+      if (live.isOn === (header.quality === "live")) view.receive(header, jpeg);
+    }
+    if (header.content === "live" && live.isOn) sources.draw({ header, jpeg });
   },
   message: (message) => {
     if (message.type === "hello") {
@@ -51,6 +53,7 @@ const connection = new Connection({
     } else if (message.type === "shot") {
       showShot(message);
     } else if (message.type === "dropped") {
+      element("progress-row").hidden ||= view.underWay.has(message.id);
       view.failed(message.id);
     } else if (message.type === "error") {
       view.failed(message.id);
@@ -74,7 +77,7 @@ const view = new View(element("stage"), element("picture"), element("guides"), {
 const timeline = new Timeline(element("timeline"), {
   notes: () => notes?.frames() ?? [],
   keys: () => shotText.json ? shotText.keys().map((key) => key.frame) : [],
-  moveKey: (from, to) => shotText.moveKey(from, to) && (sendShot(), true),
+  moveKey: (from, to) => state.shot && shotText.moveKey(from, to) && (sendShot(), true),
   changed: (frame, quality) => {
     state.own = null;
     if (quality === "playing") view.play();
@@ -110,6 +113,11 @@ const folder = new Folder(element("cards"), {
 const live = new Live(element("live"), {
   connection, view, sources, say,
   camera: () => state.own, look: () => state.look,
+  ended: () => {
+    sources.mode = "view";
+    sources.canvas.hidden = true;
+    folder.show(live.file.includes("/") ? live.file.replace(/\/[^/]*$/, "") : ".");
+  },
 });
 const notes = new Notes(element("notes"), element("note"), {
   ask: (type, members) => connection.ask(type, members), say,
@@ -119,8 +127,12 @@ const notes = new Notes(element("notes"), element("note"), {
 
 function followLive(file) {
   folder.hide();
+  if (timeline.playing) actions.play();
+  if (state.shot && shotText.isChanged()) files.keep();
+  connection.send("cancel", {});
   state.shot = null;
   state.own = null;
+  state.liveCamera = null;
   element("title").textContent = file;
   document.title = file + " - Raystage";
   sources.canvas.hidden = false;
@@ -132,12 +144,14 @@ function followLive(file) {
   live.start(file);
 }
 
-function showProgress({ share }) {
+function showProgress({ id, share }) {
+  if (!view.underWay.has(id)) return;  // it was cancelled, or is complete
   element("progress-row").hidden = false;
   element("progress").value = share;
 }
 
 function setCamera(next, inputTime = performance.now()) {
+  if (!camera()) return;
   state.own = next;
   if (live.isOn) live.hurry?.();
   else view.move(inputTime);
@@ -149,6 +163,7 @@ function setCamera(next, inputTime = performance.now()) {
 function showShot(message) {
   const isOther = !state.shot || message.file !== shotText.file;
   if (isOther) {
+    if (state.shot && shotText.isChanged()) files.keep();
     shotText.reset(message.file, message.text);
     state.own = null;
     notes.reset(message.notes);
@@ -181,12 +196,13 @@ function sendShot() {
 }
 
 function undo(step) {
-  if (!step) return;
+  if (!step || !state.shot) return;
   state.own = null;
   sendShot();
 }
 
 function setKey() {
+  if (!state.shot) return;
   if (!shotText.canSetKeys()) return say("Keys cannot be set: the camera follows a file, a target, an orbit or a dolly zoom.");
   if (shotText.setKey(timeline.frame, cam.copy(camera()))) sendShot();
   state.own = null;
@@ -195,6 +211,7 @@ function setKey() {
 // Focus.
 
 async function focusAt(event) {
+  if (!state.shot) return;
   const [x, y] = view.pixelAt(event);
   const start = performance.now();
   try {
@@ -238,13 +255,14 @@ const actions = {
   undo: () => undo(shotText.undo()), redo: () => undo(shotText.redo()),
   open: () => files.open(), save: () => files.save(), snapshot: () => files.snapshot(timeline.frame), export: () => files.exportCamera(),
   folder: () => {
-    if (!element("cards").hidden && state.shot) return folder.hide();
+    if (!element("cards").hidden && (state.shot || live.isOn)) return folder.hide();
     const parent = shotText.file.includes("/") ? shotText.file.replace(/\/[^/]*$/, "") : ".";
     return folder.show(folder.folder ?? parent);
   },
   mosaic: () => (live.isOn ? toggleLiveMosaic() : sources.show(sources.mode === "view" ? "mosaic" : "view")),
   cancel: () => {
     connection.send("cancel", {});
+    view.underWay.clear();
     element("progress-row").hidden = true;
   },
   recover: () => {
@@ -266,7 +284,7 @@ const actions = {
   play: () => { timeline.toggle(); element("play").textContent = timeline.playing ? "\u23F8" : "\u25B6"; },
   "to-path": () => { state.own = null; view.move(); panels.refresh(); },
   "set-key": setKey,
-  "delete-key": () => { if (shotText.deleteKey(timeline.frame)) sendShot(); },
+  "delete-key": () => { if (state.shot && shotText.deleteKey(timeline.frame)) sendShot(); },
   "set-in": () => { timeline.in = Math.min(timeline.frame, timeline.out); timeline.draw(); },
   "set-out": () => { timeline.out = Math.max(timeline.frame, timeline.in); timeline.draw(); },
 };
@@ -286,7 +304,7 @@ function toggleLiveMosaic() {
 }
 /** Returns from what covers the view: one camera, the mosaic, the folder; or ends what takes long. */
 function escape() {
-  if (!element("cards").hidden && state.shot) folder.hide();
+  if (!element("cards").hidden && (state.shot || live.isOn)) folder.hide();
   else if (sources.mode === "source") sources.show("mosaic");
   else if (sources.mode === "mosaic") sources.show("view");
   else if (!element("progress-row").hidden) actions.cancel();

@@ -104,6 +104,7 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
       state.liveCamera ??= header.camera;
       return;
     }
+    if (!state.shot) return;
     if (header.quality === "resting" && header.method === "") element("progress-row").hidden = true;
     const [layer] = state.shot.layers.filter(({ method }) => method);
     if (header.quality === "resting" && header.method === "" && layer) state.seconds[layer.method] = header.render_ms / 1000;

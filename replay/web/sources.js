@@ -2,6 +2,8 @@
 // What the cameras recorded: all of them as a mosaic, one of them whole, and the epipolar-plane image of
 // the row of pixels under the cursor.
 
+const kMaxPixels = 2 ** 24, kMaxLength = 8192;  // of a picture
+
 export class Sources {
   /** options: {ask(type, members), request(): members of a view message, say(text), chosen(mode)}. */
   constructor(canvas, epiCanvas, options) {
@@ -25,7 +27,7 @@ export class Sources {
 
   /** Requests the present frame again. Only one request is under way; later wishes are joined. */
   async refresh() {
-    if (this.mode === "view") return;
+    if (this.mode !== "mosaic" && this.mode !== "source") return;
     if (this.underWay) {
       this.isStale = true;
       return;
@@ -34,14 +36,16 @@ export class Sources {
     do {
       this.isStale = false;
       const stage = this.canvas.parentElement, ratio = devicePixelRatio;
-      const members = { ...this.options.request(), width: Math.round(stage.clientWidth * ratio), height: Math.round(stage.clientHeight * ratio) };
+      const fit = Math.min(1, Math.sqrt(kMaxPixels / (stage.clientWidth * ratio * stage.clientHeight * ratio)));
+      const pixels = (length) => Math.min(kMaxLength, Math.max(1, Math.floor(length * ratio * fit)));
+      const members = { ...this.options.request(), width: pixels(stage.clientWidth), height: pixels(stage.clientHeight) };
       if (this.mode === "source") members.camera_id = this.camera;
       try {
         await this.draw(await this.options.ask(this.mode, members));
       } catch (error) {
         this.options.say(error.message);
       }
-    } while (this.isStale && this.mode !== "view");
+    } while (this.isStale && (this.mode === "mosaic" || this.mode === "source"));
     this.underWay = false;
   }
 
@@ -69,6 +73,7 @@ export class Sources {
   }
 
   click(event) {
+    if (this.mode === "live") return;
     if (this.mode === "source") return this.show("mosaic");
     const x = event.offsetX * devicePixelRatio, y = event.offsetY * devicePixelRatio;
     const cell = this.cells.find(({ box }) => x >= box[0] && y >= box[1] && x < box[0] + box[2] && y < box[1] + box[3]);

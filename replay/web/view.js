@@ -26,7 +26,7 @@ export class View {
     this.statistics = { shown: [], latency: [] };
     this.input = 0;            // time of the input event that the wanted view answers
     new ResizeObserver(() => this.resize()).observe(stage);
-    requestAnimationFrame((time) => this.animate(time));
+    requestAnimationFrame(() => this.animate());
   }
 
   /** Fits the picture into its area; its pixels are those of the screen. */
@@ -117,6 +117,7 @@ export class View {
   }
 
   animate() {
+    requestAnimationFrame(() => this.animate());
     if (this.next) {
       const { header, bitmap, input } = this.next;
       this.next = null;
@@ -128,7 +129,6 @@ export class View {
     } else if (this.needsDrawing && this.current) {
       this.draw();
     }
-    requestAnimationFrame((time) => this.animate(time));
   }
 
   /** Draws the picture, and right of the wipe what it is compared with. */

@@ -10,10 +10,10 @@
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "replay/live/live_take.h"
 #include "replay/shot_files.h"
 #include "replay/source_pictures.h"
 #include "replay/take_shot.h"
-#include "schemas/recording_document.h"
 #include "schemas/shot_document.h"
 #include "schemas/take_document.h"
 #include "store/journal_tail.h"
@@ -34,22 +34,6 @@ Nanoseconds utc_of(const fs::path& file) {
   return std::chrono::duration_cast<std::chrono::nanoseconds>(
              std::chrono::file_clock::to_sys(time).time_since_epoch())
       .count();
-}
-
-/// Returns whether a recorder has not ended its session in one of the documents.
-bool has_open_session(const fs::path& take) {
-  std::error_code error;
-  for (fs::directory_iterator entry(take / "recording", error), end; !error && entry != end;
-       entry.increment(error)) {
-    if (entry->path().extension() != ".json") continue;
-    try {
-      const schemas::RecordingDocument recording = schemas::read_recording(entry->path());
-      if (!recording.sessions.empty() && !recording.sessions.back().stopped_utc) return true;
-    } catch (const Error&) {
-      continue;  // being written, or damaged: verify reports it
-    }
-  }
-  return false;
 }
 
 void add_verification(const fs::path& folder, FolderEntry& entry) {
@@ -83,7 +67,7 @@ void describe_take(const fs::path& folder, FolderEntry& entry) {
   if (const auto range = store::journal_time_range(take / document.cameras.front().journal)) {
     entry.seconds = static_cast<double>(range->end - range->begin) * 1e-9;
   }
-  entry.is_recording = has_open_session(take);
+  entry.is_recording = is_being_recorded(take);
   add_verification(folder, entry);
 }
 

@@ -20,12 +20,6 @@ namespace fs = std::filesystem;
 
 bool is_take(const fs::path& target) { return file_exists(target / "take.json"); }
 
-bool is_being_recorded(const fs::path& take) {
-  LiveTake live(take);
-  live.update(0);
-  return !live.status().has_ended && fs::exists(take / "recording");
-}
-
 /// Returns the folder that shots are in: as the options say, or that of the target. A shot inside
 /// of a take is saved beside it.
 fs::path shot_folder_of(const ViewerOptions& options) {

@@ -246,6 +246,13 @@ const LiveStatus& LiveTake::status() const { return state_->status; }
 const store::Take& LiveTake::take() const { return *state_->take; }
 const std::optional<store::FrameSelection>& LiveTake::newest() const { return state_->newest; }
 
+bool is_being_recorded(const fs::path& take) {
+  if (!fs::exists(take / "recording")) return false;
+  LiveStatus status;
+  read_sessions(take, status);
+  return !status.has_ended;
+}
+
 bool lower_priority_of_process() {
   constexpr int kIdleClassOfDisks = 3 << 13, kProcess = 1;  // linux/ioprio.h
   bool is_allowed = true;

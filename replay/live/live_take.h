@@ -36,6 +36,10 @@ class LiveTake {
   std::unique_ptr<State> state_;
 };
 
+/// Returns whether a recorder is writing the take: it has a session that has not ended, and
+/// something was written within the last minute.
+bool is_being_recorded(const std::filesystem::path& take);
+
 /// Gives all threads of this process the lowest priority for processors and disks, so that a
 /// recorder on the same machine loses nothing. Returns whether the kernel allowed all of it.
 bool lower_priority_of_process();

@@ -48,6 +48,15 @@ TEST_F(Sequence, StartAndSpeedChooseTheInstant) {
   EXPECT_NEAR(middle(105).first, grey(3), 0.005F);
 }
 
+TEST_F(Sequence, TimeKeysChooseTheInstant) {
+  shot_.layers[0].time_keys = {{101, 0}, {103, 0.4}, {104, 0.4}, {106, 0.1}};
+  run();
+  EXPECT_NEAR(middle(101).first, grey(0), 0.005F);
+  EXPECT_NEAR(middle(103).first, grey(4), 0.005F);
+  EXPECT_NEAR(middle(104).first, grey(4), 0.005F);
+  EXPECT_NEAR(middle(106).first, grey(1), 0.005F);
+}
+
 TEST_F(Sequence, FramesOutsideTheShotAreLeftOutAndSaid) {
   options_.frames = {95, 102, 104, 106, 110};
   EXPECT_EQ(run().rendered, 3);

@@ -278,7 +278,8 @@ std::vector<PlannedFrame> ShotPlan::plan(std::span<const int> frames, MissingFra
         fmt::format("the take has no instant for {} of {} frames ({}); {}", missing.size(),
                     frames.size(), format_frame_range(missing), take->take_duration_text()),
         layers() == 1 ? shot_file_.string() : fmt::format("{}#/layers/{}", shot_file_.string(), i),
-        "Change start_seconds, speed or the frame range, or show missing frames as held or black")
+        "Change start_seconds, speed, time_keys or the frame range, or show missing frames as held "
+        "or black")
         .concerning({"missing"});
   }
   return planned;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <system_error>
 
@@ -24,8 +25,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMaxEntries = 2000;
-constexpr std::uintmax_t kMaxVerificationBytes = 64'000'000;
+constexpr std::size_t kMaxEntries = 2000, kMaxFilesSeen = 20'000;
+/// A report states its result before its problems, which may be many.
+constexpr std::size_t kVerificationBytesRead = 65'536;
 
 Nanoseconds utc_of(const fs::path& file) {
   std::error_code error;
@@ -36,20 +38,34 @@ Nanoseconds utc_of(const fs::path& file) {
       .count();
 }
 
+/// Returns the member "intact" of a report of which the beginning is given.
+std::optional<bool> find_intact(std::string_view report) {
+  using Json = nlohmann::json;
+  std::optional<bool> intact;
+  bool is_next = false;
+  const auto note = [&](int depth, Json::parse_event_t event, Json& value) {
+    if (event == Json::parse_event_t::key) {
+      is_next = depth == 1 && value == "intact";
+    } else if (event == Json::parse_event_t::value && depth == 1 && is_next && value.is_boolean()) {
+      intact = value.get<bool>();
+    }
+    return true;
+  };
+  [[maybe_unused]] const Json rest = Json::parse(report, note, false);  // its end may be missing
+  return intact;
+}
+
 void add_verification(const fs::path& folder, FolderEntry& entry) {
   const fs::path file = folder / (entry.name + ".verify.json");
   std::error_code error;
-  if (fs::is_symlink(file, error) || !fs::is_regular_file(file, error) ||
-      fs::file_size(file, error) > kMaxVerificationBytes) {
-    return;
-  }
-  try {
-    const auto report = nlohmann::json::parse(read_file(file), nullptr, false);
-    if (!report.is_object() || !report.contains("intact") || !report["intact"].is_boolean()) return;
+  if (fs::is_symlink(file, error) || !fs::is_regular_file(file, error)) return;
+  std::string text(kVerificationBytesRead, '\0');
+  std::ifstream in(file, std::ios::binary);
+  in.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<std::size_t>(in.gcount()));
+  if (const auto is_intact = find_intact(text)) {
     entry.verified_utc = utc_of(file);
-    entry.is_intact = report["intact"].get<bool>();
-  } catch (const Error&) {
-    return;
+    entry.is_intact = *is_intact;
   }
 }
 
@@ -107,9 +123,10 @@ std::optional<FolderEntry> describe(const fs::directory_entry& path) {
 std::vector<FolderEntry> list_folder(const fs::path& folder) {
   std::vector<FolderEntry> entries;
   std::error_code error;
+  std::size_t seen = 0;
   for (fs::directory_iterator path(folder, error), end; !error && path != end;
        path.increment(error)) {
-    if (entries.size() >= kMaxEntries) break;
+    if (entries.size() >= kMaxEntries || ++seen > kMaxFilesSeen) break;
     if (auto entry = describe(*path)) entries.push_back(std::move(*entry));
   }
   if (error) {

@@ -77,7 +77,11 @@ TEST_F(FolderListingTest, AReportOfVerifySaysWhen) {
   EXPECT_TRUE(list()[0].is_intact);
   write("b take.verify.json", R"({"intact": false})");
   EXPECT_FALSE(list()[0].is_intact);
-  for (const char* text : {"", "[1]", R"({"intact": 3})", "{"}) {
+  const std::string long_list = ", \"problems\": [" + std::string(100'000, ' ') + "1]}";
+  write("b take.verify.json", R"({"bytes": 3, "intact": true)" + long_list);
+  EXPECT_TRUE(list()[0].is_intact);
+  for (const char* text :
+       {"", "[1]", R"({"intact": 3})", "{", R"({"cameras": [{"intact": true}]})"}) {
     write("b take.verify.json", text);
     EXPECT_FALSE(list()[0].verified_utc) << text;
   }

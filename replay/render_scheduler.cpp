@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two lanes of jobs, each with a thread and a TBB arena. A lane serves its clients in turns: after
-// a job, its client goes to the end of the queue. Waiting jobs are bounded: one of each kind per
-// client.
+// a job, its client goes to the end of the queue. The waiting jobs of a client are bounded:
+// kMaxFiles of kFile, one of each other kind.
 #include "replay/render_scheduler.h"
 
 #include <tbb/task_arena.h>
@@ -21,6 +21,7 @@ namespace raystage::replay {
 namespace {
 
 constexpr std::size_t kLanes = 2;
+constexpr std::size_t kMaxFiles = 16;
 
 std::size_t lane_of(JobKind kind) { return kind == JobKind::kRefinement ? 1 : 0; }
 
@@ -35,7 +36,7 @@ struct WaitingJob {
 
 /// Waiting and running jobs of one client in one lane.
 struct ClientJobs {
-  std::map<JobKind, WaitingJob> waiting;
+  std::multimap<JobKind, WaitingJob> waiting;  ///< in the order of their runs
   std::optional<JobKind> running;
   std::stop_source stop;    ///< of the running job
   bool is_removed = false;  ///< forgotten when the running job ends
@@ -54,14 +55,18 @@ struct RenderScheduler::State {
   std::array<Lane, kLanes> lanes;
   std::array<std::jthread, kLanes> threads;  // the last members: they end first
 
-  void stop_running(ClientId client, std::size_t lane, JobKind from) {
+  /// Drops the waiting jobs and stops the running job of a client that `is_ended(kind)` names.
+  template <class IsEnded>
+  void end_jobs(ClientId client, std::size_t lane, IsEnded is_ended) {
     const auto found = lanes[lane].clients.find(client);
     if (found == lanes[lane].clients.end()) return;
     std::erase_if(found->second.waiting, [&](const auto& job) {
-      if (job.first >= from) drop(job.second);
-      return job.first >= from;
+      if (is_ended(job.first)) drop(job.second);
+      return is_ended(job.first);
     });
-    if (found->second.running && *found->second.running >= from) found->second.stop.request_stop();
+    if (found->second.running && is_ended(*found->second.running)) {
+      found->second.stop.request_stop();
+    }
   }
 
   static void drop(const WaitingJob& job) {
@@ -132,17 +137,24 @@ void RenderScheduler::submit(ClientId client, JobKind kind, Job job,
   Lane& lane = state_->lanes[lane_of(kind)];
   const std::scoped_lock lock(state_->mutex);
   if (kind == JobKind::kDocument) {
-    state_->stop_running(client, 0, JobKind::kDocument);
-    state_->stop_running(client, 1, JobKind::kDocument);
+    const auto is_ended = [](JobKind other) { return other != JobKind::kFile; };
+    for (std::size_t i = 0; i < kLanes; ++i) state_->end_jobs(client, i, is_ended);
   }
   if (kind == JobKind::kMotion || kind == JobKind::kRefinement) {
-    state_->stop_running(client, 1, JobKind::kRefinement);
+    state_->end_jobs(client, lane_of(JobKind::kRefinement),
+                     [](JobKind other) { return other == JobKind::kRefinement; });
   }
   const auto [jobs, is_new] = lane.clients.try_emplace(client);
   if (is_new) lane.turns.push_back(client);
-  const auto [waiting, is_first] = jobs->second.waiting.try_emplace(kind);
-  if (!is_first) State::drop(waiting->second);
-  waiting->second = {std::move(job), std::move(dropped)};
+  WaitingJob added{std::move(job), std::move(dropped)};
+  auto& waiting = jobs->second.waiting;
+  if (kind == JobKind::kFile) {
+    if (waiting.count(kind) >= kMaxFiles) return State::drop(added);
+  } else if (const auto older = waiting.find(kind); older != waiting.end()) {
+    State::drop(older->second);
+    waiting.erase(older);
+  }
+  waiting.emplace(kind, std::move(added));
   lane.has_job.notify_one();
 }
 
@@ -157,7 +169,7 @@ void RenderScheduler::remove(ClientId client) {
   const std::scoped_lock lock(state_->mutex);
   for (std::size_t i = 0; i < kLanes; ++i) {
     Lane& lane = state_->lanes[i];
-    state_->stop_running(client, i, JobKind::kDocument);
+    state_->end_jobs(client, i, [](JobKind) { return true; });
     const auto found = lane.clients.find(client);
     if (found == lane.clients.end()) continue;
     if (found->second.running) {

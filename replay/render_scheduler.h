@@ -8,15 +8,15 @@
 
 namespace raystage::replay {
 
-/// What a job is for. Each client has at most one waiting job of each kind: a newer one replaces
-/// it. A client's jobs run in this order.
+/// What a job is for. Each client has at most one waiting job of each kind, which a newer one
+/// replaces, but for kFile. A client's jobs run in this order.
 enum class JobKind {
-  kDocument,    ///< opens a shot; ends the client's other jobs
+  kDocument,    ///< opens a shot; ends the client's other jobs but those of kFile
+  kFile,        ///< writes files; all of them, in turn
   kFocus,       ///< finds a focus distance
   kProbe,       ///< reads a pixel
   kMotion,      ///< renders a view that is needed now; ends the client's refinement
   kSource,      ///< shows source frames
-  kFile,        ///< writes files
   kFolder,      ///< lists a folder, or shows a take's thumbnail
   kRefinement,  ///< renders a view for which the user can wait; a newer one ends it
 };
@@ -35,8 +35,8 @@ class RenderScheduler {
   /// Ends all jobs.
   ~RenderScheduler();
 
-  /// `dropped`: called if the job never runs, because a newer one of its kind came or its client
-  /// was removed. Must not call the scheduler.
+  /// `dropped`: called if the job never runs, because a newer one of its kind came, too many of
+  /// kFile wait, or its client was removed. Must not call the scheduler.
   void submit(ClientId client, JobKind kind, Job job, std::function<void()> dropped = {});
   /// Drops the waiting jobs of a client and requests the running ones to stop, which may end later.
   void remove(ClientId client);

@@ -85,6 +85,39 @@ TEST(RenderScheduler, ClientsTakeTurns) {
   EXPECT_EQ(log.wait_for(6), "232323");
 }
 
+TEST(RenderScheduler, FilesAreAllWrittenInTurn) {
+  Log log;
+  Gate gate;
+  RenderScheduler scheduler(2);
+  scheduler.submit(1, JobKind::kMotion, gate.job());
+  gate.wait_until_entered();
+  int dropped = 0;
+  const auto count = [&] { ++dropped; };
+  scheduler.submit(2, JobKind::kFile, log.job("1"), count);
+  scheduler.submit(2, JobKind::kMotion, log.job("m"), count);
+  scheduler.submit(2, JobKind::kFile, log.job("2"), count);
+  scheduler.submit(2, JobKind::kDocument, log.job("d"), count);
+  EXPECT_EQ(dropped, 1);  // the motion
+  scheduler.submit(2, JobKind::kFile, log.job("3"), count);
+  gate.open();
+  EXPECT_EQ(log.wait_for(4), "d123");
+  EXPECT_EQ(dropped, 1);
+}
+
+TEST(RenderScheduler, WaitingFilesAreBounded) {
+  Log log;
+  Gate gate;
+  RenderScheduler scheduler(2);
+  scheduler.submit(1, JobKind::kMotion, gate.job());
+  gate.wait_until_entered();
+  int dropped = 0;
+  for (int i = 0; i < 20; ++i)
+    scheduler.submit(2, JobKind::kFile, log.job("f"), [&] { ++dropped; });
+  EXPECT_EQ(dropped, 4);
+  gate.open();
+  EXPECT_EQ(log.wait_for(16), std::string(16, 'f'));
+}
+
 /// Waits in a parallel loop until it is cancelled.
 void wait_until_cancelled(const std::stop_token& stop) {
   const CancellationScope scope(stop);

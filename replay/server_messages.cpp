@@ -48,7 +48,7 @@ Json array_cameras(const rig::Rig& rig) {
   return cameras;
 }
 
-Json layers_of(const compose::ShotPlan& plan) {
+Json layers_of(const compose::ShotPlan& plan, int last) {
   Json layers = Json::array();
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     const schemas::ShotDocument::Layer& layer = plan.shot().layers[i];
@@ -58,6 +58,9 @@ Json layers_of(const compose::ShotPlan& plan) {
       json["cameras"] = array_cameras(light_field->take().rig());
       if (const auto& range = light_field->take().document().depth_range) {
         json["depth_range"] = {range->near, range->far};
+      }
+      for (int frame = plan.shot().first_frame; frame <= last; ++frame) {
+        json["seconds"].push_back(light_field->take_seconds(frame));
       }
     }
     layers.push_back(std::move(json));
@@ -197,10 +200,13 @@ std::string shot_message(const ShotMessage& message) {
             {"first_frame", shot.first_frame},
             {"last_frame", shot.last_frame},
             {"is_stereo", message.camera.is_stereo()},
-            {"layers", layers_of(message.plan)},
+            {"layers", layers_of(message.plan, last)},
             {"path", std::move(path)},
-            {"absences", absences_of(message.plan, last)},
-            {"measurements", std::move(measurements)}};
+            {"absences", absences_of(message.plan, last)}};
+  if (message.is_opened) {
+    json["is_opened"] = true;
+    json["measurements"] = std::move(measurements);
+  }
   if (!message.notes.empty()) json["notes"] = message.notes;
   if (!message.recovered.empty()) json["recovered"] = message.recovered;
   return dump(json);
@@ -236,6 +242,12 @@ std::string probe_message(const ProbeMessage& message) {
 
 std::string progress_message(std::int64_t id, double share) {
   return dump({{"type", "progress"}, {"id", id}, {"share", share}});
+}
+
+std::string keys_message(std::int64_t id, const schemas::ShotDocument& shot) {
+  // As the shot's file states them.
+  const Json document = Json::parse(schemas::format_shot(shot));
+  return dump({{"type", "keys"}, {"id", id}, {"keys", document.at("camera").at("keys")}});
 }
 
 std::string live_message(std::int64_t id, const LiveStatus& status) {

@@ -32,6 +32,7 @@ struct ShotMessage {
   const compose::ShotPlan& plan;
   const schemas::ShotDocument& shot;
   const compose::ShotCamera& camera;
+  bool is_opened = false;      ///< from its file; false: an edit of the shown one
   std::string notes = {};      ///< the notes document beside the shot; empty: none
   std::string recovered = {};  ///< an autosaved text that is newer than the file; empty: none
   std::vector<MethodMeasurement> measurements = {};
@@ -97,6 +98,8 @@ std::string focus_message(std::int64_t id, double distance_m);
 std::string probe_message(const ProbeMessage& message);
 /// `share`: of the depths of the instant that are estimated, [0, 1].
 std::string progress_message(std::int64_t id, double share);
+/// `shot`: whose camera has keys of position, orientation and lens.
+std::string keys_message(std::int64_t id, const schemas::ShotDocument& shot);
 std::string live_message(std::int64_t id, const LiveStatus& status);
 std::string folder_message(std::int64_t id, std::string_view folder,
                            const std::vector<FolderEntry>& entries);

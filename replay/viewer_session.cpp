@@ -10,6 +10,7 @@
 #include "base/cancellation.h"
 #include "base/error.h"
 #include "compose/camera/camera_export.h"
+#include "compose/camera/camera_keys.h"
 #include "replay/live_view.h"
 #include "replay/progress_reporter.h"
 #include "replay/server_messages.h"
@@ -86,7 +87,10 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
         [self = shared_from_this(), request] { self->send(dropped_message(request)); });
   }
 
-  void show(std::int64_t request, const ShotText& text) {
+  /// Whether a shot comes from its file, or is an edit of the one that is shown.
+  enum class ShotOrigin { kOpened, kEdited };
+
+  void show(std::int64_t request, const ShotText& text, ShotOrigin origin) {
     schemas::ShotDocument shot = schemas::parse_shot(text.text, text.file);
     const std::filesystem::path file = services.files.path(text.file);
     compose::ShotCamera camera(shot, file);
@@ -96,31 +100,42 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
     ShotMessage message{request,      opened->file,  opened->text, opened->scene->plan(),
                         opened->shot, opened->camera};
     std::optional<Error> notes_error;
-    try {
-      message.notes = services.files.read_notes(text.file);
-      message.recovered = services.files.read_autosave(text.file);
-    } catch (const Error& error) {
-      notes_error = error;  // the shot is shown nevertheless
+    if (origin == ShotOrigin::kOpened) {
+      try {
+        add_companions(text.file, message);
+      } catch (const Error& error) {
+        notes_error = error;  // the shot is shown nevertheless
+      }
     }
-    const auto light_fields = opened->scene->plan().light_fields();
-    if (!light_fields.empty()) {
-      message.measurements =
-          find_measurements(file.parent_path(), light_fields.front()->take().document().name);
+    std::string answer = shot_message(message);
+    {
+      const std::scoped_lock lock(mutex);
+      shown = opened;
+      with_confidence.reset();
     }
-    send(shot_message(message));
+    send(std::move(answer));
     if (notes_error) send(error_message(kNoRequest, *notes_error));
-    const std::scoped_lock lock(mutex);
-    shown = std::move(opened);
-    with_confidence.reset();
+  }
+
+  /// Adds what is stored beside a shot.
+  void add_companions(const std::string& file, ShotMessage& message) const {
+    const auto light_fields = message.plan.light_fields();
+    if (!light_fields.empty()) {
+      message.measurements = find_measurements(services.files.path(file).parent_path(),
+                                               light_fields.front()->take().document().name);
+    }
+    message.is_opened = true;
+    message.notes = services.files.read_notes(file);
+    message.recovered = services.files.read_autosave(file);
   }
 
   /// Opens a shot, or makes one of a take.
   void open(std::int64_t request, const std::string& file) {
     const std::filesystem::path path = services.files.path(file);
     if (file_exists(path / "take.json")) {
-      return show(request, open_take_shot(path, services.files.folder()));
+      return show(request, open_take_shot(path, services.files.folder()), ShotOrigin::kOpened);
     }
-    show(request, {file, services.files.read(file)});
+    show(request, {file, services.files.read(file)}, ShotOrigin::kOpened);
   }
 
   /// Returns the shown shot, with the measures that the request shows.
@@ -235,7 +250,7 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
         break;
       case Type::kShot:
         submit(JobKind::kDocument, request.id, [request](State& state, const auto&) {
-          state.show(request.id, {request.file, request.text});
+          state.show(request.id, {request.file, request.text}, ShotOrigin::kEdited);
         });
         break;
       case Type::kOpen:
@@ -272,7 +287,7 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
                [request](State& state, const auto&) { state.export_camera(request); });
         break;
       case Type::kAutosave:
-        submit(JobKind::kFolder, request.id,
+        submit(JobKind::kFile, request.id,
                [request](State& state, const auto&) { state.autosave(request); });
         break;
       case Type::kNotes:
@@ -305,6 +320,15 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
           state.send_picture(answer.content, answer.message);
         });
         break;
+      case Type::kKeys:
+        submit(JobKind::kFocus, request.id, [request](State& state, const auto&) {
+          const auto shot = state.shown_shot();
+          schemas::ShotDocument keyed = shot->shot;
+          keyed.camera = compose::keyed_camera(shot->shot.camera,
+                                               compose::find_camera_keys(shot->camera, shot->shot));
+          state.send(keys_message(request.id, keyed));
+        });
+        break;
       case Type::kLive:
         submit(JobKind::kSource, request.id,
                [request](State& state, const auto& stop) { state.follow_live(request, stop); });
@@ -318,8 +342,9 @@ ViewerSession::ViewerSession(const SessionServices& services, const std::shared_
     : state_(std::make_shared<State>(services, client)) {
   state_->send(hello_message(services.program_version, services.files.folder().string(), first));
   if (!first.shot) return;
-  state_->submit(JobKind::kDocument, 0,
-                 [shot = *first.shot](State& state, const auto&) { state.show(0, shot); });
+  state_->submit(JobKind::kDocument, 0, [shot = *first.shot](State& state, const auto&) {
+    state.show(0, shot, State::ShotOrigin::kOpened);
+  });
 }
 
 ViewerSession::~ViewerSession() { state_->services.scheduler.remove(state_->id); }
@@ -329,7 +354,8 @@ void ViewerSession::receive_text(std::string_view message) {
   try {
     request = schemas::parse_viewer_message(message);
   } catch (const Error& error) {
-    state_->send(error_message(kNoRequest, error));
+    state_->send(
+        error_message(schemas::find_viewer_message_id(message).value_or(kNoRequest), error));
     return;
   }
   state_->handle(request);

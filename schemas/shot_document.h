@@ -155,8 +155,14 @@ struct ShotDocument {
     FocalPlane focal_plane;
     HoleFill fill = HoleFill::kNone;
     std::optional<MatteSettings> matte = {};  ///< of the take's frames; nullopt: all is visible
+    struct TimeKey {
+      double frame = 0;
+      double seconds = 0;  ///< time in the take, since its first tick
+    };
     double start_seconds = 0;  ///< time in the take at first_frame, since its first tick
     double speed = 1;          ///< take seconds per shot second; 0: frozen, negative: backwards
+    /// By increasing frame; with keys, start_seconds and speed are not used.
+    std::vector<TimeKey> time_keys = {};
     /// Takes around a volume share its name; each ray is taken from the take that faces it.
     std::string volume = {};
     std::optional<ReceivedShadows> shadows = {};  ///< of geometry; nullopt: no shadows are received

@@ -81,6 +81,26 @@ TEST(ShotCameraDocument, ReadsEveryField) {
   EXPECT_EQ(camera.stereo->convergence_m, 5);
 }
 
+TEST(ShotOutputDocument, ReadsTimeKeysInsteadOfStartAndSpeed) {
+  json shot = shot_of_today();
+  json& layer = shot["layers"][0];
+  layer.erase("start_seconds");
+  layer.erase("speed");
+  layer["time_keys"] = {{{"frame", 1}, {"seconds", -0.5}}, {{"frame", 9.5}, {"seconds", 2}}};
+  const ShotDocument read = parse_shot(shot.dump(), "f");
+  ASSERT_EQ(read.layers[0].time_keys.size(), 2U);
+  EXPECT_EQ(read.layers[0].time_keys[1].frame, 9.5);
+  EXPECT_EQ(read.layers[0].time_keys[1].seconds, 2);
+  EXPECT_EQ(format_shot(parse_shot(format_shot(read), "f")), format_shot(read));
+  layer["speed"] = 2;
+  EXPECT_THAT(refusal(shot), HasSubstr("#/layers/0/speed"));
+  layer.erase("speed");
+  layer["time_keys"][1]["frame"] = 1;
+  EXPECT_THAT(refusal(shot), HasSubstr("#/layers/0/time_keys/1/frame"));
+  layer["time_keys"] = json::array();
+  EXPECT_NE(refusal(shot), "none");
+}
+
 TEST(ShotOutputDocument, ReadsAovsWorkingSpaceAndFocusKeys) {
   json shot = shot_of_today();
   EXPECT_EQ(parse_shot(shot.dump(), "f").output.aovs,

@@ -20,7 +20,8 @@ bool has_normal(const std::array<double, 4>& plane) {
   return plane[0] != 0 || plane[1] != 0 || plane[2] != 0;
 }
 
-void check_focal_frames(const JsonNode& key, const std::vector<FocalPlane::Key>& keys) {
+template <class Key>
+void check_key_frames(const JsonNode& key, const std::vector<Key>& keys) {
   if (keys.size() < 2 || keys.back().frame > keys[keys.size() - 2].frame) return;
   throw key.at("frame").input_error("the frame is not after that of the previous key",
                                     "Sort the keys by frame, and keep one key per frame");
@@ -37,7 +38,7 @@ constexpr Fields kFocalKey(required("frame", &FocalPlane::Key::frame),
                            required("depth_m", &FocalPlane::Key::depth));
 constexpr Fields kDepthPlane(required("depth_m", &FocalPlane::depth));
 constexpr Fields kKeyedPlane(required("keys", &FocalPlane::keys,
-                                      list_of(kFocalKey, check_focal_frames)));
+                                      list_of(kFocalKey, check_key_frames<FocalPlane::Key>)));
 constexpr Fields kEquationPlane(required("equation", &FocalPlane::equation), check(check_equation));
 
 FocalPlane focal_plane_from(const JsonNode& plane) {
@@ -121,13 +122,32 @@ void check_matte_fill(const JsonNode& object, const Layer& layer) {
                                       "Remove \"fill\" or \"matte\"");
 }
 
+constexpr Fields kTimeKey(required("frame", &Layer::TimeKey::frame),
+                          required("seconds", &Layer::TimeKey::seconds));
+
+void check_layer_time(const JsonNode& object, const Layer& layer) {
+  if (layer.time_keys.empty()) return;
+  for (const std::string_view other : {"start_seconds", "speed"}) {
+    if (!object.has(other)) continue;
+    throw object.at(other).input_error("time_keys state the time in the take, too",
+                                       "Remove this property or time_keys");
+  }
+}
+
+bool has_constant_speed(const Layer& layer) { return layer.time_keys.empty(); }
+bool has_time_keys(const Layer& layer) { return !layer.time_keys.empty(); }
+
 constexpr Fields kLightField(
     required("take", &Layer::take, kPath), defaulted("method", &Layer::method),
     defaulted("options", &Layer::options, kOptionValues),
     defaulted("focal_plane", &Layer::focal_plane, Converter(focal_plane_from, focal_plane_json)),
     defaulted("fill", &Layer::fill, enum_names<HoleFill>("none", "push_pull")),
-    defaulted("start_seconds", &Layer::start_seconds), defaulted("speed", &Layer::speed),
-    optional("volume", &Layer::volume), optional("receives_shadows", &Layer::shadows, kShadows),
+    written_if(has_constant_speed, defaulted("start_seconds", &Layer::start_seconds)),
+    written_if(has_constant_speed, defaulted("speed", &Layer::speed)),
+    written_if(has_time_keys, defaulted("time_keys", &Layer::time_keys,
+                                        list_of(kTimeKey, check_key_frames<Layer::TimeKey>))),
+    check(check_layer_time), optional("volume", &Layer::volume),
+    optional("receives_shadows", &Layer::shadows, kShadows),
     optional("matte", &Layer::matte, Converter(matte_settings_from, JsonFrom{})),
     check(check_matte_fill));
 
@@ -137,8 +157,8 @@ constexpr auto kContent = custom(
         kLightField.read(object, layer);
       } else {
         reject_keys(object,
-                    {"method", "options", "focal_plane", "fill", "start_seconds", "speed", "matte",
-                     "volume", "receives_shadows"},
+                    {"method", "options", "focal_plane", "fill", "start_seconds", "speed",
+                     "time_keys", "matte", "volume", "receives_shadows"},
                     "only light field layers have this property",
                     "Remove it, or give the layer a take instead");
       }

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "schemas/fields.h"
+#include "schemas/json_text.h"
 
 namespace raystage::schemas {
 namespace {
@@ -32,9 +33,9 @@ constexpr Fields kComparison(optional("text", &ViewerMessage::Comparison::text),
                              optional("file", &ViewerMessage::Comparison::file, kPath),
                              optional("sequence", &ViewerMessage::Comparison::sequence, kPath));
 
-constexpr auto kTypes = enum_names<Type>("view", "shot", "focus", "probe", "open", "save",
-                                         "snapshot", "export", "autosave", "notes", "cancel",
-                                         "mosaic", "source", "epi", "folder", "thumbnail", "live");
+constexpr auto kTypes = enum_names<Type>(
+    "view", "shot", "focus", "probe", "open", "save", "snapshot", "export", "autosave", "notes",
+    "cancel", "mosaic", "source", "epi", "folder", "thumbnail", "live", "keys");
 constexpr auto kArrangements =
     enum_names<ViewerMessage::Arrangement>("single", "side_by_side", "anaglyph", "quilt");
 constexpr auto kEyes = enum_names<ViewerMessage::Eye>("both", "left", "right");
@@ -62,6 +63,7 @@ std::vector<std::string_view> needed_by(Type type) {
     case Type::kSnapshot:
       return {"frame", "file"};
     case Type::kCancel:
+    case Type::kKeys:
       return {};
     case Type::kMosaic:
       return {"frame", "width", "height"};
@@ -127,6 +129,19 @@ constexpr Fields kMessage(
     check(check_type), check(check_size), check(check_orientation), check(check_comparison));
 
 }  // namespace
+
+std::optional<std::int64_t> find_viewer_message_id(std::string_view text) {
+  constexpr std::int64_t kMaxId = 9'007'199'254'740'991;  // exact in JavaScript
+  try {
+    const nlohmann::json json = parse_json(text, "");
+    if (!json.is_object() || !json.contains("id")) return std::nullopt;
+    const nlohmann::json& id = json["id"];
+    if (!id.is_number_unsigned() || id.get<std::uint64_t>() > kMaxId) return std::nullopt;
+    return id.get<std::int64_t>();
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+}
 
 ViewerMessage parse_viewer_message(std::string_view text, std::string_view name) {
   return parse_document_as<ViewerMessage>("viewer_message", kMessage, text, name);

@@ -29,6 +29,7 @@ struct ViewerMessage {
     kFolder,     ///< list the takes and shots of the folder `file`
     kThumbnail,  ///< show a small picture of the take `file`
     kLive,       ///< show the newest instant of the take `file`, which is being recorded
+    kKeys,       ///< find keys that follow the camera of the shown shot
   };
   enum class Quality {
     kMoving,   ///< by a fast method, with fewer pixels if necessary
@@ -83,6 +84,10 @@ struct ViewerMessage {
   std::string file, text;
   bool replace = false;
 };
+
+/// Returns the `id` of a message that cannot be parsed, so that its sender learns which one it was;
+/// nullopt: it states none.
+std::optional<std::int64_t> find_viewer_message_id(std::string_view text);
 
 /// Parses a message. Throws Error (bad input) if it is not valid, or lacks what its type needs.
 ViewerMessage parse_viewer_message(std::string_view text, std::string_view name = "message");

@@ -65,6 +65,14 @@ TEST(ViewerMessages, AreComparedWithOneThing) {
       HasSubstr("found 2 of text"));
 }
 
+TEST(ViewerMessages, ThatAreWrongStillStateWhichOneTheyAre) {
+  EXPECT_EQ(find_viewer_message_id(message(R"("type": "nothing")")), 3);
+  for (const char* text : {"", "{", "[3]", R"({"id": -3})", R"({"id": 1.5})", R"({"id": "3"})",
+                           R"({"x": 3})", R"({"id": 9007199254740992})", R"({"id": 1e300})"}) {
+    EXPECT_EQ(find_viewer_message_id(text), std::nullopt) << text;
+  }
+}
+
 TEST(ViewerMessages, OutsideTheSchemaAreRejected) {
   const std::string view = R"("type": "view", "frame": 1, "height": 480, )";
   EXPECT_THAT(error_of(message(view + R"("width": 100000)")), HasSubstr("/width"));

@@ -207,6 +207,11 @@ LightFieldLayer::LightFieldLayer(const schemas::ShotDocument& shot, std::size_t 
     for (const auto& key : layer_.focal_plane.keys) keys.push_back({key.frame, key.depth});
     focus_ = Curve<double>(keys);
   }
+  if (!layer_.time_keys.empty()) {
+    std::vector<CurveKey<double>> keys;
+    for (const auto& key : layer_.time_keys) keys.push_back({key.frame, key.seconds});
+    time_ = Curve<double>(keys);
+  }
   common_ = common_fingerprint();
 }
 
@@ -259,10 +264,15 @@ render::ReconstructionOptions LightFieldLayer::preview_reconstruction(std::strin
   return result;
 }
 
-Nanoseconds LightFieldLayer::take_time(int frame) const {
+double LightFieldLayer::take_seconds(int frame) const {
+  if (time_) return time_(frame);
   const double shot_seconds =
       (static_cast<double>(frame) - first_frame_) * fps_denominator_ / fps_numerator_;
-  const double seconds = layer_.start_seconds + shot_seconds * layer_.speed;
+  return layer_.start_seconds + shot_seconds * layer_.speed;
+}
+
+Nanoseconds LightFieldLayer::take_time(int frame) const {
+  const double seconds = take_seconds(frame);
   constexpr double kLimit = 4e18;  // nanoseconds; keeps the sum below within int64
   return timeline_.ticks.front().time_ns +
          static_cast<Nanoseconds>(std::llround(
@@ -424,7 +434,7 @@ bool LightFieldLayer::fill_metadata(const ShownTick& shown, ExrMetadata& metadat
   // captureRate is defined only if each shot frame is one capture.
   const double fps = static_cast<double>(fps_numerator_) / fps_denominator_;
   const double speed = std::abs(layer_.speed);
-  if (speed > 0 && std::abs(timeline_.fps * speed - fps) < 1e-3 * fps &&
+  if (!time_ && speed > 0 && std::abs(timeline_.fps * speed - fps) < 1e-3 * fps &&
       std::abs(speed - 1) < 1e-9) {
     metadata.capture_rate = timeline_.fps;
   }

@@ -62,8 +62,10 @@ class LightFieldLayer final : public Layer {
     return timeline_.ticks[*shown.tick];
   }
 
-  /// Returns the time in the take that a frame shows: first tick + start + (frame - first frame) /
-  /// fps * speed; nanoseconds since the take's epoch.
+  /// Returns the time in the take that a frame shows, seconds since its first tick: that of its
+  /// time keys, or start + (frame - first frame) / fps * speed.
+  double take_seconds(int frame) const;
+  /// Returns the same in nanoseconds since the take's epoch.
   Nanoseconds take_time(int frame) const;
   /// Returns the tick nearest to take_time(); none if that is more than half a tick outside the
   /// timeline, or if no camera has a frame. A timeline of one tick is shown at every frame.
@@ -104,6 +106,7 @@ class LightFieldLayer final : public Layer {
   store::Timeline timeline_;
   std::shared_ptr<const store::TakeMatte> matte_;
   AnimationChannel<double> focus_;  ///< metres in front of the array; null: not animated
+  AnimationChannel<double> time_;   ///< seconds since the first tick; null: at constant speed
   render::ReconstructionOptions reconstruction_;
   std::string common_;  ///< fingerprint of the inputs that all frames share
 };

@@ -30,8 +30,9 @@ constexpr Nanoseconds kLatestTime = Nanoseconds{1} << 62;
 /// A recorder that writes nothing for so long has been killed.
 constexpr auto kSilence = std::chrono::seconds(60);
 constexpr Nanoseconds kRateWindow = 5'000'000'000;
-/// Cameras whose latest frame is older than this, compared with the newest one, are not waited for.
-constexpr Nanoseconds kStalled = 700'000'000;
+/// Cameras whose latest frame is older than this and than two of their frames, compared with the
+/// newest one, are not waited for.
+constexpr Nanoseconds kStalled = 700'000'000, kMostPatience = 5'000'000'000;
 constexpr std::uint32_t kMaxFrameBytes = std::uint32_t{64} << 20;
 
 /// The frames of an archive that is being written, by their records.
@@ -90,7 +91,7 @@ struct CameraTail {
       // Frames of the times at which slower cameras may still be.
       while (latest.size() > kMaxFramesHeld ||
              (latest.size() > kFramesHeld &&
-              latest.front().time_ns < latest.back().time_ns - 2 * kStalled)) {
+              latest.front().time_ns < latest.back().time_ns - kMostPatience)) {
         latest.pop_front();
       }
       while (!times_of_stored.empty() &&
@@ -98,6 +99,12 @@ struct CameraTail {
         times_of_stored.pop_front();
       }
     }
+  }
+  /// Returns how much older than the newest frame of all cameras this camera's may be.
+  Nanoseconds patience() const {
+    const double rate = fps();
+    if (rate <= 0) return kStalled;
+    return std::clamp(static_cast<Nanoseconds>(2e9 / rate), kStalled, kMostPatience);
   }
   double fps() const {
     if (times_of_stored.size() < 2) return 0;
@@ -181,7 +188,8 @@ std::optional<Nanoseconds> newest_time(const std::vector<CameraTail>& cameras) {
   if (!newest) return std::nullopt;
   Nanoseconds all = *newest;
   for (const CameraTail& camera : cameras) {
-    if (camera.latest.empty() || camera.latest.back().time_ns < *newest - kStalled) continue;
+    if (camera.latest.empty() || camera.latest.back().time_ns < *newest - camera.patience())
+      continue;
     all = std::min(all, camera.latest.back().time_ns);
   }
   return all;

@@ -98,6 +98,54 @@ export class ShotText {
     });
   }
 
+  /** Replaces a camera that follows a file, a target, an orbit or a dolly zoom by keys. */
+  replaceCamera(keys) {
+    return this.change((json) => {
+      for (const replaced of ["file", "orbit", "dolly_zoom"]) delete json.camera[replaced];
+      json.camera.keys = keys;
+    });
+  }
+
+  timeKeyAt(layer, frame) { return this.json.layers[layer]?.time_keys?.find((key) => key.frame === frame); }
+
+  /** Sets the time in the take at a frame. `seconds`: the present times of all frames from `first` on. */
+  setTimeKey(layer, frame, value, seconds, first) {
+    return this.change((json) => {
+      const target = json.layers[layer];
+      // A constant speed is a line through two keys.
+      target.time_keys ??= [...new Set([0, seconds.length - 1])].map((i) => ({ frame: first + i, seconds: seconds[i] }));
+      delete target.start_seconds;
+      delete target.speed;
+      let key = target.time_keys.find((k) => k.frame === frame);
+      if (!key) {
+        key = { frame };
+        target.time_keys.push(key);
+        target.time_keys.sort((a, b) => a.frame - b.frame);
+      }
+      key.seconds = value;
+    });
+  }
+
+  /** Deletes a time key; the last one leaves the layer at that time, frozen. */
+  deleteTimeKey(layer, frame) {
+    return this.change((json) => {
+      const target = json.layers[layer], key = this.timeKeyAt(layer, frame);
+      if (!key) return;
+      target.time_keys = target.time_keys.filter((other) => other !== key);
+      if (target.time_keys.length > 0) return;
+      delete target.time_keys;
+      target.start_seconds = key.seconds;
+      target.speed = 0;
+    });
+  }
+
+  /** Sets the start or the speed of a layer without time keys. */
+  setLayerTime(layer, name, value) {
+    return this.change((json) => { json.layers[layer][name] = value; });
+  }
+
+  timeKeyFrames() { return this.json.layers.flatMap((layer) => (layer.time_keys ?? []).map((key) => key.frame)); }
+
   /** Returns whether keys can hold whole cameras: none looks at a target or comes from a file. */
   canSetKeys() {
     const camera = this.json.camera ?? {};

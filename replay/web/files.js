@@ -75,6 +75,12 @@ export class Files {
     });
   }
 
+  /** Forgets that a shot's changes could not be kept, when one is opened. */
+  reset() { this.offFile = this.keptFile = null; }
+
+  /** The kept changes of a file are these of this page: they are forgotten once nothing is unsaved. */
+  owns(file) { this.keptFile = file; }
+
   /** Keeps unsaved changes for the next start, a moment after the last one. */
   autosave() {
     clearTimeout(this.timer);

@@ -12,6 +12,7 @@ import { Live } from "./live.js";
 import { addLook } from "./look.js";
 import { Notes } from "./notes.js";
 import { makePanels } from "./panels.js";
+import { Playback } from "./playback.js";
 import { Sources } from "./sources.js";
 import { Timeline } from "./timeline.js";
 import { drawGuides, View } from "./view.js";
@@ -36,7 +37,8 @@ const connection = new Connection({
   close: () => say("The server has ended. Start raystage replay again."),
   picture: (header, jpeg) => {
     if (header.content === "view" || header.content === "comparison") {
-      if (live.isOn === (header.quality === "live")) view.receive(header, jpeg);
+      if (header.quality === "playing") playback.receive(header, jpeg);
+      else if (live.isOn === (header.quality === "live")) view.receive(header, jpeg);
     }
     if (header.content === "live" && live.isOn) sources.draw({ header, jpeg });
   },
@@ -55,8 +57,10 @@ const connection = new Connection({
     } else if (message.type === "dropped") {
       element("progress-row").hidden ||= view.underWay.has(message.id);
       view.failed(message.id);
+      playback.failed(message.id);
     } else if (message.type === "error") {
       view.failed(message.id);
+      if (playback.playing && playback.underWay.has(message.id)) actions.play();
       say(errorText(message));
     }
   },
@@ -74,15 +78,26 @@ const view = new View(element("stage"), element("picture"), element("guides"), {
   },
 });
 
+const playback = new Playback({
+  send: (frame) => view.requestPlaying(frame),
+  show: (header, bitmap) => view.showPlaying(header, bitmap),
+  go: (frame) => timeline.go(frame, "playing"),
+  ended: () => {
+    timeline.go(timeline.speed > 0 ? timeline.out : timeline.in, "playing");
+    timeline.stop();
+    showPlayButton();
+  },
+});
 const timeline = new Timeline(element("timeline"), {
   notes: () => notes?.frames() ?? [],
   keys: () => shotText.json ? shotText.keys().map((key) => key.frame) : [],
+  playback,
+  timeKeys: () => shotText.json ? shotText.timeKeyFrames() : [],
   moveKey: (from, to) => state.shot && shotText.moveKey(from, to) && (sendShot(), true),
   changed: (frame, quality) => {
     state.own = null;
-    if (quality === "playing") view.play();
-    else if (quality === "resting") view.rest();
-    else view.move();
+    if (quality === "resting") view.rest();
+    else if (!timeline.playing) view.move();
     sources.refresh();
     if (quality === "playing") panels.refreshSoon();
     else panels.refresh();
@@ -161,21 +176,24 @@ function setCamera(next, inputTime = performance.now()) {
 // The shot.
 
 function showShot(message) {
-  const isOther = !state.shot || message.file !== shotText.file;
-  if (isOther) {
-    if (state.shot && shotText.isChanged()) files.keep();
+  if (message.is_opened) {
+    const unsaved = state.shot && shotText.isChanged() ? { file: shotText.file, text: shotText.text() } : null;
+    if (unsaved) files.keep();
     shotText.reset(message.file, message.text);
+    files.reset();
     state.own = null;
     notes.reset(message.notes);
     live.stop();
     sources.show("view");
     // What the text was when the page or the program ended.
-    state.recovered = message.recovered && message.recovered !== message.text ? message.recovered : null;
+    const kept = unsaved?.file === message.file ? unsaved.text : message.recovered;
+    state.recovered = kept && kept !== message.text ? kept : null;
     element("recovery").hidden = !state.recovered;
   }
+  if (message.file !== shotText.file) return sendShot();  // an edit from before the file was opened or renamed
   folder.hide();
   document.body.classList.remove("without-shot");
-  state.shot = message;
+  state.shot = { ...message, measurements: message.measurements ?? state.shot.measurements };
   timeline.absences = message.absences;
   element("title").textContent = message.name || "Raystage";
   document.title = (message.name || "shot") + " - Raystage";
@@ -203,9 +221,19 @@ function undo(step) {
 
 function setKey() {
   if (!state.shot) return;
-  if (!shotText.canSetKeys()) return say("Keys cannot be set: the camera follows a file, a target, an orbit or a dolly zoom.");
+  if (!shotText.canSetKeys()) {
+    return say("The camera follows a file, a target, an orbit or a dolly zoom. Press Convert to keys first.");
+  }
   if (shotText.setKey(timeline.frame, cam.copy(camera()))) sendShot();
   state.own = null;
+}
+
+/** Replaces a camera that keys cannot change by keys along the same path. */
+async function convertToKeys() {
+  if (!state.shot) return;
+  const { keys } = await connection.ask("keys", {});
+  if (shotText.replaceCamera(keys)) sendShot();
+  say(`The camera has ${keys.length} keys now.`);
 }
 
 // Focus.
@@ -267,7 +295,14 @@ const actions = {
   },
   recover: () => {
     element("recovery").hidden = true;
-    if (shotText.change((json) => replaceContents(json, JSON.parse(state.recovered)))) sendShot();
+    files.owns(shotText.file);
+    let recovered;
+    try {
+      recovered = JSON.parse(state.recovered);
+    } catch {
+      return say("What was kept is damaged and cannot be recovered.");
+    }
+    if (shotText.change((json) => replaceContents(json, recovered))) sendShot();
   },
   discard: () => {
     element("recovery").hidden = true;
@@ -281,9 +316,14 @@ const actions = {
   help: () => element("help-dialog").showModal(),
   first: () => timeline.go(timeline.in), last: () => timeline.go(timeline.out),
   back: () => stepFrame(-1), forward: () => stepFrame(1),
-  play: () => { timeline.toggle(); element("play").textContent = timeline.playing ? "\u23F8" : "\u25B6"; },
+  play: () => {
+    if (!state.shot && !timeline.playing) return;
+    timeline.toggle();
+    showPlayButton();
+  },
   "to-path": () => { state.own = null; view.move(); panels.refresh(); },
   "set-key": setKey,
+  "to-keys": () => files.attempt(convertToKeys),
   "delete-key": () => { if (state.shot && shotText.deleteKey(timeline.frame)) sendShot(); },
   "set-in": () => { timeline.in = Math.min(timeline.frame, timeline.out); timeline.draw(); },
   "set-out": () => { timeline.out = Math.max(timeline.frame, timeline.in); timeline.draw(); },
@@ -292,6 +332,8 @@ for (const [id, action] of Object.entries(actions)) element(id).addEventListener
 element("frame").addEventListener("change", (event) => timeline.go(Number(event.target.value)));
 element("speed").addEventListener("change", (event) => timeline.setSpeed(Number(event.target.value)));
 element("loop").addEventListener("change", (event) => { timeline.loop = event.target.checked; });
+
+function showPlayButton() { element("play").textContent = timeline.playing ? "\u23F8" : "\u25B6"; }
 
 /** Makes a JSON object equal to another one, in place. */
 function replaceContents(json, other) {
@@ -347,9 +389,9 @@ addEventListener("beforeunload", (event) => {
 });
 setInterval(() => {
   if (!timeline.playing) return;
-  const { wanted, shown } = timeline.statistics;
+  const { wanted, shown } = playback.statistics;
   element("rate").textContent = `${shown} of ${wanted} frames shown`;
 }, 500);
 
 /** For tests and curious users: what the page knows and measured. */
-globalThis.raystage = { state, view, timeline, shotText, connection, camera, setCamera, sources, comparison, files, folder, live, notes, headset };
+globalThis.raystage = { state, view, timeline, playback, shotText, connection, camera, setCamera, sources, comparison, files, folder, live, notes, headset, sendShot };

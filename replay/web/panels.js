@@ -58,15 +58,51 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
     element("redo").disabled = shotText.future.length === 0;
     element("delete-key").disabled = !shotText.keyAt(timeline.frame) || shotText.keys().length < 2;
     element("to-path").disabled = !state.own;
+    element("to-keys").hidden = !shotText.json || shotText.canSetKeys();
+    for (const update of updateTimeFields) update();
     element("key-fields").hidden = !shotText.keyAt(timeline.frame);
     changed();
     timeline.draw();
     drawMap(element("map"), state.shot.layers.flatMap((layer) => layer.cameras ?? []), camera(), state.shot.path);
   }
 
+  let updateTimeFields = [];
+  /** Adds the fields of a light field layer's time: at a constant speed, or by keys. */
+  function addTimeFields(parent, index) {
+    const fields = document.createElement("div");
+    fields.className = "fields";
+    const json = () => shotText.json.layers[index] ?? {};
+    const seconds = () => state.shot.layers[index]?.seconds ?? [];
+    const constant = (name, label, unit, fallback) => ({
+      name: `${name}-${index}`, label, unit, step: 0.1, get: () => json()[name] ?? fallback,
+      set: (v) => shotText.setLayerTime(index, name, v ?? fallback) && sendShot(),
+    });
+    const specs = json().time_keys ? [] : [constant("start_seconds", "Start", "s", 0), constant("speed", "Speed", "", 1)];
+    specs.push({
+      name: `time-${index}`, label: "Time", unit: "s", step: 0.1, get: () => seconds()[timeline.frame - state.shot.first_frame],
+      set: (v) => v !== undefined && shotText.setTimeKey(index, timeline.frame, v, seconds(), state.shot.first_frame) && sendShot(),
+    });
+    updateTimeFields.push(addFields(fields, specs, refresh));
+    const set = document.createElement("button"), remove = document.createElement("button");
+    set.textContent = "Set time key";
+    set.title = "Keep the time in the take at this frame";
+    set.id = `set-time-key-${index}`;
+    set.addEventListener("click", () => specs.at(-1).set(specs.at(-1).get()));
+    remove.textContent = "Delete time key";
+    remove.id = `delete-time-key-${index}`;
+    remove.addEventListener("click", () => shotText.deleteTimeKey(index, timeline.frame) && sendShot());
+    updateTimeFields.push(() => { remove.disabled = !shotText.timeKeyAt(index, timeline.frame); });
+    const row = document.createElement("div");
+    row.className = "row";
+    row.append(set, remove);
+    parent.append(fields, row);
+  }
+
   function showLayers() {
     const parent = element("layers");
+    const focused = parent.contains(document.activeElement) ? document.activeElement.id : "";
     parent.replaceChildren();
+    updateTimeFields = [];
     state.shot.layers.forEach((layer, index) => {
       const label = document.createElement("label");
       label.append(layer.name || `Layer ${index + 1}`);
@@ -86,7 +122,9 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
         element("method-summary").textContent = found ? found.summary + (found.artefacts ? ". Visible errors: " + found.artefacts : "") + "." : "";
       }
       parent.append(label);
+      if (layer.seconds) addTimeFields(parent, index);
     });
+    if (focused) element(focused)?.focus();
   }
 
   /** Returns what is known of a method's error and time: as measured on this take, or by this page. */
@@ -108,7 +146,6 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
     if (header.quality === "resting" && header.method === "") element("progress-row").hidden = true;
     const [layer] = state.shot.layers.filter(({ method }) => method);
     if (header.quality === "resting" && header.method === "" && layer) state.seconds[layer.method] = header.render_ms / 1000;
-    timeline.shown(header.frame);
     const now = performance.now();
     if (header.quality !== "resting" && now - factsTime < kMotionInterval) return;
     factsTime = now;

@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// The timeline: frames, keys, in and out, and playing at true speed. Frames that come too late are
-// dropped; playing never becomes slower.
-
-const kMaxPreroll = 1000;  // ms
+// The timeline: frames, keys, in and out, notes.
 
 export class Timeline {
-  /** changed(frame, quality): shows a frame, "playing" or "moving". moveKey(from, to). notes(): frames. */
-  constructor(canvas, { changed, moveKey, keys, notes }) {
+  /** changed(frame, quality): shows a frame, "playing" or "moving". moveKey(from, to). keys(), timeKeys(), notes(): frames. playback: a Playback. */
+  constructor(canvas, { changed, moveKey, keys, timeKeys, notes, playback }) {
     this.canvas = canvas;
     this.changed = changed;
     this.moveKey = moveKey;
     this.keys = keys;
+    this.timeKeys = timeKeys;
     this.notes = notes;
+    this.playback = playback;
     this.absences = [];  // [frame, cameras without a frame; -1: all]
     this.first = 1;
     this.last = 1;
@@ -22,7 +21,6 @@ export class Timeline {
     this.speed = 1;
     this.loop = true;
     this.playing = false;
-    this.statistics = { wanted: 0, shown: 0 };
     new ResizeObserver(() => this.draw()).observe(canvas);
     canvas.addEventListener("pointerdown", (event) => this.pointerDown(event));
     canvas.addEventListener("pointermove", (event) => this.pointerMove(event));
@@ -46,68 +44,30 @@ export class Timeline {
     const next = Math.min(this.last, Math.max(this.first, Math.round(frame)));
     if (next === this.frame) return;
     this.frame = next;
+    if (this.playing && quality !== "playing") this.playback.begin(next);
     this.draw();
     this.changed(next, quality);
   }
 
   /** Starts or stops playing. */
   toggle() {
-    this.playing = !this.playing;
-    if (!this.playing) {
-      this.changed(this.frame, "resting");
-      return;
-    }
+    if (this.playing) return this.stop();
+    if (this.in === this.out) return;
+    this.playing = true;
     if (this.speed > 0 && this.frame >= this.out) this.frame = this.in;
     if (this.speed < 0 && this.frame <= this.in) this.frame = this.out;
-    this.startFrame = this.frame;
-    this.statistics = { wanted: 0, shown: 0 };
-    // The clock starts with the first picture: what comes from a cold disk does not make it late.
-    this.startTime = null;
-    this.patience = performance.now() + kMaxPreroll;
-    this.changed(this.frame, "playing");
-    requestAnimationFrame(() => this.tick());
+    this.playback.start(this.frame, () => ({ first: this.in, last: this.out, fps: this.fps, speed: this.speed, loop: this.loop }));
   }
 
-  /** Tells that the picture of a frame is shown. */
-  shown(frame) {
-    if (!this.playing) return;
-    if (this.startTime === null && frame === this.startFrame) this.startTime = performance.now();
-    else ++this.statistics.shown;
-  }
-
-  /** Returns the frame that is due at a time, or null at the end. */
-  due(now) {
-    const moved = (now - this.startTime) / 1000 * this.fps * this.speed;
-    const count = this.out - this.in + 1;
-    let frame = this.startFrame + (this.speed > 0 ? Math.floor(moved) : Math.ceil(moved));
-    if (frame > this.out || frame < this.in) {
-      if (!this.loop) return null;
-      frame = this.in + ((frame - this.in) % count + count) % count;
-    }
-    return frame;
-  }
-
-  tick() {
-    if (!this.playing) return;
-    if (this.startTime === null && performance.now() > this.patience) this.startTime = performance.now();
-    if (this.startTime === null) return void requestAnimationFrame(() => this.tick());
-    const frame = this.due(performance.now());
-    if (frame === null) {
-      this.go(this.speed > 0 ? this.out : this.in);
-      this.toggle();
-      return;
-    }
-    if (frame !== this.frame) {
-      ++this.statistics.wanted;
-      this.go(frame, "playing");
-    }
-    requestAnimationFrame(() => this.tick());
+  stop() {
+    this.playing = false;
+    this.playback.stop();
+    this.changed(this.frame, "resting");
   }
 
   setSpeed(speed) {
     this.speed = speed;
-    this.startFrame = this.frame;
-    this.startTime = performance.now();
+    if (this.playing) this.playback.begin(this.frame);
   }
 
   x(frame) {
@@ -174,6 +134,8 @@ export class Timeline {
       context.lineTo(x - 6, y);
       context.fill();
     }
+    context.fillStyle = "#7fc97f";
+    for (const frame of this.timeKeys()) context.fillRect(this.x(frame) - 3, 38, 6, 6);
     context.fillStyle = "#6ea3dc";
     for (const frame of this.notes()) {
       context.beginPath();

@@ -63,11 +63,18 @@ export class View {
     this.restTimer = setTimeout(() => this.rest(), kRestAfter);
   }
 
-  /** Wants a frame of a playing timeline. */
-  play() {
+  /** Requests a frame of a playing timeline and returns the id of the request. */
+  requestPlaying(frame) {
     clearTimeout(this.restTimer);
-    this.wanted = "playing";
-    this.flush();
+    this.wanted = null;
+    return this.send({ ...this.request("playing"), frame, camera: undefined });
+  }
+
+  /** Shows a picture of a playing timeline with the next animation frame. */
+  showPlaying(header, bitmap) {
+    this.newestShown = Math.max(this.newestShown, header.id);
+    this.next?.bitmap.close();
+    this.next = { header, bitmap };
   }
 
   /** Wants the refined view. */

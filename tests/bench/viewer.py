@@ -116,8 +116,7 @@ class Page:
           };
           raystage.times = []; document.getElementById('play').click()""")
         time.sleep(seconds)
-        result = self.js("""const s = {...raystage.timeline.statistics, times: raystage.times};
-          s.wanted -= [...raystage.view.underWay.values()].length + (raystage.view.wanted ? 1 : 0) + (raystage.view.next ? 1 : 0);
+        result = self.js("""const s = {...raystage.playback.statistics, times: raystage.times};
           document.getElementById('play').click(); return s""")
         return result
 

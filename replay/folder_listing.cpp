@@ -96,12 +96,17 @@ std::optional<FolderEntry> describe(const fs::directory_entry& path) {
   const fs::path folder = path.path().parent_path();
   try {
     if (path.is_directory(error)) {
-      if (!file_exists(path.path() / "take.json")) return entry;
+      const fs::file_status status = fs::symlink_status(path.path() / "take.json", error);
+      if (!fs::exists(status)) return entry;
+      if (!fs::is_regular_file(status)) {
+        throw Error::bad_input("take.json is no file", path.path().string(), "Restore the take");
+      }
       entry.kind = FolderEntry::Kind::kTake;
       describe_take(folder, entry);
       return entry;
     }
-    if (path.path().extension() != ".json" || path.file_size(error) > kMaxShotBytes || error) {
+    if (path.path().extension() != ".json" || !path.is_regular_file(error) ||
+        path.file_size(error) > kMaxShotBytes || error) {
       return std::nullopt;
     }
     // Other documents are no shots: their "schema" says so.

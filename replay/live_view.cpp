@@ -77,7 +77,7 @@ SourceAnswer render_view(const store::Take& take, const store::FrameSelection& n
 }  // namespace
 
 LiveView::LiveView(std::filesystem::path folder) : folder_(std::move(folder)), take_(folder_) {
-  lower_priority_of_process();
+  if (is_being_recorded(folder_)) lower_priority_of_process();
 }
 
 const LiveStatus& LiveView::update() {

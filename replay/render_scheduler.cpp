@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two lanes of jobs, each with a thread and a TBB arena. A lane serves its clients in turns: after
 // a job, its client goes to the end of the queue. The waiting jobs of a client are bounded:
-// kMaxFiles of kFile, one of each other kind.
+// kMaxFiles of each kind that writes files, one of each other kind.
 #include "replay/render_scheduler.h"
 
 #include <tbb/task_arena.h>
@@ -23,7 +23,11 @@ namespace {
 constexpr std::size_t kLanes = 2;
 constexpr std::size_t kMaxFiles = 16;
 
-std::size_t lane_of(JobKind kind) { return kind == JobKind::kRefinement ? 1 : 0; }
+std::size_t lane_of(JobKind kind) {
+  return kind == JobKind::kRefinement || kind == JobKind::kSnapshot ? 1 : 0;
+}
+
+bool writes_files(JobKind kind) { return kind == JobKind::kFile || kind == JobKind::kSnapshot; }
 
 tbb::task_arena::priority priority_of_lane(std::size_t lane) {
   return lane == 0 ? tbb::task_arena::priority::high : tbb::task_arena::priority::low;
@@ -137,7 +141,7 @@ void RenderScheduler::submit(ClientId client, JobKind kind, Job job,
   Lane& lane = state_->lanes[lane_of(kind)];
   const std::scoped_lock lock(state_->mutex);
   if (kind == JobKind::kDocument) {
-    const auto is_ended = [](JobKind other) { return other != JobKind::kFile; };
+    const auto is_ended = [](JobKind other) { return !writes_files(other); };
     for (std::size_t i = 0; i < kLanes; ++i) state_->end_jobs(client, i, is_ended);
   }
   if (kind == JobKind::kMotion || kind == JobKind::kRefinement) {
@@ -148,7 +152,7 @@ void RenderScheduler::submit(ClientId client, JobKind kind, Job job,
   if (is_new) lane.turns.push_back(client);
   WaitingJob added{std::move(job), std::move(dropped)};
   auto& waiting = jobs->second.waiting;
-  if (kind == JobKind::kFile) {
+  if (writes_files(kind)) {
     if (waiting.count(kind) >= kMaxFiles) return State::drop(added);
   } else if (const auto older = waiting.find(kind); older != waiting.end()) {
     State::drop(older->second);

@@ -9,20 +9,23 @@
 namespace raystage::replay {
 
 /// What a job is for. Each client has at most one waiting job of each kind, which a newer one
-/// replaces, but for kFile. A client's jobs run in this order.
+/// replaces, but for kFile and kSnapshot. A client's jobs run in this order.
 enum class JobKind {
-  kDocument,    ///< opens a shot; ends the client's other jobs but those of kFile
+  kDocument,    ///< opens a shot; ends the client's other jobs but those that write files
   kFile,        ///< writes files; all of them, in turn
+  kKeys,        ///< finds keys of the camera
   kFocus,       ///< finds a focus distance
   kProbe,       ///< reads a pixel
   kMotion,      ///< renders a view that is needed now; ends the client's refinement
   kSource,      ///< shows source frames
-  kFolder,      ///< lists a folder, or shows a take's thumbnail
+  kFolder,      ///< lists a folder
+  kThumbnail,   ///< shows a take's thumbnail
+  kSnapshot,    ///< renders a frame into a file, beside what the user sees; all of them, in turn
   kRefinement,  ///< renders a view for which the user can wait; a newer one ends it
 };
 
-/// Runs the jobs of several clients on two threads: refinements on one, all other jobs on the
-/// other, which has the higher priority in TBB. Clients take turns. Thread-safe.
+/// Runs the jobs of several clients on two threads: snapshots and refinements on one, all other
+/// jobs on the other, which has the higher priority in TBB. Clients take turns. Thread-safe.
 class RenderScheduler {
  public:
   using ClientId = std::int64_t;
@@ -35,8 +38,8 @@ class RenderScheduler {
   /// Ends all jobs.
   ~RenderScheduler();
 
-  /// `dropped`: called if the job never runs, because a newer one of its kind came, too many of
-  /// kFile wait, or its client was removed. Must not call the scheduler.
+  /// `dropped`: called if the job never runs, because a newer one of its kind came, too many
+  /// files wait, or its client was removed. Must not call the scheduler.
   void submit(ClientId client, JobKind kind, Job job, std::function<void()> dropped = {});
   /// Drops the waiting jobs of a client and requests the running ones to stop, which may end later.
   void remove(ClientId client);

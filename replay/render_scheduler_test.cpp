@@ -104,6 +104,25 @@ TEST(RenderScheduler, FilesAreAllWrittenInTurn) {
   EXPECT_EQ(dropped, 1);
 }
 
+TEST(RenderScheduler, SnapshotsAreAllWrittenBesideWhatMoves) {
+  RenderScheduler scheduler(2);
+  Log log;
+  std::promise<void> started, finish;
+  scheduler.submit(1, JobKind::kSnapshot, [&](const std::stop_token& stop) {
+    started.set_value();
+    finish.get_future().wait();
+    EXPECT_FALSE(stop.stop_requested());
+  });
+  started.get_future().wait();
+  scheduler.submit(1, JobKind::kSnapshot, log.job("s"));
+  scheduler.submit(1, JobKind::kDocument, log.job("d"));
+  scheduler.submit(1, JobKind::kMotion, log.job("m"));
+  EXPECT_EQ(log.wait_for(2), "dm");
+  scheduler.submit(1, JobKind::kRefinement, log.job("r"));
+  finish.set_value();
+  EXPECT_EQ(log.wait_for(4), "dmsr");
+}
+
 TEST(RenderScheduler, WaitingFilesAreBounded) {
   Log log;
   Gate gate;

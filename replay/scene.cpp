@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "replay/scene.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <numeric>
@@ -8,6 +10,7 @@
 #include <vector>
 
 #include "base/cancellation.h"
+#include "base/error.h"
 #include "compose/derived_data.h"
 #include "render/methods.h"
 
@@ -23,7 +26,16 @@ compose::ShotPlanOptions plan_options(const SceneOptions& options) {
   return result;
 }
 
+constexpr int kMaxFrames = 250'000;  // of a shot: three hours at 24 frames/s
+
 std::vector<compose::PlannedFrame> all_frames(const compose::ShotPlan& plan) {
+  const schemas::ShotDocument& shot = plan.shot();
+  if (std::int64_t{shot.last_frame} - shot.first_frame >= kMaxFrames) {
+    throw Error::bad_input(
+        fmt::format("found {} frames, the viewer shows at most {}",
+                    std::int64_t{shot.last_frame} - shot.first_frame + 1, kMaxFrames),
+        shot.name, "Show a part of the shot");
+  }
   std::vector<int> frames(static_cast<std::size_t>(plan.shot().last_frame) -
                           plan.shot().first_frame + 1);
   std::iota(frames.begin(), frames.end(), plan.shot().first_frame);

@@ -282,6 +282,16 @@ std::string folder_message(std::int64_t id, std::string_view folder,
   return dump({{"type", "folder"}, {"id", id}, {"file", folder}, {"entries", std::move(list)}});
 }
 
+std::string saved_message(std::int64_t id, std::string_view file, std::string_view text) {
+  Json json{{"type", "saved"}, {"id", id}, {"file", file}};
+  if (!text.empty()) json["text"] = text;
+  return dump(json);
+}
+
+std::string notes_message(std::int64_t id, std::string_view text) {
+  return dump({{"type", "notes"}, {"id", id}, {"text", text}});
+}
+
 std::string file_message(std::int64_t id, std::string_view what, std::string_view file) {
   return dump({{"type", what}, {"id", id}, {"file", file}});
 }

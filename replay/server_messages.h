@@ -103,7 +103,11 @@ std::string keys_message(std::int64_t id, const schemas::ShotDocument& shot);
 std::string live_message(std::int64_t id, const LiveStatus& status);
 std::string folder_message(std::int64_t id, std::string_view folder,
                            const std::vector<FolderEntry>& entries);
-/// `what`: "saved", "written", "kept" or "noted".
+/// `text`: what was written, if it is not the text of the request; else empty.
+std::string saved_message(std::int64_t id, std::string_view file, std::string_view text);
+/// The notes were changed by another page, to `text`.
+std::string notes_message(std::int64_t id, std::string_view text);
+/// `what`: "written", "kept" or "noted".
 std::string file_message(std::int64_t id, std::string_view what, std::string_view file);
 
 std::vector<std::byte> source_picture_message(const SourcePictureMessage& header,

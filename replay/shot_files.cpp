@@ -8,6 +8,7 @@
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "replay/shot_paths.h"
 #include "schemas/shot_document.h"
 #include "schemas/shot_notes.h"
 
@@ -79,7 +80,8 @@ std::string ShotFiles::read(std::string_view file) const {
   return read_file(from);
 }
 
-void ShotFiles::write(std::string_view file, std::string_view text, bool replace) const {
+std::string ShotFiles::write(std::string_view file, std::string_view text, bool replace,
+                             std::string_view from_shot) const {
   const fs::path to = writable_path(file);
   if (to.extension() != ".json" || to.filename() == "take.json") {
     throw Error::bad_input("a shot's file ends in .json, and is not called take.json", to.string(),
@@ -94,8 +96,13 @@ void ShotFiles::write(std::string_view file, std::string_view text, bool replace
     // Only a shot is replaced, whatever the request says: not take.json or rig.json.
     schemas::parse_shot(read(file), to.string());
   }
-  write_file_atomically(to, text);
-  forget_autosave(file);
+  std::string written(text);
+  if (!from_shot.empty()) {
+    const fs::path from = path(from_shot).parent_path();
+    if (from != to.parent_path()) written = rebase_shot_paths(text, from, to.parent_path());
+  }
+  write_file_atomically(to, std::string_view(written));
+  return written;
 }
 
 std::string ShotFiles::read_notes(std::string_view shot_file) const {
@@ -104,11 +111,14 @@ std::string ShotFiles::read_notes(std::string_view shot_file) const {
   return text;
 }
 
-void ShotFiles::write_notes(std::string_view shot_file, std::string_view text) const {
+bool ShotFiles::write_notes(std::string_view shot_file, std::string_view text,
+                            std::string_view previous) const {
   schemas::parse_shot_notes(text, "notes");
   writable_path(shot_file);
-  read_notes(shot_file);  // a file that cannot be read is not replaced
+  // A file that cannot be read is not replaced. Notes are only written by one thread.
+  if (read_notes(shot_file) != previous) return false;
   write_file_atomically(beside(shot_file, ".notes.json"), text);
+  return true;
 }
 
 std::string ShotFiles::read_autosave(std::string_view shot_file) const {

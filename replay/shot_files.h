@@ -28,18 +28,24 @@ class ShotFiles {
   std::filesystem::path writable_path(std::string_view file) const;
   /// Returns the text of a shot: at most 4 MB. Throws Error (bad input).
   std::string read(std::string_view file) const;
-  /// Writes a shot atomically. `text`: kept as it is, with remarks and what the viewer does not
-  /// know. Throws Error (bad input) if it is no valid shot, or if the file exists and `replace` is
-  /// false; Error (failed) if it cannot be written.
-  void write(std::string_view file, std::string_view text, bool replace) const;
+  /// Writes a shot atomically and returns its text. `from_shot`: shot from whose folder the paths
+  /// in `text` start; empty: `file`. Where that is another folder, paths are changed. `text`: else
+  /// kept as it is, with remarks and what the viewer does not know. Throws Error (bad input) if it
+  /// is no valid shot, or if the file exists and `replace` is false; Error (failed) if it cannot be
+  /// written.
+  std::string write(std::string_view file, std::string_view text, bool replace,
+                    std::string_view from_shot = {}) const;
 
-  /// Return the notes on a shot, NAME.notes.json beside it, and replace them. Throw Error (bad
-  /// input) if they are not valid; read_notes() returns an empty text if there are none.
+  /// Returns the notes on a shot, NAME.notes.json beside it; an empty text if there are none.
+  /// Throws Error (bad input) if they are not valid.
   std::string read_notes(std::string_view shot_file) const;
-  void write_notes(std::string_view shot_file, std::string_view text) const;
+  /// Replaces the notes if they are still `previous`, and returns whether they were: several pages
+  /// write notes. Throws Error (bad input) if the old or the new notes are not valid.
+  bool write_notes(std::string_view shot_file, std::string_view text,
+                   std::string_view previous) const;
 
   /// Returns the text that was kept for a shot and is newer than its file, NAME.autosave.json;
-  /// empty: none. write() forgets it.
+  /// empty: none.
   std::string read_autosave(std::string_view shot_file) const;
   /// Throws Error (bad input) if `text` is no valid shot.
   void write_autosave(std::string_view shot_file, std::string_view text) const;

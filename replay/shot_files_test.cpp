@@ -109,15 +109,25 @@ TEST_F(ShotFilesTest, NeverWriteIntoATake) {
   EXPECT_THAT(error_of([&] { files.write("take.json", kShot, false); }), HasSubstr("not called"));
 }
 
-TEST_F(ShotFilesTest, KeepUnsavedWorkUntilItIsSaved) {
+TEST_F(ShotFilesTest, ChangePathsForAnotherFolder) {
+  const ShotFiles files(folder());
+  create_folder(folder() / "shots");
+  std::string shot(kShot);
+  const std::string_view solid = R"("solid": {"color": [1, 0, 0]})";
+  ASSERT_NE(shot.find(solid), std::string::npos);
+  shot.replace(shot.find(solid), solid.size(), R"("take": "take")");
+  const std::string written = files.write("shots/a.json", shot, false, "b.json");
+  EXPECT_EQ(files.read("shots/a.json"), written);
+  EXPECT_THAT(written, HasSubstr(R"("take": "../take")"));
+  EXPECT_EQ(files.write("c.json", kShot, false, "b.json"), kShot) << "the same folder";
+}
+
+TEST_F(ShotFilesTest, KeepUnsavedWorkUntilItIsForgotten) {
   const ShotFiles files(folder());
   EXPECT_EQ(files.read_autosave("a.json"), "");
   files.write_autosave("a.json", kShot);
   EXPECT_EQ(files.read_autosave("a.json"), kShot);
   files.write("a.json", kShot, false);
-  EXPECT_EQ(files.read_autosave("a.json"), "");
-  files.write_autosave("a.json", kShot);
-  EXPECT_EQ(files.read_autosave("a.json"), kShot);
   files.forget_autosave("a.json");
   EXPECT_EQ(files.read_autosave("a.json"), "");
   EXPECT_NE(error_of([&] { files.write_autosave("a.json", "{}"); }), "");
@@ -134,18 +144,20 @@ TEST_F(ShotFilesTest, KeepNotesBesideTheShot) {
   EXPECT_EQ(files.read_notes("a.json"), "");
   constexpr std::string_view kNotes =
       R"({"schema": "raystage/shot_notes/1", "notes": [{"frame": 7, "text": "soft", "author": "x"}]})";
-  files.write_notes("a.json", kNotes);
+  EXPECT_TRUE(files.write_notes("a.json", kNotes, ""));
+  EXPECT_FALSE(files.write_notes("a.json", kNotes, "")) << "another page wrote some";
+  EXPECT_TRUE(files.write_notes("a.json", kNotes, kNotes));
   EXPECT_EQ(files.read_notes("a.json"), kNotes);
   EXPECT_TRUE(file_exists(folder() / "a.notes.json"));
-  EXPECT_NE(error_of([&] { files.write_notes("a.json", "{}"); }), "");
+  EXPECT_NE(error_of([&] { files.write_notes("a.json", "{}", ""); }), "");
   write_file_atomically(folder() / "a.notes.json", std::string_view("damaged"));
-  EXPECT_NE(error_of([&] { files.write_notes("a.json", kNotes); }), "");
+  EXPECT_NE(error_of([&] { files.write_notes("a.json", kNotes, ""); }), "");
   EXPECT_EQ(read_file(folder() / "a.notes.json"), "damaged");
   std::filesystem::remove(folder() / "a.notes.json");
   write_file_atomically(outside_.path() / "secret", kNotes);
   std::filesystem::create_symlink(outside_.path() / "secret", folder() / "a.notes.json");
   EXPECT_THAT(error_of([&] { files.read_notes("a.json"); }), HasSubstr("a link"));
-  EXPECT_THAT(error_of([&] { files.write_notes("a.json", kNotes); }), HasSubstr("a link"));
+  EXPECT_THAT(error_of([&] { files.write_notes("a.json", kNotes, ""); }), HasSubstr("a link"));
 }
 
 }  // namespace

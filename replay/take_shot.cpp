@@ -29,11 +29,14 @@ ShotText open_take_shot(const std::filesystem::path& take_folder,
                         const std::filesystem::path& shot_folder) {
   const store::Take take(take_folder);
   const std::filesystem::path relative = std::filesystem::relative(take_folder, shot_folder);
-  // Paths in a shot are relative to its folder, which is that of the take.
+  const std::string name = relative.filename().string();
+  // The shot is beside the take if that is below the folder of shots, else in that folder. Paths in
+  // a shot are relative to its folder.
+  const bool is_below = *relative.begin() != "..";
   const schemas::ShotDocument shot =
-      make_take_shot(take, store::read_timeline(take), relative.filename().string());
+      make_take_shot(take, store::read_timeline(take), is_below ? name : relative.string());
   const std::filesystem::path file =
-      relative.parent_path() / (relative.filename().string() + ".shot.json");
+      (is_below ? relative.parent_path() : std::filesystem::path()) / (name + ".shot.json");
   return {file.string(), schemas::format_shot(shot)};
 }
 

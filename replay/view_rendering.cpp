@@ -303,7 +303,9 @@ double find_focus_distance(const ShownShot& shown, const ViewerMessage& request,
 ProbeMessage probe_pixel(const ShownShot& shown, const ViewerMessage& request,
                          const std::stop_token& stop) {
   constexpr int kPatch = 5;  // for methods that read neighbours
-  const SceneView view = patch_view(shown, request, kPatch, 1, {});
+  // A pixel must not wait for the depths of all cameras.
+  const bool is_slow = shown.scene->must_estimate_depths(frame_in_shot(shown, request.frame));
+  const SceneView view = patch_view(shown, request, kPatch, 1, is_slow ? "plane_sweep" : "");
   const compose::LayerImage patch = shown.scene->render(view, stop).picture;
   const std::size_t middle = kPatch * kPatch / 2;
   ProbeMessage message;

@@ -10,6 +10,7 @@
 #include "replay/render_scheduler.h"
 #include "replay/scene_cache.h"
 #include "replay/shot_files.h"
+#include "replay/shot_paths.h"
 #include "replay/take_shot.h"
 #include "replay/viewer_session.h"
 
@@ -40,6 +41,7 @@ FirstView first_view(const ViewerOptions& options, const ShotFiles& files) {
   const std::string relative = fs::relative(target, files.folder()).string();
   if (is_take(target)) {
     if (is_being_recorded(target)) {
+      files.path(relative);  // fails now, and not in the page
       first.live = relative;
     } else {
       first.shot = open_take_shot(target, files.folder());
@@ -47,11 +49,22 @@ FirstView first_view(const ViewerOptions& options, const ShotFiles& files) {
     return first;
   }
   if (fs::is_directory(target)) {
-    list_folder(target);  // fails now, and not in the page
+    if (relative.starts_with("..")) {
+      throw Error::bad_input("the folder to list is outside of the folder of shots",
+                             target.string(), "Give a folder below " + files.folder().string());
+    }
+    list_folder(target);  // likewise
     first.folder = relative;
     return first;
   }
-  first.shot = ShotText{relative, files.read(relative)};
+  if (relative.starts_with("..")) {  // opened under its name, from elsewhere
+    const ShotFiles there(target.parent_path());
+    first.shot = ShotText{target.filename().string(),
+                          rebase_shot_paths(there.read(target.filename().string()),
+                                            target.parent_path(), files.folder())};
+  } else {
+    first.shot = ShotText{relative, files.read(relative)};
+  }
   schemas::parse_shot(first.shot->text, target.string());  // likewise
   return first;
 }

@@ -270,12 +270,14 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
         break;
       case Type::kSave:
         submit(JobKind::kFile, request.id, [request](State& state, const auto&) {
-          state.services.files.write(request.file, request.text, request.replace);
-          state.send(file_message(request.id, "saved", request.file));
+          const std::string written =
+              state.services.files.write(request.file, request.text, request.replace, request.shot);
+          state.send(saved_message(request.id, request.file,
+                                   written == request.text ? std::string_view() : written));
         });
         break;
       case Type::kSnapshot:
-        submit(JobKind::kFile, request.id, [request](State& state, const auto& stop) {
+        submit(JobKind::kSnapshot, request.id, [request](State& state, const auto& stop) {
           write_snapshot(*state.shown_shot(), request,
                          state.services.files.writable_path(request.file),
                          state.services.program_version, stop);
@@ -292,8 +294,10 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
         break;
       case Type::kNotes:
         submit(JobKind::kFile, request.id, [request](State& state, const auto&) {
-          state.services.files.write_notes(request.file, request.text);
-          state.send(file_message(request.id, "noted", request.file));
+          const ShotFiles& files = state.services.files;
+          const bool is_written = files.write_notes(request.file, request.text, request.previous);
+          state.send(is_written ? file_message(request.id, "noted", request.file)
+                                : notes_message(request.id, files.read_notes(request.file)));
         });
         break;
       case Type::kCancel:
@@ -314,14 +318,14 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
         });
         break;
       case Type::kThumbnail:
-        submit(JobKind::kFolder, request.id, [request](State& state, const auto&) {
+        submit(JobKind::kThumbnail, request.id, [request](State& state, const auto&) {
           const SourceAnswer answer =
               answer_thumbnail_request(state.services.files.path(request.file), request);
           state.send_picture(answer.content, answer.message);
         });
         break;
       case Type::kKeys:
-        submit(JobKind::kFocus, request.id, [request](State& state, const auto&) {
+        submit(JobKind::kKeys, request.id, [request](State& state, const auto&) {
           const auto shot = state.shown_shot();
           schemas::ShotDocument keyed = shot->shot;
           keyed.camera = compose::keyed_camera(shot->shot.camera,

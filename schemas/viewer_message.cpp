@@ -125,7 +125,8 @@ constexpr Fields kMessage(
     optional("look", &ViewerMessage::look, kLook), defaulted("pixel", &ViewerMessage::pixel),
     optional("layer", &ViewerMessage::layer), optional("camera_id", &ViewerMessage::camera_id),
     optional("mosaic", &ViewerMessage::mosaic), optional("file", &ViewerMessage::file, kPath),
-    optional("text", &ViewerMessage::text), optional("replace", &ViewerMessage::replace),
+    optional("text", &ViewerMessage::text), optional("shot", &ViewerMessage::shot, kPath),
+    optional("previous", &ViewerMessage::previous), optional("replace", &ViewerMessage::replace),
     check(check_type), check(check_size), check(check_orientation), check(check_comparison));
 
 }  // namespace

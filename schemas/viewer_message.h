@@ -82,6 +82,8 @@ struct ViewerMessage {
   std::string camera_id;
   bool mosaic = false;  ///< kLive: show all cameras and not a virtual view
   std::string file, text;
+  std::string shot;      ///< kSave: shot from whose folder the paths in `text` start; empty: `file`
+  std::string previous;  ///< kNotes: what the file must hold now; empty: there must be none
   bool replace = false;
 };
 

@@ -255,7 +255,8 @@ const store::Take& LiveTake::take() const { return *state_->take; }
 const std::optional<store::FrameSelection>& LiveTake::newest() const { return state_->newest; }
 
 bool is_being_recorded(const fs::path& take) {
-  if (!fs::exists(take / "recording")) return false;
+  std::error_code error;
+  if (!fs::is_directory(take / "recording", error)) return false;
   LiveStatus status;
   read_sessions(take, status);
   return !status.has_ended;

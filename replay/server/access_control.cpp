@@ -13,12 +13,6 @@
 namespace raystage::replay {
 namespace {
 
-std::string lower_case(std::string_view text) {
-  std::string lower(text);
-  for (char& c : lower) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return lower;
-}
-
 bool is_host_known(const AccessRules& rules, std::string_view host) {
   return std::ranges::find(rules.hosts, lower_case(host)) != rules.hosts.end();
 }
@@ -40,6 +34,12 @@ std::string_view first_segment(std::string_view target) {
 }
 
 }  // namespace
+
+std::string lower_case(std::string_view text) {
+  std::string lower(text);
+  for (char& c : lower) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return lower;
+}
 
 AccessDecision check_access(const AccessRules& rules, const AccessRequest& request) {
   if (!request.host || !is_host_known(rules, *request.host)) return AccessDecision::kWrongHost;

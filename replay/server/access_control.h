@@ -36,6 +36,9 @@ AccessDecision check_access(const AccessRules& rules, const AccessRequest& reque
 /// Returns the part of a granted request's target behind "/TOKEN/", without a query.
 std::string_view path_in_target(const AccessRules& rules, std::string_view target);
 
+/// Returns a text in ASCII lower case, as the hosts of the rules are.
+std::string lower_case(std::string_view text);
+
 /// Returns 128 random bits of the operating system in hexadecimal. Throws Error (failed).
 std::string make_random_token();
 

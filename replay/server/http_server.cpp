@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/host_name.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/beast/core.hpp>
@@ -179,7 +180,14 @@ struct HttpServer::State {
     std::vector<std::string> names = options.host_names;
     names.push_back(options.address);
     if (endpoint.address().is_loopback()) names.emplace_back("localhost");
-    for (const std::string& name : names) shared->rules.hosts.push_back(authority(name, port));
+    if (endpoint.address().is_unspecified()) names.push_back(boost::asio::ip::host_name());
+    constexpr std::uint16_t kDefaultPort = 80;  // which browsers do not send
+    for (const std::string& name : names) {
+      shared->rules.hosts.push_back(lower_case(authority(name, port)));
+      if (port == kDefaultPort) shared->rules.hosts.push_back(lower_case(name));
+    }
+    // The address that reaches this server from outside.
+    shown_name = endpoint.address().is_unspecified() ? names.back() : options.address;
   }
 
   void accept() {
@@ -197,6 +205,7 @@ struct HttpServer::State {
   boost::asio::io_context context{1};
   tcp::acceptor acceptor{context};
   std::shared_ptr<Shared> shared;
+  std::string shown_name;
 };
 
 HttpServer::HttpServer(const ServerOptions& options, RequestHandler& handler) {
@@ -207,7 +216,7 @@ HttpServer::HttpServer(const ServerOptions& options, RequestHandler& handler) {
 HttpServer::~HttpServer() = default;
 
 std::string HttpServer::url() const {
-  return fmt::format("http://{}/{}/", authority(state_->shared->options.address, port()),
+  return fmt::format("http://{}/{}/", authority(state_->shown_name, port()),
                      state_->shared->rules.token);
 }
 

@@ -2,6 +2,8 @@
 // The WebSocket to the server: see docs/formats/viewer.md.
 
 const kSchema = "raystage/viewer_message/1";
+const kRetryAfter = 2000;  // ms from the loss of a connection
+const kLost = "The connection to the server is lost.";
 /** The error of a question that the server did not answer. */
 export const kReplaced = "A newer request replaced this one.";
 
@@ -14,13 +16,19 @@ export class Connection {
     this.waiting = new Map();  // id of a question -> {type, resolve, reject}
     const url = new URL("socket", location.href);
     url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
-    this.socket = new WebSocket(url);
+    this.url = url;
+    this.connect();
+  }
+
+  connect() {
+    this.socket = new WebSocket(this.url);
     this.socket.binaryType = "arraybuffer";
-    this.socket.onopen = () => handlers.open();
+    this.socket.onopen = () => this.handlers.open();
     this.socket.onclose = () => {
-      for (const { reject } of this.waiting.values()) reject(new Error("The server has ended."));
+      for (const { reject } of this.waiting.values()) reject(new Error(kLost));
       this.waiting.clear();
-      handlers.close();
+      this.handlers.close();
+      setTimeout(() => this.connect(), kRetryAfter);
     };
     this.socket.onmessage = (event) => this.receive(event.data);
   }
@@ -36,7 +44,7 @@ export class Connection {
 
   /** Sends a message; the promise is the answer with its id: a message, or {header, jpeg}. */
   ask(type, members) {
-    if (this.socket.readyState !== WebSocket.OPEN) return Promise.reject(new Error("The server has ended."));
+    if (this.socket.readyState !== WebSocket.OPEN) return Promise.reject(new Error(kLost));
     const id = this.send(type, members);
     return new Promise((resolve, reject) => this.waiting.set(id, { type, resolve, reject }));
   }
@@ -50,6 +58,12 @@ export class Connection {
       if (question?.type === header.content) {
         this.waiting.delete(header.id);
         question.resolve({ header, jpeg });
+      }
+      // Of pictures that wait for a slow connection the server sends only the newest one.
+      for (const [id, older] of this.waiting) {
+        if (id >= header.id || older.type !== header.content || header.content === "thumbnail") continue;
+        this.waiting.delete(id);
+        older.reject(new Error(kReplaced));
       }
       this.handlers.picture(header, jpeg);
       return;

@@ -13,6 +13,14 @@ export class ShotText {
     this.savedText = "";
   }
 
+  /** Forgets the document. */
+  close() {
+    this.file = "";
+    this.json = null;
+    this.past = [];
+    this.future = [];
+  }
+
   /** Replaces the document, e.g. by one that was opened. */
   reset(file, text) {
     this.file = file;
@@ -23,13 +31,14 @@ export class ShotText {
   }
 
   text() { return JSON.stringify(this.json, null, 2) + "\n"; }
-  isChanged() { return this.text() !== this.savedText; }
+  isChanged() { return this.json !== null && this.text() !== this.savedText; }
 
-  /** Changes the document by edit(json), which undo() takes back. */
-  change(edit) {
+  /** Changes the document by edit(json), which undo() takes back. isContinued: together with the change before. */
+  change(edit, isContinued = false) {
     const before = this.text();
     edit(this.json);
     if (this.text() === before) return false;
+    if (isContinued && this.past.length > 0) return true;
     this.past.push(before);
     if (this.past.length > kMaxSteps) this.past.shift();
     this.future = [];
@@ -48,8 +57,9 @@ export class ShotText {
   keys() { return this.json.camera?.keys ?? []; }
   keyAt(frame) { return this.keys().find((key) => key.frame === frame); }
 
-  /** Sets a key of the whole camera at a frame. Other properties of a key that exists stay. */
-  setKey(frame, camera) {
+  /** Sets a key at a frame: "all" of the camera, its "pose", "lens" or "focus". Other properties of the key stay. */
+  setKey(frame, camera, what = "all") {
+    const has = (part) => what === "all" || what === part;
     return this.change((json) => {
       json.camera ??= {};
       json.camera.keys ??= [];
@@ -60,12 +70,22 @@ export class ShotText {
         keys.push(key);
         keys.sort((a, b) => a.frame - b.frame);
       }
-      for (const replaced of ["target", "roll_deg", "horizontal_fov_deg", "focus_m", "f_number"]) delete key[replaced];
-      key.position = camera.position;
-      key.orientation = camera.orientation;
-      key.focal_length_mm = camera.focal_length_mm;
-      if (camera.focus_m !== undefined) key.focus_m = camera.focus_m;
-      if (camera.f_number !== undefined) key.f_number = camera.f_number;
+      const set = (name, value) => {
+        if (value === undefined) delete key[name];
+        else key[name] = value;
+      };
+      if (has("pose")) {
+        delete key.target;
+        delete key.roll_deg;
+        set("position", camera.position);
+        set("orientation", camera.orientation);
+      }
+      if (has("lens")) {
+        delete key.horizontal_fov_deg;
+        set("focal_length_mm", camera.focal_length_mm);
+        set("f_number", camera.f_number);
+      }
+      if (has("focus")) set("focus_m", camera.focus_m);
     });
   }
 
@@ -87,15 +107,15 @@ export class ShotText {
     });
   }
 
-  /** Moves a key to another frame without one. */
-  moveKey(from, to) {
+  /** Moves a key to another frame without one. isContinued: as change(). */
+  moveKey(from, to, isContinued = false) {
     return this.change((json) => {
       const keys = json.camera?.keys ?? [];
       const key = keys.find((k) => k.frame === from);
       if (!key || keys.some((k) => k.frame === to)) return;
       key.frame = to;
       keys.sort((a, b) => a.frame - b.frame);
-    });
+    }, isContinued);
   }
 
   /** Replaces a camera that follows a file, a target, an orbit or a dolly zoom by keys. */
@@ -108,12 +128,11 @@ export class ShotText {
 
   timeKeyAt(layer, frame) { return this.json.layers[layer]?.time_keys?.find((key) => key.frame === frame); }
 
-  /** Sets the time in the take at a frame. `seconds`: the present times of all frames from `first` on. */
-  setTimeKey(layer, frame, value, seconds, first) {
+  /** Sets the time in the take at a frame. `ends`: keys that hold the present constant speed. */
+  setTimeKey(layer, frame, value, ends) {
     return this.change((json) => {
       const target = json.layers[layer];
-      // A constant speed is a line through two keys.
-      target.time_keys ??= [...new Set([0, seconds.length - 1])].map((i) => ({ frame: first + i, seconds: seconds[i] }));
+      target.time_keys ??= ends;
       delete target.start_seconds;
       delete target.speed;
       let key = target.time_keys.find((k) => k.frame === frame);

@@ -19,6 +19,7 @@ export class Files {
     this.element("file-name").value = name;
     this.element("replace").checked = false;
     this.element("replace-label").hidden = !canReplace;
+    this.dialog.returnValue = "";  // Escape leaves it as it is
     this.dialog.showModal();
     return new Promise((resolve) => this.dialog.addEventListener("close", () => {
       const file = this.element("file-name").value;
@@ -34,18 +35,33 @@ export class Files {
     }
   }
 
+  /** Says so if no shot is open, as while a recording is followed. */
+  isReady() {
+    if (!this.options.isOpen()) this.options.say("No shot is open.");
+    return this.options.isOpen();
+  }
+
   async save() {
     const { ask, shotText, say, saved } = this.options;
+    if (!this.isReady()) return;
     const answer = await this.question("Save the shot as", shotText.file, true);
     if (!answer) return;
     await this.attempt(async () => {
       const text = shotText.text(), before = shotText.file;
-      await ask("save", { ...answer, text });
-      shotText.file = answer.file;
-      shotText.savedText = text;
+      const { text: written } = await ask("save", { ...answer, text, shot: before });
+      const isEdited = shotText.text() !== text;
+      if (written === undefined) {
+        shotText.file = answer.file;
+        shotText.savedText = text;
+      } else if (!isEdited) {
+        shotText.reset(answer.file, written);  // its paths start at another folder
+      }
       say("Saved " + answer.file);
       saved();
-      if (before !== answer.file && this.keptFile === before) ask("autosave", { file: before }).catch(() => {});
+      if (this.keptFile === before && !isEdited) {
+        this.keptFile = null;
+        ask("autosave", { file: before }).catch(() => {});
+      }
     });
   }
 
@@ -56,17 +72,19 @@ export class Files {
 
   async snapshot(frame) {
     const { ask, say, request } = this.options;
+    if (!this.isReady()) return;
     const answer = await this.question("Write this frame as .exr or .png", `frame.${String(frame).padStart(4, "0")}.png`, true);
     if (!answer) return;
     say("Writing " + answer.file);
     await this.attempt(async () => {
-      await ask("snapshot", { ...answer, ...request() });
+      await ask("snapshot", { ...answer, ...request(frame) });
       say("Written " + answer.file);
     });
   }
 
   async exportCamera() {
     const { ask, say, shotText } = this.options;
+    if (!this.isReady()) return;
     const answer = await this.question("Export the camera as .chan, .gltf or .nk", shotText.file.replace(/(\.shot)?\.json$/, "") + ".nk", true);
     if (!answer) return;
     await this.attempt(async () => {
@@ -75,18 +93,18 @@ export class Files {
     });
   }
 
-  /** Forgets that a shot's changes could not be kept, when one is opened. */
-  reset() { this.offFile = this.keptFile = null; }
+  /** Begins anew with a shot that was opened. */
+  reset() { this.keptFile = null; }
 
-  /** The kept changes of a file are these of this page: they are forgotten once nothing is unsaved. */
+  /** Declares that what is kept for a file is what this page shows. It is forgotten once nothing is unsaved. */
   owns(file) { this.keptFile = file; }
 
   /** Keeps unsaved changes for the next start, a moment after the last one. */
   autosave() {
     clearTimeout(this.timer);
     const { shotText } = this.options;
-    if (!shotText.json || this.offFile === shotText.file) return;
     // What an earlier session kept stays until the user has decided about it.
+    if (!shotText.json || this.options.isRecoveryOpen()) return;
     if (!shotText.isChanged() && this.keptFile !== shotText.file) return;
     this.timer = setTimeout(() => this.keep(), kAutosaveAfter);
   }
@@ -100,10 +118,12 @@ export class Files {
     try {
       await ask("autosave", { file, text });
       if (text === undefined) this.keptFile = null;
+      this.hasComplained = false;
     } catch (error) {
       if (error.message === kReplaced) return this.autosave();
-      this.offFile = file;  // say it once, and not at every change
-      say("Changes are not kept automatically. " + error.message);
+      // Said once, and not at every change.
+      if (!this.hasComplained) say("Changes are not kept automatically. " + error.message);
+      this.hasComplained = true;
     }
   }
 }

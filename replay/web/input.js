@@ -3,6 +3,7 @@
 import { dolly, focusDistance, metresPerPixel, orbit, pan, roll } from "./camera.js";
 
 const kClickDistance = 4;       // pixels that a click may move
+const kKeysInFields = new Set(["Ctrl+s", "Ctrl+o", "Ctrl+l"]);  // a field has its own undo
 const kRadiansPerWidth = 1.2;   // of an orbit, dragging across the picture
 
 /** controls: {camera(), setCamera(camera, inputTime), focusAt(event), hover(event), rest()}. */
@@ -35,6 +36,7 @@ export function addPointerInput(canvas, controls) {
     last = null;
     controls.rest();
   });
+  canvas.addEventListener("pointercancel", () => { last = null; });
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
     const camera = controls.camera();
@@ -71,12 +73,13 @@ export function cameraKeys(controls) {
 export function addKeyboard(bindings) {
   const actions = new Map(bindings.flatMap(([keys, , action]) => keys.split(" ").map((key) => [key, action])));
   addEventListener("keydown", (event) => {
-    const isEdited = event.target.matches("input:not([type=range],[type=checkbox]), select, dialog *");
+    if (event.target.closest("dialog")) return;
+    const isEdited = event.target.matches("input:not([type=range],[type=checkbox]), select");
     const key = event.key === " " ? "Space" : event.key.length === 1 ? event.key.toLowerCase() : event.key;
-    const name = (event.ctrlKey || event.metaKey ? "Ctrl+" : "") +
+    const name = (event.ctrlKey || event.metaKey ? "Ctrl+" : "") + (event.altKey ? "Alt+" : "") +
       (event.shiftKey && key !== "?" ? "Shift+" : "") + key;
-    if (isEdited && !name.startsWith("Ctrl+")) return;
-    if (event.key === " " && event.target.matches("button, summary, input")) return;
+    if (isEdited && !kKeysInFields.has(name)) return;
+    if ((event.key === " " || event.key === "Enter") && event.target.matches("button, summary, input")) return;
     if (event.key.startsWith("Arrow") && event.target.matches("input[type=range]")) return;
     const action = actions.get(name);
     if (!action) return;

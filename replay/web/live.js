@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A take that is being recorded: its newest instant, once per second, and how its cameras do.
+// A take that is being recorded: its newest instant, once per second, and the state of its cameras.
 
 const kShortestInterval = 200;  // ms, while the user moves the virtual camera
 const kInterval = 1000;  // ms from request to request: the machine has to record

@@ -3,6 +3,7 @@
 import * as cam from "./camera.js";
 import { Comparison } from "./comparison.js";
 import { Connection, errorText } from "./connection.js";
+import { Cursor } from "./cursor.js";
 import { ShotText } from "./document.js";
 import { Files } from "./files.js";
 import { Folder } from "./folder.js";
@@ -34,9 +35,14 @@ function say(text) { element("status").textContent = text; }
 
 const connection = new Connection({
   open: () => say(""),
-  close: () => say("The server has ended. Start raystage replay again."),
+  close: () => {
+    view.underWay.clear();
+    if (playback.playing) actions.play();
+    say("The connection to the server is lost. Trying again. If the server has ended, start raystage replay again.");
+  },
   picture: (header, jpeg) => {
     if (header.content === "view" || header.content === "comparison") {
+      playback.passed(header.id);
       if (header.quality === "playing") playback.receive(header, jpeg);
       else if (live.isOn === (header.quality === "live")) view.receive(header, jpeg);
     }
@@ -47,6 +53,9 @@ const connection = new Connection({
       state.methods = message.methods;
       document.body.dataset.folder = message.folder;
       comparison.update();
+      // After a lost connection the page goes on with what it shows.
+      if (live.isOn) return;
+      if (state.shot) return sendShot();
       if (message.live !== undefined) followLive(message.live);
       else if (message.list !== undefined) folder.show(message.list);
       document.body.classList.toggle("without-shot", message.list !== undefined);
@@ -59,6 +68,7 @@ const connection = new Connection({
       view.failed(message.id);
       playback.failed(message.id);
     } else if (message.type === "error") {
+      element("progress-row").hidden ||= view.underWay.has(message.id);
       view.failed(message.id);
       if (playback.playing && playback.underWay.has(message.id)) actions.play();
       say(errorText(message));
@@ -93,9 +103,8 @@ const timeline = new Timeline(element("timeline"), {
   keys: () => shotText.json ? shotText.keys().map((key) => key.frame) : [],
   playback,
   timeKeys: () => shotText.json ? shotText.timeKeyFrames() : [],
-  moveKey: (from, to) => state.shot && shotText.moveKey(from, to) && (sendShot(), true),
+  moveKey: (from, to, isContinued) => state.shot && shotText.moveKey(from, to, isContinued) && (sendShot(), true),
   changed: (frame, quality) => {
-    state.own = null;
     if (quality === "resting") view.rest();
     else if (!timeline.playing) view.move();
     sources.refresh();
@@ -116,9 +125,10 @@ const comparison = new Comparison(
   { kind: element("compare"), file: element("compare-file"), wipe: element("wipe"), keep: element("keep") },
   { shotText, methods: () => state.methods, changed: () => view.rest(), say, setWipe: (share) => view.setWipe(share) });
 const files = new Files(element("file-dialog"), {
+  isOpen: () => state.shot !== null, isRecoveryOpen: () => state.recovered !== null,
   ask: (type, members) => connection.ask(type, members),
   shotText, say, saved: () => panels.refresh(),
-  request: () => ({ ...seen(), ...state.arrangement, look: state.look }),
+  request: (frame) => ({ ...seen(), ...state.arrangement, look: state.look, frame }),
 });
 const folder = new Folder(element("cards"), {
   ask: (type, members) => connection.ask(type, members), say,
@@ -145,6 +155,7 @@ function followLive(file) {
   if (timeline.playing) actions.play();
   if (state.shot && shotText.isChanged()) files.keep();
   connection.send("cancel", {});
+  shotText.close();
   state.shot = null;
   state.own = null;
   state.liveCamera = null;
@@ -176,6 +187,7 @@ function setCamera(next, inputTime = performance.now()) {
 // The shot.
 
 function showShot(message) {
+  if (message.is_opened && message.id === 0 && state.shot) return;  // the first shot, after a lost connection
   if (message.is_opened) {
     const unsaved = state.shot && shotText.isChanged() ? { file: shotText.file, text: shotText.text() } : null;
     if (unsaved) files.keep();
@@ -224,8 +236,16 @@ function setKey() {
   if (!shotText.canSetKeys()) {
     return say("The camera follows a file, a target, an orbit or a dolly zoom. Press Convert to keys first.");
   }
-  if (shotText.setKey(timeline.frame, cam.copy(camera()))) sendShot();
+  if (shotText.setKey(timeline.frame, cam.copy(camera()), element("key-what").value)) sendShot();
   state.own = null;
+}
+
+/** Moves the key at this frame by frames, and the timeline with it. */
+function shiftKey(frames) {
+  const from = timeline.frame, to = from + frames;
+  if (!state.shot || to < timeline.first || to > timeline.last || !shotText.moveKey(from, to)) return;
+  timeline.go(to);
+  sendShot();
 }
 
 /** Replaces a camera that keys cannot change by keys along the same path. */
@@ -271,7 +291,11 @@ async function hover(event) {
   setTimeout(() => { probeUnderWay = false; }, 100);
 }
 
-addPointerInput(element("picture"), { camera, setCamera, focusAt, hover, rest: () => view.rest() });
+addPointerInput(element("picture"), { camera, setCamera, focusAt, hover, rest: () => { if (!timeline.playing) view.rest(); } });
+const cursor = new Cursor(element("cursor"), element("stage"), {
+  moved: (event) => sources.mode === "view" && hover(event),
+  pressed: (event) => (sources.mode === "view" ? focusAt(event) : sources.click(event)),
+});
 
 const panels = makePanels({ state, shotText, timeline, camera, setCamera, sendShot, changed: () => files.autosave() });
 addLook({ state, view });
@@ -296,9 +320,11 @@ const actions = {
   recover: () => {
     element("recovery").hidden = true;
     files.owns(shotText.file);
+    const text = state.recovered;
+    state.recovered = null;
     let recovered;
     try {
-      recovered = JSON.parse(state.recovered);
+      recovered = JSON.parse(text);
     } catch {
       return say("What was kept is damaged and cannot be recovered.");
     }
@@ -306,6 +332,8 @@ const actions = {
   },
   discard: () => {
     element("recovery").hidden = true;
+    state.recovered = null;
+    files.autosave();
     files.attempt(() => connection.ask("autosave", { file: shotText.file }));
   },
   "add-note": () => notes.add(),
@@ -362,6 +390,13 @@ const bindings = [
   [".", "One frame forward", actions.forward],
   ["Shift+< Shift+,", "First frame", actions.first],
   ["Shift+> Shift+.", "Last frame", actions.last],
+  ["Alt+ArrowLeft", "Move the cursor; Enter presses at it", () => cursor.move(-1, 0)],
+  ["Alt+ArrowRight", "Cursor right", () => cursor.move(1, 0)],
+  ["Alt+ArrowUp", "Cursor up", () => cursor.move(0, -1)],
+  ["Alt+ArrowDown", "Cursor down", () => cursor.move(0, 1)],
+  ["Enter", "Focus, or open the camera, at the cursor", () => cursor.press()],
+  ["Ctrl+ArrowLeft", "Move the key one frame back", () => shiftKey(-1)],
+  ["Ctrl+ArrowRight", "Move the key one frame on", () => shiftKey(1)],
   ["k", "Set a key", setKey],
   ["Delete", "Delete the key", actions["delete-key"]],
   ["i", "Start of the loop", actions["set-in"]],
@@ -393,5 +428,5 @@ setInterval(() => {
   element("rate").textContent = `${shown} of ${wanted} frames shown`;
 }, 500);
 
-/** For tests and curious users: what the page knows and measured. */
+/** For tests and the browser's console: what the page shows and measured. */
 globalThis.raystage = { state, view, timeline, playback, shotText, connection, camera, setCamera, sources, comparison, files, folder, live, notes, headset, sendShot };

@@ -2,6 +2,7 @@
 // Notes on frames, kept in NAME.notes.json beside the shot. Each change is written at once.
 
 const kSchema = "raystage/shot_notes/1";
+const kAttempts = 5;  // to write notes that other pages change, too
 
 export class Notes {
   /** options: {ask(type, members), file(), frame(), go(frame), changed(), say(text)}. */
@@ -10,10 +11,12 @@ export class Notes {
     this.text = text;
     this.options = options;
     this.json = { schema: kSchema, notes: [] };
+    this.stored = "";  // what the file holds, as far as this page knows
   }
 
   /** Shows the notes of a shot. `text`: the document; undefined: there is none. */
   reset(text) {
+    this.stored = text ?? "";
     this.json = text ? JSON.parse(text) : { schema: kSchema, notes: [] };
     this.show();
   }
@@ -21,27 +24,37 @@ export class Notes {
   frames() { return this.json.notes.map((note) => note.frame); }
 
   async add() {
-    const text = this.text.value.trim();
+    const text = this.text.value.trim(), frame = this.options.frame();
     if (!text) return;
-    this.json.notes.push({ frame: this.options.frame(), text });
-    this.json.notes.sort((a, b) => a.frame - b.frame);
-    if (await this.write()) this.text.value = "";
+    const isAdded = await this.change((notes) => [...notes, { frame, text }].sort((a, b) => a.frame - b.frame));
+    if (isAdded) this.text.value = "";
   }
 
-  async remove(note) {
-    this.json.notes = this.json.notes.filter((other) => other !== note);
-    await this.write();
+  remove(note) {
+    const isOther = (other) => other.frame !== note.frame || other.text !== note.text;
+    return this.change((notes) => notes.filter(isOther));
   }
 
-  async write() {
-    this.show();
-    try {
-      await this.options.ask("notes", { file: this.options.file(), text: JSON.stringify(this.json, null, 2) + "\n" });
-      return true;
-    } catch (error) {
-      this.options.say("The note is not saved. " + error.message);
-      return false;
+  /** Changes the notes by edit(notes) and writes them; again if another page has changed them. */
+  async change(edit) {
+    for (let attempt = 0; attempt < kAttempts; ++attempt) {
+      const json = { ...this.json, notes: edit(this.json.notes) }, text = JSON.stringify(json, null, 2) + "\n";
+      try {
+        const answer = await this.options.ask("notes", { file: this.options.file(), text, previous: this.stored || undefined });
+        if (answer.type === "noted") {
+          this.json = json;
+          this.stored = text;
+          this.show();
+          return true;
+        }
+        this.reset(answer.text);
+      } catch (error) {
+        this.options.say("The note is not saved. " + error.message);
+        return false;
+      }
     }
+    this.options.say("The note is not saved: other pages change the notes at this moment.");
+    return false;
   }
 
   show() {

@@ -36,6 +36,9 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
     addFields(element("focus-fields"), [
       { name: "focus", label: "Distance", unit: "m", step: 0.01, get: () => camera().focus_m,
         set: (v) => setCamera({ ...cam.copy(camera()), focus_m: v === undefined ? undefined : Math.max(0.01, v) }) },
+      { name: "aperture", label: "Aperture", unit: "mm", step: 1,
+        get: () => (camera().f_number === undefined ? undefined : camera().focal_length_mm / camera().f_number),
+        set: (v) => setCamera({ ...cam.copy(camera()), f_number: v > 0 ? camera().focal_length_mm / v : undefined }) },
       { name: "f-number", label: "f-number", step: 0.1, get: () => camera().f_number,
         set: (v) => setCamera({ ...cam.copy(camera()), f_number: v === undefined ? undefined : Math.max(0.01, v) }) },
     ], refresh),
@@ -51,6 +54,8 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
     if (!state.shot) return;
     for (const update of updateFields) update();
     const slider = element("focus-slider");
+    const nearest = Math.min(...state.shot.layers.map((layer) => layer.depth_range?.[0] ?? Infinity));
+    slider.max = Math.max(2, 1.5 / nearest, 1.1 / cam.focusDistance(camera()));
     if (document.activeElement !== slider) slider.value = 1 / cam.focusDistance(camera());
     element("frame").value = timeline.frame;
     element("file").textContent = shotText.file + (shotText.json && shotText.isChanged() ? " *" : "");
@@ -72,15 +77,19 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
     const fields = document.createElement("div");
     fields.className = "fields";
     const json = () => shotText.json.layers[index] ?? {};
-    const seconds = () => state.shot.layers[index]?.seconds ?? [];
+    const secondsAt = (frame) => {
+      const { start_seconds = 0, speed = 1, time_keys } = json(), { first_frame, fps, layers } = state.shot;
+      return time_keys ? layers[index]?.seconds[frame - first_frame] : start_seconds + (frame - first_frame) / fps * speed;
+    };
+    const ends = () => [...new Set([state.shot.first_frame, state.shot.last_frame])].map((frame) => ({ frame, seconds: secondsAt(frame) }));
     const constant = (name, label, unit, fallback) => ({
       name: `${name}-${index}`, label, unit, step: 0.1, get: () => json()[name] ?? fallback,
       set: (v) => shotText.setLayerTime(index, name, v ?? fallback) && sendShot(),
     });
     const specs = json().time_keys ? [] : [constant("start_seconds", "Start", "s", 0), constant("speed", "Speed", "", 1)];
     specs.push({
-      name: `time-${index}`, label: "Time", unit: "s", step: 0.1, get: () => seconds()[timeline.frame - state.shot.first_frame],
-      set: (v) => v !== undefined && shotText.setTimeKey(index, timeline.frame, v, seconds(), state.shot.first_frame) && sendShot(),
+      name: `time-${index}`, label: "Time", unit: "s", step: 0.1, get: () => secondsAt(timeline.frame),
+      set: (v) => v !== undefined && shotText.setTimeKey(index, timeline.frame, v, ends()) && sendShot(),
     });
     updateTimeFields.push(addFields(fields, specs, refresh));
     const set = document.createElement("button"), remove = document.createElement("button");

@@ -25,7 +25,6 @@ export class Playback {
     this.run = (this.run ?? 0) + 1;
     this.range = range;
     this.statistics = { wanted: 0, shown: 0 };
-    this.patience = performance.now() + kMaxPreroll;
     this.begin(frame);
     const run = this.run;
     const tick = () => {
@@ -33,7 +32,6 @@ export class Playback {
       this.tick(performance.now());
       requestAnimationFrame(tick);
     };
-    this.pump();
     requestAnimationFrame(tick);
   }
 
@@ -47,6 +45,8 @@ export class Playback {
     for (const { bitmap } of this.queue ?? []) bitmap.close();
     this.queue = [];        // {step, header, bitmap}, by step
     this.interval = 0;      // ms from picture to picture, as measured
+    this.patience = performance.now() + kMaxPreroll;
+    this.pump();
   }
 
   stop() {
@@ -74,8 +74,7 @@ export class Playback {
     while (this.playing && this.underWay.size < kUnderWay && this.queue.length + this.underWay.size < kAhead) {
       if (this.startTime !== null && this.queue.length === 0) {
         // Too slow for every frame: the next one that can arrive in time.
-        const { fps, speed } = this.range(), now = performance.now();
-        this.next = Math.max(this.next, this.stepAt(now + this.interval * this.underWay.size) + (this.interval > 1000 / (fps * Math.abs(speed)) ? 1 : 0));
+        this.next = Math.max(this.next, this.stepAt(performance.now() + this.interval * (this.underWay.size + 1)));
       }
       const frame = this.frameOf(this.next);
       if (frame === null) return;
@@ -94,6 +93,13 @@ export class Playback {
     this.interval = this.interval ? 0.8 * this.interval + 0.2 * took : took;
     this.queue.push({ step: request.step, header, bitmap });
     this.queue.sort((a, b) => a.step - b.step);
+    this.pump();
+  }
+
+  /** Requests before this one will not be answered any more: the server sends only the newest picture. */
+  passed(id) {
+    if (!this.playing) return;
+    for (const older of this.underWay.keys()) if (older < id) this.underWay.delete(older);
     this.pump();
   }
 

@@ -25,7 +25,7 @@ export class Sources {
     return this.refresh();
   }
 
-  /** Requests the present frame again. Only one request is under way; later wishes are joined. */
+  /** Requests the present frame again. Only one request is under way; those that come meanwhile become one. */
   async refresh() {
     if (this.mode !== "mosaic" && this.mode !== "source") return;
     if (this.underWay) {

@@ -24,7 +24,7 @@ export class Timeline {
     new ResizeObserver(() => this.draw()).observe(canvas);
     canvas.addEventListener("pointerdown", (event) => this.pointerDown(event));
     canvas.addEventListener("pointermove", (event) => this.pointerMove(event));
-    canvas.addEventListener("pointerup", () => this.pointerUp());
+    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => this.pointerUp());
   }
 
   reset(first, last, fps) {
@@ -44,7 +44,7 @@ export class Timeline {
     const next = Math.min(this.last, Math.max(this.first, Math.round(frame)));
     if (next === this.frame) return;
     this.frame = next;
-    if (this.playing && quality !== "playing") this.playback.begin(next);
+    if (this.playing && quality !== "playing") this.playback.begin(Math.min(this.out, Math.max(this.in, next)));
     this.draw();
     this.changed(next, quality);
   }
@@ -54,8 +54,8 @@ export class Timeline {
     if (this.playing) return this.stop();
     if (this.in === this.out) return;
     this.playing = true;
-    if (this.speed > 0 && this.frame >= this.out) this.frame = this.in;
-    if (this.speed < 0 && this.frame <= this.in) this.frame = this.out;
+    const isAtEnd = this.speed > 0 ? this.frame >= this.out : this.frame <= this.in;
+    if (isAtEnd || this.frame < this.in || this.frame > this.out) this.frame = this.speed > 0 ? this.in : this.out;
     this.playback.start(this.frame, () => ({ first: this.in, last: this.out, fps: this.fps, speed: this.speed, loop: this.loop }));
   }
 
@@ -87,13 +87,16 @@ export class Timeline {
     const frame = this.frameAt(event);
     this.dragged = isOnKeys ? this.keys().find((key) => Math.abs(this.x(key) - (event.clientX - box.left)) < 8) : undefined;
     this.dragging = true;
+    this.hasMoved = false;
     if (this.dragged === undefined) this.go(frame);
   }
   pointerMove(event) {
     if (!this.dragging) return;
     if (this.dragged === undefined) return this.go(this.frameAt(event));
     const to = this.frameAt(event);
-    if (to !== this.dragged && this.moveKey(this.dragged, to)) this.dragged = to;
+    if (to === this.dragged || !this.moveKey(this.dragged, to, this.hasMoved)) return;
+    this.dragged = to;
+    this.hasMoved = true;  // one step to undo
   }
   pointerUp() {
     this.dragging = false;

@@ -67,7 +67,7 @@ export class View {
   requestPlaying(frame) {
     clearTimeout(this.restTimer);
     this.wanted = null;
-    return this.send({ ...this.request("playing"), frame, camera: undefined });
+    return this.send({ ...this.request("playing"), frame });
   }
 
   /** Shows a picture of a playing timeline with the next animation frame. */
@@ -157,7 +157,7 @@ export class View {
     this.context.fillRect(left - 1, 0, 2, height);
   }
 
-  /** Whether what the shown view is compared with is shown, too: it is only while the view rests. */
+  /** Whether what the shown view is compared with is shown, too. Views that move are not compared. */
   isCompared() { return Boolean(this.other && this.current && this.other.header.id === this.current.header.id); }
 
   setWipe(share) {
@@ -200,6 +200,14 @@ export function drawGuides(canvas, kind, shot) {
       context.lineTo(canvas.width, canvas.height * share);
     }
     context.stroke();
+  } else if (Number(kind) > 0) {
+    // What a picture of this aspect ratio does not show is darker.
+    const width = Math.min(canvas.width, canvas.height * kind), height = Math.min(canvas.height, canvas.width / kind);
+    const x = (canvas.width - width) / 2, y = (canvas.height - height) / 2;
+    context.fillStyle = "#000a";
+    context.fillRect(0, 0, canvas.width, canvas.height);
+    context.clearRect(x, y, width, height);
+    context.strokeRect(x, y, width, height);
   } else if (kind === "overscan" && shot) {
     // The shot renders more than the picture: corners show how much.
     const x = shot.overscan[0] / shot.width * canvas.width, y = shot.overscan[1] / shot.height * canvas.height;

@@ -164,8 +164,9 @@ def play(viewer: Viewer, take: pathlib.Path, *arguments: str) -> None:
         forget_page_cache(take)
         result = page.play(2.9)
         gaps = [b[0] - a[0] for a, b in zip(result["times"], result["times"][1:])]
-        print(f"played: {result['wanted']} ticks, {max(0, result['wanted'] - result['shown'])} late, at most {max(gaps):.0f} ms between pictures,"
-              f" server {max(t[1] for t in result['times']):.0f} ms at most", flush=True)
+        server = [t[1] for t in result["times"]]
+        print(f"played: {result['wanted']} ticks, {max(0, result['wanted'] - result['shown'])} late, {len(server)} pictures,"
+              f" at most {max(gaps):.0f} ms between pictures, server {statistics.median(server):.0f} ms median, {max(server):.0f} ms at most", flush=True)
         page.rest()
     page.browser.quit()
 

@@ -124,5 +124,9 @@ class PageTest(unittest.TestCase):
             pathlib.Path(folder).mkdir(parents=True, exist_ok=True)
             self.browser.save_screenshot(str(pathlib.Path(folder) / f"{name}.png"))
 
+    def body(self):
+        """The element that has the keyboard."""
+        return self.browser.switch_to.active_element
+
     def camera(self) -> dict:
         return self.js("return raystage.camera()")

@@ -314,6 +314,91 @@ class KeysAndFiles(PageTest):
         self.element("recover").click()
         self.wait_for("return raystage.state.shot.path[4].position[0] === 0.03")
 
+    def test_escape_in_the_file_dialog_does_nothing(self) -> None:
+        self.save_as("escape.json")
+        self.wait_for("return document.getElementById('status').textContent === 'Saved escape.json'")
+        self.set_key(5, 0.03)
+        asked = self.js("return raystage.connection.nextId")
+        for button in ("open", "save", "snapshot", "export"):
+            self.element(button).click()
+            self.element("file-name").send_keys(Keys.ESCAPE)
+        self.assertEqual(self.js("return raystage.shotText.keyAt(5).position[0]"), 0.03)
+        self.assertFalse((self.root / "frame.0005.png").exists())
+        self.assertLessEqual(self.js("return raystage.connection.nextId"), asked + 2, "no request but views")
+
+    def test_a_shot_saved_in_another_folder_finds_its_take(self) -> None:
+        (self.root / "shots").mkdir(exist_ok=True)
+        self.set_key(5, 0.03)
+        self.save_as("shots/moved.json")
+        self.wait_for("return document.getElementById('status').textContent === 'Saved shots/moved.json'")
+        self.assertEqual(json.loads((self.root / "shots/moved.json").read_text())["layers"][0]["take"], "../take")
+        self.assertFalse(self.js("return raystage.shotText.isChanged()"))
+        self.set_key(6, 0.02)
+        self.wait_for("return raystage.state.shot.file === 'shots/moved.json' && raystage.state.shot.path[5].position[0] === 0.02")
+        run("render", self.root / "shots/moved.json", "--frames", "5", "-o", self.root / "moved.####.exr", "-q")
+
+    def test_keys_hold_what_is_chosen(self) -> None:
+        Select(self.element("key-what")).select_by_value("focus")
+        self.js("raystage.timeline.go(9); raystage.setCamera({...raystage.camera(), position: [0.05, 0, 0], focus_m: 2.5})")
+        self.element("set-key").click()
+        self.wait_for("return raystage.state.shot.path[8].focus_m === 2.5")
+        self.assertEqual(set(self.js("return raystage.shotText.keyAt(9)")), {"frame", "focus_m"})
+        Select(self.element("key-what")).select_by_value("pose")
+        self.js("raystage.setCamera({...raystage.camera(), position: [0.05, 0, 0], focal_length_mm: 90})")
+        self.element("set-key").click()
+        self.wait_for("return raystage.state.shot.path[8].position[0] === 0.05")
+        self.assertEqual(set(self.js("return raystage.shotText.keyAt(9)")), {"frame", "focus_m", "position", "orientation"})
+        Select(self.element("key-what")).select_by_value("all")
+
+    def test_keys_are_moved_and_deleted(self) -> None:
+        self.set_key(5, 0.03)
+        steps = self.js("return raystage.shotText.past.length")
+        box = "const c = document.getElementById('timeline'), b = c.getBoundingClientRect(), t = raystage.timeline;"
+        drag = box + """c.setPointerCapture = () => {};
+          const send = (type, frame) => c.dispatchEvent(new PointerEvent(type, {bubbles: true, clientX: b.left + t.x(frame), clientY: b.bottom - 8, pointerId: 1}));
+          send('pointerdown', 5); for (const frame of [6, 7, 8, 9]) send('pointermove', frame); send('pointerup', 9);"""
+        self.js(drag)
+        self.assertEqual([key["frame"] for key in self.js("return raystage.shotText.keys()")], [1, 9])
+        self.assertEqual(self.js("return raystage.shotText.past.length"), steps + 1, "one step to undo")
+        self.js("raystage.timeline.go(9)")
+        self.body().send_keys(Keys.CONTROL + Keys.ARROW_RIGHT + Keys.NULL)
+        self.assertEqual([key["frame"] for key in self.js("return raystage.shotText.keys()")], [1, 10])
+        self.assertEqual(self.js("return raystage.timeline.frame"), 10)
+        self.element("delete-key").click()
+        self.wait_for("return raystage.shotText.keys().length === 1 && !raystage.connection.waiting.size")
+        self.assertTrue(self.element("delete-key").get_property("disabled"))
+
+    def test_in_out_loop_and_reverse(self) -> None:
+        self.js("""raystage.timeline.go(3); document.getElementById('set-in').click();
+          raystage.timeline.go(8); document.getElementById('set-out').click(); raystage.timeline.go(1);
+          document.getElementById('loop').click(); globalThis.frames = [];
+          const changed = raystage.timeline.changed; raystage.timeline.changed = (frame, quality) => { frames.push(frame); changed(frame, quality); };""")
+        self.element("play").click()
+        self.wait_for("return !raystage.timeline.playing")
+        frames = self.js("return frames")
+        self.assertEqual(frames, sorted(frames))
+        self.assertLessEqual(set(frames), set(range(3, 9)), "begins at the start of the loop, ends at its end")
+        self.assertEqual(frames[-1], 8)
+        Select(self.element("speed")).select_by_value("-1")
+        self.js("frames = []")
+        self.element("play").click()
+        self.wait_for("return !raystage.timeline.playing")
+        frames = self.js("return frames")
+        self.assertEqual(frames, sorted(frames, reverse=True))
+        self.assertEqual(frames[-1], 3)
+        for button, frame in (("first", 3), ("last", 8), ("back", 7), ("forward", 8)):
+            self.element(button).click()
+            self.assertEqual(self.js("return raystage.timeline.frame"), frame, button)
+
+    def test_a_lost_connection_is_made_again(self) -> None:
+        self.set_key(5, 0.03)
+        self.js("raystage.connection.socket.close()")
+        self.wait_for("return document.getElementById('status').textContent.includes('lost')")
+        self.wait_for("return raystage.connection.socket.readyState === 1 && !raystage.connection.waiting.size")
+        self.js("raystage.timeline.go(7)")
+        self.wait_for("return raystage.state.picture.frame === 7 && raystage.state.picture.final")
+        self.assertEqual(self.js("return raystage.shotText.keyAt(5).position[0]"), 0.03)
+
     def test_a_request_that_is_wrong_is_answered(self) -> None:
         answer = self.js("return raystage.connection.ask('focus', {frame: 1, width: 9, height: 9}).then(() => '', (error) => error.message)")
         self.assertIn("pixel", answer)

@@ -2,10 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tests the viewer's page in Chromium: source frames, comparisons, stereo, notes, recovery, folders and recordings."""
 import json
+import pathlib
 import shutil
 import struct
 import subprocess
 import sys
+import tempfile
 import time
 import unittest
 
@@ -220,6 +222,18 @@ class NotesAndRecovery(PageTest):
             self.wait_for("return !raystage.connection.waiting.size")
         self.assertEqual(json.loads((self.root / "take.shot.notes.json").read_text())["notes"], [])
 
+    def test_notes_of_two_pages_are_all_kept(self) -> None:
+        (self.root / "take.shot.notes.json").unlink(missing_ok=True)
+        self.open_page(self.viewer.url)
+        self.note("first")
+        path = self.root / "take.shot.notes.json"
+        document = json.loads(path.read_text())
+        document["notes"].append({"frame": 2, "text": "of another page"})
+        path.write_text(json.dumps(document))
+        self.note("second")
+        self.assertEqual({note["text"] for note in json.loads(path.read_text())["notes"]}, {"first", "of another page", "second"})
+        path.unlink()
+
     def change(self) -> None:
         self.js("raystage.timeline.go(6); raystage.setCamera({...raystage.camera(), position: [0.04, 0, 0.01]})")
         self.element("set-key").click()
@@ -292,12 +306,19 @@ class Progress(PageTest):
           const message = raystage.connection.handlers.message;
           raystage.connection.handlers.message = (m) => { if (m.type === 'progress') progress.push(m.share); message(m); };""")
         self.js("raystage.shotText.change(json => { json.width = 1280; json.height = 960; })")
+        self.js("""globalThis.methods = []; const picture = raystage.view.shown.picture;
+          raystage.view.shown.picture = (header) => { methods.push([header.quality, header.method]); picture(header); };""")
         Select(self.element("method-0")).select_by_value("depth")
-        self.wait_for("return raystage.state.picture.method === 'plane_sweep' || raystage.state.picture.method === ''")
-        self.refined()
-        self.wait_for("return raystage.state.picture.final")
+        self.wait_for("return methods.some(([quality, method]) => quality === 'resting' && method === '')")
+        self.assertIn(["resting", "plane_sweep"], self.js("return methods"))
         shares = self.js("return progress")
         self.assertEqual(shares, sorted(shares))
+        self.assertTrue(self.element("progress-row").get_property("hidden"))
+        # Another instant is cancelled: no picture of the method follows.
+        self.js("raystage.timeline.go(raystage.timeline.frame + 3); methods.length = 0; raystage.view.rest()")
+        self.wait_for("return methods.some(([, method]) => method === 'plane_sweep')")
+        self.js("document.getElementById('cancel').click()")
+        self.assertEqual(self.js("return raystage.view.underWay.size"), 0)
         for share in shares:
             self.assertTrue(0 <= share <= 1)
         self.js("raystage.timeline.go(11)")
@@ -305,6 +326,74 @@ class Progress(PageTest):
         self.element("picture").send_keys("")
         self.js("raystage.connection.send('cancel', {})")
         self.wait_for("return raystage.view.underWay.size === 0")
+
+
+CARD = """v -0.3 -0.3 0
+v 0.3 -0.3 0
+v 0.3 0.3 0
+v -0.3 0.3 0
+f 1 2 3 4
+"""
+
+
+class Composed(PageTest):
+    """A shot of several layers, opened from its file; shots in a folder that does not hold the take."""
+
+    def shot(self) -> pathlib.Path:
+        document = json.loads((self.root / "take/shot.json").read_text())
+        document["layers"][0].update(take="take", method="focal_plane")
+        document.update(merge="depth", lights=[{"ambient": [1, 1, 1]}], width=160, height=120)
+        document["camera"] = {"keys": [{"frame": document["first_frame"], "position": [0, 0, 0], "orientation": [1, 0, 0, 0],
+                                        "horizontal_fov_deg": 50, "focus_m": 4}], "stereo": {"interaxial_m": 0.06}}
+        document["layers"].append({"name": "card", "geometry": {
+            "file": "card.obj", "material": {"kind": "diffuse", "color": [1, 0, 0]}, "keys": [{"frame": 1, "position": [0, 0, -2]}], "samples": 4}})
+        (self.root / "card.obj").write_text(CARD)
+        path = self.root / "composed.json"
+        path.write_text(json.dumps(document))
+        return path
+
+    def test_all_layers_are_shown(self) -> None:
+        viewer = Viewer(self.shot())
+        try:
+            self.open_page(viewer.url)
+            self.refined()
+            self.assertEqual(self.js("return raystage.state.shot.layers.map((layer) => layer.name)")[-1], "card")
+            middle = """const c = document.getElementById('picture');
+              return [...c.getContext('2d').getImageData(c.width / 2 + arguments[0], c.height / 2, 1, 1).data]"""
+            red, green, blue, _ = self.js(middle, 0)
+            self.assertGreater(red, 200)
+            self.assertLess(max(green, blue), 60)
+            self.screenshot("composed")
+            Select(self.element("arrangement")).select_by_value("side_by_side")
+            for x in (-0.25, 0.25):
+                self.wait_for("""const c = document.getElementById('picture'), [r, g] = c.getContext('2d').getImageData(
+                  c.width * (0.5 + arguments[0]), c.height / 2, 1, 1).data; return r > 200 && g < 60""", x)
+            self.screenshot("composed-stereo")
+            for eye in ("left", "right"):
+                Select(self.element("arrangement")).select_by_value(eye)
+                self.element("snapshot").click()
+                self.element("file-name").clear()
+                self.element("file-name").send_keys(f"{eye}.exr", Keys.ENTER)
+                self.wait_for("return document.getElementById('status').textContent === arguments[0]", f"Written {eye}.exr")
+                self.assertGreater((self.root / f"{eye}.exr").stat().st_size, 10_000)
+        finally:
+            self.assertEqual(viewer.end(), 0)
+
+    def test_shots_may_be_in_another_folder(self) -> None:
+        with tempfile.TemporaryDirectory() as shots:
+            for target in (self.root / "take", self.shot()):
+                viewer = Viewer(target, "--shots", shots)
+                try:
+                    self.open_page(viewer.url)
+                    self.refined()
+                    name = self.js("return raystage.shotText.file")
+                    self.assertNotIn("/", name)
+                    self.element("save").click()
+                    self.element("file-name").send_keys(Keys.ENTER)
+                    self.wait_for("return document.getElementById('status').textContent === arguments[0]", "Saved " + name)
+                    run("render", pathlib.Path(shots) / name, "--frames", "1", "-o", self.root / "other.####.exr", "-q", "--existing", "overwrite")
+                finally:
+                    self.assertEqual(viewer.end(), 0)
 
 
 class Folders(PageTest):

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "replay/shot_paths.h"
+
+#include <array>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+
+namespace raystage::replay {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+/// Where schemas/shot.schema.json has paths, as JSON pointers; "*": all items of an array.
+constexpr std::array kPaths{"/camera/file/path",          "/layers/*/take",
+                            "/layers/*/geometry/file",    "/layers/*/geometry/material/texture",
+                            "/layers/*/plate/file",       "/layers/*/matte/clean_plate_take",
+                            "/layers/*/matte/empty_take", "/lights/*/environment",
+                            "/output/color/config"};
+
+template <class Change>
+void change_at(Json& json, std::string_view pointer, const Change& change) {
+  if (pointer.empty()) {
+    if (json.is_string()) change(json);
+    return;
+  }
+  pointer.remove_prefix(1);
+  const std::size_t end = std::min(pointer.find('/'), pointer.size());
+  const std::string name(pointer.substr(0, end));
+  const std::string_view rest = pointer.substr(end);
+  if (name == "*") {
+    if (!json.is_array()) return;
+    for (Json& item : json) change_at(item, rest, change);
+  } else if (json.is_object() && json.contains(name)) {
+    change_at(json[name], rest, change);
+  }
+}
+
+}  // namespace
+
+std::string rebase_shot_paths(std::string_view text, const fs::path& from, const fs::path& to) {
+  Json json = Json::parse(text, nullptr, false);
+  if (!json.is_object()) {
+    throw Error::bad_input("this is no JSON object", "shot", "Give the text of a shot");
+  }
+  for (const char* const pointer : kPaths) {
+    change_at(json, pointer, [&](Json& value) {
+      const fs::path path(value.get<std::string>());
+      if (path.empty() || path.is_absolute()) return;
+      fs::path rebased = (from / path).lexically_normal();
+      if (!rebased.has_filename()) rebased = rebased.parent_path();  // of "take/" or "."
+      value = rebased.lexically_relative(to).string();
+    });
+  }
+  return json.dump(2) + "\n";
+}
+
+}  // namespace raystage::replay

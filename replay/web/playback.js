@@ -72,8 +72,8 @@ export class Playback {
   /** Requests the next pictures. */
   pump() {
     while (this.playing && this.underWay.size < kUnderWay && this.queue.length + this.underWay.size < kAhead) {
-      if (this.startTime !== null && this.queue.length === 0) {
-        // Too slow for every frame: the next one that can arrive in time.
+      if (this.startTime !== null) {
+        // Where every frame would be too slow: the next one that can arrive in time.
         this.next = Math.max(this.next, this.stepAt(performance.now() + this.interval * (this.underWay.size + 1)));
       }
       const frame = this.frameOf(this.next);

@@ -27,6 +27,7 @@ pkg_check_modules(TURBOJPEG REQUIRED IMPORTED_TARGET libturbojpeg libjpeg) # Pkg
 pkg_check_modules(PNG REQUIRED IMPORTED_TARGET libpng)                      # PkgConfig::PNG
 pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)                   # PkgConfig::ZSTD
 pkg_check_modules(XXHASH REQUIRED IMPORTED_TARGET libxxhash)               # PkgConfig::XXHASH
+pkg_check_modules(LIBDEFLATE REQUIRED IMPORTED_TARGET libdeflate)         # PkgConfig::LIBDEFLATE
 pkg_check_modules(HWY REQUIRED IMPORTED_TARGET libhwy)                     # PkgConfig::HWY
 pkg_check_modules(FFMPEG REQUIRED IMPORTED_TARGET
                   libavformat libavcodec libavutil libswscale)             # PkgConfig::FFMPEG

@@ -296,16 +296,16 @@ void FrameCompositor::add_missing_aovs(LayerImage& image) const {
       wanted.push_back(std::move(aov));
     }
   };
+  if (std::ranges::any_of(layers, [](const auto& layer) { return layer.geometry.has_value(); })) {
+    want("P", {"X", "Y", "Z"});
+    want("N", {"X", "Y", "Z"});
+    want("albedo", {"R", "G", "B"}, true);
+  }
   if (std::ranges::any_of(layers, &schemas::ShotDocument::Layer::is_light_field)) {
     want("lf", {"coverage"});
     want("lf", {"confidence"});
     want("lf", {"cameras"});
     want("lf", {"nearest"}, false, std::numeric_limits<float>::infinity());
-  }
-  if (std::ranges::any_of(layers, [](const auto& layer) { return layer.geometry.has_value(); })) {
-    want("P", {"X", "Y", "Z"});
-    want("N", {"X", "Y", "Z"});
-    want("albedo", {"R", "G", "B"}, true);
   }
   // The same order in all frames.
   std::vector<Aov> all;
@@ -323,7 +323,12 @@ void FrameCompositor::add_missing_aovs(LayerImage& image) const {
   image.aovs = std::move(all);
   if (!plan_.shot().output.cryptomatte) return;
   if (image.ids.empty()) image.ids.assign(image.pixels() * 2 * kIdRanks, 0.0F);
-  std::ranges::move(cryptomatte_aovs(image), std::back_inserter(image.aovs));
+  // Readers that do not know the measures of the light field may stop at them: they come last.
+  const auto first_measure =
+      std::ranges::find(image.aovs, std::string("lf"), [](const Aov& aov) { return aov.layer; });
+  std::vector<Aov> ids = cryptomatte_aovs(image);
+  image.aovs.insert(first_measure, std::make_move_iterator(ids.begin()),
+                    std::make_move_iterator(ids.end()));
   image.ids = {};
 }
 

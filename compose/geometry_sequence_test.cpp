@@ -52,9 +52,9 @@ TEST_F(GeometrySequence, StandsInTheLightFieldByDepth) {
   EXPECT_NEAR(value("P.Z", 20, 15), -2, 1e-4);
   EXPECT_NEAR(value("N.Z", 20, 15), 1, 1e-6);
   EXPECT_NEAR(value("albedo.G", 20, 15), 1, 1e-3);
-  EXPECT_EQ(value("lf.coverage", 20, 15), 0);
+  EXPECT_EQ(value("coverage.V", 20, 15), 0);
   EXPECT_NEAR(value("R", 1, 1), grey(0), 0.005);
-  EXPECT_NEAR(value("lf.coverage", 1, 1), 1, 1e-3);
+  EXPECT_NEAR(value("coverage.V", 1, 1), 1, 1e-3);
   EXPECT_EQ(value("N.Z", 1, 1), 0);
   // The focal plane is 3 m in front of the array.
   shot_.layers[1] = square(-3.5);

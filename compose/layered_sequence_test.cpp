@@ -244,7 +244,7 @@ TEST_F(LayeredSequence, WhatIsHiddenIsNotDecoded) {
   shot_.layers.push_back(solid(0.25, 1));
   EXPECT_EQ(run().pixels_decoded, 0);
   EXPECT_EQ(at(20, 15)[0], 0.25F);
-  constexpr images::ExrChannel kCoverage[] = {{"lf.coverage"}};
+  constexpr images::ExrChannel kCoverage[] = {{"coverage.V"}};
   EXPECT_EQ(images::read_exr_channels(file(101), kCoverage, "").values[0], 0)
       << "the channel is there in every frame";
 }
@@ -253,7 +253,7 @@ TEST_F(LayeredSequence, AShotNeedsNoLightField) {
   shot_.layers = {solid(0.5, 1)};
   EXPECT_EQ(run().rendered, 1);
   EXPECT_EQ(at(3, 3)[0], 0.5F);
-  constexpr images::ExrChannel kCoverage[] = {{"lf.coverage"}};
+  constexpr images::ExrChannel kCoverage[] = {{"coverage.V"}};
   EXPECT_THROW(images::read_exr_channels(file(101), kCoverage, ""), Error);
 }
 

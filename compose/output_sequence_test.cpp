@@ -71,16 +71,16 @@ TEST_F(OutputSequence, TellsTheAovsThatAreAskedFor) {
   EXPECT_EQ(run().rendered, 2) << "other channels are another file";
   for (const int frame : {101, 102}) {
     EXPECT_THAT(channels(frame),
-                ElementsAre("A", "B", "G", "N.X", "N.Y", "N.Z", "R", "Z", "lf.confidence"));
+                ElementsAre("A", "B", "G", "N.X", "N.Y", "N.Z", "R", "Z", "confidence.V"));
   }
-  const images::ExrChannel confidence[] = {{"lf.confidence"}};
+  const images::ExrChannel confidence[] = {{"confidence.V"}};
   const auto values = images::read_exr_channels(file(102), confidence, "").values;
   EXPECT_EQ(values[15 * 40 + 20], 0) << "the mesh";
   EXPECT_GT(values[15 * 40 + 2], 0.9F) << "a wall of one colour";
   options_.aovs = {"lf.nearest"};
   EXPECT_EQ(run().rendered, 2);
-  EXPECT_TRUE(channels(101).contains("lf.nearest"));
-  EXPECT_FALSE(channels(101).contains("lf.cameras"));
+  EXPECT_TRUE(channels(101).contains("nearest.V"));
+  EXPECT_FALSE(channels(101).contains("cameras.V"));
 }
 
 /// Products of light and colour depend on the primaries.

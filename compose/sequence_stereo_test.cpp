@@ -69,7 +69,7 @@ TEST_F(StereoSequence, WhatTheTakeLacksIsBlackInBothEyes) {
   options_.layout = "single";
   EXPECT_EQ(run().rendered, 2);
   constexpr images::ExrChannel kChannels[] = {
-      {"A"}, {"right.A"}, {"lf.right.coverage"}, {"lf.right.cameras"}};
+      {"A"}, {"right.A"}, {"coverage.right.V"}, {"cameras.right.V"}};
   for (const float value : images::read_exr_channels(file(120), kChannels, "").values) {
     ASSERT_EQ(value, 0);
   }

@@ -107,13 +107,13 @@ TEST_F(Sequence, CoverageMeasuresAreChannelsOnRequest) {
     return names;
   };
   run();
-  EXPECT_THAT(channels(), ElementsAre("A", "B", "G", "R", "Z", "lf.coverage"));
+  EXPECT_THAT(channels(), ElementsAre("A", "B", "G", "R", "Z", "coverage.V"));
   options_.existing = ExistingFiles::kSkip;
   options_.aovs = {"lf.cameras", "lf.nearest"};
   EXPECT_EQ(run().rendered, 1) << "the fingerprint knows the difference";
   EXPECT_THAT(channels(),
-              ElementsAre("A", "B", "G", "R", "Z", "lf.cameras", "lf.coverage", "lf.nearest"));
-  constexpr images::ExrChannel kMeasures[] = {{"lf.cameras"}, {"lf.nearest"}};
+              ElementsAre("A", "B", "G", "R", "Z", "cameras.V", "coverage.V", "nearest.V"));
+  constexpr images::ExrChannel kMeasures[] = {{"cameras.V"}, {"nearest.V"}};
   const std::vector<float> both = images::read_exr_channels(file(101), kMeasures, "").values;
   std::vector<float> cameras, nearest;
   for (std::size_t i = 0; i < both.size(); i += 2) {

@@ -20,6 +20,10 @@ constexpr std::size_t kTextureBytes = std::size_t{256} << 20;
 
 schemas::ShotDocument shot_with(schemas::ShotDocument shot, const ShotPlanOptions& options) {
   if (!options.layout.empty()) shot.output.layout = options.layout;
+  // Programs that read Cryptomatte disagree about files of several parts (Psyop/Cryptomatte issues
+  // 137 and 145).
+  if (shot.output.layout.empty())
+    shot.output.layout = shot.output.cryptomatte ? "single" : "standard";
   auto& aovs = shot.output.aovs;
   aovs.insert(aovs.end(), options.aovs.begin(), options.aovs.end());
   std::ranges::sort(aovs);  // the order in the shot does not matter

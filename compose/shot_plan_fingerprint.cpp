@@ -31,6 +31,7 @@ Fingerprint of_shot(const schemas::ShotDocument& shot) {
   print.integer("fps_n", shot.fps_numerator).integer("fps_d", shot.fps_denominator);
   print.text("compression", shot.output.compression);
   print.text("data_compression", shot.output.data_compression).text("layout", shot.output.layout);
+  print.integer("channel_names", kExrChannelNames);
   print.integer("cryptomatte", shot.output.cryptomatte ? 1 : 0);
   for (const std::string& aov : shot.output.aovs) print.text("aov", aov);
   print.integer("merge", shot.merge == schemas::ShotDocument::Merge::kDepth ? 1 : 0);

@@ -75,7 +75,7 @@ constexpr Fields kColor(defaulted("color_space", &Color::color_space),
 
 constexpr Fields kOutput(defaulted("compression", &Output::compression),
                          optional("data_compression", &Output::data_compression),
-                         defaulted("layout", &Output::layout),
+                         optional("layout", &Output::layout),
                          optional("cryptomatte", &Output::cryptomatte),
                          optional("overscan", &Output::overscan), defaulted("aovs", &Output::aovs),
                          defaulted("color", &Output::color, kColor));

@@ -179,8 +179,9 @@ struct ShotDocument {
   struct Output {
     std::string compression = "piz";  ///< none | rle | zips | zip | piz
     std::string data_compression;     ///< of data parts; empty: same as `compression`
-    std::string layout = "standard";  ///< standard | single | nuke
-    bool cryptomatte = false;         ///< writes object IDs
+    /// standard | single | nuke; empty: single with Cryptomatte, else standard.
+    std::string layout;
+    bool cryptomatte = false;  ///< writes object IDs
     /// Additional channels of the files, by EXR name, from the layers that have them.
     std::vector<std::string> aovs{"lf.coverage", "P", "N", "albedo"};
     Color color = {};

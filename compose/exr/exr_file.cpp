@@ -16,10 +16,11 @@
 #include <half.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 
+#include "compose/exr/chunk_kernels.h"
 #include "compose/exr/memory_stream.h"
+#include "compose/exr/scanline_file.h"
 #include "images/exr_channels.h"
 #include "images/exr_slice.h"
 
@@ -38,53 +39,81 @@ int lines_per_chunk(Imf::Compression compression) {
   }
 }
 
-/// The pixels of a part as written: halves, and floats without NaN.
+/// Returns the channels of a part.
+std::vector<ScanlineChannel> channels_of(const ExrPart& part, std::span<const ExrView> views) {
+  std::vector<ScanlineChannel> channels;
+  for (const ExrPartChannel& channel : part.channels) {
+    const ExrLayer& layer = views[channel.view].layers[channel.layer];
+    channels.push_back({channel.name, layer.is_half(), layer.values.data() + channel.channel,
+                        layer.channels.size(), layer.nan_replacement});
+  }
+  return channels;
+}
+
+/// The pixels of a part as OpenEXR takes them: halves, and floats without NaN.
 struct PartPixels {
-  std::vector<half> halves;
-  std::vector<float> data;
+  std::vector<std::uint8_t> values;
   Imf::FrameBuffer frame_buffer;
 };
 
 /// Returns the pixels of a part, and adds its channels to the header.
-PartPixels pixels_of(const ExrPart& part, std::span<const ExrView> views, const ExrCamera& camera,
-                     Imf::Header& header) {
-  const auto slice = [&](Imf::PixelType type, auto* first) {
-    return images::make_exr_slice(type, first, camera.view.width, 1, -camera.overscan_x,
-                                  -camera.overscan_y, 0.0);
-  };
-  const auto layer_of = [&](const ExrPartChannel& channel) -> const ExrLayer& {
-    return views[channel.view].layers[channel.layer];
-  };
+PartPixels pixels_of(ScanlinePart& part) {
+  const Imath::Box2i window = part.header.dataWindow();
+  const int width = window.max.x - window.min.x + 1;
+  const auto count = static_cast<std::size_t>(width) * (window.max.y - window.min.y + 1);
   PartPixels pixels;
-  std::size_t halves = 0, data = 0;
-  for (const ExrPartChannel& channel : part.channels) {
-    const ExrLayer& layer = layer_of(channel);
-    (layer.is_half() ? halves : data) += layer.values.size() / layer.channels.size();
-  }
-  pixels.halves.resize(halves);
-  pixels.data.resize(data);
-  half* at_half = pixels.halves.data();
-  float* number = pixels.data.data();
-  for (const ExrPartChannel& channel : part.channels) {
-    const ExrLayer& layer = layer_of(channel);
-    const std::size_t stride = layer.channels.size(), count = layer.values.size() / stride;
-    const float* from = layer.values.data() + channel.channel;
-    if (layer.is_half()) {
-      for (std::size_t i = 0; i < count; ++i) at_half[i] = clamp_to_half(from[i * stride]);
-      pixels.frame_buffer.insert(channel.name, slice(Imf::HALF, at_half));
-      at_half += count;
-    } else {
-      for (std::size_t i = 0; i < count; ++i) {
-        const float value = from[i * stride];
-        number[i] = std::isnan(value) ? layer.nan_replacement : value;
+  std::size_t bytes = 0;
+  for (const ScanlineChannel& channel : part.channels) bytes += count * (channel.is_half ? 2 : 4);
+  pixels.values.resize(bytes);
+  std::uint8_t* to = pixels.values.data();
+  for (const bool is_half : {false, true}) {  // floats first: each value is aligned
+    for (const ScanlineChannel& channel : part.channels) {
+      if (channel.is_half != is_half) continue;
+      if (is_half) {
+        convert_to_halves(channel.first, channel.stride, count, to);
+      } else {
+        copy_without_nan(channel.first, channel.stride, count, channel.nan_replacement, to);
       }
-      pixels.frame_buffer.insert(channel.name, slice(Imf::FLOAT, number));
-      number += count;
+      const Imf::PixelType type = is_half ? Imf::HALF : Imf::FLOAT;
+      const auto slice = [&](auto* first) {
+        return images::make_exr_slice(type, first, width, 1, window.min.x, window.min.y, 0.0);
+      };
+      pixels.frame_buffer.insert(channel.name, is_half ? slice(reinterpret_cast<half*>(to))
+                                                       : slice(reinterpret_cast<float*>(to)));
+      to += count * (is_half ? 2 : 4);
+      // pLinear stays false: coverage is data.
+      part.header.channels().insert(channel.name, Imf::Channel(type));
     }
-    // pLinear stays false: coverage is data.
-    header.channels().insert(channel.name, Imf::Channel(layer.is_half() ? Imf::HALF : Imf::FLOAT));
   }
   return pixels;
+}
+
+/// Returns the bytes of a file that OpenEXR compresses.
+std::vector<std::byte> write_with_openexr(std::span<ScanlinePart> parts) {
+  std::vector<PartPixels> pixels;
+  std::vector<Imf::Header> headers;
+  for (ScanlinePart& part : parts) {
+    pixels.push_back(pixels_of(part));
+    headers.push_back(part.header);
+  }
+  const Imath::Box2i window = headers[0].dataWindow();
+  const int height = window.max.y - window.min.y + 1;
+  MemoryStream stream;
+  stream.reserve(std::size_t{8} * (window.max.x - window.min.x + 1) * height);
+  if (parts.size() == 1) {
+    Imf::OutputFile output(stream, headers[0], kNoExrThreads);
+    output.setFrameBuffer(pixels[0].frame_buffer);
+    output.writePixels(height);
+  } else {
+    Imf::MultiPartOutputFile output(stream, headers.data(), static_cast<int>(headers.size()), false,
+                                    kNoExrThreads);
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      Imf::OutputPart part(output, static_cast<int>(i));
+      part.setFrameBuffer(pixels[i].frame_buffer);
+      part.writePixels(height);
+    }
+  }  // writes the line offsets
+  return stream.take();
 }
 
 /// Reads all chunks. Throws if one is missing.
@@ -104,35 +133,20 @@ void read_deep_part(Imf::MultiPartInputFile& input, int index) {
 
 std::vector<std::byte> encode_exr(std::span<const ExrView> views,
                                   std::span<const ExrCamera> cameras, const ExrMetadata& metadata) {
-  const std::vector<ExrPart> parts = make_exr_parts(views, metadata.layout);
-  std::vector<PartPixels> pixels;
-  std::vector<Imf::Header> headers;
-  for (const ExrPart& part : parts) {
-    headers.push_back(exr_header(part, cameras[part.camera_view_index], metadata));
-    pixels.push_back(pixels_of(part, views, cameras[0], headers.back()));
+  std::vector<ScanlinePart> parts;
+  for (const ExrPart& part : make_exr_parts(views, metadata.layout)) {
+    parts.push_back(
+        {exr_header(part, cameras[part.camera_view_index], metadata), channels_of(part, views)});
   }
   if (parts.size() == 1 && views.size() > 1) {
     Imf::StringVector names;
     for (const ExrView& view : views) names.push_back(view.name);
-    addMultiView(headers[0], names);
+    addMultiView(parts[0].header, names);
   }
-  MemoryStream stream;
-  const int height = cameras[0].view.height;
-  stream.reserve(std::size_t{8} * cameras[0].view.width * height);
-  if (parts.size() == 1) {
-    Imf::OutputFile output(stream, headers[0], kNoExrThreads);
-    output.setFrameBuffer(pixels[0].frame_buffer);
-    output.writePixels(height);
-  } else {
-    Imf::MultiPartOutputFile output(stream, headers.data(), static_cast<int>(headers.size()), false,
-                                    kNoExrThreads);
-    for (std::size_t i = 0; i < parts.size(); ++i) {
-      Imf::OutputPart part(output, static_cast<int>(i));
-      part.setFrameBuffer(pixels[i].frame_buffer);
-      part.writePixels(height);
-    }
-  }  // writes the line offsets
-  return stream.take();
+  const bool is_ours = std::ranges::all_of(parts, [](const ScanlinePart& part) {
+    return is_scanline_file_compression(part.header.compression());
+  });
+  return is_ours ? write_scanline_file(parts) : write_with_openexr(parts);
 }
 
 bool is_complete_exr(const std::filesystem::path& file, std::string_view fingerprint) {

@@ -241,7 +241,7 @@ TEST_F(ExrFile, FrameRateAndPixelsReadBackByOpenImageIo) {
   ASSERT_NE(fps, nullptr);
   EXPECT_EQ(static_cast<const int*>(fps->data())[0], 24000);
   EXPECT_EQ(static_cast<const int*>(fps->data())[1], 1001);
-  EXPECT_EQ(spec.channelnames, (std::vector<std::string>{"R", "G", "B", "A", "Z", "lf.coverage"}));
+  EXPECT_EQ(spec.channelnames, (std::vector<std::string>{"R", "G", "B", "A", "Z", "coverage.V"}));
   std::vector<float> pixels(static_cast<std::size_t>(kWidth) * kHeight * 6);
   ASSERT_TRUE(input->read_image(0, 0, 0, 6, OIIO::TypeFloat, pixels.data()));
   for (std::size_t i = 0; i < view.z.size(); ++i) {

@@ -9,7 +9,7 @@
 namespace raystage::compose {
 namespace {
 
-constexpr std::string_view kDepth = "depth";
+constexpr std::string_view kDepth = "depth", kLightField = "lf";
 
 std::string part_name(const ExrLayer& layer, const ExrView& view) {
   const std::string name = layer.name.empty() ? "rgba" : layer.name;
@@ -19,13 +19,15 @@ std::string part_name(const ExrLayer& layer, const ExrView& view) {
 /// Returns the name of a channel in its part; with the view's name if `view` is not empty.
 std::string channel_name(const ExrLayer& layer, const std::string& channel, const std::string& view,
                          ExrLayout layout) {
+  // Blender, for one, only reads channels whose names end in a component, and shows those without a
+  // layer's name together: each measure of the light field is a layer of its own.
+  const bool is_measure = layer.name == kLightField;
+  const std::string& group = is_measure ? channel : layer.name;
   std::string name;
   // Z is a standard channel name without a layer.
-  if (!layer.name.empty() && (layer.name != kDepth || layout == ExrLayout::kNuke)) {
-    name = layer.name + ".";
-  }
+  if (!group.empty() && (group != kDepth || layout == ExrLayout::kNuke)) name = group + ".";
   if (!view.empty()) name += view + ".";
-  return name + channel;
+  return name + (is_measure ? "V" : channel);
 }
 
 void add_channels(ExrPart& part, std::span<const ExrView> views, std::size_t v, std::size_t l,

@@ -15,6 +15,10 @@ enum class ExrLayout {
   kNuke       ///< one part with depth as `depth.Z`, as Nuke expects it
 };
 
+/// Version of the channel names, which files of one sequence share. 2: `coverage.V`, before
+/// `lf.coverage`.
+inline constexpr int kExrChannelNames = 2;
+
 /// Returns the layout with this name. Throws Error (bad input), which lists the layouts, otherwise.
 ExrLayout parse_exr_layout(std::string_view name);
 

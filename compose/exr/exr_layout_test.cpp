@@ -93,7 +93,7 @@ TEST_F(ExrLayouts, StandardHasAPartForEachLayer) {
   const Imf::MultiPartInputFile input(file_.c_str());
   EXPECT_THAT(channels_of(input.header(0)), ElementsAre("A", "B", "G", "R"));
   EXPECT_THAT(channels_of(input.header(1)), ElementsAre("Z"));
-  EXPECT_THAT(channels_of(input.header(2)), ElementsAre("lf.cameras", "lf.coverage", "lf.nearest"));
+  EXPECT_THAT(channels_of(input.header(2)), ElementsAre("cameras.V", "coverage.V", "nearest.V"));
   for (int i = 0; i < 3; ++i) {
     const Imf::Header& header = input.header(i);
     EXPECT_FALSE(header.hasView());
@@ -149,9 +149,9 @@ TEST_F(ExrLayouts, SingleNamesViewsInChannels) {
   EXPECT_EQ(input.parts(), 1);
   const Imf::Header& header = input.header(0);
   EXPECT_THAT(channels_of(header),
-              ElementsAre("A", "B", "G", "R", "Z", "lf.cameras", "lf.coverage", "lf.nearest",
-                          "lf.right.cameras", "lf.right.coverage", "lf.right.nearest", "right.A",
-                          "right.B", "right.G", "right.R", "right.Z"));
+              ElementsAre("A", "B", "G", "R", "Z", "cameras.V", "cameras.right.V", "coverage.V",
+                          "coverage.right.V", "nearest.V", "nearest.right.V", "right.A", "right.B",
+                          "right.G", "right.R", "right.Z"));
   EXPECT_THAT(Imf::multiView(header), ElementsAre("left", "right"));
   EXPECT_FALSE(header.hasView());
 }
@@ -159,8 +159,8 @@ TEST_F(ExrLayouts, SingleNamesViewsInChannels) {
 TEST_F(ExrLayouts, NukeKnowsDepthByItsLayer) {
   write(ExrLayout::kNuke, false);
   const Imf::MultiPartInputFile input(file_.c_str());
-  EXPECT_THAT(channels_of(input.header(0)), ElementsAre("A", "B", "G", "R", "depth.Z", "lf.cameras",
-                                                        "lf.coverage", "lf.nearest"));
+  EXPECT_THAT(channels_of(input.header(0)),
+              ElementsAre("A", "B", "G", "R", "cameras.V", "coverage.V", "depth.Z", "nearest.V"));
   EXPECT_FALSE(Imf::hasMultiView(input.header(0)));
 }
 

@@ -174,7 +174,7 @@ TEST_F(Ranks, LeaveOutCamerasThatNoneHasOrRefuse) {
   EXPECT_FALSE(fs::exists(folder_.path() / "ranked"));
   const CommandResult absent = render_by(4, "-o ranked/f.####.exr --missing-archives absent");
   ASSERT_EQ(absent.exit_code, 0) << absent.err;
-  constexpr images::ExrChannel kCoverage[] = {{"lf.coverage"}};
+  constexpr images::ExrChannel kCoverage[] = {{"coverage.V"}};
   const images::ExrChannelData coverage =
       images::read_exr_channels(folder_.path() / "ranked" / "f.0001.exr", kCoverage, "");
   EXPECT_LT(*std::ranges::min_element(coverage.values), 0.9F);

@@ -36,7 +36,7 @@ class ShotFiles {
   std::string write(std::string_view file, std::string_view text, bool replace,
                     std::string_view from_shot = {}) const;
 
-  /// Returns the notes on a shot, NAME.notes.json beside it; an empty text if there are none.
+  /// Returns the notes document of a shot, NAME.notes.json in its folder, or an empty text.
   /// Throws Error (bad input) if they are not valid.
   std::string read_notes(std::string_view shot_file) const;
   /// Replaces the notes if they are still `previous`, and returns whether they were: several pages

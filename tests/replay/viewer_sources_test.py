@@ -314,7 +314,7 @@ class Progress(PageTest):
         shares = self.js("return progress")
         self.assertEqual(shares, sorted(shares))
         self.assertTrue(self.element("progress-row").get_property("hidden"))
-        # Another instant is cancelled: no picture of the method follows.
+        # The button ends the wait of the page; that the renderer ends is tested by RenderScheduler.
         self.js("raystage.timeline.go(raystage.timeline.frame + 3); methods.length = 0; raystage.view.rest()")
         self.wait_for("return methods.some(([, method]) => method === 'plane_sweep')")
         self.js("document.getElementById('cancel').click()")

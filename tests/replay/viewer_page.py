@@ -89,6 +89,11 @@ class PageTest(unittest.TestCase):
         self.browser.get(url)
         self.wait_for("return raystage.state.picture && raystage.state.picture.final")
 
+    def leave_and_end(self, viewer: Viewer) -> None:
+        """Ends a viewer after its page is left, because a page whose connection is lost tries to connect again."""
+        self.browser.get("about:blank")
+        self.assertEqual(viewer.end(), 0)
+
     def js(self, script: str, *arguments):
         return self.browser.execute_script(script, *arguments)
 

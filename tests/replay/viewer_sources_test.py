@@ -377,7 +377,7 @@ class Composed(PageTest):
                 self.wait_for("return document.getElementById('status').textContent === arguments[0]", f"Written {eye}.exr")
                 self.assertGreater((self.root / f"{eye}.exr").stat().st_size, 10_000)
         finally:
-            self.assertEqual(viewer.end(), 0)
+            self.leave_and_end(viewer)
 
     def test_shots_may_be_in_another_folder(self) -> None:
         with tempfile.TemporaryDirectory() as shots:
@@ -393,7 +393,7 @@ class Composed(PageTest):
                     self.wait_for("return document.getElementById('status').textContent === arguments[0]", "Saved " + name)
                     run("render", pathlib.Path(shots) / name, "--frames", "1", "-o", self.root / "other.####.exr", "-q", "--existing", "overwrite")
                 finally:
-                    self.assertEqual(viewer.end(), 0)
+                    self.leave_and_end(viewer)
 
 
 class Folders(PageTest):
@@ -492,7 +492,7 @@ class Recording(PageTest):
             recorder.wait(WAIT_SECONDS)
         self.assertEqual(recorder.returncode, 0)
         self.wait_for("return document.getElementById('status').textContent.includes('has ended')")
-        self.assertEqual(self.live_viewer.end(), 0)
+        self.leave_and_end(self.live_viewer)
 
     def test_held_frames_are_not_viewable(self) -> None:
         recorder = self.record("held", "--buffer-in-memory")
@@ -501,7 +501,7 @@ class Recording(PageTest):
         finally:
             recorder.terminate()
             recorder.wait(WAIT_SECONDS)
-        self.assertEqual(self.live_viewer.end(), 0)
+        self.leave_and_end(self.live_viewer)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,13 @@
 namespace raystage {
 
 /// Exit code of a process (docs/render-process.md).
-enum class ExitCode : int { kSuccess = 0, kFailed = 1, kBadInput = 2, kSomeFramesFailed = 3 };
+enum class ExitCode : int {
+  kSuccess = 0,
+  kFailed = 1,
+  kBadInput = 2,
+  kSomeFramesFailed = 3,
+  kLowCoverage = 4  ///< every frame is complete, but some show too much that no camera saw
+};
 
 /// The exception for everything that a user can correct: what failed, in which file (and where in
 /// it), and what to do. Broken invariants are assertions, not Errors.

@@ -41,6 +41,7 @@ TEST_F(CameraCommand, WritesALineForEachFrame) {
   const testing::CommandResult result = run("-o '" + path("a.chan") + "'");
   EXPECT_EQ(result.exit_code, 0) << result.output;
   EXPECT_THAT(result.output, HasSubstr("4 frames, 11-14"));
+  EXPECT_THAT(result.output, HasSubstr("film back of the importing camera to 36 x 20.25 mm"));
   const std::string text = read_file(path("a.chan"));
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 4);
   EXPECT_THAT(text, ::testing::StartsWith("11\t0\t1\t2\t"));
@@ -59,12 +60,28 @@ TEST_F(CameraCommand, WhatItWritesIsRead) {
   }
 }
 
+TEST_F(CameraCommand, ZoomsAreNotWrittenToGltfWithoutAWord) {
+  shot.camera.keys[1].horizontal_fov_deg = 30;
+  const testing::CommandResult refused = run("-o '" + path("a.gltf") + "'");
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.output, HasSubstr("cannot hold the camera's animated focal length"));
+  const testing::CommandResult lossy = run("--lossy -o '" + path("a.gltf") + "'");
+  EXPECT_EQ(lossy.exit_code, 0);
+  EXPECT_THAT(lossy.output, HasSubstr("The animated focal length is lost."));
+  EXPECT_THAT(lossy.output, HasSubstr("frame rate of the importing scene to 24 fps"));
+}
+
 TEST_F(CameraCommand, EyesAreThoseOfAStereoShot) {
   EXPECT_THAT(run("--eye left -o '" + path("a.chan") + "'").output, HasSubstr("is not stereo"));
   shot.camera.stereo = schemas::ShotDocument::Stereo{.interaxial_m = 0.1, .convergence_m = 3};
-  const testing::CommandResult result = run("--eye left -o '" + path("a.chan") + "'");
+  testing::CommandResult result = run("--eye left -o '" + path("a.chan") + "'");
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_THAT(result.output, HasSubstr(".chan files cannot hold the camera's lens shift"));
+  EXPECT_FALSE(std::filesystem::exists(path("a.chan")));
+  EXPECT_EQ(run("--eye left -o '" + path("a.nk") + "'").exit_code, 0);
+  result = run("--lossy --eye left -o '" + path("a.chan") + "'");
   EXPECT_EQ(result.exit_code, 0);
-  EXPECT_THAT(result.output, HasSubstr("shifted to converge at 3 m"));
+  EXPECT_THAT(result.output, HasSubstr("The lens shift is lost."));
   EXPECT_THAT(read_file(path("a.chan")), ::testing::StartsWith("11\t-0.05\t1\t2\t"));
 }
 

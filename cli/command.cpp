@@ -11,9 +11,12 @@
 #include <chrono>
 #include <csignal>
 #include <cstdio>
+#include <functional>
 #include <new>
 #include <system_error>
 #include <thread>
+
+#include "base/cancellation.h"
 
 namespace raystage::cli {
 namespace {
@@ -32,12 +35,13 @@ void print_error(const std::string& text) { std::fputs(text.c_str(), stderr); }
 
 class SignalWatch {
  public:
-  SignalWatch() {
+  /// `on_stop`: called once, at the first signal, in a thread of its own.
+  explicit SignalWatch(const std::function<void()>& on_stop) {
     if (pipe(signal_pipe.data()) != 0) return;
-    thread_ = std::thread([this] {
+    thread_ = std::thread([this, on_stop] {
       unsigned char number = 0;
       while (read(signal_pipe[0], &number, 1) == 1 && number != 0) {
-        signal_ = number;
+        if (signal_.exchange(number) == 0) on_stop();
         source_.request_stop();
       }
     });
@@ -92,7 +96,9 @@ int run_command(std::string_view name, const CommandBody& body, OnSignal on_sign
   // again.
   mallopt(M_TRIM_THRESHOLD, 1 << 30);
   mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the maximum of glibc
-  SignalWatch watch;
+  SignalWatch watch([&] {
+    if (on_signal == OnSignal::kAbort) complain("stopping");
+  });
   int code = static_cast<int>(ExitCode::kFailed);
   try {
     code = static_cast<int>(body(watch.token()));
@@ -100,6 +106,8 @@ int run_command(std::string_view name, const CommandBody& body, OnSignal on_sign
       throw Error::from_errno("the result cannot be written", "standard output",
                               "Check the free space of the output disk");
     }
+  } catch (const Cancelled&) {
+    code = static_cast<int>(ExitCode::kFailed);
   } catch (const Error& error) {
     if (watch.signal() == 0 || on_signal == OnSignal::kEnd) complain(error.what());
     code = static_cast<int>(error.exit_code());

@@ -30,10 +30,11 @@ constexpr Command kCommands[] = {
     {"info", "show the contents of a take and what is missing"},
     {"verify", "check a take against its recorded hashes; exit code 1 if it differs"},
     {"repair", "complete an interrupted recording, repair a damaged take"},
+    {"proxy", "write the scene of a take as points or a mesh for other programs"},
     {"prepare", "derive and store the camera depths that a shot needs"},
     {"render", "render a shot as an EXR sequence"},
     {"farm", "render a shot as jobs on Slurm, or as the same tasks on this machine"},
-    {"camera", "export the virtual camera of a shot: .chan, .gltf"},
+    {"camera", "export the virtual camera of a shot: .nk, .chan, .gltf"},
     {"evaluate", "measure error and time on views with ground truth"},
     {"bench", "compare methods: error against time, as an HTML page"},
     {"replay", "show a take or a shot in the browser: fly, focus, play, save the shot"},
@@ -54,7 +55,8 @@ void print_help(std::FILE* stream) {
       "  -h, --help     print this\n"
       "  --version      print version, kernels and libraries\n\n"
       "Exit codes: 0 all requested output is complete, 1 failed, 2 bad usage or input,\n"
-      "3 some frames failed, 33 out of memory, 128+n stopped by signal n.\n",
+      "3 some frames failed, 4 frames below --least-coverage, 33 out of memory,\n"
+      "128+n stopped by signal n.\n",
       stream);
 }
 

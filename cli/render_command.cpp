@@ -16,12 +16,52 @@
 #include "compose/frame_range.h"
 #include "compose/sequence.h"
 #include "raystage_version.h"
+#include "render/common/method_options.h"
 #include "render/methods.h"
 
 namespace raystage::cli {
 namespace {
 
 constexpr double kBytesPerGb = 1e9, kMinMemoryGb = 1e-3, kMaxMemoryGb = 1e5;
+
+}  // namespace
+
+namespace {
+
+void declare_draft_options(CommandLine& command, RenderOptions& options) {
+  CommandLine draft = command.group("Drafts (by default to renders/SHOT_LAYER_draft.####.exr)");
+  draft.option(
+      "--method METHOD", options.method,
+      "method of all takes instead of the shot's, without the shot's options of the method "
+      "except its\ndepth range");
+  draft
+      .option("--option NAME=VALUE", options.method_options,
+              "option of the method, in addition to those of the shot; repeatable")
+      .one_argument();
+  draft.option("--scale SCALE", options.scale,
+               "size of the pictures relative to the shot's, e.g. 1/4 (default: 1)");
+  draft
+      .option("--camera-step N", options.camera_step,
+              "every n-th row and column of the cameras only (default: 1)")
+      .range(1, 64);
+  draft
+      .option("--layer LAYER", options.layers,
+              "layer to show, by its name or its number from 0; repeatable (default: all)")
+      .one_argument();
+}
+
+compose::DraftOptions draft_of(const RenderOptions& options) {
+  compose::DraftOptions draft;
+  draft.method = options.method;
+  for (const std::string& text : options.method_options) {
+    const auto [name, value] = render::option_from_text(text);
+    draft.options[name] = value;
+  }
+  if (!options.scale.empty()) draft.scale = compose::parse_scale(options.scale);
+  draft.camera_step = options.camera_step;
+  draft.layers = options.layers;
+  return draft;
+}
 
 }  // namespace
 
@@ -58,6 +98,12 @@ void declare_render_options(CommandLine& command, RenderOptions& options, char**
           "the\nfastest with --target-error. Predicted for two threads of the machine in "
           "docs/benchmarks.md,\nwith decoded frames, one frame at a time and one sample per pixel")
       .range(1e-6, 1e6);
+  command
+      .option("--least-coverage SHARE", options.least_coverage,
+              "share of the view, 0 to 1, that cameras must see; frames with less are complete, "
+              "listed at the\nend, and give exit code 4, also if --existing skip keeps them "
+              "(default: 0)")
+      .range(0.0, 1.0);
   add_threads_option(command, options.threads);
   add_simd_option(command, options.simd, argv);
   command
@@ -92,6 +138,7 @@ void declare_render_options(CommandLine& command, RenderOptions& options, char**
                "also write NAME.deep.####.exr for each NAME.####.exr: its samples by depth, at "
                "most one of\neach layer");
   add_progress_option(command, options.progress);
+  declare_draft_options(command, options);
   CommandLine hosts =
       command.group("Archives on several hosts (mpirun raystage render; docs/farm.md)");
   hosts
@@ -119,7 +166,8 @@ void declare_render_options(CommandLine& command, RenderOptions& options, char**
       "list the reconstruction methods with their options and exit");
   command.footer(
       "Exit codes: 0 all requested frames are complete; 1 failed; 2 bad usage or input;\n3 some "
-      "frames failed, the rest is done; 33 out of memory; 128+n stopped by signal n.");
+      "frames failed, the rest is done; 4 all frames are complete, but some are below "
+      "--least-coverage;\n33 out of memory; 128+n stopped by signal n.");
 }
 
 ExitCode render(const RenderOptions& options, Progress& progress, render::DistributedTakes* hosts,
@@ -142,6 +190,8 @@ ExitCode render(const RenderOptions& options, Progress& progress, render::Distri
   sequence.fill = options.fill;
   if (options.target_error > 0) sequence.target["target_error"] = options.target_error;
   if (options.target_time > 0) sequence.target["target_time"] = options.target_time;
+  sequence.least_coverage = options.least_coverage;
+  sequence.draft = draft_of(options);
   sequence.frames_in_flight = options.frames_in_flight;
   sequence.memory_bytes = static_cast<std::size_t>(options.memory_gb * kBytesPerGb);
   sequence.layout = options.layout;

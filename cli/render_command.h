@@ -23,10 +23,14 @@ struct RenderOptions {
   bool chromaticities = false, coverage = false, confidence = false, deep = false;
   std::string layout;
   std::filesystem::path color_config, cache_folder, relative_to;
+  // Drafts: compose::DraftOptions.
+  std::string method, scale;
+  std::vector<std::string> method_options, layers;
+  int camera_step = 1;
   compose::ExistingFiles existing = compose::ExistingFiles::kError;
   compose::MissingFrames missing = compose::MissingFrames::kError;
   std::optional<schemas::HoleFill> fill;
-  double target_error = 0, target_time = 0;
+  double target_error = 0, target_time = 0, least_coverage = 0;
   ProgressStyle progress = ProgressStyle::kAuto;
   // For several hosts, see docs/farm.md.
   std::vector<std::string> take_folders;

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "base/atomic_file.h"
+#include "base/cancellation.h"
 #include "base/parallel.h"
 #include "base/resources.h"
 #include "render/depth/depth_store.h"
@@ -201,12 +202,16 @@ PrepareReport prepare_derived_data(const ShotPlan& plan, std::span<const Derived
       const render::ReconstructionOptions& how = plan.light_field(instant.layer)->reconstruction();
       // A renderer for each: light field frames share no decoded frames.
       const auto renderer = renderer_of(plan, instant.layer, share, share);
+      const CancellationScope cancellation(stop);
       render::StoreResult result = renderer->store(frames_at(plan, instant), how, storing_use(how));
       if (!result.failure_reason.empty()) {
         fail(std::move(result.failure_reason), false);
       } else {
         ++(result.was_already_stored ? report.stored_before : report.derived);
       }
+    } catch (const Cancelled&) {
+      report.status = RunStatus::kStopped;
+      break;
     } catch (const std::bad_alloc&) {
       throw;  // the others would fail, too; a farm retries with more memory
     } catch (const std::exception& error) {

@@ -77,7 +77,7 @@ struct PrepareReport {
 
 /// Derives and stores the data that is missing or damaged, one light field frame at a time, with
 /// the same bytes as rendering stores. Data that cannot be stored is a failure. A requested `stop`
-/// ends the work after the current light field frame. Uses the current TBB arena. Throws
+/// cancels the current light field frame within milliseconds. Uses the current TBB arena. Throws
 /// std::bad_alloc when memory runs out.
 PrepareReport prepare_derived_data(const ShotPlan& plan, std::span<const DerivedFrameData> instants,
                                    const PrepareOptions& options, std::stop_token stop);

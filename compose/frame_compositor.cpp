@@ -72,6 +72,9 @@ FrameCompositor::Geometry FrameCompositor::geometry_in_frame(const PlannedFrame&
   for (const MeshInstance& mesh : geometry.scene.meshes) {
     if (may_intersect_frustum(mesh, camera.view)) mesh.scene->build_bvh();
   }
+  if (plan_.shot().lights.empty()) {
+    geometry.scene.headlight = camera.view.pose.world_from_camera_rotation.col(2);
+  }
   geometry.scene.lights.environment_radiance = environment_of(frame, camera, geometry.scene.lights);
   return geometry;
 }
@@ -129,7 +132,8 @@ EnvironmentRadiance FrameCompositor::layer_light_radiance(const ShotPlan::LightF
 }
 
 LayerImage FrameCompositor::render_layer(std::size_t layer, const PlannedFrame& frame,
-                                         const ExrCamera& camera, const Geometry& geometry) const {
+                                         const ExrCamera& camera, const Geometry& geometry,
+                                         double& uncovered_share) const {
   const schemas::ShotDocument::Layer& document = plan_.shot().layers[layer];
   const std::vector<float> ids = cryptomatte_ids(layer);
   const LayerView view = layer_view(layer, frame, camera, geometry, ids);
@@ -137,6 +141,7 @@ LayerImage FrameCompositor::render_layer(std::size_t layer, const PlannedFrame& 
   // Isolated: while this thread waits for tiles of its frame, it must not start another frame.
   tbb::this_task_arena::isolate([&] { image = renderers_[layer]->render(view); });
   if (plan_.layer(layer)->is_in_scene_space()) convert_to_working_space(image);
+  uncovered_share = uncovered_share_of_layer(layer, image);
   remove_unrequested_aovs(image);
   if (document.shadows && frame.shown[layer].tick) {
     const ShadowCatcher catcher{document.shadows->strength, document.shadows->occlusion_distance_m,
@@ -161,7 +166,8 @@ LayerImage FrameCompositor::render_volume(std::size_t foremost, std::size_t coun
   std::vector<LayerImage> images(layers.size());
   std::vector<const LayerImage*> takes(layers.size(), nullptr);
   const auto render = [&](std::size_t i) {
-    images[i] = render_layer(layers[i], frame, camera, geometry);
+    double of_take = 0;  // what counts is what none of the takes saw
+    images[i] = render_layer(layers[i], frame, camera, geometry, of_take);
     tbb::this_task_arena::isolate([&] { apply(plan_.clips(layers[i]), camera.view, images[i]); });
     takes[i] = &images[i];
   };
@@ -214,13 +220,13 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
     }
     const Stopwatch layer_time;
     LayerImage image = is_volume ? render_volume(foremost, of_picture, frame, camera, geometry)
-                                 : render_layer(i, frame, camera, geometry);
+                                 : render_layer(i, frame, camera, geometry, uncovered_share[i]);
+    if (is_volume) uncovered_share[i] = uncovered_share_of_layer(i, image);
     times.add(is_volume ? LayerStage::kLightFields : opened->stage(), layer_time.ms());
     if (plan_.shot().output.cryptomatte && image.ids.empty()) {
       assign_object_id(image, cryptomatte_ids(i).front());
     }
     statistics.add_part(image.statistics);
-    uncovered_share[i] = uncovered_share_of_layer(i, image);
     if (!is_volume) {
       tbb::this_task_arena::isolate([&] { apply(plan_.clips(i), camera.view, image); });
     }
@@ -258,8 +264,15 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
 double FrameCompositor::uncovered_share_of_layer(std::size_t layer, const LayerImage& image) const {
   const Layer* opened = plan_.layer(layer);
   if (opened == nullptr || !opened->is_transparent_where_unseen() || image.pixels() == 0) return 0;
+  // Holes that were filled are opaque, but not covered.
+  const auto coverage = std::ranges::find_if(image.aovs, [](const Aov& aov) {
+    return aov.layer == "lf" && aov.channels.front() == "coverage";
+  });
   std::size_t empty = 0;
-  for (std::size_t i = 3; i < image.rgba.size(); i += 4) empty += image.rgba[i] > 0 ? 0 : 1;
+  for (std::size_t i = 0; i < image.pixels(); ++i) {
+    const float seen = coverage == image.aovs.end() ? image.rgba[4 * i + 3] : coverage->values[i];
+    empty += seen > 0 ? 0 : 1;
+  }
   return static_cast<double>(empty) / image.pixels();
 }
 

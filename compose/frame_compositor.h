@@ -64,8 +64,9 @@ class FrameCompositor {
   /// Returns the radiance of rays that leave the geometry: light fields, then `behind`.
   EnvironmentRadiance environment_of(const PlannedFrame& frame, const ExrCamera& camera,
                                      const Lights& behind) const;
+  /// `uncovered_share`: receives the share of the layer's pixels that no camera saw.
   LayerImage render_layer(std::size_t layer, const PlannedFrame& frame, const ExrCamera& camera,
-                          const Geometry& geometry) const;
+                          const Geometry& geometry, double& uncovered_share) const;
   /// Renders the visible layers of the `count` up to `foremost`, which surround one volume.
   LayerImage render_volume(std::size_t foremost, std::size_t count, const PlannedFrame& frame,
                            const ExrCamera& camera, const Geometry& geometry) const;

@@ -8,6 +8,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <set>
 
@@ -207,6 +208,48 @@ TEST_F(OutputSequence, FrameFilesKnowNothingOfOtherFramesMeshes) {
   const SequenceReport report = run();
   EXPECT_EQ(report.skipped, 1) << "of the whole shot a mesh is opened";
   EXPECT_EQ(report.rendered, 1);
+}
+
+TEST_F(OutputSequence, FramesBelowTheLeastCoverageAreReportedAgainWhenKept) {
+  shot_.layers.resize(1);
+  shot_.camera.keys.resize(1);
+  shot_.camera.keys[0].position = {{0.03, -0.03, 0.1}};  // sees past the array's edge
+  options_.frames = {101, 102};
+  for (const auto fill : {schemas::HoleFill::kNone, schemas::HoleFill::kPushPull}) {
+    options_.fill = fill;  // filled pixels are not covered either
+    options_.existing = ExistingFiles::kOverwrite;
+    options_.least_coverage = 0.5;
+    SequenceReport report = run();
+    const double covered = read_covered_share(file(101));
+    EXPECT_GT(covered, 0.5);
+    EXPECT_LT(covered, 0.98);
+    EXPECT_EQ(report.exit_code(), ExitCode::kSuccess);
+    options_.least_coverage = 0.99;
+    report = run();
+    EXPECT_EQ(report.exit_code(), ExitCode::kLowCoverage);
+    EXPECT_EQ(report.frames_below_coverage, (std::vector{101, 102}));
+    EXPECT_THAT(report.summary(), ::testing::HasSubstr("2 below the least coverage (101-102)"));
+    options_.existing = ExistingFiles::kSkip;
+    report = run();
+    EXPECT_EQ(report.skipped, 2);
+    EXPECT_EQ(report.exit_code(), ExitCode::kLowCoverage);
+    options_.least_coverage = 0;
+    EXPECT_EQ(run().exit_code(), ExitCode::kSuccess);
+  }
+}
+
+TEST_F(OutputSequence, SaysBeforehandThatAViewLooksWhereNoCameraLooked) {
+  using ::testing::Contains;
+  using ::testing::HasSubstr;
+  using ::testing::Not;
+  shot_.layers.resize(1);
+  options_.frames = {101, 102};
+  run();
+  EXPECT_THAT(messages_, Not(Contains(HasSubstr("where no camera looked"))));
+  shot_.camera.keys.resize(1);
+  shot_.camera.keys[0].orientation = {{std::sqrt(0.5), 0, std::sqrt(0.5), 0}};  // 90 degrees left
+  run();
+  EXPECT_THAT(messages_, Contains(HasSubstr("100 % of the rays of frame 101 have no data")));
 }
 
 TEST_F(OutputSequence, TellsWhatAViewDoesNotSeeAndAFocusDoesNotDo) {

@@ -19,6 +19,7 @@
 #include "base/atomic_file.h"
 #include "base/error.h"
 #include "base/transfer_function.h"
+#include "compose/layers/area_scaling.h"
 #include "images/exr_channels.h"
 #include "store/jpeg/decode.h"
 #include "store/jpeg/layout.h"
@@ -121,10 +122,12 @@ LayerImage read_png_plate(const std::filesystem::path& path, const CodeToLight& 
 }  // namespace
 
 PlateLayer::PlateLayer(const schemas::ShotDocument& shot, std::size_t index,
-                       const std::filesystem::path& folder, std::optional<ColorConfig> config)
+                       const std::filesystem::path& folder, std::optional<ColorConfig> config,
+                       double scale)
     : document_(*shot.layers[index].plate),
       width_(shot.width),
       height_(shot.height),
+      scale_(scale),
       name_((folder / document_.file).lexically_normal().string()),
       config_(std::move(config)) {
   if (!document_.space.empty()) colors().from_space(document_.space);  // throws if unknown
@@ -151,9 +154,10 @@ void PlateLayer::check_file(int frame) const {
 
 void PlateLayer::check_size(const std::array<int, 2>& size,
                             const std::filesystem::path& path) const {
-  if (size == std::array{width_, height_}) return;
-  throw Error::bad_input(fmt::format("the plate has {} x {} pixels, the shot {} x {}", size[0],
-                                     size[1], width_, height_),
+  const auto scaled = [this](int pixels) { return std::lround(pixels * scale_); };
+  if (scaled(size[0]) == width_ && scaled(size[1]) == height_) return;
+  throw Error::bad_input(fmt::format("the plate has {} x {} pixels, the shot {:.0f} x {:.0f}",
+                                     size[0], size[1], width_ / scale_, height_ / scale_),
                          path.string(), "Scale it to the shot's size");
 }
 
@@ -184,6 +188,7 @@ LayerImage PlateLayer::image(int frame, int overscan_x, int overscan_y) const {
   LayerImage plate = read(path);
   check_size({plate.width, plate.height}, path);
   if (!document_.space.empty()) convert_to_scene_space(plate, document_.space);
+  if (scale_ < 1) plate = scale_down(plate, {width_, height_});
   LayerImage image = transparent_layer_image(width_ + 2 * overscan_x, height_ + 2 * overscan_y);
   const auto depth = document_.depth_m ? static_cast<float>(*document_.depth_m) : kInfinity;
   for (int y = 0; y < height_; ++y) {

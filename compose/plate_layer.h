@@ -19,9 +19,10 @@ class PlateLayer final : public Layer {
  public:
   /// Checks the colour space; opens no file. `folder`: what the path is relative to. `config`:
   /// OpenColorIO config for plates that are neither linear Rec.709 nor sRGB; none: the built-in
-  /// one.
+  /// one. `scale`: of the shot's size to that of its files, for drafts; (0, 1].
   PlateLayer(const schemas::ShotDocument& shot, std::size_t index,
-             const std::filesystem::path& folder, std::optional<ColorConfig> config);
+             const std::filesystem::path& folder, std::optional<ColorConfig> config,
+             double scale = 1);
 
   std::filesystem::path file(int frame) const;
   /// Throws Error (bad input) if the file is missing, not supported, or not of the shot's size.
@@ -46,6 +47,7 @@ class PlateLayer final : public Layer {
 
   schemas::ShotDocument::Plate document_;
   int width_ = 0, height_ = 0;
+  double scale_ = 1;
   SequenceName name_;
   std::optional<ColorConfig> config_;
 };

@@ -15,6 +15,7 @@
 #include <set>
 
 #include "base/atomic_file.h"
+#include "base/cancellation.h"
 #include "base/parallel.h"
 #include "base/stopwatch.h"
 #include "compose/exr/exr_deep_file.h"
@@ -56,16 +57,21 @@ class SequenceRun {
 
   SequenceReport run(int frames_in_flight) {
     const Stopwatch watch;
-    parallel_for_in_order(
-        frames_.size(), static_cast<std::size_t>(frames_in_flight),
-        [this] { return stop_.stop_requested() || out_of_memory_; },
-        [this, frames_in_flight](std::size_t index) {
-          read_ahead(index + static_cast<std::size_t>(frames_in_flight));
-          process(frames_[index]);
-        });
+    try {
+      parallel_for_in_order(
+          frames_.size(), static_cast<std::size_t>(frames_in_flight),
+          [this] { return stop_.stop_requested() || out_of_memory_; },
+          [this, frames_in_flight](std::size_t index) {
+            read_ahead(index + static_cast<std::size_t>(frames_in_flight));
+            process(frames_[index]);
+          });
+    } catch (const Cancelled&) {
+      // The frames in flight are dropped; those that are finished will be written.
+    }
     writer_.finish();
     if (out_of_memory_) throw std::bad_alloc();
     report_uncovered_views();
+    report_.frames_below_coverage = {below_coverage_.begin(), below_coverage_.end()};
     report_.seconds = watch.ms() / 1e3;
     report_.frames_in_flight = frames_in_flight;
     report_.requested = static_cast<int>(frames_.size());
@@ -119,12 +125,15 @@ class SequenceRun {
 
   /// Renders a frame and queues its files. `parts_left`: progress that remains after an exception.
   void process_or_throw(const PlannedFrame& frame, int& parts_left) {
+    throw_if_cancelled();
     const std::filesystem::path file = name_.path(frame.frame);
     const std::string fingerprint = plan_.fingerprint(frame, options_.chromaticities);
     const std::filesystem::path deep_file = deep_name_.path(frame.frame);
     if (options_.existing == ExistingFiles::kSkip && is_complete_exr(file, fingerprint) &&
         (!options_.deep || is_complete_exr(deep_file, fingerprint))) {
+      const double covered_share = options_.least_coverage > 0 ? read_covered_share(file) : 1;
       const std::scoped_lock lock(mutex_);
+      check_coverage(frame.frame, covered_share);
       ++report_.skipped;
       return;
     }
@@ -147,6 +156,9 @@ class SequenceRun {
     // After the loop, because views keep references to elements of `painted`.
     for (std::size_t i = 0; i < eyes.size(); ++i) {
       views.push_back(exr_view(painted[i].picture, view_name(eyes[i])));
+      for (const double uncovered : painted[i].uncovered_share) {
+        metadata.covered_share = std::min(metadata.covered_share, 1 - uncovered);
+      }
       render::add_notes(painted[i].picture.notes, metadata.notes);
     }
     advance(kPartsOfRender);
@@ -177,6 +189,7 @@ class SequenceRun {
     }
     report_.decoded_bytes_cached =
         std::max(report_.decoded_bytes_cached, compositor_.decoded_bytes_cached());
+    check_coverage(metadata.frame, metadata.covered_share);
     StageTimes& ms = report_.milliseconds;
     ms.encode += encode_ms;
     for (const CompositedView& view : painted) {
@@ -191,6 +204,11 @@ class SequenceRun {
       ms.geometry += view.times.geometry_ms;
       ms.merge += view.times.merge_ms;
     }
+  }
+
+  /// Notes a frame of which less than the least share of its view is seen. Locked by the caller.
+  void check_coverage(int frame, double covered_share) {
+    if (covered_share < options_.least_coverage) below_coverage_.insert(frame);
   }
 
   /// Runs on the writer's thread, which must not throw.
@@ -261,6 +279,7 @@ class SequenceRun {
   std::set<std::string> notes_;  ///< already reported
   /// For each layer: frames with uncovered pixels, and their largest share.
   std::map<std::size_t, std::pair<std::set<int>, double>> uncovered_;
+  std::set<int> below_coverage_;         ///< frames below SequenceOptions::least_coverage
   FileWriter writer_{kMaxQueuedFrames};  ///< last member: finishes before the others are destroyed
 };
 
@@ -300,7 +319,7 @@ std::vector<int> frames_to_render(const schemas::ShotDocument& shot,
 }
 
 std::string default_output(const std::filesystem::path& shot_file,
-                           const schemas::ShotDocument& shot) {
+                           const schemas::ShotDocument& shot, bool is_draft) {
   const std::string shot_name = shot.name.empty() ? shot_file.stem().string() : shot.name;
   const std::string& layer = shot.layers.front().name;
   std::string name = layer.empty() ? shot_name : shot_name + "_" + layer;
@@ -308,15 +327,16 @@ std::string default_output(const std::filesystem::path& shot_file,
   for (char& c : name) {
     if (c == '/' || c == '#' || c == '@' || c == '%' || c == ' ') c = '_';
   }
+  if (is_draft) name += "_draft";
   return (shot_file.parent_path() / "renders" / (name + ".####.exr")).string();
 }
 
 CheckedSequence check_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options) {
   auto opened = std::make_unique<const ShotPlan>(
-      shot_file, ShotPlanOptions{options.fill, options.target, options.layout, options.color_config,
-                                 options.aovs, options.frames, options.cache_folder, options.folder,
-                                 options.hosts});
+      shot_file, ShotPlanOptions{options.fill, options.target, options.draft, options.layout,
+                                 options.color_config, options.aovs, options.frames,
+                                 options.cache_folder, options.folder, options.hosts});
   const ShotPlan& plan = *opened;
   if (plan.hosts() != nullptr) check_distributed_archives(plan, shot_file);
   const schemas::ShotDocument& shot = plan.shot();
@@ -327,7 +347,9 @@ CheckedSequence check_sequence(const std::filesystem::path& shot_file,
   SequenceMemoryPlan memory = plan_sequence_memory(
       plan, frames, {options.memory_bytes, options.frames_in_flight, options.deep});
   SequenceOptions resolved = options;
-  if (resolved.output.empty()) resolved.output = default_output(shot_file, shot);
+  if (resolved.output.empty()) {
+    resolved.output = default_output(shot_file, shot, options.draft.is_draft());
+  }
   SequenceName name = checked_output_name(resolved, frames.size());
   if (options.deep) check_deep_output(plan, shot_file);
   check_plates_not_overwritten(plan, name, shot_file);
@@ -342,7 +364,10 @@ CheckedSequence check_sequence(const std::filesystem::path& shot_file,
 
 SequenceReport render_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options, std::stop_token stop) {
+  // Processes on several hosts exchange data in their loops and must end together.
+  const CancellationScope cancellation(options.hosts == nullptr ? stop : std::stop_token());
   const CheckedSequence checked = check_sequence(shot_file, options);
+  throw_if_cancelled();
   const ShotPlan& plan = *checked.plan;
   const SequenceMemoryPlan& memory = checked.memory;
   if (!options.fingerprints_file.empty()) write_fingerprints(checked, options);

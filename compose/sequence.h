@@ -34,6 +34,7 @@ struct SequenceOptions {
   MissingFrames missing = MissingFrames::kError;
   std::optional<schemas::HoleFill> fill;  ///< replaces that of the shot
   schemas::OptionValues target;           ///< as ShotPlan
+  DraftOptions draft;                     ///< as ShotPlanOptions
   int frames_in_flight = 0;               ///< 0: one per thread of the TBB arena, at most 16
   /// Budget of frames, caches and working memory; 0: half of available_memory(), of which the cache
   /// gets at most 4 GiB.
@@ -50,6 +51,8 @@ struct SequenceOptions {
   /// If not empty: a text file that gets a line "FRAME FINGERPRINT" for each requested frame,
   /// before the first one is rendered.
   std::filesystem::path fingerprints_file;
+  /// Share of a view, [0, 1], that cameras must see; frames with less are written and reported.
+  double least_coverage = 0;
   std::string program_version;
   /// Called with values that rise from 0 to 1, from many threads.
   std::function<void(double)> progress = [](double) {};
@@ -76,8 +79,9 @@ struct SequenceReport {
   };
   int requested = 0, rendered = 0, skipped = 0;
   RunStatus status = RunStatus::kNotRun;
-  std::vector<Failure> failures;  ///< by frame
-  double seconds = 0;             ///< wall-clock, of the frames
+  std::vector<Failure> failures;           ///< by frame
+  std::vector<int> frames_below_coverage;  ///< complete frames below the least coverage, ascending
+  double seconds = 0;                      ///< wall-clock, of the frames
   std::int64_t bytes_written = 0, pixels_decoded = 0;
   /// Numbers of light field frames whose depths were estimated, or read from files. A frame counts
   /// again if its depths were evicted from memory.
@@ -88,8 +92,8 @@ struct SequenceReport {
   store::DecodeCosts decoding;  ///< part of the time of light fields
   int frames_in_flight = 1;     ///< largest number at once
 
-  /// Returns kSuccess only if every requested frame is complete; kBadInput if bad input caused all
-  /// failures and no frame exists.
+  /// Returns kSuccess only if every requested frame is complete; kLowCoverage if so, but some are
+  /// below the least coverage; kBadInput if bad input caused all failures and no frame exists.
   ExitCode exit_code() const;
   /// Returns one line: frames, frames per second, decoded pixels, bytes written, peak memory.
   std::string summary() const;
@@ -112,8 +116,9 @@ CheckedSequence check_sequence(const std::filesystem::path& shot_file,
 
 /// Renders the frames of a shot to EXR files, several frames in flight. Calls check_sequence()
 /// first; a frame that fails later is reported, and the others continue. Each file is written whole
-/// or not at all. `stop` drops the frames in flight. Uses the current TBB arena; the bytes do not
-/// depend on its size. Throws Error if nothing can be rendered, std::bad_alloc if out of memory.
+/// or not at all. `stop` cancels the frames in flight within milliseconds; before the first frame
+/// it throws Cancelled. Uses the current TBB arena; the bytes do not depend on its size. Throws
+/// Error if nothing can be rendered, std::bad_alloc if out of memory.
 SequenceReport render_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options, std::stop_token stop);
 
@@ -123,8 +128,9 @@ std::vector<int> frames_to_render(const schemas::ShotDocument& shot,
                                   const std::optional<std::vector<int>>& requested,
                                   const std::function<void(std::string_view)>& say);
 
-/// Returns "renders/SHOT_LAYER.####.exr" in the folder of the shot.
+/// Returns "renders/SHOT_LAYER.####.exr" in the folder of the shot, "renders/SHOT_LAYER_draft..."
+/// for drafts.
 std::string default_output(const std::filesystem::path& shot_file,
-                           const schemas::ShotDocument& shot);
+                           const schemas::ShotDocument& shot, bool is_draft = false);
 
 }  // namespace raystage::compose

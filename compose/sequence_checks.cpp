@@ -13,6 +13,7 @@
 
 #include "base/atomic_file.h"
 #include "compose/frame_range.h"
+#include "compose/layers/view_coverage.h"
 #include "compose/sequence_memory_plan.h"
 #include "render/methods.h"
 #include "schemas/rig_document.h"
@@ -197,12 +198,61 @@ std::string layer_label(const ShotPlan& plan, std::size_t layer) {
                       : fmt::format("layer {} ({}): ", layer, name);
 }
 
+namespace {
+
+/// Reports that meshes have no light of the shot.
+void report_headlight(const ShotPlan& plan, const SequenceOptions& options) {
+  if (!plan.shot().lights.empty()) return;
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    if (plan.geometry(i) == nullptr) continue;
+    options.on_message(
+        "the shot has no lights: a headlight at the camera lights its meshes; add \"lights\"");
+    return;
+  }
+}
+
+/// Reports frames that look where no camera of a layer's take looked, whatever is there.
+void report_uncovered_rays(const ShotPlan& plan, const LightFieldLayer& light_field,
+                           std::span<const PlannedFrame> frames, const SequenceOptions& options) {
+  if (!light_field.is_transparent_where_unseen() ||
+      !plan.shot().layers[light_field.index()].volume.empty()) {
+    return;
+  }
+  constexpr std::size_t kMostFrames = 24;
+  constexpr double kReportedShare = 0.02;
+  const std::size_t step = (frames.size() + kMostFrames - 1) / kMostFrames;
+  double most = 0;
+  int worst = 0;
+  for (std::size_t i = 0; i < frames.size(); i += step) {
+    const int frame = frames[i].frame;
+    if (!plan.is_visible(light_field.index(), frame)) continue;
+    for (const Eye eye : plan.eyes()) {
+      const double share = uncovered_ray_share(light_field.take().rig(), plan.camera(frame, eye),
+                                               light_field.take().document().depth_range);
+      if (share > most) worst = frame;
+      most = std::max(most, share);
+    }
+  }
+  if (most < kReportedShare) return;
+  options.on_message(
+      fmt::format("warning: {}the view looks where no camera looked: {:.0f} % of the rays of frame "
+                  "{} have no data at any depth",
+                  layer_label(plan, light_field.index()), 100 * most, worst));
+}
+
+}  // namespace
+
 void report_sequence_warnings(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                               const SequenceOptions& options) {
+  if (const std::string& camera = plan.shot_camera().file_summary(); !camera.empty()) {
+    options.on_message("camera: " + camera);
+  }
+  report_headlight(plan, options);
   for (const LightFieldLayer* light_field : plan.light_fields()) {
     const std::size_t i = light_field->index();
     const std::string of_layer = layer_label(plan, i);
     report_focus_pull(plan, *light_field, options);
+    report_uncovered_rays(plan, *light_field, frames, options);
     if (!schemas::is_calibrated(schemas::read_rig(light_field->take().folder() / "rig.json"))) {
       options.on_message(
           "warning: " + of_layer +

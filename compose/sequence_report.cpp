@@ -11,7 +11,9 @@
 namespace raystage::compose {
 
 ExitCode SequenceReport::exit_code() const {
-  if (rendered + skipped == requested && requested > 0) return ExitCode::kSuccess;
+  if (rendered + skipped == requested && requested > 0) {
+    return frames_below_coverage.empty() ? ExitCode::kSuccess : ExitCode::kLowCoverage;
+  }
   if (status != RunStatus::kFinished) return ExitCode::kFailed;
   if (rendered + skipped == 0) {
     const bool is_bad_input =
@@ -28,6 +30,10 @@ std::string SequenceReport::summary() const {
     std::vector<int> frames;
     for (const Failure& failure : failures) frames.push_back(failure.frame);
     text += fmt::format(", {} failed ({})", failures.size(), format_frame_range(frames));
+  }
+  if (!frames_below_coverage.empty()) {
+    text += fmt::format(", {} below the least coverage ({})", frames_below_coverage.size(),
+                        format_frame_range(frames_below_coverage));
   }
   if (status == RunStatus::kStopped) text += ", stopped early";
   text += fmt::format("; {:.1f} s", seconds);

@@ -2,14 +2,18 @@
 #include "compose/sequence.h"
 
 #include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfInputFile.h>
 #include <OpenEXR/ImfMultiPartInputFile.h>
+#include <OpenEXR/ImfStringVectorAttribute.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
 #include "base/atomic_file.h"
+#include "base/cancellation.h"
 #include "images/exr_channels.h"
+#include "schemas/rig_document.h"
 #include "testing/compose/sequence_test_data.h"
 
 namespace raystage::compose {
@@ -153,6 +157,40 @@ TEST_F(Sequence, AStopDropsWhatIsUnderWay) {
   EXPECT_EQ(report.exit_code(), ExitCode::kFailed);
   EXPECT_LT(report.rendered, 6);
   EXPECT_EQ(files(), report.rendered);
+}
+
+TEST_F(Sequence, AStopBeforeTheFirstFrameLeavesNoFile) {
+  std::stop_source source;
+  source.request_stop();
+  EXPECT_THROW(run(source.get_token()), Cancelled);
+  EXPECT_EQ(files(), 0);
+}
+
+TEST_F(Sequence, ADraftHasItsOwnSizeCamerasAndFingerprint) {
+  options_.frames = {101};
+  options_.existing = ExistingFiles::kSkip;
+  EXPECT_EQ(run().rendered, 1);
+  options_.draft.scale = 0.5;
+  EXPECT_EQ(run().rendered, 1);
+  EXPECT_EQ(read_exr(file(101)).width, 20);
+  EXPECT_EQ(read_exr(file(101)).height, 15);
+  options_.draft = {};
+  options_.draft.camera_step = 2;  // one of 2 x 2 cameras
+  EXPECT_THAT(refusal(), HasSubstr("camera 'c0' has no row and column in the rig's grid"));
+  const auto rig = folder_.path() / "take" / "rig.json";
+  schemas::RigDocument document = schemas::read_rig(rig);
+  for (int i = 0; i < testing::kCameras; ++i) {
+    document.cameras[i].geometry.row = i / 2;
+    document.cameras[i].geometry.column = i % 2;
+  }
+  schemas::write_rig(document, rig);
+  EXPECT_EQ(run().rendered, 1);
+  const Imf::InputFile input(file(101).c_str());
+  EXPECT_EQ(input.header().typedAttribute<Imf::StringVectorAttribute>("lf:absentCameras").value(),
+            (std::vector<std::string>{"c1", "c2", "c3"}));
+  options_.draft = {};
+  EXPECT_EQ(run().rendered, 1);
+  EXPECT_EQ(default_output("p/shot.json", shot_, true), "p/renders/sh_draft.####.exr");
 }
 
 TEST(DefaultOutput, StandsBesideTheShotAndIsOneSafeName) {

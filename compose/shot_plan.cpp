@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <set>
+#include <utility>
 
 #include "base/error.h"
 #include "compose/frame_range.h"
@@ -18,7 +19,9 @@ namespace {
 /// Budget of textures, which are loaded as tiles of the needed MIP levels.
 constexpr std::size_t kTextureBytes = std::size_t{256} << 20;
 
-schemas::ShotDocument shot_with(schemas::ShotDocument shot, const ShotPlanOptions& options) {
+schemas::ShotDocument shot_with(schemas::ShotDocument shot, const ShotPlanOptions& options,
+                                const std::string& shot_file) {
+  shot = draft_of_shot(std::move(shot), options.draft, shot_file);
   if (!options.layout.empty()) shot.output.layout = options.layout;
   // Programs that read Cryptomatte disagree about files of several parts (Psyop/Cryptomatte issues
   // 137 and 145).
@@ -73,7 +76,7 @@ ShotPlan::ShotPlan(const schemas::ShotDocument& shot, const std::filesystem::pat
       cache_folder_(options.cache_folder),
       folder_(options.folder.empty() ? shot_file.parent_path() : options.folder),
       hosts_(options.hosts),
-      shot_(shot_with(shot, options)),
+      shot_(shot_with(shot, options, shot_file.string())),
       camera_(shot_, shot_file, folder_),
       colors_(make_shot_color_spaces(shot_, shot_file, folder_, options.color_config)) {
   check_exr_compression(shot_.output.compression);
@@ -97,7 +100,8 @@ std::unique_ptr<const Layer> ShotPlan::open_layer(std::size_t layer,
   const schemas::ShotDocument::Layer& document = shot_.layers[layer];
   if (document.geometry) return open_geometry(layer);
   if (document.plate) {
-    return std::make_unique<const PlateLayer>(shot_, layer, folder_, colors_.studio);
+    return std::make_unique<const PlateLayer>(shot_, layer, folder_, colors_.studio,
+                                              options.draft.scale);
   }
   if (document.solid) return std::make_unique<const SolidLayer>(*document.solid);
   return open_light_field(layer, options);
@@ -108,7 +112,8 @@ std::unique_ptr<const Layer> ShotPlan::open_light_field(std::size_t layer,
   // A target is for views only; lights need rays.
   auto opened = std::make_unique<const LightFieldLayer>(
       shot_, layer, shot_file_, folder_, options.fill,
-      is_light(layer) ? schemas::OptionValues{} : options.target, options.hosts);
+      is_light(layer) ? schemas::OptionValues{} : options.target, options.hosts,
+      options.draft.camera_step);
   if (is_light(layer)) render::check_ray_query_support(opened->reconstruction());
   return opened;
 }
@@ -179,6 +184,7 @@ std::unique_ptr<const Layer> ShotPlan::open_geometry(std::size_t layer) {
     lights_ = make_lights(shot_.lights, folder_, *textures_);
     Fingerprint print;
     compose::add_to_fingerprint(print, shot_.lights, folder_);
+    if (shot_.lights.empty()) print.text("light", "headlight");
     lights_fingerprint_ = print.hex();
   }
   return std::make_unique<const GeometryLayer>(

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "compose/camera/shot_camera.h"
+#include "compose/draft_shot.h"
 #include "compose/exr/exr_header.h"
 #include "compose/geometry/geometry_layer.h"
 #include "compose/geometry/geometry_scene.h"
@@ -38,6 +39,7 @@ struct ShotPlanOptions {
   std::optional<schemas::HoleFill> fill = {};
   /// Not empty: the method `auto` with these options for every light field.
   schemas::OptionValues target = {};
+  DraftOptions draft = {};
   std::string layout = "";                  ///< not empty: of the EXR files
   std::filesystem::path color_config = {};  ///< not empty: OpenColorIO's
   std::vector<std::string> aovs = {};       ///< in addition to those of the shot
@@ -114,6 +116,7 @@ class ShotPlan {
 
   /// Returns the views of a frame: left and right, or one.
   std::vector<Eye> eyes() const { return camera_.eyes(); }
+  const ShotCamera& shot_camera() const { return camera_; }
   /// Returns the camera with overscan.
   render::VirtualCamera camera(int frame, Eye eye) const { return exr_camera(frame, eye).view; }
 

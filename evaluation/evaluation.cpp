@@ -191,25 +191,10 @@ std::vector<int> excluded_camera_indices(const store::Take& take,
   std::vector<int> excluded_cameras;
   for (const std::string& id : excluded_camera_ids)
     excluded_cameras.push_back(camera_named(take, id));
-  if (camera_step <= 1) return excluded_cameras;
-  // By rank, not by index: the rows of a grid may be 0, 2, 4.
-  std::set<int> rows, columns;
-  for (const rig::Rig::Camera& camera : take.rig().cameras) {
-    if (!camera.row || !camera.column) {
-      throw Error::bad_input("camera '" + camera.id + "' has no row and column in the rig's grid",
-                             take.folder().string(), "Exclude cameras by id instead");
+  for (const int camera : rig::cameras_off_grid_step(take.rig(), camera_step)) {
+    if (std::ranges::find(excluded_cameras, camera) == excluded_cameras.end()) {
+      excluded_cameras.push_back(camera);
     }
-    rows.insert(*camera.row);
-    columns.insert(*camera.column);
-  }
-  const auto kept = [camera_step](const std::set<int>& numbers, int number) {
-    return std::distance(numbers.begin(), numbers.find(number)) % camera_step == 0;
-  };
-  for (int i = 0; i < take.camera_count(); ++i) {
-    const rig::Rig::Camera& camera = take.rig().cameras[i];
-    const bool stays = kept(rows, *camera.row) && kept(columns, *camera.column);
-    if (!stays && std::ranges::find(excluded_cameras, i) == excluded_cameras.end())
-      excluded_cameras.push_back(i);
   }
   return excluded_cameras;
 }

@@ -33,6 +33,8 @@ Json json_from(const compose::CameraState& state) {
             {"orientation", json_from(state.pose.world_from_camera_rotation)},
             {"focal_length_mm", state.focal_length_mm},
             {"film_back_mm", state.film_back_mm}};
+  if (state.shift_x != 0) json["shift_x"] = state.shift_x;
+  if (state.shift_y != 0) json["shift_y"] = state.shift_y;
   if (state.focus_m) json["focus_m"] = *state.focus_m;
   if (state.f_number) json["f_number"] = *state.f_number;
   return json;

@@ -107,8 +107,9 @@ SceneView patch_view(const ShownShot& shown, const ViewerMessage& request, int s
   SceneView view{frame_in_shot(shown, request.frame),
                  requested_camera(shown, request, width, height), method};
   schemas::Intrinsics& lens = view.camera.view.intrinsics;
-  lens.cx -= std::floor(request.pixel[0] * width / request.width) - size / 2;
-  lens.cy -= std::floor(request.pixel[1] * height / request.height) - size / 2;
+  const int half = size / 2;
+  lens.cx -= std::floor(request.pixel[0] * width / request.width) - half;
+  lens.cy -= std::floor(request.pixel[1] * height / request.height) - half;
   view.camera.view.width = size;
   view.camera.view.height = size;
   return view;
@@ -189,6 +190,8 @@ compose::CameraState camera_state_of(const ViewerMessage::Camera& given) {
   state.pose.position = Eigen::Vector3d(given.position.data());
   state.focal_length_mm = given.focal_length_mm;
   state.film_back_mm = given.film_back_mm;
+  state.shift_x = given.shift_x;
+  state.shift_y = given.shift_y;
   state.focus_m = given.focus_m;
   state.f_number = given.f_number;
   return state;

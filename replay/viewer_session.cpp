@@ -169,9 +169,8 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
     if (request.quality == ViewerMessage::Quality::kPlaying)
       shot->scene->read_ahead_of(request.frame);
     const std::scoped_lock lock(mutex);
-    resolution.record(
-        static_cast<double>(request.width / options.divisor) * (request.height / options.divisor),
-        ms);
+    const int width = request.width / options.divisor, height = request.height / options.divisor;
+    resolution.record(static_cast<double>(width) * height, ms);
   }
 
   /// Renders by the methods of the shot. Where depths must be estimated first, which takes seconds,
@@ -208,8 +207,9 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
     for (int frame = shot->shot.first_frame; frame <= shot->shot.last_frame; ++frame) {
       frames.push_back(frame);
     }
-    write_file_atomically(file,
-                          compose::format_camera_file({shot->camera, shot->shot, frames}, file));
+    const compose::CameraExport exported{shot->camera, shot->shot, frames};
+    compose::check_camera_file_losses(exported, file, "Export it as .nk, which holds it");
+    write_file_atomically(file, compose::format_camera_file(exported, file));
     send(file_message(request.id, "written", request.file));
   }
 

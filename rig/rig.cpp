@@ -3,6 +3,8 @@
 
 #include <cassert>
 #include <cmath>
+#include <iterator>
+#include <set>
 
 #include "base/error.h"
 
@@ -41,6 +43,30 @@ Rig rig_from_document(const schemas::RigDocument& document) {
                            geometry.row, geometry.column});
   }
   return rig;
+}
+
+std::vector<int> cameras_off_grid_step(const Rig& rig, int step) {
+  std::vector<int> off;
+  if (step <= 1) return off;
+  // By rank, not by index: the rows of a grid may be 0, 2, 4.
+  std::set<int> rows, columns;
+  for (const Rig::Camera& camera : rig.cameras) {
+    if (!camera.row || !camera.column) {
+      throw Error::bad_input("camera '" + camera.id + "' has no row and column in the rig's grid",
+                             "rig.json", "Choose cameras by their ids instead of every n-th");
+    }
+    rows.insert(*camera.row);
+    columns.insert(*camera.column);
+  }
+  const auto kept = [step](const std::set<int>& numbers, int number) {
+    return std::distance(numbers.begin(), numbers.find(number)) % step == 0;
+  };
+  for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
+    const Rig::Camera& camera = rig.cameras[i];
+    if (!kept(rows, *camera.row) || !kept(columns, *camera.column))
+      off.push_back(static_cast<int>(i));
+  }
+  return off;
 }
 
 Topology make_topology(const Rig& rig, std::span<const int> cameras) {

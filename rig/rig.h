@@ -34,6 +34,10 @@ Rig rig_from_document(const schemas::RigDocument& document);
 /// `Rig::cameras`. "auto" uses the grid if every camera has a row and column, otherwise Delaunay.
 Topology make_topology(const Rig& rig, std::span<const int> cameras);
 
+/// Returns the indices of the cameras that are not in every n-th row and column of the grid, for
+/// n = `step`; none for 1. Throws Error (bad input) for a camera without a row and column.
+std::vector<int> cameras_off_grid_step(const Rig& rig, int step);
+
 /// Returns the plane a x + b y + c z + d = 0 in the world, with a unit vector (a, b, c). The plane
 /// is perpendicular to the mean viewing direction and `depth` metres in front of the array's
 /// centre. For an infinite depth returns (0, 0, 0, 1).

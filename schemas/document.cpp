@@ -20,7 +20,7 @@ namespace {
 using nlohmann::json;
 
 /// Returns the newest version of a kind of document. Versions start at 1.
-int newest_version(std::string_view kind) { return kind == "shot" ? 2 : 1; }
+int newest_version(std::string_view kind) { return kind == "shot" ? 3 : 1; }
 
 std::string schema_name(std::string_view kind) {
   return fmt::format("raystage/{}/{}", kind, newest_version(kind));

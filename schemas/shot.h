@@ -11,6 +11,10 @@
 
 namespace raystage::schemas {
 
+/// Reads frames per second: a number or a ratio as text.
+FrameRate frame_rate_from(const JsonNode& fps);
+nlohmann::ordered_json json_from(const FrameRate& rate);
+
 /// Reads a camera. `version` is that of the shot's schema; in version 1 a camera is a list of keys.
 ShotDocument::Camera shot_camera_from(const JsonNode& camera, int version);
 nlohmann::ordered_json json_from(const ShotDocument::Camera& camera);

@@ -55,15 +55,20 @@ constexpr Fields kCameraKey(
     optional("orbit_deg", &CameraKey::orbit_deg),
     optional("horizontal_fov_deg", &CameraKey::horizontal_fov_deg),
     optional("focal_length_mm", &CameraKey::focal_length_mm), check(check_lens),
+    optional("shift_x", &CameraKey::shift_x), optional("shift_y", &CameraKey::shift_y),
     optional("focus_m", &CameraKey::focus_m), optional("f_number", &CameraKey::f_number),
     optional("shutter_deg", &CameraKey::shutter_deg), optional("tension", &CameraKey::tension),
     optional("ease_in", &CameraKey::ease_in), optional("ease_out", &CameraKey::ease_out));
 constexpr auto kCameraKeys = list_of(kCameraKey, check_camera_frames);
 
+constexpr Converter kFileRate([](const JsonNode& fps) { return frame_rate_from(fps); },
+                              [](const FrameRate& rate) { return json_from(rate); });
 constexpr Fields kCameraFile(required("path", &CameraFile::path, kPath),
                              optional("camera_name", &CameraFile::camera_name),
                              defaulted("rotation_order", &CameraFile::rotation_order),
-                             defaulted("frame_offset", &CameraFile::frame_offset));
+                             defaulted("frame_offset", &CameraFile::frame_offset),
+                             optional("fps", &CameraFile::fps, kFileRate),
+                             optional("film_back_height_mm", &CameraFile::film_back_height_mm));
 
 void check_axis(const JsonNode& object, const Orbit& orbit) {
   if (orbit.axis != std::array<double, 3>{0, 0, 0}) return;

@@ -16,17 +16,6 @@ using nlohmann::ordered_json;
 using Color = ShotDocument::Color;
 using Output = ShotDocument::Output;
 
-FrameRate frame_rate_at(const JsonNode& fps) {
-  const auto rate = fps.value.is_string() ? frame_rate_from(fps.get<std::string>())
-                                          : frame_rate_from(fps.get<double>());
-  if (rate) return *rate;
-  throw fps.input_error(
-      fmt::format("found {}, allowed: a number with up to six decimals, or a ratio as "
-                  "text, greater than 0 and up to 1000",
-                  describe_json_value(fps.value)),
-      "Write the exact ratio, for example \"24000/1001\"");
-}
-
 /// Throws Error (bad input) unless the layers of a volume, which form one picture, are consecutive
 /// and have the same opacity and holdout.
 void check_volumes(const JsonNode& document, const ShotDocument& shot) {
@@ -49,17 +38,13 @@ void check_volumes(const JsonNode& document, const ShotDocument& shot) {
 
 constexpr auto kFrameRate = custom(
     [](const JsonNode& document, ShotDocument& shot) {
-      const FrameRate rate = frame_rate_at(document.at("fps"));
+      const FrameRate rate = frame_rate_from(document.at("fps"));
       shot.fps = rate.fps();
       shot.fps_numerator = rate.numerator;
       shot.fps_denominator = rate.denominator;
     },
     [](const ShotDocument& shot, ordered_json& document) {
-      if (shot.fps_denominator == 1) {
-        document["fps"] = shot.fps_numerator;
-      } else {
-        document["fps"] = fmt::format("{}/{}", shot.fps_numerator, shot.fps_denominator);
-      }
+      document["fps"] = json_from(FrameRate{shot.fps_numerator, shot.fps_denominator});
     });
 
 constexpr Fields kFrameRange(required("first_frame", &ShotDocument::first_frame),
@@ -80,6 +65,14 @@ constexpr Fields kOutput(defaulted("compression", &Output::compression),
                          optional("overscan", &Output::overscan), defaulted("aovs", &Output::aovs),
                          defaulted("color", &Output::color, kColor));
 
+/// In version 2, glTF's time 0 is the shot's first frame, since version 3 it is frame 0.
+void count_gltf_time_from_zero(ShotDocument& shot) {
+  auto& file = shot.camera.file;
+  if (!file || std::filesystem::path(file->path).extension() == ".chan") return;
+  file->frame_offset += shot.first_frame;
+  file->fps = FrameRate{shot.fps_numerator, shot.fps_denominator};
+}
+
 /// Returns the properties of a shot of schema version `version`.
 auto shot_fields(int version) {
   const auto camera_of_version = [version](const JsonNode& camera) {
@@ -97,6 +90,22 @@ auto shot_fields(int version) {
 }
 
 }  // namespace
+
+FrameRate frame_rate_from(const JsonNode& fps) {
+  const auto rate = fps.value.is_string() ? raystage::frame_rate_from(fps.get<std::string>())
+                                          : raystage::frame_rate_from(fps.get<double>());
+  if (rate) return *rate;
+  throw fps.input_error(
+      fmt::format("found {}, allowed: a number with up to six decimals, or a ratio as "
+                  "text, greater than 0 and up to 1000",
+                  describe_json_value(fps.value)),
+      "Write the exact ratio, for example \"24000/1001\"");
+}
+
+ordered_json json_from(const FrameRate& rate) {
+  if (rate.denominator == 1) return rate.numerator;
+  return fmt::format("{}/{}", rate.numerator, rate.denominator);
+}
 
 void reject_keys(const JsonNode& object, std::initializer_list<const char*> keys,
                  const std::string& what_happened, const std::string& what_to_do) {
@@ -124,11 +133,12 @@ ShotDocument parse_shot(std::string_view text, std::string_view name) {
   const auto [json, version] = parse_versioned_document("shot", text, name);
   ShotDocument shot;
   shot_fields(version).read(JsonNode{json, name, ""}, shot);
+  if (version == 2) count_gltf_time_from_zero(shot);
   return shot;
 }
 
 std::string format_shot(const ShotDocument& shot) {
-  return format_document("shot", shot_fields(2), shot);
+  return format_document("shot", shot_fields(3), shot);
 }
 
 ShotDocument read_shot(const std::filesystem::path& file) {

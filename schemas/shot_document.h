@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/frame_rate.h"
 #include "base/time.h"
 #include "schemas/hole_fill.h"
 #include "schemas/matte_settings.h"
@@ -15,7 +16,7 @@
 
 namespace raystage::schemas {
 
-/// Schema "raystage/shot/2": what to render. Shots of version 1 are converted when read.
+/// Schema "raystage/shot/3": what to render. Shots of versions 1 and 2 are converted when read.
 struct ShotDocument {
   /// A value that a key does not state is interpolated from neighbouring keys.
   struct CameraKey {
@@ -25,6 +26,8 @@ struct ShotDocument {
     /// Full angle in degrees, (0, 180). Either this or a focal length is given.
     std::optional<double> horizontal_fov_deg = {};
     std::optional<double> focal_length_mm = {};
+    /// Lens shift in film back widths: the picture's centre is right of or above the optical axis.
+    std::optional<double> shift_x = {}, shift_y = {};
     std::optional<std::array<double, 3>> target = {};  ///< at the picture's centre; world, metres
     std::optional<double> roll_deg = {}, orbit_deg = {}, focus_m = {}, f_number = {},
                           shutter_deg = {};
@@ -37,6 +40,9 @@ struct ShotDocument {
     std::string path = {};  ///< .chan, .gltf or .glb, relative to the shot's folder
     std::string camera_name = {}, rotation_order = "ZXY";
     double frame_offset = 0;
+    std::optional<FrameRate> fps = {};  ///< glTF: frame of time t is t x fps; none: see the file
+    /// .chan: film back height of its vertical field of view; none: by the picture's aspect ratio.
+    std::optional<double> film_back_height_mm = {};
   };
   struct Orbit {
     std::array<double, 3> center{0, 0, 0}, axis{0, 1, 0};

@@ -16,7 +16,7 @@ using nlohmann::json;
 using ::testing::HasSubstr;
 
 json shot_of_today() {
-  return {{"schema", "raystage/shot/2"},
+  return {{"schema", "raystage/shot/3"},
           {"width", 960},
           {"height", 540},
           {"fps", 24},
@@ -140,7 +140,7 @@ TEST(ShotCameraDocument, ComesBackAsItWas) {
   EXPECT_EQ(again["camera"]["dolly_zoom"], shot_of_today()["camera"]["dolly_zoom"]);
 }
 
-TEST(ShotCameraDocument, VersionOneIsReadAndWrittenAsVersionTwo) {
+TEST(ShotCameraDocument, VersionOneIsReadAndWrittenAsTheNewest) {
   json old = shot_of_today();
   old["schema"] = "raystage/shot/1";
   EXPECT_THAT(refusal(old), HasSubstr("#/camera"));  // a list in version 1
@@ -154,10 +154,43 @@ TEST(ShotCameraDocument, VersionOneIsReadAndWrittenAsVersionTwo) {
   EXPECT_EQ(shot.camera.keys[0].horizontal_fov_deg, 40);
   EXPECT_EQ(shot.camera.film_back_mm, 36);
   const json written = json::parse(format_shot(shot));
-  EXPECT_EQ(written["schema"], "raystage/shot/2");
+  EXPECT_EQ(written["schema"], "raystage/shot/3");
   EXPECT_EQ(written["camera"]["keys"], old["camera"]);
   old["camera"][0]["roll_deg"] = 1;  // not known then
   EXPECT_THAT(refusal(old), HasSubstr("#/camera/0/roll_deg"));
+}
+
+TEST(ShotCameraDocument, TimeOfGltfBeganWithTheShotInVersionTwo) {
+  json old = shot_of_today();
+  old["schema"] = "raystage/shot/2";
+  const int first = old["first_frame"];
+  ShotDocument shot = parse_shot(old.dump(), "f");
+  EXPECT_EQ(shot.camera.file->frame_offset, 12 + first);
+  EXPECT_EQ(shot.camera.file->fps, (FrameRate{shot.fps_numerator, shot.fps_denominator}));
+  shot = parse_shot(format_shot(shot), "f");  // written as version 3 it keeps its meaning
+  EXPECT_EQ(shot.camera.file->frame_offset, 12 + first);
+
+  old["camera"]["file"] = {{"path", "move.chan"}, {"frame_offset", 12}};
+  shot = parse_shot(old.dump(), "f");
+  EXPECT_EQ(shot.camera.file->frame_offset, 12);
+  EXPECT_FALSE(shot.camera.file->fps);
+  old["camera"]["file"]["fps"] = 24;  // not known then
+  EXPECT_THAT(refusal(old), HasSubstr("#/camera/file/fps"));
+}
+
+TEST(ShotCameraDocument, ACameraFileMayStateItsRateAndFilmBack) {
+  json document = shot_of_today();
+  document["camera"]["file"]["fps"] = "24000/1001";
+  document["camera"]["file"]["film_back_height_mm"] = 24;
+  const ShotDocument shot = parse_shot(document.dump(), "f");
+  EXPECT_EQ(shot.camera.file->fps, (FrameRate{24000, 1001}));
+  EXPECT_EQ(shot.camera.file->film_back_height_mm, 24);
+  document["camera"]["file"]["rotation_order"] = "ZXY";
+  EXPECT_EQ(json::parse(format_shot(shot))["camera"]["file"], document["camera"]["file"]);
+  for (const json& rate : {json(0), json("24/0"), json("fast"), json(1e6)}) {
+    document["camera"]["file"]["fps"] = rate;
+    EXPECT_THAT(refusal(document), HasSubstr("#/camera/file/fps: found"));
+  }
 }
 
 TEST(ShotCameraDocument, RefusesContradictions) {
@@ -173,7 +206,7 @@ TEST(ShotCameraDocument, RefusesContradictions) {
   shot = shot_of_today();
   shot["camera"]["keys"][0]["orientation"] = {0, 0, 0, 0};
   EXPECT_THAT(refusal(shot), HasSubstr("#/camera/keys/0/orientation"));
-  for (const char* newer : {"raystage/shot/3", "raystage/shot/02", "raystage/shot/0"}) {
+  for (const char* newer : {"raystage/shot/4", "raystage/shot/02", "raystage/shot/0"}) {
     shot = shot_of_today();
     shot["schema"] = newer;
     EXPECT_THAT(refusal(shot), HasSubstr("#/schema")) << newer;

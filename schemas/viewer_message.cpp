@@ -19,6 +19,8 @@ constexpr Fields kCamera(required("position", &Camera::position),
                          required("orientation", &Camera::orientation),
                          required("focal_length_mm", &Camera::focal_length_mm),
                          required("film_back_mm", &Camera::film_back_mm),
+                         optional("shift_x", &Camera::shift_x),
+                         optional("shift_y", &Camera::shift_y),
                          optional("focus_m", &Camera::focus_m),
                          optional("f_number", &Camera::f_number));
 

@@ -55,6 +55,7 @@ struct ViewerMessage {
     std::array<double, 3> position{};     ///< world, metres
     std::array<double, 4> orientation{};  ///< world_from_camera: w, x, y, z
     double focal_length_mm = 0, film_back_mm = 0;
+    double shift_x = 0, shift_y = 0;  ///< lens shift, film back widths
     std::optional<double> focus_m, f_number;
   };
   /// How a picture is shown.

@@ -142,6 +142,8 @@ CameraChannels channels_from_keys(const schemas::ShotDocument::Camera& camera,
     return focal_of(key, camera.film_back_mm, at);
   });
   channels.roll = number(camera, where, &Key::roll_deg, kRadiansPerDegree);
+  channels.shift_x = number(camera, where, &Key::shift_x);
+  channels.shift_y = number(camera, where, &Key::shift_y);
   channels.focus = number(camera, where, &Key::focus_m);
   channels.f_number = number(camera, where, &Key::f_number);
   channels.shutter = number(camera, where, &Key::shutter_deg);
@@ -156,6 +158,8 @@ CameraChannels merge_channels(CameraChannels first, const CameraChannels& second
   add(first.target, second.target, "the target", where);
   add(first.roll, second.roll, "the roll", where);
   add(first.focal, second.focal, "the focal length", where);
+  add(first.shift_x, second.shift_x, "the horizontal lens shift", where);
+  add(first.shift_y, second.shift_y, "the vertical lens shift", where);
   add(first.focus, second.focus, "the focus distance", where);
   add(first.f_number, second.f_number, "the f-number", where);
   add(first.shutter, second.shutter, "the shutter", where);

@@ -18,7 +18,8 @@ struct CameraChannels {
   AnimationChannel<Eigen::Vector3d> target;
   AnimationChannel<double> roll;   ///< radians about the optical axis, clockwise as the camera sees
   AnimationChannel<double> focal;  ///< focal length in half image widths: 1 / tan(fov / 2)
-  AnimationChannel<double> focus;  ///< metres along the optical axis
+  AnimationChannel<double> shift_x, shift_y;   ///< lens shift, film back widths
+  AnimationChannel<double> focus;              ///< metres along the optical axis
   AnimationChannel<double> f_number, shutter;  ///< shutter: degrees
   AnimationChannel<double> orbit;              ///< radians about the shot's orbit axis
 };

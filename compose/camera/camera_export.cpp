@@ -7,6 +7,7 @@
 #include <cctype>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <vector>
 
 #include "base/error.h"
@@ -53,15 +54,17 @@ std::string camera_to_chan(const ShotCamera& camera, std::span<const int> frames
 }
 
 std::string camera_to_gltf(const ShotCamera& camera, const schemas::ShotDocument& shot,
-                           std::span<const int> frames, Eye eye, const std::string& name) {
+                           std::span<const int> frames, Eye eye, const std::string& name,
+                           std::optional<FrameRate> rate) {
+  const FrameRate fps = rate.value_or(FrameRate{shot.fps_numerator, shot.fps_denominator});
   std::vector<GltfCameraKey> keys;
   for (const int frame : frames) {
     const render::VirtualCamera view = camera.camera(frame, eye);
-    keys.push_back({(static_cast<double>(frame) - shot.first_frame) * shot.fps_denominator /
-                        shot.fps_numerator,
-                    view.pose, vertical_fov(view)});
+    keys.push_back({static_cast<double>(frame) * fps.denominator / fps.numerator, view.pose,
+                    vertical_fov(view)});
   }
-  return format_gltf_camera(name, static_cast<double>(shot.width) / shot.height, keys);
+  return format_gltf_camera(name, static_cast<double>(shot.width) / shot.height, keys, fps,
+                            frames.front());
 }
 
 std::string camera_to_nuke_script(const ShotCamera& camera, const schemas::ShotDocument& shot,
@@ -69,7 +72,7 @@ std::string camera_to_nuke_script(const ShotCamera& camera, const schemas::ShotD
   constexpr double kDegrees = 180 / std::numbers::pi;
   const double film_back = shot.camera.film_back_mm;
   std::array<NukeCurve, 3> translate, rotate;
-  NukeCurve focal, shift, focus, f_number;
+  NukeCurve focal, shift_x, shift_y, focus, f_number;
   Eigen::Vector3d angles = Eigen::Vector3d::Zero();
   for (const int frame : frames) {
     const CameraState state = camera.state(frame);
@@ -81,20 +84,52 @@ std::string camera_to_nuke_script(const ShotCamera& camera, const schemas::ShotD
       rotate[axis].add(frame, angles[axis] * kDegrees);
     }
     focal.add(frame, view.intrinsics.fx * film_back / view.width);
-    // In half widths of the film back, positive if the picture's centre is right of the axis.
-    shift.add(frame, 1 - 2 * view.intrinsics.cx / view.width);
+    // In half widths of the film back, positive if the picture's centre is right of or above the
+    // axis.
+    shift_x.add(frame, 1 - 2 * view.intrinsics.cx / view.width);
+    shift_y.add(frame, (2 * view.intrinsics.cy - view.height) / view.width);
     if (state.focus_m) focus.add(frame, *state.focus_m);
     if (state.f_number) f_number.add(frame, *state.f_number);
   }
   std::string script = fmt::format(
       "Camera2 {{\n inputs 0\n rot_order ZXY\n translate {{{} {} {}}}\n rotate {{{} {} {}}}\n"
-      " focal {{{}}}\n haperture {}\n vaperture {}\n win_translate {{{} 0}}\n",
+      " focal {{{}}}\n haperture {}\n vaperture {}\n win_translate {{{} {}}}\n",
       translate[0].text(), translate[1].text(), translate[2].text(), rotate[0].text(),
       rotate[1].text(), rotate[2].text(), focal.text(), film_back,
-      film_back * shot.height / shot.width, shift.text());
+      film_back * shot.height / shot.width, shift_x.text(), shift_y.text());
   if (focus.text() != "0") script += fmt::format(" focal_point {{{}}}\n", focus.text());
   if (f_number.text() != "0") script += fmt::format(" fstop {{{}}}\n", f_number.text());
   return script + fmt::format(" name {}\n}}\n", nuke_name(name));
+}
+
+std::vector<std::string> camera_file_losses(const CameraExport& exported,
+                                            const std::filesystem::path& file) {
+  const std::string extension = file.extension().string();
+  if (extension == ".nk") return {};
+  bool shifted = false, zooms = false;
+  std::optional<double> focal;
+  constexpr double kRounding = 1e-9;
+  for (const int frame : exported.frames) {
+    const render::VirtualCamera view = exported.camera.camera(frame, exported.eye);
+    shifted |= std::abs(view.intrinsics.cx / view.width - 0.5) > kRounding ||
+               std::abs(view.intrinsics.cy / view.height - 0.5) > kRounding;
+    if (!focal) focal = view.intrinsics.fx;
+    zooms |= std::abs(view.intrinsics.fx / *focal - 1) > kRounding;
+  }
+  std::vector<std::string> losses;
+  if (shifted) losses.emplace_back("lens shift");
+  // KHR_animation_pointer holds it, which hardly any program reads.
+  if (zooms && extension == ".gltf") losses.emplace_back("animated focal length");
+  return losses;
+}
+
+void check_camera_file_losses(const CameraExport& exported, const std::filesystem::path& file,
+                              const std::string& what_to_do) {
+  const std::vector<std::string> losses = camera_file_losses(exported, file);
+  if (losses.empty()) return;
+  throw Error::bad_input(fmt::format("{} files cannot hold the camera's {}",
+                                     file.extension().string(), fmt::join(losses, " and ")),
+                         file.string(), what_to_do);
 }
 
 std::string format_camera_file(const CameraExport& exported, const std::filesystem::path& file) {
@@ -105,7 +140,8 @@ std::string format_camera_file(const CameraExport& exported, const std::filesyst
     return camera_to_chan(exported.camera, exported.frames, exported.eye, exported.order);
   }
   if (extension == ".gltf") {
-    return camera_to_gltf(exported.camera, exported.shot, exported.frames, exported.eye, name);
+    return camera_to_gltf(exported.camera, exported.shot, exported.frames, exported.eye, name,
+                          exported.gltf_rate);
   }
   if (extension == ".nk") {
     return camera_to_nuke_script(exported.camera, exported.shot, exported.frames, exported.eye,

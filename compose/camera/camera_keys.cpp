@@ -15,7 +15,7 @@ namespace {
 
 using Key = schemas::ShotDocument::CameraKey;
 
-Key key_at(int frame, const CameraState& state) {
+Key key_at(int frame, const CameraState& state, bool is_shifted) {
   const Eigen::Quaterniond q(state.pose.world_from_camera_rotation);
   const Eigen::Vector3d& p = state.pose.position;
   Key key;
@@ -23,6 +23,10 @@ Key key_at(int frame, const CameraState& state) {
   key.position = {p.x(), p.y(), p.z()};
   key.orientation = {q.w(), q.x(), q.y(), q.z()};
   key.focal_length_mm = state.focal_length_mm;
+  if (is_shifted) {
+    key.shift_x = state.shift_x;
+    key.shift_y = state.shift_y;
+  }
   key.focus_m = state.focus_m;
   key.f_number = state.f_number;
   key.shutter_deg = state.shutter_deg;
@@ -50,6 +54,7 @@ double deviation(const CameraState& path, const CameraState& keyed, const KeyTol
        turned / allowed.rotation_deg,
        std::abs(path.focal_length_mm - keyed.focal_length_mm) /
            (allowed.focal_length_share * path.focal_length_mm),
+       std::hypot(path.shift_x - keyed.shift_x, path.shift_y - keyed.shift_y) / allowed.shift,
        difference(inverse(path.focus_m), inverse(keyed.focus_m)) / allowed.focus_dioptres,
        difference(path.f_number, keyed.f_number) /
            (allowed.f_number_share * path.f_number.value_or(1)),
@@ -64,12 +69,14 @@ std::vector<Key> find_camera_keys(const ShotCamera& camera, const schemas::ShotD
   for (int frame = shot.first_frame; frame <= shot.last_frame; ++frame) {
     path.push_back(camera.state(frame));
   }
+  const bool is_shifted = std::ranges::any_of(
+      path, [](const CameraState& state) { return state.shift_x != 0 || state.shift_y != 0; });
   std::vector<std::size_t> chosen{0};
   if (path.size() > 1) chosen.push_back(path.size() - 1);
   for (;;) {
     std::vector<Key> keys;
     for (const std::size_t i : chosen) {
-      keys.push_back(key_at(shot.first_frame + static_cast<int>(i), path[i]));
+      keys.push_back(key_at(shot.first_frame + static_cast<int>(i), path[i], is_shifted));
     }
     schemas::ShotDocument keyed = shot;
     keyed.camera = keyed_camera(shot.camera, keys);

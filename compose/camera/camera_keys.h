@@ -13,6 +13,7 @@ struct KeyTolerance {
   double position_m = 0.0005;
   double rotation_deg = 0.02;
   double focal_length_share = 0.0005;  ///< of the focal length
+  double shift = 0.0002;               ///< lens shift, film back widths
   double focus_dioptres = 0.002;       ///< of the inverse focus distance, 1/m
   double f_number_share = 0.002;       ///< of the f-number
   double shutter_deg = 0.5;

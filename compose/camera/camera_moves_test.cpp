@@ -154,6 +154,20 @@ TEST_F(CameraMoves, VertigoTakesItsSizeFromTheFrameItIsTold) {
   EXPECT_LT(camera().state(101).horizontal_fov(), 20 * kDegrees);
 }
 
+TEST_F(CameraMoves, ALensShiftMovesThePicture) {
+  shot_.camera.keys = {{.frame = 101,
+                        .position = {{0, 0, 0}},
+                        .horizontal_fov_deg = 45,
+                        .shift_x = 0.25,
+                        .shift_y = 0.125},
+                       {.frame = 111, .shift_x = 0}};
+  // The axis is a quarter of the width to the left of the picture's centre, and an eighth below.
+  const Eigen::Vector2d axis = image_of(camera().camera(101), Vector3d(0, 0, -3));
+  EXPECT_NEAR(axis.x(), 480 - 240, 1e-9);
+  EXPECT_NEAR(axis.y(), 270 + 120, 1e-9);
+  EXPECT_NEAR(image_of(camera().camera(106), Vector3d(0, 0, -3)).x(), 480 - 120, 1e-9);
+}
+
 TEST_F(CameraMoves, StereoEyesConvergeByShift) {
   shot_.camera.keys = {
       {.frame = 101, .position = {{0, 0, 0}}, .horizontal_fov_deg = 45, .target = {{3, 0, -4}}}};

@@ -19,14 +19,15 @@ CameraState stereo_eye_state(const CameraState& state, const StereoSettings& ste
   result.pose.position += side * state.pose.world_from_camera_rotation.col(0);
   if (stereo.convergence_m) {
     // Moves a point on the common axis at that distance back to the image centre.
-    result.shift -= side / *stereo.convergence_m * state.focal_length_mm / state.film_back_mm;
+    result.shift_x -= side / *stereo.convergence_m * state.focal_length_mm / state.film_back_mm;
   }
   return result;
 }
 
 render::VirtualCamera make_virtual_camera(const CameraState& state, int width, int height) {
   const double focal = width * state.focal_length_mm / state.film_back_mm;
-  return {width, height, {focal, focal, width * (0.5 - state.shift), height / 2.0, {}}, state.pose};
+  const double cx = width * (0.5 - state.shift_x), cy = height / 2.0 + width * state.shift_y;
+  return {width, height, {focal, focal, cx, cy, {}}, state.pose};
 }
 
 Eigen::Matrix3d look_at_rotation(const Eigen::Vector3d& from, const Eigen::Vector3d& target) {

@@ -16,7 +16,9 @@ struct CameraState {
   rig::Pose pose;
   double film_back_mm = 36;  ///< width
   double focal_length_mm = 50;
-  double shift = 0;  ///< lens shift in film back widths: image centre to the right of the axis
+  /// Lens shift in film back widths: the picture's centre is to the right of the axis, and above
+  /// it.
+  double shift_x = 0, shift_y = 0;
   std::optional<double> focus_m;      ///< along the optical axis
   std::optional<double> f_number;     ///< none: a pinhole
   std::optional<double> shutter_deg;  ///< shutter angle; 360: open for the whole frame time

@@ -45,7 +45,7 @@ class Sampler {
         width_(width),
         rotation_(rotation) {}
 
-  double last_seconds() const { return times_.back(); }
+  const std::vector<double>& times() const { return times_; }
 
   std::vector<double> at(double seconds) const {
     const auto [from, to, u] = find_key_interval(times_, seconds);
@@ -177,8 +177,16 @@ std::string text_of(const json& object, const char* key) {
   return at != object.end() && at->is_string() ? at->get<std::string>() : std::string();
 }
 
+/// Returns the time of a frame if that is the same float, else the time itself. A thousand frames
+/// after 0 the rounding of a float is worth a hundredth of a pixel of a fast camera.
+double corrected_time(double seconds, FrameRate rate) {
+  const double exact = std::round(seconds * rate.fps()) / rate.fps();
+  constexpr double kRounding = 1e-7;  // of a float, and of a division before
+  return std::abs(exact - seconds) <= kRounding * std::abs(seconds) ? exact : seconds;
+}
+
 Sampler sampler_from(const GltfFile& file, const json& object, const std::string& target,
-                     const std::string& where) {
+                     FrameRate rate, const std::string& where) {
   const std::string name = text_of(object, "interpolation");
   const Sampler::Kind kind = name == "STEP"          ? Sampler::Kind::kStep
                              : name == "CUBICSPLINE" ? Sampler::Kind::kCubic
@@ -189,6 +197,7 @@ Sampler sampler_from(const GltfFile& file, const json& object, const std::string
   const bool rotation = target.ends_with("/rotation");
   const std::size_t width = rotation ? 4 : target.ends_with("/yfov") ? 1 : 3;
   auto times = file.numbers(object["input"], 1);
+  for (double& time : times) time = corrected_time(time, rate);
   auto values = file.numbers(object["output"], width);
   const std::size_t parts = kind == Sampler::Kind::kCubic ? 3 : 1;
   if (values.size() != times.size() * width * parts) {
@@ -218,7 +227,8 @@ std::string target_of(const json& channel) {
 }
 
 /// Returns the samplers of those properties in `wanted` that are animated.
-SamplerOf samplers_of(const GltfFile& file, const std::vector<std::string>& wanted) {
+SamplerOf samplers_of(const GltfFile& file, const std::vector<std::string>& wanted,
+                      FrameRate rate) {
   SamplerOf samplers;
   for (std::size_t a = 0; a < file.count("animations"); ++a) {
     const json& animation = file.element("animations", a);
@@ -233,7 +243,7 @@ SamplerOf samplers_of(const GltfFile& file, const std::vector<std::string>& want
         throw file.input_error("the channel has no sampler", where);
       }
       const auto added = samplers.emplace(
-          target, sampler_from(file, all[index.get<std::size_t>()], target, where));
+          target, sampler_from(file, all[index.get<std::size_t>()], target, rate, where));
       if (!added.second) {
         throw file.input_error(target + " is animated twice", where,
                                "Keep one animation in the file");
@@ -262,6 +272,36 @@ rig::Pose pose_without_scale(const GltfFile& file, const Matrix4d& world_from_no
   }
   return {Quaterniond(axes).normalized().toRotationMatrix(),
           world_from_node.topRightCorner<3, 1>()};
+}
+
+/// Reads what the file states about its frames.
+void read_timing(const GltfFile& file, const GltfFrameRate& rate, GltfCamera& camera) {
+  camera.is_rate_stated = rate.stated.has_value();
+  camera.frame_rate = rate.stated.value_or(rate.otherwise);
+  const json& asset = file.document().at("asset");
+  const auto extras = asset.find("extras");
+  if (extras == asset.end() || !extras->is_object()) return;
+  if (const auto fps = extras->find("fps"); fps != extras->end()) {
+    std::optional<FrameRate> of_file;
+    if (fps->is_string()) of_file = frame_rate_from(fps->get<std::string>());
+    if (fps->is_number()) of_file = frame_rate_from(fps->get<double>());
+    if (!rate.stated) camera.frame_rate = of_file.value_or(rate.otherwise);
+    camera.is_rate_stated = true;
+    if (!of_file) {
+      throw file.input_error(
+          fmt::format("found {}, allowed: a frame rate", schemas::describe_json_value(*fps)),
+          "/asset/extras/fps", "Write a ratio as text, for example \"24000/1001\"");
+    }
+  }
+  if (const auto first = extras->find("first_frame"); first != extras->end()) {
+    constexpr int kLimit = 1'000'000'000;
+    if (!first->is_number_integer() || std::abs(first->get<double>()) > kLimit) {
+      throw file.input_error(
+          fmt::format("found {}, allowed: a frame number", schemas::describe_json_value(*first)),
+          "/asset/extras/first_frame", "Correct or remove it");
+    }
+    camera.first_frame = first->get<int>();
+  }
 }
 
 struct Found {
@@ -299,12 +339,13 @@ Found find_camera(const GltfFile& file, const std::string& name) {
 
 }  // namespace
 
-GltfCamera read_gltf_camera(const std::filesystem::path& file, const std::string& name) {
-  return parse_gltf_camera(read_file(file), file, name);
+GltfCamera read_gltf_camera(const std::filesystem::path& file, const std::string& name,
+                            const GltfFrameRate& rate) {
+  return parse_gltf_camera(read_file(file), file, name, rate);
 }
 
 GltfCamera parse_gltf_camera(std::string_view bytes, const std::filesystem::path& path,
-                             const std::string& name) {
+                             const std::string& name, const GltfFrameRate& rate) {
   const auto file = std::make_shared<const GltfFile>(bytes, path);
   const Found chosen = find_camera(*file, name);
   const json& index = file->element("nodes", chosen.node)["camera"];
@@ -331,13 +372,19 @@ GltfCamera parse_gltf_camera(std::string_view bytes, const std::filesystem::path
       wanted.push_back(node.path + "/" + property);
     }
   }
-  const auto samplers = std::make_shared<const SamplerOf>(samplers_of(*file, wanted));
-
   GltfCamera result;
   result.name = chosen.name;
+  read_timing(*file, rate, result);
+  const auto samplers =
+      std::make_shared<const SamplerOf>(samplers_of(*file, wanted, result.frame_rate));
   for (const auto& [target, sampler] : *samplers) {
-    result.last_seconds = std::max(result.last_seconds, sampler.last_seconds());
+    result.key_seconds.insert(result.key_seconds.end(), sampler.times().begin(),
+                              sampler.times().end());
   }
+  std::ranges::sort(result.key_seconds);
+  const auto repeated = std::ranges::unique(result.key_seconds);
+  result.key_seconds.erase(repeated.begin(), repeated.end());
+  result.fov_is_animated = samplers->contains(fov_target);
   result.pose = [file, nodes, samplers](double seconds) {
     Matrix4d world_from_node = Matrix4d::Identity();
     for (const Node& node : nodes) world_from_node = world_from_node * node.at(seconds, *samplers);

@@ -5,11 +5,13 @@
 #include <Eigen/Geometry>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "base/frame_rate.h"
 #include "rig/pose.h"
 
 namespace raystage::compose {
@@ -21,7 +23,19 @@ struct GltfCamera {
   std::string name;                               ///< of the camera's node, or else of the camera
   std::function<rig::Pose(double seconds)> pose;  ///< in the world; without scale
   std::function<double(double seconds)> vertical_fov;  ///< full angle, radians
-  double last_seconds = 0;                             ///< time of the last key; 0: not animated
+  bool fov_is_animated = false;
+  std::vector<double> key_seconds;  ///< times of all keys, ascending; empty: not animated
+  /// The frame rate, and whether it is stated: by the reader, or by `extras` of the file's `asset`.
+  FrameRate frame_rate;
+  bool is_rate_stated = false;
+  std::optional<int> first_frame;  ///< of the first key, if the file states it
+};
+
+/// Frame rate of a glTF file, which counts time in seconds. Times of keys that differ from those of
+/// frames by the rounding of floats only are corrected.
+struct GltfFrameRate {
+  std::optional<FrameRate> stated = {};  ///< instead of that which the file states
+  FrameRate otherwise = {};              ///< if nobody states one
 };
 
 /// Reads one camera of a .gltf or .glb file. `name`: of its node or of the camera; empty: the only
@@ -29,11 +43,12 @@ struct GltfCamera {
 /// the camera's nodes and, by KHR_animation_pointer, of its field of view are used. Throws Error
 /// (bad input) if there is no such camera, it is orthographic, or a node mirrors or skews it. It
 /// does so, too, if a property is animated twice, a number is not finite, or the file is damaged.
-GltfCamera read_gltf_camera(const std::filesystem::path& file, const std::string& name);
+GltfCamera read_gltf_camera(const std::filesystem::path& file, const std::string& name,
+                            const GltfFrameRate& rate = {});
 /// Parses the bytes of a file as read_gltf_camera() does. `file`: finds its buffers, and is named
 /// by errors.
 GltfCamera parse_gltf_camera(std::string_view bytes, const std::filesystem::path& file,
-                             const std::string& name);
+                             const std::string& name, const GltfFrameRate& rate = {});
 
 /// A camera at one time.
 struct GltfCameraKey {
@@ -43,10 +58,12 @@ struct GltfCameraKey {
 };
 
 /// Returns a .gltf document of one perspective camera with LINEAR keys of the properties that
-/// change. KHR_animation_pointer animates the field of view; programs without support for it show
-/// that of the first key. `aspect`: width / height. `keys`: at least one, ascending times. Values
-/// are rounded to float. The text depends on the arguments only.
+/// change. `extras` of its `asset` state the frame rate as a ratio ("fps": "24/1") and the frame of
+/// the first key ("first_frame"). KHR_animation_pointer animates the field of view; programs
+/// without support for it show that of the first key. `aspect`: width / height. `keys`: at least
+/// one, ascending times. Values are rounded to float. The text depends on the arguments only.
 std::string format_gltf_camera(const std::string& name, double aspect,
-                               std::span<const GltfCameraKey> keys);
+                               std::span<const GltfCameraKey> keys, FrameRate rate,
+                               int first_frame);
 
 }  // namespace raystage::compose

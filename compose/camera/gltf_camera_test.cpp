@@ -86,7 +86,8 @@ class GltfCameras : public ::testing::Test {
 
 void expect_boom(const GltfCamera& camera) {
   EXPECT_EQ(camera.name, "shot");
-  EXPECT_EQ(camera.last_seconds, 2);
+  EXPECT_EQ(camera.key_seconds, (std::vector<double>{0, 2}));
+  EXPECT_FALSE(camera.is_rate_stated || camera.first_frame || camera.fov_is_animated);
   EXPECT_EQ(camera.vertical_fov(7), 0.5);
   EXPECT_LT((camera.pose(-1).position - Vector3d(10, 0, -3)).norm(), 1e-6);
   const Matrix3d half = AngleAxisd(std::numbers::pi / 4, Vector3d::UnitY()).toRotationMatrix();
@@ -205,6 +206,14 @@ TEST_F(GltfCameras, SaysWhatIsWrongAndWhere) {
               HasSubstr("#/accessors/1: element 1 is not finite"));
   EXPECT_THAT(refusal([](json& d) { d["animations"][0]["samplers"][0]["input"] = 2; }),
               HasSubstr("does not have 1 numbers"));
+  for (const json& rate : {json("24/0"), json(0), json(1e300), json("fast"), json::array()}) {
+    EXPECT_THAT(refusal([&](json& d) { d["asset"]["extras"]["fps"] = rate; }),
+                HasSubstr("#/asset/extras/fps: found"));
+  }
+  for (const json& frame : {json("1"), json(1e12), json(1.5), json(1'000'000'000'000)}) {
+    EXPECT_THAT(refusal([&](json& d) { d["asset"]["extras"]["first_frame"] = frame; }),
+                HasSubstr("#/asset/extras/first_frame: found"));
+  }
 }
 
 TEST_F(GltfCameras, WhatIsWrittenComesBack) {
@@ -218,9 +227,13 @@ TEST_F(GltfCameras, WhatIsWrittenComesBack) {
     key.vertical_fov = 0.6 + 0.01 * i;
     keys.push_back(key);
   }
-  const GltfCamera camera = read(json::parse(format_gltf_camera("crane", 16.0 / 9, keys)));
+  const GltfCamera camera =
+      read(json::parse(format_gltf_camera("crane", 16.0 / 9, keys, {24, 1}, 0)));
   EXPECT_EQ(camera.name, "crane");
-  EXPECT_NEAR(camera.last_seconds, 1, 1e-6);
+  EXPECT_NEAR(camera.key_seconds.back(), 1, 1e-6);
+  EXPECT_EQ(camera.frame_rate, (FrameRate{24, 1}));
+  EXPECT_EQ(camera.first_frame, 0);
+  EXPECT_TRUE(camera.fov_is_animated);
   for (const GltfCameraKey& key : keys) {
     const rig::Pose pose = camera.pose(key.seconds);
     EXPECT_LT((pose.position - key.pose.position).norm(), 1e-5);
@@ -233,10 +246,11 @@ TEST_F(GltfCameras, WhatIsWrittenComesBack) {
 
 TEST_F(GltfCameras, WhatStandsStillIsNotAnimated) {
   const std::vector<GltfCameraKey> keys(3);
-  const json document = json::parse(format_gltf_camera("still", 1.5, keys));
+  const json document = json::parse(format_gltf_camera("still", 1.5, keys, {24000, 1001}, 1001));
   EXPECT_FALSE(document.contains("animations"));
   EXPECT_FALSE(document.contains("extensionsUsed"));
-  EXPECT_EQ(read(document).last_seconds, 0);
+  EXPECT_TRUE(read(document).key_seconds.empty());
+  EXPECT_EQ(read(document).frame_rate, (FrameRate{24000, 1001}));
 }
 
 }  // namespace

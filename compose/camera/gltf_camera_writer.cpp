@@ -86,14 +86,18 @@ bool changes(const std::vector<float>& values, std::size_t width) {
 }  // namespace
 
 std::string format_gltf_camera(const std::string& name, double aspect,
-                               std::span<const GltfCameraKey> keys) {
+                               std::span<const GltfCameraKey> keys, FrameRate rate,
+                               int first_frame) {
   const Tracks tracks = tracks_of(keys);
   const auto first = [](const std::vector<float>& values, std::size_t width) {
     return std::vector<float>(values.begin(), values.begin() + width);
   };
-  ordered_json document{{"asset", {{"version", "2.0"}, {"generator", "Raystage"}}},
-                        {"scene", 0},
-                        {"scenes", {{{"nodes", {0}}}}}};
+  const ordered_json timing{{"fps", fmt::format("{}/{}", rate.numerator, rate.denominator)},
+                            {"first_frame", first_frame}};
+  ordered_json document{
+      {"asset", {{"version", "2.0"}, {"generator", "Raystage"}, {"extras", timing}}},
+      {"scene", 0},
+      {"scenes", {{{"nodes", {0}}}}}};
   document["nodes"] = {{{"name", name},
                         {"camera", 0},
                         {"translation", first(tracks.positions, 3)},

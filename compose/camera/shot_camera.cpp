@@ -9,64 +9,15 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <memory>
+#include <utility>
 
-#include "base/atomic_file.h"
 #include "base/error.h"
-#include "compose/camera/chan_file.h"
-#include "compose/camera/gltf_camera.h"
+#include "compose/camera/camera_file.h"
 
 namespace raystage::compose {
 namespace {
 
-using Eigen::Quaterniond;
 using Eigen::Vector3d;
-
-/// Returns the focal length in half image widths from a vertical field of view (radians).
-double focal_from_vertical(double fov, double height_by_width) {
-  return height_by_width / std::tan(fov / 2);
-}
-
-CameraChannels channels_from_chan(const schemas::ShotDocument::CameraFile& source,
-                                  const std::filesystem::path& file, double height_by_width) {
-  const RotationOrder order =
-      parse_rotation_order(source.rotation_order).value_or(RotationOrder::kZxy);
-  std::vector<CurveKey<Vector3d>> positions;
-  std::vector<CurveKey<Quaterniond>> orientations;
-  std::vector<CurveKey<double>> focals;
-  for (const ChanLine& line : parse_chan(read_file(file), order, file.string())) {
-    const double frame = line.frame + source.frame_offset;
-    positions.push_back({frame, line.position});
-    orientations.push_back({frame, line.orientation});
-    if (line.vertical_fov) {
-      focals.push_back({frame, focal_from_vertical(*line.vertical_fov, height_by_width)});
-    }
-  }
-  CameraChannels channels;
-  channels.position = Curve<Vector3d>(positions);
-  channels.orientation = RotationCurve(orientations);
-  if (!focals.empty()) channels.focal = Curve<double>(focals);
-  return channels;
-}
-
-CameraChannels channels_from_gltf(const schemas::ShotDocument& shot,
-                                  const schemas::ShotDocument::CameraFile& source,
-                                  const std::filesystem::path& file, double height_by_width) {
-  const auto camera =
-      std::make_shared<const GltfCamera>(read_gltf_camera(file, source.camera_name));
-  const double first = shot.first_frame + source.frame_offset;
-  const double seconds_per_frame = static_cast<double>(shot.fps_denominator) / shot.fps_numerator;
-  const auto seconds = [=](double frame) { return (frame - first) * seconds_per_frame; };
-  CameraChannels channels;
-  channels.position = [=](double frame) { return camera->pose(seconds(frame)).position; };
-  channels.orientation = [=](double frame) {
-    return Quaterniond(camera->pose(seconds(frame)).world_from_camera_rotation);
-  };
-  channels.focal = [=](double frame) {
-    return focal_from_vertical(camera->vertical_fov(seconds(frame)), height_by_width);
-  };
-  return channels;
-}
 
 }  // namespace
 
@@ -79,15 +30,18 @@ ShotCamera::ShotCamera(const schemas::ShotDocument& shot, const std::filesystem:
       channels_(channels_from_keys(shot.camera, where_)),
       orbit_(shot.camera.orbit),
       dolly_zoom_(shot.camera.dolly_zoom) {
-  const double height_by_width = static_cast<double>(height_) / width_;
   if (const auto& source = shot.camera.file) {
     const std::filesystem::path base = folder.empty() ? shot_file.parent_path() : folder;
     const std::filesystem::path file = (base / source->path).lexically_normal();
     files_.push_back(file);
-    channels_ = merge_channels(file.extension() == ".chan"
-                                   ? channels_from_chan(*source, file, height_by_width)
-                                   : channels_from_gltf(shot, *source, file, height_by_width),
-                               channels_, where_);
+    ImportedCamera imported = import_camera(shot, file, where_);
+    file_summary_ = imported.summary;
+    if (!imported.focal_is_animated && channels_.focal) {
+      // glTF requires a lens, and programs write that of one frame where it is animated.
+      imported.channels.focal = nullptr;
+      file_summary_ += ", lens of the keys";
+    }
+    channels_ = merge_channels(std::move(imported.channels), channels_, where_);
   }
   const auto refuse = [&](const char* what, const char* what_to_do) {
     throw Error::bad_input(what, where_, what_to_do);
@@ -157,6 +111,8 @@ CameraState ShotCamera::state(double frame) const {
   state.pose = animated_pose(frame);
   state.film_back_mm = film_back_mm_;
   state.focal_length_mm = focal_at(frame, state.pose) * film_back_mm_ / 2;
+  if (channels_.shift_x) state.shift_x = channels_.shift_x(frame);
+  if (channels_.shift_y) state.shift_y = channels_.shift_y(frame);
   if (channels_.focus) state.focus_m = channels_.focus(frame);
   if (channels_.f_number) state.f_number = channels_.f_number(frame);
   if (channels_.shutter) state.shutter_deg = channels_.shutter(frame);

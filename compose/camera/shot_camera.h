@@ -36,6 +36,8 @@ class ShotCamera {
 
   /// Returns the files that the camera was read from: none or one.
   const std::vector<std::filesystem::path>& files() const { return files_; }
+  /// Returns what was read from the camera's file (ImportedCamera::summary); "" without a file.
+  const std::string& file_summary() const { return file_summary_; }
 
  private:
   rig::Pose animated_pose(double frame) const;
@@ -50,6 +52,7 @@ class ShotCamera {
   double dolly_focal_per_metre_ = 0;
   std::optional<StereoSettings> stereo_;
   std::vector<std::filesystem::path> files_;
+  std::string file_summary_;
 };
 
 }  // namespace raystage::compose

@@ -3,6 +3,7 @@
 
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfDeepScanLineInputPart.h>
+#include <OpenEXR/ImfDoubleAttribute.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfInputPart.h>
 #include <OpenEXR/ImfMultiPartInputFile.h>
@@ -18,6 +19,7 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "base/error.h"
 #include "compose/exr/chunk_kernels.h"
 #include "compose/exr/memory_stream.h"
 #include "compose/exr/scanline_file.h"
@@ -191,6 +193,16 @@ ExrImage read_exr(const std::filesystem::path& file) {
     image.fps_denominator = pixels.fps_denominator;
   }
   return image;
+}
+
+double read_covered_share(const std::filesystem::path& file) {
+  try {
+    const Imf::MultiPartInputFile input(file.c_str(), kNoExrThreads);
+    const auto* share = input.header(0).findTypedAttribute<Imf::DoubleAttribute>("lf:coveredShare");
+    return share == nullptr ? 1 : share->value();
+  } catch (const std::exception& error) {
+    throw Error::bad_input(error.what(), file.string(), "Render the frame again");
+  }
 }
 
 }  // namespace raystage::compose

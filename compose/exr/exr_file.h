@@ -23,6 +23,10 @@ std::vector<std::byte> encode_exr(std::span<const ExrView> views,
 /// headers. Pixels are read but not decompressed. Damaged or missing files are not an error.
 bool is_complete_exr(const std::filesystem::path& file, std::string_view fingerprint);
 
+/// Returns ExrMetadata::covered_share of a rendered file; 1 for files that do not state it. Throws
+/// Error (bad input) if the file cannot be read.
+double read_covered_share(const std::filesystem::path& file);
+
 /// The contents of an EXR file that a preview needs.
 struct ExrImage {
   int width = 0, height = 0;  ///< of the display window

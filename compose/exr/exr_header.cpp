@@ -2,6 +2,7 @@
 #include "compose/exr/exr_header.h"
 
 #include <OpenEXR/ImfChromaticities.h>
+#include <OpenEXR/ImfDoubleAttribute.h>
 #include <OpenEXR/ImfFloatAttribute.h>
 #include <OpenEXR/ImfIntAttribute.h>
 #include <OpenEXR/ImfPartType.h>
@@ -217,6 +218,7 @@ Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMe
   if (!metadata.absent_cameras.empty()) {
     header.insert("lf:absentCameras", Imf::StringVectorAttribute(metadata.absent_cameras));
   }
+  header.insert("lf:coveredShare", Imf::DoubleAttribute(metadata.covered_share));
   add_string(header, "lf:method", metadata.method);
   if (!metadata.method_options.empty()) {
     add_string(header, "lf:methodOptions", metadata.method_options);

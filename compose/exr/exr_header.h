@@ -23,6 +23,7 @@ struct ExrMetadata {
   int fps_numerator = 24, fps_denominator = 1;
   /// Captures per second of the take, if each shot frame is one capture.
   std::optional<double> capture_rate;
+  double covered_share = 1;                ///< of the view, seen by cameras; the least of all views
   std::string take_name;                   ///< reelName; omitted if empty
   std::optional<Nanoseconds> capture_utc;  ///< instant shown, since 1970; none: no instant
   std::vector<std::string> absent_cameras;

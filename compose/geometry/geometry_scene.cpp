@@ -214,6 +214,10 @@ class RowRenderer {
         light_[at.pixel] += lit;
       }
     }
+    if (scene_.headlight) {
+      const double cosine = std::max(0.0, point.normal.dot(*scene_.headlight));
+      light_[at.pixel] += at.weight * static_cast<float>(cosine);
+    }
     if (!at.gathers || lights.gather_rays == 0) return add(at, lights.ambient);
     Path gathered = at;
     gathered.gathers = false;

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "compose/geometry/lights.h"
@@ -15,6 +17,9 @@ struct GeometryScene {
   std::vector<MeshInstance> meshes;
   const Textures* textures = nullptr;
   Lights lights;
+  /// Unit direction from which diffuse surfaces are lit with radiance 1, without shadows, in shots
+  /// that have no lights: towards the camera. Light fields receive no shadows of it.
+  std::optional<Eigen::Vector3d> headlight = {};
 };
 
 /// Returns one mesh of the scene as `camera` (without distortion) sees it, with `samples` rays per

@@ -176,7 +176,7 @@ LightFieldLayer::LightFieldLayer(const schemas::ShotDocument& shot, std::size_t 
                                  const std::filesystem::path& folder,
                                  std::optional<schemas::HoleFill> fill,
                                  const schemas::OptionValues& target,
-                                 render::DistributedTakes* hosts)
+                                 render::DistributedTakes* hosts, int camera_step)
     : index_(index),
       shot_file_(shot_file),
       layer_(shot.layers[index]),
@@ -188,6 +188,9 @@ LightFieldLayer::LightFieldLayer(const schemas::ShotDocument& shot, std::size_t 
       timeline_(store::read_timeline(take_)),
       reconstruction_(
           reconstruction_of(layer_, take_, pointer_of(shot_file, index), fill, target)) {
+  for (const int camera : rig::cameras_off_grid_step(take_.rig(), camera_step)) {
+    for (store::FrameSelection& tick : timeline_.ticks) tick.frame[camera] = -1;
+  }
   if (timeline_.ticks.empty()) {
     throw Error::bad_input("the take's timeline is empty", take_.folder().string(),
                            "Run `raystage sync` and check its report");

@@ -37,7 +37,7 @@ class LightFieldLayer final : public Layer {
   LightFieldLayer(const schemas::ShotDocument& shot, std::size_t index,
                   const std::filesystem::path& shot_file, const std::filesystem::path& folder,
                   std::optional<schemas::HoleFill> fill, const schemas::OptionValues& target,
-                  render::DistributedTakes* hosts);
+                  render::DistributedTakes* hosts, int camera_step = 1);
 
   std::size_t index() const { return index_; }
   const store::Take& take() const { return take_; }

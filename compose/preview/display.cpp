@@ -10,6 +10,7 @@
 #include <cstdint>
 
 #include "base/transfer_function.h"
+#include "compose/layers/area_scaling.h"
 
 namespace raystage::compose {
 namespace {
@@ -35,27 +36,6 @@ class SrgbTable {
  private:
   std::array<std::uint8_t, 65536> codes_{};
 };
-
-/// Source pixels along one axis that a pixel of the smaller image covers, with their weights.
-struct Span {
-  int first = 0;
-  std::vector<float> weight;
-};
-
-std::vector<Span> spans(int from, int to) {
-  std::vector<Span> result;
-  const double scale = static_cast<double>(from) / to;
-  for (int i = 0; i < to; ++i) {
-    const double begin = i * scale, end = std::min<double>((i + 1) * scale, from);
-    Span span{static_cast<int>(begin), {}};
-    for (int p = span.first; p < end; ++p) {
-      const double covered = std::min<double>(p + 1, end) - std::max<double>(p, begin);
-      span.weight.push_back(static_cast<float>(covered / scale));
-    }
-    result.push_back(std::move(span));
-  }
-  return result;
-}
 
 /// Returns the config's name of the pictures' colour space.
 std::string space_in_config(const std::string& given, const std::string& interop_id,
@@ -130,25 +110,9 @@ ExrImage downscale(const ExrImage& image, int width, int height) {
   result.fps_denominator = image.fps_denominator;
   result.color_interop_id = image.color_interop_id;
   result.color_space = image.color_space;
-  const std::vector<Span> columns = spans(image.width, result.width);
-  const std::vector<Span> rows = spans(image.height, result.height);
-  result.rgba.reserve(static_cast<std::size_t>(result.width) *
-                      static_cast<std::size_t>(result.height) * 4);
-  for (const Span& row : rows) {
-    for (const Span& column : columns) {
-      std::array<float, 4> sum{};
-      for (std::size_t j = 0; j < row.weight.size(); ++j) {
-        const std::size_t line =
-            (static_cast<std::size_t>(row.first) + j) * static_cast<std::size_t>(image.width);
-        for (std::size_t i = 0; i < column.weight.size(); ++i) {
-          const std::size_t at = (line + static_cast<std::size_t>(column.first) + i) * 4;
-          const float weight = row.weight[j] * column.weight[i];
-          for (std::size_t c = 0; c < 4; ++c) sum[c] += weight * image.rgba[at + c];
-        }
-      }
-      result.rgba.insert(result.rgba.end(), sum.begin(), sum.end());
-    }
-  }
+  const ImageSize scaled{result.width, result.height};
+  result.rgba.resize(static_cast<std::size_t>(scaled.width) * scaled.height * 4);
+  scale_down_rgba(image.rgba, {image.width, image.height}, scaled, result.rgba);
   return result;
 }
 

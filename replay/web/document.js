@@ -83,6 +83,8 @@ export class ShotText {
       if (has("lens")) {
         delete key.horizontal_fov_deg;
         set("focal_length_mm", camera.focal_length_mm);
+        set("shift_x", camera.shift_x);
+        set("shift_y", camera.shift_y);
         set("f_number", camera.f_number);
       }
       if (has("focus")) set("focus_m", camera.focus_m);

@@ -35,7 +35,7 @@ void read_gltf(std::string_view bytes) {
   try {
     const auto camera = raystage::compose::parse_gltf_camera(bytes, "nowhere/input.gltf", "");
     for (const double part : {-1.0, 0.0, 0.3, 1.0, 2.0}) {
-      const double seconds = part * camera.last_seconds;
+      const double seconds = camera.key_seconds.empty() ? part : part * camera.key_seconds.back();
       const raystage::rig::Pose pose = camera.pose(seconds);
       if (!pose.world_from_camera_rotation.allFinite()) std::abort();
       if (!(std::abs(pose.world_from_camera_rotation.determinant() - 1) < 1e-6)) std::abort();

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs in Blender: uses the add-on as an artist does, and prints what Blender sees as "RESULT " and JSON.
+
+    blender -b --factory-startup -P addon_scene.py -- ADDON.py TASK ARGUMENT...
+"""
+import importlib.util
+import json
+import sys
+
+import bpy
+import mathutils
+from bpy_extras.object_utils import world_to_camera_view
+
+FIRST, LAST = 1001, 1012
+SIZE = (320, 180)
+addon_file, task, *arguments = sys.argv[sys.argv.index("--") + 1:]
+spec = importlib.util.spec_from_file_location("raystage_blender", addon_file)
+addon = importlib.util.module_from_spec(spec)
+sys.modules["raystage_blender"] = addon
+spec.loader.exec_module(addon)
+addon.register()
+scene = bpy.context.scene
+
+
+def answer(value) -> None:
+    print("RESULT " + json.dumps(value))
+
+
+def clear() -> None:
+    for found in list(bpy.data.objects):
+        bpy.data.objects.remove(found)
+
+
+def add(name: str, data=None):
+    found = bpy.data.objects.new(name, data)
+    scene.collection.objects.link(found)
+    return found
+
+
+def build(zooms: bool = True, fit: str = "AUTO", tracks: bool = True) -> None:
+    """A cube, and a camera on a turning crane; by default it looks at a moving target through a constraint, with a zoom and a shift."""
+    clear()
+    scene.render.fps, scene.render.fps_base = 24, 1.001
+    scene.frame_start, scene.frame_end = FIRST, LAST
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scene.render.resolution_percentage = 100
+    bpy.ops.mesh.primitive_cube_add(size=1, location=(0.1, 0.3, 0.2), rotation=(0.3, 0.2, 0.5))
+    camera = add("shot camera", bpy.data.cameras.new("shot camera"))
+    crane, target = add("crane"), add("target")
+    crane.location = (0, -1, 0.5)
+    camera.parent = crane
+    camera.location = (0.2, -3, 0.4)
+    if tracks:
+        constraint = camera.constraints.new("TRACK_TO")
+        constraint.target, constraint.track_axis, constraint.up_axis = target, "TRACK_NEGATIVE_Z", "UP_Y"
+    else:  # what Blender's exporter of glTF keeps
+        camera.rotation_euler = (1.5, 0, 0)
+    for frame, turn, point, lens, shift in ((FIRST, -0.3, (0, 0, 0), 40, 0), (LAST, 0.4, (0.2, 0, 0.3), 62 if zooms else 40, 0.12)):
+        crane.rotation_euler.z = turn
+        crane.keyframe_insert("rotation_euler", frame=frame)
+        target.location = point
+        target.keyframe_insert("location", frame=frame)
+        camera.data.lens = lens
+        camera.data.keyframe_insert("lens", frame=frame)
+        if zooms:
+            camera.data.shift_x = shift
+            camera.data.shift_y = -shift / 2
+            camera.data.keyframe_insert("shift_x", frame=frame)
+            camera.data.keyframe_insert("shift_y", frame=frame)
+    camera.data.sensor_fit = fit
+    camera.data.dof.use_dof = True
+    camera.data.dof.focus_object = target
+    camera.data.dof.aperture_fstop = 2.8
+    scene.camera = camera
+
+
+def cube():
+    return next(found for found in bpy.data.objects if found.type == "MESH")
+
+
+def corners() -> list:
+    return [cube().matrix_world @ mathutils.Vector(corner) for corner in cube().bound_box]
+
+
+def seen(camera) -> dict:
+    """Returns for each frame the pixels of the cube's corners, right and down from the upper left."""
+    pixels = {}
+    for frame in range(FIRST, LAST + 1):
+        scene.frame_set(frame)
+        bpy.context.view_layer.update()
+        pixels[frame] = [[v.x * SIZE[0], (1 - v.y) * SIZE[1]] for v in (world_to_camera_view(scene, camera, p) for p in corners())]
+    return pixels
+
+
+def raystage_points() -> list:
+    """Returns the corners in Raystage's world."""
+    return [[p.x, p.z, -p.y] for p in corners()]
+
+
+def export_shot(shot: str, fit: str) -> None:
+    build(fit=fit)
+    result = {"pixels": seen(scene.camera), "points": raystage_points()}
+    scene.frame_set(FIRST + 3)
+    bpy.ops.raystage.export_shot(filepath=shot)
+    result["frame"] = scene.frame_current
+    answer(result)
+
+
+def export_gltf(file: str) -> None:
+    build(zooms=False, tracks=False)
+    bpy.ops.export_scene.gltf(filepath=file, export_cameras=True, export_apply=True)
+    answer({"pixels": seen(scene.camera), "points": raystage_points()})
+
+
+def import_gltf(file: str) -> None:
+    build(zooms=False)
+    points = raystage_points()
+    before = set(bpy.data.objects)
+    bpy.ops.import_scene.gltf(filepath=file)
+    camera = next(o for o in set(bpy.data.objects) - before if o.type == "CAMERA")
+    answer({"pixels": seen(camera), "points": points})
+
+
+def render_cube(shot: str, mesh: str, picture: str) -> None:
+    build()
+    bpy.ops.object.select_all(action="DESELECT")
+    cube().select_set(True)
+    bpy.ops.export_scene.gltf(filepath=mesh, use_selection=True)
+    bpy.ops.raystage.export_shot(filepath=shot)
+    scene.camera.data.dof.use_dof = False  # silhouettes
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = 16
+    scene.cycles.use_denoising = False
+    scene.cycles.pixel_filter_type = "BOX"
+    scene.cycles.filter_width = 1
+    scene.render.film_transparent = True
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.image_settings.color_mode = "RGBA"
+    scene.render.filepath = picture
+    bpy.ops.render.render(animation=True)
+    answer({})
+
+
+def mask(file: str):
+    import numpy
+    image = bpy.data.images.load(file)
+    values = numpy.array(image.pixels[:], dtype=numpy.float32).reshape(image.size[1], image.size[0], image.channels)
+    return values[..., 3] >= 0.5
+
+
+def compare_masks(first: str, second: str) -> None:
+    """Returns pixels of each silhouette, and how many are more than a pixel away from the other one."""
+    import numpy
+
+    def grown(inside):
+        padded = numpy.pad(inside, 1)
+        return sum(padded[1 + y:1 + y + inside.shape[0], 1 + x:1 + x + inside.shape[1]]
+                   for y in (-1, 0, 1) for x in (-1, 0, 1)) > 0
+    a, b = mask(first), mask(second)
+    answer({"inside": [int(a.sum()), int(b.sum())], "outside": int((a & ~grown(b)).sum() + (b & ~grown(a)).sum())})
+
+
+def import_take(take: str, point: str) -> None:
+    clear()
+    bpy.ops.raystage.import_take(filepath=take + "/take.json", with_proxy=True)
+    scene.render.resolution_x, scene.render.resolution_y = 160, 120
+    x, y, z = json.loads(point)
+    pixels = {}
+    for found in bpy.data.objects:
+        if found.type == "CAMERA":
+            view = world_to_camera_view(scene, found, mathutils.Vector((x, -z, y)))
+            pixels[found.name] = [view.x * 160, (1 - view.y) * 120]
+    meshes = [found for found in bpy.data.objects if found.type == "MESH"]
+    corners_of_mesh = [meshes[0].matrix_world @ vertex.co for vertex in meshes[0].data.vertices]
+    answer({"pixels": pixels, "triangles": [len(found.data.polygons) for found in meshes],
+            "middle_depth": sorted(p.y for p in corners_of_mesh)[len(corners_of_mesh) // 2],
+            "collections": [c.name for c in scene.collection.children]})
+
+
+def import_render(file: str, picture: str, frame: str) -> None:
+    clear()
+    scene.camera = add("camera", bpy.data.cameras.new("camera"))  # Blender renders nothing without one
+    bpy.ops.raystage.import_render(filepath=file)
+    nodes = {node.bl_idname: node for node in scene.node_tree.nodes}
+    source = nodes["CompositorNodeImage"]
+    matte = nodes.get("CompositorNodeCryptomatteV2")
+    composite = nodes["CompositorNodeComposite"]
+    result = {
+        "space": source.image.colorspace_settings.name, "duration": source.frame_duration, "start": source.frame_start,
+        "range": [scene.frame_start, scene.frame_end], "size": [scene.render.resolution_x, scene.render.resolution_y],
+        "fps": scene.render.fps / scene.render.fps_base, "matte": matte is not None,
+        "depth": composite.inputs["Z"].is_linked,
+    }
+    scene.frame_set(int(frame))
+    scene.view_settings.view_transform = "Raw"
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.image_settings.color_depth = "32"
+    scene.render.filepath = picture
+    bpy.ops.render.render(write_still=True)
+    answer(result)
+
+
+{"export_shot": export_shot, "export_gltf": export_gltf, "import_gltf": import_gltf, "render_cube": render_cube,
+ "compare_masks": compare_masks, "import_take": import_take, "import_render": import_render}[task](*arguments)

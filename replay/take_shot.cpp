@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/atomic_file.h"
+#include "base/error.h"
 #include "base/frame_rate.h"
 #include "compose/camera/camera_state.h"
 
@@ -38,6 +40,21 @@ ShotText open_take_shot(const std::filesystem::path& take_folder,
   const std::filesystem::path file =
       (is_below ? relative.parent_path() : std::filesystem::path()) / (name + ".shot.json");
   return {file.string(), schemas::format_shot(shot)};
+}
+
+ShotText saved_shot(const ShotFiles& files, const ShotText& shot) {
+  try {
+    if (!file_exists(files.path(shot.file))) return shot;
+    const std::string text = files.read(shot.file);
+    const std::string take = schemas::parse_shot(shot.text, shot.file).layers.front().take;
+    const schemas::ShotDocument saved = schemas::parse_shot(text, shot.file);
+    const bool shows_it =
+        std::ranges::find(saved.layers, take, &schemas::ShotDocument::Layer::take) !=
+        saved.layers.end();
+    return shows_it ? ShotText{shot.file, text} : shot;
+  } catch (const Error&) {
+    return shot;  // the page reports what is wrong when the file is opened by its name
+  }
 }
 
 schemas::ShotDocument make_take_shot(const store::Take& take, const store::Timeline& timeline,

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <string>
 
+#include "replay/shot_files.h"
 #include "schemas/shot_document.h"
 #include "store/take.h"
 #include "store/timeline.h"
@@ -26,6 +27,10 @@ schemas::ShotDocument make_take_shot(const store::Take& take, const store::Timel
 /// the take there. Throws Error (bad input) if the take or its timeline cannot be read.
 ShotText open_take_shot(const std::filesystem::path& take_folder,
                         const std::filesystem::path& shot_folder);
+
+/// Returns the shot as its file has it now, if there is one; else `shot` itself, also where the file
+/// is no valid shot or shows other takes only.
+ShotText saved_shot(const ShotFiles& files, const ShotText& shot);
 
 /// Returns the camera whose centre is nearest to the array's.
 int central_camera(const rig::Rig& rig);

@@ -133,7 +133,9 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
   void open(std::int64_t request, const std::string& file) {
     const std::filesystem::path path = services.files.path(file);
     if (file_exists(path / "take.json")) {
-      return show(request, open_take_shot(path, services.files.folder()), ShotOrigin::kOpened);
+      return show(request,
+                  saved_shot(services.files, open_take_shot(path, services.files.folder())),
+                  ShotOrigin::kOpened);
     }
     show(request, {file, services.files.read(file)}, ShotOrigin::kOpened);
   }
@@ -346,7 +348,8 @@ ViewerSession::ViewerSession(const SessionServices& services, const std::shared_
     : state_(std::make_shared<State>(services, client)) {
   state_->send(hello_message(services.program_version, services.files.folder().string(), first));
   if (!first.shot) return;
-  state_->submit(JobKind::kDocument, 0, [shot = *first.shot](State& state, const auto&) {
+  state_->submit(JobKind::kDocument, 0, [first = *first.shot](State& state, const auto&) {
+    const ShotText shot = saved_shot(state.services.files, first);
     state.show(0, shot, State::ShotOrigin::kOpened);
   });
 }

@@ -13,8 +13,10 @@ export class Files {
     this.element = (name) => dialog.querySelector("#" + name);
   }
 
-  /** Asks for a file name; the promise is {file, replace} or null. */
-  question(text, name, canReplace) {
+  /** Asks for a file name; the promise is {file, replace} or null. error: why the last answer could not be used. */
+  question(text, name, canReplace, error = "") {
+    this.element("file-error").textContent = error;
+    this.element("file-error").hidden = !error;
     this.element("file-question").textContent = text;
     this.element("file-name").value = name;
     this.element("replace").checked = false;
@@ -25,6 +27,21 @@ export class Files {
       const file = this.element("file-name").value;
       resolve(this.dialog.returnValue === "ok" && file ? { file, replace: this.element("replace").checked } : null);
     }, { once: true }));
+  }
+
+  /** Asks for a file name until work(answer) succeeds, or the user cancels. */
+  async askFor(text, name, canReplace, work, extension = "") {
+    for (let error = ""; ;) {
+      const answer = await this.question(text, name, canReplace, error);
+      if (!answer) return;
+      if (extension && !/\.[a-z]+$/i.test(answer.file)) answer.file += extension;
+      name = answer.file;
+      try {
+        return await work(answer);
+      } catch (failure) {
+        error = failure.message;
+      }
+    }
   }
 
   async attempt(work) {
@@ -44,9 +61,7 @@ export class Files {
   async save() {
     const { ask, shotText, say, saved } = this.options;
     if (!this.isReady()) return;
-    const answer = await this.question("Save the shot as", shotText.file, true);
-    if (!answer) return;
-    await this.attempt(async () => {
+    await this.askFor("Save the shot as", shotText.file, true, async (answer) => {
       const text = shotText.text(), before = shotText.file;
       const { text: written } = await ask("save", { ...answer, text, shot: before });
       const isEdited = shotText.text() !== text;
@@ -62,35 +77,38 @@ export class Files {
         this.keptFile = null;
         ask("autosave", { file: before }).catch(() => {});
       }
-    });
+    }, ".json");
   }
 
   async open() {
-    const answer = await this.question("Open the shot file or take", this.options.shotText.file, false);
-    if (answer) await this.attempt(() => this.options.ask("open", { file: answer.file }));
+    await this.askFor("Open the shot file or take", this.options.shotText.file, false,
+      ({ file }) => this.options.ask("open", { file }));
   }
 
   async snapshot(frame) {
     const { ask, say, request } = this.options;
     if (!this.isReady()) return;
-    const answer = await this.question("Write this frame as .exr or .png", `frame.${String(frame).padStart(4, "0")}.png`, true);
-    if (!answer) return;
-    say("Writing " + answer.file);
-    await this.attempt(async () => {
-      await ask("snapshot", { ...answer, ...request(frame) });
-      say("Written " + answer.file);
-    });
+    const name = `frame.${String(frame).padStart(4, "0")}.png`;
+    await this.askFor("Write this frame as .exr or .png", name, true, async (answer) => {
+      say("Writing " + answer.file);
+      try {
+        await ask("snapshot", { ...answer, ...request(frame) });
+        say("Written " + answer.file);
+      } catch (error) {
+        say("");
+        throw error;
+      }
+    }, ".png");
   }
 
   async exportCamera() {
     const { ask, say, shotText } = this.options;
     if (!this.isReady()) return;
-    const answer = await this.question("Export the camera as .chan, .gltf or .nk", shotText.file.replace(/(\.shot)?\.json$/, "") + ".nk", true);
-    if (!answer) return;
-    await this.attempt(async () => {
+    const name = shotText.file.replace(/(\.shot)?\.json$/, "") + ".nk";
+    await this.askFor("Export the camera as .chan, .gltf or .nk", name, true, async (answer) => {
       await ask("export", answer);
       say("Written " + answer.file);
-    });
+    }, ".nk");
   }
 
   /** Begins anew with a shot that was opened. */

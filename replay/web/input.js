@@ -4,9 +4,8 @@ import { dolly, focusDistance, metresPerPixel, orbit, pan, roll } from "./camera
 
 const kClickDistance = 4;       // pixels that a click may move
 const kKeysInFields = new Set(["Ctrl+s", "Ctrl+o", "Ctrl+l"]);  // a field has its own undo
-const kRadiansPerWidth = 1.2;   // of an orbit, dragging across the picture
 
-/** controls: {camera(), setCamera(camera, inputTime), focusAt(event), hover(event), rest()}. */
+/** controls: {camera(), radiansPerWidth(): of an orbit, dragging across the picture, setCamera(camera, inputTime), focusAt(event), hover(event), rest()}. */
 export function addPointerInput(canvas, controls) {
   let last = null, moved = 0;
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
@@ -28,7 +27,8 @@ export function addPointerInput(canvas, controls) {
       const metres = metresPerPixel(camera, width);
       controls.setCamera(pan(camera, -x * metres, y * metres), event.timeStamp);
     } else {
-      controls.setCamera(orbit(camera, -x / width * kRadiansPerWidth, -y / width * kRadiansPerWidth), event.timeStamp);
+      const radians = controls.radiansPerWidth() / width;
+      controls.setCamera(orbit(camera, -x * radians, -y * radians), event.timeStamp);
     }
   });
   canvas.addEventListener("pointerup", (event) => {

@@ -6,8 +6,8 @@ const element = (id) => document.getElementById(id);
 const kDisplays = [["", ""], ["sRGB", "Plain"], ["sRGB", "ACES 1.0 SDR"], ["Rec.1886", "Plain"], ["Rec.1886", "ACES 1.0 SDR"],
   ["P3-D65", "Plain"], ["P3-D65", "ACES 1.0 SDR"]];
 
-/** Connects the controls. app: {state, view}; they change state.look and state.arrangement. */
-export function addLook({ state, view }) {
+/** Connects the controls. app: {state, view, arranged()}; they change state.look and state.arrangement. */
+export function addLook({ state, view, arranged }) {
   function changeLook(name, value) {
     if (value === undefined || value === "" || value === false) delete state.look[name];
     else state.look[name] = value;
@@ -26,6 +26,7 @@ export function addLook({ state, view }) {
   element("arrangement").addEventListener("change", (event) => {
     const value = event.target.value;
     state.arrangement = value === "left" || value === "right" ? { eye: value } : value ? { arrangement: value } : {};
+    arranged();
     view.rest();
   });
   element("guides-kind").addEventListener("change", (event) => drawGuides(element("guides"), event.target.value, state.shot));

@@ -31,14 +31,17 @@ function pathCamera(frame) {
 /** The members of a view message that say what is seen. */
 const seen = () => ({ frame: timeline.frame, camera: state.own ?? undefined });
 
-function say(text) { element("status").textContent = text; }
+function say(text) {
+  element("status").textContent = text;
+  element("status").title = text;  // two lines of it are shown
+}
 
 const connection = new Connection({
   open: () => say(""),
   close: () => {
     view.underWay.clear();
     if (playback.playing) actions.play();
-    say("The connection to the server is lost. Trying again. If the server has ended, start raystage replay again.");
+    say("The connection to the server is lost. Trying again. If the server has ended, start raystage replay again and open the address that it prints.");
   },
   picture: (header, jpeg) => {
     if (header.content === "view" || header.content === "comparison") {
@@ -208,12 +211,19 @@ function showShot(message) {
   state.shot = { ...message, measurements: message.measurements ?? state.shot.measurements };
   timeline.absences = message.absences;
   element("title").textContent = message.name || "Raystage";
+  element("title").title = message.name;
   document.title = (message.name || "shot") + " - Raystage";
   timeline.reset(message.first_frame, message.last_frame, message.fps);
-  view.setAspect(message.width / message.height);
+  setAspect();
   panels.showLayers();
   panels.refresh();
   say("");
+}
+
+/** Fits the picture to the stage: eyes side by side are twice as wide. */
+function setAspect() {
+  const eyes = state.arrangement.arrangement === "side_by_side" ? 2 : 1;
+  view.setAspect(eyes * state.shot.width / state.shot.height);
 }
 
 /** Sends the edited shot; the server answers with its path, or an error. */
@@ -291,14 +301,23 @@ async function hover(event) {
   setTimeout(() => { probeUnderWay = false; }, 100);
 }
 
-addPointerInput(element("picture"), { camera, setCamera, focusAt, hover, rest: () => { if (!timeline.playing) view.rest(); } });
+element("stage").addEventListener("pointerleave", () => { element("readout").textContent = ""; });
+/** Returns the angle of an orbit, radians, for a drag across the picture: twice across the array, which is all that there is to see. */
+function radiansPerWidth() {
+  const positions = state.shot?.layers.flatMap((layer) => layer.cameras ?? []).map(({ position }) => position) ?? [];
+  const extent = [0, 1, 2].map((axis) => Math.max(...positions.map((p) => p[axis])) - Math.min(...positions.map((p) => p[axis])));
+  const size = positions.length > 1 ? Math.max(...extent) : Infinity;
+  return Math.min(1.2, 2 * size / cam.focusDistance(camera()));
+}
+
+addPointerInput(element("picture"), { camera, radiansPerWidth, setCamera, focusAt, hover, rest: () => { if (!timeline.playing) view.rest(); } });
 const cursor = new Cursor(element("cursor"), element("stage"), {
   moved: (event) => sources.mode === "view" && hover(event),
   pressed: (event) => (sources.mode === "view" ? focusAt(event) : sources.click(event)),
 });
 
 const panels = makePanels({ state, shotText, timeline, camera, setCamera, sendShot, changed: () => files.autosave() });
-addLook({ state, view });
+addLook({ state, view, arranged: () => state.shot && setAspect() });
 
 // Buttons and keys.
 
@@ -341,7 +360,10 @@ const actions = {
     camera, frame: () => timeline.frame,
     render: (members) => connection.ask("view", { ...members, look: state.look }),
   }).catch((error) => say("The headset cannot be used: " + error.message)),
-  help: () => element("help-dialog").showModal(),
+  help: () => {
+    element("help-dialog").showModal();
+    element("help-dialog").scrollTop = 0;  // the focus is on the button at its end
+  },
   first: () => timeline.go(timeline.in), last: () => timeline.go(timeline.out),
   back: () => stepFrame(-1), forward: () => stepFrame(1),
   play: () => {

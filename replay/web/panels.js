@@ -133,6 +133,7 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
       parent.append(label);
       if (layer.seconds) addTimeFields(parent, index);
     });
+    for (const update of updateTimeFields) update();  // before one of them has the focus again
     if (focused) element(focused)?.focus();
   }
 

@@ -79,6 +79,7 @@ class PageTest(unittest.TestCase):
         cls.folder.cleanup()
 
     def setUp(self) -> None:
+        (self.root / "take.shot.json").unlink(missing_ok=True)  # a saved shot is shown again
         self.open_page(self.viewer.url)
 
     def tearDown(self) -> None:

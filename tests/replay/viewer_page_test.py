@@ -251,14 +251,39 @@ class KeysAndFiles(PageTest):
         (self.root / "there.json").write_text((self.root / "take/shot.json").read_text())
         before = (self.root / "there.json").read_text()
         self.save_as("there.json")
-        self.wait_for("return document.getElementById('status').textContent.includes('exists')")
+        self.wait_for("return document.getElementById('file-error').textContent.includes('exists')")
         self.assertEqual((self.root / "there.json").read_text(), before)
-        self.save_as("there.json", replace=True)
+        # The dialog is there again, with the name.
+        self.assertEqual(self.element("file-name").get_property("value"), "there.json")
+        self.element("replace").click()
+        self.element("file-name").send_keys(Keys.ENTER)
         self.wait_for("return document.getElementById('status').textContent === 'Saved there.json'")
         self.assertNotEqual((self.root / "there.json").read_text(), before)
         self.save_as("../outside.json")
-        self.wait_for("return document.getElementById('status').textContent.includes('outside')")
+        self.wait_for("return document.getElementById('file-error').textContent.includes('outside')")
         self.assertFalse((self.root.parent / "outside.json").exists())
+        self.element("file-name").send_keys(Keys.ESCAPE)
+        self.save_as("without_extension")
+        self.wait_for("return document.getElementById('status').textContent === 'Saved without_extension.json'")
+
+    def test_a_take_is_opened_with_its_saved_shot(self) -> None:
+        self.set_key(5, 0.03)
+        self.save_as("take.shot.json")
+        self.wait_for("return document.getElementById('status').textContent === 'Saved take.shot.json'")
+        self.open_page(self.viewer.url)
+        self.assertEqual(self.js("return raystage.shotText.keyAt(5).position[0]"), 0.03)
+        self.assertFalse(self.js("return raystage.shotText.isChanged()"))
+        # What is no shot of the take does not hide the take.
+        (self.root / "take.shot.json").write_text("{")
+        self.open_page(self.viewer.url)
+        self.assertIsNone(self.js("return raystage.shotText.keyAt(5) ?? null"))
+
+    def test_long_messages_do_not_widen_the_page(self) -> None:
+        self.js("document.getElementById('status').textContent = 'what failed where and what to do. '.repeat(20)")
+        self.assertLessEqual(self.js("return document.documentElement.scrollWidth"), self.js("return innerWidth"))
+        box = self.js("const b = document.getElementById('snapshot').getBoundingClientRect(); return [b.left, b.right]")
+        self.assertLessEqual(box[1], self.js("return innerWidth"))
+        self.assertLess(self.js("return document.querySelector('header').offsetHeight"), 60)
 
     def test_time_follows_keys(self) -> None:
         seconds = "return raystage.state.shot.layers[0].seconds"

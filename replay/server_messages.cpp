@@ -161,6 +161,8 @@ std::string hello_message(std::string_view program_version, std::string_view fol
   for (const render::Method* method : render::methods()) {
     methods.push_back({{"name", method->name()},
                        {"summary", method->description().summary},
+                       {"uses_focal_plane", method->uses_focal_plane()},
+                       {"has_lens", method->has_lens()},
                        {"artefacts", method->description().artefacts}});
   }
   Json json{{"type", "hello"},

@@ -382,8 +382,8 @@ GltfCamera parse_gltf_camera(std::string_view bytes, const std::filesystem::path
                               sampler.times().end());
   }
   std::ranges::sort(result.key_seconds);
-  const auto repeated = std::ranges::unique(result.key_seconds);
-  result.key_seconds.erase(repeated.begin(), repeated.end());
+  result.key_seconds.erase(std::unique(result.key_seconds.begin(), result.key_seconds.end()),
+                           result.key_seconds.end());
   result.fov_is_animated = samplers->contains(fov_target);
   result.pose = [file, nodes, samplers](double seconds) {
     Matrix4d world_from_node = Matrix4d::Identity();

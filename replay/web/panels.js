@@ -128,6 +128,9 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
         });
         label.append(select);
         const found = state.methods.find((method) => method.name === layer.method);
+        element("focus-note").textContent = !found ? "" :
+          (found.uses_focal_plane ? "" : `${found.name} is sharp at every depth: the distance has no effect. `) +
+          (found.has_lens ? "" : `The aperture has an effect with ${state.methods.filter((m) => m.has_lens).map((m) => m.name).join(", ")} only.`);
         element("method-summary").textContent = found ? found.summary + (found.artefacts ? ". Visible errors: " + found.artefacts : "") + "." : "";
       }
       parent.append(label);

@@ -278,6 +278,13 @@ class KeysAndFiles(PageTest):
         self.open_page(self.viewer.url)
         self.assertIsNone(self.js("return raystage.shotText.keyAt(5) ?? null"))
 
+    def test_what_has_no_effect_is_said(self) -> None:
+        self.assertEqual(self.element("focus-note").text, "The aperture has an effect with aperture only.")
+        self.js("raystage.shotText.change(j => { j.layers[0].method = 'depth'; }); raystage.sendShot()")
+        self.wait_for("return document.getElementById('focus-note').textContent.startsWith('depth is sharp at every depth')")
+        self.js("raystage.shotText.change(j => { j.layers[0].method = 'aperture'; }); raystage.sendShot()")
+        self.wait_for("return document.getElementById('focus-note').textContent === ''")
+
     def test_long_messages_do_not_widen_the_page(self) -> None:
         self.js("document.getElementById('status').textContent = 'what failed where and what to do. '.repeat(20)")
         self.assertLessEqual(self.js("return document.documentElement.scrollWidth"), self.js("return innerWidth"))

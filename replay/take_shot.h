@@ -28,8 +28,8 @@ schemas::ShotDocument make_take_shot(const store::Take& take, const store::Timel
 ShotText open_take_shot(const std::filesystem::path& take_folder,
                         const std::filesystem::path& shot_folder);
 
-/// Returns the shot as its file has it now, if there is one; else `shot` itself, also where the file
-/// is no valid shot or shows other takes only.
+/// Returns the shot as its file has it now, if there is one; else `shot` itself, also where the
+/// file is no valid shot or shows other takes only.
 ShotText saved_shot(const ShotFiles& files, const ShotText& shot);
 
 /// Returns the camera whose centre is nearest to the array's.

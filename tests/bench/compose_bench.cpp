@@ -301,6 +301,10 @@ BENCHMARK_CAPTURE(OpenExrAlone, piz_zip_2, Imf::PIZ_COMPRESSION, Imf::ZIP_COMPRE
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(OpenExrAlone, piz_zip_1, Imf::PIZ_COMPRESSION, Imf::ZIP_COMPRESSION, 1)
     ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(OpenExrAlone, zip_zip_4, Imf::ZIP_COMPRESSION, Imf::ZIP_COMPRESSION, 4)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(OpenExrAlone, zips_zips_4, Imf::ZIPS_COMPRESSION, Imf::ZIPS_COMPRESSION, 4)
+    ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(OpenExrAlone, zip_zip_1, Imf::ZIP_COMPRESSION, Imf::ZIP_COMPRESSION, 1)
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(OpenExrAlone, zips_zips_1, Imf::ZIPS_COMPRESSION, Imf::ZIPS_COMPRESSION, 1)

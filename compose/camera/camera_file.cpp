@@ -94,7 +94,7 @@ bool are_at_frames(std::span<const double> seconds, double fps) {
   });
 }
 
-/// Returns the rate of a file that nobody stated: the shot's or, for 24000/1001 and the like, 24.
+/// Returns the rate of a file that states none: the shot's or, for 24000/1001 and the like, 24.
 /// Blender's exporter ignores the base of its frame rate. Throws Error (bad input) if keys are
 /// between the frames of both.
 FrameRate unstated_rate(const GltfCamera& camera, const std::filesystem::path& file,

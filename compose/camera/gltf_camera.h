@@ -35,7 +35,7 @@ struct GltfCamera {
 /// frames by the rounding of floats only are corrected.
 struct GltfFrameRate {
   std::optional<FrameRate> stated = {};  ///< instead of that which the file states
-  FrameRate otherwise = {};              ///< if nobody states one
+  FrameRate otherwise = {};              ///< if none is stated
 };
 
 /// Reads one camera of a .gltf or .glb file. `name`: of its node or of the camera; empty: the only

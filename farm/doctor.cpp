@@ -73,7 +73,23 @@ std::string size_fault(const schemas::FarmJobDocument& job, const SlurmNode& nod
 /// Returns the state of a Slurm job, e.g. "PENDING", or nothing if Slurm does not have it.
 std::string slurm_state_of(const std::string& id) {
   const ChildResult result = run_child({"squeue", "-h", "-j", id, "-o", "%T"});
-  return result.exit_code == 0 ? result.out : std::string();
+  return result.exit_code == 0 ? result.out.substr(0, result.out.find('\n')) : std::string();
+}
+
+/// Words why a node did not answer, from the state of its check in Slurm.
+std::string describe_silence(const std::string& slurm_state, double seconds) {
+  // A check that ended without an answer: Slurm keeps it for a while, then forgets it.
+  if (slurm_state.empty() || slurm_state == "COMPLETED" || slurm_state == "FAILED") {
+    return fmt::format(
+        "no answer within {:.0f} s, and the check is over in Slurm: the job folder does not exist, "
+        "or the command of a task cannot be started",
+        seconds);
+  }
+  return fmt::format(
+      "no answer within {:.0f} s; Slurm reports its check as {}: the node is slow, its "
+      "login shell waits (Slurm reads the environment of a task from it), the job folder does not "
+      "exist there, or the command of a task cannot be started",
+      seconds, slurm_state);
 }
 
 std::vector<NodeReport> check_slurm_nodes(const JobFolder& folder,
@@ -130,14 +146,12 @@ std::vector<NodeReport> check_slurm_nodes(const JobFolder& folder,
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
   for (const auto& [node, id] : checks) {
-    if (slurm_state_of(id).starts_with("PENDING")) {
+    const std::string state = slurm_state_of(id);
+    if (state == "PENDING") {
       reports[node] = fault_report(node, "");
       reports[node].is_pending = true;
     } else {
-      reports[node] =
-          fault_report(node, fmt::format("no answer within {:.0f} s: the job folder does not "
-                                         "exist, or the command of a task cannot be started",
-                                         timeout_seconds));
+      reports[node] = fault_report(node, describe_silence(state, timeout_seconds));
     }
   }
   if (!checks.empty()) run_child({"scancel", "--quiet", "--name=" + slurm_job_name(job, "doctor")});

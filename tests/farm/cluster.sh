@@ -11,6 +11,7 @@
 #   cluster.sh DIR kill-node NODE     simulates a power cut, and reports it to Slurm at once
 #   cluster.sh DIR kill-controller | start-controller
 #   cluster.sh DIR on NODE COMMAND... runs a command with the mounts of that node
+#   cluster.sh DIR report             prints the queue, the nodes and what the daemons complained about
 #
 # DIR: at most 60 characters (UNIX socket paths), new or empty. Measured on Slurm 22.05 of Debian
 # 12: a cred_expire (the time until a requeued task starts again) below 5 counts as 120.
@@ -62,13 +63,32 @@ start_node() {
       die "control groups cannot be written to"
   fi
   mkdir -p "$D/spool/$1"
-  # The namespace's first process reaps the others, which end with it.
+  # The namespace's first process reaps the others, which end with it. For tasks with --export=NONE slurmd
+  # reads root's environment from a login shell, and waits for all that root's profile starts (pyenv waits up to
+  # 60 s for a lock that a killed shell leaves): nodes have an empty profile.
   limit=
   [ -z "${NODE_SHARE:-}" ] || limit=$(node_group "$1")/cgroup.procs
   # shellcheck disable=SC2016
   launch "$1" sh -c '[ -z "$1" ] || echo $$ >"$1"; shift; exec "$@"' limit "$limit" \
     unshare --pid --mount --fork --kill-child --mount-proc sh -c \
-    'slurmd -D -s -f "$1" -N "$2" & wait $!' node "$SLURM_CONF" "$1"
+    'for file in .profile .bash_profile .bash_login .bashrc; do
+      [ ! -e ~root/$file ] || mount --bind /dev/null ~root/$file
+    done; slurmd -D -s -f "$1" -N "$2" & wait $!' node "$SLURM_CONF" "$1"
+}
+# Registered nodes may still fail to run tasks; a test then fails for reasons of this host.
+run_a_task_on_each() {  # N
+  rm -f "$D"/run/ran.*
+  i=1
+  while [ $i -le "$1" ]; do
+    sbatch --quiet --output=/dev/null --nodelist=n$i --wrap "touch $D/run/ran.n$i" || return 1
+    i=$((i + 1))
+  done
+  await 60 sh -c "[ \$(ls $D/run/ran.* 2>/dev/null | wc -l) = $1 ]" && await 30 is_idle "$1"
+}
+report() {
+  timeout 20 squeue -o '%i %j %T %r %N %M'
+  timeout 20 sinfo -N -o '%N %T %E'
+  grep -hiE 'error|fatal|expired|replay|not responding|fail|drain|kill' "$D"/log/*.log | tail -n 60
 }
 is_idle() { [ "$(sinfo -h -N -t idle -o %N | wc -l)" = "$1" ]; }
 
@@ -130,6 +150,7 @@ EOF
     i=$((i + 1))
   done
   await 30 is_idle "$N" || die "the nodes did not come up: $(tail -n 3 "$D"/log/n*.log)"
+  run_a_task_on_each "$N" || die "the nodes run no tasks: $(report 2>&1)"
   ;;
 stop)
   scontrol update partition=render state=down 2>/dev/null
@@ -147,6 +168,7 @@ kill-node)
   ;;
 kill-controller) finish slurmctld TERM ;;  # KILL within seconds of a submission would lose it
 start-controller) start_controller || die "slurmctld did not come up" ;;
+report) report ;;
 on)
   unshared=$(cat "$D/run/$1.pid")
   shift

@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <iostream>
 #include <set>
 
 #include "tests/farm/farm_job_test.h"
@@ -28,7 +29,10 @@ class FarmSlurm : public FarmJobTest {
     FarmJobTest::SetUp();
   }
   void TearDown() override {
-    if (!folder_.empty()) cluster("stop");
+    if (!folder_.empty()) {
+      if (HasFailure()) std::cout << "Slurm:\n" << cluster("report").out;
+      cluster("stop");
+    }
     FarmJobTest::TearDown();
   }
   CommandResult cluster(const std::string& verb) const {

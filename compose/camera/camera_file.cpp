@@ -81,82 +81,36 @@ ImportedCamera import_chan(const ShotDocument& shot, const std::filesystem::path
   return camera;
 }
 
-/// Distance of a key's time from the nearest frame, in frames, that rounding to float explains.
-double rounding_of(double frame) {
-  constexpr double kExported = 0.01, kFloat = 1.2e-7;
-  return kExported + std::abs(frame) * kFloat;
-}
-
-bool are_at_frames(std::span<const double> seconds, double fps) {
-  return std::ranges::all_of(seconds, [fps](double time) {
-    const double frame = time * fps;
-    return std::abs(frame - std::round(frame)) <= rounding_of(frame);
-  });
-}
-
-/// Returns the rate of a file that states none: the shot's or, for 24000/1001 and the like, 24.
-/// Blender's exporter ignores the base of its frame rate. Throws Error (bad input) if keys are
-/// between the frames of both.
-FrameRate unstated_rate(const GltfCamera& camera, const std::filesystem::path& file,
-                        const std::string& where) {
-  const FrameRate shot = camera.frame_rate;
-  if (are_at_frames(camera.key_seconds, shot.fps())) return shot;
-  const FrameRate nominal{shot.numerator / 1000, 1};
-  if (shot.denominator == 1001 && are_at_frames(camera.key_seconds, nominal.fps())) return nominal;
-  constexpr std::array kUsual{FrameRate{24, 1}, FrameRate{25, 1},       FrameRate{24000, 1001},
-                              FrameRate{30, 1}, FrameRate{30000, 1001}, FrameRate{48, 1},
-                              FrameRate{50, 1}, FrameRate{60, 1},       FrameRate{60000, 1001},
-                              FrameRate{90, 1}, FrameRate{120, 1}};
-  const auto* const fits = std::ranges::find_if(
-      kUsual, [&](FrameRate rate) { return are_at_frames(camera.key_seconds, rate.fps()); });
-  const std::string found = fits == kUsual.end() ? std::string("of no usual rate")
-                            : fits->denominator == 1
-                                ? fmt::format("at {} fps", fits->numerator)
-                                : fmt::format("at {}/{} fps", fits->numerator, fits->denominator);
-  throw Error::bad_input(
-      fmt::format("the keys of {} are not at frames of {:.10g} fps, the shot's rate; they are "
-                  "frames {}",
-                  file.string(), shot.fps(), found),
-      where + "/file", "Add the rate of the program that wrote the file as fps of the camera file");
-}
-
 ImportedCamera import_gltf(const ShotDocument& shot, const std::filesystem::path& file,
                            const std::string& where) {
   const ShotDocument::CameraFile& source = *shot.camera.file;
   const GltfFrameRate rate{source.fps, {shot.fps_numerator, shot.fps_denominator}};
   const auto gltf =
       std::make_shared<const GltfCamera>(read_gltf_camera(file, source.camera_name, rate));
-  const double fps =
-      (gltf->is_rate_stated ? gltf->frame_rate : unstated_rate(*gltf, file, where)).fps();
-
-  double zero = source.frame_offset;  // frame of the file's time 0
-  if (gltf->first_frame && !gltf->key_seconds.empty()) {
-    zero += *gltf->first_frame - std::round(gltf->key_seconds.front() * fps);
-  }
+  GltfFrames frames =
+      gltf_frames(gltf->timing, gltf->key_seconds, file, where + "/file",
+                  "Add the rate of the program that wrote the file as fps of the camera file");
+  frames.zero += source.frame_offset;
   ImportedCamera camera;
   camera.summary = fmt::format("{}, camera \"{}\"", file.string(), gltf->name);
   if (gltf->key_seconds.empty()) {
     camera.summary += ", not animated";
   } else {
-    const auto key_frame = [&](double seconds) {
-      const double frame = seconds * fps + zero;
-      const bool rounded = std::abs(frame - std::round(frame)) <= rounding_of(frame);
-      return rounded ? std::round(frame) : frame;
-    };
-    const double first = key_frame(gltf->key_seconds.front()),
-                 last = key_frame(gltf->key_seconds.back());
+    const double first = frames.frame(gltf->key_seconds.front()),
+                 last = frames.frame(gltf->key_seconds.back());
     check_overlap(shot, first, last, file, where);
-    camera.summary += fmt::format(", {} at {:.10g} fps", frame_range_text(first, last), fps);
+    camera.summary += fmt::format(", {} at {:.10g} fps", frame_range_text(first, last), frames.fps);
   }
   const double height_by_width = static_cast<double>(shot.height) / shot.width;
-  const auto seconds = [=](double frame) { return (frame - zero) / fps; };
   camera.focal_is_animated = gltf->fov_is_animated;
-  camera.channels.position = [=](double frame) { return gltf->pose(seconds(frame)).position; };
+  camera.channels.position = [=](double frame) {
+    return gltf->pose(frames.seconds(frame)).position;
+  };
   camera.channels.orientation = [=](double frame) {
-    return Quaterniond(gltf->pose(seconds(frame)).world_from_camera_rotation);
+    return Quaterniond(gltf->pose(frames.seconds(frame)).world_from_camera_rotation);
   };
   camera.channels.focal = [=](double frame) {
-    return focal_from_vertical(gltf->vertical_fov(seconds(frame)), height_by_width);
+    return focal_from_vertical(gltf->vertical_fov(frames.seconds(frame)), height_by_width);
   };
   return camera;
 }

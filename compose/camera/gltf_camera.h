@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/frame_rate.h"
+#include "compose/camera/gltf_timing.h"
 #include "rig/pose.h"
 
 namespace raystage::compose {
@@ -25,17 +26,7 @@ struct GltfCamera {
   std::function<double(double seconds)> vertical_fov;  ///< full angle, radians
   bool fov_is_animated = false;
   std::vector<double> key_seconds;  ///< times of all keys, ascending; empty: not animated
-  /// The frame rate, and whether it is stated: by the reader, or by `extras` of the file's `asset`.
-  FrameRate frame_rate;
-  bool is_rate_stated = false;
-  std::optional<int> first_frame;  ///< of the first key, if the file states it
-};
-
-/// Frame rate of a glTF file, which counts time in seconds. Times of keys that differ from those of
-/// frames by the rounding of floats only are corrected.
-struct GltfFrameRate {
-  std::optional<FrameRate> stated = {};  ///< instead of that which the file states
-  FrameRate otherwise = {};              ///< if none is stated
+  GltfTiming timing;
 };
 
 /// Reads one camera of a .gltf or .glb file. `name`: of its node or of the camera; empty: the only

@@ -87,7 +87,7 @@ class GltfCameras : public ::testing::Test {
 void expect_boom(const GltfCamera& camera) {
   EXPECT_EQ(camera.name, "shot");
   EXPECT_EQ(camera.key_seconds, (std::vector<double>{0, 2}));
-  EXPECT_FALSE(camera.is_rate_stated || camera.first_frame || camera.fov_is_animated);
+  EXPECT_FALSE(camera.timing.is_rate_stated || camera.timing.first_frame || camera.fov_is_animated);
   EXPECT_EQ(camera.vertical_fov(7), 0.5);
   EXPECT_LT((camera.pose(-1).position - Vector3d(10, 0, -3)).norm(), 1e-6);
   const Matrix3d half = AngleAxisd(std::numbers::pi / 4, Vector3d::UnitY()).toRotationMatrix();
@@ -231,8 +231,8 @@ TEST_F(GltfCameras, WhatIsWrittenComesBack) {
       read(json::parse(format_gltf_camera("crane", 16.0 / 9, keys, {24, 1}, 0)));
   EXPECT_EQ(camera.name, "crane");
   EXPECT_NEAR(camera.key_seconds.back(), 1, 1e-6);
-  EXPECT_EQ(camera.frame_rate, (FrameRate{24, 1}));
-  EXPECT_EQ(camera.first_frame, 0);
+  EXPECT_EQ(camera.timing.frame_rate, (FrameRate{24, 1}));
+  EXPECT_EQ(camera.timing.first_frame, 0);
   EXPECT_TRUE(camera.fov_is_animated);
   for (const GltfCameraKey& key : keys) {
     const rig::Pose pose = camera.pose(key.seconds);
@@ -250,7 +250,7 @@ TEST_F(GltfCameras, WhatStandsStillIsNotAnimated) {
   EXPECT_FALSE(document.contains("animations"));
   EXPECT_FALSE(document.contains("extensionsUsed"));
   EXPECT_TRUE(read(document).key_seconds.empty());
-  EXPECT_EQ(read(document).frame_rate, (FrameRate{24000, 1001}));
+  EXPECT_EQ(read(document).timing.frame_rate, (FrameRate{24000, 1001}));
 }
 
 }  // namespace

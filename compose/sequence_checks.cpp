@@ -211,6 +211,18 @@ void report_headlight(const ShotPlan& plan, const SequenceOptions& options) {
   }
 }
 
+/// Reports animations of mesh files that are not read: those of FBX and other formats than glTF.
+void report_unread_animations(const ShotPlan& plan, const SequenceOptions& options) {
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    const GeometryLayer* mesh = plan.geometry(i);
+    if (mesh == nullptr || !mesh->has_unread_animation()) continue;
+    options.on_message(fmt::format(
+        "warning: {}the animation of {} is not read, the mesh stands still; export it as glTF, or "
+        "write \"animated\": false",
+        layer_label(plan, i), plan.shot().layers[i].geometry->file));
+  }
+}
+
 /// Reports frames that look where no camera of a layer's take looked, whatever is there.
 void report_uncovered_rays(const ShotPlan& plan, const LightFieldLayer& light_field,
                            std::span<const PlannedFrame> frames, const SequenceOptions& options) {
@@ -248,6 +260,7 @@ void report_sequence_warnings(const ShotPlan& plan, std::span<const PlannedFrame
     options.on_message("camera: " + camera);
   }
   report_headlight(plan, options);
+  report_unread_animations(plan, options);
   for (const LightFieldLayer* light_field : plan.light_fields()) {
     const std::size_t i = light_field->index();
     const std::string of_layer = layer_label(plan, i);

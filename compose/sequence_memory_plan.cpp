@@ -93,7 +93,12 @@ std::size_t frame_bytes(const ShotPlan& plan, std::span<const PlannedFrame> fram
       (plan.measures_coverage() ? kMeasuresBytesPerPixel : 0) +
       (plan.writes_aov("lf.confidence") ? kConfidenceBytesPerPixel : 0) +
       (plan.layers() > 1 ? plan.layers() * kLayerBytesPerPixel : 0) + aov_bytes_per_pixel(plan);
-  return plan.eyes().size() * (pixels_of(plan.shot()) * per_pixel + max_view_bytes(plan, frames));
+  std::size_t of_layers = 0;
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    if (plan.layer(i) != nullptr) of_layers += plan.layer(i)->frame_bytes();
+  }
+  return of_layers +
+         plan.eyes().size() * (pixels_of(plan.shot()) * per_pixel + max_view_bytes(plan, frames));
 }
 
 /// Returns the memory of decoded source frames, which shot frames of one instant share, bytes.

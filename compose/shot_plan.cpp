@@ -188,7 +188,7 @@ std::unique_ptr<const Layer> ShotPlan::open_geometry(std::size_t layer) {
     lights_fingerprint_ = print.hex();
   }
   return std::make_unique<const GeometryLayer>(
-      *shot_.layers[layer].geometry, folder_,
+      *shot_.layers[layer].geometry, FrameRate{shot_.fps_numerator, shot_.fps_denominator}, folder_,
       fmt::format("{}#/layers/{}/geometry", shot_file_.string(), layer), *textures_);
 }
 

@@ -14,6 +14,8 @@ namespace raystage::schemas {
 /// Reads frames per second: a number or a ratio as text.
 FrameRate frame_rate_from(const JsonNode& fps);
 nlohmann::ordered_json json_from(const FrameRate& rate);
+inline constexpr Converter kFrameRateValue([](const JsonNode& fps) { return frame_rate_from(fps); },
+                                           [](const FrameRate& rate) { return json_from(rate); });
 
 /// Reads a camera. `version` is that of the shot's schema; in version 1 a camera is a list of keys.
 ShotDocument::Camera shot_camera_from(const JsonNode& camera, int version);

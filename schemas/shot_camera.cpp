@@ -61,13 +61,11 @@ constexpr Fields kCameraKey(
     optional("ease_in", &CameraKey::ease_in), optional("ease_out", &CameraKey::ease_out));
 constexpr auto kCameraKeys = list_of(kCameraKey, check_camera_frames);
 
-constexpr Converter kFileRate([](const JsonNode& fps) { return frame_rate_from(fps); },
-                              [](const FrameRate& rate) { return json_from(rate); });
 constexpr Fields kCameraFile(required("path", &CameraFile::path, kPath),
                              optional("camera_name", &CameraFile::camera_name),
                              defaulted("rotation_order", &CameraFile::rotation_order),
                              defaulted("frame_offset", &CameraFile::frame_offset),
-                             optional("fps", &CameraFile::fps, kFileRate),
+                             optional("fps", &CameraFile::fps, kFrameRateValue),
                              optional("film_back_height_mm", &CameraFile::film_back_height_mm));
 
 void check_axis(const JsonNode& object, const Orbit& orbit) {

@@ -65,6 +65,13 @@ constexpr Fields kOutput(defaulted("compression", &Output::compression),
                          optional("overscan", &Output::overscan), defaulted("aovs", &Output::aovs),
                          defaulted("color", &Output::color, kColor));
 
+/// Before version 3, meshes did not move as their files state.
+void stop_mesh_animations(ShotDocument& shot) {
+  for (ShotDocument::Layer& layer : shot.layers) {
+    if (layer.geometry) layer.geometry->is_animated = false;
+  }
+}
+
 /// In version 2, glTF's time 0 is the shot's first frame, since version 3 it is frame 0.
 void count_gltf_time_from_zero(ShotDocument& shot) {
   auto& file = shot.camera.file;
@@ -134,6 +141,7 @@ ShotDocument parse_shot(std::string_view text, std::string_view name) {
   ShotDocument shot;
   shot_fields(version).read(JsonNode{json, name, ""}, shot);
   if (version == 2) count_gltf_time_from_zero(shot);
+  if (version < 3) stop_mesh_animations(shot);
   return shot;
 }
 

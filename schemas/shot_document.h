@@ -123,13 +123,19 @@ struct ShotDocument {
     std::string file;  ///< glTF, OBJ, PLY ..., relative to the shot's folder
     std::optional<Material> material = {};
     std::vector<TransformKey> keys = {};  ///< by increasing frame; empty: as in the file
+    bool is_animated = true;              ///< whether nodes move as a glTF file states
+    std::optional<FrameRate> fps = {};    ///< of the program that wrote the file
     int samples = 16;                     ///< rays per pixel, a square number
   };
-  /// A light on geometry: exactly one of ambient, direction, environment, light_field.
+  /// A light on geometry: exactly one of ambient, direction, position, environment, light_field.
   struct Light {
     std::optional<std::array<double, 3>> ambient = {};    ///< radiance from everywhere
     std::optional<std::array<double, 3>> direction = {};  ///< direction of propagation, world
-    std::array<double, 3> color{1, 1, 1};  ///< radiance of a white diffuse surface that faces it
+    double angle_deg = 0;                                 ///< diameter of a distant light
+    std::optional<std::array<double, 3>> position = {};   ///< of a sphere's centre, world, metres
+    double radius_m = 0;                                  ///< of a sphere; 0: a point
+    /// Radiance of a white diffuse surface that faces it; of a sphere: at 1 m from its centre.
+    std::array<double, 3> color{1, 1, 1};
     bool shadows = true;
     std::string environment = {};  ///< panorama file, relative to the shot's folder
     double rotation_deg = 0;       ///< of the environment about the y axis, counter-clockwise

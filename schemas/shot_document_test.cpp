@@ -363,14 +363,18 @@ json shot_with_geometry() {
                      {"geometry",
                       {{"file", "meshes/ball.glb"},
                        {"samples", 25},
+                       {"animated", false},
+                       {"fps", "24000/1001"},
                        {"material", {{"kind", "glossy"}, {"roughness", 0.3}, {"texture", "t.png"}}},
                        {"keys",
                         {{{"frame", 1}, {"position", {0, 1, -5}}, {"scale", 0.01}},
                          {{"frame", 48}, {"orientation", {1, 0, 0, 0}}}}}}}}};
-  shot["lights"] = {{{"ambient", {0.1, 0.1, 0.2}}},
-                    {{"direction", {0, -1, 0}}, {"color", {2, 2, 1}}, {"shadows", false}},
-                    {{"environment", "sky.exr"}, {"rotation_deg", 90}, {"rays", 4}},
-                    {{"light_field", "room"}, {"strength", 0.5}}};
+  shot["lights"] = {
+      {{"ambient", {0.1, 0.1, 0.2}}},
+      {{"direction", {0, -1, 0}}, {"color", {2, 2, 1}}, {"shadows", false}, {"angle_deg", 0.53}},
+      {{"position", {0, 2, -1}}, {"radius_m", 0.25}, {"color", {9, 9, 9}}},
+      {{"environment", "sky.exr"}, {"rotation_deg", 90}, {"rays", 4}},
+      {{"light_field", "room"}, {"strength", 0.5}}};
   return shot;
 }
 
@@ -385,13 +389,33 @@ TEST(ShotGeometryDocument, MeshesAndLightsComeBack) {
   EXPECT_FALSE(geometry.material->color);
   EXPECT_EQ(geometry.keys[0].scale, 0.01);
   EXPECT_FALSE(geometry.keys[1].position);
-  ASSERT_EQ(document.lights.size(), 4U);
+  EXPECT_FALSE(geometry.is_animated);
+  EXPECT_EQ(geometry.fps, (FrameRate{24000, 1001}));
+  ASSERT_EQ(document.lights.size(), 5U);
   EXPECT_EQ(document.lights[0].ambient->at(2), 0.2);
   EXPECT_FALSE(document.lights[1].shadows);
-  EXPECT_EQ(document.lights[2].rays, 4);
-  EXPECT_EQ(document.lights[3].light_field, "room");
+  EXPECT_EQ(document.lights[1].angle_deg, 0.53);
+  EXPECT_EQ(document.lights[2].position, (std::array<double, 3>{0, 2, -1}));
+  EXPECT_EQ(document.lights[2].radius_m, 0.25);
+  EXPECT_EQ(document.lights[3].rays, 4);
+  EXPECT_EQ(document.lights[4].light_field, "room");
   const std::string once = format_shot(document);
   EXPECT_EQ(format_shot(parse_shot(once, "f")), once);
+}
+
+TEST(ShotGeometryDocument, MeshesStoodStillBeforeVersionThree) {
+  json old = shot_with_geometry();
+  old["schema"] = "raystage/shot/2";
+  old["camera"]["file"].erase("fps");
+  old["lights"].clear();
+  old["layers"][1]["geometry"].erase("fps");
+  EXPECT_THAT(refusal(old), HasSubstr("/geometry/animated"));  // not known then
+  old["layers"][1]["geometry"].erase("animated");
+  const ShotDocument shot = parse_shot(old.dump(), "f");
+  EXPECT_FALSE(shot.layers[1].geometry->is_animated);
+  EXPECT_FALSE(parse_shot(format_shot(shot), "f").layers[1].geometry->is_animated);
+  old["schema"] = "raystage/shot/3";
+  EXPECT_TRUE(parse_shot(old.dump(), "f").layers[1].geometry->is_animated);
 }
 
 TEST(ShotGeometryDocument, RefusesWhatMeansNothing) {
@@ -414,6 +438,11 @@ TEST(ShotGeometryDocument, RefusesWhatMeansNothing) {
   EXPECT_THAT(light({{"strength", 1}}), HasSubstr("#/lights/0: found 0 of \"ambient\""));
   EXPECT_THAT(light({{"ambient", {1, 1, 1}}, {"rays", 4}}), HasSubstr("#/lights/0/rays: only"));
   EXPECT_THAT(light({{"direction", {0, 0, 0}}}), HasSubstr("length 0"));
+  EXPECT_THAT(light({{"direction", {0, 1, 0}}, {"radius_m", 1}}),
+              HasSubstr("#/lights/0/radius_m: only a light with \"position\""));
+  EXPECT_THAT(light({{"position", {0, 1, 0}}, {"angle_deg", 1}}),
+              HasSubstr("#/lights/0/angle_deg: only a light with \"direction\""));
+  EXPECT_THAT(light({{"direction", {0, 1, 0}}, {"angle_deg", 180}}), HasSubstr("/angle_deg"));
   EXPECT_THAT(light({{"ambient", {1, -1, 1}}}), HasSubstr("#/lights/0/ambient"));
 }
 

@@ -39,11 +39,11 @@ constexpr Fields kTransformKey(required("frame", &TransformKey::frame),
                                optional("orientation", &TransformKey::orientation),
                                optional("scale", &TransformKey::scale));
 
-constexpr Fields kGeometry(required("file", &Geometry::file, kPath),
-                           optional("material", &Geometry::material, kMaterial),
-                           optional("keys", &Geometry::keys,
-                                    list_of(kTransformKey, check_transform_frames)),
-                           defaulted("samples", &Geometry::samples));
+constexpr Fields kGeometry(
+    required("file", &Geometry::file, kPath), optional("material", &Geometry::material, kMaterial),
+    optional("keys", &Geometry::keys, list_of(kTransformKey, check_transform_frames)),
+    defaulted("animated", &Geometry::is_animated), optional("fps", &Geometry::fps, kFrameRateValue),
+    defaulted("samples", &Geometry::samples));
 
 /// Rejects properties that have no effect on this kind of light.
 void check_kind(const JsonNode& object, const Light&) {
@@ -57,7 +57,9 @@ void check_kind(const JsonNode& object, const Light&) {
                             fmt::join(kinds_with.begin(), kinds_with.end(), "\" or \"")),
                 "Remove it");
   };
-  only({"direction"}, {"color", "shadows"});
+  only({"direction", "position"}, {"color", "shadows"});
+  only({"direction"}, {"angle_deg"});
+  only({"position"}, {"radius_m"});
   only({"environment"}, {"rotation_deg"});
   only({"environment", "light_field"}, {"strength", "rays"});
 }
@@ -70,16 +72,20 @@ void check_direction(const JsonNode& object, const Light& light) {
 
 bool is_directional(const Light& light) { return light.direction.has_value(); }
 bool is_environment(const Light& light) { return !light.environment.empty(); }
-bool gathers_light(const Light& light) { return !light.ambient && !light.direction; }
+bool is_sphere(const Light& light) { return light.position.has_value(); }
+bool is_direct(const Light& light) { return light.direction || light.position; }
+bool gathers_light(const Light& light) { return !light.ambient && !is_direct(light); }
 
 constexpr Fields kLight(
-    exactly_one_of("\"ambient\", \"direction\", \"environment\", \"light_field\"",
+    exactly_one_of("\"ambient\", \"direction\", \"position\", \"environment\", \"light_field\"",
                    "Give each light exactly one of these properties", "ambient", "direction",
-                   "environment", "light_field"),
+                   "position", "environment", "light_field"),
     check(check_kind), optional("ambient", &Light::ambient),
     optional("direction", &Light::direction), check(check_direction),
-    written_if(is_directional, defaulted("color", &Light::color),
-               defaulted("shadows", &Light::shadows)),
+    written_if(is_directional, defaulted("angle_deg", &Light::angle_deg)),
+    optional("position", &Light::position),
+    written_if(is_sphere, defaulted("radius_m", &Light::radius_m)),
+    written_if(is_direct, defaulted("color", &Light::color), defaulted("shadows", &Light::shadows)),
     optional("environment", &Light::environment, kPath),
     written_if(is_environment, defaulted("rotation_deg", &Light::rotation_deg)),
     optional("light_field", &Light::light_field),

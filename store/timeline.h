@@ -115,8 +115,9 @@ TimelineStatistics timeline_statistics(const Timeline& timeline);
 void write_timeline(const Timeline& timeline, const std::filesystem::path& take_folder);
 /// Writes the same into the folder of an open take.
 void write_timeline(const Timeline& timeline, const Take& take);
-/// Reads the timeline of a take. Throws Error (bad input) if it is missing (run `raystage sync`),
-/// damaged, of a future version, or of another take.
+/// Reads the timeline of a take; without one, makes that of takes which need no resynchronisation
+/// (store/unsynced_timeline.h). Throws Error (bad input) if it is missing otherwise (run `raystage
+/// sync`), damaged, of a future version, or of another take.
 Timeline read_timeline(const Take& take);
 /// Reads the same, but returns nullopt if it is missing.
 std::optional<Timeline> read_timeline_if_present(const Take& take);

@@ -16,11 +16,13 @@
 #include <new>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
 #include "base/little_endian.h"
 #include "store/journal.h"
+#include "store/unsynced_timeline.h"
 
 namespace raystage::store {
 namespace {
@@ -287,6 +289,7 @@ void write_timeline(const Timeline& timeline, const Take& take) {
 Timeline read_timeline(const Take& take) {
   const auto path = take.folder() / kTimelineFile;
   if (!std::filesystem::exists(path)) {
+    if (auto timeline = timeline_without_sync(take)) return *std::move(timeline);
     throw Error::bad_input("the take has no timeline", path.string(),
                            "Run `raystage sync` on the take");
   }

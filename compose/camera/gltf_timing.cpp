@@ -12,19 +12,35 @@
 namespace raystage::compose {
 namespace {
 
-/// Returns whether the rounding of floats explains the distance from the nearest frame.
+double distance_to_frame(double frame) { return std::abs(frame - std::round(frame)); }
+
+/// Returns whether the rounding of exporters and floats explains the distance from the nearest
+/// frame.
 bool is_at_frame(double frame) {
   constexpr double kExported = 0.01, kFloatRounding = 1.2e-7;  // in frames; of the frame number
-  return std::abs(frame - std::round(frame)) <= kExported + std::abs(frame) * kFloatRounding;
+  return distance_to_frame(frame) <= kExported + std::abs(frame) * kFloatRounding;
+}
+
+/// Returns the largest distance of a key from a frame, in frames.
+double distance_to_frames(std::span<const double> key_seconds, double fps) {
+  double most = 0;
+  for (const double time : key_seconds) most = std::max(most, distance_to_frame(time * fps));
+  return most;
 }
 
 /// Returns the rate of a file that states none, as documented for gltf_frames().
 FrameRate unstated_rate(FrameRate shot, std::span<const double> key_seconds,
                         const std::filesystem::path& file, const std::string& where,
                         const std::string& what_to_do) {
-  if (are_at_frames(key_seconds, shot.fps())) return shot;
+  // Frame 1001 at 24 fps is frame 1000 at 24000/1001, and those after it differ by 0.001 each.
+  constexpr double kExact = 2e-4;
   const FrameRate nominal{shot.numerator / 1000, 1};
-  if (shot.denominator == 1001 && are_at_frames(key_seconds, nominal.fps())) return nominal;
+  const double of_shot = distance_to_frames(key_seconds, shot.fps());
+  if (shot.denominator == 1001 && of_shot > kExact && are_at_frames(key_seconds, nominal.fps()) &&
+      distance_to_frames(key_seconds, nominal.fps()) < of_shot / 2) {
+    return nominal;
+  }
+  if (are_at_frames(key_seconds, shot.fps())) return shot;
   constexpr std::array kUsual{FrameRate{24, 1}, FrameRate{25, 1},       FrameRate{24000, 1001},
                               FrameRate{30, 1}, FrameRate{30000, 1001}, FrameRate{48, 1},
                               FrameRate{50, 1}, FrameRate{60, 1},       FrameRate{60000, 1001},

@@ -39,9 +39,9 @@ struct GltfFrames {
 bool are_at_frames(std::span<const double> seconds, double fps);
 
 /// Returns the frames of a file. A rate that is not stated is that of the shot or, for 24000/1001
-/// and the like, 24: Blender's exporter ignores the base of its frame rate. `where`: of the file in
-/// the shot, and `what_to_do`: how its rate can be stated, for errors. Throws Error (bad input) if
-/// the keys are between the frames of both.
+/// and the like, 24 if its frames are nearer to the keys: Blender's exporter ignores the base of
+/// its frame rate. `where`: of the file in the shot, and `what_to_do`: how its rate can be stated,
+/// for errors. Throws Error (bad input) if the keys are between the frames of both.
 GltfFrames gltf_frames(const GltfTiming& timing, std::span<const double> key_seconds,
                        const std::filesystem::path& file, const std::string& where,
                        const std::string& what_to_do);

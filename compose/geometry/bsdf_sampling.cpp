@@ -10,12 +10,8 @@
 #include <numbers>
 
 namespace raystage::compose {
-namespace {
-
 using Eigen::Vector3d;
 
-/// Returns two tangents and the normal as columns (Duff et al., "Building an orthonormal basis,
-/// revisited", JCGT 6(1), 2017).
 Eigen::Matrix3d basis_around(const Vector3d& n) {
   const double sign = std::copysign(1.0, n.z());
   const double a = -1 / (sign + n.z()), b = n.x() * n.y() * a;
@@ -25,6 +21,8 @@ Eigen::Matrix3d basis_around(const Vector3d& n) {
   basis.col(2) = n;
   return basis;
 }
+
+namespace {
 
 /// Returns Smith's masking of GGX for a direction in the surface's frame.
 double masking(const Vector3d& v, double alpha) {

@@ -12,6 +12,10 @@ namespace raystage::compose {
 /// a hash of `seed` (Cranley and Patterson, "Randomization of number theoretic methods", 1976).
 std::array<double, 2> r2_sample(std::uint32_t seed, std::uint32_t index);
 
+/// Returns two tangents and the unit normal as columns (Duff et al., "Building an orthonormal
+/// basis, revisited", JCGT 6(1), 2017).
+Eigen::Matrix3d basis_around(const Eigen::Vector3d& normal);
+
 /// Returns a unit direction around `normal` with density cos / pi (Lambert). `at`: in [0, 1).
 Eigen::Vector3d sample_diffuse_direction(const Eigen::Vector3d& normal,
                                          const std::array<double, 2>& at);

@@ -146,14 +146,15 @@ void EmbreeMesh::intersect(const Eigen::Affine3d& object_from_world,
 
 void EmbreeMesh::occlude(const Eigen::Affine3d& object_from_world,
                          std::span<const render::WorldRay> rays, double min_distance,
-                         double max_distance, std::span<std::uint8_t> occluded,
+                         std::span<const double> max_distance, std::span<std::uint8_t> occluded,
                          RayCoherence order) const {
   Packet packet;
   std::array<double, kPacket> to{};
   for (std::size_t begin = 0; begin < rays.size(); begin += kPacket) {
     const std::size_t n = std::min(kPacket, rays.size() - begin);
     // An empty interval skips rays that are already occluded.
-    for (std::size_t i = 0; i < n; ++i) to[i] = occluded[begin + i] != 0 ? 0 : max_distance;
+    for (std::size_t i = 0; i < n; ++i)
+      to[i] = occluded[begin + i] != 0 ? 0 : max_distance[begin + i];
     if (!fill(object_from_world, rays.subspan(begin, n), min_distance, to, packet)) continue;
     build_bvh();
     RTCIntersectContext context = context_of(order);

@@ -52,10 +52,11 @@ class EmbreeMesh {
                  double min_distance, std::span<SurfaceHit> hits,
                  RayCoherence order = RayCoherence::kIncoherent) const;
 
-  /// Sets `occluded` to 1 for rays that intersect the mesh between the distances (metres). Rays
-  /// whose value is already 1 are not traced.
+  /// Sets `occluded` to 1 for rays that intersect the mesh between the distances (metres, the
+  /// larger of each ray). Rays whose value is already 1 are not traced.
   void occlude(const Eigen::Affine3d& object_from_world, std::span<const render::WorldRay> rays,
-               double min_distance, double max_distance, std::span<std::uint8_t> occluded,
+               double min_distance, std::span<const double> max_distance,
+               std::span<std::uint8_t> occluded,
                RayCoherence order = RayCoherence::kIncoherent) const;
 
   /// Returns the centre of the bounding box, coordinates of the file.

@@ -51,7 +51,7 @@ TEST(InView, MeshesThatNoRayComesNearAreNotBuilt) {
   GeometryScene scene;
   scene.meshes = {testing::make_instance(seen, {0, 0, -3}),
                   testing::make_instance(aside, {50, 0, -3})};
-  scene.lights.directional.push_back({{0, 0, 1}});
+  scene.lights.direct.push_back({{0, 0, 1}});
   render_geometry(scene, 0, render::virtual_camera_with_fov(16, 12, 0.6, {}), 1);
   EXPECT_TRUE(seen.is_built());
   EXPECT_FALSE(aside.is_built());

@@ -3,10 +3,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <fstream>
 #include <numbers>
+#include <utility>
 
+#include "base/error.h"
 #include "compose/geometry/frustum_culling.h"
 #include "compose/geometry/geometry_scene.h"
 
@@ -43,7 +47,9 @@ void replace_materials(Mesh& mesh, const schemas::ShotDocument::Material& by,
                                           : Kind::kDiffuse;
     material.roughness = static_cast<float>(by.roughness);
     if (by.color) material.color = color_from(*by.color);
-    if (!by.texture.empty()) material.texture = (folder / by.texture).lexically_normal();
+    if (by.texture.empty()) continue;
+    material.texture = (folder / by.texture).lexically_normal();
+    material.embedded_texture = nullptr;
   }
 }
 
@@ -60,9 +66,31 @@ std::string fingerprint_of(const Mesh& mesh) {
   for (const Material& material : mesh.materials) {
     print.integer("kind", static_cast<int>(material.kind)).number("roughness", material.roughness);
     for (const float c : material.color) print.number("color", c);
+    if (material.embedded_texture) print.text("image", material.embedded_texture->bytes);
     if (!material.texture.empty()) add_file(print, material.texture);
   }
   return print.hex();
+}
+
+bool is_gltf(const std::filesystem::path& file) {
+  std::string extension = file.extension().string();
+  std::ranges::transform(extension, extension.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension == ".gltf" || extension == ".glb";
+}
+
+/// Opens the texture of a material; null if it has none. `file`: of the mesh, named by errors.
+Textures::Handle open_texture(const Material& material, Textures& textures,
+                              const std::filesystem::path& file) {
+  if (material.embedded_texture) return textures.open(material.embedded_texture);
+  if (material.texture.empty()) return nullptr;
+  try {
+    return textures.open(material.texture);
+  } catch (const Error& error) {
+    if (error.exit_code() != ExitCode::kBadInput) throw;
+    throw Error::bad_input(error.what_happened() + ", a texture of the mesh " + file.string(),
+                           error.where(), error.what_to_do());
+  }
 }
 
 /// Renders the layer's mesh among the others of a frame.
@@ -85,26 +113,49 @@ class MeshRenderer final : public LayerRenderer {
 
 }  // namespace
 
-GeometryLayer::GeometryLayer(const schemas::ShotDocument::Geometry& geometry,
+GeometryLayer::GeometryLayer(const schemas::ShotDocument::Geometry& geometry, FrameRate fps,
                              const std::filesystem::path& folder, const std::string& where,
                              Textures& textures)
     : transform_(geometry, where), samples_(geometry.samples) {
-  const std::filesystem::path file = (folder / geometry.file).lexically_normal();
-  Mesh mesh = read_mesh(file);
-  for (Material& material : mesh.materials) {
+  const std::filesystem::path path = (folder / geometry.file).lexically_normal();
+  MeshFile file = read_mesh_file(path);
+  for (Material& material : file.mesh.materials) {
     material.color = textures.working_from_rec709() * material.color;
   }
-  if (geometry.material) replace_materials(mesh, *geometry.material, folder);
-  for (const Material& material : mesh.materials) {
-    textures_.push_back(material.texture.empty() ? nullptr : textures.open(material.texture));
+  if (geometry.material) replace_materials(file.mesh, *geometry.material, folder);
+  for (const Material& material : file.mesh.materials) {
+    textures_.push_back(open_texture(material, textures, path));
   }
-  fingerprint_ = fingerprint_of(mesh);
-  scene_ = std::make_unique<const EmbreeMesh>(std::move(mesh), file.string());
+  fingerprint_ = fingerprint_of(file.mesh);
+  const bool moves = geometry.is_animated && file.is_animated;
+  has_unread_animation_ = moves && !is_gltf(path);
+  if (moves && is_gltf(path)) {
+    auto animation = read_mesh_animation(path, {geometry.fps, fps}, file.node_names);
+    if (animation) {
+      const GltfFrames frames =
+          gltf_frames(animation->timing, animation->key_seconds, path, where + "/file",
+                      "Add the rate of the program that wrote the file as fps of the geometry");
+      moving_ = std::make_unique<const Moving>(Moving{file, std::move(*animation), frames, path});
+    }
+  }
+  scene_ = std::make_shared<const EmbreeMesh>(
+      MeshFile::place(std::move(file.mesh), file.parts, file.file_from_node, path), path.string());
+}
+
+std::vector<Eigen::Affine3d> GeometryLayer::file_from_node(double frame) const {
+  return moving_->animation.file_from_node(moving_->frames.seconds(frame));
 }
 
 MeshInstance GeometryLayer::instance_at(double frame) const {
   const Eigen::Affine3d world_from_object = transform_.world_from_object(frame);
-  return {scene_.get(), textures_, world_from_object, world_from_object.inverse()};
+  std::shared_ptr<const EmbreeMesh> scene = scene_;
+  if (moving_) {
+    scene =
+        std::make_shared<const EmbreeMesh>(MeshFile::place(moving_->file.mesh, moving_->file.parts,
+                                                           file_from_node(frame), moving_->path),
+                                           moving_->path.string());
+  }
+  return {std::move(scene), textures_, world_from_object, world_from_object.inverse()};
 }
 
 void GeometryLayer::add_to_fingerprint(Fingerprint& print, int frame,
@@ -112,6 +163,10 @@ void GeometryLayer::add_to_fingerprint(Fingerprint& print, int frame,
   print.text("geometry", fingerprint_).integer("samples", samples_);
   const Eigen::Affine3d placed = transform_.world_from_object(frame);
   for (const double value : placed.matrix().reshaped()) print.number("placed", value);
+  if (!moving_) return;
+  for (const Eigen::Affine3d& node : file_from_node(frame)) {
+    for (const double value : node.matrix().reshaped()) print.number("node", value);
+  }
 }
 
 std::vector<std::string> GeometryLayer::object_names(const std::string& layer) const {
@@ -143,8 +198,14 @@ Lights make_lights(const std::vector<schemas::ShotDocument::Light>& lights,
       result.ambient += color_from(*light.ambient);
     } else if (light.direction) {
       const auto& d = *light.direction;
-      result.directional.push_back({-Eigen::Vector3d(d[0], d[1], d[2]).stableNormalized(),
-                                    color_from(light.color), light.shadows});
+      result.direct.push_back({-Eigen::Vector3d(d[0], d[1], d[2]).stableNormalized(),
+                               color_from(light.color), light.shadows,
+                               light.angle_deg / 2 * std::numbers::pi / 180});
+    } else if (light.position) {
+      DirectLight sphere{.color = color_from(light.color), .casts_shadows = light.shadows};
+      sphere.position = Eigen::Vector3d(light.position->data());
+      sphere.radius = light.radius_m;
+      result.direct.push_back(sphere);
     } else if (!light.light_field.empty()) {
       result.gather_rays = std::max(result.gather_rays, light.rays);
     } else {
@@ -175,12 +236,14 @@ Lights make_lights(const std::vector<schemas::ShotDocument::Light>& lights,
 void add_to_fingerprint(Fingerprint& print, const std::vector<schemas::ShotDocument::Light>& lights,
                         const std::filesystem::path& folder) {
   for (const schemas::ShotDocument::Light& light : lights) {
-    for (const auto& values : {light.ambient, light.direction, std::optional(light.color)}) {
+    for (const auto& values :
+         {light.ambient, light.direction, light.position, std::optional(light.color)}) {
       for (const double value : values.value_or(std::array<double, 3>{})) {
         print.number("light", value);
       }
     }
     print.integer("shadows", light.shadows ? 1 : 0).number("turn", light.rotation_deg);
+    print.number("angle", light.angle_deg).number("radius", light.radius_m);
     print.number("strength", light.strength).integer("rays", light.rays);
     print.text("light_field", light.light_field);
     if (!light.environment.empty()) add_file(print, folder / light.environment);

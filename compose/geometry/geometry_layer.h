@@ -7,9 +7,11 @@
 #include <string>
 #include <vector>
 
+#include "base/frame_rate.h"
 #include "compose/geometry/animated_transform.h"
 #include "compose/geometry/embree_mesh.h"
 #include "compose/geometry/lights.h"
+#include "compose/geometry/mesh_animation.h"
 #include "compose/geometry/surface_point.h"
 #include "compose/geometry/textures.h"
 #include "compose/layers/layer.h"
@@ -17,24 +19,31 @@
 
 namespace raystage::compose {
 
-/// A mesh in a shot: read and checked before rendering.
+/// A mesh in a shot: read and checked before rendering. Meshes whose nodes move are built anew for
+/// each frame.
 class GeometryLayer final : public Layer {
  public:
-  /// Reads and checks the mesh. `where`: named by errors. `textures`: opens textures as needed;
-  /// referred to. Throws Error (bad input) if the mesh or a texture is missing or wrong, or for
-  /// unusable keys.
-  GeometryLayer(const schemas::ShotDocument::Geometry& geometry,
+  /// Reads and checks the mesh. `fps`: of the shot. `where`: named by errors. `textures`: opens
+  /// textures as needed; referred to. Throws Error (bad input) if the mesh or a texture is missing
+  /// or wrong, or for unusable keys.
+  GeometryLayer(const schemas::ShotDocument::Geometry& geometry, FrameRate fps,
                 const std::filesystem::path& folder, const std::string& where, Textures& textures);
 
   MeshInstance instance_at(double frame) const;
   int samples() const { return samples_; }
+  /// Returns whether the file is animated in a format whose animation is not read.
+  bool has_unread_animation() const { return has_unread_animation_; }
+  /// Returns the mesh, without its animation.
   const Mesh& mesh() const { return scene_->mesh(); }
 
   /// Adds the contents of the mesh's and textures' files, materials, transform and samples.
   void add_to_fingerprint(Fingerprint& print, int frame, const ShownTick& shown) const override;
   /// Returns names such as "LAYER/OBJECT".
   std::vector<std::string> object_names(const std::string& layer) const override;
-  std::size_t shared_bytes() const override { return scene_->bytes(); }
+  std::size_t shared_bytes() const override {
+    return scene_->bytes() + (moving_ ? moving_->file.mesh.bytes() : 0);
+  }
+  std::size_t frame_bytes() const override { return moving_ ? scene_->bytes() : 0; }
   std::size_t aov_bytes_per_pixel() const override;
   const GeometryLayer* as_geometry() const override { return this; }
   LayerStage stage() const override { return LayerStage::kGeometry; }
@@ -44,7 +53,18 @@ class GeometryLayer final : public Layer {
  private:
   AnimatedTransform transform_;
   int samples_ = 16;
-  std::unique_ptr<const EmbreeMesh> scene_;
+  bool has_unread_animation_ = false;
+  /// An animated mesh in the coordinates of its nodes.
+  struct Moving {
+    MeshFile file;
+    MeshAnimation animation;
+    GltfFrames frames;
+    std::filesystem::path path;
+  };
+  std::vector<Eigen::Affine3d> file_from_node(double frame) const;
+
+  std::shared_ptr<const EmbreeMesh> scene_;
+  std::unique_ptr<const Moving> moving_;    ///< null: nothing moves in the file
   std::vector<Textures::Handle> textures_;  ///< of each material
   std::string fingerprint_;
 };

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Renders one mesh of a scene by path tracing with Embree (thesis 7: light fields as reflection
 // environment). The rays of one bounce in two rows are traced together. Diffuse surfaces receive
-// directional lights with shadow rays, and ambient light or gathered environment radiance; mirrors
-// and GGX surfaces continue the path up to 4 bounces. Input: meshes, lights and camera in world
-// coordinates, metres; output: a premultiplied image with Z, P, N, albedo and ids. Cost: pixels x
-// samples x rays per sample, each traced against all meshes.
+// direct lights with shadow rays, several per sample if they have a size, and ambient light or
+// gathered environment radiance; mirrors and GGX surfaces continue the path up to 4 bounces. Input:
+// meshes, lights and camera in world coordinates, metres; output: a premultiplied image with Z, P,
+// N, albedo and ids. Cost: pixels x samples x rays per sample, each traced against all meshes.
 #include "compose/geometry/geometry_scene.h"
 
 #include <algorithm>
@@ -23,6 +23,7 @@ using Eigen::Vector3f;
 
 constexpr int kMaxBounces = 4;
 constexpr int kGlossyRays = 4;       // per sample at the first bounce, then one
+constexpr int kLightRays = 4;        // the same, to each light with a size
 constexpr double kRayOffset = 2e-5;  // in radii of the mesh: start of rays that leave it
 constexpr int kRowsPerTask = 2;
 
@@ -43,6 +44,7 @@ struct ShadowRay {
   Vector3f light;
   std::uint32_t pixel = 0;
   double min_distance = 0;
+  double max_distance = SurfaceHit::kNone;
 };
 
 /// Renders some rows of a view, one wave of rays per bounce.
@@ -187,7 +189,7 @@ class RowRenderer {
       next.ray.origin = point.position;
       switch (point.material->kind) {
         case Material::Kind::kDiffuse:
-          light_diffuse(next, point, shadows);
+          light_diffuse(next, point, is_first ? kLightRays : 1, shadows);
           break;
         case Material::Kind::kMirror:
           next.ray.direction =
@@ -202,17 +204,13 @@ class RowRenderer {
     trace_shadow_rays(shadows, is_first ? RayCoherence::kCoherent : RayCoherence::kIncoherent);
   }
 
-  void light_diffuse(const Path& at, const SurfacePoint& point, std::vector<ShadowRay>& shadows) {
+  /// Adds the light that arrives at a diffuse surface. `light_rays`: to each light with a size.
+  void light_diffuse(const Path& at, const SurfacePoint& point, int light_rays,
+                     std::vector<ShadowRay>& shadows) {
     const Lights& lights = scene_.lights;
-    for (const DirectionalLight& light : lights.directional) {
-      const double cosine = point.normal.dot(light.towards);
-      if (!(cosine > 0) || !(point.geometric_normal.dot(light.towards) > 0)) continue;
-      const Vector3f lit = at.weight.cwiseProduct(light.color) * static_cast<float>(cosine);
-      if (light.casts_shadows) {
-        shadows.push_back({{point.position, light.towards}, lit, at.pixel, at.min_distance});
-      } else {
-        light_[at.pixel] += lit;
-      }
+    for (std::size_t i = 0; i < lights.direct.size(); ++i) {
+      const int rays = lights.direct[i].has_size() ? light_rays : 1;
+      for (int ray = 0; ray < rays; ++ray) light_from(i, at, point, ray, rays, shadows);
     }
     if (scene_.headlight) {
       const double cosine = std::max(0.0, point.normal.dot(*scene_.headlight));
@@ -228,6 +226,23 @@ class RowRenderer {
           outwards(sample_diffuse_direction(point.normal, random_at(at, i, lights.gather_rays)),
                    point.geometric_normal);
       paths_.push_back(gathered);
+    }
+  }
+
+  void light_from(std::size_t index, const Path& at, const SurfacePoint& point, int ray, int rays,
+                  std::vector<ShadowRay>& shadows) {
+    const DirectLight& light = scene_.lights.direct[index];
+    const LightSample sample = sample_light(
+        light, point.position, random_at(at, ray, rays, static_cast<std::uint32_t>(index) + 1));
+    const double cosine = point.normal.dot(sample.towards);
+    if (!(cosine > 0) || !(point.geometric_normal.dot(sample.towards) > 0)) return;
+    const Vector3f lit =
+        at.weight.cwiseProduct(light.color) * static_cast<float>(cosine * sample.strength / rays);
+    if (light.casts_shadows) {
+      shadows.push_back(
+          {{point.position, sample.towards}, lit, at.pixel, at.min_distance, sample.distance});
+    } else {
+      light_[at.pixel] += lit;
     }
   }
 
@@ -248,13 +263,15 @@ class RowRenderer {
     for (std::size_t begin = 0; begin < shadows.size();) {
       std::size_t end = begin;
       std::vector<render::WorldRay> rays;
+      std::vector<double> max_distance;
       while (end < shadows.size() && shadows[end].min_distance == shadows[begin].min_distance) {
+        max_distance.push_back(shadows[end].max_distance);
         rays.push_back(shadows[end++].ray);
       }
       std::vector<std::uint8_t> occluded(rays.size(), 0);
       for (const MeshInstance& mesh : scene_.meshes) {
-        mesh.scene->occlude(mesh.object_from_world, rays, shadows[begin].min_distance,
-                            SurfaceHit::kNone, occluded, order);
+        mesh.scene->occlude(mesh.object_from_world, rays, shadows[begin].min_distance, max_distance,
+                            occluded, order);
       }
       for (std::size_t i = 0; i < rays.size(); ++i) {
         if (occluded[i] == 0) light_[shadows[begin + i].pixel] += shadows[begin + i].light;
@@ -270,12 +287,15 @@ class RowRenderer {
   }
 
   /// Returns the sample point of a ray: the rays of all samples of a pixel share one sequence.
-  std::array<double, 2> random_at(const Path& path, int ray, int rays) const {
+  /// `use` separates the sequences of what a sample does with them.
+  std::array<double, 2> random_at(const Path& path, int ray, int rays,
+                                  std::uint32_t use = 0) const {
     const std::uint32_t x = path.pixel % static_cast<std::uint32_t>(camera_.width);
     const std::uint32_t y =
         static_cast<std::uint32_t>(begin_) + path.pixel / static_cast<std::uint32_t>(camera_.width);
-    return r2_sample(y * 65536 + x, path.sample * static_cast<std::uint32_t>(rays) +
-                                        static_cast<std::uint32_t>(ray));
+    return r2_sample(
+        y * 65536 + x + use * 0x9E3779B9U,
+        path.sample * static_cast<std::uint32_t>(rays) + static_cast<std::uint32_t>(ray));
   }
 
   void add(const Path& path, const Vector3f& light) {

@@ -137,7 +137,7 @@ TEST(GeometryView, ABallIsLitByTheCosineAndItsNormals) {
   const EmbreeMesh scene(ball(1, make_material(Kind::kDiffuse)), "ball");
   GeometryScene geometry{{make_instance(scene, {0, 0, -4})}, nullptr, {}};
   const Vector3d towards = Vector3d(1, 2, 3).normalized();
-  geometry.lights.directional = {{towards, {1, 1, 1}, true}};
+  geometry.lights.direct = {{towards, {1, 1, 1}, true}};
   const LayerImage image = render_geometry(geometry, 0, looking_from({0, 0, 0}), 1);
   int seen = 0;
   for (int y = 0; y < image.height; ++y) {
@@ -159,7 +159,7 @@ TEST(GeometryView, OthersThrowShadowsButAreNotSeen) {
   const EmbreeMesh roof(square(1, make_material(Kind::kDiffuse)), "roof");
   GeometryScene geometry{
       {make_instance(floor, {0, 0, -6}), make_instance(roof, {0, 0, -5})}, nullptr, {}};
-  geometry.lights.directional = {{Vector3d(0.6, 0, 0.8), {1, 1, 1}, true}};
+  geometry.lights.direct = {{Vector3d(0.6, 0, 0.8), {1, 1, 1}, true}};
   const render::VirtualCamera camera = looking_from({0, 0, 0}, 128, 96);
   const LayerImage image = render_geometry(geometry, 0, camera, 1);
   // Light from the right: the shadow is 0.6 / 0.8 metres to the left.
@@ -169,8 +169,42 @@ TEST(GeometryView, OthersThrowShadowsButAreNotSeen) {
     if (std::abs(from_edge) < 0.1) continue;
     EXPECT_NEAR(pixel_of(image, x, 48)[0], from_edge > 0 ? 0 : 0.8, 1e-5) << x;
   }
-  geometry.lights.directional[0].casts_shadows = false;
+  geometry.lights.direct[0].casts_shadows = false;
   EXPECT_NEAR(pixel_of(render_geometry(geometry, 0, camera, 1), 50, 48)[0], 0.8, 1e-5);
+}
+
+/// The penumbra of a square's edge: a share of the lamp's disc that the edge leaves.
+TEST(GeometryView, ALampWithASizeCastsASoftShadow) {
+  const EmbreeMesh floor(square(4, make_material(Kind::kDiffuse)), "floor");
+  const EmbreeMesh roof(square(1, make_material(Kind::kDiffuse)), "roof");
+  GeometryScene geometry{
+      {make_instance(floor, {0, 0, -6}), make_instance(roof, {1, 0, -5})}, nullptr, {}};
+  DirectLight lamp{.color = {100, 100, 100}};
+  lamp.position = Vector3d(0, 0, 4);
+  lamp.radius = 0.5;
+  geometry.lights.direct = {lamp};
+  const render::VirtualCamera camera = looking_from({0, 0, 0}, 256, 192);
+  const LayerImage image = render_geometry(geometry, 0, camera, 64);
+  geometry.lights.direct[0].casts_shadows = false;
+  const LayerImage open = render_geometry(geometry, 0, camera, 64);
+  int partly = 0;
+  for (int x = 0; x < camera.width; ++x) {
+    if (pixel_of(image, x, 96)[3] < 1) continue;
+    const double on_floor = (x + 0.5 - camera.intrinsics.cx) / camera.intrinsics.fx * 6;
+    // The roof begins at x = 0: seen from the floor the lamp's visible part ends at this place.
+    const double edge = on_floor + (0 - on_floor) / 1 * 10;  // at z = 4
+    const double cut = std::clamp(edge / lamp.radius, -1.0, 1.0);
+    if (on_floor > 0.3 || on_floor < -0.3) continue;
+    // The share of a disc left of a chord; the roof is on the right.
+    const double hidden_from = cut;
+    const double share =
+        1 - (std::acos(hidden_from) - hidden_from * std::sqrt(1 - hidden_from * hidden_from)) /
+                std::numbers::pi;
+    partly += share > 0.1 && share < 0.9;
+    EXPECT_NEAR(pixel_of(image, x, 96)[0] / pixel_of(open, x, 96)[0], share, 0.06) << on_floor;
+  }
+  EXPECT_GT(partly, 2);
+  EXPECT_NEAR(pixel_of(open, 128, 96)[0], 1, 0.01) << "100 at 10 m";
 }
 
 TEST(GeometryView, AMirrorShowsWhereItsRaysGo) {
@@ -243,7 +277,7 @@ TEST(GeometryView, SameBytesForAnyNumberOfThreads) {
   const EmbreeMesh floor(square(3, make_material(Kind::kDiffuse, 0.7F)), "floor");
   GeometryScene geometry{
       {make_instance(scene, {0, 0, -4}), make_instance(floor, {0, 0, -6})}, nullptr, {}};
-  geometry.lights.directional = {{Vector3d(0.6, 0, 0.8), {1, 1, 1}, true}};
+  geometry.lights.direct = {{Vector3d(0.6, 0, 0.8), {1, 1, 1}, true}};
   geometry.lights.ambient.setConstant(0.2F);
   geometry.lights.gather_rays = 4;
   const render::VirtualCamera camera = looking_from({0, 0, 0}, 61, 47);

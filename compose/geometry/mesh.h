@@ -2,14 +2,23 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
 namespace raystage::compose {
+
+/// An image inside a mesh file.
+struct EmbeddedImage {
+  std::string name;    ///< of the mesh file and the image in it, for errors
+  std::string format;  ///< extension of such a file: "png", "jpg"
+  std::string bytes;   ///< as in such a file
+};
 
 /// How a surface reflects light.
 struct Material {
@@ -23,6 +32,7 @@ struct Material {
   Eigen::Vector3f color{0.8F, 0.8F, 0.8F};
   std::filesystem::path texture = {};  ///< empty: none
   float roughness = 0.2F;              ///< of kGlossy, (0, 1]; alpha of GGX is its square
+  std::shared_ptr<const EmbeddedImage> embedded_texture = {};  ///< instead of `texture`; or null
 };
 
 /// Triangles in object coordinates, units of the file (metres, unless the shot scales them).
@@ -42,9 +52,33 @@ struct Mesh {
   std::size_t bytes() const;
 };
 
-/// Reads a mesh in any format that Assimp reads: glTF 2, OBJ, PLY ... Texture paths are joined with
-/// the file's folder. Metals of glTF become glossy, or mirrors below a roughness of 0.05. Throws
-/// Error (bad input) if the file is missing, has no triangle, or has a number that is not finite.
+/// A mesh whose objects are not placed yet: each has the coordinates of its node in the file.
+struct MeshFile {
+  struct Part {
+    std::size_t first = 0, count = 0;  ///< positions of an object
+    std::size_t node = 0;
+  };
+  Mesh mesh;
+  std::vector<Part> parts;  ///< of each object
+  /// Names and transforms, without animation, of the nodes in depth-first order.
+  std::vector<std::string> node_names;
+  std::vector<Eigen::Affine3d> file_from_node;
+  bool is_animated = false;  ///< whether the file has animations
+
+  /// Returns the mesh in the file's coordinates. `file_from_node`: of each node. `file`: named by
+  /// errors. Throws Error (bad input) if a number is not finite.
+  static Mesh place(Mesh mesh, const std::vector<Part>& parts,
+                    const std::vector<Eigen::Affine3d>& file_from_node,
+                    const std::filesystem::path& file);
+};
+
+/// Reads a mesh in any format that Assimp reads: glTF 2, FBX, OBJ, PLY ... Texture paths are joined
+/// with the file's folder; PNG, JPEG and EXR textures may be in the file. FBX files become metres.
+/// Metals of glTF become glossy, or mirrors below a roughness of 0.05. Throws Error (bad input) if
+/// the file is missing, has no triangle, or has a number that is not finite.
+MeshFile read_mesh_file(const std::filesystem::path& file);
+
+/// Reads a mesh as read_mesh_file() does, and places its objects as they are without animation.
 Mesh read_mesh(const std::filesystem::path& file);
 
 }  // namespace raystage::compose

@@ -7,7 +7,9 @@
 #include <algorithm>
 #include <fstream>
 
+#include "base/base64.h"
 #include "base/error.h"
+#include "testing/compose/test_meshes.h"
 #include "testing/test_folder.h"
 
 namespace raystage::compose {
@@ -15,7 +17,10 @@ namespace {
 
 using ::testing::HasSubstr;
 
-class MeshFile : public ::testing::Test {
+// 3 x vec3 float: (0,0,0) (1,0,0) (0,1,0)
+constexpr const char* kTriangle = "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
+
+class MeshFiles : public ::testing::Test {
  protected:
   std::filesystem::path write(const std::string& name, const std::string& text) {
     std::ofstream(folder_.path() / name) << text;
@@ -32,7 +37,7 @@ class MeshFile : public ::testing::Test {
   testing::TestFolder folder_;
 };
 
-TEST_F(MeshFile, ObjWithMaterialsAndObjects) {
+TEST_F(MeshFiles, ObjWithMaterialsAndObjects) {
   write("m.mtl", "newmtl red\nKd 0.8 0.1 0.05\nnewmtl wood\nKd 1 1 1\nmap_Kd maps/wood.png\n");
   const Mesh mesh = read_mesh(write("m.obj",
                                     "mtllib m.mtl\n"
@@ -57,9 +62,7 @@ TEST_F(MeshFile, ObjWithMaterialsAndObjects) {
 }
 
 /// Nodes are nested; several may refer to one mesh.
-TEST_F(MeshFile, GltfNodesArePlacedAndNamed) {
-  const char* const kTriangle =  // 3 x vec3 float: (0,0,0) (1,0,0) (0,1,0)
-      "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
+TEST_F(MeshFiles, GltfNodesArePlacedAndNamed) {
   const Mesh mesh = read_mesh(
       write("m.gltf", std::string(R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],
        "nodes":[{"name":"top","translation":[10,0,0],"children":[1,2]},
@@ -89,7 +92,44 @@ TEST_F(MeshFile, GltfNodesArePlacedAndNamed) {
   EXPECT_NEAR(metal.color.y(), 0.4F, 1e-6F);
 }
 
-TEST_F(MeshFile, PlyHasNoMaterial) {
+/// Blender's default for GLB; here as data URIs.
+TEST_F(MeshFiles, TexturesInTheFile) {
+  const auto gltf = [&](const std::string& image) {
+    return std::string(R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],
+       "nodes":[{"name":"box","mesh":0}],"images":[{"name":"wood","mimeType":"image/png",
+         "uri":"data:image/png;base64,)") +
+           image + R"("}],
+       "textures":[{"source":0}],
+       "materials":[{"name":"a","pbrMetallicRoughness":{"baseColorTexture":{"index":0}}},
+                    {"name":"b","pbrMetallicRoughness":{"baseColorTexture":{"index":0}}},
+                    {"name":"c","pbrMetallicRoughness":{"baseColorFactor":[0.2,0.4,0.6,1]}}],
+       "meshes":[{"primitives":[{"attributes":{"POSITION":0},"material":0},
+                                {"attributes":{"POSITION":0},"material":1},
+                                {"attributes":{"POSITION":0},"material":2}]}],
+       "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3",
+                     "min":[0,0,0],"max":[1,1,0]}],
+       "bufferViews":[{"buffer":0,"byteLength":36}],
+       "buffers":[{"byteLength":36,"uri":"data:application/octet-stream;base64,)" +
+           kTriangle + R"("}]})";
+  };
+  const Mesh mesh = read_mesh(write("m.gltf", gltf(testing::kQuarteredPng)));
+  ASSERT_EQ(mesh.objects.size(), 3U);  // one per material, of one name
+  EXPECT_EQ(mesh.objects[2].name, "box");
+  const auto material = [&](std::size_t object) {
+    return mesh.materials[mesh.objects[object].material];
+  };
+  ASSERT_NE(material(0).embedded_texture, nullptr);
+  EXPECT_EQ(material(0).embedded_texture, material(1).embedded_texture);
+  EXPECT_EQ(material(0).embedded_texture->format, "png");
+  EXPECT_EQ(material(0).embedded_texture->bytes, *decode_base64(testing::kQuarteredPng));
+  EXPECT_TRUE(material(0).texture.empty());
+  EXPECT_EQ(material(2).embedded_texture, nullptr);
+  EXPECT_NEAR(material(2).color.y(), 0.4F, 1e-6F);
+  EXPECT_THAT(refusal(write("text.gltf", gltf("aGVsbG8gd29ybGQ="))),
+              HasSubstr("text.gltf#image 0"));
+}
+
+TEST_F(MeshFiles, PlyHasNoMaterial) {
   const Mesh mesh = read_mesh(write("m.ply",
                                     "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n"
                                     "property float y\nproperty float z\nelement face 1\n"
@@ -100,7 +140,7 @@ TEST_F(MeshFile, PlyHasNoMaterial) {
   EXPECT_EQ(mesh.materials[mesh.objects[0].material].kind, Material::Kind::kDiffuse);
 }
 
-TEST_F(MeshFile, SaysWhatIsWrong) {
+TEST_F(MeshFiles, SaysWhatIsWrong) {
   EXPECT_THAT(refusal(folder_.path() / "none.obj"), HasSubstr("the mesh file does not exist"));
   EXPECT_THAT(refusal(write("text.obj", "hello\n")), HasSubstr("text.obj"));
   EXPECT_THAT(refusal(write("cut.gltf", "{\"asset\": {")), HasSubstr("cut.gltf"));

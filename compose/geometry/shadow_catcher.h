@@ -15,10 +15,10 @@ struct ShadowCatcher {
 
 /// Darkens a light field's picture where meshes are between its surface (LayerImage::z, the
 /// method's proxy) and the lights. The factor is the share of `lights.ambient` and of the
-/// directional lights that is not occluded, each as on a surface that faces it. The normal of the
-/// surface is unknown: ambient occlusion is twice the share of all directions that the meshes
-/// cover, at most 1. Alpha, pixels without depth and unshadowed pixels are kept. The bytes do not
-/// depend on the number of threads.
+/// direct lights that is not occluded, each as on a surface that faces it; edges are smooth. The
+/// normal of the surface is unknown: ambient occlusion is twice the share of all directions that
+/// the meshes cover, at most 1. Alpha, pixels without depth and unshadowed pixels are kept. The
+/// bytes do not depend on the number of threads.
 void apply_shadow_catcher(const GeometryScene& scene, const render::VirtualCamera& camera,
                           const ShadowCatcher& catcher, LayerImage& image);
 

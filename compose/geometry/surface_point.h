@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <memory>
 #include <span>
 
 #include "compose/geometry/embree_mesh.h"
@@ -11,7 +12,7 @@ namespace raystage::compose {
 
 /// A mesh with its transform at a frame.
 struct MeshInstance {
-  const EmbreeMesh* scene = nullptr;
+  std::shared_ptr<const EmbreeMesh> scene;
   std::span<const Textures::Handle> textures;  ///< of each of its materials; null: none
   Eigen::Affine3d world_from_object = Eigen::Affine3d::Identity();
   Eigen::Affine3d object_from_world = Eigen::Affine3d::Identity();

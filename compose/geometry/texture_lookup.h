@@ -4,6 +4,8 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <filesystem>
+#include <string>
+#include <string_view>
 
 namespace raystage::compose {
 
@@ -15,6 +17,10 @@ class TextureLookup {
   using Handle = const void*;
   virtual ~TextureLookup() = default;
   virtual Handle open(const std::filesystem::path& file) = 0;
+  /// Opens an image in memory. `name`: unique. `format`: extension of such a file. `bytes`: of it,
+  /// referred to.
+  virtual Handle open_bytes(const std::string& name, const std::string& format,
+                            std::string_view bytes) = 0;
   virtual Eigen::Vector3f color(Handle texture, float u, float v, float width) const = 0;
   virtual Eigen::Vector3f environment_color(Handle texture, const Eigen::Vector3d& direction,
                                             float width) const = 0;

@@ -4,9 +4,11 @@
 // longitude. Near the poles the filter is widened along the longitude by 1 / cos(latitude). Output:
 // linear R, G, B in the file's primaries. Cost: constant per lookup, plus the tiles that are not
 // cached.
+#include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imagecache.h>
 #include <OpenImageIO/imageio.h>
 #include <OpenImageIO/texture.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
@@ -16,6 +18,7 @@
 #include <numbers>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "base/error.h"
@@ -28,9 +31,16 @@ namespace {
 using Wrap = OIIO::TextureOpt::Wrap;
 
 struct Texture {
-  std::filesystem::path file;
+  std::string name;  ///< path of a file, or name of an image in memory
   OIIO::TextureSystem::TextureHandle* handle = nullptr;
 };
+
+/// Configuration with which OpenImageIO reads an image from memory.
+OIIO::ImageSpec memory_config(OIIO::Filesystem::IOProxy* bytes) {
+  OIIO::ImageSpec config;
+  config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, static_cast<void*>(&bytes));
+  return config;
+}
 
 /// Reads a file of sRGB codes as linear light, so that OpenImageIO filters linear values. Its name
 /// is that of the file with kMarker.
@@ -40,8 +50,15 @@ class LinearSrgbInput final : public OIIO::ImageInput {
   static OIIO::ImageInput* create() { return new LinearSrgbInput; }
 
   const char* format_name() const override { return "light of codes"; }
+  int supports(OIIO::string_view feature) const override { return feature == "ioproxy" ? 1 : 0; }
   bool open(const std::string& name, OIIO::ImageSpec& spec) override {
-    codes_ = OIIO::ImageInput::open(name.substr(0, name.size() - kMarker.size()));
+    return open(name, spec, OIIO::ImageSpec());
+  }
+  bool open(const std::string& name, OIIO::ImageSpec& spec,
+            const OIIO::ImageSpec& config) override {
+    const bool has_config = !config.extra_attribs.empty();
+    codes_ = OIIO::ImageInput::open(name.substr(0, name.size() - kMarker.size()),
+                                    has_config ? &config : nullptr);
     if (!codes_) return false;
     m_spec = codes_->spec();
     is_tiled_ = m_spec.tile_width > 0;
@@ -98,9 +115,7 @@ class OiioTextureLookup : public TextureLookup {
   }
 
   Handle open(const std::filesystem::path& file) override {
-    for (const Texture& texture : opened_) {
-      if (texture.file == file) return &texture;
-    }
+    if (const Texture* texture = find(file.string())) return texture;
     OIIO::ustring name(file.string());
     OIIO::ImageSpec spec;
     if (!system_->get_imagespec(name, 0, spec)) {
@@ -113,8 +128,27 @@ class OiioTextureLookup : public TextureLookup {
       name = OIIO::ustring(file.string() + std::string(LinearSrgbInput::kMarker));
       system_->imagecache()->add_file(name, LinearSrgbInput::create, nullptr);
     }
-    opened_.push_back({file, system_->get_texture_handle(name)});
-    return &opened_.back();
+    return add(file.string(), name);
+  }
+
+  Handle open_bytes(const std::string& name, const std::string& format,
+                    std::string_view bytes) override {
+    if (const Texture* texture = find(name)) return texture;
+    images_.emplace_back(bytes.data(), bytes.size());
+    const OIIO::ImageSpec config = memory_config(&images_.back());
+    // OpenImageIO chooses a reader by the extension; with bytes, it opens no file of this name.
+    const std::string file = fmt::format("image{}.{}", images_.size(), format);
+    const auto input = OIIO::ImageInput::open(file, &config);
+    if (!input) {
+      throw Error::bad_input("the texture in the mesh file cannot be read: " + OIIO::geterror(),
+                             name, "Export it again, as PNG or JPEG");
+    }
+    const bool is_float = input->spec().format == OIIO::TypeDesc::HALF ||
+                          input->spec().format == OIIO::TypeDesc::FLOAT;
+    const std::string marked = file + std::string(is_float ? "" : LinearSrgbInput::kMarker);
+    system_->imagecache()->add_file(OIIO::ustring(marked),
+                                    is_float ? nullptr : LinearSrgbInput::create, &config);
+    return add(name, OIIO::ustring(marked));
   }
 
   Eigen::Vector3f color(Handle texture, float u, float v, float width) const override {
@@ -151,6 +185,16 @@ class OiioTextureLookup : public TextureLookup {
     return {rgb[0], rgb[1], rgb[2]};
   }
 
+  const Texture* find(std::string_view name) const {
+    const auto found = std::ranges::find(opened_, name, &Texture::name);
+    return found == opened_.end() ? nullptr : &*found;
+  }
+  const Texture* add(std::string name, OIIO::ustring in_system) {
+    opened_.push_back({std::move(name), system_->get_texture_handle(in_system)});
+    return &opened_.back();
+  }
+
+  std::deque<OIIO::Filesystem::IOMemReader> images_;  // before the system, which reads them
   std::unique_ptr<OIIO::TextureSystem, Release> system_;
   std::deque<Texture> opened_;  // a deque keeps the addresses of handles
 };

@@ -3,6 +3,8 @@
 
 #include <dlfcn.h>
 
+#include <utility>
+
 #include "base/error.h"
 
 namespace raystage::compose {
@@ -27,12 +29,24 @@ OpenTextureLookup* load_module() {
 }  // namespace
 
 Textures::Handle Textures::open(const std::filesystem::path& file) {
-  if (!std::filesystem::exists(file)) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(file, error)) {
     throw Error::bad_input("the texture file does not exist", file.string(),
                            "Correct the path; a mesh file's textures are relative to it");
   }
-  if (!lookup_) lookup_.reset(load_module()(cache_bytes_));
+  load_lookup();
   return lookup_->open(file);
+}
+
+Textures::Handle Textures::open(std::shared_ptr<const EmbeddedImage> image) {
+  load_lookup();
+  images_.push_back(std::move(image));
+  const EmbeddedImage& kept = *images_.back();
+  return lookup_->open_bytes(kept.name, kept.format, kept.bytes);
+}
+
+void Textures::load_lookup() {
+  if (!lookup_) lookup_.reset(load_module()(cache_bytes_));
 }
 
 }  // namespace raystage::compose

@@ -5,7 +5,9 @@
 #include <cstddef>
 #include <filesystem>
 #include <memory>
+#include <vector>
 
+#include "compose/geometry/mesh.h"
 #include "compose/geometry/texture_lookup.h"
 
 namespace raystage::compose {
@@ -30,6 +32,8 @@ class Textures {
   /// Opens a texture. Throws Error (bad input) if the file is missing or no image, Error (failed)
   /// if the module cannot be loaded from ../lib/raystage, relative to the executable.
   Handle open(const std::filesystem::path& file);
+  /// Opens an image of a mesh file, which is kept. Throws Error as open() does.
+  Handle open(std::shared_ptr<const EmbeddedImage> image);
 
   /// Returns scene-linear R, G, B at (u, v), filtered over `width` in both. (0, 0) is the lower
   /// left corner; the texture repeats.
@@ -46,6 +50,9 @@ class Textures {
  private:
   std::size_t cache_bytes_;
   Eigen::Matrix3f working_from_rec709_;
+  void load_lookup();
+
+  std::vector<std::shared_ptr<const EmbeddedImage>> images_;  // the lookup refers to their bytes
   std::unique_ptr<TextureLookup> lookup_;
 };
 

@@ -11,6 +11,8 @@
 #include <functional>
 #include <numbers>
 
+#include "base/atomic_file.h"
+#include "base/base64.h"
 #include "base/error.h"
 #include "base/transfer_function.h"
 #include "compose/geometry/geometry_scene.h"
@@ -66,6 +68,35 @@ TEST_F(TextureFiles, CodesAreSrgbAndTheFirstRowIsTheTop) {
   const auto lower_right = textures_.color(texture, 1.75F, -0.75F, 0);  // it repeats
   EXPECT_NEAR(lower_right.x(), linear_from_srgb(20 / 255.0), 1e-4);
   EXPECT_NEAR(lower_right.y(), 0, 1e-4);
+}
+
+TEST_F(TextureFiles, ImagesOfMeshFilesAreReadFromMemory) {
+  const auto png = std::make_shared<const EmbeddedImage>(
+      EmbeddedImage{"box.glb#image 0", "png", *decode_base64(testing::kQuarteredPng)});
+  const auto texture = textures_.open(png);
+  EXPECT_EQ(textures_.open(png), texture);
+  const auto upper_left = textures_.color(texture, 0.25F, 0.75F, 0);
+  EXPECT_NEAR(upper_left.x(), linear_from_srgb(200 / 255.0), 1e-4);
+  EXPECT_NEAR(upper_left.y(), linear_from_srgb(128 / 255.0), 1e-4);
+  EXPECT_NEAR(textures_.color(texture, 0.75F, 0.25F, 0).y(), 0, 1e-4);
+
+  const auto file = write_exr(64, 64, [](int, int) { return Imf::Rgba(8, 1, 0.25F); });
+  const auto exr = textures_.open(
+      std::make_shared<const EmbeddedImage>(EmbeddedImage{"b#image 0", "exr", read_file(file)}));
+  EXPECT_NEAR(textures_.color(exr, 0.5F, 0.5F, 0).x(), 8, 1e-3);
+}
+
+TEST_F(TextureFiles, DamagedImagesOfMeshFilesAreNamed) {
+  std::string bytes = *decode_base64(testing::kQuarteredPng);
+  bytes.resize(20);
+  try {
+    textures_.open(
+        std::make_shared<const EmbeddedImage>(EmbeddedImage{"box.glb#image 0 wood", "png", bytes}));
+    FAIL() << "a cut image was opened";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("box.glb#image 0 wood"));
+    EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+  }
 }
 
 TEST_F(TextureFiles, FloatsAreLinearAndWidePlacesAreBlurred) {

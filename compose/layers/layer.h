@@ -134,6 +134,8 @@ class Layer {
 
   /// Returns the memory that all frames share, bytes.
   virtual std::size_t shared_bytes() const { return 0; }
+  /// Returns the memory that each frame in flight adds, whatever its size, bytes.
+  virtual std::size_t frame_bytes() const { return 0; }
   /// Returns the memory of the layer's AOVs in a view, bytes per pixel.
   virtual std::size_t aov_bytes_per_pixel() const { return 0; }
 

@@ -54,10 +54,16 @@ inline compose::Mesh ball(double radius, const compose::Material& material, int 
   return mesh;
 }
 
+/// A PNG file of 16x16 pixels as base64 text: codes 200 left and 20 right in R, 128 in the upper
+/// and 0 in the lower half in G, 255 in B.
+inline constexpr const char* kQuarteredPng =
+    "iVBORw0KGgoAAAANSUhEUgAAABAAAAAQCAIAAACQkWg2AAAAIUlEQVR42mM40fAfKxLBgRhGNdBGA8N/rEgEBxrV"
+    "QBMNALubrRAtCRviAAAAAElFTkSuQmCC";
+
 inline compose::MeshInstance make_instance(const compose::EmbreeMesh& scene,
                                            const Eigen::Vector3d& position, double scale = 1) {
   compose::MeshInstance mesh;
-  mesh.scene = &scene;
+  mesh.scene = {std::shared_ptr<void>(), &scene};  // the test owns it
   mesh.world_from_object.translate(position).scale(scale);
   mesh.object_from_world = mesh.world_from_object.inverse();
   return mesh;

@@ -34,9 +34,9 @@ class Scene {
   Scene() : mesh_(bumpy_ball(), "ball") {
     scene_.meshes.push_back(testing::make_instance(mesh_, {0, 0, -3}, 0.8));
     scene_.lights.ambient.setConstant(0.2F);
-    compose::DirectionalLight light;
+    compose::DirectLight light;
     light.towards = Eigen::Vector3d(0.4, 1, 0.5).normalized();
-    scene_.lights.directional.push_back(light);
+    scene_.lights.direct.push_back(light);
     camera_ = render::virtual_camera_with_fov(kWidth, kHeight, 50 * std::numbers::pi / 180, {});
   }
   const compose::GeometryScene& scene() const { return scene_; }
@@ -115,8 +115,7 @@ void OurGeometry(benchmark::State& state) {
 /// Generates and traces only camera rays and a shadow ray from each hit.
 std::int64_t trace_rows(RTCScene mesh, int first_row, int last_row) {
   constexpr int kPacket = 16;
-  const Eigen::Vector3f light =
-      scene().scene().lights.directional[0].towards.cast<float>().normalized();
+  const Eigen::Vector3f light = scene().scene().lights.direct[0].towards.cast<float>().normalized();
   const auto f = static_cast<float>(scene().camera().intrinsics.fx);
   std::int64_t rays = 0;
   for (int y = first_row; y < last_row; ++y) {

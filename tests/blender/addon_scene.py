@@ -121,12 +121,7 @@ def import_gltf(file: str) -> None:
     answer({"pixels": seen(camera), "points": points})
 
 
-def render_cube(shot: str, mesh: str, picture: str) -> None:
-    build()
-    bpy.ops.object.select_all(action="DESELECT")
-    cube().select_set(True)
-    bpy.ops.export_scene.gltf(filepath=mesh, use_selection=True)
-    bpy.ops.raystage.export_shot(filepath=shot)
+def render_cycles(picture: str) -> None:
     scene.camera.data.dof.use_dof = False  # silhouettes
     scene.render.engine = "CYCLES"
     scene.cycles.samples = 16
@@ -134,11 +129,74 @@ def render_cube(shot: str, mesh: str, picture: str) -> None:
     scene.cycles.pixel_filter_type = "BOX"
     scene.cycles.filter_width = 1
     scene.render.film_transparent = True
-    scene.render.image_settings.file_format = "OPEN_EXR"
     scene.render.image_settings.color_mode = "RGBA"
     scene.render.filepath = picture
     bpy.ops.render.render(animation=True)
+
+
+def render_cube(shot: str, mesh: str, picture: str) -> None:
+    build()
+    bpy.ops.object.select_all(action="DESELECT")
+    cube().select_set(True)
+    bpy.ops.export_scene.gltf(filepath=mesh, use_selection=True)
+    bpy.ops.raystage.export_shot(filepath=shot)
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    render_cycles(picture)
     answer({})
+
+
+def render_materials(shot: str, gltf: str, fbx: str, picture: str) -> None:
+    """Exports and renders a cube that turns and moves with its parent, of a packed texture and a plain material."""
+    build()
+    scene.frame_end = FIRST + 4
+    box = cube()
+    picture_of_wood = bpy.data.images.new("wood", 64, 64)
+    codes = ((1.0, 0.2, 0.1, 1.0), (0.1, 0.3, 1.0, 1.0), (0.9, 0.9, 0.2, 1.0))
+    picture_of_wood.pixels = [value for y in range(64) for x in range(64) for value in codes[(x // 16 + 2 * (y // 32)) % 3]]
+    picture_of_wood.pack()
+    wood, plain = bpy.data.materials.new("wood"), bpy.data.materials.new("plain")
+    for material in (wood, plain):
+        material.use_nodes = True
+        box.data.materials.append(material)
+    texture = wood.node_tree.nodes.new("ShaderNodeTexImage")
+    texture.image = picture_of_wood
+    wood.node_tree.links.new(texture.outputs[0], wood.node_tree.nodes["Principled BSDF"].inputs["Base Color"])
+    plain.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.1, 0.8, 0.2, 1)
+    for index, polygon in enumerate(box.data.polygons):
+        polygon.material_index = index % 2
+    pivot = add("pivot")
+    box.parent = pivot
+    for frame, turn, z in ((FIRST, 0, 0.2), (FIRST + 4, 0.8, 0.4)):
+        pivot.rotation_euler.z = turn
+        pivot.keyframe_insert("rotation_euler", frame=frame)
+        box.location.z = z
+        box.keyframe_insert("location", frame=frame)
+    bpy.ops.object.select_all(action="DESELECT")
+    for found in (box, pivot):
+        found.select_set(True)
+    bpy.ops.export_scene.gltf(filepath=gltf, use_selection=True)
+    scene.frame_set(FIRST)
+    bpy.ops.export_scene.fbx(filepath=fbx, use_selection=True, path_mode="COPY", embed_textures=True, bake_anim=False)
+    bpy.ops.raystage.export_shot(filepath=shot)
+    bpy.context.view_layer.use_pass_diffuse_color = True
+    scene.render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
+    render_cycles(picture)
+    answer({})
+
+
+def compare_colors(first: str, second: str) -> None:
+    """Returns the number of pixels that both show whole, and the share of them with another colour."""
+    import numpy
+
+    def values(file):
+        image = bpy.data.images.load(file)
+        image.colorspace_settings.name = "Non-Color"
+        return numpy.array(image.pixels[:], dtype=numpy.float32).reshape(image.size[1], image.size[0], 4)
+    a, b = values(first), values(second)
+    both = (a[..., 3] > 0.999) & (b[..., 3] > 0.999)
+    # Between texels, Blender blends the codes of an image and Raystage its light.
+    other = numpy.abs(a[..., :3] - b[..., :3]).max(axis=2) > 0.25
+    answer({"pixels": int(both.sum()), "other": float((other & both).sum() / max(1, both.sum()))})
 
 
 def mask(file: str):
@@ -201,4 +259,6 @@ def import_render(file: str, picture: str, frame: str) -> None:
 
 
 {"export_shot": export_shot, "export_gltf": export_gltf, "import_gltf": import_gltf, "render_cube": render_cube,
+ "render_materials": render_materials, "compare_colors": compare_colors,
+ "render_materials": render_materials, "compare_colors": compare_colors,
  "compare_masks": compare_masks, "import_take": import_take, "import_render": import_render}[task](*arguments)

@@ -147,6 +147,26 @@ class BlenderAddon(unittest.TestCase):
             self.assertGreater(min(found["inside"]), 1000, f"{frame}: {found}")
             self.assertEqual(found["outside"], 0, f"{frame}: {found}")
 
+    def test_meshes_arrive_with_motion_materials_and_packed_textures(self) -> None:
+        shot = self.write_shot("materials.json")
+        blender("render_materials", shot, self.folder / "box.glb", self.folder / "box.fbx", self.folder / "cycles_")
+        document = json.loads(shot.read_text())
+        for name, frames in (("box.glb", (FIRST, FIRST + 2, FIRST + 4)), ("box.fbx", (FIRST,))):
+            document["layers"] = [{"name": "box", "geometry": {"file": name}}]
+            document["output"] = {"aovs": ["albedo"]}
+            shot.write_text(json.dumps(document))
+            run(BIN / "raystage", "render", "-q", "--layout", "single", shot, "-o", self.folder / f"{name}_####.exr")
+            for frame in frames:
+                theirs, ours = self.folder / f"theirs_{name}_{frame}.exr", self.folder / f"ours_{name}_{frame}.exr"
+                run("oiiotool", self.folder / f"cycles_{frame}.exr", "--ch",
+                    "R=ViewLayer.DiffCol.R,G=ViewLayer.DiffCol.G,B=ViewLayer.DiffCol.B,A=ViewLayer.Combined.A", "-o", theirs)
+                run("oiiotool", self.folder / f"{name}_{frame}.exr", "--ch", "R=albedo.R,G=albedo.G,B=albedo.B,A", "-o", ours)
+                found = blender("compare_colors", theirs, ours)
+                self.assertGreater(found["pixels"], 1000, f"{name} {frame}")
+                self.assertLess(found["other"], 0.03, f"{name} {frame}")
+                outlines = blender("compare_masks", theirs, ours)
+                self.assertEqual(outlines["outside"], 0, f"{name} {frame}: {outlines}")
+
     def test_a_take_arrives_with_its_scene(self) -> None:
         take = self.folder / "take"
         run(BIN / "raystage", "simulate", "still", "-q", "--rows", "3", "--columns", "3", "--width", "160", "--height", "120",

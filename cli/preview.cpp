@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// raystage preview: encodes an EXR sequence as a movie and a contact sheet.
+// raystage preview: encodes EXR sequences as a movie, pictures and a contact sheet.
 #include "compose/preview/preview.h"
 
 #include <fmt/format.h>
@@ -11,7 +11,7 @@
 int main(int argc, char** argv) {
   using namespace raystage;
   using namespace raystage::cli;
-  CommandLine command{"Turns an EXR sequence into a movie or pictures, and a contact sheet.",
+  CommandLine command{"Turns EXR sequences into a movie or pictures, and a contact sheet.",
                       "raystage preview"};
   compose::PreviewOptions options;
   std::string frames;
@@ -20,11 +20,37 @@ int main(int argc, char** argv) {
   double fps = 0;
   bool black = false, quiet = false;
   std::string missing = "error";
-  command.option("SEQUENCE", options.sequence, "the frames, e.g. DIR/NAME.####.exr").required();
+  compose::FramePictureOptions& pictures = options.pictures_of;
+  command
+      .option("SEQUENCE", pictures.sequences,
+              "the frames, e.g. DIR/NAME.####.exr; several are shown side by side or compared")
+      .required();
   std::string output;
   command.option("-o,--output MOVIE|PNGS", output,
                  "movie to write, .mp4, .mov or .mkv: H.264 (MPEG-4 without libx264); or "
                  "pictures,\nDIR/NAME.####.png");
+  std::string compare = "side-by-side";
+  command
+      .option("--compare", compare,
+              "several sequences: side-by-side; or of two: wipe = the first on the left of a line; "
+              "difference\n= absolute difference of the values in the files (default: "
+              "side-by-side)")
+      .one_of({"side-by-side", "wipe", "difference"});
+  command
+      .option("--wipe SHARE", pictures.wipe_position,
+              "position of the line of a wipe, in picture widths from the left (default: 0.5)")
+      .range(0.0, 1.0);
+  command.option("--channel NAME", pictures.channel,
+                 "show a channel instead of the picture: Z in false colours (linear in inverse "
+                 "depth), coverage,\nconfidence or alpha in greys, or the name of a channel in the "
+                 "files, e.g. N.X");
+  std::vector<double> range;
+  command
+      .option("--range LOW,HIGH", range,
+              "values of the channel with the first and the last colour; Z: metres (default: 0,1 "
+              "for\nshares, else nearly all values of the first frame)")
+      .comma_separated()
+      .expected(2, 2);
   command.flag("--burn-in", options.burn_in,
                "frame number and time code in the lower left of movie and pictures (not of the "
                "contact sheet)");
@@ -48,7 +74,7 @@ int main(int argc, char** argv) {
           "plays at its original speed)")
       .range(0.1, 1000.0);
   command
-      .option("--exposure STOPS", options.display.exposure,
+      .option("--exposure STOPS", pictures.display.exposure,
               "brighten by this many stops before the sRGB curve (default: 0)")
       .range(-32.0, 32.0);
   command.option("--ocio CONFIG", color_config,
@@ -57,12 +83,12 @@ int main(int argc, char** argv) {
   command.option("--rec709-space SPACE", rec709_space,
                  "name of linear Rec.709 in that config (default: found by common names)");
   command.option(
-      "--display", options.display.monitor,
+      "--display", pictures.display.monitor,
       "display of the pictures: sRGB, Rec.1886, P3-D65 or one of the config (default: the first)");
-  command.option("--view", options.display.view,
+  command.option("--view", pictures.display.view,
                  "view transform: Plain = none; \"ACES 1.0 SDR\" = film curve; or one of the "
                  "config\n(default: the first)");
-  command.option("--space", options.display.space,
+  command.option("--space", pictures.display.space,
                  "colour space of the frames, lin_rec709_scene, lin_ap1_scene or one of the config "
                  "(default:\nfrom the files, else lin_rec709_scene)");
   command.flag("--black", black, "composite over black (default: over a checkerboard)");
@@ -88,12 +114,30 @@ int main(int argc, char** argv) {
     } else {
       options.movie = output;
     }
+    pictures.arrangement = compare == "wipe"         ? compose::Arrangement::kWipe
+                           : compare == "difference" ? compose::Arrangement::kDifference
+                                                     : compose::Arrangement::kSideBySide;
+    if (pictures.arrangement != compose::Arrangement::kSideBySide &&
+        pictures.sequences.size() != 2) {
+      throw Error::bad_input(
+          fmt::format("found {} sequence{}, --compare {} needs two", pictures.sequences.size(),
+                      pictures.sequences.size() == 1 ? "" : "s", compare),
+          "", "Give the two sequences to compare");
+    }
+    if (range.size() == 2) pictures.range = {range[0], range[1]};
+    if (pictures.range && pictures.channel.empty()) {
+      throw Error::bad_input("--range needs a channel", "", "Add --channel NAME");
+    }
+    if (pictures.range && !(range[0] < range[1])) {
+      throw Error::bad_input(fmt::format("the range {},{} is empty", range[0], range[1]), "",
+                             "Give the lower value first");
+    }
     if (!frames.empty()) options.frames = compose::parse_frame_range(frames);
     if (fps > 0) options.fps = fps;
-    if (black) options.display.background = compose::Background::kBlack;
+    if (black) pictures.display.background = compose::Background::kBlack;
     options.hold_missing = missing == "hold";
     if (!color_config.empty()) {
-      options.display.colors = compose::ColorConfig::from_file(color_config, rec709_space);
+      pictures.display.colors = compose::ColorConfig::from_file(color_config, rec709_space);
     }
     Progress progress(!quiet);
     options.progress = [&](double done) { progress.report(done); };
@@ -107,6 +151,7 @@ int main(int argc, char** argv) {
     }
     if (!options.pictures.empty()) line += "; " + options.pictures;
     if (!options.contact_sheet.empty()) line += "; " + options.contact_sheet.string();
+    if (!report.range.empty()) line += "; " + report.range;
     progress.say(line);
     return ExitCode::kSuccess;
   });

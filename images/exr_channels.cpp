@@ -171,4 +171,15 @@ std::array<int, 2> check_exr_channels(const std::filesystem::path& file,
   });
 }
 
+bool has_exr_channels(const std::filesystem::path& file, std::span<const ExrChannel> channels) {
+  return read_file_with(file, "Give an EXR file, or render it again",
+                        [&](Imf::MultiPartInputFile& input) {
+                          for (int part = 0; part < input.parts(); ++part) {
+                            if (missing_channel(input.header(part), channels) == nullptr)
+                              return true;
+                          }
+                          return false;
+                        });
+}
+
 }  // namespace raystage::images

@@ -42,4 +42,8 @@ std::array<int, 2> check_exr_channels(const std::filesystem::path& file,
                                       std::span<const ExrChannel> channels,
                                       const std::string& what_to_do);
 
+/// Returns whether a part of the file has all required channels. Throws Error (bad input) if the
+/// file is missing or damaged.
+bool has_exr_channels(const std::filesystem::path& file, std::span<const ExrChannel> channels);
+
 }  // namespace raystage::images

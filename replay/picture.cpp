@@ -18,8 +18,6 @@ namespace {
 
 using Channel = schemas::ViewerMessage::Look::Channel;
 
-constexpr std::array<std::uint8_t, 3> kWithoutDepth{24, 24, 24};
-
 /// Returns the values of an AOV of light fields; empty if the image has none.
 std::span<const float> light_field_aov(const compose::LayerImage& image, std::string_view channel) {
   for (const compose::Aov& aov : image.aovs) {
@@ -56,15 +54,6 @@ void show_share(std::span<const float> values, std::size_t stride, std::span<std
   }
 }
 
-void show_depth(std::span<const float> z, const InverseDepthSpan& span,
-                std::span<std::uint8_t> codes) {
-  for (std::size_t x = 0; x < z.size(); ++x) {
-    const double share = (1 / static_cast<double>(z[x]) - span.far) / (span.near - span.far);
-    const auto color = std::isfinite(z[x]) ? false_color(share) : kWithoutDepth;
-    std::ranges::copy(color, &codes[3 * x]);
-  }
-}
-
 }  // namespace
 
 compose::DisplayOptions display_options(const schemas::ViewerMessage::Look& look,
@@ -78,54 +67,15 @@ compose::DisplayOptions display_options(const schemas::ViewerMessage::Look& look
   return options;
 }
 
-std::array<std::uint8_t, 3> false_color(double share) {
-  constexpr std::array<std::array<double, 3>, 6> kStops{{{20, 20, 110},
-                                                         {30, 110, 230},
-                                                         {40, 200, 190},
-                                                         {120, 220, 60},
-                                                         {245, 200, 40},
-                                                         {215, 40, 30}}};
-  const double place = share > 0 ? std::min(share, 1.0) * (kStops.size() - 1) : 0;
-  const std::size_t first = std::min(static_cast<std::size_t>(place), kStops.size() - 2);
-  const double u = place - static_cast<double>(first);
-  std::array<std::uint8_t, 3> color{};
-  for (std::size_t c = 0; c < 3; ++c) {
-    color[c] = static_cast<std::uint8_t>(
-        std::lround((1 - u) * kStops[first][c] + u * kStops[first + 1][c]));
-  }
-  return color;
-}
-
-InverseDepthSpan inverse_depth_span(const compose::LayerImage& image) {
-  constexpr std::size_t kMaxSamples = 20'000;
-  const std::size_t step = image.z.size() / kMaxSamples + 1;
-  std::vector<double> inverse;
-  for (std::size_t i = 0; i < image.z.size(); i += step) {
-    if (std::isfinite(image.z[i]) && image.z[i] > 0) inverse.push_back(1.0 / image.z[i]);
-  }
-  if (inverse.empty()) return {};
-  const auto percentile = [&](double share) {
-    const auto place =
-        inverse.begin() + std::lround(share * static_cast<double>(inverse.size() - 1));
-    std::nth_element(inverse.begin(), place, inverse.end());
-    return *place;
-  };
-  InverseDepthSpan span{percentile(0.01), percentile(0.99)};
-  // A plane gets the middle of the colours.
-  constexpr double kSmallestSpan = 1e-6;
-  if (span.near - span.far < kSmallestSpan)
-    span = {span.far - kSmallestSpan, span.near + kSmallestSpan};
-  return span;
-}
-
 PictureMaker::PictureMaker(const schemas::ViewerMessage::Look& look,
                            const compose::ShotColorSpaces& colors)
     : look_(look), display_(display_options(look, colors), colors.interop_id, colors.space) {}
 
 store::RgbImage PictureMaker::make(const compose::LayerImage& image) const {
   store::RgbImage picture(image.width, image.height);
-  const InverseDepthSpan span =
-      look_.channel == Channel::kDepth ? inverse_depth_span(image) : InverseDepthSpan{};
+  const compose::InverseDepthSpan span = look_.channel == Channel::kDepth
+                                             ? compose::inverse_depth_span(image.z)
+                                             : compose::InverseDepthSpan{};
   const std::span<const float> coverage = light_field_aov(image, "coverage");
   const std::span<const float> confidence = light_field_aov(image, "confidence");
   const auto width = static_cast<std::size_t>(image.width);
@@ -141,7 +91,7 @@ store::RgbImage PictureMaker::make(const compose::LayerImage& image) const {
         show_share(rgba.subspan(3), 4, picture.row(y));
         break;
       case Channel::kDepth:
-        show_depth(std::span(image.z).subspan(first, width), span, picture.row(y));
+        compose::show_depth(std::span(image.z).subspan(first, width), span, picture.row(y));
         break;
       case Channel::kCoverage:
         show_share(row_of(coverage, first, width), 1, picture.row(y));

@@ -3,20 +3,12 @@
 
 #include "compose/layers/layer_image.h"
 #include "compose/preview/display.h"
+#include "compose/preview/false_color.h"
 #include "compose/shot_color_spaces.h"
 #include "schemas/viewer_message.h"
 #include "store/jpeg/rgb_image.h"
 
 namespace raystage::replay {
-
-/// The inverse depths that false colours span, 1 / metres.
-struct InverseDepthSpan {
-  double far = 0, near = 1;
-};
-
-/// Returns the inverse depths between the 1st and the 99th percentile of an image's pixels; far = 0
-/// and near = 1 if none has a depth.
-InverseDepthSpan inverse_depth_span(const compose::LayerImage& image);
 
 /// Returns the settings of a look for pictures in the colours of a shot.
 compose::DisplayOptions display_options(const schemas::ViewerMessage::Look& look,
@@ -34,9 +26,6 @@ class PictureMaker {
   schemas::ViewerMessage::Look look_;
   compose::DisplayTransform display_;
 };
-
-/// Returns the colour of a share in [0, 1]: dark blue, cyan, green, yellow, red.
-std::array<std::uint8_t, 3> false_color(double share);
 
 /// Marks pixels at sharp edges in red, as cameras show which parts are in focus: where the second
 /// difference of the codes exceeds a threshold. `image`: that of the picture; transparent pixels

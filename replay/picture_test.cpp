@@ -59,7 +59,7 @@ TEST(Pictures, OfDepthGoFromRedNearToBlueFarLinearInInverseDepth) {
   const compose::LayerImage image = image_of(
       [](int) { return 0.5F; },
       [](int x) { return x == 0 ? kInfinity : 1 / (0.1F + 0.02F * static_cast<float>(x)); });
-  const InverseDepthSpan span = inverse_depth_span(image);
+  const compose::InverseDepthSpan span = compose::inverse_depth_span(image.z);
   EXPECT_NEAR(span.far, 0.12, 0.02);
   EXPECT_NEAR(span.near, 0.88, 0.02);
   ViewerMessage::Look look;
@@ -68,9 +68,9 @@ TEST(Pictures, OfDepthGoFromRedNearToBlueFarLinearInInverseDepth) {
   EXPECT_GT(shown.at(1, 5, 2), shown.at(1, 5, 0)) << "far is blue";
   EXPECT_GT(shown.at(kWidth - 1, 5, 0), shown.at(kWidth - 1, 5, 2)) << "near is red";
   EXPECT_EQ(shown.at(0, 5, 0), shown.at(0, 5, 2)) << "no depth is grey";
-  EXPECT_EQ(false_color(0)[2], 110);
-  EXPECT_EQ(false_color(1)[0], 215);
-  EXPECT_EQ(false_color(std::nan("")), false_color(0));
+  EXPECT_EQ(compose::false_color(0)[2], 110);
+  EXPECT_EQ(compose::false_color(1)[0], 215);
+  EXPECT_EQ(compose::false_color(std::nan("")), compose::false_color(0));
 }
 
 TEST(Pictures, OfDepthAtTheExtremesAreFinite) {
@@ -80,10 +80,10 @@ TEST(Pictures, OfDepthAtTheExtremesAreFinite) {
     const compose::LayerImage image =
         image_of([](int) { return 0.5F; }, [&](int x) { return x % 2 == 0 ? z : 2.0F; });
     EXPECT_EQ(make(image, look).values.size(), 3U * kWidth * kHeight) << z;
-    const InverseDepthSpan span = inverse_depth_span(image);
+    const compose::InverseDepthSpan span = compose::inverse_depth_span(image.z);
     EXPECT_GT(span.near, span.far) << z;
   }
-  EXPECT_EQ(inverse_depth_span(compose::transparent_layer_image(4, 4)).near, 1);
+  EXPECT_EQ(compose::inverse_depth_span(compose::transparent_layer_image(4, 4).z).near, 1);
 }
 
 TEST(Pictures, OfAlphaAndCoverageAreGrey) {

@@ -51,7 +51,7 @@ struct PictureMessage {
   bool is_final = true;                  ///< false: a better picture of this request follows
   double uncovered_share = 0;            ///< of the pixels: seen by no camera
   double render_ms = 0, picture_ms = 0;  ///< reconstruction; display and JPEG
-  std::optional<InverseDepthSpan> false_colors;
+  std::optional<compose::InverseDepthSpan> false_colors;
   std::optional<compose::CameraState> camera;  ///< of a live view
   std::vector<std::string> absent_cameras;
   bool is_held = false;  ///< the nearest instant replaces a missing one

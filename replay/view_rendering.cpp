@@ -245,7 +245,7 @@ store::RgbImage render_arranged(const ShownShot& shown, const ViewerMessage& req
     if (pictures.empty()) {
       facts.notes = view.picture.notes;
       if (request.look.channel == ViewerMessage::Look::Channel::kDepth) {
-        facts.false_colors = inverse_depth_span(view.picture);
+        facts.false_colors = compose::inverse_depth_span(view.picture.z);
       }
     }
     pictures.push_back(maker.make(view.picture));

@@ -189,7 +189,7 @@ class OiioTextureLookup : public TextureLookup {
     const auto found = std::ranges::find(opened_, name, &Texture::name);
     return found == opened_.end() ? nullptr : &*found;
   }
-  const Texture* add(std::string name, OIIO::ustring in_system) {
+  const Texture* add(std::string name, const OIIO::ustring& in_system) {
     opened_.push_back({std::move(name), system_->get_texture_handle(in_system)});
     return &opened_.back();
   }

@@ -2,9 +2,9 @@
 #include "compose/preview/preview.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <numeric>
 #include <set>
@@ -33,20 +33,28 @@ struct Selection {
 };
 
 Selection select(const PreviewOptions& options) {
-  const std::vector<int> there = existing_frames(options.sequence);
-  if (there.empty()) {
-    throw Error::bad_input("no file of this sequence exists", options.sequence,
-                           "Check the folder and the number of #");
+  const std::vector<std::string>& sequences = options.pictures_of.sequences;
+  std::vector<int> there = existing_frames(sequences.front());
+  const std::vector<int> of_first = there;
+  for (const std::string& sequence : sequences) {
+    const std::vector<int> of_one = existing_frames(sequence);
+    if (of_one.empty()) {
+      throw Error::bad_input("no file of this sequence exists", sequence,
+                             "Check the folder and the number of #");
+    }
+    std::vector<int> of_all;
+    std::ranges::set_intersection(there, of_one, std::back_inserter(of_all));
+    there = std::move(of_all);
   }
   Selection selection;
-  const std::vector<int>& basis = options.frames ? *options.frames : there;
+  const std::vector<int>& basis = options.frames ? *options.frames : of_first;
   int step = 0;
   for (std::size_t i = 1; i < basis.size(); ++i) step = std::gcd(step, basis[i] - basis[i - 1]);
   selection.step = std::max(step, 1);
   if (options.frames) {
     selection.frames = *options.frames;
   } else {
-    for (int f = there.front(); f <= there.back(); f += selection.step) {
+    for (int f = of_first.front(); f <= of_first.back(); f += selection.step) {
       selection.frames.push_back(f);
     }
   }
@@ -58,7 +66,7 @@ Selection select(const PreviewOptions& options) {
     throw Error::bad_input(
         fmt::format("{} of {} frames are missing ({})", missing.size(), selection.frames.size(),
                     format_frame_range(missing)),
-        options.sequence,
+        fmt::format("{}", fmt::join(sequences, ", ")),
         "Render them, choose other frames, or let missing frames repeat the last one")
         .concerning({"frames", "missing"});
   }
@@ -116,7 +124,8 @@ std::vector<int> existing_frames(const std::string& sequence) {
 }
 
 bool PreviewOptions::is_valid(std::string* reason) const {
-  return is_within("frames on the contact sheet", sheet_frames, 1, 1e6, reason) &&
+  return pictures_of.is_valid(reason) &&
+         is_within("frames on the contact sheet", sheet_frames, 1, 1e6, reason) &&
          is_within("columns of the contact sheet", sheet_columns, 1, 1e6, reason) &&
          is_within("width of thumbnails (pixels)", thumbnail_width, 1, 65535, reason) &&
          is_within("rate (frames per second)", fps.value_or(1), 1e-3, 1e6, reason);
@@ -125,7 +134,7 @@ bool PreviewOptions::is_valid(std::string* reason) const {
 PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) {
   require_valid(options, "preview");
   const Selection selection = select(options);
-  const SequenceName name(options.sequence);
+  FramePictures of_frames(options.pictures_of);
   const std::vector<int> on_sheet = evenly_spaced_frames(selection.frames, options.sheet_frames);
   const bool want_movie = !options.movie.empty(), want_sheet = !options.contact_sheet.empty();
   const std::optional<SequenceName> pictures = picture_names(options, selection.frames.size());
@@ -133,7 +142,6 @@ PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) 
   PreviewReport report;
   std::unique_ptr<MovieWriter> movie;
   std::vector<store::RgbImage> thumbnails;
-  ExrImage image;
   std::size_t done = 0;
   for (const int frame : selection.frames) {
     if (stop.stop_requested()) {
@@ -144,40 +152,26 @@ PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) 
     if (selection.missing.contains(frame)) {
       ++report.held;
     } else {
-      ExrImage next = read_exr(name.path(frame));
-      if (report.frames > 0 && (next.width != image.width || next.height != image.height)) {
-        throw Error::bad_input(fmt::format("the frame has {} x {} pixels, the previous one {} x {}",
-                                           next.width, next.height, image.width, image.height),
-                               name.path(frame).string(), "Render the frames at one size");
-      }
-      image = std::move(next);
-    }
-    if (want_movie) {
-      if (!movie) {
-        const FrameRate rate = movie_rate(options, image, selection.step);
-        report.fps = static_cast<double>(rate.numerator) / rate.denominator;
-        movie = std::make_unique<MovieWriter>(
-            options.movie,
-            MovieWriter::Options{image.width, image.height, rate.numerator, rate.denominator});
-        report.encoder = movie->encoder();
-      }
+      of_frames.read(frame);
     }
     if (want_movie || pictures) {
-      store::RgbImage shown = display(image, options.display);
-      if (options.burn_in) burn_in(burnt_text(frame, image), shown);
+      store::RgbImage shown = of_frames.picture();
+      if (options.burn_in) burn_in(burnt_text(frame, of_frames.frame()), shown);
+      if (want_movie && !movie) {
+        const FrameRate rate = movie_rate(options, of_frames.frame(), selection.step);
+        report.fps = rate.fps();
+        movie = std::make_unique<MovieWriter>(
+            options.movie,
+            MovieWriter::Options{shown.width, shown.height, rate.numerator, rate.denominator});
+        report.encoder = movie->encoder();
+      }
       if (want_movie) movie->append(shown);
       if (pictures) {
         if (report.frames == 0) create_folder(pictures->folder());
         images::write_image(shown, pictures->path(frame));
       }
     }
-    if (sheet) {
-      const int width = std::min(options.thumbnail_width, image.width);
-      const int height = std::max(
-          1,
-          static_cast<int>(std::lround(static_cast<double>(image.height) * width / image.width)));
-      thumbnails.push_back(display(downscale(image, width, height), options.display));
-    }
+    if (sheet) thumbnails.push_back(of_frames.thumbnail(options.thumbnail_width));
     ++report.frames;
     options.progress(static_cast<double>(++done) /
                      (static_cast<double>(selection.frames.size()) + 1));
@@ -188,6 +182,7 @@ PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) 
                         options.contact_sheet);
   }
   options.progress(1);
+  report.range = of_frames.range_text();
   report.status = RunStatus::kFinished;
   return report;
 }

@@ -9,14 +9,14 @@
 #include <vector>
 
 #include "base/run_status.h"
-#include "compose/preview/display.h"
+#include "compose/preview/frame_pictures.h"
 
 namespace raystage::compose {
 
-/// What to make from a sequence of EXR files.
+/// What to make from sequences of EXR files.
 struct PreviewOptions {
-  std::string sequence;                    ///< SequenceName pattern
-  std::optional<std::vector<int>> frames;  ///< sorted; none: all files that exist
+  FramePictureOptions pictures_of;         ///< sequences, and what is shown of them
+  std::optional<std::vector<int>> frames;  ///< sorted; none: all files of the first sequence
   std::filesystem::path movie;             ///< may be empty
   std::string pictures;                    ///< SequenceName pattern of .png; may be empty
   std::filesystem::path contact_sheet;     ///< PNG; may be empty
@@ -27,7 +27,6 @@ struct PreviewOptions {
   std::optional<double> fps;
   bool hold_missing = false;  ///< repeat the previous frame for a missing one
   bool burn_in = false;       ///< frame numbers and time codes in the movie and the pictures
-  DisplayOptions display;
   std::function<void(double)> progress = [](double) {};
   bool is_valid(std::string* reason) const;
 };
@@ -36,6 +35,7 @@ struct PreviewReport {
   int frames = 0, held = 0;
   double fps = 0;
   std::string encoder;  ///< empty without a movie
+  std::string range;    ///< as FramePictures::range_text()
   RunStatus status = RunStatus::kNotRun;
 };
 

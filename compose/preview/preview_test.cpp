@@ -101,7 +101,7 @@ class Preview : public ::testing::Test {
     metadata.fps_numerator = 30;
     const ExrCamera camera{.view = render::virtual_camera_with_fov(view.width, view.height, 1, {})};
     testing::write_exr({{testing::exr_view(view)}}, {{camera}}, metadata,
-                       SequenceName(options_.sequence).path(frame));
+                       SequenceName(options_.pictures_of.sequences.front()).path(frame));
   }
   std::string refusal() {
     try {
@@ -115,7 +115,7 @@ class Preview : public ::testing::Test {
   testing::TestFolder folder_;
   PreviewOptions options_ = [this] {
     PreviewOptions options;
-    options.sequence = (folder_.path() / "a.####.exr").string();
+    options.pictures_of.sequences = {(folder_.path() / "a.####.exr").string()};
     options.movie = folder_.path() / "a.mp4";
     return options;
   }();
@@ -167,7 +167,7 @@ TEST_F(Preview, ContactSheetShowsThePicturesInOrder) {
   options_.movie.clear();
   options_.contact_sheet = folder_.path() / "sheet.png";
   options_.sheet_columns = 3;
-  options_.display.background = Background::kBlack;
+  options_.pictures_of.display.background = Background::kBlack;
   make_preview(options_, {});
   const store::RgbImage sheet = images::read_image(options_.contact_sheet);
   EXPECT_EQ(sheet.width, 8 + 3 * (kWidth + 8));
@@ -187,7 +187,7 @@ TEST_F(Preview, PicturesMayCarryTheirFrameNumbers) {
   for (const int i : {7, 8}) write_frame(i, flat_view(0, 0, 0));
   options_.movie.clear();
   options_.pictures = (folder_.path() / "png" / "p.###.png").string();
-  options_.display.background = Background::kBlack;
+  options_.pictures_of.display.background = Background::kBlack;
   const auto light = [&](int frame) {
     const store::RgbImage picture =
         images::read_image(folder_.path() / "png" / ("p.00" + std::to_string(frame) + ".png"));

@@ -40,7 +40,7 @@ class CompositionVersion : public testing::SequenceTest {
 };
 
 TEST_F(CompositionVersion, FiveHasThesePixels) {
-  static_assert(kReconstructionVersion == 5);
+  static_assert(kReconstructionVersion == 6);
   write_files();
   shot_.layers[0].name = "wall";
   shot_.layers[0].shadows = schemas::ShotDocument::ReceivedShadows{};

@@ -17,6 +17,7 @@
 #include "compose/sequence_memory_plan.h"
 #include "render/methods.h"
 #include "schemas/rig_document.h"
+#include "store/timeline_file.h"
 
 namespace raystage::compose {
 
@@ -211,15 +212,25 @@ void report_headlight(const ShotPlan& plan, const SequenceOptions& options) {
   }
 }
 
-/// Reports animations of mesh files that are not read: those of FBX and other formats than glTF.
-void report_unread_animations(const ShotPlan& plan, const SequenceOptions& options) {
+/// Reports animations of mesh files that are not read or not in the shot.
+void report_mesh_animations(const ShotPlan& plan, const SequenceOptions& options) {
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     const GeometryLayer* mesh = plan.geometry(i);
-    if (mesh == nullptr || !mesh->has_unread_animation()) continue;
+    if (mesh == nullptr) continue;
+    const std::string& file = plan.shot().layers[i].geometry->file;
+    if (mesh->has_unread_animation()) {
+      options.on_message(fmt::format(
+          "warning: {}the animation of {} is not read or not read whole: only nodes of glTF move, "
+          "not bones and morph targets; bake it to them, or write \"animated\": false",
+          layer_label(plan, i), file));
+    }
+    const auto keys = mesh->key_frames();
+    const schemas::ShotDocument& shot = plan.shot();
+    if (!keys || ((*keys)[0] <= shot.last_frame && (*keys)[1] >= shot.first_frame)) continue;
     options.on_message(fmt::format(
-        "warning: {}the animation of {} is not read, the mesh stands still; export it as glTF, or "
-        "write \"animated\": false",
-        layer_label(plan, i), plan.shot().layers[i].geometry->file));
+        "warning: {}{} moves from frame {:.6g} to {:.6g}, the shot is {} to {}: the mesh "
+        "stands still; add frame_offset",
+        layer_label(plan, i), file, (*keys)[0], (*keys)[1], shot.first_frame, shot.last_frame));
   }
 }
 
@@ -260,10 +271,15 @@ void report_sequence_warnings(const ShotPlan& plan, std::span<const PlannedFrame
     options.on_message("camera: " + camera);
   }
   report_headlight(plan, options);
-  report_unread_animations(plan, options);
+  report_mesh_animations(plan, options);
   for (const LightFieldLayer* light_field : plan.light_fields()) {
     const std::size_t i = light_field->index();
     const std::string of_layer = layer_label(plan, i);
+    if (!std::filesystem::exists(light_field->take().folder() / store::kTimelineFile)) {
+      options.on_message(of_layer +
+                         "the take has no timeline: its cameras agree, and their time stamps are "
+                         "used as they are");
+    }
     report_focus_pull(plan, *light_field, options);
     report_uncovered_rays(plan, *light_field, frames, options);
     if (!schemas::is_calibrated(schemas::read_rig(light_field->take().folder() / "rig.json"))) {

@@ -25,7 +25,7 @@
 namespace raystage::compose {
 
 /// Raised whenever the same inputs give other pixels, so that existing files count as out of date.
-inline constexpr int kReconstructionVersion = 5;
+inline constexpr int kReconstructionVersion = 6;
 
 /// A frame of the shot with the instants that it shows.
 struct PlannedFrame {

@@ -70,10 +70,12 @@ std::string size_fault(const schemas::FarmJobDocument& job, const SlurmNode& nod
   return "";
 }
 
-/// Returns the state of a Slurm job, e.g. "PENDING", or nothing if Slurm does not have it.
+/// Returns the state of a Slurm job, e.g. "PENDING"; nothing if Slurm does not have it, and
+/// "UNKNOWN" if Slurm does not answer.
 std::string slurm_state_of(const std::string& id) {
   const ChildResult result = run_child({"squeue", "-h", "-j", id, "-o", "%T"});
-  return result.exit_code == 0 ? result.out.substr(0, result.out.find('\n')) : std::string();
+  if (result.exit_code == 0) return result.out.substr(0, result.out.find('\n'));
+  return result.out.find("Invalid job id") == std::string::npos ? "UNKNOWN" : "";
 }
 
 /// Words why a node did not answer, from the state of its check in Slurm.

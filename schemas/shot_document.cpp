@@ -65,10 +65,10 @@ constexpr Fields kOutput(defaulted("compression", &Output::compression),
                          optional("overscan", &Output::overscan), defaulted("aovs", &Output::aovs),
                          defaulted("color", &Output::color, kColor));
 
-/// Before version 3, meshes did not move as their files state.
-void stop_mesh_animations(ShotDocument& shot) {
+/// Before version 3, meshes did not move as their files state, and units of FBX did not count.
+void keep_meshes_of_version_two(ShotDocument& shot) {
   for (ShotDocument::Layer& layer : shot.layers) {
-    if (layer.geometry) layer.geometry->is_animated = false;
+    if (layer.geometry) layer.geometry->is_animated = layer.geometry->applies_unit = false;
   }
 }
 
@@ -141,7 +141,7 @@ ShotDocument parse_shot(std::string_view text, std::string_view name) {
   ShotDocument shot;
   shot_fields(version).read(JsonNode{json, name, ""}, shot);
   if (version == 2) count_gltf_time_from_zero(shot);
-  if (version < 3) stop_mesh_animations(shot);
+  if (version < 3) keep_meshes_of_version_two(shot);
   return shot;
 }
 

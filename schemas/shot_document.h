@@ -125,6 +125,8 @@ struct ShotDocument {
     std::vector<TransformKey> keys = {};  ///< by increasing frame; empty: as in the file
     bool is_animated = true;              ///< whether nodes move as a glTF file states
     std::optional<FrameRate> fps = {};    ///< of the program that wrote the file
+    double frame_offset = 0;              ///< frames by which the file's animation is delayed
+    bool applies_unit = true;             ///< whether a unit that the file states (FBX) counts
     int samples = 16;                     ///< rays per pixel, a square number
   };
   /// A light on geometry: exactly one of ambient, direction, position, environment, light_field.

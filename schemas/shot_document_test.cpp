@@ -364,6 +364,8 @@ json shot_with_geometry() {
                       {{"file", "meshes/ball.glb"},
                        {"samples", 25},
                        {"animated", false},
+                       {"file_unit", false},
+                       {"frame_offset", 1000},
                        {"fps", "24000/1001"},
                        {"material", {{"kind", "glossy"}, {"roughness", 0.3}, {"texture", "t.png"}}},
                        {"keys",
@@ -390,6 +392,8 @@ TEST(ShotGeometryDocument, MeshesAndLightsComeBack) {
   EXPECT_EQ(geometry.keys[0].scale, 0.01);
   EXPECT_FALSE(geometry.keys[1].position);
   EXPECT_FALSE(geometry.is_animated);
+  EXPECT_FALSE(geometry.applies_unit);
+  EXPECT_EQ(geometry.frame_offset, 1000);
   EXPECT_EQ(geometry.fps, (FrameRate{24000, 1001}));
   ASSERT_EQ(document.lights.size(), 5U);
   EXPECT_EQ(document.lights[0].ambient->at(2), 0.2);
@@ -408,14 +412,19 @@ TEST(ShotGeometryDocument, MeshesStoodStillBeforeVersionThree) {
   old["schema"] = "raystage/shot/2";
   old["camera"]["file"].erase("fps");
   old["lights"].clear();
-  old["layers"][1]["geometry"].erase("fps");
+  for (const char* key : {"fps", "file_unit", "frame_offset"}) {
+    old["layers"][1]["geometry"].erase(key);
+  }
   EXPECT_THAT(refusal(old), HasSubstr("/geometry/animated"));  // not known then
   old["layers"][1]["geometry"].erase("animated");
   const ShotDocument shot = parse_shot(old.dump(), "f");
   EXPECT_FALSE(shot.layers[1].geometry->is_animated);
+  EXPECT_FALSE(shot.layers[1].geometry->applies_unit);
   EXPECT_FALSE(parse_shot(format_shot(shot), "f").layers[1].geometry->is_animated);
+  EXPECT_FALSE(parse_shot(format_shot(shot), "f").layers[1].geometry->applies_unit);
   old["schema"] = "raystage/shot/3";
   EXPECT_TRUE(parse_shot(old.dump(), "f").layers[1].geometry->is_animated);
+  EXPECT_TRUE(parse_shot(old.dump(), "f").layers[1].geometry->applies_unit);
 }
 
 TEST(ShotGeometryDocument, RefusesWhatMeansNothing) {

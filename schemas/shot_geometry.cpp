@@ -43,7 +43,8 @@ constexpr Fields kGeometry(
     required("file", &Geometry::file, kPath), optional("material", &Geometry::material, kMaterial),
     optional("keys", &Geometry::keys, list_of(kTransformKey, check_transform_frames)),
     defaulted("animated", &Geometry::is_animated), optional("fps", &Geometry::fps, kFrameRateValue),
-    defaulted("samples", &Geometry::samples));
+    defaulted("frame_offset", &Geometry::frame_offset),
+    defaulted("file_unit", &Geometry::applies_unit), defaulted("samples", &Geometry::samples));
 
 /// Rejects properties that have no effect on this kind of light.
 void check_kind(const JsonNode& object, const Light&) {

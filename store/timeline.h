@@ -119,7 +119,7 @@ void write_timeline(const Timeline& timeline, const Take& take);
 /// (store/unsynced_timeline.h). Throws Error (bad input) if it is missing otherwise (run `raystage
 /// sync`), damaged, of a future version, or of another take.
 Timeline read_timeline(const Take& take);
-/// Reads the same, but returns nullopt if it is missing.
+/// Reads the same, but returns nullopt if it is missing and the take needs resynchronisation.
 std::optional<Timeline> read_timeline_if_present(const Take& take);
 
 }  // namespace raystage::store

@@ -329,7 +329,7 @@ Timeline read_timeline(const Take& take) {
 }
 
 std::optional<Timeline> read_timeline_if_present(const Take& take) {
-  if (!std::filesystem::exists(take.folder() / kTimelineFile)) return std::nullopt;
+  if (!std::filesystem::exists(take.folder() / kTimelineFile)) return timeline_without_sync(take);
   return read_timeline(take);
 }
 

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Makes the timeline of takes whose cameras agree already. An instant gets one tick at the median
+// Makes the timeline of takes whose cameras agree already. An instant gets one tick in the middle
 // of the time stamps; equal time stamps get the ticks of build_timeline(), provided that these use
 // every frame. Cost: linear in the frames.
 #include "store/unsynced_timeline.h"
 
 #include <algorithm>
+#include <functional>
+#include <limits>
+#include <numeric>
 #include <vector>
 
 #include "store/take.h"
@@ -15,13 +18,14 @@ namespace {
 constexpr double kRateOfAnInstant = 24;  // frames per second, where the take states none
 
 Timeline instant_of(const Take& take, const std::vector<std::vector<Nanoseconds>>& times) {
-  std::vector<Nanoseconds> stamps;
-  for (const auto& of_camera : times)
-    stamps.insert(stamps.end(), of_camera.begin(), of_camera.end());
-  const auto middle = stamps.begin() + static_cast<std::ptrdiff_t>(stamps.size() / 2);
-  std::ranges::nth_element(stamps, middle);
+  Nanoseconds earliest = std::numeric_limits<Nanoseconds>::max(), latest = -earliest;
+  for (const auto& of_camera : times) {
+    if (of_camera.empty()) continue;
+    earliest = std::min(earliest, of_camera.front());
+    latest = std::max(latest, of_camera.front());
+  }
   FrameSelection tick;
-  tick.time_ns = *middle;
+  tick.time_ns = std::midpoint(earliest, latest);  // as a resynchronisation would
   for (const auto& of_camera : times) {
     tick.frame.push_back(of_camera.empty() ? -1 : 0);
     tick.difference.push_back(of_camera.empty() ? 0 : of_camera.front() - tick.time_ns);

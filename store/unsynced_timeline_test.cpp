@@ -37,9 +37,9 @@ TEST_F(UnsyncedTake, AnInstantHasOneTickWithAllOfItsFrames) {
   ASSERT_EQ(timeline.ticks.size(), 1U);
   EXPECT_GT(timeline.fps, 0);
   const FrameSelection& tick = timeline.ticks.front();
-  EXPECT_EQ(tick.time_ns, 12'000'000);
+  EXPECT_EQ(tick.time_ns, (7 + 90'000) * 500'000LL);
   EXPECT_THAT(tick.frame, ::testing::ElementsAre(0, 0, 0, -1));
-  EXPECT_EQ(tick.difference[1], (90'000 - 12) * 1'000'000LL);
+  EXPECT_EQ(tick.difference[1], (90'000 - 7) * 500'000LL);
 }
 
 TEST_F(UnsyncedTake, EqualTimeStampsAreTheTicks) {

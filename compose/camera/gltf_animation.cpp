@@ -98,6 +98,15 @@ std::string target_of(const json& channel) {
   return fmt::format("/nodes/{}/{}", target["node"].get<std::size_t>(), path);
 }
 
+json list_in(const GltfFile& file, const json& object, const char* key, const std::string& where) {
+  const auto at = object.find(key);
+  if (at == object.end()) return json::array();
+  if (at->is_array()) return *at;
+  throw file.input_error(
+      fmt::format("found {}, allowed: a list", schemas::describe_json_value(*at)),
+      where + "/" + key);
+}
+
 }  // namespace
 
 std::string gltf_text(const json& object, const char* key) {
@@ -169,11 +178,14 @@ GltfNode read_gltf_node(const GltfFile& file, std::size_t index) {
 
 GltfSamplers read_gltf_samplers(const GltfFile& file, const std::set<std::string>& wanted,
                                 FrameRate rate) {
+  constexpr std::size_t kMaxKeys = 10'000'000;
+  std::size_t keys = 0;
   GltfSamplers samplers;
   for (std::size_t a = 0; a < file.count("animations"); ++a) {
     const json& animation = file.element("animations", a);
-    const json channels = animation.value("channels", json::array());
-    const json all = animation.value("samplers", json::array());
+    const std::string path = fmt::format("/animations/{}", a);
+    const json channels = list_in(file, animation, "channels", path);
+    const json all = list_in(file, animation, "samplers", path);
     for (std::size_t c = 0; c < channels.size(); ++c) {
       const std::string target = target_of(channels[c]);
       if (!wanted.contains(target)) continue;
@@ -184,6 +196,12 @@ GltfSamplers read_gltf_samplers(const GltfFile& file, const std::set<std::string
       }
       const auto added = samplers.emplace(
           target, sampler_from(file, all[index.get<std::size_t>()], target, rate, where));
+      // Samplers may share accessors, so that the file's size is no limit.
+      keys += added.first->second.times().size();
+      if (keys > kMaxKeys) {
+        throw file.input_error(fmt::format("the animations have more than {} keys", kMaxKeys), path,
+                               "Export fewer animated nodes, or fewer frames");
+      }
       if (!added.second) {
         throw file.input_error(target + " is animated twice", where,
                                "Keep one animation in the file");

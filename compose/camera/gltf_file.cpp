@@ -112,7 +112,7 @@ GltfFile::GltfFile(std::string_view bytes, const std::filesystem::path& file) : 
   if (asset == nullptr || !asset->is_object() || !asset->contains("version") ||
       !(*asset)["version"].is_string() ||
       !(*asset)["version"].get_ref<const std::string&>().starts_with("2.")) {
-    throw input_error("the file is not glTF 2.0", "/asset", "Export the camera as glTF 2.0");
+    throw input_error("the file is not glTF 2.0", "/asset", "Export it as glTF 2.0");
   }
   load_buffers();
 }
@@ -190,7 +190,7 @@ std::vector<double> GltfFile::numbers(const json& accessor_index, std::size_t wi
   const json& accessor = element("accessors", accessor_index);
   const std::string where = fmt::format("/accessors/{}", accessor_index.get<std::size_t>());
   if (accessor.contains("sparse")) {
-    throw input_error("not supported for cameras: sparse accessors", where,
+    throw input_error("sparse accessors of cameras and animations are not supported", where,
                       "Export it without sparse accessors");
   }
   const auto type = accessor.find("type");

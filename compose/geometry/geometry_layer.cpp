@@ -8,8 +8,10 @@
 #include <cmath>
 #include <fstream>
 #include <numbers>
+#include <set>
 #include <utility>
 
+#include "base/atomic_file.h"
 #include "base/error.h"
 #include "compose/geometry/frustum_culling.h"
 #include "compose/geometry/geometry_scene.h"
@@ -82,6 +84,10 @@ bool is_gltf(const std::filesystem::path& file) {
 /// Opens the texture of a material; null if it has none. `file`: of the mesh, named by errors.
 Textures::Handle open_texture(const Material& material, Textures& textures,
                               const std::filesystem::path& file) {
+  if (material.embedded_texture && material.embedded_texture->format.empty()) {
+    throw Error::bad_input("the texture in the mesh file has a format that cannot be read",
+                           material.embedded_texture->name, "Export it as PNG or JPEG");
+  }
   if (material.embedded_texture) return textures.open(material.embedded_texture);
   if (material.texture.empty()) return nullptr;
   try {
@@ -118,28 +124,53 @@ GeometryLayer::GeometryLayer(const schemas::ShotDocument::Geometry& geometry, Fr
                              Textures& textures)
     : transform_(geometry, where), samples_(geometry.samples) {
   const std::filesystem::path path = (folder / geometry.file).lexically_normal();
-  MeshFile file = read_mesh_file(path);
+  MeshFile file = read_mesh_file(path, geometry.applies_unit);
   for (Material& material : file.mesh.materials) {
     material.color = textures.working_from_rec709() * material.color;
   }
   if (geometry.material) replace_materials(file.mesh, *geometry.material, folder);
+  std::set<const EmbeddedImage*> images;
   for (const Material& material : file.mesh.materials) {
     textures_.push_back(open_texture(material, textures, path));
+    images.insert(material.embedded_texture.get());
   }
-  fingerprint_ = fingerprint_of(file.mesh);
-  const bool moves = geometry.is_animated && file.is_animated;
-  has_unread_animation_ = moves && !is_gltf(path);
-  if (moves && is_gltf(path)) {
-    auto animation = read_mesh_animation(path, {geometry.fps, fps}, file.node_names);
-    if (animation) {
-      const GltfFrames frames =
-          gltf_frames(animation->timing, animation->key_seconds, path, where + "/file",
-                      "Add the rate of the program that wrote the file as fps of the geometry");
-      moving_ = std::make_unique<const Moving>(Moving{file, std::move(*animation), frames, path});
-    }
+  for (const EmbeddedImage* image : images)
+    image_bytes_ += image == nullptr ? 0 : image->bytes.size();
+  if (geometry.is_animated && file.is_animated) {
+    has_unread_animation_ = !is_gltf(path) || file.is_deformable;
+    if (is_gltf(path)) moving_ = read_motion(geometry, fps, file, path, where);
   }
   scene_ = std::make_shared<const EmbreeMesh>(
       MeshFile::place(std::move(file.mesh), file.parts, file.file_from_node, path), path.string());
+  fingerprint_ = fingerprint_of(scene_->mesh());
+}
+
+std::unique_ptr<const GeometryLayer::Moving> GeometryLayer::read_motion(
+    const schemas::ShotDocument::Geometry& geometry, FrameRate fps, const MeshFile& file,
+    const std::filesystem::path& path, const std::string& where) {
+  std::vector<std::size_t> nodes;
+  for (const MeshFile::Part& part : file.parts) nodes.push_back(part.node);
+  std::optional<MeshAnimation> animation;
+  try {
+    animation =
+        parse_mesh_animation(read_file(path), path, {geometry.fps, fps}, file.node_names, nodes);
+  } catch (const Error& error) {
+    if (error.exit_code() != ExitCode::kBadInput) throw;
+    throw Error::bad_input(error.what_happened(), error.where(),
+                           error.what_to_do() + ", or write \"animated\": false");
+  }
+  if (!animation) return nullptr;
+  GltfFrames frames =
+      gltf_frames(animation->timing, animation->key_seconds, path, where + "/file",
+                  "Add the rate of the program that wrote the file as fps of the geometry");
+  frames.zero += geometry.frame_offset;
+  return std::make_unique<const Moving>(Moving{file, std::move(*animation), frames, path});
+}
+
+std::optional<std::array<double, 2>> GeometryLayer::key_frames() const {
+  if (!moving_) return std::nullopt;
+  const std::vector<double>& keys = moving_->animation.key_seconds;
+  return std::array{moving_->frames.frame(keys.front()), moving_->frames.frame(keys.back())};
 }
 
 std::vector<Eigen::Affine3d> GeometryLayer::file_from_node(double frame) const {

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -31,8 +33,11 @@ class GeometryLayer final : public Layer {
 
   MeshInstance instance_at(double frame) const;
   int samples() const { return samples_; }
-  /// Returns whether the file is animated in a format whose animation is not read.
+  /// Returns whether the file has an animation that is not read: of other formats than glTF, or of
+  /// bones and morph targets.
   bool has_unread_animation() const { return has_unread_animation_; }
+  /// Returns the frames of the first and the last key; none: nothing moves.
+  std::optional<std::array<double, 2>> key_frames() const;
   /// Returns the mesh, without its animation.
   const Mesh& mesh() const { return scene_->mesh(); }
 
@@ -41,7 +46,7 @@ class GeometryLayer final : public Layer {
   /// Returns names such as "LAYER/OBJECT".
   std::vector<std::string> object_names(const std::string& layer) const override;
   std::size_t shared_bytes() const override {
-    return scene_->bytes() + (moving_ ? moving_->file.mesh.bytes() : 0);
+    return scene_->bytes() + image_bytes_ + (moving_ ? moving_->file.mesh.bytes() : 0);
   }
   std::size_t frame_bytes() const override { return moving_ ? scene_->bytes() : 0; }
   std::size_t aov_bytes_per_pixel() const override;
@@ -54,6 +59,7 @@ class GeometryLayer final : public Layer {
   AnimatedTransform transform_;
   int samples_ = 16;
   bool has_unread_animation_ = false;
+  std::size_t image_bytes_ = 0;  ///< of textures in the file
   /// An animated mesh in the coordinates of its nodes.
   struct Moving {
     MeshFile file;
@@ -62,6 +68,11 @@ class GeometryLayer final : public Layer {
     std::filesystem::path path;
   };
   std::vector<Eigen::Affine3d> file_from_node(double frame) const;
+  /// Returns null if no mesh moves.
+  static std::unique_ptr<const Moving> read_motion(const schemas::ShotDocument::Geometry& geometry,
+                                                   FrameRate fps, const MeshFile& file,
+                                                   const std::filesystem::path& path,
+                                                   const std::string& where);
 
   std::shared_ptr<const EmbreeMesh> scene_;
   std::unique_ptr<const Moving> moving_;    ///< null: nothing moves in the file

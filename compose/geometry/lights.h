@@ -32,6 +32,10 @@ struct LightSample {
   double strength = 1;      ///< times the light's colour and the cosine of incidence
 };
 
+/// Returns the factor on a light's colour that a facing surface at `point` receives: 1, or the
+/// inverse square of the distance of a sphere's centre.
+double light_strength(const DirectLight& light, const Eigen::Vector3d& point);
+
 /// Samples the directions in which `point` sees a light, uniformly in solid angle. `at`: in [0,
 /// 1)^2. Means over samples: a surface that faces the light receives its colour; of a sphere, its
 /// colour over the squared distance of its centre. A point in a sphere sees it as at its surface.

@@ -55,7 +55,11 @@ TEST(DirectLights, ASphereFadesWithTheSquareOfTheDistance) {
       const double half_angle = std::asin(radius / away);
       EXPECT_NEAR(received(light, point, axis, axis, half_angle) * away * away, 1, 1e-3)
           << radius << ' ' << away;
-      EXPECT_NEAR(sample_light(light, point, {0.3, 0.4}).distance, away - radius, 1e-9 * away);
+      // Rays end at the sphere's surface: the middle's and any other.
+      EXPECT_NEAR(sample_light(light, point, {0, 0.4}).distance, away - radius, 1e-9 * away);
+      const LightSample sample = sample_light(light, point, {0.9, 0.4});
+      const Vector3d end = point + sample.distance * sample.towards;
+      EXPECT_NEAR((end - *light.position).norm(), radius, 1e-6 * away);
     }
   }
 }

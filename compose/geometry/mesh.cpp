@@ -49,10 +49,6 @@ std::shared_ptr<const EmbeddedImage> embedded_image(const aiTexture& from, std::
     image.bytes.assign(reinterpret_cast<const char*>(from.pcData), from.mWidth);
   }
   image.format = image_format_of(image.bytes);
-  if (image.format.empty()) {
-    throw Error::bad_input("the texture in the mesh file has a format that cannot be read",
-                           image.name, "Export it as PNG or JPEG");
-  }
   return std::make_shared<const EmbeddedImage>(std::move(image));
 }
 
@@ -127,6 +123,7 @@ void add_node(const aiScene& scene, const aiNode& node, const Eigen::Affine3d& f
   result.file_from_node.push_back(file_from_node);
   for (unsigned i = 0; i < node.mNumMeshes; ++i) {
     const aiMesh& from = *scene.mMeshes[node.mMeshes[i]];
+    result.is_deformable |= from.mNumBones > 0 || from.mNumAnimMeshes > 0;
     const std::size_t first = mesh.positions.size();
     // Fill in for meshes that have none.
     if (from.HasNormals()) mesh.normals.resize(first, Eigen::Vector3f::Zero());
@@ -176,16 +173,15 @@ Mesh MeshFile::place(Mesh mesh, const std::vector<Part>& parts,
   return mesh;
 }
 
-MeshFile read_mesh_file(const std::filesystem::path& file) {
+MeshFile read_mesh_file(const std::filesystem::path& file, bool applies_unit) {
   if (!std::filesystem::exists(file)) {
     throw Error::bad_input("the mesh file does not exist", file.string(),
                            "Correct the layer's path; it is relative to the shot's folder");
   }
   Assimp::Importer importer;
-  // The global scale converts the units that a file states (FBX) to metres.
-  const aiScene* scene =
-      importer.ReadFile(file.string(), aiProcess_Triangulate | aiProcess_JoinIdenticalVertices |
-                                           aiProcess_SortByPType | aiProcess_GlobalScale);
+  unsigned steps = aiProcess_Triangulate | aiProcess_JoinIdenticalVertices | aiProcess_SortByPType;
+  if (applies_unit) steps |= aiProcess_GlobalScale;
+  const aiScene* scene = importer.ReadFile(file.string(), steps);
   if (scene == nullptr) {
     throw Error::bad_input(std::string("the mesh cannot be read: ") + importer.GetErrorString(),
                            file.string(), "Give a glTF, FBX, OBJ or PLY file");

@@ -16,7 +16,7 @@ namespace raystage::compose {
 /// An image inside a mesh file.
 struct EmbeddedImage {
   std::string name;    ///< of the mesh file and the image in it, for errors
-  std::string format;  ///< extension of such a file: "png", "jpg"
+  std::string format;  ///< extension of such a file: "png", "jpg", "exr"; empty: another one
   std::string bytes;   ///< as in such a file
 };
 
@@ -63,7 +63,8 @@ struct MeshFile {
   /// Names and transforms, without animation, of the nodes in depth-first order.
   std::vector<std::string> node_names;
   std::vector<Eigen::Affine3d> file_from_node;
-  bool is_animated = false;  ///< whether the file has animations
+  bool is_animated = false;    ///< whether the file has animations
+  bool is_deformable = false;  ///< whether bones or morph targets deform a mesh
 
   /// Returns the mesh in the file's coordinates. `file_from_node`: of each node. `file`: named by
   /// errors. Throws Error (bad input) if a number is not finite.
@@ -73,10 +74,11 @@ struct MeshFile {
 };
 
 /// Reads a mesh in any format that Assimp reads: glTF 2, FBX, OBJ, PLY ... Texture paths are joined
-/// with the file's folder; PNG, JPEG and EXR textures may be in the file. FBX files become metres.
+/// with the file's folder; PNG, JPEG and EXR textures may be in the file. `applies_unit`: whether
+/// the unit that a file states (FBX) is converted to metres.
 /// Metals of glTF become glossy, or mirrors below a roughness of 0.05. Throws Error (bad input) if
 /// the file is missing, has no triangle, or has a number that is not finite.
-MeshFile read_mesh_file(const std::filesystem::path& file);
+MeshFile read_mesh_file(const std::filesystem::path& file, bool applies_unit = true);
 
 /// Reads a mesh as read_mesh_file() does, and places its objects as they are without animation.
 Mesh read_mesh(const std::filesystem::path& file);

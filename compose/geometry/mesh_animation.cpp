@@ -11,7 +11,6 @@
 #include <set>
 #include <utility>
 
-#include "base/atomic_file.h"
 #include "compose/camera/gltf_animation.h"
 #include "compose/camera/gltf_file.h"
 
@@ -29,11 +28,12 @@ struct PlacedNode {
   int parent = kNone;
 };
 
-const json& list_of(const GltfFile& file, const json& object, const char* key) {
+const json& list_of(const GltfFile& file, const json& object, const char* key,
+                    const std::string& where) {
   static const json kEmpty = json::array();
   const auto at = object.find(key);
   if (at == object.end()) return kEmpty;
-  if (!at->is_array()) throw file.input_error("found no list", fmt::format("/{}", key));
+  if (!at->is_array()) throw file.input_error("found no list", where + "/" + key);
   return *at;
 }
 
@@ -44,9 +44,10 @@ class NodeReader {
 
   std::vector<PlacedNode> read() {
     if (file_.count("scenes") == 0) throw mismatch("/scenes");
-    const json& scene =
-        file_.element("scenes", file_.document().value("scene", json(std::size_t{0})));
-    const json& roots = list_of(file_, scene, "nodes");
+    const json index_of_scene = file_.document().value("scene", json(std::size_t{0}));
+    const json& scene = file_.element("scenes", index_of_scene);
+    const json& roots =
+        list_of(file_, scene, "nodes", fmt::format("/scenes/{}", index_of_scene.dump()));
     int root = kNone;
     if (roots.size() != 1) {
       root = 0;
@@ -66,11 +67,18 @@ class NodeReader {
       const json& node = file_.element("nodes", index);
       const auto at = placed_.size();
       const std::string name = gltf_text(node, "name");
-      if (at >= names_.size() || (!name.empty() && name != names_[at])) throw mismatch("/nodes");
+      // Nodes have one parent, so that there are no more places than nodes.
+      if (at > file_.count("nodes")) throw mismatch("/nodes");
+      const bool is_checked = !names_.empty();
+      if (is_checked && (at >= names_.size() || (!name.empty() && name != names_[at]))) {
+        throw mismatch("/nodes");
+      }
       placed_.push_back({read_gltf_node(file_, index.get<std::size_t>()), parent});
-      push_reversed(list_of(file_, node, "children"), static_cast<int>(at));
+      push_reversed(
+          list_of(file_, node, "children", fmt::format("/nodes/{}", index.get<std::size_t>())),
+          static_cast<int>(at));
     }
-    if (placed_.size() != names_.size()) throw mismatch("/nodes");
+    if (!names_.empty() && placed_.size() != names_.size()) throw mismatch("/nodes");
     return std::move(placed_);
   }
 
@@ -87,16 +95,24 @@ class NodeReader {
 
 }  // namespace
 
-std::optional<MeshAnimation> read_mesh_animation(const std::filesystem::path& path,
-                                                 const GltfFrameRate& rate,
-                                                 std::span<const std::string> node_names) {
-  const GltfFile file(read_file(path), path);
+std::optional<MeshAnimation> parse_mesh_animation(std::string_view bytes,
+                                                  const std::filesystem::path& path,
+                                                  const GltfFrameRate& rate,
+                                                  std::span<const std::string> node_names,
+                                                  std::span<const std::size_t> mesh_nodes) {
+  const GltfFile file(bytes, path);
   if (file.count("animations") == 0) return std::nullopt;
   const auto nodes =
       std::make_shared<const std::vector<PlacedNode>>(NodeReader(file, node_names).read());
   std::set<std::string> wanted;
-  for (const PlacedNode& placed : *nodes) {
-    if (!placed.node.path.empty()) placed.node.add_targets(wanted);
+  for (const std::size_t of_mesh : mesh_nodes) {
+    if (of_mesh >= nodes->size()) continue;
+    for (int i = static_cast<int>(of_mesh); i != kNone; i = (*nodes)[i].parent) {
+      const GltfNode& node = (*nodes)[i].node;
+      if (node.path.empty()) continue;
+      if (wanted.contains(node.path + "/scale")) break;  // its ancestors are known, too
+      node.add_targets(wanted);
+    }
   }
   MeshAnimation animation;
   animation.timing = read_gltf_timing(file, rate);

@@ -2,11 +2,13 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstddef>
 #include <filesystem>
 #include <functional>
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "compose/camera/gltf_timing.h"
@@ -22,11 +24,15 @@ struct MeshAnimation {
 };
 
 /// Reads the animations of a .gltf or .glb file: LINEAR, STEP and CUBICSPLINE keys of translations,
-/// rotations and scales. `node_names`: of the nodes in depth-first order, as the meshes were read.
-/// Returns nothing if no node is animated. Throws Error (bad input) if the file is damaged, if a
-/// property is animated twice, or if its nodes are not those of `node_names`.
-std::optional<MeshAnimation> read_mesh_animation(const std::filesystem::path& file,
-                                                 const GltfFrameRate& rate,
-                                                 std::span<const std::string> node_names);
+/// rotations and scales. `bytes`: of the file. `node_names`: of the nodes in depth-first order, as
+/// the meshes were read; empty: not checked. `mesh_nodes`: indices of those whose motion counts,
+/// with that of their ancestors. Returns nothing if none of these moves. Throws Error (bad input)
+/// if the file is damaged, if a property is animated twice, or if its nodes are not those of
+/// `node_names`.
+std::optional<MeshAnimation> parse_mesh_animation(std::string_view bytes,
+                                                  const std::filesystem::path& file,
+                                                  const GltfFrameRate& rate,
+                                                  std::span<const std::string> node_names,
+                                                  std::span<const std::size_t> mesh_nodes);
 
 }  // namespace raystage::compose

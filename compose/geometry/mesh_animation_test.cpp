@@ -21,10 +21,12 @@ using ::testing::HasSubstr;
 /// 24 fps.
 class TurningTriangle : public ::testing::Test {
  protected:
+  /// `moving`: index of the node that turns. `place`: of the arm.
   std::filesystem::path write(const std::string& name,
                               const std::string& scenes = R"("scene":0,"scenes":[{"nodes":[2,0]}])",
                               const std::string& interpolation = "LINEAR",
-                              const std::string& more = "") {
+                              const std::string& more = "", int moving = 0,
+                              const std::string& place = "0,0,-5") {
     // positions 0..36, times 36..44, rotations 44..76, more samplers use the same accessors
     std::string bytes;
     const auto put = [&](std::initializer_list<float> values) {
@@ -38,11 +40,12 @@ class TurningTriangle : public ::testing::Test {
     put({0, 0, 0, 1, 0, 0, half, half});
     std::ofstream(folder_.path() / "data.bin", std::ios::binary) << bytes;
     std::ofstream(folder_.path() / name) << R"({"asset":{"version":"2.0"},)" << scenes << R"(,
-      "nodes":[{"name":"arm","translation":[0,0,-5],"children":[1]},
+      "nodes":[{"name":"arm","translation":[)"
+                                         << place << R"(],"children":[1]},
                {"name":"leaf","mesh":0,"translation":[2,0,0]}, {"name":"other"}],
       "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
-      "animations":[{"channels":[{"sampler":0,"target":{"node":0,"path":"rotation"}})"
-                                         << more << R"(],
+      "animations":[{"channels":[{"sampler":0,"target":{"node":)"
+                                         << moving << R"(,"path":"rotation"}})" << more << R"(],
         "samplers":[{"input":1,"output":2,"interpolation":")"
                                          << interpolation << R"("}]}],
       "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]},
@@ -111,6 +114,38 @@ TEST_F(TurningTriangle, StandsStillOnRequest) {
   EXPECT_EQ(layer.frame_bytes(), 0U);
 }
 
+TEST_F(TurningTriangle, OffsetsDelayIt) {
+  write("turn.gltf");
+  schemas::ShotDocument::Geometry geometry;
+  geometry.file = "turn.gltf";
+  geometry.frame_offset = 1000;
+  const GeometryLayer layer(geometry, {24, 1}, folder_.path(), "here", textures_);
+  EXPECT_LT((corner_at(layer, 1048) - Vector3d(0, 3, -5)).norm(), 1e-6);
+  EXPECT_LT((corner_at(layer, 1024) - Vector3d(3, 0, -5)).norm(), 1e-6);
+  EXPECT_EQ(layer.key_frames(), (std::array{1024.0, 1048.0}));
+}
+
+/// An animated light or camera beside the mesh needs no new mesh for each frame.
+TEST_F(TurningTriangle, MotionOfOtherNodesDoesNotCount) {
+  write("other.gltf", R"("scene":0,"scenes":[{"nodes":[2,0]}])", "LINEAR", "", 2);
+  const GeometryLayer layer = open("other.gltf");
+  EXPECT_FALSE(layer.key_frames());
+  EXPECT_EQ(layer.frame_bytes(), 0U);
+  EXPECT_FALSE(layer.has_unread_animation());
+  EXPECT_LT((corner_at(layer, 48) - Vector3d(3, 0, -5)).norm(), 1e-6);
+}
+
+TEST_F(TurningTriangle, PlacesOfNodesCountForTheFingerprint) {
+  const auto print_of = [&](const std::string& name, const std::string& place) {
+    write(name, R"("scene":0,"scenes":[{"nodes":[0]}])", "LINEAR", "", 0, place);
+    Fingerprint print;
+    open(name, false).add_to_fingerprint(print, 1, {});
+    return print.hex();
+  };
+  EXPECT_NE(print_of("a.gltf", "0,0,-5"), print_of("b.gltf", "0,0,-6"));
+  EXPECT_EQ(print_of("a.gltf", "0,0,-5"), print_of("b.gltf", "0,0,-5"));
+}
+
 TEST_F(TurningTriangle, FramesThatDifferHaveOtherFingerprints) {
   write("turn.gltf");
   const GeometryLayer layer = open("turn.gltf");
@@ -129,6 +164,9 @@ TEST_F(TurningTriangle, SaysWhatIsWrong) {
   write("twice.gltf", R"("scene":0,"scenes":[{"nodes":[0]}])", "LINEAR",
         R"(,{"sampler":0,"target":{"node":0,"path":"rotation"}})");
   EXPECT_THAT(refusal("twice.gltf"), HasSubstr("animated twice"));
+  EXPECT_THAT(refusal("twice.gltf"), HasSubstr("or write \"animated\": false"));
+  write("list.gltf", R"("scene":0,"scenes":[{"nodes":{"a":1}}])");
+  EXPECT_THAT(refusal("list.gltf"), HasSubstr("list.gltf"));
 }
 
 TEST_F(TurningTriangle, AMissingTextureNamesTheMesh) {

@@ -125,8 +125,60 @@ TEST_F(MeshFiles, TexturesInTheFile) {
   EXPECT_TRUE(material(0).texture.empty());
   EXPECT_EQ(material(2).embedded_texture, nullptr);
   EXPECT_NEAR(material(2).color.y(), 0.4F, 1e-6F);
-  EXPECT_THAT(refusal(write("text.gltf", gltf("aGVsbG8gd29ybGQ="))),
-              HasSubstr("text.gltf#image 0"));
+  // Refused when it is used: a shot may replace it.
+  const Mesh unreadable = read_mesh(write("text.gltf", gltf("aGVsbG8gd29ybGQ=")));
+  EXPECT_EQ(unreadable.materials[0].embedded_texture->format, "");
+}
+
+/// A triangle of 100 centimetres, as text.
+TEST_F(MeshFiles, FbxIsInMetres) {
+  const auto file = write("m.fbx", R"(; FBX 7.4.0 project file
+FBXHeaderExtension:  {
+	FBXHeaderVersion: 1003
+	FBXVersion: 7400
+}
+GlobalSettings:  {
+	Version: 1000
+	Properties70:  {
+		P: "UpAxis", "int", "Integer", "",1
+		P: "UpAxisSign", "int", "Integer", "",1
+		P: "FrontAxis", "int", "Integer", "",2
+		P: "FrontAxisSign", "int", "Integer", "",1
+		P: "CoordAxis", "int", "Integer", "",0
+		P: "CoordAxisSign", "int", "Integer", "",1
+		P: "UnitScaleFactor", "double", "Number", "",1
+	}
+}
+Objects:  {
+	Geometry: 1000, "Geometry::tri", "Mesh" {
+		Vertices: *9 {
+			a: 0,0,0,100,0,0,0,100,0
+		}
+		PolygonVertexIndex: *3 {
+			a: 0,1,-3
+		}
+	}
+	Model: 2000, "Model::tri", "Mesh" {
+		Version: 232
+		Properties70:  {
+			P: "Lcl Translation", "Lcl Translation", "", "A",0,0,-300
+		}
+	}
+}
+Connections:  {
+	C: "OO",2000,0
+	C: "OO",1000,2000
+}
+)");
+  const auto most = [](const Mesh& mesh) {
+    Eigen::Vector3d corner = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& p : mesh.positions) corner = corner.cwiseMax(p.cwiseAbs());
+    return corner;
+  };
+  EXPECT_LT((most(read_mesh(file)) - Eigen::Vector3d(1, 1, 3)).norm(), 1e-6);
+  const MeshFile raw = read_mesh_file(file, false);
+  const Mesh units = MeshFile::place(raw.mesh, raw.parts, raw.file_from_node, file);
+  EXPECT_LT((most(units) - Eigen::Vector3d(100, 100, 300)).norm(), 1e-4);
 }
 
 TEST_F(MeshFiles, PlyHasNoMaterial) {

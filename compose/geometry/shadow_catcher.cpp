@@ -71,9 +71,7 @@ class Catcher {
     const float hidden = ambient_occlusion(centre, min_distance, seed);
     Vector3f light_sum = scene_.lights.ambient, taken = hidden * scene_.lights.ambient;
     for (const DirectLight& light : scene_.lights.direct) {
-      const auto strength =
-          light.position ? static_cast<float>(sample_light(light, centre, {0.5, 0.5}).strength)
-                         : 1.0F;
+      const auto strength = static_cast<float>(light_strength(light, centre));
       light_sum += strength * light.color;
       if (!light.casts_shadows) continue;
       taken += strength * occluded_share(light, point_at, min_distance, seed) * light.color;

@@ -16,6 +16,7 @@
 #include <memory>
 #include <mutex>
 #include <numbers>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -35,33 +36,39 @@ struct Texture {
   OIIO::TextureSystem::TextureHandle* handle = nullptr;
 };
 
-/// Configuration with which OpenImageIO reads an image from memory.
-OIIO::ImageSpec memory_config(OIIO::Filesystem::IOProxy* bytes) {
-  OIIO::ImageSpec config;
-  config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, static_cast<void*>(&bytes));
-  return config;
+bool is_integer(const OIIO::ImageSpec& spec) {
+  return spec.format == OIIO::TypeDesc::UINT8 || spec.format == OIIO::TypeDesc::UINT16;
 }
 
-/// Reads a file of sRGB codes as linear light, so that OpenImageIO filters linear values. Its name
-/// is that of the file with kMarker.
+constexpr const char* kBytes = "raystage:bytes";  // pointer to the std::string_view of an image
+
+/// Reads an image as linear light, so that OpenImageIO filters linear values: integers as sRGB
+/// codes, floats as they are. Alpha is not applied to colours. Its name is that of the file with
+/// kMarker; images in memory are given by the attribute kBytes of the configuration.
 class LinearSrgbInput final : public OIIO::ImageInput {
  public:
   static constexpr std::string_view kMarker = ".codes";
   static OIIO::ImageInput* create() { return new LinearSrgbInput; }
 
   const char* format_name() const override { return "light of codes"; }
-  int supports(OIIO::string_view feature) const override { return feature == "ioproxy" ? 1 : 0; }
   bool open(const std::string& name, OIIO::ImageSpec& spec) override {
     return open(name, spec, OIIO::ImageSpec());
   }
   bool open(const std::string& name, OIIO::ImageSpec& spec,
             const OIIO::ImageSpec& config) override {
-    const bool has_config = !config.extra_attribs.empty();
-    codes_ = OIIO::ImageInput::open(name.substr(0, name.size() - kMarker.size()),
-                                    has_config ? &config : nullptr);
+    OIIO::ImageSpec of_codes;
+    of_codes.attribute("oiio:UnassociatedAlpha", 1);
+    if (const auto* bytes = static_cast<const std::string_view*>(bytes_of(config))) {
+      // One reader for each open image: it has a position.
+      memory_.emplace(bytes->data(), bytes->size());
+      OIIO::Filesystem::IOProxy* proxy = &*memory_;
+      of_codes.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, static_cast<void*>(&proxy));
+    }
+    codes_ = OIIO::ImageInput::open(name.substr(0, name.size() - kMarker.size()), &of_codes);
     if (!codes_) return false;
     m_spec = codes_->spec();
     is_tiled_ = m_spec.tile_width > 0;
+    holds_codes_ = is_integer(m_spec);
     m_spec.set_format(OIIO::TypeDesc::FLOAT);
     m_spec.tile_width = m_spec.tile_height = m_spec.tile_depth = 0;
     spec = m_spec;
@@ -89,7 +96,7 @@ class LinearSrgbInput final : public OIIO::ImageInput {
       const auto first = static_cast<std::ptrdiff_t>(row) * (y - m_spec.y);
       std::copy_n(all_.begin() + first, row, light);
     }
-    for (std::size_t i = 0; i < row; ++i) {
+    for (std::size_t i = 0; holds_codes_ && i < row; ++i) {
       if (static_cast<int>(i % channels) == m_spec.alpha_channel) continue;
       light[i] = static_cast<float>(linear_from_srgb(double{light[i]}));
     }
@@ -97,8 +104,14 @@ class LinearSrgbInput final : public OIIO::ImageInput {
   }
 
  private:
+  static const void* bytes_of(const OIIO::ImageSpec& config) {
+    const OIIO::ParamValue* value = config.find_attribute(kBytes, OIIO::TypeDesc::PTR);
+    return value == nullptr ? nullptr : *static_cast<const void* const*>(value->data());
+  }
+
+  std::optional<OIIO::Filesystem::IOMemReader> memory_;  // before the reader that uses it
   std::unique_ptr<OIIO::ImageInput> codes_;
-  bool is_tiled_ = false;
+  bool is_tiled_ = false, holds_codes_ = true;
   std::vector<float> all_;  // pixels of a tiled file
 };
 
@@ -122,9 +135,7 @@ class OiioTextureLookup : public TextureLookup {
       throw Error::bad_input("the texture cannot be read: " + system_->geterror(), file.string(),
                              "Use an image that OpenImageIO reads: EXR, PNG, TIFF ...");
     }
-    const bool is_integer =
-        spec.format == OIIO::TypeDesc::UINT8 || spec.format == OIIO::TypeDesc::UINT16;
-    if (is_integer) {
+    if (is_integer(spec)) {
       name = OIIO::ustring(file.string() + std::string(LinearSrgbInput::kMarker));
       system_->imagecache()->add_file(name, LinearSrgbInput::create, nullptr);
     }
@@ -134,21 +145,20 @@ class OiioTextureLookup : public TextureLookup {
   Handle open_bytes(const std::string& name, const std::string& format,
                     std::string_view bytes) override {
     if (const Texture* texture = find(name)) return texture;
-    images_.emplace_back(bytes.data(), bytes.size());
-    const OIIO::ImageSpec config = memory_config(&images_.back());
-    // OpenImageIO chooses a reader by the extension; with bytes, it opens no file of this name.
-    const std::string file = fmt::format("image{}.{}", images_.size(), format);
-    const auto input = OIIO::ImageInput::open(file, &config);
-    if (!input) {
+    images_.push_back(bytes);
+    const std::string_view* image = &images_.back();
+    OIIO::ImageSpec config;
+    config.attribute(kBytes, OIIO::TypeDesc::PTR, static_cast<const void*>(&image));
+    // OpenImageIO chooses a reader by the extension. A file of this name cannot exist.
+    const OIIO::ustring marked(fmt::format("/proc/self/embedded/{}.{}{}", images_.size(), format,
+                                           LinearSrgbInput::kMarker));
+    OIIO::ImageSpec spec;
+    if (!LinearSrgbInput().open(marked.string(), spec, config)) {
       throw Error::bad_input("the texture in the mesh file cannot be read: " + OIIO::geterror(),
                              name, "Export it again, as PNG or JPEG");
     }
-    const bool is_float = input->spec().format == OIIO::TypeDesc::HALF ||
-                          input->spec().format == OIIO::TypeDesc::FLOAT;
-    const std::string marked = file + std::string(is_float ? "" : LinearSrgbInput::kMarker);
-    system_->imagecache()->add_file(OIIO::ustring(marked),
-                                    is_float ? nullptr : LinearSrgbInput::create, &config);
-    return add(name, OIIO::ustring(marked));
+    system_->imagecache()->add_file(marked, LinearSrgbInput::create, &config);
+    return add(name, marked);
   }
 
   Eigen::Vector3f color(Handle texture, float u, float v, float width) const override {
@@ -194,7 +204,7 @@ class OiioTextureLookup : public TextureLookup {
     return &opened_.back();
   }
 
-  std::deque<OIIO::Filesystem::IOMemReader> images_;  // before the system, which reads them
+  std::deque<std::string_view> images_;  // before the system, which reads them
   std::unique_ptr<OIIO::TextureSystem, Release> system_;
   std::deque<Texture> opened_;  // a deque keeps the addresses of handles
 };

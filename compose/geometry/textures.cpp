@@ -40,6 +40,10 @@ Textures::Handle Textures::open(const std::filesystem::path& file) {
 
 Textures::Handle Textures::open(std::shared_ptr<const EmbeddedImage> image) {
   load_lookup();
+  for (const auto& known : images_) {
+    if (known->name == image->name)
+      return lookup_->open_bytes(known->name, known->format, known->bytes);
+  }
   images_.push_back(std::move(image));
   const EmbeddedImage& kept = *images_.back();
   return lookup_->open_bytes(kept.name, kept.format, kept.bytes);

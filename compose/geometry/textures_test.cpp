@@ -86,6 +86,25 @@ TEST_F(TextureFiles, ImagesOfMeshFilesAreReadFromMemory) {
   EXPECT_NEAR(textures_.color(exr, 0.5F, 0.5F, 0).x(), 8, 1e-3);
 }
 
+/// glTF ignores alpha unless a material blends.
+TEST_F(TextureFiles, AlphaDoesNotDarkenColours) {
+  const auto texture = textures_.open(std::make_shared<const EmbeddedImage>(
+      EmbeddedImage{"box.glb#image 0", "png", *decode_base64(testing::kTransparentPng)}));
+  EXPECT_NEAR(textures_.color(texture, 0.25F, 0.5F, 0).x(), linear_from_srgb(200 / 255.0), 1e-4);
+  EXPECT_NEAR(textures_.color(texture, 0.75F, 0.5F, 0).x(), linear_from_srgb(200 / 255.0), 1e-4);
+}
+
+/// The cache of OpenImageIO holds files and embedded images.
+TEST_F(TextureFiles, EmbeddedImagesOfOneNameAreNotConfused) {
+  const auto image = [](const char* name, const char* text) {
+    return std::make_shared<const EmbeddedImage>(EmbeddedImage{name, "png", *decode_base64(text)});
+  };
+  const auto first = textures_.open(image("a.glb#image 0", testing::kQuarteredPng));
+  const auto second = textures_.open(image("b.glb#image 0", testing::kTransparentPng));
+  EXPECT_NEAR(textures_.color(first, 0.25F, 0.5F, 0).z(), 1, 1e-4);
+  EXPECT_NEAR(textures_.color(second, 0.25F, 0.5F, 0).z(), 0, 1e-4);
+}
+
 TEST_F(TextureFiles, DamagedImagesOfMeshFilesAreNamed) {
   std::string bytes = *decode_base64(testing::kQuarteredPng);
   bytes.resize(20);

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <span>
 
 #include "base/error.h"
@@ -28,7 +29,7 @@ constexpr std::uint8_t kLine = 220, kGapColor = 38;
 /// A channel that has a short name in previews.
 struct NamedChannel {
   std::string_view name;
-  std::array<const char*, 2> in_files;  ///< since 0.2.0, and before
+  std::array<const char*, 2> in_files;  ///< names in files: the first that a file has is read
   bool is_share;                        ///< from 0 to 1
 };
 constexpr std::array kNamedChannels{
@@ -51,7 +52,6 @@ images::ExrChannelData read_channel(const std::filesystem::path& file, const std
     const std::array wanted{images::ExrChannel{channel.c_str()}};
     return images::read_exr_channels(file, wanted, kWhatToDo);
   }
-  // Neither is required, so that a file may have either; a file without both is refused below.
   for (const char* name : named->in_files) {
     const std::array wanted{images::ExrChannel{name}};
     if (!images::has_exr_channels(file, wanted)) continue;
@@ -122,7 +122,9 @@ store::RgbImage wipe(const store::RgbImage& left, const store::RgbImage& right, 
 
 float absolute_difference(float a, float b) {
   if (a == b) return 0;  // also of infinite depths
-  return std::isnan(a) && std::isnan(b) ? 0.0F : std::abs(a - b);
+  if (std::isnan(a) && std::isnan(b)) return 0;
+  const float apart = std::abs(a - b);
+  return std::isnan(apart) ? std::numeric_limits<float>::infinity() : apart;
 }
 
 }  // namespace
@@ -201,7 +203,10 @@ store::RgbImage FramePictures::thumbnail(int width) {
                         std::lround(static_cast<double>(shown.width) * small_width / whole.width))),
         height);
   }
-  // Pictures are reduced as light.
+  // Pictures are reduced as light, and differences after they were made: details do not cancel out.
+  if (options_.arrangement == Arrangement::kDifference) {
+    return show({downscale(difference(frames_).image, small_width, height), {}});
+  }
   std::vector<Frame> small;
   for (const Frame& one : frames_) small.push_back({downscale(one.image, small_width, height), {}});
   return arrange(small);
@@ -248,7 +253,8 @@ void FramePictures::set_range(const Frame& first) {
   } else {
     const bool is_difference = options_.arrangement == Arrangement::kDifference;
     const double low = is_difference ? 0 : double{percentile(first.values, 0.01)};
-    const double high = double{percentile(first.values, 0.99)};
+    double high = double{percentile(first.values, 0.99)};
+    if (!(high > low)) high = double{percentile(first.values, 1)};  // few pixels differ
     range_ = {low, high > low ? high : low + 1};
   }
 }

@@ -38,6 +38,22 @@ class FramePictureTest : public ::testing::Test {
     testing::write_exr({{testing::exr_view(view)}}, {{camera}}, {}, SequenceName(sequence).path(1));
     return sequence;
   }
+  /// Writes white and black columns in turn; `first`: index of the first white one.
+  std::string write_stripes(const std::string& name, int first) {
+    render::RenderedView view;
+    view.width = 4;
+    view.height = 2;
+    for (int i = 0; i < 8; ++i) {
+      const float light = i % 2 == first ? 1.0F : 0.0F;
+      view.rgba.insert(view.rgba.end(), {light, light, light, 1});
+      view.coverage.push_back(1);
+      view.z.push_back(1);
+    }
+    const std::string sequence = (folder_.path() / (name + ".####.exr")).string();
+    const ExrCamera camera{.view = render::virtual_camera_with_fov(4, 2, 1, {})};
+    testing::write_exr({{testing::exr_view(view)}}, {{camera}}, {}, SequenceName(sequence).path(1));
+    return sequence;
+  }
   static std::vector<int> row_of(const store::RgbImage& picture) {
     std::vector<int> red;
     for (int x = 0; x < picture.width; ++x) red.push_back(picture.row(0)[3 * x]);
@@ -108,6 +124,14 @@ TEST_F(FramePictureTest, DifferencesAreOfValues) {
   options.channel = "Z";  // 1, 2, 4 m apart, and both infinite
   options.range = {0.0, 4.0};
   EXPECT_THAT(row_of(picture_of(options)), ElementsAre(64, 128, 255, 0));
+}
+
+TEST_F(FramePictureTest, DifferencesOfDetailsStayInThumbnails) {
+  FramePictureOptions options{.sequences = {write_stripes("a", 0), write_stripes("b", 1)},
+                              .arrangement = Arrangement::kDifference};
+  FramePictures pictures(options);
+  pictures.read(1);
+  EXPECT_THAT(row_of(pictures.thumbnail(2)), ElementsAre(255, 255));
 }
 
 TEST_F(FramePictureTest, SaysWhatIsMissing) {

@@ -63,10 +63,14 @@ Selection select(const PreviewOptions& options) {
   const bool nothing_to_hold = selection.missing.contains(selection.frames.front());
   if (!selection.missing.empty() && (!options.hold_missing || nothing_to_hold)) {
     const std::vector<int> missing(selection.missing.begin(), selection.missing.end());
+    std::vector<std::string> incomplete;
+    std::ranges::copy_if(sequences, std::back_inserter(incomplete), [&](const auto& sequence) {
+      return !std::ranges::includes(existing_frames(sequence), missing);
+    });
     throw Error::bad_input(
         fmt::format("{} of {} frames are missing ({})", missing.size(), selection.frames.size(),
                     format_frame_range(missing)),
-        fmt::format("{}", fmt::join(sequences, ", ")),
+        fmt::format("{}", fmt::join(incomplete, ", ")),
         "Render them, choose other frames, or let missing frames repeat the last one")
         .concerning({"frames", "missing"});
   }

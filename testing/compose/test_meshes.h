@@ -60,6 +60,11 @@ inline constexpr const char* kQuarteredPng =
     "iVBORw0KGgoAAAANSUhEUgAAABAAAAAQCAIAAACQkWg2AAAAIUlEQVR42mM40fAfKxLBgRhGNdBGA8N/rEgEBxrV"
     "QBMNALubrRAtCRviAAAAAElFTkSuQmCC";
 
+/// The same size with codes 200, 0, 0 and alpha 128 in the left and 0 in the right half.
+inline constexpr const char* kTransparentPng =
+    "iVBORw0KGgoAAAANSUhEUgAAABAAAAAQCAYAAAAf8/9hAAAAHElEQVR42mM4wcDQQAAz4MMMowaMGjBqwHAxAAAv"
+    "wwgQzaBSnAAAAABJRU5ErkJggg==";
+
 inline compose::MeshInstance make_instance(const compose::EmbreeMesh& scene,
                                            const Eigen::Vector3d& position, double scale = 1) {
   compose::MeshInstance mesh;

@@ -260,5 +260,4 @@ def import_render(file: str, picture: str, frame: str) -> None:
 
 {"export_shot": export_shot, "export_gltf": export_gltf, "import_gltf": import_gltf, "render_cube": render_cube,
  "render_materials": render_materials, "compare_colors": compare_colors,
- "render_materials": render_materials, "compare_colors": compare_colors,
  "compare_masks": compare_masks, "import_take": import_take, "import_render": import_render}[task](*arguments)

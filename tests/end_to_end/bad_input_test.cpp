@@ -123,8 +123,26 @@ TEST_F(BadInput, AnOutputThatIsThereAlreadyIsKept) {
   EXPECT_EQ(read_text(path("take/rig.json")), before);
 }
 
-TEST_F(BadInput, ATakeThatWasNeverSynchronisedSaysHowTo) {
+TEST_F(BadInput, ATakeOfOneInstantNeedsNoSync) {
   ASSERT_EQ(import_manifest(small_manifest()).exit_code, 0);
+  write_text(path("shot.json"), R"({"schema": "raystage/shot/3", "name": "s", "width": 32,
+    "height": 24, "fps": 24, "first_frame": 1, "last_frame": 2, "camera": {"keys": [{"frame": 1,
+    "position": [0.03, 0, 0.01], "horizontal_fov_deg": 40}]},
+    "layers": [{"name": "lf", "take": "take", "method": "focal_plane",
+    "focal_plane": {"depth_m": 2}}]})");
+  const CommandResult rendered =
+      run("raystage render '" + path("shot.json") + "' -o '" + path("f.####.exr") + "'");
+  EXPECT_EQ(rendered.exit_code, 0) << rendered.err;
+  EXPECT_THAT(rendered.err, HasSubstr("the take has no timeline"));
+  EXPECT_EQ(testing::find_files(folder_.path(), ".exr").size(), 2U);
+}
+
+TEST_F(BadInput, ATakeThatWasNeverSynchronisedSaysHowTo) {
+  ASSERT_EQ(run("raystage simulate still -q --rows 1 --columns 2 --width 32 --height 24 --fps 10 "
+                "--seconds 1 --truth-views 0 -o '" +
+                path("take") + "'")
+                .exit_code,
+            0);
   write_text(path("shot.json"), R"({"schema": "raystage/shot/1", "name": "s", "width": 32,
     "height": 24, "fps": 24, "first_frame": 1, "last_frame": 2, "camera": [{"frame": 1,
     "position": [0.03, 0, 0.01], "orientation": [1, 0, 0, 0], "horizontal_fov_deg": 40}],

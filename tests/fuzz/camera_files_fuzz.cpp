@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads any bytes as another program's camera: .chan if the first byte is 'c', otherwise glTF. A
-// camera that is read has finite values and does not change when written and read again.
+// Reads any bytes as another program's camera: .chan if the first byte is 'c', otherwise glTF,
+// whose nodes may move meshes, too. A camera that is read has finite values and does not change
+// when written and read again.
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
@@ -10,6 +11,7 @@
 #include "base/error.h"
 #include "compose/camera/chan_file.h"
 #include "compose/camera/gltf_camera.h"
+#include "compose/geometry/mesh_animation.h"
 
 namespace {
 
@@ -45,6 +47,21 @@ void read_gltf(std::string_view bytes) {
   }
 }
 
+void read_motion(std::string_view bytes) {
+  constexpr std::size_t kNodes[] = {0, 1, 2, 7};
+  try {
+    const auto motion = raystage::compose::parse_mesh_animation(bytes, "nowhere/input.gltf",
+                                                                {{}, {24, 1}}, {}, kNodes);
+    if (!motion) return;
+    if (motion->key_seconds.empty()) std::abort();
+    const std::size_t nodes = motion->file_from_node(0).size();
+    for (const double part : {-1.0, 0.3, 1.0, 2.0}) {
+      if (motion->file_from_node(part * motion->key_seconds.back()).size() != nodes) std::abort();
+    }
+  } catch (const raystage::Error&) {
+  }
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -54,6 +71,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     read_chan(rest);
   } else {
     read_gltf(rest);
+    read_motion(rest);
   }
   return 0;
 }

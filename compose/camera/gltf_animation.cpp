@@ -91,8 +91,10 @@ std::string target_of(const json& channel) {
   const json& target = channel["target"];
   const std::string path = gltf_text(target, "path");
   if (path == "pointer") {
-    const json& extensions = target.value("extensions", json::object());
-    return gltf_text(extensions.value("KHR_animation_pointer", json::object()), "pointer");
+    const auto extensions = target.find("extensions");
+    if (extensions == target.end() || !extensions->is_object()) return {};
+    const auto by_pointer = extensions->find("KHR_animation_pointer");
+    return by_pointer == extensions->end() ? std::string() : gltf_text(*by_pointer, "pointer");
   }
   if (!target.contains("node") || !target["node"].is_number_unsigned()) return {};
   return fmt::format("/nodes/{}/{}", target["node"].get<std::size_t>(), path);

@@ -244,6 +244,21 @@ TEST_F(GltfCameras, WhatIsWrittenComesBack) {
   EXPECT_LT(Eigen::AngleAxisd(camera.pose(0.5 / 24).world_from_camera_rotation).angle(), 0.16);
 }
 
+/// Channels of unknown targets are skipped, also those whose extensions are no objects.
+TEST_F(GltfCameras, ChannelsWithoutATargetAreSkipped) {
+  const json expected = boom();
+  for (const json& extensions : {json("x"), json::array(), json{{"KHR_animation_pointer", 3}}}) {
+    json document = boom();
+    document["animations"][0]["channels"].push_back(
+        {{"sampler", 0}, {"target", {{"path", "pointer"}, {"extensions", extensions}}}});
+    EXPECT_EQ(read(document).key_seconds, read(expected).key_seconds) << extensions;
+  }
+  EXPECT_THAT(refusal([](json& d) {
+                d["animations"][0]["channels"] = {{"a", 1}};
+              }),
+              HasSubstr("/animations/0/channels: found"));
+}
+
 TEST_F(GltfCameras, WhatStandsStillIsNotAnimated) {
   const std::vector<GltfCameraKey> keys(3);
   const json document = json::parse(format_gltf_camera("still", 1.5, keys, {24000, 1001}, 1001));

@@ -89,12 +89,13 @@ std::string variable_of(const QueuedArray& array) {
   return "prepare_" + array.name.substr(array.name.rfind('.') + 1);
 }
 
-/// Returns lines that set $exclude to the nodes that the round and the submission exclude: an
+/// Returns lines that set $exclude to the nodes that the round and the stage's options exclude: an
 /// --exclude for sbatch replaces that of the script. If no node would remain, the round excludes
 /// none.
-std::string exclude_lines(const schemas::FarmJobDocument& job, const schemas::FarmRound& round) {
+std::string exclude_lines(const schemas::FarmJobDocument& job, schemas::FarmStage stage,
+                          const schemas::FarmRound& round) {
   if (round.exclude.empty()) return "";
-  const std::vector<std::string>& options = job.of(schemas::FarmStage::kRender).options;
+  const std::vector<std::string>& options = job.of(stage).options;
   std::string nodes = fmt::format("{}", fmt::join(round.exclude, ","));
   const std::string given = given_exclusion(options);
   if (!given.empty()) nodes += "," + given;
@@ -249,7 +250,7 @@ std::string round_script(const schemas::FarmJobDocument& job, const schemas::Far
   text += kUnsetSlurmVariables;
   text += "unset_slurm_variables\n";
   text += kQueue.substr(1);
-  text += exclude_lines(job, round);
+  text += exclude_lines(job, schemas::FarmStage::kRender, round);
   // Hold arrays until all are queued: a forgotten task that is over cannot be a dependency.
   for (const QueuedArray& array : prepare) {
     text += fmt::format("queue {} --hold --array={}{} prepare.sbatch {} {} >/dev/null\n",
@@ -283,12 +284,14 @@ std::string round_script(const schemas::FarmJobDocument& job, const schemas::Far
   return text;
 }
 
-std::string preview_script(const schemas::FarmJobDocument& job, int round) {
+std::string preview_script(const schemas::FarmJobDocument& job, const schemas::FarmRound& round) {
   return fmt::format(
       "#!/bin/sh\n# Queues the preview of farm job {}.\nset -eu\ncd \"$(dirname "
-      "\"$0\")\"\n{}unset_slurm_variables\n{}"
-      "queue preview.{} preview.sbatch {} 0\n",
-      job.id, kUnsetSlurmVariables, kQueue.substr(1), round, round);
+      "\"$0\")\"\n{}unset_slurm_variables\n{}{}"
+      "queue preview.{}{} preview.sbatch {} 0\n",
+      job.id, kUnsetSlurmVariables, kQueue.substr(1),
+      exclude_lines(job, schemas::FarmStage::kPreview, round), round.round,
+      round.exclude.empty() ? "" : " $exclude", round.round);
 }
 
 void write_batch_scripts(const JobFolder& folder, const schemas::FarmJobDocument& job) {

@@ -31,8 +31,8 @@ std::string queue_start_script(const schemas::FarmJobDocument& job);
 /// on its instants. A second run queues nothing twice. The script writes job ids to JOB/slurm.
 std::string round_script(const schemas::FarmJobDocument& job, const schemas::FarmRound& round);
 
-/// Returns "preview.sh", which queues the preview after a round.
-std::string preview_script(const schemas::FarmJobDocument& job, int round);
+/// Returns "preview.sh", which queues the preview after a round, on none of its excluded nodes.
+std::string preview_script(const schemas::FarmJobDocument& job, const schemas::FarmRound& round);
 
 /// Write the scripts of all stages, and of the round. Throw Error (failed) if the disk refuses
 /// them.

@@ -35,7 +35,7 @@ TEST(SlurmScripts, AreShellWhateverThePathsAre) {
   EXPECT_EQ(shell_complaint(round_script(job, testing::first_round())), "");
   EXPECT_EQ(shell_complaint(start_script(job, "other-12345678")), "");
   EXPECT_EQ(shell_complaint(queue_start_script(job)), "");
-  EXPECT_EQ(shell_complaint(preview_script(job, 1)), "");
+  EXPECT_EQ(shell_complaint(preview_script(job, testing::first_round())), "");
   ChildOptions options;
   options.input = "printf %s " + shell_quote(job.folder);
   EXPECT_EQ(run_child({"sh"}, options).out, job.folder);
@@ -131,6 +131,18 @@ TEST_F(RoundScript, SplitsArraysAndLeavesNodesOut) {
               HasSubstr("--array=1-2 --mem=1169M --time=40 --exclude=n3,n4 render.sbatch 2 0\n"));
   EXPECT_THAT(calls,
               HasSubstr("--array=0 --mem=1169M --time=40 --exclude=n3,n4 render.sbatch 2 3\n"));
+}
+
+TEST_F(RoundScript, MakesThePreviewWhereTheFramesCanBeRead) {
+  schemas::FarmJobDocument job = testing::make_small_job();
+  job.of(schemas::FarmStage::kPreview).options = {"--exclude=n1"};
+  schemas::FarmRound round;
+  round.round = 2;
+  EXPECT_EQ(run_script(preview_script(job, round)), "--parsable preview.sbatch 2 0\n");
+  round.round = 3;
+  round.exclude = {"n3"};
+  EXPECT_THAT(run_script(preview_script(job, round)),
+              HasSubstr("--parsable --exclude=n3,n1 preview.sbatch 3 0\n"));
 }
 
 /// A job that waits for another one, whose folder is "before".

@@ -153,8 +153,12 @@ schemas::FarmAttempt::End conclude(const VerificationRequest& request,
   end_job(request.folder, request.job, verdict.end);
   if (verdict.end.state == schemas::FarmEnd::State::kDone && request.job.preview) {
     if (request.job.engine == schemas::FarmJobDocument::Engine::kSlurm) {
+      // An excluded node may not see the frames.
+      schemas::FarmRound round;
+      round.round = request.round;
+      round.exclude = excluded;
       write_file_atomically(request.folder.path() / "preview.sh",
-                            preview_script(request.job, request.round));
+                            preview_script(request.job, round));
     }
     write_follower(request, "preview.sh");
   }

@@ -104,6 +104,10 @@ ExitCode write_camera(const Options& options) {
   const std::filesystem::path output = options.output;
   const schemas::ShotDocument shot = schemas::read_shot(options.shot);
   const compose::ShotCamera camera(shot, options.shot);
+  if (camera.is_equirectangular()) {
+    throw Error::bad_input("an equirectangular camera has no lens that these files could hold",
+                           options.shot, "Export a perspective camera with the same keys");
+  }
   if (options.eye != compose::Eye::kBoth && !camera.is_stereo()) {
     throw Error::bad_input("the shot is not stereo: it has no left and right eye", options.shot,
                            "Omit --eye, or add \"stereo\" to the shot's camera");

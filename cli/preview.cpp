@@ -40,6 +40,12 @@ int main(int argc, char** argv) {
       .option("--wipe SHARE", pictures.wipe_position,
               "position of the line of a wipe, in picture widths from the left (default: 0.5)")
       .range(0.0, 1.0);
+  std::string stereo;
+  command
+      .option("--stereo PACKING", stereo,
+              "both views of a stereo sequence in one picture: side-by-side = left, right;\n"
+              "top-bottom = left above right; movies in .mp4 and .mkv say so (default: only left)")
+      .one_of({"side-by-side", "top-bottom"});
   command.option("--channel NAME", pictures.channel,
                  "show a channel instead of the picture: Z in false colours (linear in inverse "
                  "depth), coverage,\nconfidence or alpha in greys, or the name of a channel in the "
@@ -117,6 +123,10 @@ int main(int argc, char** argv) {
     pictures.arrangement = compare == "wipe"         ? compose::Arrangement::kWipe
                            : compare == "difference" ? compose::Arrangement::kDifference
                                                      : compose::Arrangement::kSideBySide;
+    if (!stereo.empty()) {
+      pictures.stereo = stereo == "top-bottom" ? compose::StereoPacking::kTopBottom
+                                               : compose::StereoPacking::kSideBySide;
+    }
     if (pictures.arrangement != compose::Arrangement::kSideBySide &&
         pictures.sequences.size() != 2) {
       throw Error::bad_input(

@@ -42,9 +42,12 @@ bool shows_geometry(const ShotPlan& plan, int frame) {
 /// Returns whether a frame may need the layer for queries of kind storing_use().
 bool is_used(const ShotPlan& plan, std::size_t layer, int frame) {
   const bool as_light = plan.is_light(layer) && shows_geometry(plan, frame);
-  const render::ReconstructionOptions& reconstruction = plan.light_field(layer)->reconstruction();
-  if (storing_use(reconstruction) == render::QueryKind::kRays) return as_light;
-  return as_light || plan.is_visible(layer, frame);
+  if (as_light) return true;
+  const bool only_for_rays =
+      storing_use(plan.light_field(layer)->reconstruction()) == render::QueryKind::kRays;
+  // Equirectangular views are made of rays.
+  return (!only_for_rays || plan.shot_camera().is_equirectangular()) &&
+         plan.is_visible(layer, frame);
 }
 
 /// Returns the shown tick, and the adjacent ones if the method reads them.

@@ -71,6 +71,9 @@ ShotDocument draft_of_shot(ShotDocument shot, const DraftOptions& draft, const s
   if (!draft.layers.empty()) select_layers(shot, draft.layers, where);
   shot.width = scaled(shot.width, draft.scale, 1);
   shot.height = scaled(shot.height, draft.scale, 1);
+  if (shot.camera.projection == ShotDocument::Camera::Projection::kEquirectangular) {
+    shot.width = 2 * shot.height;
+  }
   for (int& pixels : shot.output.overscan) pixels = scaled(pixels, draft.scale, 0);
   return shot;
 }

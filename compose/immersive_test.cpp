@@ -135,6 +135,29 @@ TEST_F(Immersive, TheSeamIsNotSeen) {
   EXPECT_LT(everywhere(truth, room_->render(shot)), everywhere(truth, room));
 }
 
+TEST_F(Immersive, OnePictureShowsAllDirections) {
+  schemas::ShotDocument shot = shot_looking(30);
+  shot.camera.projection = schemas::ShotDocument::Camera::Projection::kEquirectangular;
+  shot.width = 360;
+  shot.height = 180;
+  shot.layers = walls();
+  for (schemas::ShotDocument::Layer& layer : shot.layers) layer.geometry->samples = 16;
+  const TracedScene::Picture truth = room_->render(shot);
+  shot.layers = takes();
+  const TracedScene::Picture room = room_->render(shot);
+  // The cameras saw neither floor nor ceiling.
+  const auto is_wall = [](std::size_t pixel) { return pixel / 360 >= 58 && pixel / 360 < 122; };
+  const double error = TracedScene::psnr(truth.image, room.image, is_wall);
+  printf("all directions from takes around a volume: %.2f dB\n", error);
+  EXPECT_GT(error, 32);
+  for (std::size_t pixel = 0; pixel < room.image.rgba.size() / 4; ++pixel) {
+    if (is_wall(pixel)) {
+      EXPECT_GT(room.image.rgba[4 * pixel + 3], 0.9F) << pixel % 360 << ", " << pixel / 360;
+    }
+  }
+  EXPECT_TRUE(room.image.is_equirectangular);
+}
+
 TEST_F(Immersive, AMirrorReflectsTheWholeRoom) {
   schemas::ShotDocument::Layer ball = TracedScene::mesh("mirror", "ball.obj", {0, 0, -0.1}, 0.05);
   ball.geometry->material = schemas::ShotDocument::Material{.kind = "mirror", .color = {{1, 1, 1}}};

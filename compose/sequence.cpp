@@ -344,6 +344,7 @@ CheckedSequence check_sequence(const std::filesystem::path& shot_file,
   std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
   plan.check_files(frames);
   if (plan.measures_coverage()) check_requested_aovs(plan, shot_file);
+  check_equirectangular_view(plan, shot_file);
   SequenceMemoryPlan memory = plan_sequence_memory(
       plan, frames, {options.memory_bytes, options.frames_in_flight, options.deep});
   SequenceOptions resolved = options;

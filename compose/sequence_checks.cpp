@@ -182,6 +182,27 @@ void check_distributed_archives(const ShotPlan& plan, const std::filesystem::pat
   }
 }
 
+void check_equirectangular_view(const ShotPlan& plan, const std::filesystem::path& shot_file) {
+  if (!plan.shot_camera().is_equirectangular()) return;
+  for (const LightFieldLayer* light_field : plan.light_fields()) {
+    const std::string layer =
+        fmt::format("{}#/layers/{}", shot_file.string(), light_field->index());
+    if (light_field->reconstruction().fill != schemas::HoleFill::kNone) {
+      throw Error::bad_input("holes of equirectangular views are not filled", layer, "Remove fill")
+          .concerning({"fill"});
+    }
+    if (plan.hosts() != nullptr) {
+      throw Error::bad_input("equirectangular views need the archives of all cameras on one host",
+                             layer, "Gather the archives in one take");
+    }
+  }
+  if (plan.writes_aov("lf.confidence")) {
+    throw Error::bad_input("lf.confidence is not measured for equirectangular views",
+                           shot_file.string(), "Remove lf.confidence from output.aovs")
+        .concerning({"confidence"});
+  }
+}
+
 void check_deep_output(const ShotPlan& plan, const std::filesystem::path& shot_file) {
   std::size_t pictures = 0;  // layers around one volume count as one
   for (std::size_t i = plan.layers(); i > 0; i -= plan.volume_layer_count(i - 1)) ++pictures;
@@ -237,7 +258,7 @@ void report_mesh_animations(const ShotPlan& plan, const SequenceOptions& options
 /// Reports frames that look where no camera of a layer's take looked, whatever is there.
 void report_uncovered_rays(const ShotPlan& plan, const LightFieldLayer& light_field,
                            std::span<const PlannedFrame> frames, const SequenceOptions& options) {
-  if (!light_field.is_transparent_where_unseen() ||
+  if (plan.shot_camera().is_equirectangular() || !light_field.is_transparent_where_unseen() ||
       !plan.shot().layers[light_field.index()].volume.empty()) {
     return;
   }

@@ -29,6 +29,8 @@ SequenceName checked_output_name(const SequenceOptions& options, std::size_t fra
 void check_distributed_archives(const ShotPlan& plan, const std::filesystem::path& shot_file);
 /// Throws Error if a method does not measure an AOV that is requested.
 void check_requested_aovs(const ShotPlan& plan, const std::filesystem::path& shot_file);
+/// Throws Error if the camera is equirectangular and the shot asks for what such views do not have.
+void check_equirectangular_view(const ShotPlan& plan, const std::filesystem::path& shot_file);
 /// Throws Error if deep output is requested and layers are not merged by depth, as readers do it.
 void check_deep_output(const ShotPlan& plan, const std::filesystem::path& shot_file);
 

@@ -60,6 +60,7 @@ std::size_t max_view_bytes(const ShotPlan& plan, std::span<const PlannedFrame> f
       if (!frame.shown[i].tick) continue;
       for (const Eye eye : plan.eyes()) {
         const ExrCamera camera = plan.exr_camera(frame.frame, eye);
+        if (camera.view.is_equirectangular) continue;  // rays of some rows, and the view
         most = std::max(most,
                         renderer.view_bytes(camera.view, light_field->tick(frame.shown[i]),
                                             light_field->reconstruction_for(camera, frame.frame)));

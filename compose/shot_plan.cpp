@@ -109,12 +109,13 @@ std::unique_ptr<const Layer> ShotPlan::open_layer(std::size_t layer,
 
 std::unique_ptr<const Layer> ShotPlan::open_light_field(std::size_t layer,
                                                         const ShotPlanOptions& options) {
-  // A target is for views only; lights need rays.
-  auto opened = std::make_unique<const LightFieldLayer>(
-      shot_, layer, shot_file_, folder_, options.fill,
-      is_light(layer) ? schemas::OptionValues{} : options.target, options.hosts,
-      options.draft.camera_step);
-  if (is_light(layer)) render::check_ray_query_support(opened->reconstruction());
+  // A target is for views only; lights and equirectangular views need rays.
+  const bool needs_rays = is_light(layer) || camera_.is_equirectangular();
+  auto opened =
+      std::make_unique<const LightFieldLayer>(shot_, layer, shot_file_, folder_, options.fill,
+                                              needs_rays ? schemas::OptionValues{} : options.target,
+                                              options.hosts, options.draft.camera_step);
+  if (needs_rays) render::check_ray_query_support(opened->reconstruction());
   return opened;
 }
 

@@ -61,6 +61,7 @@ void add_camera(const ExrCamera& camera, Fingerprint& print) {
   for (const double value : view.pose.position) print.number("position", value);
   print.number("fx", view.intrinsics.fx).number("fy", view.intrinsics.fy);
   print.number("cx", view.intrinsics.cx).number("cy", view.intrinsics.cy);
+  if (view.is_equirectangular) print.number("equirectangular", view.eye_offset);
   print.number("film_back", camera.film_back_mm);
   for (const auto& value : {camera.focus_m, camera.f_number, camera.exposure_seconds}) {
     print.number("lens", value.value_or(-1));

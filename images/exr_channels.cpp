@@ -5,6 +5,7 @@
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfInputPart.h>
 #include <OpenEXR/ImfMultiPartInputFile.h>
+#include <OpenEXR/ImfMultiView.h>
 #include <OpenEXR/ImfPartType.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 #include <OpenEXR/ImfStringAttribute.h>
@@ -94,10 +95,10 @@ int part_with(const Imf::MultiPartInputFile& input, const std::filesystem::path&
       file.string(), what_to_do);
 }
 
-ExrChannelData read_open_file(Imf::MultiPartInputFile& file_parts,
-                              const std::filesystem::path& file,
-                              std::span<const ExrChannel> channels, const std::string& what_to_do) {
-  Imf::InputPart input(file_parts, part_with(file_parts, file, channels, what_to_do));
+ExrChannelData read_part(Imf::MultiPartInputFile& file_parts, int part,
+                         const std::filesystem::path& file, std::span<const ExrChannel> channels,
+                         const std::string& what_to_do) {
+  Imf::InputPart input(file_parts, part);
   const Imf::Header& header = input.header();
   const Imath::Box2i data = header.dataWindow(), display = header.displayWindow();
   constexpr std::int64_t kMaxPixels = std::int64_t{1} << 29;
@@ -129,7 +130,80 @@ ExrChannelData read_open_file(Imf::MultiPartInputFile& file_parts,
   pixels.time_code = time_code_of(header);
   pixels.color_interop_id = text_of(header, "colorInteropID");
   pixels.color_space = text_of(header, "lf:colorSpace");
+  pixels.is_equirectangular = Imf::hasEnvmap(header) && Imf::envmap(header) == Imf::ENVMAP_LATLONG;
   return pixels;
+}
+
+/// Where a file has the channels of a view.
+struct ViewChannels {
+  int part = 0;
+  std::vector<std::string> names;  ///< in the part
+  std::string missing;             ///< a required channel that the view lacks; empty: none
+};
+
+/// Adds the channels' names in a file of one part; those of the default view may name no view.
+ViewChannels find_named_channels(const Imf::Header& header, const Imf::StringVector& views,
+                                 int view, std::span<const ExrChannel> channels) {
+  ViewChannels found;
+  for (const ExrChannel& channel : channels) {
+    const auto is_there = [&](const std::string& name) {
+      return header.channels().findChannel(name.c_str()) != nullptr;
+    };
+    std::string name = Imf::insertViewName(channel.name, views, view);
+    if (view == 0 && !is_there(name)) name = channel.name;
+    if (!is_there(name) && !channel.fallback) found.missing = channel.name;
+    found.names.push_back(std::move(name));
+  }
+  return found;
+}
+
+/// Returns the channels of a view, of the default one if `view` is empty; nullopt if the file has
+/// no such view.
+std::optional<ViewChannels> find_view_channels(const Imf::MultiPartInputFile& input,
+                                               const std::string& view,
+                                               std::span<const ExrChannel> channels) {
+  std::optional<ViewChannels> incomplete;
+  for (int part = 0; part < input.parts() && !view.empty(); ++part) {
+    const Imf::Header& header = input.header(part);
+    if (!header.hasView() || header.view() != view) continue;
+    ViewChannels found{part, {}, {}};
+    for (const ExrChannel& channel : channels) found.names.emplace_back(channel.name);
+    const char* missing = missing_channel(header, channels);
+    if (missing == nullptr) return found;
+    found.missing = missing;
+    if (!incomplete) incomplete = found;
+  }
+  const Imf::Header& first = input.header(0);
+  if (incomplete || !Imf::hasMultiView(first)) return incomplete;
+  const Imf::StringVector& views = Imf::multiView(first);
+  const auto at = view.empty() ? views.begin() : std::ranges::find(views, view);
+  if (at == views.end()) return std::nullopt;
+  return find_named_channels(first, views, static_cast<int>(at - views.begin()), channels);
+}
+
+/// Returns whether the file has all required channels, of the default view if it has several.
+bool is_complete(const Imf::MultiPartInputFile& input, const std::string& view,
+                 std::span<const ExrChannel> channels) {
+  for (int part = 0; part < input.parts() && view.empty(); ++part) {
+    if (missing_channel(input.header(part), channels) == nullptr) return true;
+  }
+  const auto found = find_view_channels(input, view, channels);
+  return found && found->missing.empty();
+}
+
+ExrChannelData read_view_of(Imf::MultiPartInputFile& input, const std::string& view,
+                            const std::filesystem::path& file, std::span<const ExrChannel> channels,
+                            const std::string& what_to_do) {
+  const auto found = find_view_channels(input, view, channels);
+  if (!found || !found->missing.empty()) {
+    throw Error::bad_input(
+        found ? fmt::format("view \"{}\" of the EXR file has no channel {}", view, found->missing)
+              : fmt::format("the EXR file has no view \"{}\"", view),
+        file.string(), what_to_do);
+  }
+  std::vector<ExrChannel> of_view(channels.begin(), channels.end());
+  for (std::size_t i = 0; i < of_view.size(); ++i) of_view[i].name = found->names[i].c_str();
+  return read_part(input, found->part, file, of_view, what_to_do);
 }
 
 /// Returns read(open file). Converts the exceptions of OpenEXR to Errors.
@@ -157,7 +231,19 @@ ExrChannelData read_exr_channels(const std::filesystem::path& file,
                                  std::span<const ExrChannel> channels,
                                  const std::string& what_to_do) {
   return read_file_with(file, what_to_do, [&](Imf::MultiPartInputFile& input) {
-    return read_open_file(input, file, channels, what_to_do);
+    // In files of several views a plain name may be that of no view.
+    if (Imf::hasMultiView(input.header(0)) && is_complete(input, "", channels)) {
+      return read_view_of(input, "", file, channels, what_to_do);
+    }
+    return read_part(input, part_with(input, file, channels, what_to_do), file, channels,
+                     what_to_do);
+  });
+}
+
+ExrChannelData read_exr_view(const std::filesystem::path& file, const std::string& view,
+                             std::span<const ExrChannel> channels, const std::string& what_to_do) {
+  return read_file_with(file, what_to_do, [&](Imf::MultiPartInputFile& input) {
+    return read_view_of(input, view, file, channels, what_to_do);
   });
 }
 
@@ -171,15 +257,11 @@ std::array<int, 2> check_exr_channels(const std::filesystem::path& file,
   });
 }
 
-bool has_exr_channels(const std::filesystem::path& file, std::span<const ExrChannel> channels) {
-  return read_file_with(file, "Give an EXR file, or render it again",
-                        [&](Imf::MultiPartInputFile& input) {
-                          for (int part = 0; part < input.parts(); ++part) {
-                            if (missing_channel(input.header(part), channels) == nullptr)
-                              return true;
-                          }
-                          return false;
-                        });
+bool has_exr_channels(const std::filesystem::path& file, std::span<const ExrChannel> channels,
+                      const std::string& view) {
+  return read_file_with(
+      file, "Give an EXR file, or render it again",
+      [&](Imf::MultiPartInputFile& input) { return is_complete(input, view, channels); });
 }
 
 }  // namespace raystage::images

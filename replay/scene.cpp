@@ -49,7 +49,13 @@ Scene::Scene(const schemas::ShotDocument& shot, const std::filesystem::path& sho
     : plan_(shot, shot_file, plan_options(options)),
       memory_(compose::plan_sequence_memory(plan_, all_frames(plan_),
                                             {options.memory_bytes, kViewsInFlight, false})),
-      compositor_(plan_, memory_) {}
+      compositor_(plan_, memory_) {
+  if (plan_.shot_camera().is_equirectangular()) {
+    throw Error::bad_input("the viewer shows perspective cameras only, this one is equirectangular",
+                           shot_file.string() + "#/camera/projection",
+                           "Compose the shot with a perspective camera, then change it back");
+  }
+}
 
 compose::PlannedFrame Scene::planned(int frame) const {
   return plan_.plan(std::array{frame}, compose::MissingFrames::kHold).front();

@@ -65,6 +65,32 @@ constexpr Fields kOutput(defaulted("compression", &Output::compression),
                          optional("overscan", &Output::overscan), defaulted("aovs", &Output::aovs),
                          defaulted("color", &Output::color, kColor));
 
+/// Throws Error (bad input) for what an equirectangular camera cannot have.
+void check_equirectangular(const JsonNode& object, const ShotDocument& shot) {
+  if (shot.camera.projection != ShotDocument::Camera::Projection::kEquirectangular) return;
+  const auto refuse = [](const JsonNode& node, const std::string& what, const char* what_to_do) {
+    throw node.input_error(what, what_to_do);
+  };
+  if (shot.width != 2 * shot.height) {
+    refuse(object.at("width"),
+           fmt::format("found {} x {} pixels; an equirectangular picture is twice as wide as high",
+                       shot.width, shot.height),
+           "Correct width or height");
+  }
+  const JsonNode camera = object.at("camera");
+  if (shot.camera.dolly_zoom) {
+    refuse(camera.at("dolly_zoom"), "an equirectangular camera has no lens to zoom", "Remove it");
+  }
+  if (shot.camera.stereo && shot.camera.stereo->convergence_m) {
+    refuse(camera.at("stereo").at("convergence_m"),
+           "the eyes of an equirectangular camera do not converge", "Remove it");
+  }
+  if (shot.output.overscan != decltype(shot.output.overscan){}) {
+    refuse(object.at("output").at("overscan"),
+           "an equirectangular picture has no surroundings", "Remove it");
+  }
+}
+
 /// Before version 3, meshes did not move as their files state, and units of FBX did not count.
 void keep_meshes_of_version_two(ShotDocument& shot) {
   for (ShotDocument::Layer& layer : shot.layers) {
@@ -93,7 +119,7 @@ auto shot_fields(int version) {
       check(check_volumes),
       optional("lights", &ShotDocument::lights, list_of(Converter(shot_light_from, JsonFrom{}))),
       defaulted("merge", &ShotDocument::merge, enum_names<ShotDocument::Merge>("stated", "depth")),
-      defaulted("output", &ShotDocument::output, kOutput));
+      defaulted("output", &ShotDocument::output, kOutput), check(check_equirectangular));
 }
 
 }  // namespace

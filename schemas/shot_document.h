@@ -56,6 +56,10 @@ struct ShotDocument {
     std::optional<double> convergence_m = {};  ///< nullopt: parallel views
   };
   struct Camera {
+    enum class Projection {
+      kPerspective,
+      kEquirectangular  ///< all directions; lens and film back have no effect
+    } projection = Projection::kPerspective;
     double film_back_mm = 36;          ///< width of the film back
     std::vector<CameraKey> keys = {};  ///< by increasing frame
     std::optional<CameraFile> file = {};

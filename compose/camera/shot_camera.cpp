@@ -23,7 +23,9 @@ using Eigen::Vector3d;
 
 ShotCamera::ShotCamera(const schemas::ShotDocument& shot, const std::filesystem::path& shot_file,
                        const std::filesystem::path& folder)
-    : width_(shot.width),
+    : is_equirectangular_(shot.camera.projection ==
+                          schemas::ShotDocument::Camera::Projection::kEquirectangular),
+      width_(shot.width),
       height_(shot.height),
       film_back_mm_(shot.camera.film_back_mm),
       where_(shot_file.string() + "#/camera"),
@@ -47,6 +49,10 @@ ShotCamera::ShotCamera(const schemas::ShotDocument& shot, const std::filesystem:
     throw Error::bad_input(what, where_, what_to_do);
   };
   if (!channels_.position) refuse("the camera has no position", "Add position to a key");
+  if (is_equirectangular_) {
+    constexpr double kAnyFocal = 1;  // it has no effect, but states have one
+    channels_.focal = [](double) { return kAnyFocal; };
+  }
   if (!channels_.focal) {
     refuse("the camera has no focal length", "Add horizontal_fov_deg or focal_length_mm to a key");
   }
@@ -137,6 +143,11 @@ render::VirtualCamera ShotCamera::camera(double frame, Eye eye) const {
 }
 
 render::VirtualCamera ShotCamera::camera(const CameraState& state, Eye eye) const {
+  if (is_equirectangular_) {
+    const double half = stereo_ ? stereo_->interaxial_m / 2 : 0;
+    const double offset = eye == Eye::kLeft ? -half : eye == Eye::kRight ? half : 0;
+    return render::equirectangular_camera(width_, height_, state.pose, offset);
+  }
   return make_virtual_camera(stereo_ ? stereo_eye_state(state, *stereo_, eye) : state, width_,
                              height_);
 }

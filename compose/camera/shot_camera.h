@@ -31,6 +31,8 @@ class ShotCamera {
   render::VirtualCamera camera(const CameraState& state, Eye eye) const;
 
   bool is_stereo() const { return stereo_.has_value(); }
+  /// Returns whether its views show all directions; their eyes are those of omnidirectional stereo.
+  bool is_equirectangular() const { return is_equirectangular_; }
   /// Returns kLeft and kRight, or kBoth only.
   std::vector<Eye> eyes() const;
 
@@ -43,6 +45,7 @@ class ShotCamera {
   rig::Pose animated_pose(double frame) const;
   double focal_at(double frame, const rig::Pose& pose) const;
 
+  bool is_equirectangular_;
   int width_, height_;
   double film_back_mm_;
   std::string where_;

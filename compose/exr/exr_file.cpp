@@ -180,14 +180,18 @@ bool is_complete_exr(const std::filesystem::path& file, std::string_view fingerp
   }
 }
 
-ExrImage read_exr(const std::filesystem::path& file) {
+ExrImage read_exr(const std::filesystem::path& file, const std::string& view) {
   constexpr images::ExrChannel kChannels[] = {{"R"}, {"G"}, {"B"}, {"A", 1.0F}};
-  images::ExrChannelData pixels = images::read_exr_channels(
-      file, kChannels, "Give a flat EXR file with channels R, G and B, or render this frame again");
+  const std::string what_to_do =
+      "Give a flat EXR file with channels R, G and B, or render this frame again";
+  images::ExrChannelData pixels =
+      view.empty() ? images::read_exr_channels(file, kChannels, what_to_do)
+                   : images::read_exr_view(file, view, kChannels, "Give frames of a stereo shot");
   ExrImage image{pixels.width, pixels.height, std::move(pixels.values)};
   image.time_code = pixels.time_code;
   image.color_interop_id = pixels.color_interop_id;
   image.color_space = pixels.color_space;
+  image.is_equirectangular = pixels.is_equirectangular;
   if (pixels.fps_numerator > 0) {
     image.fps_numerator = pixels.fps_numerator;
     image.fps_denominator = pixels.fps_denominator;

@@ -34,10 +34,12 @@ struct ExrImage {
   int fps_numerator = 24, fps_denominator = 1;
   std::string time_code = {};  ///< "HH:MM:SS:FF"; empty if the file has none
   std::string color_interop_id = {}, color_space = {};  ///< see ExrChannelData
+  bool is_equirectangular = false;
 };
 
 /// Reads R, G, B and A (1 if it is missing) of the first part of a flat EXR within its display
-/// window. Throws Error (bad input) if the file is missing, damaged or no EXR.
-ExrImage read_exr(const std::filesystem::path& file);
+/// window; of a view, e.g. "right", if one is named. Throws Error (bad input) if the file is
+/// missing, damaged or no EXR, or lacks the view.
+ExrImage read_exr(const std::filesystem::path& file, const std::string& view = {});
 
 }  // namespace raystage::compose

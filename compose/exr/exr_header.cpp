@@ -184,8 +184,13 @@ Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMe
   }
   if (!part.view.empty()) header.setView(part.view);
 
-  add_perspective(header, picture);
-  add_lens(header, camera, picture);
+  if (picture.is_equirectangular) {
+    addWorldToCamera(header, exr_world_to_camera(picture.pose));
+    addEnvmap(header, Imf::ENVMAP_LATLONG);
+  } else {
+    add_perspective(header, picture);
+    add_lens(header, camera, picture);
+  }
   addTimeCode(header, time_code(metadata.frame, metadata.fps_numerator, metadata.fps_denominator));
   addFramesPerSecond(header, Imf::Rational(metadata.fps_numerator,
                                            static_cast<unsigned>(metadata.fps_denominator)));

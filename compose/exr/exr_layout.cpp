@@ -16,9 +16,10 @@ std::string part_name(const ExrLayer& layer, const ExrView& view) {
   return view.name.empty() ? name : name + "." + view.name;
 }
 
-/// Returns the name of a channel in its part; with the view's name if `view` is not empty.
+/// Returns the name of a channel in its part; with the view's name if `view` is not empty. Only
+/// names without a layer are those of the default view (`multiView`) if they name none.
 std::string channel_name(const ExrLayer& layer, const std::string& channel, const std::string& view,
-                         ExrLayout layout) {
+                         bool is_default_view, ExrLayout layout) {
   // Blender, for one, only reads channels whose names end in a component, and shows those without a
   // layer's name together: each measure of the light field is a layer of its own.
   const bool is_measure = layer.name == kLightField;
@@ -26,15 +27,16 @@ std::string channel_name(const ExrLayer& layer, const std::string& channel, cons
   std::string name;
   // Z is a standard channel name without a layer.
   if (!group.empty() && (group != kDepth || layout == ExrLayout::kNuke)) name = group + ".";
-  if (!view.empty()) name += view + ".";
+  if (!view.empty() && !(is_default_view && name.empty())) name += view + ".";
   return name + (is_measure ? "V" : channel);
 }
 
 void add_channels(ExrPart& part, std::span<const ExrView> views, std::size_t v, std::size_t l,
-                  const std::string& prefix, ExrLayout layout) {
+                  const std::string& view, ExrLayout layout) {
   const ExrLayer& layer = views[v].layers[l];
   for (std::size_t c = 0; c < layer.channels.size(); ++c) {
-    part.channels.push_back({channel_name(layer, layer.channels[c], prefix, layout), v, l, c});
+    part.channels.push_back(
+        {channel_name(layer, layer.channels[c], view, v == 0, layout), v, l, c});
   }
 }
 
@@ -54,7 +56,7 @@ std::vector<ExrPart> make_exr_parts(std::span<const ExrView> views, ExrLayout la
     parts.emplace_back();
     for (std::size_t v = 0; v < views.size(); ++v) {
       for (std::size_t l = 0; l < views[v].layers.size(); ++l) {
-        add_channels(parts[0], views, v, l, v == 0 ? std::string() : views[v].name, layout);
+        add_channels(parts[0], views, v, l, views[v].name, layout);
       }
     }
     return parts;

@@ -148,10 +148,11 @@ TEST_F(ExrLayouts, SingleNamesViewsInChannels) {
   const Imf::MultiPartInputFile input(file_.c_str());
   EXPECT_EQ(input.parts(), 1);
   const Imf::Header& header = input.header(0);
-  EXPECT_THAT(channels_of(header),
-              ElementsAre("A", "B", "G", "R", "Z", "cameras.V", "cameras.right.V", "coverage.V",
-                          "coverage.right.V", "nearest.V", "nearest.right.V", "right.A", "right.B",
-                          "right.G", "right.R", "right.Z"));
+  EXPECT_THAT(
+      channels_of(header),
+      ElementsAre("A", "B", "G", "R", "Z", "cameras.left.V", "cameras.right.V", "coverage.left.V",
+                  "coverage.right.V", "nearest.left.V", "nearest.right.V", "right.A", "right.B",
+                  "right.G", "right.R", "right.Z"));
   EXPECT_THAT(Imf::multiView(header), ElementsAre("left", "right"));
   EXPECT_FALSE(header.hasView());
 }

@@ -142,11 +142,13 @@ bool has_long_names(const Imf::Header& header) {
   return false;
 }
 
+void put(std::vector<std::byte>& file, std::span<const std::byte> bytes) {
+  file.insert(file.end(), bytes.begin(), bytes.end());
+}
+
 template <class Integer>
-void put(MemoryStream& stream, Integer value) {
-  char bytes[sizeof(Integer)];
-  std::memcpy(bytes, &value, sizeof(Integer));
-  stream.write(bytes, sizeof(Integer));
+void put(std::vector<std::byte>& file, Integer value) {
+  put(file, std::as_bytes(std::span(&value, 1)));
 }
 
 }  // namespace
@@ -162,40 +164,42 @@ std::vector<std::byte> write_scanline_file(std::span<const ScanlinePart> parts) 
   std::vector<std::vector<Bytes>> chunks;
   std::size_t tables = 0, total = 0;
   int version = Imf::EXR_VERSION | (is_multi_part ? Imf::MULTI_PART_FILE_FLAG : 0);
-  constexpr std::size_t kChunkHeader = 12;
+  const std::size_t chunk_header = is_multi_part ? 12 : 8;
   for (const ScanlinePart& part : parts) {
     const PartLayout& layout = layouts.emplace_back(layout_of(part, is_multi_part));
     if (has_long_names(layout.header)) version |= Imf::LONG_NAMES_FLAG;
     chunks.push_back(chunks_of(layout));
-    for (const Bytes& chunk : chunks.back()) total += chunk.size() + kChunkHeader + 8;
+    for (const Bytes& chunk : chunks.back()) total += chunk.size() + chunk_header + 8;
     tables += 8 * chunks.back().size();
   }
-  MemoryStream stream;
-  constexpr std::size_t kTypicalHeaders = 16'384;
-  stream.reserve(total + kTypicalHeaders * parts.size());
-  put(stream, static_cast<std::int32_t>(Imf::MAGIC));
-  put(stream, static_cast<std::int32_t>(version));
-  for (const PartLayout& layout : layouts) layout.header.writeTo(stream);
-  if (is_multi_part) put(stream, std::uint8_t{0});
-  std::uint64_t at = stream.tellp() + tables;
+  MemoryStream headers;
+  for (const PartLayout& layout : layouts) layout.header.writeTo(headers);
+  const std::vector<std::byte> header_bytes = headers.take();
+  std::vector<std::byte> file;
+  file.reserve(8 + header_bytes.size() + 1 + total);  // the file may wait for the disk: no more
+  put(file, static_cast<std::int32_t>(Imf::MAGIC));
+  put(file, static_cast<std::int32_t>(version));
+  put(file, std::span(header_bytes));
+  if (is_multi_part) put(file, std::uint8_t{0});
+  std::uint64_t at = file.size() + tables;
   for (const auto& of_part : chunks) {
     for (const Bytes& chunk : of_part) {
-      put(stream, at);
-      at += chunk.size() + (is_multi_part ? kChunkHeader : kChunkHeader - 4);
+      put(file, at);
+      at += chunk.size() + chunk_header;
     }
   }
   for (std::size_t p = 0; p < chunks.size(); ++p) {
     for (std::size_t i = 0; i < chunks[p].size(); ++i) {
       Bytes& chunk = chunks[p][i];
-      if (is_multi_part) put(stream, static_cast<std::int32_t>(p));
-      put(stream, static_cast<std::int32_t>(layouts[p].first_line +
-                                            static_cast<int>(i) * layouts[p].lines_per_chunk));
-      put(stream, static_cast<std::int32_t>(chunk.size()));
-      stream.write(reinterpret_cast<const char*>(chunk.data()), static_cast<int>(chunk.size()));
+      if (is_multi_part) put(file, static_cast<std::int32_t>(p));
+      put(file, static_cast<std::int32_t>(layouts[p].first_line +
+                                          static_cast<int>(i) * layouts[p].lines_per_chunk));
+      put(file, static_cast<std::int32_t>(chunk.size()));
+      put(file, std::as_bytes(std::span(chunk)));
       chunk = Bytes();  // frees its memory
     }
   }
-  return stream.take();
+  return file;
 }
 
 }  // namespace raystage::compose

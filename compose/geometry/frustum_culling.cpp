@@ -12,6 +12,7 @@ namespace raystage::compose {
 using Eigen::Vector3d;
 
 bool may_intersect_frustum(const MeshInstance& mesh, const render::VirtualCamera& camera) {
+  if (camera.is_equirectangular) return true;
   const rig::Pose& pose = camera.pose;
   const Vector3d centre = pose.world_from_camera_rotation.transpose() *
                           (mesh.world_from_object * mesh.scene->centre() - pose.position);

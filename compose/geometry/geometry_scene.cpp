@@ -92,8 +92,7 @@ class RowRenderer {
  private:
   void make_camera_rays() {
     const int samples = per_side_ * per_side_;
-    const schemas::Intrinsics& k = camera_.intrinsics;
-    const auto spread = static_cast<float>(1 / (k.fx * per_side_));
+    const auto spread = static_cast<float>(render::pixel_angle(camera_) / per_side_);
     paths_.reserve(light_.size() * static_cast<std::size_t>(samples));
     for (int y = begin_; y < end_; ++y) {
       for (int x = 0; x < camera_.width; ++x) {
@@ -101,10 +100,8 @@ class RowRenderer {
           const int column = s % per_side_, row = s / per_side_;
           const double px = x + (column + 0.5) / per_side_;
           const double py = y + (row + 0.5) / per_side_;
-          const Vector3d ahead((px - k.cx) / k.fx, (k.cy - py) / k.fy, -1);
           Path path;
-          path.ray = {camera_.pose.position,
-                      (camera_.pose.world_from_camera_rotation * ahead).normalized()};
+          path.ray = render::pixel_ray(camera_, px, py);
           path.pixel = static_cast<std::uint32_t>((y - begin_) * camera_.width + x);
           path.sample = static_cast<std::uint32_t>(s);
           path.spread = spread;
@@ -320,12 +317,11 @@ class RowRenderer {
   /// Counts the hits of each pixel and finds its nearest sample.
   void find_nearest_samples(const std::vector<SurfaceHit>& hits) {
     nearest_.assign(light_.size(), {});
-    const Vector3d forward = -camera_.pose.world_from_camera_rotation.col(2);
     for (std::size_t i = 0; i < paths_.size(); ++i) {
       if (!hits[i].is_hit()) continue;
       Nearest& pixel = nearest_[paths_[i].pixel];
       ++pixel.hits;
-      const double z = hits[i].distance * paths_[i].ray.direction.dot(forward);
+      const double z = render::depth_of(camera_, paths_[i].ray, hits[i].distance);
       if (!(z < pixel.z)) continue;
       pixel.z = z;
       pixel.sample = paths_[i].sample;

@@ -146,7 +146,6 @@ class Catcher {
 void apply_shadow_catcher(const GeometryScene& scene, const render::VirtualCamera& camera,
                           const ShadowCatcher& settings, LayerImage& image) {
   if (scene.meshes.empty() || settings.strength <= 0) return;
-  const schemas::Intrinsics& k = camera.intrinsics;
   parallel_for(tbb::blocked_range<int>(0, image.height), [&](const tbb::blocked_range<int>& rows) {
     Catcher catcher(scene, settings);
     for (int y = rows.begin(); y < rows.end(); ++y) {
@@ -157,9 +156,8 @@ void apply_shadow_catcher(const GeometryScene& scene, const render::VirtualCamer
         const auto [slope_right, slope_down] = inverse_depth_slopes(image, x, y);
         const auto point_at = [&, slope_right = slope_right, slope_down = slope_down](double right,
                                                                                       double down) {
-          const Vector3d ray((x + 0.5 + right - k.cx) / k.fx, -(y + 0.5 + down - k.cy) / k.fy, -1);
-          return camera.pose.world_from_camera(ray /
-                                               (1 / z + slope_right * right + slope_down * down));
+          return render::point_at_depth(camera, x + 0.5 + right, y + 0.5 + down,
+                                        1 / (1 / z + slope_right * right + slope_down * down));
         };
         const auto seed = static_cast<std::uint32_t>(y) * 65536 + static_cast<std::uint32_t>(x);
         const Vector3f share = catcher.arriving_share(point_at, kRelativeRayOffset * z, seed);

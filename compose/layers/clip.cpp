@@ -76,17 +76,16 @@ double kept_share(const Clip& clip, const render::VirtualCamera& camera, const V
 
 void apply(std::span<const Clip> clips, const render::VirtualCamera& camera, LayerImage& image) {
   if (clips.empty()) return;
-  const schemas::Intrinsics& k = camera.intrinsics;
   parallel_for(tbb::blocked_range<int>(0, image.height), [&](const tbb::blocked_range<int>& rows) {
     for (int y = rows.begin(); y < rows.end(); ++y) {
       for (int x = 0; x < image.width; ++x) {
         const std::size_t pixel = static_cast<std::size_t>(y) * image.width + x;
         const Vector2d at(x + 0.5, y + 0.5);
-        const Vector3d ray((at.x() - k.cx) / k.fx, -(at.y() - k.cy) / k.fy, -1);
         const double z = static_cast<double>(image.z[pixel]);
         const bool is_direction = !std::isfinite(z);
-        const Vector3d point = is_direction ? Vector3d(camera.pose.world_from_camera_rotation * ray)
-                                            : camera.pose.world_from_camera(ray * z);
+        const Vector3d point = is_direction
+                                   ? render::pixel_ray(camera, at.x(), at.y()).direction
+                                   : render::point_at_depth(camera, at.x(), at.y(), z);
         double share = 1;
         for (const Clip& clip : clips) share *= kept_share(clip, camera, at, point, is_direction);
         if (share >= 1) continue;

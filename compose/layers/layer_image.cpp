@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "compose/layers/layer_image.h"
 
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -8,6 +9,13 @@ namespace raystage::compose {
 namespace {
 
 constexpr float kNoDepth = std::numeric_limits<float>::infinity();
+
+/// Sets shares that are 1 but for the rounding of sums of weights to 1: layers behind are then known
+/// to be hidden, and files are smaller.
+void remove_rounding(float& share) {
+  constexpr float kRounding = 1e-6F;
+  if (std::abs(share - 1) < kRounding) share = 1;
+}
 
 }  // namespace
 
@@ -21,6 +29,10 @@ LayerImage transparent_layer_image(int width, int height) {
 }
 
 LayerImage make_layer_image(render::RenderedView view) {
+  for (std::size_t i = 0; i < view.coverage.size(); ++i) {
+    remove_rounding(view.coverage[i]);
+    remove_rounding(view.rgba[4 * i + 3]);
+  }
   LayerImage image;
   image.width = view.width;
   image.height = view.height;

@@ -40,7 +40,8 @@ struct LayerImage {
 /// Returns a transparent image.
 LayerImage transparent_layer_image(int width, int height);
 
-/// Returns a view of a light field as a layer image, with its coverage measures as AOVs.
+/// Returns a view of a light field as a layer image, with its coverage measures as AOVs. A and
+/// coverage within 1e-6 of 1 become 1.
 LayerImage make_layer_image(render::RenderedView view);
 
 /// Returns colours, `depth` and AOVs as a view of an EXR file. Keeps a reference to the image.

@@ -113,21 +113,67 @@ Eigen::Vector4d focal_plane_equation(const schemas::ShotDocument::FocalPlane& pl
 
 namespace {
 
+/// Copies samples to the pixels from `first` on.
+void copy_samples(std::span<const render::RaySample> samples, std::size_t first,
+                  render::RenderedView& view) {
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const render::RaySample& sample = samples[i];
+    const std::size_t pixel = first + i;
+    std::ranges::copy(sample.rgba, view.rgba.begin() + static_cast<std::ptrdiff_t>(4 * pixel));
+    view.coverage[pixel] = sample.coverage;
+    view.z[pixel] = sample.depth;
+    if (view.cameras.empty()) continue;
+    view.cameras[pixel] = sample.cameras;
+    view.nearest_ray[pixel] = sample.nearest_ray;
+  }
+}
+
 /// Renders the views of a take.
 class TakeRenderer final : public LayerRenderer {
  public:
   TakeRenderer(const LightFieldLayer& layer, const LayerRendererOptions& settings)
-      : layer_(layer), renderer_(layer.take(), renderer_options(layer, settings)) {}
+      : layer_(layer),
+        renderer_(layer.take(), renderer_options(layer, settings)),
+        measures_coverage_(settings.measure_coverage) {}
 
   LayerImage render(const LayerView& view) const override {
     const render::VirtualCamera& camera = view.camera.view;
     if (!view.shown.tick) return transparent_layer_image(camera.width, camera.height);
+    if (camera.is_equirectangular) return render_rays(view);
     const bool is_preview =
         !view.preview_method.empty() && !layer_.method().shows_foreground_only();
     return make_layer_image(renderer_.render(
         camera, layer_.tick(view.shown),
         is_preview ? layer_.preview_reconstruction(view.preview_method, view.camera, view.frame)
                    : layer_.reconstruction_for(view.camera, view.frame)));
+  }
+
+  /// Renders a view of an equirectangular camera, one ray per pixel, some rows at a time.
+  LayerImage render_rays(const LayerView& view) const {
+    const render::VirtualCamera& camera = view.camera.view;
+    constexpr int kRows = 64;
+    const std::optional<LayerRays> queried = rays(view);
+    std::vector<render::WorldRay> of_rows;
+    std::vector<render::RaySample> samples;
+    render::RenderedView result = render::empty_view(camera);
+    if (measures_coverage_) {
+      result.cameras.resize(result.coverage.size(), 0.0F);
+      result.nearest_ray.resize(result.coverage.size(), std::numeric_limits<float>::infinity());
+    }
+    for (int begin = 0; begin < camera.height; begin += kRows) {
+      throw_if_cancelled();
+      const int end = std::min(begin + kRows, camera.height);
+      of_rows.clear();
+      for (int y = begin; y < end; ++y) {
+        for (int x = 0; x < camera.width; ++x) {
+          of_rows.push_back(render::pixel_ray(camera, x + 0.5, y + 0.5));
+        }
+      }
+      samples.assign(of_rows.size(), {});
+      queried->query(of_rows, samples);
+      copy_samples(samples, static_cast<std::size_t>(begin) * camera.width, result);
+    }
+    return make_layer_image(std::move(result));
   }
 
   std::optional<LayerRays> rays(const LayerView& view) const override {
@@ -167,6 +213,7 @@ class TakeRenderer final : public LayerRenderer {
 
   const LightFieldLayer& layer_;
   render::LightFieldRenderer renderer_;
+  bool measures_coverage_;
 };
 
 }  // namespace

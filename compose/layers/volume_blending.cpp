@@ -23,15 +23,12 @@ using Eigen::Vector3d;
 template <class Body>
 void for_rays(const render::VirtualCamera& camera, std::span<const Vector3d> view_directions,
               const Body& body) {
-  const schemas::Intrinsics& k = camera.intrinsics;
-  const Eigen::Matrix3d& rotation = camera.pose.world_from_camera_rotation;
   parallel_for(tbb::blocked_range<int>(0, camera.height), [&](const tbb::blocked_range<int>& rows) {
     VolumeBlender blender(view_directions);
     std::vector<std::array<float, 4>> seen(view_directions.size());
     for (int y = rows.begin(); y < rows.end(); ++y) {
       for (int x = 0; x < camera.width; ++x) {
-        const Vector3d ray((x + 0.5 - k.cx) / k.fx, -(y + 0.5 - k.cy) / k.fy, -1);
-        blender.find(rotation * ray);
+        blender.find(render::pixel_ray(camera, x + 0.5, y + 0.5).direction);
         body(blender, seen, static_cast<std::size_t>(y) * camera.width + x);
       }
     }

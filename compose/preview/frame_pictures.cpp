@@ -46,16 +46,19 @@ constexpr const char* kWhatToDo =
     "Give a channel of the files (`oiiotool --info -v FILE` lists them), or render it (the shot's "
     "output.aovs)";
 
-images::ExrChannelData read_channel(const std::filesystem::path& file, const std::string& channel) {
+/// Reads a channel, of a view if one is named.
+images::ExrChannelData read_channel(const std::filesystem::path& file, const std::string& view,
+                                    const std::string& channel) {
+  const auto read = [&](const char* name) {
+    const std::array wanted{images::ExrChannel{name}};
+    return view.empty() ? images::read_exr_channels(file, wanted, kWhatToDo)
+                        : images::read_exr_view(file, view, wanted, kWhatToDo);
+  };
   const NamedChannel* const named = named_channel(channel);
-  if (named == nullptr) {
-    const std::array wanted{images::ExrChannel{channel.c_str()}};
-    return images::read_exr_channels(file, wanted, kWhatToDo);
-  }
+  if (named == nullptr) return read(channel.c_str());
   for (const char* name : named->in_files) {
     const std::array wanted{images::ExrChannel{name}};
-    if (!images::has_exr_channels(file, wanted)) continue;
-    return images::read_exr_channels(file, wanted, kWhatToDo);
+    if (images::has_exr_channels(file, wanted, view)) return read(name);
   }
   throw Error::bad_input(fmt::format("the file has no channel {}", channel), file.string(),
                          kWhatToDo);
@@ -120,6 +123,21 @@ store::RgbImage wipe(const store::RgbImage& left, const store::RgbImage& right, 
   return picture;
 }
 
+/// Returns the rows of two views of the same size as one picture. `row`: values of a row.
+std::vector<float> pack(std::span<const float> left, std::span<const float> right, std::size_t row,
+                        StereoPacking packing) {
+  std::vector<float> packed;
+  packed.reserve(left.size() + right.size());
+  const std::size_t run = packing == StereoPacking::kTopBottom ? left.size() : row;
+  for (std::size_t at = 0; at < left.size(); at += run) {
+    for (const std::span<const float> view : {left, right}) {
+      const std::span<const float> values = view.subspan(at, run);
+      packed.insert(packed.end(), values.begin(), values.end());
+    }
+  }
+  return packed;
+}
+
 float absolute_difference(float a, float b) {
   if (a == b) return 0;  // also of infinite depths
   if (std::isnan(a) && std::isnan(b)) return 0;
@@ -158,20 +176,7 @@ void FramePictures::read(int frame) {
   std::vector<Frame> next;
   for (const std::string& sequence : options_.sequences) {
     const std::filesystem::path file = SequenceName(sequence).path(frame);
-    Frame one;
-    if (options_.channel.empty()) {
-      one.image = read_exr(file);
-    } else {
-      images::ExrChannelData data = read_channel(file, options_.channel);
-      one.values = std::move(data.values);
-      one.image.width = data.width;
-      one.image.height = data.height;
-      one.image.time_code = data.time_code;
-      if (data.fps_numerator > 0) {
-        one.image.fps_numerator = data.fps_numerator;
-        one.image.fps_denominator = data.fps_denominator;
-      }
-    }
+    Frame one = options_.stereo == StereoPacking::kNone ? read_view(file, "") : read_stereo(file);
     const ExrImage* const other = !next.empty()      ? &next.front().image
                                   : !frames_.empty() ? &frames_.front().image
                                                      : nullptr;
@@ -186,6 +191,38 @@ void FramePictures::read(int frame) {
     next.push_back(std::move(one));
   }
   frames_ = std::move(next);
+}
+
+FramePictures::Frame FramePictures::read_view(const std::filesystem::path& file,
+                                              const std::string& view) const {
+  if (options_.channel.empty()) return {read_exr(file, view), {}};
+  Frame one;
+  images::ExrChannelData data = read_channel(file, view, options_.channel);
+  one.values = std::move(data.values);
+  one.image.width = data.width;
+  one.image.height = data.height;
+  one.image.time_code = data.time_code;
+  one.image.is_equirectangular = data.is_equirectangular;
+  if (data.fps_numerator > 0) {
+    one.image.fps_numerator = data.fps_numerator;
+    one.image.fps_denominator = data.fps_denominator;
+  }
+  return one;
+}
+
+FramePictures::Frame FramePictures::read_stereo(const std::filesystem::path& file) const {
+  Frame packed = read_view(file, "left");
+  const Frame right = read_view(file, "right");
+  ExrImage& image = packed.image;
+  if (image.width != right.image.width || image.height != right.image.height) {
+    throw Error::bad_input("the views of the file differ in size", file.string(),
+                           "Render the frame again");
+  }
+  const auto width = static_cast<std::size_t>(image.width);
+  image.rgba = pack(image.rgba, right.image.rgba, 4 * width, options_.stereo);
+  packed.values = pack(packed.values, right.values, width, options_.stereo);
+  (options_.stereo == StereoPacking::kTopBottom ? image.height : image.width) *= 2;
+  return packed;
 }
 
 store::RgbImage FramePictures::picture() { return arrange(frames_); }

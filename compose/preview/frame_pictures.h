@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <utility>
@@ -9,6 +10,7 @@
 
 #include "compose/exr/exr_file.h"
 #include "compose/preview/display.h"
+#include "compose/preview/stereo_packing.h"
 #include "store/jpeg/rgb_image.h"
 
 namespace raystage::compose {
@@ -25,6 +27,7 @@ struct FramePictureOptions {
   std::vector<std::string> sequences = {};  ///< SequenceName patterns, at least one
   Arrangement arrangement = Arrangement::kSideBySide;
   double wipe_position = 0.5;  ///< of the line, in picture widths from the left
+  StereoPacking stereo = StereoPacking::kNone;
   /// "alpha", "Z", "coverage", "confidence" or the name of a channel in the files; empty: the
   /// picture.
   std::string channel = {};
@@ -43,11 +46,12 @@ class FramePictures {
   explicit FramePictures(FramePictureOptions options) : options_(std::move(options)) {}
 
   /// Reads a frame of each sequence, which replaces the previous one. Throws Error (bad input) if a
-  /// file is missing or damaged, lacks the channel, or has another size than the others or the
-  /// previous frame.
+  /// file is missing or damaged, lacks the channel or a view, or has another size than the others
+  /// or the previous frame.
   void read(int frame);
 
-  /// Returns size, rate and time code of the first sequence's frame; pixels of pictures only.
+  /// Returns size, rate, time code and projection of the first sequence's frame; pixels of pictures
+  /// only. The size is that of the packed views.
   const ExrImage& frame() const { return frames_.front().image; }
   /// Returns the picture of the frames. The first one sets the range of a channel.
   store::RgbImage picture();
@@ -61,6 +65,8 @@ class FramePictures {
     ExrImage image;
     std::vector<float> values;  ///< of the channel; empty for pictures
   };
+  Frame read_view(const std::filesystem::path& file, const std::string& view) const;
+  Frame read_stereo(const std::filesystem::path& file) const;
   store::RgbImage arrange(const std::vector<Frame>& frames);
   store::RgbImage show(const Frame& frame) const;
   Frame difference(const std::vector<Frame>& frames) const;

@@ -117,6 +117,45 @@ TEST_F(FramePictureTest, WipesAndPutsSideBySide) {
   EXPECT_EQ(small.thumbnail(2).width, 2 + 8 + 2);
 }
 
+TEST_F(FramePictureTest, PacksTheViewsOfAStereoFrame) {
+  const auto view_of = [](float red) {
+    render::RenderedView view;
+    view.width = 4;
+    view.height = 2;
+    for (int i = 0; i < 8; ++i) {
+      view.rgba.insert(view.rgba.end(), {red, 0, 0, 1});
+      view.coverage.push_back(red / 4);
+      view.z.push_back(1);
+    }
+    return view;
+  };
+  const render::RenderedView left = view_of(1), right = view_of(0);
+  const std::array views{testing::exr_view(left, "left"), testing::exr_view(right, "right")};
+  const ExrCamera camera{.view = render::virtual_camera_with_fov(4, 2, 1, {})};
+  const std::array cameras{camera, camera};
+  for (const ExrLayout layout : {ExrLayout::kStandard, ExrLayout::kSingle, ExrLayout::kNuke}) {
+    const std::string sequence = (folder_.path() / "s.####.exr").string();
+    ExrMetadata metadata;
+    metadata.layout = layout;
+    testing::write_exr(views, cameras, metadata, SequenceName(sequence).path(1));
+    FramePictureOptions options{.sequences = {sequence}, .stereo = StereoPacking::kSideBySide};
+    EXPECT_THAT(row_of(picture_of(options)), ElementsAre(255, 255, 255, 255, 0, 0, 0, 0));
+    options.channel = "coverage";
+    EXPECT_THAT(row_of(picture_of(options)), ElementsAre(64, 64, 64, 64, 0, 0, 0, 0));
+    options.stereo = StereoPacking::kNone;
+    EXPECT_THAT(row_of(picture_of(options)), ElementsAre(64, 64, 64, 64)) << "the left view";
+    options.channel = "";
+    options.stereo = StereoPacking::kTopBottom;
+    const store::RgbImage packed = picture_of(options);
+    EXPECT_EQ(packed.width, 4);
+    EXPECT_EQ(packed.height, 4);
+    EXPECT_EQ(packed.row(1)[0], 255);
+    EXPECT_EQ(packed.row(2)[0], 0);
+  }
+  EXPECT_THROW(picture_of({.sequences = {write("mono", 1)}, .stereo = StereoPacking::kSideBySide}),
+               Error);
+}
+
 TEST_F(FramePictureTest, DifferencesAreOfValues) {
   FramePictureOptions options{.sequences = {write("a", 0.25F), write("b", 0.75F, 2)},
                               .arrangement = Arrangement::kDifference};

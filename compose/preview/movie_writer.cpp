@@ -8,11 +8,14 @@ extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
 #include <libavutil/opt.h>
+#include <libavutil/spherical.h>
+#include <libavutil/stereo3d.h>
 #include <libswscale/swscale.h>
 }
 
 #include <array>
 #include <cassert>
+#include <string_view>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
@@ -104,6 +107,32 @@ struct MovieWriter::State {
     check(avcodec_open2(codec.get(), encoder, nullptr), "opening the encoder");
   }
 
+  /// Says that the pictures are spherical or of two eyes. MP4: boxes sv3d and st3d of Spherical
+  /// Video V2; Matroska: Projection and StereoMode.
+  void add_projection() {
+    if (settings.is_equirectangular) {
+      std::size_t size = 0;
+      AVSphericalMapping* mapping = av_spherical_alloc(&size);
+      if (mapping == nullptr) throw std::bad_alloc();
+      mapping->projection = AV_SPHERICAL_EQUIRECTANGULAR;
+      add_side_data(AV_PKT_DATA_SPHERICAL, mapping, size);
+    }
+    if (settings.stereo == StereoPacking::kNone) return;
+    AVStereo3D* packing = av_stereo3d_alloc();
+    if (packing == nullptr) throw std::bad_alloc();
+    packing->type = settings.stereo == StereoPacking::kTopBottom ? AV_STEREO3D_TOPBOTTOM
+                                                                 : AV_STEREO3D_SIDEBYSIDE;
+    add_side_data(AV_PKT_DATA_STEREO3D, packing, sizeof(AVStereo3D));
+  }
+
+  /// Takes over `data`, which libavutil allocated.
+  void add_side_data(AVPacketSideDataType type, void* data, std::size_t size) const {
+    const int result =
+        av_stream_add_side_data(stream, type, static_cast<std::uint8_t*>(data), size);
+    if (result < 0) av_free(data);
+    check(result, "describing the stream");
+  }
+
   void open() {
     // By the final name: the temporary one may have another extension.
     const AVOutputFormat* container = av_guess_format(nullptr, file.c_str(), nullptr);
@@ -116,12 +145,21 @@ struct MovieWriter::State {
           "opening the container");
     format.reset(context);
     format->flags |= AVFMT_FLAG_BITEXACT;
+    // libavformat counts the boxes of spherical and stereo video as unofficial.
+    format->strict_std_compliance = FF_COMPLIANCE_UNOFFICIAL;
+    const bool is_spherical_or_stereo =
+        settings.is_equirectangular || settings.stereo != StereoPacking::kNone;
+    if (is_spherical_or_stereo && std::string_view(container->name) == "mov") {
+      throw Error::bad_input("a .mov file cannot say that its pictures are spherical or stereo",
+                             file.string(), "Use .mp4 or .mkv");
+    }
     open_encoder();
     stream = avformat_new_stream(format.get(), nullptr);
     if (stream == nullptr) throw std::bad_alloc();
     stream->time_base = codec->time_base;
     stream->avg_frame_rate = codec->framerate;
     check(avcodec_parameters_from_context(stream->codecpar, codec.get()), "describing the stream");
+    add_projection();
     check(avio_open(&format->pb, temporary.path().c_str(), AVIO_FLAG_WRITE), "creating the file");
     AVDictionary* muxer = nullptr;
     av_dict_set(&muxer, "movflags", "+faststart+write_colr", 0);  // plays while it downloads

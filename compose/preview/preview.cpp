@@ -101,6 +101,18 @@ std::optional<SequenceName> picture_names(const PreviewOptions& options, std::si
   return name;
 }
 
+/// Several sequences side by side are no single picture.
+bool is_one_picture(const PreviewOptions& options) {
+  return options.pictures_of.arrangement != Arrangement::kSideBySide ||
+         options.pictures_of.sequences.size() == 1;
+}
+bool is_spherical(const PreviewOptions& options, const FramePictures& pictures) {
+  return is_one_picture(options) && pictures.frame().is_equirectangular;
+}
+StereoPacking packing_of(const PreviewOptions& options) {
+  return is_one_picture(options) ? options.pictures_of.stereo : StereoPacking::kNone;
+}
+
 std::string burnt_text(int frame, const ExrImage& image) {
   if (!image.time_code.empty()) return fmt::format("{}  {}", frame, image.time_code);
   return fmt::format("{}  {}", frame,
@@ -166,7 +178,8 @@ PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) 
         report.fps = rate.fps();
         movie = std::make_unique<MovieWriter>(
             options.movie,
-            MovieWriter::Options{shown.width, shown.height, rate.numerator, rate.denominator});
+            MovieWriter::Options{shown.width, shown.height, rate.numerator, rate.denominator,
+                                 is_spherical(options, of_frames), packing_of(options)});
         report.encoder = movie->encoder();
       }
       if (want_movie) movie->append(shown);

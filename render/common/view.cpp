@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <limits>
 #include <utility>
 
@@ -19,6 +20,51 @@ VirtualCamera virtual_camera_with_fov(int width, int height, double horizontal_f
                                       const rig::Pose& pose) {
   const double focal_length = width / (2 * std::tan(horizontal_fov / 2));
   return {width, height, {focal_length, focal_length, width / 2.0, height / 2.0, {}}, pose};
+}
+
+VirtualCamera equirectangular_camera(int width, int height, const rig::Pose& pose,
+                                     double eye_offset) {
+  VirtualCamera camera{width, height, {}, pose};
+  camera.is_equirectangular = true;
+  camera.eye_offset = eye_offset;
+  return camera;
+}
+
+WorldRay pixel_ray(const VirtualCamera& camera, double x, double y) {
+  const rig::Pose& pose = camera.pose;
+  if (!camera.is_equirectangular) {
+    const schemas::Intrinsics& k = camera.intrinsics;
+    const Eigen::Vector3d ahead((x - k.cx) / k.fx, (k.cy - y) / k.fy, -1);
+    return {pose.position, (pose.world_from_camera_rotation * ahead).normalized()};
+  }
+  const double longitude = (x / camera.width - 0.5) * 2 * std::numbers::pi;
+  const double latitude = (0.5 - y / camera.height) * std::numbers::pi;
+  const double level = std::cos(latitude);
+  const Eigen::Vector3d direction(level * std::sin(longitude), std::sin(latitude),
+                                  -level * std::cos(longitude));
+  const Eigen::Vector3d right(std::cos(longitude), 0, std::sin(longitude));
+  return {pose.world_from_camera(camera.eye_offset * right),
+          pose.world_from_camera_rotation * direction};
+}
+
+Eigen::Vector3d point_at_depth(const VirtualCamera& camera, double x, double y, double depth) {
+  if (camera.is_equirectangular) {
+    const WorldRay ray = pixel_ray(camera, x, y);
+    return ray.origin + depth * ray.direction;
+  }
+  const schemas::Intrinsics& k = camera.intrinsics;
+  const Eigen::Vector3d ahead((x - k.cx) / k.fx, (k.cy - y) / k.fy, -1);
+  return camera.pose.world_from_camera(ahead * depth);
+}
+
+double depth_of(const VirtualCamera& camera, const WorldRay& ray, double distance) {
+  if (camera.is_equirectangular) return distance;
+  return -distance * ray.direction.dot(camera.pose.world_from_camera_rotation.col(2));
+}
+
+double pixel_angle(const VirtualCamera& camera) {
+  return camera.is_equirectangular ? 2 * std::numbers::pi / camera.width
+                                   : 1 / camera.intrinsics.fx;
 }
 
 VirtualCamera undistorted(const rig::CameraModel& model, const rig::Pose& pose) {

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "render/common/world_ray.h"
 #include "rig/camera_model.h"
 #include "rig/pose.h"
 #include "schemas/geometry.h"
@@ -21,7 +22,27 @@ struct VirtualCamera {
   int width = 0, height = 0;       ///< pixels
   schemas::Intrinsics intrinsics;  ///< rendered with its distortion only by the per-ray reference
   rig::Pose pose;
+  /// Equirectangular cameras see all directions: longitude by latitude, -z at the centre, +x on its
+  /// right, +y at the top. They have no intrinsics, and their depths are distances.
+  bool is_equirectangular = false;
+  /// Of an equirectangular camera: metres from the centre to the eye, to the right of each column's
+  /// direction (omnidirectional stereo: Peleg et al., "Omnistereo", PAMI 23(3), 2001); 0: mono.
+  double eye_offset = 0;
 };
+
+/// Returns an equirectangular camera.
+VirtualCamera equirectangular_camera(int width, int height, const rig::Pose& pose,
+                                     double eye_offset = 0);
+
+/// Returns the ray through a position in pixels from the upper left corner, without distortion.
+WorldRay pixel_ray(const VirtualCamera& camera, double x, double y);
+/// Returns the point, world, at a depth (metres): along the optical axis, or, if equirectangular,
+/// along the ray.
+Eigen::Vector3d point_at_depth(const VirtualCamera& camera, double x, double y, double depth);
+/// Returns the depth of the point at a distance (metres) along a ray of the camera.
+double depth_of(const VirtualCamera& camera, const WorldRay& ray, double distance);
+/// Returns the angle between the rays of adjacent pixels at the picture's centre, radians.
+double pixel_angle(const VirtualCamera& camera);
 
 /// Returns the virtual camera that `geometry` (as in views.json and rig.json) describes.
 VirtualCamera virtual_camera_from_geometry(const schemas::CameraGeometry& geometry);

@@ -139,7 +139,11 @@ LayerImage FrameCompositor::render_layer(std::size_t layer, const PlannedFrame& 
   const LayerView view = layer_view(layer, frame, camera, geometry, ids);
   LayerImage image;
   // Isolated: while this thread waits for tiles of its frame, it must not start another frame.
-  tbb::this_task_arena::isolate([&] { image = renderers_[layer]->render(view); });
+  try {
+    tbb::this_task_arena::isolate([&] { image = renderers_[layer]->render(view); });
+  } catch (const Error& error) {
+    throw plan_.error_of_layer(layer, error);
+  }
   if (plan_.layer(layer)->is_in_scene_space()) convert_to_working_space(image);
   uncovered_share = uncovered_share_of_layer(layer, image);
   remove_unrequested_aovs(image);

@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <fstream>
 
 #include "compose/layers/cryptomatte.h"
@@ -225,6 +227,49 @@ TEST_F(GeometrySequence, SaysWhatIsWrongBeforeAnythingIsRendered) {
   shot_.lights.clear();
   shot_.layers[1].geometry->keys[0].orientation = {{0, 0, 0, 0}};
   EXPECT_THAT(refusal(), HasSubstr("shot.json#/layers/1/geometry/keys/0"));
+}
+
+TEST_F(GeometrySequence, SaysWhichAnimationIsNotShown) {
+  // A triangle whose node moves from frame 10 to 20 of 10 fps; `path`: what is animated.
+  const auto write = [&](const std::string& name, const std::string& path) {
+    const std::array<float, 17> values{0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 2, 0, 0, 0, 1, 0, 0};
+    std::ofstream(folder_.path() / "data.bin", std::ios::binary)
+        .write(reinterpret_cast<const char*>(values.data()), sizeof(values));
+    std::ofstream(folder_.path() / name)
+        << R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"mesh":0}],
+  "meshes":[{"primitives":[{"attributes":{"POSITION":0})"
+        << (path == "weights" ? R"(,"targets":[{"POSITION":0}]}],"weights":[0])" : "}]") << R"(}],
+  "animations":[{"channels":[{"sampler":0,"target":{"node":0,"path":")"
+        << path << R"("}}],"samplers":[{"input":1,"output":)" << (path == "weights" ? 3 : 2)
+        << R"(}]}],
+  "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]},
+               {"bufferView":1,"componentType":5126,"count":2,"type":"SCALAR","min":[1],"max":[2]},
+               {"bufferView":2,"componentType":5126,"count":2,"type":"VEC3"},
+               {"bufferView":1,"componentType":5126,"count":2,"type":"SCALAR"}],
+  "bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":8},
+                 {"buffer":0,"byteOffset":44,"byteLength":24}],
+  "buffers":[{"byteLength":68,"uri":"data.bin"}]})";
+    shot_.layers[1].geometry->file = name;
+    messages_.clear();
+    EXPECT_EQ(run().rendered, 1);
+  };
+  const auto reported = [&](const char* text) {
+    return std::ranges::any_of(messages_, [&](const std::string& message) {
+      return message.find(text) != std::string::npos;
+    });
+  };
+  write("moves.gltf", "translation");
+  EXPECT_TRUE(
+      reported("layer 1 (square): moves.gltf moves from frame 10 to 20, the shot is 101 to"));
+  EXPECT_FALSE(reported("is not read"));
+  shot_.layers[1].geometry->frame_offset = 85;  // frames 95 to 105
+  write("moves.gltf", "translation");
+  EXPECT_FALSE(reported("moves from frame"));
+  write("bends.gltf", "weights");
+  EXPECT_TRUE(reported("layer 1 (square): the animation of bends.gltf is not read"));
+  shot_.layers[1].geometry->is_animated = false;
+  write("bends.gltf", "weights");
+  EXPECT_FALSE(reported("is not read"));
 }
 
 TEST_F(GeometrySequence, IsCountedInMemory) {

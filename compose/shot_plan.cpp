@@ -90,9 +90,24 @@ ShotPlan::ShotPlan(const schemas::ShotDocument& shot, const std::filesystem::pat
   find_light_field_lights();
   layers_.resize(layers());
   for (std::size_t i = 0; i < layers(); ++i) {
-    if (is_visible_in_any(i, options.frames)) layers_[i] = open_layer(i, options);
+    if (!is_visible_in_any(i, options.frames)) continue;
+    try {
+      layers_[i] = open_layer(i, options);
+    } catch (const Error& error) {
+      throw error_of_layer(i, error);
+    }
   }
   assign_object_names();
+}
+
+Error ShotPlan::error_of_layer(std::size_t layer, const Error& error) const {
+  if (error.where().starts_with(shot_file_.string())) return error;
+  const std::string& name = shot_.layers[layer].name;
+  const std::string where = fmt::format("{}#/layers/{}{}{}{}", shot_file_.string(), layer,
+                                        name.empty() ? "" : " (" + name + ")",
+                                        error.where().empty() ? "" : ": ", error.where());
+  const auto make = error.exit_code() == ExitCode::kBadInput ? Error::bad_input : Error::failed;
+  return make(error.what_happened(), where, error.what_to_do()).concerning(error.settings());
 }
 
 std::unique_ptr<const Layer> ShotPlan::open_layer(std::size_t layer,

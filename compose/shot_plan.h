@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/error.h"
 #include "compose/camera/shot_camera.h"
 #include "compose/draft_shot.h"
 #include "compose/exr/exr_header.h"
@@ -67,6 +68,8 @@ class ShotPlan {
   const schemas::ShotDocument& shot() const { return shot_; }
   std::size_t layers() const { return shot_.layers.size(); }
   /// Returns a layer; null: it shows nothing.
+  /// Returns the error of a layer's file so that it names the layer, too.
+  Error error_of_layer(std::size_t layer, const Error& error) const;
   const Layer* layer(std::size_t layer) const { return layers_[layer].get(); }
   /// Returns a layer with a take; null: it is of another kind, or shows nothing.
   const LightFieldLayer* light_field(std::size_t layer) const {

@@ -21,7 +21,8 @@ inline constexpr Converter kFrameRateValue([](const JsonNode& fps) { return fram
 ShotDocument::Camera shot_camera_from(const JsonNode& camera, int version);
 nlohmann::ordered_json json_from(const ShotDocument::Camera& camera);
 
-ShotDocument::Layer shot_layer_from(const JsonNode& object);
+/// Reads a layer. `version` is that of the shot's schema; it decides the default method.
+ShotDocument::Layer shot_layer_from(const JsonNode& object, int version);
 nlohmann::ordered_json json_from(const ShotDocument::Layer& layer);
 
 ShotDocument::Geometry shot_geometry_from(const JsonNode& object);

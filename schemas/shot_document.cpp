@@ -111,11 +111,14 @@ auto shot_fields(int version) {
   const auto camera_of_version = [version](const JsonNode& camera) {
     return shot_camera_from(camera, version);
   };
+  const auto layer_of_version = [version](const JsonNode& layer) {
+    return shot_layer_from(layer, version);
+  };
   return Fields(
       defaulted("name", &ShotDocument::name), required("width", &ShotDocument::width),
       required("height", &ShotDocument::height), kFrameRate, kFrameRange,
       required("camera", &ShotDocument::camera, Converter(camera_of_version, JsonFrom{})),
-      required("layers", &ShotDocument::layers, list_of(Converter(shot_layer_from, JsonFrom{}))),
+      required("layers", &ShotDocument::layers, list_of(Converter(layer_of_version, JsonFrom{}))),
       check(check_volumes),
       optional("lights", &ShotDocument::lights, list_of(Converter(shot_light_from, JsonFrom{}))),
       defaulted("merge", &ShotDocument::merge, enum_names<ShotDocument::Merge>("stated", "depth")),

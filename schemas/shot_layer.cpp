@@ -185,7 +185,15 @@ constexpr Fields kLayer(
 
 }  // namespace
 
-Layer shot_layer_from(const JsonNode& object) { return kLayer.make<Layer>(object); }
+Layer shot_layer_from(const JsonNode& object, int version) {
+  Layer layer = kLayer.make<Layer>(object);
+  // A shot that states the focal plane wants to see it; others want to see the scene.
+  const bool states_plane = version < 3 || object.has("focal_plane");
+  if (layer.is_light_field() && !object.has("method") && !states_plane) {
+    layer.method = "plane_sweep";
+  }
+  return layer;
+}
 
 ordered_json json_from(const Layer& layer) { return kLayer.write(layer); }
 

@@ -39,8 +39,8 @@ class CompositionVersion : public testing::SequenceTest {
   }
 };
 
-TEST_F(CompositionVersion, FiveHasThesePixels) {
-  static_assert(kReconstructionVersion == 6);
+TEST_F(CompositionVersion, SevenHasThesePixels) {
+  static_assert(kReconstructionVersion == 7);
   write_files();
   shot_.layers[0].name = "wall";
   shot_.layers[0].shadows = schemas::ShotDocument::ReceivedShadows{};

@@ -141,9 +141,8 @@ TEST_F(EquirectangularShot, TheRightEyeSeesANearPointFartherLeft) {
   };
   const double distance = (Vector3d(2, 0.5, -1) - Vector3d(0.3, 0.2, 0.1)).norm();
   const double degrees = 2 * std::asin(0.1 / distance) * 180 / std::numbers::pi;
-  // The camera looks 13 degrees upwards: a pixel at that latitude covers less.
-  const double across = std::cos(std::asin(0.3 / distance)) * 360 / 240;
-  EXPECT_NEAR(middle("left") - middle("right"), degrees / across, 0.3);
+  // The visible half of the ball is nearer than its centre.
+  EXPECT_NEAR(middle("left") - middle("right"), degrees * 240 / 360, 0.4);
 }
 
 TEST_F(EquirectangularShot, HeadersSayThatTheyShowAllDirections) {
@@ -171,6 +170,14 @@ TEST_F(EquirectangularShot, WhatItCannotHaveIsRefused) {
   shot_ = before;
   shot_.camera.dolly_zoom = schemas::ShotDocument::DollyZoom{.target = {{0, 0, -5}}};
   expect_refused("no lens to zoom");
+}
+
+TEST_F(EquirectangularShot, TheHeadlightIsOnAllSides) {
+  shot_.lights.clear();
+  const ExrImage lit = scene_.render(shot_).image;
+  std::size_t dark = 0;
+  for (std::size_t i = 1; i < lit.rgba.size(); i += 4) dark += lit.rgba[i] < 0.02F ? 1 : 0;
+  EXPECT_LT(dark, lit.rgba.size() / 4 / 20);
 }
 
 TEST_F(EquirectangularShot, ADraftStaysTwiceAsWideAsHigh) {

@@ -104,7 +104,16 @@ EnvironmentRadiance FrameCompositor::layer_light_radiance(const ShotPlan::LightF
     auto rays = renderers_[layer]->rays(layer_view(layer, frame, camera, {}));
     if (!rays) continue;
     view_directions.push_back(rays->viewing_direction);
-    takes.push_back(std::move(*rays));
+    takes.push_back(
+        {[this, layer, query = std::move(rays->query)](std::span<const render::WorldRay> of_light,
+                                                       std::span<render::RaySample> samples) {
+           try {
+             query(of_light, samples);
+           } catch (const Error& error) {
+             throw plan_.error_of_layer(layer, error);
+           }
+         },
+         rays->viewing_direction});
   }
   if (takes.empty()) return behind;
   return [takes = std::move(takes), view_directions = std::move(view_directions),

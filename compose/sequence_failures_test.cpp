@@ -86,6 +86,7 @@ TEST_F(SequenceFailures, ADamagedFrameFailsAloneAndIsNamed) {
   EXPECT_EQ(report.failures[0].frame, 104);
   EXPECT_THAT(report.summary(), HasSubstr("1 failed (104)"));
   EXPECT_THAT(messages_, Contains(HasSubstr("frame 104 failed")));
+  EXPECT_THAT(report.failures[0].what, HasSubstr("shot.json#/layers/0: "));
   EXPECT_FALSE(std::filesystem::exists(file(104)));
   EXPECT_EQ(files(), 5);
   EXPECT_EQ(progress_, 1);
@@ -142,7 +143,9 @@ TEST_F(SequenceFailures, ChecksEverythingFirst) {
   EXPECT_THAT(refusal(), HasSubstr("magic"));
   shot_.layers[0].method = "focal_plane";
   shot_.layers[0].take = "elsewhere";
-  EXPECT_NE(refusal(), "no error");
+  EXPECT_THAT(refusal(), HasSubstr("shot.json#/layers/0: " + folder_.path().string()));
+  shot_.layers[0].name = "wall";
+  EXPECT_THAT(refusal(), HasSubstr("shot.json#/layers/0 (wall): " + folder_.path().string()));
   shot_.layers[0].take = "take";
   std::filesystem::remove(folder_.path() / "take" / "timeline.zst");
   EXPECT_THAT(refusal(), HasSubstr("raystage sync"));

@@ -60,7 +60,13 @@ std::size_t max_view_bytes(const ShotPlan& plan, std::span<const PlannedFrame> f
       if (!frame.shown[i].tick) continue;
       for (const Eye eye : plan.eyes()) {
         const ExrCamera camera = plan.exr_camera(frame.frame, eye);
-        if (camera.view.is_equirectangular) continue;  // rays of some rows, and the view
+        if (camera.view.is_equirectangular) {
+          constexpr std::size_t kMeasuresPerPixel = 8, kRaysPerColumn = std::size_t{64} * 80;
+          const std::size_t measures = plan.measures_coverage() ? kMeasuresPerPixel : 0;
+          most = std::max(most, pixels_of(plan.shot()) * (kViewBytesPerPixel + measures) +
+                                    kRaysPerColumn * static_cast<std::size_t>(camera.view.width));
+          continue;
+        }
         most = std::max(most,
                         renderer.view_bytes(camera.view, light_field->tick(frame.shown[i]),
                                             light_field->reconstruction_for(camera, frame.frame)));

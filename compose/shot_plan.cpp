@@ -126,6 +126,11 @@ std::unique_ptr<const Layer> ShotPlan::open_light_field(std::size_t layer,
                                                         const ShotPlanOptions& options) {
   // A target is for views only; lights and equirectangular views need rays.
   const bool needs_rays = is_light(layer) || camera_.is_equirectangular();
+  if (camera_.is_equirectangular() && !options.target.empty()) {
+    throw Error::bad_input("methods for equirectangular views are not chosen by a target",
+                           shot_file_.string() + "#/camera/projection", "State a method")
+        .concerning({"target_error", "target_time"});
+  }
   auto opened =
       std::make_unique<const LightFieldLayer>(shot_, layer, shot_file_, folder_, options.fill,
                                               needs_rays ? schemas::OptionValues{} : options.target,

@@ -26,7 +26,7 @@
 namespace raystage::compose {
 
 /// Raised whenever the same inputs give other pixels, so that existing files count as out of date.
-inline constexpr int kReconstructionVersion = 6;
+inline constexpr int kReconstructionVersion = 7;
 
 /// A frame of the shot with the instants that it shows.
 struct PlannedFrame {
@@ -67,9 +67,9 @@ class ShotPlan {
 
   const schemas::ShotDocument& shot() const { return shot_; }
   std::size_t layers() const { return shot_.layers.size(); }
-  /// Returns a layer; null: it shows nothing.
   /// Returns the error of a layer's file so that it names the layer, too.
   Error error_of_layer(std::size_t layer, const Error& error) const;
+  /// Returns a layer; null: it shows nothing.
   const Layer* layer(std::size_t layer) const { return layers_[layer].get(); }
   /// Returns a layer with a take; null: it is of another kind, or shows nothing.
   const LightFieldLayer* light_field(std::size_t layer) const {

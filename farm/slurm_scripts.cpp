@@ -103,13 +103,12 @@ std::string exclude_lines(const schemas::FarmJobDocument& job, schemas::FarmStag
   return fmt::format(
       "exclude={}\n"
       "partition={}\n"
-      "[ \"$(sinfo -h -N -p \"$partition\" -t idle,mix,alloc,comp -o %N | sort -u | wc -l)\" -gt "
-      "{} ] "
-      "|| exclude=\n",
+      "sinfo -h -N -p \"$partition\" -t idle,mix,alloc,comp -o %N | sort -u >slurm/usable\n"
+      "scontrol show hostnames {} | grep -vxFf - slurm/usable | grep -q . || exclude={}\n",
       shell_quote("--exclude=" + nodes),
       partition.empty() ? "$(sinfo -h -o %P | sed -n 's/[*]$//p' | head -n 1)"
                         : shell_quote(partition),
-      round.exclude.size());
+      shell_quote(nodes), given.empty() ? "" : shell_quote("--exclude=" + given));
 }
 
 std::vector<QueuedArray> prepare_arrays(const schemas::FarmJobDocument& job,

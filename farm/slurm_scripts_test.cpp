@@ -81,7 +81,9 @@ class RoundScript : public ::testing::Test {
                "n=$(($(cat ../n 2>/dev/null || echo 100) + 1)); echo $n >../n\n"
                "echo \"$@\" >>../calls; echo $n");
     write_tool(bin / "sinfo", "printf 'n1\\nn2\\nn3\\nn4\\n'");
-    write_tool(bin / "scontrol", "echo scontrol \"$@\" >>../calls");
+    write_tool(bin / "scontrol",
+               "case $2 in hostnames) echo \"$3\" | tr , '\\n' ;; *) echo scontrol \"$@\" "
+               ">>../calls ;; esac");
     std::filesystem::create_directories(folder_.path() / "job" / "slurm");
     std::ofstream(folder_.path() / "job" / "round.sh") << script;
     const ChildResult result =
@@ -143,6 +145,10 @@ TEST_F(RoundScript, MakesThePreviewWhereTheFramesCanBeRead) {
   round.exclude = {"n3"};
   EXPECT_THAT(run_script(preview_script(job, round)),
               HasSubstr("--parsable --exclude=n3,n1 preview.sbatch 3 0\n"));
+  round.round = 4;
+  round.exclude = {"n2", "n3", "n4"};  // with n1 all: only what the submission excludes
+  EXPECT_THAT(run_script(preview_script(job, round)),
+              HasSubstr("--parsable --exclude=n1 preview.sbatch 4 0\n"));
 }
 
 /// A job that waits for another one, whose folder is "before".

@@ -232,7 +232,8 @@ ExrChannelData read_exr_channels(const std::filesystem::path& file,
                                  const std::string& what_to_do) {
   return read_file_with(file, what_to_do, [&](Imf::MultiPartInputFile& input) {
     // In files of several views a plain name may be that of no view.
-    if (Imf::hasMultiView(input.header(0)) && is_complete(input, "", channels)) {
+    const auto of_default_view = find_view_channels(input, "", channels);
+    if (of_default_view && of_default_view->missing.empty()) {
       return read_view_of(input, "", file, channels, what_to_do);
     }
     return read_part(input, part_with(input, file, channels, what_to_do), file, channels,

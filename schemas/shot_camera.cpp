@@ -81,15 +81,13 @@ constexpr Fields kDollyZoom(required("target", &DollyZoom::target),
 constexpr Fields kStereo(defaulted("interaxial_m", &Stereo::interaxial_m),
                          optional("convergence_m", &Stereo::convergence_m));
 
-constexpr Fields kCamera(defaulted("projection", &Camera::projection,
-                                   enum_names<Camera::Projection>("perspective",
-                                                                  "equirectangular")),
-                         defaulted("film_back_mm", &Camera::film_back_mm),
-                         optional("file", &Camera::file, kCameraFile),
-                         optional("keys", &Camera::keys, kCameraKeys),
-                         optional("orbit", &Camera::orbit, kOrbit),
-                         optional("dolly_zoom", &Camera::dolly_zoom, kDollyZoom),
-                         optional("stereo", &Camera::stereo, kStereo));
+constexpr Fields kCamera(
+    defaulted("projection", &Camera::projection,
+              enum_names<Camera::Projection>("perspective", "equirectangular")),
+    defaulted("film_back_mm", &Camera::film_back_mm), optional("file", &Camera::file, kCameraFile),
+    optional("keys", &Camera::keys, kCameraKeys), optional("orbit", &Camera::orbit, kOrbit),
+    optional("dolly_zoom", &Camera::dolly_zoom, kDollyZoom),
+    optional("stereo", &Camera::stereo, kStereo));
 
 }  // namespace
 

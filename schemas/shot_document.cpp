@@ -86,8 +86,8 @@ void check_equirectangular(const JsonNode& object, const ShotDocument& shot) {
            "the eyes of an equirectangular camera do not converge", "Remove it");
   }
   if (shot.output.overscan != decltype(shot.output.overscan){}) {
-    refuse(object.at("output").at("overscan"),
-           "an equirectangular picture has no surroundings", "Remove it");
+    refuse(object.at("output").at("overscan"), "an equirectangular picture has no surroundings",
+           "Remove it");
   }
 }
 

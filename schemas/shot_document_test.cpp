@@ -259,6 +259,27 @@ TEST(ShotLayerDocument, LayersOfEveryKindComeBack) {
   EXPECT_EQ(format_shot(parse_shot(once, "f")), once);
 }
 
+TEST(ShotLayerDocument, ShowsTheSceneUnlessAMethodOrAFocalPlaneIsStated) {
+  const auto method_of = [](int version, const std::string& properties) {
+    const std::string camera = R"({"keys": [{"frame": 1, "position": [0, 0, 0],)"
+                               R"( "orientation": [1, 0, 0, 0], "horizontal_fov_deg": 40}]})";
+    const ShotDocument shot = parse_shot(
+        R"({"schema": "raystage/shot/)" + std::to_string(version) +
+            R"(", "width": 8, "height": 8, "fps": 24, "first_frame": 1, "last_frame": 1, "camera": )" +
+            camera + R"(, "layers": [{"take": "t")" + properties + "}]}",
+        "shot.json");
+    const ShotDocument again = parse_shot(format_shot(shot), "again.json");
+    EXPECT_EQ(again.layers[0].method, shot.layers[0].method) << "written as the newest version";
+    return shot.layers[0].method;
+  };
+  EXPECT_EQ(method_of(3, ""), "plane_sweep");
+  EXPECT_EQ(method_of(3, R"(, "focal_plane": {"depth_m": 4})"), "focal_plane");
+  EXPECT_EQ(method_of(3, R"(, "method": "depth")"), "depth");
+  EXPECT_EQ(method_of(3, R"(, "method": "aperture", "focal_plane": "best")"), "aperture");
+  EXPECT_EQ(method_of(2, ""), "focal_plane");
+  EXPECT_EQ(method_of(2, R"(, "method": "slabs")"), "slabs");
+}
+
 TEST(ShotLayerDocument, RefusesWhatIsNoLayer) {
   const auto of = [](const json& layer) {
     json shot = shot_of_today();

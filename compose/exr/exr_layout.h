@@ -16,8 +16,8 @@ enum class ExrLayout {
 };
 
 /// Version of the channel names, which files of one sequence share. 2: `coverage.V`, before
-/// `lf.coverage`.
-inline constexpr int kExrChannelNames = 2;
+/// `lf.coverage`; 3: `coverage.left.V` of the left view in files of one part.
+inline constexpr int kExrChannelNames = 3;
 
 /// Returns the layout with this name. Throws Error (bad input), which lists the layouts, otherwise.
 ExrLayout parse_exr_layout(std::string_view name);

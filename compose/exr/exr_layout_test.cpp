@@ -157,6 +157,13 @@ TEST_F(ExrLayouts, SingleNamesViewsInChannels) {
   EXPECT_FALSE(header.hasView());
 }
 
+TEST_F(ExrLayouts, NukeNamesTheDepthOfEachView) {
+  write(ExrLayout::kNuke, true);
+  const Imf::MultiPartInputFile input(file_.c_str());
+  EXPECT_THAT(channels_of(input.header(0)),
+              ::testing::IsSupersetOf({"A", "depth.left.Z", "right.A", "depth.right.Z"}));
+}
+
 TEST_F(ExrLayouts, NukeKnowsDepthByItsLayer) {
   write(ExrLayout::kNuke, false);
   const Imf::MultiPartInputFile input(file_.c_str());

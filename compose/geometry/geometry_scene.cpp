@@ -210,7 +210,10 @@ class RowRenderer {
       for (int ray = 0; ray < rays; ++ray) light_from(i, at, point, ray, rays, shadows);
     }
     if (scene_.headlight) {
-      const double cosine = std::max(0.0, point.normal.dot(*scene_.headlight));
+      const Vector3d towards = camera_.is_equirectangular
+                                   ? Vector3d((camera_.pose.position - point.position).normalized())
+                                   : *scene_.headlight;
+      const double cosine = std::max(0.0, point.normal.dot(towards));
       light_[at.pixel] += at.weight * static_cast<float>(cosine);
     }
     if (!at.gathers || lights.gather_rays == 0) return add(at, lights.ambient);

@@ -83,9 +83,8 @@ void apply(std::span<const Clip> clips, const render::VirtualCamera& camera, Lay
         const Vector2d at(x + 0.5, y + 0.5);
         const double z = static_cast<double>(image.z[pixel]);
         const bool is_direction = !std::isfinite(z);
-        const Vector3d point = is_direction
-                                   ? render::pixel_ray(camera, at.x(), at.y()).direction
-                                   : render::point_at_depth(camera, at.x(), at.y(), z);
+        const Vector3d point = is_direction ? render::pixel_ray(camera, at.x(), at.y()).direction
+                                            : render::point_at_depth(camera, at.x(), at.y(), z);
         double share = 1;
         for (const Clip& clip : clips) share *= kept_share(clip, camera, at, point, is_direction);
         if (share >= 1) continue;

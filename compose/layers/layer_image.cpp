@@ -10,8 +10,8 @@ namespace {
 
 constexpr float kNoDepth = std::numeric_limits<float>::infinity();
 
-/// Sets shares that are 1 but for the rounding of sums of weights to 1: layers behind are then known
-/// to be hidden, and files are smaller.
+/// Sets shares that are 1 but for the rounding of sums of weights to 1: layers behind are then
+/// known to be hidden, and files are smaller.
 void remove_rounding(float& share) {
   constexpr float kRounding = 1e-6F;
   if (std::abs(share - 1) < kRounding) share = 1;

@@ -173,6 +173,15 @@ class TakeRenderer final : public LayerRenderer {
       queried->query(of_rows, samples);
       copy_samples(samples, static_cast<std::size_t>(begin) * camera.width, result);
     }
+    const rig::CameraModel& first = layer_.take().rig().cameras.front().model;
+    const double source_pixels = render::pixel_angle(camera) * first.intrinsics().fx;
+    constexpr double kAliases = 1.5;  // as views of perspective cameras, which take several rays
+    if (source_pixels >= kAliases) {
+      result.notes.push_back(fmt::format(
+          "one ray a pixel, which covers {:.1f} pixels of the cameras along each axis: details may "
+          "alias; render a larger picture and reduce it",
+          source_pixels));
+    }
     return make_layer_image(std::move(result));
   }
 

@@ -147,11 +147,9 @@ struct MovieWriter::State {
     format->flags |= AVFMT_FLAG_BITEXACT;
     // libavformat counts the boxes of spherical and stereo video as unofficial.
     format->strict_std_compliance = FF_COMPLIANCE_UNOFFICIAL;
-    const bool is_spherical_or_stereo =
-        settings.is_equirectangular || settings.stereo != StereoPacking::kNone;
-    if (is_spherical_or_stereo && std::string_view(container->name) == "mov") {
-      throw Error::bad_input("a .mov file cannot say that its pictures are spherical or stereo",
-                             file.string(), "Use .mp4 or .mkv");
+    if (settings.stereo != StereoPacking::kNone && std::string_view(container->name) == "mov") {
+      throw Error::bad_input("a .mov file cannot say that its pictures are stereo", file.string(),
+                             "Use .mp4 or .mkv");
     }
     open_encoder();
     stream = avformat_new_stream(format.get(), nullptr);

@@ -17,13 +17,13 @@ class MovieWriter {
   struct Options {
     int width = 0, height = 0;  ///< pixels; an odd size repeats its last column or row
     int fps_numerator = 24, fps_denominator = 1;
-    /// Written to .mp4 and .mkv files, so that players show all directions or both eyes.
+    /// Stated in .mp4 and .mkv files, so that players show all directions or both eyes.
     bool is_equirectangular = false;
     StereoPacking stereo = StereoPacking::kNone;
   };
   /// Opens the file and the encoder. The extension selects the container (.mp4, .mov, .mkv). Throws
-  /// Error: bad input for an unknown extension, and for .mov if the pictures are spherical or
-  /// stereo; failed if the encoder or the file cannot be opened.
+  /// Error: bad input for an unknown extension, and for .mov if the pictures are stereo;
+  /// failed if the encoder or the file cannot be opened.
   MovieWriter(const std::filesystem::path& file, const Options& options);
   ~MovieWriter();  ///< removes the file unless it was closed
   MovieWriter(const MovieWriter&) = delete;

@@ -182,6 +182,8 @@ def merged_shot(shot: dict, given: dict, file: pathlib.Path) -> dict:
             if isinstance(layer, dict) and "take" in layer:
                 layer.setdefault("method", "focal_plane")  # the default of that version
     camera = shot.get("camera")
+    if isinstance(camera, dict) and camera.get("projection", "perspective") != "perspective":
+        raise RaystageError(f"{file}: the shot's camera is {camera['projection']}, which Blender's perspective camera would replace. Choose another file.")
     stereo = camera.get("stereo") if isinstance(camera, dict) else None
     shot = {**shot, "schema": SHOT_SCHEMA, **given}
     if stereo is not None:

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <limits>
+#include <numbers>
 #include <utility>
 
 #include "base/parallel.h"
@@ -63,8 +63,7 @@ double depth_of(const VirtualCamera& camera, const WorldRay& ray, double distanc
 }
 
 double pixel_angle(const VirtualCamera& camera) {
-  return camera.is_equirectangular ? 2 * std::numbers::pi / camera.width
-                                   : 1 / camera.intrinsics.fx;
+  return camera.is_equirectangular ? 2 * std::numbers::pi / camera.width : 1 / camera.intrinsics.fx;
 }
 
 VirtualCamera undistorted(const rig::CameraModel& model, const rig::Pose& pose) {

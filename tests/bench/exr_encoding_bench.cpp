@@ -61,8 +61,8 @@ void compare(const std::string& file) {
   const testing::OpenExrEncoding openexr(frame.view.layers, frame.width, frame.height);
   std::array<compose::ExrCamera, 1> camera;
   camera[0].view = render::virtual_camera_with_fov(frame.width, frame.height, 1, {});
-  for (const auto& [name, compression] :
-       {std::pair{"zip", Imf::ZIP_COMPRESSION}, std::pair{"zips", Imf::ZIPS_COMPRESSION}}) {
+  for (const Imf::Compression compression : {Imf::ZIP_COMPRESSION, Imf::ZIPS_COMPRESSION}) {
+    const std::string name = compression == Imf::ZIP_COMPRESSION ? "zip" : "zips";
     compose::ExrMetadata metadata;
     metadata.compression = metadata.data_compression = name;
     std::vector<double> ours, theirs;

@@ -144,10 +144,12 @@ class BlenderExr(unittest.TestCase):
 
     def test_both_eyes_arrive(self) -> None:
         camera = {**SHOT["camera"], "stereo": {"interaxial_m": 0.06}}
-        file = self.render("stereo", {}, camera=camera)
-        _, passes, printed = self.read_in_blender(file)
-        self.assertNotIn("ERROR", printed)
-        self.assertLessEqual({"Combined", "Depth", "P", "N", "albedo", "coverage"}, {name for _, name in passes})
+        for output in ({}, {"layout": "single"}):
+            with self.subTest(output=output):
+                file = self.render("stereo" + output.get("layout", ""), output, camera=camera)
+                _, passes, printed = self.read_in_blender(file)
+                self.assertNotIn("ERROR", printed)
+                self.assertLessEqual({"Combined", "Depth", "P", "N", "albedo", "coverage"}, {name for _, name in passes})
 
 
 if __name__ == "__main__":

@@ -76,7 +76,7 @@ Found examine(const std::filesystem::path& archive_path, const std::filesystem::
 ArchiveWriter::Files::Files(Existing, const std::filesystem::path& archive_path,
                             const Description& description)
     : archive(archive_path, OutputFile::Open::kExisting),
-      header(matroska::make_header(description)) {}
+      header(matroska::header_of_file(MappedFile(archive_path).bytes(), description)) {}
 
 ArchiveWriter ArchiveWriter::resume(const std::filesystem::path& archive,
                                     const std::filesystem::path& journal,
@@ -112,6 +112,7 @@ ArchiveWriter ArchiveWriter::resume(const std::filesystem::path& archive,
     put_back(header.segment_size_offset, header.segment_data_offset - header.segment_size_offset);
     put_back(header.seek_head_offset, matroska::kSeekHeadBytes);
     put_back(header.duration_offset, matroska::kDurationBytes);
+    if (header.rate_offset > 0) put_back(header.rate_offset, matroska::kRateBytes);
   } else {
     put_back(0, header.bytes.size());
   }

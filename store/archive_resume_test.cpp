@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <xxhash.h>
 
 #include <algorithm>
 #include <array>
@@ -182,12 +183,13 @@ TEST_F(Resume, EveryStepOfClosingAndOpeningAgainIsReadable) {
     std::copy_n(header.bytes.begin() + static_cast<std::ptrdiff_t>(offset), size,
                 file.begin() + static_cast<std::ptrdiff_t>(offset));
   };
-  for (int step = 0; step < 16; ++step) {
+  for (int step = 0; step < 32; ++step) {
     for (std::size_t cut = end; cut <= closed.size(); cut += cut == end ? 1 : 150) {
       Bytes file = closed;
       if (step & 1) put_back(file, header.segment_size_offset, 8);
       if (step & 2) put_back(file, header.seek_head_offset, matroska::kSeekHeadBytes);
       if (step & 4) put_back(file, header.duration_offset, matroska::kDurationBytes);
+      if (step & 16) put_back(file, header.rate_offset, matroska::kRateBytes);
       if (step & 8) file.resize(cut);
       testing::overwrite(mkv, file);
       ASSERT_NO_FATAL_FAILURE(expect_frames(5)) << step << " " << cut;
@@ -200,6 +202,49 @@ TEST_F(Resume, EveryStepOfClosingAndOpeningAgainIsReadable) {
       std::filesystem::resize_file(journal, journal::kHeaderBytes + 5 * journal::kRecordBytes);
     }
   }
+}
+
+// Archives of the first version have no space for the frame rate in their header.
+TEST_F(Resume, AnArchiveWithoutSpaceForItsRateStaysAsItIs) {
+  const auto old_archive = [&](std::size_t frames) {
+    const auto header = matroska::make_header(description(), matroska::HeaderForm::kWithoutRate);
+    Bytes file = header.bytes;
+    const auto journal_header = journal::encode_header(description());
+    Bytes lines(journal_header.begin(), journal_header.end());
+    std::vector<matroska::CuePoint> cues;
+    for (std::size_t i = 0; i < frames; ++i) {
+      const auto bytes = jpeg(i);
+      cues.push_back({time(i), file.size()});
+      const auto cluster = matroska::make_cluster_header(time(i), bytes.size());
+      file.insert(file.end(), cluster.begin(), cluster.end());
+      FrameRecord record{time(i), file.size(), static_cast<std::uint32_t>(bytes.size())};
+      record.xxh3 = XXH3_64bits(bytes.data(), bytes.size());
+      record.arrival_ns = origin(i).arrival_ns;
+      record.sequence = origin(i).sequence;
+      file.insert(file.end(), bytes.begin(), bytes.end());
+      const auto line = journal::encode_record(record);
+      lines.insert(lines.end(), line.begin(), line.end());
+    }
+    const auto closing = matroska::make_trailer(cues, header, file.size());
+    EXPECT_TRUE(closing.rate.empty());
+    file.insert(file.end(), closing.cues.begin(), closing.cues.end());
+    const auto put = [&](std::size_t at, const Bytes& part) {
+      std::ranges::copy(part, file.begin() + static_cast<std::ptrdiff_t>(at));
+    };
+    put(header.duration_offset, closing.duration);
+    put(header.seek_head_offset, closing.seek_head);
+    put(header.segment_size_offset, closing.segment_size);
+    return std::pair(file, lines);
+  };
+  const auto before = old_archive(4);
+  testing::overwrite(mkv, before.first);
+  testing::overwrite(journal, before.second);
+  ASSERT_NO_FATAL_FAILURE(expect_frames(4));
+  {
+    ArchiveWriter out = resume();
+    for (std::size_t i = 4; i < 7; ++i) out.append(jpeg(i), time(i), origin(i));
+  }
+  EXPECT_EQ(std::pair(bytes_of(mkv), bytes_of(journal)), old_archive(7));
 }
 
 TEST_F(Resume, ATornTailIsCutAndUnlistedFramesAreListed) {

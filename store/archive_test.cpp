@@ -455,5 +455,30 @@ TEST_F(Archive, FfprobeReadsTheSameTimesAndSizes) {
   EXPECT_THAT(duration, HasSubstr("800000"));  // seconds, 92 days
 }
 
+TEST_F(Archive, FfprobeShowsTheRateOfRegularFrames) {
+  if (std::system("ffprobe -version >/dev/null 2>&1") != 0) GTEST_SKIP() << "ffprobe is not here";
+  const auto rate_of = [&](const std::vector<Nanoseconds>& times) {
+    std::filesystem::remove(mkv);
+    std::filesystem::remove(journal);
+    ArchiveWriter out = writer();
+    for (std::size_t i = 0; i < times.size(); ++i) {
+      out.append(fake_jpeg(static_cast<unsigned>(i), 300), times[i]);
+    }
+    out.close();
+    return output_of("ffprobe -v quiet -show_entries stream=avg_frame_rate -of csv=p=0 '" +
+                     mkv.string() + "'");
+  };
+  std::vector<Nanoseconds> times;
+  for (int i = 0; i < 30; ++i) times.push_back(40'000'000LL * i + i % 3 * 100'000);
+  times.erase(times.begin() + 10, times.begin() + 15);  // lost frames do not count
+  int numerator = 0, denominator = 1;
+  const std::string text = rate_of(times);
+  ASSERT_EQ(std::sscanf(text.c_str(), "%d/%d", &numerator, &denominator), 2) << text;
+  EXPECT_NEAR(static_cast<double>(numerator) / denominator, 25, 0.1);
+  std::vector<Nanoseconds> irregular;
+  for (int i = 0; i < 30; ++i) irregular.push_back(7'000'000LL * i * i);
+  EXPECT_EQ(rate_of(irregular), "0/0\n");
+}
+
 }  // namespace
 }  // namespace raystage::store

@@ -142,6 +142,7 @@ void ArchiveWriter::Files::close() {
   };
   put(archive_end, closing.cues);
   put(header.duration_offset, closing.duration);
+  put(header.rate_offset, closing.rate);
   put(header.seek_head_offset, closing.seek_head);
   archive_end += closing.cues.size();
   put(header.segment_size_offset, closing.segment_size);

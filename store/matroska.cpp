@@ -27,8 +27,9 @@ constexpr std::uint32_t kInfo = 0x1549A966, kTimestampScale = 0x2AD7B1, kDuratio
                         kDateUtc = 0x4461, kMuxingApp = 0x4D80, kWritingApp = 0x5741;
 constexpr std::uint32_t kTracks = 0x1654AE6B, kTrackEntry = 0xAE, kTrackNumber = 0xD7,
                         kTrackUid = 0x73C5, kTrackType = 0x83, kFlagLacing = 0x9C,
-                        kTrackName = 0x536E, kLanguage = 0x22B59C, kCodecId = 0x86, kVideo = 0xE0,
-                        kPixelWidth = 0xB0, kPixelHeight = 0xBA, kFlagInterlaced = 0x9A;
+                        kDefaultDuration = 0x23E383, kTrackName = 0x536E, kLanguage = 0x22B59C,
+                        kCodecId = 0x86, kVideo = 0xE0, kPixelWidth = 0xB0, kPixelHeight = 0xBA,
+                        kFlagInterlaced = 0x9A;
 constexpr std::uint32_t kCluster = 0x1F43B675, kTimestamp = 0xE7, kSimpleBlock = 0xA3;
 constexpr std::uint32_t kCues = 0x1C53BB6B, kCuePoint = 0xBB, kCueTime = 0xB3,
                         kCueTrackPositions = 0xB7, kCueTrack = 0xF7, kCueClusterPosition = 0xF1;
@@ -116,7 +117,7 @@ std::optional<FoundFrame> read_cluster(Bytes file, std::size_t offset, std::size
 
 }  // namespace
 
-Header make_header(const ArchiveWriter::Description& description) {
+Header make_header(const ArchiveWriter::Description& description, HeaderForm form) {
   ebml::Writer head;
   head.put_uint(kEbmlVersion, 1);
   head.put_uint(kEbmlReadVersion, 1);
@@ -148,6 +149,8 @@ Header make_header(const ArchiveWriter::Description& description) {
   track.put_string(kLanguage, "und");
   track.put_string(kTrackName, description.camera_id);
   track.put_string(kCodecId, "V_MJPEG");
+  const std::size_t rate_in_track = track.size();
+  if (form == HeaderForm::kWithRate) track.put_void(kRateBytes);
   track.put_master(kVideo, video);
   ebml::Writer tracks;
   tracks.put_master(kTrackEntry, track);
@@ -168,24 +171,44 @@ Header make_header(const ArchiveWriter::Description& description) {
   file.put_raw(info.bytes());
   header.tracks_offset = file.size();
   file.put_master(kTracks, tracks);
+  // The track's content is the last of the header.
+  if (form == HeaderForm::kWithRate) {
+    header.rate_offset = file.size() - track.size() + rate_in_track;
+  }
   header.bytes.assign(file.bytes().begin(), file.bytes().end());
   return header;
 }
 
-bool begins_with(Bytes file, const Header& header) {
+namespace {
+
+/// Returns the number of bytes, of those that close() does not fill in, that differ.
+std::size_t differing_bytes(Bytes file, const Header& header) {
   const std::size_t size = std::min(file.size(), header.bytes.size());
+  std::size_t differing = 0;
   const auto filled_in = [&](std::size_t at) {
     const auto within = [at](std::size_t offset, std::size_t count) {
       return at >= offset && at < offset + count;
     };
     return within(header.segment_size_offset, ebml::kSizeBytes) ||
            within(header.seek_head_offset, kSeekHeadBytes) ||
-           within(header.duration_offset, kDurationBytes);
+           within(header.duration_offset, kDurationBytes) ||
+           (header.rate_offset > 0 && within(header.rate_offset, kRateBytes));
   };
   for (std::size_t i = 0; i < size; ++i) {
-    if (file[i] != header.bytes[i] && !filled_in(i)) return false;
+    if (file[i] != header.bytes[i] && !filled_in(i)) ++differing;
   }
-  return true;
+  return differing;
+}
+
+}  // namespace
+
+bool begins_with(Bytes file, const Header& header) { return differing_bytes(file, header) == 0; }
+
+Header header_of_file(Bytes file, const ArchiveWriter::Description& description) {
+  Header with_rate = make_header(description, HeaderForm::kWithRate);
+  Header without_rate = make_header(description, HeaderForm::kWithoutRate);
+  return differing_bytes(file, without_rate) < differing_bytes(file, with_rate) ? without_rate
+                                                                                : with_rate;
 }
 
 std::array<std::byte, kClusterHeaderBytes> make_cluster_header(Nanoseconds time, std::size_t size) {
@@ -253,6 +276,22 @@ std::vector<std::byte> make_segment_size(std::uint64_t size) {
   return {writer.bytes().begin(), writer.bytes().end()};
 }
 
+std::optional<Nanoseconds> regular_interval(std::span<const CuePoint> points) {
+  if (points.size() < 2) return std::nullopt;
+  std::vector<Nanoseconds> intervals;
+  for (std::size_t i = 1; i < points.size(); ++i) {
+    intervals.push_back(points[i].time - points[i - 1].time);
+  }
+  const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
+  std::nth_element(intervals.begin(), middle, intervals.end());
+  const Nanoseconds median = *middle;
+  const auto regular = std::ranges::count_if(intervals, [median](Nanoseconds interval) {
+    return std::abs(interval - median) <= median / 10;
+  });
+  if (median <= 0 || 2 * static_cast<std::size_t>(regular) <= intervals.size()) return std::nullopt;
+  return median;
+}
+
 Trailer make_trailer(std::span<const CuePoint> points, const Header& header, std::uint64_t end) {
   Trailer closing;
   if (!points.empty()) {
@@ -261,6 +300,13 @@ Trailer make_trailer(std::span<const CuePoint> points, const Header& header, std
     const Nanoseconds interval = points.size() > 1 ? last - points[points.size() - 2].time : 1;
     closing.duration = make_duration(last + interval);
     closing.seek_head = make_seek_head(header, end);
+    const auto regular = regular_interval(points);
+    if (header.rate_offset > 0 && regular) {
+      ebml::Writer rate;
+      rate.put_uint(kDefaultDuration, static_cast<std::uint64_t>(*regular));
+      assert(rate.size() == kRateBytes);
+      closing.rate.assign(rate.bytes().begin(), rate.bytes().end());
+    }
   }
   closing.segment_size = make_segment_size(end + closing.cues.size() - header.segment_data_offset);
   return closing;

@@ -22,6 +22,9 @@ inline constexpr Nanoseconds kMaxTime = Nanoseconds{1} << 53;
 inline constexpr std::array kCuesIdBytes{std::byte{0x1C}, std::byte{0x53}, std::byte{0xBB},
                                          std::byte{0x6B}};
 
+/// Layout of the header. Archives written before version 0.2 have no space for the frame rate.
+enum class HeaderForm { kWithoutRate, kWithRate };
+
 /// The header of a file, and the offsets of the parts that close() fills in.
 struct Header {
   std::vector<std::byte> bytes;
@@ -30,12 +33,20 @@ struct Header {
   std::size_t seek_head_offset = 0;     ///< a Void of kSeekHeadBytes until closed
   std::size_t duration_offset = 0;      ///< a Void of kDurationBytes until closed
   std::size_t info_offset = 0, tracks_offset = 0;
+  std::size_t rate_offset = 0;  ///< a Void of kRateBytes until closed; 0: kWithoutRate
 };
 inline constexpr std::size_t kSeekHeadBytes = 128;
 inline constexpr std::size_t kDurationBytes = 11;
+inline constexpr std::size_t kRateBytes = 12;
 
 /// Returns the EBML header, a Segment of unknown size, space for the SeekHead, Info and Tracks.
-Header make_header(const ArchiveWriter::Description& description);
+Header make_header(const ArchiveWriter::Description& description,
+                   HeaderForm form = HeaderForm::kWithRate);
+
+/// Returns the header that a file of this description has: of the form from which the file, which
+/// may be damaged or truncated, differs least.
+Header header_of_file(std::span<const std::byte> file,
+                      const ArchiveWriter::Description& description);
 
 /// Returns whether a file begins with this header, apart from the parts that close() fills in. A
 /// file truncated within its header may.
@@ -55,11 +66,15 @@ std::vector<std::byte> make_seek_head(const Header& header, std::uint64_t cues_o
 std::vector<std::byte> make_duration(Nanoseconds duration);
 std::vector<std::byte> make_segment_size(std::uint64_t size);
 
+/// Returns the interval of regular frames: the median, if most intervals are within a tenth of it.
+std::optional<Nanoseconds> regular_interval(std::span<const CuePoint> points);
+
 /// The parts that close() writes to a file whose clusters end at `end`: Cues there, the rest in the
 /// header. A frame lasts until the next one; the last frame lasts as long as the one before it.
-/// Without frames only the size changes, and the other parts are empty.
+/// Without frames only the size changes, and the other parts are empty. `rate`: DefaultDuration,
+/// empty if the header has no space for it or the frames are not regular.
 struct Trailer {
-  std::vector<std::byte> cues, duration, seek_head, segment_size;
+  std::vector<std::byte> cues, duration, seek_head, segment_size, rate;
 };
 Trailer make_trailer(std::span<const CuePoint> points, const Header& header, std::uint64_t end);
 

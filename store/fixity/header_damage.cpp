@@ -45,7 +45,13 @@ std::vector<Damage> find_header_damage(Bytes archive, const matroska::Header& he
   compare(header.info_offset, header.duration_offset, {}, "Info");
   compare(header.duration_offset, header.duration_offset + matroska::kDurationBytes,
           closing.duration, "Duration");
-  compare(header.duration_offset + matroska::kDurationBytes, header.bytes.size(), {}, "Tracks");
+  std::size_t rest = header.duration_offset + matroska::kDurationBytes;
+  if (header.rate_offset > 0) {
+    compare(rest, header.rate_offset, {}, "Tracks");
+    rest = header.rate_offset + matroska::kRateBytes;
+    compare(header.rate_offset, rest, closing.rate, "DefaultDuration");
+  }
+  compare(rest, header.bytes.size(), {}, "Tracks");
   return damages;
 }
 

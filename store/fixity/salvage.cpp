@@ -114,7 +114,7 @@ void refuse_another_camera(const ArchivePair& pair) {
   // A single flipped bit in the id is damage, not another camera: the header also has the hash of
   // the id.
   if (!found.camera_id.empty() && found.camera_id != pair.description.camera_id &&
-      matroska::begins_with(pair.archive, matroska::make_header(found))) {
+      matroska::begins_with(pair.archive, matroska::header_of_file(pair.archive, found))) {
     throw refuse(pair.archive_name, "the archive is of camera \"" + found.camera_id + "\"");
   }
 }
@@ -131,7 +131,7 @@ class Salvager {
   explicit Salvager(const ArchivePair& pair)
       : pair_(pair),
         archive_(pair.archive),
-        header_(matroska::make_header(pair.description)),
+        header_(matroska::header_of_file(pair.archive, pair.description)),
         found_(matroska::find_clusters(archive_, 0)) {
     std::ranges::stable_sort(found_, {}, &matroska::FoundFrame::time);
     if (pair.journal) {

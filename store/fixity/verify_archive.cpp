@@ -28,7 +28,7 @@ class Verifier {
       : pair_(pair),
         options_(options),
         archive_(pair.archive),
-        header_(matroska::make_header(pair.description)) {
+        header_(matroska::header_of_file(pair.archive, pair.description)) {
     const Bytes expected(header_.bytes);
     const auto field = [&](Bytes bytes) {
       return bytes.subspan(header_.segment_size_offset,

@@ -56,6 +56,7 @@ struct FuzzArchive {
     };
     append(archive, closing.cues);
     put(header.duration_offset, closing.duration);
+    put(header.rate_offset, closing.rate);
     put(header.seek_head_offset, closing.seek_head);
     put(header.segment_size_offset, closing.segment_size);
   }

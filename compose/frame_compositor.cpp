@@ -60,7 +60,7 @@ LayerView FrameCompositor::layer_view(std::size_t layer, const PlannedFrame& fra
 
 FrameCompositor::Geometry FrameCompositor::geometry_in_frame(const PlannedFrame& frame,
                                                              const ExrCamera& camera) const {
-  Geometry geometry;
+  Geometry geometry{{}, {}, std::make_shared<SharedTimes>()};
   geometry.scene = plan_.geometry_at(frame.frame, geometry.mesh_indices);
   bool is_needed = false;
   for (std::size_t i = 0; i < plan_.layers() && !is_needed; ++i) {
@@ -68,35 +68,35 @@ FrameCompositor::Geometry FrameCompositor::geometry_in_frame(const PlannedFrame&
     is_needed = (is_mesh && renderers_[i]->may_show(layer_view(i, frame, camera, geometry))) ||
                 (plan_.shot().layers[i].shadows && plan_.is_visible(i, frame.frame));
   }
-  if (!is_needed || geometry.scene.meshes.empty()) return {};
+  if (!is_needed || geometry.scene.meshes.empty()) return {{}, {}, geometry.times};
   for (const MeshInstance& mesh : geometry.scene.meshes) {
     if (may_intersect_frustum(mesh, camera.view)) mesh.scene->build_bvh();
   }
   if (plan_.shot().lights.empty()) {
     geometry.scene.headlight = camera.view.pose.world_from_camera_rotation.col(2);
   }
-  geometry.scene.lights.environment_radiance = environment_of(frame, camera, geometry.scene.lights);
+  geometry.scene.lights.environment_radiance =
+      environment_of(frame, camera, geometry.scene.lights, geometry.times);
   return geometry;
 }
 
 EnvironmentRadiance FrameCompositor::environment_of(const PlannedFrame& frame,
-                                                    const ExrCamera& camera,
-                                                    const Lights& behind) const {
+                                                    const ExrCamera& camera, const Lights& behind,
+                                                    std::shared_ptr<SharedTimes> times) const {
   EnvironmentRadiance seen_behind = behind.environment_radiance;
   // The first light is in front: it is queried first.
   for (std::size_t l = plan_.light_field_lights().size(); l-- > 0;) {
     const ShotPlan::LightFieldLight& light = plan_.light_field_lights()[l];
     seen_behind =
-        layer_light_radiance(light, frame, camera, std::move(seen_behind), behind.ambient);
+        layer_light_radiance(light, frame, camera, std::move(seen_behind), behind.ambient, times);
   }
   return seen_behind;
 }
 
-EnvironmentRadiance FrameCompositor::layer_light_radiance(const ShotPlan::LightFieldLight& light,
-                                                          const PlannedFrame& frame,
-                                                          const ExrCamera& camera,
-                                                          EnvironmentRadiance behind,
-                                                          const Eigen::Vector3f& ambient) const {
+EnvironmentRadiance FrameCompositor::layer_light_radiance(
+    const ShotPlan::LightFieldLight& light, const PlannedFrame& frame, const ExrCamera& camera,
+    EnvironmentRadiance behind, const Eigen::Vector3f& ambient,
+    std::shared_ptr<SharedTimes> times) const {
   std::vector<LayerRays> takes;
   std::vector<Eigen::Vector3d> view_directions;
   for (const std::size_t layer : light.layers) {
@@ -105,12 +105,17 @@ EnvironmentRadiance FrameCompositor::layer_light_radiance(const ShotPlan::LightF
     if (!rays) continue;
     view_directions.push_back(rays->viewing_direction);
     takes.push_back(
-        {[this, layer, query = std::move(rays->query)](std::span<const render::WorldRay> of_light,
-                                                       std::span<render::RaySample> samples) {
+        {[this, layer, times, query = std::move(rays->query)](
+             std::span<const render::WorldRay> of_light, std::span<render::RaySample> samples) {
+           const Stopwatch query_time;
            try {
-             query(of_light, samples);
+             // Isolated: other rows of the geometry would count as time of the light field.
+             tbb::this_task_arena::isolate([&] { query(of_light, samples); });
            } catch (const Error& error) {
              throw plan_.error_of_layer(layer, error);
+           }
+           if (std::this_thread::get_id() == times->thread) {
+             times->light_queries_ms += query_time.ms();
            }
          },
          rays->viewing_direction});
@@ -159,8 +164,10 @@ LayerImage FrameCompositor::render_layer(std::size_t layer, const PlannedFrame& 
   if (document.shadows && frame.shown[layer].tick) {
     const ShadowCatcher catcher{document.shadows->strength, document.shadows->occlusion_distance_m,
                                 document.shadows->rays};
+    const Stopwatch shadow_time;
     tbb::this_task_arena::isolate(
         [&] { apply_shadow_catcher(geometry.scene, camera.view, catcher, image); });
+    geometry.times->shadows_ms += shadow_time.ms();
   }
   return image;
 }
@@ -250,6 +257,9 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
     is_holdout.push_back(document.holdout);
     if (in_layer_order && is_opaque(front_first.back())) break;
   }
+  const double moved = geometry.times->light_queries_ms - geometry.times->shadows_ms;
+  times.light_fields_ms += moved;
+  times.geometry_ms -= moved;
   if (front_first.empty()) {
     front_first.push_back(transparent_layer_image(camera.view.width, camera.view.height));
     is_holdout.push_back(false);

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <stop_token>
+#include <thread>
 #include <vector>
 
 #include "compose/layers/deep_image.h"
@@ -15,8 +16,9 @@ namespace raystage::compose {
 
 /// Wall-clock time of a view by stage, measured in the thread of its frame.
 struct CompositingTimes {
-  double light_fields_ms = 0, geometry_ms = 0;
-  double merge_ms = 0;  ///< and everything else: plates, clips, colours
+  double light_fields_ms = 0;  ///< also as lights of the geometry
+  double geometry_ms = 0;      ///< also its shadows on light fields
+  double merge_ms = 0;         ///< and everything else: plates, clips, colours
   /// Adds the time of a layer; merge_ms is the rest of the total.
   void add(LayerStage stage, double ms) {
     if (stage == LayerStage::kLightFields) light_fields_ms += ms;
@@ -52,10 +54,17 @@ class FrameCompositor {
   const render::StoredDataCounts& stored_data() const { return *stored_data_; }
 
  private:
+  /// Time of the thread that composites a view, which takes part in the work of every layer.
+  struct SharedTimes {
+    std::thread::id thread = std::this_thread::get_id();
+    double light_queries_ms = 0;  ///< of light fields, while geometry is rendered
+    double shadows_ms = 0;        ///< of geometry, while light fields are rendered
+  };
   /// The geometry of a frame; `mesh_indices` as ShotPlan::geometry_at.
   struct Geometry {
     GeometryScene scene;
     std::vector<int> mesh_indices;
+    std::shared_ptr<SharedTimes> times;
   };
   /// Returns an empty geometry if no mesh is in view and none casts shadows on a light field.
   Geometry geometry_in_frame(const PlannedFrame& frame, const ExrCamera& camera) const;
@@ -63,7 +72,8 @@ class FrameCompositor {
                        const Geometry& geometry, std::span<const float> object_ids = {}) const;
   /// Returns the radiance of rays that leave the geometry: light fields, then `behind`.
   EnvironmentRadiance environment_of(const PlannedFrame& frame, const ExrCamera& camera,
-                                     const Lights& behind) const;
+                                     const Lights& behind,
+                                     std::shared_ptr<SharedTimes> times) const;
   /// `uncovered_share`: receives the share of the layer's pixels that no camera saw.
   LayerImage render_layer(std::size_t layer, const PlannedFrame& frame, const ExrCamera& camera,
                           const Geometry& geometry, double& uncovered_share) const;
@@ -74,7 +84,8 @@ class FrameCompositor {
   EnvironmentRadiance layer_light_radiance(const ShotPlan::LightFieldLight& light,
                                            const PlannedFrame& frame, const ExrCamera& camera,
                                            EnvironmentRadiance behind,
-                                           const Eigen::Vector3f& ambient) const;
+                                           const Eigen::Vector3f& ambient,
+                                           std::shared_ptr<SharedTimes> times) const;
   /// Converts from kSceneSpace.
   void convert_to_working_space(LayerImage& image) const;
   /// Removes AOVs that the files do not contain.

@@ -112,6 +112,22 @@ TEST_F(GeometrySequence, ALightIsAskedForRaysAndSoNeedsAMethodThatHasThem) {
   EXPECT_EQ(run().rendered, 1) << "a target is one of views";
 }
 
+TEST_F(GeometrySequence, CountsTimeWhereItIsSpent) {
+  shot_.layers[0].name = "wall";
+  shot_.layers[0].opacity = 0;
+  shot_.layers[1] = square(-2, "mirror");
+  const auto milliseconds = [&] {
+    const SequenceReport report = run();
+    EXPECT_EQ(report.rendered, 1);
+    return report.milliseconds;
+  };
+  EXPECT_EQ(milliseconds().light_fields, 0);
+  shot_.lights = {{.light_field = "wall"}};
+  const StageTimes as_light = milliseconds();
+  EXPECT_GT(as_light.light_fields, 0);
+  EXPECT_GT(as_light.geometry, 0);
+}
+
 TEST_F(GeometrySequence, BehindASolidItIsStillInMirrorsBeforeIt) {
   schemas::ShotDocument::Layer solid;
   solid.solid = schemas::ShotDocument::Solid{{0, 0, 0}, 1, {}};

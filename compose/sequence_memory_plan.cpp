@@ -13,6 +13,7 @@
 
 #include "base/error.h"
 #include "base/resources.h"
+#include "compose/geometry/gathered_light.h"
 #include "render/memory_budgets.h"
 
 namespace raystage::compose {
@@ -48,7 +49,10 @@ std::size_t pixels_of(const schemas::ShotDocument& shot) {
 /// Returns the most memory that a view of the frames takes, bytes. Checks all frames, because a
 /// single frame of a zoom may need the most supersampling.
 std::size_t max_view_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames) {
-  std::size_t most = pixels_of(plan.shot()) * kViewBytesPerPixel;
+  const bool gathers =
+      std::ranges::any_of(plan.shot().lights, [](const auto& light) { return light.rays > 0; });
+  std::size_t most =
+      pixels_of(plan.shot()) * (kViewBytesPerPixel + (gathers ? GatheredLight::kBytesPerPixel : 0));
   for (const LightFieldLayer* light_field : plan.light_fields()) {
     const std::size_t i = light_field->index();
     render::RendererOptions options;

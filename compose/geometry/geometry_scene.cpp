@@ -14,6 +14,7 @@
 
 #include "base/parallel.h"
 #include "compose/geometry/bsdf_sampling.h"
+#include "compose/geometry/gathered_light.h"
 
 namespace raystage::compose {
 namespace {
@@ -33,6 +34,7 @@ struct Path {
   Vector3f weight{1, 1, 1};
   std::uint32_t pixel = 0;   // index in the task's rows
   std::uint32_t sample = 0;  // index in the pixel
+  std::uint32_t sum = 0;     // index in the sums of light
   double min_distance = 0;   // start of the ray, metres from its origin
   double distance = 0;       // length of the path before this ray, metres
   float spread = 0;          // radians
@@ -42,7 +44,7 @@ struct Path {
 struct ShadowRay {
   render::WorldRay ray;
   Vector3f light;
-  std::uint32_t pixel = 0;
+  std::uint32_t sum = 0;  // index in the sums of light
   double min_distance = 0;
   double max_distance = SurfaceHit::kNone;
 };
@@ -50,8 +52,10 @@ struct ShadowRay {
 /// Renders some rows of a view, one wave of rays per bounce.
 class RowRenderer {
  public:
+  /// `gathered`: null unless diffuse surfaces gather light.
   RowRenderer(const GeometryScene& scene, std::size_t mesh, const render::VirtualCamera& camera,
-              int samples, int begin, int end, std::span<const float> ids, LayerImage& image)
+              int samples, int begin, int end, std::span<const float> ids, LayerImage& image,
+              GatheredLight* gathered)
       : scene_(scene),
         mesh_(mesh),
         camera_(camera),
@@ -60,7 +64,9 @@ class RowRenderer {
         end_(end),
         ids_(ids),
         image_(image),
-        light_(static_cast<std::size_t>((end - begin) * camera.width), Vector3f::Zero()) {
+        gathered_(gathered),
+        pixels_(static_cast<std::uint32_t>((end - begin) * camera.width)),
+        light_(gathered == nullptr ? pixels_ : std::size_t{2} * pixels_, Vector3f::Zero()) {
     for (const MeshInstance& placed : scene.meshes) {
       ray_offset_.push_back(kRayOffset * placed.scene->radius() *
                             std::cbrt(std::abs(placed.world_from_object.linear().determinant())));
@@ -93,7 +99,7 @@ class RowRenderer {
   void make_camera_rays() {
     const int samples = per_side_ * per_side_;
     const auto spread = static_cast<float>(render::pixel_angle(camera_) / per_side_);
-    paths_.reserve(light_.size() * static_cast<std::size_t>(samples));
+    paths_.reserve(pixels_ * static_cast<std::size_t>(samples));
     for (int y = begin_; y < end_; ++y) {
       for (int x = 0; x < camera_.width; ++x) {
         for (int s = 0; s < samples; ++s) {
@@ -102,7 +108,7 @@ class RowRenderer {
           const double py = y + (row + 0.5) / per_side_;
           Path path;
           path.ray = render::pixel_ray(camera_, px, py);
-          path.pixel = static_cast<std::uint32_t>((y - begin_) * camera_.width + x);
+          path.pixel = path.sum = static_cast<std::uint32_t>((y - begin_) * camera_.width + x);
           path.sample = static_cast<std::uint32_t>(s);
           path.spread = spread;
           paths_.push_back(path);
@@ -186,7 +192,7 @@ class RowRenderer {
       next.ray.origin = point.position;
       switch (point.material->kind) {
         case Material::Kind::kDiffuse:
-          light_diffuse(next, point, is_first ? kLightRays : 1, shadows);
+          light_diffuse(next, point, is_first, shadows);
           break;
         case Material::Kind::kMirror:
           next.ray.direction =
@@ -201,10 +207,12 @@ class RowRenderer {
     trace_shadow_rays(shadows, is_first ? RayCoherence::kCoherent : RayCoherence::kIncoherent);
   }
 
-  /// Adds the light that arrives at a diffuse surface. `light_rays`: to each light with a size.
-  void light_diffuse(const Path& at, const SurfacePoint& point, int light_rays,
+  /// Adds the light that arrives at a diffuse surface. What the camera's rays meet gathers light in
+  /// sums of its own, without the surface's colour.
+  void light_diffuse(const Path& at, const SurfacePoint& point, bool is_first,
                      std::vector<ShadowRay>& shadows) {
     const Lights& lights = scene_.lights;
+    const int light_rays = is_first ? kLightRays : 1;  // to each light with a size
     for (std::size_t i = 0; i < lights.direct.size(); ++i) {
       const int rays = lights.direct[i].has_size() ? light_rays : 1;
       for (int ray = 0; ray < rays; ++ray) light_from(i, at, point, ray, rays, shadows);
@@ -214,17 +222,24 @@ class RowRenderer {
                                    ? Vector3d((camera_.pose.position - point.position).normalized())
                                    : *scene_.headlight;
       const double cosine = std::max(0.0, point.normal.dot(towards));
-      light_[at.pixel] += at.weight * static_cast<float>(cosine);
+      light_[at.sum] += at.weight * static_cast<float>(cosine);
     }
-    if (!at.gathers || lights.gather_rays == 0) return add(at, lights.ambient);
+    if (!at.gathers || gathered_ == nullptr) return add(at, lights.ambient);
     Path gathered = at;
     gathered.gathers = false;
     gathered.weight = at.weight / static_cast<float>(lights.gather_rays);
+    if (is_first) {
+      gathered.weight.setConstant(1 / static_cast<float>(lights.gather_rays));
+      gathered.sum = pixels_ + at.pixel;
+      gathered_->color[first_pixel() + at.pixel] += point.color;
+      ++gathered_->samples[first_pixel() + at.pixel];
+    }
     gathered.spread = static_cast<float>(std::sqrt(2.0 / lights.gather_rays));
     for (int i = 0; i < lights.gather_rays; ++i) {
-      gathered.ray.direction =
-          outwards(sample_diffuse_direction(point.normal, random_at(at, i, lights.gather_rays)),
-                   point.geometric_normal);
+      gathered.ray.direction = outwards(
+          sample_diffuse_direction(
+              point.normal, is_first ? gathering_at(at, i) : random_at(at, i, lights.gather_rays)),
+          point.geometric_normal);
       paths_.push_back(gathered);
     }
   }
@@ -240,9 +255,9 @@ class RowRenderer {
         at.weight.cwiseProduct(light.color) * static_cast<float>(cosine * sample.strength / rays);
     if (light.casts_shadows) {
       shadows.push_back(
-          {{point.position, sample.towards}, lit, at.pixel, at.min_distance, sample.distance});
+          {{point.position, sample.towards}, lit, at.sum, at.min_distance, sample.distance});
     } else {
-      light_[at.pixel] += lit;
+      light_[at.sum] += lit;
     }
   }
 
@@ -274,7 +289,7 @@ class RowRenderer {
                             occluded, order);
       }
       for (std::size_t i = 0; i < rays.size(); ++i) {
-        if (occluded[i] == 0) light_[shadows[begin + i].pixel] += shadows[begin + i].light;
+        if (occluded[i] == 0) light_[shadows[begin + i].sum] += shadows[begin + i].light;
       }
       begin = end;
     }
@@ -298,8 +313,19 @@ class RowRenderer {
         path.sample * static_cast<std::uint32_t>(rays) + static_cast<std::uint32_t>(ray));
   }
 
+  /// Returns the sample point of a ray with which what the camera sees gathers light: the pixels of
+  /// a square share one sequence, whose parts share_gathered_light() joins.
+  std::array<double, 2> gathering_at(const Path& path, int ray) const {
+    const auto rays = static_cast<std::uint32_t>(scene_.lights.gather_rays);
+    const auto samples = static_cast<std::uint32_t>(per_side_ * per_side_);
+    const int x = static_cast<int>(path.pixel) % camera_.width;
+    const int y = begin_ + static_cast<int>(path.pixel) / camera_.width;
+    return r2_sample(
+        0, (gathering_part(x, y) * samples + path.sample) * rays + static_cast<std::uint32_t>(ray));
+  }
+
   void add(const Path& path, const Vector3f& light) {
-    light_[path.pixel] += path.weight.cwiseProduct(light);
+    light_[path.sum] += path.weight.cwiseProduct(light);
   }
 
   void add_albedo(const Path& path, const SurfacePoint& point) {
@@ -319,7 +345,7 @@ class RowRenderer {
 
   /// Counts the hits of each pixel and finds its nearest sample.
   void find_nearest_samples(const std::vector<SurfaceHit>& hits) {
-    nearest_.assign(light_.size(), {});
+    nearest_.assign(pixels_, {});
     for (std::size_t i = 0; i < paths_.size(); ++i) {
       if (!hits[i].is_hit()) continue;
       Nearest& pixel = nearest_[paths_[i].pixel];
@@ -360,9 +386,10 @@ class RowRenderer {
 
   void write_pixels() {
     const auto samples = static_cast<float>(per_side_ * per_side_);
-    for (std::size_t i = 0; i < light_.size(); ++i) {
+    for (std::size_t i = 0; i < pixels_; ++i) {
       const std::size_t at = first_pixel() + i;
       if (nearest_[i].hits == 0) continue;
+      if (gathered_ != nullptr) gathered_->radiance[at] = light_[pixels_ + i];
       for (std::size_t c = 0; c < 3; ++c) image_.rgba[4 * at + c] = light_[i](c) / samples;
       image_.rgba[4 * at + 3] = static_cast<float>(nearest_[i].hits) / samples;
       image_.z[at] = static_cast<float>(nearest_[i].z);
@@ -385,8 +412,11 @@ class RowRenderer {
   int per_side_, begin_, end_;
   std::span<const float> ids_;
   LayerImage& image_;
+  GatheredLight* gathered_;
+  std::uint32_t pixels_;            // of these rows
   std::vector<double> ray_offset_;  // of each mesh, metres
-  std::vector<Vector3f> light_;     // of each pixel, summed over its samples
+  /// Of each pixel, summed over its samples: its light, then what it gathers.
+  std::vector<Vector3f> light_;
   std::vector<Nearest> nearest_;
   std::vector<Path> paths_;  // of the next wave
 };
@@ -405,13 +435,16 @@ LayerImage render_geometry(const GeometryScene& scene, std::size_t mesh,
   add("P", {"X", "Y", "Z"}, false);
   add("N", {"X", "Y", "Z"}, false);
   add("albedo", {"R", "G", "B"}, true);
+  std::optional<GatheredLight> gathered;
+  if (scene.lights.gather_rays > 0) gathered.emplace(image.pixels());
   // A fixed partition: Embree's traversal of a packet may depend on all of its rays.
   raystage::parallel_for(0, (camera.height + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
     const int begin = task * kRowsPerTask;
     RowRenderer(scene, mesh, camera, samples, begin, std::min(begin + kRowsPerTask, camera.height),
-                ids, image)
+                ids, image, gathered ? &*gathered : nullptr)
         .render();
   });
+  if (gathered) share_gathered_light(*gathered, camera, samples, image);
   return image;
 }
 

@@ -27,7 +27,8 @@ struct StatusOptions {
   double interval_s = 5;
 };
 
-/// Returns 0 for a job that is done or running, 3 for missing frames, otherwise 1.
+/// Returns 0 for a job that is done or running, 3 for missing frames, 4 for complete frames below
+/// the least coverage, otherwise 1.
 ExitCode exit_code_of(const farm::JobStatus& status) {
   switch (status.state) {
     case farm::JobState::kFailed:
@@ -37,7 +38,9 @@ ExitCode exit_code_of(const farm::JobStatus& status) {
     case farm::JobState::kStopped:
       return ExitCode::kFailed;
     case farm::JobState::kDone:
-      return status.missing_frames.empty() ? ExitCode::kSuccess : ExitCode::kSomeFramesFailed;
+      return !status.missing_frames.empty()          ? ExitCode::kSomeFramesFailed
+             : !status.frames_below_coverage.empty() ? ExitCode::kLowCoverage
+                                                     : ExitCode::kSuccess;
     default:
       return ExitCode::kSuccess;
   }

@@ -86,6 +86,11 @@ void declare_shot(CommandLine& command, Options& options) {
                   {"hold", compose::MissingFrames::kHold},
                   {"black", compose::MissingFrames::kBlack}},
                  "frames before or after the take (default: error)");
+  command
+      .option("--least-coverage SHARE", submission.least_coverage,
+              "share of the view, 0 to 1, that cameras must see; the job is done with frames below "
+              "it, lists\nthem, and `status` ends with exit code 4 (default: 0)")
+      .range(0.0, 1.0);
   command.option("--fill", submission.picture.fill, "unseen pixels (default: as in the shot)")
       .one_of({"none", "push-pull"});
   command.option("--layout", submission.picture.layout, "EXR layout (default: as in the shot)")
@@ -94,8 +99,8 @@ void declare_shot(CommandLine& command, Options& options) {
                  "OpenColorIO config for the colours of the files (default: as in the shot)");
   command.flag("--chromaticities", submission.picture.chromaticities,
                "write the chromaticities attribute");
-  command.flag("--coverage", submission.picture.coverage, "write lf.cameras and lf.nearest");
-  command.flag("--confidence", submission.picture.confidence, "write lf.confidence");
+  command.flag("--coverage", submission.picture.coverage, "write channels cameras.V and nearest.V");
+  command.flag("--confidence", submission.picture.confidence, "write channel confidence.V");
   command.flag("--deep", submission.picture.deep, "also write deep files");
   command.option("--cache DIR", submission.cache,
                  "folder for derived data, shared by all nodes (default: the takes; for read-only "

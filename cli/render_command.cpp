@@ -85,7 +85,7 @@ void declare_render_options(CommandLine& command, RenderOptions& options, char**
   command.choice("--fill", options.fill,
                  {{"none", schemas::HoleFill::kNone}, {"push-pull", schemas::HoleFill::kPushPull}},
                  "pixels that no camera saw: none = transparent; push-pull = filled from their "
-                 "surroundings;\nlf.coverage still marks them (default: as in the shot)");
+                 "surroundings;\ncoverage.V still marks them (default: as in the shot)");
   command
       .option("--target-error DB", options.target_error,
               "minimum PSNR, dB: chooses the fastest method and settings that reach it at excluded "
@@ -129,11 +129,11 @@ void declare_render_options(CommandLine& command, RenderOptions& options, char**
   command.flag("--chromaticities", options.chromaticities,
                "write the chromaticities attribute for readers that do not know colorInteropID");
   command.flag("--coverage", options.coverage,
-               "write channels lf.cameras (number of cameras that contribute to a pixel) and "
-               "lf.nearest\n(distance of the nearest of them from the pixel's ray, metres)");
+               "write channels cameras.V (number of cameras that contribute to a pixel) and "
+               "nearest.V\n(distance of the nearest of them from the pixel's ray, metres)");
   command.flag(
       "--confidence", options.confidence,
-      "write channel lf.confidence: agreement of the cameras near a pixel's ray with it, 0 to 1");
+      "write channel confidence.V: agreement of the cameras near a pixel's ray with it, 0 to 1");
   command.flag("--deep", options.deep,
                "also write NAME.deep.####.exr for each NAME.####.exr: its samples by depth, at "
                "most one of\neach layer");

@@ -56,7 +56,12 @@ class LocalRun {
       return end && end->missing_frames.empty() ? ExitCode::kFailed : ExitCode::kSomeFramesFailed;
     }
     options_.progress(1);
-    return job_.preview ? run_task_of(schemas::FarmStage::kPreview, 0, 1) : ExitCode::kSuccess;
+    const ExitCode preview =
+        job_.preview ? run_task_of(schemas::FarmStage::kPreview, 0, 1) : ExitCode::kSuccess;
+    if (preview != ExitCode::kSuccess || end->frames_below_coverage.empty()) return preview;
+    options_.on_message(
+        fmt::format("frames below the least coverage: {}", end->frames_below_coverage));
+    return ExitCode::kLowCoverage;
   }
 
  private:

@@ -90,4 +90,19 @@ std::vector<int> missing_frames(const compose::SequenceName& name,
   return missing;
 }
 
+std::vector<int> frames_below_coverage(const compose::SequenceName& name,
+                                       std::span<const int> frames, double least_share) {
+  if (least_share <= 0) return {};
+  std::vector<char> is_below(frames.size(), 0);
+  raystage::parallel_for(std::size_t{0}, frames.size(), [&](std::size_t i) {
+    is_below[i] = compose::read_covered_share(name.path(frames[i])) < least_share ? 1 : 0;
+  });
+  std::vector<int> below;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    if (is_below[i] != 0) below.push_back(frames[i]);
+  }
+  std::ranges::sort(below);
+  return below;
+}
+
 }  // namespace raystage::farm

@@ -35,4 +35,9 @@ std::vector<int> missing_frames(const compose::SequenceName& name,
                                 std::span<const ExpectedFrame> frames,
                                 const SequenceCheckOptions& options, const std::stop_token& stop);
 
+/// Returns the frames of which cameras see less than `least_share` of the view, as their files
+/// state, sorted. Throws Error if a file cannot be read.
+std::vector<int> frames_below_coverage(const compose::SequenceName& name,
+                                       std::span<const int> frames, double least_share);
+
 }  // namespace raystage::farm

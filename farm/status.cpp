@@ -271,6 +271,7 @@ JobState state_of(const JobFolder& folder, const SchedulerAnswer& answer, JobSta
   if (const auto end = folder.end()) {
     status.reason = end->reason;
     status.missing_frames = end->missing_frames;
+    status.frames_below_coverage = end->frames_below_coverage;
     return state_of_end(*end);
   }
   switch (status.job.engine) {

@@ -54,7 +54,8 @@ struct JobStatus {
   std::vector<std::pair<std::string, std::string>> excluded_nodes;
   int rounds = 0;
   int frames = 0, frames_done = 0, frames_failed = 0;
-  std::string missing_frames;  ///< of a job that is over
+  std::string missing_frames;         ///< of a job that is over
+  std::string frames_below_coverage;  ///< the same; complete frames
   std::optional<double> seconds_left = {};
   double cpu_seconds = 0;
   int light_field_frames_estimated = 0;

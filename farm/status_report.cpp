@@ -126,6 +126,9 @@ std::string status_text(const JobStatus& status, bool all_tasks) {
   if (!status.missing_frames.empty()) {
     text += fmt::format("missing: frames {}\n", status.missing_frames);
   }
+  if (!status.frames_below_coverage.empty()) {
+    text += fmt::format("below the least coverage: frames {}\n", status.frames_below_coverage);
+  }
   for (const std::string& stage : stages_of(status)) {
     text += fmt::format("{:<8} {}\n", stage, counts_text(status, stage));
   }
@@ -149,6 +152,7 @@ std::string status_json(const JobStatus& status) {
                    {"frames_done", status.frames_done},
                    {"frames_failed", status.frames_failed},
                    {"missing_frames", status.missing_frames},
+                   {"frames_below_coverage", status.frames_below_coverage},
                    {"rounds", status.rounds},
                    {"cpu_seconds", status.cpu_seconds},
                    {"light_field_frames_solved", status.light_field_frames_estimated}};
@@ -181,6 +185,9 @@ std::string status_html(const JobStatus& status, const JobFolder& folder) {
   }
   std::string summary = summary_text(status);
   if (!status.missing_frames.empty()) summary += "; missing: frames " + status.missing_frames;
+  if (!status.frames_below_coverage.empty()) {
+    summary += "; below the least coverage: frames " + status.frames_below_coverage;
+  }
   std::string body =
       charts::html_section("Progress", charts::escape_html(summary), bars) +
       charts::html_section("Tasks", "The last attempt of each. Logs: raystage farm logs",

@@ -140,6 +140,7 @@ schemas::FarmJobDocument new_job(const SubmissionOptions& options,
   job.inputs = inputs_of(*checked.sequence.plan);
   if (!job.color_config.empty()) job.inputs.push_back(job.color_config);
   job.attempts = options.attempts;
+  job.least_coverage = options.least_coverage;
   job.preview = options.preview;
   job.paths = options.paths;
   job.distributed = options.distributed;

@@ -35,6 +35,7 @@ struct SubmissionOptions {
   std::optional<int> minutes = {};  ///< of a task; none: from the measured frame
   bool measure = true;              ///< render the first frame here, to measure it
   int attempts = 3;
+  double least_coverage = 0;  ///< share of the view that cameras must see, [0, 1]
   std::string command_prefix = {};
   std::string program = {};  ///< on the nodes; empty: the mapped path of this program
   std::string simd = {};     ///< empty: avx2, or this machine's best level if it lacks avx2

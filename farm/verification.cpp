@@ -149,6 +149,11 @@ schemas::FarmAttempt::End conclude(const VerificationRequest& request,
     write_follower(request, fmt::format("round-{}.sh", verdict.next->round));
     return end;
   }
+  if (missing.empty()) {
+    verdict.end.frames_below_coverage = compose::format_frame_range(
+        frames_below_coverage(compose::SequenceName(request.job.output), job_frames(request.job),
+                              request.job.least_coverage));
+  }
   if (verdict.no_node_left) verdict.end.reason += ". " + reasons_of(excluded_nodes);
   end_job(request.folder, request.job, verdict.end);
   if (verdict.end.state == schemas::FarmEnd::State::kDone && request.job.preview) {

@@ -78,6 +78,8 @@ struct FarmJobDocument {
   OutputOverrides picture = {};
   std::array<FarmResources, kFarmStages.size()> resources = {};  ///< by stage
   int attempts = 3;
+  double least_coverage =
+      0;  ///< share of the view that cameras must see, [0, 1]; the job names frames below
   bool preview = true;
   int max_array_size = 1000;
   std::optional<int> max_minutes = {};  ///< time limit of the partition; nullopt: unlimited

@@ -64,6 +64,7 @@ constexpr Fields kRound(
 constexpr Fields kFarmEnd(required("state", &FarmEnd::state, kEndNames),
                           optional("reason", &FarmEnd::reason, kUtf8),
                           optional("missing_frames", &FarmEnd::missing_frames),
+                          optional("frames_below_coverage", &FarmEnd::frames_below_coverage),
                           defaulted("frames", &FarmEnd::frames),
                           required("ended_utc", &FarmEnd::ended_utc, kUtc));
 

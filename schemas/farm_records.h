@@ -85,6 +85,7 @@ struct FarmEnd {
   enum class State { kDone, kFailed, kCancelled, kStopped };
   State state = State::kDone;
   std::string reason = {}, missing_frames = {};
+  std::string frames_below_coverage = {};  ///< complete, but below FarmJobDocument::least_coverage
   int frames = 0;
   Nanoseconds ended_utc = 0;
 };

@@ -67,6 +67,32 @@ TEST_F(FarmLocal, AJobGivesTheFramesOfAPlainRender) {
   EXPECT_TRUE(find_files(folder_, ".tmp").empty());
 }
 
+TEST_F(FarmLocal, FramesBelowTheLeastCoverageAreNamedAndNotRepeated) {
+  const auto shot = folder_ / "show dir" / "shot.json";
+  write_text(shot, replaced(read_text(shot), "\"position\": [0.03, 0, 0.1]",
+                            "\"position\": [2.5, 0, 0.1]"));  // leaves the array
+  const CommandResult farm = here(
+      "raystage farm submit 'show dir/shot.json' -o out/s.####.exr --engine local --chunk 12 "
+      "--no-preview --no-measure --least-coverage 0.5");
+  EXPECT_EQ(farm.exit_code, 4) << farm.err;
+  const auto report = status("out/s.####.exr");
+  EXPECT_EQ(report["state"], "done");
+  EXPECT_EQ(report["frames_done"], 48);
+  const std::string below = report["frames_below_coverage"];
+  EXPECT_THAT(below, ::testing::EndsWith("-48")) << "the last ones";
+  EXPECT_FALSE(below.starts_with("1-"));
+  for (const auto& task : report["tasks"]) EXPECT_EQ(task["attempts"].size(), 1U);
+  const CommandResult text = here("raystage farm status out/s.####.exr");
+  EXPECT_EQ(text.exit_code, 4);
+  EXPECT_THAT(text.out, HasSubstr("below the least coverage: frames " + below));
+  // A plain render of the same frames names the same ones.
+  const CommandResult plain = here(
+      "raystage render 'show dir/shot.json' -o out/s.####.exr --existing skip --simd avx2 "
+      "--least-coverage 0.5");
+  EXPECT_EQ(plain.exit_code, 4);
+  EXPECT_THAT(plain.err, HasSubstr("below the least coverage (" + below + ")"));
+}
+
 TEST_F(FarmLocal, DerivesEachInstantOnce) {
   write_shot("freeze", 16, 0, "depth");
   const CommandResult farm = here(

@@ -82,6 +82,7 @@ void describe_take(const fs::path& folder, FolderEntry& entry) {
   }
   if (const auto range = store::journal_time_range(take / document.cameras.front().journal)) {
     entry.seconds = static_cast<double>(range->end - range->begin) * 1e-9;
+    if (document.nominal_fps > 0) entry.seconds += 1 / document.nominal_fps;  // of the last frame
   }
   entry.is_recording = is_being_recorded(take);
   add_verification(folder, entry);

@@ -38,7 +38,7 @@ TEST_F(FolderListingTest, DescribesTakes) {
   EXPECT_EQ(entries[0].kind, FolderEntry::Kind::kTake);
   EXPECT_EQ(entries[0].name, "b take");
   EXPECT_EQ(entries[0].cameras, 3);
-  EXPECT_NEAR(entries[0].seconds, 3.0 / 15, 1e-6);
+  EXPECT_NEAR(entries[0].seconds, 4.0 / 15, 1e-6);
   EXPECT_GT(entries[0].bytes, 1000U);
   EXPECT_FALSE(entries[0].is_recording);
   EXPECT_FALSE(entries[0].verified_utc);

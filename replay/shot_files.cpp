@@ -73,6 +73,9 @@ fs::path ShotFiles::writable_path(std::string_view file) const {
 std::string ShotFiles::read(std::string_view file) const {
   const fs::path from = path(file);
   std::error_code error;
+  if (!fs::exists(from, error)) {
+    throw Error::bad_input("there is no such file", from.string(), "Choose an existing .json file");
+  }
   if (!fs::is_regular_file(from, error) || fs::file_size(from, error) > kMaxShotBytes || error) {
     throw Error::bad_input("this is no shot file", from.string(),
                            "Choose a .json file of at most 4 MB");

@@ -41,6 +41,13 @@ export class Comparison {
     this.options.changed();
   }
 
+  /** Returns the name of what is right of the wipe. */
+  label() {
+    const { kind, file } = this.elements;
+    if (kind.value === "file" || kind.value === "sequence") return file.value;
+    return kind.value.startsWith("method ") ? kind.value.slice("method ".length) : kind.selectedOptions[0]?.textContent ?? "";
+  }
+
   /** Returns the member of a view message, or undefined. */
   member() {
     const kind = this.elements.kind.value, file = this.elements.file.value;

@@ -1,8 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Numeric fields with units.
 
-/** Adds labelled numbers to an element. specs: [{name, label, unit, step, get(), set(value), min}]. */
-export function addFields(parent, specs, changed) {
+/** Returns "0.1 to 179 deg", "at least 0.01 m" or "at most 1". */
+function rangeText({ min, max, unit }) {
+  const range = min === undefined ? `at most ${max}` : max === undefined ? `at least ${min}` : `${min} to ${max}`;
+  return range + (unit ? " " + unit : "");
+}
+
+/**
+ * Adds labelled numbers to an element. specs: [{name, label, unit, step, min, max, get(), set(value)}].
+ * Values outside of min and max become the nearest one, and say(text) tells so.
+ */
+export function addFields(parent, specs, changed, say) {
   const inputs = specs.map((spec) => {
     const label = document.createElement("label");
     const input = document.createElement("input");
@@ -12,9 +21,13 @@ export function addFields(parent, specs, changed) {
     input.dataset.digits = spec.digits ?? 3;
     label.append(`${spec.label}${spec.unit ? ", " + spec.unit : ""}`, input);
     input.addEventListener("change", () => {
-      const value = input.value === "" ? undefined : Number(input.value);
-      if (value !== undefined && !Number.isFinite(value)) return;
+      const given = input.value === "" ? undefined : Number(input.value);
+      if (given !== undefined && !Number.isFinite(given)) return;
+      const { min = -Infinity, max = Infinity } = spec;
+      const value = given === undefined ? undefined : Math.min(max, Math.max(min, given));
+      if (value !== given) say(`${spec.label} is ${rangeText(spec)}.`);
       spec.set(value);
+      input.value = value ?? "";  // also in the field that is being edited
       changed();
     });
     parent.append(label);

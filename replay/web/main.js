@@ -85,6 +85,7 @@ const view = new View(element("stage"), element("picture"), element("guides"), {
     comparison: quality === "resting" ? comparison.member() : undefined,
   },
   send: (members) => connection.send("view", members),
+  compared: () => [state.shot?.layers.find(({ method }) => method)?.method ?? "This shot", comparison.label()],
   shown: {
     picture: (header) => panels.showFacts(header),
     resized: () => drawGuides(element("guides"), element("guides-kind").value, state.shot),
@@ -175,6 +176,7 @@ function followLive(file) {
 
 function showProgress({ id, share }) {
   if (!view.underWay.has(id)) return;  // it was cancelled, or is complete
+  state.estimated = id;
   element("progress-row").hidden = false;
   element("progress").value = share;
 }
@@ -217,7 +219,9 @@ function showShot(message) {
   setAspect();
   panels.showLayers();
   panels.refresh();
-  say("");
+  // What was said about a value that the user gave stays.
+  if (message.is_opened || state.isShotRefused) say("");
+  state.isShotRefused = false;
 }
 
 /** Fits the picture to the stage: eyes side by side are twice as wide. */
@@ -231,7 +235,10 @@ function sendShot() {
   const frame = timeline.frame;
   connection.ask("shot", { file: shotText.file, text: shotText.text() })
     .then(() => { if (timeline.frame === frame) view.rest(); })
-    .catch((error) => say(error.message));
+    .catch((error) => {
+      state.isShotRefused = true;
+      say(error.message);
+    });
   panels.refresh();
 }
 
@@ -316,7 +323,7 @@ const cursor = new Cursor(element("cursor"), element("stage"), {
   pressed: (event) => (sources.mode === "view" ? focusAt(event) : sources.click(event)),
 });
 
-const panels = makePanels({ state, shotText, timeline, camera, setCamera, sendShot, changed: () => files.autosave() });
+const panels = makePanels({ state, shotText, timeline, camera, setCamera, sendShot, say, changed: () => files.autosave() });
 addLook({ state, view, arranged: () => state.shot && setAspect() });
 
 // Buttons and keys.
@@ -371,7 +378,13 @@ const actions = {
     timeline.toggle();
     showPlayButton();
   },
-  "to-path": () => { state.own = null; view.move(); panels.refresh(); },
+  "to-path": () => {
+    const focus = state.own?.focus_m;
+    state.own = null;
+    view.move();
+    panels.refresh();
+    if (focus !== undefined && focus !== camera()?.focus_m) say("The focus is that of the shot again. Set key keeps a focus.");
+  },
   "set-key": setKey,
   "to-keys": () => files.attempt(convertToKeys),
   "delete-key": () => { if (state.shot && shotText.deleteKey(timeline.frame)) sendShot(); },
@@ -401,7 +414,10 @@ function escape() {
   else if (sources.mode === "mosaic") sources.show("view");
   else if (!element("progress-row").hidden) actions.cancel();
 }
-element("epi-on").addEventListener("change", (event) => { element("epi").hidden = !event.target.checked; });
+element("epi-on").addEventListener("change", (event) => {
+  element("epi").hidden = !event.target.checked;
+  view.resize();  // the picture is above it
+});
 headset.isSupported().then((yes) => { element("headset").hidden = !yes; });
 
 const bindings = [

@@ -8,21 +8,21 @@ const element = (id) => document.getElementById(id);
 const kMotionInterval = 100;  // ms between updates of numbers while pictures move
 
 /**
- * Connects the panels. app: {state, shotText, timeline, camera(), setCamera(camera, inputTime), sendShot(), changed()}.
+ * Connects the panels. app: {state, shotText, timeline, camera(), setCamera(camera, inputTime), sendShot(), changed(), say(text)}.
  * Returns {refresh(), refreshSoon(), showLayers(), showFacts(header)}.
  */
-export function makePanels({ state, shotText, timeline, camera, setCamera, sendShot, changed }) {
+export function makePanels({ state, shotText, timeline, camera, setCamera, sendShot, changed, say }) {
   const change = (edit) => (value) => {
     if (value !== undefined) setCamera(edit(cam.copy(camera()), value));
   };
   const updateFields = [
     addFields(element("camera-fields"), [
       ...["x", "y", "z"].map((axis, i) => ({
-        name: "position-" + axis, label: axis, unit: "m", step: 0.01, get: () => camera().position[i],
+        name: "position-" + axis, label: axis, unit: "m", step: 0.01, min: -1e6, max: 1e6, get: () => camera().position[i],
         set: change((c, v) => { c.position[i] = v; return c; }),
       })),
-      { name: "fov", label: "FOV", unit: "deg", step: 1, get: () => cam.fieldOfView(camera()),
-        set: change((c, v) => ({ ...c, focal_length_mm: cam.focalLength(c.film_back_mm, Math.min(179, Math.max(0.1, v))) })) },
+      { name: "fov", label: "FOV", unit: "deg", step: 1, min: 0.1, max: 179, get: () => cam.fieldOfView(camera()),
+        set: change((c, v) => ({ ...c, focal_length_mm: cam.focalLength(c.film_back_mm, v) })) },
       ...["azimuth", "elevation", "roll"].map((angle) => ({
         name: angle, label: angle[0].toUpperCase() + angle.slice(1), unit: "deg", step: 1, get: () => cam.angles(camera())[angle],
         set: change((c, v) => {
@@ -30,23 +30,54 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
           return { ...c, orientation: cam.fromAngles(turned.azimuth, turned.elevation, turned.roll) };
         }),
       })),
-      { name: "focal-length", label: "Focal length", unit: "mm", step: 1, get: () => camera().focal_length_mm,
-        set: change((c, v) => ({ ...c, focal_length_mm: Math.max(0.1, v) })) },
-    ], refresh),
+      { name: "focal-length", label: "Focal length", unit: "mm", step: 1, min: 0.1, max: 1e5, get: () => camera().focal_length_mm,
+        set: change((c, v) => ({ ...c, focal_length_mm: v })) },
+    ], refresh, say),
     addFields(element("focus-fields"), [
-      { name: "focus", label: "Distance", unit: "m", step: 0.01, get: () => camera().focus_m,
-        set: (v) => setCamera({ ...cam.copy(camera()), focus_m: v === undefined ? undefined : Math.max(0.01, v) }) },
-      { name: "aperture", label: "Aperture", unit: "mm", step: 1,
+      { name: "focus", label: "Distance", unit: "m", step: 0.01, min: 0.01, max: 1e6, get: () => camera().focus_m,
+        set: (v) => setCamera({ ...cam.copy(camera()), focus_m: v }) },
+      { name: "aperture", label: "Aperture", unit: "mm", step: 1, min: 0, max: 1e5,
         get: () => (camera().f_number === undefined ? undefined : camera().focal_length_mm / camera().f_number),
         set: (v) => setCamera({ ...cam.copy(camera()), f_number: v > 0 ? camera().focal_length_mm / v : undefined }) },
-      { name: "f-number", label: "f-number", step: 0.1, get: () => camera().f_number,
-        set: (v) => setCamera({ ...cam.copy(camera()), f_number: v === undefined ? undefined : Math.max(0.01, v) }) },
-    ], refresh),
+      { name: "f-number", label: "f-number", step: 0.1, min: 0.01, max: 1e5, get: () => camera().f_number,
+        set: (v) => setCamera({ ...cam.copy(camera()), f_number: v }) },
+    ], refresh, say),
     addFields(element("key-fields"), [["tension", "Tension"], ["ease_in", "Ease in"], ["ease_out", "Ease out"]].map(([name, label]) => ({
-      name: name.replace("_", "-"), label, step: 0.1, get: () => (shotText.keyAt(timeline.frame) ?? {})[name] ?? 0,
-      set: (v) => shotText.setKeyProperty(timeline.frame, name, Math.min(1, Math.max(0, v ?? 0))) && sendShot(),
-    })), refresh),
+      name: name.replace("_", "-"), label, step: 0.1, min: 0, max: 1, get: () => (shotText.keyAt(timeline.frame) ?? {})[name] ?? 0,
+      set: (v) => shotText.setKeyProperty(timeline.frame, name, v ?? 0) && sendShot(),
+    })), refresh, say),
+    addFields(element("shot-fields"), [["width", "Width", "pixels", 1, 65535], ["height", "Height", "pixels", 1, 65535],
+      ["first_frame", "First frame", "", 0, 9999999], ["last_frame", "Last frame", "", 0, 9999999]].map(([name, label, unit, min, max]) => ({
+      name: "shot-" + name.replace("_", "-"), label, unit, step: 1, digits: 0, min, max, get: () => shotText.json?.[name],
+      set: (v) => v !== undefined && setShotNumber(name, Math.round(v)),
+    })), refresh, say),
   ];
+
+  /** Sets a number of the shot. The first frame moves the last one, or the other way round, rather than to cross it. */
+  function setShotNumber(name, value) {
+    const isChanged = shotText.change((json) => {
+      json[name] = value;
+      if (name === "first_frame") json.last_frame = Math.max(json.last_frame, value);
+      if (name === "last_frame") json.first_frame = Math.min(json.first_frame, value);
+    });
+    if (isChanged) sendShot();
+  }
+
+  element("shot-name").addEventListener("change", (event) => {
+    if (state.shot && shotText.change((json) => { json.name = event.target.value; })) sendShot();
+  });
+  // A ratio stays text: 24000/1001 is no decimal number.
+  element("shot-fps").addEventListener("change", (event) => {
+    const text = event.target.value.replaceAll(" ", "");
+    const ratio = /^([0-9]{1,9})\/([0-9]{1,9})$/.exec(text);
+    const rate = ratio ? ratio[1] / ratio[2] : Number(text);
+    if (!state.shot || !(rate > 0 && rate <= 1000)) {
+      if (state.shot) say("Frames per second are a number up to 1000, or a ratio such as 24000/1001.");
+      return refresh();
+    }
+    if (shotText.change((json) => { json.fps = ratio ? text : rate; })) sendShot();
+  });
+
   element("focus-slider").addEventListener("input", (event) =>
     setCamera({ ...cam.copy(camera()), focus_m: 1 / Math.max(0.001, Number(event.target.value)) }, event.timeStamp));
 
@@ -58,6 +89,10 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
     slider.max = Math.max(2, 1.5 / nearest, 1.1 / cam.focusDistance(camera()));
     if (document.activeElement !== slider) slider.value = 1 / cam.focusDistance(camera());
     element("frame").value = timeline.frame;
+    for (const name of ["name", "fps"]) {
+      const field = element("shot-" + name);
+      if (document.activeElement !== field) field.value = shotText.json?.[name] ?? "";
+    }
     element("file").textContent = shotText.file + (shotText.json && shotText.isChanged() ? " *" : "");
     element("undo").disabled = shotText.past.length === 0;
     element("redo").disabled = shotText.future.length === 0;
@@ -91,7 +126,7 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
       name: `time-${index}`, label: "Time", unit: "s", step: 0.1, get: () => secondsAt(timeline.frame),
       set: (v) => v !== undefined && shotText.setTimeKey(index, timeline.frame, v, ends()) && sendShot(),
     });
-    updateTimeFields.push(addFields(fields, specs, refresh));
+    updateTimeFields.push(addFields(fields, specs, refresh, say));
     const set = document.createElement("button"), remove = document.createElement("button");
     set.textContent = "Set time key";
     set.title = "Keep the time in the take at this frame";
@@ -144,8 +179,17 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
   function costText(name) {
     const measured = state.shot.measurements.find(({ method }) => method === name);
     if (measured) return ` (${measured.psnr_db.toFixed(1)} dB, ${measured.seconds.toFixed(2)} s)`;
-    const seconds = state.seconds[name];
-    return seconds === undefined ? "" : ` (${seconds.toFixed(2)} s)`;
+    const { rendering, estimation } = state.seconds[name] ?? {};
+    const times = [rendering === undefined ? "" : rendering.toFixed(2) + " s", estimation === undefined ? "" : estimation.toFixed(1) + " s where depths are not stored"];
+    const text = times.filter(Boolean).join(", ");
+    return text && ` (${text})`;
+  }
+
+  /** Shows which depths the false colours mean. span: [far, near], 1/m. */
+  function showLegend(span) {
+    element("legend").hidden = !span;
+    const text = (inverse) => (inverse > 0 ? (1 / inverse).toFixed(2) + " m" : "infinity");
+    ["far", "near"].forEach((end, i) => { element("legend-" + end).textContent = span ? text(span[i]) : ""; });
   }
 
   let factsTime = 0;
@@ -158,7 +202,11 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
     if (!state.shot) return;
     if (header.quality === "resting" && header.method === "") element("progress-row").hidden = true;
     const [layer] = state.shot.layers.filter(({ method }) => method);
-    if (header.quality === "resting" && header.method === "" && layer) state.seconds[layer.method] = header.render_ms / 1000;
+    if (header.quality === "resting" && header.method === "" && layer) {
+      const kind = state.estimated === header.id ? "estimation" : "rendering";
+      state.seconds[layer.method] = { ...state.seconds[layer.method], [kind]: header.render_ms / 1000 };
+    }
+    showLegend(header.false_colors);
     const now = performance.now();
     if (header.quality !== "resting" && now - factsTime < kMotionInterval) return;
     factsTime = now;

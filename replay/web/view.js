@@ -6,13 +6,14 @@ const kRestAfter = 150;    // ms without motion until the view is refined
 const kMaxPixels = 2 ** 24;  // of a picture
 
 export class View {
-  /** request(quality, width, height) returns the members of a view message; send(members) its id. */
-  constructor(stage, canvas, guides, { request, send, shown }) {
+  /** request(quality, width, height) returns the members of a view message; send(members) its id; compared() what is left and right of the wipe. */
+  constructor(stage, canvas, guides, { request, send, compared, shown }) {
     this.stage = stage;
     this.canvas = canvas;
     this.guides = guides;
     this.request = request;
     this.send = send;
+    this.compared = compared;
     this.shown = shown;
     this.context = canvas.getContext("2d", { alpha: false });
     this.aspect = 16 / 9;
@@ -32,13 +33,15 @@ export class View {
   /** Fits the picture into its area; its pixels are those of the screen. */
   resize() {
     const ratio = devicePixelRatio;
-    const width = Math.min(this.stage.clientWidth, this.stage.clientHeight * this.aspect);
+    const below = this.stage.querySelector("#epi");
+    const stageHeight = this.stage.clientHeight - (below.hidden ? 0 : below.offsetHeight);
+    const width = Math.min(this.stage.clientWidth, stageHeight * this.aspect);
     if (!(width > 0)) return;
     // The pixels of the screen, as far as the server renders them.
     const fit = Math.min(1, Math.sqrt(kMaxPixels / (width * ratio * width / this.aspect * ratio)));
     this.width = Math.max(1, Math.floor(width * ratio * fit));
     this.height = Math.max(1, Math.floor(width / this.aspect * ratio * fit));
-    const style = { left: (this.stage.clientWidth - width) / 2, top: (this.stage.clientHeight - width / this.aspect) / 2,
+    const style = { left: (this.stage.clientWidth - width) / 2, top: (stageHeight - width / this.aspect) / 2,
       width, height: width / this.aspect };
     for (const canvas of [this.canvas, this.guides]) {
       for (const [name, value] of Object.entries(style)) canvas.style[name] = value + "px";
@@ -155,6 +158,21 @@ export class View {
     }
     this.context.fillStyle = "#f0b429";
     this.context.fillRect(left - 1, 0, 2, height);
+    this.drawCompared(left);
+  }
+
+  /** Names what is left and right of the wipe. */
+  drawCompared(left) {
+    const context = this.context, size = Math.max(12, Math.round(this.canvas.width / 60));
+    context.font = `${size}px system-ui`;
+    context.textBaseline = "top";
+    this.compared().forEach((text, i) => {
+      const width = context.measureText(text).width, x = i === 0 ? left - width - size : left + size;
+      context.fillStyle = "#000a";
+      context.fillRect(x - size / 2, size / 2, width + size, 1.5 * size);
+      context.fillStyle = "#dcdde0";
+      context.fillText(text, x, 0.75 * size);
+    });
   }
 
   /** Whether what the shown view is compared with is shown, too. Views that move are not compared. */

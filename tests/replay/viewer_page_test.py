@@ -83,6 +83,49 @@ class Flying(PageTest):
         self.assertAlmostEqual(angles["elevation"], -3, 6)
         self.assertAlmostEqual(angles["roll"], 10, 6)
 
+    def enter(self, name: str, value: str) -> str:
+        """Enters a value in a field and returns what the field shows then."""
+        field = self.element(name)
+        field.clear()
+        field.send_keys(value, Keys.TAB)
+        return field.get_attribute("value")
+
+    def test_values_out_of_range_are_said(self) -> None:
+        for name, value, kept, text in [("fov", "400", "179", "FOV is 0.1 to 179 deg."), ("focus", "-3", "0.01", "Distance is 0.01 to 1000000 m."),
+                                        ("position-x", "1e9", "1000000", "x is -1000000 to 1000000 m.")]:
+            self.assertEqual(float(self.enter(name, value)), float(kept), name)
+            self.assertEqual(self.element("status").text, text)
+
+    def test_the_shot_has_fields(self) -> None:
+        self.js("document.getElementById('shot-name').closest('details').open = true")
+        self.enter("shot-name", "a <b>name</b>")
+        self.enter("shot-width", "320")
+        self.enter("shot-height", "100")
+        self.enter("shot-fps", "24000/1001")
+        self.enter("shot-last-frame", "7")
+        self.enter("shot-first-frame", "9")
+        self.wait_for("return raystage.state.shot.first_frame === 9 && raystage.state.shot.last_frame === 9")
+        shot = json.loads(self.js("return raystage.shotText.text()"))
+        self.assertEqual([shot["name"], shot["width"], shot["height"], shot["fps"], shot["first_frame"], shot["last_frame"]],
+                         ["a <b>name</b>", 320, 100, "24000/1001", 9, 9])
+        self.assertEqual(self.element("title").text, "a <b>name</b>")
+        self.assertAlmostEqual(self.js("return raystage.view.width / raystage.view.height"), 3.2, 1)
+        self.assertEqual(self.enter("shot-fps", "many"), "24000/1001")
+        self.assertIn("24000/1001", self.element("status").text)
+        self.assertEqual(self.enter("shot-width", "0"), "1")
+        self.assertEqual(self.element("status").text, "Width is 1 to 65535 pixels.")
+        for _ in range(7):
+            self.js("document.getElementById('undo').click()")
+        self.wait_for("return raystage.state.shot.width !== 320 && raystage.state.shot.last_frame > 9")
+
+    def test_rolling_does_not_move_the_camera(self) -> None:
+        before = self.camera()["position"]
+        for _ in range(9):
+            self.element("picture").send_keys("q")
+        self.assertEqual(self.camera()["position"], before)
+        self.element("picture").send_keys("]", Keys.HOME)
+        self.assertIn("focus is that of the shot", self.element("status").text)
+
     def test_the_keyboard_alone_suffices(self) -> None:
         self.element("picture").send_keys("")
         for keys, index, sign in [(Keys.ARROW_LEFT, 0, -1), (Keys.ARROW_RIGHT, 0, 1), (Keys.ARROW_UP, 1, 1),
@@ -168,6 +211,9 @@ class Looking(PageTest):
         seen = {"color": color}
         for channel in ("alpha", "depth", "coverage"):
             seen[channel] = self.choose("channel", channel)
+            self.assertEqual(self.element("legend").is_displayed(), channel == "depth")
+            if channel == "depth":
+                self.assertRegex(self.element("legend").text, r"^([0-9.]+ m|infinity)\s+[0-9.]+ m$")
             self.screenshot("channel-" + channel)
         self.assertGreater(self.difference(seen["depth"], color), 5)
         self.assertGreater(self.difference(seen["alpha"], color), 5)

@@ -63,6 +63,9 @@ class Cameras(PageTest):
         self.assertGreater(len(epi["view_line"]), 10)
         columns = [column for column in epi["focus_columns"] if column is not None]
         self.assertEqual(columns, sorted(columns, reverse=True), "a point moves to the left from camera to camera to the right")
+        bottom, top = self.js("""const box = (id) => document.getElementById(id).getBoundingClientRect();
+          return [box('picture').bottom, box('epi').top]""")
+        self.assertLessEqual(bottom, top + 0.5, "the picture is not covered")
         self.screenshot("epi")
 
     def test_the_probe_names_the_cameras(self) -> None:
@@ -96,6 +99,7 @@ class Comparing(PageTest):
         self.compared()
         self.assertLess(self.difference(self.column(0.25), left), 0.01)
         self.assertGreater(self.difference(self.column(0.75), right), 0.2)
+        self.assertEqual(self.js("return raystage.view.compared()"), [self.js("return raystage.state.shot.layers[0].method"), "nearest"])
         self.screenshot("wipe")
         self.js("""const wipe = document.getElementById('wipe'); wipe.value = 1; wipe.dispatchEvent(new Event('input'));
           return new Promise(requestAnimationFrame)""")
@@ -421,7 +425,7 @@ class Folders(PageTest):
 
     def test_takes_are_cards_that_open(self) -> None:
         card = self.card("take")
-        self.assertIn("9 cameras, 1.9 s", card.text)
+        self.assertIn("9 cameras, 2.0 s", card.text)
         self.assertIn("Verified 20", card.text)
         self.wait_for("""return [...document.querySelector('.card.take canvas').getContext('2d').getImageData(0, 0, 240, 150).data]
           .some(v => v > 60 && v < 255)""")

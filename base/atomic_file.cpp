@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <poll.h>
 #include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -147,25 +148,38 @@ bool file_exists(const std::filesystem::path& path) {
   return std::filesystem::exists(path, ignored);
 }
 
-std::string read_file(const std::filesystem::path& file) {
+std::string read_file(const std::filesystem::path& file, std::uint64_t max_bytes) {
   const auto refuse = [&](std::string_view reason) {
     return Error::bad_input("the file cannot be read: " + std::string(reason), file.string(),
                             "Check the path and its permissions");
   };
   const auto reason = [] { return std::generic_category().message(errno); };
-  const FileDescriptor descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
+  // A named pipe without a writer does not block then.
+  const FileDescriptor descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (!descriptor.open()) throw refuse(reason());
   struct stat status {};
   if (fstat(descriptor.number(), &status) != 0) throw refuse(reason());
   if (S_ISDIR(status.st_mode)) throw refuse("it is a folder");
+  if (!S_ISREG(status.st_mode) && !S_ISFIFO(status.st_mode)) throw refuse("it is a device");
+  const auto too_large = [&] {
+    return refuse(fmt::format("it has more than {:.0f} MB", static_cast<double>(max_bytes) * 1e-6));
+  };
+  if (static_cast<std::uint64_t>(status.st_size) > max_bytes) throw too_large();
 
   // The size is a hint: pipes and /proc report 0. One extra byte lets the last read find the end.
   std::string text(static_cast<std::size_t>(status.st_size) + 1, '\0');
   std::size_t filled = 0;
   while (true) {
+    if (filled > max_bytes) throw too_large();
     if (filled == text.size()) text.resize(text.size() * 2 + 4096);
     const ssize_t got = ::read(descriptor.number(), text.data() + filled, text.size() - filled);
     if (got < 0 && errno == EINTR) continue;
+    if (got < 0 && errno == EAGAIN) {
+      constexpr int kSilentMilliseconds = 10'000;
+      pollfd waiting{descriptor.number(), POLLIN, 0};
+      if (poll(&waiting, 1, kSilentMilliseconds) == 0) throw refuse("nothing arrives in the pipe");
+      continue;
+    }
     if (got < 0) throw refuse(reason());
     if (got == 0) break;
     filled += static_cast<std::size_t>(got);

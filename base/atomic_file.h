@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <span>
 #include <string>
@@ -46,8 +47,13 @@ void check_writable(const std::filesystem::path& target);
 void write_file_atomically(const std::filesystem::path& target, std::span<const std::byte> bytes);
 void write_file_atomically(const std::filesystem::path& target, std::string_view text);
 
-/// Returns the contents of a file. Throws Error (bad input) if it cannot be read.
-std::string read_file(const std::filesystem::path& file);
+/// Largest file that read_file() accepts unless told otherwise, bytes.
+inline constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 30;
+
+/// Returns the contents of a file. Throws Error (bad input) if it cannot be read, is larger than
+/// `max_bytes`, or is a device. A pipe is read until its end; one that is silent for 10 s is an
+/// error.
+std::string read_file(const std::filesystem::path& file, std::uint64_t max_bytes = kMaxFileBytes);
 
 /// Returns whether a file or folder exists and can be seen.
 bool file_exists(const std::filesystem::path& path);

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <csignal>
 #include <fstream>
 #include <memory>
@@ -18,6 +19,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/posix_file.h"
 #include "testing/test_folder.h"
 #include "testing/test_permissions.h"
 
@@ -96,6 +98,43 @@ TEST_F(AtomicFile, EmptyFile) {
 
 TEST_F(AtomicFile, ReadsFilesThatDoNotKnowTheirSize) {
   EXPECT_THAT(read_file("/proc/self/status"), HasSubstr("Pid:"));
+}
+
+TEST_F(AtomicFile, OnlyFilesAndPipesOfSaneSizeAreRead) {
+  const auto refusal = [](const std::filesystem::path& file, std::uint64_t most) -> std::string {
+    try {
+      read_file(file, most);
+      return "";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+      return error.what_happened();
+    }
+  };
+  EXPECT_THAT(refusal("/dev/zero", kMaxFileBytes), HasSubstr("it is a device"));
+  std::filesystem::create_symlink("/dev/zero", folder_.path() / "link");
+  EXPECT_THAT(refusal(folder_.path() / "link", kMaxFileBytes), HasSubstr("it is a device"));
+  EXPECT_THAT(refusal(folder_.path(), kMaxFileBytes), HasSubstr("it is a folder"));
+  write_file_atomically(folder_.path() / "five", std::string_view("12345"));
+  EXPECT_EQ(refusal(folder_.path() / "five", 5), "");
+  EXPECT_THAT(refusal(folder_.path() / "five", 4), HasSubstr("more than"));
+  EXPECT_THAT(refusal("/proc/self/status", 4), HasSubstr("more than")) << "it reports no size";
+}
+
+TEST_F(AtomicFile, PipesAreReadToTheirEndAndDoNotBlockWithoutAWriter) {
+  const auto pipe = folder_.path() / "pipe";
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_EQ(read_file(pipe), "") << "nobody writes";
+  const FileDescriptor kept(::open(pipe.c_str(), O_RDWR | O_CLOEXEC));
+  std::thread writer([&] {
+    const FileDescriptor out(::open(pipe.c_str(), O_WRONLY | O_CLOEXEC));
+    for (int i = 0; i < 3; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(30));
+      EXPECT_EQ(write(out.number(), "part", 4), 4);
+    }
+    const_cast<FileDescriptor&>(kept).close();
+  });
+  EXPECT_EQ(read_file(pipe), "partpartpart");
+  writer.join();
 }
 
 TEST_F(AtomicFile, TemporaryNamesAreUniqueHiddenAndKeepTheExtension) {

@@ -42,14 +42,20 @@ bool FileDescriptor::close() { return ::close(std::exchange(number_, -1)) == 0; 
 
 OutputFile::OutputFile(std::filesystem::path path, Open mode)
     : path_(std::move(path)),
-      file_(open(path_.c_str(), O_WRONLY | O_CLOEXEC | (mode == Open::kNew ? O_CREAT | O_EXCL : 0),
-                 0666)) {  // minus the user's umask
+      // A named pipe does not block. Permissions: minus the user's umask.
+      file_(open(path_.c_str(),
+                 O_WRONLY | O_CLOEXEC | O_NONBLOCK | (mode == Open::kNew ? O_CREAT | O_EXCL : 0),
+                 0666)) {
   if (!file_.open()) {
     throw mode == Open::kNew
         ? Error::from_errno("the file cannot be created", path_.string(),
                             "Choose a new file name in a writable folder")
         : Error::from_errno("the file cannot be opened for writing", path_.string(),
                             "Check that it exists and is writable");
+  }
+  struct stat status {};
+  if (fstat(file_.number(), &status) != 0 || !S_ISREG(status.st_mode)) {
+    throw Error::failed("this is no regular file", path_.string(), "Restore the file");
   }
   // The kernel releases the lock when the process ends, however it ends.
   if (flock(file_.number(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
@@ -105,15 +111,36 @@ void OutputFile::discard() {
   unlink(path_.c_str());
 }
 
+std::size_t read_file_part(const std::filesystem::path& file, std::uint64_t offset,
+                           std::span<std::byte> bytes) {
+  const FileDescriptor descriptor(open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  struct stat status {};
+  if (!descriptor.open() || fstat(descriptor.number(), &status) != 0 || !S_ISREG(status.st_mode)) {
+    return 0;
+  }
+  std::size_t filled = 0;
+  while (filled < bytes.size()) {
+    const ssize_t got = pread(descriptor.number(), bytes.data() + filled, bytes.size() - filled,
+                              static_cast<off_t>(offset + filled));
+    if (got < 0 && errno == EINTR) continue;
+    if (got <= 0) break;
+    filled += static_cast<std::size_t>(got);
+  }
+  return filled;
+}
+
 MappedFile::MappedFile(const std::filesystem::path& path) {
   const auto refuse = [&](int reason) {
     return Error::bad_input("the file cannot be read: " + std::generic_category().message(reason),
                             path.string(), "Check that it exists and is readable");
   };
-  const FileDescriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  // A named pipe does not block then.
+  const FileDescriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   struct stat status {};
   if (!file.open() || fstat(file.number(), &status) != 0) throw refuse(errno);
-  if (!S_ISREG(status.st_mode)) throw refuse(EINVAL);
+  if (!S_ISREG(status.st_mode)) {
+    throw Error::bad_input("the file is not a regular one", path.string(), "Restore the file");
+  }
   if (status.st_size == 0) return;
   const auto size = static_cast<std::size_t>(status.st_size);
   void* address = mmap(nullptr, size, PROT_READ, MAP_SHARED, file.number(), 0);

@@ -62,6 +62,11 @@ class OutputFile {
   FileDescriptor file_;
 };
 
+/// Reads up to bytes.size() bytes from an offset of a regular file; returns how many there are: 0
+/// if the file cannot be read or is not a regular one.
+std::size_t read_file_part(const std::filesystem::path& file, std::uint64_t offset,
+                           std::span<std::byte> bytes);
+
 /// A complete file mapped for reading. If another process truncates the file, access to the removed
 /// part ends this process with SIGBUS. Archives only grow while they are read.
 class MappedFile {

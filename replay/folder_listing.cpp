@@ -5,12 +5,13 @@
 
 #include <algorithm>
 #include <chrono>
-#include <fstream>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <system_error>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "base/posix_file.h"
 #include "replay/live/live_take.h"
 #include "replay/shot_files.h"
 #include "replay/source_pictures.h"
@@ -60,9 +61,7 @@ void add_verification(const fs::path& folder, FolderEntry& entry) {
   std::error_code error;
   if (fs::is_symlink(file, error) || !fs::is_regular_file(file, error)) return;
   std::string text(kVerificationBytesRead, '\0');
-  std::ifstream in(file, std::ios::binary);
-  in.read(text.data(), static_cast<std::streamsize>(text.size()));
-  text.resize(static_cast<std::size_t>(in.gcount()));
+  text.resize(read_file_part(file, 0, std::as_writable_bytes(std::span(text))));
   if (const auto is_intact = find_intact(text)) {
     entry.verified_utc = utc_of(file);
     entry.is_intact = *is_intact;

@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <array>
-#include <fstream>
 #include <span>
 #include <utility>
 
 #include "base/error.h"
+#include "base/posix_file.h"
 #include "store/journal.h"
 
 namespace raystage::store {
@@ -18,10 +18,7 @@ constexpr std::uint64_t kMaxBytesPerRead = std::uint64_t{4} << 20;
 std::vector<std::byte> read_part(const std::filesystem::path& file, std::uint64_t offset,
                                  std::uint64_t bytes) {
   std::vector<std::byte> part(bytes);
-  std::ifstream in(file, std::ios::binary);
-  in.seekg(static_cast<std::streamoff>(offset));
-  in.read(reinterpret_cast<char*>(part.data()), static_cast<std::streamsize>(bytes));
-  part.resize(static_cast<std::size_t>(std::max<std::streamsize>(in.gcount(), 0)));
+  part.resize(read_file_part(file, offset, part));
   return part;
 }
 

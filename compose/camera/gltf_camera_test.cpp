@@ -197,6 +197,10 @@ TEST_F(GltfCameras, SaysWhatIsWrongAndWhere) {
   EXPECT_THAT(refusal([](json& d) { d["buffers"][0]["uri"] = "data:;base64,@@"; }),
               HasSubstr("not base64"));
   EXPECT_THAT(refusal([](json& d) { d["buffers"][0]["uri"] = "gone.bin"; }), HasSubstr("gone.bin"));
+  for (const char* outside : {"/dev/zero", "../other.bin", "a/../../other.bin"}) {
+    EXPECT_THAT(refusal([&](json& d) { d["buffers"][0]["uri"] = outside; }),
+                HasSubstr("leaves its folder"));
+  }
   EXPECT_THAT(refusal([](json& d) { d["animations"].push_back(d["animations"][0]); }),
               HasSubstr("/nodes/0/rotation is animated twice"));
   EXPECT_THAT(refusal([](json& d) { d["cameras"][0]["perspective"]["yfov"] = 4; }),

@@ -13,6 +13,7 @@
 
 #include "base/atomic_file.h"
 #include "base/base64.h"
+#include "base/contained_path.h"
 #include "schemas/json_text.h"
 
 namespace raystage::compose {
@@ -150,7 +151,12 @@ std::string GltfFile::load_buffer(const json& buffer, std::size_t index) const {
   }
   if (!buffer["uri"].is_string()) throw input_error("the uri is not a string", where);
   const std::string& uri = buffer["uri"].get_ref<const std::string&>();
-  if (!uri.starts_with("data:")) return read_file(file_.parent_path() / file_name_from_uri(uri));
+  if (!uri.starts_with("data:")) {
+    // A stranger's file must not read others than its own: a link could lead anywhere.
+    const ContainedPath beside{file_.parent_path(), file_name_from_uri(uri)};
+    require_contained(beside);
+    return read_file(beside.path());
+  }
   const std::size_t comma = uri.find(',');
   if (comma != std::string::npos && uri.substr(0, comma).ends_with(";base64")) {
     if (auto bytes = decode_base64(std::string_view(uri).substr(comma + 1))) return *bytes;

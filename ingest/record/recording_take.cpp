@@ -3,13 +3,14 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <unistd.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <utility>
 
 #include "base/atomic_file.h"
+#include "base/contained_path.h"
 #include "base/error.h"
 #include "ingest/sources/frame_source.h"
 #include "store/matroska.h"
@@ -125,6 +126,7 @@ RecordingTake RecordingTake::resume(const fs::path& folder,
   }
   check_epoch(recording.take_.epoch_utc, folder,
               "Record into a new take, or correct this machine's clock");
+  recording.require_contained_files();
   create_folder(folder / "recording");
   if (fs::exists(recording.recording_file_)) {
     recording.recording_ = schemas::read_recording(recording.recording_file_);
@@ -140,6 +142,16 @@ RecordingTake RecordingTake::resume(const fs::path& folder,
   return recording;
 }
 
+void RecordingTake::require_contained_files() const {
+  std::vector<fs::path> files{"take.json", "rig.json", reserve_file_.filename(),
+                              recording_file_.lexically_relative(folder_)};
+  for (const schemas::TakeDocument::Camera& camera : take_.cameras) {
+    files.emplace_back(camera.archive);
+    files.emplace_back(camera.journal);
+  }
+  for (const fs::path& file : files) require_contained({folder_, file});
+}
+
 void RecordingTake::write_session(const schemas::RecordingDocument::Session& session, bool first) {
   if (first) {
     recording_.sessions.push_back(session);
@@ -151,16 +163,18 @@ void RecordingTake::write_session(const schemas::RecordingDocument::Session& ses
 }
 
 void RecordingTake::reserve_disk_space() {
-  const int file = ::open(reserve_file_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
-  if (file < 0)
+  const FileDescriptor file =
+      open_contained({folder_, reserve_file_.filename()}, O_WRONLY | O_CREAT, 0666);
+  struct stat status {};
+  if (!file.open() || fstat(file.number(), &status) != 0 || !S_ISREG(status.st_mode)) {
     throw Error::from_errno("the file cannot be written", reserve_file_.string(),
-                            "Check the folder's permissions");
+                            "Check the folder's permissions, and remove what is there");
+  }
   auto bytes = std::max<std::int64_t>(
       kReserveAtLeast, kReservePerCamera * static_cast<std::int64_t>(take_.cameras.size()));
   // On a nearly full disk the reserve is as large as possible. If the file system cannot allocate
   // space, the recording continues without a reserve.
-  while (::posix_fallocate(file, 0, bytes) == ENOSPC && bytes > kBlock) bytes /= 2;
-  ::close(file);
+  while (::posix_fallocate(file.number(), 0, bytes) == ENOSPC && bytes > kBlock) bytes /= 2;
 }
 
 void RecordingTake::release_disk_space() {

@@ -75,6 +75,8 @@ class RecordingTake {
   RecordingTake(std::filesystem::path folder, schemas::TakeDocument take, schemas::RigDocument rig,
                 const std::string& node);
   void create_files();
+  /// Throws Error (bad input) if a file that a recording writes is, or is behind, a link.
+  void require_contained_files() const;
   std::filesystem::path archive_path(std::size_t camera) const;
   std::filesystem::path journal_path(std::size_t camera) const;
 

@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "base/atomic_file.h"
+#include "base/contained_path.h"
 #include "base/error.h"
 #include "base/little_endian.h"
 #include "base/posix_file.h"
@@ -236,6 +237,7 @@ CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
   const DepthStoreKey key = stores_depths ? depth_store_key(instant, options) : DepthStoreKey{};
   const fs::path file = depth_file_path(instant.derived_folder(), key);
   if (stores_depths) {
+    require_contained({instant.derived_folder(), depth_file_path({}, key)});
     CameraDepths depths = camera_depths_without_maps(instant, options);
     if (read_maps(file, key.instant, depths)) {
       if (instant.stored_data_counts != nullptr) ++instant.stored_data_counts->read;
@@ -273,6 +275,8 @@ StoreResult store_camera_depths(const LightFieldFrame& instant,
 
 void pin_depth_set(const fs::path& set, std::string_view job) {
   const fs::path pin = pin_file(set, job);
+  const fs::path folder = set.parent_path().parent_path();
+  require_contained({folder, pin.lexically_relative(folder)});
   std::error_code error;
   const bool is_new = !fs::exists(set, error);
   create_folder(set);
@@ -282,8 +286,10 @@ void pin_depth_set(const fs::path& set, std::string_view job) {
 }
 
 void unpin_depth_set(const fs::path& set, std::string_view job) {
+  const fs::path pin = pin_file(set, job), folder = set.parent_path().parent_path();
+  require_contained({folder, pin.lexically_relative(folder)});
   std::error_code ignored;
-  fs::remove(pin_file(set, job), ignored);
+  fs::remove(pin, ignored);
 }
 
 }  // namespace raystage::render

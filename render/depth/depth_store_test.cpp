@@ -94,6 +94,18 @@ TEST(DepthStore, APinIsAFileName) {
   EXPECT_EQ(names_in(set), std::set<std::string>{"pin." + std::string(200, 'a')});
 }
 
+TEST(DepthStore, NothingIsWrittenOrDeletedBehindALink) {
+  const testing::TestFolder folder;
+  const fs::path victim = folder.path() / "victim", take = folder.path() / "take";
+  create_folder(victim / "0123456789abcdef");
+  create_folder(take);
+  fs::create_symlink("../victim", take / "depth");
+  EXPECT_THROW(pin_depth_set(take / "depth" / "0123456789abcdef", "job"), Error);
+  write_file_atomically(victim / "0123456789abcdef" / "pin.job", std::string_view());
+  EXPECT_THROW(unpin_depth_set(take / "depth" / "0123456789abcdef", "job"), Error);
+  EXPECT_EQ(names_in(victim / "0123456789abcdef"), std::set<std::string>{"pin.job"});
+}
+
 TEST(DepthStore, RemovesWhatWasLeftHalfWritten) {
   const testing::TestFolder folder;
   const fs::file_time_type now = fs::file_time_type::clock::now();

@@ -12,10 +12,10 @@
 #include <charconv>
 #include <chrono>
 #include <deque>
-#include <fstream>
 #include <utility>
 
 #include "base/error.h"
+#include "base/posix_file.h"
 #include "schemas/recording_document.h"
 #include "store/journal_tail.h"
 
@@ -44,10 +44,7 @@ class ArchiveTail final : public store::RemoteFrames {
   store::FrameBytes jpeg(int frame) const override {
     const store::FrameRecord& record = records_.at(static_cast<std::size_t>(frame));
     auto bytes = std::make_shared<std::vector<std::byte>>(std::min(record.size, kMaxFrameBytes));
-    std::ifstream in(archive_, std::ios::binary);
-    in.seekg(static_cast<std::streamoff>(record.offset));
-    in.read(reinterpret_cast<char*>(bytes->data()), static_cast<std::streamsize>(bytes->size()));
-    if (!in) {
+    if (read_file_part(archive_, record.offset, *bytes) < bytes->size()) {
       throw Error::bad_input("a frame of the recording cannot be read", archive_.string(),
                              "Try again");
     }

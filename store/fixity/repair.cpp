@@ -11,6 +11,7 @@
 #include <system_error>
 
 #include "base/atomic_file.h"
+#include "base/contained_path.h"
 #include "base/error.h"
 #include "base/parallel.h"
 #include "base/posix_file.h"
@@ -64,11 +65,15 @@ class CameraRepair {
  public:
   CameraRepair(const Take& take, int camera, const RepairOptions& options)
       : options_(options),
+        folder_(take.folder()),
         pair_(describe_pair(take, camera)),
         archive_path_(take.folder() / pair_.archive_name),
         journal_path_(take.folder() / pair_.journal_name) {}
 
   void run(RepairReport::Camera& result) {
+    for (const std::string& name : {pair_.archive_name, pair_.journal_name}) {
+      require_contained({folder_, name});
+    }
     if (!fs::exists(archive_path_)) {
       throw Error::bad_input("the archive is missing", archive_path_.string(),
                              "Restore it from a copy");
@@ -112,6 +117,7 @@ class CameraRepair {
   }
 
   const RepairOptions& options_;
+  fs::path folder_;
   ArchivePair pair_;
   fs::path archive_path_, journal_path_;
 };

@@ -203,6 +203,20 @@ TEST(SalvageResult, AJournalOfVersionOneBecomesVersionTwo) {
   EXPECT_EQ(journal::decode_header(now.journal, "journal")->version, 2u);
 }
 
+TEST(SalvageResult, AnArchiveOfTheFirstVersionIsWrittenInTheNewForm) {
+  const PairBytes whole = make_pair(kFrames, true);
+  const PairBytes torn = testing::with_archive_v1(make_pair(kFrames, false), false);
+  PairBytes damaged = testing::with_archive_v1(whole, true);
+  for (const std::size_t bit : {99u, 1200u, 8u * 230u}) testing::flip(damaged.archive, bit);
+  for (const PairBytes& first_version : {torn, damaged}) {
+    const SalvageResult saved = salvage_archive(first_version.pair());
+    EXPECT_TRUE(saved.losses.empty());
+    const PairBytes now = repaired(first_version, saved);
+    EXPECT_EQ(now.archive, whole.archive);
+    EXPECT_EQ(now.journal, whole.journal);
+  }
+}
+
 TEST(SalvageResult, RefusesTheFilesOfAnotherCamera) {
   PairBytes pair = make_pair(3, true);
   ArchivePair foreign = pair.pair();
@@ -270,6 +284,19 @@ TEST_F(RepairTake, AWholeTakeIsNotTouched) {
     EXPECT_FALSE(camera.repaired);
   }
   EXPECT_EQ(std::filesystem::last_write_time(archive(0)), before);
+}
+
+TEST_F(RepairTake, FilesBehindLinksAreNotRepaired) {
+  const auto other = folder.path() / "other.mkv";
+  leave_open(1);
+  std::filesystem::rename(archive(1), other);
+  std::filesystem::create_symlink(other, archive(1));
+  const auto before = testing::bytes_of(other);
+  const RepairReport report = repair_take(take, {});
+  EXPECT_FALSE(report.cameras[1].repaired);
+  EXPECT_THAT(report.cameras[1].error, ::testing::HasSubstr("is a link"));
+  EXPECT_EQ(testing::bytes_of(other), before);
+  EXPECT_TRUE(std::filesystem::is_symlink(archive(1)));
 }
 
 TEST_F(RepairTake, ACrashedTakeIsClosedAndLeavesNothingBehind) {

@@ -46,6 +46,7 @@ TEST(VerifyArchive, NothingIsWrongWithWholeOnes) {
       EXPECT_TRUE(report.is_intact()) << frames << ": " << report.problems[0].what;
       EXPECT_EQ(report.frames, depth == VerifyDepth::kSizes ? 0 : frames);
       EXPECT_TRUE(verify(testing::with_journal_v1(pair), depth).is_intact());
+      EXPECT_TRUE(verify(testing::with_archive_v1(pair, true), depth).is_intact());
     }
   }
 }
@@ -91,7 +92,9 @@ TEST(VerifyArchive, AfterACrashItIsNotClosedAndNothingElse) {
 TEST(VerifyArchive, FindsAnyFlippedBit) {
   for (const PairBytes& whole :
        {make_pair(7, true), make_pair(7, false), make_pair(0, true), make_pair(0, false),
-        make_pair(1, true), testing::with_journal_v1(make_pair(7, true))}) {
+        make_pair(1, true), testing::with_journal_v1(make_pair(7, true)),
+        testing::with_archive_v1(make_pair(7, true), true),
+        testing::with_archive_v1(make_pair(7, false), false)}) {
     PairBytes pair = whole;
     for (auto* file : {&pair.archive, &pair.journal}) {
       for (std::size_t bit = 0; bit < 8 * file->size(); ++bit) {

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <vector>
 
 #include "store/fixity/verify_archive.h"
 #include "store/journal.h"
+#include "store/matroska.h"
 #include "testing/store/archive_test_data.h"
 #include "testing/test_folder.h"
 
@@ -55,6 +57,42 @@ inline PairBytes with_journal_v1(PairBytes bytes) {
     bytes.journal.insert(bytes.journal.end(), line.begin(), line.end());
   }
   return bytes;
+}
+
+/// Returns the same with the archive of the first version, whose header has no space for the rate.
+inline PairBytes with_archive_v1(const PairBytes& bytes, bool closed) {
+  namespace mkv = store::matroska;
+  const mkv::Header now = mkv::make_header(description());
+  const mkv::Header first = mkv::make_header(description(), mkv::HeaderForm::kWithoutRate);
+  const std::uint64_t shift = now.bytes.size() - first.bytes.size();
+  PairBytes old;
+  const auto header = store::journal::encode_header(description());
+  old.journal.assign(header.begin(), header.end());
+  std::vector<mkv::CuePoint> points;
+  std::uint64_t end = now.bytes.size();
+  for (store::FrameRecord record : store::journal::decode(bytes.journal, "journal").records) {
+    if (record.status == store::FrameStatus::kStored) {
+      end = record.offset + record.size;
+      record.offset -= shift;
+      points.push_back({record.time_ns, record.offset - mkv::kClusterHeaderBytes});
+    }
+    const auto line = store::journal::encode_record(record);
+    old.journal.insert(old.journal.end(), line.begin(), line.end());
+  }
+  old.archive = first.bytes;
+  old.archive.insert(old.archive.end(),
+                     bytes.archive.begin() + static_cast<std::ptrdiff_t>(now.bytes.size()),
+                     bytes.archive.begin() + static_cast<std::ptrdiff_t>(end));
+  if (!closed) return old;
+  const mkv::Trailer trailer = mkv::make_trailer(points, first, old.archive.size());
+  old.archive.insert(old.archive.end(), trailer.cues.begin(), trailer.cues.end());
+  const auto put = [&](std::size_t offset, const std::vector<std::byte>& part) {
+    std::ranges::copy(part, old.archive.begin() + static_cast<std::ptrdiff_t>(offset));
+  };
+  put(first.segment_size_offset, trailer.segment_size);
+  put(first.duration_offset, trailer.duration);
+  put(first.seek_head_offset, trailer.seek_head);
+  return old;
 }
 
 inline void flip(std::vector<std::byte>& bytes, std::size_t bit) {

@@ -112,6 +112,48 @@ TEST_F(Record, AKilledRecordingOpensAndIsGoneOnWith) {
   }
 }
 
+TEST_F(Record, ResumingWritesNothingBehindLinks) {
+  ASSERT_EQ(here("raystage record record.json -o take --status none --duration 0.5").exit_code, 0);
+  const CommandResult info = here("raystage info take --json");
+  const std::string resume =
+      "raystage record record.json -o take --resume --status none --duration 0.3";
+  for (const std::string name : {".reserve", "recording", "archive/b.mkv", "archive/b.journal"}) {
+    ASSERT_EQ(here("mkdir -p victim && rm -rf victim/* && echo kept > victim/file && "
+                   "if [ -e take/" +
+                   name + " ]; then mv take/" + name +
+                   " aside; fi; "
+                   "ln -s \"$PWD\"/victim/" +
+                   (name == "recording" ? "" : "file") + " take/" + name)
+                  .exit_code,
+              0);
+    const CommandResult resumed = here(resume);
+    EXPECT_EQ(resumed.exit_code, 2) << name << resumed.err;
+    EXPECT_EQ(here("cat victim/file; ls -A victim | wc -l").out, "kept\n1\n") << name;
+    ASSERT_EQ(here("rm take/" + name + "; if [ -e aside ]; then mv aside take/" + name + "; fi")
+                  .exit_code,
+              0);
+  }
+  EXPECT_EQ(here("raystage info take --json").out, info.out);
+  EXPECT_EQ(here(resume).exit_code, 0);
+}
+
+TEST_F(Record, PipesAndDevicesInTheTakeDoNotHang) {
+  ASSERT_EQ(here("raystage record record.json -o take --status none --duration 0.5").exit_code, 0);
+  for (const char* name : {"take.json", "rig.json", "archive/b.mkv", "archive/b.journal"}) {
+    for (const char* special : {"mkfifo take/", "ln -s /dev/zero take/"}) {
+      ASSERT_EQ(here(std::string("mv take/") + name + " aside && " + special + name).exit_code, 0);
+      for (const char* command : {"info", "verify -q", "sync -q", "repair -q"}) {
+        const CommandResult result =
+            here(std::string("ulimit -v 4000000; timeout 20 raystage ") + command + " take");
+        EXPECT_TRUE(result.exit_code == 1 || result.exit_code == 2)
+            << special << name << " " << command << ": " << result.exit_code << result.err;
+      }
+      ASSERT_EQ(here(std::string("rm take/") + name + " && mv aside take/" + name).exit_code, 0);
+    }
+  }
+  EXPECT_EQ(here("raystage verify -q take").exit_code, 0);
+}
+
 TEST_F(Record, FoldersAboveATakeAreMade) {
   for (const char* command :
        {"record other.json --duration 0.5 --status none -o a/one",

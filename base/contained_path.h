@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <sys/types.h>
+
+#include <filesystem>
+
+#include "base/posix_file.h"
+
+namespace raystage {
+
+/// A path below a folder that somebody else may have made, such as a take. Links in it are not
+/// followed: they could lead to any file of this machine.
+struct ContainedPath {
+  std::filesystem::path folder;    ///< may itself be a link
+  std::filesystem::path relative;  ///< of a file or folder below it
+
+  std::filesystem::path path() const { return folder / relative; }
+};
+
+/// Opens a file or folder by open(2)'s `flags`; O_CLOEXEC and O_NONBLOCK are added, so that a named
+/// pipe does not block. Fails with ELOOP if a part of the relative path is a link, and with EXDEV
+/// if it leaves the folder.
+FileDescriptor open_contained(const ContainedPath& file, int flags, mode_t mode = 0);
+
+/// The same for kernels before 5.6 and sandboxes that do not know openat2(): part by part.
+FileDescriptor open_contained_by_parts(const ContainedPath& file, int flags, mode_t mode = 0);
+
+/// Throws Error (bad input) if the path leaves its folder, or if a part of it is a link. What does
+/// not exist is no link. Call it before writing or deleting by name.
+void require_contained(const ContainedPath& file);
+
+}  // namespace raystage

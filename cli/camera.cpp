@@ -38,9 +38,9 @@ void declare(CommandLine& command, Options& options) {
   command.option("--frames RANGE", options.frames,
                  "frames to write, e.g. 1-48 (default: all of the shot)");
   command
-      .option(
-          "--rotation-order ORDER", options.rotation_order,
-          ".chan: rotation order; set the same in the importing camera (default: ZXY, as in Nuke)")
+      .option("--rotation-order ORDER", options.rotation_order,
+              ".chan: rotation order; set the same in the importing camera (default: ZXY, as in "
+              "Nuke; Blender: XYZ)")
       .one_of_listed({"XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"});
   command.choice("--eye", options.eye,
                  {{"left", compose::Eye::kLeft},
@@ -73,12 +73,15 @@ FrameRate parse_rate(const std::string& text) {
 }
 
 /// Prints what the importing program must be told, since the file does not hold it.
-void print_import_settings(const compose::CameraExport& exported,
-                           const std::filesystem::path& file) {
+void print_import_settings(const compose::CameraExport& exported, const std::filesystem::path& file,
+                           const std::string& rotation_order) {
   const schemas::ShotDocument& shot = exported.shot;
   if (file.extension() == ".chan") {
-    fmt::print("Set the film back of the importing camera to {:.6g} x {:.6g} mm.\n",
-               shot.camera.film_back_mm, shot.camera.film_back_mm * shot.height / shot.width);
+    fmt::print(
+        "Set the film back of the importing camera to {:.6g} x {:.6g} mm and its rotation order to "
+        "{} (the default is ZXY in Nuke, XYZ in Blender).\n",
+        shot.camera.film_back_mm, shot.camera.film_back_mm * shot.height / shot.width,
+        rotation_order);
   }
   if (file.extension() == ".gltf") {
     const FrameRate rate =
@@ -127,7 +130,7 @@ ExitCode write_camera(const Options& options) {
   if (!camera.file_summary().empty()) fmt::print("Camera: {}\n", camera.file_summary());
   fmt::print("{}: {} frames, {}\n", options.output, frames.size(),
              compose::format_frame_range(frames));
-  print_import_settings(exported, output);
+  print_import_settings(exported, output, options.rotation_order);
   return ExitCode::kSuccess;
 }
 

@@ -41,7 +41,10 @@ TEST_F(CameraCommand, WritesALineForEachFrame) {
   const testing::CommandResult result = run("-o '" + path("a.chan") + "'");
   EXPECT_EQ(result.exit_code, 0) << result.output;
   EXPECT_THAT(result.output, HasSubstr("4 frames, 11-14"));
-  EXPECT_THAT(result.output, HasSubstr("film back of the importing camera to 36 x 20.25 mm"));
+  EXPECT_THAT(
+      result.output,
+      HasSubstr(
+          "film back of the importing camera to 36 x 20.25 mm and its rotation order to ZXY"));
   const std::string text = read_file(path("a.chan"));
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 4);
   EXPECT_THAT(text, ::testing::StartsWith("11\t0\t1\t2\t"));

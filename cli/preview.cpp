@@ -72,7 +72,8 @@ int main(int argc, char** argv) {
               "width of a picture of the contact sheet, pixels, at most that of the frames "
               "(default: 400)")
       .range(16, 8192);
-  command.option("--frames RANGE", frames, "frames to show, e.g. 1-48x2 (default: all that exist)");
+  command.option("--frames RANGE", frames,
+                 "frames to show, e.g. 1-48x2 (default: from the first to the last file)");
   command
       .option(
           "--fps FPS", fps,

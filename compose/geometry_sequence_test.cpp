@@ -233,6 +233,7 @@ TEST_F(GeometrySequence, SaysWhatIsWrongBeforeAnythingIsRendered) {
   shot_.layers[1] = square(-2);
   shot_.layers[1].geometry->material->texture = "none.png";
   EXPECT_THAT(refusal(), HasSubstr("the texture file does not exist"));
+  EXPECT_THAT(refusal(), HasSubstr("relative to the shot's folder"));
   shot_.layers[1] = square(-2);
   shot_.lights = {{.light_field = "nobody"}};
   EXPECT_THAT(refusal(), HasSubstr("shot.json#/lights/0: the light uses the layer \"nobody\""));
@@ -243,6 +244,23 @@ TEST_F(GeometrySequence, SaysWhatIsWrongBeforeAnythingIsRendered) {
   shot_.lights.clear();
   shot_.layers[1].geometry->keys[0].orientation = {{0, 0, 0, 0}};
   EXPECT_THAT(refusal(), HasSubstr("shot.json#/layers/1/geometry/keys/0"));
+}
+
+TEST_F(GeometrySequence, SaysThatEmissionIsNotRendered) {
+  std::ofstream(folder_.path() / "glow.mtl") << "newmtl lamp\nKd 0 0 0\nKe 1 1 1\n";
+  std::ofstream(folder_.path() / "glow.obj") << "mtllib glow.mtl\no sign\nv -0.5 -0.5 0\nv 0.5 "
+                                                "-0.5 0\nv 0.5 0.5 0\nusemtl lamp\nf 1 2 3\n";
+  const auto warns = [&] {
+    messages_.clear();
+    EXPECT_EQ(run().rendered, 1);
+    return std::ranges::any_of(messages_, [](const std::string& message) {
+      return message.find("a material of glow.obj emits light") != std::string::npos;
+    });
+  };
+  shot_.layers[1].geometry->file = "glow.obj";
+  EXPECT_FALSE(warns()) << "the shot replaces the material";
+  shot_.layers[1].geometry->material.reset();
+  EXPECT_TRUE(warns());
 }
 
 TEST_F(GeometrySequence, SaysWhichAnimationIsNotShown) {

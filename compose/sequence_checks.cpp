@@ -233,16 +233,23 @@ void report_headlight(const ShotPlan& plan, const SequenceOptions& options) {
   }
 }
 
-/// Reports animations of mesh files that are not read or not in the shot.
-void report_mesh_animations(const ShotPlan& plan, const SequenceOptions& options) {
+/// Reports what of mesh files is not read (light, animations), and animations outside of the shot.
+void report_mesh_losses(const ShotPlan& plan, const SequenceOptions& options) {
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     const GeometryLayer* mesh = plan.geometry(i);
     if (mesh == nullptr) continue;
     const std::string& file = plan.shot().layers[i].geometry->file;
+    if (mesh->has_unread_emission()) {
+      options.on_message(
+          fmt::format("warning: {}a material of {} emits light, which is not rendered: what only "
+                      "emits is black",
+                      layer_label(plan, i), file));
+    }
     if (mesh->has_unread_animation()) {
       options.on_message(fmt::format(
           "warning: {}the animation of {} is not read or not read whole: only nodes of glTF move, "
-          "not bones and morph targets; bake it to them, or write \"animated\": false",
+          "not bones and morph targets, and nothing of other formats; export glTF with the motion "
+          "baked to nodes, or write \"animated\": false",
           layer_label(plan, i), file));
     }
     const auto keys = mesh->key_frames();
@@ -292,7 +299,7 @@ void report_sequence_warnings(const ShotPlan& plan, std::span<const PlannedFrame
     options.on_message("camera: " + camera);
   }
   report_headlight(plan, options);
-  report_mesh_animations(plan, options);
+  report_mesh_losses(plan, options);
   for (const LightFieldLayer* light_field : plan.light_fields()) {
     const std::size_t i = light_field->index();
     const std::string of_layer = layer_label(plan, i);

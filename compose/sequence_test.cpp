@@ -191,6 +191,13 @@ TEST_F(Sequence, ADraftHasItsOwnSizeCamerasAndFingerprint) {
   options_.draft = {};
   EXPECT_EQ(run().rendered, 1);
   EXPECT_EQ(default_output("p/shot.json", shot_, true), "p/renders/sh_draft.####.exr");
+  shot_.layers.push_back(shot_.layers.front());
+  shot_.layers[0] = shot_.layers[1];
+  shot_.layers[0].name = "set";
+  shot_.layers[1].name = "cube";
+  EXPECT_EQ(default_output("p/shot.json", shot_, true), "p/renders/sh_set_draft.####.exr");
+  shot_.layers[0].opacity = 0;
+  EXPECT_EQ(default_output("p/shot.json", shot_, true), "p/renders/sh_cube_draft.####.exr");
 }
 
 TEST(DefaultOutput, StandsBesideTheShotAndIsOneSafeName) {

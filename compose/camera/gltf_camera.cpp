@@ -100,7 +100,10 @@ Found find_camera(const GltfFile& file, const std::string& name) {
     throw file.input_error(name.empty() || names.empty()
                                ? std::string("the file has no camera")
                                : fmt::format("the file has no camera \"{}\", only {}", name, names),
-                           "/nodes", "Export the file with its camera, or correct the name");
+                           "/nodes",
+                           name.empty()
+                               ? "Export the file with its camera (Blender: Include > Cameras)"
+                               : "Export the file with its camera, or correct the name");
   }
   throw file.input_error(name.empty()
                              ? fmt::format("the file has {} cameras: {}", cameras.size(), names)

@@ -6,13 +6,14 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <fstream>
 #include <numbers>
 #include <set>
+#include <span>
 #include <utility>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "base/posix_file.h"
 #include "compose/geometry/frustum_culling.h"
 #include "compose/geometry/geometry_scene.h"
 
@@ -31,12 +32,11 @@ void add_values(Fingerprint& print, const char* label, const std::vector<T>& val
 }
 
 void add_file(Fingerprint& print, const std::filesystem::path& file) {
-  std::ifstream stream(file, std::ios::binary);
   std::string chunk(std::size_t{1} << 20, '\0');
-  do {
-    stream.read(chunk.data(), static_cast<std::streamsize>(chunk.size()));
-    print.text("file", {chunk.data(), static_cast<std::size_t>(stream.gcount())});
-  } while (stream);
+  for (std::uint64_t offset = 0, got = chunk.size(); got == chunk.size(); offset += got) {
+    got = read_file_part(file, offset, std::as_writable_bytes(std::span(chunk)));
+    print.text("file", {chunk.data(), got});
+  }
 }
 
 /// Replaces the file's materials by that of the shot.
@@ -51,6 +51,7 @@ void replace_materials(Mesh& mesh, const schemas::ShotDocument::Material& by,
     if (by.color) material.color = color_from(*by.color);
     if (by.texture.empty()) continue;
     material.texture = (folder / by.texture).lexically_normal();
+    material.is_texture_of_shot = true;
     material.embedded_texture = nullptr;
   }
 }
@@ -90,12 +91,20 @@ Textures::Handle open_texture(const Material& material, Textures& textures,
   }
   if (material.embedded_texture) return textures.open(material.embedded_texture);
   if (material.texture.empty()) return nullptr;
+  if (!material.texture.has_filename()) {
+    throw Error::bad_input("the mesh file has neither its texture nor the path of it",
+                           file.string(),
+                           "Export it with its textures embedded (Blender's FBX: Path Mode Copy, "
+                           "with the icon next to it pressed)");
+  }
   try {
     return textures.open(material.texture);
   } catch (const Error& error) {
     if (error.exit_code() != ExitCode::kBadInput) throw;
-    throw Error::bad_input(error.what_happened() + ", a texture of the mesh " + file.string(),
-                           error.where(), error.what_to_do());
+    throw Error::bad_input(
+        error.what_happened() + ", a texture of the mesh " + file.string(), error.where(),
+        error.what_to_do() + (material.is_texture_of_shot ? "; it is relative to the shot's folder"
+                                                          : "; it is relative to the mesh file"));
   }
 }
 
@@ -136,6 +145,7 @@ GeometryLayer::GeometryLayer(const schemas::ShotDocument::Geometry& geometry, Fr
   }
   for (const EmbeddedImage* image : images)
     image_bytes_ += image == nullptr ? 0 : image->bytes.size();
+  has_unread_emission_ = file.is_emissive && !geometry.material;
   if (geometry.is_animated && file.is_animated) {
     has_unread_animation_ = !is_gltf(path) || file.is_deformable;
     if (is_gltf(path)) moving_ = read_motion(geometry, fps, file, path, where);

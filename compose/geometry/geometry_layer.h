@@ -36,6 +36,9 @@ class GeometryLayer final : public Layer {
   /// Returns whether the file has an animation that is not read: of other formats than glTF, or of
   /// bones and morph targets.
   bool has_unread_animation() const { return has_unread_animation_; }
+  /// Returns whether a material of the file, which the shot does not replace, emits light, which is
+  /// not rendered.
+  bool has_unread_emission() const { return has_unread_emission_; }
   /// Returns the frames of the first and the last key; none: nothing moves.
   std::optional<std::array<double, 2>> key_frames() const;
   /// Returns the mesh, without its animation.
@@ -58,7 +61,7 @@ class GeometryLayer final : public Layer {
  private:
   AnimatedTransform transform_;
   int samples_ = 16;
-  bool has_unread_animation_ = false;
+  bool has_unread_animation_ = false, has_unread_emission_ = false;
   std::size_t image_bytes_ = 0;  ///< of textures in the file
   /// An animated mesh in the coordinates of its nodes.
   struct Moving {

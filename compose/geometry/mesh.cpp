@@ -86,6 +86,12 @@ Material material_from(const aiScene& scene, const aiMaterial& from,
   return material;
 }
 
+bool is_emissive(const aiMaterial& from) {
+  aiColor3D color;
+  return from.GetTextureCount(aiTextureType_EMISSIVE) > 0 ||
+         (from.Get(AI_MATKEY_COLOR_EMISSIVE, color) == AI_SUCCESS && !color.IsBlack());
+}
+
 [[noreturn]] void refuse_number(const std::filesystem::path& file) {
   throw Error::bad_input("the mesh has a vertex that is not finite", file.string(),
                          "Export it again");
@@ -190,6 +196,7 @@ MeshFile read_mesh_file(const std::filesystem::path& file, bool applies_unit) {
   Mesh& mesh = result.mesh;
   ImageByTexture images;
   for (unsigned m = 0; m < scene->mNumMaterials; ++m) {
+    result.is_emissive |= is_emissive(*scene->mMaterials[m]);
     mesh.materials.push_back(material_from(*scene, *scene->mMaterials[m], file, images));
   }
   if (mesh.materials.empty()) mesh.materials.emplace_back();

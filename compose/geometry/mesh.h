@@ -32,6 +32,7 @@ struct Material {
   Eigen::Vector3f color{0.8F, 0.8F, 0.8F};
   std::filesystem::path texture = {};  ///< empty: none
   float roughness = 0.2F;              ///< of kGlossy, (0, 1]; alpha of GGX is its square
+  bool is_texture_of_shot = false;     ///< and not of the mesh file
   std::shared_ptr<const EmbeddedImage> embedded_texture = {};  ///< instead of `texture`; or null
 };
 
@@ -65,6 +66,7 @@ struct MeshFile {
   std::vector<Eigen::Affine3d> file_from_node;
   bool is_animated = false;    ///< whether the file has animations
   bool is_deformable = false;  ///< whether bones or morph targets deform a mesh
+  bool is_emissive = false;    ///< whether a material emits light, which is not read
 
   /// Returns the mesh in the file's coordinates. `file_from_node`: of each node. `file`: named by
   /// errors. Throws Error (bad input) if a number is not finite.

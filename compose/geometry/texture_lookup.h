@@ -26,9 +26,10 @@ class TextureLookup {
                                             float width) const = 0;
 };
 
-/// Entry point of the module, under this name. The caller owns the result.
+/// Entry point of the module, under this name. The caller owns the result. Raise the number when
+/// TextureLookup changes: a module of another version is refused then.
 using OpenTextureLookup = TextureLookup*(std::size_t cache_bytes);
-inline constexpr const char* kOpenTextureLookup = "raystage_open_texture_lookup";
+inline constexpr const char* kOpenTextureLookup = "raystage_open_texture_lookup_2";
 inline constexpr const char* kTextureModule = "raystage-textures.so";
 
 }  // namespace raystage::compose

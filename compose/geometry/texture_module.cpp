@@ -213,6 +213,6 @@ class OiioTextureLookup : public TextureLookup {
 }  // namespace raystage::compose
 
 extern "C" __attribute__((visibility("default"))) raystage::compose::TextureLookup*
-raystage_open_texture_lookup(std::size_t cache_bytes) {
+raystage_open_texture_lookup_2(std::size_t cache_bytes) {
   return new raystage::compose::OiioTextureLookup(cache_bytes);
 }

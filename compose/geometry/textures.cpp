@@ -31,8 +31,7 @@ OpenTextureLookup* load_module() {
 Textures::Handle Textures::open(const std::filesystem::path& file) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(file, error)) {
-    throw Error::bad_input("the texture file does not exist", file.string(),
-                           "Correct the path; a mesh file's textures are relative to it");
+    throw Error::bad_input("the texture file does not exist", file.string(), "Correct the path");
   }
   load_lookup();
   return lookup_->open(file);

@@ -71,7 +71,10 @@ Selection select(const PreviewOptions& options) {
         fmt::format("{} of {} frames are missing ({})", missing.size(), selection.frames.size(),
                     format_frame_range(missing)),
         fmt::format("{}", fmt::join(incomplete, ", ")),
-        "Render them, choose other frames, or let missing frames repeat the last one")
+        fmt::format(
+            "Render them, choose other frames (there are {}), or let missing frames repeat the "
+            "last one",
+            format_frame_range(there)))
         .concerning({"frames", "missing"});
   }
   return selection;

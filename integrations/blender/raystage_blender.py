@@ -107,6 +107,8 @@ def camera_at(scene, depsgraph, size: tuple[int, int]) -> dict:
         "shift_x": camera.shift_x * shift_unit,
         "shift_y": camera.shift_y * shift_unit,
     }
+    if scene.render.use_multiview:
+        move_to_middle(state, matrix, scale, camera.stereo)
     if camera.dof.use_dof:
         distance = camera.dof.focus_distance
         if camera.dof.focus_object is not None:
@@ -142,6 +144,30 @@ def keys_of(states: dict[int, dict]) -> list[dict]:
     return keys
 
 
+def move_to_middle(state: dict, matrix, scale: float, stereo) -> None:
+    """Moves a camera from where Blender's pivot has it to the middle between the eyes, in which a shot has it."""
+    side = {"LEFT": 0.5, "RIGHT": -0.5}.get(stereo.pivot, 0.0)
+    to_middle = matrix.to_3x3().col[0].normalized() * (side * stereo.interocular_distance * scale)
+    state["position"] = [a + b for a, b in zip(state["position"], to_middle)]
+    if stereo.convergence_mode == "OFFAXIS":
+        ratio = side * stereo.interocular_distance / stereo.convergence_distance
+        state["shift_x"] -= ratio * state["focal_length_mm"] / state["film_back_mm"]
+
+
+def stereo_of(scene) -> dict:
+    """Returns the stereo views of the active camera as a member of a shot's camera; empty: the scene has one view."""
+    if not scene.render.use_multiview:
+        return {}
+    stereo = scene.camera.data.stereo
+    if stereo.convergence_mode == "TOE" or scene.render.views_format != "STEREO_3D":
+        raise RaystageError("Raystage renders two parallel views. Set Stereoscopy to Stereo 3D, and the camera's convergence to Off-Axis or Parallel.")
+    scale = scene.unit_settings.scale_length
+    found = {"interaxial_m": rounded(stereo.interocular_distance * scale)}
+    if stereo.convergence_mode == "OFFAXIS":
+        found["convergence_m"] = rounded(stereo.convergence_distance * scale)
+    return {"stereo": found}
+
+
 def shot_camera(context) -> dict:
     """Returns what a shot says about the scene's camera, evaluated at every frame: constraints, drivers and markers count."""
     scene = context.scene
@@ -154,6 +180,7 @@ def shot_camera(context) -> dict:
             states[frame] = camera_at(scene, context.evaluated_depsgraph_get(), size)
     finally:
         scene.frame_set(at_first[0], subframe=at_first[1])
+    stereo = stereo_of(scene)
     width_mm = states[scene.frame_start]["film_back_mm"]
     previous = None
     for state in states.values():
@@ -168,7 +195,7 @@ def shot_camera(context) -> dict:
     return {
         "width": size[0], "height": size[1], "fps": frame_rate(scene),
         "first_frame": scene.frame_start, "last_frame": scene.frame_end,
-        "camera": {"film_back_mm": rounded(width_mm), "keys": keys_of(states)},
+        "camera": {"film_back_mm": rounded(width_mm), **stereo, "keys": keys_of(states)},
     }
 
 
@@ -187,7 +214,7 @@ def merged_shot(shot: dict, given: dict, file: pathlib.Path) -> dict:
     stereo = camera.get("stereo") if isinstance(camera, dict) else None
     shot = {**shot, "schema": SHOT_SCHEMA, **given}
     if stereo is not None:
-        shot["camera"] = {**given["camera"], "stereo": stereo}
+        shot["camera"] = {"stereo": stereo, **given["camera"]}
     return shot
 
 
@@ -224,12 +251,20 @@ def rig_matrix(camera: dict) -> mathutils.Matrix:
     return WORLD_FROM_BLENDER.inverted() @ matrix
 
 
-def add_take_cameras(context, take: pathlib.Path):
-    """Adds the cameras of a take's rig as cameras of a new collection, which it returns."""
+def remove_collection(collection) -> None:
+    """Removes a collection with all that is in it alone."""
+    for found in list(collection.objects):
+        data = found.data
+        bpy.data.objects.remove(found)
+        if data is not None and data.users == 0:
+            (bpy.data.cameras if isinstance(data, bpy.types.Camera) else bpy.data.meshes).remove(data)
+    bpy.data.collections.remove(collection)
+
+
+def add_take_cameras(context, take: pathlib.Path, collection) -> None:
+    """Adds the cameras of a take's rig."""
     file = take / "rig.json"
     cameras = read_document(file).get("cameras")
-    collection = bpy.data.collections.new(f"Raystage {take.name}")
-    context.scene.collection.children.link(collection)
     scale = 1 / context.scene.unit_settings.scale_length
     try:
         for camera in cameras:
@@ -247,7 +282,6 @@ def add_take_cameras(context, take: pathlib.Path):
             collection.objects.link(found)
     except (KeyError, TypeError, ValueError, ZeroDivisionError) as error:
         raise RaystageError(f"{file}: the rig cannot be used: {error}. Check it by `raystage info`.") from error
-    return collection
 
 
 def run_raystage(*arguments: str) -> None:
@@ -360,6 +394,8 @@ def read_exr_header(file: pathlib.Path) -> dict:
             at += size
             if kind == "string":
                 attributes[name] = value.decode("utf-8", "replace")
+            elif kind == "stringvector":
+                attributes[name] = value.decode("utf-8", "replace")  # whether there is one is what matters
             elif kind == "box2i" and size == 16:
                 attributes[name] = struct.unpack("<4i", value)
             elif kind == "rational" and size == 8:
@@ -400,28 +436,32 @@ def sequence_frames(file: pathlib.Path) -> list[int]:
     return sorted(int(m.group(1)) for m in map(pattern.fullmatch, (p.name for p in file.parent.iterdir())) if m)
 
 
-def load_render(context, file: pathlib.Path) -> list[str]:
-    """Loads a rendered sequence into the compositor: picture, depth, a Cryptomatte node, colour space. Returns warnings."""
-    header = read_exr_header(file)
-    frames = sequence_frames(file)
-    scene = context.scene
-    image = bpy.data.images.load(str(file), check_existing=True)
-    warnings = [set_color_space(image, header.get("colorInteropID", ""))]
-    scene.use_nodes = True
-    tree = scene.node_tree
+def image_node(tree, image, label: str, frames: list[int]):
+    """Adds a node that shows a sequence so that frame n of the scene shows file n."""
     node = tree.nodes.new("CompositorNodeImage")
     node.image = image
-    node.label = file.name
+    node.label = label
+    show_sequence(node, image, frames)
+    return node
+
+
+def show_sequence(node, image, frames: list[int]) -> None:
+    if len(frames) <= 1:
+        return
+    image.source = "SEQUENCE"
+    # Blender counts from the number of the file that was opened.
+    node.frame_start = frames[0]
+    node.frame_duration = frames[-1] - frames[0] + 1
+    node.frame_offset = frames[0] - 1
+    node.use_auto_refresh = True
+
+
+def set_scene(scene, header: dict, frames: list[int]) -> None:
+    """Gives the scene the range, size and rate of a render."""
     if len(frames) > 1:
-        image.source = "SEQUENCE"
-        # Frame n of the scene shows file n: Blender counts from the number of the file that was opened.
-        node.frame_start = frames[0]
-        node.frame_duration = frames[-1] - frames[0] + 1
-        node.frame_offset = frames[0] - 1
-        node.use_auto_refresh = True
         scene.frame_start, scene.frame_end = frames[0], frames[-1]
-        if len(frames) != node.frame_duration:
-            warnings.append(f"{node.frame_duration - len(frames)} frames between {frames[0]} and {frames[-1]} are missing.")
+    if frames and not scene.frame_start <= scene.frame_current <= scene.frame_end:
+        scene.frame_set(scene.frame_start)
     window = header.get("displayWindow")
     if window:
         scene.render.resolution_x, scene.render.resolution_y = window[2] - window[0] + 1, window[3] - window[1] + 1
@@ -431,18 +471,45 @@ def load_render(context, file: pathlib.Path) -> list[str]:
         fps = numerator / denominator
         scene.render.fps = max(1, round(fps))
         scene.render.fps_base = scene.render.fps / fps
+
+
+def picture_output(node):
+    """Returns the output with the picture: the first one of stereo files is another."""
+    return node.outputs.get("Combined") or node.outputs.get("Image") or node.outputs[0]
+
+
+def load_render(context, file: pathlib.Path) -> list[str]:
+    """Loads a rendered sequence into the compositor: picture, depth, a Cryptomatte node, colour space. Returns warnings."""
+    header = read_exr_header(file)
+    frames = sequence_frames(file)
+    scene = context.scene
+    image = bpy.data.images.load(str(file), check_existing=True)
+    space = header.get("colorInteropID", "")
+    warnings = [set_color_space(image, space)]
+    if header.get("view") or header.get("multiView"):
+        scene.render.use_multiview = True  # before the node: it has the passes of both eyes then
+    set_scene(scene, header, frames)
+    if len(frames) > 1 and len(frames) != frames[-1] - frames[0] + 1:
+        warnings.append(f"{frames[-1] - frames[0] + 1 - len(frames)} frames between {frames[0]} and {frames[-1]} are missing.")
+    scene.use_nodes = True
+    tree = scene.node_tree
+    node = image_node(tree, image, file.name, frames)
+    if space not in ("", "lin_rec709_scene"):
+        # Blender converts every pass of three channels as if it was a colour: positions and normals are taken from an image of its own.
+        data = bpy.data.images.load(str(file), check_existing=False)
+        data.colorspace_settings.name = "Non-Color"
+        passes = image_node(tree, data, f"{file.name}: P, N and other data", frames)
+        passes.location = node.location[0], node.location[1] - 350
     if any(name.startswith("cryptomatte/") for name in header):
         matte = tree.nodes.new("CompositorNodeCryptomatteV2")
         matte.source = "IMAGE"
         matte.image = image
-        if len(frames) > 1:
-            matte.frame_start, matte.frame_duration, matte.frame_offset = node.frame_start, node.frame_duration, node.frame_offset
-            matte.use_auto_refresh = True
+        show_sequence(matte, image, frames)
         matte.location = node.location[0] + 300, node.location[1] - 350
-        tree.links.new(node.outputs[0], matte.inputs[0])
+        tree.links.new(picture_output(node), matte.inputs[0])
     composite = next((n for n in tree.nodes if n.bl_idname == "CompositorNodeComposite"), None) or tree.nodes.new("CompositorNodeComposite")
     composite.location = node.location[0] + 600, node.location[1]
-    tree.links.new(node.outputs[0], composite.inputs["Image"])
+    tree.links.new(picture_output(node), composite.inputs["Image"])
     depth = node.outputs.get("Depth")
     if depth is not None and "Z" in composite.inputs:
         tree.links.new(depth, composite.inputs["Z"])
@@ -489,9 +556,17 @@ class RAYSTAGE_OT_import_take(RaystageOperator, bpy.types.Operator, bpy_extras.i
     def run(self, context):
         take = pathlib.Path(self.filepath)
         take = take if take.is_dir() else take.parent
-        collection = add_take_cameras(context, take)
-        if self.with_proxy:
-            add_take_proxy(context, take, collection, self.seconds)
+        if not (take / "take.json").is_file():
+            raise RaystageError(f"{take}: this folder is not a take: take.json is missing. Choose the take.json of a take.")
+        collection = bpy.data.collections.new(f"Raystage {take.name}")
+        context.scene.collection.children.link(collection)
+        try:
+            add_take_cameras(context, take, collection)
+            if self.with_proxy:
+                add_take_proxy(context, take, collection, self.seconds)
+        except Exception:
+            remove_collection(collection)
+            raise
         self.report({"INFO"}, f"{take}: {len(collection.objects)} objects")
         return {"FINISHED"}
 

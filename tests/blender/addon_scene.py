@@ -235,21 +235,63 @@ def import_take(take: str, point: str) -> None:
             "collections": [c.name for c in scene.collection.children]})
 
 
+def failed_import(take: str) -> None:
+    """Returns the messages of imports that fail, and what they leave."""
+    clear()
+    messages = []
+    for file, seconds in ((take + "/take.json", 50), (take + "/archive/take.json", 0)):
+        try:
+            bpy.ops.raystage.import_take(filepath=file, seconds=seconds)
+        except RuntimeError as error:
+            messages.append(str(error))
+    answer({"messages": messages, "objects": len(bpy.data.objects), "cameras": len(bpy.data.cameras),
+            "collections": [c.name for c in scene.collection.children]})
+
+
+def export_stereo(shot: str, pivot: str) -> None:
+    """Writes the stereo of a scene. Returns what the eye at the pivot sees, which is the camera, and why toed-in cameras are refused."""
+    build()
+    scene.render.use_multiview = True
+    stereo = scene.camera.data.stereo
+    stereo.interocular_distance, stereo.convergence_distance, stereo.convergence_mode = 0.12, 3, "OFFAXIS"
+    stereo.pivot = pivot
+    bpy.ops.raystage.export_shot(filepath=shot)
+    result = {"pixels": seen(scene.camera), "points": raystage_points()}
+    stereo.convergence_mode = "TOE"
+    message = ""
+    try:
+        bpy.ops.raystage.export_shot(filepath=shot)
+    except RuntimeError as error:
+        message = str(error)
+    answer({**result, "message": message})
+
+
 def import_render(file: str, picture: str, frame: str) -> None:
     clear()
     scene.camera = add("camera", bpy.data.cameras.new("camera"))  # Blender renders nothing without one
     bpy.ops.raystage.import_render(filepath=file)
     nodes = {node.bl_idname: node for node in scene.node_tree.nodes}
-    source = nodes["CompositorNodeImage"]
+    images = [node for node in scene.node_tree.nodes if node.bl_idname == "CompositorNodeImage"]
+    source = images[0]
     matte = nodes.get("CompositorNodeCryptomatteV2")
     composite = nodes["CompositorNodeComposite"]
     result = {
         "space": source.image.colorspace_settings.name, "duration": source.frame_duration, "start": source.frame_start,
         "range": [scene.frame_start, scene.frame_end], "size": [scene.render.resolution_x, scene.render.resolution_y],
         "fps": scene.render.fps / scene.render.fps_base, "matte": matte is not None,
-        "depth": composite.inputs["Z"].is_linked,
+        "depth": composite.inputs["Z"].is_linked, "multiview": scene.render.use_multiview, "current": scene.frame_current,
+        "picture": composite.inputs["Image"].links[0].from_socket.name, "spaces": [n.image.colorspace_settings.name for n in images],
     }
     scene.frame_set(int(frame))
+    # Positions and normals as an artist takes them: from the last node.
+    passes = scene.node_tree.nodes.new("CompositorNodeOutputFile")
+    passes.base_path = picture + ".passes"
+    passes.format.file_format, passes.format.color_depth = "OPEN_EXR", "32"
+    passes.file_slots.clear()
+    for name in ("P", "N"):
+        if name in images[-1].outputs:
+            passes.file_slots.new(name)
+            scene.node_tree.links.new(images[-1].outputs[name], passes.inputs[name])
     scene.view_settings.view_transform = "Raw"
     scene.render.image_settings.file_format = "OPEN_EXR"
     scene.render.image_settings.color_depth = "32"
@@ -260,4 +302,4 @@ def import_render(file: str, picture: str, frame: str) -> None:
 
 {"export_shot": export_shot, "export_gltf": export_gltf, "import_gltf": import_gltf, "render_cube": render_cube,
  "render_materials": render_materials, "compare_colors": compare_colors,
- "compare_masks": compare_masks, "import_take": import_take, "import_render": import_render}[task](*arguments)
+ "compare_masks": compare_masks, "import_take": import_take, "failed_import": failed_import, "export_stereo": export_stereo, "import_render": import_render}[task](*arguments)

@@ -187,6 +187,40 @@ class BlenderAddon(unittest.TestCase):
         near, far = document["depth_range_m"]
         self.assertTrue(near * 0.8 < found["middle_depth"] < far * 1.2, found)
         self.assertEqual(found["collections"][-1], "Raystage take")
+        failed = blender("failed_import", take)
+        self.assertIn("the take has 0 to", failed["messages"][0])
+        self.assertIn("take.json is missing", failed["messages"][1])
+        self.assertEqual((failed["objects"], failed["cameras"]), (0, failed["cameras"]))
+        self.assertLessEqual(failed["cameras"], 1, "that of Blender's first scene")
+        self.assertFalse([name for name in failed["collections"] if "Raystage" in name])
+
+    def test_stereo_is_sent(self) -> None:
+        shot = self.write_shot("stereo.json", camera={"keys": [{"frame": 1, "position": [0, 0, 0], "horizontal_fov_deg": 50}],
+                                                      "stereo": {"interaxial_m": 1}})
+        for pivot in ("LEFT", "RIGHT"):
+            found = blender("export_stereo", shot, pivot)
+            stereo = json.loads(shot.read_text())["camera"]["stereo"]
+            self.assertAlmostEqual(stereo["interaxial_m"], 0.12, 6)
+            self.assertAlmostEqual(stereo["convergence_m"], 3, 6)
+            self.assertIn("Off-Axis or Parallel", found["message"])
+            # The eye at the pivot is Blender's camera, without convergence.
+            script = self.folder / "eye.nk"
+            run(BIN / "raystage", "camera", shot, "--eye", pivot.lower(), "-o", script)
+            camera = NukeCamera(script.read_text())
+            for frame in (FIRST, FIRST + 5, LAST):
+                for point, pixel in zip(found["points"], found["pixels"][str(frame)]):
+                    self.assertLess(math.dist(camera.pixel(point, frame), pixel), 0.01, f"{pivot} {frame}")
+
+    def test_both_eyes_of_a_render_arrive(self) -> None:
+        shot = self.write_shot("eyes.json", width=96, height=54, first_frame=7, last_frame=7,
+                               layers=[{"name": "card", "geometry": {"file": "card.obj"}}],
+                               camera={"keys": [{"frame": 7, "position": [0, 0, 2], "horizontal_fov_deg": 50}], "stereo": {"interaxial_m": 0.2}})
+        (self.folder / "card.obj").write_text("o card\nv -0.5 -0.5 0\nv 0.5 -0.5 0\nv 0.5 0.5 0\nv -0.5 0.5 0\nf 1 2 3 4\n")
+        for layout in ("standard", "single"):
+            run(BIN / "raystage", "render", "-q", shot, "--layout", layout, "-o", self.folder / f"eyes_{layout}.####.exr")
+            found = blender("import_render", self.folder / f"eyes_{layout}.0007.exr", self.folder / f"eyes_{layout}.exr", "7")
+            self.assertTrue(found["multiview"] and found["depth"], found)
+            self.assertEqual(found["picture"], "Combined")
 
     def test_a_render_arrives_in_the_compositor(self) -> None:
         shot = self.write_shot("render.json", width=96, height=54, fps=25, first_frame=7, last_frame=9,
@@ -198,7 +232,7 @@ class BlenderAddon(unittest.TestCase):
         run(BIN / "raystage", "render", "-q", shot, "-o", self.folder / "r.####.exr")
         found = blender("import_render", self.folder / "r.0007.exr", self.folder / "composed.exr", "8")
         self.assertIn(found["space"], ("Linear ACEScg", "ACEScg"))
-        self.assertEqual((found["duration"], found["start"], found["range"]), (3, 7, [7, 9]))
+        self.assertEqual((found["duration"], found["start"], found["range"], found["current"]), (3, 7, [7, 9], 7))
         self.assertEqual(found["size"], [96, 54])
         self.assertAlmostEqual(found["fps"], 25, 3)
         self.assertTrue(found["matte"] and found["depth"])
@@ -209,6 +243,12 @@ class BlenderAddon(unittest.TestCase):
             return max(map(float, re.search(r"Max: *(\S+)", text).group(1).split()))
         self.assertLess(difference(8), 1e-3)
         self.assertGreater(difference(7), 0.5)
+        # Blender converts colours from ACEScg, but not positions and normals.
+        self.assertEqual(found["spaces"][1:], ["Non-Color"])
+        for name in ("P", "N"):
+            text = run("oiiotool", self.folder / f"composed.exr.passes/{name}0008.exr", "--ch", "R,G,B", self.folder / "r.0008.exr",
+                       "--ch", f"R={name}.X,G={name}.Y,B={name}.Z", "--absdiff", "--printstats")
+            self.assertLess(max(map(float, re.search(r"Max: *(.*)", text).group(1).split()[:3])), 1e-3, name)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ export const kReplaced = "A newer request replaced this one.";
 
 /** Sends messages and receives answers, texts and pictures. */
 export class Connection {
-  /** handlers: {open(), close(), message(json), picture(header, jpeg Blob)}. */
+  /** handlers: {open(), close(), message(json), picture(header, jpeg bytes)}. */
   constructor(handlers) {
     this.handlers = handlers;
     this.nextId = 1;
@@ -53,7 +53,7 @@ export class Connection {
     if (typeof data !== "string") {
       const length = new DataView(data).getUint32(0, true);
       const header = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
-      const jpeg = new Blob([new Uint8Array(data, 4 + length)], { type: "image/jpeg" });
+      const jpeg = new Uint8Array(data, 4 + length);
       const question = this.waiting.get(header.id);
       if (question?.type === header.content) {
         this.waiting.delete(header.id);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The takes and shots of a folder as cards.
+import { decodePicture } from "./picture.js";
 
 /** Returns "2 min 05 s" or "3.8 s". */
 export function durationText(seconds) {
@@ -77,8 +78,8 @@ export class Folder {
   async drawThumbnail(canvas, file) {
     try {
       const { jpeg } = await this.options.ask("thumbnail", { file, width: canvas.width, height: canvas.height });
-      const bitmap = await createImageBitmap(jpeg);
-      canvas.getContext("2d").drawImage(bitmap, (canvas.width - bitmap.width) / 2, (canvas.height - bitmap.height) / 2);
+      const bitmap = await decodePicture(jpeg);
+      canvas.getContext("2d").drawImage(bitmap.source, (canvas.width - bitmap.width) / 2, (canvas.height - bitmap.height) / 2);
       bitmap.close();
     } catch { /* a take without frames has no picture */ }
   }

@@ -2,6 +2,7 @@
 // A stereo view on a headset by WebXR. The server renders both eyes side by side for the latest pose of the
 // head; until the next picture comes, the latest one stays where it was in space, at the focal plane.
 import * as cam from "./camera.js";
+import { decodePicture } from "./picture.js";
 
 const kMinFieldOfView = 100;  // degrees, of pictures: wider than the display, as the head turns meanwhile
 
@@ -68,9 +69,9 @@ export async function showOnHeadset(options) {
     const camera = headCamera(base, [p.x, p.y, p.z], [q.w, q.x, q.y, q.z]);
     try {
       const { jpeg } = await options.render({ camera, frame: options.frame(), arrangement: "side_by_side", quality: "moving", ...size });
-      const bitmap = await createImageBitmap(jpeg);
+      const bitmap = await decodePicture(jpeg);
       gl.bindTexture(gl.TEXTURE_2D, texture);
-      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB, gl.RGB, gl.UNSIGNED_BYTE, bitmap);
+      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB, gl.RGB, gl.UNSIGNED_BYTE, bitmap.source);
       for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR);
       bitmap.close();

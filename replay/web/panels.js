@@ -186,7 +186,11 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
   }
 
   /** Shows which depths the false colours mean. span: [far, near], 1/m. */
+  let legend = "";
   function showLegend(span) {
+    const next = span ? span.join() : "";
+    if (next === legend) return;  // moving pictures: the page has no layout to do
+    legend = next;
     element("legend").hidden = !span;
     const text = (inverse) => (inverse > 0 ? (1 / inverse).toFixed(2) + " m" : "infinity");
     ["far", "near"].forEach((end, i) => { element("legend-" + end).textContent = span ? text(span[i]) : ""; });

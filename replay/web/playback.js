@@ -2,6 +2,7 @@
 // Playing at true speed. Pictures are requested some frames before they are due and wait for their
 // time, so that one that takes long is not late. Where rendering is slower than the shot, frames
 // are left out; playing never becomes slower.
+import { decodePicture } from "./picture.js";
 
 const kAhead = 8;          // pictures that wait, or are under way
 const kUnderWay = 2;       // one is rendered, one is on its way
@@ -86,7 +87,7 @@ export class Playback {
   async receive(header, jpeg) {
     const run = this.run, request = this.underWay.get(header.id);
     if (!request) return;
-    const bitmap = await createImageBitmap(jpeg);
+    const bitmap = await decodePicture(jpeg);
     if (this.run !== run || !this.underWay.delete(header.id)) return bitmap.close();
     const took = performance.now() - Math.max(request.sent, this.lastArrival ?? 0);
     this.lastArrival = performance.now();

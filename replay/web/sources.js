@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the cameras recorded: all of them as a mosaic, one of them whole, and the epipolar-plane image of
 // the row of pixels under the cursor.
+import { decodePicture } from "./picture.js";
 
 const kMaxPixels = 2 ** 24, kMaxLength = 8192;  // of a picture
 
@@ -51,14 +52,14 @@ export class Sources {
 
   /** Draws a mosaic or a frame, centred. */
   async draw({ header, jpeg }) {
-    const bitmap = await createImageBitmap(jpeg);
+    const bitmap = await decodePicture(jpeg);
     const stage = this.canvas.parentElement;
     this.canvas.width = Math.round(stage.clientWidth * devicePixelRatio);
     this.canvas.height = Math.round(stage.clientHeight * devicePixelRatio);
     const context = this.canvas.getContext("2d");
     const scale = Math.min(this.canvas.width / bitmap.width, this.canvas.height / bitmap.height);
     const left = (this.canvas.width - bitmap.width * scale) / 2, top = (this.canvas.height - bitmap.height * scale) / 2;
-    context.drawImage(bitmap, left, top, bitmap.width * scale, bitmap.height * scale);
+    context.drawImage(bitmap.source, left, top, bitmap.width * scale, bitmap.height * scale);
     bitmap.close();
     this.cells = (header.cells ?? []).map((cell) => ({ ...cell, box: [cell.box[0] * scale + left, cell.box[1] * scale + top, cell.box[2] * scale, cell.box[3] * scale] }));
     context.font = `${11 * devicePixelRatio}px system-ui`;
@@ -86,12 +87,12 @@ export class Sources {
     this.epiUnderWay = true;
     try {
       const { header, jpeg } = await this.options.ask("epi", { ...this.options.request(), width: view.width, height: view.height, pixel });
-      const bitmap = await createImageBitmap(jpeg);
+      const bitmap = await decodePicture(jpeg);
       const canvas = this.epiCanvas;
       canvas.width = bitmap.width;
       canvas.height = bitmap.height;
       const context = canvas.getContext("2d");
-      context.drawImage(bitmap, 0, 0);
+      context.drawImage(bitmap.source, 0, 0);
       bitmap.close();
       drawEpiLines(context, header.epi);
       this.epi = header.epi;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The picture: requests views while the camera moves and when it rests, and shows the newest one.
+import { decodePicture } from "./picture.js";
 
 const kMaxUnderWay = 2;    // requests that wait for their pictures: one rendered, one on its way
 const kRestAfter = 150;    // ms without motion until the view is refined
@@ -101,7 +102,7 @@ export class View {
 
   /** Handles a picture of the server: of the view, or what it is compared with. */
   async receive(header, jpeg) {
-    const bitmap = await createImageBitmap(jpeg);
+    const bitmap = await decodePicture(jpeg);
     // The server answers only the newest request: older ones will not be answered any more.
     const under = this.underWay.get(header.id);
     for (const id of this.underWay.keys()) {
@@ -149,12 +150,12 @@ export class View {
       this.canvas.width = bitmap.width;
       this.canvas.height = bitmap.height;
     }
-    this.context.drawImage(bitmap, 0, 0);
+    this.context.drawImage(bitmap.source, 0, 0);
     if (!this.isCompared()) return;
     const { width, height } = bitmap, left = Math.round(this.wipe * width), other = this.other.bitmap;
     const scale = other.width / width;
     if (left < width) {
-      this.context.drawImage(other, left * scale, 0, other.width - left * scale, other.height, left, 0, width - left, height);
+      this.context.drawImage(other.source, left * scale, 0, other.width - left * scale, other.height, left, 0, width - left, height);
     }
     this.context.fillStyle = "#f0b429";
     this.context.fillRect(left - 1, 0, 2, height);

@@ -27,7 +27,7 @@ struct Options {
   std::string node, start_at, status = "auto";
   double duration = 0, memory_mb = 0;
   int threads = 0;
-  bool hold = false, resume = false;
+  bool hold = false, resume = false, allow_filters_with_files = false;
 };
 
 void declare(CommandLine& command, Options& options) {
@@ -62,6 +62,10 @@ void declare(CommandLine& command, Options& options) {
       .flag(
           "-q,--quiet", [&] { options.status = "none"; }, "No progress: as --status none")
       .excludes("--status");
+  command.flag(
+      "--allow-filters-with-files", options.allow_filters_with_files,
+      "Let FFmpeg's filters open files and load libraries; only for configurations that you "
+      "trust");
   add_threads_option(command, options.threads);
   command.footer(
       "Exit codes: 0 every received frame is stored; 1 failed, or frames are unaccounted for;\n"
@@ -200,10 +204,9 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   if (options.status != "none") {
     fmt::print(stderr, "raystage record: opening {} cameras\n", config.cameras.size());
   }
-  auto cameras =
-      ingest::open_cameras(config, [folder](const schemas::RecordConfig::Camera& camera) {
-        return ingest::open_frame_source(camera, folder);
-      });
+  auto cameras = ingest::open_cameras(config, [&](const schemas::RecordConfig::Camera& camera) {
+    return ingest::open_frame_source(camera, folder, {options.allow_filters_with_files});
+  });
   constexpr double kMeasure = 2;  // seconds
   const auto rate = config.hold ? ingest::measure_data_rate(cameras, settings.jpeg, kMeasure)
                                 : std::optional<double>();

@@ -49,7 +49,8 @@ constexpr Fields kFfmpeg(required("url", &FfmpegSource::url, kPlainText),
                          optional("format", &FfmpegSource::format, kPlainText),
                          optional("options", &FfmpegSource::options,
                                   Converter(ffmpeg_options_from, std::identity{})),
-                         defaulted("realtime", &FfmpegSource::realtime));
+                         defaulted("realtime", &FfmpegSource::realtime),
+                         optional("max_frame_mb", &FfmpegSource::max_frame_mb));
 
 constexpr Fields kAravis(optional("device", &AravisSource::device, kPlainText),
                          optional("exposure_us", &AravisSource::exposure_us),

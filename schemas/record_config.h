@@ -19,9 +19,11 @@ struct RecordConfig {
   /// Any input that FFmpeg can open.
   struct FfmpegSource {
     std::string url;  ///< a URL, file or device, or "pipe:0"; "v4l2:/dev/video0" names the format
-    std::string format;  ///< FFmpeg's input format; empty: detected from the URL
-    std::map<std::string, std::string> options;  ///< FFmpeg's options, e.g. "video_size": "640x480"
-    bool realtime = false;  ///< deliver a file at its frame rate, like a camera
+    std::string format = {};  ///< FFmpeg's input format; empty: detected from the URL
+    std::map<std::string, std::string> options =
+        {};                                   ///< FFmpeg's options, e.g. "video_size": "640x480"
+    bool realtime = false;                    ///< deliver a file at its frame rate, like a camera
+    std::optional<double> max_frame_mb = {};  ///< larger frames are dropped, MB = 10^6 bytes
   };
   /// A GigE Vision or USB3 Vision camera.
   struct AravisSource {

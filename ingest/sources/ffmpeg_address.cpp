@@ -38,16 +38,6 @@ const AVInputFormat* find_format(const std::string& name) {
   return av_find_input_format(name.c_str());
 }
 
-/// Removes "user:password@" between "//" and the host.
-std::string without_credentials(const std::string& url) {
-  const std::size_t host = url.find("//");
-  if (host == url.npos) return url;
-  const std::size_t end = url.find('/', host + 2);
-  const std::size_t at = url.rfind('@', end);
-  if (at == url.npos || at < host) return url;
-  return url.substr(0, host + 2) + url.substr(at + 1);
-}
-
 bool is_named_pipe(const std::filesystem::path& file) {
   std::error_code ignored;
   return std::filesystem::is_fifo(file, ignored);
@@ -84,10 +74,20 @@ void split_format(const std::filesystem::path& base, std::string& url, std::stri
 
 }  // namespace
 
+std::string without_credentials(const std::string& url) {
+  const std::size_t host = url.find("//");
+  if (host == url.npos) return url;
+  const std::size_t end = url.find('/', host + 2);
+  const std::size_t at = url.rfind('@', end);
+  if (at == url.npos || at < host) return url;
+  return url.substr(0, host + 2) + url.substr(at + 1);
+}
+
 FfmpegAddress resolve_ffmpeg_address(const schemas::RecordConfig::FfmpegSource& source,
                                      const std::filesystem::path& base) {
   FfmpegAddress address;
   address.url = source.url;
+  address.may_redirect = source.options.contains("protocol_whitelist");
   std::string format = source.format;
   split_format(base, address.url, format);
   if (!format.empty()) {

@@ -23,6 +23,7 @@ struct FfmpegAddress {
   std::string url;                        ///< in FFmpeg's syntax
   std::string display_url;                ///< for messages: without user name and password
   const AVInputFormat* format = nullptr;  ///< null: FFmpeg detects it
+  bool may_redirect = false;              ///< to another host
 
   bool is_live() const { return kind == Kind::kNetwork || kind == Kind::kDevice; }
 };
@@ -31,5 +32,8 @@ struct FfmpegAddress {
 /// is not known without it. Throws Error (bad input) if FFmpeg has no such format or protocol.
 FfmpegAddress resolve_ffmpeg_address(const schemas::RecordConfig::FfmpegSource& source,
                                      const std::filesystem::path& base);
+
+/// Removes "user:password@" between "//" and the host.
+std::string without_credentials(const std::string& url);
 
 }  // namespace raystage::ingest

@@ -3,10 +3,16 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstring>
 #include <utility>
 
+extern "C" {
+#include <libavutil/opt.h>
+}
+
 #include "base/error.h"
+#include "ingest/sources/ffmpeg_permissions.h"
 #include "ingest/sources/frame_source.h"
 
 namespace raystage::ingest {
@@ -20,6 +26,7 @@ constexpr std::size_t kInUse = 2;      // packets: one of each thread
 // Bytes of FFmpeg's contexts, and of the packets that wait in a network protocol (udp: 5.4 MB).
 constexpr std::size_t kDemuxer = 1 << 20, kNetworkBuffers = 6 << 20;
 constexpr std::size_t kGraphPictures = 4;  // in use by filters, 4 bytes per pixel
+constexpr int kFrameTooLarge = FFERRTAG('B', 'I', 'G', ' ');
 
 bool is_v4l2(const AVInputFormat* format) {
   return format != nullptr && std::strstr(format->name, "v4l2") != nullptr;
@@ -27,10 +34,18 @@ bool is_v4l2(const AVInputFormat* format) {
 
 }  // namespace
 
-FfmpegInput::FfmpegInput(FfmpegAddress address, FfmpegOptions& options)
-    : address_(std::move(address)) {
+FfmpegInput::FfmpegInput(FfmpegAddress address, FfmpegOptions& options,
+                         std::optional<std::size_t> max_frame_bytes)
+    : address_(std::move(address)),
+      max_frame_bytes_(max_frame_bytes.value_or(kMaxFrameOfUnknownSize)) {
   deadline_ = (Clock::now() + kOpenWithin).time_since_epoch().count();
   open(options);
+  const AVCodecParameters& video = *stream().codecpar;
+  if (!max_frame_bytes && video.width > 0 && video.height > 0) {
+    constexpr std::size_t kLeast = 4'000'000, kBytesPerPixel = 4;
+    max_frame_bytes_ = std::max(kLeast, kBytesPerPixel * static_cast<std::size_t>(video.width) *
+                                            static_cast<std::size_t>(video.height));
+  }
   deadline_ = Clock::time_point::max().time_since_epoch().count();
 }
 
@@ -47,8 +62,35 @@ bool FfmpegInput::stopping() const {
   return stop_ || Clock::now().time_since_epoch().count() > deadline_;
 }
 
-int FfmpegInput::should_interrupt(void* self) {
-  return static_cast<const FfmpegInput*>(self)->stopping() ? 1 : 0;
+bool FfmpegInput::is_frame_too_large() const {
+  if (!context_ || context_->pb == nullptr) return false;
+  // In addition to the frame, FFmpeg has read the bytes to probe, and a buffer.
+  const std::int64_t beyond = context_->probesize + (std::int64_t{1} << 20);
+  const bool is_large_file = address_.kind == FfmpegAddress::Kind::kFile;
+  return !is_large_file &&
+         context_->pb->pos - frame_start_ > static_cast<std::int64_t>(max_frame_bytes_) + beyond;
+}
+
+int FfmpegInput::should_interrupt(void* opaque) {
+  const auto& self = *static_cast<const FfmpegInput*>(opaque);
+  return self.stopping() || self.is_frame_too_large() ? 1 : 0;
+}
+
+/// Throws Error (bad input) if the data come from another host than the address names.
+void FfmpegInput::check_redirection() const {
+  if (address_.kind != FfmpegAddress::Kind::kNetwork || address_.may_redirect) return;
+  std::string location = context_->url == nullptr ? "" : context_->url;
+  std::uint8_t* of_http = nullptr;
+  if (context_->pb != nullptr &&
+      av_opt_get(context_->pb, "location", AV_OPT_SEARCH_CHILDREN, &of_http) >= 0) {
+    location = reinterpret_cast<const char*>(of_http);
+    av_free(of_http);
+  }
+  if (location.empty() || have_same_host(address_.url, location)) return;
+  throw Error::bad_input("the camera redirects to another host, " + without_credentials(location),
+                         address_.display_url,
+                         "Give that address if you trust it, or set the option "
+                         "protocol_whitelist of the source");
 }
 
 void FfmpegInput::open(FfmpegOptions& options) {
@@ -83,6 +125,7 @@ void FfmpegInput::open(FfmpegOptions& options) {
                                : "Check the address and the values of the options " + named);
   }
   context_.reset(context);
+  check_redirection();
   // FFmpeg reports no error if the interruption comes while it looks for a tag at the start.
   if (stopping()) throw refuse(AVERROR_EXIT, "", "");
   probed_ = needs_probing();
@@ -145,6 +188,10 @@ std::size_t FfmpegInput::memory_overhead() const {
   // The bytes read while probing wait to be read again.
   if (probed_) bytes += static_cast<std::size_t>(context_->probesize);
   if (address_.kind == Kind::kNetwork) bytes += kNetworkBuffers;
+  // A frame that does not end.
+  if (raw == 0 && (address_.kind == Kind::kNetwork || address_.kind == Kind::kPipe)) {
+    bytes += max_frame_bytes_;
+  }
   if (std::strcmp(context_->iformat->name, "lavfi") == 0) bytes += kGraphPictures * 4 * pixels;
   return bytes;
 }
@@ -162,6 +209,16 @@ int FfmpegInput::read_packet(AVPacket& packet) {
       std::this_thread::sleep_for(1ms);
       continue;
     }
+    if (is_frame_too_large() && !stop_) {
+      // FFmpeg may return what it has as a frame. Forget it, and go on with what follows.
+      av_packet_unref(&packet);
+      avformat_flush(context_.get());
+      context_->pb->error = 0;
+      context_->pb->eof_reached = 0;
+      frame_start_ = context_->pb->pos;
+      return kFrameTooLarge;
+    }
+    if (context_->pb != nullptr) frame_start_ = context_->pb->pos;
     if (code < 0 || (packet.stream_index == stream_ && packet.size > 0)) return code;
     av_packet_unref(&packet);
   }
@@ -171,13 +228,14 @@ void FfmpegInput::read_packets() {
   while (!stop_) {
     Packet next{AvPtr<AVPacket>(av_packet_alloc()), 0};
     const int code = next.packet ? read_packet(*next.packet) : AVERROR(ENOMEM);
-    if (code < 0) {
+    next.arrival_utc = host_utc_now();
+    if (code == kFrameTooLarge) {
+      next.packet.reset();
+    } else if (code < 0) {
       end(code);
       return;
-    }
-    next.arrival_utc = host_utc_now();
-    if (address_.kind == FfmpegAddress::Kind::kDevice ||
-        address_.kind == FfmpegAddress::Kind::kFilterGraph) {
+    } else if (address_.kind == FfmpegAddress::Kind::kDevice ||
+               address_.kind == FfmpegAddress::Kind::kFilterGraph) {
       // The bytes may be one of the driver's few buffers, which are gone when it is closed. Or they
       // belong to a filter graph, which never frees any of the pictures that were in use at once.
       AvPtr<AVPacket> copy(av_packet_alloc());

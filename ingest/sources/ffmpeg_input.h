@@ -8,6 +8,7 @@
 #include <deque>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -26,14 +27,17 @@ class FfmpegInput {
   using Clock = std::chrono::steady_clock;
 
   struct Packet {
-    AvPtr<AVPacket> packet;
+    AvPtr<AVPacket> packet;  ///< null: a frame was larger than allowed, and its bytes are gone
     Nanoseconds arrival_utc = 0;
   };
   enum class Outcome { kPacket, kNoData, kEnded, kLost };
 
   /// Opens the source and leaves in `options` those that FFmpeg did not use. Throws Error (bad
-  /// input) if it cannot be opened or has no video, Error (failed) if no data arrives within 10 s.
-  FfmpegInput(FfmpegAddress address, FfmpegOptions& options);
+  /// input) if it cannot be opened, has no video or redirects to another host, Error (failed) if no
+  /// data arrives within 10 s. `max_frame_bytes`: FFmpeg collects the bytes of a frame until its
+  /// end, which a faulty camera may never send; none: four bytes a pixel, at least 4 MB.
+  FfmpegInput(FfmpegAddress address, FfmpegOptions& options,
+              std::optional<std::size_t> max_frame_bytes);
   ~FfmpegInput();
   FfmpegInput(const FfmpegInput&) = delete;
   FfmpegInput& operator=(const FfmpegInput&) = delete;
@@ -60,6 +64,8 @@ class FfmpegInput {
  private:
   static int should_interrupt(void* self);
   bool stopping() const;
+  bool is_frame_too_large() const;
+  void check_redirection() const;
   void open(FfmpegOptions& options);
   bool needs_probing() const;
   void read_packets();
@@ -71,6 +77,9 @@ class FfmpegInput {
   std::atomic<Clock::rep> deadline_{};  ///< of opening
   std::unique_ptr<PipeReader> pipe_;
   AvPtr<AVFormatContext> context_;
+  static constexpr std::size_t kMaxFrameOfUnknownSize = 64'000'000;
+  std::size_t max_frame_bytes_ = kMaxFrameOfUnknownSize;
+  std::int64_t frame_start_ = 0;  ///< bytes of the stream read before the present frame
   int stream_ = -1;
   bool probed_ = false;
 

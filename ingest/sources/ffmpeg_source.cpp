@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "ingest/sources/ffmpeg_input.h"
+#include "ingest/sources/ffmpeg_permissions.h"
 #include "ingest/sources/interruptible_wait.h"
 #include "ingest/sources/jpeg_markers.h"
 #include "ingest/sources/pixel_conversion.h"
@@ -36,16 +37,28 @@ CaptureClock clock_of(const FfmpegInput& input) {
   return by_sender ? CaptureClock::kDevice : CaptureClock::kNone;
 }
 
-FfmpegOptions& set_all(FfmpegOptions& options, const schemas::RecordConfig::FfmpegSource& source) {
+/// Returns the address, and sets the options with which FFmpeg may open it.
+FfmpegAddress prepare(const schemas::RecordConfig::FfmpegSource& source,
+                      const std::filesystem::path& base, SourcePermissions permissions,
+                      FfmpegOptions& options) {
+  FfmpegAddress address = resolve_ffmpeg_address(source, base);
+  if (!permissions.filters_with_files) check_filters(source, address);
   for (const auto& [name, value] : source.options) options.set(name, value);
-  return options;
+  limit_to_address(source, address, options);
+  return address;
+}
+
+std::optional<std::size_t> max_frame_bytes(const schemas::RecordConfig::FfmpegSource& source) {
+  if (!source.max_frame_mb) return std::nullopt;
+  return static_cast<std::size_t>(*source.max_frame_mb * 1e6);
 }
 
 class FfmpegSource final : public FrameSource {
  public:
-  FfmpegSource(const schemas::RecordConfig::FfmpegSource& source, const std::filesystem::path& base)
+  FfmpegSource(const schemas::RecordConfig::FfmpegSource& source, const std::filesystem::path& base,
+               SourcePermissions permissions)
       : realtime_(source.realtime),
-        input_(resolve_ffmpeg_address(source, base), set_all(options_, source)),
+        input_(prepare(source, base, permissions, options_), options_, max_frame_bytes(source)),
         clock_(clock_of(input_)) {
     const AVCodecParameters& parameters = *input_.stream().codecpar;
     if (parameters.codec_id != AV_CODEC_ID_MJPEG) open_decoder(parameters);
@@ -196,6 +209,11 @@ class FfmpegSource final : public FrameSource {
           if (!codec_ || avcodec_send_packet(codec_.get(), nullptr) < 0) return ending_;
           break;
         case FfmpegInput::Outcome::kPacket:
+          if (!next.packet) {  // larger than allowed
+            packet_arrival_ = next.arrival_utc;
+            hold_torn_frame();
+            return Outcome::kFrame;
+          }
           if (!codec_) {
             hold_jpeg(next);
             return Outcome::kFrame;
@@ -297,9 +315,10 @@ class FfmpegSource final : public FrameSource {
 }  // namespace
 
 std::unique_ptr<FrameSource> open_ffmpeg_source(const schemas::RecordConfig::FfmpegSource& source,
-                                                const std::filesystem::path& base) {
+                                                const std::filesystem::path& base,
+                                                SourcePermissions permissions) {
   av_log_set_level(AV_LOG_QUIET);  // our Error reports failures once
-  return std::make_unique<FfmpegSource>(source, base);
+  return std::make_unique<FfmpegSource>(source, base, permissions);
 }
 
 }  // namespace raystage::ingest

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "ingest/sources/frame_source.h"
+#include "ingest/sources/source_permissions.h"
 #include "schemas/record_config.h"
 
 namespace raystage::ingest {
@@ -13,9 +14,12 @@ namespace raystage::ingest {
 /// numbered images, raw video from a pipe. Motion JPEG is delivered byte for byte; other codecs are
 /// decoded on the thread that calls next(). A stream that stalls yields kNoData, one that breaks
 /// kLost, a file or pipe at its end kEnded. Display matrices (rotation) are ignored. Relative files
-/// are in `base`. Throws Error (bad input) if FFmpeg cannot open the source or does not know an
-/// option, Error (failed) if no data arrives within 10 s.
+/// are in `base`. FFmpeg opens no other files and hosts than the source names
+/// (ffmpeg_permissions.h). A frame larger than the source's limit is torn and empty. Throws Error
+/// (bad input) if FFmpeg cannot open the source, may not, or does not know an option, Error
+/// (failed) if no data arrives within 10 s.
 std::unique_ptr<FrameSource> open_ffmpeg_source(const schemas::RecordConfig::FfmpegSource& source,
-                                                const std::filesystem::path& base);
+                                                const std::filesystem::path& base,
+                                                SourcePermissions permissions = {});
 
 }  // namespace raystage::ingest

@@ -12,9 +12,10 @@ namespace raystage::ingest {
 namespace {
 
 std::unique_ptr<FrameSource> open(const schemas::RecordConfig::Source& source,
-                                  const std::filesystem::path& base) {
+                                  const std::filesystem::path& base,
+                                  SourcePermissions permissions) {
   if (const auto* ffmpeg = std::get_if<schemas::RecordConfig::FfmpegSource>(&source)) {
-    return open_ffmpeg_source(*ffmpeg, base);
+    return open_ffmpeg_source(*ffmpeg, base, permissions);
   }
   if (const auto* aravis = std::get_if<schemas::RecordConfig::AravisSource>(&source)) {
     return open_aravis_source(*aravis);
@@ -25,13 +26,15 @@ std::unique_ptr<FrameSource> open(const schemas::RecordConfig::Source& source,
 }  // namespace
 
 std::unique_ptr<FrameSource> open_frame_source(const schemas::RecordConfig::Camera& camera,
-                                               const std::filesystem::path& base) {
+                                               const std::filesystem::path& base,
+                                               SourcePermissions permissions) {
   try {
-    return open(camera.source, base);
+    return open(camera.source, base, permissions);
   } catch (const Error& error) {
     const std::string where = fmt::format("camera \"{}\", {}", camera.id, error.where());
     if (error.exit_code() == ExitCode::kBadInput) {
-      throw Error::bad_input(error.what_happened(), where, error.what_to_do());
+      throw Error::bad_input(error.what_happened(), where, error.what_to_do())
+          .concerning(error.settings());
     }
     throw Error::failed(error.what_happened(), where, error.what_to_do());
   }

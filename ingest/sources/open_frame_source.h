@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "ingest/sources/frame_source.h"
+#include "ingest/sources/source_permissions.h"
 #include "schemas/record_config.h"
 
 namespace raystage::ingest {
@@ -14,6 +15,7 @@ namespace raystage::ingest {
 /// opened at once. Throws Error (bad input) if the configuration of the source is wrong, Error
 /// (failed) if the device or network fails. Either error says what to do.
 std::unique_ptr<FrameSource> open_frame_source(const schemas::RecordConfig::Camera& camera,
-                                               const std::filesystem::path& base);
+                                               const std::filesystem::path& base,
+                                               SourcePermissions permissions = {});
 
 }  // namespace raystage::ingest

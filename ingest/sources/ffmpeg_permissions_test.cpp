@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/sources/ffmpeg_permissions.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <fstream>
+
+#include "base/error.h"
+#include "ingest/sources/ffmpeg_source.h"
+#include "testing/ingest/test_pictures.h"
+#include "testing/ingest/test_server.h"
+#include "testing/test_folder.h"
+
+namespace raystage::ingest {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using Source = schemas::RecordConfig::FfmpegSource;
+using Outcome = FrameSource::Outcome;
+
+std::string refusal(const Source& source, SourcePermissions permissions = {}) {
+  try {
+    open_ffmpeg_source(source, "/", permissions);
+    return "";
+  } catch (const Error& error) {
+    return error.what();
+  }
+}
+
+TEST(FfmpegPermissions, FiltersAreFoundAsFfmpegFindsThem) {
+  EXPECT_THAT(filters_of_graph("testsrc=size=96x64:rate=30,realtime"),
+              ElementsAre("testsrc", "realtime"));
+  EXPECT_THAT(filters_of_graph("color=red [a] ; movie=x.mov,scale@big=2:2[b];[a][b]overlay"),
+              ElementsAre("color", "movie", "scale", "overlay"));
+  EXPECT_THAT(filters_of_graph("sws_flags=bicubic;nullsrc"), ElementsAre("nullsrc"));
+  EXPECT_THAT(filters_of_graph(R"(drawbox=text='a,movie=b;c' , mov\ie=x)"),
+              ElementsAre("drawbox", "movie"));
+  EXPECT_THAT(filters_of_graph("'mo'vie = file"), ElementsAre("movie"));
+  EXPECT_THAT(filters_of_graph(""), ElementsAre());
+  EXPECT_THAT(filters_of_graph("[a"), ElementsAre());
+}
+
+TEST(FfmpegPermissions, FiltersThatMayOpenFilesAreRefused) {
+  const testing::TestFolder folder;
+  const std::string file = (folder.path() / "written").string();
+  for (const std::string& graph :
+       {"testsrc,metadata=print:file=" + file, std::string("movie=/etc/passwd"),
+        std::string("testsrc,'frei0r'=x"),
+        std::string("testsrc,dra\\wtext=textfile=/etc/passwd")}) {
+    EXPECT_THAT(refusal({.url = graph, .format = "lavfi"}), HasSubstr("may open files")) << graph;
+    EXPECT_THAT(refusal({.url = "lavfi:" + graph}), HasSubstr("may open files")) << graph;
+    EXPECT_THAT(refusal({.url = "x", .format = "lavfi", .options = {{"graph", graph}}}),
+                HasSubstr("may open files"));
+  }
+  EXPECT_THAT(refusal({.url = "x", .format = "lavfi", .options = {{"graph_file", file}}}),
+              HasSubstr("opens a file"));
+  EXPECT_FALSE(std::filesystem::exists(file));
+  const Source writes{.url = "testsrc=duration=1,metadata=print:file=" + file, .format = "lavfi"};
+  EXPECT_EQ(refusal(writes, {.filters_with_files = true}), "");
+  EXPECT_TRUE(std::filesystem::exists(file));
+  EXPECT_EQ(refusal({.url = "testsrc=duration=1,scale=32:32", .format = "lavfi"}), "");
+}
+
+TEST(FfmpegPermissions, AddressesThatReadOthersAreRefused) {
+  const testing::TestFolder folder;
+  const auto movie = folder.path() / "secret.mjpeg";
+  const auto jpeg = testing::test_jpeg(64, 48, 40);
+  std::ofstream(movie, std::ios::binary)
+      .write(reinterpret_cast<const char*>(jpeg.data()), static_cast<std::streamsize>(jpeg.size()));
+  for (const std::string scheme : {"concat:", "subfile,,start,0,end,0,,:", "async:", "cache:",
+                                   "crypto:", "data:", "hls+file:"}) {
+    EXPECT_THAT(refusal({.url = scheme + movie.string()}), HasSubstr("protocol_whitelist"))
+        << scheme;
+  }
+  std::ofstream(folder.path() / "list.m3u8")
+      << "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nfile://" << movie.string()
+      << "\n#EXT-X-ENDLIST\n";
+  EXPECT_NE(refusal({.url = (folder.path() / "list.m3u8").string()}), "") << "detected";
+  EXPECT_THAT(refusal({.url = (folder.path() / "list.m3u8").string(), .format = "hls"}),
+              HasSubstr("reads the addresses"));
+  EXPECT_EQ(refusal({.url = movie.string()}), "") << "the movie itself is readable";
+  EXPECT_EQ(refusal({.url = "async:" + movie.string(),
+                     .options = {{"protocol_whitelist", "async,file"}}}),
+            "");
+}
+
+/// A camera that answers with a playlist of a local file, with the address's format unknown.
+TEST(FfmpegPermissions, APlaylistFromACameraReadsNoLocalFile) {
+  const testing::TestFolder folder;
+  const auto movie = folder.path() / "secret.mjpeg";
+  const auto jpeg = testing::test_jpeg(64, 48, 40);
+  std::ofstream out(movie, std::ios::binary);
+  for (int i = 0; i < 5; ++i) {
+    out.write(reinterpret_cast<const char*>(jpeg.data()),
+              static_cast<std::streamsize>(jpeg.size()));
+  }
+  out.close();
+  const std::string playlist = "#EXTM3U\n#EXT-X-TARGETDURATION:1\n#EXTINF:1,\nfile://" +
+                               movie.string() + "\n#EXT-X-ENDLIST\n";
+  for (const std::string protocol : {"tcp", "http"}) {
+    const testing::TestServer server([&](const testing::TestConnection& client) {
+      if (protocol == "http") {
+        client.request();
+        client.send("HTTP/1.0 200 OK\r\nContent-Type: application/vnd.apple.mpegurl\r\n\r\n");
+      }
+      client.send(playlist);
+    });
+    EXPECT_NE(refusal({.url = server.url(protocol)}), "") << protocol;
+  }
+}
+
+TEST(FfmpegPermissions, RedirectionsToOtherHostsAreRefused) {
+  const auto jpeg = testing::test_jpeg(64, 48, 40);
+  const testing::TestServer other([&](const testing::TestConnection& client) {
+    client.request();
+    client.send("HTTP/1.0 200 OK\r\nContent-Type: image/jpeg\r\n\r\n");
+    client.send(jpeg);
+  });
+  std::string elsewhere = other.url("http");
+  const std::size_t host = elsewhere.find("127.0.0.1");
+  elsewhere.replace(host, 9, "localhost");
+  const auto redirect = [&](const std::string& to) {
+    return [to](const testing::TestConnection& client) {
+      client.request();
+      client.send("HTTP/1.0 302 Found\r\nLocation: " + to + "\r\n\r\n");
+    };
+  };
+  {
+    const testing::TestServer server(redirect(elsewhere));
+    EXPECT_THAT(refusal({.url = server.url("http")}), HasSubstr("redirects to another host"));
+  }
+  const testing::TestServer server(redirect(other.url("http")));
+  EXPECT_TRUE(have_same_host(server.url("http"), other.url("http"))) << "another port";
+  EXPECT_TRUE(have_same_host("rtsp://a:b@HOST/x", "http://host:80/y"));
+  EXPECT_FALSE(have_same_host("http://host/", "http://host.evil/"));
+  EXPECT_FALSE(have_same_host("http://host/", "http://host@evil/"));
+  EXPECT_TRUE(have_same_host("http://[::1]:80/", "http://[::1]/"));
+}
+
+std::size_t resident_bytes() {
+  std::ifstream statm("/proc/self/statm");
+  std::size_t total = 0, resident = 0;
+  statm >> total >> resident;
+  return resident * 4096;
+}
+
+TEST(FfmpegPermissions, AFrameThatNeverEndsIsDroppedAndTheNextOneIsWhole) {
+  const auto jpeg = testing::test_jpeg(64, 48, 40);
+  const testing::TestServer server([&](const testing::TestConnection& client) {
+    client.send(jpeg);
+    client.send(std::string_view("\xFF\xD8", 2));
+    const std::string zeros(1 << 20, '\0');
+    for (int i = 0; i < 120; ++i) client.send(zeros);
+    for (int i = 0; i < 20; ++i) client.send(jpeg);
+    client.wait_for_end();
+  });
+  Source source{.url = server.url("tcp"), .format = "mjpeg"};
+  source.max_frame_mb = 2;
+  const auto opened = open_ffmpeg_source(source, "/");
+  SourceFrame frame;
+  const std::size_t before = resident_bytes();
+  int torn = 0, whole = 0;
+  std::size_t most = before;
+  while (whole < 5 && torn < 200) {
+    ASSERT_EQ(opened->next(frame, 20s), Outcome::kFrame);
+    most = std::max(most, resident_bytes());
+    if (!frame.torn && frame.jpeg == jpeg) {
+      ++whole;
+    } else {
+      ++torn;
+    }
+  }
+  EXPECT_EQ(whole, 5);
+  EXPECT_GT(torn, 5);
+  EXPECT_LT(most - before, std::size_t{60} << 20) << "of 120 MB";
+}
+
+}  // namespace
+}  // namespace raystage::ingest

@@ -162,7 +162,10 @@ std::string read_file(const std::filesystem::path& file, std::uint64_t max_bytes
   if (S_ISDIR(status.st_mode)) throw refuse("it is a folder");
   if (!S_ISREG(status.st_mode) && !S_ISFIFO(status.st_mode)) throw refuse("it is a device");
   const auto too_large = [&] {
-    return refuse(fmt::format("it has more than {:.0f} MB", static_cast<double>(max_bytes) * 1e-6));
+    return Error::bad_input(
+        fmt::format("the file has more than {:.0f} MB, the limit for such files",
+                    static_cast<double>(max_bytes) * 1e-6),
+        file.string(), "Give a smaller file");
   };
   if (static_cast<std::uint64_t>(status.st_size) > max_bytes) throw too_large();
 

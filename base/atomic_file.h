@@ -47,8 +47,9 @@ void check_writable(const std::filesystem::path& target);
 void write_file_atomically(const std::filesystem::path& target, std::span<const std::byte> bytes);
 void write_file_atomically(const std::filesystem::path& target, std::string_view text);
 
-/// Largest file that read_file() accepts unless told otherwise, bytes.
+/// Largest file that read_file() accepts by default, and largest scene (GLB's own limit), bytes.
 inline constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 30;
+inline constexpr std::uint64_t kMaxSceneBytes = std::uint64_t{4} << 30;
 
 /// Returns the contents of a file. Throws Error (bad input) if it cannot be read, is larger than
 /// `max_bytes`, or is a device. A pipe is read until its end; one that is silent for 10 s is an

@@ -124,14 +124,14 @@ TEST_F(AtomicFile, PipesAreReadToTheirEndAndDoNotBlockWithoutAWriter) {
   const auto pipe = folder_.path() / "pipe";
   ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
   EXPECT_EQ(read_file(pipe), "") << "nobody writes";
-  const FileDescriptor kept(::open(pipe.c_str(), O_RDWR | O_CLOEXEC));
+  FileDescriptor kept(::open(pipe.c_str(), O_RDWR | O_CLOEXEC));
   std::thread writer([&] {
     const FileDescriptor out(::open(pipe.c_str(), O_WRONLY | O_CLOEXEC));
     for (int i = 0; i < 3; ++i) {
       std::this_thread::sleep_for(std::chrono::milliseconds(30));
       EXPECT_EQ(write(out.number(), "part", 4), 4);
     }
-    const_cast<FileDescriptor&>(kept).close();
+    kept.close();
   });
   EXPECT_EQ(read_file(pipe), "partpartpart");
   writer.join();

@@ -80,6 +80,18 @@ void require_contained(const ContainedPath& file) {
     throw Error::bad_input("a part of the path is a link, which could lead anywhere",
                            file.path().string(), "Replace the link by the file or folder itself");
   }
+  if (errno == ENOENT || errno == ENOTDIR) return;
+  throw Error::from_errno("the path cannot be checked for links", file.path().string(),
+                          "Check its permissions and the limit of open files");
+}
+
+bool is_contained(const ContainedPath& file) {
+  try {
+    require_contained(file);
+    return true;
+  } catch (const Error&) {
+    return false;
+  }
 }
 
 }  // namespace raystage

@@ -26,8 +26,11 @@ FileDescriptor open_contained(const ContainedPath& file, int flags, mode_t mode 
 /// The same for kernels before 5.6 and sandboxes that do not know openat2(): part by part.
 FileDescriptor open_contained_by_parts(const ContainedPath& file, int flags, mode_t mode = 0);
 
-/// Throws Error (bad input) if the path leaves its folder, or if a part of it is a link. What does
-/// not exist is no link. Call it before writing or deleting by name.
+/// Throws Error (bad input) if the path leaves its folder, or if a part of it is a link, and Error
+/// (failed) if that cannot be determined. What does not exist is no link. Call it before writing or
+/// deleting by name; it does not protect from somebody who changes the folder at the same time.
 void require_contained(const ContainedPath& file);
+/// Returns whether require_contained() throws nothing.
+bool is_contained(const ContainedPath& file);
 
 }  // namespace raystage

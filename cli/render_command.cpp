@@ -71,8 +71,7 @@ void declare_render_options(CommandLine& command, RenderOptions& options, char**
   command.option("-o,--output DIR/NAME.####.exr", options.output,
                  "name of the files; #### or %04d is the frame number with that many "
                  "digits\n(default: renders/SHOT_LAYER.####.exr next to the shot; SHOT: its name, "
-                 "LAYER: its first "
-                 "visible layer)");
+                 "LAYER: that of its first layer)");
   command.option("--frames RANGE", options.frames,
                  "frames to render, e.g. 1-48, 1-48x2 (every second), 1,5,10-20; frames "
                  "outside\nthe shot are ignored (default: all of the shot)");

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <iterator>
 #include <limits>
 #include <utility>
@@ -75,6 +76,7 @@ FrameCompositor::Geometry FrameCompositor::geometry_in_frame(const PlannedFrame&
   if (plan_.shot().lights.empty()) {
     geometry.scene.headlight = camera.view.pose.world_from_camera_rotation.col(2);
   }
+  geometry.scene.busy_ns = &geometry.times->geometry_ns;
   geometry.scene.lights.environment_radiance =
       environment_of(frame, camera, geometry.scene.lights, geometry.times);
   return geometry;
@@ -114,9 +116,7 @@ EnvironmentRadiance FrameCompositor::layer_light_radiance(
            } catch (const Error& error) {
              throw plan_.error_of_layer(layer, error);
            }
-           if (std::this_thread::get_id() == times->thread) {
-             times->light_queries_ms += query_time.ms();
-           }
+           times->light_queries_ns += std::llround(1e6 * query_time.ms());
          },
          rays->viewing_direction});
   }
@@ -224,6 +224,7 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
   render::RenderStatistics statistics;
   const Geometry geometry = geometry_in_frame(frame, camera);
   times.geometry_ms = total.ms();  // includes BVHs, which the first frame builds
+  double geometry_layers_ms = 0;
   const bool in_layer_order = plan_.shot().merge == schemas::ShotDocument::Merge::kLayerOrder;
   for (std::size_t i = plan_.layers(); i-- > 0 && !stop.stop_requested();) {
     const std::size_t of_picture = plan_.volume_layer_count(i);
@@ -242,7 +243,9 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
     LayerImage image = is_volume ? render_volume(foremost, of_picture, frame, camera, geometry)
                                  : render_layer(i, frame, camera, geometry, uncovered_share[i]);
     if (is_volume) uncovered_share[i] = uncovered_share_of_layer(i, image);
-    times.add(is_volume ? LayerStage::kLightFields : opened->stage(), layer_time.ms());
+    const LayerStage stage = is_volume ? LayerStage::kLightFields : opened->stage();
+    times.add(stage, layer_time.ms());
+    if (stage == LayerStage::kGeometry) geometry_layers_ms += layer_time.ms();
     if (plan_.shot().output.cryptomatte && image.ids.empty()) {
       assign_object_id(image, cryptomatte_ids(i).front());
     }
@@ -257,7 +260,10 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
     is_holdout.push_back(document.holdout);
     if (in_layer_order && is_opaque(front_first.back())) break;
   }
-  const double moved = geometry.times->light_queries_ms - geometry.times->shadows_ms;
+  const auto busy = static_cast<double>(geometry.times->geometry_ns);
+  const double share_of_lights =
+      busy > 0 ? std::min(1.0, static_cast<double>(geometry.times->light_queries_ns) / busy) : 0;
+  const double moved = share_of_lights * geometry_layers_ms - geometry.times->shadows_ms;
   times.light_fields_ms += moved;
   times.geometry_ms -= moved;
   if (front_first.empty()) {

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
+#include <cstdint>
 #include <memory>
 #include <stop_token>
-#include <thread>
 #include <vector>
 
 #include "compose/layers/deep_image.h"
@@ -14,7 +15,8 @@
 
 namespace raystage::compose {
 
-/// Wall-clock time of a view by stage, measured in the thread of its frame.
+/// Wall-clock time of a view by stage, measured in the thread of its frame. That of geometry is
+/// divided as all threads divide theirs between its rays and light fields that are lights.
 struct CompositingTimes {
   double light_fields_ms = 0;  ///< also as lights of the geometry
   double geometry_ms = 0;      ///< also its shadows on light fields
@@ -54,11 +56,11 @@ class FrameCompositor {
   const render::StoredDataCounts& stored_data() const { return *stored_data_; }
 
  private:
-  /// Time of the thread that composites a view, which takes part in the work of every layer.
+  /// What layers of one stage do for the other one.
   struct SharedTimes {
-    std::thread::id thread = std::this_thread::get_id();
-    double light_queries_ms = 0;  ///< of light fields, while geometry is rendered
-    double shadows_ms = 0;        ///< of geometry, while light fields are rendered
+    std::atomic<std::int64_t> light_queries_ns = 0;  ///< of all threads, for geometry
+    std::atomic<std::int64_t> geometry_ns = 0;       ///< of all threads, with these queries
+    double shadows_ms = 0;  ///< of geometry on light fields, in the thread of the frame
   };
   /// The geometry of a frame; `mesh_indices` as ShotPlan::geometry_at.
   struct Geometry {

@@ -321,8 +321,9 @@ std::vector<int> frames_to_render(const schemas::ShotDocument& shot,
 std::string default_output(const std::filesystem::path& shot_file,
                            const schemas::ShotDocument& shot, bool is_draft) {
   const std::string shot_name = shot.name.empty() ? shot_file.stem().string() : shot.name;
-  // Drafts of some layers hide the others.
-  const auto shown = std::ranges::find_if(shot.layers, [](const auto& l) { return l.opacity > 0; });
+  // A draft of some layers hides the others.
+  const auto shown =
+      std::ranges::find_if(shot.layers, [&](const auto& l) { return !is_draft || l.opacity > 0; });
   const std::string& layer = (shown == shot.layers.end() ? shot.layers.begin() : shown)->name;
   std::string name = layer.empty() ? shot_name : shot_name + "_" + layer;
   // Names are free text and must not add a path or a frame token.

@@ -128,8 +128,9 @@ std::vector<int> frames_to_render(const schemas::ShotDocument& shot,
                                   const std::optional<std::vector<int>>& requested,
                                   const std::function<void(std::string_view)>& say);
 
-/// Returns "renders/SHOT_LAYER.####.exr" in the folder of the shot, with the name of the first
-/// layer that is visible, and "renders/SHOT_LAYER_draft..." for drafts.
+/// Returns "renders/SHOT_LAYER.####.exr" in the folder of the shot, with the name of its first
+/// layer, and "renders/SHOT_LAYER_draft..." with that of the first visible one for drafts. SHOT is
+/// the shot's name, or its file's without one.
 std::string default_output(const std::filesystem::path& shot_file,
                            const schemas::ShotDocument& shot, bool is_draft = false);
 

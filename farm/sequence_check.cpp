@@ -14,6 +14,7 @@
 #include <system_error>
 #include <thread>
 
+#include "base/error.h"
 #include "base/options.h"
 #include "base/parallel.h"
 #include "base/stopwatch.h"
@@ -91,11 +92,24 @@ std::vector<int> missing_frames(const compose::SequenceName& name,
 }
 
 std::vector<int> frames_below_coverage(const compose::SequenceName& name,
-                                       std::span<const int> frames, double least_share) {
+                                       std::span<const int> frames, double least_share,
+                                       double timeout_seconds, const std::stop_token& stop) {
   if (least_share <= 0) return {};
+  const Stopwatch watch;
+  const auto share_of = [&](int frame) {
+    while (!stop.stop_requested()) {
+      try {
+        return compose::read_covered_share(name.path(frame));
+      } catch (const Error&) {  // a stale handle of a network file system
+        if (watch.seconds() > timeout_seconds) break;
+        std::this_thread::sleep_for(kBetweenLooks);
+      }
+    }
+    return 0.0;
+  };
   std::vector<char> is_below(frames.size(), 0);
   raystage::parallel_for(std::size_t{0}, frames.size(), [&](std::size_t i) {
-    is_below[i] = compose::read_covered_share(name.path(frames[i])) < least_share ? 1 : 0;
+    is_below[i] = share_of(frames[i]) < least_share ? 1 : 0;
   });
   std::vector<int> below;
   for (std::size_t i = 0; i < frames.size(); ++i) {

@@ -36,8 +36,9 @@ std::vector<int> missing_frames(const compose::SequenceName& name,
                                 const SequenceCheckOptions& options, const std::stop_token& stop);
 
 /// Returns the frames of which cameras see less than `least_share` of the view, as their files
-/// state, sorted. Throws Error if a file cannot be read.
+/// state, sorted. A file that cannot be read is read again until the timeout, and counts as below.
 std::vector<int> frames_below_coverage(const compose::SequenceName& name,
-                                       std::span<const int> frames, double least_share);
+                                       std::span<const int> frames, double least_share,
+                                       double timeout_seconds, const std::stop_token& stop);
 
 }  // namespace raystage::farm

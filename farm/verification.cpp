@@ -119,7 +119,7 @@ void write_follower(const VerificationRequest& request, const std::string& scrip
 }
 
 schemas::FarmAttempt::End conclude(const VerificationRequest& request,
-                                   const std::vector<int>& not_whole) {
+                                   const std::vector<int>& not_whole, const std::stop_token& stop) {
   const auto excluded_nodes = request.folder.excluded_nodes();
   std::vector<std::string> excluded;
   for (const auto& [node, reason] : excluded_nodes) excluded.push_back(node);
@@ -152,7 +152,7 @@ schemas::FarmAttempt::End conclude(const VerificationRequest& request,
   if (missing.empty()) {
     verdict.end.frames_below_coverage = compose::format_frame_range(
         frames_below_coverage(compose::SequenceName(request.job.output), job_frames(request.job),
-                              request.job.least_coverage));
+                              request.job.least_coverage, request.timeout_seconds, stop));
   }
   if (verdict.no_node_left) verdict.end.reason += ". " + reasons_of(excluded_nodes);
   end_job(request.folder, request.job, verdict.end);
@@ -202,7 +202,7 @@ schemas::FarmAttempt::End verify_job(const VerificationRequest& request,
       end.result = schemas::AttemptResult::kStopped;
       end.reason = "stopped by a signal";
     } else {
-      end = conclude(request, missing);
+      end = conclude(request, missing, stop);
     }
   } catch (const Error& error) {
     // Another round cannot help: the shot's take was removed or changed.

@@ -28,7 +28,7 @@ namespace {
 class LineReader {
  public:
   explicit LineReader(const std::filesystem::path& file)
-      : name_(file.string()), text_(read_file(file)), rest_(text_) {}
+      : name_(file.string()), text_(read_file(file, kMaxSceneBytes)), rest_(text_) {}
 
   /// Goes to the next line; returns false at the end.
   bool next_line() {

@@ -115,7 +115,7 @@ Found find_camera(const GltfFile& file, const std::string& name) {
 
 GltfCamera read_gltf_camera(const std::filesystem::path& file, const std::string& name,
                             const GltfFrameRate& rate) {
-  return parse_gltf_camera(read_file(file), file, name, rate);
+  return parse_gltf_camera(read_file(file, kMaxSceneBytes), file, name, rate);
 }
 
 GltfCamera parse_gltf_camera(std::string_view bytes, const std::filesystem::path& path,

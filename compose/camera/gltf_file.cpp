@@ -155,7 +155,7 @@ std::string GltfFile::load_buffer(const json& buffer, std::size_t index) const {
     // A stranger's file must not read others than its own: a link could lead anywhere.
     const ContainedPath beside{file_.parent_path(), file_name_from_uri(uri)};
     require_contained(beside);
-    return read_file(beside.path());
+    return read_file(beside.path(), kMaxSceneBytes);
   }
   const std::size_t comma = uri.find(',');
   if (comma != std::string::npos && uri.substr(0, comma).ends_with(";base64")) {

@@ -27,6 +27,7 @@ Vector3f value_of(const Aov& aov, std::size_t pixel) {
 float agreement(const Vector3f& normal, const Vector3f& other_normal, const Vector3f& to_other,
                 float tolerance) {
   const float turned = (normal.dot(other_normal) - kLeastCosine) / (1 - kLeastCosine);
+  if (!(tolerance > 0)) return 0;
   const float off_plane =
       std::max(std::abs(normal.dot(to_other)), std::abs(other_normal.dot(to_other)));
   return std::clamp(turned, 0.0F, 1.0F) * std::clamp(2 - 2 * off_plane / tolerance, 0.0F, 1.0F);
@@ -36,17 +37,26 @@ float agreement(const Vector3f& normal, const Vector3f& other_normal, const Vect
 
 void share_gathered_light(const GatheredLight& gathered, const render::VirtualCamera& camera,
                           int samples, LayerImage& image) {
-  assert(image.aovs.size() >= 2 && image.aovs[0].layer == "P" && image.aovs[1].layer == "N");
+  assert(image.aovs.size() >= 2 && image.aovs[1].layer == "N");
   constexpr int kReach = kGatheringTile / 2;
   const auto pixel_angle = static_cast<float>(render::pixel_angle(camera));
-  const Vector3f eye = camera.pose.position.cast<float>();
+  // From the eye, not from the world's origin, which may be too far away for floats.
+  std::vector<Vector3f> from_eye(image.pixels(), Vector3f::Zero());
   parallel_for(0, image.height, [&](int y) {
     for (int x = 0; x < image.width; ++x) {
       const auto pixel = static_cast<std::size_t>(y) * image.width + x;
       if (gathered.samples[pixel] == 0) continue;
-      const Vector3f position = value_of(image.aovs[0], pixel);
+      const Eigen::Vector3d point =
+          render::point_at_depth(camera, x + 0.5, y + 0.5, double{image.z[pixel]});
+      from_eye[pixel] = (point - camera.pose.position).cast<float>();
+    }
+  });
+  parallel_for(0, image.height, [&](int y) {
+    for (int x = 0; x < image.width; ++x) {
+      const auto pixel = static_cast<std::size_t>(y) * image.width + x;
+      if (gathered.samples[pixel] == 0) continue;
       const Vector3f normal = value_of(image.aovs[1], pixel);
-      const float width = pixel_angle * (position - eye).norm();
+      const float width = pixel_angle * from_eye[pixel].norm();
       Vector3f sum = gathered.radiance[pixel];
       auto weight = static_cast<float>(gathered.samples[pixel]);
       for (int v = std::max(0, y - kReach); v <= std::min(image.height - 1, y + kReach); ++v) {
@@ -55,8 +65,10 @@ void share_gathered_light(const GatheredLight& gathered, const render::VirtualCa
           if (gathered.samples[other] == 0 || other == pixel) continue;
           const auto steps = static_cast<float>(std::max(std::abs(u - x), std::abs(v - y)));
           const float agrees =
-              agreement(normal, value_of(image.aovs[1], other),
-                        value_of(image.aovs[0], other) - position, kPlaneDistance * width * steps);
+              agreement(normal, value_of(image.aovs[1], other), from_eye[other] - from_eye[pixel],
+                        kPlaneDistance * width * steps);
+          // Infinite light stays in its own pixel.
+          if (!(agrees > 0) || !gathered.radiance[other].allFinite()) continue;
           sum += agrees * gathered.radiance[other];
           weight += agrees * static_cast<float>(gathered.samples[other]);
         }

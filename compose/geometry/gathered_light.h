@@ -22,7 +22,8 @@ struct GatheredLight {
       : radiance(pixels, Eigen::Vector3f::Zero()),
         color(pixels, Eigen::Vector3f::Zero()),
         samples(pixels, 0) {}
-  static constexpr std::size_t kBytesPerPixel = 26;
+  /// Also those that share_gathered_light() needs.
+  static constexpr std::size_t kBytesPerPixel = 38;
 };
 
 /// Side of the square of neighbours, pixels.
@@ -38,7 +39,7 @@ constexpr std::uint32_t gathering_part(int x, int y) {
 /// around it, weighted by how well the neighbours' surfaces agree in normal and plane, times the
 /// pixel's own colour (Keller and Heidrich, "Interleaved sampling", EGWR 2001; Wald et al.,
 /// "Interactive global illumination using fast ray tracing", EGWR 2002: discontinuity buffer).
-/// `image`: with P and N as its first AOVs. `samples`: per pixel, of all surfaces.
+/// `image`: with Z, and N as its second AOV. `samples`: per pixel, of all surfaces.
 void share_gathered_light(const GatheredLight& gathered, const render::VirtualCamera& camera,
                           int samples, LayerImage& image);
 

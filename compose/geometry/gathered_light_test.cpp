@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <set>
 
@@ -32,6 +33,7 @@ LayerImage stepped_plane(double step) {
       const Vector3f point =
           render::point_at_depth(camera, x + 0.5, y + 0.5, x > 5 ? 4 + step : 4).cast<float>();
       for (const float value : point) image.aovs[0].values.push_back(value);
+      image.z[static_cast<std::size_t>(y * kWidth + x)] = static_cast<float>(x > 5 ? 4 + step : 4);
       for (const float value : {0.0F, 0.0F, 1.0F}) image.aovs[1].values.push_back(value);
     }
   }
@@ -113,37 +115,55 @@ TEST(GatheredLight, StopsAtStepsAndEdgesAndWhereNothingIs) {
   }
 }
 
+TEST(GatheredLight, InfiniteLightStaysInItsPixel) {
+  LayerImage image = stepped_plane(0);
+  GatheredLight gathered(image.pixels());
+  std::ranges::fill(gathered.samples, std::uint16_t{1});
+  std::ranges::fill(gathered.radiance, Vector3f::Ones());
+  std::ranges::fill(gathered.color, Vector3f::Ones());
+  const std::size_t middle = 4 * kWidth + 4;
+  gathered.radiance[middle].setConstant(std::numeric_limits<float>::infinity());
+  share_gathered_light(gathered, camera_of(kWidth, kHeight), 1, image);
+  for (std::size_t i = 0; i < image.pixels(); ++i) {
+    if (i == middle) continue;
+    EXPECT_FLOAT_EQ(image.rgba[4 * i], 1);
+  }
+}
+
 /// A sphere below a sky of radiance 1 receives (1 + n.y) / 2 (Lambert).
 TEST(GatheredLight, OneRayPerSampleUnderAHalfSkyIsWithinTwoPercent) {
-  constexpr int kSamples = 9;
-  const EmbreeMesh scene(testing::ball(1, testing::make_material(Material::Kind::kDiffuse), 96),
-                         "ball");
-  GeometryScene geometry{{testing::make_instance(scene, {0, 0, -4})}, nullptr, {}};
-  geometry.lights.environment_radiance = [](std::span<const render::WorldRay> rays,
-                                            std::span<const float>, std::span<Vector3f> seen) {
-    for (std::size_t i = 0; i < rays.size(); ++i) {
-      seen[i].setConstant(rays[i].direction.y() > 0 ? 1.0F : 0.0F);
+  for (const double from_origin : {0.0, 1e5}) {
+    constexpr int kSamples = 9;
+    const EmbreeMesh scene(testing::ball(1, testing::make_material(Material::Kind::kDiffuse), 96),
+                           "ball");
+    GeometryScene geometry{{testing::make_instance(scene, {from_origin, 0, -4})}, nullptr, {}};
+    geometry.lights.environment_radiance = [](std::span<const render::WorldRay> rays,
+                                              std::span<const float>, std::span<Vector3f> seen) {
+      for (std::size_t i = 0; i < rays.size(); ++i) {
+        seen[i].setConstant(rays[i].direction.y() > 0 ? 1.0F : 0.0F);
+      }
+    };
+    geometry.lights.gather_rays = 1;
+    render::VirtualCamera camera = camera_of(160, 120);
+    camera.pose.position.x() = from_origin;
+    const LayerImage image = render_geometry(geometry, 0, camera, kSamples);
+    double squares = 0, greatest = 0;
+    int pixels = 0;
+    for (std::size_t i = 0; i < image.pixels(); ++i) {
+      const float alpha = image.rgba[4 * i + 3];
+      if (alpha < 1) continue;
+      const double expected = (1 + double{image.aovs[1].values[3 * i + 1]}) / 2;
+      const double error = double{image.rgba[4 * i]} - expected;
+      squares += error * error;
+      greatest = std::max(greatest, std::abs(error));
+      ++pixels;
     }
-  };
-  geometry.lights.gather_rays = 1;
-  const render::VirtualCamera camera = camera_of(160, 120);
-  const LayerImage image = render_geometry(geometry, 0, camera, kSamples);
-  double squares = 0, greatest = 0;
-  int pixels = 0;
-  for (std::size_t i = 0; i < image.pixels(); ++i) {
-    const float alpha = image.rgba[4 * i + 3];
-    if (alpha < 1) continue;
-    const double expected = (1 + double{image.aovs[1].values[3 * i + 1]}) / 2;
-    const double error = double{image.rgba[4 * i]} - expected;
-    squares += error * error;
-    greatest = std::max(greatest, std::abs(error));
-    ++pixels;
+    ASSERT_GT(pixels, 2000);
+    RecordProperty("root_mean_square", std::to_string(std::sqrt(squares / pixels)));
+    RecordProperty("greatest", std::to_string(greatest));
+    EXPECT_LT(std::sqrt(squares / pixels), 0.015) << from_origin;
+    EXPECT_LT(greatest, 0.06) << from_origin;
   }
-  ASSERT_GT(pixels, 2000);
-  RecordProperty("root_mean_square", std::to_string(std::sqrt(squares / pixels)));
-  RecordProperty("greatest", std::to_string(greatest));
-  EXPECT_LT(std::sqrt(squares / pixels), 0.015);
-  EXPECT_LT(greatest, 0.06);
 }
 
 }  // namespace

@@ -162,8 +162,8 @@ std::unique_ptr<const GeometryLayer::Moving> GeometryLayer::read_motion(
   for (const MeshFile::Part& part : file.parts) nodes.push_back(part.node);
   std::optional<MeshAnimation> animation;
   try {
-    animation =
-        parse_mesh_animation(read_file(path), path, {geometry.fps, fps}, file.node_names, nodes);
+    animation = parse_mesh_animation(read_file(path, kMaxSceneBytes), path, {geometry.fps, fps},
+                                     file.node_names, nodes);
   } catch (const Error& error) {
     if (error.exit_code() != ExitCode::kBadInput) throw;
     throw Error::bad_input(error.what_happened(), error.where(),

@@ -13,6 +13,7 @@
 #include <limits>
 
 #include "base/parallel.h"
+#include "base/stopwatch.h"
 #include "compose/geometry/bsdf_sampling.h"
 #include "compose/geometry/gathered_light.h"
 
@@ -439,10 +440,12 @@ LayerImage render_geometry(const GeometryScene& scene, std::size_t mesh,
   if (scene.lights.gather_rays > 0) gathered.emplace(image.pixels());
   // A fixed partition: Embree's traversal of a packet may depend on all of its rays.
   raystage::parallel_for(0, (camera.height + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
+    const Stopwatch watch;
     const int begin = task * kRowsPerTask;
     RowRenderer(scene, mesh, camera, samples, begin, std::min(begin + kRowsPerTask, camera.height),
                 ids, image, gathered ? &*gathered : nullptr)
         .render();
+    if (scene.busy_ns != nullptr) *scene.busy_ns += std::llround(1e6 * watch.ms());
   });
   if (gathered) share_gathered_light(*gathered, camera, samples, image);
   return image;

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -20,6 +22,9 @@ struct GeometryScene {
   /// Unit direction from which diffuse surfaces are lit with radiance 1, without shadows, in shots
   /// that have no lights: towards the camera. Light fields receive no shadows of it.
   std::optional<Eigen::Vector3d> headlight = {};
+  /// Receives the time that all threads spend in render_geometry(), nanoseconds; null: not
+  /// measured.
+  std::atomic<std::int64_t>* busy_ns = nullptr;
 };
 
 /// Returns one mesh of the scene as `camera` (without distortion) sees it, with `samples` rays per

@@ -20,6 +20,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "compose/geometry/mesh_file_access.h"
 
 namespace raystage::compose {
 namespace {
@@ -185,6 +186,7 @@ MeshFile read_mesh_file(const std::filesystem::path& file, bool applies_unit) {
                            "Correct the layer's path; it is relative to the shot's folder");
   }
   Assimp::Importer importer;
+  importer.SetIOHandler(new MeshFileAccess(file));  // NOLINT: the importer deletes it
   unsigned steps = aiProcess_Triangulate | aiProcess_JoinIdenticalVertices | aiProcess_SortByPType;
   if (applies_unit) steps |= aiProcess_GlobalScale;
   const aiScene* scene = importer.ReadFile(file.string(), steps);

@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <fstream>
@@ -36,6 +37,32 @@ class MeshFiles : public ::testing::Test {
   }
   testing::TestFolder folder_;
 };
+
+TEST_F(MeshFiles, OnlyFilesBesideTheMeshAreRead) {
+  std::filesystem::create_directories(folder_.path() / "set/data");
+  const std::string triangle = *decode_base64(kTriangle);
+  write("private.bin", triangle);
+  write("set/data/own.bin", triangle);
+  std::filesystem::create_symlink("../private.bin", folder_.path() / "set/link.bin");
+  const auto gltf = [&](const std::string& uri) {
+    return write("set/m.gltf", R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],
+  "nodes":[{"mesh":0}],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],
+  "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","min":[0,0,0],"max":[1,1,0]}],
+  "bufferViews":[{"buffer":0,"byteLength":36}],"buffers":[{"byteLength":36,"uri":")" +
+                                   uri + R"("}]})");
+  };
+  EXPECT_EQ(read_mesh(gltf("data/own.bin")).corners.size(), 1U);
+  for (const char* uri : {"../private.bin", "link.bin", "/dev/zero"}) {
+    EXPECT_NE(refusal(gltf(uri)), "none") << uri;
+  }
+  // Neither a pipe nor a device in the place of a material library stops the mesh.
+  ASSERT_EQ(mkfifo((folder_.path() / "pipe.mtl").c_str(), 0600), 0);
+  for (const char* library : {"pipe.mtl", "/dev/zero"}) {
+    const Mesh mesh = read_mesh(write(
+        "m.obj", std::string("mtllib ") + library + "\nv 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n"));
+    EXPECT_EQ(mesh.corners.size(), 1U) << library;
+  }
+}
 
 TEST_F(MeshFiles, ObjWithMaterialsAndObjects) {
   write("m.mtl", "newmtl red\nKd 0.8 0.1 0.05\nnewmtl wood\nKd 1 1 1\nmap_Kd maps/wood.png\n");

@@ -166,9 +166,12 @@ void RecordingTake::reserve_disk_space() {
   const FileDescriptor file =
       open_contained({folder_, reserve_file_.filename()}, O_WRONLY | O_CREAT, 0666);
   struct stat status {};
-  if (!file.open() || fstat(file.number(), &status) != 0 || !S_ISREG(status.st_mode)) {
+  if (!file.open() || fstat(file.number(), &status) != 0) {
     throw Error::from_errno("the file cannot be written", reserve_file_.string(),
-                            "Check the folder's permissions, and remove what is there");
+                            "Check the folder's permissions");
+  }
+  if (!S_ISREG(status.st_mode)) {
+    throw Error::failed("this is no regular file", reserve_file_.string(), "Remove it");
   }
   auto bytes = std::max<std::int64_t>(
       kReserveAtLeast, kReservePerCamera * static_cast<std::int64_t>(take_.cameras.size()));

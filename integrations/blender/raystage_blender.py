@@ -156,7 +156,7 @@ def move_to_middle(state: dict, matrix, scale: float, stereo) -> None:
 
 def stereo_of(scene) -> dict:
     """Returns the stereo views of the active camera as a member of a shot's camera; empty: the scene has one view."""
-    if not scene.render.use_multiview:
+    if not scene.render.use_multiview or scene.camera is None or not isinstance(scene.camera.data, bpy.types.Camera):
         return {}
     stereo = scene.camera.data.stereo
     if stereo.convergence_mode == "TOE" or scene.render.views_format != "STEREO_3D":
@@ -174,13 +174,17 @@ def shot_camera(context) -> dict:
     size = picture_size(scene)
     at_first = scene.frame_current, scene.frame_subframe
     states = {}
+    stereo = None
     try:
         for frame in range(scene.frame_start, scene.frame_end + 1):
             scene.frame_set(frame)
+            of_frame = stereo_of(scene)
+            if stereo is not None and of_frame != stereo:
+                raise RaystageError(f"The stereo settings of the camera change at frame {frame}. A shot has the same ones at all frames: remove their keys.")
+            stereo = of_frame
             states[frame] = camera_at(scene, context.evaluated_depsgraph_get(), size)
     finally:
         scene.frame_set(at_first[0], subframe=at_first[1])
-    stereo = stereo_of(scene)
     width_mm = states[scene.frame_start]["film_back_mm"]
     previous = None
     for state in states.values():

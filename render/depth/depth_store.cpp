@@ -236,8 +236,13 @@ CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
                                             std::string& note) {
   const DepthStoreKey key = stores_depths ? depth_store_key(instant, options) : DepthStoreKey{};
   const fs::path file = depth_file_path(instant.derived_folder(), key);
+  if (stores_depths && !is_contained({instant.derived_folder(), depth_file_path({}, key)})) {
+    // The link could lead to files of others, which would be overwritten and pruned.
+    note = "depths are neither read nor stored, because a part of the path " + file.string() +
+           " is a link, so each run estimates them again; use another folder for derived data";
+    stores_depths = false;
+  }
   if (stores_depths) {
-    require_contained({instant.derived_folder(), depth_file_path({}, key)});
     CameraDepths depths = camera_depths_without_maps(instant, options);
     if (read_maps(file, key.instant, depths)) {
       if (instant.stored_data_counts != nullptr) ++instant.stored_data_counts->read;
@@ -287,7 +292,7 @@ void pin_depth_set(const fs::path& set, std::string_view job) {
 
 void unpin_depth_set(const fs::path& set, std::string_view job) {
   const fs::path pin = pin_file(set, job), folder = set.parent_path().parent_path();
-  require_contained({folder, pin.lexically_relative(folder)});
+  if (!is_contained({folder, pin.lexically_relative(folder)})) return;  // it was not pinned there
   std::error_code ignored;
   fs::remove(pin, ignored);
 }

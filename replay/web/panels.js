@@ -55,6 +55,7 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
 
   /** Sets a number of the shot. The first frame moves the last one, or the other way round, rather than to cross it. */
   function setShotNumber(name, value) {
+    if (!state.shot) return;
     const isChanged = shotText.change((json) => {
       json[name] = value;
       if (name === "first_frame") json.last_frame = Math.max(json.last_frame, value);
@@ -201,8 +202,10 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
     state.picture = header;
     if (header.quality === "live") {
       state.liveCamera ??= header.camera;
+      showLegend(undefined);
       return;
     }
+    showLegend(header.false_colors);
     if (!state.shot) return;
     if (header.quality === "resting" && header.method === "") element("progress-row").hidden = true;
     const [layer] = state.shot.layers.filter(({ method }) => method);
@@ -210,7 +213,6 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
       const kind = state.estimated === header.id ? "estimation" : "rendering";
       state.seconds[layer.method] = { ...state.seconds[layer.method], [kind]: header.render_ms / 1000 };
     }
-    showLegend(header.false_colors);
     const now = performance.now();
     if (header.quality !== "resting" && now - factsTime < kMotionInterval) return;
     factsTime = now;

@@ -97,7 +97,9 @@ export class View {
     const members = this.request(quality, this.width, this.height);
     if (!members) return;
     this.wanted = null;
-    this.underWay.set(this.send(members), { quality, input: this.input });
+    const id = this.send(members);
+    this.underWay.set(id, { quality, input: this.input });
+    if (members.comparison) this.labels = { id, texts: this.compared() };
   }
 
   /** Handles a picture of the server: of the view, or what it is compared with. */
@@ -167,7 +169,10 @@ export class View {
     const context = this.context, size = Math.max(12, Math.round(this.canvas.width / 60));
     context.font = `${size}px system-ui`;
     context.textBaseline = "top";
-    this.compared().forEach((text, i) => {
+    const { id, texts } = this.labels ?? {};
+    if (id !== this.current.header.id) return;  // of settings that are not shown yet
+    // While a method estimates depths, another one's picture is shown.
+    [this.current.header.method || texts[0], texts[1]].forEach((text, i) => {
       const width = context.measureText(text).width, x = i === 0 ? left - width - size : left + size;
       context.fillStyle = "#000a";
       context.fillRect(x - size / 2, size / 2, width + size, 1.5 * size);

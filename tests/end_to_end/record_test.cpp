@@ -139,12 +139,17 @@ TEST_F(Record, ResumingWritesNothingBehindLinks) {
 
 TEST_F(Record, PipesAndDevicesInTheTakeDoNotHang) {
   ASSERT_EQ(here("raystage record record.json -o take --status none --duration 0.5").exit_code, 0);
+  // Sanitizers need more address space than they use.
+  std::string limit = "ulimit -v 4000000; ";
+  if (here(limit + "raystage verify -q take").exit_code != 0) limit = "";
+  for (const char* command : {"info", "verify -q", "sync -q", "repair -q"}) {
+    ASSERT_EQ(here(limit + "timeout 60 raystage " + command + " take").exit_code, 0) << command;
+  }
   for (const char* name : {"take.json", "rig.json", "archive/b.mkv", "archive/b.journal"}) {
     for (const char* special : {"mkfifo take/", "ln -s /dev/zero take/"}) {
       ASSERT_EQ(here(std::string("mv take/") + name + " aside && " + special + name).exit_code, 0);
       for (const char* command : {"info", "verify -q", "sync -q", "repair -q"}) {
-        const CommandResult result =
-            here(std::string("ulimit -v 4000000; timeout 20 raystage ") + command + " take");
+        const CommandResult result = here(limit + "timeout 20 raystage " + command + " take");
         EXPECT_TRUE(result.exit_code == 1 || result.exit_code == 2)
             << special << name << " " << command << ": " << result.exit_code << result.err;
       }

@@ -82,9 +82,9 @@ FrameCompositor::Geometry FrameCompositor::geometry_in_frame(const PlannedFrame&
   return geometry;
 }
 
-EnvironmentRadiance FrameCompositor::environment_of(const PlannedFrame& frame,
-                                                    const ExrCamera& camera, const Lights& behind,
-                                                    std::shared_ptr<SharedTimes> times) const {
+EnvironmentRadiance FrameCompositor::environment_of(
+    const PlannedFrame& frame, const ExrCamera& camera, const Lights& behind,
+    const std::shared_ptr<SharedTimes>& times) const {
   EnvironmentRadiance seen_behind = behind.environment_radiance;
   // The first light is in front: it is queried first.
   for (std::size_t l = plan_.light_field_lights().size(); l-- > 0;) {
@@ -98,7 +98,7 @@ EnvironmentRadiance FrameCompositor::environment_of(const PlannedFrame& frame,
 EnvironmentRadiance FrameCompositor::layer_light_radiance(
     const ShotPlan::LightFieldLight& light, const PlannedFrame& frame, const ExrCamera& camera,
     EnvironmentRadiance behind, const Eigen::Vector3f& ambient,
-    std::shared_ptr<SharedTimes> times) const {
+    const std::shared_ptr<SharedTimes>& times) const {
   std::vector<LayerRays> takes;
   std::vector<Eigen::Vector3d> view_directions;
   for (const std::size_t layer : light.layers) {

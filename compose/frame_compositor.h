@@ -75,7 +75,7 @@ class FrameCompositor {
   /// Returns the radiance of rays that leave the geometry: light fields, then `behind`.
   EnvironmentRadiance environment_of(const PlannedFrame& frame, const ExrCamera& camera,
                                      const Lights& behind,
-                                     std::shared_ptr<SharedTimes> times) const;
+                                     const std::shared_ptr<SharedTimes>& times) const;
   /// `uncovered_share`: receives the share of the layer's pixels that no camera saw.
   LayerImage render_layer(std::size_t layer, const PlannedFrame& frame, const ExrCamera& camera,
                           const Geometry& geometry, double& uncovered_share) const;
@@ -87,7 +87,7 @@ class FrameCompositor {
                                            const PlannedFrame& frame, const ExrCamera& camera,
                                            EnvironmentRadiance behind,
                                            const Eigen::Vector3f& ambient,
-                                           std::shared_ptr<SharedTimes> times) const;
+                                           const std::shared_ptr<SharedTimes>& times) const;
   /// Converts from kSceneSpace.
   void convert_to_working_space(LayerImage& image) const;
   /// Removes AOVs that the files do not contain.

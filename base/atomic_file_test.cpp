@@ -123,7 +123,7 @@ TEST_F(AtomicFile, OnlyFilesAndPipesOfSaneSizeAreRead) {
 TEST_F(AtomicFile, PipesAreReadToTheirEndAndDoNotBlockWithoutAWriter) {
   const auto pipe = folder_.path() / "pipe";
   ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
-  EXPECT_EQ(read_file(pipe), "") << "nobody writes";
+  EXPECT_EQ(read_file(pipe), "") << "there is no writer";
   FileDescriptor kept(::open(pipe.c_str(), O_RDWR | O_CLOEXEC));
   std::thread writer([&] {
     const FileDescriptor out(::open(pipe.c_str(), O_WRONLY | O_CLOEXEC));

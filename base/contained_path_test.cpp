@@ -53,7 +53,7 @@ TEST_F(ContainedPaths, OpenWhatIsInTheFolder) {
   EXPECT_EQ(result("archive/new", O_WRONLY | O_CREAT), 0);
   EXPECT_EQ(result("missing"), ENOENT);
   EXPECT_EQ(result("archive/a.mkv/more"), ENOTDIR);
-  EXPECT_EQ(result("pipe"), 0) << "at once, although nobody writes";
+  EXPECT_EQ(result("pipe"), 0) << "at once, without a writer";
   const FileDescriptor through_a_link =
       open_contained({folder_.path() / "take_link", "archive/a.mkv"}, O_RDONLY);
   EXPECT_TRUE(through_a_link.open()) << "the folder itself may be a link";

@@ -108,8 +108,10 @@ int main(int argc, char** argv) {
     const std::string name = std::string(command) + (is_one_of_ranks(command) ? "-ranks" : "");
     const std::string program = (here / ("raystage-" + name)).string();
     execv(program.c_str(), argv + 1);
-    std::fprintf(stderr, "raystage: %s: cannot be run: %s. Reinstall raystage.\n", program.c_str(),
-                 std::strerror(errno));
+    std::fprintf(stderr,
+                 "raystage: %s: cannot be run: %s. Build all commands (cmake --build), or install "
+                 "raystage again.\n",
+                 program.c_str(), std::strerror(errno));
     return 1;
   }
   std::fprintf(stderr, "raystage: there is no command '%s'. See raystage --help.\n", argv[1]);

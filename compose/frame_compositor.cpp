@@ -56,7 +56,7 @@ LayerView FrameCompositor::layer_view(std::size_t layer, const PlannedFrame& fra
           has_meshes ? &geometry.scene : nullptr,
           has_meshes ? geometry.mesh_indices[layer] : -1,
           object_ids,
-          frame.preview_method};
+          frame.preview};
 }
 
 FrameCompositor::Geometry FrameCompositor::geometry_in_frame(const PlannedFrame& frame,

@@ -31,8 +31,8 @@ inline constexpr int kReconstructionVersion = 8;
 /// A frame of the shot with the instants that it shows.
 struct PlannedFrame {
   int frame = 0;
-  std::vector<ShownTick> shown;     ///< for each layer; none for layers without a take
-  std::string preview_method = {};  ///< as LayerView
+  std::vector<ShownTick> shown;  ///< for each layer; none for layers without a take
+  PreviewOptions preview = {};
 };
 
 /// Settings that replace or extend those of the shot.

@@ -196,8 +196,9 @@ struct Sampling {
 /// Returns how to sample a view. The limit ignores requested measures, because they must not change
 /// pixels.
 Sampling sampling_of(double ratio, const VirtualCamera& view, const RendererOptions& settings,
-                     bool row_independent) {
-  int factor = std::min(wanted_supersampling(ratio), std::clamp(settings.max_supersampling, 1, 64));
+                     const ReconstructionOptions& reconstruction, bool row_independent) {
+  const int most_samples = std::min(settings.max_supersampling, reconstruction.max_supersampling);
+  int factor = std::min(wanted_supersampling(ratio), std::clamp(most_samples, 1, 64));
   const auto row_bytes = [&] {
     const VirtualCamera row = crop_rows(view, 0, 1);
     return view_buffer_bytes(row) * static_cast<std::size_t>(factor * factor);
@@ -302,8 +303,8 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view,
   }
 
   const double ratio = filtered_pixels(view, instant, method, reconstruction.focal_plane);
-  const auto [factor, rows] =
-      sampling_of(ratio, view, state_->settings, is_row_independent(method, options, view));
+  const auto [factor, rows] = sampling_of(ratio, view, state_->settings, reconstruction,
+                                          is_row_independent(method, options, view));
   const bool distorted = !(view.intrinsics.distortion == schemas::Distortion{});
   const bool by_reference = state_->settings.reference || distorted;
   const bool is_together =
@@ -388,8 +389,8 @@ std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view,
   const auto& [method, options] = chosen_by(reconstruction);
   const double ratio =
       instant.present ? filtered_pixels(view, instant, method, reconstruction.focal_plane) : 0;
-  const Sampling sampling =
-      sampling_of(ratio, view, state_->settings, is_row_independent(method, options, view));
+  const Sampling sampling = sampling_of(ratio, view, state_->settings, reconstruction,
+                                        is_row_independent(method, options, view));
   const std::size_t of_pixel = bytes_per_pixel(method, state_->settings);
   const std::size_t bytes = pixels_of(view) * of_pixel;
   if (sampling.factor == 1) return bytes;

@@ -130,6 +130,22 @@ TEST_F(Filtering, SaysWhereMoreSamplesAreCalledFor) {
               ElementsAre(HasSubstr("1 sample per pixel and axis")));
 }
 
+TEST_F(Filtering, PreviewsMayAliasAndSaySo) {
+  RendererOptions never;
+  never.max_supersampling = 1;
+  const VirtualCamera view = view_of(20);
+  ReconstructionOptions preview{"focal_plane", kPlane};
+  preview.max_supersampling = 1;
+  const store::FrameSelection frames = store::select_frames(*take_, 0, 1);
+  const LightFieldRenderer renderer(*take_, {});
+  const RenderedView image = renderer.render(view, frames, preview);
+  EXPECT_EQ(image.statistics.supersampling, 1);
+  EXPECT_EQ(image.rgba, render(20, "focal_plane", never).rgba);
+  EXPECT_THAT(image.notes, ElementsAre(HasSubstr("1 sample per pixel and axis")));
+  EXPECT_LT(renderer.view_bytes(view, frames, preview),
+            renderer.view_bytes(view, frames, {"focal_plane", kPlane}));
+}
+
 TEST_F(Filtering, MemoryOfAViewIsWhatItsValuesTake) {
   const auto bytes = [&](int width, const std::string& method, bool measure_coverage) {
     RendererOptions settings;

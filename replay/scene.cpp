@@ -64,7 +64,7 @@ compose::PlannedFrame Scene::planned(int frame) const {
 compose::CompositedView Scene::render(const SceneView& view, const std::stop_token& stop) const {
   const CancellationScope scope(stop);
   compose::PlannedFrame frame = planned(view.frame);
-  frame.preview_method = view.preview_method;
+  frame.preview = view.preview;
   compose::CompositedView result = compositor_.composite(frame, view.camera, stop);
   throw_if_cancelled();
   return result;

@@ -26,7 +26,7 @@ struct SceneOptions {
 struct SceneView {
   int frame = 0;  ///< of the shot
   compose::ExrCamera camera;
-  std::string preview_method;  ///< as compose::PlannedFrame
+  compose::PreviewOptions preview = {};
 };
 
 /// The layers of an opened shot, with their caches. The camera of the shot is not used: views bring

@@ -105,7 +105,8 @@ SceneView patch_view(const ShownShot& shown, const ViewerMessage& request, int s
   const int width = std::max(1, static_cast<int>(std::lround(request.width * scale)));
   const int height = std::max(1, static_cast<int>(std::lround(request.height * scale)));
   SceneView view{frame_in_shot(shown, request.frame),
-                 requested_camera(shown, request, width, height), method};
+                 requested_camera(shown, request, width, height),
+                 {.method = method}};
   schemas::Intrinsics& lens = view.camera.view.intrinsics;
   const int half = size / 2;
   lens.cx -= std::floor(request.pixel[0] * width / request.width) - half;
@@ -222,7 +223,7 @@ SourceFrames requested_source(const ShownShot& shown, const ViewerMessage& reque
 }
 
 store::RgbImage render_arranged(const ShownShot& shown, const ViewerMessage& request,
-                                PictureSize size, const std::string& method,
+                                PictureSize size, const compose::PreviewOptions& preview,
                                 const std::stop_token& stop, PictureMessage& facts) {
   const compose::CameraState state = camera_state(shown, request);
   const ArrangementOptions arrangement{request.arrangement, size, array_width(shown, state)};
@@ -236,7 +237,7 @@ store::RgbImage render_arranged(const ShownShot& shown, const ViewerMessage& req
         shown.scene->render({frame_in_shot(shown, request.frame),
                              make_view_camera(shown.camera, eye.state, eye.eye,
                                               arranged.view_size.width, arranged.view_size.height),
-                             method},
+                             preview},
                             stop);
     facts.render_ms += rendering.ms();
     for (const double share : view.uncovered_share) {
@@ -262,13 +263,13 @@ std::vector<std::byte> render_picture(const ShownShot& shown, const ViewerMessag
   message.id = request.id;
   message.frame = frame_in_shot(shown, request.frame);
   message.quality = name_of(request.quality);
-  message.method = options.method;
+  message.method = options.preview.method;
   message.is_final = options.is_final;
   const Stopwatch total;
   const PictureSize size{std::max(1, request.width / options.divisor),
                          std::max(1, request.height / options.divisor)};
   const store::RgbImage picture =
-      render_arranged(shown, request, size, options.method, stop, message);
+      render_arranged(shown, request, size, options.preview, stop, message);
   add_instant(shown, message.frame, message);
   message.width = picture.width;
   message.height = picture.height;

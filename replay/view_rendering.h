@@ -42,16 +42,16 @@ compose::ExrCamera requested_camera(const ShownShot& shown, const schemas::Viewe
 
 /// How a requested view is rendered.
 struct PictureOptions {
-  std::string method = {};  ///< as SceneView::preview_method
-  int divisor = 1;          ///< of the requested size
-  bool is_final = true;     ///< no better picture of the request follows
+  compose::PreviewOptions preview = {};
+  int divisor = 1;       ///< of the requested size
+  bool is_final = true;  ///< no better picture of the request follows
   PictureContent content = PictureContent::kView;
 };
 
 /// Renders a view, or the views of an arrangement, into a picture of about this size. `facts`:
 /// receives what is known of the views. Throws Cancelled, and Error as Scene::render().
 store::RgbImage render_arranged(const ShownShot& shown, const schemas::ViewerMessage& request,
-                                PictureSize size, const std::string& method,
+                                PictureSize size, const compose::PreviewOptions& preview,
                                 const std::stop_token& stop, PictureMessage& facts);
 
 /// Renders a view, or the views of an arrangement, and returns its message. Throws Cancelled, and

@@ -157,11 +157,12 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
     return result;
   }
 
-  /// Renders by the fast method, with fewer pixels if the view moves and is slow.
+  /// Renders by the fast method, with one sample per pixel, and with fewer pixels if the view moves
+  /// and is slow.
   void render_fast(const ViewerMessage& request, const std::stop_token& stop) {
     const auto shot = shot_for(request);
     PictureOptions options;
-    options.method = shot->scene->fast_method();
+    options.preview = {shot->scene->fast_method(), 1};
     if (request.quality == ViewerMessage::Quality::kMoving) {
       const std::scoped_lock lock(mutex);
       options.divisor = resolution.divisor(request.width, request.height);
@@ -182,7 +183,7 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
     std::optional<ProgressReporter> reporter;
     if (shot->scene->must_estimate_depths(request.frame)) {
       PictureOptions first;
-      first.method = "plane_sweep";
+      first.preview.method = "plane_sweep";
       first.is_final = false;
       send_picture(first.content, render_picture(*shot, request, first, stop));
       reporter.emplace([this, id = request.id, progress = shot->scene->depth_progress()] {

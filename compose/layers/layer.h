@@ -53,6 +53,14 @@ struct LayerRendererOptions {
   render::DistributedTakes* hosts = nullptr;  ///< null: the take's folder holds its archives
 };
 
+/// What previews give up for speed.
+struct PreviewOptions {
+  /// Replaces the method of light fields that show all they see, with its default options; empty:
+  /// each has its own.
+  std::string method = {};
+  int max_supersampling = 64;  ///< of light fields, as render::ReconstructionOptions
+};
+
 /// One view of a frame, as a layer renders it.
 struct LayerView {
   int frame = 0;
@@ -61,9 +69,7 @@ struct LayerView {
   const GeometryScene* scene = nullptr;    ///< all meshes of the frame; null: none is needed
   int mesh = -1;                           ///< index of the layer's mesh in it; -1: none
   std::span<const float> object_ids = {};  ///< for LayerImage::ids; empty: not requested
-  /// Replaces the method of light fields that show all they see, with its default options; empty:
-  /// none. For previews.
-  std::string_view preview_method = {};
+  PreviewOptions preview = {};
 };
 
 /// Answers single rays of a layer that is a light.

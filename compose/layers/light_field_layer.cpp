@@ -141,11 +141,12 @@ class TakeRenderer final : public LayerRenderer {
     if (!view.shown.tick) return transparent_layer_image(camera.width, camera.height);
     if (camera.is_equirectangular) return render_rays(view);
     const bool is_preview =
-        !view.preview_method.empty() && !layer_.method().shows_foreground_only();
-    return make_layer_image(renderer_.render(
-        camera, layer_.tick(view.shown),
-        is_preview ? layer_.preview_reconstruction(view.preview_method, view.camera, view.frame)
-                   : layer_.reconstruction_for(view.camera, view.frame)));
+        !view.preview.method.empty() && !layer_.method().shows_foreground_only();
+    render::ReconstructionOptions how =
+        is_preview ? layer_.preview_reconstruction(view.preview.method, view.camera, view.frame)
+                   : layer_.reconstruction_for(view.camera, view.frame);
+    how.max_supersampling = view.preview.max_supersampling;
+    return make_layer_image(renderer_.render(camera, layer_.tick(view.shown), how));
   }
 
   /// Renders a view of an equirectangular camera, one ray per pixel, some rows at a time.

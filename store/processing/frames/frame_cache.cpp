@@ -18,6 +18,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "store/processing/frames/frame_pages.h"
 #include "store/processing/frames/incremental_decode.h"
 #include "store/processing/frames/photometric_correction.h"
 
@@ -202,6 +203,7 @@ struct FrameCache::State {
     const auto start = std::chrono::steady_clock::now();
     const PhotometricCorrection& correction = corrections[key.first];
     const FrameBytes jpeg = take.archive(key.first).jpeg_part(key.second, layout, mcus);
+    request_pages(pixels_of(frame), layout, mcus);
     const std::int64_t decoded = decoders.local().decode_region(
         jpeg, layout, mcus, correction.table(), pixels_of(frame), name_of(key));
     correction.correct(pixels_of(frame), layout, mcus);

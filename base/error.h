@@ -14,7 +14,9 @@ enum class ExitCode : int {
   kFailed = 1,
   kBadInput = 2,
   kSomeFramesFailed = 3,
-  kLowCoverage = 4  ///< every frame is complete, but some show too much that no camera saw
+  /// Every frame is complete, but some show too much that no camera saw, or lack cameras whose
+  /// stored frames are not as they were recorded.
+  kFellShort = 4
 };
 
 /// The exception for everything that a user can correct: what failed, in which file (and where in

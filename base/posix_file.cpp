@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -30,6 +31,42 @@ int advise(std::span<const std::byte> part, int advice) {
   const auto first = reinterpret_cast<std::uintptr_t>(part.data()) / page * page;
   const auto last = reinterpret_cast<std::uintptr_t>(part.data() + part.size());
   return madvise(reinterpret_cast<void*>(first), last - first, advice);
+}
+
+Error not_readable(const std::filesystem::path& path, int reason) {
+  return Error::bad_input("the file cannot be read: " + std::generic_category().message(reason),
+                          path.string(), "Check that it exists and is readable");
+}
+
+/// Opens a file for reading; a named pipe does not block then. Archives of many cameras stay open:
+/// where the soft limit is reached, it is raised to the hard one.
+int open_to_read(const std::filesystem::path& path) {
+  constexpr int kFlags = O_RDONLY | O_CLOEXEC | O_NONBLOCK;
+  const int file = open(path.c_str(), kFlags);
+  rlimit limit{};
+  if (file >= 0 || errno != EMFILE || getrlimit(RLIMIT_NOFILE, &limit) != 0 ||
+      limit.rlim_cur == limit.rlim_max) {
+    return file;
+  }
+  limit.rlim_cur = limit.rlim_max;
+  if (setrlimit(RLIMIT_NOFILE, &limit) != 0) {
+    errno = EMFILE;
+    return -1;
+  }
+  return open(path.c_str(), kFlags);
+}
+
+std::size_t read_up_to(const FileDescriptor& file, std::uint64_t offset,
+                       std::span<std::byte> bytes) {
+  std::size_t filled = 0;
+  while (filled < bytes.size()) {
+    const ssize_t got = pread(file.number(), bytes.data() + filled, bytes.size() - filled,
+                              static_cast<off_t>(offset + filled));
+    if (got < 0 && errno == EINTR) continue;
+    if (got <= 0) break;
+    filled += static_cast<std::size_t>(got);
+  }
+  return filled;
 }
 
 }  // namespace
@@ -113,38 +150,39 @@ void OutputFile::discard() {
 
 std::size_t read_file_part(const std::filesystem::path& file, std::uint64_t offset,
                            std::span<std::byte> bytes) {
-  const FileDescriptor descriptor(open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  const FileDescriptor descriptor(open_to_read(file));
   struct stat status {};
   if (!descriptor.open() || fstat(descriptor.number(), &status) != 0 || !S_ISREG(status.st_mode)) {
     return 0;
   }
-  std::size_t filled = 0;
-  while (filled < bytes.size()) {
-    const ssize_t got = pread(descriptor.number(), bytes.data() + filled, bytes.size() - filled,
-                              static_cast<off_t>(offset + filled));
-    if (got < 0 && errno == EINTR) continue;
-    if (got <= 0) break;
-    filled += static_cast<std::size_t>(got);
-  }
-  return filled;
+  return read_up_to(descriptor, offset, bytes);
 }
 
-MappedFile::MappedFile(const std::filesystem::path& path) {
-  const auto refuse = [&](int reason) {
-    return Error::bad_input("the file cannot be read: " + std::generic_category().message(reason),
-                            path.string(), "Check that it exists and is readable");
-  };
-  // A named pipe does not block then.
-  const FileDescriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+InputFile::InputFile(const std::filesystem::path& path) : file_(open_to_read(path)) {
   struct stat status {};
-  if (!file.open() || fstat(file.number(), &status) != 0) throw refuse(errno);
+  if (!file_.open() || fstat(file_.number(), &status) != 0) throw not_readable(path, errno);
   if (!S_ISREG(status.st_mode)) {
     throw Error::bad_input("the file is not a regular one", path.string(), "Restore the file");
   }
-  if (status.st_size == 0) return;
-  const auto size = static_cast<std::size_t>(status.st_size);
-  void* address = mmap(nullptr, size, PROT_READ, MAP_SHARED, file.number(), 0);
-  if (address == MAP_FAILED) throw refuse(errno);
+  size_ = static_cast<std::uint64_t>(status.st_size);
+}
+
+std::size_t InputFile::read_at(std::uint64_t offset, std::span<std::byte> bytes) const {
+  return read_up_to(file_, offset, bytes);
+}
+
+void InputFile::read_ahead(std::uint64_t offset, std::uint64_t size) const {
+  posix_fadvise(file_.number(), static_cast<off_t>(offset), static_cast<off_t>(size),
+                POSIX_FADV_WILLNEED);
+}
+
+MappedFile::MappedFile(const std::filesystem::path& path) : MappedFile(InputFile(path), path) {}
+
+MappedFile::MappedFile(const InputFile& file, const std::filesystem::path& name) {
+  if (file.size() == 0) return;
+  const auto size = static_cast<std::size_t>(file.size());
+  void* address = mmap(nullptr, size, PROT_READ, MAP_SHARED, file.file_.number(), 0);
+  if (address == MAP_FAILED) throw not_readable(name, errno);
   bytes_ = {static_cast<const std::byte*>(address), size};
 }
 
@@ -156,10 +194,6 @@ void MappedFile::expect(Access access) const {
   if (bytes_.empty()) return;
   madvise(const_cast<std::byte*>(bytes_.data()), bytes_.size(),
           access == Access::kSequential ? MADV_SEQUENTIAL : MADV_RANDOM);
-}
-
-void MappedFile::read_ahead(std::span<const std::byte> part) const {
-  if (!part.empty()) advise(part, MADV_WILLNEED);
 }
 
 bool MappedFile::can_read(std::span<const std::byte> part) const {

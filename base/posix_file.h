@@ -67,12 +67,33 @@ class OutputFile {
 std::size_t read_file_part(const std::filesystem::path& file, std::uint64_t offset,
                            std::span<std::byte> bytes);
 
+/// A regular file that is read at explicit offsets, also while another process writes it.
+class InputFile {
+ public:
+  /// Throws Error (bad input) if the file cannot be read or is not a regular one.
+  explicit InputFile(const std::filesystem::path& path);
+
+  std::uint64_t size() const { return size_; }  ///< when it was opened
+  /// Reads up to bytes.size() bytes from an offset; returns how many there are: fewer at the end of
+  /// the file, or where the disk cannot read.
+  std::size_t read_at(std::uint64_t offset, std::span<std::byte> bytes) const;
+  /// Starts reading a part from disk in the background. A hint.
+  void read_ahead(std::uint64_t offset, std::uint64_t size) const;
+
+ private:
+  friend class MappedFile;
+  FileDescriptor file_;
+  std::uint64_t size_ = 0;
+};
+
 /// A complete file mapped for reading. If another process truncates the file, access to the removed
 /// part ends this process with SIGBUS. Archives only grow while they are read.
 class MappedFile {
  public:
   /// Throws Error (bad input) if the file cannot be read.
   explicit MappedFile(const std::filesystem::path& path);
+  /// Maps the file as large as it was when it was opened. `name`: for errors.
+  MappedFile(const InputFile& file, const std::filesystem::path& name);
   ~MappedFile();
   MappedFile(const MappedFile&) = delete;
   MappedFile& operator=(const MappedFile&) = delete;
@@ -81,8 +102,6 @@ class MappedFile {
   /// Announces how the file will be read: from start to end, or small parts at random. A hint.
   enum class Access { kSequential, kSparse };
   void expect(Access access) const;
-  /// Starts reading a part of bytes() from disk in the background. A hint.
-  void read_ahead(std::span<const std::byte> part) const;
   /// Loads a part of bytes() into memory. Returns false if that fails (disk error, truncated file):
   /// access to the part would then end the process.
   bool can_read(std::span<const std::byte> part) const;

@@ -10,6 +10,7 @@
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/evaluation_options.h"
+#include "cli/printing.h"
 #include "cli/threads.h"
 #include "render/methods.h"
 #include "reports/bench_page.h"
@@ -141,7 +142,7 @@ ExitCode bench(const Options& options, std::stop_token stop) {
   if (!output.empty() && !trade.rows.empty()) {
     write_file_atomically(output / "trade.html", reports::bench_as_page(trade));
   }
-  fmt::print("{}", evaluation::bench_as_table(trade));
+  print("{}", evaluation::bench_as_table(trade));
   bool failed = false;
   for (const evaluation::BenchRow& row : trade.rows) {
     if (row.failure.empty()) continue;

@@ -7,6 +7,7 @@
 
 #include "calibrate/geometry/rig_comparison.h"
 #include "cli/calibrate.h"
+#include "cli/printing.h"
 
 namespace raystage::cli {
 namespace {
@@ -37,8 +38,8 @@ Subcommand declare_calibrate_compare(CommandLine& calibrate) {
             const calibrate::RigComparison comparison =
                 calibrate::compare_rigs(schemas::read_rig(options->first),
                                         schemas::read_rig(options->second), options->nearest_m);
-            fmt::print("{}", options->json ? calibrate::rig_comparison_json(comparison)
-                                           : calibrate::format_rig_comparison(comparison));
+            print("{}", options->json ? calibrate::rig_comparison_json(comparison)
+                                      : calibrate::format_rig_comparison(comparison));
             return ExitCode::kSuccess;
           }};
 }

@@ -16,6 +16,7 @@
 #include "calibrate/geometry_from_take.h"
 #include "cli/board_options.h"
 #include "cli/calibrate.h"
+#include "cli/printing.h"
 #include "cli/threads.h"
 
 namespace raystage::cli {
@@ -112,7 +113,7 @@ GeometryResult calibrate_tracks(const calibrate::RecordedTracks& tracks,
   const calibrate::TrackCalibration found = calibrate::calibrate_from_tracks(tracks, settings);
   if (!options.detections.empty()) write_tracked(found.points.detections, options.detections);
   if (!options.json && settings.estimates_clock_offsets) {
-    fmt::print("{}", calibrate::format_clock_offsets(found, tracks.cameras));
+    print("{}", calibrate::format_clock_offsets(found, tracks.cameras));
   }
   return {settings.calibration, found.calibration};
 }
@@ -125,8 +126,7 @@ GeometryResult calibrate_with_light(const GeometryOptions& options, const std::s
   Progress progress(!options.quiet);
   const calibrate::RecordedTracks tracks = calibrate::record_light_tracks(
       take, options.light, [&](double done) { progress.report(done); }, stop);
-  if (!options.json)
-    fmt::print("{}", calibrate::format_track_summary(tracks.tracks, tracks.cameras));
+  if (!options.json) print("{}", calibrate::format_track_summary(tracks.tracks, tracks.cameras));
   return calibrate_tracks(tracks, settings, options);
 }
 
@@ -186,8 +186,8 @@ ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_toke
                                        : has_board      ? calibrate_with_board(options, stop)
                                        : is_take        ? calibrate_with_light(options, stop)
                                                         : calibrate_table(options, stop);
-  fmt::print("{}", options.json ? calibrate::calibration_report_json(calibration)
-                                : calibrate::format_calibration_report(calibration));
+  print("{}", options.json ? calibrate::calibration_report_json(calibration)
+                           : calibrate::format_calibration_report(calibration));
   if (!options.report.empty()) {
     write_file_atomically(options.report,
                           calibrate::calibration_report_html(calibration, options.output.string()));

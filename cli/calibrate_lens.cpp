@@ -10,6 +10,7 @@
 #include "calibrate/lenses_from_take.h"
 #include "cli/board_options.h"
 #include "cli/calibrate.h"
+#include "cli/printing.h"
 #include "cli/threads.h"
 #include "schemas/rig_document.h"
 
@@ -32,7 +33,7 @@ ExitCode run_calibrate_lens(const LensOptions& options, const std::stop_token& s
   const std::vector<calibrate::CameraLens> lenses = calibrate::calibrate_lenses(
       store::Take(options.take), detector, options.settings,
       [&](double done) { progress.report(done); }, stop);
-  for (const calibrate::CameraLens& lens : lenses) fmt::print("{}", calibrate::format_lens(lens));
+  for (const calibrate::CameraLens& lens : lenses) print("{}", calibrate::format_lens(lens));
   if (!calibrate::are_accepted(lenses) && !options.force) {
     throw Error::failed("the lens was not written: the calibration was rejected",
                         options.output.string(),

@@ -12,6 +12,7 @@
 #include "base/number_text.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/printing.h"
 #include "compose/camera/camera_export.h"
 #include "compose/frame_range.h"
 
@@ -77,7 +78,7 @@ void print_import_settings(const compose::CameraExport& exported, const std::fil
                            const std::string& rotation_order) {
   const schemas::ShotDocument& shot = exported.shot;
   if (file.extension() == ".chan") {
-    fmt::print(
+    print(
         "Set the film back of the importing camera to {:.6g} x {:.6g} mm and its rotation order to "
         "{} (the default is ZXY in Nuke, XYZ in Blender).\n",
         shot.camera.film_back_mm, shot.camera.film_back_mm * shot.height / shot.width,
@@ -86,20 +87,20 @@ void print_import_settings(const compose::CameraExport& exported, const std::fil
   if (file.extension() == ".gltf") {
     const FrameRate rate =
         exported.gltf_rate.value_or(FrameRate{shot.fps_numerator, shot.fps_denominator});
-    fmt::print("Set the frame rate of the importing scene to {} fps before the import.\n",
-               rate.denominator == 1 ? fmt::format("{}", rate.numerator)
-                                     : fmt::format("{}/{}", rate.numerator, rate.denominator));
+    print("Set the frame rate of the importing scene to {} fps before the import.\n",
+          rate.denominator == 1 ? fmt::format("{}", rate.numerator)
+                                : fmt::format("{}/{}", rate.numerator, rate.denominator));
     if (rate.denominator != 1) {
-      fmt::print("Blender ignores the base of its frame rate: for Blender, add --gltf-fps {}.\n",
-                 std::lround(rate.fps()));
+      print("Blender ignores the base of its frame rate: for Blender, add --gltf-fps {}.\n",
+            std::lround(rate.fps()));
     }
   }
   for (const std::string& loss : compose::camera_file_losses(exported, file)) {
-    fmt::print("The {} is lost.\n", loss);
+    print("The {} is lost.\n", loss);
   }
   const compose::CameraState first = exported.camera.state(exported.frames.front());
   if (file.extension() != ".nk" && (first.focus_m || first.f_number)) {
-    fmt::print("Focus distance and f-number are not in the file; .nk files hold them.\n");
+    print("Focus distance and f-number are not in the file; .nk files hold them.\n");
   }
 }
 
@@ -127,9 +128,8 @@ ExitCode write_camera(const Options& options) {
                                       "--lossy");
   }
   write_file_atomically(output, compose::format_camera_file(exported, output));
-  if (!camera.file_summary().empty()) fmt::print("Camera: {}\n", camera.file_summary());
-  fmt::print("{}: {} frames, {}\n", options.output, frames.size(),
-             compose::format_frame_range(frames));
+  if (!camera.file_summary().empty()) print("Camera: {}\n", camera.file_summary());
+  print("{}: {} frames, {}\n", options.output, frames.size(), compose::format_frame_range(frames));
   print_import_settings(exported, output, options.rotation_order);
   return ExitCode::kSuccess;
 }

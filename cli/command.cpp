@@ -17,6 +17,7 @@
 #include <thread>
 
 #include "base/cancellation.h"
+#include "cli/printing.h"
 
 namespace raystage::cli {
 namespace {
@@ -30,8 +31,8 @@ void on_signal(int number) {
   [[maybe_unused]] const ssize_t written = write(signal_pipe[1], &byte, 1);
 }
 
-// fmt::print throws if it cannot write, which must not end a render.
-void print_error(const std::string& text) { std::fputs(text.c_str(), stderr); }
+/// Prints what this program composes, with its own control characters.
+void draw(const std::string& text) { std::fputs(text.c_str(), stderr); }
 
 class SignalWatch {
  public:
@@ -74,22 +75,11 @@ class SignalWatch {
   std::thread thread_;
 };
 
-/// Escapes control characters as \xNN: names from documents must not control a terminal.
-std::string printable(std::string_view text) {
-  std::string safe;
-  for (const char c : text) {
-    const auto code = static_cast<unsigned char>(c);
-    const bool is_control = (code < 0x20 && c != '\n' && c != '\t') || code == 0x7F;
-    safe += is_control ? fmt::format("\\x{:02x}", code) : std::string(1, c);
-  }
-  return safe;
-}
-
 }  // namespace
 
 int run_command(std::string_view name, const CommandBody& body, OnSignal on_signal) {
   const auto complain = [&](std::string_view text) {
-    print_error(fmt::format("raystage {}: {}\n", name, printable(text)));
+    print_error("raystage {}: {}\n", name, text);
     std::fflush(stderr);
   };
   // Frames of tens of megabytes are allocated often: keep their pages instead of faulting them in
@@ -141,11 +131,11 @@ void Progress::report(double done) {
     draw_bar();
     if (percent == 100) std::fputc('\n', stderr);
   } else if (style_ == ProgressStyle::kOpenJd) {
-    print_error(fmt::format("openjd_progress: {}\n", percent));
+    print_error("openjd_progress: {}\n", percent);
   } else if (const auto now = std::chrono::steady_clock::now();
              percent == 100 || now - last_line_ >= kBetweenLines) {
     last_line_ = now;
-    print_error(fmt::format("Progress: {}%\n", percent));
+    print_error("Progress: {}%\n", percent);
   }
   std::fflush(stderr);
 }
@@ -153,8 +143,8 @@ void Progress::report(double done) {
 void Progress::say(std::string_view line) {
   const std::scoped_lock lock(mutex_);
   const bool bar_open = bar_ && percent_ >= 0 && percent_ < 100;
-  if (bar_open) print_error(fmt::format("\r{: <60}\r", ""));
-  print_error(fmt::format("{}\n", line));
+  if (bar_open) draw(fmt::format("\r{: <60}\r", ""));
+  print_error("{}\n", line);
   if (bar_open) draw_bar();
   std::fflush(stderr);
 }
@@ -162,7 +152,7 @@ void Progress::say(std::string_view line) {
 void Progress::draw_bar() const {
   constexpr int kWidth = 40;
   const int filled = percent_ * kWidth / 100;
-  print_error(fmt::format("\r[{:=<{}}{: <{}}] {:3}%", "", filled, "", kWidth - filled, percent_));
+  draw(fmt::format("\r[{:=<{}}{: <{}}] {:3}%", "", filled, "", kWidth - filled, percent_));
 }
 
 }  // namespace raystage::cli

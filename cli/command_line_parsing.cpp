@@ -8,6 +8,8 @@
 #include <span>
 #include <string>
 
+#include "cli/printing.h"
+
 namespace raystage::cli {
 namespace {
 
@@ -39,8 +41,8 @@ std::vector<std::string> current_arguments(std::span<char*> arguments, std::stri
     const auto alias = std::ranges::find(former, given, &FormerOption::former);
     if (alias == former.end()) continue;
     argument = std::string(alias->name) + argument.substr(given.size());
-    fmt::print(stderr, "raystage {}: {} is deprecated and will be removed; use {}\n", command,
-               given, alias->name);
+    print_error("raystage {}: {} is deprecated and will be removed; use {}\n", command, given,
+                alias->name);
   }
   return result;
 }

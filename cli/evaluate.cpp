@@ -11,6 +11,7 @@
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/evaluation_options.h"
+#include "cli/printing.h"
 #include "cli/threads.h"
 #include "evaluation/evaluation.h"
 #include "render/methods.h"
@@ -55,7 +56,7 @@ ExitCode evaluate(const Options& options, std::stop_token stop) {
   const evaluation::Evaluation evaluation = evaluation::evaluate_views(
       take, views, options.views.parent_path(), settings,
       [&](double done) { progress.report(done); }, stop);
-  fmt::print("{}", evaluation::evaluation_as_text(evaluation));
+  print("{}", evaluation::evaluation_as_text(evaluation));
   if (!options.json.empty())
     write_file_atomically(options.json, evaluation::evaluation_as_json(evaluation));
   if (!options.table.empty()) {

@@ -16,7 +16,8 @@ int main(int argc, char** argv) {
       declare_farm_export(command), declare_farm_estimate(command), declare_farm_task(command)};
   command.footer(
       "Exit codes: 0 all requested frames are complete; 1 failed; 2 bad usage or input;\n"
-      "3 some frames failed, the rest is done; 4 all complete, some below --least-coverage;\n"
+      "3 some frames failed, the rest is done; 4 all complete, some fall short "
+      "(below\n--least-coverage, or without rotten cameras);\n"
       "33 out of memory; 128+n stopped by signal n.");
   return parse_and_run(command, argc, argv, "farm", subcommands, {{"--wrap", "--command-prefix"}});
 }

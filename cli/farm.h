@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdio>
 #include <string>
 
 #include "cli/command_line_parsing.h"
+#include "cli/printing.h"
 
 namespace raystage::cli {
 
@@ -17,9 +17,6 @@ Subcommand declare_farm_logs(CommandLine& farm);
 Subcommand declare_farm_doctor(CommandLine& farm);
 Subcommand declare_farm_estimate(CommandLine& farm);
 Subcommand declare_farm_task(CommandLine& farm);
-
-/// Prints to standard output; run_command() reports write errors.
-inline void print(const std::string& text) { std::fputs(text.c_str(), stdout); }
 
 /// Adds the positional JOB.
 inline void add_job_argument(CommandLine& command, std::string& job) {

@@ -10,6 +10,7 @@
 
 #include "base/atomic_file.h"
 #include "cli/farm.h"
+#include "cli/printing.h"
 #include "compose/frame_range.h"
 #include "farm/local_engine.h"
 #include "farm/retry.h"
@@ -27,8 +28,8 @@ struct StatusOptions {
   double interval_s = 5;
 };
 
-/// Returns 0 for a job that is done or running, 3 for missing frames, 4 for complete frames below
-/// the least coverage, otherwise 1.
+/// Returns 0 for a job that is done or running, 3 for missing frames, 4 for complete frames that
+/// fall short, otherwise 1.
 ExitCode exit_code_of(const farm::JobStatus& status) {
   switch (status.state) {
     case farm::JobState::kFailed:
@@ -38,9 +39,10 @@ ExitCode exit_code_of(const farm::JobStatus& status) {
     case farm::JobState::kStopped:
       return ExitCode::kFailed;
     case farm::JobState::kDone:
-      return !status.missing_frames.empty()          ? ExitCode::kSomeFramesFailed
-             : !status.frames_below_coverage.empty() ? ExitCode::kLowCoverage
-                                                     : ExitCode::kSuccess;
+      if (!status.missing_frames.empty()) return ExitCode::kSomeFramesFailed;
+      return status.frames_below_coverage.empty() && status.frames_with_rot.empty()
+                 ? ExitCode::kSuccess
+                 : ExitCode::kFellShort;
     default:
       return ExitCode::kSuccess;
   }
@@ -178,7 +180,7 @@ Subcommand declare_farm_status(CommandLine& farm) {
   command.option("--html HTML", options->html, "also write an HTML page");
   command.footer(
       "Exit codes: 0 done or running; 1 failed, cancelled, stopped or stalled; 3 ended, frames are "
-      "missing.");
+      "missing;\n4 done, but some frames fall short.");
   return {command, [options](std::stop_token stop) { return show_status(*options, stop); }};
 }
 

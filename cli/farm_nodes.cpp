@@ -8,6 +8,7 @@
 
 #include "base/atomic_file.h"
 #include "cli/farm.h"
+#include "cli/printing.h"
 #include "cli/threads.h"
 #include "farm/cost_model.h"
 #include "farm/cost_page.h"

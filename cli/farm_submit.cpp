@@ -7,6 +7,7 @@
 
 #include "base/atomic_file.h"
 #include "cli/farm.h"
+#include "cli/printing.h"
 #include "compose/frame_range.h"
 #include "farm/local_engine.h"
 #include "farm/openjd.h"

@@ -11,6 +11,7 @@
 
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/printing.h"
 #include "cli/threads.h"
 #include "ingest/import_source.h"
 #include "ingest/import_take.h"
@@ -112,11 +113,10 @@ ExitCode run(const Options& options, std::stop_token stop) {
   const auto summary =
       ingest::import_take(source.manifest, source.base, options.take, settings, stop);
   constexpr double kMegabyte = 1e6;
-  fmt::print(
-      "{}: {} cameras, {} frames, {:.1f} MB ({} stored unchanged, {} rewritten, {} encoded)\n",
-      options.take.string(), summary.cameras, summary.frames,
-      static_cast<double>(summary.jpeg_bytes) / kMegabyte, summary.copied, summary.rewritten,
-      summary.encoded);
+  print("{}: {} cameras, {} frames, {:.1f} MB ({} stored unchanged, {} rewritten, {} encoded)\n",
+        options.take.string(), summary.cameras, summary.frames,
+        static_cast<double>(summary.jpeg_bytes) / kMegabyte, summary.copied, summary.rewritten,
+        summary.encoded);
   return ExitCode::kSuccess;
 }
 

@@ -14,6 +14,7 @@
 
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/printing.h"
 #include "schemas/former_names.h"
 #include "store/take_summary.h"
 
@@ -50,7 +51,7 @@ long count_of(const store::TakeSummary& summary, Keep keep) {
   return std::ranges::count_if(summary.cameras, keep);
 }
 
-void line(std::string_view name, const std::string& text) { fmt::print("{:<12}{}\n", name, text); }
+void line(std::string_view name, const std::string& text) { print("{:<12}{}\n", name, text); }
 
 /// Returns "3 dropped, 45 start_up"; empty if nothing is missing.
 std::string by_reason(const std::array<int, store::kFrameStatusCount>& by_status) {
@@ -86,11 +87,11 @@ void print_missing(const store::TakeSummary& summary) {
                            [](const Camera* camera) { return missing_of(*camera); });
   const std::size_t shown = lacking.size() > kMax ? kMax / 2 : lacking.size();
   for (std::size_t i = 0; i < shown; ++i) {
-    fmt::print("  {:<10}{}\n", lacking[i]->id, by_reason(lacking[i]->by_status));
+    print("  {:<10}{}\n", lacking[i]->id, by_reason(lacking[i]->by_status));
   }
   if (shown < lacking.size()) {
-    fmt::print("  and {} cameras more, {} to {} frames each (--json lists them)\n",
-               lacking.size() - shown, missing_of(*lacking.back()), missing_of(*lacking[shown]));
+    print("  and {} cameras more, {} to {} frames each (--json lists them)\n",
+          lacking.size() - shown, missing_of(*lacking.back()), missing_of(*lacking[shown]));
   }
 }
 
@@ -104,17 +105,17 @@ void print_archives(const store::TakeSummary& summary, const std::string& folder
            : fmt::format("{} not closed (interrupted, or still recording): {}", not_closed,
                          ids_of(summary, open)));
   if (not_closed > 0) {
-    fmt::print(
+    print(
         "  if interrupted: `raystage record CONFIG --resume -o {0}` continues it, `raystage repair "
         "{0}` closes it\n",
         folder);
   }
   const auto repaired = [](const Camera& c) { return c.recovered > 0 || c.damaged_records > 0; };
   for (const Camera& camera : summary.cameras) {
-    if (!camera.error.empty()) fmt::print("  {}\n", camera.error);
+    if (!camera.error.empty()) print("  {}\n", camera.error);
     if (repaired(camera)) {
-      fmt::print("  {:<10}{} frames not in the journal, {} damaged journal records\n", camera.id,
-                 camera.recovered, camera.damaged_records);
+      print("  {:<10}{} frames not in the journal, {} damaged journal records\n", camera.id,
+            camera.recovered, camera.damaged_records);
     }
   }
 }
@@ -276,7 +277,7 @@ void print_json(const store::Take& take, const store::TakeSummary& summary) {
       {"median_baseline_m", "spacing_m"},
       {"min_alias_free_distance_m", "alias_free_distance_m"}};
   schemas::add_former_names(json, kFormerNames);
-  fmt::print("{}\n", json.dump(2));
+  print("{}\n", json.dump(2));
 }
 
 ExitCode info(const std::string& folder, bool json) {

@@ -7,6 +7,7 @@
 
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/printing.h"
 #include "ingest/record/join_takes.h"
 #include "raystage_version.h"
 
@@ -37,12 +38,12 @@ int main(int argc, char** argv) {
         parts, output, "raystage " RAYSTAGE_VERSION, documents_only,
         [&](double done) { progress.report(done); }, stop);
     for (const std::string& warning : report.warnings) {
-      fmt::print(stderr, "raystage join: {}\n", warning);
+      print_error("raystage join: {}\n", warning);
     }
     constexpr double kMegabyte = 1e6;
-    fmt::print("{}: {} cameras of {} parts, {} frames, {} recorded as missing, {:.1f} MB\n",
-               output.string(), report.cameras, parts.size(), report.frames, report.missing,
-               static_cast<double>(report.bytes) / kMegabyte);
+    print("{}: {} cameras of {} parts, {} frames, {} recorded as missing, {:.1f} MB\n",
+          output.string(), report.cameras, parts.size(), report.frames, report.missing,
+          static_cast<double>(report.bytes) / kMegabyte);
     return ExitCode::kSuccess;
   });
 }

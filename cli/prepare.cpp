@@ -12,6 +12,7 @@
 
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/printing.h"
 #include "cli/shot_options.h"
 #include "cli/simd_option.h"
 #include "cli/threads.h"
@@ -96,7 +97,7 @@ void print_list(std::span<const compose::DerivedFrameData> instants) {
         fmt::format("{}:{}\t{}\t{}\t{}\n", instant.layer, instant.tick,
                     instant.is_stored ? "stored" : "missing",
                     compose::format_frame_range(instant.frames), instant.file.string());
-    std::fputs(line.c_str(), stdout);
+    print(line);
   }
 }
 

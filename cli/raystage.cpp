@@ -55,7 +55,7 @@ void print_help(std::FILE* stream) {
       "  -h, --help     print this\n"
       "  --version      print version, kernels and libraries\n\n"
       "Exit codes: 0 all requested output is complete, 1 failed, 2 bad usage or input,\n"
-      "3 some frames failed, 4 frames below --least-coverage, 33 out of memory,\n"
+      "3 some frames failed, 4 some frames fall short, 33 out of memory,\n"
       "128+n stopped by signal n.\n",
       stream);
 }

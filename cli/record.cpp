@@ -12,6 +12,7 @@
 #include "base/resources.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/printing.h"
 #include "cli/record_status.h"
 #include "cli/threads.h"
 #include "ingest/record/record_setup.h"
@@ -93,10 +94,10 @@ class StatusPrinter {
       std::puts(status_json(status).c_str());
       std::fflush(stdout);
     } else if (terminal_) {
-      std::fputs(("\r\033[K" + status_line(status)).c_str(), stderr);
+      std::fputs(("\r\033[K" + printable(status_line(status))).c_str(), stderr);
       open_ = true;
     } else if (status.seconds >= next_plain_) {
-      std::fputs((status_line(status) + "\n").c_str(), stderr);
+      print_error("{}\n", status_line(status));
       next_plain_ = status.seconds + kPlainEvery;
     }
     std::fflush(stderr);
@@ -151,20 +152,18 @@ void check_start(Nanoseconds start, std::optional<double> duration_s) {
 void say_when_it_starts(Nanoseconds start, bool given) {
   const double ahead = static_cast<double>(start - ingest::host_utc_now()) / 1e9;
   if (given && ahead < 0) {
-    fmt::print(stderr,
-               "raystage record: --start-at was {:.1f} s ago: the frames since are missing\n",
-               -ahead);
+    print_error("raystage record: --start-at was {:.1f} s ago: the frames since are missing\n",
+                -ahead);
   } else if (ahead > 0) {
-    fmt::print(stderr, "Recording starts at {}, in {}\n", format_utc(start),
-               format_duration(ahead));
+    print_error("Recording starts at {}, in {}\n", format_utc(start), format_duration(ahead));
   }
 }
 
 /// Prints the memory plan for this machine, which had `free_before` bytes when the program began.
 void say_what_memory_it_takes(const ingest::RecordingMemoryPlan& plan, std::size_t free_before) {
-  fmt::print(stderr, "{}\n", ingest::format_memory_plan(plan));
+  print_error("{}\n", ingest::format_memory_plan(plan));
   const std::string warning = ingest::memory_warning(plan, free_before);
-  if (!warning.empty()) fmt::print(stderr, "raystage record: {}\n", warning);
+  if (!warning.empty()) print_error("raystage record: {}\n", warning);
 }
 
 /// Prints how long the memory lasts. `rate`: bytes per second, if it could be measured.
@@ -176,7 +175,7 @@ void say_how_long_memory_lasts(std::size_t bytes, std::optional<double> rate) {
                         format_duration(memory / *rate), *rate / 1e6)
           : fmt::format("The duration of {:.0f} MB of memory is unknown until {}\n", memory / 1e6,
                         rate ? "frames arrive" : "files and pipes are read");
-  std::fputs(text.c_str(), stderr);
+  print(stderr, text);
 }
 
 ExitCode record(const Options& options, const std::stop_token& stop) {
@@ -202,7 +201,7 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
                         "Start it again; nothing was recorded");
   };
   if (options.status != "none") {
-    fmt::print(stderr, "raystage record: opening {} cameras\n", config.cameras.size());
+    print_error("raystage record: opening {} cameras\n", config.cameras.size());
   }
   auto cameras = ingest::open_cameras(config, [&](const schemas::RecordConfig::Camera& camera) {
     return ingest::open_frame_source(camera, folder, {options.allow_filters_with_files});
@@ -227,8 +226,8 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
         writing.report(done);
       });
   printer.finish();
-  fmt::print(options.status == "json" ? stderr : stdout, "{}: {}; {}", options.take.string(),
-             session.stop_reason, format_session_summary(session));
+  print(options.status == "json" ? stderr : stdout, "{}: {}; {}", options.take.string(),
+        session.stop_reason, format_session_summary(session));
 
   if (!session.audit || !session.audit->holds) return ExitCode::kFailed;
   bool is_complete = true;

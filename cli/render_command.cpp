@@ -83,6 +83,12 @@ void declare_render_options(CommandLine& command, RenderOptions& options, char**
       "frames whose file exists: error = refuse to start; skip = keep complete files made\nfrom "
       "the same inputs, render the others; overwrite = render all (default: error)");
   add_missing_option(command, options.missing);
+  command.choice(
+      "--rotten", options.rotten,
+      {{"error", store::RottenFrames::kError}, {"absent", store::RottenFrames::kAbsent}},
+      "cameras whose stored frame is not as it was recorded (its XXH3 differs): error = the frame "
+      "fails;\nabsent = render without them, mark the file (lf:rottenCameras), and give exit code "
+      "4 (default: absent)");
   command.choice("--fill", options.fill,
                  {{"none", schemas::HoleFill::kNone}, {"push-pull", schemas::HoleFill::kPushPull}},
                  "pixels that no camera saw: none = transparent; push-pull = filled from their "
@@ -167,8 +173,8 @@ void declare_render_options(CommandLine& command, RenderOptions& options, char**
       "list the reconstruction methods with their options and exit");
   command.footer(
       "Exit codes: 0 all requested frames are complete; 1 failed; 2 bad usage or input;\n3 some "
-      "frames failed, the rest is done; 4 all frames are complete, but some are below "
-      "--least-coverage;\n33 out of memory; 128+n stopped by signal n.");
+      "frames failed, the rest is done; 4 all frames are complete, but some fall short "
+      "(below --least-coverage, or\nwithout rotten cameras); 33 out of memory; 128+n stopped by signal n.");
 }
 
 ExitCode render(const RenderOptions& options, Progress& progress, render::DistributedTakes* hosts,
@@ -192,6 +198,7 @@ ExitCode render(const RenderOptions& options, Progress& progress, render::Distri
   if (options.target_error > 0) sequence.target["target_error"] = options.target_error;
   if (options.target_time > 0) sequence.target["target_time"] = options.target_time;
   sequence.least_coverage = options.least_coverage;
+  sequence.rotten_frames = options.rotten;
   sequence.draft = draft_of(options);
   sequence.frames_in_flight = options.frames_in_flight;
   sequence.memory_bytes = static_cast<std::size_t>(options.memory_gb * kBytesPerGb);

@@ -30,6 +30,7 @@ struct RenderOptions {
   compose::ExistingFiles existing = compose::ExistingFiles::kError;
   compose::MissingFrames missing = compose::MissingFrames::kError;
   std::optional<schemas::HoleFill> fill;
+  store::RottenFrames rotten = store::RottenFrames::kAbsent;
   double target_error = 0, target_time = 0, least_coverage = 0;
   ProgressStyle progress = ProgressStyle::kAuto;
   // For several hosts, see docs/farm.md.

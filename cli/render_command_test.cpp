@@ -85,7 +85,7 @@ TEST_F(RenderCommand, AnUnknownMethodIsToldTheNamesHoweverItIsSpelt) {
     EXPECT_THAT(refused.output, HasSubstr(method));
   }
   shot_.layers[0].method = "\x1b[31mred";
-  EXPECT_THAT(render("out").output, HasSubstr("\\x1b[31mred"));
+  EXPECT_THAT(render("out").output, HasSubstr("\\u001b[31mred"));
 }
 
 }  // namespace

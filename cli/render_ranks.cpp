@@ -5,6 +5,7 @@
 #include <exception>
 #include <new>
 
+#include "cli/printing.h"
 #include "cli/render_command.h"
 #include "cli/threads.h"
 #include "farm/path_map.h"
@@ -78,10 +79,10 @@ void serve(farm::MpiWorld& world, const RenderOptions& options) {
     farm::run_worker_rank(world,
                           {folders_of(options), encoding_of(options), threads, kOutOfMemoryCode});
   } catch (const std::bad_alloc&) {
-    fmt::print(stderr, "raystage render: rank {}: out of memory\n", world.rank());
+    print_error("raystage render: rank {}: out of memory\n", world.rank());
     world.abort(kOutOfMemoryCode);
   } catch (const std::exception& error) {  // otherwise the other ranks wait forever
-    fmt::print(stderr, "raystage render: rank {}: {}\n", world.rank(), error.what());
+    print_error("raystage render: rank {}: {}\n", world.rank(), error.what());
     world.abort(static_cast<int>(ExitCode::kFailed));
   }
 }

@@ -10,6 +10,7 @@
 
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/printing.h"
 #include "cli/threads.h"
 
 namespace raystage::cli {
@@ -49,21 +50,20 @@ void print_losses(const std::vector<store::SalvageResult::Loss>& losses) {
   }
   constexpr std::size_t kMaxKinds = 8;
   for (std::size_t i = 0; i < std::min(kinds.size(), kMaxKinds); ++i) {
-    fmt::print("  lost or unverified: {}{}\n", times_text(kinds[i].times), kinds[i].what);
+    print("  lost or unverified: {}{}\n", times_text(kinds[i].times), kinds[i].what);
   }
-  if (kinds.size() > kMaxKinds) fmt::print("  ... and {} more\n", kinds.size() - kMaxKinds);
+  if (kinds.size() > kMaxKinds) print("  ... and {} more\n", kinds.size() - kMaxKinds);
 }
 
 void print_camera(const store::RepairReport::Camera& camera, bool dry_run) {
   if (!camera.error.empty()) {
-    fmt::print("{}: cannot be repaired: {}\n", camera.id, camera.error);
+    print("{}: cannot be repaired: {}\n", camera.id, camera.error);
     return;
   }
   const store::SalvageResult& s = camera.salvage;
-  fmt::print("{}: {}, {} frames\n", camera.id, dry_run ? "would be rewritten" : "rewritten",
-             s.frames);
+  print("{}: {}, {} frames\n", camera.id, dry_run ? "would be rewritten" : "rewritten", s.frames);
   const auto count = [](std::int64_t number, std::string_view what) {
-    if (number > 0) fmt::print("  {}: {}\n", what, number);
+    if (number > 0) print("  {}: {}\n", what, number);
   };
   count(s.corrected_records, "journal records with one flipped bit, corrected");
   count(s.reindexed_frames - s.unverified_frames, "frames added to the journal again, verified");
@@ -71,7 +71,7 @@ void print_camera(const store::RepairReport::Camera& camera, bool dry_run) {
   count(s.corrupt_frames, "frames lost, corrupt");
   count(s.truncated_frames, "frames lost, truncated");
   print_losses(s.losses);
-  for (const std::string& name : camera.kept) fmt::print("  the original is kept as {}\n", name);
+  for (const std::string& name : camera.kept) print("  the original is kept as {}\n", name);
 }
 
 ExitCode repair(const Options& options, const std::stop_token& stop) {
@@ -87,10 +87,10 @@ ExitCode repair(const Options& options, const std::stop_token& stop) {
     intact += camera.was_intact ? 1 : 0;
     if (!camera.was_intact && !camera.id.empty()) print_camera(camera, options.dry_run);
   }
-  fmt::print("{} of {} cameras were intact and are unchanged\n", intact, report.cameras.size());
+  print("{} of {} cameras were intact and are unchanged\n", intact, report.cameras.size());
   if (!report.renamed_timeline.empty()) {
-    fmt::print("The timeline no longer matches and was renamed to {}: run `raystage sync`\n",
-               report.renamed_timeline);
+    print("The timeline no longer matches and was renamed to {}: run `raystage sync`\n",
+          report.renamed_timeline);
   }
   if (report.failed() || report.status != RunStatus::kFinished) return ExitCode::kFailed;
   return report.has_losses() ? ExitCode::kSomeFramesFailed : ExitCode::kSuccess;

@@ -7,6 +7,7 @@
 
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/printing.h"
 #include "raystage_version.h"
 #include "replay/viewer.h"
 
@@ -53,7 +54,7 @@ int main(int argc, char** argv) {
         options.memory_bytes = static_cast<std::size_t>(memory_gb * 1e9);
         options.program_version = "raystage " RAYSTAGE_VERSION;
         replay::Viewer viewer(options);
-        fmt::print("Open {}\n", viewer.url());
+        print("Open {}\n", viewer.url());
         std::fflush(stdout);
         viewer.run(stop);
         return ExitCode::kSuccess;

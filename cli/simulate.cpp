@@ -6,6 +6,7 @@
 
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/printing.h"
 #include "cli/threads.h"
 #include "raystage_version.h"
 #include "simulate/scene.h"
@@ -122,8 +123,8 @@ ExitCode run(Options& o, std::stop_token stop) {
   Progress progress(!o.quiet);
   const simulate::SimulationReport report = simulate::simulate(
       s, o.output, "raystage " RAYSTAGE_VERSION, [&](double done) { progress.report(done); }, stop);
-  fmt::print("{}: {} cameras, {} frames, {} missing, {} ground truth views\n", o.output,
-             report.cameras, report.frames_stored, report.frames_missing, report.truth_views);
+  print("{}: {} cameras, {} frames, {} missing, {} ground truth views\n", o.output, report.cameras,
+        report.frames_stored, report.frames_missing, report.truth_views);
   return ExitCode::kSuccess;
 }
 

@@ -13,6 +13,7 @@
 #include "base/atomic_file.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/printing.h"
 #include "cli/threads.h"
 #include "raystage_version.h"
 #include "schemas/former_names.h"
@@ -46,21 +47,21 @@ void print_text(const store::ResyncResult& resync, const std::vector<std::string
   const store::TimelineStatistics statistics = store::timeline_statistics(timeline);
   const long absent = std::reduce(statistics.absent.begin(), statistics.absent.end(), 0L);
   const auto all = static_cast<double>(statistics.absent.size() * timeline.ticks.size());
-  for (const std::string& sentence : verdict) fmt::print("{}\n", sentence);
-  fmt::print("Rate       {:.6g} Hz\n", timeline.fps);
-  fmt::print("Ticks      {}, from {:.6f} s to {:.6f} s\n", timeline.ticks.size(),
-             static_cast<double>(timeline.ticks.front().time_ns) / kNsPerS,
-             static_cast<double>(timeline.ticks.back().time_ns) / kNsPerS);
-  fmt::print("Tolerance  {:.3f} ms\n", static_cast<double>(timeline.tolerance) / kNsPerMs);
-  fmt::print("Spread     mean {:.3f} ms, median {:.3f} ms, at most {:.3f} ms\n",
-             statistics.mean_spread_ns / kNsPerMs,
-             static_cast<double>(statistics.median_spread) / kNsPerMs,
-             static_cast<double>(statistics.max_spread) / kNsPerMs);
-  fmt::print("Absent     {} of {:.0f} frames ({:.2f} %)", absent, all,
-             100 * static_cast<double>(absent) / all);
+  for (const std::string& sentence : verdict) print("{}\n", sentence);
+  print("Rate       {:.6g} Hz\n", timeline.fps);
+  print("Ticks      {}, from {:.6f} s to {:.6f} s\n", timeline.ticks.size(),
+        static_cast<double>(timeline.ticks.front().time_ns) / kNsPerS,
+        static_cast<double>(timeline.ticks.back().time_ns) / kNsPerS);
+  print("Tolerance  {:.3f} ms\n", static_cast<double>(timeline.tolerance) / kNsPerMs);
+  print("Spread     mean {:.3f} ms, median {:.3f} ms, at most {:.3f} ms\n",
+        statistics.mean_spread_ns / kNsPerMs,
+        static_cast<double>(statistics.median_spread) / kNsPerMs,
+        static_cast<double>(statistics.max_spread) / kNsPerMs);
+  print("Absent     {} of {:.0f} frames ({:.2f} %)", absent, all,
+        100 * static_cast<double>(absent) / all);
   const auto empty_ticks = std::ranges::count(timeline.ticks, 0, &store::FrameSelection::present);
-  if (empty_ticks > 0) fmt::print("; at {} ticks from all cameras", empty_ticks);
-  fmt::print("\n");
+  if (empty_ticks > 0) print("; at {} ticks from all cameras", empty_ticks);
+  print("\n");
 }
 
 store::FlashOffsets find_flashes(const store::Take& take,
@@ -100,14 +101,14 @@ store::RetimeReport retime(const store::Take& take, const store::ResyncResult& r
 }
 
 void print_text(const store::RetimeReport& report, const std::string& output) {
-  fmt::print("Retimed    {}: {} frames interpolated, {} unchanged, {} missing\n", output,
-             report.interpolated, report.unchanged, report.missing);
+  print("Retimed    {}: {} frames interpolated, {} unchanged, {} missing\n", output,
+        report.interpolated, report.unchanged, report.missing);
   const store::TimelineStatistics there =
       store::timeline_statistics(store::read_timeline(store::Take(output)));
-  fmt::print("Spread     after retiming: mean {:.3f} ms, at most {:.3f} ms\n",
-             there.mean_spread_ns / kNsPerMs, static_cast<double>(there.max_spread) / kNsPerMs);
+  print("Spread     after retiming: mean {:.3f} ms, at most {:.3f} ms\n",
+        there.mean_spread_ns / kNsPerMs, static_cast<double>(there.max_spread) / kNsPerMs);
   if (report.interpolated > 0)
-    fmt::print("Cost       {:.1f} ms per interpolated frame\n", report.ms_per_interpolated);
+    print("Cost       {:.1f} ms per interpolated frame\n", report.ms_per_interpolated);
 }
 
 void print_json(const store::ResyncResult& resync, const std::optional<store::FlashOffsets>& flash,
@@ -123,7 +124,7 @@ void print_json(const store::ResyncResult& resync, const std::optional<store::Fl
                                                     {"ms_per_interpolated", "ms_per_moved"}};
     schemas::add_former_names(json["retimed"], kFormerNames);
   }
-  fmt::print("{}\n", json.dump(2));
+  print("{}\n", json.dump(2));
 }
 
 void say_what_is_elsewhere(const store::Take& take) {
@@ -132,10 +133,10 @@ void say_what_is_elsewhere(const store::Take& take) {
     cameras += take.archive(camera).is_remote() ? 1 : 0;
   }
   if (cameras == 0) return;
-  fmt::print(stderr,
-             "raystage sync: {} of {} archives are on other hosts; their times are read from the "
-             "journals\n",
-             cameras, take.camera_count());
+  print_error(
+      "raystage sync: {} of {} archives are on other hosts; their times are read from the "
+      "journals\n",
+      cameras, take.camera_count());
 }
 
 ExitCode sync(const Options& options, std::stop_token stop) {

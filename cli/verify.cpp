@@ -13,6 +13,7 @@
 #include "base/atomic_file.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/printing.h"
 #include "schemas/former_names.h"
 
 namespace raystage::cli {
@@ -43,8 +44,8 @@ std::string frames_text(const std::vector<store::AffectedFrame>& frames) {
 }
 
 void print_problem(const store::FixityProblem& problem) {
-  fmt::print("  {} @{}: {}{}\n", problem.file, problem.offset, problem.what,
-             frames_text(problem.frames));
+  print("  {} @{}: {}{}\n", problem.file, problem.offset, problem.what,
+        frames_text(problem.frames));
 }
 
 /// Prints advice on the cameras; other problems state their own.
@@ -56,9 +57,9 @@ void print_advice(const std::string& take, const store::TakeFixityReport& report
     }
   }
   if (damaged) {
-    fmt::print("`raystage repair {}` recovers the undamaged frames\n", take);
+    print("`raystage repair {}` recovers the undamaged frames\n", take);
   } else if (not_closed) {
-    fmt::print(
+    print(
         "`raystage record CONFIG --resume -o {0}` continues the recording, `raystage repair {0}` "
         "closes it\n",
         take);
@@ -74,20 +75,20 @@ void print_text(const Options& options, const store::TakeFixityReport& report) {
     damaged += !camera.error.empty() || !only_open ? 1 : 0;
   }
   const auto cameras = static_cast<long>(report.cameras.size());
-  fmt::print("{} cameras: {} intact, {} not closed, {} damaged (depth: {}{})\n", cameras, intact,
-             cameras - intact - damaged, damaged, options.depth,
-             options.decode ? ", every frame decoded" : "");
+  print("{} cameras: {} intact, {} not closed, {} damaged (depth: {}{})\n", cameras, intact,
+        cameras - intact - damaged, damaged, options.depth,
+        options.decode ? ", every frame decoded" : "");
   for (const store::FixityProblem& problem : report.problems) print_problem(problem);
   for (const auto& camera : report.cameras) {
-    if (!camera.error.empty()) fmt::print("  {}\n", camera.error);
+    if (!camera.error.empty()) print("  {}\n", camera.error);
     for (const store::FixityProblem& problem : camera.report.problems) print_problem(problem);
     if (camera.report.omitted_problems > 0) {
-      fmt::print("  {}: {} more problems\n", camera.id, camera.report.omitted_problems);
+      print("  {}: {} more problems\n", camera.id, camera.report.omitted_problems);
     }
   }
   const double megabytes = static_cast<double>(report.bytes()) / kBytesPerMb;
-  fmt::print("{:.1f} MB in {:.3f} s, {:.0f} MB/s\n", megabytes, report.seconds,
-             megabytes / std::max(report.seconds, 1e-9));
+  print("{:.1f} MB in {:.3f} s, {:.0f} MB/s\n", megabytes, report.seconds,
+        megabytes / std::max(report.seconds, 1e-9));
   print_advice(options.take, report);
 }
 
@@ -152,7 +153,7 @@ ExitCode verify(const Options& options, const std::stop_token& stop) {
   if (!options.json.empty()) {
     const std::string text = json_of(options, report).dump(2) + "\n";
     if (options.json == "-") {
-      fmt::print("{}", text);
+      print("{}", text);
     } else {
       write_file_atomically(options.json, text);
     }

@@ -42,7 +42,7 @@ FrameCompositor::FrameCompositor(const ShotPlan& plan, const SequenceMemoryPlan&
     if (plan.layer(i) == nullptr) continue;
     renderers_.back() = plan.layer(i)->make_renderer(
         {memory.per_layer[i], plan.measures_coverage(), plan.writes_aov("lf.confidence"),
-         plan.cache_folder(), stored_data_, plan.hosts()});
+         plan.cache_folder(), stored_data_, plan.hosts(), plan.rotten_frames()});
   }
 }
 
@@ -56,12 +56,13 @@ LayerView FrameCompositor::layer_view(std::size_t layer, const PlannedFrame& fra
           has_meshes ? &geometry.scene : nullptr,
           has_meshes ? geometry.mesh_indices[layer] : -1,
           object_ids,
-          frame.preview};
+          frame.preview,
+          geometry.record ? &geometry.record->rotten_cameras : nullptr};
 }
 
 FrameCompositor::Geometry FrameCompositor::geometry_in_frame(const PlannedFrame& frame,
                                                              const ExrCamera& camera) const {
-  Geometry geometry{{}, {}, std::make_shared<SharedTimes>()};
+  Geometry geometry{{}, {}, std::make_shared<SharedRecord>()};
   geometry.scene = plan_.geometry_at(frame.frame, geometry.mesh_indices);
   bool is_needed = false;
   for (std::size_t i = 0; i < plan_.layers() && !is_needed; ++i) {
@@ -69,28 +70,28 @@ FrameCompositor::Geometry FrameCompositor::geometry_in_frame(const PlannedFrame&
     is_needed = (is_mesh && renderers_[i]->may_show(layer_view(i, frame, camera, geometry))) ||
                 (plan_.shot().layers[i].shadows && plan_.is_visible(i, frame.frame));
   }
-  if (!is_needed || geometry.scene.meshes.empty()) return {{}, {}, geometry.times};
+  if (!is_needed || geometry.scene.meshes.empty()) return {{}, {}, geometry.record};
   for (const MeshInstance& mesh : geometry.scene.meshes) {
     if (may_intersect_frustum(mesh, camera.view)) mesh.scene->build_bvh();
   }
   if (plan_.shot().lights.empty()) {
     geometry.scene.headlight = camera.view.pose.world_from_camera_rotation.col(2);
   }
-  geometry.scene.busy_ns = &geometry.times->geometry_ns;
+  geometry.scene.busy_ns = &geometry.record->geometry_ns;
   geometry.scene.lights.environment_radiance =
-      environment_of(frame, camera, geometry.scene.lights, geometry.times);
+      environment_of(frame, camera, geometry.scene.lights, geometry.record);
   return geometry;
 }
 
 EnvironmentRadiance FrameCompositor::environment_of(
     const PlannedFrame& frame, const ExrCamera& camera, const Lights& behind,
-    const std::shared_ptr<SharedTimes>& times) const {
+    const std::shared_ptr<SharedRecord>& record) const {
   EnvironmentRadiance seen_behind = behind.environment_radiance;
   // The first light is in front: it is queried first.
   for (std::size_t l = plan_.light_field_lights().size(); l-- > 0;) {
     const ShotPlan::LightFieldLight& light = plan_.light_field_lights()[l];
     seen_behind =
-        layer_light_radiance(light, frame, camera, std::move(seen_behind), behind.ambient, times);
+        layer_light_radiance(light, frame, camera, std::move(seen_behind), behind.ambient, record);
   }
   return seen_behind;
 }
@@ -98,16 +99,16 @@ EnvironmentRadiance FrameCompositor::environment_of(
 EnvironmentRadiance FrameCompositor::layer_light_radiance(
     const ShotPlan::LightFieldLight& light, const PlannedFrame& frame, const ExrCamera& camera,
     EnvironmentRadiance behind, const Eigen::Vector3f& ambient,
-    const std::shared_ptr<SharedTimes>& times) const {
+    const std::shared_ptr<SharedRecord>& record) const {
   std::vector<LayerRays> takes;
   std::vector<Eigen::Vector3d> view_directions;
   for (const std::size_t layer : light.layers) {
     if (!renderers_[layer]) continue;
-    auto rays = renderers_[layer]->rays(layer_view(layer, frame, camera, {}));
+    auto rays = renderers_[layer]->rays(layer_view(layer, frame, camera, {{}, {}, record}));
     if (!rays) continue;
     view_directions.push_back(rays->viewing_direction);
     takes.push_back(
-        {[this, layer, times, query = std::move(rays->query)](
+        {[this, layer, record, query = std::move(rays->query)](
              std::span<const render::WorldRay> of_light, std::span<render::RaySample> samples) {
            const Stopwatch query_time;
            try {
@@ -116,7 +117,7 @@ EnvironmentRadiance FrameCompositor::layer_light_radiance(
            } catch (const Error& error) {
              throw plan_.error_of_layer(layer, error);
            }
-           times->light_queries_ns += std::llround(1e6 * query_time.ms());
+           record->light_queries_ns += std::llround(1e6 * query_time.ms());
          },
          rays->viewing_direction});
   }
@@ -167,7 +168,7 @@ LayerImage FrameCompositor::render_layer(std::size_t layer, const PlannedFrame& 
     const Stopwatch shadow_time;
     tbb::this_task_arena::isolate(
         [&] { apply_shadow_catcher(geometry.scene, camera.view, catcher, image); });
-    geometry.times->shadows_ms += shadow_time.ms();
+    geometry.record->shadows_ms += shadow_time.ms();
   }
   return image;
 }
@@ -260,10 +261,10 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
     is_holdout.push_back(document.holdout);
     if (in_layer_order && is_opaque(front_first.back())) break;
   }
-  const auto busy = static_cast<double>(geometry.times->geometry_ns);
+  const auto busy = static_cast<double>(geometry.record->geometry_ns);
   const double share_of_lights =
-      busy > 0 ? std::min(1.0, static_cast<double>(geometry.times->light_queries_ns) / busy) : 0;
-  const double moved = share_of_lights * geometry_layers_ms - geometry.times->shadows_ms;
+      busy > 0 ? std::min(1.0, static_cast<double>(geometry.record->light_queries_ns) / busy) : 0;
+  const double moved = share_of_lights * geometry_layers_ms - geometry.record->shadows_ms;
   times.light_fields_ms += moved;
   times.geometry_ms -= moved;
   if (front_first.empty()) {
@@ -287,7 +288,8 @@ CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCa
   convert_to_output_space(result, deep);
   add_missing_aovs(result);
   times.merge_ms = total.ms() - times.light_fields_ms - times.geometry_ms;
-  return {std::move(result), times, std::move(uncovered_share)};
+  return {std::move(result), times, std::move(uncovered_share),
+          geometry.record->rotten_cameras.ids()};
 }
 
 double FrameCompositor::uncovered_share_of_layer(std::size_t layer, const LayerImage& image) const {

@@ -34,6 +34,7 @@ struct CompositedView {
   /// For each layer: share of the view's pixels that no camera saw; 0 for layers whose transparency
   /// is intended (mattes, hulls).
   std::vector<double> uncovered_share = {};
+  std::vector<std::string> rotten_cameras = {};  ///< ids: see RottenCameras
 };
 
 /// Renders, clips and merges the layers of frames. Thread-safe. Keeps a reference to the plan.
@@ -56,17 +57,19 @@ class FrameCompositor {
   const render::StoredDataCounts& stored_data() const { return *stored_data_; }
 
  private:
-  /// What layers of one stage do for the other one.
-  struct SharedTimes {
+  /// What the layers of a frame record together: the work of one stage for the other one, and
+  /// cameras.
+  struct SharedRecord {
     std::atomic<std::int64_t> light_queries_ns = 0;  ///< of all threads, for geometry
     std::atomic<std::int64_t> geometry_ns = 0;       ///< of all threads, with these queries
+    RottenCameras rotten_cameras;
     double shadows_ms = 0;  ///< of geometry on light fields, in the thread of the frame
   };
   /// The geometry of a frame; `mesh_indices` as ShotPlan::geometry_at.
   struct Geometry {
     GeometryScene scene;
     std::vector<int> mesh_indices;
-    std::shared_ptr<SharedTimes> times;
+    std::shared_ptr<SharedRecord> record;
   };
   /// Returns an empty geometry if no mesh is in view and none casts shadows on a light field.
   Geometry geometry_in_frame(const PlannedFrame& frame, const ExrCamera& camera) const;
@@ -75,7 +78,7 @@ class FrameCompositor {
   /// Returns the radiance of rays that leave the geometry: light fields, then `behind`.
   EnvironmentRadiance environment_of(const PlannedFrame& frame, const ExrCamera& camera,
                                      const Lights& behind,
-                                     const std::shared_ptr<SharedTimes>& times) const;
+                                     const std::shared_ptr<SharedRecord>& record) const;
   /// `uncovered_share`: receives the share of the layer's pixels that no camera saw.
   LayerImage render_layer(std::size_t layer, const PlannedFrame& frame, const ExrCamera& camera,
                           const Geometry& geometry, double& uncovered_share) const;
@@ -87,7 +90,7 @@ class FrameCompositor {
                                            const PlannedFrame& frame, const ExrCamera& camera,
                                            EnvironmentRadiance behind,
                                            const Eigen::Vector3f& ambient,
-                                           const std::shared_ptr<SharedTimes>& times) const;
+                                           const std::shared_ptr<SharedRecord>& record) const;
   /// Converts from kSceneSpace.
   void convert_to_working_space(LayerImage& image) const;
   /// Removes AOVs that the files do not contain.

@@ -220,19 +220,19 @@ TEST_F(OutputSequence, FramesBelowTheLeastCoverageAreReportedAgainWhenKept) {
     options_.existing = ExistingFiles::kOverwrite;
     options_.least_coverage = 0.5;
     SequenceReport report = run();
-    const double covered = read_covered_share(file(101));
+    const double covered = read_frame_quality(file(101)).covered_share;
     EXPECT_GT(covered, 0.5);
     EXPECT_LT(covered, 0.98);
     EXPECT_EQ(report.exit_code(), ExitCode::kSuccess);
     options_.least_coverage = 0.99;
     report = run();
-    EXPECT_EQ(report.exit_code(), ExitCode::kLowCoverage);
+    EXPECT_EQ(report.exit_code(), ExitCode::kFellShort);
     EXPECT_EQ(report.frames_below_coverage, (std::vector{101, 102}));
     EXPECT_THAT(report.summary(), ::testing::HasSubstr("2 below the least coverage (101-102)"));
     options_.existing = ExistingFiles::kSkip;
     report = run();
     EXPECT_EQ(report.skipped, 2);
-    EXPECT_EQ(report.exit_code(), ExitCode::kLowCoverage);
+    EXPECT_EQ(report.exit_code(), ExitCode::kFellShort);
     options_.least_coverage = 0;
     EXPECT_EQ(run().exit_code(), ExitCode::kSuccess);
   }

@@ -71,7 +71,9 @@ class SequenceRun {
     writer_.finish();
     if (out_of_memory_) throw std::bad_alloc();
     report_uncovered_views();
+    report_rotten_cameras();
     report_.frames_below_coverage = {below_coverage_.begin(), below_coverage_.end()};
+    report_.frames_with_rot = {with_rot_.begin(), with_rot_.end()};
     report_.seconds = watch.ms() / 1e3;
     report_.frames_in_flight = frames_in_flight;
     report_.requested = static_cast<int>(frames_.size());
@@ -131,9 +133,9 @@ class SequenceRun {
     const std::filesystem::path deep_file = deep_name_.path(frame.frame);
     if (options_.existing == ExistingFiles::kSkip && is_complete_exr(file, fingerprint) &&
         (!options_.deep || is_complete_exr(deep_file, fingerprint))) {
-      const double covered_share = options_.least_coverage > 0 ? read_covered_share(file) : 1;
+      const FrameQuality quality = read_frame_quality(file);
       const std::scoped_lock lock(mutex_);
-      check_coverage(frame.frame, covered_share);
+      check_quality(frame.frame, quality);
       ++report_.skipped;
       return;
     }
@@ -160,7 +162,13 @@ class SequenceRun {
         metadata.covered_share = std::min(metadata.covered_share, 1 - uncovered);
       }
       render::add_notes(painted[i].picture.notes, metadata.notes);
+      std::vector<std::string>& rotten = metadata.rotten_cameras;
+      rotten.insert(rotten.end(), painted[i].rotten_cameras.begin(),
+                    painted[i].rotten_cameras.end());
     }
+    std::ranges::sort(metadata.rotten_cameras);
+    const auto repeated = std::ranges::unique(metadata.rotten_cameras);
+    metadata.rotten_cameras.erase(repeated.begin(), repeated.end());
     advance(kPartsOfRender);
     parts_left -= kPartsOfRender;
 
@@ -189,7 +197,7 @@ class SequenceRun {
     }
     report_.decoded_bytes_cached =
         std::max(report_.decoded_bytes_cached, compositor_.decoded_bytes_cached());
-    check_coverage(metadata.frame, metadata.covered_share);
+    check_quality(metadata.frame, {metadata.covered_share, metadata.rotten_cameras});
     StageTimes& ms = report_.milliseconds;
     ms.encode += encode_ms;
     for (const CompositedView& view : painted) {
@@ -206,9 +214,11 @@ class SequenceRun {
     }
   }
 
-  /// Notes a frame of which less than the least share of its view is seen. Locked by the caller.
-  void check_coverage(int frame, double covered_share) {
-    if (covered_share < options_.least_coverage) below_coverage_.insert(frame);
+  /// Notes a frame that falls short. Locked by the caller.
+  void check_quality(int frame, const FrameQuality& quality) {
+    if (quality.covered_share < options_.least_coverage) below_coverage_.insert(frame);
+    if (!quality.rotten_cameras.empty()) with_rot_.insert(frame);
+    rotten_cameras_.insert(quality.rotten_cameras.begin(), quality.rotten_cameras.end());
   }
 
   /// Runs on the writer's thread, which must not throw.
@@ -259,6 +269,15 @@ class SequenceRun {
     }
   }
 
+  void report_rotten_cameras() const {
+    if (with_rot_.empty()) return;
+    options_.on_message(fmt::format(
+        "in frames {} cameras are absent, because what is stored of them is not what they "
+        "recorded: {}. Run `raystage verify` on the take, repair it, and render these frames again",
+        format_frame_range(std::vector<int>(with_rot_.begin(), with_rot_.end())),
+        fmt::join(rotten_cameras_, ", ")));
+  }
+
   void advance(int parts) {
     const std::int64_t done = parts_done_ += parts;
     options_.progress(static_cast<double>(done) /
@@ -279,6 +298,8 @@ class SequenceRun {
   std::set<std::string> notes_;  ///< already reported
   /// For each layer: frames with uncovered pixels, and their largest share.
   std::map<std::size_t, std::pair<std::set<int>, double>> uncovered_;
+  std::set<int> with_rot_;  ///< frames without rotten cameras
+  std::set<std::string> rotten_cameras_;
   std::set<int> below_coverage_;         ///< frames below SequenceOptions::least_coverage
   FileWriter writer_{kMaxQueuedFrames};  ///< last member: finishes before the others are destroyed
 };
@@ -337,8 +358,8 @@ std::string default_output(const std::filesystem::path& shot_file,
 CheckedSequence check_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options) {
   auto opened = std::make_unique<const ShotPlan>(
-      shot_file, ShotPlanOptions{options.fill, options.target, options.draft, options.layout,
-                                 options.color_config, options.aovs, options.frames,
+      shot_file, ShotPlanOptions{options.fill, options.target, options.draft, options.rotten_frames,
+                                 options.layout, options.color_config, options.aovs, options.frames,
                                  options.cache_folder, options.folder, options.hosts});
   const ShotPlan& plan = *opened;
   if (plan.hosts() != nullptr) check_distributed_archives(plan, shot_file);

@@ -32,10 +32,11 @@ struct SequenceOptions {
   std::optional<std::vector<int>> frames;  ///< sorted; none: all frames of the shot
   ExistingFiles existing = ExistingFiles::kError;
   MissingFrames missing = MissingFrames::kError;
-  std::optional<schemas::HoleFill> fill;  ///< replaces that of the shot
-  schemas::OptionValues target;           ///< as ShotPlan
-  DraftOptions draft;                     ///< as ShotPlanOptions
-  int frames_in_flight = 0;               ///< 0: one per thread of the TBB arena, at most 16
+  std::optional<schemas::HoleFill> fill;                             ///< replaces that of the shot
+  schemas::OptionValues target;                                      ///< as ShotPlan
+  DraftOptions draft;                                                ///< as ShotPlanOptions
+  store::RottenFrames rotten_frames = store::RottenFrames::kAbsent;  ///< as ShotPlanOptions
+  int frames_in_flight = 0;  ///< 0: one per thread of the TBB arena, at most 16
   /// Budget of frames, caches and working memory; 0: half of available_memory(), of which the cache
   /// gets at most 4 GiB.
   std::size_t memory_bytes = 0;
@@ -81,6 +82,7 @@ struct SequenceReport {
   RunStatus status = RunStatus::kNotRun;
   std::vector<Failure> failures;           ///< by frame
   std::vector<int> frames_below_coverage;  ///< complete frames below the least coverage, ascending
+  std::vector<int> frames_with_rot;        ///< complete frames with rotten cameras, ascending
   double seconds = 0;                      ///< wall-clock, of the frames
   std::int64_t bytes_written = 0, pixels_decoded = 0;
   /// Numbers of light field frames whose depths were estimated, or read from files. A frame counts
@@ -92,8 +94,9 @@ struct SequenceReport {
   store::DecodeCosts decoding;  ///< part of the time of light fields
   int frames_in_flight = 1;     ///< largest number at once
 
-  /// Returns kSuccess only if every requested frame is complete; kLowCoverage if so, but some are
-  /// below the least coverage; kBadInput if bad input caused all failures and no frame exists.
+  /// Returns kSuccess only if every requested frame is complete; kFellShort if so, but some are
+  /// below the least coverage or lack rotten cameras; kBadInput if bad input caused all failures
+  /// and no frame exists.
   ExitCode exit_code() const;
   /// Returns one line: frames, frames per second, decoded pixels, bytes written, peak memory.
   std::string summary() const;

@@ -12,7 +12,8 @@ namespace raystage::compose {
 
 ExitCode SequenceReport::exit_code() const {
   if (rendered + skipped == requested && requested > 0) {
-    return frames_below_coverage.empty() ? ExitCode::kSuccess : ExitCode::kLowCoverage;
+    const bool fell_short = !frames_below_coverage.empty() || !frames_with_rot.empty();
+    return fell_short ? ExitCode::kFellShort : ExitCode::kSuccess;
   }
   if (status != RunStatus::kFinished) return ExitCode::kFailed;
   if (rendered + skipped == 0) {
@@ -34,6 +35,10 @@ std::string SequenceReport::summary() const {
   if (!frames_below_coverage.empty()) {
     text += fmt::format(", {} below the least coverage ({})", frames_below_coverage.size(),
                         format_frame_range(frames_below_coverage));
+  }
+  if (!frames_with_rot.empty()) {
+    text += fmt::format(", {} without rotten cameras ({})", frames_with_rot.size(),
+                        format_frame_range(frames_with_rot));
   }
   if (status == RunStatus::kStopped) text += ", stopped early";
   text += fmt::format("; {:.1f} s", seconds);

@@ -72,7 +72,8 @@ ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions
 
 ShotPlan::ShotPlan(const schemas::ShotDocument& shot, const std::filesystem::path& shot_file,
                    const ShotPlanOptions& options)
-    : shot_file_(shot_file),
+    : rotten_frames_(options.rotten_frames),
+      shot_file_(shot_file),
       cache_folder_(options.cache_folder),
       folder_(options.folder.empty() ? shot_file.parent_path() : options.folder),
       hosts_(options.hosts),

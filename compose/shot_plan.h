@@ -22,6 +22,7 @@
 #include "render/distributed_rendering.h"
 #include "schemas/hole_fill.h"
 #include "schemas/shot_document.h"
+#include "store/rotten_frame.h"
 
 namespace raystage::compose {
 
@@ -41,6 +42,7 @@ struct ShotPlanOptions {
   /// Not empty: the method `auto` with these options for every light field.
   schemas::OptionValues target = {};
   DraftOptions draft = {};
+  store::RottenFrames rotten_frames = store::RottenFrames::kAbsent;  ///< as RendererOptions
   std::string layout = "";                  ///< not empty: of the EXR files
   std::filesystem::path color_config = {};  ///< not empty: OpenColorIO's
   std::vector<std::string> aovs = {};       ///< in addition to those of the shot
@@ -109,6 +111,7 @@ class ShotPlan {
   std::size_t volume_layer_count(std::size_t layer) const;
 
   const ShotColorSpaces& colors() const { return colors_; }
+  store::RottenFrames rotten_frames() const { return rotten_frames_; }
   /// Returns ShotPlanOptions::cache_folder.
   const std::filesystem::path& cache_folder() const { return cache_folder_; }
   render::DistributedTakes* hosts() const { return hosts_; }
@@ -150,6 +153,7 @@ class ShotPlan {
   std::unique_ptr<const Layer> open_geometry(std::size_t layer);
   bool is_visible_in_any(std::size_t layer, const std::optional<std::vector<int>>& frames) const;
 
+  store::RottenFrames rotten_frames_ = store::RottenFrames::kAbsent;
   std::filesystem::path shot_file_, cache_folder_, folder_;
   render::DistributedTakes* hosts_;
   schemas::ShotDocument shot_;

@@ -115,8 +115,8 @@ void read_ahead(const store::Take& take, const std::vector<EvaluationCase>& subj
       if (frame < 0 || std::ranges::find(excluded_cameras, camera) != excluded_cameras.end())
         continue;
       constexpr std::size_t kPage = 4096;
-      const store::FrameBytes jpeg = take.archive(camera).jpeg(frame);
-      const std::span<const std::byte> bytes = jpeg;
+      const auto jpeg = take.archive(camera).intact_jpeg(frame);
+      const std::span<const std::byte> bytes = jpeg ? jpeg->bytes() : std::span<const std::byte>();
       for (std::size_t at = 0; at < bytes.size(); at += kPage) {
         sum += static_cast<std::uint64_t>(bytes[at]);
       }

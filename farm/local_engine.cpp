@@ -58,10 +58,16 @@ class LocalRun {
     options_.progress(1);
     const ExitCode preview =
         job_.preview ? run_task_of(schemas::FarmStage::kPreview, 0, 1) : ExitCode::kSuccess;
-    if (preview != ExitCode::kSuccess || end->frames_below_coverage.empty()) return preview;
-    options_.on_message(
-        fmt::format("frames below the least coverage: {}", end->frames_below_coverage));
-    return ExitCode::kLowCoverage;
+    if (preview != ExitCode::kSuccess) return preview;
+    if (!end->frames_below_coverage.empty()) {
+      options_.on_message(
+          fmt::format("frames below the least coverage: {}", end->frames_below_coverage));
+    }
+    if (!end->frames_with_rot.empty()) {
+      options_.on_message(fmt::format("frames without rotten cameras: {}", end->frames_with_rot));
+    }
+    if (end->frames_below_coverage.empty() && end->frames_with_rot.empty()) return preview;
+    return ExitCode::kFellShort;
   }
 
  private:

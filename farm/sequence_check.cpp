@@ -91,32 +91,31 @@ std::vector<int> missing_frames(const compose::SequenceName& name,
   return missing;
 }
 
-std::vector<int> frames_below_coverage(const compose::SequenceName& name,
-                                       std::span<const int> frames, double least_share,
-                                       double timeout_seconds, const std::stop_token& stop) {
-  if (least_share <= 0) return {};
+ShortFrames short_frames(const compose::SequenceName& name, std::span<const int> frames,
+                         double least_share, double timeout_seconds, const std::stop_token& stop) {
   const Stopwatch watch;
-  const auto share_of = [&](int frame) {
+  const auto quality_of = [&](int frame) {
     while (!stop.stop_requested()) {
       try {
-        return compose::read_covered_share(name.path(frame));
+        return compose::read_frame_quality(name.path(frame));
       } catch (const Error&) {  // a stale handle of a network file system
         if (watch.seconds() > timeout_seconds) break;
         std::this_thread::sleep_for(kBetweenLooks);
       }
     }
-    return 0.0;
+    return compose::FrameQuality{-1, {}};
   };
-  std::vector<char> is_below(frames.size(), 0);
-  raystage::parallel_for(std::size_t{0}, frames.size(), [&](std::size_t i) {
-    is_below[i] = share_of(frames[i]) < least_share ? 1 : 0;
-  });
-  std::vector<int> below;
+  std::vector<compose::FrameQuality> qualities(frames.size());
+  raystage::parallel_for(std::size_t{0}, frames.size(),
+                         [&](std::size_t i) { qualities[i] = quality_of(frames[i]); });
+  ShortFrames found;
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    if (is_below[i] != 0) below.push_back(frames[i]);
+    if (qualities[i].covered_share < least_share) found.below_coverage.push_back(frames[i]);
+    if (!qualities[i].rotten_cameras.empty()) found.with_rot.push_back(frames[i]);
   }
-  std::ranges::sort(below);
-  return below;
+  std::ranges::sort(found.below_coverage);
+  std::ranges::sort(found.with_rot);
+  return found;
 }
 
 }  // namespace raystage::farm

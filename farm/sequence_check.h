@@ -35,10 +35,15 @@ std::vector<int> missing_frames(const compose::SequenceName& name,
                                 std::span<const ExpectedFrame> frames,
                                 const SequenceCheckOptions& options, const std::stop_token& stop);
 
-/// Returns the frames of which cameras see less than `least_share` of the view, as their files
-/// state, sorted. A file that cannot be read is read again until the timeout, and counts as below.
-std::vector<int> frames_below_coverage(const compose::SequenceName& name,
-                                       std::span<const int> frames, double least_share,
-                                       double timeout_seconds, const std::stop_token& stop);
+/// Frames that are complete, but fall short; each sorted.
+struct ShortFrames {
+  std::vector<int> below_coverage;  ///< cameras see less than the least share of the view
+  std::vector<int> with_rot;        ///< without cameras whose stored frames are rotten
+};
+
+/// Returns the frames that fall short, as their files state. A file that cannot be read is read
+/// again until the timeout, and then counts as below the least share.
+ShortFrames short_frames(const compose::SequenceName& name, std::span<const int> frames,
+                         double least_share, double timeout_seconds, const std::stop_token& stop);
 
 }  // namespace raystage::farm

@@ -272,6 +272,7 @@ JobState state_of(const JobFolder& folder, const SchedulerAnswer& answer, JobSta
     status.reason = end->reason;
     status.missing_frames = end->missing_frames;
     status.frames_below_coverage = end->frames_below_coverage;
+    status.frames_with_rot = end->frames_with_rot;
     return state_of_end(*end);
   }
   switch (status.job.engine) {

@@ -56,6 +56,7 @@ struct JobStatus {
   int frames = 0, frames_done = 0, frames_failed = 0;
   std::string missing_frames;         ///< of a job that is over
   std::string frames_below_coverage;  ///< the same; complete frames
+  std::string frames_with_rot;        ///< the same; complete frames
   std::optional<double> seconds_left = {};
   double cpu_seconds = 0;
   int light_field_frames_estimated = 0;

@@ -129,6 +129,9 @@ std::string status_text(const JobStatus& status, bool all_tasks) {
   if (!status.frames_below_coverage.empty()) {
     text += fmt::format("below the least coverage: frames {}\n", status.frames_below_coverage);
   }
+  if (!status.frames_with_rot.empty()) {
+    text += fmt::format("without rotten cameras: frames {}\n", status.frames_with_rot);
+  }
   for (const std::string& stage : stages_of(status)) {
     text += fmt::format("{:<8} {}\n", stage, counts_text(status, stage));
   }
@@ -153,6 +156,7 @@ std::string status_json(const JobStatus& status) {
                    {"frames_failed", status.frames_failed},
                    {"missing_frames", status.missing_frames},
                    {"frames_below_coverage", status.frames_below_coverage},
+                   {"frames_with_rot", status.frames_with_rot},
                    {"rounds", status.rounds},
                    {"cpu_seconds", status.cpu_seconds},
                    {"light_field_frames_solved", status.light_field_frames_estimated}};
@@ -187,6 +191,9 @@ std::string status_html(const JobStatus& status, const JobFolder& folder) {
   if (!status.missing_frames.empty()) summary += "; missing: frames " + status.missing_frames;
   if (!status.frames_below_coverage.empty()) {
     summary += "; below the least coverage: frames " + status.frames_below_coverage;
+  }
+  if (!status.frames_with_rot.empty()) {
+    summary += "; without rotten cameras: frames " + status.frames_with_rot;
   }
   std::string body =
       charts::html_section("Progress", charts::escape_html(summary), bars) +

@@ -249,17 +249,18 @@ std::optional<schemas::FarmAttempt::End> measure_first_frame(const SubmissionOpt
   };
   const ChildResult child = run_child(
       render_command(job, options.shot, 0, attempt.frames, job.existing, 1), child_options);
+  const bool is_complete =
+      child.exit_code == 0 || child.exit_code == static_cast<int>(ExitCode::kFellShort);
   schemas::FarmAttempt::End end;
-  end.result =
-      child.exit_code == 0 ? schemas::AttemptResult::kDone : schemas::AttemptResult::kFailed;
-  end.exit_code = child.exit_code;
+  end.result = is_complete ? schemas::AttemptResult::kDone : schemas::AttemptResult::kFailed;
+  end.exit_code = is_complete ? 0 : child.exit_code;
   end.wall_seconds = child.wall_seconds;
   end.cpu_seconds = child.cpu_seconds;
   end.peak_memory_bytes = child.peak_memory_bytes;
   end.ended_utc = utc_now();
   attempt.end = end;
   record_attempt_end(folder, attempt);
-  if (child.exit_code == 0) return rendered ? std::optional(end) : std::nullopt;
+  if (is_complete) return rendered ? std::optional(end) : std::nullopt;
   const std::string what =
       fmt::format("the first frame (frame {}) cannot be rendered: {}", first, last);
   const std::string advice = "Correct the cause, or submit without measuring the first frame";

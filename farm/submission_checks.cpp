@@ -24,7 +24,7 @@ using Engine = schemas::FarmJobDocument::Engine;
 class UnknownArchives : public store::RemoteArchives {
  public:
   std::optional<store::ArchiveReader> open(int /*camera*/) const override {
-    return store::ArchiveReader({}, {}, nullptr);
+    return store::ArchiveReader(store::ArchiveWriter::Description(), {}, nullptr);
   }
   bool is_missing(int /*camera*/) const override { return false; }
   bool are_unknown() const override { return true; }

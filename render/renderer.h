@@ -72,6 +72,9 @@ struct RendererOptions {
   std::filesystem::path cache_folder = {};
   /// Counts derived and read data, for views and for rays; null: not counted.
   std::shared_ptr<StoredDataCounts> stored_data_counts = nullptr;
+  /// With kAbsent a view that reads a rotten frame is rendered without all rotten frames of its
+  /// instant, so that it does not depend on what was read before. Distributed views fail instead.
+  store::RottenFrames rotten_frames = store::RottenFrames::kAbsent;
   /// Renders views of distributed methods together with other ranks; null: this rank renders alone.
   std::shared_ptr<const DistributedRenderer> hosts = nullptr;
   /// As LightFieldFrame, for distributed views.
@@ -133,9 +136,11 @@ class LightFieldRenderer {
   ///   all others   no options; the surface is the focal plane of `reconstruction`, also for
   ///                aperture, whose own plane is ignored
   /// Throws Error (bad input) as render(). Also throws for `auto`, which chooses only for views,
-  /// and for `slabs` in a box, which has a focal plane per face.
-  void query(std::span<const WorldRay> rays, const store::FrameSelection& frames,
-             const ReconstructionOptions& reconstruction, std::span<RaySample> samples) const;
+  /// and for `slabs` in a box, which has a focal plane per face. Returns the cameras as
+  /// RenderedView::rotten_cameras.
+  std::vector<int> query(std::span<const WorldRay> rays, const store::FrameSelection& frames,
+                         const ReconstructionOptions& reconstruction,
+                         std::span<RaySample> samples) const;
 
   /// Returns the file in which render() or query() stores what the method derives once per light
   /// field frame (Method::stored_file); empty: none. Empty also for `auto`, which chooses a method
@@ -149,6 +154,9 @@ class LightFieldRenderer {
                     const ReconstructionOptions& reconstruction, QueryKind as) const;
 
  private:
+  RenderedView render_instant(const VirtualCamera& view, const LightFieldFrame& instant,
+                              const ReconstructionOptions& reconstruction) const;
+
   struct State;
   std::unique_ptr<State> state_;
 };

@@ -108,7 +108,7 @@ TEST(FarmDocuments, RecordsAreTheSameAfterReading) {
             format_farm_round(round));
   for (const FarmEnd::State state : {FarmEnd::State::kDone, FarmEnd::State::kFailed,
                                      FarmEnd::State::kCancelled, FarmEnd::State::kStopped}) {
-    const std::string text = format_farm_end({state, "why", "1-2", "5", 48, 17});
+    const std::string text = format_farm_end({state, "why", "1-2", "5", "7-9", 48, 17});
     EXPECT_EQ(format_farm_end(parse_farm_end(text, "x")), text);
     EXPECT_EQ(parse_farm_end(text, "x").state, state);
   }
@@ -121,7 +121,7 @@ TEST(FarmDocuments, ReasonsInOtherEncodingsDoNotHinderARecord) {
   attempt.end = FarmAttempt::End{};
   attempt.end->reason = "caf\351";
   EXPECT_EQ(parse_farm_attempt(format_farm_attempt(attempt), "x").end->reason, "caf\xEF\xBF\xBD");
-  EXPECT_NO_THROW(format_farm_end({FarmEnd::State::kFailed, "caf\351", "", "", 1, 0}));
+  EXPECT_NO_THROW(format_farm_end({FarmEnd::State::kFailed, "caf\351", "", "", "", 1, 0}));
 }
 
 TEST(FarmDocuments, StagesHaveNames) {

@@ -65,6 +65,7 @@ constexpr Fields kFarmEnd(required("state", &FarmEnd::state, kEndNames),
                           optional("reason", &FarmEnd::reason, kUtf8),
                           optional("missing_frames", &FarmEnd::missing_frames),
                           optional("frames_below_coverage", &FarmEnd::frames_below_coverage),
+                          optional("frames_with_rot", &FarmEnd::frames_with_rot),
                           defaulted("frames", &FarmEnd::frames),
                           required("ended_utc", &FarmEnd::ended_utc, kUtc));
 

@@ -86,6 +86,7 @@ struct FarmEnd {
   State state = State::kDone;
   std::string reason = {}, missing_frames = {};
   std::string frames_below_coverage = {};  ///< complete, but below FarmJobDocument::least_coverage
+  std::string frames_with_rot = {};        ///< complete, but without rotten cameras
   int frames = 0;
   Nanoseconds ended_utc = 0;
 };

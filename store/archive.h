@@ -13,7 +13,9 @@
 #include <vector>
 
 #include "base/time.h"
+#include "store/frame_buffers.h"
 #include "store/remote_frames.h"
+#include "store/rotten_frame.h"
 
 namespace raystage::store {
 
@@ -120,13 +122,15 @@ class ArchiveWriter {
 
 /// Reads one camera's archive. The journal is the index; where it is missing, torn or incomplete,
 /// the Matroska file is scanned instead. A file truncated at any byte gives every complete frame.
-/// Const members are thread-safe. The archive is memory-mapped: if it is truncated while bytes from
-/// jpeg() are in use, access to the removed part ends the process with SIGBUS.
+/// Const members are thread-safe. Frames are copied from the file, which another process may
+/// truncate meanwhile.
 class ArchiveReader {
  public:
-  /// Opens an archive and its journal. Throws Error (bad input) if it is not a Matroska file, has
-  /// another time scale, or the journal has a future version or belongs to another archive.
-  ArchiveReader(const std::filesystem::path& archive, const std::filesystem::path& journal);
+  /// Opens an archive and its journal. `buffers`: hold the bytes of frames, shared with other
+  /// readers; null: the reader has its own. Throws Error (bad input) if it is not a Matroska file,
+  /// has another time scale, or the journal has a future version or belongs to another archive.
+  ArchiveReader(const std::filesystem::path& archive, const std::filesystem::path& journal,
+                std::shared_ptr<FrameBuffers> buffers = nullptr);
   /// Represents the archive of a camera on another host. `records`: in order. `remote` supplies the
   /// bytes of frames; if it is null, `records` must be empty.
   ArchiveReader(const ArchiveWriter::Description& description, std::vector<FrameRecord> records,
@@ -145,10 +149,12 @@ class ArchiveReader {
   /// without frames.
   std::optional<int> nearest_frame(Nanoseconds time) const;
 
-  /// Returns the JPEG bytes of frame i, mapped from the file and read into memory, valid as long as
-  /// the reader; or fetched from another host. Does not check them; see verify_frame. Throws Error
-  /// (bad input) if the disk cannot read them or the file was truncated.
+  /// Returns the JPEG bytes of frame i, from the file or another host. Throws RottenFrame if they
+  /// are not the recorded ones, which is checked once per frame, and Error (bad input) if the disk
+  /// cannot read them or the file was truncated.
   FrameBytes jpeg(int frame) const;
+  /// Returns the bytes as jpeg() does, or nullopt where jpeg() would throw RottenFrame.
+  std::optional<FrameBytes> intact_jpeg(int frame) const;
   /// Returns the structure of frame i. Throws as jpeg() and parse_jpeg_layout(); `name`: for
   /// errors.
   JpegLayout layout(int frame, std::string_view name) const;
@@ -161,8 +167,8 @@ class ArchiveReader {
   void shift_times(Nanoseconds by);
   /// Hints to the kernel to read frame i from the disk in the background.
   void read_ahead(int frame) const;
-  /// Returns whether the bytes of frame i have the journal's XXH3; false if the journal has none.
-  /// Throws as jpeg() does.
+  /// Reads frame i and returns whether its bytes have the journal's XXH3; false if the journal has
+  /// none. Throws Error as jpeg() does.
   bool verify_frame(int frame) const;
 
   const ArchiveWriter::Description& description() const;

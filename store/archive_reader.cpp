@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads an archive through a memory map. The journal is the index (archive_index.h). The nearest
-// frame to a time is found by binary search; frames on another host come from RemoteFrames.
+// Reads an archive. The journal is the index (archive_index.h), made through a memory map; frames
+// are copied from the file, because another process may truncate it. The nearest frame to a time is
+// found by binary search; frames on another host come from RemoteFrames.
 #include <xxhash.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cassert>
 #include <iterator>
 #include <optional>
@@ -18,19 +20,51 @@
 namespace raystage::store {
 
 struct ArchiveReader::State {
-  State() = default;
-  explicit State(const std::filesystem::path& archive) : path(archive), file(archive) {}
+  enum class Integrity : std::uint8_t { kUnchecked, kIntact, kRotten };
 
-  std::span<const std::byte> mapped(int frame) const {
+  State() = default;
+  State(const std::filesystem::path& archive, std::shared_ptr<FrameBuffers> with_buffers)
+      : path(archive), file(archive), buffers(std::move(with_buffers)) {}
+
+  const FrameRecord& record(int frame) const {
     assert(frame >= 0 && static_cast<std::size_t>(frame) < index.frames.size());
-    const FrameRecord& record = index.frames[frame];
-    return file->bytes().subspan(static_cast<std::size_t>(record.offset), record.size);
+    return index.frames[frame];
+  }
+
+  /// Returns the bytes of a frame as they are in the file.
+  FrameBytes read(int frame) const {
+    const FrameRecord& wanted = record(frame);
+    const std::shared_ptr<std::byte[]> bytes = buffers->take(wanted.size);
+    if (file->read_at(wanted.offset, {bytes.get(), wanted.size}) != wanted.size) {
+      throw Error::bad_input("frame " + std::to_string(frame) + " cannot be read", path.string(),
+                             "Check the disk and run `raystage verify` on the take");
+    }
+    return {bytes, wanted.size};
+  }
+
+  bool has_recorded_hash(int frame, const FrameBytes& bytes) const {
+    return XXH3_64bits(bytes.data(), bytes.size()) == record(frame).xxh3;
+  }
+
+  /// Returns the bytes of a frame; none if they are not the recorded ones.
+  std::optional<FrameBytes> read_intact(int frame) const {
+    std::atomic<Integrity>& known = integrity[frame];
+    if (known == Integrity::kRotten) return std::nullopt;
+    FrameBytes bytes = read(frame);
+    if (known == Integrity::kUnchecked) {
+      const bool is_intact = record(frame).xxh3 == 0 || has_recorded_hash(frame, bytes);
+      known = is_intact ? Integrity::kIntact : Integrity::kRotten;
+      if (!is_intact) return std::nullopt;
+    }
+    return bytes;
   }
 
   std::filesystem::path path;
-  std::optional<MappedFile> file;  // nullopt: on another host
+  std::optional<InputFile> file;  // nullopt: on another host
+  std::shared_ptr<FrameBuffers> buffers;
   std::shared_ptr<const RemoteFrames> remote;
   ArchiveIndex index;
+  std::unique_ptr<std::atomic<Integrity>[]> integrity;  // of each frame
 };
 
 namespace {
@@ -47,12 +81,16 @@ ArchiveIndex index_files(const MappedFile& archive, const std::optional<MappedFi
 }  // namespace
 
 ArchiveReader::ArchiveReader(const std::filesystem::path& archive,
-                             const std::filesystem::path& journal) {
+                             const std::filesystem::path& journal,
+                             std::shared_ptr<FrameBuffers> buffers) {
   // Read the journal first: during a recording each of its records then has its frame.
   std::optional<MappedFile> journal_file;
   if (std::filesystem::exists(journal)) journal_file.emplace(journal);
-  state_ = std::make_unique<State>(archive);
-  state_->index = index_files(*state_->file, journal_file, archive, journal);
+  state_ = std::make_unique<State>(archive,
+                                   buffers ? std::move(buffers) : std::make_shared<FrameBuffers>());
+  state_->index = index_files(MappedFile(*state_->file, archive), journal_file, archive, journal);
+  state_->integrity =
+      std::make_unique<std::atomic<State::Integrity>[]>(state_->index.frames.size());
 }
 
 ArchiveReader::ArchiveReader(const ArchiveWriter::Description& description,
@@ -92,14 +130,15 @@ std::optional<int> ArchiveReader::nearest_frame(Nanoseconds time) const {
 }
 
 FrameBytes ArchiveReader::jpeg(int frame) const {
-  if (state_->remote) return state_->remote->jpeg(frame);
-  const auto bytes = state_->mapped(frame);
-  if (!state_->file->can_read(bytes)) {
-    throw Error::bad_input("frame " + std::to_string(frame) + " cannot be read",
-                           state_->path.string(),
-                           "Check the disk and run `raystage verify` on the take");
-  }
-  return FrameBytes(bytes);
+  if (std::optional<FrameBytes> bytes = intact_jpeg(frame)) return *std::move(bytes);
+  throw RottenFrame(
+      Error::bad_input("frame " + std::to_string(frame) + " is not as it was recorded (XXH3)",
+                       state_->path.string(), "Run `raystage verify` on the take, then repair it"),
+      frame);
+}
+
+std::optional<FrameBytes> ArchiveReader::intact_jpeg(int frame) const {
+  return state_->remote ? state_->remote->jpeg(frame) : state_->read_intact(frame);
 }
 
 JpegLayout ArchiveReader::layout(int frame, std::string_view name) const {
@@ -124,12 +163,12 @@ void ArchiveReader::shift_times(Nanoseconds by) {
 }
 
 void ArchiveReader::read_ahead(int frame) const {
-  if (state_->file) state_->file->read_ahead(state_->mapped(frame));
+  const FrameRecord& wanted = state_->record(frame);
+  if (state_->file) state_->file->read_ahead(wanted.offset, wanted.size);
 }
 
 bool ArchiveReader::verify_frame(int frame) const {
-  const auto bytes = jpeg(frame);
-  return XXH3_64bits(bytes.data(), bytes.size()) == frames()[frame].xxh3;
+  return state_->has_recorded_hash(frame, state_->remote ? jpeg(frame) : state_->read(frame));
 }
 
 const ArchiveWriter::Description& ArchiveReader::description() const {
@@ -137,9 +176,7 @@ const ArchiveWriter::Description& ArchiveReader::description() const {
 }
 
 bool ArchiveReader::was_closed() const { return state_->index.closed; }
-std::uint64_t ArchiveReader::bytes() const {
-  return state_->file ? state_->file->bytes().size() : 0;
-}
+std::uint64_t ArchiveReader::bytes() const { return state_->file ? state_->file->size() : 0; }
 int ArchiveReader::recovered_frames() const { return state_->index.recovered; }
 int ArchiveReader::damaged_records() const { return state_->index.damaged_records; }
 

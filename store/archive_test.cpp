@@ -249,8 +249,36 @@ TEST_F(Archive, ChangedPictureFailsItsHash) {
   auto bytes = bytes_of(mkv);
   bytes[static_cast<std::size_t>(reader().frames()[0].offset) + 7] ^= std::byte{1};
   testing::overwrite(mkv, bytes);
-  EXPECT_FALSE(reader().verify_frame(0));
-  EXPECT_TRUE(reader().verify_frame(1));
+  const ArchiveReader in = reader();
+  EXPECT_FALSE(in.verify_frame(0));
+  EXPECT_TRUE(in.verify_frame(1));
+  EXPECT_FALSE(in.intact_jpeg(0).has_value());
+  EXPECT_TRUE(in.intact_jpeg(1).has_value());
+  for (int again = 0; again < 2; ++again) {  // the second time it is remembered
+    try {
+      in.jpeg(0);
+      FAIL() << "rot was read";
+    } catch (const RottenFrame& error) {
+      EXPECT_EQ(error.frame(), 0);
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+      EXPECT_THAT(error.what(), HasSubstr("frame 0 is not as it was recorded"));
+    }
+    EXPECT_TRUE(std::ranges::equal(in.jpeg(1), fake_jpeg(2)));
+  }
+}
+
+TEST_F(Archive, BytesOfAFrameOutliveItsReaderAndAreNotReusedMeanwhile) {
+  {
+    ArchiveWriter out = writer();
+    for (unsigned i = 1; i <= 3; ++i) out.append(fake_jpeg(i, 5000 * i), i);
+  }
+  auto in = std::make_unique<ArchiveReader>(reader());
+  const FrameBytes first = in->jpeg(0), second = in->jpeg(1);
+  in->jpeg(2);
+  in->jpeg(2);
+  in.reset();
+  EXPECT_TRUE(std::ranges::equal(first, fake_jpeg(1, 5000)));
+  EXPECT_TRUE(std::ranges::equal(second, fake_jpeg(2, 10000)));
 }
 
 TEST_F(Archive, AFrameThatIsCutOffIsRefused) {
@@ -399,12 +427,13 @@ TEST_F(Archive, ReadsAheadWhatItIsAskedTo) {
   fsync(descriptor);
   posix_fadvise(descriptor, 0, 0, POSIX_FADV_DONTNEED);
   close(descriptor);
-  const MappedFile file(mkv);
-  const auto part = file.bytes().subspan(kSize - kPart);
+  const InputFile file(mkv);
+  const MappedFile mapped(file, mkv);
+  const auto part = mapped.bytes().subspan(kSize - kPart);
   if (pages_in_memory(part) > 0) {
     GTEST_SKIP() << "this file system does not let go of what it has read";
   }
-  file.read_ahead(part);
+  file.read_ahead(kSize - kPart, kPart);
   const std::size_t pages = kPart / static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
   for (int i = 0; i < 1000 && pages_in_memory(part) < pages; ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));

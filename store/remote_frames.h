@@ -18,8 +18,11 @@ class FrameBytes {
   FrameBytes() = default;
   /// Refers to bytes that are owned elsewhere and outlive this object.
   explicit FrameBytes(std::span<const std::byte> bytes) : bytes_(bytes) {}
-  explicit FrameBytes(std::shared_ptr<const std::vector<std::byte>> owned)
-      : owned_(std::move(owned)), bytes_(*owned_) {}
+  explicit FrameBytes(const std::shared_ptr<const std::vector<std::byte>>& owned)
+      : owned_(owned, owned->data()), bytes_(*owned) {}
+  /// Refers to the first `size` bytes of memory that it keeps alive.
+  FrameBytes(std::shared_ptr<const std::byte[]> owned, std::size_t size)
+      : owned_(owned, owned.get()), bytes_(owned.get(), size) {}
 
   std::span<const std::byte> bytes() const { return bytes_; }
   // Implicit: the class represents a span.
@@ -30,7 +33,7 @@ class FrameBytes {
   std::size_t size() const { return bytes_.size(); }
 
  private:
-  std::shared_ptr<const std::vector<std::byte>> owned_;
+  std::shared_ptr<const void> owned_;
   std::span<const std::byte> bytes_;
 };
 

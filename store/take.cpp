@@ -52,6 +52,7 @@ struct Take::State {
   schemas::TakeDocument document;
   rig::Rig rig;
   mutable std::vector<Slot> slots;
+  std::shared_ptr<FrameBuffers> buffers = std::make_shared<FrameBuffers>();
 };
 
 void Take::State::check_cameras() const {
@@ -75,7 +76,7 @@ ArchiveReader Take::State::open(std::size_t camera) const {
   if (remote) {
     if (auto elsewhere = remote->open(static_cast<int>(camera))) return std::move(*elsewhere);
   }
-  ArchiveReader reader(folder / entry.archive, folder / entry.journal);
+  ArchiveReader reader(folder / entry.archive, folder / entry.journal, buffers);
   // An archive truncated within its header has neither id nor frames to check.
   const auto& found = reader.description();
   const auto& model = rig.cameras[camera].model;

@@ -145,22 +145,27 @@ FlatFieldMeasurement measure_flat_field(const store::Take& take, int camera,
   MeanPicture picture;
   schemas::Rgb squares{};
   const int looked_at = std::min(frames, most_frames);
+  int measured = 0;
   for (int k = 0; k < looked_at; ++k) {
-    const store::RgbImage image =
-        decoder.decode(archive.jpeg((2 * k + 1) * frames / (2 * looked_at)), id);
+    const auto jpeg = archive.intact_jpeg((2 * k + 1) * frames / (2 * looked_at));
+    if (!jpeg) continue;
+    const store::RgbImage image = decoder.decode(*jpeg, id);
     if (image.width != expected.width() || image.height != expected.height()) {
       throw Error::bad_input("frames of camera \"" + id + "\" have another size than in the rig",
                              take.folder().string(), "Record the target again");
     }
-    if (k == 0) {
+    if (measured++ == 0) {
       measurement.size = {image.width, image.height};
       picture = MeanPicture(image.width, image.height);
     }
     add_frame(image, light, measurement, squares, picture);
   }
+  if (measured == 0) {
+    throw Error::bad_input("no frame of camera \"" + id + "\" is as it was recorded",
+                           take.folder().string(), "Run `raystage verify` on the take");
+  }
   const Middle middle = middle_of(picture);
-  const double count =
-      1.0 * looked_at * (middle.right - middle.left) * (middle.bottom - middle.top);
+  const double count = 1.0 * measured * (middle.right - middle.left) * (middle.bottom - middle.top);
   for (std::size_t c = 0; c < 3; ++c) {
     measurement.mean[c] /= count;
     measurement.black[c] /= count;
@@ -168,7 +173,7 @@ FlatFieldMeasurement measure_flat_field(const store::Take& take, int camera,
         std::sqrt(std::max(0.0, squares[c] / count - measurement.mean[c] * measurement.mean[c]));
   }
   measurement.clipped /= count;
-  for (float& channel : picture.values) channel /= static_cast<float>(looked_at);
+  for (float& channel : picture.values) channel /= static_cast<float>(measured);
   measurement.cells = cells_of(picture);
   if (std::ranges::max(measurement.mean) <= FlatFieldMeasurement::kDark)
     measurement.hot_pixels = outstanding_pixels(picture);

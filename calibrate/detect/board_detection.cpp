@@ -24,9 +24,10 @@ void check_stop(const std::stop_token& stop, const store::Take& take) {
 
 std::vector<BoardCornerDetection> corners_in(const store::Take& take, int camera, int frame,
                                              const BoardDetector& finder) {
+  const auto jpeg = take.archive(camera).intact_jpeg(frame);
+  if (!jpeg) return {};  // its camera counts as absent
   store::JpegDecoder decoder;
-  const std::string& id = take.document().cameras[camera].id;
-  return finder.find(decoder.decode(take.archive(camera).jpeg(frame), id));
+  return finder.find(decoder.decode(*jpeg, take.document().cameras[camera].id));
 }
 
 /// Returns at most `most` of `count` indices, evenly spread.

@@ -31,9 +31,11 @@ struct Picture {
 };
 
 Picture features_of(const store::Take& take, int camera, int frame, int most) {
+  const auto jpeg = take.archive(camera).intact_jpeg(frame);
+  if (!jpeg) return {};  // its camera counts as absent
   store::JpegDecoder decoder;
   const std::string& id = take.document().cameras[camera].id;
-  store::RgbImage image = decoder.decode(take.archive(camera).jpeg(frame), id);
+  store::RgbImage image = decoder.decode(*jpeg, id);
   const cv::Mat rgb(image.height, image.width, CV_8UC3, image.values.data());
   cv::Mat grey;
   cv::cvtColor(rgb, grey, cv::COLOR_RGB2GRAY);

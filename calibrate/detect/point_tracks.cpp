@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <optional>
 
 #include "base/error.h"
 #include "base/options.h"
@@ -24,23 +25,27 @@
 namespace raystage::calibrate {
 namespace {
 
-/// Decodes a few pictures, spread over the recording.
-LightBackground background_of(const store::Take& take, const store::ArchiveReader& archive,
-                              store::JpegDecoder& decoder) {
+/// Decodes a few pictures, spread over the recording; rotten ones are left out. Returns nullopt
+/// without any.
+std::optional<LightBackground> background_of(const store::Take& take,
+                                             const store::ArchiveReader& archive,
+                                             store::JpegDecoder& decoder) {
   constexpr std::size_t kPictures = 15;
   const std::size_t frames = archive.frames().size();
   const std::size_t count = std::min(frames, kPictures);
   std::vector<store::RgbImage> pictures;
   for (std::size_t k = 0; k < count; ++k) {
     const auto frame = static_cast<int>((2 * k + 1) * frames / (2 * count));
-    pictures.push_back(decoder.decode(archive.jpeg(frame), "frame"));
+    const auto jpeg = archive.intact_jpeg(frame);
+    if (jpeg) pictures.push_back(decoder.decode(*jpeg, "frame"));
   }
+  if (pictures.empty()) return std::nullopt;
   std::array<float, 256> linear_from_code{};
   for (std::size_t code = 0; code < linear_from_code.size(); ++code) {
     linear_from_code[code] = static_cast<float>(
         store::linear_from_frame_code(take.document(), static_cast<double>(code)));
   }
-  return {pictures, linear_from_code};
+  return LightBackground(pictures, linear_from_code);
 }
 
 void mark_unsteady(PointTrack& track) {
@@ -66,7 +71,8 @@ PointTrack track_of(const store::Take& take, int camera, const std::vector<Nanos
   PointTrack track;
   if (archive.frames().empty()) return track;
   store::JpegDecoder decoder;
-  const LightBackground background = background_of(take, archive, decoder);
+  const std::optional<LightBackground> background = background_of(take, archive, decoder);
+  if (!background) return track;
   for (std::size_t i = 0; i < times.size(); ++i) {
     if (stop.stop_requested()) {
       throw Error::failed("the detection of the light was stopped", take.folder().string(),
@@ -74,9 +80,10 @@ PointTrack track_of(const store::Take& take, int camera, const std::vector<Nanos
     }
     frame_done();
     if (times[i] == store::kExcludedTime) continue;
-    const store::RgbImage picture =
-        decoder.decode(archive.jpeg(static_cast<int>(i)), take.document().cameras[camera].id);
-    track.frame_detections.push_back({times[i], detect_light(picture, background, options)});
+    const auto jpeg = archive.intact_jpeg(static_cast<int>(i));
+    if (!jpeg) continue;  // the camera counts as absent
+    const store::RgbImage picture = decoder.decode(*jpeg, take.document().cameras[camera].id);
+    track.frame_detections.push_back({times[i], detect_light(picture, *background, options)});
   }
   std::ranges::stable_sort(track.frame_detections, {}, &PointTrack::FrameDetection::time);
   mark_unsteady(track);

@@ -199,11 +199,19 @@ ExrImage read_exr(const std::filesystem::path& file, const std::string& view) {
   return image;
 }
 
-double read_covered_share(const std::filesystem::path& file) {
+FrameQuality read_frame_quality(const std::filesystem::path& file) {
   try {
     const Imf::MultiPartInputFile input(file.c_str(), kNoExrThreads);
-    const auto* share = input.header(0).findTypedAttribute<Imf::DoubleAttribute>("lf:coveredShare");
-    return share == nullptr ? 1 : share->value();
+    const Imf::Header& header = input.header(0);
+    FrameQuality quality;
+    if (const auto* share = header.findTypedAttribute<Imf::DoubleAttribute>("lf:coveredShare")) {
+      quality.covered_share = share->value();
+    }
+    if (const auto* rotten =
+            header.findTypedAttribute<Imf::StringVectorAttribute>("lf:rottenCameras")) {
+      quality.rotten_cameras = rotten->value();
+    }
+    return quality;
   } catch (const std::exception& error) {
     throw Error::bad_input(error.what(), file.string(), "Render the frame again");
   }

@@ -23,9 +23,15 @@ std::vector<std::byte> encode_exr(std::span<const ExrView> views,
 /// headers. Pixels are read but not decompressed. Damaged or missing files are not an error.
 bool is_complete_exr(const std::filesystem::path& file, std::string_view fingerprint);
 
-/// Returns ExrMetadata::covered_share of a rendered file; 1 for files that do not state it. Throws
-/// Error (bad input) if the file cannot be read.
-double read_covered_share(const std::filesystem::path& file);
+/// In what a rendered frame may fall short: as ExrMetadata.
+struct FrameQuality {
+  double covered_share = 1;
+  std::vector<std::string> rotten_cameras;
+};
+
+/// Returns what a rendered file states of its quality, or else the defaults. Throws Error (bad
+/// input) if the file cannot be read.
+FrameQuality read_frame_quality(const std::filesystem::path& file);
 
 /// The contents of an EXR file that a preview needs.
 struct ExrImage {

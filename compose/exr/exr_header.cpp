@@ -223,6 +223,9 @@ Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMe
   if (!metadata.absent_cameras.empty()) {
     header.insert("lf:absentCameras", Imf::StringVectorAttribute(metadata.absent_cameras));
   }
+  if (!metadata.rotten_cameras.empty()) {
+    header.insert("lf:rottenCameras", Imf::StringVectorAttribute(metadata.rotten_cameras));
+  }
   header.insert("lf:coveredShare", Imf::DoubleAttribute(metadata.covered_share));
   add_string(header, "lf:method", metadata.method);
   if (!metadata.method_options.empty()) {

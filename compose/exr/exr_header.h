@@ -27,6 +27,7 @@ struct ExrMetadata {
   std::string take_name;                   ///< reelName; omitted if empty
   std::optional<Nanoseconds> capture_utc;  ///< instant shown, since 1970; none: no instant
   std::vector<std::string> absent_cameras;
+  std::vector<std::string> rotten_cameras;  ///< absent, because their frames are not as recorded
   std::string method, fingerprint, program_version;
   std::string method_options;      ///< NAME=VALUE,... as given; omitted if empty
   std::vector<std::string> notes;  ///< RenderedView::notes

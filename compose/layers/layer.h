@@ -16,7 +16,9 @@
 #include "compose/exr/exr_header.h"
 #include "compose/layers/fingerprint.h"
 #include "compose/layers/layer_image.h"
+#include "compose/layers/rotten_cameras.h"
 #include "render/renderer.h"
+#include "store/rotten_frame.h"
 
 namespace raystage::compose {
 
@@ -51,6 +53,7 @@ struct LayerRendererOptions {
   std::filesystem::path cache_folder;                         ///< as RendererOptions
   std::shared_ptr<render::StoredDataCounts> stored_data_counts;
   render::DistributedTakes* hosts = nullptr;  ///< null: the take's folder holds its archives
+  store::RottenFrames rotten_frames = store::RottenFrames::kAbsent;  ///< as RendererOptions
 };
 
 /// What previews give up for speed.
@@ -70,6 +73,7 @@ struct LayerView {
   int mesh = -1;                           ///< index of the layer's mesh in it; -1: none
   std::span<const float> object_ids = {};  ///< for LayerImage::ids; empty: not requested
   PreviewOptions preview = {};
+  RottenCameras* rotten_cameras = nullptr;  ///< receives those of the view; null: not collected
 };
 
 /// Answers single rays of a layer that is a light.

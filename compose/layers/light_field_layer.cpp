@@ -146,7 +146,9 @@ class TakeRenderer final : public LayerRenderer {
         is_preview ? layer_.preview_reconstruction(view.preview.method, view.camera, view.frame)
                    : layer_.reconstruction_for(view.camera, view.frame);
     how.max_supersampling = view.preview.max_supersampling;
-    return make_layer_image(renderer_.render(camera, layer_.tick(view.shown), how));
+    render::RenderedView rendered = renderer_.render(camera, layer_.tick(view.shown), how);
+    collect(rendered.rotten_cameras, view.rotten_cameras);
+    return make_layer_image(std::move(rendered));
   }
 
   /// Renders a view of an equirectangular camera, one ray per pixel, some rows at a time.
@@ -189,10 +191,10 @@ class TakeRenderer final : public LayerRenderer {
   std::optional<LayerRays> rays(const LayerView& view) const override {
     if (!view.shown.tick) return std::nullopt;
     return LayerRays{
-        [this, &tick = layer_.tick(view.shown),
+        [this, &tick = layer_.tick(view.shown), rotten = view.rotten_cameras,
          how = layer_.reconstruction_for(view.camera, view.frame)](
             std::span<const render::WorldRay> rays, std::span<render::RaySample> samples) {
-          renderer_.query(rays, tick, how, samples);
+          collect(renderer_.query(rays, tick, how, samples), rotten);
         },
         layer_.take().rig().mean_viewing_direction()};
   }
@@ -205,6 +207,11 @@ class TakeRenderer final : public LayerRenderer {
   std::size_t decoded_bytes_cached() const override { return renderer_.decoded_bytes_cached(); }
 
  private:
+  void collect(const std::vector<int>& rotten, RottenCameras* into) const {
+    if (into == nullptr) return;
+    for (const int camera : rotten) into->add(layer_.take().document().cameras[camera].id);
+  }
+
   static render::RendererOptions renderer_options(const LightFieldLayer& layer,
                                                   const LayerRendererOptions& settings) {
     render::RendererOptions result;
@@ -217,6 +224,7 @@ class TakeRenderer final : public LayerRenderer {
     result.matte = layer.matte();
     result.cache_folder = settings.cache_folder;
     result.stored_data_counts = settings.stored_data_counts;
+    result.rotten_frames = settings.rotten_frames;
     if (settings.hosts != nullptr) settings.hosts->share(layer.take(), result);
     return result;
   }

@@ -104,7 +104,8 @@ void RankArchives::set_camera_owners(std::vector<int> camera_owners,
 std::optional<store::ArchiveReader> RankArchives::open(int camera) const {
   const auto index = static_cast<std::size_t>(camera);
   if (index < is_local_.size() && is_local_[index]) return std::nullopt;
-  if (is_missing(camera)) return store::ArchiveReader({}, {}, nullptr);
+  if (is_missing(camera))
+    return store::ArchiveReader(store::ArchiveWriter::Description(), {}, nullptr);
   TakeTable::Camera known = index < cameras_.size() ? cameras_[index] : TakeTable::Camera{};
   return store::ArchiveReader(known.description, std::move(known.frames),
                               std::make_shared<const FetchedFrames>(*this, camera));

@@ -277,12 +277,6 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
                             shifted_origin(record, time_shift));
           ++report.missing;
         } else {
-          if (record.xxh3 != 0 && !from.verify_frame(frame)) {
-            throw Error::bad_input(
-                fmt::format("frame {} of camera \"{}\" is damaged: its hash differs", frame,
-                            part.take.document().cameras[i].id),
-                part.take.folder().string(), "Run `raystage verify`, and `raystage repair` on it");
-          }
           const auto jpeg = from.jpeg(frame++);
           to.append(jpeg, record.time_ns + time_shift, shifted_origin(record, time_shift));
           ++report.frames;

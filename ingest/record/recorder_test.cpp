@@ -81,7 +81,8 @@ class Recording : public ::testing::Test {
     std::vector<Bytes> frames;
     for (int i = 0; i < static_cast<int>(archive.frames().size()); ++i) {
       EXPECT_TRUE(archive.verify_frame(i));
-      frames.emplace_back(archive.jpeg(i).begin(), archive.jpeg(i).end());
+      const store::FrameBytes jpeg = archive.jpeg(i);
+      frames.emplace_back(jpeg.begin(), jpeg.end());
     }
     return frames;
   }

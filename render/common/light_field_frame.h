@@ -38,6 +38,8 @@ struct LightFieldFrame {
   /// As frame_of_camera, for the ticks before and after where the timeline has them: see
   /// RendererOptions::ticks.
   std::vector<std::vector<int>> adjacent_frames;
+  /// Cameras with rotten frames among these, which count as absent; in increasing order.
+  std::vector<int> rotten_cameras;
   std::vector<int> included_cameras;  ///< cameras that are not excluded, in increasing order
   /// Per camera of the rig: the rank that contributes its frames to distributed views; -1: none.
   /// Empty: this rank contributes all.

@@ -67,7 +67,8 @@ std::vector<std::vector<double>> measure_luminance(
     LuminanceMeter meter;
     for (std::size_t i = 0; i < times[c].size() && !stop.stop_requested(); ++i) {
       if (times[c][i] < begin || times[c][i] > end) continue;
-      luminance[c][i] = meter.measure(archive.jpeg(static_cast<int>(i)));
+      const auto jpeg = archive.intact_jpeg(static_cast<int>(i));
+      if (jpeg) luminance[c][i] = meter.measure(*jpeg);
     }
     progress(static_cast<double>(++done) / static_cast<double>(times.size()));
   });

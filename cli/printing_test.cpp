@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "cli/printing.h"
+
+#include <gtest/gtest.h>
+
+namespace raystage::cli {
+namespace {
+
+TEST(Printing, NamesCannotControlTheTerminal) {
+  EXPECT_EQ(printable("a\tb\nc"), "a\tb\nc");
+  EXPECT_EQ(printable("\x1b]0;owned\x07"), "\\u001b]0;owned\\u0007");
+  EXPECT_EQ(printable("take\r\x7f"), "take\\u000d\\u007f");
+  EXPECT_EQ(printable("\xC2\x9B" "31m"), "\\u009b31m");    // CSI as one character
+  EXPECT_EQ(printable("caf\xC3\xA9 \xE4\xB8\xAD"), "caf\xC3\xA9 \xE4\xB8\xAD");
+  EXPECT_EQ(printable("\xC2"), "\xC2");
+}
+
+TEST(Printing, OfStreamsIsEscapedToo) {
+  ::testing::internal::CaptureStdout();
+  print("{} has {} cameras\n", "\x1b[2J", 3);
+  print(std::string("\x1b\n"));
+  print(stdout, "{}\n", "\x07");
+  EXPECT_EQ(::testing::internal::GetCapturedStdout(),
+            "\\u001b[2J has 3 cameras\n\\u001b\n\\u0007\n");
+  ::testing::internal::CaptureStderr();
+  print_error("{}\n", "\x1b");
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "\\u001b\n");
+}
+
+}  // namespace
+}  // namespace raystage::cli

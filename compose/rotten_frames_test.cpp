@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stored frames that are not as they were recorded: their cameras are absent, and the files say so.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/atomic_file.h"
+#include "compose/exr/exr_file.h"
+#include "images/exr_channels.h"
+#include "testing/compose/sequence_test_data.h"
+
+namespace raystage::compose::rotten_frames_test {
+namespace {
+
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr int kShown = 104;  // shows tick 3
+
+class RottenFramesOfTakes : public testing::SequenceTest {
+ protected:
+  void SetUp() override {
+    SequenceTest::SetUp();
+    options_.existing = ExistingFiles::kOverwrite;
+    archive_ = folder_.path() / "take" / "archive" / "c1.mkv";
+    whole_ = read_file(archive_);
+  }
+
+  /// Changes one bit of the entropy-coded data of camera c1 at the tick that kShown shows.
+  void rot() const {
+    const store::Take take(folder_.path() / "take");
+    const store::Timeline timeline = store::read_timeline(take);
+    const store::FrameRecord frame = take.archive(1).frames()[timeline.ticks[kTick].frame[1]];
+    std::string bytes = whole_;
+    bytes[static_cast<std::size_t>(frame.offset + frame.size - frame.size / 4)] ^= 1;
+    write_file_atomically(archive_, bytes);
+  }
+  void mend() const { write_file_atomically(archive_, whole_); }
+
+  std::vector<float> pixels() const { return read_exr(file(kShown)).rgba; }
+  std::vector<float> coverage() const {
+    constexpr images::ExrChannel kCoverage[] = {{"coverage.V"}};
+    return images::read_exr_channels(file(kShown), kCoverage, "").values;
+  }
+  std::vector<std::string> rotten(int frame) const {
+    return read_frame_quality(file(frame)).rotten_cameras;
+  }
+
+  static constexpr int kTick = kShown - 101;
+  std::filesystem::path archive_;
+  std::string whole_;
+};
+
+TEST_F(RottenFramesOfTakes, CamerasAreAbsentAndTheFileSaysSo) {
+  const std::filesystem::path timeline_file = folder_.path() / "take" / "timeline.zst";
+  for (const char* method :
+       {"focal_plane", "lumigraph", "aperture", "slabs", "plane_sweep", "depth"}) {
+    SCOPED_TRACE(method);
+    shot_.layers.front().method = method;
+    mend();
+    const std::string timeline = read_file(timeline_file);
+    {
+      const store::Take take(folder_.path() / "take");
+      store::Timeline without = store::read_timeline(take);
+      without.ticks[kTick].frame[1] = -1;
+      store::write_timeline(without, take.folder());
+    }
+    EXPECT_EQ(run().exit_code(), ExitCode::kSuccess);
+    const std::vector<float> expected = pixels(), expected_coverage = coverage();
+    write_file_atomically(timeline_file, timeline);
+
+    rot();
+    options_.existing = ExistingFiles::kOverwrite;
+    SequenceReport report = run();
+    EXPECT_EQ(report.exit_code(), ExitCode::kFellShort);
+    EXPECT_THAT(report.frames_with_rot, ElementsAre(kShown));
+    EXPECT_EQ(report.rendered, 6);
+    EXPECT_THAT(rotten(kShown), ElementsAre("c1"));
+    EXPECT_THAT(rotten(kShown + 1), IsEmpty());
+    EXPECT_EQ(pixels(), expected);
+    EXPECT_EQ(coverage(), expected_coverage);
+    EXPECT_THAT(messages_, Contains(HasSubstr("in frames 104 cameras are absent")));
+    EXPECT_THAT(report.summary(), HasSubstr("1 without rotten cameras (104)"));
+
+    options_.existing = ExistingFiles::kSkip;
+    report = run();
+    EXPECT_EQ(report.skipped, 6);
+    EXPECT_EQ(report.exit_code(), ExitCode::kFellShort);
+
+    mend();
+    options_.existing = ExistingFiles::kOverwrite;
+    EXPECT_EQ(run().exit_code(), ExitCode::kSuccess);
+    EXPECT_THAT(rotten(kShown), IsEmpty());
+    EXPECT_NE(coverage(), expected_coverage);
+  }
+}
+
+TEST_F(RottenFramesOfTakes, FailTheFrameOnRequest) {
+  rot();
+  options_.rotten_frames = store::RottenFrames::kError;
+  const SequenceReport report = run();
+  EXPECT_EQ(report.exit_code(), ExitCode::kSomeFramesFailed);
+  ASSERT_EQ(report.failures.size(), 1U);
+  EXPECT_EQ(report.failures[0].frame, kShown);
+  EXPECT_THAT(report.failures[0].what, HasSubstr("c1.mkv: frame 3 is not as it was recorded"));
+}
+
+TEST_F(RottenFramesOfTakes, RaysAvoidThemToo) {
+  rot();
+  shot_.layers.front().method = "lumigraph";
+  shot_.camera.projection = schemas::ShotDocument::Camera::Projection::kEquirectangular;
+  shot_.width = 64;
+  shot_.height = 32;
+  options_.frames = {kShown, kShown + 1};
+  const SequenceReport report = run();
+  EXPECT_EQ(report.exit_code(), ExitCode::kFellShort);
+  EXPECT_THAT(rotten(kShown), ElementsAre("c1"));
+  EXPECT_THAT(rotten(kShown + 1), IsEmpty());
+}
+
+}  // namespace
+}  // namespace raystage::compose::rotten_frames_test

@@ -14,6 +14,7 @@
 #include <cstdio>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "base/error.h"
 #include "base/posix_file.h"
@@ -116,6 +117,24 @@ void TemporaryFile::commit() {
   // The rename survives a power failure only after the folder is flushed. Errors are ignored: not
   // every file system supports it, and the file is complete either way.
   sync_folder(target_.parent_path());
+}
+
+void remove_abandoned_temporary_files(const std::filesystem::path& target) {
+  const std::string begin = fmt::format(".{}.", target.filename().string());
+  const std::string end = ".tmp" + target.extension().string();
+  std::error_code error;
+  std::vector<std::filesystem::path> abandoned;
+  for (std::filesystem::directory_iterator entry(target.parent_path(), error), last;
+       !error && entry != last; entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
+    const bool is_temporary =
+        name.size() >= begin.size() + end.size() && name.starts_with(begin) && name.ends_with(end);
+    if (is_temporary &&
+        entry->symlink_status(error).type() == std::filesystem::file_type::regular) {
+      abandoned.push_back(entry->path());
+    }
+  }
+  for (const std::filesystem::path& file : abandoned) std::filesystem::remove(file, error);
 }
 
 void check_writable(const std::filesystem::path& target) {

@@ -37,6 +37,10 @@ class TemporaryFile {
   bool committed_ = false;
 };
 
+/// Removes the temporary files of a target that ended writers left behind. Call it only while a
+/// lock keeps other processes from writing the target.
+void remove_abandoned_temporary_files(const std::filesystem::path& target);
+
 /// Throws Error (failed) if write_file_atomically() could not start to write `target`. Call it
 /// before a long computation whose result goes there. It leaves no file behind.
 void check_writable(const std::filesystem::path& target);

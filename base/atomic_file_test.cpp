@@ -200,6 +200,24 @@ TEST_F(AtomicFile, WithoutCommitNothingStays) {
   EXPECT_TRUE(names().empty());
 }
 
+TEST_F(AtomicFile, OnlyAbandonedFilesOfTheTargetAreRemoved) {
+  const std::filesystem::path folder = folder_.path() / "abandoned";
+  std::filesystem::create_directory(folder);
+  const std::filesystem::path target = folder / "a.mkv";
+  const std::vector<std::string> kept{"a.mkv", ".a.mkv.tmp", ".ab.mkv.host.1.0123.tmp.mkv",
+                                      ".a.mkv.host.1.0123.mkv", "a.mkv.host.1.0123.tmp.mkv"};
+  for (const std::string& name : kept) std::ofstream(folder / name) << "kept";
+  std::ofstream(folder / ".a.mkv.host.1.0123.tmp.mkv") << "left";
+  std::ofstream(folder / ".a.mkv.other.host.2.4567.tmp.mkv") << "left";
+  std::filesystem::create_directory(folder / ".a.mkv.host.3.0123.tmp.mkv");
+  remove_abandoned_temporary_files(target);
+  for (const std::string& name : kept) EXPECT_TRUE(file_exists(folder / name)) << name;
+  EXPECT_FALSE(file_exists(folder / ".a.mkv.host.1.0123.tmp.mkv"));
+  EXPECT_FALSE(file_exists(folder / ".a.mkv.other.host.2.4567.tmp.mkv"));
+  EXPECT_TRUE(file_exists(folder / ".a.mkv.host.3.0123.tmp.mkv"));
+  remove_abandoned_temporary_files(folder / "missing" / "a.mkv");
+}
+
 TEST_F(AtomicFile, CommitOfAFileThatIsNotThereFails) {
   TemporaryFile temporary(folder_.path() / "a"),
       never(folder_.path() / "a", TemporaryFile::Creation::kByWriter);

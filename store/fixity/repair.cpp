@@ -80,7 +80,13 @@ class CameraRepair {
     }
     // Fails while a recorder runs, and prevents its start while this is open.
     std::optional<OutputFile> lock;
-    if (!options_.dry_run) lock.emplace(archive_path_, OutputFile::Open::kExisting);
+    if (!options_.dry_run) {
+      lock.emplace(archive_path_, OutputFile::Open::kExisting);
+      // Of a repair that was killed.
+      for (const fs::path& file : {archive_path_, journal_path_}) {
+        remove_abandoned_temporary_files(file);
+      }
+    }
     const MappedFile archive(archive_path_);
     std::optional<MappedFile> journal;
     if (fs::exists(journal_path_)) pair_.journal = journal.emplace(journal_path_).bytes();

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <fstream>
 #include <map>
 #include <random>
 #include <set>
@@ -304,6 +305,9 @@ TEST_F(RepairTake, ACrashedTakeIsClosedAndLeavesNothingBehind) {
   const auto original = testing::bytes_of(archive(1));
   leave_open(1);
   ASSERT_FALSE(is_intact());
+  const std::string name = archive(1).filename().string();
+  std::ofstream(archive(1).parent_path() / ("." + name + ".host.7.0123.tmp.mkv"))
+      << "left by a repair that was killed";
   const RepairReport report = repair_take(take, {});
   EXPECT_TRUE(report.cameras[0].was_intact);
   EXPECT_TRUE(report.cameras[1].repaired);

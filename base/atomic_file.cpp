@@ -10,6 +10,8 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <charconv>
+#include <csignal>
 #include <cstdint>
 #include <cstdio>
 #include <system_error>
@@ -76,6 +78,15 @@ void write_all(int descriptor, std::span<const std::byte> bytes,
   }
 }
 
+/// Returns whether a text begins with the number of a process that has ended, and a dot.
+bool has_ended(std::string_view text) {
+  pid_t process = 0;
+  const auto [rest, error] = std::from_chars(text.data(), text.data() + text.size(), process);
+  const bool is_number =
+      error == std::errc() && process > 0 && rest != text.data() + text.size() && *rest == '.';
+  return is_number && kill(process, 0) != 0 && errno == ESRCH;
+}
+
 /// Rejects devices and pipes: commit() would replace them by a regular file.
 void check_is_no_other_kind(const std::filesystem::path& target) {
   std::error_code unknown;
@@ -120,7 +131,9 @@ void TemporaryFile::commit() {
 }
 
 void remove_abandoned_temporary_files(const std::filesystem::path& target) {
-  const std::string begin = fmt::format(".{}.", target.filename().string());
+  std::string host = host_name();
+  std::ranges::replace(host, '/', '_');
+  const std::string begin = fmt::format(".{}.{}.", target.filename().string(), host);
   const std::string end = ".tmp" + target.extension().string();
   std::error_code error;
   std::vector<std::filesystem::path> abandoned;
@@ -129,7 +142,7 @@ void remove_abandoned_temporary_files(const std::filesystem::path& target) {
     const std::string name = entry->path().filename().string();
     const bool is_temporary =
         name.size() >= begin.size() + end.size() && name.starts_with(begin) && name.ends_with(end);
-    if (is_temporary &&
+    if (is_temporary && has_ended(std::string_view(name).substr(begin.size())) &&
         entry->symlink_status(error).type() == std::filesystem::file_type::regular) {
       abandoned.push_back(entry->path());
     }

@@ -37,8 +37,8 @@ class TemporaryFile {
   bool committed_ = false;
 };
 
-/// Removes the temporary files of a target that ended writers left behind. Call it only while a
-/// lock keeps other processes from writing the target.
+/// Removes the temporary files of a target that processes of this host left behind when they were
+/// killed.
 void remove_abandoned_temporary_files(const std::filesystem::path& target);
 
 /// Throws Error (failed) if write_file_atomically() could not start to write `target`. Call it

@@ -38,22 +38,9 @@ Error not_readable(const std::filesystem::path& path, int reason) {
                           path.string(), "Check that it exists and is readable");
 }
 
-/// Opens a file for reading; a named pipe does not block then. Archives of many cameras stay open:
-/// where the soft limit is reached, it is raised to the hard one.
+/// Opens a file for reading; a named pipe does not block then.
 int open_to_read(const std::filesystem::path& path) {
-  constexpr int kFlags = O_RDONLY | O_CLOEXEC | O_NONBLOCK;
-  const int file = open(path.c_str(), kFlags);
-  rlimit limit{};
-  if (file >= 0 || errno != EMFILE || getrlimit(RLIMIT_NOFILE, &limit) != 0 ||
-      limit.rlim_cur == limit.rlim_max) {
-    return file;
-  }
-  limit.rlim_cur = limit.rlim_max;
-  if (setrlimit(RLIMIT_NOFILE, &limit) != 0) {
-    errno = EMFILE;
-    return -1;
-  }
-  return open(path.c_str(), kFlags);
+  return open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
 }
 
 std::size_t read_up_to(const FileDescriptor& file, std::uint64_t offset,
@@ -70,6 +57,13 @@ std::size_t read_up_to(const FileDescriptor& file, std::uint64_t offset,
 }
 
 }  // namespace
+
+void raise_open_file_limit() {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  limit.rlim_cur = limit.rlim_max;
+  setrlimit(RLIMIT_NOFILE, &limit);  // otherwise the former limit stays
+}
 
 FileDescriptor::~FileDescriptor() {
   if (number_ >= 0) ::close(number_);

@@ -10,6 +10,10 @@
 
 namespace raystage {
 
+/// Raises the limit of open files to what the system permits this process: archives of all cameras
+/// stay open.
+void raise_open_file_limit();
+
 /// Owns a file descriptor, negative if open() failed. close() reports the error that the destructor
 /// ignores.
 class FileDescriptor {

@@ -17,6 +17,7 @@
 #include <thread>
 
 #include "base/cancellation.h"
+#include "base/posix_file.h"
 #include "cli/printing.h"
 
 namespace raystage::cli {
@@ -86,6 +87,7 @@ int run_command(std::string_view name, const CommandBody& body, OnSignal on_sign
   // again.
   mallopt(M_TRIM_THRESHOLD, 1 << 30);
   mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the maximum of glibc
+  raise_open_file_limit();
   SignalWatch watch([&] {
     if (on_signal == OnSignal::kAbort) complain("stopping");
   });

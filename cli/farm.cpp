@@ -17,7 +17,7 @@ int main(int argc, char** argv) {
   command.footer(
       "Exit codes: 0 all requested frames are complete; 1 failed; 2 bad usage or input;\n"
       "3 some frames failed, the rest is done; 4 all complete, some fall short "
-      "(below\n--least-coverage, or without rotten cameras);\n"
+      "(below\n--least-coverage, or cameras with\nrotten frames are absent);\n"
       "33 out of memory; 128+n stopped by signal n.");
   return parse_and_run(command, argc, argv, "farm", subcommands, {{"--wrap", "--command-prefix"}});
 }

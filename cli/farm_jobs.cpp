@@ -56,7 +56,7 @@ ExitCode show_status(const StatusOptions& options, const std::stop_token& stop) 
       write_file_atomically(options.html, farm::status_html(status, folder));
     }
     const bool redraw = options.watch && !options.json && isatty(STDOUT_FILENO) == 1;
-    if (redraw) print("\033[H\033[2J");
+    if (redraw) std::fputs("\033[H\033[2J", stdout);
     print(options.json ? farm::status_json(status) + "\n" : farm::status_text(status, options.all));
     std::fflush(stdout);
     const bool goes_on = status.is_live() || status.is_preview_running();

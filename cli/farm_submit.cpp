@@ -87,6 +87,11 @@ void declare_shot(CommandLine& command, Options& options) {
                   {"hold", compose::MissingFrames::kHold},
                   {"black", compose::MissingFrames::kBlack}},
                  "frames before or after the take (default: error)");
+  command.choice(
+      "--rotten", submission.rotten,
+      {{"error", store::RottenFrames::kError}, {"absent", store::RottenFrames::kAbsent}},
+      "cameras whose stored frame is not as it was recorded (default: absent; the job is done with "
+      "such\nframes, lists them, and `status` ends with exit code 4)");
   command
       .option("--least-coverage SHARE", submission.least_coverage,
               "share of the view, 0 to 1, that cameras must see; the job is done with frames below "

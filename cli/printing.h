@@ -10,8 +10,8 @@
 
 namespace raystage::cli {
 
-/// Returns the text with control characters, but for line ends and tabs, as \u00NN, which JSON
-/// understands, too: names in documents of strangers must not control a terminal.
+/// Returns the text with control characters except line ends and tabs as \u00NN, as in JSON: names
+/// in documents of strangers must not control a terminal.
 std::string printable(std::string_view text);
 
 /// Prints what printable() returns. run_command() reports write errors.

@@ -88,7 +88,7 @@ void declare_render_options(CommandLine& command, RenderOptions& options, char**
       {{"error", store::RottenFrames::kError}, {"absent", store::RottenFrames::kAbsent}},
       "cameras whose stored frame is not as it was recorded (its XXH3 differs): error = the frame "
       "fails;\nabsent = render without them, mark the file (lf:rottenCameras), and give exit code "
-      "4 (default: absent)");
+      "4 (default: absent; under mpirun always an error)");
   command.choice("--fill", options.fill,
                  {{"none", schemas::HoleFill::kNone}, {"push-pull", schemas::HoleFill::kPushPull}},
                  "pixels that no camera saw: none = transparent; push-pull = filled from their "
@@ -174,7 +174,8 @@ void declare_render_options(CommandLine& command, RenderOptions& options, char**
   command.footer(
       "Exit codes: 0 all requested frames are complete; 1 failed; 2 bad usage or input;\n3 some "
       "frames failed, the rest is done; 4 all frames are complete, but some fall short "
-      "(below --least-coverage, or\nwithout rotten cameras); 33 out of memory; 128+n stopped by signal n.");
+      "(below --least-coverage, or\ncameras with rotten frames are absent); 33 out of memory; "
+      "128+n stopped by signal n.");
 }
 
 ExitCode render(const RenderOptions& options, Progress& progress, render::DistributedTakes* hosts,

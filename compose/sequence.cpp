@@ -134,10 +134,13 @@ class SequenceRun {
     if (options_.existing == ExistingFiles::kSkip && is_complete_exr(file, fingerprint) &&
         (!options_.deep || is_complete_exr(deep_file, fingerprint))) {
       const FrameQuality quality = read_frame_quality(file);
-      const std::scoped_lock lock(mutex_);
-      check_quality(frame.frame, quality);
-      ++report_.skipped;
-      return;
+      const bool may_lack_cameras = options_.rotten_frames == store::RottenFrames::kAbsent;
+      if (may_lack_cameras || quality.rotten_cameras.empty()) {
+        const std::scoped_lock lock(mutex_);
+        check_quality(frame.frame, quality);
+        ++report_.skipped;
+        return;
+      }
     }
     ExrMetadata metadata = plan_.metadata(frame);
     metadata.fingerprint = fingerprint;
@@ -272,8 +275,8 @@ class SequenceRun {
   void report_rotten_cameras() const {
     if (with_rot_.empty()) return;
     options_.on_message(fmt::format(
-        "in frames {} cameras are absent, because what is stored of them is not what they "
-        "recorded: {}. Run `raystage verify` on the take, repair it, and render these frames again",
+        "cameras are absent from frames {}, because their stored frames are rotten (XXH3): {}. Run "
+        "`raystage verify` on the take, repair it, and render these frames again",
         format_frame_range(std::vector<int>(with_rot_.begin(), with_rot_.end())),
         fmt::join(rotten_cameras_, ", ")));
   }
@@ -298,7 +301,7 @@ class SequenceRun {
   std::set<std::string> notes_;  ///< already reported
   /// For each layer: frames with uncovered pixels, and their largest share.
   std::map<std::size_t, std::pair<std::set<int>, double>> uncovered_;
-  std::set<int> with_rot_;  ///< frames without rotten cameras
+  std::set<int> with_rot_;  ///< frames from which cameras with rotten frames are absent
   std::set<std::string> rotten_cameras_;
   std::set<int> below_coverage_;         ///< frames below SequenceOptions::least_coverage
   FileWriter writer_{kMaxQueuedFrames};  ///< last member: finishes before the others are destroyed

@@ -82,7 +82,7 @@ struct SequenceReport {
   RunStatus status = RunStatus::kNotRun;
   std::vector<Failure> failures;           ///< by frame
   std::vector<int> frames_below_coverage;  ///< complete frames below the least coverage, ascending
-  std::vector<int> frames_with_rot;        ///< complete frames with rotten cameras, ascending
+  std::vector<int> frames_with_rot;        ///< complete; cameras with rotten frames are absent
   double seconds = 0;                      ///< wall-clock, of the frames
   std::int64_t bytes_written = 0, pixels_decoded = 0;
   /// Numbers of light field frames whose depths were estimated, or read from files. A frame counts

@@ -37,8 +37,8 @@ std::string SequenceReport::summary() const {
                         format_frame_range(frames_below_coverage));
   }
   if (!frames_with_rot.empty()) {
-    text += fmt::format(", {} without rotten cameras ({})", frames_with_rot.size(),
-                        format_frame_range(frames_with_rot));
+    text += fmt::format(", {} lack cameras whose stored frames are rotten ({})",
+                        frames_with_rot.size(), format_frame_range(frames_with_rot));
   }
   if (status == RunStatus::kStopped) text += ", stopped early";
   text += fmt::format("; {:.1f} s", seconds);

@@ -64,7 +64,8 @@ class LocalRun {
           fmt::format("frames below the least coverage: {}", end->frames_below_coverage));
     }
     if (!end->frames_with_rot.empty()) {
-      options_.on_message(fmt::format("frames without rotten cameras: {}", end->frames_with_rot));
+      options_.on_message(fmt::format("frames that lack cameras whose stored frames are rotten: {}",
+                                      end->frames_with_rot));
     }
     if (end->frames_below_coverage.empty() && end->frames_with_rot.empty()) return preview;
     return ExitCode::kFellShort;

@@ -103,14 +103,15 @@ ShortFrames short_frames(const compose::SequenceName& name, std::span<const int>
         std::this_thread::sleep_for(kBetweenLooks);
       }
     }
-    return compose::FrameQuality{-1, {}};
+    return compose::FrameQuality{0, {}};
   };
   std::vector<compose::FrameQuality> qualities(frames.size());
   raystage::parallel_for(std::size_t{0}, frames.size(),
                          [&](std::size_t i) { qualities[i] = quality_of(frames[i]); });
   ShortFrames found;
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    if (qualities[i].covered_share < least_share) found.below_coverage.push_back(frames[i]);
+    if (least_share > 0 && qualities[i].covered_share < least_share)
+      found.below_coverage.push_back(frames[i]);
     if (!qualities[i].rotten_cameras.empty()) found.with_rot.push_back(frames[i]);
   }
   std::ranges::sort(found.below_coverage);

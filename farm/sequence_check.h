@@ -38,7 +38,7 @@ std::vector<int> missing_frames(const compose::SequenceName& name,
 /// Frames that are complete, but fall short; each sorted.
 struct ShortFrames {
   std::vector<int> below_coverage;  ///< cameras see less than the least share of the view
-  std::vector<int> with_rot;        ///< without cameras whose stored frames are rotten
+  std::vector<int> with_rot;        ///< cameras with rotten frames are absent
 };
 
 /// Returns the frames that fall short, as their files state. A file that cannot be read is read

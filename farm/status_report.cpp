@@ -130,7 +130,8 @@ std::string status_text(const JobStatus& status, bool all_tasks) {
     text += fmt::format("below the least coverage: frames {}\n", status.frames_below_coverage);
   }
   if (!status.frames_with_rot.empty()) {
-    text += fmt::format("without rotten cameras: frames {}\n", status.frames_with_rot);
+    text +=
+        fmt::format("cameras with rotten frames are absent: frames {}\n", status.frames_with_rot);
   }
   for (const std::string& stage : stages_of(status)) {
     text += fmt::format("{:<8} {}\n", stage, counts_text(status, stage));
@@ -193,7 +194,7 @@ std::string status_html(const JobStatus& status, const JobFolder& folder) {
     summary += "; below the least coverage: frames " + status.frames_below_coverage;
   }
   if (!status.frames_with_rot.empty()) {
-    summary += "; without rotten cameras: frames " + status.frames_with_rot;
+    summary += "; cameras with rotten frames are absent: frames " + status.frames_with_rot;
   }
   std::string body =
       charts::html_section("Progress", charts::escape_html(summary), bars) +

@@ -133,6 +133,7 @@ schemas::FarmJobDocument new_job(const SubmissionOptions& options,
   job.cache = path_text(checked.cache);
   job.color_config = path_text(options.color_config);
   job.existing = options.existing == compose::ExistingFiles::kOverwrite ? "overwrite" : "skip";
+  job.rotten = options.rotten == store::RottenFrames::kError ? "error" : "absent";
   job.missing = options.missing == compose::MissingFrames::kHold    ? "hold"
                 : options.missing == compose::MissingFrames::kBlack ? "black"
                                                                     : "error";

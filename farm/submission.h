@@ -13,6 +13,7 @@
 #include "compose/sequence.h"
 #include "farm/job_folder.h"
 #include "farm/path_map.h"
+#include "store/rotten_frame.h"
 
 namespace raystage::farm {
 
@@ -23,6 +24,7 @@ struct SubmissionOptions {
   schemas::FarmJobDocument::Engine engine = schemas::FarmJobDocument::Engine::kSlurm;
   compose::ExistingFiles existing = compose::ExistingFiles::kError;
   compose::MissingFrames missing = compose::MissingFrames::kError;
+  store::RottenFrames rotten = store::RottenFrames::kAbsent;
   schemas::FarmJobDocument::OutputOverrides picture = {};
   std::filesystem::path color_config = {};
   /// Empty: the takes, or a folder next to the output if a take is read-only.

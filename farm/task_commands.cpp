@@ -69,6 +69,7 @@ Command render_command(const schemas::FarmJobDocument& job, const std::filesyste
                         : Command{sibling_program("raystage-render").string(), shot.string()};
   add(command, {"--output", job.output, "--frames=" + frames, "--existing", existing});
   add_common(job, job.of(schemas::FarmStage::kRender), memory_factor, command);
+  if (job.rotten != "absent") add(command, {"--rotten", job.rotten});
   const schemas::FarmJobDocument::OutputOverrides& picture = job.picture;
   if (!picture.fill.empty()) add(command, {"--fill", picture.fill});
   if (!picture.layout.empty()) add(command, {"--layout", picture.layout});

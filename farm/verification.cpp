@@ -153,6 +153,11 @@ schemas::FarmAttempt::End conclude(const VerificationRequest& request,
     const ShortFrames found =
         short_frames(compose::SequenceName(request.job.output), job_frames(request.job),
                      request.job.least_coverage, request.timeout_seconds, stop);
+    if (stop.stop_requested()) {
+      end.result = schemas::AttemptResult::kStopped;
+      end.reason = "stopped by a signal";
+      return end;
+    }
     verdict.end.frames_below_coverage = compose::format_frame_range(found.below_coverage);
     verdict.end.frames_with_rot = compose::format_frame_range(found.with_rot);
   }

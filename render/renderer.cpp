@@ -83,14 +83,15 @@ struct LightFieldRenderer::State {
     return beside;
   }
 
-  enum class Frames { kAll, kIntact };
+  /// kIntact: without rotten frames of the instant; kIntactWithAdjacent: nor of the adjacent ones.
+  enum class Frames { kAll, kIntact, kIntactWithAdjacent };
 
   /// Marks the cameras of rotten frames absent and returns their indices, in increasing order.
   std::vector<int> remove_rotten(std::vector<int>& frame_of_camera) const {
     std::vector<char> is_rotten(frame_of_camera.size(), 0);
     parallel_for(std::size_t{0}, frame_of_camera.size(), [&](std::size_t camera) {
       const int frame = frame_of_camera[camera];
-      if (frame < 0 || take.archive(static_cast<int>(camera)).intact_jpeg(frame)) return;
+      if (frame < 0 || !take.archive(static_cast<int>(camera)).is_rotten(frame)) return;
       frame_of_camera[camera] = -1;
       is_rotten[camera] = 1;
     });
@@ -113,11 +114,14 @@ struct LightFieldRenderer::State {
     instant.frame_of_camera = frames_of_members(frames);
     instant.adjacent_frames = adjacent_frames(frames.time_ns);
     instant.included_cameras = included_cameras;
-    if (which == Frames::kIntact) {
+    if (which != Frames::kAll) {
       instant.rotten_cameras = remove_rotten(instant.frame_of_camera);
+    }
+    if (which == Frames::kIntactWithAdjacent) {
       for (std::vector<int>& beside : instant.adjacent_frames) {
-        std::vector<int> more, of_instant = std::move(instant.rotten_cameras);
-        more = remove_rotten(beside);
+        const std::vector<int> more = remove_rotten(beside),
+                               of_instant = std::move(instant.rotten_cameras);
+        instant.rotten_cameras.clear();
         std::ranges::set_union(of_instant, more, std::back_inserter(instant.rotten_cameras));
       }
     }
@@ -133,13 +137,15 @@ struct LightFieldRenderer::State {
   /// Returns work(instant). Where that reads a rotten frame, it is done again without such frames;
   /// without any frame left it throws.
   template <class Work>
-  auto with_intact_frames(const store::FrameSelection& frames, const Work& work) {
+  auto with_intact_frames(const store::FrameSelection& frames, bool reads_adjacent_frames,
+                          const Work& work) {
     LightFieldFrame intact;
     try {
       return work(instant(frames));
     } catch (const store::RottenFrame&) {
       if (settings.rotten_frames == store::RottenFrames::kError || settings.hosts) throw;
-      intact = instant(frames, Frames::kIntact);
+      intact =
+          instant(frames, reads_adjacent_frames ? Frames::kIntactWithAdjacent : Frames::kIntact);
       if (!intact.present) throw;
     }
     return work(intact);
@@ -335,7 +341,8 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view,
                            "method", "Do not request coverage, or choose another method")
         .concerning({"coverage"});
   }
-  return state_->with_intact_frames(frames, [&](const LightFieldFrame& instant) {
+  const bool reads_adjacent = chosen.method.reads_adjacent_frames(chosen.options);
+  return state_->with_intact_frames(frames, reads_adjacent, [&](const LightFieldFrame& instant) {
     RenderedView image = render_instant(view, instant, reconstruction);
     image.rotten_cameras = instant.rotten_cameras;
     return image;
@@ -461,7 +468,8 @@ std::vector<int> LightFieldRenderer::query(std::span<const WorldRay> rays,
   const ChosenMethod chosen = chosen_for_rays(reconstruction);
   const Method& method = chosen.method;
   const MethodOptions& options = chosen.options;
-  return state_->with_intact_frames(frames, [&](const LightFieldFrame& instant) {
+  const bool reads_adjacent = method.reads_adjacent_frames(options);
+  return state_->with_intact_frames(frames, reads_adjacent, [&](const LightFieldFrame& instant) {
     std::fill(samples.begin(), samples.end(), RaySample{});
     if (!instant.present) return instant.rotten_cameras;
     const RaySurface surface =
@@ -483,10 +491,15 @@ std::filesystem::path LightFieldRenderer::stored_file(const store::FrameSelectio
                                                       QueryKind as) const {
   if (!state_->settings.use_take_folder) return {};
   const ChosenMethod chosen = storing(reconstruction, as);
-  return state_->with_intact_frames(frames, [&](const LightFieldFrame& instant) {
-    return instant.present ? chosen.method.stored_file(chosen.options, instant)
-                           : std::filesystem::path();
-  });
+  const bool reads_adjacent = chosen.method.reads_adjacent_frames(chosen.options);
+  try {
+    return state_->with_intact_frames(frames, reads_adjacent, [&](const LightFieldFrame& instant) {
+      return instant.present ? chosen.method.stored_file(chosen.options, instant)
+                             : std::filesystem::path();
+    });
+  } catch (const store::RottenFrame&) {
+    return {};  // nothing can be derived; rendering such an instant fails
+  }
 }
 
 StoreResult LightFieldRenderer::store(const store::FrameSelection& frames,
@@ -494,7 +507,8 @@ StoreResult LightFieldRenderer::store(const store::FrameSelection& frames,
                                       QueryKind as) const {
   if (stored_file(frames, reconstruction, as).empty()) return {};
   const ChosenMethod chosen = storing(reconstruction, as);
-  return state_->with_intact_frames(frames, [&](const LightFieldFrame& instant) {
+  const bool reads_adjacent = chosen.method.reads_adjacent_frames(chosen.options);
+  return state_->with_intact_frames(frames, reads_adjacent, [&](const LightFieldFrame& instant) {
     return chosen.method.store(chosen.options, instant, state_->settings.working_bytes);
   });
 }

@@ -125,7 +125,10 @@ EpipolarImage make_epipolar_image(const SourceFrames& source, const render::Virt
                                   const Vector2d& pixel, double focus_m, PictureSize size) {
   const rig::Rig& rig = source.take.rig();
   std::vector<int> row = camera_row_near(rig, view);
-  std::erase_if(row, [&](int camera) { return source.frames.frame[camera] < 0; });
+  std::erase_if(row, [&](int camera) {
+    const int frame = source.frames.frame[camera];
+    return frame < 0 || source.take.archive(camera).is_rotten(frame);
+  });
   if (row.empty()) {
     throw Error::bad_input("no camera of this row has a frame", source.take.folder().string(),
                            "Choose another frame");

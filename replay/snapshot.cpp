@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <set>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "base/atomic_file.h"
@@ -62,6 +65,7 @@ void write_snapshot(const ShownShot& shown, const schemas::ViewerMessage& reques
   const compose::ShotPlan& plan = shown.scene->plan();
   std::vector<compose::ExrCamera> cameras;
   std::vector<compose::LayerImage> images;
+  std::set<std::string> rotten;
   const bool is_stereo = is_exr && shown.camera.is_stereo();
   using Eye = schemas::ViewerMessage::Eye;
   const std::vector<Eye> eyes =
@@ -71,7 +75,9 @@ void write_snapshot(const ShownShot& shown, const schemas::ViewerMessage& reques
     of_eye.eye = eye;
     cameras.push_back(requested_camera(shown, of_eye, shot.width, shot.height));
     compose::add_overscan(cameras.back(), shot.output.overscan);
-    images.push_back(shown.scene->render({request.frame, cameras.back(), {}}, stop).picture);
+    compose::CompositedView view = shown.scene->render({request.frame, cameras.back(), {}}, stop);
+    images.push_back(std::move(view.picture));
+    rotten.insert(view.rotten_cameras.begin(), view.rotten_cameras.end());
   }
   std::vector<compose::ExrView> views;
   for (std::size_t i = 0; i < images.size(); ++i) {
@@ -84,6 +90,7 @@ void write_snapshot(const ShownShot& shown, const schemas::ViewerMessage& reques
   compose::ExrMetadata metadata = plan.metadata(planned);
   metadata.program_version = program_version;
   metadata.notes = images.front().notes;
+  metadata.rotten_cameras.assign(rotten.begin(), rotten.end());
   const std::vector<std::byte> exr = compose::encode_exr(views, cameras, metadata);
   if (is_exr) return write_file_atomically(file, exr);
   // Through the file, whose colours are of half precision, as `raystage preview` reads it.

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <iterator>
 #include <limits>
 #include <utility>
 
@@ -240,6 +241,7 @@ store::RgbImage render_arranged(const ShownShot& shown, const ViewerMessage& req
                              preview},
                             stop);
     facts.render_ms += rendering.ms();
+    std::ranges::copy(view.rotten_cameras, std::back_inserter(facts.absent_cameras));
     for (const double share : view.uncovered_share) {
       facts.uncovered_share = std::max(facts.uncovered_share, share);
     }

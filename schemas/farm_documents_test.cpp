@@ -36,6 +36,7 @@ FarmJobDocument full_job() {
   for (const FarmStage stage : kFarmStages) job.of(stage) = {threads++, 0.5, 20, {"--qos=x"}};
   job.attempts = 5;
   job.least_coverage = 0.9;
+  job.rotten = "error";
   job.preview = false;
   job.max_array_size = 11;
   job.max_minutes = 90;

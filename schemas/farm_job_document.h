@@ -74,7 +74,7 @@ struct FarmJobDocument {
   std::string shot_folder;  ///< base of the relative paths in JOB/shot.json
   std::string output;       ///< SequenceName pattern
   std::string cache, color_config;
-  std::string existing = "skip", missing = "error";
+  std::string existing = "skip", missing = "error", rotten = "absent";
   OutputOverrides picture = {};
   std::array<FarmResources, kFarmStages.size()> resources = {};  ///< by stage
   int attempts = 3;

@@ -86,7 +86,7 @@ struct FarmEnd {
   State state = State::kDone;
   std::string reason = {}, missing_frames = {};
   std::string frames_below_coverage = {};  ///< complete, but below FarmJobDocument::least_coverage
-  std::string frames_with_rot = {};        ///< complete, but without rotten cameras
+  std::string frames_with_rot = {};        ///< complete, but cameras with rotten frames are absent
   int frames = 0;
   Nanoseconds ended_utc = 0;
 };

@@ -155,6 +155,8 @@ class ArchiveReader {
   FrameBytes jpeg(int frame) const;
   /// Returns the bytes as jpeg() does, or nullopt where jpeg() would throw RottenFrame.
   std::optional<FrameBytes> intact_jpeg(int frame) const;
+  /// Returns whether jpeg() would throw RottenFrame; reads the frame only if that is not known yet.
+  bool is_rotten(int frame) const;
   /// Returns the structure of frame i. Throws as jpeg() and parse_jpeg_layout(); `name`: for
   /// errors.
   JpegLayout layout(int frame, std::string_view name) const;

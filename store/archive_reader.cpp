@@ -19,6 +19,13 @@
 
 namespace raystage::store {
 
+namespace {
+
+constexpr std::uint32_t kMaxFrameBytes = std::uint32_t{256}
+                                         << 20;  // 65535 x 65535 pixels: 40 MB and more
+
+}  // namespace
+
 struct ArchiveReader::State {
   enum class Integrity : std::uint8_t { kUnchecked, kIntact, kRotten };
 
@@ -34,6 +41,10 @@ struct ArchiveReader::State {
   /// Returns the bytes of a frame as they are in the file.
   FrameBytes read(int frame) const {
     const FrameRecord& wanted = record(frame);
+    if (wanted.size > kMaxFrameBytes) {
+      throw Error::bad_input("frame " + std::to_string(frame) + " has more than 256 MiB",
+                             path.string(), "Run `raystage verify` on the take");
+    }
     const std::shared_ptr<std::byte[]> bytes = buffers->take(wanted.size);
     if (file->read_at(wanted.offset, {bytes.get(), wanted.size}) != wanted.size) {
       throw Error::bad_input("frame " + std::to_string(frame) + " cannot be read", path.string(),
@@ -51,7 +62,7 @@ struct ArchiveReader::State {
     std::atomic<Integrity>& known = integrity[frame];
     if (known == Integrity::kRotten) return std::nullopt;
     FrameBytes bytes = read(frame);
-    if (known == Integrity::kUnchecked) {
+    if (known != Integrity::kIntact) {  // another thread may have found rot meanwhile
       const bool is_intact = record(frame).xxh3 == 0 || has_recorded_hash(frame, bytes);
       known = is_intact ? Integrity::kIntact : Integrity::kRotten;
       if (!is_intact) return std::nullopt;
@@ -165,6 +176,11 @@ void ArchiveReader::shift_times(Nanoseconds by) {
 void ArchiveReader::read_ahead(int frame) const {
   const FrameRecord& wanted = state_->record(frame);
   if (state_->file) state_->file->read_ahead(wanted.offset, wanted.size);
+}
+
+bool ArchiveReader::is_rotten(int frame) const {
+  if (!state_->remote && state_->integrity[frame] == State::Integrity::kIntact) return false;
+  return !intact_jpeg(frame).has_value();
 }
 
 bool ArchiveReader::verify_frame(int frame) const {

@@ -7,8 +7,9 @@
 namespace raystage::store {
 namespace {
 
-constexpr std::size_t kMaxSpare = 16;                    // about the number of threads that decode
-constexpr std::size_t kRounding = std::size_t{1} << 16;  // sizes of frames vary
+constexpr std::size_t kMaxSpare = 16;  // about the number of threads that decode
+constexpr std::size_t kMaxSpareBytes = std::size_t{8} << 20;  // of a buffer
+constexpr std::size_t kRounding = std::size_t{1} << 16;       // sizes of frames vary
 
 }  // namespace
 
@@ -35,6 +36,7 @@ std::shared_ptr<std::byte[]> FrameBuffers::take(std::size_t bytes) {
 }
 
 void FrameBuffers::give_back(Buffer buffer) {
+  if (buffer.bytes > kMaxSpareBytes) return;
   const std::scoped_lock lock(mutex_);
   if (spare_.size() >= kMaxSpare) spare_.erase(spare_.begin());
   spare_.push_back(std::move(buffer));

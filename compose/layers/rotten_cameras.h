@@ -8,8 +8,8 @@
 
 namespace raystage::compose {
 
-/// Collects the ids of cameras that are absent from a frame because what is stored of them is not
-/// what they recorded. Thread-safe.
+/// Collects the ids of cameras that are absent from a frame of the shot because their stored frames
+/// are rotten. Thread-safe.
 class RottenCameras {
  public:
   void add(const std::string& id) {

@@ -155,16 +155,20 @@ LeaveOneOutQuality measure_leave_one_out_quality(const Method& method,
     const LightFieldFrame rest = without(*instant, camera);
     const rig::Rig::Camera& left_out = instant->rig->cameras[camera];
     const VirtualCamera view = view_of(left_out);
-    const RenderedView rendered =
-        method.render({view, rest, request.focal_plane, options, request.result_cache,
-                       request.working_bytes, request.buffers, false, false, false});
     store::FrameCache& cache = *instant->cache;
     std::int64_t decoded = 0;
-    const auto frame = cache.fetch(camera, instant->frame_of_camera[camera], {}, decoded);
-    compare(rendered,
-            undistort_frame(*frame, left_out.model, cache.full_scale(), cache.blend_space()),
-            comparison);
-    ++quality.cameras;
+    try {
+      const RenderedView rendered =
+          method.render({view, rest, request.focal_plane, options, request.result_cache,
+                         request.working_bytes, request.buffers, false, false, false});
+      const auto frame = cache.fetch(camera, instant->frame_of_camera[camera], {}, decoded);
+      compare(rendered,
+              undistort_frame(*frame, left_out.model, cache.full_scale(), cache.blend_space()),
+              comparison);
+      ++quality.cameras;
+    } catch (const store::RottenFrame&) {
+      // Other cameras and instants measure as well.
+    }
   }
   double least = std::numeric_limits<double>::infinity();
   for (const std::vector<double>& of_part : comparison.psnr_db) {

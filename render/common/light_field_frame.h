@@ -38,7 +38,7 @@ struct LightFieldFrame {
   /// As frame_of_camera, for the ticks before and after where the timeline has them: see
   /// RendererOptions::ticks.
   std::vector<std::vector<int>> adjacent_frames;
-  /// Cameras with rotten frames among these, which count as absent; in increasing order.
+  /// Cameras with rotten frames among these, which were replaced by -1; in increasing order.
   std::vector<int> rotten_cameras;
   std::vector<int> included_cameras;  ///< cameras that are not excluded, in increasing order
   /// Per camera of the rig: the rank that contributes its frames to distributed views; -1: none.

@@ -127,8 +127,8 @@ struct RenderedView {
   /// The part of a pixel's rays that are known to meet nothing, 0 to 1; empty where the method does
   /// not determine it. No camera saw the other rays that are missing from A.
   PixelValues empty_space;
-  /// The cameras that are absent because their frame, or one beside it in time, is not as it was
-  /// recorded; only where the view would have read such a frame.
+  /// The cameras whose frame, or an adjacent one that the method reads, is rotten: it was left out.
+  /// Only where the view would have read a rotten frame.
   std::vector<int> rotten_cameras;
   RenderStatistics statistics;
   /// Notes for the user about how the view was made, one line each, the same for every frame of a

@@ -7,6 +7,7 @@
 #include <sys/resource.h>
 #include <sys/syscall.h>
 #include <unistd.h>
+#include <xxhash.h>
 
 #include <algorithm>
 #include <charconv>
@@ -47,6 +48,10 @@ class ArchiveTail final : public store::RemoteFrames {
     if (read_file_part(archive_, record.offset, *bytes) < bytes->size()) {
       throw Error::bad_input("a frame of the recording cannot be read", archive_.string(),
                              "Try again");
+    }
+    if (XXH3_64bits(bytes->data(), bytes->size()) != record.xxh3 && record.xxh3 != 0) {
+      throw Error::bad_input("a frame of the recording is not as it was recorded (XXH3)",
+                             archive_.string(), "Check the disk");
     }
     return store::FrameBytes(std::shared_ptr<const std::vector<std::byte>>(std::move(bytes)));
   }

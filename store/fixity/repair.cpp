@@ -82,7 +82,7 @@ class CameraRepair {
     std::optional<OutputFile> lock;
     if (!options_.dry_run) {
       lock.emplace(archive_path_, OutputFile::Open::kExisting);
-      // Of a repair that was killed.
+      // Of repairs that were killed.
       for (const fs::path& file : {archive_path_, journal_path_}) {
         remove_abandoned_temporary_files(file);
       }

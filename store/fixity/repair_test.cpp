@@ -3,7 +3,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/wait.h>
 #include <tbb/task_arena.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
@@ -13,6 +15,7 @@
 #include <set>
 
 #include "base/error.h"
+#include "base/resources.h"
 #include "store/fixity/verify.h"
 #include "store/matroska.h"
 #include "store/timeline.h"
@@ -305,9 +308,19 @@ TEST_F(RepairTake, ACrashedTakeIsClosedAndLeavesNothingBehind) {
   const auto original = testing::bytes_of(archive(1));
   leave_open(1);
   ASSERT_FALSE(is_intact());
-  const std::string name = archive(1).filename().string();
-  std::ofstream(archive(1).parent_path() / ("." + name + ".host.7.0123.tmp.mkv"))
-      << "left by a repair that was killed";
+  const pid_t ended = fork();
+  ASSERT_GE(ended, 0);
+  if (ended == 0) _exit(0);
+  waitpid(ended, nullptr, 0);
+  for (const int camera : {0, 1}) {
+    for (const char* extension : {".mkv", ".journal"}) {
+      const std::string name = archive(camera).stem().string() + extension;
+      std::ofstream(
+          archive(camera).parent_path() /
+          ("." + name + "." + host_name() + "." + std::to_string(ended) + ".0123.tmp" + extension))
+          << "left by a repair that was killed";
+    }
+  }
   const RepairReport report = repair_take(take, {});
   EXPECT_TRUE(report.cameras[0].was_intact);
   EXPECT_TRUE(report.cameras[1].repaired);

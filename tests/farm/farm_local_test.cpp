@@ -93,6 +93,33 @@ TEST_F(FarmLocal, FramesBelowTheLeastCoverageAreNamedAndNotRepeated) {
   EXPECT_THAT(plain.err, HasSubstr("below the least coverage (" + below + ")"));
 }
 
+TEST_F(FarmLocal, FramesWithoutRottenCamerasAreNamedAndNotRepeated) {
+  for (const char* camera : {"r0c0", "r1c1"}) {
+    const auto archive = folder_ / "show dir/take/archive" / (std::string(camera) + ".mkv");
+    std::string bytes = read_text(archive);
+    bytes[bytes.size() / 2] ^= 1;  // in the middle of 3.6 s, of which the shot shows 0.5 to 2.5 s
+    write_text(archive, bytes);
+  }
+  const CommandResult farm = here(
+      "raystage farm submit 'show dir/shot.json' -o out/s.####.exr --engine local --chunk 12 "
+      "--no-preview");
+  EXPECT_EQ(farm.exit_code, 4) << farm.err;
+  const auto report = status("out/s.####.exr");
+  EXPECT_EQ(report["state"], "done");
+  EXPECT_EQ(report["frames_done"], 48);
+  const std::string rotten = report["frames_with_rot"];
+  EXPECT_FALSE(rotten.empty());
+  for (const auto& task : report["tasks"]) EXPECT_EQ(task["attempts"].size(), 1U);
+  const CommandResult text = here("raystage farm status out/s.####.exr");
+  EXPECT_EQ(text.exit_code, 4);
+  EXPECT_THAT(text.out, HasSubstr("cameras with rotten frames are absent: frames " + rotten));
+  const CommandResult refused = here(
+      "raystage farm submit 'show dir/shot.json' -o out2/s.####.exr --engine local --chunk 12 "
+      "--no-preview --no-measure --rotten error");
+  EXPECT_EQ(refused.exit_code, 3) << refused.err;
+  EXPECT_EQ(status("out2/s.####.exr")["missing_frames"], rotten);
+}
+
 TEST_F(FarmLocal, DerivesEachInstantOnce) {
   write_shot("freeze", 16, 0, "depth");
   const CommandResult farm = here(

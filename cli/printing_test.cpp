@@ -10,7 +10,9 @@ TEST(Printing, NamesCannotControlTheTerminal) {
   EXPECT_EQ(printable("a\tb\nc"), "a\tb\nc");
   EXPECT_EQ(printable("\x1b]0;owned\x07"), "\\u001b]0;owned\\u0007");
   EXPECT_EQ(printable("take\r\x7f"), "take\\u000d\\u007f");
-  EXPECT_EQ(printable("\xC2\x9B" "31m"), "\\u009b31m");    // CSI as one character
+  EXPECT_EQ(printable("\xC2\x9B"
+                      "31m"),
+            "\\u009b31m");  // CSI as one character
   EXPECT_EQ(printable("caf\xC3\xA9 \xE4\xB8\xAD"), "caf\xC3\xA9 \xE4\xB8\xAD");
   EXPECT_EQ(printable("\xC2"), "\xC2");
 }

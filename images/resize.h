@@ -5,8 +5,8 @@
 
 namespace raystage::images {
 
-/// Returns an image in another size, at least 1 x 1, by OpenImageIO's filters. On the thread of the
-/// caller.
+/// Returns an image in another size, at least 1 x 1: each pixel is the mean of the area that it
+/// covers where the image shrinks in both directions, else it is interpolated linearly.
 store::RgbImage resize(const store::RgbImage& image, int width, int height);
 
 }  // namespace raystage::images

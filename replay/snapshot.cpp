@@ -13,7 +13,7 @@
 #include "base/error.h"
 #include "compose/exr/exr_file.h"
 #include "compose/preview/display.h"
-#include "images/image_file.h"
+#include "images/png_file.h"
 #include "replay/multiview.h"
 #include "replay/picture.h"
 
@@ -58,7 +58,7 @@ void write_snapshot(const ShownShot& shown, const schemas::ViewerMessage& reques
                              "Change its extension, or choose a single view");
     }
     PictureMessage facts;
-    return images::write_image(
+    return images::write_png(
         render_arranged(shown, request, arranged_size(shot, request.arrangement), {}, stop, facts),
         file);
   }
@@ -103,7 +103,7 @@ void write_snapshot(const ShownShot& shown, const schemas::ViewerMessage& reques
   display.colors = plan.colors().studio;
   display.monitor = request.look.display;
   display.view = request.look.view;
-  images::write_image(compose::display(compose::read_exr(through.path()), display), file);
+  images::write_png(compose::display(compose::read_exr(through.path()), display), file);
 }
 
 }  // namespace raystage::replay

@@ -21,7 +21,7 @@ class FrameBytes {
   explicit FrameBytes(const std::shared_ptr<const std::vector<std::byte>>& owned)
       : owned_(owned, owned->data()), bytes_(*owned) {}
   /// Refers to the first `size` bytes of memory that it keeps alive.
-  FrameBytes(std::shared_ptr<const std::byte[]> owned, std::size_t size)
+  FrameBytes(const std::shared_ptr<const std::byte[]>& owned, std::size_t size)
       : owned_(owned, owned.get()), bytes_(owned.get(), size) {}
 
   std::span<const std::byte> bytes() const { return bytes_; }

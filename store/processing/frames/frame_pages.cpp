@@ -33,8 +33,8 @@ void request_pages(std::span<std::uint16_t> rgba, const JpegLayout& layout, cons
   }
   std::uintptr_t begin = 0, end = 0;  // of the range that is not requested yet
   for (int y = 0; y < layout.height; ++y) {
-    const auto row = wanted.begin() +
-                     static_cast<std::ptrdiff_t>(y / layout.mcu_height) * layout.mcus_per_row;
+    const auto row =
+        wanted.begin() + static_cast<std::ptrdiff_t>(y / layout.mcu_height) * layout.mcus_per_row;
     const auto row_end = row + layout.mcus_per_row;
     const auto is_wanted = [](std::uint8_t mcu) { return mcu != 0; };
     for (auto first = std::find_if(row, row_end, is_wanted); first != row_end;) {

@@ -73,15 +73,6 @@ class MissingReasons {
   std::map<Nanoseconds, FrameStatus> by_time_;
 };
 
-// Throws if the frame is damaged, so that a new hash never covers damaged data.
-void check_frame(const ArchiveReader& archive, std::int32_t frame, const std::string& name) {
-  if (archive.frames()[frame].xxh3 == 0) return;  // no hash
-  if (archive.verify_frame(frame)) return;
-  throw Error::bad_input(
-      fmt::format("frame {} is damaged: its hash differs from the journal's", frame), name,
-      "Run `raystage verify` on the take, then `raystage repair`");
-}
-
 // Interpolates between the frames of one camera, in order of time. Decoded frames and flow are
 // reused while the source frames stay the same.
 class Retimer {
@@ -132,7 +123,6 @@ class Retimer {
   }
   void load(Side& side, std::int32_t frame) {
     if (side.frame == frame) return;
-    check_frame(archive_, frame, name_);
     side.picture = make_flow_image(
         decoder_.decode(archive_.jpeg(frame), fmt::format("{}, frame {}", name_, frame)));
     side.frame = frame;
@@ -210,7 +200,6 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
         ++report.missing;
       } else {
         if (frame.kind == Kind::kUnchanged) {
-          check_frame(from, frame.first, name);
           to.append(from.jpeg(frame.first), frame.time + later, sequence(frame.first));
           ++report.unchanged;
         } else {

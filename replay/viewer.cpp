@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "replay/viewer.h"
 
+#include <algorithm>
+#include <exception>
+#include <memory>
 #include <utility>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "compose/camera/shot_camera.h"
 #include "replay/embedded_files.h"
 #include "replay/live/live_take.h"
 #include "replay/render_scheduler.h"
@@ -82,11 +86,35 @@ struct Viewer::State : RequestHandler {
                    return scenes.open(shot, shot_file);
                  },
                  options.program_version},
-        server(options.server, *this) {}
+        server(options.server, *this) {
+    if (first.shot) read_first_frame();
+  }
   /// Jobs send to connections of the server, which is destroyed first.
   ~State() override { scheduler.end(); }
   State(const State&) = delete;
   State& operator=(const State&) = delete;
+
+  /// Renders the first frame while the browser starts, so that its source frames are in memory.
+  void read_first_frame() {
+    constexpr RenderScheduler::ClientId kNoClient = 0;  // those of pages begin at 1
+    scheduler.submit(kNoClient, JobKind::kRefinement, [this](const std::stop_token& stop) {
+      try {
+        const fs::path file = files.path(first.shot->file);
+        const schemas::ShotDocument shot = schemas::parse_shot(first.shot->text, first.shot->file);
+        const std::shared_ptr<const Scene> scene = scenes.open(shot, file);
+        const compose::ShotCamera camera(shot, file);
+        constexpr int kWidth = 320;
+        const int height = std::clamp(kWidth * shot.height / shot.width, 1, kWidth);
+        scene->render({shot.first_frame,
+                       make_view_camera(camera, camera.state(shot.first_frame), compose::Eye::kBoth,
+                                        kWidth, height),
+                       {.method = scene->fast_method(), .max_supersampling = 1}},
+                      stop);
+      } catch (const std::exception&) {
+        // Nothing is lost: the page requests the frame again and shows what is wrong.
+      }
+    });
+  }
 
   std::optional<Resource> find(std::string_view path) const override {
     for (const EmbeddedFile& file : embedded_files()) {

@@ -7,6 +7,19 @@ const kLost = "The connection to the server is lost.";
 /** The error of a question that the server did not answer. */
 export const kReplaced = "A newer request replaced this one.";
 
+function openSocket() {
+  const url = new URL("socket", location.href);
+  url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
+  const socket = new WebSocket(url);
+  socket.binaryType = "arraybuffer";
+  return socket;
+}
+
+// This module loads before the others and opens the first socket at once: the server answers while they still load.
+let first = { socket: openSocket(), received: [], isClosed: false };
+first.socket.onmessage = (event) => first.received.push(event.data);
+first.socket.onclose = () => { first.isClosed = true; };
+
 /** Sends messages and receives answers, texts and pictures. */
 export class Connection {
   /** handlers: {open(), close(), message(json), picture(header, jpeg bytes)}. */
@@ -14,15 +27,14 @@ export class Connection {
     this.handlers = handlers;
     this.nextId = 1;
     this.waiting = new Map();  // id of a question -> {type, resolve, reject}
-    const url = new URL("socket", location.href);
-    url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
-    this.url = url;
-    this.connect();
+    // Afterwards, because the page that handles messages is not complete yet.
+    setTimeout(() => this.connect());
   }
 
   connect() {
-    this.socket = new WebSocket(this.url);
-    this.socket.binaryType = "arraybuffer";
+    const early = first;
+    first = null;
+    this.socket = early?.socket ?? openSocket();
     this.socket.onopen = () => this.handlers.open();
     this.socket.onclose = () => {
       for (const { reject } of this.waiting.values()) reject(new Error(kLost));
@@ -31,12 +43,16 @@ export class Connection {
       setTimeout(() => this.connect(), kRetryAfter);
     };
     this.socket.onmessage = (event) => this.receive(event.data);
+    if (!early) return;
+    if (this.socket.readyState !== WebSocket.CONNECTING) this.handlers.open();
+    for (const data of early.received) this.receive(data);
+    if (early.isClosed) this.socket.onclose();
   }
 
   /** Sends a message and returns its id. */
   send(type, members) {
     const id = this.nextId++;
-    if (this.socket.readyState === WebSocket.OPEN) {
+    if (this.socket?.readyState === WebSocket.OPEN) {
       this.socket.send(JSON.stringify({ schema: kSchema, type, id, ...members }));
     }
     return id;
@@ -44,7 +60,7 @@ export class Connection {
 
   /** Sends a message; the promise is the answer with its id: a message, or {header, jpeg}. */
   ask(type, members) {
-    if (this.socket.readyState !== WebSocket.OPEN) return Promise.reject(new Error(kLost));
+    if (this.socket?.readyState !== WebSocket.OPEN) return Promise.reject(new Error(kLost));
     const id = this.send(type, members);
     return new Promise((resolve, reject) => this.waiting.set(id, { type, resolve, reject }));
   }

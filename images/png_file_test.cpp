@@ -7,13 +7,13 @@
 
 #include "base/error.h"
 #include "images/image_file.h"
-#include "testing/temporary_folder.h"
+#include "testing/test_folder.h"
 
 namespace raystage::images {
 namespace {
 
 TEST(PngFile, OpenImageIoReadsTheSameCodes) {
-  const testing::TemporaryFolder folder;
+  const testing::TestFolder folder;
   store::RgbImage image(7, 5);
   for (std::size_t i = 0; i < image.values.size(); ++i) {
     image.values[i] = static_cast<std::uint8_t>(i * 37);
@@ -26,7 +26,7 @@ TEST(PngFile, OpenImageIoReadsTheSameCodes) {
 }
 
 TEST(PngFile, AFolderThatDoesNotExistIsAnError) {
-  const testing::TemporaryFolder folder;
+  const testing::TestFolder folder;
   EXPECT_THROW(write_png(store::RgbImage(2, 2), folder.path() / "none" / "a.png"), Error);
 }
 

@@ -7,19 +7,6 @@ const kLost = "The connection to the server is lost.";
 /** The error of a question that the server did not answer. */
 export const kReplaced = "A newer request replaced this one.";
 
-function openSocket() {
-  const url = new URL("socket", location.href);
-  url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
-  const socket = new WebSocket(url);
-  socket.binaryType = "arraybuffer";
-  return socket;
-}
-
-// This module loads before the others and opens the first socket at once: the server answers while they still load.
-let first = { socket: openSocket(), received: [], isClosed: false };
-first.socket.onmessage = (event) => first.received.push(event.data);
-first.socket.onclose = () => { first.isClosed = true; };
-
 /** Sends messages and receives answers, texts and pictures. */
 export class Connection {
   /** handlers: {open(), close(), message(json), picture(header, jpeg bytes)}. */
@@ -28,12 +15,11 @@ export class Connection {
     this.nextId = 1;
     this.waiting = new Map();  // id of a question -> {type, resolve, reject}
     // Afterwards, because the page that handles messages is not complete yet.
-    setTimeout(() => this.connect());
+    queueMicrotask(() => this.connect(firstSocket));
   }
 
-  connect() {
-    const early = first;
-    first = null;
+  /** early: {socket, received, isClosed}, a socket that was opened before; null: opens one. */
+  connect(early = null) {
     this.socket = early?.socket ?? openSocket();
     this.socket.onopen = () => this.handlers.open();
     this.socket.onclose = () => {

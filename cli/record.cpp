@@ -15,6 +15,7 @@
 #include "cli/printing.h"
 #include "cli/record_status.h"
 #include "cli/threads.h"
+#include "ingest/record/open_cameras.h"
 #include "ingest/record/record_setup.h"
 #include "ingest/record/recording_memory_plan.h"
 #include "ingest/sources/open_frame_source.h"
@@ -131,6 +132,25 @@ ingest::RecordingTake open_take(const Options& options, const schemas::RecordCon
       ingest::make_recording_rig(config, options.config.parent_path(), cameras), node);
 }
 
+/// Returns the rig that states the sizes of the cameras; none if they become what the sources have.
+std::optional<schemas::RigDocument> known_rig(const Options& options,
+                                              const schemas::RecordConfig& config) {
+  if (options.resume) return schemas::read_rig(options.take / "rig.json");
+  if (!config.rig.empty()) return schemas::read_rig(options.config.parent_path() / config.rig);
+  return std::nullopt;
+}
+
+/// An alarm, whatever the options say of progress.
+void report_absent(const std::vector<ingest::RecorderCamera>& cameras) {
+  for (const ingest::RecorderCamera& camera : cameras) {
+    if (camera.absence.empty()) continue;
+    print_error(
+        "raystage record: camera \"{}\" is ABSENT, the others are recorded: {}\n"
+        "It is tried again until it comes.\n",
+        camera.id, camera.absence);
+  }
+}
+
 /// Throws Error if there is no take. Called before cameras are opened, which can take long.
 void check_take_exists(const std::filesystem::path& take) {
   if (std::filesystem::exists(take / "take.json")) return;
@@ -203,9 +223,15 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   if (options.status != "none") {
     print_error("raystage record: opening {} cameras\n", config.cameras.size());
   }
-  auto cameras = ingest::open_cameras(config, [&](const schemas::RecordConfig::Camera& camera) {
-    return ingest::open_frame_source(camera, folder, {options.allow_filters_with_files});
-  });
+  const std::optional<schemas::RigDocument> rig = known_rig(options, config);
+  auto cameras = ingest::open_cameras(
+      config,
+      [folder, permissions = ingest::SourcePermissions{options.allow_filters_with_files}](
+          const schemas::RecordConfig::Camera& camera) {
+        return ingest::open_frame_source(camera, folder, permissions);
+      },
+      rig ? &*rig : nullptr);
+  report_absent(cameras);
   constexpr double kMeasure = 2;  // seconds
   const auto rate = config.hold ? ingest::measure_data_rate(cameras, settings.jpeg, kMeasure)
                                 : std::optional<double>();

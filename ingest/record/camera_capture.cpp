@@ -34,6 +34,16 @@ std::vector<RecordingEvent> CameraCounters::events() const {
   return events_;
 }
 
+void CameraCounters::set_description(SourceDescription description) {
+  const std::scoped_lock lock(mutex_);
+  description_ = std::move(description);
+}
+
+std::optional<SourceDescription> CameraCounters::description() const {
+  const std::scoped_lock lock(mutex_);
+  return description_;
+}
+
 CameraCapture::CameraCapture(const Options& options, std::unique_ptr<FrameSource> source,
                              Open reopen, Pipeline pipeline)
     : options_(options),
@@ -49,6 +59,7 @@ void CameraCapture::run(const std::stop_token& stop) {
     if (source_) source_->interrupt();
   });
   stop_ = stop;
+  if (!options_.absence.empty() && !wait_for_absent(stop)) return;
   auto opened = Clock::now(), last_frame = opened;
   bool silent = false;
   const auto handle_loss = [&](const std::string& why, bool source_is_gone) {
@@ -101,7 +112,7 @@ CameraCapture::LossOutcome CameraCapture::lost(const std::stop_token& stop, cons
       pipeline_.stop_recording();
       return LossOutcome::kFinish;
     case LostSourcePolicy::kReconnect:
-      return reconnect(stop) ? LossOutcome::kReconnected : LossOutcome::kFinish;
+      return reconnect(stop, "connected again") ? LossOutcome::kReconnected : LossOutcome::kFinish;
     case LostSourcePolicy::kContinue:
       break;
   }
@@ -109,18 +120,42 @@ CameraCapture::LossOutcome CameraCapture::lost(const std::stop_token& stop, cons
   return source_is_gone ? LossOutcome::kFinish : LossOutcome::kContinueWaiting;
 }
 
-bool CameraCapture::reconnect(const std::stop_token& stop) {
+bool CameraCapture::wait_for_absent(const std::stop_token& stop) {
+  pipeline_.counters.state = CameraCounters::State::kLost;
+  pipeline_.counters.add_event("lost: absent at the start: " + options_.absence);
+  if (options_.when_lost == LostSourcePolicy::kStop) {
+    pipeline_.stop_recording();
+    return false;
+  }
+  return reconnect(stop, "connected");
+}
+
+bool CameraCapture::has_size_of_archive(const SourceDescription& source) {
+  if (source.width == options_.width && source.height == options_.height) return true;
+  if (!std::exchange(size_warning_given_, true)) {
+    pipeline_.counters.add_event(
+        fmt::format("the source delivers {} x {} pixels, the take has {} x {}: it is not recorded",
+                    source.width, source.height, options_.width, options_.height));
+  }
+  return false;
+}
+
+bool CameraCapture::reconnect(const std::stop_token& stop, std::string_view connected) {
   const auto start = Clock::now();
   replace_source(nullptr);  // most devices accept one connection at a time
   for (;;) {
     pause(stop, reconnect_backoff_.next());
     if (stop.stop_requested()) return false;
     try {
-      replace_source(reopen_());
+      std::unique_ptr<FrameSource> source = reopen_();
+      const SourceDescription description = source->description();
+      if (!has_size_of_archive(description)) continue;
+      replace_source(std::move(source));
+      pipeline_.counters.set_description(description);
       clock_.reset_device_clock();
       pipeline_.counters.state = CameraCounters::State::kRunning;
       pipeline_.counters.add_event(
-          fmt::format("connected again after {:.1f} s", seconds(Clock::now() - start)));
+          fmt::format("{} after {:.1f} s", connected, seconds(Clock::now() - start)));
       return true;
     } catch (const Error&) {  // tried again after the next pause
     }

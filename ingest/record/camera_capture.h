@@ -9,8 +9,10 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <stop_token>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "ingest/record/encoder_pool.h"
@@ -41,11 +43,15 @@ struct CameraCounters {
   std::atomic<std::uint64_t> unrecorded = 0;  ///< lost without a record: the audit requires 0
 
   void add_event(std::string what);
+  /// The description of a source that was opened during the recording; nullopt: none was.
+  void set_description(SourceDescription description);
+  std::optional<SourceDescription> description() const;
   std::vector<RecordingEvent> events() const;
 
  private:
   mutable std::mutex mutex_;
   std::vector<RecordingEvent> events_;
+  std::optional<SourceDescription> description_;
 };
 
 /// Moves the frames of one camera from its source into memory. Waits only for the source, or for
@@ -64,6 +70,7 @@ class CameraCapture {
     std::chrono::milliseconds wait_for_memory{0};
     LostSourcePolicy when_lost = LostSourcePolicy::kContinue;
     std::chrono::milliseconds lost_after{5000};
+    std::string absence = {};  ///< why the source could not be opened; empty: it is open
     ReconnectBackoff::Limits reconnect;
   };
   /// The objects that a capture uses; all of them outlive it.
@@ -88,7 +95,9 @@ class CameraCapture {
  private:
   enum class LossOutcome { kContinueWaiting, kReconnected, kFinish };
   LossOutcome lost(const std::stop_token& stop, const std::string& why, bool source_is_gone);
-  bool reconnect(const std::stop_token& stop);
+  bool wait_for_absent(const std::stop_token& stop);
+  bool reconnect(const std::stop_token& stop, std::string_view connected);
+  bool has_size_of_archive(const SourceDescription& source);
   void pause(const std::stop_token& stop, std::chrono::milliseconds time);
   void replace_source(std::unique_ptr<FrameSource> source);
   store::FrameStatus check(const SourceFrame& frame);

@@ -6,7 +6,6 @@
 #include <algorithm>
 
 #include "base/error.h"
-#include "base/parallel.h"
 #include "store/matroska.h"
 
 namespace raystage::ingest {
@@ -88,22 +87,6 @@ std::string common(const std::vector<RecorderCamera>& cameras, std::string Sourc
 }
 
 }  // namespace
-
-std::vector<RecorderCamera> open_cameras(const schemas::RecordConfig& config,
-                                         const OpenFrameSource& open) {
-  std::vector<RecorderCamera> cameras(config.cameras.size());
-  raystage::parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t i) {
-    const schemas::RecordConfig::Camera& camera = config.cameras[i];
-    cameras[i] = {camera.id, open(camera), [open, camera] { return open(camera); }};
-  });
-  for (const RecorderCamera& camera : cameras) {
-    const SourceDescription& source = camera.source->description();
-    if (source.width > 0 && source.height > 0) continue;
-    throw Error::failed("the source does not report the size of its frames", camera.id,
-                        "Set the size in the source's options");
-  }
-  return cameras;
-}
 
 RecorderOptions make_recorder_options(const schemas::RecordConfig& config) {
   constexpr double kBytesPerMb = 1e6;

@@ -2,8 +2,6 @@
 #pragma once
 
 #include <filesystem>
-#include <functional>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,15 +12,6 @@
 #include "schemas/take_document.h"
 
 namespace raystage::ingest {
-
-/// Opens the source of one camera; a parameter so that tests can supply their own sources.
-using OpenFrameSource =
-    std::function<std::unique_ptr<FrameSource>(const schemas::RecordConfig::Camera&)>;
-
-/// Opens all sources of a configuration in parallel (a network camera takes seconds). Throws the
-/// first Error of any of them, and Error (failed) if a source does not know its frame size.
-std::vector<RecorderCamera> open_cameras(const schemas::RecordConfig& config,
-                                         const OpenFrameSource& open);
 
 RecorderOptions make_recorder_options(const schemas::RecordConfig& config);
 

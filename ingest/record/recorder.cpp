@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <ranges>
 #include <thread>
 #include <utility>
 
@@ -37,6 +38,12 @@ std::size_t frame_bytes(const schemas::CameraGeometry& geometry, bool jpeg) {
   const auto pixels =
       static_cast<std::size_t>(geometry.width) * static_cast<std::size_t>(geometry.height);
   return jpeg ? pixels / 2 : pixels * 3;
+}
+
+void describe(const SourceDescription& source, schemas::RecordingDocument::Camera& camera) {
+  camera.source = source.what;
+  camera.clock = source.clock;
+  camera.timestamp_event = source.timestamp_event;
 }
 
 }  // namespace
@@ -105,6 +112,7 @@ CameraCapture::Options Recorder::State::capture_options(std::size_t camera,
     capture.wait_for_memory = settings.wait_for_memory;
   capture.when_lost = settings.when_lost;
   capture.lost_after = settings.lost_after;
+  capture.absence = cameras[camera].absence;
   return capture;
 }
 
@@ -119,9 +127,7 @@ schemas::RecordingDocument::Session Recorder::State::make_session() const {
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     schemas::RecordingDocument::Camera camera;
     camera.id = cameras[i].id;
-    camera.source = descriptions[i].what;
-    camera.clock = descriptions[i].clock;
-    camera.timestamp_event = descriptions[i].timestamp_event;
+    describe(descriptions[i], camera);
     session.cameras.push_back(std::move(camera));
   }
   return session;
@@ -216,7 +222,7 @@ schemas::RecordingDocument::Session Recorder::run(
       std::max(s.settings.start_utc.value_or(host_utc_now()), s.take.document().epoch_utc);
   std::stop_source camera_stop;
   std::atomic<bool> a_camera_asks = false;
-  std::atomic<int> running = static_cast<int>(s.cameras.size());
+  std::vector<std::atomic<bool>> is_finished(s.cameras.size());
   s.start = s.last_status = Clock::now();
   {
     std::vector<std::jthread> threads;
@@ -225,15 +231,22 @@ schemas::RecordingDocument::Session Recorder::run(
           s.capture_options(i, start_utc), std::move(s.cameras[i].source), s.cameras[i].reopen,
           CameraCapture::Pipeline{s.queues[i], s.memory, s.records, encoders, s.counters[i],
                                   [&a_camera_asks] { a_camera_asks = true; }});
-      threads.emplace_back([&camera_stop, &running, capture = std::move(capture)] {
-        capture->run(camera_stop.get_token());
-        --running;
-      });
+      threads.emplace_back(
+          [&camera_stop, &finished = is_finished[i], capture = std::move(capture)] {
+            capture->run(camera_stop.get_token());
+            finished = true;
+          });
     }
+    // Absent cameras, which may never come, do not keep a recording of files going.
+    const auto is_over = [&](std::size_t i) {
+      return is_finished[i] ||
+             (!s.cameras[i].absence.empty() && s.counters[i].state == CameraCounters::State::kLost);
+    };
     const auto why_over = [&]() -> std::string {  // empty: go on
       if (stop.stop_requested()) return "stopped as asked";
       if (a_camera_asks) return "a camera was lost";
-      if (running == 0) return "every source has ended";
+      const auto indices = std::views::iota(std::size_t{0}, s.cameras.size());
+      if (std::ranges::all_of(indices, is_over)) return "every source has ended";
       if (!s.settings.duration_s) return {};
       const double done = s.settings.start_utc || start_utc > session.started_utc
                               ? static_cast<double>(host_utc_now() - start_utc) * 1e-9
@@ -249,6 +262,9 @@ schemas::RecordingDocument::Session Recorder::run(
     }
     camera_stop.request_stop();
   }  // joins the cameras' threads
+  for (std::size_t i = 0; i < s.cameras.size(); ++i) {
+    if (const auto opened = s.counters[i].description()) describe(*opened, session.cameras[i]);
+  }
   encoders.wait();
   session.stopped_utc = host_utc_now();
   writer.drain(writing);

@@ -39,6 +39,7 @@ struct RecorderCamera {
   std::string id;
   std::unique_ptr<FrameSource> source;
   CameraCapture::Open reopen;
+  std::string absence = {};  ///< why it could not be opened; empty: `source` is open
 };
 
 /// The state of a running recording, for display.

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "ingest/record/open_cameras.h"
 #include "ingest/record/record_setup.h"
 #include "store/jpeg/encode.h"
 #include "store/take.h"

@@ -19,6 +19,7 @@
 #include <thread>
 
 #include "base/atomic_file.h"
+#include "ingest/record/open_cameras.h"
 #include "ingest/record/record_setup.h"
 #include "store/jpeg/decode.h"
 #include "testing/ingest/scripted_source.h"

@@ -159,6 +159,20 @@ TEST_F(Record, PipesAndDevicesInTheTakeDoNotHang) {
   EXPECT_EQ(here("raystage verify -q take").exit_code, 0);
 }
 
+TEST_F(Record, ACameraThatCannotBeOpenedIsReportedAndTheOthersAreRecorded) {
+  write_text(folder() / "record.json", R"({"schema": "raystage/record/1", "name": "test",
+      "node": "one", "memory_mb": 50, "cameras": [
+      {"id": "a", "ffmpeg": {"url": "lavfi:testsrc=size=96x64:rate=30,realtime"}},
+      {"id": "b", "ffmpeg": {"url": "tcp://127.0.0.1:1"}}]})");
+  const CommandResult result = here("raystage record record.json -o take --duration 1 -q");
+  EXPECT_EQ(result.exit_code, 3) << result.err;
+  EXPECT_THAT(result.err, HasSubstr("camera \"b\" is ABSENT, the others are recorded: "));
+  const json cameras = account("take/recording/one.json").at("sessions")[0].at("cameras");
+  EXPECT_GT(cameras[0].at("stored").get<int>(), 20);
+  EXPECT_EQ(here("raystage verify -q --decode take").exit_code, 0);
+  EXPECT_EQ(here("raystage info take").exit_code, 0);
+}
+
 TEST_F(Record, FoldersAboveATakeAreMade) {
   for (const char* command :
        {"record other.json --duration 0.5 --status none -o a/one",

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "farm/node_checks.h"
 
+#include <dlfcn.h>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <link.h>
@@ -75,10 +76,14 @@ std::string first_build(const fs::path& file) {
 }  // namespace
 
 std::string build_id() {
+  // The decoder of meshes is another program; its library is listed with those of this one.
+  (void)dlopen("libassimp.so.5", RTLD_LAZY | RTLD_LOCAL);
   std::vector<std::string> libraries;
   dl_iterate_phdr(add_library, &libraries);
   std::ranges::sort(libraries);
   std::string text = fmt::format("{:016x}", hash_of_file(sibling_program("raystage-render")));
+  text += fmt::format(
+      " {:016x}", hash_of_file(sibling_program(RAYSTAGE_MODULE_DIRECTORY "/raystage-decode-mesh")));
   for (const std::string& library : libraries) text += " " + library;
   return fmt::format("{:016x}", XXH3_64bits(text.data(), text.size()));
 }

@@ -133,7 +133,7 @@ GeometryLayer::GeometryLayer(const schemas::ShotDocument::Geometry& geometry, Fr
                              Textures& textures)
     : transform_(geometry, where), samples_(geometry.samples) {
   const std::filesystem::path path = (folder / geometry.file).lexically_normal();
-  MeshFile file = read_mesh_file(path, geometry.applies_unit);
+  MeshFile file = read_mesh_file(path, {.applies_unit = geometry.applies_unit});
   for (Material& material : file.mesh.materials) {
     material.color = textures.working_from_rec709() * material.color;
   }

@@ -11,6 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "meshes/scene_decoder.h"
+
 namespace raystage::compose {
 
 /// An image inside a mesh file.
@@ -76,11 +78,11 @@ struct MeshFile {
 };
 
 /// Reads a mesh in any format that Assimp reads: glTF 2, FBX, OBJ, PLY ... Texture paths are joined
-/// with the file's folder; PNG, JPEG and EXR textures may be in the file. `applies_unit`: whether
-/// the unit that a file states (FBX) is converted to metres.
-/// Metals of glTF become glossy, or mirrors below a roughness of 0.05. Throws Error (bad input) if
-/// the file is missing, has no triangle, or has a number that is not finite.
-MeshFile read_mesh_file(const std::filesystem::path& file, bool applies_unit = true);
+/// with the file's folder; PNG, JPEG and EXR textures may be in the file. Metals of glTF become
+/// glossy, or mirrors below a roughness of 0.05. Throws Error as meshes::decode_scene(), and (bad
+/// input) if there is no triangle.
+MeshFile read_mesh_file(const std::filesystem::path& file,
+                        const meshes::DecodeOptions& options = {});
 
 /// Reads a mesh as read_mesh_file() does, and places its objects as they are without animation.
 Mesh read_mesh(const std::filesystem::path& file);

@@ -203,7 +203,7 @@ Connections:  {
     return corner;
   };
   EXPECT_LT((most(read_mesh(file)) - Eigen::Vector3d(1, 1, 3)).norm(), 1e-6);
-  const MeshFile raw = read_mesh_file(file, false);
+  const MeshFile raw = read_mesh_file(file, {.applies_unit = false});
   const Mesh units = MeshFile::place(raw.mesh, raw.parts, raw.file_from_node, file);
   EXPECT_LT((most(units) - Eigen::Vector3d(100, 100, 300)).norm(), 1e-4);
 }

@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <ranges>
 #include <thread>
 #include <utility>
 
@@ -237,16 +236,19 @@ schemas::RecordingDocument::Session Recorder::run(
             finished = true;
           });
     }
-    // Absent cameras, which may never come, do not keep a recording of files going.
-    const auto is_over = [&](std::size_t i) {
-      return is_finished[i] ||
-             (!s.cameras[i].absence.empty() && s.counters[i].state == CameraCounters::State::kLost);
+    const auto all_are_over = [&] {
+      for (std::size_t i = 0; i < s.cameras.size(); ++i) {
+        // Absent cameras, which may never come, do not keep a recording of files going.
+        const bool is_absent =
+            !s.cameras[i].absence.empty() && s.counters[i].state == CameraCounters::State::kLost;
+        if (!is_finished[i] && !is_absent) return false;
+      }
+      return true;
     };
     const auto why_over = [&]() -> std::string {  // empty: go on
       if (stop.stop_requested()) return "stopped as asked";
       if (a_camera_asks) return "a camera was lost";
-      const auto indices = std::views::iota(std::size_t{0}, s.cameras.size());
-      if (std::ranges::all_of(indices, is_over)) return "every source has ended";
+      if (all_are_over()) return "every source has ended";
       if (!s.settings.duration_s) return {};
       const double done = s.settings.start_utc || start_utc > session.started_utc
                               ? static_cast<double>(host_utc_now() - start_utc) * 1e-9

@@ -4,17 +4,16 @@
 // 1/m. Cost: O(rays x log triangles).
 #include "render/lumigraph/mesh_proxy.h"
 
-#include <assimp/postprocess.h>
-#include <assimp/scene.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
-#include <assimp/Importer.hpp>
 #include <cstdint>
 #include <limits>
 #include <vector>
 
 #include "base/error.h"
+#include "meshes/node_transforms.h"
+#include "meshes/scene_decoder.h"
 #include "render/common/simd_level.h"
 
 namespace raystage::render {
@@ -28,31 +27,23 @@ struct Triangles {
 };
 
 Triangles read_triangles(const std::filesystem::path& file) {
-  Assimp::Importer importer;
-  const aiScene* scene =
-      importer.ReadFile(file.string(), aiProcess_Triangulate | aiProcess_PreTransformVertices |
-                                           aiProcess_JoinIdenticalVertices | aiProcess_SortByPType);
-  if (scene == nullptr) {
-    throw Error::bad_input(std::string("the mesh cannot be read: ") + importer.GetErrorString(),
-                           file.string(), "Use an OBJ, PLY or glTF file");
-  }
+  const meshes::DecodedScene scene = meshes::decode_scene(file, {.applies_unit = false});
+  const std::vector<Eigen::Affine3d> file_from_node = meshes::file_from_nodes(scene);
   Triangles triangles;
-  for (unsigned m = 0; m < scene->mNumMeshes; ++m) {
-    const aiMesh& mesh = *scene->mMeshes[m];
-    const auto first = static_cast<std::uint32_t>(triangles.positions.size());
-    for (unsigned v = 0; v < mesh.mNumVertices; ++v) {
-      const aiVector3D& p = mesh.mVertices[v];
-      triangles.positions.emplace_back(double{p.x}, double{p.y}, double{p.z});
-      if (!triangles.positions.back().allFinite()) {
-        throw Error::bad_input("the mesh has a vertex that is not finite", file.string(),
-                               "Export the mesh again");
+  for (std::size_t n = 0; n < scene.nodes.size(); ++n) {
+    for (const std::uint32_t index : scene.nodes[n].meshes) {
+      const meshes::DecodedScene::Mesh& mesh = scene.meshes[index];
+      const auto first = static_cast<std::uint32_t>(triangles.positions.size());
+      for (const auto& p : mesh.positions) {
+        triangles.positions.push_back(file_from_node[n] * Vector3d(p[0], p[1], p[2]));
+        if (!triangles.positions.back().allFinite()) {
+          throw Error::bad_input("the mesh has a vertex that is not finite", file.string(),
+                                 "Export the mesh again");
+        }
       }
-    }
-    for (unsigned f = 0; f < mesh.mNumFaces; ++f) {
-      const aiFace& face = mesh.mFaces[f];
-      if (face.mNumIndices != 3) continue;  // points and lines
-      triangles.corners.push_back(
-          {first + face.mIndices[0], first + face.mIndices[1], first + face.mIndices[2]});
+      for (const auto& corners : mesh.corners) {
+        triangles.corners.push_back({first + corners[0], first + corners[1], first + corners[2]});
+      }
     }
   }
   if (triangles.corners.empty()) {

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "meshes/scene_decoder.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "base/atomic_file.h"
+#include "base/contained_path.h"
+#include "base/error.h"
+#include "base/resources.h"
+#include "meshes/scene_encoding.h"
+
+namespace raystage::meshes {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Opens the mesh itself or a regular file below its folder.
+FileDescriptor open_beside(const fs::path& mesh, const std::string& name) {
+  const fs::path file = fs::path(name).lexically_normal();
+  const auto open = [&] {
+    constexpr int kFlags = O_RDONLY | O_CLOEXEC | O_NONBLOCK;
+    if (file == mesh.lexically_normal()) return FileDescriptor(::open(mesh.c_str(), kFlags));
+    const fs::path folder = mesh.parent_path().empty() ? "." : mesh.parent_path();
+    return open_contained({folder, file.lexically_relative(folder.lexically_normal())}, kFlags);
+  };
+  const FileDescriptor opened = open();
+  struct stat status {};
+  const bool is_permitted = opened.open() && ::fstat(opened.number(), &status) == 0 &&
+                            S_ISREG(status.st_mode) &&
+                            static_cast<std::uint64_t>(status.st_size) <= kMaxSceneBytes;
+  return FileDescriptor(is_permitted ? ::fcntl(opened.number(), F_DUPFD_CLOEXEC, 0) : -1);
+}
+
+/// Assimp's data structures are many times as large as the file.
+std::size_t memory_for(std::uint64_t file_bytes) {
+  constexpr std::uint64_t kProgram = 512'000'000, kPerByte = 60;
+  return static_cast<std::size_t>(
+      std::min<std::uint64_t>(kProgram + kPerByte * file_bytes, available_memory()));
+}
+
+std::chrono::seconds time_for(std::uint64_t file_bytes) {
+  constexpr std::uint64_t kAtLeast = 10, kBytesPerSecond = 2'000'000;
+  return std::chrono::seconds(kAtLeast + file_bytes / kBytesPerSecond);
+}
+
+/// Returns the size of the mesh and the files beside it that it may read, bytes.
+std::uint64_t bytes_beside(const fs::path& mesh) {
+  constexpr int kMaxFiles = 1000;  // of a folder that holds other things, too
+  std::error_code error;
+  std::uint64_t largest = fs::file_size(mesh, error);
+  if (error) return 0;
+  const std::uint64_t own = largest;
+  int files = 0;
+  const fs::path folder = mesh.parent_path().empty() ? "." : mesh.parent_path();
+  for (fs::directory_iterator entry(folder, error), end;
+       !error && entry != end && files < kMaxFiles; entry.increment(error), ++files) {
+    std::error_code of_entry;
+    const std::uint64_t size = entry->file_size(of_entry);
+    if (!of_entry && entry->path().stem() == mesh.stem()) largest = std::max(largest, size);
+  }
+  return std::min(own + largest, kMaxSceneBytes);
+}
+
+}  // namespace
+
+DecodedScene decode_scene(const fs::path& file, const DecodeOptions& options) {
+  if (!fs::exists(file)) {
+    throw Error::bad_input("the mesh file does not exist", file.string(),
+                           "Correct the layer's path; it is relative to the shot's folder");
+  }
+  const std::uint64_t size = bytes_beside(file);
+  sandbox::DecoderOptions process;
+  process.program = "raystage-decode-mesh";
+  process.arguments = {file.string(), options.applies_unit ? "metres" : "as_stored"};
+  process.file = file;
+  process.kind = "mesh";
+  process.memory_bytes = memory_for(size);
+  process.result_bytes = process.memory_bytes;
+  process.time = time_for(size);
+  process.confinement = options.confinement;
+  const std::vector<std::byte> bytes = sandbox::run_decoder(
+      process, [&](const std::string& name) { return open_beside(file, name); });
+  try {
+    return decode_scene_bytes(bytes);
+  } catch (const std::runtime_error& error) {
+    throw Error::bad_input(std::string("the mesh cannot be read: ") + error.what(), file.string(),
+                           "Export it again");
+  }
+}
+
+}  // namespace raystage::meshes

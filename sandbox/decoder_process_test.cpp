@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "sandbox/decoder_process.h"
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <string>
+
+#include "base/error.h"
+#include "testing/test_folder.h"
+
+namespace raystage::sandbox {
+namespace {
+
+using ::testing::HasSubstr;
+
+void write_text(const std::filesystem::path& file, const std::string& text) {
+  std::ofstream(file, std::ios::binary) << text;
+}
+
+class DecoderProcess : public ::testing::Test {
+ protected:
+  DecoderProcess() {
+    options_.program = "raystage-misbehaving-decoder";
+    options_.file = "some.mesh";
+    options_.kind = "mesh";
+    options_.memory_bytes = 300'000'000;
+    options_.result_bytes = 50'000'000;
+    options_.time = std::chrono::seconds(2);
+  }
+  std::string run(const std::string& what) {
+    options_.arguments = {what};
+    const auto bytes = run_decoder(options_, open_file_);
+    return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+  }
+  void expect_error(const std::string& what, const std::string& message) {
+    try {
+      run(what);
+      ADD_FAILURE() << what << " went well";
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), HasSubstr(message)) << what;
+      EXPECT_EQ(error.where(), "some.mesh");
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+    }
+  }
+
+  DecoderOptions options_;
+  OpenFile open_file_ = [](const std::string&) { return FileDescriptor(-1); };
+};
+
+TEST_F(DecoderProcess, CrashesHangsAndGreedAreErrorsThatNameTheFile) {
+  expect_error("crash", "its decoder crashed (Segmentation fault)");
+  expect_error("loop", "its decoder took more than 2 s");
+  expect_error("refuse", "no such thing");
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+  expect_error("allocate", "its decoder needs more than 300 MB");
+  expect_error("sleep", "its decoder ");  // pause() is refused: it loops
+#endif
+  expect_error("write", "its decoder ");
+  options_.time = std::chrono::seconds(20);
+  expect_error("requests", "did not end within 40 s");  // at the most requests, long before
+}
+
+TEST_F(DecoderProcess, CanDoNothingButDecode) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers need system calls of their own";
+#endif
+  EXPECT_EQ(run("escape"), "");
+  options_.confinement = Confinement::kLimitsOnly;
+  EXPECT_THAT(run("escape"), HasSubstr("open "));  // the test itself can fail
+}
+
+TEST_F(DecoderProcess, GetsTheFilesThatItsParentOpens) {
+  const raystage::testing::TestFolder folder;
+  const std::filesystem::path file = folder.path() / "a.bin";
+  write_text(file, "contents");
+  std::string asked;
+  open_file_ = [&](const std::string& name) {
+    asked = name;
+    return FileDescriptor(name == "a.bin" ? ::open(file.c_str(), O_RDONLY | O_CLOEXEC) : -1);
+  };
+  EXPECT_EQ(run("a.bin"), "contents");
+  EXPECT_EQ(asked, "a.bin");
+  EXPECT_EQ(run("b.bin"), "none");
+}
+
+TEST_F(DecoderProcess, AMissingProgramIsAnError) {
+  options_.program = "raystage-no-such-decoder";
+  try {
+    run("refuse");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("the decoder cannot be started"));
+    EXPECT_EQ(error.exit_code(), ExitCode::kFailed);
+  }
+}
+
+}  // namespace
+}  // namespace raystage::sandbox

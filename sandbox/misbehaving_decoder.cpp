@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// A decoder for tests that does what its argument says.
+#include <fcntl.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <csignal>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "sandbox/decoder_main.h"
+
+namespace {
+
+std::vector<std::byte> bytes_of(const std::string& text) {
+  const auto* const bytes = reinterpret_cast<const std::byte*>(text.data());
+  return {bytes, bytes + text.size()};
+}
+
+/// What a decoder must not be able to do; empty: nothing of it.
+std::string escapes() {
+  std::string done;
+  if (::open("/etc/passwd", O_RDONLY) >= 0) done += "open ";
+  if (::openat(AT_FDCWD, "/tmp", O_RDONLY | O_DIRECTORY) >= 0) done += "openat ";
+  if (::socket(AF_INET, SOCK_STREAM, 0) >= 0) done += "socket ";
+  if (::kill(::getppid(), 0) == 0) done += "kill ";
+  ::execl("/no/such/program", "program", nullptr);
+  if (errno != EPERM) done += "exec ";
+  if (::unlink("/tmp/raystage-no-such-file") == 0 || errno != EPERM) done += "unlink ";
+  if (const pid_t child = ::fork(); child >= 0) {
+    if (child == 0) _exit(0);
+    done += "fork ";
+  }
+  return done;
+}
+
+std::vector<std::byte> misbehave(std::span<const char* const> arguments) {
+  const std::string what = arguments[0];
+  if (what == "crash") ::raise(SIGSEGV);
+  if (what == "loop") {
+    for (std::atomic<int> i = 0;; ++i) {
+    }
+  }
+  if (what == "sleep") {
+    for (;;) ::pause();
+  }
+  if (what == "allocate") {
+    std::vector<std::vector<char>> all;
+    for (;;) all.emplace_back(1 << 20, 'x');
+  }
+  if (what == "write") return std::vector<std::byte>(std::size_t{64} << 20);
+  if (what == "refuse") throw std::runtime_error("no such thing");
+  if (what == "escape") return bytes_of(escapes());
+  if (what == "requests") {
+    for (;;) raystage::sandbox::request_file("a");
+  }
+  const auto file = raystage::sandbox::request_file(what);
+  return file ? *file : bytes_of("none");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) { return raystage::sandbox::decoder_main(argc, argv, misbehave); }

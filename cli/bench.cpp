@@ -76,7 +76,8 @@ void declare(CommandLine& command, Options& options) {
   command.footer(
       "Methods and their options: raystage render --methods.\n"
       "Exit codes: 0 all requested settings were measured; 1 failed; 2 bad usage or input;\n3 some "
-      "settings failed, the rest is done; 128+n stopped by signal n: the files contain "
+      "settings failed, the rest is done; 4 stored frames are rotten: they were left out;\n128+n "
+      "stopped by signal n: the files contain "
       "the\nsettings that were finished.");
 }
 
@@ -151,7 +152,10 @@ ExitCode bench(const Options& options, std::stop_token stop) {
   }
   if (!trade.complete) return ExitCode::kFailed;
   // A method without the required data of the take is a failure only if it was requested.
-  return failed && asked_for ? ExitCode::kSomeFramesFailed : ExitCode::kSuccess;
+  if (failed && asked_for) return ExitCode::kSomeFramesFailed;
+  const bool has_rot = std::ranges::any_of(
+      trade.rows, [](const evaluation::BenchRow& row) { return row.evaluation.has_rot; });
+  return has_rot ? ExitCode::kFellShort : ExitCode::kSuccess;
 }
 
 }  // namespace

@@ -62,7 +62,7 @@ ExitCode evaluate(const Options& options, std::stop_token stop) {
   if (!options.table.empty()) {
     append_row(options.table, evaluation, options.label.empty() ? settings.method : options.label);
   }
-  return ExitCode::kSuccess;
+  return evaluation.has_rot ? ExitCode::kFellShort : ExitCode::kSuccess;
 }
 
 }  // namespace
@@ -104,6 +104,10 @@ int main(int argc, char** argv) {
   add_threads_option(command, options.threads);
   add_memory_option(command, options.memory_gb);
   command.flag("-q,--quiet", options.quiet, "No progress on stderr");
+  command.footer(
+      "Exit codes: 0 all views were measured; 1 failed; 2 bad usage or input; 4 stored frames are "
+      "rotten:\ntheir cameras are absent, views of which they are the truth are left out; 128+n "
+      "stopped by signal n.");
   return parse_and_run(command, argc, argv, "evaluate",
                        [&](std::stop_token stop) { return evaluate(options, stop); },
                        OnSignal::kAbort,

@@ -21,6 +21,7 @@
 #include "render/memory_budgets.h"
 #include "render/methods.h"
 #include "render/renderer.h"
+#include "store/rotten_frame.h"
 #include "store/timeline.h"
 
 namespace raystage::evaluation {
@@ -40,6 +41,30 @@ double known_share(const GroundTruth& truth) {
   if (truth.known.empty()) return 1;
   const auto known = static_cast<double>(std::ranges::count(truth.known, 1));
   return std::max(1.0, known) / static_cast<double>(truth.known.size());
+}
+
+/// Returns the truth of a view; nullopt, with a note, if it is a rotten frame.
+std::optional<GroundTruth> intact_truth(const EvaluationCase& subject, Evaluation& evaluation) {
+  try {
+    return subject.truth();
+  } catch (const store::RottenFrame&) {
+    evaluation.has_rot = true;
+    evaluation.notes.push_back(
+        fmt::format("view {} is left out: its truth is a rotten frame", subject.id));
+    return std::nullopt;
+  }
+}
+
+void add_rotten_cameras(const store::Take& take, const render::RenderedView& view,
+                        const std::string& id, Evaluation& evaluation) {
+  if (view.rotten_cameras.empty()) return;
+  evaluation.has_rot = true;
+  std::vector<std::string> names;
+  for (const int camera : view.rotten_cameras) {
+    names.push_back(take.document().cameras[static_cast<std::size_t>(camera)].id);
+  }
+  evaluation.notes.push_back(fmt::format("view {} lacks cameras whose stored frames are rotten: {}",
+                                         id, fmt::join(names, ", ")));
 }
 
 double focal_depth_of(const store::Take& take, const EvaluationOptions& settings) {
@@ -279,6 +304,8 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
     if (stop.stop_requested()) {
       throw Error::failed("the evaluation was stopped", take.folder().string(), "Run it again");
     }
+    const std::optional<GroundTruth> truth = intact_truth(subject, evaluation);
+    if (!truth) continue;
     ViewEvaluation result;
     result.id = subject.id;
     const TimedView timed(take, renderer_options, subject, reconstruction);
@@ -288,20 +315,24 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
     if (!settings.image_folder.empty()) {
       images::write_image(image, settings.image_folder / (subject.id + ".png"));
     }
-    const GroundTruth truth = subject.truth();
-    const std::vector<std::uint8_t> covered = measured_pixels(view, truth);
-    result.quality = render::compare_images(image, truth.image, covered);
-    result.quality.covered /= known_share(truth);
-    shot_errors.add(subject.id, image, truth.image, covered);
+    const std::vector<std::uint8_t> covered = measured_pixels(view, *truth);
+    result.quality = render::compare_images(image, truth->image, covered);
+    result.quality.covered /= known_share(*truth);
+    shot_errors.add(subject.id, image, truth->image, covered);
     if (settings.on_view) {
       settings.on_view(
-          {evaluation.views.size(), subjects.size(), subject.id, image, truth.image, covered});
+          {evaluation.views.size(), subjects.size(), subject.id, image, truth->image, covered});
     }
     for (const std::string& note : view.notes) {
       if (std::ranges::count(evaluation.notes, note) == 0) evaluation.notes.push_back(note);
     }
+    add_rotten_cameras(take, view, subject.id, evaluation);
     evaluation.views.push_back(result);
     progress(static_cast<double>(evaluation.views.size()) / static_cast<double>(subjects.size()));
+  }
+  if (evaluation.views.empty()) {
+    throw Error::bad_input("the truth of every view is a rotten frame", take.folder().string(),
+                           "Run `raystage verify` on the take, then `raystage repair`");
   }
   evaluation.mean = mean_of(evaluation.views);
   evaluation.temporal_stability = measure_temporal_stability(evaluation.views);

@@ -88,6 +88,9 @@ struct Evaluation {
   double prepare_ms = 0;             ///< mean over the views that prepared an instant
   /// Number of views outside the take's time; notes of the views (RenderedView::notes), each once.
   std::vector<std::string> notes;
+  /// Whether stored frames are rotten: views with a rotten truth are left out, cameras with rotten
+  /// frames are absent from the others; the notes name them.
+  bool has_rot = false;
 };
 
 TemporalStability measure_temporal_stability(std::span<const ViewEvaluation> views);
@@ -100,7 +103,8 @@ std::vector<int> excluded_camera_indices(const store::Take& take,
                                          int camera_step);
 
 /// Renders every view at its instant (see make_evaluation_cases()) and compares it with its truth
-/// image. `views` may be empty if cameras are excluded. Throws Error (bad input) for an unknown
+/// image. Views whose truth is a rotten frame are left out, see Evaluation::has_rot; Error (bad
+/// input) if no view remains. `views` may be empty if cameras are excluded. Throws Error (bad input) for an unknown
 /// camera, an optimal focal plane without a depth range, and a truth image that is unreadable or of
 /// another size. It does so, too, for a timeline that is damaged or of another take, and if no view
 /// is within the take's time.

@@ -194,6 +194,37 @@ TEST_F(Subjects, EvaluationsSayHowManyViewsLieOutsideTheTakesTime) {
   }
 }
 
+TEST_F(Subjects, RottenFramesAreLeftOutAndNamed) {
+  const std::string fourth = take_->document().cameras[3].id;
+  EvaluationOptions options;
+  options.focal_depth = 4;
+  options.excluded_camera_ids = {fourth};
+  const auto evaluate = [&] {
+    take_.emplace(folder_.path() / "take");
+    return evaluate_views(*take_, {}, {}, options, [](double) {}, {});
+  };
+  const Evaluation whole = evaluate();
+  EXPECT_FALSE(whole.has_rot);
+  const auto rot = [&](int camera, int frame) {
+    const store::FrameRecord record = take_->archive(camera).frames()[frame];
+    const std::filesystem::path file =
+        folder_.path() / "take" / take_->document().cameras[camera].archive;
+    std::string bytes = read_file(file);
+    bytes[static_cast<std::size_t>(record.offset + record.size / 2)] ^= 1;
+    write_file_atomically(file, bytes);
+  };
+  rot(3, 0);
+  const Evaluation without_truth = evaluate();
+  EXPECT_TRUE(without_truth.has_rot);
+  EXPECT_EQ(without_truth.views.size() + 1, whole.views.size());
+  EXPECT_THAT(without_truth.notes,
+              ::testing::Contains(HasSubstr("is left out: its truth is a rotten frame")));
+  rot(0, 1);
+  EXPECT_THAT(evaluate().notes,
+              ::testing::Contains(HasSubstr("lacks cameras whose stored frames are rotten: " +
+                                            take_->document().cameras[0].id)));
+}
+
 /// A camera's frame at a tick is rendered from the other cameras' frames at that tick, whatever
 /// their time stamps are.
 TEST_F(Subjects, EvaluationsAreOfTheInstantsThatTheTimelineSays) {

@@ -48,7 +48,7 @@ std::size_t memory_for(std::uint64_t file_bytes) {
 }
 
 std::chrono::seconds time_for(std::uint64_t file_bytes) {
-  constexpr std::uint64_t kAtLeast = 10, kBytesPerSecond = 2'000'000;
+  constexpr std::uint64_t kAtLeast = 2, kBytesPerSecond = 2'000'000;
   return std::chrono::seconds(kAtLeast + file_bytes / kBytesPerSecond);
 }
 

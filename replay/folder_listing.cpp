@@ -18,6 +18,7 @@
 #include "replay/take_shot.h"
 #include "schemas/shot_document.h"
 #include "schemas/take_document.h"
+#include "store/intact_frame.h"
 #include "store/journal_tail.h"
 #include "store/take.h"
 
@@ -148,7 +149,8 @@ store::RgbImage take_thumbnail(const fs::path& folder, int width, int height) {
   const auto frames = static_cast<int>(take.archive(camera).frames().size());
   store::FrameSelection middle;
   middle.frame.assign(static_cast<std::size_t>(take.camera_count()), -1);
-  middle.frame[static_cast<std::size_t>(camera)] = frames > 0 ? frames / 2 : -1;
+  middle.frame[static_cast<std::size_t>(camera)] =
+      store::intact_frame_near(take.archive(camera), frames / 2).value_or(-1);
   return source_picture({take, middle}, camera, width, height);
 }
 

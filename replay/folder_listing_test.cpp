@@ -7,6 +7,7 @@
 #include "base/atomic_file.h"
 #include "base/error.h"
 #include "replay/measurements.h"
+#include "store/take.h"
 #include "testing/render/synthetic_take.h"
 #include "testing/test_folder.h"
 
@@ -43,6 +44,25 @@ TEST_F(FolderListingTest, DescribesTakes) {
   EXPECT_FALSE(entries[0].is_recording);
   EXPECT_FALSE(entries[0].verified_utc);
   EXPECT_EQ(entries[0].problem, "");
+}
+
+TEST_F(FolderListingTest, ThumbnailsShowAnIntactFrame) {
+  const std::filesystem::path take_folder = folder_.path() / "b take";
+  const store::RgbImage whole = take_thumbnail(take_folder, 48, 32);
+  std::filesystem::path archive;
+  store::FrameRecord shown;
+  {
+    const store::Take take(take_folder);
+    archive = take_folder / take.document().cameras[1].archive;  // the one in the middle
+    shown = take.archive(1).frames()[2];
+  }
+  std::string bytes = read_file(archive);
+  bytes[static_cast<std::size_t>(shown.offset + shown.size / 2)] ^= 1;
+  write_file_atomically(archive, bytes);
+  EXPECT_TRUE(store::Take(take_folder).archive(1).is_rotten(2));
+  const store::RgbImage other = take_thumbnail(take_folder, 48, 32);
+  EXPECT_EQ(other.width, whole.width);
+  EXPECT_NE(other.values, store::RgbImage(other.width, other.height).values);  // not black
 }
 
 TEST_F(FolderListingTest, ListsShotsAndFoldersButNotOtherFiles) {

@@ -26,7 +26,7 @@ struct DecoderOptions {
   std::string kind;                                     ///< of the file, named by errors: "mesh"
   std::size_t memory_bytes = std::size_t{2} << 30;      ///< address space of the process
   std::uint64_t result_bytes = std::uint64_t{4} << 30;  ///< largest result
-  std::chrono::seconds time{20};  ///< of the processor; twice as much by the clock
+  std::chrono::seconds time{20};  ///< of the processor; by the clock four times as much and 10 s
   Confinement confinement = Confinement::kFull;
 };
 

@@ -28,7 +28,7 @@ class DecoderProcess : public ::testing::Test {
     options_.kind = "mesh";
     options_.memory_bytes = 300'000'000;
     options_.result_bytes = 50'000'000;
-    options_.time = std::chrono::seconds(2);
+    options_.time = std::chrono::seconds(1);
   }
   std::string run(const std::string& what) {
     options_.arguments = {what};
@@ -52,7 +52,7 @@ class DecoderProcess : public ::testing::Test {
 
 TEST_F(DecoderProcess, CrashesHangsAndGreedAreErrorsThatNameTheFile) {
   expect_error("crash", "its decoder crashed (Segmentation fault)");
-  expect_error("loop", "its decoder took more than 2 s");
+  expect_error("loop", "its decoder took more than 1 s");
   expect_error("refuse", "no such thing");
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
   expect_error("allocate", "its decoder needs more than 300 MB");
@@ -60,7 +60,7 @@ TEST_F(DecoderProcess, CrashesHangsAndGreedAreErrorsThatNameTheFile) {
 #endif
   expect_error("write", "its decoder ");
   options_.time = std::chrono::seconds(20);
-  expect_error("requests", "did not end within 40 s");  // at the most requests, long before
+  expect_error("requests", "asked for too many files");
 }
 
 TEST_F(DecoderProcess, CanDoNothingButDecode) {

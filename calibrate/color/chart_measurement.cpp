@@ -122,6 +122,7 @@ ChartMeasurement measure_chart(const store::Take& take, int camera,
   const int looked_at = std::min(frames, most_frames);
   for (int k = 0; k < looked_at; ++k) {
     const int frame = (2 * k + 1) * frames / (2 * looked_at);
+    if (!take.archive(camera).intact_jpeg(frame)) continue;  // rotten
     const auto found =
         found_in(store::decode_corrected_frame(take, camera, frame, size, response, {}));
     if (!found) continue;

@@ -6,6 +6,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "base/error.h"
+#include "store/intact_frame.h"
 #include "store/processing/frames/corrected_frame.h"
 
 namespace raystage::calibrate {
@@ -47,9 +48,11 @@ Pair pictures_of(const store::Take& take, int camera, rig::PictureSize size,
     throw Error::bad_input("camera \"" + id + "\" has no frames", take.folder().string(),
                            "Use a take in which every camera has frames");
   }
+  // If all frames near the middle are rotten, decoding one says so.
+  const int frame = store::intact_frame_near(take.archive(camera), frames / 2).value_or(frames / 2);
   const auto shown_by = [&](const schemas::PhotometricResponse& by) {
     store::CorrectedFrame picture =
-        store::decode_corrected_frame(take, camera, frames / 2, size, by, {});
+        store::decode_corrected_frame(take, camera, frame, size, by, {});
     const cv::Mat whole(picture.height, picture.width, CV_16UC4, picture.values.data());
     cv::Mat codes, small;
     whole.convertTo(codes, CV_8UC4, 1 / 257.0);

@@ -65,6 +65,13 @@ std::vector<store::FrameSelection> instants_of(const store::Take& take, int coun
   return instants;
 }
 
+void leave_out_rotten(const store::Take& take, store::FrameSelection& instant) {
+  for (std::size_t c = 0; c < instant.frame.size(); ++c) {
+    int& frame = instant.frame[c];
+    if (frame >= 0 && take.archive(static_cast<int>(c)).is_rotten(frame)) frame = -1;
+  }
+}
+
 }  // namespace
 
 bool PatchSearchOptions::is_valid(std::string* reason) const {
@@ -83,7 +90,8 @@ std::vector<ScenePatch> find_scene_patches(const store::Take& take, const rig::R
                                            const std::function<void(double)>& progress,
                                            const std::stop_token& stop) {
   require_valid(options, "search for scene patches");
-  const std::vector<store::FrameSelection> instants = instants_of(take, options.instants);
+  std::vector<store::FrameSelection> instants = instants_of(take, options.instants);
+  for (store::FrameSelection& instant : instants) leave_out_rotten(take, instant);
   const store::LevelTable levels = store::make_level_table(store::BlendSpace::kLinear);
   const std::size_t cameras = rig.cameras.size();
   std::vector<std::vector<ScenePatch>> found(instants.size() * cameras);

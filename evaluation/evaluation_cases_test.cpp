@@ -219,8 +219,21 @@ TEST_F(Subjects, RottenFramesAreLeftOutAndNamed) {
   EXPECT_EQ(without_truth.views.size() + 1, whole.views.size());
   EXPECT_THAT(without_truth.notes,
               ::testing::Contains(HasSubstr("is left out: its truth is a rotten frame")));
+  const store::RgbImage grey{kWidth, kHeight,
+                             std::vector<std::uint8_t>(std::size_t{3} * kWidth * kHeight,
+                                                       static_cast<std::uint8_t>(grey_at(1)))};
+  images::write_image(grey, folder_.path() / "truth.png");
+  schemas::ViewsDocument views;
+  views.color_space = "srgb_texture";
+  views.views.push_back({testing::camera_grid(1, 1, 1, kWidth, kHeight).front(), "truth.png",
+                         timeline_.ticks[1].time_ns});
+  options.excluded_camera_ids.clear();
   rot(0, 1);
-  EXPECT_THAT(evaluate().notes,
+  take_.emplace(folder_.path() / "take");
+  const Evaluation without_camera =
+      evaluate_views(*take_, views, folder_.path(), options, [](double) {}, {});
+  EXPECT_TRUE(without_camera.has_rot);
+  EXPECT_THAT(without_camera.notes,
               ::testing::Contains(HasSubstr("lacks cameras whose stored frames are rotten: " +
                                             take_->document().cameras[0].id)));
 }

@@ -8,6 +8,7 @@
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "images/png_file.h"
 
 namespace raystage::images {
 
@@ -35,6 +36,8 @@ store::RgbImage read_image(const std::filesystem::path& file) {
 }
 
 void write_image(const store::RgbImage& image, const std::filesystem::path& file) {
+  // One writer for all commands: a snapshot of the viewer is the file that a preview would be.
+  if (file.extension() == ".png") return write_png(image, file);
   // By file name: OpenImageIO accepts an extension only without its dot.
   const auto output = OIIO::ImageOutput::create(file.string());
   if (!output) {

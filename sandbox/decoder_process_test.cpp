@@ -26,7 +26,7 @@ class DecoderProcess : public ::testing::Test {
     options_.program = "raystage-misbehaving-decoder";
     options_.file = "some.mesh";
     options_.kind = "mesh";
-    options_.memory_bytes = 300'000'000;
+    options_.memory_bytes = 100'000'000;
     options_.result_bytes = 50'000'000;
     options_.time = std::chrono::seconds(1);
   }
@@ -55,7 +55,7 @@ TEST_F(DecoderProcess, CrashesHangsAndGreedAreErrorsThatNameTheFile) {
   expect_error("loop", "its decoder took more than 1 s");
   expect_error("refuse", "no such thing");
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-  expect_error("allocate", "its decoder needs more than 300 MB");
+  expect_error("allocate", "its decoder needs more than 100 MB");
   expect_error("sleep", "its decoder ");  // pause() is refused: it loops
 #endif
   expect_error("write", "its decoder ");

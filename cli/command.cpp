@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/command.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <malloc.h>
 #include <unistd.h>
@@ -39,7 +40,7 @@ class SignalWatch {
  public:
   /// `on_stop`: called once, at the first signal, in a thread of its own.
   explicit SignalWatch(const std::function<void()>& on_stop) {
-    if (pipe(signal_pipe.data()) != 0) return;
+    if (pipe2(signal_pipe.data(), O_CLOEXEC) != 0) return;
     thread_ = std::thread([this, on_stop] {
       unsigned char number = 0;
       while (read(signal_pipe[0], &number, 1) == 1 && number != 0) {

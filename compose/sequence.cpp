@@ -170,8 +170,9 @@ class SequenceRun {
                     painted[i].rotten_cameras.end());
     }
     std::ranges::sort(metadata.rotten_cameras);
-    const auto repeated = std::ranges::unique(metadata.rotten_cameras);
-    metadata.rotten_cameras.erase(repeated.begin(), repeated.end());
+    const auto repeated =
+        std::unique(metadata.rotten_cameras.begin(), metadata.rotten_cameras.end());
+    metadata.rotten_cameras.erase(repeated, metadata.rotten_cameras.end());
     advance(kPartsOfRender);
     parts_left -= kPartsOfRender;
 

@@ -6,7 +6,7 @@
 namespace raystage::images {
 
 /// Returns an image in another size, at least 1 x 1: each pixel is the mean of the area that it
-/// covers where the image shrinks in both directions, else it is interpolated linearly.
+/// covers in directions in which the image shrinks, and interpolated linearly in the others.
 store::RgbImage resize(const store::RgbImage& image, int width, int height);
 
 }  // namespace raystage::images

@@ -11,6 +11,7 @@
 #include <assimp/Importer.hpp>
 #include <cstddef>
 #include <cstdint>
+#include <exception>
 #include <map>
 #include <memory>
 #include <stdexcept>
@@ -131,6 +132,8 @@ DecodedScene read_with_assimp(const std::string& file, bool applies_unit) {
   unsigned steps = aiProcess_Triangulate | aiProcess_JoinIdenticalVertices | aiProcess_SortByPType;
   if (applies_unit) steps |= aiProcess_GlobalScale;
   const aiScene* from = importer.ReadFile(file, steps);
+  // Assimp keeps exceptions, such as that of too little memory.
+  if (from == nullptr && importer.GetException()) std::rethrow_exception(importer.GetException());
   if (from == nullptr) throw std::runtime_error(importer.GetErrorString());
   DecodedScene scene;
   scene.is_animated = from->mNumAnimations > 0;

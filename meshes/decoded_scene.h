@@ -9,7 +9,7 @@
 namespace raystage::meshes {
 
 /// What a file of meshes contains, as far as renderers need it. All indices are in range, all
-/// numbers of positions and texture coordinates finite. Units: those of the file; FBX: metres
+/// numbers of positions, texture coordinates and materials finite. Units: those of the file; FBX: metres
 /// unless DecodeOptions say otherwise.
 struct DecodedScene {
   static constexpr std::uint32_t kNone = 0xFFFFFFFF;

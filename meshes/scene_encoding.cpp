@@ -2,6 +2,7 @@
 #include "meshes/scene_encoding.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <concepts>
 #include <cstdint>
@@ -9,6 +10,7 @@
 #include <stdexcept>
 #include <string>
 #include <type_traits>
+#include <utility>
 
 namespace raystage::meshes {
 namespace {
@@ -95,6 +97,21 @@ void require_finite(bool is_finite) {
   if (!is_finite) throw std::runtime_error("it has a vertex that is not finite");
 }
 
+/// Nodes that share meshes must not make more of them than memory holds: each is placed by itself.
+void require_few_instances(const DecodedScene& scene) {
+  constexpr std::size_t kMaxElements = 200'000'000;  // positions and triangles
+  std::size_t elements = 0;
+  for (const DecodedScene::Node& node : scene.nodes) {
+    for (const std::uint32_t index : node.meshes) {
+      const DecodedScene::Mesh& mesh = scene.meshes[index];
+      elements += mesh.positions.size() + mesh.corners.size() + 1;
+      if (elements > kMaxElements) {
+        throw std::runtime_error("its nodes make more than 200 million vertices and triangles");
+      }
+    }
+  }
+}
+
 void read(Reader& reader, DecodedScene::Node& node, std::size_t index, std::size_t meshes) {
   reader.read_plain(node.name);
   reader.read(node.parent);
@@ -130,6 +147,12 @@ void read(Reader& reader, DecodedScene::Material& material, std::size_t images) 
   reader.read_plain(material.texture);
   reader.read(material.image);
   Reader::require(material.image == DecodedScene::kNone || material.image < images);
+  for (float* number : {&material.color[0], &material.color[1], &material.color[2],
+                        &material.metallic, &material.roughness}) {
+    if (!std::isfinite(*number)) {
+      throw std::runtime_error("it has a material with a number that is not finite");
+    }
+  }
 }
 
 }  // namespace
@@ -197,6 +220,7 @@ DecodedScene decode_scene_bytes(std::span<const std::byte> bytes) {
     read(reader, scene.nodes[i], i, scene.meshes.size());
   }
   Reader::require(reader.is_at_end() && !scene.nodes.empty());
+  require_few_instances(scene);
   return scene;
 }
 

@@ -61,6 +61,15 @@ TEST(SceneEncoding, RefusesBrokenPromises) {
   scene.meshes[0].uvs[1][0] = std::nanf("");
   expect_refused(scene);
   scene = small_scene();
+  scene.materials[0].color[1] = std::nanf("");
+  expect_refused(scene);
+  scene = small_scene();
+  scene.materials[0].roughness = std::numeric_limits<float>::infinity();
+  expect_refused(scene);
+  scene = small_scene();
+  scene.nodes[1].meshes.assign(60'000'000, 0);  // each places three vertices and a triangle
+  expect_refused(scene);
+  scene = small_scene();
   scene.meshes[0].normals.pop_back();
   expect_refused(scene);
   scene = small_scene();

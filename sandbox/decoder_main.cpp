@@ -2,18 +2,20 @@
 #include "sandbox/decoder_main.h"
 
 #include <seccomp.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <charconv>
 #include <csignal>
 #include <cstdint>
 #include <cstring>
+#include <exception>
 #include <new>
 #include <stdexcept>
 #include <string_view>
@@ -33,13 +35,11 @@ constexpr bool kIsInstrumented = false;
 // network, no other process.
 constexpr std::array kPermittedCalls{
     SCMP_SYS(read),         SCMP_SYS(pread64),        SCMP_SYS(write),        SCMP_SYS(pwrite64),
-    SCMP_SYS(lseek),        SCMP_SYS(fstat),          SCMP_SYS(newfstatat),   SCMP_SYS(close),
-    SCMP_SYS(sendto),       SCMP_SYS(recvmsg),        SCMP_SYS(mmap),         SCMP_SYS(munmap),
-    SCMP_SYS(mremap),       SCMP_SYS(mprotect),       SCMP_SYS(madvise),      SCMP_SYS(brk),
+    SCMP_SYS(lseek),        SCMP_SYS(close),          SCMP_SYS(sendto),       SCMP_SYS(recvmsg),
+    SCMP_SYS(munmap),       SCMP_SYS(mremap),         SCMP_SYS(madvise),      SCMP_SYS(brk),
     SCMP_SYS(futex),        SCMP_SYS(clock_gettime),  SCMP_SYS(gettimeofday), SCMP_SYS(getrandom),
     SCMP_SYS(rt_sigaction), SCMP_SYS(rt_sigprocmask), SCMP_SYS(rt_sigreturn), SCMP_SYS(getpid),
-    SCMP_SYS(gettid),       SCMP_SYS(tgkill),         SCMP_SYS(sched_yield),  SCMP_SYS(exit),
-    SCMP_SYS(exit_group)};
+    SCMP_SYS(gettid),       SCMP_SYS(sched_yield),    SCMP_SYS(exit),         SCMP_SYS(exit_group)};
 
 std::uint64_t number(const char* text) {
   std::uint64_t value = 0;
@@ -47,9 +47,14 @@ std::uint64_t number(const char* text) {
   return value;
 }
 
-void limit(int resource, std::uint64_t value) {
-  const rlimit both{value, value};
-  if (::setrlimit(static_cast<__rlimit_resource>(resource), &both) != 0) _exit(kNoFilter);
+/// Limits a resource, but never beyond what the process was started with.
+void limit(__rlimit_resource resource, std::uint64_t value) {
+  rlimit both{};
+  if (::getrlimit(resource, &both) != 0) _exit(kNoLimits);
+  both.rlim_cur = std::min<rlim_t>(value, both.rlim_max);
+  // The signal of the limit of time comes at the lower, SIGKILL at the higher of the two.
+  both.rlim_max = std::min<rlim_t>(value + 1, both.rlim_max);
+  if (::setrlimit(resource, &both) != 0) _exit(kNoLimits);
 }
 
 bool filter_system_calls() {
@@ -60,6 +65,14 @@ bool filter_system_calls() {
     // Calls that this architecture does not have are no fault.
     const int code = seccomp_rule_add(filter, SCMP_ACT_ALLOW, call, 0);
     is_complete = is_complete && (code == 0 || code == -EDOM);
+  }
+  // abort() sends a signal, to this process only; memory is never made executable.
+  is_complete = is_complete &&
+                seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(tgkill), 1,
+                                 SCMP_A0(SCMP_CMP_EQ, static_cast<scmp_datum_t>(::getpid()))) == 0;
+  for (const int call : {SCMP_SYS(mmap), SCMP_SYS(mprotect)}) {
+    is_complete = is_complete && seccomp_rule_add(filter, SCMP_ACT_ALLOW, call, 1,
+                                                  SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0)) == 0;
   }
   is_complete = is_complete && seccomp_load(filter) == 0;
   seccomp_release(filter);
@@ -104,10 +117,9 @@ std::optional<std::vector<std::byte>> request_file(const std::string& name) {
   }
   const int file = receive_file();
   if (file < 0) return std::nullopt;
-  struct stat status {};
   std::optional<std::vector<std::byte>> bytes;
-  if (::fstat(file, &status) == 0) {
-    bytes.emplace(static_cast<std::size_t>(status.st_size));
+  if (const off_t size = ::lseek(file, 0, SEEK_END); size >= 0) {
+    bytes.emplace(static_cast<std::size_t>(size));
     std::size_t done = 0;
     while (done < bytes->size()) {
       const ssize_t part =
@@ -126,7 +138,7 @@ int decoder_main(int argc, char** argv, const Decode& decode) {
   constexpr int kOwnArguments = 5;
   if (argc < kOwnArguments) return kRefused;
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
-  if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) return kNoFilter;
+  if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) return kNoLimits;
   if (!kIsInstrumented) limit(RLIMIT_AS, number(argv[2]));
   limit(RLIMIT_FSIZE, number(argv[3]));
   limit(RLIMIT_CPU, number(argv[4]));

@@ -11,11 +11,14 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
+#include <optional>
 #include <string_view>
+#include <thread>
 #include <utility>
 
 #include "base/error.h"
@@ -63,8 +66,8 @@ class Child {
     posix_spawn_file_actions_adddup2(&actions, result, high + 1);
     posix_spawn_file_actions_adddup2(&actions, high, kRequestSocket);
     posix_spawn_file_actions_adddup2(&actions, high + 1, kResultFile);
-    posix_spawn_file_actions_addclose(&actions, high);
-    posix_spawn_file_actions_addclose(&actions, high + 1);
+    // Whatever else this process has open stays here.
+    posix_spawn_file_actions_addclosefrom_np(&actions, kResultFile + 1);
     posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDWR, 0);
     posix_spawn_file_actions_adddup2(&actions, STDIN_FILENO, STDOUT_FILENO);
     posix_spawn_file_actions_adddup2(&actions, STDIN_FILENO, STDERR_FILENO);
@@ -76,25 +79,45 @@ class Child {
     std::vector<char*> argv;
     for (std::string& word : words) argv.push_back(word.data());
     argv.push_back(nullptr);
-    const int code = posix_spawn(&id_, program.c_str(), &actions, nullptr, argv.data(), environ);
+    // Signals to this process's group, such as Ctrl-C, are for this process to handle.
+    posix_spawnattr_t attributes;
+    posix_spawnattr_init(&attributes);
+    sigset_t none, all;
+    sigemptyset(&none);
+    sigfillset(&all);
+    posix_spawnattr_setsigmask(&attributes, &none);
+    posix_spawnattr_setsigdefault(&attributes, &all);
+    posix_spawnattr_setpgroup(&attributes, 0);
+    posix_spawnattr_setflags(
+        &attributes, POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+    const int code =
+        posix_spawn(&id_, program.c_str(), &actions, &attributes, argv.data(), environ);
+    posix_spawnattr_destroy(&attributes);
     posix_spawn_file_actions_destroy(&actions);
     if (code != 0) throw cannot_start(std::strerror(code), program);
   }
   ~Child() {
     if (id_ <= 0) return;
     ::kill(id_, SIGKILL);
-    wait();
+    while (::waitpid(id_, nullptr, 0) < 0 && errno == EINTR) {
+    }
   }
   Child(const Child&) = delete;
   Child& operator=(const Child&) = delete;
 
-  /// Waits for the end and returns waitpid()'s status.
-  int wait() {
-    int status = 0;
-    while (::waitpid(id_, &status, 0) < 0 && errno == EINTR) {
+  /// Waits for the end and returns waitpid()'s status, or nullopt if it does not come in time.
+  std::optional<int> wait_until(Clock::time_point deadline) {
+    constexpr auto kInterval = std::chrono::milliseconds(1);
+    for (;;) {
+      int status = 0;
+      const pid_t ended = ::waitpid(id_, &status, WNOHANG);
+      if (ended == id_) {
+        id_ = 0;
+        return status;
+      }
+      if (Clock::now() > deadline) return std::nullopt;
+      std::this_thread::sleep_for(kInterval);
     }
-    id_ = 0;
-    return status;
   }
 
  private:
@@ -118,8 +141,8 @@ void send_answer(int socket, const FileDescriptor& file) {
     const int number = file.number();
     std::memcpy(CMSG_DATA(header), &number, sizeof number);
   }
-  // A decoder that has ended is noticed by the next receive.
-  (void)::sendmsg(socket, &message, MSG_NOSIGNAL);
+  // Without waiting: a decoder that does not receive its answers gets none.
+  (void)::sendmsg(socket, &message, MSG_NOSIGNAL | MSG_DONTWAIT);
 }
 
 /// Opens files for the decoder until it closes its end. Returns whether it did so in time.
@@ -185,15 +208,23 @@ std::vector<std::byte> run_decoder(const DecoderOptions& options, const OpenFile
   const std::string is_damaged = "The file is damaged, or made to do harm: export it again";
   // By the clock much longer, because others may use the processors.
   const std::chrono::seconds most = 4 * options.time + std::chrono::seconds(10);
-  if (!answer_requests(socket.number(), open_file, Clock::now() + most)) {
-    throw refuse(fmt::format("its decoder did not end within {} s, or asked for too many files",
-                             most.count()),
-                 is_damaged);
-  }
-  const int status = child.wait();
+  const Clock::time_point deadline = Clock::now() + most;
+  const auto not_in_time = [&] {
+    return refuse(fmt::format("its decoder did not end within {} s, or asked for too many files",
+                              most.count()),
+                  is_damaged);
+  };
+  if (!answer_requests(socket.number(), open_file, deadline)) throw not_in_time();
+  const std::optional<int> ended = child.wait_until(deadline);
+  if (!ended) throw not_in_time();
+  const int status = *ended;
   if (WIFSIGNALED(status)) {
     const int signal = WTERMSIG(status);
-    if (signal == SIGXCPU || signal == SIGKILL) {
+    if (signal == SIGKILL) {
+      throw Error::failed(fmt::format("the decoder of a {} was killed", options.kind),
+                          options.file.string(), "Free memory, and try again");
+    }
+    if (signal == SIGXCPU) {
       throw refuse(fmt::format("its decoder took more than {} s", options.time.count()),
                    is_damaged);
     }
@@ -209,6 +240,8 @@ std::vector<std::byte> run_decoder(const DecoderOptions& options, const OpenFile
       throw refuse(fmt::format("its decoder needs more than {} MB of memory",
                                options.memory_bytes / 1'000'000),
                    is_damaged);
+    case kNoLimits:
+      throw cannot_start("its limits cannot be set", program);
     case kNoFilter:
       throw Error::failed(
           fmt::format("the {} cannot be read safely: the kernel has no filter of system calls "

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // A decoder for tests that does what its argument says.
 #include <fcntl.h>
+#include <sys/mman.h>
 #include <sys/socket.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -27,6 +29,11 @@ std::string escapes() {
   if (::openat(AT_FDCWD, "/tmp", O_RDONLY | O_DIRECTORY) >= 0) done += "openat ";
   if (::socket(AF_INET, SOCK_STREAM, 0) >= 0) done += "socket ";
   if (::kill(::getppid(), 0) == 0) done += "kill ";
+  if (::syscall(SYS_tgkill, ::getppid(), ::getppid(), 0) == 0) done += "tgkill ";
+  if (::mmap(nullptr, 4096, PROT_READ | PROT_EXEC, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0) !=
+      MAP_FAILED) {
+    done += "exec memory ";
+  }
   ::execl("/no/such/program", "program", nullptr);
   if (errno != EPERM) done += "exec ";
   if (::unlink("/tmp/raystage-no-such-file") == 0 || errno != EPERM) done += "unlink ";
@@ -45,7 +52,12 @@ std::vector<std::byte> misbehave(std::span<const char* const> arguments) {
     }
   }
   if (what == "sleep") {
-    for (;;) ::pause();
+    ::close(3);  // the parent sees the end of its requests
+    std::atomic<int> never = 0;
+    for (;;) never.wait(0);
+  }
+  if (what == "flood") {
+    for (;;) ::send(3, "a", 1, 0);
   }
   if (what == "allocate") {
     std::vector<std::vector<char>> all;

@@ -20,7 +20,8 @@ enum DecoderExit {
   kDecoded = 0,   ///< the result is complete
   kRefused = 1,   ///< the file cannot be decoded; the result is the reason
   kNoFilter = 2,  ///< the kernel offers no filter of system calls
-  kMemoryExceeded = 3
+  kMemoryExceeded = 3,
+  kNoLimits = 4  ///< of memory, time and files
 };
 
 }  // namespace raystage::sandbox

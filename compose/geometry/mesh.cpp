@@ -10,8 +10,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <limits>
-#include <new>
 #include <string_view>
 #include <utility>
 
@@ -90,8 +88,6 @@ void add_object(const meshes::DecodedScene::Mesh& from, const std::string& node_
   Mesh& mesh = result.mesh;
   result.is_deformable |= from.is_deformable;
   const std::size_t first = mesh.positions.size();
-  constexpr std::size_t kMaxPositions = std::numeric_limits<std::uint32_t>::max();
-  if (from.positions.size() > kMaxPositions - first) throw std::bad_alloc();
   // Fill in for meshes that have none.
   if (!from.normals.empty()) mesh.normals.resize(first, Eigen::Vector3f::Zero());
   if (!from.uvs.empty()) mesh.uvs.resize(first, Eigen::Vector2f::Zero());

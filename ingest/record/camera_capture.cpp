@@ -152,12 +152,13 @@ bool CameraCapture::reconnect(const std::stop_token& stop, std::string_view conn
       if (!has_size_of_archive(description)) continue;
       replace_source(std::move(source));
       pipeline_.counters.set_description(description);
+      pipeline_.counters.is_absent = false;
       clock_.reset_device_clock();
       pipeline_.counters.state = CameraCounters::State::kRunning;
       pipeline_.counters.add_event(
           fmt::format("{} after {:.1f} s", connected, seconds(Clock::now() - start)));
       return true;
-    } catch (const Error&) {  // tried again after the next pause
+    } catch (const std::exception&) {  // tried again after the next pause
     }
   }
 }

@@ -36,6 +36,7 @@ struct RecordingEvent {
 struct CameraCounters {
   enum class State { kRunning, kLost, kEnded };
   std::atomic<State> state = State::kRunning;
+  std::atomic<bool> is_absent = false;                  ///< since the start; false once it came
   std::atomic<std::uint64_t> arrived = 0;               ///< frames that the source delivered
   std::atomic<std::uint64_t> dropped = 0;               ///< of these, not to be stored (any reason)
   std::atomic<std::uint64_t> skipped_by_source = 0;     ///< gaps in the source's own counter

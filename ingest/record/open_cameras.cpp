@@ -65,6 +65,10 @@ Attempt attempt(const schemas::RecordConfig::Camera& camera, const OpenFrameSour
   } catch (const Error& error) {
     result.fail(error);
     return result;
+  } catch (const std::exception& error) {  // whatever a camera's data make of a library
+    result.fail(Error::failed(std::string("the source cannot be opened: ") + error.what(),
+                              camera.id, "Check the camera"));
+    return result;
   }
   const SourceDescription& source = result.source->description();
   if (source.width <= 0 || source.height <= 0) {
@@ -83,13 +87,14 @@ Attempt attempt(const schemas::RecordConfig::Camera& camera, const OpenFrameSour
 /// Makes cameras absent whose frames are much larger than those of most others, if the memory does
 /// not suffice for all: one camera that states a wrong size must not end the recording.
 void leave_out_oversized(const schemas::RecordConfig& config, std::vector<Attempt>& attempts) {
-  constexpr double kMuchLarger = 4, kBytesPerPixel = 3, kFrames = 5, kBytesPerMb = 1e6;
+  constexpr double kMuchLarger = 4, kFrames = 5, kBytesPerMb = 1e6;
   std::vector<std::size_t> sizes;
   double needed = 0;
   for (const Attempt& one : attempts) {
     if (!one.source) continue;
     sizes.push_back(pixels_of(one.source->description()));
-    needed += kFrames * kBytesPerPixel * static_cast<double>(sizes.back());
+    needed += kFrames * static_cast<double>(
+                            frame_bytes(sizes.back(), one.source->description().delivers_jpeg));
   }
   if (sizes.empty() || needed <= config.memory_mb * kBytesPerMb) return;
   const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>((sizes.size() - 1) / 2);
@@ -151,7 +156,7 @@ std::vector<RecorderCamera> open_cameras(const schemas::RecordConfig& config,
     if (!attempts[i].failure) continue;
     SourceDescription description = most_common(attempts);
     description.what = cameras[i].absence = attempts[i].failure->what();
-    description.delivers_jpeg = false;  // needs the most memory
+    description.waits = false;  // if it is a camera
     if (const schemas::CameraGeometry* geometry = find_geometry(rig, camera.id)) {
       description.width = geometry->width;
       description.height = geometry->height;

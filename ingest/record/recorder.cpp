@@ -31,14 +31,6 @@ double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-/// Returns the largest size in bytes of the frame that a capture thread holds outside of the
-/// budget.
-std::size_t frame_bytes(const schemas::CameraGeometry& geometry, bool jpeg) {
-  const auto pixels =
-      static_cast<std::size_t>(geometry.width) * static_cast<std::size_t>(geometry.height);
-  return jpeg ? pixels / 2 : pixels * 3;
-}
-
 void describe(const SourceDescription& source, schemas::RecordingDocument::Camera& camera) {
   camera.source = source.what;
   camera.clock = source.clock;
@@ -78,11 +70,15 @@ struct Recorder::State {
   std::size_t last_memory = 0;
 };
 
+std::size_t frame_bytes(std::size_t pixels, bool jpeg) { return jpeg ? pixels / 2 : pixels * 3; }
+
 std::size_t Recorder::State::limit() const {
   std::size_t in_capture = 0, least = 0;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     const bool jpeg = cameras[i].source->description().delivers_jpeg;
-    const std::size_t bytes = frame_bytes(take.rig().cameras[i].geometry, jpeg);
+    const schemas::CameraGeometry& geometry = take.rig().cameras[i].geometry;
+    const std::size_t bytes = frame_bytes(
+        static_cast<std::size_t>(geometry.width) * static_cast<std::size_t>(geometry.height), jpeg);
     in_capture += bytes;
     least += kMinFramesPerCamera * bytes;
   }
@@ -205,6 +201,7 @@ schemas::RecordingDocument::Session Recorder::run(
 
   std::vector<ArchiveWriterThread::Camera> writer_cameras;
   for (std::size_t i = 0; i < s.cameras.size(); ++i) {
+    s.counters[i].is_absent = !s.cameras[i].absence.empty();
     writer_cameras.push_back({s.queues[i], s.take.archive(i), s.counters[i]});
   }
   ArchiveWriterThread writer(std::move(writer_cameras),

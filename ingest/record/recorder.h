@@ -42,6 +42,9 @@ struct RecorderCamera {
   std::string absence = {};  ///< why it could not be opened; empty: `source` is open
 };
 
+/// Returns the largest size in bytes of a frame that a capture thread holds outside of the budget.
+std::size_t frame_bytes(std::size_t pixels, bool jpeg);
+
 /// The state of a running recording, for display.
 struct RecorderStatus {
   struct Camera {

@@ -30,8 +30,8 @@ export class Connection {
     };
     this.socket.onmessage = (event) => this.receive(event.data);
     if (!early) return;
-    if (this.socket.readyState !== WebSocket.CONNECTING) this.handlers.open();
-    for (const data of early.received) this.receive(data);
+    if (this.socket.readyState === WebSocket.OPEN) this.handlers.open();
+    for (const data of early.received.splice(0)) this.socket.dispatchEvent(new MessageEvent("message", { data }));
     if (early.isClosed) this.socket.onclose();
   }
 

@@ -9,8 +9,8 @@
 namespace raystage::meshes {
 
 /// What a file of meshes contains, as far as renderers need it. All indices are in range, all
-/// numbers of positions, texture coordinates and materials finite. Units: those of the file; FBX: metres
-/// unless DecodeOptions say otherwise.
+/// numbers of positions, texture coordinates and materials finite. Units: those of the file; FBX:
+/// metres unless DecodeOptions say otherwise.
 struct DecodedScene {
   static constexpr std::uint32_t kNone = 0xFFFFFFFF;
 

@@ -48,26 +48,30 @@ std::size_t memory_for(std::uint64_t file_bytes) {
 }
 
 std::chrono::seconds time_for(std::uint64_t file_bytes) {
-  constexpr std::uint64_t kAtLeast = 2, kBytesPerSecond = 2'000'000;
-  return std::chrono::seconds(kAtLeast + file_bytes / kBytesPerSecond);
+  constexpr std::uint64_t kAtLeast = 2, kAtMost = 120, kBytesPerSecond = 2'000'000;
+  return std::chrono::seconds(std::min(kAtLeast + file_bytes / kBytesPerSecond, kAtMost));
 }
 
-/// Returns the size of the mesh and the files beside it that it may read, bytes.
-std::uint64_t bytes_beside(const fs::path& mesh) {
-  constexpr int kMaxFiles = 1000;  // of a folder that holds other things, too
+/// Returns the size of all files that the decoder may read, bytes: a glTF is small, its buffers are
+/// beside it under any name.
+std::uint64_t readable_bytes(const fs::path& mesh) {
+  constexpr int kMaxFiles = 10000;  // of a folder that holds other things, too
   std::error_code error;
-  std::uint64_t largest = fs::file_size(mesh, error);
+  std::uint64_t sum = fs::file_size(mesh, error);
   if (error) return 0;
-  const std::uint64_t own = largest;
   int files = 0;
   const fs::path folder = mesh.parent_path().empty() ? "." : mesh.parent_path();
-  for (fs::directory_iterator entry(folder, error), end;
-       !error && entry != end && files < kMaxFiles; entry.increment(error), ++files) {
+  for (fs::recursive_directory_iterator
+           entry(folder, fs::directory_options::skip_permission_denied, error),
+       end;
+       !error && entry != end && files < kMaxFiles && sum < kMaxSceneBytes;
+       entry.increment(error), ++files) {
     std::error_code of_entry;
-    const std::uint64_t size = entry->file_size(of_entry);
-    if (!of_entry && entry->path().stem() == mesh.stem()) largest = std::max(largest, size);
+    const bool is_file = entry->symlink_status(of_entry).type() == fs::file_type::regular;
+    const std::uint64_t size = is_file ? entry->file_size(of_entry) : 0;
+    if (!of_entry) sum += size;
   }
-  return std::min(own + largest, kMaxSceneBytes);
+  return std::min(sum, kMaxSceneBytes);
 }
 
 }  // namespace
@@ -77,7 +81,7 @@ DecodedScene decode_scene(const fs::path& file, const DecodeOptions& options) {
     throw Error::bad_input("the mesh file does not exist", file.string(),
                            "Correct the layer's path; it is relative to the shot's folder");
   }
-  const std::uint64_t size = bytes_beside(file);
+  const std::uint64_t size = readable_bytes(file);
   sandbox::DecoderOptions process;
   process.program = "raystage-decode-mesh";
   process.arguments = {file.string(), options.applies_unit ? "metres" : "as_stored"};

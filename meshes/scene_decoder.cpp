@@ -52,8 +52,8 @@ std::chrono::seconds time_for(std::uint64_t file_bytes) {
   return std::chrono::seconds(std::min(kAtLeast + file_bytes / kBytesPerSecond, kAtMost));
 }
 
-/// Returns the size of all files that the decoder may read, bytes: a glTF is small, its buffers are
-/// beside it under any name.
+/// Returns the size of all files that the decoder may read, bytes. The buffers of a glTF file may
+/// have any name below its folder.
 std::uint64_t readable_bytes(const fs::path& mesh) {
   constexpr int kMaxFiles = 10000;  // of a folder that holds other things, too
   std::error_code error;

@@ -104,10 +104,10 @@ std::vector<int> excluded_camera_indices(const store::Take& take,
 
 /// Renders every view at its instant (see make_evaluation_cases()) and compares it with its truth
 /// image. Views whose truth is a rotten frame are left out, see Evaluation::has_rot; Error (bad
-/// input) if no view remains. `views` may be empty if cameras are excluded. Throws Error (bad input) for an unknown
-/// camera, an optimal focal plane without a depth range, and a truth image that is unreadable or of
-/// another size. It does so, too, for a timeline that is damaged or of another take, and if no view
-/// is within the take's time.
+/// input) if no view remains. `views` may be empty if cameras are excluded. Throws Error (bad
+/// input) for an unknown camera, an optimal focal plane without a depth range, and a truth image
+/// that is unreadable or of another size. It does so, too, for a timeline that is damaged or of
+/// another take, and if no view is within the take's time.
 Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument& views,
                           const std::filesystem::path& views_folder,
                           const EvaluationOptions& settings,

@@ -11,6 +11,7 @@
 #include "cli/command_line_parsing.h"
 #include "cli/evaluation_options.h"
 #include "cli/printing.h"
+#include "cli/sandbox_option.h"
 #include "cli/threads.h"
 #include "render/methods.h"
 #include "reports/bench_page.h"
@@ -72,6 +73,7 @@ void declare(CommandLine& command, Options& options) {
       .range(0, 1000);
   add_blend_option(command, plan.common);
   add_memory_option(command, options.memory_gb);
+  add_sandbox_option(command);
   command.flag("-q,--quiet", options.quiet, "No progress on stderr");
   command.footer(
       "Methods and their options: raystage render --methods.\n"

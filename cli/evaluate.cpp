@@ -12,6 +12,7 @@
 #include "cli/command_line_parsing.h"
 #include "cli/evaluation_options.h"
 #include "cli/printing.h"
+#include "cli/sandbox_option.h"
 #include "cli/threads.h"
 #include "evaluation/evaluation.h"
 #include "render/methods.h"
@@ -103,6 +104,7 @@ int main(int argc, char** argv) {
   command.option("--label", options.label, "First column of that row (default: the method)");
   add_threads_option(command, options.threads);
   add_memory_option(command, options.memory_gb);
+  add_sandbox_option(command);
   command.flag("-q,--quiet", options.quiet, "No progress on stderr");
   command.footer(
       "Exit codes: 0 all views were measured; 1 failed; 2 bad usage or input; 4 stored frames are "

@@ -12,6 +12,7 @@
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/printing.h"
+#include "cli/sandbox_option.h"
 #include "cli/threads.h"
 #include "ingest/import_source.h"
 #include "ingest/import_take.h"
@@ -67,6 +68,7 @@ void declare(CommandLine& command, Options& options) {
   command.option("--fps F", options.fps, "Nominal rate of a COLMAP or NeRF model, Hz (default: 24)")
       .range(1e-3, 1e6);
   add_threads_option(command, options.threads);
+  add_sandbox_option(command);
   command.flag("-q,--quiet", options.quiet, "No progress on stderr");
 }
 

@@ -13,6 +13,7 @@
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/printing.h"
+#include "cli/sandbox_option.h"
 #include "cli/shot_options.h"
 #include "cli/simd_option.h"
 #include "cli/threads.h"
@@ -59,6 +60,7 @@ void declare(CommandLine& command, Options& options, char** argv) {
   command.option(
       "--ocio CONFIG", options.color_config,
       "OpenColorIO config of the shot, as raystage render (stored data does not depend on it)");
+  add_sandbox_option(command);
   add_progress_option(command, options.progress);
   command
       .flag("--list", options.list,

@@ -6,6 +6,7 @@
 
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/sandbox_option.h"
 #include "compose/frame_range.h"
 
 int main(int argc, char** argv) {
@@ -103,6 +104,7 @@ int main(int argc, char** argv) {
       .option("--missing", missing,
               "missing frames: error = stop; hold = repeat the previous one (default: error)")
       .one_of({"error", "hold"});
+  add_sandbox_option(command);
   command.flag("-q,--quiet", quiet, "No progress on stderr");
   return parse_and_run(command, argc, argv, "preview", [&](std::stop_token stop) {
     if (output.empty() && options.contact_sheet.empty()) {

@@ -12,6 +12,7 @@
 #include "base/cancellation.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/sandbox_option.h"
 #include "cli/shot_options.h"
 #include "cli/simd_option.h"
 #include "cli/threads.h"
@@ -62,6 +63,7 @@ void declare(CommandLine& command, Options& options, char** argv) {
       .option("--memory GB", options.memory_gb,
               "memory for decoded source frames and the method, GB = 10^9 bytes (default: 2)")
       .range(1e-3, 1e5);
+  add_sandbox_option(command);
   add_progress_option(command, options.progress);
   command.footer(
       "Exit codes: 0 written; 1 failed; 2 bad usage or input; 128+n stopped by signal n.");

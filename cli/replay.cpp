@@ -8,6 +8,7 @@
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/printing.h"
+#include "cli/sandbox_option.h"
 #include "raystage_version.h"
 #include "replay/viewer.h"
 
@@ -45,6 +46,7 @@ int main(int argc, char** argv) {
       .range(0.1, 100000.0);
   command.option("-j,--threads N", options.threads, "threads of the renderer (default: all)")
       .range(1, 1024);
+  add_sandbox_option(command);
   command.option("--max-viewers N", options.server.max_clients, "pages at once (default: 32)")
       .range(1, 1000);
   return parse_and_run(

@@ -103,3 +103,14 @@ function(raystage_kernels)
                               SKIP_PRECOMPILE_HEADERS ON  # compiled for another machine
                               SKIP_UNITY_BUILD_INCLUSION ON)
 endfunction()
+
+# raystage_decoder(NAME SOURCES ... LINKS ...): a program of lib/raystage that decodes strangers' files, see sandbox/.
+function(raystage_decoder NAME)
+  cmake_parse_arguments(DECODER "" "" "SOURCES;LINKS" ${ARGN})
+  string(REPLACE "_" "-" program "${NAME}")
+  add_executable(raystage_${NAME} ${DECODER_SOURCES})
+  set_target_properties(raystage_${NAME} PROPERTIES OUTPUT_NAME "raystage-${program}"
+    RUNTIME_OUTPUT_DIRECTORY "${CMAKE_RUNTIME_OUTPUT_DIRECTORY}/${RAYSTAGE_MODULE_DIRECTORY}")
+  target_link_libraries(raystage_${NAME} PRIVATE raystage_compiler raystage_decoder_main ${DECODER_LINKS})
+  install(TARGETS raystage_${NAME} RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}/${RAYSTAGE_MODULE_DIRECTORY}")
+endfunction()

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <fstream>
 
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 #include "testing/compose/sequence_test_data.h"
 
 namespace raystage::compose {

@@ -12,7 +12,7 @@
 #include "base/error.h"
 #include "compose/camera/shot_camera.h"
 #include "compose/draft_shot.h"
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 #include "testing/compose/test_traced_scene.h"
 
 namespace raystage::compose {
@@ -90,7 +90,7 @@ class EquirectangularShot : public ::testing::Test {
                               std::span<const images::ExrChannel> names) const {
     return view.empty()
                ? images::read_exr_channels(scene_.path("out.0001.exr"), names, "").values
-               : images::read_exr_view(scene_.path("out.0001.exr"), view, names, "").values;
+               : images::ExrReader().read_view(scene_.path("out.0001.exr"), view, names, "").values;
   }
   TracedScene scene_;
   schemas::ShotDocument shot_;

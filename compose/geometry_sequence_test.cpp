@@ -9,7 +9,7 @@
 #include <fstream>
 
 #include "compose/layers/cryptomatte.h"
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 #include "testing/compose/sequence_test_data.h"
 
 namespace raystage::compose {

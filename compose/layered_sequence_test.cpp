@@ -10,7 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "base/atomic_file.h"
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 #include "images/exr_slice.h"
 #include "testing/compose/sequence_test_data.h"
 

@@ -13,7 +13,7 @@
 #include <set>
 
 #include "compose/exr/exr_file.h"
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 #include "schemas/rig_document.h"
 #include "testing/compose/sequence_test_data.h"
 

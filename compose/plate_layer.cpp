@@ -5,7 +5,6 @@
 #include "compose/plate_layer.h"
 
 #include <fmt/format.h>
-#include <png.h>
 
 #include <algorithm>
 #include <cctype>
@@ -20,7 +19,7 @@
 #include "base/error.h"
 #include "base/transfer_function.h"
 #include "compose/layers/area_scaling.h"
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 #include "store/jpeg/decode.h"
 #include "store/jpeg/layout.h"
 
@@ -70,50 +69,27 @@ LayerImage read_jpeg_plate(const std::filesystem::path& path, const CodeToLight&
   return image;
 }
 
-Error bad_png(const std::string& why, const std::filesystem::path& path) {
-  return Error::bad_input("the plate cannot be read: " + why, path.string(),
-                          "Save it as PNG with 8 bits or as EXR");
-}
-
 /// Returns the size of a plate of a supported format, without reading its pixels.
-std::array<int, 2> size_of(const std::filesystem::path& path) {
-  if (is_named(path, {".exr"})) return images::check_exr_channels(path, kPicture, kFlatExr);
+std::array<int, 2> size_of(const images::ExrReader& exr, const images::ImageReader& png,
+                           const std::filesystem::path& path) {
+  if (is_named(path, {".exr"})) return exr.size(path, kPicture, kFlatExr);
   if (!is_named(path, {".png"})) {
     const std::string bytes = read_file(path);
     const store::JpegLayout layout =
         store::parse_jpeg_layout(std::as_bytes(std::span(bytes)), path.string());
     return {layout.width, layout.height};
   }
-  png_image png{};
-  png.version = PNG_IMAGE_VERSION;
-  const bool is_read = png_image_begin_read_from_file(&png, path.c_str()) != 0;
-  const std::string message = png.message;
-  png_image_free(&png);
-  if (!is_read) throw bad_png(message, path);
-  if ((png.format & PNG_FORMAT_FLAG_LINEAR) != 0) throw bad_png("it has 16 bits", path);
-  return {static_cast<int>(png.width), static_cast<int>(png.height)};
+  const images::ImageProperties properties = png.properties(path);
+  return {properties.width, properties.height};
 }
 
-/// Reads a PNG with the given code values: libpng itself would use a power of 2.2.
-LayerImage read_png_plate(const std::filesystem::path& path, const CodeToLight& light) {
-  png_image png{};
-  png.version = PNG_IMAGE_VERSION;
-  const auto refuse = [&](const std::string& why) {
-    png_image_free(&png);
-    return bad_png(why, path);
-  };
-  if (png_image_begin_read_from_file(&png, path.c_str()) == 0) throw refuse(png.message);
-  if ((png.format & PNG_FORMAT_FLAG_LINEAR) != 0) throw refuse("it has 16 bits");
-  png.format = PNG_FORMAT_RGBA;
-  LayerImage image =
-      transparent_layer_image(static_cast<int>(png.width), static_cast<int>(png.height));
-  std::vector<std::uint8_t> codes(image.rgba.size());
-  if (png_image_finish_read(&png, nullptr, codes.data(), 0, nullptr) == 0) {
-    throw refuse(png.message);
-  }
-  for (std::size_t i = 0; i < codes.size(); i += 4) {
-    const float alpha = static_cast<float>(codes[i + 3]) / 255;
-    for (std::size_t c = 0; c < 3; ++c) image.rgba[i + c] = alpha * light[codes[i + c]];
+LayerImage read_png_plate(const images::ImageReader& png, const std::filesystem::path& path,
+                          const CodeToLight& light) {
+  const images::ImageValues<std::uint8_t> codes = png.read_codes(path);  // R, G, B, A
+  LayerImage image = transparent_layer_image(codes.properties.width, codes.properties.height);
+  for (std::size_t i = 0; i < image.rgba.size(); i += 4) {
+    const float alpha = static_cast<float>(codes.values[i + 3]) / 255;
+    for (std::size_t c = 0; c < 3; ++c) image.rgba[i + c] = alpha * light[codes.values[i + c]];
     image.rgba[i + 3] = alpha;
   }
   return image;
@@ -149,7 +125,7 @@ void PlateLayer::check_file(int frame) const {
     throw Error::bad_input(fmt::format("the plate of frame {} is missing", frame), path.string(),
                            "Add it, or correct the layer's file or frame_offset");
   }
-  check_size(size_of(path), path);
+  check_size(size_of(exr_, png_, path), path);
 }
 
 void PlateLayer::check_size(const std::array<int, 2>& size,
@@ -163,13 +139,13 @@ void PlateLayer::check_size(const std::array<int, 2>& size,
 
 LayerImage PlateLayer::read(const std::filesystem::path& path) const {
   const bool by_srgb = document_.space.empty();
-  if (is_named(path, {".png"})) return read_png_plate(path, make_code_to_light(by_srgb));
+  if (is_named(path, {".png"})) return read_png_plate(png_, path, make_code_to_light(by_srgb));
   if (is_named(path, {".jpg", ".jpeg"})) return read_jpeg_plate(path, make_code_to_light(by_srgb));
   constexpr images::ExrChannel kDepth[] = {{"Z", kInfinity}};
-  const images::ExrChannelData pixels = images::read_exr_channels(path, kPicture, kFlatExr);
+  const images::ExrChannelData pixels = exr_.read(path, kPicture, kFlatExr);
   LayerImage image = transparent_layer_image(pixels.width, pixels.height);
   std::ranges::copy(pixels.values, image.rgba.begin());
-  std::ranges::copy(images::read_exr_channels(path, kDepth, kFlatExr).values, image.z.begin());
+  std::ranges::copy(exr_.read(path, kDepth, kFlatExr).values, image.z.begin());
   make_finite(image);
   const bool has_id = !pixels.color_interop_id.empty() && pixels.color_interop_id != "unknown";
   const std::string& space = has_id ? pixels.color_interop_id : pixels.color_space;

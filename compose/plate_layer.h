@@ -10,6 +10,8 @@
 #include "compose/layers/layer.h"
 #include "compose/layers/layer_image.h"
 #include "compose/sequence_name.h"
+#include "images/exr_reader.h"
+#include "images/image_reader.h"
 #include "schemas/shot_document.h"
 
 namespace raystage::compose {
@@ -50,6 +52,8 @@ class PlateLayer final : public Layer {
   double scale_ = 1;
   SequenceName name_;
   std::optional<ColorConfig> config_;
+  images::ExrReader exr_;
+  images::ImageReader png_ = images::ImageReader::of_png_plates();
 };
 
 }  // namespace raystage::compose

@@ -5,7 +5,7 @@
 
 #include "base/atomic_file.h"
 #include "compose/exr/exr_file.h"
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 #include "testing/compose/sequence_test_data.h"
 
 namespace raystage::compose::rotten_frames_test {

@@ -362,9 +362,18 @@ std::string default_output(const std::filesystem::path& shot_file,
 CheckedSequence check_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options) {
   auto opened = std::make_unique<const ShotPlan>(
-      shot_file, ShotPlanOptions{options.fill, options.target, options.draft, options.rotten_frames,
-                                 options.layout, options.color_config, options.aovs, options.frames,
-                                 options.cache_folder, options.folder, options.hosts});
+      shot_file, ShotPlanOptions{.fill = options.fill,
+                                 .target = options.target,
+                                 .draft = options.draft,
+                                 .rotten_frames = options.rotten_frames,
+                                 .layout = options.layout,
+                                 .color_config = options.color_config,
+                                 .aovs = options.aovs,
+                                 .frames = options.frames,
+                                 .cache_folder = options.cache_folder,
+                                 .memory_bytes = options.memory_bytes,
+                                 .folder = options.folder,
+                                 .hosts = options.hosts});
   const ShotPlan& plan = *opened;
   if (plan.hosts() != nullptr) check_distributed_archives(plan, shot_file);
   const schemas::ShotDocument& shot = plan.shot();

@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 #include "testing/compose/sequence_test_data.h"
 
 namespace raystage::compose {

@@ -12,7 +12,7 @@
 
 #include "base/atomic_file.h"
 #include "base/cancellation.h"
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 #include "schemas/rig_document.h"
 #include "testing/compose/sequence_test_data.h"
 

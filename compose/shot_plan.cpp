@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/resources.h"
 #include "compose/frame_range.h"
 #include "compose/layers/cryptomatte.h"
 #include "compose/layers/solid_layer.h"
@@ -77,6 +78,7 @@ ShotPlan::ShotPlan(const schemas::ShotDocument& shot, const std::filesystem::pat
       cache_folder_(options.cache_folder),
       folder_(options.folder.empty() ? shot_file.parent_path() : options.folder),
       hosts_(options.hosts),
+      memory_bytes_(options.memory_bytes > 0 ? options.memory_bytes : available_memory() / 2),
       shot_(shot_with(shot, options, shot_file.string())),
       camera_(shot_, shot_file, folder_),
       colors_(make_shot_color_spaces(shot_, shot_file, folder_, options.color_config)) {
@@ -202,7 +204,8 @@ std::size_t ShotPlan::volume_layer_count(std::size_t layer) const {
 
 std::unique_ptr<const Layer> ShotPlan::open_geometry(std::size_t layer) {
   if (!textures_) {
-    textures_ = std::make_unique<Textures>(kTextureBytes, colors_.working_from_scene_matrix);
+    textures_ =
+        std::make_unique<Textures>(kTextureBytes, memory_bytes_, colors_.working_from_scene_matrix);
     lights_ = make_lights(shot_.lights, folder_, *textures_);
     Fingerprint print;
     compose::add_to_fingerprint(print, shot_.lights, folder_);

@@ -51,6 +51,7 @@ struct ShotPlanOptions {
   /// Holds the data that methods derive from takes (DIR/depth/...); empty: each take's folder does.
   /// Does not change the pixels, nor the fingerprint.
   std::filesystem::path cache_folder = {};
+  std::size_t memory_bytes = 0;  ///< that the shot may need; 0: half of the machine's
   /// Folder that paths in the shot are relative to; empty: that of the shot file.
   std::filesystem::path folder = {};
   /// Access to archives on other hosts; null: each take's folder holds them. Referred to.
@@ -156,6 +157,7 @@ class ShotPlan {
   store::RottenFrames rotten_frames_ = store::RottenFrames::kAbsent;
   std::filesystem::path shot_file_, cache_folder_, folder_;
   render::DistributedTakes* hosts_;
+  std::size_t memory_bytes_;
   schemas::ShotDocument shot_;
   ShotCamera camera_;
   ShotColorSpaces colors_;

@@ -5,7 +5,7 @@
 #include "evaluation/evaluation_cases.h"
 
 #include "base/error.h"
-#include "images/image_file.h"
+#include "images/image_reader.h"
 #include "store/processing/frames/corrected_frame.h"
 
 namespace raystage::evaluation {
@@ -96,11 +96,12 @@ std::vector<EvaluationCase> make_evaluation_cases(const store::Take& take,
                                                   const std::filesystem::path& views_folder,
                                                   const EvaluationOptions& options) {
   std::vector<EvaluationCase> subjects;
+  const auto reader = std::make_shared<const images::ImageReader>();
   for (const schemas::ViewsDocument::View& view : views.views) {
     subjects.push_back({view.geometry.id, render::virtual_camera_from_geometry(view.geometry),
                         instant_at(view.time_ns, take, timeline),
-                        [file = views_folder / view.file] {
-                          return GroundTruth{images::read_image(file), {}};
+                        [reader, file = views_folder / view.file] {
+                          return GroundTruth{reader->read_rgb(file), {}};
                         }});
   }
   for (const std::string& id : options.excluded_camera_ids) {

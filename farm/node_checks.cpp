@@ -76,14 +76,17 @@ std::string first_build(const fs::path& file) {
 }  // namespace
 
 std::string build_id() {
-  // The decoder of meshes is another program; its library is listed with those of this one.
+  // Decoders are programs of their own. The library of that of meshes is listed with those of this
+  // one, which has the other libraries that matter.
   (void)dlopen("libassimp.so.5", RTLD_LAZY | RTLD_LOCAL);
   std::vector<std::string> libraries;
   dl_iterate_phdr(add_library, &libraries);
   std::ranges::sort(libraries);
   std::string text = fmt::format("{:016x}", hash_of_file(sibling_program("raystage-render")));
-  text += fmt::format(
-      " {:016x}", hash_of_file(sibling_program(RAYSTAGE_MODULE_DIRECTORY "/raystage-decode-mesh")));
+  for (const char* kind : {"exr", "image", "mesh", "png"}) {
+    text += fmt::format(" {:016x}", hash_of_file(sibling_program(fmt::format(
+                                        RAYSTAGE_MODULE_DIRECTORY "/raystage-decode-{}", kind))));
+  }
   for (const std::string& library : libraries) text += " " + library;
   return fmt::format("{:016x}", XXH3_64bits(text.data(), text.size()));
 }

@@ -12,29 +12,6 @@
 
 namespace raystage::images {
 
-store::RgbImage read_image(const std::filesystem::path& file) {
-  const auto input = OIIO::ImageInput::open(file.string());
-  if (!input) {
-    throw Error::bad_input("the image cannot be read: " + OIIO::geterror(), file.string(),
-                           "Check that the file exists and is an image");
-  }
-  const OIIO::ImageSpec& spec = input->spec();
-  const int channels = spec.nchannels;
-  std::vector<std::uint8_t> codes(static_cast<std::size_t>(spec.width) * spec.height * channels);
-  if (!input->read_image(0, 0, 0, channels, OIIO::TypeDesc::UINT8, codes.data())) {
-    throw Error::bad_input("the image is damaged: " + input->geterror(), file.string(),
-                           "Replace the file");
-  }
-  store::RgbImage image(spec.width, spec.height);
-  for (std::size_t pixel = 0; pixel < image.values.size() / 3; ++pixel) {
-    for (std::size_t c = 0; c < 3; ++c) {
-      const std::size_t source = channels >= 3 ? c : 0;
-      image.values[pixel * 3 + c] = codes[pixel * static_cast<std::size_t>(channels) + source];
-    }
-  }
-  return image;
-}
-
 void write_image(const store::RgbImage& image, const std::filesystem::path& file) {
   // One writer for all commands: a snapshot of the viewer is the file that a preview would be.
   if (file.extension() == ".png") return write_png(image, file);

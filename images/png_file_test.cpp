@@ -6,7 +6,7 @@
 #include <cstdint>
 
 #include "base/error.h"
-#include "images/image_file.h"
+#include "images/image_reader.h"
 #include "testing/test_folder.h"
 
 namespace raystage::images {
@@ -19,7 +19,7 @@ TEST(PngFile, OpenImageIoReadsTheSameCodes) {
     image.values[i] = static_cast<std::uint8_t>(i * 37);
   }
   write_png(image, folder.path() / "a.png");
-  const store::RgbImage read = read_image(folder.path() / "a.png");
+  const store::RgbImage read = ImageReader().read_rgb(folder.path() / "a.png");
   EXPECT_EQ(read.width, 7);
   EXPECT_EQ(read.height, 5);
   EXPECT_EQ(read.values, image.values);

@@ -65,6 +65,7 @@ class Importer {
   const std::filesystem::path& base_;
   const ImportOptions& options_;
   const std::stop_token stop_;
+  const images::ImageReader reader_;
   std::int64_t total_ = 0;
   std::atomic<std::int64_t> copied_ = 0, rewritten_ = 0, encoded_ = 0, done_ = 0;
   std::atomic<std::uint64_t> jpeg_bytes_ = 0;
@@ -106,7 +107,7 @@ void Importer::import_file(const schemas::ImportManifest::Frame& frame, const Ta
   if (is_jpeg(bytes)) {
     append_jpeg(bytes, frame.time_ns, target, file.string());
   } else {
-    append_image(read_source_image(file, target.size(), linear()), frame.time_ns, target);
+    append_image(read_source_image(reader_, file, target.size(), linear()), frame.time_ns, target);
   }
 }
 

@@ -1,175 +1,80 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads the frames of a movie through FFmpeg: Motion JPEG byte for byte, other codecs decoded in
-// one thread and converted to 8-bit RGB by swscale.
 #include "ingest/movie_reader.h"
 
-#include <fmt/format.h>
-
-#include <array>
-#include <string>
+#include <algorithm>
 #include <utility>
 
 #include "base/error.h"
-#include "ingest/sources/ffmpeg_pointers.h"
+#include "base/resources.h"
+#include "sandbox/answer.h"
 
 namespace raystage::ingest {
-struct MovieReader::State {
-  std::filesystem::path file;
-  AvPtr<AVFormatContext> format;
-  AvPtr<AVCodecContext> codec;  // null for Motion JPEG
-  AvPtr<AVPacket> packet{check_allocation(av_packet_alloc())};
-  AvPtr<AVFrame> picture{check_allocation(av_frame_alloc())};
-  AvPtr<SwsContext> scaler;
-  int stream = -1;
-  int frames = 0;  // delivered so far
-  bool draining = false;
+namespace {
 
-  Error damaged(const std::string& why) const {
-    return Error::bad_input(fmt::format("frame {} of the movie is damaged: {}", frames, why),
-                            file.string(), "Repair the movie, or cut it and its \"times_ns\"");
-  }
-  void open();
-  void open_decoder(const AVCodecParameters& parameters);
-  bool read_packet();
-  bool decode();
-  void convert(store::RgbImage& image);
-};
+constexpr const char* kKind = "movie";
 
-void MovieReader::State::open() {
-  const auto refuse = [&](std::string what, std::string advice) {
-    return Error::bad_input(std::move(what), file.string(), std::move(advice));
-  };
-  AVFormatContext* context = nullptr;
-  FfmpegOptions options;
-  // Prevents a playlist from opening network addresses.
-  options.set("protocol_whitelist", "file");
-  const int opened =
-      avformat_open_input(&context, ("file:" + file.string()).c_str(), nullptr, options.get());
-  if (opened < 0) {
-    throw refuse("the movie cannot be read: " + av_error_text(opened),
-                 "Check that the file exists and is a movie");
-  }
-  format.reset(context);
-  if (const int code = avformat_find_stream_info(context, nullptr); code < 0) {
-    throw refuse("the movie is damaged: " + av_error_text(code), "Replace the file");
-  }
-  stream = av_find_best_stream(context, AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
-  if (stream < 0) throw refuse("the file has no video stream", "Choose a file with video");
-  for (unsigned i = 0; i < context->nb_streams; ++i) {
-    if (static_cast<int>(i) != stream) context->streams[i]->discard = AVDISCARD_ALL;
-  }
-  const AVCodecParameters& parameters = *context->streams[stream]->codecpar;
-  if (parameters.codec_id != AV_CODEC_ID_MJPEG) open_decoder(parameters);
+sandbox::DecoderOptions movie_decoder_options() {
+  sandbox::DecoderOptions options;
+  options.program = "raystage-decode-movie";
+  options.kind = kKind;
+  options.advice = "Repair the movie, or convert it with ffmpeg";
+  options.memory_bytes = std::min<std::size_t>(std::size_t{4} << 30, available_memory());
+  options.result_bytes = std::size_t{1} << 30;
+  options.time = std::chrono::seconds(30);
+  return options;
 }
 
-void MovieReader::State::open_decoder(const AVCodecParameters& parameters) {
-  const AVCodec* decoder = avcodec_find_decoder(parameters.codec_id);
-  if (decoder == nullptr) {
-    throw Error::bad_input(fmt::format("FFmpeg has no decoder for the movie's codec {}",
-                                       avcodec_get_name(parameters.codec_id)),
-                           file.string(),
-                           "Convert the movie to a codec that `ffmpeg -decoders` lists");
+}  // namespace
+
+MovieReader::MovieReader(std::filesystem::path file)
+    : file_(std::move(file)), decoder_(movie_decoder_options()) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(file_, error)) {
+    throw Error::bad_input(std::filesystem::exists(file_, error)
+                               ? "the movie cannot be read: it is not a regular file"
+                               : "the movie cannot be read: No such file or directory",
+                           file_.string(), "Check that the file exists and is a movie");
   }
-  codec.reset(check_allocation(avcodec_alloc_context3(decoder)));
-  codec->thread_count = 1;  // cameras are imported in parallel
-  int code = avcodec_parameters_to_context(codec.get(), &parameters);
-  if (code >= 0) code = avcodec_open2(codec.get(), decoder, nullptr);
-  if (code < 0) {
-    throw Error::bad_input("the movie's decoder does not start: " + av_error_text(code),
-                           file.string(), "Replace the file");
-  }
+  sandbox::read_answer(ask(MovieRequest::kOpen), kKind, file_,
+                       [](sandbox::ByteReader& /*reader*/) { return true; });
 }
 
-/// Reads the next packet of the stream; returns false at the end.
-bool MovieReader::State::read_packet() {
-  for (;;) {
-    av_packet_unref(packet.get());
-    const int code = av_read_frame(format.get(), packet.get());
-    if (code == AVERROR_EOF) return false;
-    if (code < 0) throw damaged(av_error_text(code));
-    if (packet->stream_index != stream || packet->size == 0) continue;
-    if ((packet->flags & AV_PKT_FLAG_CORRUPT) != 0) throw damaged("its bytes are incomplete");
-    return true;
-  }
+std::vector<std::byte> MovieReader::ask(MovieRequest request) {
+  sandbox::ByteWriter writer;
+  writer.write(static_cast<std::uint8_t>(request));
+  writer.write_plain(file_.string());
+  return decoder_.decode(writer.take(), file_, sandbox::only_file(file_));
 }
-
-/// Decodes one picture; returns false at the end.
-bool MovieReader::State::decode() {
-  for (;;) {
-    const int code = avcodec_receive_frame(codec.get(), picture.get());
-    if (code == AVERROR_EOF) return false;
-    if (code == 0) {
-      if (picture->decode_error_flags != 0 || (picture->flags & AV_FRAME_FLAG_CORRUPT) != 0) {
-        throw damaged("it cannot be decoded completely");
-      }
-      return true;
-    }
-    if (code != AVERROR(EAGAIN)) throw damaged(av_error_text(code));
-    if (draining) throw damaged("its decoder does not finish");
-    draining = !read_packet();
-    const int sent = avcodec_send_packet(codec.get(), draining ? nullptr : packet.get());
-    if (sent < 0) throw damaged(av_error_text(sent));
-  }
-}
-
-void MovieReader::State::convert(store::RgbImage& image) {
-  const auto source = static_cast<AVPixelFormat>(picture->format);
-  // sws_getCachedContext returns the given context or frees and replaces it.
-  scaler.reset(sws_getCachedContext(
-      scaler.release(), picture->width, picture->height, source, picture->width, picture->height,
-      AV_PIX_FMT_RGB24,
-      SWS_BILINEAR | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT | SWS_FULL_CHR_H_INP | SWS_BITEXACT,
-      nullptr, nullptr, nullptr));
-  if (!scaler) throw damaged("its pixel format cannot be converted to RGB");
-  const bool full_range = picture->color_range == AVCOL_RANGE_JPEG ||
-                          source == AV_PIX_FMT_YUVJ420P || source == AV_PIX_FMT_YUVJ422P ||
-                          source == AV_PIX_FMT_YUVJ444P || source == AV_PIX_FMT_YUVJ440P;
-  const int matrix =
-      picture->colorspace == AVCOL_SPC_UNSPECIFIED || picture->colorspace == AVCOL_SPC_RGB
-          ? SWS_CS_DEFAULT
-          : static_cast<int>(picture->colorspace);
-  constexpr int kUnchanged = 1 << 16;  // contrast and saturation, 16.16 fixed point
-  // The call fails only for RGB sources, which have neither matrix nor range.
-  sws_setColorspaceDetails(scaler.get(), sws_getCoefficients(matrix), full_range ? 1 : 0,
-                           sws_getCoefficients(SWS_CS_DEFAULT), 1, 0, kUnchanged, kUnchanged);
-  image.width = picture->width;
-  image.height = picture->height;
-  image.values.resize(static_cast<std::size_t>(image.width) *
-                      static_cast<std::size_t>(image.height) * 3);
-  const std::array<std::uint8_t*, 4> planes{image.values.data(), nullptr, nullptr, nullptr};
-  const std::array<int, 4> strides{image.width * 3, 0, 0, 0};
-  const int rows = sws_scale(scaler.get(), picture->data, picture->linesize, 0, picture->height,
-                             planes.data(), strides.data());
-  if (rows != picture->height) throw damaged("it cannot be converted to RGB");
-}
-
-MovieReader::MovieReader(std::filesystem::path file) : state_(std::make_unique<State>()) {
-  av_log_set_level(AV_LOG_QUIET);  // our Error reports failures once
-  state_->file = std::move(file);
-  state_->open();
-}
-
-MovieReader::~MovieReader() = default;
 
 bool MovieReader::next(MovieFrame& frame) {
-  State& state = *state_;
   frame.jpeg.clear();
-  if (state.codec) {
-    if (!state.decode()) return false;
-    state.convert(frame.image);
-  } else {
-    if (!state.read_packet()) return false;
-    const auto* bytes = reinterpret_cast<const std::byte*>(state.packet->data);
-    frame.jpeg.assign(bytes, bytes + state.packet->size);
-  }
-  ++state.frames;
-  return true;
+  return sandbox::read_answer(
+      ask(MovieRequest::kNext), kKind, file_, [&](sandbox::ByteReader& reader) {
+        const auto kind = static_cast<MovieFrameKind>(reader.read<std::uint8_t>());
+        if (kind == MovieFrameKind::kNone) return false;
+        if (kind == MovieFrameKind::kJpeg) {
+          reader.read_plain(frame.jpeg);
+          sandbox::ByteReader::require(!frame.jpeg.empty());
+          return true;
+        }
+        reader.read(frame.image.width);
+        reader.read(frame.image.height);
+        reader.read_plain(frame.image.values);
+        constexpr int kMaxSide = 1 << 16;
+        const int width = frame.image.width, height = frame.image.height;
+        sandbox::ByteReader::require(
+            width > 0 && width <= kMaxSide && height > 0 && height <= kMaxSide &&
+            frame.image.values.size() == std::size_t{3} * static_cast<std::size_t>(width) *
+                                             static_cast<std::size_t>(height));
+        return true;
+      });
 }
 
 int MovieReader::skip_rest() {
-  const int before = state_->frames;
-  while (state_->codec ? state_->decode() : state_->read_packet()) ++state_->frames;
-  return state_->frames - before;
+  MovieFrame frame;
+  int frames = 0;
+  while (next(frame)) ++frames;
+  return frames;
 }
 
 }  // namespace raystage::ingest

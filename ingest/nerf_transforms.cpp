@@ -194,6 +194,7 @@ schemas::ImportManifest read_nerf_transforms(const std::filesystem::path& file,
   const std::filesystem::path folder = options.images.value_or(file.parent_path());
 
   schemas::ImportManifest manifest = make_model_manifest(file, options);
+  const images::ImageReader reader;
   std::vector<std::string> names;
   for (const json& frame : frames) names.push_back(frame["file_path"].get<std::string>());
   const std::vector<std::string> ids = make_camera_ids(names);
@@ -206,7 +207,7 @@ schemas::ImportManifest read_nerf_transforms(const std::filesystem::path& file,
     if (properties.number("w") && properties.number("h")) {
       size = {static_cast<int>(*properties.number("w")), static_cast<int>(*properties.number("h"))};
     } else {
-      size = image_size(image);
+      size = image_size(reader, image);
     }
     schemas::ImportManifest::Camera camera;
     camera.geometry = {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ingest/source_image.h"
 
-#include <OpenImageIO/imageio.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -10,19 +9,9 @@
 
 #include "base/error.h"
 #include "base/transfer_function.h"
-#include "images/image_file.h"
 
 namespace raystage::ingest {
 namespace {
-
-std::unique_ptr<OIIO::ImageInput> open_image(const std::filesystem::path& file) {
-  auto input = OIIO::ImageInput::open(file.string());
-  if (!input) {
-    throw Error::bad_input("the image cannot be read: " + OIIO::geterror(), file.string(),
-                           "Check that the file exists and is an image");
-  }
-  return input;
-}
 
 std::uint8_t code_from_linear(float linear) {
   // This comparison maps NaN to black.
@@ -30,20 +19,14 @@ std::uint8_t code_from_linear(float linear) {
   return static_cast<std::uint8_t>(std::lround(srgb_from_linear(clipped) * 255));
 }
 
-store::RgbImage read_linear(OIIO::ImageInput& input, const std::filesystem::path& file) {
-  const OIIO::ImageSpec& spec = input.spec();
-  const auto channels = static_cast<std::size_t>(spec.nchannels);
-  const auto pixels = static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.height);
-  std::vector<float> values(pixels * channels);
-  if (!input.read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, values.data())) {
-    throw Error::bad_input("the image is damaged: " + input.geterror(), file.string(),
-                           "Replace the file");
-  }
-  store::RgbImage image{spec.width, spec.height, std::vector<std::uint8_t>(pixels * 3)};
-  for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
+store::RgbImage read_linear(const images::ImageReader& reader, const std::filesystem::path& file) {
+  const images::ImageValues<float> light = reader.read_floats(file);
+  const auto channels = static_cast<std::size_t>(light.properties.channels);
+  store::RgbImage image(light.properties.width, light.properties.height);
+  for (std::size_t pixel = 0; pixel < light.properties.pixels(); ++pixel) {
     for (std::size_t c = 0; c < 3; ++c) {
       const std::size_t source = channels >= 3 ? c : 0;
-      image.values[pixel * 3 + c] = code_from_linear(values[pixel * channels + source]);
+      image.values[pixel * 3 + c] = code_from_linear(light.values[pixel * channels + source]);
     }
   }
   return image;
@@ -51,24 +34,24 @@ store::RgbImage read_linear(OIIO::ImageInput& input, const std::filesystem::path
 
 }  // namespace
 
-SourceImageSize image_size(const std::filesystem::path& file) {
-  const auto input = open_image(file);
-  return {input->spec().width, input->spec().height};
+SourceImageSize image_size(const images::ImageReader& reader, const std::filesystem::path& file) {
+  const images::ImageProperties properties = reader.properties(file);
+  return {properties.width, properties.height};
 }
 
-store::RgbImage read_source_image(const std::filesystem::path& file, SourceImageSize size,
+store::RgbImage read_source_image(const images::ImageReader& reader,
+                                  const std::filesystem::path& file, SourceImageSize size,
                                   bool linear) {
-  const auto input = open_image(file);
-  const OIIO::ImageSpec& spec = input->spec();
-  check_image_size({spec.width, spec.height}, size, file.string());
-  if (linear) return read_linear(*input, file);
-  if (spec.format.is_floating_point()) {
+  const images::ImageProperties properties = reader.properties(file);
+  check_image_size({properties.width, properties.height}, size, file.string());
+  if (linear) return read_linear(reader, file);
+  if (!properties.holds_integers()) {
     throw Error::bad_input(
         "the image has floating-point values, but color_space is \"srgb_texture\"", file.string(),
         "Set color_space to \"lin_rec709_scene\" if the values are linear light, or convert the "
         "image to 8 or 16 bits");
   }
-  return images::read_image(file);
+  return reader.read_rgb(file);
 }
 
 void check_image_size(SourceImageSize found, SourceImageSize expected, std::string_view name) {

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "meshes/scene_decoder.h"
 
-#include <fcntl.h>
-#include <sys/stat.h>
-
 #include <algorithm>
 #include <cstdint>
 #include <stdexcept>
@@ -13,32 +10,15 @@
 #include <vector>
 
 #include "base/atomic_file.h"
-#include "base/contained_path.h"
 #include "base/error.h"
 #include "base/resources.h"
 #include "meshes/scene_encoding.h"
+#include "sandbox/byte_encoding.h"
 
 namespace raystage::meshes {
 namespace {
 
 namespace fs = std::filesystem;
-
-/// Opens the mesh itself or a regular file below its folder.
-FileDescriptor open_beside(const fs::path& mesh, const std::string& name) {
-  const fs::path file = fs::path(name).lexically_normal();
-  const auto open = [&] {
-    constexpr int kFlags = O_RDONLY | O_CLOEXEC | O_NONBLOCK;
-    if (file == mesh.lexically_normal()) return FileDescriptor(::open(mesh.c_str(), kFlags));
-    const fs::path folder = mesh.parent_path().empty() ? "." : mesh.parent_path();
-    return open_contained({folder, file.lexically_relative(folder.lexically_normal())}, kFlags);
-  };
-  const FileDescriptor opened = open();
-  struct stat status {};
-  const bool is_permitted = opened.open() && ::fstat(opened.number(), &status) == 0 &&
-                            S_ISREG(status.st_mode) &&
-                            static_cast<std::uint64_t>(status.st_size) <= kMaxSceneBytes;
-  return FileDescriptor(is_permitted ? ::fcntl(opened.number(), F_DUPFD_CLOEXEC, 0) : -1);
-}
 
 /// Assimp's data structures are many times as large as the file.
 std::size_t memory_for(std::uint64_t file_bytes) {
@@ -84,15 +64,16 @@ DecodedScene decode_scene(const fs::path& file, const DecodeOptions& options) {
   const std::uint64_t size = readable_bytes(file);
   sandbox::DecoderOptions process;
   process.program = "raystage-decode-mesh";
-  process.arguments = {file.string(), options.applies_unit ? "metres" : "as_stored"};
-  process.file = file;
   process.kind = "mesh";
   process.memory_bytes = memory_for(size);
   process.result_bytes = process.memory_bytes;
   process.time = time_for(size);
   process.confinement = options.confinement;
+  sandbox::ByteWriter request;
+  request.write(std::uint8_t{options.applies_unit});
+  request.write_plain(file.string());
   const std::vector<std::byte> bytes = sandbox::run_decoder(
-      process, [&](const std::string& name) { return open_beside(file, name); });
+      process, request.take(), file, sandbox::files_below_folder_of(file, kMaxSceneBytes));
   try {
     return decode_scene_bytes(bytes);
   } catch (const std::runtime_error& error) {

@@ -10,7 +10,7 @@ namespace raystage::meshes {
 
 struct DecodeOptions {
   bool applies_unit = true;  ///< convert the unit that a file states (FBX) to metres
-  sandbox::Confinement confinement = sandbox::Confinement::kFull;
+  sandbox::Confinement confinement = sandbox::default_confinement();
 };
 
 /// Reads a mesh in any format that Assimp reads: glTF 2, FBX, OBJ, PLY ... Polygons are

@@ -12,79 +12,16 @@
 #include <type_traits>
 #include <utility>
 
+#include "sandbox/byte_encoding.h"
+
 namespace raystage::meshes {
 namespace {
 
 constexpr std::uint64_t kMagic = 0x31656e6563736d72;  // "rmscene1"
-// A flag that no vector of bytes may hold otherwise.
 using Flag = std::uint8_t;
 
-class Writer {
- public:
-  template <class T>
-  requires std::is_arithmetic_v<T>
-  void write(const T& value) {
-    const auto* const bytes = reinterpret_cast<const std::byte*>(&value);
-    bytes_.insert(bytes_.end(), bytes, bytes + sizeof value);
-  }
-  template <class T, std::size_t kSize>
-  void write(const std::array<T, kSize>& values) {
-    for (const T& value : values) write(value);
-  }
-  template <class Container>  // of plain values
-  void write_plain(const Container& values) {
-    write(std::uint64_t{values.size()});
-    const auto* const bytes = reinterpret_cast<const std::byte*>(values.data());
-    bytes_.insert(bytes_.end(), bytes, bytes + values.size() * sizeof(values[0]));
-  }
-  std::vector<std::byte> take() { return std::move(bytes_); }
-
- private:
-  std::vector<std::byte> bytes_;
-};
-
-class Reader {
- public:
-  explicit Reader(std::span<const std::byte> bytes) : bytes_(bytes) {}
-
-  template <class T>
-  requires std::is_arithmetic_v<T>
-  void read(T& value) {
-    require(bytes_.size() >= sizeof value);
-    std::memcpy(&value, bytes_.data(), sizeof value);
-    bytes_ = bytes_.subspan(sizeof value);
-  }
-  template <class T, std::size_t kSize>
-  void read(std::array<T, kSize>& values) {
-    for (T& value : values) read(value);
-  }
-  template <class Container>
-  void read_plain(Container& values) {
-    values.resize(read_count(sizeof(values[0])));
-    const std::size_t size = values.size() * sizeof(values[0]);
-    if (size > 0) std::memcpy(values.data(), bytes_.data(), size);
-    bytes_ = bytes_.subspan(size);
-  }
-  /// `least_size`: of one element, bytes; so many must follow.
-  std::size_t read_count(std::size_t least_size) {
-    std::uint64_t count = 0;
-    read(count);
-    require(count <= bytes_.size() / least_size);
-    return static_cast<std::size_t>(count);
-  }
-  bool read_flag() {
-    Flag flag = 0;
-    read(flag);
-    return flag != 0;
-  }
-  bool is_at_end() const { return bytes_.empty(); }
-  static void require(bool holds) {
-    if (!holds) throw std::runtime_error("its decoder returned damaged data");
-  }
-
- private:
-  std::span<const std::byte> bytes_;
-};
+using Writer = sandbox::ByteWriter;
+using Reader = sandbox::ByteReader;
 
 template <class T, std::size_t kSize>
 bool are_finite(const std::vector<std::array<T, kSize>>& values) {

@@ -23,6 +23,7 @@ constexpr int kViewsInFlight = 2;
 compose::ShotPlanOptions plan_options(const SceneOptions& options) {
   compose::ShotPlanOptions result;
   result.cache_folder = options.cache_folder;
+  result.memory_bytes = options.memory_bytes;
   return result;
 }
 

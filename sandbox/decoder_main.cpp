@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sandbox/decoder_main.h"
 
+#include <fcntl.h>
 #include <seccomp.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
+#include <sys/time.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -20,6 +22,7 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "sandbox/brokered_calls.h"
 #include "sandbox/protocol.h"
 
 namespace raystage::sandbox {
@@ -31,15 +34,18 @@ constexpr bool kIsInstrumented = true;  // needs terabytes of addresses, and sys
 constexpr bool kIsInstrumented = false;
 #endif
 
-// What memory, files that are open already, and the end of the process need: no opening, no
-// network, no other process.
+// What memory, files that are open already, and the end of the process need: no network, no other
+// process. Files are opened by the parent, see brokered_calls.h.
 constexpr std::array kPermittedCalls{
     SCMP_SYS(read),         SCMP_SYS(pread64),        SCMP_SYS(write),        SCMP_SYS(pwrite64),
-    SCMP_SYS(lseek),        SCMP_SYS(close),          SCMP_SYS(sendto),       SCMP_SYS(recvmsg),
+    SCMP_SYS(readv),        SCMP_SYS(lseek),          SCMP_SYS(close),        SCMP_SYS(fstat),
+    SCMP_SYS(ftruncate),    SCMP_SYS(sendto),         SCMP_SYS(recvfrom),     SCMP_SYS(recvmsg),
     SCMP_SYS(munmap),       SCMP_SYS(mremap),         SCMP_SYS(madvise),      SCMP_SYS(brk),
     SCMP_SYS(futex),        SCMP_SYS(clock_gettime),  SCMP_SYS(gettimeofday), SCMP_SYS(getrandom),
     SCMP_SYS(rt_sigaction), SCMP_SYS(rt_sigprocmask), SCMP_SYS(rt_sigreturn), SCMP_SYS(getpid),
-    SCMP_SYS(gettid),       SCMP_SYS(sched_yield),    SCMP_SYS(exit),         SCMP_SYS(exit_group)};
+    SCMP_SYS(gettid),       SCMP_SYS(getcwd),         SCMP_SYS(sched_yield),  SCMP_SYS(setitimer),
+    SCMP_SYS(exit),         SCMP_SYS(exit_group)};
+constexpr std::array kPermittedFcntls{F_GETFL, F_GETFD, F_SETFD};
 
 std::uint64_t number(const char* text) {
   std::uint64_t value = 0;
@@ -52,8 +58,7 @@ void limit(__rlimit_resource resource, std::uint64_t value) {
   rlimit both{};
   if (::getrlimit(resource, &both) != 0) _exit(kNoLimits);
   both.rlim_cur = std::min<rlim_t>(value, both.rlim_max);
-  // The signal of the limit of time comes at the lower, SIGKILL at the higher of the two.
-  both.rlim_max = std::min<rlim_t>(value + 1, both.rlim_max);
+  both.rlim_max = both.rlim_cur;
   if (::setrlimit(resource, &both) != 0) _exit(kNoLimits);
 }
 
@@ -74,89 +79,128 @@ bool filter_system_calls() {
     is_complete = is_complete && seccomp_rule_add(filter, SCMP_ACT_ALLOW, call, 1,
                                                   SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0)) == 0;
   }
+  for (const int command : kPermittedFcntls) {
+    is_complete = is_complete &&
+                  seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(fcntl), 1,
+                                   SCMP_A1(SCMP_CMP_EQ, static_cast<scmp_datum_t>(command))) == 0;
+  }
+  for (const int call : brokered_calls()) {
+    is_complete = is_complete && seccomp_rule_add(filter, SCMP_ACT_TRAP, call, 0) == 0;
+  }
   is_complete = is_complete && seccomp_load(filter) == 0;
   seccomp_release(filter);
   return is_complete;
 }
 
+/// Reads up to bytes.size() bytes from the start of a file; returns how many there are.
+std::size_t read_all(int file, std::span<std::byte> bytes) {
+  std::size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t part =
+        ::pread(file, bytes.data() + done, bytes.size() - done, static_cast<off_t>(done));
+    if (part < 0 && errno == EINTR) continue;
+    if (part <= 0) break;
+    done += static_cast<std::size_t>(part);
+  }
+  return done;
+}
+
 bool write_result(std::span<const std::byte> bytes) {
-  while (!bytes.empty()) {
-    const ssize_t written = ::write(kResultFile, bytes.data(), bytes.size());
-    if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) return false;
-    bytes = bytes.subspan(static_cast<std::size_t>(written));
+  std::size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t part =
+        ::pwrite(kSharedMemory, bytes.data() + done, bytes.size() - done, static_cast<off_t>(done));
+    if (part < 0 && errno == EINTR) continue;
+    if (part <= 0) return false;
+    done += static_cast<std::size_t>(part);
   }
   return true;
 }
 
-int receive_file() {
-  char answer = 0;
-  iovec part{&answer, 1};
-  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> control{};
-  msghdr message{};
-  message.msg_iov = &part;
-  message.msg_iovlen = 1;
-  message.msg_control = control.data();
-  message.msg_controllen = control.size();
-  if (::recvmsg(kRequestSocket, &message, 0) != 1 || answer != static_cast<char>(Answer::kOpened)) {
-    return -1;
+/// Sends a message of a kind and what follows it.
+void send_message(Message kind, std::span<const std::byte> contents) {
+  std::array<std::byte, kMaxText + 1> message{};
+  message[0] = static_cast<std::byte>(kind);
+  const std::size_t size = std::min(contents.size(), kMaxText);
+  std::copy_n(contents.begin(), size, message.begin() + 1);
+  (void)::send(kSocket, message.data(), size + 1, MSG_NOSIGNAL);
+}
+
+/// Receives a request; nullopt: there are no more. Throws std::runtime_error if it is none.
+std::optional<std::vector<std::byte>> receive_request() {
+  std::array<char, 1 + sizeof(std::uint64_t)> message{};
+  ssize_t size = -1;
+  do size = ::recv(kSocket, message.data(), message.size(), 0);
+  while (size < 0 && errno == EINTR);
+  if (size == 0) return std::nullopt;
+  std::uint64_t bytes = 0;
+  std::memcpy(&bytes, message.data() + 1, sizeof bytes);
+  if (size != static_cast<ssize_t>(message.size()) ||
+      message[0] != static_cast<char>(Message::kRequest)) {
+    throw std::runtime_error("not a request");
   }
-  const cmsghdr* const header = CMSG_FIRSTHDR(&message);
-  if (header == nullptr || header->cmsg_type != SCM_RIGHTS) return -1;
-  int file = -1;
-  std::memcpy(&file, CMSG_DATA(header), sizeof file);
-  return file;
+  std::vector<std::byte> request(static_cast<std::size_t>(bytes));
+  request.resize(read_all(kSharedMemory, request));
+  return request;
+}
+
+void answer_one(const AnswerRequest& answer, std::span<const std::byte> request) {
+  try {
+    const std::vector<std::byte> result = answer(request);
+    if (!write_result(result)) return send_message(Message::kMemory, {});
+    const std::uint64_t size = result.size();
+    send_message(Message::kResult, std::as_bytes(std::span(&size, 1)));
+  } catch (const std::bad_alloc&) {
+    send_message(Message::kMemory, {});
+  } catch (const std::length_error&) {  // of a size that no memory holds
+    send_message(Message::kMemory, {});
+  } catch (const std::exception& error) {
+    send_message(Message::kRefusal, std::as_bytes(std::span(std::string_view(error.what()))));
+  }
+}
+
+/// Ends the process if a request takes longer, in case that its parent is no more.
+void set_timer(std::uint64_t seconds) {
+  const itimerval timer{{}, {static_cast<time_t>(seconds), 0}};
+  ::setitimer(ITIMER_REAL, &timer, nullptr);
 }
 
 }  // namespace
 
 std::optional<std::vector<std::byte>> request_file(const std::string& name) {
-  if (name.empty() || name.size() > kMaxName) return std::nullopt;
-  if (::send(kRequestSocket, name.data(), name.size(), 0) != static_cast<ssize_t>(name.size())) {
-    return std::nullopt;
-  }
-  const int file = receive_file();
+  const int file = request_descriptor(name);
   if (file < 0) return std::nullopt;
   std::optional<std::vector<std::byte>> bytes;
   if (const off_t size = ::lseek(file, 0, SEEK_END); size >= 0) {
     bytes.emplace(static_cast<std::size_t>(size));
-    std::size_t done = 0;
-    while (done < bytes->size()) {
-      const ssize_t part =
-          ::pread(file, bytes->data() + done, bytes->size() - done, static_cast<off_t>(done));
-      if (part < 0 && errno == EINTR) continue;
-      if (part <= 0) break;
-      done += static_cast<std::size_t>(part);
-    }
-    bytes->resize(done);
+    bytes->resize(read_all(file, *bytes));
   }
   ::close(file);
   return bytes;
 }
 
-int decoder_main(int argc, char** argv, const Decode& decode) {
-  constexpr int kOwnArguments = 5;
-  if (argc < kOwnArguments) return kRefused;
-  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+int decoder_main(int argc, char** argv, const AnswerRequest& answer) {
+  constexpr int kArguments = 5;
+  if (argc != kArguments) return kBroken;
   if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) return kNoLimits;
   if (!kIsInstrumented) limit(RLIMIT_AS, number(argv[2]));
   limit(RLIMIT_FSIZE, number(argv[3]));
-  limit(RLIMIT_CPU, number(argv[4]));
   limit(RLIMIT_CORE, 0);
+  const std::uint64_t seconds = number(argv[4]);
   const bool is_confined = std::string_view(argv[1]) == "confined";
-  if (is_confined && !kIsInstrumented && !filter_system_calls()) return kNoFilter;
+  if (is_confined && !kIsInstrumented && !(install_call_broker() && filter_system_calls())) {
+    return kNoFilter;
+  }
   std::set_new_handler(nullptr);
   try {
-    const std::vector<std::byte> result =
-        decode({argv + kOwnArguments, static_cast<std::size_t>(argc - kOwnArguments)});
-    return write_result(result) ? kDecoded : kMemoryExceeded;
-  } catch (const std::bad_alloc&) {
-    return kMemoryExceeded;
-  } catch (const std::length_error&) {  // of a size that no memory holds
-    return kMemoryExceeded;
-  } catch (const std::exception& error) {
-    write_result(std::as_bytes(std::span(std::string_view(error.what()))));
-    return kRefused;
+    while (const auto request = receive_request()) {
+      set_timer(seconds);
+      answer_one(answer, *request);
+      set_timer(0);
+    }
+    return kEnded;
+  } catch (const std::exception&) {
+    return kBroken;
   }
 }
 

@@ -11,15 +11,16 @@
 namespace raystage::sandbox {
 
 /// Asks the parent for a file. Returns its bytes; nullopt: there is none that may be read. Throws
-/// std::bad_alloc for files that the memory does not hold.
+/// std::bad_alloc for files that the memory does not hold. Libraries may also open files by name:
+/// the parent answers that likewise.
 std::optional<std::vector<std::byte>> request_file(const std::string& name);
 
-/// Decodes and returns the result. `arguments`: of DecoderOptions. Throws std::runtime_error with
-/// the reason if the file cannot be decoded.
-using Decode = std::function<std::vector<std::byte>(std::span<const char* const> arguments)>;
+/// Answers a request of the parent with a result. Throws std::runtime_error with the reason if a
+/// file cannot be decoded; the next request may still be answered.
+using AnswerRequest = std::function<std::vector<std::byte>(std::span<const std::byte> request)>;
 
-/// The main function of a decoder's program: confines the process, decodes, writes the result and
-/// returns the exit code.
-int decoder_main(int argc, char** argv, const Decode& decode);
+/// The main function of a decoder's program: confines the process and answers requests until the
+/// parent has no more. Returns the exit code.
+int decoder_main(int argc, char** argv, const AnswerRequest& answer);
 
 }  // namespace raystage::sandbox

@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "sandbox/decoder_process.h"
 
-#include <dlfcn.h>
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
-#include <spawn.h>
-#include <sys/mman.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -15,13 +13,14 @@
 #include <array>
 #include <cerrno>
 #include <csignal>
+#include <cstdlib>
 #include <cstring>
-#include <optional>
 #include <string_view>
-#include <thread>
 #include <utility>
 
+#include "base/contained_path.h"
 #include "base/error.h"
+#include "sandbox/decoder_child.h"
 #include "sandbox/protocol.h"
 
 namespace raystage::sandbox {
@@ -30,102 +29,11 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-constexpr int kMaxRequests = 10000;  // of files, by one decoder
-
-/// Returns the program in lib/raystage: relative to the command, or to the library that other
-/// programs link (lib/libraystage.so, lib/ARCHITECTURE/libraystage.so).
-fs::path program_path(const std::string& name) {
-  std::error_code error;
-  const fs::path command = fs::read_symlink("/proc/self/exe", error).parent_path();
-  const fs::path expected = (command / RAYSTAGE_MODULE_DIRECTORY / name).lexically_normal();
-  if (fs::exists(expected, error)) return expected;
-  Dl_info info{};
-  if (::dladdr(reinterpret_cast<const void*>(&run_decoder), &info) == 0) return expected;
-  const fs::path library = fs::canonical(info.dli_fname, error).parent_path();
-  for (const fs::path folder : {"raystage", "../raystage", RAYSTAGE_MODULE_DIRECTORY}) {
-    const fs::path program = (library / folder / name).lexically_normal();
-    if (fs::exists(program, error)) return program;
-  }
-  return expected;
-}
-
-Error cannot_start(const std::string& reason, const fs::path& program) {
-  return Error::failed("the decoder cannot be started: " + reason, program.string(),
-                       "Reinstall raystage");
-}
-
-/// A child process, killed and waited for on destruction.
-class Child {
- public:
-  Child(const fs::path& program, const DecoderOptions& options, int socket, int result) {
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    // Not to the numbers themselves: one of them may be the other's.
-    const int high = std::max(socket, result) + kResultFile + 1;
-    posix_spawn_file_actions_adddup2(&actions, socket, high);
-    posix_spawn_file_actions_adddup2(&actions, result, high + 1);
-    posix_spawn_file_actions_adddup2(&actions, high, kRequestSocket);
-    posix_spawn_file_actions_adddup2(&actions, high + 1, kResultFile);
-    // Whatever else this process has open stays here.
-    posix_spawn_file_actions_addclosefrom_np(&actions, kResultFile + 1);
-    posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDWR, 0);
-    posix_spawn_file_actions_adddup2(&actions, STDIN_FILENO, STDOUT_FILENO);
-    posix_spawn_file_actions_adddup2(&actions, STDIN_FILENO, STDERR_FILENO);
-    std::vector<std::string> words{
-        program.string(), options.confinement == Confinement::kFull ? "confined" : "limited",
-        std::to_string(options.memory_bytes), std::to_string(options.result_bytes),
-        std::to_string(options.time.count())};
-    words.insert(words.end(), options.arguments.begin(), options.arguments.end());
-    std::vector<char*> argv;
-    for (std::string& word : words) argv.push_back(word.data());
-    argv.push_back(nullptr);
-    // Signals to this process's group, such as Ctrl-C, are for this process to handle.
-    posix_spawnattr_t attributes;
-    posix_spawnattr_init(&attributes);
-    sigset_t none, all;
-    sigemptyset(&none);
-    sigfillset(&all);
-    posix_spawnattr_setsigmask(&attributes, &none);
-    posix_spawnattr_setsigdefault(&attributes, &all);
-    posix_spawnattr_setpgroup(&attributes, 0);
-    posix_spawnattr_setflags(
-        &attributes, POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
-    const int code =
-        posix_spawn(&id_, program.c_str(), &actions, &attributes, argv.data(), environ);
-    posix_spawnattr_destroy(&attributes);
-    posix_spawn_file_actions_destroy(&actions);
-    if (code != 0) throw cannot_start(std::strerror(code), program);
-  }
-  ~Child() {
-    if (id_ <= 0) return;
-    ::kill(id_, SIGKILL);
-    while (::waitpid(id_, nullptr, 0) < 0 && errno == EINTR) {
-    }
-  }
-  Child(const Child&) = delete;
-  Child& operator=(const Child&) = delete;
-
-  /// Waits for the end and returns waitpid()'s status, or nullopt if it does not come in time.
-  std::optional<int> wait_until(Clock::time_point deadline) {
-    constexpr auto kInterval = std::chrono::milliseconds(1);
-    for (;;) {
-      int status = 0;
-      const pid_t ended = ::waitpid(id_, &status, WNOHANG);
-      if (ended == id_) {
-        id_ = 0;
-        return status;
-      }
-      if (Clock::now() > deadline) return std::nullopt;
-      std::this_thread::sleep_for(kInterval);
-    }
-  }
-
- private:
-  pid_t id_ = 0;
-};
+constexpr int kMaxMessages = 10000;  // of a decoder, for one request
+constexpr const char* kIsDamaged = "The file is damaged, or made to do harm: export it again";
 
 void send_answer(int socket, const FileDescriptor& file) {
-  char answer = static_cast<char>(file.open() ? Answer::kOpened : Answer::kNone);
+  char answer = static_cast<char>(file.open() ? Message::kOpened : Message::kNotOpened);
   iovec part{&answer, 1};
   alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> control{};
   msghdr message{};
@@ -145,112 +53,230 @@ void send_answer(int socket, const FileDescriptor& file) {
   (void)::sendmsg(socket, &message, MSG_NOSIGNAL | MSG_DONTWAIT);
 }
 
-/// Opens files for the decoder until it closes its end. Returns whether it did so in time.
-bool answer_requests(int socket, const OpenFile& open_file, Clock::time_point deadline) {
-  std::array<char, kMaxName> name{};
-  for (int requests = 0; requests < kMaxRequests;) {
-    const auto left =
-        std::chrono::duration_cast<std::chrono::milliseconds>(deadline - Clock::now()).count();
-    if (left <= 0) return false;
-    pollfd waiting{socket, POLLIN, 0};
-    const int ready = ::poll(&waiting, 1, static_cast<int>(left));
-    if (ready < 0 && errno != EINTR) return false;
-    if (ready <= 0) continue;
-    const ssize_t length = ::recv(socket, name.data(), name.size(), MSG_DONTWAIT);
-    if (length < 0 && (errno == EINTR || errno == EAGAIN)) continue;
-    if (length <= 0) return true;
-    ++requests;
-    send_answer(socket, open_file(std::string(name.data(), static_cast<std::size_t>(length))));
+bool write_all(int file, std::span<const std::byte> bytes) {
+  std::size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t part =
+        ::pwrite(file, bytes.data() + done, bytes.size() - done, static_cast<off_t>(done));
+    if (part < 0 && errno == EINTR) continue;
+    if (part <= 0) return false;
+    done += static_cast<std::size_t>(part);
   }
-  return false;
+  return true;
 }
 
-std::vector<std::byte> read_result(int file, std::uint64_t max_bytes) {
-  const off_t size = ::lseek(file, 0, SEEK_END);
-  if (size < 0 || static_cast<std::uint64_t>(size) > max_bytes) return {};
+/// Returns the first `size` bytes of a file, or what there is of them.
+std::vector<std::byte> read_all(int file, std::uint64_t size) {
   std::vector<std::byte> bytes(static_cast<std::size_t>(size));
   std::size_t done = 0;
   while (done < bytes.size()) {
     const ssize_t part =
         ::pread(file, bytes.data() + done, bytes.size() - done, static_cast<off_t>(done));
     if (part < 0 && errno == EINTR) continue;
-    if (part <= 0) return {};
+    if (part <= 0) break;
     done += static_cast<std::size_t>(part);
   }
+  bytes.resize(done);
   return bytes;
 }
 
-/// The reason of a decoder is text of a stranger: of bounded length.
-std::string reason_in(const std::vector<std::byte>& bytes) {
-  constexpr std::size_t kMaxReason = 500;
-  return {reinterpret_cast<const char*>(bytes.data()), std::min(bytes.size(), kMaxReason)};
-}
+/// A message of a decoder.
+struct Received {
+  Message kind{};
+  std::string contents;
+
+  std::uint64_t number() const {
+    std::uint64_t value = 0;
+    if (contents.size() == sizeof value) std::memcpy(&value, contents.data(), sizeof value);
+    return value;
+  }
+};
 
 }  // namespace
 
-std::vector<std::byte> run_decoder(const DecoderOptions& options, const OpenFile& open_file) {
-  const fs::path program = program_path(options.program);
-  std::array<int, 2> ends{};
-  if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) != 0) {
-    throw cannot_start(std::strerror(errno), program);
-  }
-  const FileDescriptor socket(ends[0]);
-  FileDescriptor of_child(ends[1]);
-  const FileDescriptor result(::memfd_create("raystage-decoded", MFD_CLOEXEC));
-  if (!result.open()) throw cannot_start(std::strerror(errno), program);
-  Child child(program, options, of_child.number(), result.number());
-  of_child.close();
+/// One request: its messages, and how long they take.
+class DecoderProcess::Exchange {
+ public:
+  Exchange(const DecoderOptions& options, Child& child, const fs::path& file)
+      : options_(options),
+        child_(child),
+        file_(file),
+        deadline_(Clock::now() + longest_wait(options)),
+        time_before_(child.processor_time().value_or(std::chrono::nanoseconds(0))) {}
 
-  const auto refuse = [&](const std::string& why, const std::string& what_to_do) {
-    return Error::bad_input(fmt::format("the {} cannot be read: {}", options.kind, why),
-                            options.file.string(), what_to_do);
-  };
-  const std::string is_damaged = "The file is damaged, or made to do harm: export it again";
-  // By the clock much longer, because others may use the processors.
-  const std::chrono::seconds most = 4 * options.time + std::chrono::seconds(10);
-  const Clock::time_point deadline = Clock::now() + most;
-  const auto not_in_time = [&] {
-    return refuse(fmt::format("its decoder did not end within {} s, or asked for too many files",
-                              most.count()),
-                  is_damaged);
-  };
-  if (!answer_requests(socket.number(), open_file, deadline)) throw not_in_time();
-  const std::optional<int> ended = child.wait_until(deadline);
-  if (!ended) throw not_in_time();
-  const int status = *ended;
-  if (WIFSIGNALED(status)) {
-    const int signal = WTERMSIG(status);
-    if (signal == SIGKILL) {
-      throw Error::failed(fmt::format("the decoder of a {} was killed", options.kind),
-                          options.file.string(), "Free memory, and try again");
-    }
-    if (signal == SIGXCPU) {
-      throw refuse(fmt::format("its decoder took more than {} s", options.time.count()),
-                   is_damaged);
-    }
-    throw refuse(fmt::format("its decoder crashed ({})", ::strsignal(signal)), is_damaged);
+  void send_request(std::span<const std::byte> request) {
+    std::array<char, 1 + sizeof(std::uint64_t)> message{static_cast<char>(Message::kRequest)};
+    const std::uint64_t size = request.size();
+    std::memcpy(message.data() + 1, &size, sizeof size);
+    const bool is_sent = write_all(child_.memory(), request) &&
+                         ::send(child_.socket(), message.data(), message.size(), MSG_NOSIGNAL) ==
+                             static_cast<ssize_t>(message.size());
+    if (!is_sent) throw ended();
   }
-  switch (WEXITSTATUS(status)) {
-    case kDecoded:
-      return read_result(result.number(), options.result_bytes);
-    case kRefused:
-      throw refuse(reason_in(read_result(result.number(), options.result_bytes)),
-                   "Export it again");
-    case kMemoryExceeded:
-      throw refuse(fmt::format("its decoder needs more than {} MB of memory",
-                               options.memory_bytes / 1'000'000),
-                   is_damaged);
-    case kNoLimits:
-      throw cannot_start("its limits cannot be set", program);
-    case kNoFilter:
-      throw Error::failed(
-          fmt::format("the {} cannot be read safely: the kernel has no filter of system calls "
-                      "(seccomp)",
-                      options.kind),
-          options.file.string(), "Use a kernel with seccomp");
-    default:
-      throw cannot_start(fmt::format("exit code {}", WEXITSTATUS(status)), program);
+
+  /// Receives the next message. Throws Error if the decoder ends or exceeds its time.
+  Received receive() {
+    if (++messages_ > kMaxMessages) throw not_in_time();
+    std::array<char, kMaxText + 1> message{};
+    for (;;) {
+      require_time();
+      constexpr int kPollMilliseconds = 50;
+      pollfd waiting{child_.socket(), POLLIN, 0};
+      const int ready = ::poll(&waiting, 1, kPollMilliseconds);
+      if (ready == 0 || (ready < 0 && errno == EINTR)) continue;
+      const ssize_t length = ::recv(child_.socket(), message.data(), message.size(), MSG_DONTWAIT);
+      if (length < 0 && (errno == EINTR || errno == EAGAIN)) continue;
+      if (length <= 0) throw ended();
+      return {static_cast<Message>(message[0]),
+              std::string(message.data() + 1, static_cast<std::size_t>(length) - 1)};
+    }
   }
+
+  std::vector<std::byte> result_of(const Received& received) {
+    switch (received.kind) {
+      case Message::kResult: {
+        const std::uint64_t size = received.number();
+        if (size > options_.result_bytes) break;
+        std::vector<std::byte> bytes = read_all(child_.memory(), size);
+        // Its pages are free again, until the next result.
+        if (::ftruncate(child_.memory(), 0) != 0 || bytes.size() != size) break;
+        return bytes;
+      }
+      case Message::kRefusal: {
+        constexpr std::size_t kMaxReason = 500;  // text of a stranger
+        throw refusal(received.contents.substr(0, kMaxReason), options_.advice);
+      }
+      case Message::kMemory:
+        throw refusal(fmt::format("its decoder needs more than {} MB of memory",
+                                  options_.memory_bytes / 1'000'000),
+                      kIsDamaged);
+      default:
+        break;
+    }
+    throw refusal("its decoder returned damaged data", kIsDamaged);
+  }
+
+ private:
+  Error refusal(const std::string& why, const std::string& what_to_do) const {
+    return Error::bad_input(fmt::format("the {} cannot be read: {}", options_.kind, why),
+                            file_.string(), what_to_do);
+  }
+  Error not_in_time() const {
+    return refusal(fmt::format("its decoder did not end within {} s, or asked for too many files",
+                               longest_wait(options_).count()),
+                   kIsDamaged);
+  }
+  void require_time() const {
+    if (Clock::now() > deadline_) throw not_in_time();
+    const auto time = child_.processor_time();
+    if (time && *time - time_before_ > options_.time) {
+      throw refusal(fmt::format("its decoder took more than {} s", options_.time.count()),
+                    kIsDamaged);
+    }
+  }
+  /// Why the decoder has closed its end.
+  Error ended() const {
+    const auto status = child_.wait_until(deadline_);
+    if (!status) return not_in_time();
+    if (WIFSIGNALED(*status)) {
+      const int signal = WTERMSIG(*status);
+      if (signal == SIGKILL) {
+        return Error::failed(fmt::format("the decoder of a {} was killed", options_.kind),
+                             file_.string(), "Free memory, and try again");
+      }
+      return refusal(fmt::format("its decoder crashed ({})", ::strsignal(signal)), kIsDamaged);
+    }
+    switch (WEXITSTATUS(*status)) {
+      case kNoLimits:
+        return cannot_start("its limits cannot be set", child_.program());
+      case kNoFilter:
+        return Error::failed(
+            fmt::format("the {} cannot be read safely: the kernel has no filter of system calls "
+                        "(seccomp)",
+                        options_.kind),
+            file_.string(),
+            fmt::format("Use a kernel with seccomp, or set {}=1 if the file is trusted",
+                        kUnsandboxedVariable));
+      case kEnded:
+        return refusal("its decoder ended", kIsDamaged);
+      default:
+        return cannot_start(fmt::format("exit code {}", WEXITSTATUS(*status)), child_.program());
+    }
+  }
+
+  const DecoderOptions& options_;
+  Child& child_;
+  const fs::path& file_;
+  Clock::time_point deadline_;
+  std::chrono::nanoseconds time_before_;
+  int messages_ = 0;
+};
+
+Confinement default_confinement() {
+  const char* const value = std::getenv(kUnsandboxedVariable);
+  return value != nullptr && std::string_view(value) == "1" ? Confinement::kLimitsOnly
+                                                            : Confinement::kFull;
+}
+
+OpenFile only_file(const fs::path& file) {
+  return [file](const std::string& name) {
+    if (name != file.string()) return FileDescriptor(-1);
+    const FileDescriptor opened(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+    struct stat status {};
+    const bool is_regular =
+        opened.open() && ::fstat(opened.number(), &status) == 0 && S_ISREG(status.st_mode);
+    return FileDescriptor(is_regular ? ::fcntl(opened.number(), F_DUPFD_CLOEXEC, 0) : -1);
+  };
+}
+
+OpenFile files_below_folder_of(const fs::path& file, std::uint64_t max_bytes) {
+  return [file = file.lexically_normal(), max_bytes](const std::string& name) {
+    constexpr int kFlags = O_RDONLY | O_CLOEXEC | O_NONBLOCK;
+    const fs::path asked = fs::path(name).lexically_normal();
+    const fs::path folder = file.parent_path().empty() ? "." : file.parent_path();
+    const FileDescriptor opened =
+        asked == file ? FileDescriptor(::open(file.c_str(), kFlags))
+                      : open_contained({folder, asked.lexically_relative(folder)}, kFlags);
+    struct stat status {};
+    const bool is_permitted = opened.open() && ::fstat(opened.number(), &status) == 0 &&
+                              S_ISREG(status.st_mode) &&
+                              static_cast<std::uint64_t>(status.st_size) <= max_bytes;
+    return FileDescriptor(is_permitted ? ::fcntl(opened.number(), F_DUPFD_CLOEXEC, 0) : -1);
+  };
+}
+
+DecoderProcess::DecoderProcess(DecoderOptions options) : options_(std::move(options)) {}
+DecoderProcess::~DecoderProcess() = default;
+DecoderProcess::DecoderProcess(DecoderProcess&&) noexcept = default;
+DecoderProcess& DecoderProcess::operator=(DecoderProcess&&) noexcept = default;
+
+void DecoderProcess::start() {
+  if (!child_) child_ = std::make_unique<Child>(options_);
+}
+
+std::vector<std::byte> DecoderProcess::decode(std::span<const std::byte> request,
+                                              const fs::path& file, const OpenFile& open_file) {
+  start();
+  // A decoder that did not answer in full has ended or must: its next answer would be this one's.
+  std::unique_ptr<Child> child = std::move(child_);
+  Exchange exchange(options_, *child, file);
+  exchange.send_request(request);
+  Received received;
+  do {
+    received = exchange.receive();
+    if (received.kind == Message::kOpen) send_answer(child->socket(), open_file(received.contents));
+  } while (received.kind == Message::kOpen);
+  const bool goes_on = received.kind == Message::kRefusal || received.kind == Message::kMemory;
+  if (goes_on) child_ = std::move(child);
+  std::vector<std::byte> result = exchange.result_of(received);
+  child_ = std::move(child);
+  return result;
+}
+
+std::vector<std::byte> run_decoder(const DecoderOptions& options,
+                                   std::span<const std::byte> request, const fs::path& file,
+                                   const OpenFile& open_file) {
+  return DecoderProcess(options).decode(request, file, open_file);
 }
 
 }  // namespace raystage::sandbox

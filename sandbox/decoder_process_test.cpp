@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <fstream>
 #include <string>
@@ -20,19 +21,21 @@ void write_text(const std::filesystem::path& file, const std::string& text) {
   std::ofstream(file, std::ios::binary) << text;
 }
 
-class DecoderProcess : public ::testing::Test {
+class DecoderProcessTest : public ::testing::Test {
  protected:
-  DecoderProcess() {
+  DecoderProcessTest() {
     options_.program = "raystage-misbehaving-decoder";
-    options_.file = "some.mesh";
     options_.kind = "mesh";
     options_.memory_bytes = 100'000'000;
     options_.result_bytes = 50'000'000;
     options_.time = std::chrono::seconds(1);
   }
   std::string run(const std::string& what) {
-    options_.arguments = {what};
-    const auto bytes = run_decoder(options_, open_file_);
+    DecoderProcess decoder(options_);
+    return run_in(decoder, what);
+  }
+  std::string run_in(DecoderProcess& decoder, const std::string& what) {
+    const auto bytes = decoder.decode(std::as_bytes(std::span(what)), "some.mesh", open_file_);
     return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
   }
   void expect_error(const std::string& what, const std::string& message) {
@@ -50,7 +53,7 @@ class DecoderProcess : public ::testing::Test {
   OpenFile open_file_ = [](const std::string&) { return FileDescriptor(-1); };
 };
 
-TEST_F(DecoderProcess, CrashesHangsAndGreedAreErrorsThatNameTheFile) {
+TEST_F(DecoderProcessTest, CrashesHangsAndGreedAreErrorsThatNameTheFile) {
   expect_error("crash", "its decoder crashed (Segmentation fault)");
   expect_error("loop", "its decoder took more than 1 s");
   expect_error("refuse", "no such thing");
@@ -64,7 +67,7 @@ TEST_F(DecoderProcess, CrashesHangsAndGreedAreErrorsThatNameTheFile) {
   expect_error("requests", "asked for too many files");
 }
 
-TEST_F(DecoderProcess, CanDoNothingButDecode) {
+TEST_F(DecoderProcessTest, CanDoNothingButDecode) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   GTEST_SKIP() << "sanitizers need system calls of their own";
 #endif
@@ -73,7 +76,7 @@ TEST_F(DecoderProcess, CanDoNothingButDecode) {
   EXPECT_THAT(run("escape"), HasSubstr("open "));  // the test itself can fail
 }
 
-TEST_F(DecoderProcess, GetsTheFilesThatItsParentOpens) {
+TEST_F(DecoderProcessTest, GetsTheFilesThatItsParentOpens) {
   const raystage::testing::TestFolder folder;
   const std::filesystem::path file = folder.path() / "a.bin";
   write_text(file, "contents");
@@ -87,7 +90,38 @@ TEST_F(DecoderProcess, GetsTheFilesThatItsParentOpens) {
   EXPECT_EQ(run("b.bin"), "none");
 }
 
-TEST_F(DecoderProcess, AMissingProgramIsAnError) {
+TEST_F(DecoderProcessTest, LibrariesOpenFilesByNameThroughTheParent) {
+  const raystage::testing::TestFolder folder;
+  const std::filesystem::path file = folder.path() / "a.bin", other = folder.path() / "b.bin";
+  write_text(file, "contents");
+  write_text(other, "a secret");
+  open_file_ = only_file(file);
+  EXPECT_EQ(run("by name: " + file.string()), "8 contents");
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+  EXPECT_EQ(run("by name: " + other.string()), "none");
+#endif
+  std::filesystem::remove(file);
+  ASSERT_EQ(::mkfifo(file.c_str(), 0600), 0);
+  EXPECT_FALSE(only_file(file)(file.string()).open());
+}
+
+TEST_F(DecoderProcessTest, AnswersManyRequestsInOneProcessAndOneAfterACrash) {
+  DecoderProcess decoder(options_);
+  const std::string process = run_in(decoder, "process");
+  EXPECT_THROW(run_in(decoder, "refuse"), Error);
+  EXPECT_EQ(run_in(decoder, "process"), process);
+  EXPECT_THROW(run_in(decoder, "crash"), Error);
+  EXPECT_NE(run_in(decoder, "process"), process);
+}
+
+TEST_F(DecoderProcessTest, DoesNotSeeTheEnvironment) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers have options in the environment";
+#endif
+  EXPECT_EQ(run("environment"), "");
+}
+
+TEST_F(DecoderProcessTest, AMissingProgramIsAnError) {
   options_.program = "raystage-no-such-decoder";
   try {
     run("refuse");

@@ -9,8 +9,12 @@
 #include <atomic>
 #include <cerrno>
 #include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "sandbox/decoder_main.h"
@@ -44,8 +48,23 @@ std::string escapes() {
   return done;
 }
 
-std::vector<std::byte> misbehave(std::span<const char* const> arguments) {
-  const std::string what = arguments[0];
+/// Looks at a file and reads it as libraries do, by name.
+std::string read_by_name(const std::string& name) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(name, error) || ::access(name.c_str(), W_OK) == 0) {
+    return "none";
+  }
+  std::ifstream file(name, std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(file), {}};
+  return std::to_string(std::filesystem::file_size(name)) + " " + text;
+}
+
+std::vector<std::byte> misbehave(std::span<const std::byte> request) {
+  const std::string what(reinterpret_cast<const char*>(request.data()), request.size());
+  constexpr std::string_view kByName = "by name: ";
+  if (what.starts_with(kByName)) return bytes_of(read_by_name(what.substr(kByName.size())));
+  if (what == "process") return bytes_of(std::to_string(::getpid()));
+  if (what == "environment") return bytes_of(environ[0] == nullptr ? "" : environ[0]);
   if (what == "crash") ::raise(SIGSEGV);
   if (what == "loop") {
     for (std::atomic<int> i = 0;; ++i) {
@@ -57,7 +76,7 @@ std::vector<std::byte> misbehave(std::span<const char* const> arguments) {
     for (;;) never.wait(0);
   }
   if (what == "flood") {
-    for (;;) ::send(3, "a", 1, 0);
+    for (;;) ::send(3, "O", 1, MSG_DONTWAIT);
   }
   if (what == "allocate") {
     std::vector<std::vector<char>> all;

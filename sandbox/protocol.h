@@ -2,26 +2,34 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 
 namespace raystage::sandbox {
 
 /// File descriptors that a decoder's program starts with.
-inline constexpr int kRequestSocket = 3;  ///< SOCK_SEQPACKET: a name there, a file or none back
-inline constexpr int kResultFile = 4;     ///< memory that receives the result or an error's text
+inline constexpr int kSocket = 3;        ///< SOCK_SEQPACKET: messages, each starts with its kind
+inline constexpr int kSharedMemory = 4;  ///< a file in memory: holds the request, then the result
 
-/// Longest name of a file, bytes.
-inline constexpr std::size_t kMaxName = 4096;
+/// Kinds of messages.
+enum class Message : char {
+  kRequest = 'Q',  ///< to the decoder; a std::uint64_t follows: bytes of the request
+  kResult = 'R',   ///< to the parent; a std::uint64_t follows: bytes of the result
+  kRefusal = 'E',  ///< to the parent; the reason follows, at most kMaxText bytes
+  kMemory = 'M',   ///< to the parent: the request needs more memory than there is
+  kOpen = 'O',     ///< to the parent; the name of a file follows, at most kMaxText bytes
+  kOpened = 'F',   ///< to the decoder, with a file descriptor
+  kNotOpened = 'N'
+};
 
-/// The answer to a name: one byte; with kOpened a file descriptor comes along.
-enum class Answer : char { kNone = 0, kOpened = 1 };
+/// Longest name of a file and longest reason, bytes.
+inline constexpr std::size_t kMaxText = 4096;
 
 /// Exit codes of a decoder's program.
 enum DecoderExit {
-  kDecoded = 0,   ///< the result is complete
-  kRefused = 1,   ///< the file cannot be decoded; the result is the reason
+  kEnded = 0,     ///< the parent has no more requests
   kNoFilter = 2,  ///< the kernel offers no filter of system calls
-  kMemoryExceeded = 3,
-  kNoLimits = 4  ///< of memory, time and files
+  kNoLimits = 4,  ///< of memory, time and files
+  kBroken = 5     ///< the parent sent no request
 };
 
 }  // namespace raystage::sandbox

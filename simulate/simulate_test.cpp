@@ -14,7 +14,7 @@
 #include "base/atomic_file.h"
 #include "base/error.h"
 #include "base/options.h"
-#include "images/image_file.h"
+#include "images/image_reader.h"
 #include "schemas/shot_document.h"
 #include "schemas/views_document.h"
 #include "simulate/exposure_schedule.h"
@@ -167,7 +167,7 @@ TEST_F(SmallTake, ViewsLieOnTheShot) {
                   24 / std::tan(*key.horizontal_fov_deg * std::numbers::pi / 360), 1e-9);
     }
     EXPECT_TRUE(found) << "no key at frame " << frame;
-    const store::RgbImage truth = images::read_image(take_folder() / view.file);
+    const store::RgbImage truth = images::ImageReader().read_rgb(take_folder() / view.file);
     EXPECT_EQ(truth.width, 48);
     EXPECT_EQ(truth.height, 36);
   }

@@ -9,13 +9,12 @@
 #include <utility>
 #include <vector>
 
+#include "compose/color/scene_space.h"
+
 namespace raystage::compose {
 
-/// Colour space of light fields and mesh files, and the default working space of shots: linear
-/// light, Rec.709 primaries. The name is that of ASWF's ColorInterop list.
-inline constexpr std::string_view kSceneSpace = "lin_rec709_scene";
-
-/// Converts from one colour space to another. Thread-safe.
+/// Converts from one colour space to another. Thread-safe. Throws Error as sandbox::DecoderProcess
+/// does if the config is a given one.
 class ColorTransform {
  public:
   /// Converts pixels of premultiplied R, G, B, A in place. Colours are divided by alpha before and
@@ -27,14 +26,18 @@ class ColorTransform {
   bool is_linear() const;
   bool is_no_op() const;
 
- private:
-  friend class ColorConfig;
   struct State;
+  /// For ColorConfig.
   explicit ColorTransform(std::shared_ptr<const State> state) : state_(std::move(state)) {}
+
+ private:
   std::shared_ptr<const State> state_;
 };
 
-/// Colour spaces and displays of an OpenColorIO config: given or built-in. $OCIO is ignored.
+/// Colour spaces and displays of an OpenColorIO config: given or built-in. $OCIO is ignored. A
+/// given config is read, and its transforms that are no matrices are applied, by confined
+/// processes. They may read regular files below the config's folder that are not behind links.
+/// Thread-safe.
 class ColorConfig {
  public:
   /// Returns the built-in config. Spaces: lin_rec709_scene, lin_ap1_scene (ACEScg), lin_ap0_scene

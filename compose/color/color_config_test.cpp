@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "base/transfer_function.h"
 #include "compose/color/built_in_config.h"
+#include "compose/color/ocio_config.h"
 #include "testing/test_folder.h"
 
 namespace raystage::compose {
@@ -148,6 +149,79 @@ TEST_F(StudioConfigs, AreRefusedWithWhatThereIs) {
   std::ofstream(folder_.path() / "broken.ocio") << "ocio_profile_version: [\n";
   EXPECT_THAT(refusal([&] { ColorConfig::from_file(folder_.path() / "broken.ocio", ""); }),
               HasSubstr("the colour config cannot be read"));
+}
+
+/// A config with a curve in a file, which is no matrix.
+class LookupConfigs : public StudioConfigs {
+ protected:
+  std::filesystem::path write(const std::string& lut_file) {
+    std::filesystem::create_directories(folder_.path() / "config" / "luts");
+    for (const char* name : {"config/luts/curve.spi1d", "outside.spi1d"}) {
+      std::ofstream(folder_.path() / name)
+          << "Version 1\nFrom 0.0 1.0\nLength 3\nComponents 1\n{\n0.0\n0.7\n1.0\n}\n";
+    }
+    const auto file = folder_.path() / "config" / "config.ocio";
+    std::ofstream(file)
+        << "ocio_profile_version: 2\nsearch_path: luts\nroles:\n  default: lin_srgb\n"
+           "displays:\n  tv:\n    - !<View> {name: Film, colorspace: film}\n"
+           "colorspaces:\n  - !<ColorSpace>\n    name: lin_srgb\n"
+           "  - !<ColorSpace>\n    name: film\n    from_scene_reference: "
+           "!<FileTransform> {src: "
+        << lut_file << ", interpolation: linear}\n";
+    return file;
+  }
+};
+
+TEST_F(LookupConfigs, ConfinedProcessesApplyThemAsOpenColorIoDoesHere) {
+  const auto file = write("curve.spi1d");
+  const ColorConfig config = ColorConfig::from_file(file, "");
+  const OcioTransform reference = OcioConfig::from_file(file, "").to_space("film");
+  const ColorTransform film = config.to_space("film");
+  EXPECT_FALSE(film.is_linear());
+  std::vector<float> ours = chart(1), expected = chart(1);
+  film.apply(ours);
+  reference.apply(expected, 4);
+  EXPECT_EQ(ours, expected);
+  std::vector<float> rgb{0.25F, 0.5F, 1};
+  config.to_display("lin_srgb", "tv", "Film").apply_rgb(rgb);
+  EXPECT_NEAR(rgb[1], 0.7F, 1e-5F);
+}
+
+TEST_F(LookupConfigs, MatricesAreAppliedHereAsOpenColorIoDoes) {
+  const ColorConfig config = ColorConfig::from_file(file("lin_srgb"), "");
+  const OcioTransform reference = OcioConfig::from_file(file("lin_srgb"), "").to_space("dim");
+  ASSERT_TRUE(reference.is_matrix());
+  std::vector<float> ours = chart(1), expected = chart(1);
+  config.to_space("dim").apply(ours);
+  reference.apply(expected, 4);
+  for (std::size_t i = 0; i < ours.size(); ++i) ASSERT_NEAR(ours[i], expected[i], 1e-6F);
+}
+
+TEST_F(LookupConfigs, FilesOutsideOfTheConfigsFolderAreNotOpened) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers have no filter of system calls";
+#endif
+  const ColorConfig config =
+      ColorConfig::from_file(write((folder_.path() / "outside.spi1d").string()), "");
+  try {
+    config.to_space("film");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("outside.spi1d"));
+    EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+  }
+}
+
+TEST_F(LookupConfigs, AConfigThatCrashesOpenColorIoIsAnErrorThatNamesIt) {
+  const auto file = folder_.path() / "deep.ocio";
+  std::ofstream(file) << "ocio_profile_version: 2\nroles: " << std::string(2'000'000, '[');
+  try {
+    ColorConfig::from_file(file, "");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("deep.ocio"));
+    EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+  }
 }
 
 }  // namespace

@@ -23,7 +23,7 @@
 #include "compose/exr/chunk_kernels.h"
 #include "compose/exr/memory_stream.h"
 #include "compose/exr/scanline_file.h"
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 #include "images/exr_slice.h"
 
 namespace raystage::compose {
@@ -180,13 +180,14 @@ bool is_complete_exr(const std::filesystem::path& file, std::string_view fingerp
   }
 }
 
-ExrImage read_exr(const std::filesystem::path& file, const std::string& view) {
+ExrImage read_exr(const images::ExrReader& reader, const std::filesystem::path& file,
+                  const std::string& view) {
   constexpr images::ExrChannel kChannels[] = {{"R"}, {"G"}, {"B"}, {"A", 1.0F}};
   const std::string what_to_do =
       "Give a flat EXR file with channels R, G and B, or render this frame again";
   images::ExrChannelData pixels =
-      view.empty() ? images::read_exr_channels(file, kChannels, what_to_do)
-                   : images::read_exr_view(file, view, kChannels, "Give frames of a stereo shot");
+      view.empty() ? reader.read(file, kChannels, what_to_do)
+                   : reader.read_view(file, view, kChannels, "Give frames of a stereo shot");
   ExrImage image{pixels.width, pixels.height, std::move(pixels.values)};
   image.time_code = pixels.time_code;
   image.color_interop_id = pixels.color_interop_id;
@@ -197,6 +198,10 @@ ExrImage read_exr(const std::filesystem::path& file, const std::string& view) {
     image.fps_denominator = pixels.fps_denominator;
   }
   return image;
+}
+
+ExrImage read_exr(const std::filesystem::path& file, const std::string& view) {
+  return read_exr(images::ExrReader(), file, view);
 }
 
 FrameQuality read_frame_quality(const std::filesystem::path& file) {

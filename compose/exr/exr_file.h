@@ -11,6 +11,10 @@
 #include "compose/exr/exr_header.h"
 #include "compose/exr/exr_layout.h"
 
+namespace raystage::images {
+class ExrReader;
+}  // namespace raystage::images
+
 namespace raystage::compose {
 
 /// Returns the bytes of a scanline EXR file. `views`: at least one, all with the same layers;
@@ -46,6 +50,9 @@ struct ExrImage {
 /// Reads R, G, B and A (1 if it is missing) of the first part of a flat EXR within its display
 /// window; of a view, e.g. "right", if one is named. Throws Error (bad input) if the file is
 /// missing, damaged or no EXR, or lacks the view.
+ExrImage read_exr(const images::ExrReader& reader, const std::filesystem::path& file,
+                  const std::string& view = {});
+/// The same for one file, by a reader of its own.
 ExrImage read_exr(const std::filesystem::path& file, const std::string& view = {});
 
 }  // namespace raystage::compose

@@ -83,7 +83,7 @@ class TurningTriangle : public ::testing::Test {
   }
 
   testing::TestFolder folder_;
-  Textures textures_{std::size_t{1} << 20};
+  Textures textures_{std::size_t{1} << 20, std::size_t{16} << 20};
 };
 
 TEST_F(TurningTriangle, TurnsAtTheFramesOfTheFile) {

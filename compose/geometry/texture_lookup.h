@@ -7,6 +7,10 @@
 #include <string>
 #include <string_view>
 
+namespace raystage::images {
+class ImageSession;
+}  // namespace raystage::images
+
 namespace raystage::compose {
 
 /// Interface of the module lib/raystage/raystage-textures.so: OpenImageIO's texture system. It is a
@@ -26,10 +30,11 @@ class TextureLookup {
                                             float width) const = 0;
 };
 
-/// Entry point of the module, under this name. The caller owns the result. Raise the number when
-/// TextureLookup changes: a module of another version is refused then.
-using OpenTextureLookup = TextureLookup*(std::size_t cache_bytes);
-inline constexpr const char* kOpenTextureLookup = "raystage_open_texture_lookup_2";
+/// Entry point of the module, under this name. The caller owns the result, which reads files by the
+/// session. Raise the number when TextureLookup changes: a module of another version is refused
+/// then.
+using OpenTextureLookup = TextureLookup*(images::ImageSession& session, std::size_t cache_bytes);
+inline constexpr const char* kOpenTextureLookup = "raystage_open_texture_lookup_3";
 inline constexpr const char* kTextureModule = "raystage-textures.so";
 
 }  // namespace raystage::compose

@@ -2,21 +2,22 @@
 // Looks up textures by OpenImageIO's texture system: bilinear within a MIP level, filtered over the
 // requested width. Files of integers are read as linear light. Environment images are latitude by
 // longitude. Near the poles the filter is widened along the longitude by 1 / cos(latitude). Output:
-// linear R, G, B in the file's primaries. Cost: constant per lookup, plus the tiles that are not
-// cached.
-#include <OpenImageIO/filesystem.h>
+// linear R, G, B in the file's primaries. Files are decoded by a confined process. Cost: constant
+// per lookup, plus the tiles that are not cached.
 #include <OpenImageIO/imagecache.h>
 #include <OpenImageIO/imageio.h>
 #include <OpenImageIO/texture.h>
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <deque>
 #include <memory>
 #include <mutex>
 #include <numbers>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -25,6 +26,7 @@
 #include "base/error.h"
 #include "base/transfer_function.h"
 #include "compose/geometry/texture_lookup.h"
+#include "images/image_session.h"
 
 namespace raystage::compose {
 namespace {
@@ -32,93 +34,138 @@ namespace {
 using Wrap = OIIO::TextureOpt::Wrap;
 
 struct Texture {
-  std::string name;  ///< path of a file, or name of an image in memory
+  images::ImageSession* session = nullptr;
+  std::string name;          ///< of the file, or of the image in memory
+  std::string format;        ///< of the image in memory; empty: a file
+  std::string_view bytes;    ///< of the image in memory
+  bool holds_codes = false;  ///< integers: sRGB codes
   OIIO::TextureSystem::TextureHandle* handle = nullptr;
+
+  images::ImageSession::Image open() const {
+    return format.empty() ? session->open(name) : session->open_bytes(name, format, bytes);
+  }
 };
 
-bool is_integer(const OIIO::ImageSpec& spec) {
-  return spec.format == OIIO::TypeDesc::UINT8 || spec.format == OIIO::TypeDesc::UINT16;
+OIIO::TypeDesc oiio_type(images::PixelType type) {
+  constexpr std::array kTypes{OIIO::TypeDesc::UINT8, OIIO::TypeDesc::UINT16, OIIO::TypeDesc::HALF,
+                              OIIO::TypeDesc::FLOAT};
+  return kTypes.at(static_cast<std::size_t>(type));
 }
 
-constexpr const char* kBytes = "raystage:bytes";  // pointer to the std::string_view of an image
+constexpr const char* kTexture = "raystage:texture";  // attribute: pointer to a Texture
 
-/// Reads an image as linear light, so that OpenImageIO filters linear values: integers as sRGB
-/// codes, floats as they are. Alpha is not applied to colours. Its name is that of the file with
-/// kMarker; images in memory are given by the attribute kBytes of the configuration.
-class LinearSrgbInput final : public OIIO::ImageInput {
+/// Gives OpenImageIO the pixels that a confined process decodes, as linear light, so that linear
+/// values are filtered: integers are sRGB codes, whose file is taken as one of rows without levels.
+/// Alpha is not applied to colours.
+class DecodedInput final : public OIIO::ImageInput {
  public:
-  static constexpr std::string_view kMarker = ".codes";
-  static OIIO::ImageInput* create() { return new LinearSrgbInput; }
+  static OIIO::ImageInput* create() { return new DecodedInput; }
+  ~DecodedInput() override { close(); }
 
-  const char* format_name() const override { return "light of codes"; }
-  bool open(const std::string& name, OIIO::ImageSpec& spec) override {
-    return open(name, spec, OIIO::ImageSpec());
-  }
-  bool open(const std::string& name, OIIO::ImageSpec& spec,
+  const char* format_name() const override { return "decoded"; }
+  bool open(const std::string& /*name*/, OIIO::ImageSpec& /*spec*/) override { return false; }
+  bool open(const std::string& /*name*/, OIIO::ImageSpec& spec,
             const OIIO::ImageSpec& config) override {
-    OIIO::ImageSpec of_codes;
-    of_codes.attribute("oiio:UnassociatedAlpha", 1);
-    if (const auto* bytes = static_cast<const std::string_view*>(bytes_of(config))) {
-      // One reader for each open image: it has a position.
-      memory_.emplace(bytes->data(), bytes->size());
-      OIIO::Filesystem::IOProxy* proxy = &*memory_;
-      of_codes.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, static_cast<void*>(&proxy));
-    }
-    codes_ = OIIO::ImageInput::open(name.substr(0, name.size() - kMarker.size()), &of_codes);
-    if (!codes_) return false;
-    m_spec = codes_->spec();
-    is_tiled_ = m_spec.tile_width > 0;
-    holds_codes_ = is_integer(m_spec);
-    m_spec.set_format(OIIO::TypeDesc::FLOAT);
-    m_spec.tile_width = m_spec.tile_height = m_spec.tile_depth = 0;
-    spec = m_spec;
+    const OIIO::ParamValue* value = config.find_attribute(kTexture, OIIO::TypeDesc::PTR);
+    if (value == nullptr) return false;
+    texture_ = *static_cast<const Texture* const*>(value->data());
+    return guarded([&] {
+      image_ = texture_->open();
+      set_level(0, 0, image_->properties);
+      spec = m_spec;
+      return true;
+    });
+  }
+  bool close() override {
+    if (image_) guarded([&] { return texture_->session->close(*image_), true; });
+    image_.reset();
     return true;
   }
-  bool close() override { return !codes_ || codes_->close(); }
-  int current_subimage() const override { return 0; }
-  int current_miplevel() const override { return 0; }
-  bool seek_subimage(int subimage, int miplevel) override { return subimage == 0 && miplevel == 0; }
+  int current_subimage() const override { return subimage_; }
+  int current_miplevel() const override { return level_; }
+  bool seek_subimage(int subimage, int miplevel) override {
+    if (subimage == subimage_ && miplevel == level_) return true;
+    if (subimage < 0 || miplevel < 0 || texture_->holds_codes) return false;
+    return guarded([&] {
+      const auto properties = texture_->session->level(*image_, subimage, miplevel);
+      if (properties) set_level(subimage, miplevel, *properties);
+      return properties.has_value();
+    });
+  }
   bool read_native_scanline(int subimage, int miplevel, int y, int z, void* data) override {
-    if (!seek_subimage(subimage, miplevel)) return false;
+    return read_native_scanlines(subimage, miplevel, y, y + 1, z, data);
+  }
+  bool read_native_scanlines(int subimage, int miplevel, int begin, int end, int /*z*/,
+                             void* data) override {
     const std::lock_guard<ImageInput> lock(*this);
-    auto* light = static_cast<float*>(data);
-    const auto channels = static_cast<std::size_t>(m_spec.nchannels);
-    const std::size_t row = static_cast<std::size_t>(m_spec.width) * channels;
-    if (!is_tiled_) {
-      if (!codes_->read_scanline(y, z, OIIO::TypeDesc::FLOAT, light)) return false;
-    } else {
-      // A tiled file has no rows: read all of it at once.
-      if (all_.empty()) {
-        all_.resize(row * static_cast<std::size_t>(m_spec.height));
-        if (!codes_->read_image(0, 0, 0, m_spec.nchannels, OIIO::TypeDesc::FLOAT, all_.data()))
-          return false;
-      }
-      const auto first = static_cast<std::ptrdiff_t>(row) * (y - m_spec.y);
-      std::copy_n(all_.begin() + first, row, light);
-    }
-    for (std::size_t i = 0; holds_codes_ && i < row; ++i) {
-      if (static_cast<int>(i % channels) == m_spec.alpha_channel) continue;
-      light[i] = static_cast<float>(linear_from_srgb(double{light[i]}));
-    }
-    return true;
+    if (!seek_subimage(subimage, miplevel)) return false;
+    end = std::min(end, m_spec.y + m_spec.height);
+    const auto rows = static_cast<std::size_t>(end - begin);
+    const std::span<std::byte> pixels(static_cast<std::byte*>(data),
+                                      rows * m_spec.scanline_bytes(true));
+    return guarded([&] {
+      texture_->session->read_rows(*image_, subimage, miplevel, begin, end, type_, pixels);
+      if (texture_->holds_codes) convert_codes(static_cast<float*>(data), rows);
+      return true;
+    });
+  }
+  bool read_native_tile(int subimage, int miplevel, int x, int y, int /*z*/, void* data) override {
+    const std::lock_guard<ImageInput> lock(*this);
+    if (!seek_subimage(subimage, miplevel)) return false;
+    const std::span<std::byte> pixels(static_cast<std::byte*>(data), m_spec.tile_bytes(true));
+    return guarded([&] {
+      texture_->session->read_tile(*image_, subimage, miplevel, x, y, type_, pixels);
+      return true;
+    });
   }
 
  private:
-  static const void* bytes_of(const OIIO::ImageSpec& config) {
-    const OIIO::ParamValue* value = config.find_attribute(kBytes, OIIO::TypeDesc::PTR);
-    return value == nullptr ? nullptr : *static_cast<const void* const*>(value->data());
+  /// Returns what the function returns; an Error becomes OpenImageIO's.
+  template <class Function>
+  bool guarded(const Function& function) {
+    try {
+      return function();
+    } catch (const Error& error) {
+      errorfmt("{}", error.what());
+      return false;
+    }
+  }
+  void set_level(int subimage, int miplevel, const images::ImageProperties& level) {
+    subimage_ = subimage;
+    level_ = miplevel;
+    type_ = texture_->holds_codes ? images::PixelType::kFloat : level.type;
+    m_spec = OIIO::ImageSpec(level.width, level.height, level.channels, oiio_type(type_));
+    m_spec.x = level.x;
+    m_spec.y = level.y;
+    m_spec.full_x = level.full_x;
+    m_spec.full_y = level.full_y;
+    m_spec.full_width = level.full_width;
+    m_spec.full_height = level.full_height;
+    m_spec.alpha_channel = level.alpha_channel;
+    if (texture_->holds_codes) return;
+    m_spec.tile_width = level.tile_width;
+    m_spec.tile_height = level.tile_height;
+    m_spec.tile_depth = 1;
+  }
+  void convert_codes(float* light, std::size_t rows) const {
+    const auto channels = static_cast<std::size_t>(m_spec.nchannels);
+    const std::size_t values = rows * static_cast<std::size_t>(m_spec.width) * channels;
+    for (std::size_t i = 0; i < values; ++i) {
+      if (static_cast<int>(i % channels) == m_spec.alpha_channel) continue;
+      light[i] = static_cast<float>(linear_from_srgb(double{light[i]}));
+    }
   }
 
-  std::optional<OIIO::Filesystem::IOMemReader> memory_;  // before the reader that uses it
-  std::unique_ptr<OIIO::ImageInput> codes_;
-  bool is_tiled_ = false, holds_codes_ = true;
-  std::vector<float> all_;  // pixels of a tiled file
+  const Texture* texture_ = nullptr;
+  std::optional<images::ImageSession::Image> image_;
+  int subimage_ = 0, level_ = 0;
+  images::PixelType type_ = images::PixelType::kFloat;
 };
 
 class OiioTextureLookup : public TextureLookup {
  public:
-  explicit OiioTextureLookup(std::size_t cache_bytes)
-      : system_(OIIO::TextureSystem::create(false)) {
+  OiioTextureLookup(images::ImageSession& session, std::size_t cache_bytes)
+      : session_(session), system_(OIIO::TextureSystem::create(false)) {
     constexpr double kBytesPerMegabyte = 1 << 20;
     system_->attribute("max_memory_MB",
                        static_cast<float>(static_cast<double>(cache_bytes) / kBytesPerMegabyte));
@@ -129,36 +176,13 @@ class OiioTextureLookup : public TextureLookup {
 
   Handle open(const std::filesystem::path& file) override {
     if (const Texture* texture = find(file.string())) return texture;
-    OIIO::ustring name(file.string());
-    OIIO::ImageSpec spec;
-    if (!system_->get_imagespec(name, 0, spec)) {
-      throw Error::bad_input("the texture cannot be read: " + system_->geterror(), file.string(),
-                             "Use an image that OpenImageIO reads: EXR, PNG, TIFF ...");
-    }
-    if (is_integer(spec)) {
-      name = OIIO::ustring(file.string() + std::string(LinearSrgbInput::kMarker));
-      system_->imagecache()->add_file(name, LinearSrgbInput::create, nullptr);
-    }
-    return add(file.string(), name);
+    return add({.session = &session_, .name = file.string(), .format = {}, .bytes = {}});
   }
 
   Handle open_bytes(const std::string& name, const std::string& format,
                     std::string_view bytes) override {
     if (const Texture* texture = find(name)) return texture;
-    images_.push_back(bytes);
-    const std::string_view* image = &images_.back();
-    OIIO::ImageSpec config;
-    config.attribute(kBytes, OIIO::TypeDesc::PTR, static_cast<const void*>(&image));
-    // OpenImageIO chooses a reader by the extension. A file of this name cannot exist.
-    const OIIO::ustring marked(fmt::format("/proc/self/embedded/{}.{}{}", images_.size(), format,
-                                           LinearSrgbInput::kMarker));
-    OIIO::ImageSpec spec;
-    if (!LinearSrgbInput().open(marked.string(), spec, config)) {
-      throw Error::bad_input("the texture in the mesh file cannot be read: " + OIIO::geterror(),
-                             name, "Export it again, as PNG or JPEG");
-    }
-    system_->imagecache()->add_file(marked, LinearSrgbInput::create, &config);
-    return add(name, marked);
+    return add({.session = &session_, .name = name, .format = format, .bytes = bytes});
   }
 
   Eigen::Vector3f color(Handle texture, float u, float v, float width) const override {
@@ -191,28 +215,41 @@ class OiioTextureLookup : public TextureLookup {
     options.twrap = up_and_down;
     float rgb[3] = {};
     // Rows of an image are top-down.
-    system_->texture(texture.handle, nullptr, options, u, 1 - v, du, 0, 0, dv, 3, rgb);
+    if (!system_->texture(texture.handle, nullptr, options, u, 1 - v, du, 0, 0, dv, 3, rgb)) {
+      throw Error::bad_input("the texture is damaged: " + system_->geterror(), texture.name,
+                             "Save it again");
+    }
     return {rgb[0], rgb[1], rgb[2]};
   }
 
   const Texture* find(std::string_view name) const {
-    const auto found = std::ranges::find(opened_, name, &Texture::name);
-    return found == opened_.end() ? nullptr : &*found;
+    const auto found = std::ranges::find(textures_, name, &Texture::name);
+    return found == textures_.end() ? nullptr : &*found;
   }
-  const Texture* add(std::string name, const OIIO::ustring& in_system) {
-    opened_.push_back({std::move(name), system_->get_texture_handle(in_system)});
-    return &opened_.back();
+  const Texture* add(Texture opened) {
+    const images::ImageSession::Image image = opened.open();
+    opened.holds_codes = image.properties.holds_integers();
+    session_.close(image);
+    textures_.push_back(std::move(opened));
+    Texture* const texture = &textures_.back();
+    OIIO::ImageSpec config;
+    config.attribute(kTexture, OIIO::TypeDesc::PTR, static_cast<const void*>(&texture));
+    // A name of its own: no file is opened by it.
+    const OIIO::ustring name(fmt::format("texture {}", textures_.size()));
+    system_->imagecache()->add_file(name, DecodedInput::create, &config);
+    texture->handle = system_->get_texture_handle(name);
+    return texture;
   }
 
-  std::deque<std::string_view> images_;  // before the system, which reads them
+  images::ImageSession& session_;
+  std::deque<Texture> textures_;  // before the system, which reads them; keeps its addresses
   std::unique_ptr<OIIO::TextureSystem, Release> system_;
-  std::deque<Texture> opened_;  // a deque keeps the addresses of handles
 };
 
 }  // namespace
 }  // namespace raystage::compose
 
 extern "C" __attribute__((visibility("default"))) raystage::compose::TextureLookup*
-raystage_open_texture_lookup_2(std::size_t cache_bytes) {
-  return new raystage::compose::OiioTextureLookup(cache_bytes);
+raystage_open_texture_lookup_3(raystage::images::ImageSession& session, std::size_t cache_bytes) {
+  return new raystage::compose::OiioTextureLookup(session, cache_bytes);
 }

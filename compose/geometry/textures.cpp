@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "images/image_session.h"
 
 namespace raystage::compose {
 namespace {
@@ -28,6 +29,14 @@ OpenTextureLookup* load_module() {
 
 }  // namespace
 
+Textures::Textures(std::size_t cache_bytes, std::size_t image_bytes,
+                   const Eigen::Matrix3f& working_from_rec709)
+    : cache_bytes_(cache_bytes),
+      image_bytes_(image_bytes),
+      working_from_rec709_(working_from_rec709) {}
+
+Textures::~Textures() = default;
+
 Textures::Handle Textures::open(const std::filesystem::path& file) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(file, error)) {
@@ -49,7 +58,10 @@ Textures::Handle Textures::open(std::shared_ptr<const EmbeddedImage> image) {
 }
 
 void Textures::load_lookup() {
-  if (!lookup_) lookup_.reset(load_module()(cache_bytes_));
+  if (lookup_) return;
+  // Its process starts while the module is loaded.
+  session_ = std::make_unique<images::ImageSession>(image_bytes_);
+  lookup_.reset(load_module()(*session_, cache_bytes_));
 }
 
 }  // namespace raystage::compose

@@ -14,16 +14,17 @@ namespace raystage::compose {
 
 /// Looks up textures and environment images with OpenImageIO's texture system, which loads tiles of
 /// the needed MIP levels within a memory budget. Files of 8 and 16 bit integers hold sRGB codes,
-/// others scene-linear values. Lookups are thread-safe. The first open() loads the module.
+/// others scene-linear values. Lookups are thread-safe. The first open() loads the
+/// module. A lookup throws Error (bad input) if the file is damaged there.
 class Textures {
  public:
   using Handle = TextureLookup::Handle;
 
-  /// Sets the cache size. `working_from_rec709`: converts the files' primaries to those of the
-  /// working space.
-  explicit Textures(std::size_t cache_bytes,
-                    const Eigen::Matrix3f& working_from_rec709 = Eigen::Matrix3f::Identity())
-      : cache_bytes_(cache_bytes), working_from_rec709_(working_from_rec709) {}
+  /// `cache_bytes`: of pixels; `image_bytes`: that the pixels of a file without tiles may need.
+  /// `working_from_rec709`: converts the files' primaries to those of the working space.
+  Textures(std::size_t cache_bytes, std::size_t image_bytes,
+           const Eigen::Matrix3f& working_from_rec709 = Eigen::Matrix3f::Identity());
+  ~Textures();
 
   /// Returns whether any texture is open.
   bool is_used() const { return lookup_ != nullptr; }
@@ -48,11 +49,12 @@ class Textures {
   }
 
  private:
-  std::size_t cache_bytes_;
+  std::size_t cache_bytes_, image_bytes_;
   Eigen::Matrix3f working_from_rec709_;
   void load_lookup();
 
   std::vector<std::shared_ptr<const EmbeddedImage>> images_;  // the lookup refers to their bytes
+  std::unique_ptr<images::ImageSession> session_;             // before the lookup, which uses it
   std::unique_ptr<TextureLookup> lookup_;
 };
 

@@ -53,7 +53,7 @@ class TextureFiles : public ::testing::Test {
     return file;
   }
   testing::TestFolder folder_;
-  Textures textures_{std::size_t{16} << 20};
+  Textures textures_{std::size_t{16} << 20, std::size_t{64} << 20};
 };
 
 TEST_F(TextureFiles, CodesAreSrgbAndTheFirstRowIsTheTop) {

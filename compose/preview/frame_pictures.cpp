@@ -16,7 +16,7 @@
 #include "base/options.h"
 #include "compose/preview/false_color.h"
 #include "compose/sequence_name.h"
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 #include "images/resize.h"
 
 namespace raystage::compose {
@@ -47,18 +47,19 @@ constexpr const char* kWhatToDo =
     "output.aovs)";
 
 /// Reads a channel, of a view if one is named.
-images::ExrChannelData read_channel(const std::filesystem::path& file, const std::string& view,
+images::ExrChannelData read_channel(const images::ExrReader& reader,
+                                    const std::filesystem::path& file, const std::string& view,
                                     const std::string& channel) {
   const auto read = [&](const char* name) {
     const std::array wanted{images::ExrChannel{name}};
-    return view.empty() ? images::read_exr_channels(file, wanted, kWhatToDo)
-                        : images::read_exr_view(file, view, wanted, kWhatToDo);
+    return view.empty() ? reader.read(file, wanted, kWhatToDo)
+                        : reader.read_view(file, view, wanted, kWhatToDo);
   };
   const NamedChannel* const named = named_channel(channel);
   if (named == nullptr) return read(channel.c_str());
   for (const char* name : named->in_files) {
     const std::array wanted{images::ExrChannel{name}};
-    if (images::has_exr_channels(file, wanted, view)) return read(name);
+    if (reader.has_channels(file, wanted, view)) return read(name);
   }
   throw Error::bad_input(fmt::format("the file has no channel {}", channel), file.string(),
                          kWhatToDo);
@@ -195,9 +196,9 @@ void FramePictures::read(int frame) {
 
 FramePictures::Frame FramePictures::read_view(const std::filesystem::path& file,
                                               const std::string& view) const {
-  if (options_.channel.empty()) return {read_exr(file, view), {}};
+  if (options_.channel.empty()) return {read_exr(reader_, file, view), {}};
   Frame one;
-  images::ExrChannelData data = read_channel(file, view, options_.channel);
+  images::ExrChannelData data = read_channel(reader_, file, view, options_.channel);
   one.values = std::move(data.values);
   one.image.width = data.width;
   one.image.height = data.height;

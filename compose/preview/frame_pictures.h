@@ -11,6 +11,7 @@
 #include "compose/exr/exr_file.h"
 #include "compose/preview/display.h"
 #include "compose/preview/stereo_packing.h"
+#include "images/exr_reader.h"
 #include "store/jpeg/rgb_image.h"
 
 namespace raystage::compose {
@@ -73,6 +74,7 @@ class FramePictures {
   void set_range(const Frame& first);
 
   FramePictureOptions options_;
+  images::ExrReader reader_;
   std::vector<Frame> frames_;
   std::optional<std::array<double, 2>> range_;  ///< of the channel, once it is known
 };

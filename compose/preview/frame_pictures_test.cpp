@@ -10,7 +10,7 @@
 #include "compose/preview/false_color.h"
 #include "compose/preview/preview.h"
 #include "compose/sequence_name.h"
-#include "images/image_file.h"
+#include "images/image_reader.h"
 #include "testing/compose/test_exr_view.h"
 #include "testing/test_folder.h"
 
@@ -204,7 +204,7 @@ TEST_F(FramePictureTest, APreviewComparesTheFramesThatBothHave) {
   options.contact_sheet = folder_.path() / "sheet.png";
   options.pictures = (folder_.path() / "d.####.png").string();
   EXPECT_EQ(make_preview(options, {}).frames, 1);
-  EXPECT_EQ(images::read_image(folder_.path() / "d.0001.png").width, 4);
+  EXPECT_EQ(images::ImageReader().read_rgb(folder_.path() / "d.0001.png").width, 4);
   std::filesystem::rename(folder_.path() / "b.0001.exr", folder_.path() / "b.0002.exr");
   try {
     make_preview(options, {});

@@ -18,7 +18,7 @@ extern "C" {
 #include "compose/preview/contact_sheet.h"
 #include "compose/preview/movie_writer.h"
 #include "compose/sequence_name.h"
-#include "images/image_file.h"
+#include "images/image_reader.h"
 #include "testing/test_folder.h"
 
 namespace raystage::compose {
@@ -169,7 +169,7 @@ TEST_F(Preview, ContactSheetShowsThePicturesInOrder) {
   options_.sheet_columns = 3;
   options_.pictures_of.display.background = Background::kBlack;
   make_preview(options_, {});
-  const store::RgbImage sheet = images::read_image(options_.contact_sheet);
+  const store::RgbImage sheet = images::ImageReader().read_rgb(options_.contact_sheet);
   EXPECT_EQ(sheet.width, 8 + 3 * (kWidth + 8));
   EXPECT_EQ(sheet.height, 8 + 2 * (kHeight + 16 + 8));
   const auto red = [&](int column, int row) {
@@ -189,8 +189,8 @@ TEST_F(Preview, PicturesMayCarryTheirFrameNumbers) {
   options_.pictures = (folder_.path() / "png" / "p.###.png").string();
   options_.pictures_of.display.background = Background::kBlack;
   const auto light = [&](int frame) {
-    const store::RgbImage picture =
-        images::read_image(folder_.path() / "png" / ("p.00" + std::to_string(frame) + ".png"));
+    const store::RgbImage picture = images::ImageReader().read_rgb(
+        folder_.path() / "png" / ("p.00" + std::to_string(frame) + ".png"));
     EXPECT_EQ(picture.width, kWidth);
     return std::ranges::count(picture.values, 220);
   };

@@ -10,7 +10,7 @@
 #include <limits>
 
 #include "base/error.h"
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 
 namespace raystage::render {
 namespace {

@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 #include "testing/compose/sequence_test_data.h"
 
 namespace raystage::testing {

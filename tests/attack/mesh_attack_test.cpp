@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdlib>
 #include <fstream>
 #include <map>
 #include <random>
@@ -15,14 +14,10 @@
 #include "base/error.h"
 #include "meshes/scene_decoder.h"
 #include "testing/test_folder.h"
+#include "tests/attack/mutation.h"
 
-namespace raystage {
+namespace raystage::testing {
 namespace {
-
-int case_count() {
-  const char* const text = std::getenv("RAYSTAGE_ATTACK_CASES");
-  return text == nullptr ? 25 : std::atoi(text);
-}
 
 /// Files by name; the first is the mesh.
 struct Seed {
@@ -70,54 +65,20 @@ std::vector<Seed> seeds() {
           {"m.stl", {{"m.stl", stl}}}};
 }
 
-std::string mutate(std::string text, std::mt19937& random) {
-  const std::vector<std::string> numbers{"-1",   "0",   "4294967295", "2147483648",
-                                         "1e39", "nan", "999999999",  "-2147483649"};
-  const auto pick = [&](std::size_t bound) { return bound == 0 ? 0 : random() % bound; };
-  for (std::size_t edits = 1 + pick(4); edits > 0 && !text.empty(); --edits) {
-    const std::size_t at = pick(text.size());
-    switch (pick(6)) {
-      case 0:
-        text[at] = static_cast<char>(random());
-        break;
-      case 1:
-        text.resize(at);
-        break;
-      case 2:
-        text.insert(at, text.substr(pick(text.size()), pick(64)));
-        break;
-      case 3:
-        text.erase(at, pick(32));
-        break;
-      case 4:
-        text.insert(at, std::string(pick(4096), text[at]));
-        break;
-      default: {
-        const std::size_t digit = text.find_first_of("0123456789", at);
-        if (digit == std::string::npos) break;
-        const std::size_t end = text.find_first_not_of("0123456789.", digit);
-        text.replace(digit, end == std::string::npos ? std::string::npos : end - digit,
-                     numbers[pick(numbers.size())]);
-      }
-    }
-  }
-  return text;
-}
-
 class MeshAttack : public ::testing::TestWithParam<std::size_t> {};
 
 TEST_P(MeshAttack, EveryCaseEndsInASceneOrAnErrorOfOurs) {
-  const testing::TestFolder folder;
+  const TestFolder folder;
   const Seed seed = seeds()[GetParam()];
   std::mt19937 random(7);  // NOLINT: the same in every run
   int refused = 0;
-  for (int i = 0; i < case_count(); ++i) {
+  for (int i = 0; i < attack_case_count(); ++i) {
     SCOPED_TRACE(i);
     const std::size_t victim = random() % seed.files.size();
     std::size_t index = 0;
     for (const auto& [name, text] : seed.files) {
       std::ofstream(folder.path() / name, std::ios::binary)
-          << (i > 0 && index++ == victim ? mutate(text, random) : text);
+          << (i > 0 && index++ == victim ? mutated_text(text, random) : text);
     }
     const auto start = std::chrono::steady_clock::now();
     try {
@@ -138,10 +99,10 @@ TEST_P(MeshAttack, EveryCaseEndsInASceneOrAnErrorOfOurs) {
     ASSERT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(25));
   }
   RecordProperty("refused", refused);
-  EXPECT_LT(refused, case_count());
+  EXPECT_LT(refused, attack_case_count());
 }
 
 INSTANTIATE_TEST_SUITE_P(Formats, MeshAttack, ::testing::Range(std::size_t{0}, seeds().size()));
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::testing

@@ -13,7 +13,7 @@
 
 #include "base/resources.h"
 #include "compose/exr/exr_file.h"
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 #include "tests/bench/openexr_encoding.h"
 
 namespace raystage {

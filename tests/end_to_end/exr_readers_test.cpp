@@ -7,7 +7,7 @@
 #include <cstring>
 #include <vector>
 
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 #include "testing/test_folder.h"
 #include "tests/end_to_end/run_command.h"
 

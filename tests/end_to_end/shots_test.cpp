@@ -8,7 +8,7 @@
 #include <cmath>
 
 #include "compose/exr/exr_file.h"
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 #include "schemas/shot_document.h"
 #include "testing/test_folder.h"
 #include "tests/end_to_end/run_command.h"

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "images/exr_channels.h"
+#include "images/exr_reader.h"
 #include "testing/test_folder.h"
 #include "tests/end_to_end/run_command.h"
 #include "tests/farm/frame_difference.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "images/exr_channels.h"
+#include "images/exr_decoding.h"
 
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfHeader.h>
@@ -227,9 +227,9 @@ auto read_file_with(const std::filesystem::path& file, const std::string& what_t
 
 }  // namespace
 
-ExrChannelData read_exr_channels(const std::filesystem::path& file,
-                                 std::span<const ExrChannel> channels,
-                                 const std::string& what_to_do) {
+ExrChannelData decode_exr_channels(const std::filesystem::path& file,
+                                   std::span<const ExrChannel> channels,
+                                   const std::string& what_to_do) {
   return read_file_with(file, what_to_do, [&](Imf::MultiPartInputFile& input) {
     // In files of several views a plain name may be that of no view.
     const auto of_default_view = find_view_channels(input, "", channels);
@@ -241,16 +241,17 @@ ExrChannelData read_exr_channels(const std::filesystem::path& file,
   });
 }
 
-ExrChannelData read_exr_view(const std::filesystem::path& file, const std::string& view,
-                             std::span<const ExrChannel> channels, const std::string& what_to_do) {
+ExrChannelData decode_exr_view(const std::filesystem::path& file, const std::string& view,
+                               std::span<const ExrChannel> channels,
+                               const std::string& what_to_do) {
   return read_file_with(file, what_to_do, [&](Imf::MultiPartInputFile& input) {
     return read_view_of(input, view, file, channels, what_to_do);
   });
 }
 
-std::array<int, 2> check_exr_channels(const std::filesystem::path& file,
-                                      std::span<const ExrChannel> channels,
-                                      const std::string& what_to_do) {
+std::array<int, 2> decode_exr_size(const std::filesystem::path& file,
+                                   std::span<const ExrChannel> channels,
+                                   const std::string& what_to_do) {
   return read_file_with(file, what_to_do, [&](Imf::MultiPartInputFile& input) {
     const Imf::Header& header = input.header(part_with(input, file, channels, what_to_do));
     const Imath::Box2i& display = header.displayWindow();
@@ -258,8 +259,8 @@ std::array<int, 2> check_exr_channels(const std::filesystem::path& file,
   });
 }
 
-bool has_exr_channels(const std::filesystem::path& file, std::span<const ExrChannel> channels,
-                      const std::string& view) {
+bool decode_has_channels(const std::filesystem::path& file, std::span<const ExrChannel> channels,
+                         const std::string& view) {
   return read_file_with(
       file, "Give an EXR file, or render it again",
       [&](Imf::MultiPartInputFile& input) { return is_complete(input, view, channels); });

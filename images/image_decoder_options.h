@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+#include "sandbox/decoder_process.h"
+
+namespace raystage::images {
+
+/// Returns how raystage-decode-image is run. `kind`: of the images, named by errors;
+/// `memory_bytes`: that the pixels of one may need.
+inline sandbox::DecoderOptions image_decoder_options(const std::string& kind,
+                                                     std::size_t memory_bytes) {
+  // OpenImageIO and its 260 libraries take 1 GB of addresses; readers hold pixels twice at most.
+  constexpr std::size_t kProgram = std::size_t{2} << 30;
+  sandbox::DecoderOptions options;
+  options.program = "raystage-decode-image";
+  options.kind = kind;
+  options.advice = "Check that the file is an image, or save it again";
+  options.memory_bytes = kProgram + 4 * memory_bytes;
+  options.result_bytes = 4 * memory_bytes + (std::size_t{1} << 20);
+  options.time = std::chrono::seconds(120);
+  return options;
+}
+
+}  // namespace raystage::images

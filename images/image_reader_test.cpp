@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "images/image_reader.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <array>
+#include <fstream>
+#include <functional>
+#include <iterator>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "images/image_requests.h"
+#include "images/image_session.h"
+#include "images/png_file.h"
+#include "testing/test_folder.h"
+
+namespace raystage::images {
+namespace {
+
+using ::testing::HasSubstr;
+
+class ImageReaderTest : public ::testing::Test {
+ protected:
+  std::filesystem::path write(const std::string& name, const std::string& bytes) {
+    const auto file = folder_.path() / name;
+    std::ofstream(file, std::ios::binary) << bytes;
+    return file;
+  }
+  /// A picture of 2 x 3 pixels with codes 0 to 17.
+  std::filesystem::path write_picture() {
+    std::string bytes = "P6 2 3 255\n";
+    for (char code = 0; code < 18; ++code) bytes += code;
+    return write("a.ppm", bytes);
+  }
+  static std::string error_of(const std::function<void()>& function) {
+    try {
+      function();
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+      return error.what();
+    }
+    return "no error";
+  }
+
+  raystage::testing::TestFolder folder_;
+};
+
+TEST_F(ImageReaderTest, ReadsPropertiesAndValues) {
+  const ImageReader reader;
+  const auto file = write_picture();
+  const ImageProperties properties = reader.properties(file);
+  EXPECT_EQ(properties.width, 2);
+  EXPECT_EQ(properties.height, 3);
+  EXPECT_EQ(properties.channels, 3);
+  EXPECT_EQ(properties.type, PixelType::kUint8);
+  EXPECT_EQ(reader.read_codes(file).values[17], 17);
+  EXPECT_FLOAT_EQ(reader.read_floats(file).values[17], 17.0F / 255);
+  EXPECT_EQ(reader.read_rgb(file).values[17], 17);
+}
+
+TEST_F(ImageReaderTest, WhatIsNoImageIsAnErrorThatNamesTheFile) {
+  const ImageReader reader;
+  EXPECT_THAT(error_of([&] { reader.read_rgb(folder_.path() / "none.png"); }),
+              HasSubstr("does not exist"));
+  EXPECT_THAT(error_of([&] { reader.read_rgb(write("text.png", "no picture")); }),
+              HasSubstr("text.png"));
+  EXPECT_THAT(error_of([&] { reader.read_rgb(write("cut.ppm", "P6 2 3 255\nabc")); }),
+              HasSubstr("cannot be read"));
+  const auto pipe = folder_.path() / "pipe.png";
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_THAT(error_of([&] { reader.read_rgb(pipe); }), HasSubstr("not a regular file"));
+  // The reader goes on.
+  EXPECT_EQ(reader.read_rgb(write_picture()).width, 2);
+}
+
+TEST_F(ImageReaderTest, SizesAreCheckedBeforeMemoryIsTaken) {
+  const ImageReader reader(10'000'000);
+  const std::string what =
+      error_of([&] { reader.read_rgb(write("bomb.ppm", "P6 60000 60000 255\nabc")); });
+  EXPECT_THAT(what, HasSubstr("60000 x 60000 pixels"));
+  EXPECT_THAT(what, HasSubstr("10 MB are granted"));
+}
+
+TEST_F(ImageReaderTest, ASessionReadsPartsOfFilesAndOfImagesInMemory) {
+  ImageSession session(1'000'000);
+  const ImageSession::Image image = session.open(write_picture());
+  std::array<std::byte, 6> row{};
+  session.read_rows(image, 0, 0, 2, 3, PixelType::kUint8, row);
+  EXPECT_EQ(row[5], std::byte{17});
+  EXPECT_EQ(session.level(image, 0, 0), image.properties);
+  EXPECT_EQ(session.level(image, 0, 1), std::nullopt);
+  EXPECT_THROW(session.read_rows(image, 0, 0, 2, 4, PixelType::kUint8, row), Error);
+  EXPECT_THROW(session.read_tile(image, 0, 0, 0, 0, PixelType::kUint8, row), Error);
+  session.close(image);
+  EXPECT_THROW(session.read_rows(image, 0, 0, 2, 3, PixelType::kUint8, row), Error);
+
+  store::RgbImage picture(3, 2);
+  picture.values[0] = 200;
+  write_png(picture, folder_.path() / "b.png");
+  std::ifstream file(folder_.path() / "b.png", std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(file), {}};
+  const ImageSession::Image in_memory = session.open_bytes("b of a mesh", "png", bytes);
+  EXPECT_EQ(in_memory.properties.width, 3);
+  std::array<std::byte, 9> first{};
+  session.read_rows(in_memory, 0, 0, 0, 1, PixelType::kUint8, first);
+  EXPECT_EQ(first[0], std::byte{200});
+  // An image in memory opens no file, whatever its name.
+  EXPECT_THROW(session.open_bytes((folder_.path() / "b.png").string(), "ppm", "nothing"), Error);
+}
+
+/// They may come from a decoder that a hostile file has taken over.
+TEST(ImageRequests, PropertiesOfADecoderAreChecked) {
+  const ImageProperties good{
+      .width = 2, .height = 3, .full_width = 2, .full_height = 3, .channels = 3};
+  const auto round_trip = [](const ImageProperties& properties) {
+    sandbox::ByteWriter writer;
+    write_properties(writer, properties);
+    const auto bytes = writer.take();
+    sandbox::ByteReader reader(bytes);
+    return read_properties(reader);
+  };
+  EXPECT_EQ(round_trip(good), good);
+  for (const auto& spoil : std::vector<std::function<void(ImageProperties&)>>{
+           [](auto& p) { p.width = -1; }, [](auto& p) { p.height = 1 << 30; },
+           [](auto& p) { p.channels = 0; }, [](auto& p) { p.alpha_channel = 3; },
+           [](auto& p) { p.tile_width = -4; }, [](auto& p) { p.x = 1 << 30; },
+           [](auto& p) { p.type = static_cast<PixelType>(9); }}) {
+    ImageProperties bad = good;
+    spoil(bad);
+    EXPECT_THROW(round_trip(bad), std::runtime_error);
+  }
+}
+
+}  // namespace
+}  // namespace raystage::images

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "images/image_session.h"
+
+#include <cstring>
+#include <stdexcept>
+#include <vector>
+
+#include "base/error.h"
+#include "images/image_decoder_options.h"
+#include "images/image_requests.h"
+
+namespace raystage::images {
+namespace {
+
+FileDescriptor no_file(const std::string& /*name*/) { return FileDescriptor(-1); }
+
+Error damaged(const std::runtime_error& error, const std::string& name) {
+  return Error::bad_input(std::string("the texture cannot be read: ") + error.what(), name,
+                          "Save it again");
+}
+
+}  // namespace
+
+struct ImageSession::Part {
+  ImageRequest request;
+  int subimage, level, first, second;
+  PixelType type;
+};
+
+ImageSession::ImageSession(std::size_t memory_bytes)
+    : memory_bytes_(memory_bytes), decoder_(image_decoder_options("texture", memory_bytes)) {
+  decoder_.start();
+}
+
+std::vector<std::byte> ImageSession::decode(std::span<const std::byte> request,
+                                            const std::string& name,
+                                            const sandbox::OpenFile& open_file) {
+  const std::lock_guard lock(mutex_);
+  return decoder_.decode(request, name, open_file);
+}
+
+ImageSession::Image ImageSession::open_source(const std::string& name, const std::string& format,
+                                              std::string_view bytes,
+                                              const sandbox::OpenFile& open_file) {
+  sandbox::ByteWriter request;
+  request.write(static_cast<std::uint8_t>(ImageRequest::kOpen));
+  write_source(request, {name, format, std::string(bytes), memory_bytes_});
+  const auto result = decode(request.take(), name, open_file);
+  try {
+    sandbox::ByteReader reader(result);
+    Image image{reader.read<std::uint32_t>(), name, {}};
+    image.properties = read_properties(reader);
+    return image;
+  } catch (const std::runtime_error& error) {
+    throw damaged(error, name);
+  }
+}
+
+ImageSession::Image ImageSession::open(const std::filesystem::path& file) {
+  return open_source(file.string(), "", "", sandbox::only_file(file));
+}
+
+ImageSession::Image ImageSession::open_bytes(const std::string& name, const std::string& format,
+                                             std::string_view bytes) {
+  return open_source(name, format, bytes, no_file);
+}
+
+void ImageSession::close(const Image& image) {
+  sandbox::ByteWriter request;
+  request.write(static_cast<std::uint8_t>(ImageRequest::kClose));
+  request.write(image.number);
+  decode(request.take(), image.name, no_file);
+}
+
+std::optional<ImageProperties> ImageSession::level(const Image& image, int subimage, int level) {
+  sandbox::ByteWriter request;
+  request.write(static_cast<std::uint8_t>(ImageRequest::kLevel));
+  request.write(image.number);
+  request.write(subimage);
+  request.write(level);
+  const auto result = decode(request.take(), image.name, no_file);
+  if (result.empty()) return std::nullopt;
+  try {
+    sandbox::ByteReader reader(result);
+    return read_properties(reader);
+  } catch (const std::runtime_error& error) {
+    throw damaged(error, image.name);
+  }
+}
+
+void ImageSession::read_part(const Image& image, const Part& part, std::span<std::byte> pixels) {
+  sandbox::ByteWriter request;
+  request.write(static_cast<std::uint8_t>(part.request));
+  request.write(image.number);
+  for (const int number : {part.subimage, part.level, part.first, part.second}) {
+    request.write(number);
+  }
+  request.write(static_cast<std::uint8_t>(part.type));
+  const auto result = decode(request.take(), image.name, sandbox::only_file(image.name));
+  if (result.size() != pixels.size()) {
+    throw damaged(std::runtime_error("its decoder returned damaged data"), image.name);
+  }
+  std::memcpy(pixels.data(), result.data(), result.size());
+}
+
+void ImageSession::read_rows(const Image& image, int subimage, int level, int begin, int end,
+                             PixelType type, std::span<std::byte> pixels) {
+  read_part(image, {ImageRequest::kRows, subimage, level, begin, end, type}, pixels);
+}
+
+void ImageSession::read_tile(const Image& image, int subimage, int level, int x, int y,
+                             PixelType type, std::span<std::byte> pixels) {
+  read_part(image, {ImageRequest::kTile, subimage, level, x, y, type}, pixels);
+}
+
+}  // namespace raystage::images

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "images/image_properties.h"
+#include "sandbox/decoder_process.h"
+
+namespace raystage::images {
+
+/// Images that one confined process keeps open, to read parts of them. Thread-safe. All functions
+/// throw Error (bad input) that names the image if it cannot be read, is damaged, or needs more
+/// memory than was granted, and Error (failed) as sandbox::DecoderProcess does.
+class ImageSession {
+ public:
+  /// `memory_bytes`: that an image without tiles may need. The process is started at once.
+  explicit ImageSession(std::size_t memory_bytes);
+
+  /// An image that is open.
+  struct Image {
+    std::uint32_t number = 0;
+    std::string name;  ///< for errors
+    ImageProperties properties;
+  };
+  Image open(const std::filesystem::path& file);
+  /// `format`: its extension, such as "png".
+  Image open_bytes(const std::string& name, const std::string& format, std::string_view bytes);
+  void close(const Image& image);
+
+  /// Returns the properties of a level; nullopt: there is none.
+  std::optional<ImageProperties> level(const Image& image, int subimage, int level);
+  /// Reads rows [begin, end).
+  void read_rows(const Image& image, int subimage, int level, int begin, int end, PixelType type,
+                 std::span<std::byte> pixels);
+  /// Reads the tile at (x, y).
+  void read_tile(const Image& image, int subimage, int level, int x, int y, PixelType type,
+                 std::span<std::byte> pixels);
+
+ private:
+  struct Part;
+  Image open_source(const std::string& name, const std::string& format, std::string_view bytes,
+                    const sandbox::OpenFile& open_file);
+  void read_part(const Image& image, const Part& part, std::span<std::byte> pixels);
+  std::vector<std::byte> decode(std::span<const std::byte> request, const std::string& name,
+                                const sandbox::OpenFile& open_file);
+
+  std::size_t memory_bytes_;
+  std::mutex mutex_;
+  sandbox::DecoderProcess decoder_;
+};
+
+}  // namespace raystage::images

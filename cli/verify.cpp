@@ -7,14 +7,19 @@
 #include <tbb/info.h>
 
 #include <algorithm>
+#include <exception>
 #include <map>
 #include <nlohmann/json.hpp>
 
 #include "base/atomic_file.h"
+#include "base/contained_path.h"
+#include "base/error.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/printing.h"
 #include "schemas/former_names.h"
+#include "store/fixity/manifest.h"
+#include "store/fixity/signature.h"
 
 namespace raystage::cli {
 namespace {
@@ -27,7 +32,9 @@ const std::map<std::string, store::VerifyDepth> kDepths{{"sizes", store::VerifyD
                                                         {"hashes", store::VerifyDepth::kHashes}};
 
 struct Options {
-  std::string take, json, depth = "hashes";
+  std::string take, json, depth = "hashes", manifest;
+  std::filesystem::path signing_key;
+  store::Signers signers;
   bool decode = false, quiet = false;
   int threads = 0;
 };
@@ -137,6 +144,74 @@ Json json_of(const Options& options, const store::TakeFixityReport& report) {
   return json;
 }
 
+/// Throws Error (bad input) for options that do not fit together.
+void check_options(const Options& options) {
+  if (!options.signing_key.empty() && options.manifest != "write") {
+    throw Error::bad_input("--sign signs the manifest that is written", "", "Add --manifest write");
+  }
+  if (options.signers.file.empty()) return;
+  if (options.manifest != "check" || options.signers.identity.empty()) {
+    throw Error::bad_input("--signers checks the signature of the manifest by one signer", "",
+                           "Add --manifest check and --signer NAME");
+  }
+}
+
+void print_paths(const char* what, const std::vector<std::string>& paths) {
+  for (const std::string& path : paths) print("  {}: {}\n", path, what);
+}
+
+/// Writes the manifest of a take that has just been verified, and signs it if a key is given.
+Json write_manifest(const Options& options, const store::ManifestOptions& hashing) {
+  const std::filesystem::path folder = options.take;
+  const store::Manifest manifest = store::make_manifest(store::Take(folder), hashing);
+  const std::filesystem::path file = folder / store::kManifestFile;
+  require_contained({folder, store::kManifestFile});
+  require_contained({folder, store::kSignatureFile});
+  // The signature of an earlier manifest would not fit.
+  std::error_code error;
+  std::filesystem::remove(folder / store::kSignatureFile, error);
+  write_file_atomically(file, store::manifest_as_text(manifest));
+  const bool is_signed = !options.signing_key.empty();
+  if (is_signed) store::sign_file(file, options.signing_key);
+  if (options.json != "-") {
+    print("manifest: SHA-256 of {} files written to {}{}\n", manifest.files.size(), file.string(),
+          is_signed ? ", signed" : "");
+  }
+  return {{"file", file.string()}, {"files", manifest.files.size()}, {"signed", is_signed}};
+}
+
+/// Compares the take with its manifest, after the manifest with its signature if signers are given.
+Json check_manifest(const Options& options, const store::ManifestOptions& hashing,
+                    bool& is_intact) {
+  const std::filesystem::path file = std::filesystem::path(options.take) / store::kManifestFile;
+  const bool is_signed = !options.signers.file.empty();
+  // The same bytes are checked and compared.
+  const std::string text = store::read_manifest(options.take);
+  const std::string fault =
+      is_signed
+          ? store::signature_fault(
+                text, std::filesystem::path(options.take) / store::kSignatureFile, options.signers)
+          : "";
+  const store::ManifestReport report = store::check_manifest(options.take, text, hashing);
+  is_intact = report.is_intact() && fault.empty();
+  if (options.json != "-") {
+    if (is_signed) {
+      print("signature: {}\n", fault.empty() ? "good, by " + options.signers.identity : fault);
+    }
+    print("manifest of \"{}\": {} files, {} changed, {} missing, {} not listed\n",
+          report.manifest.take, report.manifest.files.size(), report.changed.size(),
+          report.missing.size(), report.unlisted.size());
+    print_paths("changed", report.changed);
+    print_paths("missing", report.missing);
+    print_paths("not listed", report.unlisted);
+  }
+  Json json{{"file", file.string()},        {"files", report.manifest.files.size()},
+            {"intact", report.is_intact()}, {"changed", report.changed},
+            {"missing", report.missing},    {"unlisted", report.unlisted}};
+  if (is_signed) json["signature"] = fault.empty() ? "good" : fault;
+  return json;
+}
+
 ExitCode verify(const Options& options, const std::stop_token& stop) {
   const tbb::global_control threads(
       tbb::global_control::max_allowed_parallelism,
@@ -150,17 +225,33 @@ ExitCode verify(const Options& options, const std::stop_token& stop) {
   deep.stop = stop;
   const store::TakeFixityReport report = store::verify_take(options.take, deep);
   if (report.status != RunStatus::kFinished) return ExitCode::kFailed;
-  if (!options.json.empty()) {
-    const std::string text = json_of(options, report).dump(2) + "\n";
-    if (options.json == "-") {
-      print("{}", text);
-    } else {
-      write_file_atomically(options.json, text);
-    }
-  }
   if (options.json != "-") print_text(options, report);
+  const bool is_intact = report.is_readable() && report.is_intact();
+  Json json = json_of(options, report);
+  bool is_as_listed = true;
+  std::exception_ptr failure;  // reported after the rest, which took long
+  try {
+    const store::ManifestOptions hashing{deep.progress, stop};
+    if (options.manifest == "check") {
+      json["manifest"] = check_manifest(options, hashing, is_as_listed);
+    } else if (options.manifest == "write" && is_intact) {
+      json["manifest"] = write_manifest(options, hashing);
+    }
+  } catch (const Error& error) {
+    json["manifest"] = {{"error", error.what()}};
+    failure = std::current_exception();
+  }
+  if (options.json == "-") {
+    print("{}\n", json.dump(2));
+  } else if (!options.json.empty()) {
+    write_file_atomically(options.json, json.dump(2) + "\n");
+  }
+  if (failure) std::rethrow_exception(failure);
   if (!report.is_readable()) return ExitCode::kBadInput;
-  return report.is_intact() ? ExitCode::kSuccess : ExitCode::kFailed;
+  if (options.manifest == "write" && !is_intact && options.json != "-") {
+    print("no manifest was written: it would state that the take is good\n");
+  }
+  return is_intact && is_as_listed ? ExitCode::kSuccess : ExitCode::kFailed;
 }
 
 }  // namespace
@@ -170,9 +261,10 @@ int main(int argc, char** argv) {
   using namespace raystage;
   using namespace raystage::cli;
   CommandLine command(
-      "Checks a take against its recorded hashes. Changes nothing. Exit code 0: intact, 1: "
-      "damaged\n"
-      "or not closed, 2: cannot be read at all.",
+      "Checks a take against its recorded hashes. Changes nothing, but --manifest write adds a "
+      "file.\n"
+      "Exit code 0: intact, 1: damaged, not closed, or not as the manifest states, 2: cannot be "
+      "read\nat all.",
       "raystage verify");
   Options options;
   command.option("TAKE", options.take, "Folder of the take").required();
@@ -185,6 +277,24 @@ int main(int argc, char** argv) {
   command.flag(
       "--decode", options.decode,
       "Also decode every JPEG and check its dimensions; implies --depth hashes (default: off)");
+  command
+      .option("--manifest TEXT", options.manifest,
+              "SHA-256 of every file of the take: check = compare the take with manifest.sha256; "
+              "write = write it, if the take is intact (default: neither)")
+      .one_of_listed({"check", "write"});
+  command
+      .option("--sign KEY", options.signing_key,
+              "With --manifest write: sign the manifest with this SSH key (ssh-keygen -Y sign)")
+      .needs("--manifest");
+  command
+      .option("--signers FILE", options.signers.file,
+              "With --manifest check: the manifest must be signed by one of these allowed signers "
+              "(ssh-keygen -Y verify)")
+      .needs("--manifest");
+  command
+      .option("--signer NAME", options.signers.identity,
+              "Identity in the file of allowed signers that must have signed")
+      .needs("--signers");
   command.option(
       "--json", options.json,
       "Write the result as JSON to this file; - = to stdout, without the text (default: none)");
@@ -193,6 +303,7 @@ int main(int argc, char** argv) {
   command.flag("-q,--quiet", options.quiet, "No progress on stderr (default: off)");
   return parse_and_run(command, argc, argv, "verify", [&](std::stop_token stop) {
     if (options.decode) options.depth = "hashes";
+    check_options(options);
     return verify(options, stop);
   });
 }

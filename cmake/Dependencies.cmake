@@ -24,6 +24,7 @@ find_package(assimp 5.2 CONFIG REQUIRED)           # assimp::assimp
 find_package(embree 3 CONFIG REQUIRED)             # embree
 find_package(Ceres 2.1 CONFIG REQUIRED)            # Ceres::ceres
 pkg_check_modules(TURBOJPEG REQUIRED IMPORTED_TARGET libturbojpeg libjpeg) # PkgConfig::TURBOJPEG
+find_package(OpenSSL 3.0 REQUIRED COMPONENTS Crypto)                        # OpenSSL::Crypto
 pkg_check_modules(SECCOMP REQUIRED IMPORTED_TARGET libseccomp)             # PkgConfig::SECCOMP
 pkg_check_modules(PNG REQUIRED IMPORTED_TARGET libpng)                      # PkgConfig::PNG
 pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)                   # PkgConfig::ZSTD

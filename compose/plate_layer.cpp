@@ -99,13 +99,15 @@ LayerImage read_png_plate(const images::ImageReader& png, const std::filesystem:
 
 PlateLayer::PlateLayer(const schemas::ShotDocument& shot, std::size_t index,
                        const std::filesystem::path& folder, std::optional<ColorConfig> config,
-                       double scale)
+                       double scale, std::size_t memory_bytes)
     : document_(*shot.layers[index].plate),
       width_(shot.width),
       height_(shot.height),
       scale_(scale),
       name_((folder / document_.file).lexically_normal().string()),
-      config_(std::move(config)) {
+      config_(std::move(config)),
+      exr_(memory_bytes),
+      png_(images::ImageReader::of_png_plates(memory_bytes)) {
   if (!document_.space.empty()) colors().from_space(document_.space);  // throws if unknown
 }
 

@@ -21,10 +21,11 @@ class PlateLayer final : public Layer {
  public:
   /// Checks the colour space; opens no file. `folder`: what the path is relative to. `config`:
   /// OpenColorIO config for plates that are neither linear Rec.709 nor sRGB; none: the built-in
-  /// one. `scale`: of the shot's size to that of its files, for drafts; (0, 1].
+  /// one. `scale`: of the shot's size to that of its files, for drafts; (0, 1]. `memory_bytes`:
+  /// that the pixels of a file may need; 0: half of the machine's.
   PlateLayer(const schemas::ShotDocument& shot, std::size_t index,
              const std::filesystem::path& folder, std::optional<ColorConfig> config,
-             double scale = 1);
+             double scale = 1, std::size_t memory_bytes = 0);
 
   std::filesystem::path file(int frame) const;
   /// Throws Error (bad input) if the file is missing, not supported, or not of the shot's size.
@@ -53,7 +54,7 @@ class PlateLayer final : public Layer {
   SequenceName name_;
   std::optional<ColorConfig> config_;
   images::ExrReader exr_;
-  images::ImageReader png_ = images::ImageReader::of_png_plates();
+  images::ImageReader png_;
 };
 
 }  // namespace raystage::compose

@@ -119,7 +119,7 @@ std::unique_ptr<const Layer> ShotPlan::open_layer(std::size_t layer,
   if (document.geometry) return open_geometry(layer);
   if (document.plate) {
     return std::make_unique<const PlateLayer>(shot_, layer, folder_, colors_.studio,
-                                              options.draft.scale);
+                                              options.draft.scale, memory_bytes_);
   }
   if (document.solid) return std::make_unique<const SolidLayer>(*document.solid);
   return open_light_field(layer, options);

@@ -11,10 +11,10 @@
 #include <thread>
 
 #include "base/atomic_file.h"
+#include "base/child_process.h"
 #include "base/resources.h"
 #include "base/stopwatch.h"
 #include "compose/sequence_name.h"
-#include "farm/child_process.h"
 #include "farm/node_checks.h"
 #include "farm/slurm_queue.h"
 #include "farm/slurm_scripts.h"

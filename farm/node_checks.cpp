@@ -16,9 +16,9 @@
 #include <vector>
 
 #include "base/atomic_file.h"
+#include "base/child_process.h"
 #include "base/error.h"
 #include "compose/sequence_name.h"
-#include "farm/child_process.h"
 #include "farm/job_folder.h"
 #include "render/common/simd_level.h"
 

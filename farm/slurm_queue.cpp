@@ -9,9 +9,9 @@
 #include <set>
 #include <sstream>
 
+#include "base/child_process.h"
 #include "base/error.h"
 #include "base/number_text.h"
-#include "farm/child_process.h"
 #include "farm/slurm_scripts.h"
 
 namespace raystage::farm {

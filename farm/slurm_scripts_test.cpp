@@ -6,7 +6,7 @@
 
 #include <fstream>
 
-#include "farm/child_process.h"
+#include "base/child_process.h"
 #include "farm/slurm_queue.h"
 #include "testing/farm/test_job.h"
 #include "testing/test_folder.h"

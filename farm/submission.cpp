@@ -12,11 +12,11 @@
 #include <system_error>
 
 #include "base/atomic_file.h"
+#include "base/child_process.h"
 #include "base/resources.h"
 #include "compose/derived_data.h"
 #include "compose/frame_range.h"
 #include "farm/attempts.h"
-#include "farm/child_process.h"
 #include "farm/job_plan.h"
 #include "farm/node_checks.h"
 #include "farm/resources.h"

@@ -17,10 +17,10 @@
 #include <set>
 
 #include "base/atomic_file.h"
+#include "base/child_process.h"
 #include "base/number_text.h"
 #include "compose/frame_range.h"
 #include "farm/attempts.h"
-#include "farm/child_process.h"
 #include "farm/node_checks.h"
 #include "farm/render_log_parser.h"
 #include "farm/rounds.h"

@@ -5,8 +5,8 @@
 
 #include <sstream>
 
+#include "base/child_process.h"
 #include "compose/frame_range.h"
-#include "farm/child_process.h"
 #include "farm/fingerprints.h"
 #include "farm/rounds.h"
 

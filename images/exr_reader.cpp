@@ -20,8 +20,9 @@ sandbox::DecoderOptions exr_decoder_options(std::size_t memory_bytes) {
   options.program = "raystage-decode-exr";
   options.kind = kKind;
   options.advice = "Save it again";
-  options.memory_bytes = kProgram + memory_bytes;
-  options.result_bytes = memory_bytes;
+  // Pixels of data and display window, and the result that holds them.
+  options.memory_bytes = kProgram + 3 * memory_bytes;
+  options.result_bytes = memory_bytes + (std::size_t{1} << 20);
   options.time = std::chrono::seconds(60);
   return options;
 }

@@ -19,7 +19,7 @@ namespace raystage::images {
 /// sandbox::DecoderProcess does.
 class ExrReader {
  public:
-  /// `memory_bytes`: that the pixels of a file may need; 0: half of what the machine has left.
+  /// `memory_bytes`: that the pixels of a file may need; 0: half of the machine's.
   explicit ExrReader(std::size_t memory_bytes = 0);
 
   /// Reads channels from the first flat part that has all required channels or, if none is

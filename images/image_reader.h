@@ -20,15 +20,15 @@ struct ImageValues {
 };
 
 /// Reads image files (PNG, JPEG, TIFF, OpenEXR and whatever else OpenImageIO reads) in confined
-/// processes, which stay until the reader ends. Alpha is not applied to colours. Thread-safe. All
-/// functions throw Error (bad input) if the file is missing, no image, damaged, or needs more
-/// memory than was granted, and Error (failed) as sandbox::DecoderProcess does.
+/// processes, which stay until the reader ends. Colours of files with alpha come premultiplied.
+/// Thread-safe. All functions throw Error (bad input) if the file is missing, no image, damaged, or
+/// needs more memory than was granted, and Error (failed) as sandbox::DecoderProcess does.
 class ImageReader {
  public:
-  /// `memory_bytes`: that the pixels of an image may need; 0: half of what the machine has left.
+  /// `memory_bytes`: that the pixels of an image may need; 0: half of the machine's.
   explicit ImageReader(std::size_t memory_bytes = 0);
   /// Returns a reader of PNG files with at most 8 bits, which starts within milliseconds. It gives
-  /// R, G, B, A whatever the file has; its errors name a plate.
+  /// R, G, B (not premultiplied) and A whatever the file has; its errors name a plate.
   static ImageReader of_png_plates(std::size_t memory_bytes = 0);
 
   /// Returns what the header states.

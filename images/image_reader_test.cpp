@@ -87,6 +87,14 @@ TEST_F(ImageReaderTest, SizesAreCheckedBeforeMemoryIsTaken) {
   EXPECT_THAT(what, HasSubstr("10 MB are granted"));
 }
 
+/// Tiles do not help: the pixels are wanted.
+TEST_F(ImageReaderTest, FloatsNeedMoreMemoryThanCodes) {
+  const ImageReader reader(40);
+  EXPECT_EQ(reader.read_codes(write_picture()).values.size(), 18u);  // 18 bytes
+  EXPECT_THAT(error_of([&] { reader.read_floats(write_picture()); }),
+              HasSubstr("are granted"));  // 72 bytes
+}
+
 TEST_F(ImageReaderTest, ASessionReadsPartsOfFilesAndOfImagesInMemory) {
   ImageSession session(1'000'000);
   const ImageSession::Image image = session.open(write_picture());

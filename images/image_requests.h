@@ -15,7 +15,7 @@ namespace raystage::images {
 enum class ImageRequest : std::uint8_t {
   kProperties,  ///< source; result: properties
   kRead,        ///< source, pixel type; result: properties and all pixels of the first level
-  kOpen,        ///< source; result: number of the image (std::uint32_t) and properties
+  kOpen,        ///< number to give to the image (std::uint32_t), source; result: properties
   kLevel,       ///< number, subimage, level; result: properties, or nothing if there is none
   kRows,        ///< number, subimage, level, first and last row + 1, pixel type; result: pixels
   kTile,        ///< number, subimage, level, x, y of its corner, pixel type; result: pixels

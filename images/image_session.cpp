@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "images/image_session.h"
 
+#include <algorithm>
 #include <cstring>
 #include <stdexcept>
 #include <vector>
@@ -11,6 +12,8 @@
 
 namespace raystage::images {
 namespace {
+
+constexpr std::size_t kSmallest = std::size_t{16} << 20;  // always granted, bytes
 
 FileDescriptor no_file(const std::string& /*name*/) { return FileDescriptor(-1); }
 
@@ -44,12 +47,15 @@ ImageSession::Image ImageSession::open_source(const std::string& name, const std
                                               const sandbox::OpenFile& open_file) {
   sandbox::ByteWriter request;
   request.write(static_cast<std::uint8_t>(ImageRequest::kOpen));
+  // Given here: a process that replaces a crashed one knows none of the earlier numbers.
+  const std::uint32_t number = next_number_++;
+  request.write(number);
   write_source(request, {name, format, std::string(bytes), memory_bytes_});
   const auto result = decode(request.take(), name, open_file);
   try {
     sandbox::ByteReader reader(result);
-    Image image{reader.read<std::uint32_t>(), name, {}};
-    image.properties = read_properties(reader);
+    Image image{number, name, read_properties(reader)};
+    require_memory(image.properties);
     return image;
   } catch (const std::runtime_error& error) {
     throw damaged(error, name);
@@ -63,6 +69,21 @@ ImageSession::Image ImageSession::open(const std::filesystem::path& file) {
 ImageSession::Image ImageSession::open_bytes(const std::string& name, const std::string& format,
                                              std::string_view bytes) {
   return open_source(name, format, bytes, no_file);
+}
+
+/// OpenImageIO reads a tile or up to 64 rows at once, as float at most.
+void ImageSession::require_memory(const ImageProperties& properties) const {
+  constexpr std::size_t kRows = 64;
+  const bool has_tiles = properties.tile_width > 0;
+  const auto width = static_cast<std::size_t>(has_tiles ? properties.tile_width : properties.width);
+  const std::size_t height = has_tiles
+                                 ? static_cast<std::size_t>(properties.tile_height)
+                                 : std::min(kRows, static_cast<std::size_t>(properties.height));
+  const std::size_t bytes =
+      width * height * static_cast<std::size_t>(properties.channels) * sizeof(float);
+  if (bytes > std::max(memory_bytes_, kSmallest)) {
+    throw std::runtime_error("a tile or some rows of it need more memory than is granted");
+  }
 }
 
 void ImageSession::close(const Image& image) {
@@ -82,7 +103,15 @@ std::optional<ImageProperties> ImageSession::level(const Image& image, int subim
   if (result.empty()) return std::nullopt;
   try {
     sandbox::ByteReader reader(result);
-    return read_properties(reader);
+    const ImageProperties properties = read_properties(reader);
+    // Levels become smaller: a decoder that always has another one must not go on for ever.
+    constexpr int kMaxLevels = 32;
+    const ImageProperties& first = image.properties;
+    sandbox::ByteReader::require(
+        subimage == 0 && level >= 0 && level < kMaxLevels && properties.width <= first.width &&
+        properties.height <= first.height && properties.channels == first.channels);
+    require_memory(properties);
+    return properties;
   } catch (const std::runtime_error& error) {
     throw damaged(error, image.name);
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -21,7 +22,8 @@ namespace raystage::images {
 /// memory than was granted, and Error (failed) as sandbox::DecoderProcess does.
 class ImageSession {
  public:
-  /// `memory_bytes`: that an image without tiles may need. The process is started at once.
+  /// `memory_bytes`: that an image without tiles, or a tile, may need. The process is started at
+  /// once.
   explicit ImageSession(std::size_t memory_bytes);
 
   /// An image that is open.
@@ -35,7 +37,7 @@ class ImageSession {
   Image open_bytes(const std::string& name, const std::string& format, std::string_view bytes);
   void close(const Image& image);
 
-  /// Returns the properties of a level; nullopt: there is none.
+  /// Returns the properties of a level of subimage 0; nullopt: there is none.
   std::optional<ImageProperties> level(const Image& image, int subimage, int level);
   /// Reads rows [begin, end).
   void read_rows(const Image& image, int subimage, int level, int begin, int end, PixelType type,
@@ -48,11 +50,14 @@ class ImageSession {
   struct Part;
   Image open_source(const std::string& name, const std::string& format, std::string_view bytes,
                     const sandbox::OpenFile& open_file);
+  /// Throws std::runtime_error if reading a part needs more memory than is granted.
+  void require_memory(const ImageProperties& properties) const;
   void read_part(const Image& image, const Part& part, std::span<std::byte> pixels);
   std::vector<std::byte> decode(std::span<const std::byte> request, const std::string& name,
                                 const sandbox::OpenFile& open_file);
 
   std::size_t memory_bytes_;
+  std::atomic<std::uint32_t> next_number_ = 1;
   std::mutex mutex_;
   sandbox::DecoderProcess decoder_;
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads images with OpenImageIO. Alpha is left as the file has it: not applied to colours.
+// Reads images with OpenImageIO.
 #include "images/open_images.h"
 
 #include <OpenImageIO/filesystem.h>
@@ -66,9 +66,11 @@ std::runtime_error oiio_error(const OIIO::ImageInput& input) {
 
 class OpenImages::Image {
  public:
-  explicit Image(ImageSource source) : source_(std::move(source)) {
+  enum class Alpha { kApplied, kAsInFile };  ///< to colours
+
+  Image(ImageSource source, Alpha alpha) : source_(std::move(source)) {
     OIIO::ImageSpec config;
-    config.attribute("oiio:UnassociatedAlpha", 1);
+    if (alpha == Alpha::kAsInFile) config.attribute("oiio:UnassociatedAlpha", 1);
     std::string name = source_.name;
     if (!source_.format.empty()) {
       memory_.emplace(source_.bytes.data(), source_.bytes.size());
@@ -79,7 +81,21 @@ class OpenImages::Image {
     }
     input_ = OIIO::ImageInput::open(name, &config);
     if (!input_) throw std::runtime_error(OIIO::geterror());
-    check_size();
+  }
+
+  /// Throws if all pixels as values of a type need more memory than is granted.
+  void require_memory_for_all(PixelType type) {
+    const OIIO::ImageSpec spec = required_level(0, 0);
+    require_memory(spec, spec.width, spec.height, size_of(type));
+  }
+  /// The same for what reading a part of a level needs: a tile, or else all pixels as they are in
+  /// the file, because readers may decode it as a whole.
+  void require_memory_for_parts(const OIIO::ImageSpec& spec) const {
+    if (spec.tile_width > 0) {
+      require_memory(spec, spec.tile_width, spec.tile_height, sizeof(float));
+    } else {
+      require_memory(spec, spec.width, spec.height, spec.format.size());
+    }
   }
 
   std::optional<OIIO::ImageSpec> level(int subimage, int miplevel) {
@@ -117,17 +133,14 @@ class OpenImages::Image {
   }
 
  private:
-  /// Readers may decode a file without tiles as a whole.
-  void check_size() const {
-    const OIIO::ImageSpec& spec = input_->spec();
-    const double bytes = static_cast<double>(spec.width) * spec.height * spec.nchannels *
-                         static_cast<double>(spec.format.size());
-    if (spec.tile_width > 0 || bytes <= static_cast<double>(source_.memory_bytes)) return;
-    throw std::runtime_error(
-        fmt::format("it has {} x {} pixels of {} channels, which need {:.0f} MB of memory; {:.0f} "
-                    "MB are granted",
-                    spec.width, spec.height, spec.nchannels, bytes / 1e6,
-                    static_cast<double>(source_.memory_bytes) / 1e6));
+  void require_memory(const OIIO::ImageSpec& spec, int width, int height,
+                      std::size_t value_bytes) const {
+    const double bytes =
+        static_cast<double>(width) * height * spec.nchannels * static_cast<double>(value_bytes);
+    if (bytes <= static_cast<double>(source_.memory_bytes)) return;
+    throw std::runtime_error(fmt::format(
+        "{} x {} pixels of {} channels need {:.0f} MB of memory; {:.0f} MB are granted", width,
+        height, spec.nchannels, bytes / 1e6, static_cast<double>(source_.memory_bytes) / 1e6));
   }
   std::vector<std::byte> rows_of_tiles(const OIIO::ImageSpec& spec, int subimage, int miplevel,
                                        int begin, int end, PixelType type) {
@@ -169,22 +182,24 @@ std::vector<std::byte> OpenImages::answer(std::span<const std::byte> request) {
   sandbox::ByteWriter result;
   const auto kind = static_cast<ImageRequest>(reader.read<std::uint8_t>());
   if (kind == ImageRequest::kProperties || kind == ImageRequest::kRead) {
-    Image image(read_source(reader));
+    Image image(read_source(reader), Image::Alpha::kApplied);
     const ImageProperties properties = properties_of(image.required_level(0, 0));
     write_properties(result, properties);
     if (kind == ImageRequest::kProperties) return result.take();
     const PixelType type = read_pixel_type(reader);
+    image.require_memory_for_all(type);
     result.append(image.rows(0, 0, properties.y, properties.y + properties.height, type));
     return result.take();
   }
+  const auto number = reader.read<std::uint32_t>();
   if (kind == ImageRequest::kOpen) {
-    auto image = std::make_unique<Image>(read_source(reader));
-    result.write(next_);
-    write_properties(result, properties_of(image->required_level(0, 0)));
-    images_.emplace(next_++, std::move(image));
+    auto image = std::make_unique<Image>(read_source(reader), Image::Alpha::kAsInFile);
+    const OIIO::ImageSpec spec = image->required_level(0, 0);
+    image->require_memory_for_parts(spec);
+    write_properties(result, properties_of(spec));
+    images_[number] = std::move(image);
     return result.take();
   }
-  const auto number = reader.read<std::uint32_t>();
   if (kind == ImageRequest::kClose) {
     images_.erase(number);
     return {};
@@ -193,6 +208,7 @@ std::vector<std::byte> OpenImages::answer(std::span<const std::byte> request) {
   const int subimage = reader.read<int>(), level = reader.read<int>();
   if (kind == ImageRequest::kLevel) {
     if (const auto spec = asked.level(subimage, level)) {
+      asked.require_memory_for_parts(*spec);
       write_properties(result, properties_of(*spec));
     }
     return result.take();

@@ -24,7 +24,6 @@ class OpenImages {
  private:
   class Image;
   std::map<std::uint32_t, std::unique_ptr<Image>> images_;
-  std::uint32_t next_ = 1;
 
   Image& image(std::uint32_t number) const;
 };

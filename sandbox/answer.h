@@ -41,7 +41,7 @@ std::vector<std::byte> answer_or_error(const Write& write) {
 template <class Read>
 auto read_answer(std::span<const std::byte> answer, const std::string& kind,
                  const std::filesystem::path& file, const Read& read) {
-  constexpr std::size_t kMaxText = 1000;  // text of a stranger
+  constexpr std::size_t kMaxText = 16'000;  // text of a stranger; lists of names are long
   try {
     ByteReader reader(answer);
     if (reader.read<std::uint8_t>() == static_cast<std::uint8_t>(AnswerKind::kResult)) {

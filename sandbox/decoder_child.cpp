@@ -48,7 +48,7 @@ fs::path program_path(const std::string& name) {
 /// The environment may hold secrets, which are no business of a decoder: it gets what loading the
 /// program needs, and the options of sanitizers.
 std::vector<std::string> variables_of_decoder(Environment environment) {
-  std::vector<std::string> variables;
+  std::vector<std::string> variables{"OMP_NUM_THREADS=1"};  // no thread may be started
   if (environment == Environment::kInherited) {
     for (char** variable = environ; *variable != nullptr; ++variable)
       variables.emplace_back(*variable);
@@ -78,7 +78,7 @@ Error cannot_start(const std::string& reason, const fs::path& program) {
 }
 
 std::chrono::seconds longest_wait(const DecoderOptions& options) {
-  return 4 * options.time + std::chrono::seconds(10);
+  return 2 * options.time + std::chrono::seconds(10);
 }
 
 DecoderProcess::Child::Child(const DecoderOptions& options)

@@ -186,12 +186,15 @@ int decoder_main(int argc, char** argv, const AnswerRequest& answer) {
   if (!kIsInstrumented) limit(RLIMIT_AS, number(argv[2]));
   limit(RLIMIT_FSIZE, number(argv[3]));
   limit(RLIMIT_CORE, 0);
+  constexpr std::uint64_t kDay = 24 * 3600;  // of a process that nobody ends
+  limit(RLIMIT_CPU, kDay);
   const std::uint64_t seconds = number(argv[4]);
   const bool is_confined = std::string_view(argv[1]) == "confined";
   if (is_confined && !kIsInstrumented && !(install_call_broker() && filter_system_calls())) {
     return kNoFilter;
   }
   std::set_new_handler(nullptr);
+  ::signal(SIGXFSZ, SIG_IGN);  // a result that is too large is an error of write()
   try {
     while (const auto request = receive_request()) {
       set_timer(seconds);

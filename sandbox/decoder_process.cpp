@@ -29,10 +29,12 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-constexpr int kMaxMessages = 10000;  // of a decoder, for one request
+constexpr std::uint64_t kBlockBytes = 512;  // of st_blocks
+constexpr int kMaxMessages = 10000;         // of a decoder, for one request
 constexpr const char* kIsDamaged = "The file is damaged, or made to do harm: export it again";
 
-void send_answer(int socket, const FileDescriptor& file) {
+/// Returns whether the answer was sent: a decoder that does not receive its answers must end.
+bool send_answer(int socket, const FileDescriptor& file) {
   char answer = static_cast<char>(file.open() ? Message::kOpened : Message::kNotOpened);
   iovec part{&answer, 1};
   alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> control{};
@@ -49,8 +51,7 @@ void send_answer(int socket, const FileDescriptor& file) {
     const int number = file.number();
     std::memcpy(CMSG_DATA(header), &number, sizeof number);
   }
-  // Without waiting: a decoder that does not receive its answers gets none.
-  (void)::sendmsg(socket, &message, MSG_NOSIGNAL | MSG_DONTWAIT);
+  return ::sendmsg(socket, &message, MSG_NOSIGNAL | MSG_DONTWAIT) == 1;
 }
 
 bool write_all(int file, std::span<const std::byte> bytes) {
@@ -65,8 +66,13 @@ bool write_all(int file, std::span<const std::byte> bytes) {
   return true;
 }
 
-/// Returns the first `size` bytes of a file, or what there is of them.
+/// Returns the first `size` bytes of a file, or nothing if it does not have so many.
 std::vector<std::byte> read_all(int file, std::uint64_t size) {
+  struct stat status {};
+  if (::fstat(file, &status) != 0 || static_cast<std::uint64_t>(status.st_size) < size ||
+      static_cast<std::uint64_t>(status.st_blocks) * kBlockBytes < size) {
+    return {};  // a size without the memory for it must not cost this process any
+  }
   std::vector<std::byte> bytes(static_cast<std::size_t>(size));
   std::size_t done = 0;
   while (done < bytes.size()) {
@@ -108,10 +114,14 @@ class DecoderProcess::Exchange {
     std::array<char, 1 + sizeof(std::uint64_t)> message{static_cast<char>(Message::kRequest)};
     const std::uint64_t size = request.size();
     std::memcpy(message.data() + 1, &size, sizeof size);
-    const bool is_sent = write_all(child_.memory(), request) &&
-                         ::send(child_.socket(), message.data(), message.size(), MSG_NOSIGNAL) ==
-                             static_cast<ssize_t>(message.size());
+    const bool is_sent =
+        write_all(child_.memory(), request) && !has_message() &&
+        ::send(child_.socket(), message.data(), message.size(), MSG_NOSIGNAL | MSG_DONTWAIT) ==
+            static_cast<ssize_t>(message.size());
     if (!is_sent) throw ended();
+  }
+  void answer(const FileDescriptor& file) {
+    if (!send_answer(child_.socket(), file)) throw ended();
   }
 
   /// Receives the next message. Throws Error if the decoder ends or exceeds its time.
@@ -138,18 +148,21 @@ class DecoderProcess::Exchange {
         const std::uint64_t size = received.number();
         if (size > options_.result_bytes) break;
         std::vector<std::byte> bytes = read_all(child_.memory(), size);
-        // Its pages are free again, until the next result.
-        if (::ftruncate(child_.memory(), 0) != 0 || bytes.size() != size) break;
+        if (!free_memory() || bytes.size() != size) break;
         return bytes;
       }
       case Message::kRefusal: {
         constexpr std::size_t kMaxReason = 500;  // text of a stranger
+        free_memory();
         throw refusal(received.contents.substr(0, kMaxReason), options_.advice);
       }
       case Message::kMemory:
-        throw refusal(fmt::format("its decoder needs more than {} MB of memory",
-                                  options_.memory_bytes / 1'000'000),
-                      kIsDamaged);
+        free_memory();
+        throw refusal(
+            fmt::format("its decoder needs more than {} MB of memory",
+                        options_.memory_bytes / 1'000'000),
+            "The file is larger than memory allows, or damaged: make it smaller, or grant "
+            "more memory");
       default:
         break;
     }
@@ -157,6 +170,13 @@ class DecoderProcess::Exchange {
   }
 
  private:
+  /// Whether the decoder has sent something that nobody asked for.
+  bool has_message() const {
+    pollfd waiting{child_.socket(), POLLIN, 0};
+    return ::poll(&waiting, 1, 0) > 0;
+  }
+  /// Frees the pages of the shared memory, until the next request.
+  bool free_memory() const { return ::ftruncate(child_.memory(), 0) == 0; }
   Error refusal(const std::string& why, const std::string& what_to_do) const {
     return Error::bad_input(fmt::format("the {} cannot be read: {}", options_.kind, why),
                             file_.string(), what_to_do);
@@ -176,8 +196,9 @@ class DecoderProcess::Exchange {
   }
   /// Why the decoder has closed its end.
   Error ended() const {
-    const auto status = child_.wait_until(deadline_);
-    if (!status) return not_in_time();
+    constexpr std::chrono::seconds kToEnd{1};
+    const auto status = child_.wait_until(Clock::now() + kToEnd);
+    if (!status) return refusal("its decoder closed its connection and goes on", kIsDamaged);
     if (WIFSIGNALED(*status)) {
       const int signal = WTERMSIG(*status);
       if (signal == SIGKILL) {
@@ -230,13 +251,15 @@ OpenFile only_file(const fs::path& file) {
 }
 
 OpenFile files_below_folder_of(const fs::path& file, std::uint64_t max_bytes) {
-  return [file = file.lexically_normal(), max_bytes](const std::string& name) {
+  // Libraries may complete paths by the current folder.
+  const fs::path complete = fs::absolute(file).lexically_normal();
+  return [file, complete, max_bytes](const std::string& name) {
     constexpr int kFlags = O_RDONLY | O_CLOEXEC | O_NONBLOCK;
-    const fs::path asked = fs::path(name).lexically_normal();
-    const fs::path folder = file.parent_path().empty() ? "." : file.parent_path();
+    const fs::path asked = fs::absolute(name).lexically_normal();
+    const fs::path folder = complete.parent_path();
     const FileDescriptor opened =
-        asked == file ? FileDescriptor(::open(file.c_str(), kFlags))
-                      : open_contained({folder, asked.lexically_relative(folder)}, kFlags);
+        asked == complete ? FileDescriptor(::open(file.c_str(), kFlags))
+                          : open_contained({folder, asked.lexically_relative(folder)}, kFlags);
     struct stat status {};
     const bool is_permitted = opened.open() && ::fstat(opened.number(), &status) == 0 &&
                               S_ISREG(status.st_mode) &&
@@ -264,7 +287,7 @@ std::vector<std::byte> DecoderProcess::decode(std::span<const std::byte> request
   Received received;
   do {
     received = exchange.receive();
-    if (received.kind == Message::kOpen) send_answer(child->socket(), open_file(received.contents));
+    if (received.kind == Message::kOpen) exchange.answer(open_file(received.contents));
   } while (received.kind == Message::kOpen);
   const bool goes_on = received.kind == Message::kRefusal || received.kind == Message::kMemory;
   if (goes_on) child_ = std::move(child);

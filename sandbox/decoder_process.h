@@ -35,7 +35,7 @@ struct DecoderOptions {
   std::string advice = "Export it again";               ///< where a file is refused
   std::size_t memory_bytes = std::size_t{2} << 30;      ///< address space of the process
   std::uint64_t result_bytes = std::uint64_t{4} << 30;  ///< largest request and result
-  /// For one request, of the processor; by the clock four times as much and 10 s.
+  /// For one request, of the processor; by the clock twice as much and 10 s.
   std::chrono::seconds time{20};
   Confinement confinement = default_confinement();
   Environment environment = Environment::kNone;

@@ -75,6 +75,23 @@ std::vector<std::byte> misbehave(std::span<const std::byte> request) {
     std::atomic<int> never = 0;
     for (;;) never.wait(0);
   }
+  if (what == "wait") {
+    std::atomic<int> never = 0;
+    for (;;) never.wait(0);
+  }
+  if (what == "false size") {  // of memory that nobody has
+    ::ftruncate(4, 40'000'000);
+    const char message[9] = {'R', 0, 0, 0, 2, 0, 0, 0, 0};  // 2^25 bytes
+    ::send(3, message, sizeof message, 0);
+    ::pause();
+  }
+  if (what == "two answers") {
+    const char message[9] = {'R'};
+    ::send(3, message, sizeof message, 0);
+  }
+  if (what == "flood and answer") {
+    for (int i = 0; i < 9000; ++i) ::send(3, "Oa", 2, 0);
+  }
   if (what == "flood") {
     for (;;) ::send(3, "O", 1, MSG_DONTWAIT);
   }

@@ -107,7 +107,7 @@ struct GivenTransform final : ColorTransform::State {
       reader.read(properties.columns);
       for (const auto& column : properties.columns) {
         sandbox::ByteReader::require(
-            !properties.is_linear ||
+            !(properties.is_linear || properties.is_matrix) ||
             std::ranges::all_of(column, [](float value) { return std::isfinite(value); }));
       }
       return true;

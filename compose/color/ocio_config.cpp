@@ -83,6 +83,11 @@ void OcioTransform::measure() {
   for (const std::array<float, 3>& rgb : {std::array{0.2F, 0.5F, 0.1F},
                                           {3.0F, 0.01F, 1.0F},
                                           {-0.1F, 0.4F, 8.0F},
+                                          {0.3F, -2.0F, 0.1F},
+                                          {0.2F, 0.7F, -50.0F},
+                                          {6e4F, 1.0F, 3.0F},
+                                          {2.0F, 6e4F, 1.0F},
+                                          {1.0F, 5.0F, 6e4F},
                                           {0.0F, 0.0F, 0.0F}}) {
     const std::array<float, 3> seen = of(rgb);
     for (std::size_t c = 0; c < 3; ++c) {

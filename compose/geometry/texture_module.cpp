@@ -15,6 +15,7 @@
 #include <deque>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <numbers>
 #include <optional>
 #include <span>
@@ -85,7 +86,7 @@ class DecodedInput final : public OIIO::ImageInput {
   int current_miplevel() const override { return level_; }
   bool seek_subimage(int subimage, int miplevel) override {
     if (subimage == subimage_ && miplevel == level_) return true;
-    if (subimage < 0 || miplevel < 0 || texture_->holds_codes) return false;
+    if (subimage != 0 || miplevel < 0 || texture_->holds_codes) return false;
     return guarded([&] {
       const auto properties = texture_->session->level(*image_, subimage, miplevel);
       if (properties) set_level(subimage, miplevel, *properties);
@@ -128,6 +129,9 @@ class DecodedInput final : public OIIO::ImageInput {
     } catch (const Error& error) {
       errorfmt("{}", error.what());
       return false;
+    } catch (const std::bad_alloc&) {
+      errorfmt("{} needs more memory than there is", texture_->name);
+      return false;
     }
   }
   void set_level(int subimage, int miplevel, const images::ImageProperties& level) {
@@ -169,6 +173,8 @@ class OiioTextureLookup : public TextureLookup {
     constexpr double kBytesPerMegabyte = 1 << 20;
     system_->attribute("max_memory_MB",
                        static_cast<float>(static_cast<double>(cache_bytes) / kBytesPerMegabyte));
+    // Readers may hold whole pictures of files that are open.
+    system_->attribute("max_open_files", 16);
     system_->attribute("autotile", 64);
     system_->attribute("automip", 1);
     system_->attribute("gray_to_rgb", 1);

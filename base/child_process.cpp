@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "farm/child_process.h"
+#include "base/child_process.h"
 
 #include <fcntl.h>
 #include <poll.h>
@@ -19,7 +19,7 @@
 
 extern char** environ;  // NOLINT: POSIX's name
 
-namespace raystage::farm {
+namespace raystage {
 namespace {
 
 constexpr std::size_t kLongestLine = std::size_t{1} << 20;
@@ -185,4 +185,4 @@ std::filesystem::path sibling_program(std::string_view name) {
   return std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path() / name;
 }
 
-}  // namespace raystage::farm
+}  // namespace raystage

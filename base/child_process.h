@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-namespace raystage::farm {
+namespace raystage {
 
 struct ChildOptions {
   std::filesystem::path log = {};  ///< file to which the output is appended; empty: none
@@ -36,4 +36,4 @@ ChildResult run_child(const std::vector<std::string>& command, const ChildOption
 /// Returns the path of an executable in this program's folder, e.g. "raystage-render".
 std::filesystem::path sibling_program(std::string_view name);
 
-}  // namespace raystage::farm
+}  // namespace raystage

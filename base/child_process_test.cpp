@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "farm/child_process.h"
+#include "base/child_process.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 #include "base/error.h"
 #include "testing/test_folder.h"
 
-namespace raystage::farm {
+namespace raystage {
 namespace {
 
 TEST(ChildProcess, TellsItsLinesCodeAndCosts) {
@@ -64,4 +64,4 @@ TEST(ChildProcess, ThatIsNotThereIsAnError) {
 }
 
 }  // namespace
-}  // namespace raystage::farm
+}  // namespace raystage

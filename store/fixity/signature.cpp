@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/fixity/signature.h"
+
+#include "base/child_process.h"
+#include "base/error.h"
+
+namespace raystage::store {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kNamespace = "raystage";
+constexpr const char* kProgram = "ssh-keygen";
+
+fs::path signature_of(const fs::path& file) { return file.string() + ".sig"; }
+
+/// The output of a program on one line.
+std::string one_line(std::string text) {
+  while (!text.empty() && (text.back() == '\n' || text.back() == '\r')) text.pop_back();
+  for (char& c : text) {
+    if (c == '\n' || c == '\r') c = ' ';
+  }
+  return text;
+}
+
+}  // namespace
+
+void sign_file(const fs::path& file, const fs::path& key) {
+  // ssh-keygen asks before it overwrites. The signature would not fit the new file anyway.
+  std::error_code error;
+  fs::remove(signature_of(file), error);
+  const ChildResult result = run_child(
+      {kProgram, "-Y", "sign", "-f", key.string(), "-n", kNamespace, fs::absolute(file).string()});
+  if (result.exit_code == 0 && fs::exists(signature_of(file))) return;
+  throw Error::failed("the file cannot be signed: " + one_line(result.out), key.string(),
+                      "Give an SSH key that ssh-keygen can use; load it into an agent if it has a "
+                      "passphrase");
+}
+
+std::string signature_fault(const std::string& text, const fs::path& signature,
+                            const Signers& signers) {
+  if (!fs::is_regular_file(fs::symlink_status(signature))) {
+    throw Error::bad_input("the signature is missing", signature.string(),
+                           "Sign the manifest, or restore its signature");
+  }
+  ChildOptions options;
+  options.input = text;
+  const ChildResult result =
+      run_child({kProgram, "-Y", "verify", "-f", fs::absolute(signers.file).string(), "-I",
+                 signers.identity, "-n", kNamespace, "-s", fs::absolute(signature).string()},
+                options);
+  if (result.exit_code == 0) return "";
+  return "bad: " + std::string(kProgram) + " ended with code " + std::to_string(result.exit_code) +
+         (result.out.empty() ? "" : ": " + one_line(result.out));
+}
+
+}  // namespace raystage::store

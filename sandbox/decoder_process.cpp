@@ -198,7 +198,9 @@ class DecoderProcess::Exchange {
   Error ended() const {
     constexpr std::chrono::seconds kToEnd{1};
     const auto status = child_.wait_until(Clock::now() + kToEnd);
-    if (!status) return refusal("its decoder closed its connection and goes on", kIsDamaged);
+    if (!status)
+      return refusal("its decoder is connected no more, or sends what nobody asked for",
+                     kIsDamaged);
     if (WIFSIGNALED(*status)) {
       const int signal = WTERMSIG(*status);
       if (signal == SIGKILL) {
@@ -219,6 +221,7 @@ class DecoderProcess::Exchange {
             fmt::format("Use a kernel with seccomp, or set {}=1 if the file is trusted",
                         kUnsandboxedVariable));
       case kEnded:
+      case kBroken:
         return refusal("its decoder ended", kIsDamaged);
       default:
         return cannot_start(fmt::format("exit code {}", WEXITSTATUS(*status)), child_.program());

@@ -59,6 +59,11 @@ std::string read_by_name(const std::string& name) {
   return std::to_string(std::filesystem::file_size(name)) + " " + text;
 }
 
+void wait_for_ever() {
+  std::atomic<int> never = 0;
+  for (;;) never.wait(0);
+}
+
 std::vector<std::byte> misbehave(std::span<const std::byte> request) {
   const std::string what(reinterpret_cast<const char*>(request.data()), request.size());
   constexpr std::string_view kByName = "by name: ";
@@ -72,22 +77,20 @@ std::vector<std::byte> misbehave(std::span<const std::byte> request) {
   }
   if (what == "sleep") {
     ::close(3);  // the parent sees the end of its requests
-    std::atomic<int> never = 0;
-    for (;;) never.wait(0);
+    wait_for_ever();
   }
-  if (what == "wait") {
-    std::atomic<int> never = 0;
-    for (;;) never.wait(0);
-  }
+  if (what == "wait") wait_for_ever();
   if (what == "false size") {  // of memory that nobody has
     ::ftruncate(4, 40'000'000);
     const char message[9] = {'R', 0, 0, 0, 2, 0, 0, 0, 0};  // 2^25 bytes
     ::send(3, message, sizeof message, 0);
-    ::pause();
+    wait_for_ever();
   }
   if (what == "two answers") {
     const char message[9] = {'R'};
     ::send(3, message, sizeof message, 0);
+    ::send(3, message, sizeof message, 0);
+    wait_for_ever();
   }
   if (what == "flood and answer") {
     for (int i = 0; i < 9000; ++i) ::send(3, "Oa", 2, 0);

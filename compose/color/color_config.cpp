@@ -186,19 +186,18 @@ struct ColorConfig::State {
     if (given) {
       return ColorTransform(std::make_shared<const GivenTransform>(given, kind, std::move(names)));
     }
-    const auto& [first, second, third] = names;
     const auto of = [&] {
       switch (kind) {
         case TransformKind::kToSpace:
-          return built_in->to_space(first);
+          return built_in->to_space(names[0]);
         case TransformKind::kFromSpace:
-          return built_in->from_space(first);
+          return built_in->from_space(names[0]);
         case TransformKind::kBetween:
-          return built_in->between(first, second);
+          return built_in->between(names[0], names[1]);
         case TransformKind::kToDisplay:
           break;
       }
-      return built_in->to_display(first, second, third);
+      return built_in->to_display(names[0], names[1], names[2]);
     };
     return ColorTransform(std::make_shared<const BuiltInTransform>(of()));
   }

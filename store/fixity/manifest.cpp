@@ -37,8 +37,8 @@ bool is_listed(const fs::path& relative) {
 bool is_plain(std::string_view path) {
   const fs::path parsed(path);
   return !path.empty() && !has_control_characters(path) && path.find('\\') == std::string::npos &&
-         parsed.is_relative() && parsed.lexically_normal() == parsed && parsed.has_filename() &&
-         is_listed(parsed);
+         parsed.is_relative() && parsed.lexically_normal().string() == path &&
+         parsed.has_filename() && is_listed(parsed);
 }
 
 Error stopped(const fs::path& folder) {

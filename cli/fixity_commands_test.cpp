@@ -55,6 +55,42 @@ TEST_F(FixityCommands, AWholeTake) {
   EXPECT_THAT(repair.output, HasSubstr("3 of 3 cameras were intact"));
 }
 
+TEST_F(FixityCommands, AManifestNamesWhatIsNotAsItWas) {
+  const testing::CommandResult none = run("verify -q --manifest check " + quoted);
+  EXPECT_EQ(none.exit_code, 2) << none.output;
+  EXPECT_THAT(none.output, HasSubstr("3 cameras: 3 intact"));  // comes all the same
+  EXPECT_EQ(run("verify -q --manifest write " + quoted).exit_code, 0);
+  const testing::CommandResult same = run("verify -q --manifest check " + quoted);
+  EXPECT_EQ(same.exit_code, 0) << same.output;
+  EXPECT_THAT(same.output, HasSubstr("0 changed, 0 missing, 0 not listed"));
+
+  write_file_atomically(take / "added.txt", "x");
+  const auto json =
+      nlohmann::json::parse(run("verify -q --json - --manifest check " + quoted).output);
+  EXPECT_EQ(json["manifest"]["unlisted"][0], "added.txt");
+  EXPECT_EQ(json["intact"], true);
+  EXPECT_EQ(run("verify -q --manifest check " + quoted).exit_code, 1);
+
+  // A manifest would state that a damaged take is good.
+  flip("c1.mkv", frame_offset(1, 4) + 3);
+  const testing::CommandResult refused = run("verify -q --manifest write " + quoted);
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.output, HasSubstr("no manifest was written"));
+
+  // Documents that cannot be read any more are named, too.
+  write_file_atomically(take / "rig.json", "damaged");
+  const testing::CommandResult damaged = run("verify -q --manifest check " + quoted);
+  EXPECT_EQ(damaged.exit_code, 2);
+  EXPECT_THAT(damaged.output, HasSubstr("rig.json: changed"));
+  EXPECT_THAT(damaged.output, HasSubstr("archive/c1.mkv: changed"));
+}
+
+TEST_F(FixityCommands, OptionsOfManifestsGoTogether) {
+  EXPECT_EQ(run("verify -q --manifest check --sign key " + quoted).exit_code, 2);
+  EXPECT_EQ(run("verify -q --manifest check --signers file " + quoted).exit_code, 2);
+  EXPECT_EQ(run("verify -q --signer name " + quoted).exit_code, 2);
+}
+
 TEST_F(FixityCommands, ARottenFrameIsFoundAndPutOnRecord) {
   const std::size_t at = frame_offset(1, 4);
   flip("c1.mkv", at + 3);

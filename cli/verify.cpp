@@ -223,15 +223,25 @@ ExitCode verify(const Options& options, const std::stop_token& stop) {
   deep.decode = options.decode;
   deep.progress = [&](double share) { progress.report(share); };
   deep.stop = stop;
-  const store::TakeFixityReport report = store::verify_take(options.take, deep);
+  const store::ManifestOptions hashing{deep.progress, stop};
+  bool is_as_listed = true;
+  const store::TakeFixityReport report = [&] {
+    try {
+      return store::verify_take(options.take, deep);
+    } catch (const Error&) {
+      // The manifest may say which document is not as it was.
+      if (options.manifest == "check" && options.json != "-") {
+        check_manifest(options, hashing, is_as_listed);
+      }
+      throw;
+    }
+  }();
   if (report.status != RunStatus::kFinished) return ExitCode::kFailed;
   if (options.json != "-") print_text(options, report);
   const bool is_intact = report.is_readable() && report.is_intact();
   Json json = json_of(options, report);
-  bool is_as_listed = true;
   std::exception_ptr failure;  // reported after the rest, which took long
   try {
-    const store::ManifestOptions hashing{deep.progress, stop};
     if (options.manifest == "check") {
       json["manifest"] = check_manifest(options, hashing, is_as_listed);
     } else if (options.manifest == "write" && is_intact) {

@@ -128,17 +128,21 @@ void send_message(Message kind, std::span<const std::byte> contents) {
 
 /// Receives a request; nullopt: there are no more. Throws std::runtime_error if it is none.
 std::optional<std::vector<std::byte>> receive_request() {
-  std::array<char, 1 + sizeof(std::uint64_t)> message{};
-  ssize_t size = -1;
-  do size = ::recv(kSocket, message.data(), message.size(), 0);
-  while (size < 0 && errno == EINTR);
-  if (size == 0) return std::nullopt;
+  std::array<std::byte, 1 + kMaxText> message{};
+  ssize_t received = -1;
+  do received = ::recv(kSocket, message.data(), message.size(), 0);
+  while (received < 0 && errno == EINTR);
+  if (received == 0) return std::nullopt;
+  if (received < 0) throw std::runtime_error("no request");
+  const auto kind = static_cast<Message>(message[0]);
+  const std::span<const std::byte> contents =
+      std::span(message).subspan(1, static_cast<std::size_t>(received) - 1);
+  if (kind == Message::kRequest) return std::vector(contents.begin(), contents.end());
   std::uint64_t bytes = 0;
-  std::memcpy(&bytes, message.data() + 1, sizeof bytes);
-  if (size != static_cast<ssize_t>(message.size()) ||
-      message[0] != static_cast<char>(Message::kRequest)) {
+  if (kind != Message::kLargeRequest || contents.size() != sizeof bytes) {
     throw std::runtime_error("not a request");
   }
+  std::memcpy(&bytes, contents.data(), sizeof bytes);
   std::vector<std::byte> request(static_cast<std::size_t>(bytes));
   request.resize(read_all(kSharedMemory, request));
   return request;

@@ -111,11 +111,16 @@ class DecoderProcess::Exchange {
         time_before_(child.processor_time().value_or(std::chrono::nanoseconds(0))) {}
 
   void send_request(std::span<const std::byte> request) {
-    std::array<char, 1 + sizeof(std::uint64_t)> message{static_cast<char>(Message::kRequest)};
+    // A small one needs no memory, which counts as a file where the size of files is limited.
+    const bool is_small = request.size() <= kMaxText;
     const std::uint64_t size = request.size();
-    std::memcpy(message.data() + 1, &size, sizeof size);
+    const std::span<const std::byte> contents =
+        is_small ? request : std::as_bytes(std::span(&size, 1));
+    std::vector<std::byte> message{
+        static_cast<std::byte>(is_small ? Message::kRequest : Message::kLargeRequest)};
+    message.insert(message.end(), contents.begin(), contents.end());
     const bool is_sent =
-        write_all(child_.memory(), request) && !has_message() &&
+        (is_small || write_all(child_.memory(), request)) && !has_message() &&
         ::send(child_.socket(), message.data(), message.size(), MSG_NOSIGNAL | MSG_DONTWAIT) ==
             static_cast<ssize_t>(message.size());
     if (!is_sent) throw ended();

@@ -9,6 +9,7 @@
 #include <chrono>
 #include <fstream>
 #include <string>
+#include <thread>
 
 #include "base/error.h"
 #include "testing/test_folder.h"
@@ -121,6 +122,7 @@ TEST_F(DecoderProcessTest, FalseAnswersNeitherCostMemoryNorReachTheNextRequest) 
   expect_error("false size", "returned damaged data");
   DecoderProcess decoder(options_);
   run_in(decoder, "two answers");
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));  // the second is there then
   EXPECT_THROW(run_in(decoder, "process"), Error);
   EXPECT_NE(run_in(decoder, "process"), "");
   try {  // it does not receive the answers to its questions

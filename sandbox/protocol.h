@@ -8,16 +8,17 @@ namespace raystage::sandbox {
 
 /// File descriptors that a decoder's program starts with.
 inline constexpr int kSocket = 3;        ///< SOCK_SEQPACKET: messages, each starts with its kind
-inline constexpr int kSharedMemory = 4;  ///< a file in memory: holds the request, then the result
+inline constexpr int kSharedMemory = 4;  ///< a file in memory: holds large requests, then results
 
 /// Kinds of messages.
 enum class Message : char {
-  kRequest = 'Q',  ///< to the decoder; a std::uint64_t follows: bytes of the request
-  kResult = 'R',   ///< to the parent; a std::uint64_t follows: bytes of the result
-  kRefusal = 'E',  ///< to the parent; the reason follows, at most kMaxText bytes
-  kMemory = 'M',   ///< to the parent: the request needs more memory than there is
-  kOpen = 'O',     ///< to the parent; the name of a file follows, at most kMaxText bytes
-  kOpened = 'F',   ///< to the decoder, with a file descriptor
+  kRequest = 'Q',       ///< to the decoder; the request follows, at most kMaxText bytes
+  kLargeRequest = 'L',  ///< to the decoder; a std::uint64_t follows: bytes of the request in memory
+  kResult = 'R',        ///< to the parent; a std::uint64_t follows: bytes of the result
+  kRefusal = 'E',       ///< to the parent; the reason follows, at most kMaxText bytes
+  kMemory = 'M',        ///< to the parent: the request needs more memory than there is
+  kOpen = 'O',          ///< to the parent; the name of a file follows, at most kMaxText bytes
+  kOpened = 'F',        ///< to the decoder, with a file descriptor
   kNotOpened = 'N'
 };
 

@@ -65,7 +65,10 @@ void start(Running& running, const std::string& command, const CommandLimits& la
     running.out.connect(STDOUT_FILENO);
     running.err.connect(STDERR_FILENO);
     if (lacks.max_file_bytes) {
-      const rlimit limit{*lacks.max_file_bytes, *lacks.max_file_bytes};
+      // The lower of the two limits: decoders raise theirs, whose results are files in memory.
+      rlimit limit{};
+      if (getrlimit(RLIMIT_FSIZE, &limit) != 0) _exit(126);
+      limit.rlim_cur = *lacks.max_file_bytes;
       if (setrlimit(RLIMIT_FSIZE, &limit) != 0) _exit(126);
 #ifdef __SANITIZE_THREAD__
       signal(SIGXFSZ, SIG_IGN);  // the sanitizer's writes raise it before the command can ignore it

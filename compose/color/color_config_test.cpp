@@ -213,6 +213,9 @@ TEST_F(LookupConfigs, FilesOutsideOfTheConfigsFolderAreNotOpened) {
 }
 
 TEST_F(LookupConfigs, AConfigThatCrashesOpenColorIoIsAnErrorThatNamesIt) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers end the process in their own way";
+#endif
   const auto file = folder_.path() / "deep.ocio";
   std::ofstream(file) << "ocio_profile_version: 2\nroles: " << std::string(2'000'000, '[');
   try {

@@ -190,7 +190,7 @@ int decoder_main(int argc, char** argv, const AnswerRequest& answer) {
   if (!kIsInstrumented) limit(RLIMIT_AS, number(argv[2]));
   limit(RLIMIT_FSIZE, number(argv[3]));
   limit(RLIMIT_CORE, 0);
-  constexpr std::uint64_t kDay = 24 * 3600;  // of a process that nobody ends
+  constexpr std::uint64_t kDay = 24 * 3600;  // in case that its parent was killed
   limit(RLIMIT_CPU, kDay);
   const std::uint64_t seconds = number(argv[4]);
   const bool is_confined = std::string_view(argv[1]) == "confined";

@@ -175,7 +175,7 @@ class DecoderProcess::Exchange {
   }
 
  private:
-  /// Whether the decoder has sent something that nobody asked for.
+  /// Whether the decoder has sent a message without a request.
   bool has_message() const {
     pollfd waiting{child_.socket(), POLLIN, 0};
     return ::poll(&waiting, 1, 0) > 0;
@@ -204,7 +204,7 @@ class DecoderProcess::Exchange {
     constexpr std::chrono::seconds kToEnd{1};
     const auto status = child_.wait_until(Clock::now() + kToEnd);
     if (!status)
-      return refusal("its decoder is connected no more, or sends what nobody asked for",
+      return refusal("its decoder closed its connection, or sent a message without a request",
                      kIsDamaged);
     if (WIFSIGNALED(*status)) {
       const int signal = WTERMSIG(*status);

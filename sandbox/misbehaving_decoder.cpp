@@ -80,7 +80,7 @@ std::vector<std::byte> misbehave(std::span<const std::byte> request) {
     wait_for_ever();
   }
   if (what == "wait") wait_for_ever();
-  if (what == "false size") {  // of memory that nobody has
+  if (what == "false size") {  // of a file without memory behind it
     ::ftruncate(4, 40'000'000);
     const char message[9] = {'R', 0, 0, 0, 2, 0, 0, 0, 0};  // 2^25 bytes
     ::send(3, message, sizeof message, 0);

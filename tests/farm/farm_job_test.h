@@ -73,6 +73,9 @@ class FarmJobTest : public ::testing::Test {
       std::filesystem::create_hard_link(file.path(), bin / program, other_disk);
       if (other_disk) std::filesystem::copy_file(file.path(), bin / program);
     }
+    // Programs find those of lib/raystage beside the folder that they stand in.
+    std::filesystem::create_directory_symlink(
+        std::filesystem::path(RAYSTAGE_BIN_DIR).parent_path() / "lib", folder_ / "lib");
     std::filesystem::remove(bin / "raystage-render");
     write_text(bin / "raystage-render", "#!/bin/bash\nTRUE_RENDER='" RAYSTAGE_BIN_DIR
                                         "/raystage-render'\n" +

@@ -18,6 +18,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/contained_path.h"
 #include "base/error.h"
 #include "base/posix_file.h"
 #include "base/resources.h"
@@ -180,18 +181,23 @@ bool file_exists(const std::filesystem::path& path) {
   return std::filesystem::exists(path, ignored);
 }
 
-std::string read_file(const std::filesystem::path& file, std::uint64_t max_bytes) {
-  const auto refuse = [&](std::string_view reason) {
-    return Error::bad_input("the file cannot be read: " + std::string(reason), file.string(),
-                            "Check the path and its permissions");
-  };
-  const auto reason = [] { return std::generic_category().message(errno); };
-  // A named pipe without a writer does not block then.
-  const FileDescriptor descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
-  if (!descriptor.open()) throw refuse(reason());
+namespace {
+
+Error file_not_readable(const std::filesystem::path& file, std::string_view reason) {
+  return Error::bad_input("the file cannot be read: " + std::string(reason), file.string(),
+                          "Check the path and its permissions");
+}
+
+std::string errno_text() { return std::generic_category().message(errno); }
+
+/// Reads an opened file, or a pipe until its end. `file`: for errors.
+std::string read_descriptor(const FileDescriptor& descriptor, const std::filesystem::path& file,
+                            bool may_be_pipe, std::uint64_t max_bytes) {
+  const auto refuse = [&](std::string_view reason) { return file_not_readable(file, reason); };
   struct stat status {};
-  if (fstat(descriptor.number(), &status) != 0) throw refuse(reason());
+  if (fstat(descriptor.number(), &status) != 0) throw refuse(errno_text());
   if (S_ISDIR(status.st_mode)) throw refuse("it is a folder");
+  if (S_ISFIFO(status.st_mode) && !may_be_pipe) throw refuse("it is a pipe");
   if (!S_ISREG(status.st_mode) && !S_ISFIFO(status.st_mode)) throw refuse("it is a device");
   const auto too_large = [&] {
     return Error::bad_input(
@@ -215,12 +221,27 @@ std::string read_file(const std::filesystem::path& file, std::uint64_t max_bytes
       if (poll(&waiting, 1, kSilentMilliseconds) == 0) throw refuse("nothing arrives in the pipe");
       continue;
     }
-    if (got < 0) throw refuse(reason());
+    if (got < 0) throw refuse(errno_text());
     if (got == 0) break;
     filled += static_cast<std::size_t>(got);
   }
   text.resize(filled);
   return text;
+}
+
+}  // namespace
+
+std::string read_file(const std::filesystem::path& file, std::uint64_t max_bytes) {
+  // A named pipe without a writer does not block then.
+  const FileDescriptor opened(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  if (!opened.open()) throw file_not_readable(file, errno_text());
+  return read_descriptor(opened, file, true, max_bytes);
+}
+
+std::string read_file(const ContainedPath& file, std::uint64_t max_bytes) {
+  const FileDescriptor opened = open_contained_to_read(file);
+  if (!opened.open()) throw contained_open_error(file, errno);
+  return read_descriptor(opened, file.path(), false, max_bytes);
 }
 
 void create_folder(const std::filesystem::path& folder) {

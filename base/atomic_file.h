@@ -10,6 +10,8 @@
 
 namespace raystage {
 
+struct ContainedPath;
+
 /// A hidden file in the target's folder that commit() renames to the target. Without commit(), the
 /// destructor removes it. Its name is .NAME.HOST.PID.RANDOM.tmp.EXT; 64 random bits make it unique
 /// even if host names or process IDs repeat. If two hosts write one target at once, the target is
@@ -59,6 +61,9 @@ inline constexpr std::uint64_t kMaxSceneBytes = std::uint64_t{4} << 30;
 /// `max_bytes`, or is a device. A pipe is read until its end; one that is silent for 10 s is an
 /// error.
 std::string read_file(const std::filesystem::path& file, std::uint64_t max_bytes = kMaxFileBytes);
+/// Returns the contents of a file in a folder that somebody else may have made. Throws Error (bad
+/// input) also if it is not a regular file, and behind links unless they are permitted.
+std::string read_file(const ContainedPath& file, std::uint64_t max_bytes = kMaxFileBytes);
 
 /// Returns whether a file or folder exists and can be seen.
 bool file_exists(const std::filesystem::path& path);

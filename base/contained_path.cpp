@@ -9,6 +9,10 @@
 
 #include <cerrno>
 #include <cstdint>
+#include <cstdlib>
+#include <string>
+#include <string_view>
+#include <system_error>
 
 #include "base/error.h"
 
@@ -18,6 +22,16 @@ namespace {
 constexpr int kFolder = O_PATH | O_DIRECTORY | O_CLOEXEC;
 
 int with_defaults(int flags) { return flags | O_CLOEXEC | (flags & O_PATH ? 0 : O_NONBLOCK); }
+
+bool follows_links() {
+  const char* const value = std::getenv(kFollowLinksVariable);
+  return value != nullptr && std::string_view(value) == "1";
+}
+
+bool leaves_folder(const std::filesystem::path& relative) {
+  const std::filesystem::path plain = relative.lexically_normal();
+  return plain.is_absolute() || plain.empty() || *plain.begin() == "..";
+}
 
 int open_folder(const std::filesystem::path& folder) {
   return open(folder.empty() ? "." : folder.c_str(), kFolder);
@@ -68,14 +82,34 @@ FileDescriptor open_contained_by_parts(const ContainedPath& file, int flags, mod
   return FileDescriptor(parent);
 }
 
-void require_contained(const ContainedPath& file) {
-  const std::filesystem::path plain = file.relative.lexically_normal();
-  const bool leaves = plain.is_absolute() || plain.empty() || *plain.begin() == "..";
-  if (!leaves && open_contained(file, O_PATH).open()) return;
-  if (leaves || errno == EXDEV) {
-    throw Error::bad_input("the path leaves its folder", file.path().string(),
-                           "Give a path below " + file.folder.string());
+FileDescriptor open_contained_to_read(const ContainedPath& file) {
+  if (!follows_links()) return open_contained(file, O_RDONLY);
+  if (leaves_folder(file.relative)) {
+    errno = EXDEV;
+    return FileDescriptor(-1);
   }
+  return FileDescriptor(open(file.path().c_str(), with_defaults(O_RDONLY)));
+}
+
+Error contained_open_error(const ContainedPath& file, int reason) {
+  if (reason == EXDEV) {
+    return Error::bad_input("the path leaves its folder", file.path().string(),
+                            "Give a path below " + file.folder.string());
+  }
+  if (reason == ELOOP) {
+    return Error::bad_input("a part of the path is a link, which could lead anywhere",
+                            file.path().string(),
+                            std::string("Replace the link by the file or folder itself, or set ") +
+                                kFollowLinksVariable + "=1 to read through links that you trust");
+  }
+  return Error::bad_input("the file cannot be read: " + std::generic_category().message(reason),
+                          file.path().string(), "Check that it exists and is readable");
+}
+
+void require_contained(const ContainedPath& file) {
+  const bool leaves = leaves_folder(file.relative);
+  if (!leaves && open_contained(file, O_PATH).open()) return;
+  if (leaves || errno == EXDEV) throw contained_open_error(file, EXDEV);
   if (errno == ELOOP) {
     throw Error::bad_input("a part of the path is a link, which could lead anywhere",
                            file.path().string(), "Replace the link by the file or folder itself");

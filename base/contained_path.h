@@ -5,12 +5,14 @@
 
 #include <filesystem>
 
+#include "base/error.h"
 #include "base/posix_file.h"
 
 namespace raystage {
 
 /// A path below a folder that somebody else may have made, such as a take. Links in it are not
-/// followed: they could lead to any file of this machine.
+/// followed, because they could lead to any file of this machine, unless the user permits it for
+/// reading.
 struct ContainedPath {
   std::filesystem::path folder;    ///< may itself be a link
   std::filesystem::path relative;  ///< of a file or folder below it
@@ -25,6 +27,17 @@ FileDescriptor open_contained(const ContainedPath& file, int flags, mode_t mode 
 
 /// The same for kernels before 5.6 and sandboxes that do not know openat2(): part by part.
 FileDescriptor open_contained_by_parts(const ContainedPath& file, int flags, mode_t mode = 0);
+
+/// Set to 1, this environment variable permits links below folders, for reading only: archives may
+/// then be on other disks.
+inline constexpr const char* kFollowLinksVariable = "RAYSTAGE_FOLLOW_LINKS";
+
+/// Opens a file for reading as open_contained() does, or through links if kFollowLinksVariable
+/// is 1.
+FileDescriptor open_contained_to_read(const ContainedPath& file);
+
+/// Returns the error for a failure of the functions above; `reason` is its errno.
+Error contained_open_error(const ContainedPath& file, int reason);
 
 /// Throws Error (bad input) if the path leaves its folder, or if a part of it is a link, and Error
 /// (failed) if that cannot be determined. What does not exist is no link. Call it before writing or

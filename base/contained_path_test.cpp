@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <stdlib.h>  // setenv is POSIX
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -45,6 +46,32 @@ class ContainedPaths : public ::testing::Test {
   testing::TestFolder folder_;
   const fs::path take_ = folder_.path() / "take";
 };
+
+TEST_F(ContainedPaths, AreReadThroughLinksOnlyOnRequest) {
+  const auto read = [&](const fs::path& name) { return read_file(ContainedPath{take_, name}); };
+  EXPECT_EQ(read("archive/a.mkv"), "inside");
+  for (const char* name :
+       {"link", "link_within", "up/secret", "up/take/archive/a.mkv", "broken", "../secret",
+        "archive/../../secret", "root/etc/passwd", "pipe", "archive"}) {
+    EXPECT_THROW(read(name), Error) << name;
+    EXPECT_THROW(InputFile(ContainedPath{take_, name}), Error) << name;
+    EXPECT_THROW(MappedFile(ContainedPath{take_, name}), Error) << name;
+    std::byte first{};
+    EXPECT_EQ(read_file_part(ContainedPath{take_, name}, 0, {&first, 1}), 0u) << name;
+  }
+  ASSERT_EQ(setenv(kFollowLinksVariable, "1", 1), 0);
+  EXPECT_EQ(read("link"), "outside");
+  EXPECT_EQ(read("up/secret"), "outside");
+  EXPECT_EQ(read("archive/a.mkv"), "inside");
+  for (const char* name : {"broken", "../secret", "archive/../../secret", "pipe", "archive"}) {
+    EXPECT_THROW(read(name), Error) << name;
+  }
+  EXPECT_THROW(require_contained({take_, "link"}), Error) << "nothing is written through links";
+  EXPECT_THROW(OutputFile(ContainedPath{take_, "link"}), Error);
+  ASSERT_EQ(unsetenv(kFollowLinksVariable), 0);
+  EXPECT_THROW(read("link"), Error);
+  EXPECT_NO_THROW(OutputFile(ContainedPath{take_, "archive/a.mkv"}));
+}
 
 TEST_F(ContainedPaths, OpenWhatIsInTheFolder) {
   EXPECT_EQ(result("archive/a.mkv"), 0);

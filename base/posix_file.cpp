@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/contained_path.h"
 #include "base/error.h"
 
 namespace raystage {
@@ -56,6 +57,13 @@ std::size_t read_up_to(const FileDescriptor& file, std::uint64_t offset,
   return filled;
 }
 
+std::size_t read_regular_part(const FileDescriptor& file, std::uint64_t offset,
+                              std::span<std::byte> bytes) {
+  struct stat status {};
+  if (!file.open() || fstat(file.number(), &status) != 0 || !S_ISREG(status.st_mode)) return 0;
+  return read_up_to(file, offset, bytes);
+}
+
 }  // namespace
 
 void raise_open_file_limit() {
@@ -84,6 +92,20 @@ OutputFile::OutputFile(std::filesystem::path path, Open mode)
         : Error::from_errno("the file cannot be opened for writing", path_.string(),
                             "Check that it exists and is writable");
   }
+  lock();
+}
+
+OutputFile::OutputFile(const ContainedPath& existing)
+    : path_(existing.path()), file_(open_contained(existing, O_WRONLY)) {
+  if (!file_.open()) {
+    if (errno == ELOOP || errno == EXDEV) require_contained(existing);
+    throw Error::from_errno("the file cannot be opened for writing", path_.string(),
+                            "Check that it exists and is writable");
+  }
+  lock();
+}
+
+void OutputFile::lock() const {
   struct stat status {};
   if (fstat(file_.number(), &status) != 0 || !S_ISREG(status.st_mode)) {
     throw Error::failed("this is no regular file", path_.string(), "Restore the file");
@@ -144,17 +166,27 @@ void OutputFile::discard() {
 
 std::size_t read_file_part(const std::filesystem::path& file, std::uint64_t offset,
                            std::span<std::byte> bytes) {
-  const FileDescriptor descriptor(open_to_read(file));
-  struct stat status {};
-  if (!descriptor.open() || fstat(descriptor.number(), &status) != 0 || !S_ISREG(status.st_mode)) {
-    return 0;
-  }
-  return read_up_to(descriptor, offset, bytes);
+  return read_regular_part(FileDescriptor(open_to_read(file)), offset, bytes);
+}
+
+std::size_t read_file_part(const ContainedPath& file, std::uint64_t offset,
+                           std::span<std::byte> bytes) {
+  return read_regular_part(open_contained_to_read(file), offset, bytes);
 }
 
 InputFile::InputFile(const std::filesystem::path& path) : file_(open_to_read(path)) {
+  if (!file_.open()) throw not_readable(path, errno);
+  require_regular(path);
+}
+
+InputFile::InputFile(const ContainedPath& path) : file_(open_contained_to_read(path)) {
+  if (!file_.open()) throw contained_open_error(path, errno);
+  require_regular(path.path());
+}
+
+void InputFile::require_regular(const std::filesystem::path& path) {
   struct stat status {};
-  if (!file_.open() || fstat(file_.number(), &status) != 0) throw not_readable(path, errno);
+  if (fstat(file_.number(), &status) != 0) throw not_readable(path, errno);
   if (!S_ISREG(status.st_mode)) {
     throw Error::bad_input("the file is not a regular one", path.string(), "Restore the file");
   }
@@ -171,6 +203,8 @@ void InputFile::read_ahead(std::uint64_t offset, std::uint64_t size) const {
 }
 
 MappedFile::MappedFile(const std::filesystem::path& path) : MappedFile(InputFile(path), path) {}
+
+MappedFile::MappedFile(const ContainedPath& path) : MappedFile(InputFile(path), path.path()) {}
 
 MappedFile::MappedFile(const InputFile& file, const std::filesystem::path& name) {
   if (file.size() == 0) return;

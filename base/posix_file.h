@@ -10,6 +10,8 @@
 
 namespace raystage {
 
+struct ContainedPath;
+
 /// Raises the limit of open files to what the system permits this process: archives of all cameras
 /// stay open.
 void raise_open_file_limit();
@@ -40,6 +42,8 @@ class OutputFile {
   /// Throws Error (failed) if a new file exists already or cannot be created, or if an existing
   /// file cannot be opened or is open for writing elsewhere.
   explicit OutputFile(std::filesystem::path path, Open open = Open::kNew);
+  /// Opens an existing file. Throws also if a part of its relative path is a link.
+  explicit OutputFile(const ContainedPath& existing);
   ~OutputFile();
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
@@ -62,6 +66,9 @@ class OutputFile {
   void discard();
 
  private:
+  /// Throws Error (failed) if the opened file is not a regular one or is locked.
+  void lock() const;
+
   std::filesystem::path path_;
   FileDescriptor file_;
 };
@@ -70,12 +77,15 @@ class OutputFile {
 /// if the file cannot be read or is not a regular one.
 std::size_t read_file_part(const std::filesystem::path& file, std::uint64_t offset,
                            std::span<std::byte> bytes);
+std::size_t read_file_part(const ContainedPath& file, std::uint64_t offset,
+                           std::span<std::byte> bytes);
 
 /// A regular file that is read at explicit offsets, also while another process writes it.
 class InputFile {
  public:
   /// Throws Error (bad input) if the file cannot be read or is not a regular one.
   explicit InputFile(const std::filesystem::path& path);
+  explicit InputFile(const ContainedPath& path);
 
   std::uint64_t size() const { return size_; }  ///< when it was opened
   /// Reads up to bytes.size() bytes from an offset; returns how many there are: fewer at the end of
@@ -86,6 +96,8 @@ class InputFile {
 
  private:
   friend class MappedFile;
+  void require_regular(const std::filesystem::path& path);
+
   FileDescriptor file_;
   std::uint64_t size_ = 0;
 };
@@ -96,6 +108,7 @@ class MappedFile {
  public:
   /// Throws Error (bad input) if the file cannot be read.
   explicit MappedFile(const std::filesystem::path& path);
+  explicit MappedFile(const ContainedPath& path);
   /// Maps the file as large as it was when it was opened. `name`: for errors.
   MappedFile(const InputFile& file, const std::filesystem::path& name);
   ~MappedFile();

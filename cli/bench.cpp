@@ -10,6 +10,7 @@
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/evaluation_options.h"
+#include "cli/follow_links_option.h"
 #include "cli/printing.h"
 #include "cli/sandbox_option.h"
 #include "cli/threads.h"
@@ -73,6 +74,7 @@ void declare(CommandLine& command, Options& options) {
       .range(0, 1000);
   add_blend_option(command, plan.common);
   add_memory_option(command, options.memory_gb);
+  add_follow_links_option(command);
   add_sandbox_option(command);
   command.flag("-q,--quiet", options.quiet, "No progress on stderr");
   command.footer(

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/calibrate_color_options.h"
 
+#include "cli/follow_links_option.h"
 #include "cli/threads.h"
 
 namespace raystage::cli {
@@ -88,6 +89,7 @@ void add_calibrate_color_options(CommandLine& command, CalibrateColorOptions& o)
   command.flag("--force", o.force, "Write the rig even if the calibration is rejected");
   add_threads_option(command, o.threads);
   command.flag("--json", o.json, "Print the results as JSON");
+  add_follow_links_option(command);
   command.flag("-q,--quiet", o.quiet, "No progress on stderr");
 }
 

@@ -16,6 +16,7 @@
 #include "calibrate/geometry_from_take.h"
 #include "cli/board_options.h"
 #include "cli/calibrate.h"
+#include "cli/follow_links_option.h"
 #include "cli/printing.h"
 #include "cli/threads.h"
 
@@ -309,6 +310,7 @@ Subcommand declare_calibrate_geometry(CommandLine& calibrate) {
                  "Write an HTML page with charts of the results");
   add_threads_option(command, options->threads);
   command.flag("--json", options->json, "Print the results as JSON");
+  add_follow_links_option(command);
   command.flag("-q,--quiet", options->quiet, "No progress on stderr");
   return {command,
           [options](const std::stop_token& stop) { return calibrate_geometry(*options, stop); }};

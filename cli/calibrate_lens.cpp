@@ -10,6 +10,7 @@
 #include "calibrate/lenses_from_take.h"
 #include "cli/board_options.h"
 #include "cli/calibrate.h"
+#include "cli/follow_links_option.h"
 #include "cli/printing.h"
 #include "cli/threads.h"
 #include "schemas/rig_document.h"
@@ -69,6 +70,7 @@ Subcommand declare_calibrate_lens(CommandLine& calibrate) {
       .limits(3, 10000);
   command.flag("--force", o->force, "Write the lens even if the calibration is rejected");
   add_threads_option(command, o->threads);
+  add_follow_links_option(command);
   command.flag("-q,--quiet", o->quiet, "No progress on stderr");
   return {command, [o](const std::stop_token& stop) { return run_calibrate_lens(*o, stop); }};
 }

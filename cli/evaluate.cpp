@@ -11,6 +11,7 @@
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/evaluation_options.h"
+#include "cli/follow_links_option.h"
 #include "cli/printing.h"
 #include "cli/sandbox_option.h"
 #include "cli/threads.h"
@@ -104,6 +105,7 @@ int main(int argc, char** argv) {
   command.option("--label", options.label, "First column of that row (default: the method)");
   add_threads_option(command, options.threads);
   add_memory_option(command, options.memory_gb);
+  add_follow_links_option(command);
   add_sandbox_option(command);
   command.flag("-q,--quiet", options.quiet, "No progress on stderr");
   command.footer(

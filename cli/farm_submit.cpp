@@ -7,6 +7,7 @@
 
 #include "base/atomic_file.h"
 #include "cli/farm.h"
+#include "cli/follow_links_option.h"
 #include "cli/printing.h"
 #include "compose/frame_range.h"
 #include "farm/local_engine.h"
@@ -146,6 +147,7 @@ void declare_resources(CommandLine& command, Options& options) {
                  "words before the command of a task, e.g. \"apptainer exec /net/raystage.sif\"");
   command.option("--program COMMAND", submission.program,
                  "command that runs raystage on a node (default: this one, by its path)");
+  add_follow_links_option(command);
   command.flag("-q,--quiet", options.quiet, "No progress on stderr");
 }
 

@@ -14,6 +14,7 @@
 
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/follow_links_option.h"
 #include "cli/printing.h"
 #include "schemas/former_names.h"
 #include "store/take_summary.h"
@@ -300,6 +301,7 @@ int main(int argc, char** argv) {
   bool json = false;
   command.option("TAKE", folder, "Folder of the take").required();
   command.flag("--json", json, "Print as JSON (times in ns, lengths in m)");
+  add_follow_links_option(command);
   return parse_and_run(command, argc, argv, "info",
                        [&](std::stop_token) { return info(folder, json); });
 }

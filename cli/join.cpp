@@ -7,6 +7,7 @@
 
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/follow_links_option.h"
 #include "cli/printing.h"
 #include "ingest/record/join_takes.h"
 #include "raystage_version.h"
@@ -31,6 +32,7 @@ int main(int argc, char** argv) {
       "--documents-only", documents_only,
       "Leave the archives in place: the take gets take.json, rig.json, journals and the\nsession "
       "records of the nodes, for `raystage sync` and distributed rendering (docs/farm.md)");
+  add_follow_links_option(command);
   command.flag("-q,--quiet", quiet, "No progress on stderr");
   return parse_and_run(command, argc, argv, "join", [&](std::stop_token stop) {
     Progress progress(!quiet);

@@ -12,6 +12,7 @@
 
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/follow_links_option.h"
 #include "cli/printing.h"
 #include "cli/sandbox_option.h"
 #include "cli/shot_options.h"
@@ -60,6 +61,7 @@ void declare(CommandLine& command, Options& options, char** argv) {
   command.option(
       "--ocio CONFIG", options.color_config,
       "OpenColorIO config of the shot, as raystage render (stored data does not depend on it)");
+  add_follow_links_option(command);
   add_sandbox_option(command);
   add_progress_option(command, options.progress);
   command

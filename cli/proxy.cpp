@@ -12,6 +12,7 @@
 #include "base/cancellation.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/follow_links_option.h"
 #include "cli/sandbox_option.h"
 #include "cli/shot_options.h"
 #include "cli/simd_option.h"
@@ -63,6 +64,7 @@ void declare(CommandLine& command, Options& options, char** argv) {
       .option("--memory GB", options.memory_gb,
               "memory for decoded source frames and the method, GB = 10^9 bytes (default: 2)")
       .range(1e-3, 1e5);
+  add_follow_links_option(command);
   add_sandbox_option(command);
   add_progress_option(command, options.progress);
   command.footer(

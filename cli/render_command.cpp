@@ -9,6 +9,7 @@
 
 #include "base/resources.h"
 #include "cli/command_line_parsing.h"
+#include "cli/follow_links_option.h"
 #include "cli/sandbox_option.h"
 #include "cli/shot_options.h"
 #include "cli/simd_option.h"
@@ -134,6 +135,7 @@ void declare_render_options(CommandLine& command, RenderOptions& options, char**
                  "OpenColorIO config for the colours of the files (default: as in the shot, else "
                  "the built-in\none; $OCIO is ignored)");
   add_cache_option(command, options.cache_folder);
+  add_follow_links_option(command);
   add_sandbox_option(command);
   command.flag("--chromaticities", options.chromaticities,
                "write the chromaticities attribute for readers that do not know colorInteropID");

@@ -7,6 +7,7 @@
 
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/follow_links_option.h"
 #include "cli/printing.h"
 #include "cli/sandbox_option.h"
 #include "raystage_version.h"
@@ -46,6 +47,7 @@ int main(int argc, char** argv) {
       .range(0.1, 100000.0);
   command.option("-j,--threads N", options.threads, "threads of the renderer (default: all)")
       .range(1, 1024);
+  add_follow_links_option(command);
   add_sandbox_option(command);
   command.option("--max-viewers N", options.server.max_clients, "pages at once (default: 32)")
       .range(1, 1000);

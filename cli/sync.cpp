@@ -13,6 +13,7 @@
 #include "base/atomic_file.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/follow_links_option.h"
 #include "cli/printing.h"
 #include "cli/threads.h"
 #include "raystage_version.h"
@@ -260,6 +261,7 @@ void add_options(CommandLine& command, Options& options) {
       .help_text("FILE.html");
   add_retime_options(command, options);
   command.flag("--json", options.json, "Print the results as JSON");
+  add_follow_links_option(command);
   command.flag("-q,--quiet", options.quiet, "No progress on stderr");
 }
 

@@ -122,6 +122,40 @@ TEST_F(TakeCommands, AnAnswerThatCannotBeWrittenIsAFailure) {
   }
 }
 
+/// Moves a file or folder of the take out of it and leaves a link.
+void replace_by_link(const std::filesystem::path& take, const std::string& name,
+                     const std::filesystem::path& outside) {
+  std::filesystem::rename(take / name, outside);
+  std::filesystem::create_symlink(outside, take / name);
+}
+
+TEST_F(TakeCommands, LinksInATakeAreFollowedOnlyOnRequest) {
+  ASSERT_EQ(run("sync -q " + quoted).exit_code, 0);
+  const std::string info = run("info " + quoted).output;
+  for (const std::string name : {"take.json", "rig.json", "timeline.zst", "archive",
+                                 "archive/c1.mkv", "archive/c1.journal"}) {
+    const std::filesystem::path outside = folder.path() / "outside";
+    replace_by_link(take, name, outside);
+    for (const std::string command : {"info ", "verify -q ", "sync -q -o NEW "}) {
+      std::string words = command;
+      if (const auto at = words.find("NEW"); at != std::string::npos) {
+        if (name == "timeline.zst") continue;  // it is not read
+        words.replace(at, 3, "'" + (folder.path() / "new").string() + "' --interpolate");
+      }
+      const testing::CommandResult refused = run(words + quoted);
+      EXPECT_THAT(refused.output, HasSubstr("a part of the path is a link")) << words << name;
+      EXPECT_FALSE(std::filesystem::exists(folder.path() / "new")) << name;
+      if (name != "timeline.zst") EXPECT_NE(refused.exit_code, 0) << words << name;
+    }
+    EXPECT_EQ(run("info --follow-links " + quoted).output, info) << name;
+    const testing::CommandResult verified = run("verify -q --follow-links " + quoted);
+    EXPECT_EQ(verified.exit_code, 0) << name << verified.output;
+    std::filesystem::remove(take / name);
+    std::filesystem::rename(outside, take / name);
+  }
+  EXPECT_EQ(run("info " + quoted).output, info);
+}
+
 TEST_F(TakeCommands, InfoOfALargeArrayNamesTheCamerasThatMissMost) {
   const std::filesystem::path large = folder.path() / "large";
   std::vector<std::vector<Nanoseconds>> times(20);

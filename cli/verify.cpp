@@ -16,6 +16,7 @@
 #include "base/error.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/follow_links_option.h"
 #include "cli/printing.h"
 #include "schemas/former_names.h"
 #include "store/fixity/manifest.h"
@@ -310,6 +311,7 @@ int main(int argc, char** argv) {
       "Write the result as JSON to this file; - = to stdout, without the text (default: none)");
   command.option("-j,--threads", options.threads, "Cameras at once (default: 0, one per processor)")
       .limits(0, 1024);
+  add_follow_links_option(command);
   command.flag("-q,--quiet", options.quiet, "No progress on stderr (default: off)");
   return parse_and_run(command, argc, argv, "verify", [&](std::stop_token stop) {
     if (options.decode) options.depth = "hashes";

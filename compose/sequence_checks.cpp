@@ -310,7 +310,7 @@ void report_sequence_warnings(const ShotPlan& plan, std::span<const PlannedFrame
     }
     report_focus_pull(plan, *light_field, options);
     report_uncovered_rays(plan, *light_field, frames, options);
-    if (!schemas::is_calibrated(schemas::read_rig(light_field->take().folder() / "rig.json"))) {
+    if (!schemas::is_calibrated(schemas::read_rig(light_field->take().file("rig.json")))) {
       options.on_message(
           "warning: " + of_layer +
           "the rig is not calibrated: camera poses and lenses are guesses, and the frames have "

@@ -71,7 +71,7 @@ void add_verification(const fs::path& folder, FolderEntry& entry) {
 
 void describe_take(const fs::path& folder, FolderEntry& entry) {
   const fs::path take = folder / entry.name;
-  const schemas::TakeDocument document = schemas::read_take(take / "take.json");
+  const schemas::TakeDocument document = schemas::read_take(ContainedPath{take, "take.json"});
   entry.title = document.name;
   entry.cameras = static_cast<int>(document.cameras.size());
   entry.recorded_utc = document.epoch_utc;
@@ -80,7 +80,7 @@ void describe_take(const fs::path& folder, FolderEntry& entry) {
     const std::uintmax_t bytes = fs::file_size(take / camera.archive, error);
     if (!error) entry.bytes += bytes;
   }
-  if (const auto range = store::journal_time_range(take / document.cameras.front().journal)) {
+  if (const auto range = store::journal_time_range({take, document.cameras.front().journal})) {
     entry.seconds = static_cast<double>(range->end - range->begin) * 1e-9;
     if (document.nominal_fps > 0) entry.seconds += 1 / document.nominal_fps;  // of the last frame
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "schemas/recording_document.h"
 
+#include "base/contained_path.h"
 #include "schemas/fields.h"
 
 namespace raystage::schemas {
@@ -58,6 +59,10 @@ std::string format_recording(const RecordingDocument& recording) {
 
 RecordingDocument read_recording(const std::filesystem::path& file) {
   return parse_recording(read_file(file), file.string());
+}
+
+RecordingDocument read_recording(const ContainedPath& file) {
+  return parse_recording(read_file(file), file.path().string());
 }
 
 void write_recording(const RecordingDocument& recording, const std::filesystem::path& file) {

@@ -11,6 +11,10 @@
 
 #include "base/time.h"
 
+namespace raystage {
+struct ContainedPath;
+}
+
 namespace raystage::schemas {
 
 /// Schema "raystage/recording/1" (TAKE/recording/NODE.json): how a node recorded its cameras.
@@ -63,6 +67,7 @@ struct RecordingDocument {
 };
 
 RecordingDocument read_recording(const std::filesystem::path& file);
+RecordingDocument read_recording(const ContainedPath& file);
 void write_recording(const RecordingDocument& recording, const std::filesystem::path& file);
 
 /// Parses and formats the document in memory; errors use `name` as the file name.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "base/contained_path.h"
 #include "schemas/fields.h"
 
 namespace raystage::schemas {
@@ -39,6 +40,10 @@ std::string format_rig(const RigDocument& rig) { return format_document("rig", k
 
 RigDocument read_rig(const std::filesystem::path& file) {
   return parse_rig(read_file(file), file.string());
+}
+
+RigDocument read_rig(const ContainedPath& file) {
+  return parse_rig(read_file(file), file.path().string());
 }
 
 void write_rig(const RigDocument& rig, const std::filesystem::path& file) {

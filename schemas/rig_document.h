@@ -9,6 +9,10 @@
 #include "schemas/geometry.h"
 #include "schemas/photometric_response.h"
 
+namespace raystage {
+struct ContainedPath;
+}
+
 namespace raystage::schemas {
 
 /// Schema "raystage/rig/1" (TAKE/rig.json): the physical array.
@@ -32,6 +36,7 @@ inline constexpr double kDefaultCameraSpacing = 0.1;
 inline bool is_calibrated(const RigDocument& rig) { return rig.name != kUncalibratedRigName; }
 
 RigDocument read_rig(const std::filesystem::path& file);
+RigDocument read_rig(const ContainedPath& file);
 void write_rig(const RigDocument& rig, const std::filesystem::path& file);
 
 /// Parses and formats the document in memory; errors use `name` as the file name.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "schemas/take_document.h"
 
+#include "base/contained_path.h"
 #include "schemas/fields.h"
 
 namespace raystage::schemas {
@@ -38,6 +39,10 @@ std::string format_take(const TakeDocument& take) { return format_document("take
 
 TakeDocument read_take(const std::filesystem::path& file) {
   return parse_take(read_file(file), file.string());
+}
+
+TakeDocument read_take(const ContainedPath& file) {
+  return parse_take(read_file(file), file.path().string());
 }
 
 void write_take(const TakeDocument& take, const std::filesystem::path& file) {

@@ -10,6 +10,10 @@
 #include "base/time.h"
 #include "schemas/geometry.h"
 
+namespace raystage {
+struct ContainedPath;
+}
+
 namespace raystage::schemas {
 
 /// Schema "raystage/take/1" (TAKE/take.json): a recording. Camera i is camera i of rig.json.
@@ -41,6 +45,7 @@ struct TakeDocument {
 };
 
 TakeDocument read_take(const std::filesystem::path& file);
+TakeDocument read_take(const ContainedPath& file);
 void write_take(const TakeDocument& take, const std::filesystem::path& file);
 
 /// Parses and formats the document in memory; errors use `name` as the file name.

@@ -12,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/contained_path.h"
 #include "base/time.h"
 #include "store/frame_buffers.h"
 #include "store/remote_frames.h"
@@ -129,8 +130,9 @@ class ArchiveReader {
   /// Opens an archive and its journal. `buffers`: hold the bytes of frames, shared with other
   /// readers; null: the reader has its own. Throws Error (bad input) if it is not a Matroska file,
   /// has another time scale, or the journal has a future version or belongs to another archive.
-  ArchiveReader(const std::filesystem::path& archive, const std::filesystem::path& journal,
+  ArchiveReader(const ContainedPath& archive, const ContainedPath& journal,
                 std::shared_ptr<FrameBuffers> buffers = nullptr);
+  ArchiveReader(const std::filesystem::path& archive, const std::filesystem::path& journal);
   /// Represents the archive of a camera on another host. `records`: in order. `remote` supplies the
   /// bytes of frames; if it is null, `records` must be empty.
   ArchiveReader(const ArchiveWriter::Description& description, std::vector<FrameRecord> records,

@@ -30,8 +30,8 @@ struct ArchiveReader::State {
   enum class Integrity : std::uint8_t { kUnchecked, kIntact, kRotten };
 
   State() = default;
-  State(const std::filesystem::path& archive, std::shared_ptr<FrameBuffers> with_buffers)
-      : path(archive), file(archive), buffers(std::move(with_buffers)) {}
+  State(const ContainedPath& archive, std::shared_ptr<FrameBuffers> with_buffers)
+      : path(archive.path()), file(archive), buffers(std::move(with_buffers)) {}
 
   const FrameRecord& record(int frame) const {
     assert(frame >= 0 && static_cast<std::size_t>(frame) < index.frames.size());
@@ -92,14 +92,19 @@ ArchiveIndex index_files(const MappedFile& archive, const std::optional<MappedFi
 }  // namespace
 
 ArchiveReader::ArchiveReader(const std::filesystem::path& archive,
-                             const std::filesystem::path& journal,
+                             const std::filesystem::path& journal)
+    : ArchiveReader(ContainedPath{archive.parent_path(), archive.filename()},
+                    ContainedPath{journal.parent_path(), journal.filename()}) {}
+
+ArchiveReader::ArchiveReader(const ContainedPath& archive, const ContainedPath& journal,
                              std::shared_ptr<FrameBuffers> buffers) {
   // Read the journal first: during a recording each of its records then has its frame.
   std::optional<MappedFile> journal_file;
-  if (std::filesystem::exists(journal)) journal_file.emplace(journal);
+  if (std::filesystem::exists(journal.path())) journal_file.emplace(journal);
   state_ = std::make_unique<State>(archive,
                                    buffers ? std::move(buffers) : std::make_shared<FrameBuffers>());
-  state_->index = index_files(MappedFile(*state_->file, archive), journal_file, archive, journal);
+  state_->index = index_files(MappedFile(*state_->file, archive.path()), journal_file,
+                              archive.path(), journal.path());
   state_->integrity =
       std::make_unique<std::atomic<State::Integrity>[]>(state_->index.frames.size());
 }

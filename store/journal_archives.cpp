@@ -31,13 +31,14 @@ class FramesElsewhere : public RemoteFrames {
 class JournalArchives : public RemoteArchives {
  public:
   explicit JournalArchives(fs::path folder)
-      : folder_(std::move(folder)), document_(schemas::read_take(folder_ / "take.json")) {}
+      : folder_(std::move(folder)),
+        document_(schemas::read_take(ContainedPath{folder_, "take.json"})) {}
 
   std::optional<ArchiveReader> open(int camera) const override {
     const schemas::TakeDocument::Camera& entry = document_.cameras[camera];
     const fs::path archive = folder_ / entry.archive, journal = folder_ / entry.journal;
     if (fs::exists(archive) || !fs::exists(journal)) return std::nullopt;
-    const MappedFile file(journal);
+    const MappedFile file(ContainedPath{folder_, entry.journal});
     const journal::Contents contents = journal::decode(file.bytes(), journal.string());
     const Nanoseconds epoch = entry.archive_epoch_utc.value_or(document_.epoch_utc);
     if (!contents.header || contents.header->camera_hash != journal::hash_camera_id(entry.id) ||

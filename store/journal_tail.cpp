@@ -15,29 +15,29 @@ namespace {
 
 constexpr std::uint64_t kMaxBytesPerRead = std::uint64_t{4} << 20;
 
-std::vector<std::byte> read_part(const std::filesystem::path& file, std::uint64_t offset,
+std::vector<std::byte> read_part(const ContainedPath& file, std::uint64_t offset,
                                  std::uint64_t bytes) {
   std::vector<std::byte> part(bytes);
   part.resize(read_file_part(file, offset, part));
   return part;
 }
 
-std::uint64_t size_of(const std::filesystem::path& file) {
+std::uint64_t size_of(const ContainedPath& file) {
   std::error_code error;
-  const std::uintmax_t size = std::filesystem::file_size(file, error);
+  const std::uintmax_t size = std::filesystem::file_size(file.path(), error);
   return error ? 0 : size;
 }
 
 /// Returns the version of a journal; 0 if it has no intact header.
-std::uint32_t version_of(const std::filesystem::path& journal) {
+std::uint32_t version_of(const ContainedPath& journal) {
   const auto header =
-      journal::decode_header(read_part(journal, 0, journal::kHeaderBytes), journal.string());
+      journal::decode_header(read_part(journal, 0, journal::kHeaderBytes), journal.path().string());
   return header ? header->version : 0;
 }
 
 }  // namespace
 
-JournalTail::JournalTail(std::filesystem::path journal, std::size_t first_records)
+JournalTail::JournalTail(ContainedPath journal, std::size_t first_records)
     : journal_(std::move(journal)), first_records_(first_records) {}
 
 std::vector<FrameRecord> JournalTail::read() {
@@ -64,7 +64,7 @@ std::vector<FrameRecord> JournalTail::read() {
   return records;
 }
 
-std::optional<TimeRange> journal_time_range(const std::filesystem::path& journal) {
+std::optional<TimeRange> journal_time_range(const ContainedPath& journal) {
   const std::uint32_t version = version_of(journal);
   if (version == 0) return std::nullopt;
   const std::uint64_t each = journal::record_bytes(version), size = size_of(journal);

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/contained_path.h"
 #include "store/archive.h"
 #include "store/timeline.h"
 
@@ -19,7 +20,7 @@ namespace raystage::store {
 class JournalTail {
  public:
   /// The first read begins at most `first_records` before the end.
-  JournalTail(std::filesystem::path journal, std::size_t first_records);
+  JournalTail(ContainedPath journal, std::size_t first_records);
 
   /// Returns the new records that pass their check, in file order; none while the journal has no
   /// intact header. A record that is written only in part comes with a later read. Throws Error
@@ -27,7 +28,7 @@ class JournalTail {
   std::vector<FrameRecord> read();
 
  private:
-  std::filesystem::path journal_;
+  ContainedPath journal_;
   std::size_t first_records_;
   std::uint32_t version_ = 0;  ///< 0: no header yet
   std::uint64_t position_ = 0;
@@ -35,6 +36,6 @@ class JournalTail {
 
 /// Returns the times of the first and the last record of a journal; nullopt if it has none that
 /// pass their check. Reads these two records only.
-std::optional<TimeRange> journal_time_range(const std::filesystem::path& journal);
+std::optional<TimeRange> journal_time_range(const ContainedPath& journal);
 
 }  // namespace raystage::store

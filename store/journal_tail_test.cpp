@@ -44,7 +44,7 @@ class JournalTailTest : public ::testing::Test {
 };
 
 TEST_F(JournalTailTest, ReturnsEachRecordOnceAsItIsAppended) {
-  JournalTail tail(file(), 100);
+  JournalTail tail({folder_.path(), "a.journal"}, 100);
   EXPECT_THAT(tail.read(), IsEmpty());
   append_header();
   EXPECT_THAT(tail.read(), IsEmpty());
@@ -58,7 +58,7 @@ TEST_F(JournalTailTest, ReturnsEachRecordOnceAsItIsAppended) {
 
 TEST_F(JournalTailTest, WaitsForTheRestOfARecord) {
   append_header();
-  JournalTail tail(file(), 100);
+  JournalTail tail({folder_.path(), "a.journal"}, 100);
   FrameRecord record;
   record.time_ns = 7;
   const auto bytes = journal::encode_record(record);
@@ -71,7 +71,7 @@ TEST_F(JournalTailTest, WaitsForTheRestOfARecord) {
 TEST_F(JournalTailTest, BeginsNearTheEnd) {
   append_header();
   for (int i = 0; i < 50; ++i) append_record(i);
-  JournalTail tail(file(), 3);
+  JournalTail tail({folder_.path(), "a.journal"}, 3);
   EXPECT_THAT(times(tail.read()), ElementsAre(47, 48, 49));
 }
 
@@ -80,25 +80,25 @@ TEST_F(JournalTailTest, SkipsDamagedRecords) {
   append_record(1);
   append(std::vector<std::byte>(journal::kRecordBytes, std::byte{0x55}));
   append_record(2);
-  JournalTail tail(file(), 100);
+  JournalTail tail({folder_.path(), "a.journal"}, 100);
   EXPECT_THAT(times(tail.read()), ElementsAre(1, 2));
 }
 
 TEST_F(JournalTailTest, RefusesNothingButReturnsNothingWithoutAHeader) {
   append(std::vector<std::byte>(500, std::byte{0x55}));
-  JournalTail tail(file(), 100);
+  JournalTail tail({folder_.path(), "a.journal"}, 100);
   EXPECT_THAT(tail.read(), IsEmpty());
-  EXPECT_FALSE(journal_time_range(file()));
+  EXPECT_FALSE(journal_time_range({folder_.path(), "a.journal"}));
 }
 
 TEST_F(JournalTailTest, TheTimeRangeIsThatOfTheFirstAndTheLastRecord) {
-  EXPECT_FALSE(journal_time_range(file()));
+  EXPECT_FALSE(journal_time_range({folder_.path(), "a.journal"}));
   append_header();
-  EXPECT_FALSE(journal_time_range(file()));
+  EXPECT_FALSE(journal_time_range({folder_.path(), "a.journal"}));
   append_record(5);
   append_record(6);
   append_record(90);
-  const auto range = journal_time_range(file());
+  const auto range = journal_time_range({folder_.path(), "a.journal"});
   ASSERT_TRUE(range);
   EXPECT_EQ(range->begin, 5);
   EXPECT_EQ(range->end, 90);

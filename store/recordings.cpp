@@ -13,7 +13,9 @@ std::vector<schemas::RecordingDocument> read_recordings(const std::filesystem::p
   }
   std::ranges::sort(files);
   std::vector<schemas::RecordingDocument> recordings;
-  for (const auto& file : files) recordings.push_back(schemas::read_recording(file));
+  for (const auto& file : files)
+    recordings.push_back(
+        schemas::read_recording(ContainedPath{take_folder, "recording" / file.filename()}));
   return recordings;
 }
 

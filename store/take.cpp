@@ -40,8 +40,8 @@ struct Take::State {
   State(std::filesystem::path path, std::shared_ptr<const RemoteArchives> others)
       : folder(std::move(path)),
         remote(std::move(others)),
-        document(schemas::read_take(checked_take(folder) / "take.json")),
-        rig(rig::rig_from_document(schemas::read_rig(folder / "rig.json"))),
+        document(schemas::read_take(ContainedPath{checked_take(folder), "take.json"})),
+        rig(rig::rig_from_document(schemas::read_rig(ContainedPath{folder, "rig.json"}))),
         slots(document.cameras.size()) {}
 
   void check_cameras() const;
@@ -76,7 +76,8 @@ ArchiveReader Take::State::open(std::size_t camera) const {
   if (remote) {
     if (auto elsewhere = remote->open(static_cast<int>(camera))) return std::move(*elsewhere);
   }
-  ArchiveReader reader(folder / entry.archive, folder / entry.journal, buffers);
+  ArchiveReader reader(ContainedPath{folder, entry.archive}, ContainedPath{folder, entry.journal},
+                       buffers);
   // An archive truncated within its header has neither id nor frames to check.
   const auto& found = reader.description();
   const auto& model = rig.cameras[camera].model;
@@ -112,6 +113,7 @@ Take::Take(Take&&) noexcept = default;
 Take& Take::operator=(Take&&) noexcept = default;
 
 const std::filesystem::path& Take::folder() const { return state_->folder; }
+ContainedPath Take::file(fs::path relative) const { return {folder(), std::move(relative)}; }
 const schemas::TakeDocument& Take::document() const { return state_->document; }
 const rig::Rig& Take::rig() const { return state_->rig; }
 

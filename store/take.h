@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/contained_path.h"
 #include "rig/rig.h"
 #include "schemas/take_document.h"
 #include "store/archive.h"
@@ -40,6 +41,8 @@ class Take {
   Take& operator=(Take&&) noexcept;
 
   const std::filesystem::path& folder() const;
+  /// Returns a file of the take, to be opened without leaving its folder.
+  ContainedPath file(std::filesystem::path relative) const;
   const schemas::TakeDocument& document() const;
   const rig::Rig& rig() const;
   /// Throws Error (bad input) if a new take in `folder` would be inside of this one.

@@ -148,7 +148,7 @@ TakeSummary summarise_take(const Take& take) {
   summary.bytes_on_disk = size_below(take.folder());
   add_times(take, summary);
   add_restarts(take, summary);
-  summary.calibrated = schemas::is_calibrated(schemas::read_rig(take.folder() / "rig.json"));
+  summary.calibrated = schemas::is_calibrated(schemas::read_rig(take.file("rig.json")));
   summary.spacing = spacing_of(take.rig());
   summary.min_alias_free_distance =
       min_alias_free_distance(summary.spacing, median_of(std::move(focal_lengths)));

@@ -287,13 +287,13 @@ void write_timeline(const Timeline& timeline, const Take& take) {
 }
 
 Timeline read_timeline(const Take& take) {
-  const auto path = take.folder() / kTimelineFile;
+  const std::filesystem::path path = take.folder() / kTimelineFile;
   if (!std::filesystem::exists(path)) {
     if (auto timeline = timeline_without_sync(take)) return *std::move(timeline);
     throw Error::bad_input("the take has no timeline", path.string(),
                            "Run `raystage sync` on the take");
   }
-  const std::string bytes = read_file(path);
+  const std::string bytes = read_file(take.file(kTimelineFile));
   // The fingerprint covers all archives; the checks below need none.
   bool is_complete = !take.are_archives_unknown();
   for (int camera = 0; camera < take.camera_count(); ++camera) {

@@ -456,8 +456,8 @@ std::string LightFieldLayer::common_fingerprint() const {
   }
   print.integer("focuses as camera", focal_plane_follows_camera() ? 1 : 0);
   print.text("fill", reconstruction_.fill == schemas::HoleFill::kPushPull ? "push_pull" : "none");
-  print.text("take", read_file(take_.folder() / "take.json"));
-  print.text("rig", read_file(take_.folder() / "rig.json"));
+  print.text("take", read_file(take_.file("take.json")));
+  print.text("rig", read_file(take_.file("rig.json")));
   if (matte_) {
     print.text("matte", schemas::format_matte(*layer_.matte));
     print.text("matte from", matte_->sources());

@@ -29,7 +29,7 @@ namespace fs = std::filesystem;
 struct Part {
   Part(const fs::path& folder, bool documents_only)
       : take(folder, documents_only ? store::make_journal_archives(folder) : nullptr),
-        rig(schemas::read_rig(folder / "rig.json")),
+        rig(schemas::read_rig(take.file("rig.json"))),
         accounts(folder / "recording") {}
   store::Take take;
   schemas::RigDocument rig;
@@ -202,7 +202,8 @@ void copy_accounts(const std::vector<Part>& parts, const fs::path& folder) {
       fs::path target = folder / file.path().filename();
       if (fs::exists(target))
         target = folder / fmt::format("part{}_{}", p + 1, file.path().filename().string());
-      write_file_atomically(target, read_file(file.path()));
+      write_file_atomically(target,
+                            read_file(parts[p].take.file("recording" / file.path().filename())));
     }
   }
 }
@@ -219,7 +220,7 @@ void copy_journals(const std::vector<Part>& parts, const fs::path& folder, JoinR
       }
       const fs::path target = folder / camera.journal;
       create_folder(target.parent_path());
-      write_file_atomically(target, read_file(part.take.folder() / camera.journal));
+      write_file_atomically(target, read_file(part.take.file(camera.journal)));
       for (const store::FrameRecord& record : part.take.archive(i).records()) {
         ++(record.status == store::FrameStatus::kStored ? report.frames : report.missing);
       }

@@ -132,9 +132,9 @@ schemas::RigDocument make_recording_rig(const schemas::RecordConfig& config,
 RecordingTake resume_take(const std::filesystem::path& folder,
                           const std::vector<RecorderCamera>& cameras, const std::string& node,
                           std::optional<Nanoseconds> start_utc, std::optional<double> duration_s) {
-  check_times(schemas::read_take(folder / "take.json"), start_utc, duration_s,
+  check_times(schemas::read_take(ContainedPath{folder, "take.json"}), start_utc, duration_s,
               folder / "take.json");
-  const schemas::RigDocument rig = schemas::read_rig(folder / "rig.json");
+  const schemas::RigDocument rig = schemas::read_rig(ContainedPath{folder, "rig.json"});
   for (const RecorderCamera& camera : cameras) {
     const auto found = find_camera(rig, camera.id);
     if (found == rig.cameras.end()) continue;  // resume() reports this

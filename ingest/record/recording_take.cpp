@@ -113,8 +113,8 @@ void RecordingTake::create_files() {
 RecordingTake RecordingTake::resume(const fs::path& folder,
                                     const std::vector<std::string>& camera_ids,
                                     const std::string& node) {
-  RecordingTake recording(folder, schemas::read_take(folder / "take.json"),
-                          schemas::read_rig(folder / "rig.json"), node);
+  RecordingTake recording(folder, schemas::read_take(ContainedPath{folder, "take.json"}),
+                          schemas::read_rig(ContainedPath{folder, "rig.json"}), node);
   std::vector<std::string> there;
   for (const schemas::TakeDocument::Camera& camera : recording.take_.cameras)
     there.push_back(camera.id);
@@ -129,7 +129,8 @@ RecordingTake RecordingTake::resume(const fs::path& folder,
   recording.require_contained_files();
   create_folder(folder / "recording");
   if (fs::exists(recording.recording_file_)) {
-    recording.recording_ = schemas::read_recording(recording.recording_file_);
+    recording.recording_ = schemas::read_recording(
+        ContainedPath{folder, recording.recording_file_.lexically_relative(folder)});
   }
   for (std::size_t i = 0; i < there.size(); ++i) {
     recording.archives_.push_back(

@@ -43,11 +43,12 @@ void mark_used(const fs::path& set) {
   utimensat(AT_FDCWD, set.c_str(), times.data(), 0);
 }
 
-bool read_maps(const fs::path& file, std::uint64_t fingerprint, CameraDepths& depths) {
+bool read_maps(const ContainedPath& stored, std::uint64_t fingerprint, CameraDepths& depths) {
+  const fs::path file = stored.path();
   std::error_code error;
   if (!fs::exists(file, error)) return false;
   try {
-    const MappedFile mapped(file);
+    const MappedFile mapped(stored);
     if (!mapped.can_read(mapped.bytes())) return false;
     depths.maps = decode_depth_maps(mapped.bytes(), fingerprint, depths.pinholes, file.string());
   } catch (const Error&) {
@@ -244,7 +245,7 @@ CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
   }
   if (stores_depths) {
     CameraDepths depths = camera_depths_without_maps(instant, options);
-    if (read_maps(file, key.instant, depths)) {
+    if (read_maps({instant.derived_folder(), depth_file_path({}, key)}, key.instant, depths)) {
       if (instant.stored_data_counts != nullptr) ++instant.stored_data_counts->read;
       return depths;
     }

@@ -39,24 +39,24 @@ constexpr std::uint32_t kMaxFrameBytes = std::uint32_t{64} << 20;
 /// The frames of an archive that is being written, by their records.
 class ArchiveTail final : public store::RemoteFrames {
  public:
-  ArchiveTail(fs::path archive, std::vector<store::FrameRecord> records)
+  ArchiveTail(ContainedPath archive, std::vector<store::FrameRecord> records)
       : archive_(std::move(archive)), records_(std::move(records)) {}
 
   store::FrameBytes jpeg(int frame) const override {
     const store::FrameRecord& record = records_.at(static_cast<std::size_t>(frame));
     auto bytes = std::make_shared<std::vector<std::byte>>(std::min(record.size, kMaxFrameBytes));
     if (read_file_part(archive_, record.offset, *bytes) < bytes->size()) {
-      throw Error::bad_input("a frame of the recording cannot be read", archive_.string(),
+      throw Error::bad_input("a frame of the recording cannot be read", archive_.path().string(),
                              "Try again");
     }
     if (XXH3_64bits(bytes->data(), bytes->size()) != record.xxh3 && record.xxh3 != 0) {
       throw Error::bad_input("a frame of the recording is not as it was recorded (XXH3)",
-                             archive_.string(), "Check the disk");
+                             archive_.path().string(), "Check the disk");
     }
     return store::FrameBytes(std::shared_ptr<const std::vector<std::byte>>(std::move(bytes)));
   }
   store::JpegLayout layout(int frame) const override {
-    return store::parse_jpeg_layout(jpeg(frame), archive_.string());
+    return store::parse_jpeg_layout(jpeg(frame), archive_.path().string());
   }
   store::FrameBytes jpeg_part(int frame, const store::JpegLayout& /*layout*/,
                               const store::McuMask& /*wanted*/) const override {
@@ -64,16 +64,16 @@ class ArchiveTail final : public store::RemoteFrames {
   }
 
  private:
-  fs::path archive_;
+  ContainedPath archive_;
   std::vector<store::FrameRecord> records_;
 };
 
 /// What is known of a camera.
 struct CameraTail {
-  CameraTail(fs::path archive_file, const fs::path& journal_file)
-      : archive(std::move(archive_file)), journal(journal_file, kFirstRecords) {}
+  CameraTail(ContainedPath archive_file, ContainedPath journal_file)
+      : archive(std::move(archive_file)), journal(std::move(journal_file), kFirstRecords) {}
 
-  fs::path archive;
+  ContainedPath archive;
   store::JournalTail journal;
   std::deque<store::FrameRecord> latest;    // stored frames
   std::deque<Nanoseconds> times_of_stored;  // within kRateWindow
@@ -140,7 +140,7 @@ class TailArchives final : public store::RemoteArchives {
  private:
   std::vector<store::ArchiveWriter::Description> descriptions_;
   std::vector<std::vector<store::FrameRecord>> records_;
-  std::vector<fs::path> archives_;
+  std::vector<ContainedPath> archives_;
 };
 
 /// Returns whether nothing was written into a take's archives and accounts for kSilence.
@@ -167,7 +167,8 @@ void read_sessions(const fs::path& take, LiveStatus& status) {
        entry.increment(error)) {
     if (entry->path().extension() != ".json") continue;
     try {
-      const schemas::RecordingDocument recording = schemas::read_recording(entry->path());
+      const schemas::RecordingDocument recording =
+          schemas::read_recording(ContainedPath{take, "recording" / entry->path().filename()});
       if (recording.sessions.empty()) continue;
       is_any = true;
       const bool is_open = !recording.sessions.back().stopped_utc;
@@ -203,7 +204,7 @@ struct LiveTake::State {
   explicit State(fs::path take_folder) : folder(std::move(take_folder)) {
     take.emplace(folder);
     for (const schemas::TakeDocument::Camera& camera : take->document().cameras) {
-      cameras.emplace_back(folder / camera.archive, folder / camera.journal);
+      cameras.emplace_back(take->file(camera.archive), take->file(camera.journal));
     }
   }
 

@@ -81,15 +81,16 @@ class CameraRepair {
     // Fails while a recorder runs, and prevents its start while this is open.
     std::optional<OutputFile> lock;
     if (!options_.dry_run) {
-      lock.emplace(archive_path_, OutputFile::Open::kExisting);
+      lock.emplace(ContainedPath{folder_, pair_.archive_name});
       // Of repairs that were killed.
       for (const fs::path& file : {archive_path_, journal_path_}) {
         remove_abandoned_temporary_files(file);
       }
     }
-    const MappedFile archive(archive_path_);
+    const MappedFile archive(ContainedPath{folder_, pair_.archive_name});
     std::optional<MappedFile> journal;
-    if (fs::exists(journal_path_)) pair_.journal = journal.emplace(journal_path_).bytes();
+    if (fs::exists(journal_path_))
+      pair_.journal = journal.emplace(ContainedPath{folder_, pair_.journal_name}).bytes();
     pair_.archive = archive.bytes();
     if (!archive.can_read(archive.bytes())) {
       throw Error::failed("the disk cannot read all of the archive", archive_path_.string(),

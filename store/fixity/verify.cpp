@@ -57,11 +57,12 @@ void verify_camera(const Take& take, int camera, const TakeVerifyOptions& option
     return;
   }
   try {
-    const MappedFile archive(archive_path);
+    const MappedFile archive(take.file(pair.archive_name));
     const bool everything = options.depth == VerifyDepth::kHashes || options.decode;
     archive.expect(everything ? MappedFile::Access::kSequential : MappedFile::Access::kSparse);
     std::optional<MappedFile> journal;
-    if (fs::exists(journal_path)) pair.journal = journal.emplace(journal_path).bytes();
+    if (fs::exists(journal_path))
+      pair.journal = journal.emplace(take.file(pair.journal_name)).bytes();
     pair.archive = archive.bytes();
     VerifyOptions single;
     single.depth = options.depth;
@@ -107,7 +108,7 @@ void verify_recordings(const Take& take, TakeFixityReport& report) {
   std::ranges::sort(files);
   for (const fs::path& file : files) {
     try {
-      schemas::read_recording(file);
+      schemas::read_recording(take.file(file.lexically_relative(take.folder())));
     } catch (const Error& failure) {
       complain(file, failure.what_happened() +
                          "; no frame depends on this report, and it cannot be generated: "

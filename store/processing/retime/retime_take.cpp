@@ -158,7 +158,7 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
   const Nanoseconds later = std::max<Nanoseconds>(0, half - timeline.ticks.front().time_ns);
 
   TakeWriter writer(folder, retimed_document(take.document(), options.method, later, created_by),
-                    schemas::read_rig(take.folder() / "rig.json"));
+                    schemas::read_rig(take.file("rig.json")));
   Timeline retimed;
   retimed.fps = timeline.fps;
   retimed.tolerance = timeline.tolerance;

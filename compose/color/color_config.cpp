@@ -42,18 +42,44 @@ struct GivenConfig {
   ColorRequest request(ColorQuestion question) const {
     return {.question = question, .file = file.string(), .rec709_name = rec709_name, .names = {}};
   }
-  std::vector<std::byte> decode(std::span<const std::byte> bytes) const {
+  /// `outside`: becomes a file outside of the config's folder that it reads, which is refused.
+  std::vector<std::byte> decode(std::span<const std::byte> bytes, std::string& outside) const {
     constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 30;  // of a file
-    return decoders.decode(bytes, file, sandbox::files_below_folder_of(file, kMaxBytes));
+    const auto open =
+        [&, permitted = sandbox::files_below_folder_of(file, kMaxBytes)](const std::string& name) {
+          if (outside.empty() && is_file_outside(name)) outside = name;
+          return permitted(name);
+        };
+    return decoders.decode(bytes, file, open);
+  }
+  std::vector<std::byte> decode(std::span<const std::byte> bytes) const {
+    std::string outside;
+    return decode(bytes, outside);
   }
   template <class Read>
   auto ask(const ColorRequest& asked, const Read& read) const {
     sandbox::ByteWriter writer;
     write_request(writer, asked);
-    // Errors of the config's contents name it as they would in this process.
-    return sandbox::read_answer(decode(writer.take()), kKind,
-                                description.empty() ? file : std::filesystem::path(description),
-                                read);
+    std::string outside;
+    try {
+      // Errors of the config's contents name it as they would in this process.
+      return sandbox::read_answer(decode(writer.take(), outside), kKind,
+                                  description.empty() ? file : std::filesystem::path(description),
+                                  read);
+    } catch (const Error&) {
+      if (outside.empty()) throw;
+      throw Error::bad_input("the colour config reads a file outside of its folder, " + outside,
+                             file.string(),
+                             "Copy that file below the folder of the config, and name it there");
+    }
+  }
+  bool is_file_outside(const std::filesystem::path& name) const {
+    std::error_code unknown;
+    const std::filesystem::path folder = std::filesystem::absolute(file).parent_path();
+    const std::filesystem::path way =
+        std::filesystem::absolute(name).lexically_normal().lexically_relative(
+            folder.lexically_normal());
+    return !way.empty() && *way.begin() == ".." && std::filesystem::is_regular_file(name, unknown);
   }
   std::string text(const ColorRequest& asked) const {
     return ask(asked, [](sandbox::ByteReader& reader) {

@@ -207,7 +207,9 @@ TEST_F(LookupConfigs, FilesOutsideOfTheConfigsFolderAreNotOpened) {
     config.to_space("film");
     FAIL();
   } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("outside.spi1d"));
+    EXPECT_THAT(error.what_happened(), HasSubstr("reads a file outside of its folder, "));
+    EXPECT_THAT(error.what_happened(), HasSubstr("outside.spi1d"));
+    EXPECT_EQ(error.where(), (folder_.path() / "config" / "config.ocio").string());
     EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
   }
 }

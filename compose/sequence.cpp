@@ -24,6 +24,7 @@
 #include "compose/frame_compositor.h"
 #include "compose/frame_range.h"
 #include "compose/sequence_checks.h"
+#include "images/exr_reader.h"
 
 namespace raystage::compose {
 namespace {
@@ -131,9 +132,11 @@ class SequenceRun {
     const std::filesystem::path file = name_.path(frame.frame);
     const std::string fingerprint = plan_.fingerprint(frame, options_.chromaticities);
     const std::filesystem::path deep_file = deep_name_.path(frame.frame);
-    if (options_.existing == ExistingFiles::kSkip && is_complete_exr(file, fingerprint) &&
-        (!options_.deep || is_complete_exr(deep_file, fingerprint))) {
-      const FrameQuality quality = read_frame_quality(file);
+    const auto kept = options_.existing == ExistingFiles::kSkip
+                          ? find_complete_exr(exr_, file, fingerprint)
+                          : std::nullopt;
+    if (kept && (!options_.deep || find_complete_exr(exr_, deep_file, fingerprint))) {
+      const FrameQuality& quality = *kept;
       const bool may_lack_cameras = options_.rotten_frames == store::RottenFrames::kAbsent;
       if (may_lack_cameras || quality.rotten_cameras.empty()) {
         const std::scoped_lock lock(mutex_);
@@ -304,7 +307,8 @@ class SequenceRun {
   std::map<std::size_t, std::pair<std::set<int>, double>> uncovered_;
   std::set<int> with_rot_;  ///< frames from which cameras with rotten frames are absent
   std::set<std::string> rotten_cameras_;
-  std::set<int> below_coverage_;         ///< frames below SequenceOptions::least_coverage
+  std::set<int> below_coverage_;  ///< frames below SequenceOptions::least_coverage
+  images::ExrReader exr_;
   FileWriter writer_{kMaxQueuedFrames};  ///< last member: finishes before the others are destroyed
 };
 

@@ -19,6 +19,7 @@
 #include "base/parallel.h"
 #include "base/stopwatch.h"
 #include "compose/exr/exr_file.h"
+#include "images/exr_reader.h"
 
 namespace raystage::farm {
 namespace {
@@ -55,9 +56,11 @@ std::vector<int> missing_frames(const compose::SequenceName& name,
   require_valid(options, "check of a sequence");
   const compose::SequenceName deep = name.with("deep");
   std::vector<char> is_missing(frames.size(), 0);
+  const images::ExrReader reader;
   const auto is_whole = [&](const ExpectedFrame& frame) {
-    return compose::is_complete_exr(name.path(frame.frame), frame.fingerprint) &&
-           (!options.deep || compose::is_complete_exr(deep.path(frame.frame), frame.fingerprint));
+    return compose::find_complete_exr(reader, name.path(frame.frame), frame.fingerprint) &&
+           (!options.deep ||
+            compose::find_complete_exr(reader, deep.path(frame.frame), frame.fingerprint));
   };
   const auto may_come = [&](const ExpectedFrame& frame) {
     return may_appear(name.path(frame.frame)) ||
@@ -94,10 +97,11 @@ std::vector<int> missing_frames(const compose::SequenceName& name,
 ShortFrames short_frames(const compose::SequenceName& name, std::span<const int> frames,
                          double least_share, double timeout_seconds, const std::stop_token& stop) {
   const Stopwatch watch;
+  const images::ExrReader reader;
   const auto quality_of = [&](int frame) {
     while (!stop.stop_requested()) {
       try {
-        return compose::read_frame_quality(name.path(frame));
+        return compose::read_frame_quality(reader, name.path(frame));
       } catch (const Error&) {  // a stale handle of a network file system
         if (watch.seconds() > timeout_seconds) break;
         std::this_thread::sleep_for(kBetweenLooks);

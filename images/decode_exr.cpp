@@ -32,6 +32,8 @@ void answer(const ExrRequest& request, sandbox::ByteWriter& result) {
       return result.write(decode_exr_size(request.file, channels, request.what_to_do));
     case ExrQuestion::kHasChannels:
       return result.write(std::uint8_t{decode_has_channels(request.file, channels, request.view)});
+    case ExrQuestion::kInspection:
+      return write_inspection(result, decode_exr_inspection(request.file));
   }
 }
 

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "images/exr_channels.h"
+#include "images/exr_inspection.h"
 
 namespace raystage::images {
 
@@ -19,6 +20,7 @@ ExrChannelData decode_exr_view(const std::filesystem::path& file, const std::str
 std::array<int, 2> decode_exr_size(const std::filesystem::path& file,
                                    std::span<const ExrChannel> channels,
                                    const std::string& what_to_do);
+ExrInspection decode_exr_inspection(const std::filesystem::path& file);
 bool decode_has_channels(const std::filesystem::path& file, std::span<const ExrChannel> channels,
                          const std::string& view);
 

@@ -99,6 +99,11 @@ bool ExrReader::has_channels(const std::filesystem::path& file,
                               [](sandbox::ByteReader& reader) { return reader.read_flag(); });
 }
 
+ExrInspection ExrReader::inspect(const std::filesystem::path& file) const {
+  const auto result = decode({ExrQuestion::kInspection, file, {}, "Render the frame again"});
+  return sandbox::read_answer(result, kKind, file, read_inspection);
+}
+
 ExrChannelData read_exr_channels(const std::filesystem::path& file,
                                  std::span<const ExrChannel> channels,
                                  const std::string& what_to_do) {

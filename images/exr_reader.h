@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "images/exr_channels.h"
+#include "images/exr_inspection.h"
 #include "sandbox/decoder_pool.h"
 
 namespace raystage::images {
@@ -41,6 +42,8 @@ class ExrReader {
   /// Returns whether a part of the file, or the view if one is named, has all required channels.
   bool has_channels(const std::filesystem::path& file, std::span<const ExrChannel> channels,
                     const std::string& view = {}) const;
+  /// Returns what a rendered file states of itself; its pixels are read but not decompressed.
+  ExrInspection inspect(const std::filesystem::path& file) const;
 
  private:
   struct Request;

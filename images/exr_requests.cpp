@@ -60,4 +60,29 @@ ExrChannelData read_channel_data(sandbox::ByteReader& reader, std::size_t channe
   return data;
 }
 
+void write_inspection(sandbox::ByteWriter& writer, const ExrInspection& inspection) {
+  writer.write(std::uint8_t{inspection.is_complete});
+  writer.write_plain(inspection.fingerprint);
+  writer.write(inspection.covered_share);
+  writer.write(std::uint64_t{inspection.rotten_cameras.size()});
+  for (const std::string& camera : inspection.rotten_cameras) writer.write_plain(camera);
+}
+
+ExrInspection read_inspection(sandbox::ByteReader& reader) {
+  constexpr std::size_t kMaxCameras = 10'000, kMaxText = 1000;
+  ExrInspection inspection;
+  inspection.is_complete = reader.read_flag();
+  reader.read_plain(inspection.fingerprint);
+  reader.read(inspection.covered_share);
+  inspection.rotten_cameras.resize(reader.read_count(sizeof(std::uint64_t)));
+  for (std::string& camera : inspection.rotten_cameras) {
+    reader.read_plain(camera);
+    sandbox::ByteReader::require(camera.size() <= kMaxText);
+  }
+  sandbox::ByteReader::require(inspection.fingerprint.size() <= kMaxText &&
+                               inspection.rotten_cameras.size() <= kMaxCameras &&
+                               inspection.covered_share >= 0 && inspection.covered_share <= 1);
+  return inspection;
+}
+
 }  // namespace raystage::images

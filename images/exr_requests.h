@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "images/exr_channels.h"
+#include "images/exr_inspection.h"
 #include "sandbox/byte_encoding.h"
 
 namespace raystage::images {
@@ -17,6 +18,7 @@ enum class ExrQuestion : std::uint8_t {
   kView,         ///< result: ExrChannelData
   kSize,         ///< result: width and height
   kHasChannels,  ///< result: a flag
+  kInspection    ///< result: ExrInspection
 };
 
 struct ExrRequest {
@@ -32,5 +34,9 @@ void write_channel_data(sandbox::ByteWriter& writer, const ExrChannelData& data)
 /// `channels`: number of those that were asked for. Throws std::runtime_error if the data are not
 /// those of an image.
 ExrChannelData read_channel_data(sandbox::ByteReader& reader, std::size_t channels);
+
+void write_inspection(sandbox::ByteWriter& writer, const ExrInspection& inspection);
+/// Throws std::runtime_error if the data are damaged.
+ExrInspection read_inspection(sandbox::ByteReader& reader);
 
 }  // namespace raystage::images

@@ -247,14 +247,29 @@ Confinement default_confinement() {
                                                             : Confinement::kFull;
 }
 
+namespace {
+
+/// Returns a copy of the descriptor, or none if it is not of a regular file.
+FileDescriptor if_regular(const FileDescriptor& opened) {
+  struct stat status {};
+  const bool is_regular =
+      opened.open() && ::fstat(opened.number(), &status) == 0 && S_ISREG(status.st_mode);
+  return FileDescriptor(is_regular ? ::fcntl(opened.number(), F_DUPFD_CLOEXEC, 0) : -1);
+}
+
+}  // namespace
+
 OpenFile only_file(const fs::path& file) {
   return [file](const std::string& name) {
     if (name != file.string()) return FileDescriptor(-1);
-    const FileDescriptor opened(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
-    struct stat status {};
-    const bool is_regular =
-        opened.open() && ::fstat(opened.number(), &status) == 0 && S_ISREG(status.st_mode);
-    return FileDescriptor(is_regular ? ::fcntl(opened.number(), F_DUPFD_CLOEXEC, 0) : -1);
+    return if_regular(FileDescriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)));
+  };
+}
+
+OpenFile only_file(const ContainedPath& file) {
+  return [file](const std::string& name) {
+    if (name != file.path().string()) return FileDescriptor(-1);
+    return if_regular(open_contained_to_read(file));
   };
 }
 

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "base/contained_path.h"
 #include "base/posix_file.h"
 
 namespace raystage::sandbox {
@@ -46,6 +47,8 @@ using OpenFile = std::function<FileDescriptor(const std::string& name)>;
 
 /// Returns the file itself if it is a regular one, and nothing else.
 OpenFile only_file(const std::filesystem::path& file);
+/// The same for a file that is opened without leaving its folder, asked for by its whole path.
+OpenFile only_file(const ContainedPath& file);
 /// Returns the file itself and regular files below its folder that are not behind links, each up to
 /// `max_bytes`.
 OpenFile files_below_folder_of(const std::filesystem::path& file, std::uint64_t max_bytes);

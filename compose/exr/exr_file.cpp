@@ -2,22 +2,18 @@
 #include "compose/exr/exr_file.h"
 
 #include <OpenEXR/ImfChannelList.h>
-#include <OpenEXR/ImfDeepScanLineInputPart.h>
-#include <OpenEXR/ImfDoubleAttribute.h>
 #include <OpenEXR/ImfFrameBuffer.h>
-#include <OpenEXR/ImfInputPart.h>
-#include <OpenEXR/ImfMultiPartInputFile.h>
 #include <OpenEXR/ImfMultiPartOutputFile.h>
 #include <OpenEXR/ImfMultiView.h>
 #include <OpenEXR/ImfOutputFile.h>
 #include <OpenEXR/ImfOutputPart.h>
-#include <OpenEXR/ImfPartType.h>
 #include <OpenEXR/ImfStandardAttributes.h>
-#include <OpenEXR/ImfStringAttribute.h>
 #include <half.h>
 
 #include <algorithm>
 #include <cstdint>
+#include <system_error>
+#include <utility>
 
 #include "base/error.h"
 #include "compose/exr/chunk_kernels.h"
@@ -28,18 +24,6 @@
 
 namespace raystage::compose {
 namespace {
-
-/// Returns the scan lines per chunk (OpenEXR file layout); 1 is correct for all, only slower.
-int lines_per_chunk(Imf::Compression compression) {
-  switch (compression) {
-    case Imf::ZIP_COMPRESSION:
-      return 16;
-    case Imf::PIZ_COMPRESSION:
-      return 32;
-    default:
-      return 1;
-  }
-}
 
 /// Returns the channels of a part.
 std::vector<ScanlineChannel> channels_of(const ExrPart& part, std::span<const ExrView> views) {
@@ -118,19 +102,6 @@ std::vector<std::byte> write_with_openexr(std::span<ScanlinePart> parts) {
   return stream.take();
 }
 
-/// Reads all chunks. Throws if one is missing.
-void read_deep_part(Imf::MultiPartInputFile& input, int index) {
-  Imf::DeepScanLineInputPart part(input, index);
-  const Imath::Box2i window = part.header().dataWindow();
-  std::vector<char> chunk;
-  for (std::int64_t y = window.min.y; y <= window.max.y; ++y) {  // one line per chunk
-    std::uint64_t size = 0;
-    part.rawPixelData(static_cast<int>(y), nullptr, size);
-    chunk.resize(size);
-    part.rawPixelData(static_cast<int>(y), chunk.data(), size);
-  }
-}
-
 }  // namespace
 
 std::vector<std::byte> encode_exr(std::span<const ExrView> views,
@@ -151,33 +122,23 @@ std::vector<std::byte> encode_exr(std::span<const ExrView> views,
   return is_ours ? write_scanline_file(parts) : write_with_openexr(parts);
 }
 
-bool is_complete_exr(const std::filesystem::path& file, std::string_view fingerprint) {
+std::optional<FrameQuality> find_complete_exr(const images::ExrReader& reader,
+                                              const std::filesystem::path& file,
+                                              std::string_view fingerprint) {
+  std::error_code unknown;
+  if (!std::filesystem::is_regular_file(file, unknown)) return std::nullopt;
   try {
-    Imf::MultiPartInputFile input(file.c_str(), kNoExrThreads);
-    for (int i = 0; i < input.parts(); ++i) {
-      const Imf::Header& header = input.header(i);
-      const auto* attribute = header.findTypedAttribute<Imf::StringAttribute>("lf:fingerprint");
-      if (attribute == nullptr || attribute->value() != fingerprint || !input.partComplete(i)) {
-        return false;
-      }
-      // A truncated file may have all offsets: read all chunks.
-      if (header.hasType() && header.type() == Imf::DEEPSCANLINE) {
-        read_deep_part(input, i);
-        continue;
-      }
-      Imf::InputPart part(input, i);
-      const Imath::Box2i window = header.dataWindow();
-      const int step = lines_per_chunk(header.compression());
-      for (std::int64_t y = window.min.y; y <= window.max.y; y += step) {
-        const char* data = nullptr;
-        int size = 0;
-        part.rawPixelData(static_cast<int>(y), data, size);
-      }
-    }
-    return true;
-  } catch (const std::exception&) {
-    return false;
+    images::ExrInspection found = reader.inspect(file);
+    if (!found.is_complete || found.fingerprint != fingerprint) return std::nullopt;
+    return FrameQuality{found.covered_share, std::move(found.rotten_cameras)};
+  } catch (const Error& error) {
+    if (error.exit_code() != ExitCode::kBadInput) throw;
+    return std::nullopt;
   }
+}
+
+bool is_complete_exr(const std::filesystem::path& file, std::string_view fingerprint) {
+  return find_complete_exr(images::ExrReader(), file, fingerprint).has_value();
 }
 
 ExrImage read_exr(const images::ExrReader& reader, const std::filesystem::path& file,
@@ -204,22 +165,14 @@ ExrImage read_exr(const std::filesystem::path& file, const std::string& view) {
   return read_exr(images::ExrReader(), file, view);
 }
 
+FrameQuality read_frame_quality(const images::ExrReader& reader,
+                                const std::filesystem::path& file) {
+  images::ExrInspection found = reader.inspect(file);
+  return {found.covered_share, std::move(found.rotten_cameras)};
+}
+
 FrameQuality read_frame_quality(const std::filesystem::path& file) {
-  try {
-    const Imf::MultiPartInputFile input(file.c_str(), kNoExrThreads);
-    const Imf::Header& header = input.header(0);
-    FrameQuality quality;
-    if (const auto* share = header.findTypedAttribute<Imf::DoubleAttribute>("lf:coveredShare")) {
-      quality.covered_share = share->value();
-    }
-    if (const auto* rotten =
-            header.findTypedAttribute<Imf::StringVectorAttribute>("lf:rottenCameras")) {
-      quality.rotten_cameras = rotten->value();
-    }
-    return quality;
-  } catch (const std::exception& error) {
-    throw Error::bad_input(error.what(), file.string(), "Render the frame again");
-  }
+  return read_frame_quality(images::ExrReader(), file);
 }
 
 }  // namespace raystage::compose

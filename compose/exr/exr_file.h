@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -23,18 +24,25 @@ namespace raystage::compose {
 std::vector<std::byte> encode_exr(std::span<const ExrView> views,
                                   std::span<const ExrCamera> cameras, const ExrMetadata& metadata);
 
-/// Returns whether the file is an EXR with all pixels of all parts, and with `fingerprint` in all
-/// headers. Pixels are read but not decompressed. Damaged or missing files are not an error.
-bool is_complete_exr(const std::filesystem::path& file, std::string_view fingerprint);
-
 /// In what a rendered frame may fall short: as ExrMetadata.
 struct FrameQuality {
   double covered_share = 1;
-  std::vector<std::string> rotten_cameras;
+  std::vector<std::string> rotten_cameras = {};
 };
+
+/// Returns the quality that an EXR file states if it has all pixels of all parts, and `fingerprint`
+/// in all headers. Pixels are read but not decompressed. Damaged or missing files are not an error.
+/// Throws Error (failed) as sandbox::DecoderProcess does.
+std::optional<FrameQuality> find_complete_exr(const images::ExrReader& reader,
+                                              const std::filesystem::path& file,
+                                              std::string_view fingerprint);
+/// Returns whether find_complete_exr() finds it, by a reader of its own.
+bool is_complete_exr(const std::filesystem::path& file, std::string_view fingerprint);
 
 /// Returns what a rendered file states of its quality, or else the defaults. Throws Error (bad
 /// input) if the file cannot be read.
+FrameQuality read_frame_quality(const images::ExrReader& reader, const std::filesystem::path& file);
+/// The same for one file, by a reader of its own.
 FrameQuality read_frame_quality(const std::filesystem::path& file);
 
 /// The contents of an EXR file that a preview needs.

@@ -144,9 +144,9 @@ MatteValue Matte::at(const rig::CameraModel& model,
   return pixel ? at_pixel(*pixel) : MatteValue::kUnseen;
 }
 
-Matte read_matte(const std::filesystem::path& file, const rig::CameraModel& model,
-                 double threshold) {
-  return {model, store::read_matte_png(file, model.width(), model.height()), threshold};
+Matte read_matte(const store::MatteReader& reader, const ContainedPath& file,
+                 const rig::CameraModel& model, double threshold) {
+  return {model, reader.read(file, model.width(), model.height()), threshold};
 }
 
 }  // namespace raystage::render

@@ -4,11 +4,15 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
-#include <filesystem>
 #include <vector>
 
+#include "base/contained_path.h"
 #include "base/image.h"
 #include "rig/camera_model.h"
+
+namespace raystage::store {
+class MatteReader;
+}
 
 namespace raystage::render {
 
@@ -48,8 +52,8 @@ class Matte {
   Raster raster_;
 };
 
-/// Reads a PNG. Throws Error (bad input) if it is not one, or not of the camera's size.
-Matte read_matte(const std::filesystem::path& file, const rig::CameraModel& model,
-                 double threshold);
+/// Reads a PNG. Throws as store::MatteReader::read().
+Matte read_matte(const store::MatteReader& reader, const ContainedPath& file,
+                 const rig::CameraModel& model, double threshold);
 
 }  // namespace raystage::render

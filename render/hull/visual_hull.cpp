@@ -23,11 +23,15 @@ constexpr int kReferenceSteps = 4096;
 
 std::shared_ptr<const Matte> kept_matte(const LightFieldFrame& instant, ResultCache& kept,
                                         int camera, double threshold) {
-  const auto file = store::matte_file_path(*instant.take, camera, instant.frame_of_camera[camera]);
+  const auto file = store::matte_file(*instant.take, camera, instant.frame_of_camera[camera]);
+  const auto reader = kept.get<store::MatteReader>("reader of mattes", [](std::size_t& bytes) {
+    bytes = sizeof(store::MatteReader);
+    return std::make_shared<const store::MatteReader>();
+  });
   const rig::CameraModel& model = instant.rig->cameras[camera].model;
   return kept.get<Matte>(
-      fmt::format("matte {} {}", threshold, file.string()), [&](std::size_t& bytes) {
-        auto matte = std::make_shared<const Matte>(read_matte(file, model, threshold));
+      fmt::format("matte {} {}", threshold, file.path().string()), [&](std::size_t& bytes) {
+        auto matte = std::make_shared<const Matte>(read_matte(*reader, file, model, threshold));
         bytes = matte->bytes();
         return matte;
       });
@@ -51,7 +55,7 @@ std::vector<Silhouette> silhouettes_of(const LightFieldFrame& instant, ResultCac
   const store::Take& take = *instant.take;
   for (const int camera : instant.included_cameras) {
     const int frame = instant.frame_of_camera[camera];
-    if (frame < 0 || !std::filesystem::exists(store::matte_file_path(take, camera, frame)))
+    if (frame < 0 || !std::filesystem::exists(store::matte_file(take, camera, frame).path()))
       continue;
     silhouettes.push_back({camera, nullptr});
   }
@@ -71,7 +75,7 @@ std::vector<std::filesystem::path> mattes_of(const store::Take& take, std::span<
   std::vector<std::filesystem::path> files;
   for (std::size_t camera = 0; camera < frames.size(); ++camera) {
     if (frames[camera] < 0) continue;
-    const auto file = store::matte_file_path(take, static_cast<int>(camera), frames[camera]);
+    const auto file = store::matte_file(take, static_cast<int>(camera), frames[camera]).path();
     if (std::filesystem::exists(file)) files.push_back(file);
   }
   return files;

@@ -2,19 +2,27 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <vector>
 
+#include "base/contained_path.h"
+#include "images/image_reader.h"
 #include "store/take.h"
 
 namespace raystage::store {
 
-/// Returns the path TAKE/mattes/CAMERA/FRAME.png (docs/formats/mattes.md). `frame`: index into the
+/// Returns the file TAKE/mattes/CAMERA/FRAME.png (docs/formats/mattes.md). `frame`: index into the
 /// camera's archive.
-std::filesystem::path matte_file_path(const Take& take, int camera, int frame);
+ContainedPath matte_file(const Take& take, int camera, int frame);
 
-/// Returns the codes of a matte file, one byte per pixel. Throws Error (bad input) if the file is
-/// not a PNG of this size.
-std::vector<std::uint8_t> read_matte_png(const std::filesystem::path& file, int width, int height);
+/// Reads matte files in confined processes, which stay until the reader ends. Thread-safe.
+class MatteReader {
+ public:
+  /// Returns the codes of a matte file, one byte per pixel. Throws Error (bad input) if the file is
+  /// not a PNG of this size, and Error (failed) as sandbox::DecoderProcess does.
+  std::vector<std::uint8_t> read(const ContainedPath& file, int width, int height) const;
+
+ private:
+  images::ImageReader images_ = images::ImageReader::of_mattes();
+};
 
 }  // namespace raystage::store

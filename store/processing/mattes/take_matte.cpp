@@ -88,6 +88,7 @@ struct TakeMatte::State {
 
   const Take& take;
   schemas::MatteSettings settings;
+  MatteReader files;
   std::optional<Take> clean_plate_take;
   std::vector<int> empty_camera;  // of the empty take, for each camera
   mutable std::vector<CameraMatte> cameras;
@@ -154,8 +155,8 @@ std::unique_ptr<const FrameKeyer> TakeMatte::make_keyer(int camera, int frame,
     const rig::CameraModel& model = state_->take.rig().cameras[camera].model;
     return pixel_key(
         inputs, curve,
-        [codes = read_matte_png(matte_file_path(state_->take, camera, frame), model.width(),
-                                model.height()),
+        [codes = state_->files.read(matte_file(state_->take, camera, frame), model.width(),
+                                    model.height()),
          width = static_cast<std::size_t>(model.width())](const LinearColour& colour, int x,
                                                           int y) {
           KeyedPixel keyed{colour, 0};
@@ -193,7 +194,7 @@ std::unique_ptr<const FrameKeyer> TakeMatte::make_keyer(int camera, int frame,
 
 std::vector<std::filesystem::path> TakeMatte::input_files(int camera, int frame) const {
   if (state_->settings.kind != Kind::kFiles) return {};
-  return {matte_file_path(state_->take, camera, frame)};
+  return {matte_file(state_->take, camera, frame).path()};
 }
 
 std::size_t TakeMatte::bytes() const {
@@ -220,7 +221,7 @@ std::string TakeMatte::sources() const {
   if (state_->clean_plate_take) {
     // Clean plates depend on the photometric correction and the transfer function.
     for (const char* name : {"take.json", "rig.json"}) {
-      text += read_file(state_->clean_plate_take->folder() / name);
+      text += read_file(state_->clean_plate_take->file(name));
     }
   }
   for (std::size_t i = 0; i < state_->cameras.size(); ++i) {

@@ -110,7 +110,7 @@ TEST_F(TakeMattes, FilesOfOthers) {
   schemas::MatteSettings settings;
   settings.kind = schemas::MatteSettings::Kind::kFiles;
   EXPECT_THROW(keyed(settings, 20), Error);
-  const auto file = matte_file_path(*take_, 0, 0);
+  const auto file = matte_file(*take_, 0, 0).path();
   EXPECT_EQ(TakeMatte(*take_, settings, "").input_files(0, 0), std::vector{file});
   std::filesystem::create_directories(file.parent_path());
   std::vector<std::uint8_t> codes(kWidth * kHeight, 51);

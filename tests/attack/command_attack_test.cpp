@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <random>
+#include <string>
+
+#include "images/exr_reader.h"
+#include "testing/test_folder.h"
+#include "tests/attack/attack_scene.h"
+#include "tests/attack/mutation.h"
+#include "tests/end_to_end/run_command.h"
+
+namespace raystage::testing {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMemoryBound = 900'000'000;  // --memory 0.3, libraries, and a decoder's
+constexpr double kMaxSeconds = 20;
+
+/// Commands are slower than functions: without RAYSTAGE_ATTACK_CASES each format has few cases.
+int command_case_count() {
+  return std::getenv("RAYSTAGE_ATTACK_CASES") == nullptr ? 4 : attack_case_count();
+}
+
+/// Expects that R, G, B and A of a picture are finite.
+void expect_finite(const images::ExrReader& reader, const fs::path& file) {
+  constexpr images::ExrChannel kChannels[] = {{"R"}, {"G"}, {"B"}, {"A", 1.0F}};
+  const images::ExrChannelData pixels = reader.read(file, kChannels, "");
+  for (const float value : pixels.values) {
+    ASSERT_TRUE(std::isfinite(value)) << file;
+  }
+}
+
+TEST(CommandAttack, EveryCaseEndsInAResultOrAnErrorOfOurs) {
+  const TestFolder folder;
+  const fs::path scene = folder.path();
+  write_attack_scene(scene);
+  const images::ExrReader reader(100'000'000);
+  std::mt19937 random(7);  // NOLINT: the same in every run
+  std::size_t largest = 0;
+  for (const AttackedFormat& format : attacked_formats(scene)) {
+    const std::string seed = read_text(scene / format.file);
+    int refused = 0;
+    for (int i = 0; i < command_case_count(); ++i) {
+      SCOPED_TRACE(format.name + " " + std::to_string(i));
+      const bool is_seed = i == 0;
+      const std::string contents = is_seed          ? seed
+                                   : format.is_text ? mutated_text(seed, random)
+                                                    : mutated_bytes(seed, random);
+      write_text(scene / format.file, contents);
+      fs::remove_all(scene / "out");
+      fs::create_directories(scene / "out");
+      const auto start = std::chrono::steady_clock::now();
+      const CommandResult result =
+          run("cd '" + scene.string() + "' && exec timeout 60 sh -c '" + format.command + "'");
+      const std::chrono::duration<double> duration = std::chrono::steady_clock::now() - start;
+      const bool is_ours = result.exit_code >= 0 && result.exit_code <= 4;
+      EXPECT_TRUE(is_ours) << result.exit_code << "\n" << result.err;
+      EXPECT_LT(duration.count(), kMaxSeconds);
+      EXPECT_LT(result.peak_memory, kMemoryBound);
+      if (is_seed) EXPECT_EQ(result.exit_code, 0) << result.err << result.out;
+      refused += result.exit_code != 0 ? 1 : 0;
+      largest = std::max(largest, result.peak_memory);
+      for (const fs::path& picture : find_files(scene / "out", ".exr")) {
+        if (picture.filename().string().starts_with("f.")) expect_finite(reader, picture);
+      }
+      if (HasFailure()) {
+        const fs::path kept =
+            fs::temp_directory_path() /
+            ("attack-" + std::to_string(i) + "-" + fs::path(format.file).filename().string());
+        write_text(kept, contents);
+        FAIL() << "the input is kept as " << kept;
+      }
+    }
+    write_text(scene / format.file, seed);
+    RecordProperty(format.name, refused);
+  }
+  std::printf("largest process %.0f MB\n", static_cast<double>(largest) / 1e6);
+}
+
+}  // namespace
+}  // namespace raystage::testing

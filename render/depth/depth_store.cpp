@@ -24,7 +24,7 @@
 #include "base/contained_path.h"
 #include "base/error.h"
 #include "base/little_endian.h"
-#include "base/posix_file.h"
+#include "base/mapped_file.h"
 #include "render/depth/depth_file.h"
 
 namespace raystage::render {
@@ -49,7 +49,11 @@ bool read_maps(const fs::path& file, std::uint64_t fingerprint, CameraDepths& de
   try {
     const MappedFile mapped(file);
     if (!mapped.can_read(mapped.bytes())) return false;
-    depths.maps = decode_depth_maps(mapped.bytes(), fingerprint, depths.pinholes, file.string());
+    depths.maps = read_mapped(
+        [&] {
+          return decode_depth_maps(mapped.bytes(), fingerprint, depths.pinholes, file.string());
+        },
+        mapped);
   } catch (const Error&) {
     return false;  // estimated again and overwritten
   }

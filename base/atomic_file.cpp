@@ -69,6 +69,17 @@ std::filesystem::path reserve_temporary_path(const std::filesystem::path& target
   }
 }
 
+/// Renames a flushed file to its final name.
+void rename_to_target(const std::filesystem::path& file, const std::filesystem::path& target) {
+  if (std::rename(file.c_str(), target.c_str()) != 0) {
+    throw Error::from_errno("cannot rename the temporary file to its final name", target.string(),
+                            kCheckDisk);
+  }
+  // The rename survives a power failure only after the folder is flushed. Errors are ignored: not
+  // every file system supports it, and the file is complete either way.
+  sync_folder(target.parent_path());
+}
+
 void write_all(int descriptor, std::span<const std::byte> bytes,
                const std::filesystem::path& target) {
   while (!bytes.empty()) {
@@ -88,6 +99,23 @@ bool has_ended(std::string_view text) {
   return is_number && kill(process, 0) != 0 && errno == ESRCH;
 }
 
+/// Returns whether a name is .NAME.HOST.PID.RANDOM.tmp.EXT, of any host and process. `begin`:
+/// ".NAME.", `end`: ".tmp.EXT".
+bool is_temporary_name(std::string_view name, std::string_view begin, std::string_view end) {
+  if (!name.starts_with(begin) || !name.ends_with(end)) return false;
+  const std::string_view middle =
+      name.substr(begin.size(), name.size() - begin.size() - end.size());
+  const std::size_t random = middle.rfind('.');
+  if (random == std::string_view::npos || random == 0) return false;
+  const std::size_t process = middle.rfind('.', random - 1);
+  const auto has_only = [](std::string_view part, std::string_view digits) {
+    return !part.empty() && part.find_first_not_of(digits) == std::string_view::npos;
+  };
+  return process != std::string_view::npos && process > 0 &&
+         has_only(middle.substr(process + 1, random - process - 1), "0123456789") &&
+         has_only(middle.substr(random + 1), "0123456789abcdef");
+}
+
 /// Rejects devices and pipes: commit() would replace them by a regular file.
 void check_is_no_other_kind(const std::filesystem::path& target) {
   std::error_code unknown;
@@ -96,6 +124,37 @@ void check_is_no_other_kind(const std::filesystem::path& target) {
     throw Error::failed("the target exists and is not a regular file", target.string(),
                         "Choose the path of a regular file");
   }
+}
+
+/// Writes the target through a file that has no name until it is complete: a process that is killed
+/// leaves nothing behind. Returns false where the file system does not support it.
+bool write_through_unnamed_file(const std::filesystem::path& target,
+                                std::span<const std::byte> bytes) {
+  const std::filesystem::path folder = target.parent_path();
+  FileDescriptor file(
+      ::open(folder.empty() ? "." : folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, 0666));
+  if (!file.open()) return false;
+  write_all(file.number(), bytes, target);
+  if (fsync(file.number()) != 0) {
+    throw Error::from_errno("cannot flush the file to disk", target.string(), kCheckDisk);
+  }
+  // Only rename() replaces an existing file, and it needs a name.
+  const std::string unnamed = fmt::format("/proc/self/fd/{}", file.number());
+  const std::filesystem::path named = temporary_beside(target);
+  if (::linkat(AT_FDCWD, unnamed.c_str(), AT_FDCWD, named.c_str(), AT_SYMLINK_FOLLOW) != 0) {
+    return false;
+  }
+  try {
+    if (!file.close()) {
+      throw Error::from_errno("cannot write the file", target.string(), kCheckDisk);
+    }
+    rename_to_target(named, target);
+  } catch (const Error&) {
+    std::error_code ignored;
+    std::filesystem::remove(named, ignored);
+    throw;
+  }
+  return true;
 }
 
 }  // namespace
@@ -121,29 +180,27 @@ void TemporaryFile::commit() {
       throw Error::from_errno("cannot flush the file to disk", target_.string(), kCheckDisk);
     }
   }
-  if (std::rename(path_.c_str(), target_.c_str()) != 0) {
-    throw Error::from_errno("cannot rename the temporary file to its final name", target_.string(),
-                            kCheckDisk);
-  }
+  rename_to_target(path_, target_);
   committed_ = true;
-  // The rename survives a power failure only after the folder is flushed. Errors are ignored: not
-  // every file system supports it, and the file is complete either way.
-  sync_folder(target_.parent_path());
 }
 
-void remove_abandoned_temporary_files(const std::filesystem::path& target) {
+void remove_abandoned_temporary_files(const std::filesystem::path& target, Owners owners) {
   std::string host = host_name();
   std::ranges::replace(host, '/', '_');
-  const std::string begin = fmt::format(".{}.{}.", target.filename().string(), host);
+  const std::string of_target = fmt::format(".{}.", target.filename().string());
+  const std::string begin = of_target + host + ".";
   const std::string end = ".tmp" + target.extension().string();
+  const auto is_abandoned = [&](const std::string& name) {
+    if (name.size() < of_target.size() + end.size() || !name.ends_with(end)) return false;
+    if (owners == Owners::kAll) return is_temporary_name(name, of_target, end);
+    return name.size() >= begin.size() + end.size() && name.starts_with(begin) &&
+           has_ended(std::string_view(name).substr(begin.size()));
+  };
   std::error_code error;
   std::vector<std::filesystem::path> abandoned;
   for (std::filesystem::directory_iterator entry(target.parent_path(), error), last;
        !error && entry != last; entry.increment(error)) {
-    const std::string name = entry->path().filename().string();
-    const bool is_temporary =
-        name.size() >= begin.size() + end.size() && name.starts_with(begin) && name.ends_with(end);
-    if (is_temporary && has_ended(std::string_view(name).substr(begin.size())) &&
+    if (is_abandoned(entry->path().filename().string()) &&
         entry->symlink_status(error).type() == std::filesystem::file_type::regular) {
       abandoned.push_back(entry->path());
     }
@@ -158,6 +215,7 @@ void check_writable(const std::filesystem::path& target) {
 
 void write_file_atomically(const std::filesystem::path& target, std::span<const std::byte> bytes) {
   check_is_no_other_kind(target);
+  if (write_through_unnamed_file(target, bytes)) return;
   TemporaryFile temporary(target);
   {
     FileDescriptor file(::open(temporary.path().c_str(), O_WRONLY | O_NOFOLLOW | O_CLOEXEC));

@@ -39,15 +39,23 @@ class TemporaryFile {
   bool committed_ = false;
 };
 
-/// Removes the temporary files of a target that processes of this host left behind when they were
-/// killed.
-void remove_abandoned_temporary_files(const std::filesystem::path& target);
+/// Whose temporary files are abandoned. kEnded: of processes of this host that have ended. kAll: of
+/// every process; the caller then holds a lock that every writer of the target holds, so that no
+/// such process lives. It also finds files of a process whose ID is in use again, and of other
+/// hosts.
+enum class Owners { kEnded, kAll };
+
+/// Removes the temporary files of a target that processes left behind when they were killed.
+void remove_abandoned_temporary_files(const std::filesystem::path& target,
+                                      Owners owners = Owners::kEnded);
 
 /// Throws Error (failed) if write_file_atomically() could not start to write `target`. Call it
 /// before a long computation whose result goes there. It leaves no file behind.
 void check_writable(const std::filesystem::path& target);
 
-/// Writes a complete file under a temporary name and renames it. Throws Error (failed) if the disk
+/// Writes a complete file and then renames it to the target. Until it is complete it has no name
+/// (O_TMPFILE), or a temporary one where the file system does not support that: a process that is
+/// killed leaves nothing behind then. Throws Error (failed) if the disk
 /// is full, or if permission or the folder is missing. It does so, too, if the target is not a
 /// regular file: a device would be replaced. An existing file is unchanged then.
 void write_file_atomically(const std::filesystem::path& target, std::span<const std::byte> bytes);

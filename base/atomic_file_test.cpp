@@ -232,6 +232,54 @@ TEST_F(AtomicFile, OnlyAbandonedFilesOfTheTargetAreRemoved) {
   remove_abandoned_temporary_files(folder / "missing" / "a.mkv");
 }
 
+TEST_F(AtomicFile, WhoeverHoldsTheLockOfTheTargetRemovesTheFilesOfAllProcesses) {
+  const std::filesystem::path target = folder_.path() / "a.mkv";
+  const std::string random = ".0123456789abcdef.tmp.mkv";
+  const std::string of_this = "." + host_name() + "." + std::to_string(getpid());
+  const std::vector<std::string> left{".a.mkv" + of_this + random,  // a repeated process ID
+                                      ".a.mkv.other.example.7" + random};
+  std::vector<std::string> kept{"a.mkv",
+                                ".a.mkv" + random,
+                                ".a.mkv.7" + random,
+                                ".a.mkv..tmp.mkv",
+                                ".a.mkv.host.x7" + random,
+                                ".a.mkv.host.7.xyz.tmp.mkv",
+                                ".a.mkv-b" + of_this + random,
+                                ".a.mkv" + of_this + ".0123456789abcdef.tmp"};
+  for (const std::string& name : left) std::ofstream(folder_.path() / name) << "left";
+  for (const std::string& name : kept) std::ofstream(folder_.path() / name) << "kept";
+  remove_abandoned_temporary_files(target);
+  EXPECT_EQ(names().size(), left.size() + kept.size());
+  remove_abandoned_temporary_files(target, Owners::kAll);
+  std::sort(kept.begin(), kept.end());
+  EXPECT_THAT(names(), ::testing::ElementsAreArray(kept));
+}
+
+TEST_F(AtomicFile, AKilledProcessLeavesNothingBehind) {
+  if (const FileDescriptor file(::open(folder_.path().c_str(), O_TMPFILE | O_WRONLY, 0666));
+      !file.open()) {
+    GTEST_SKIP() << "the file system has no files without a name";
+  }
+  const auto file = folder_.path() / "a";
+  write_file_atomically(file, "old");
+  const pid_t child = fork();
+  ASSERT_GE(child, 0);
+  if (child == 0) {
+    std::signal(SIGXFSZ, SIG_DFL);
+    const rlimit small{4096, 4096};
+    const rlimit no_core{0, 0};
+    setrlimit(RLIMIT_FSIZE, &small);
+    setrlimit(RLIMIT_CORE, &no_core);
+    write_file_atomically(file, std::string(100'000, 'x'));  // ends it by a signal
+    _exit(0);
+  }
+  int status = 0;
+  ASSERT_EQ(waitpid(child, &status, 0), child);
+  EXPECT_TRUE(WIFSIGNALED(status));
+  EXPECT_THAT(names(), ::testing::ElementsAre("a"));
+  EXPECT_EQ(read_file(file), "old");
+}
+
 TEST_F(AtomicFile, CommitOfAFileThatIsNotThereFails) {
   TemporaryFile temporary(folder_.path() / "a"),
       never(folder_.path() / "a", TemporaryFile::Creation::kByWriter);

@@ -3,7 +3,6 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
-#include <sys/mman.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -24,14 +23,6 @@ namespace {
 // iovec has no const pointer, although writev only reads.
 iovec part(std::span<const std::byte> bytes) {
   return {const_cast<std::byte*>(bytes.data()), bytes.size()};
-}
-
-/// Calls madvise() for the pages that contain `part`.
-int advise(std::span<const std::byte> part, int advice) {
-  static const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
-  const auto first = reinterpret_cast<std::uintptr_t>(part.data()) / page * page;
-  const auto last = reinterpret_cast<std::uintptr_t>(part.data() + part.size());
-  return madvise(reinterpret_cast<void*>(first), last - first, advice);
 }
 
 Error not_readable(const std::filesystem::path& path, int reason) {
@@ -105,13 +96,14 @@ OutputFile::OutputFile(const ContainedPath& existing)
   lock();
 }
 
-void OutputFile::lock() const {
+void OutputFile::lock() {
   struct stat status {};
   if (fstat(file_.number(), &status) != 0 || !S_ISREG(status.st_mode)) {
     throw Error::failed("this is no regular file", path_.string(), "Restore the file");
   }
   // The kernel releases the lock when the process ends, however it ends.
-  if (flock(file_.number(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+  is_locked_ = flock(file_.number(), LOCK_EX | LOCK_NB) == 0;
+  if (!is_locked_ && errno == EWOULDBLOCK) {
     throw Error::failed("another program is writing to the file", path_.string(),
                         "Wait until the recording has ended");
   }
@@ -200,35 +192,6 @@ std::size_t InputFile::read_at(std::uint64_t offset, std::span<std::byte> bytes)
 void InputFile::read_ahead(std::uint64_t offset, std::uint64_t size) const {
   posix_fadvise(file_.number(), static_cast<off_t>(offset), static_cast<off_t>(size),
                 POSIX_FADV_WILLNEED);
-}
-
-MappedFile::MappedFile(const std::filesystem::path& path) : MappedFile(InputFile(path), path) {}
-
-MappedFile::MappedFile(const ContainedPath& path) : MappedFile(InputFile(path), path.path()) {}
-
-MappedFile::MappedFile(const InputFile& file, const std::filesystem::path& name) {
-  if (file.size() == 0) return;
-  const auto size = static_cast<std::size_t>(file.size());
-  void* address = mmap(nullptr, size, PROT_READ, MAP_SHARED, file.file_.number(), 0);
-  if (address == MAP_FAILED) throw not_readable(name, errno);
-  bytes_ = {static_cast<const std::byte*>(address), size};
-}
-
-MappedFile::~MappedFile() {
-  if (!bytes_.empty()) munmap(const_cast<std::byte*>(bytes_.data()), bytes_.size());
-}
-
-void MappedFile::expect(Access access) const {
-  if (bytes_.empty()) return;
-  madvise(const_cast<std::byte*>(bytes_.data()), bytes_.size(),
-          access == Access::kSequential ? MADV_SEQUENTIAL : MADV_RANDOM);
-}
-
-bool MappedFile::can_read(std::span<const std::byte> part) const {
-  if (part.empty()) return true;
-  // Older kernels do not support the request; the part is then assumed to be readable.
-  return advise(part, MADV_POPULATE_READ) == 0 ||
-         (errno != EFAULT && errno != EIO && errno != EHWPOISON);
 }
 
 void sync_folder(const std::filesystem::path& folder) {

@@ -49,6 +49,9 @@ class OutputFile {
   OutputFile& operator=(const OutputFile&) = delete;
 
   const std::filesystem::path& path() const { return path_; }
+  /// Returns whether the file system supports locks, so that no other OutputFile has this file
+  /// open.
+  bool is_locked() const { return is_locked_; }
   /// Returns false and sets errno if not all bytes could be written.
   [[nodiscard]] bool write_at(std::uint64_t offset, std::span<const std::byte> bytes);
   /// Writes all parts consecutively from `offset`, in one system call if the kernel permits.
@@ -67,10 +70,11 @@ class OutputFile {
 
  private:
   /// Throws Error (failed) if the opened file is not a regular one or is locked.
-  void lock() const;
+  void lock();
 
   std::filesystem::path path_;
   FileDescriptor file_;
+  bool is_locked_ = false;
 };
 
 /// Reads up to bytes.size() bytes from an offset of a regular file; returns how many there are: 0
@@ -100,31 +104,6 @@ class InputFile {
 
   FileDescriptor file_;
   std::uint64_t size_ = 0;
-};
-
-/// A complete file mapped for reading. If another process truncates the file, access to the removed
-/// part ends this process with SIGBUS. Archives only grow while they are read.
-class MappedFile {
- public:
-  /// Throws Error (bad input) if the file cannot be read.
-  explicit MappedFile(const std::filesystem::path& path);
-  explicit MappedFile(const ContainedPath& path);
-  /// Maps the file as large as it was when it was opened. `name`: for errors.
-  MappedFile(const InputFile& file, const std::filesystem::path& name);
-  ~MappedFile();
-  MappedFile(const MappedFile&) = delete;
-  MappedFile& operator=(const MappedFile&) = delete;
-
-  std::span<const std::byte> bytes() const { return bytes_; }
-  /// Announces how the file will be read: from start to end, or small parts at random. A hint.
-  enum class Access { kSequential, kSparse };
-  void expect(Access access) const;
-  /// Loads a part of bytes() into memory. Returns false if that fails (disk error, truncated file):
-  /// access to the part would then end the process.
-  bool can_read(std::span<const std::byte> part) const;
-
- private:
-  std::span<const std::byte> bytes_;
 };
 
 /// Flushes a folder's directory entries to disk, if the file system supports it.

@@ -1,9 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // raystage verify and raystage repair as an archivist runs them.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <chrono>
+#include <csignal>
 #include <nlohmann/json.hpp>
+#include <random>
+#include <thread>
 
 #include "base/atomic_file.h"
 #include "testing/cli/test_command.h"
@@ -122,6 +128,97 @@ TEST_F(FixityCommands, ARottenFrameIsFoundAndPutOnRecord) {
   EXPECT_EQ(testing::bytes_of(take / "archive/c1.mkv.damaged"), before);
   EXPECT_EQ(run("verify -q " + quoted).exit_code, 0);
   EXPECT_THAT(run("info " + quoted).output, HasSubstr("1 torn"));
+}
+
+/// Runs `raystage repair` and kills it when it has begun to write. Returns false if it ended
+/// before.
+bool repair_is_killed(const std::filesystem::path& take) {
+  const pid_t child = fork();
+  if (child == 0) {
+    const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
+    dup2(nowhere, STDOUT_FILENO);
+    dup2(nowhere, STDERR_FILENO);
+    execl(RAYSTAGE_BIN_DIR "/raystage-repair", "raystage-repair", take.c_str(), nullptr);
+    _exit(1);
+  }
+  const auto has_begun = [&] {
+    std::error_code error;
+    for (std::filesystem::directory_iterator entry(take / "archive", error), end;
+         !error && entry != end; entry.increment(error)) {
+      if (entry->path().filename().string().starts_with(".")) return true;
+    }
+    return false;
+  };
+  int status = 0;
+  while (waitpid(child, &status, WNOHANG) == 0) {
+    if (!has_begun()) continue;
+    kill(child, SIGKILL);
+    waitpid(child, &status, 0);
+    return WIFSIGNALED(status);
+  }
+  return false;
+}
+
+TEST_F(FixityCommands, ARepairThatWasKilledLeavesNothingHiddenAfterTheNext) {
+  // Large enough that the repair is killed in the middle.
+  const std::filesystem::path large = folder.path() / "large";
+  std::vector<std::vector<Nanoseconds>> times(2);
+  for (auto& column : times) {
+    for (int i = 0; i < 30'000; ++i) column.push_back(i * 50'000'000);
+  }
+  testing::write_take(large, times, 20);
+  for (const char* name : {"c0.mkv", "c1.mkv"}) {
+    auto bytes = testing::bytes_of(large / "archive" / name);
+    bytes.at(bytes.size() / 2) ^= std::byte{1};
+    testing::overwrite(large / "archive" / name, bytes);
+  }
+  ASSERT_TRUE(repair_is_killed(large));
+  const auto hidden = [&] {
+    std::vector<std::string> names;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(large)) {
+      const std::string name = entry.path().filename().string();
+      if (name.starts_with(".")) names.push_back(name);
+    }
+    return names;
+  };
+  EXPECT_THAT(hidden(), Not(IsEmpty()));
+  const testing::CommandResult repair = run("repair -q '" + large.string() + "'");
+  EXPECT_THAT(hidden(), IsEmpty()) << repair.output;
+  EXPECT_EQ(run("verify -q '" + large.string() + "'").exit_code, 0);
+}
+
+TEST_F(FixityCommands, TruncationMeanwhileIsAnErrorThatNamesTheFile) {
+  const std::filesystem::path large = folder.path() / "large";
+  std::vector<std::vector<Nanoseconds>> times(1);
+  for (int i = 0; i < 60'000; ++i) times[0].push_back(i * 50'000'000);
+  testing::write_take(large, times, 20);
+  const std::filesystem::path archive = large / "archive" / "c0.mkv";
+  const auto whole = testing::bytes_of(archive);
+  const auto journal = testing::bytes_of(large / "archive" / "c0.journal");
+  std::mt19937 random(3);
+  for (const char* command : {"verify -q ", "repair -q ", "info ", "sync -q "}) {
+    SCOPED_TRACE(command);
+    const std::string line = command + ("'" + large.string() + "'");
+    testing::overwrite(archive, whole);
+    const auto start = std::chrono::steady_clock::now();
+    EXPECT_EQ(run(line).exit_code, 0);
+    const auto duration = std::chrono::steady_clock::now() - start;
+    for (int i = 0; i < 8; ++i) {
+      testing::overwrite(archive, whole);
+      std::thread other([&, part = std::uniform_real_distribution<double>(0.2, 1)(random)] {
+        std::this_thread::sleep_for(duration * part);
+        EXPECT_EQ(truncate(archive.c_str(), 5000), 0);
+      });
+      const testing::CommandResult result = run(line);
+      other.join();
+      EXPECT_GE(result.exit_code, 0) << "a signal";
+      EXPECT_LE(result.exit_code, 4) << result.output;
+      if (result.exit_code != 0) {
+        EXPECT_THAT(result.output, HasSubstr("c0."));
+      }
+      testing::overwrite(large / "archive" / "c0.journal", journal);
+    }
+  }
 }
 
 TEST_F(FixityCommands, LossesOfOneKindAreOneLine) {

@@ -68,7 +68,9 @@ void declare(CommandLine& command, Options& options, char** argv) {
   add_sandbox_option(command);
   add_progress_option(command, options.progress);
   command.footer(
-      "Exit codes: 0 written; 1 failed; 2 bad usage or input; 128+n stopped by signal n.");
+      "Exit codes: 0 written; 1 failed; 2 bad usage or input; 4 written without cameras whose "
+      "stored "
+      "frames\nare rotten; 128+n stopped by signal n.");
 }
 
 /// Returns the tick nearest to a time of the take.
@@ -105,6 +107,14 @@ ExitCode write_proxy(Options& options, const std::stop_token& stop) {
   proxy.max_points = options.points;
   proxy.memory_bytes = static_cast<std::size_t>(options.memory_gb * 1e9);
   proxy.progress = [&](double done) { progress.report(done); };
+  ExitCode result = ExitCode::kSuccess;
+  proxy.on_rotten_cameras = [&](const std::vector<std::string>& cameras) {
+    progress.say(fmt::format(
+        "cameras are absent, because their stored frames are rotten (XXH3): {}. Run `raystage "
+        "verify` on the take, then `raystage repair`",
+        fmt::join(cameras, ", ")));
+    result = ExitCode::kFellShort;
+  };
   const store::Take take(options.take);
   const store::Timeline timeline = store::read_timeline(take);
   proxy.tick = tick_at(timeline, options.seconds, options.take);
@@ -125,7 +135,7 @@ ExitCode write_proxy(Options& options, const std::stop_token& stop) {
       progress.say(fmt::format("{}: {} triangles", options.output.string(), mesh.triangles.size()));
     }
   });
-  return ExitCode::kSuccess;
+  return result;
 }
 
 }  // namespace

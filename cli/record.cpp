@@ -186,13 +186,20 @@ void say_what_memory_it_takes(const ingest::RecordingMemoryPlan& plan, std::size
   if (!warning.empty()) print_error("raystage record: {}\n", warning);
 }
 
-/// Prints how long the memory lasts. `rate`: bytes per second, if it could be measured.
-void say_how_long_memory_lasts(std::size_t bytes, std::optional<double> rate) {
+/// Prints how long the memory lasts. `rate`: bytes per second of all cameras, if it could be
+/// measured; `absent`: how many of them are absent.
+void say_how_long_memory_lasts(std::size_t bytes, std::optional<double> rate,
+                               std::ptrdiff_t absent) {
   const double memory = static_cast<double>(bytes);
   const std::string text =
       rate && *rate > 0
-          ? fmt::format("{:.0f} MB of memory hold {} at {:.1f} MB/s\n", memory / 1e6,
-                        format_duration(memory / *rate), *rate / 1e6)
+          ? fmt::format("{:.0f} MB of memory hold {} at {:.1f} MB/s{}\n", memory / 1e6,
+                        format_duration(memory / *rate), *rate / 1e6,
+                        absent == 0
+                            ? ""
+                            : fmt::format(", of which {} absent cameras were given the mean "
+                                          "of the others",
+                                          absent))
           : fmt::format("The duration of {:.0f} MB of memory is unknown until {}\n", memory / 1e6,
                         rate ? "frames arrive" : "files and pipes are read");
   print(stderr, text);
@@ -233,6 +240,8 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
       rig ? &*rig : nullptr);
   report_absent(cameras);
   constexpr double kMeasure = 2;  // seconds
+  const auto absent = std::ranges::count_if(
+      cameras, [](const ingest::RecorderCamera& camera) { return !camera.absence.empty(); });
   const auto rate = config.hold ? ingest::measure_data_rate(cameras, settings.jpeg, kMeasure)
                                 : std::optional<double>();
   check_stop();
@@ -242,7 +251,7 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   say_what_memory_it_takes(plan, free_before);
   say_when_it_starts(std::max(settings.start_utc.value_or(0), take.document().epoch_utc),
                      settings.start_utc.has_value());
-  if (config.hold) say_how_long_memory_lasts(recorder.memory_for_frames(), rate);
+  if (config.hold) say_how_long_memory_lasts(recorder.memory_for_frames(), rate, absent);
   StatusPrinter printer(options.status);
   Progress writing(config.hold && options.status == "auto");
   const schemas::RecordingDocument::Session session = recorder.run(

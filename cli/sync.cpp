@@ -25,6 +25,7 @@
 #include "store/processing/sync/node_offsets.h"
 #include "store/processing/sync/resync.h"
 #include "store/processing/sync/resync_report.h"
+#include "store/rotten_frame.h"
 
 namespace raystage::cli {
 namespace {
@@ -34,6 +35,7 @@ struct Options {
   double fps = 0, tolerance_ms = 0, longest_gap_ms = 0;
   std::optional<double> tick_at;
   store::RetimeMethod retime = store::RetimeMethod::kNearest;
+  store::RottenFrames rotten = store::RottenFrames::kAbsent;
   int quality = store::RetimeOptions{}.quality, threads = 0;
   std::vector<double> flash_window;
   bool flash = false, keep_start_up = false, json = false, quiet = false;
@@ -95,6 +97,7 @@ store::RetimeReport retime(const store::Take& take, const store::ResyncResult& r
   settings.method = options.retime;
   settings.max_gap = from_ms(options.longest_gap_ms);
   settings.quality = options.quality;
+  settings.rotten_frames = options.rotten;
   Progress progress(!options.quiet);
   return store::retime_take(
       take, resync.timeline, resync.times, settings, options.output, "raystage " RAYSTAGE_VERSION,
@@ -104,6 +107,12 @@ store::RetimeReport retime(const store::Take& take, const store::ResyncResult& r
 void print_text(const store::RetimeReport& report, const std::string& output) {
   print("Retimed    {}: {} frames interpolated, {} unchanged, {} missing\n", output,
         report.interpolated, report.unchanged, report.missing);
+  if (report.rotten > 0) {
+    print(
+        "Rotten     {} frames were left out, because they are not as recorded (XXH3), of cameras: "
+        "{}. Run `raystage verify` on the take\n",
+        report.rotten, fmt::format("{}", fmt::join(report.rotten_cameras, ", ")));
+  }
   const store::TimelineStatistics there =
       store::timeline_statistics(store::read_timeline(store::Take(output)));
   print("Spread     after retiming: mean {:.3f} ms, at most {:.3f} ms\n",
@@ -119,6 +128,8 @@ void print_json(const store::ResyncResult& resync, const std::optional<store::Fl
     json["retimed"] = {{"interpolated", retimed->interpolated},
                        {"unchanged", retimed->unchanged},
                        {"missing", retimed->missing},
+                       {"rotten", retimed->rotten},
+                       {"rotten_cameras", retimed->rotten_cameras},
                        {"ms_per_interpolated", retimed->ms_per_interpolated}};
     constexpr schemas::FormerName kFormerNames[] = {{"interpolated", "moved"},
                                                     {"unchanged", "as_they_were"},
@@ -188,7 +199,7 @@ ExitCode sync(const Options& options, std::stop_token stop) {
     print_text(resync, store::resync_findings(resync, flash));
     if (retimed) print_text(*retimed, options.output);
   }
-  return ExitCode::kSuccess;
+  return retimed && retimed->rotten > 0 ? ExitCode::kFellShort : ExitCode::kSuccess;
 }
 
 void add_retime_options(CommandLine& command, Options& options) {
@@ -207,6 +218,13 @@ void add_retime_options(CommandLine& command, Options& options) {
               "Maximum time between two frames to interpolate between, ms (default: 2.5 ticks, "
               "which bridges one missing frame)")
       .limits(1e-6, 1e9)
+      .needs("--output");
+  command
+      .choice(
+          "--rotten", options.rotten,
+          {{"error", store::RottenFrames::kError}, {"absent", store::RottenFrames::kAbsent}},
+          "Stored frames that are not as recorded (XXH3): error = no new take is written; absent "
+          "= the frame counts as missing, and the exit code is 4 (default: absent)")
       .needs("--output");
   command.option("--quality", options.quality, "JPEG quality of interpolated frames, 1-100")
       .show_default()
@@ -278,6 +296,9 @@ int main(int argc, char** argv) {
       "raystage sync");
   Options options;
   add_options(command, options);
+  command.footer(
+      "Exit codes: 0 done; 1 failed; 2 bad usage or input; 4 the new take is complete, but rotten "
+      "frames were\nleft out (--rotten absent); 128+n stopped by signal n.");
   return parse_and_run(command, argc, argv, "sync",
                        [&](std::stop_token stop) { return sync(options, stop); }, OnSignal::kAbort,
                        {{"--flash-per", "--flash-clock"},

@@ -77,6 +77,33 @@ TEST_F(SyncCommand, GivenOffsetsAndReport) {
   }
 }
 
+TEST_F(SyncCommand, RottenFramesAreMissingInTheNewTakeOrAnErrorOnRequest) {
+  {
+    const store::FrameRecord frame = store::Take(take).archive(3).frames()[20];
+    auto bytes = testing::bytes_of(take / "archive" / "c3.mkv");
+    bytes[static_cast<std::size_t>(frame.offset + frame.size / 2)] ^= std::byte{1};
+    testing::overwrite(take / "archive" / "c3.mkv", bytes);
+  }
+  const std::string output = "'" + (folder.path() / "new").string() + "'";
+  const auto refused = run("-q --rotten error -o " + output + " " + quoted);
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.output, HasSubstr("frame 20 of camera \"c3\" is not as it was recorded"));
+  EXPECT_THAT(refused.output, HasSubstr("raystage repair"));
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "new"));
+  const auto without = run("-q --retime blend -o " + output + " " + quoted);
+  EXPECT_EQ(without.exit_code, 4) << without.output;
+  EXPECT_THAT(without.output, HasSubstr("1 frames were left out"));
+  EXPECT_THAT(without.output, HasSubstr("of cameras: c3"));
+  std::filesystem::remove_all(folder.path() / "new");
+  const auto report = run("-q --json -o " + output + " " + quoted);
+  EXPECT_EQ(report.exit_code, 4);
+  const auto json = nlohmann::json::parse(report.output);
+  EXPECT_EQ(json["retimed"]["rotten"], 1);
+  EXPECT_EQ(json["retimed"]["rotten_cameras"][0], "c3");
+  EXPECT_EQ(run("-q " + quoted).exit_code, 0) << "the timeline needs no frames";
+  EXPECT_EQ(run("-q --rotten absent " + quoted).exit_code, 2) << "there is no new take";
+}
+
 TEST_F(SyncCommand, RefusesWhatMakesNoSense) {
   EXPECT_EQ(run("--flash --node-offsets x.json " + quoted).exit_code, 2);
   EXPECT_EQ(run("--flash-clock camera " + quoted).exit_code, 2);

@@ -39,8 +39,8 @@ class CompositionVersion : public testing::SequenceTest {
   }
 };
 
-TEST_F(CompositionVersion, EightHasThesePixels) {
-  static_assert(kReconstructionVersion == 8);
+TEST_F(CompositionVersion, NineHasThesePixels) {
+  static_assert(kReconstructionVersion == 9);
   write_files();
   shot_.layers[0].name = "wall";
   shot_.layers[0].shadows = schemas::ShotDocument::ReceivedShadows{};

@@ -3,10 +3,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdint>
+#include <fstream>
+#include <vector>
+
 #include "base/atomic_file.h"
 #include "compose/exr/exr_file.h"
 #include "images/exr_reader.h"
 #include "testing/compose/sequence_test_data.h"
+#include "testing/render/test_matte.h"
 
 namespace raystage::compose::rotten_frames_test {
 namespace {
@@ -96,6 +101,70 @@ TEST_F(RottenFramesOfTakes, CamerasAreAbsentAndTheFileSaysSo) {
   }
 }
 
+/// Methods whose frames are not compared above.
+TEST_F(RottenFramesOfTakes, OtherMethodsRenderWithoutTheCamera) {
+  const std::vector<std::uint8_t> opaque(
+      static_cast<std::size_t>(testing::kWidth) * static_cast<std::size_t>(testing::kHeight), 255);
+  for (int camera = 0; camera < testing::kCameras; ++camera) {
+    for (int frame = 0; frame < testing::kTicks; ++frame) {
+      testing::write_matte(folder_.path() / "take", "c" + std::to_string(camera), frame,
+                           testing::kWidth, testing::kHeight, opaque);
+    }
+  }
+  struct Way {
+    std::string method;
+    schemas::OptionValues options = {};
+  };
+  for (const Way& way :
+       {Way{"auto", {{"target_error", 20.0}}}, Way{"nearest"}, Way{"visual_hull"}}) {
+    SCOPED_TRACE(way.method);
+    shot_.layers.front().method = way.method;
+    shot_.layers.front().options = way.options;
+    mend();
+    EXPECT_EQ(run().exit_code(), ExitCode::kSuccess);
+    rot();
+    const SequenceReport report = run();
+    EXPECT_EQ(report.exit_code(), ExitCode::kFellShort);
+    EXPECT_EQ(report.rendered, 6);
+    EXPECT_THAT(report.frames_with_rot, Contains(kShown));
+    EXPECT_THAT(rotten(kShown), ElementsAre("c1"));
+  }
+}
+
+TEST_F(RottenFramesOfTakes, TemporalFiltersLackTheCamerasOfAdjacentTicks) {
+  shot_.layers.front().method = "depth";
+  shot_.layers.front().options = {{"temporal", true}};
+  rot();
+  const SequenceReport report = run();
+  EXPECT_EQ(report.exit_code(), ExitCode::kFellShort);
+  for (const int frame : {kShown - 1, kShown, kShown + 1}) {
+    EXPECT_THAT(rotten(frame), ElementsAre("c1")) << frame;
+  }
+  EXPECT_THAT(rotten(101), IsEmpty());
+}
+
+TEST_F(RottenFramesOfTakes, LightFieldsThatAreLightsLackTheCamera) {
+  std::ofstream(folder_.path() / "square.obj")
+      << "v -0.5 -0.5 0\nv 0.5 -0.5 0\nv 0.5 0.5 0\nv -0.5 0.5 0\nf 1 2 3 4\n";
+  shot_.layers.front().name = "wall";
+  schemas::ShotDocument::Layer mirror;
+  mirror.geometry = schemas::ShotDocument::Geometry{
+      .file = "square.obj",
+      .material = schemas::ShotDocument::Material{.kind = "mirror", .color = {{1, 1, 1}}},
+      .keys = {{.frame = 101,
+                .position = {{0.03, -0.03, -2}},
+                .orientation = {{0.7934, -0.6088, 0, 0}}}},  // reflects rays to the wall
+      .samples = 4};
+  shot_.layers.front().opacity = 0;  // a light only
+  shot_.layers.push_back(mirror);
+  shot_.lights = {{.light_field = "wall"}};
+  rot();
+  const SequenceReport report = run();
+  EXPECT_EQ(report.exit_code(), ExitCode::kFellShort);
+  EXPECT_THAT(rotten(kShown), ElementsAre("c1"));
+  EXPECT_THAT(rotten(kShown + 1), IsEmpty());
+}
+
 TEST_F(RottenFramesOfTakes, FailTheFrameOnRequest) {
   rot();
   options_.rotten_frames = store::RottenFrames::kError;
@@ -103,7 +172,8 @@ TEST_F(RottenFramesOfTakes, FailTheFrameOnRequest) {
   EXPECT_EQ(report.exit_code(), ExitCode::kSomeFramesFailed);
   ASSERT_EQ(report.failures.size(), 1U);
   EXPECT_EQ(report.failures[0].frame, kShown);
-  EXPECT_THAT(report.failures[0].what, HasSubstr("c1.mkv: frame 3 is not as it was recorded"));
+  EXPECT_THAT(report.failures[0].what,
+              HasSubstr("c1.mkv: frame 3 of camera \"c1\" is not as it was recorded"));
 }
 
 TEST_F(RottenFramesOfTakes, RaysAvoidThemToo) {

@@ -27,7 +27,7 @@
 namespace raystage::compose {
 
 /// Raised whenever the same inputs give other pixels, so that existing files count as out of date.
-inline constexpr int kReconstructionVersion = 8;
+inline constexpr int kReconstructionVersion = 9;
 
 /// A frame of the shot with the instants that it shows.
 struct PlannedFrame {

@@ -300,12 +300,19 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
   read_ahead(take, subjects, renderer_options.excluded_cameras);
 
   ShotErrors shot_errors;
+  std::size_t done = 0;
+  const auto report_done = [&] {
+    progress(static_cast<double>(++done) / static_cast<double>(subjects.size()));
+  };
   for (const EvaluationCase& subject : subjects) {
     if (stop.stop_requested()) {
       throw Error::failed("the evaluation was stopped", take.folder().string(), "Run it again");
     }
     const std::optional<GroundTruth> truth = intact_truth(subject, evaluation);
-    if (!truth) continue;
+    if (!truth) {
+      report_done();
+      continue;
+    }
     ViewEvaluation result;
     result.id = subject.id;
     const TimedView timed(take, renderer_options, subject, reconstruction);
@@ -328,7 +335,7 @@ Evaluation evaluate_views(const store::Take& take, const schemas::ViewsDocument&
     }
     add_rotten_cameras(take, view, subject.id, evaluation);
     evaluation.views.push_back(result);
-    progress(static_cast<double>(evaluation.views.size()) / static_cast<double>(subjects.size()));
+    report_done();
   }
   if (evaluation.views.empty()) {
     throw Error::bad_input("the truth of every view is a rotten frame", take.folder().string(),

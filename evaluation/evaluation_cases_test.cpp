@@ -199,9 +199,15 @@ TEST_F(Subjects, RottenFramesAreLeftOutAndNamed) {
   EvaluationOptions options;
   options.focal_depth = 4;
   options.excluded_camera_ids = {fourth};
+  double done = 0;
   const auto evaluate = [&] {
     take_.emplace(folder_.path() / "take");
-    return evaluate_views(*take_, {}, {}, options, [](double) {}, {});
+    done = 0;
+    const auto progress = [&](double share) {
+      EXPECT_GT(share, done);
+      done = share;
+    };
+    return evaluate_views(*take_, {}, {}, options, progress, {});
   };
   const Evaluation whole = evaluate();
   EXPECT_FALSE(whole.has_rot);
@@ -215,6 +221,7 @@ TEST_F(Subjects, RottenFramesAreLeftOutAndNamed) {
   };
   rot(3, 0);
   const Evaluation without_truth = evaluate();
+  EXPECT_EQ(done, 1) << "views that are left out count";
   EXPECT_TRUE(without_truth.has_rot);
   EXPECT_EQ(without_truth.views.size() + 1, whole.views.size());
   EXPECT_THAT(without_truth.notes,

@@ -4,6 +4,7 @@
 #include "farm/render_log_parser.h"
 
 #include "base/number_text.h"
+#include "store/rotten_frame.h"
 
 namespace raystage::farm {
 namespace {
@@ -55,7 +56,9 @@ void RenderLogParser::parse_line(std::string_view line) {
   if (first_failure.empty()) first_failure = line;
   if (!line.starts_with(kFrame)) return;
   const auto frame = parse_number<int>(line.substr(kFrame.size(), failed_at - kFrame.size()));
-  if (frame) failed_frames.insert(*frame);
+  if (!frame) return;
+  failed_frames.insert(*frame);
+  if (line.find(store::kRottenFrameText) != std::string_view::npos) rotten_frames.insert(*frame);
 }
 
 }  // namespace raystage::farm

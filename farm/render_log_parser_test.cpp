@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "farm/render_log_parser.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "base/error.h"
 #include "compose/sequence.h"
+#include "store/rotten_frame.h"
 
 namespace raystage::farm {
 namespace {
@@ -36,6 +39,20 @@ TEST(RenderLogParser, ReadsWhatTheRendererReports) {
   EXPECT_DOUBLE_EQ(log.rendering->read_bytes, 310'000);
   EXPECT_EQ(log.failed_frames, (std::set<int>{3, 4}));
   EXPECT_EQ(log.reason(), "frame 3 failed: the disk is full");
+}
+
+TEST(RenderLogParser, TellsRotFromOtherFailures) {
+  const store::RottenFrame rot(
+      Error::bad_input(fmt::format("frame 3 of camera \"c1\" {}", store::kRottenFrameText),
+                       "c1.mkv", "Repair"),
+      3);
+  RenderLogParser log;
+  EXPECT_FALSE(log.has_only_rot());
+  log.parse_line(fmt::format("frame 7 failed: {}", rot.what()));
+  EXPECT_TRUE(log.has_only_rot());
+  log.parse_line("frame 8 failed: the disk is full");
+  EXPECT_FALSE(log.has_only_rot());
+  EXPECT_EQ(log.failed_frames, (std::set<int>{7, 8}));
 }
 
 TEST(RenderLogParser, FindsTheReasonAmongWhatMpirunSays) {

@@ -300,6 +300,10 @@ class Attempt {
     const ChildResult child = run_child(command_of(request_, mapped_, round_, attempt_), options);
     schemas::FarmAttempt::End end;
     end.result = result_of(child, stop.stop_requested());
+    const bool ended_itself = child.exit_code == static_cast<int>(ExitCode::kSomeFramesFailed);
+    if (ended_itself && end.result == schemas::AttemptResult::kFailed && log.has_only_rot()) {
+      end.result = schemas::AttemptResult::kBadInput;  // every other attempt would fail likewise
+    }
     end.exit_code = is_complete(child) ? 0 : child.exit_code;
     end.reason = reason_of(end.result, log, stop.stop_requested());
     end.wall_seconds = child.wall_seconds;

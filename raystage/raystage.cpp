@@ -176,6 +176,7 @@ ReconstructedView LightField::render(const PinholeCamera& view, int tick,
     result.coverage.assign(rendered.coverage.begin(), rendered.coverage.end());
     result.depth.assign(rendered.z.begin(), rendered.z.end());
     result.notes = std::move(rendered.notes);
+    result.rotten_cameras = std::move(rendered.rotten_cameras);
     return result;
   });
 }

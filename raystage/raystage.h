@@ -63,6 +63,9 @@ struct ReconstructedView {
   std::vector<float> coverage;  ///< per pixel, 0 to 1: share of the blending weights that saw it
   std::vector<float> depth;  ///< per pixel, along the view's axis, metres; infinity where unknown
   std::vector<std::string> notes;  ///< for the user, e.g. that the view exceeds the resolution
+  /// Indices in LightField::cameras() of cameras that are absent from this view, because their
+  /// stored frames are not as they were recorded (XXH3). Repair the take (raystage repair).
+  std::vector<int> rotten_cameras;
 };
 
 /// A ray in the world.
@@ -104,9 +107,11 @@ class RAYSTAGE_API LightField {
   double tick_rate() const;
 
   /// Returns the frame that a camera recorded at a tick; its `rgb` is empty if there is none.
+  /// Throws std::invalid_argument, which names the camera and the frame, if its stored bytes are
+  /// not as they were recorded (XXH3), or are damaged.
   RecordedFrame read_frame(int camera, int tick) const;
 
-  /// Renders the view of a virtual camera at a tick.
+  /// Renders the view of a virtual camera at a tick. See ReconstructedView::rotten_cameras.
   ReconstructedView render(const PinholeCamera& view, int tick,
                            const Reconstruction& reconstruction) const;
 

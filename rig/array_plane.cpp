@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Fits a plane to the camera centres of an array by principal component analysis (eigenvectors of
 // the 3x3 covariance). The second direction is that of the residuals of the first, which is exact
-// even for nearly collinear arrays. Input: n centres (world, metres) and n unit viewing directions.
-// Output: axes, distinct centres, and their coordinates in the plane, snapped to integer multiples
-// of 2^-26 of the extent for exact predicates. Cost: O(n^2), from coincidence tests.
+// even for nearly collinear arrays. Real rows scatter about their line by millimetres; triangles of
+// them would be slivers, outside of which no ray is seen. Such an array counts as collinear. Input:
+// n centres (world, metres) and n unit viewing directions. Output: axes, distinct centres, and
+// their coordinates in the plane, snapped to integer multiples of 2^-26 of the extent for exact
+// predicates. Cost: O(n^2), from coincidence tests.
 #include "rig/array_plane.h"
 
 #include <Eigen/Eigenvalues>
@@ -11,6 +13,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <limits>
 
 #include "base/error.h"
 
@@ -19,6 +22,7 @@ namespace {
 
 constexpr double kCoincident = 1e-9;
 constexpr double kCollinear = 1e-7;
+constexpr double kRowScatter = 0.1;        // of the smallest spacing along the row
 constexpr double kGridUnits = 67108864.0;  // 2^26 in the extent
 
 using Points = std::vector<Eigen::Vector3d>;
@@ -70,6 +74,33 @@ double distance_from_line(const Points& points, const Eigen::Vector3d& direction
   double distance = 0;
   for (const Eigen::Vector3d& p : flat) distance = std::max(distance, (p - mean).norm());
   return distance;
+}
+
+// Returns the largest distance of two points perpendicular to `direction`.
+double extent_across(const Points& points, const Eigen::Vector3d& direction) {
+  const Points flat = across(points, direction);
+  double extent = 0;
+  for (std::size_t i = 0; i < flat.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) extent = std::max(extent, (flat[i] - flat[j]).norm());
+  }
+  return extent;
+}
+
+// Returns the smallest distance of two points along `direction`.
+double smallest_spacing(const Points& points, const Eigen::Vector3d& direction) {
+  std::vector<double> along;
+  for (const Eigen::Vector3d& p : points) along.push_back(direction.dot(p));
+  std::ranges::sort(along);
+  double spacing = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 1; i < along.size(); ++i) {
+    spacing = std::min(spacing, along[i] - along[i - 1]);
+  }
+  return spacing;
+}
+
+bool is_row(const Points& points, const Eigen::Vector3d& direction) {
+  return distance_from_line(points, direction) < kCollinear ||
+         extent_across(points, direction) < kRowScatter * smallest_spacing(points, direction);
 }
 
 void keep_distinct_snapped(ArrayPlane& plane, const Points& scaled) {
@@ -128,7 +159,7 @@ ArrayPlane fit_array_plane(std::span<const Eigen::Vector3d> centres,
   }
 
   const Eigen::Vector3d line = with_largest_positive(main_direction(scaled));
-  if (distance_from_line(scaled, line) < kCollinear) {
+  if (is_row(scaled, line)) {
     plane.dimension = 1;
     plane.along = line;
     const Eigen::Vector3d back = towards_back - line * line.dot(towards_back);

@@ -13,7 +13,7 @@ namespace raystage::rig {
 struct Topology {
   enum class Kind {
     kTriangles,  ///< the usual array: cells of three cameras
-    kSegments,   ///< collinear cameras: cells of two, each an infinite strip along `up`
+    kSegments,   ///< (nearly) collinear cameras: cells of two, each an infinite strip along `up`
     kPoint       ///< one distinct centre: one cell of one camera, valid for every ray
   };
   /// Indices into the centres; the unused ones are -1. Triangles run counter-clockwise as seen from
@@ -32,9 +32,9 @@ struct Topology {
 /// Returns the Delaunay triangulation of the centres projected onto their best-fit plane.
 /// Predicates are exact (centres snapped to 2^-26 of the extent), so co-circular centres, as in a
 /// regular grid, give one deterministic triangulation. Centres closer than 1e-9 of the extent (or
-/// coincident) are merged into the first; centres all closer than 1e-7 of the extent to a line are
-/// collinear. `viewing_directions`: unit, world, one per centre. Throws Error (bad input) for no
-/// centre.
+/// coincident) are merged into the first. Centres are collinear if all are closer than 1e-7 of the
+/// extent to a line, or if they scatter about it by less than 0.1 of their smallest spacing.
+/// `viewing_directions`: unit, world, one per centre. Throws Error (bad input) for no centre.
 Topology delaunay_topology(std::span<const Eigen::Vector3d> centres,
                            std::span<const Eigen::Vector3d> viewing_directions);
 

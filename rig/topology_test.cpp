@@ -179,9 +179,39 @@ TEST(DelaunayTopology, NearlyALine) {
   for (int i = 0; i < 11; ++i) centres.emplace_back(i * 0.1, i % 2 == 0 ? 0 : 1e-8, 0);
   EXPECT_EQ(delaunay(centres).kind, Topology::Kind::kSegments);
   for (auto& p : centres) p.y() *= 100;
+  EXPECT_EQ(delaunay(centres).kind, Topology::Kind::kSegments);
+  for (auto& p : centres) p.y() *= 11000;  // to 0.11 of the spacing
   const Topology topology = delaunay(centres);
   expect_watertight(topology, 11);
   EXPECT_NEAR(std::abs(topology.normal.z()), 1, 1e-6);
+}
+
+TEST(DelaunayTopology, ARowThatScattersIsARowInItsOrder) {
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> scatter(-0.049, 0.049);
+  for (int i = 0; i < 100; ++i) {
+    Points centres;
+    // Perpendicular scatter of less than 0.1 in all directions; the spacing is at least 1.
+    for (int c = 0; c < 7; ++c) {
+      centres.emplace_back(1.0 * c * (1 + 0.1 * c), scatter(random) * 0.7, scatter(random) * 0.7);
+    }
+    const Topology topology = delaunay(centres);
+    ASSERT_EQ(topology.kind, Topology::Kind::kSegments);
+    ASSERT_EQ(topology.cells.size(), 6U);
+    for (int c = 0; c < 6; ++c) {
+      EXPECT_EQ(topology.cells[static_cast<std::size_t>(c)], (Topology::Cell{c, c + 1, -1}));
+    }
+    EXPECT_GT(topology.normal.z(), 0.99);
+    EXPECT_GT(topology.up.y(), 0.99);
+  }
+}
+
+TEST(DelaunayTopology, CamerasOneAboveTheOtherAreNoRow) {
+  // Two columns far apart: the spacing along the long axis is 0 within a column.
+  EXPECT_EQ(delaunay({{0, 0, 0}, {0, 1, 0}, {1000, 0, 0}, {1000, 1, 0}}).kind,
+            Topology::Kind::kTriangles);
+  EXPECT_EQ(delaunay({{0, 0, 0}, {1, 0.2, 0}, {2, 0, 0}, {3, 0.2, 0}}).kind,
+            Topology::Kind::kTriangles);
 }
 
 TEST(DelaunayTopology, CamerasOnAnArc) {

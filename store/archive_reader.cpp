@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/mapped_file.h"
 #include "base/posix_file.h"
 #include "store/archive.h"
 #include "store/archive_index.h"
@@ -83,10 +84,12 @@ namespace {
 ArchiveIndex index_files(const MappedFile& archive, const std::optional<MappedFile>& journal,
                          const std::filesystem::path& archive_path,
                          const std::filesystem::path& journal_path) {
-  std::optional<std::span<const std::byte>> journal_bytes;
-  if (journal) journal_bytes = journal->bytes();
-  return index_archive(archive.bytes(), journal_bytes, archive_path.string(),
-                       journal_path.string());
+  const auto index = [&](const std::optional<std::span<const std::byte>>& journal_bytes) {
+    return index_archive(archive.bytes(), journal_bytes, archive_path.string(),
+                         journal_path.string());
+  };
+  if (!journal) return read_mapped([&] { return index(std::nullopt); }, archive);
+  return read_mapped([&] { return index(journal->bytes()); }, archive, *journal);
 }
 
 }  // namespace
@@ -148,8 +151,10 @@ std::optional<int> ArchiveReader::nearest_frame(Nanoseconds time) const {
 FrameBytes ArchiveReader::jpeg(int frame) const {
   if (std::optional<FrameBytes> bytes = intact_jpeg(frame)) return *std::move(bytes);
   throw RottenFrame(
-      Error::bad_input("frame " + std::to_string(frame) + " is not as it was recorded (XXH3)",
-                       state_->path.string(), "Run `raystage verify` on the take, then repair it"),
+      Error::bad_input("frame " + std::to_string(frame) + " of camera \"" +
+                           description().camera_id + "\" " + std::string(kRottenFrameText),
+                       state_->path.string(),
+                       "Run `raystage verify` on the take, then `raystage repair`"),
       frame);
 }
 

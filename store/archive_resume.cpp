@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "base/atomic_file.h"
+#include "base/mapped_file.h"
 #include "store/archive_index.h"
 #include "store/archive_writer_files.h"
 #include "store/journal.h"
@@ -43,19 +44,13 @@ struct Found {
   bool journal_is_right = false, header_is_whole = false;
 };
 
-Found examine(const std::filesystem::path& archive_path, const std::filesystem::path& journal_path,
+Found examine(Bytes archive, std::optional<Bytes> journal_bytes,
+              const std::filesystem::path& archive_path, const std::filesystem::path& journal_path,
               const Description& description, const matroska::Header& header) {
   Found found;
-  const MappedFile archive(archive_path);
-  std::optional<MappedFile> journal;
-  std::optional<Bytes> journal_bytes;
-  if (std::filesystem::exists(journal_path)) {
-    journal_bytes = journal.emplace(journal_path).bytes();
-  }
-  found.index =
-      index_archive(archive.bytes(), journal_bytes, archive_path.string(), journal_path.string());
-  check_header(archive.bytes(), header, description, found.index.description, archive_path);
-  found.header_is_whole = archive.bytes().size() >= header.bytes.size();
+  found.index = index_archive(archive, journal_bytes, archive_path.string(), journal_path.string());
+  check_header(archive, header, description, found.index.description, archive_path);
+  found.header_is_whole = archive.size() >= header.bytes.size();
 
   const auto add = [&](const auto& bytes) {
     found.journal.insert(found.journal.end(), bytes.begin(), bytes.end());
@@ -63,7 +58,7 @@ Found examine(const std::filesystem::path& archive_path, const std::filesystem::
   add(journal::encode_header(description));
   for (FrameRecord& record : found.index.records) {
     if (record.status == FrameStatus::kStored && record.xxh3 == 0) {
-      record.xxh3 = XXH3_64bits(archive.bytes().data() + record.offset, record.size);
+      record.xxh3 = XXH3_64bits(archive.data() + record.offset, record.size);
     }
     add(journal::encode_record(record));
   }
@@ -71,12 +66,33 @@ Found examine(const std::filesystem::path& archive_path, const std::filesystem::
   return found;
 }
 
+Found examine_files(const std::filesystem::path& archive_path,
+                    const std::filesystem::path& journal_path, const Description& description,
+                    const matroska::Header& header) {
+  const MappedFile archive(archive_path);
+  const auto examine_with = [&](std::optional<Bytes> journal) {
+    return examine(archive.bytes(), journal, archive_path, journal_path, description, header);
+  };
+  if (!std::filesystem::exists(journal_path)) {
+    return read_mapped([&] { return examine_with(std::nullopt); }, archive);
+  }
+  const MappedFile journal(journal_path);
+  return read_mapped([&] { return examine_with(journal.bytes()); }, archive, journal);
+}
+
+matroska::Header header_of(const std::filesystem::path& archive_path,
+                           const Description& description) {
+  const MappedFile archive(archive_path);
+  return read_mapped([&] { return matroska::header_of_file(archive.bytes(), description); },
+                     archive);
+}
+
 }  // namespace
 
 ArchiveWriter::Files::Files(Existing, const std::filesystem::path& archive_path,
                             const Description& description)
     : archive(archive_path, OutputFile::Open::kExisting),
-      header(matroska::header_of_file(MappedFile(archive_path).bytes(), description)) {}
+      header(header_of(archive_path, description)) {}
 
 ArchiveWriter ArchiveWriter::resume(const std::filesystem::path& archive,
                                     const std::filesystem::path& journal,
@@ -88,7 +104,7 @@ ArchiveWriter ArchiveWriter::resume(const std::filesystem::path& archive,
   }
   auto files = std::make_unique<Files>(Files::Existing{}, archive, description);
   const matroska::Header& header = files->header;
-  Found found = examine(archive, journal, description, header);
+  Found found = examine_files(archive, journal, description, header);
   files->archive_end = header.bytes.size();
   for (const FrameRecord& frame : found.index.frames) {
     files->cues.push_back({frame.time_ns, frame.offset - matroska::kClusterHeaderBytes});

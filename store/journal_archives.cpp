@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "base/posix_file.h"
+#include "base/mapped_file.h"
 #include "store/journal.h"
 
 namespace raystage::store {
@@ -39,7 +39,8 @@ class JournalArchives : public RemoteArchives {
     const fs::path archive = folder_ / entry.archive, journal = folder_ / entry.journal;
     if (fs::exists(archive) || !fs::exists(journal)) return std::nullopt;
     const MappedFile file(ContainedPath{folder_, entry.journal});
-    const journal::Contents contents = journal::decode(file.bytes(), journal.string());
+    const journal::Contents contents =
+        read_mapped([&] { return journal::decode(file.bytes(), journal.string()); }, file);
     const Nanoseconds epoch = entry.archive_epoch_utc.value_or(document_.epoch_utc);
     if (!contents.header || contents.header->camera_hash != journal::hash_camera_id(entry.id) ||
         contents.header->epoch_utc != epoch) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <string_view>
 #include <utility>
 
 #include "base/error.h"
@@ -12,6 +13,9 @@ enum class RottenFrames {
   kError,  ///< what needs the frame fails
   kAbsent  ///< its camera counts as absent at that instant
 };
+
+/// The words of every RottenFrame's what(), by which logs are searched.
+inline constexpr std::string_view kRottenFrameText = "is not as it was recorded (XXH3)";
 
 /// A frame whose bytes do not have the XXH3 of the journal.
 class RottenFrame : public Error {

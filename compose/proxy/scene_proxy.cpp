@@ -10,7 +10,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 #include <span>
+#include <string>
 #include <tuple>
 #include <unordered_set>
 
@@ -133,8 +135,16 @@ class ProxyViews {
     how_.options = options.options;
   }
 
-  render::RenderedView render(const render::VirtualCamera& view) const {
-    return renderer_.render(view, *tick_, how_);
+  render::RenderedView render(const render::VirtualCamera& view) {
+    render::RenderedView rendered = renderer_.render(view, *tick_, how_);
+    for (const int camera : rendered.rotten_cameras) {
+      rotten_cameras_.insert(take_.document().cameras[camera].id);
+    }
+    return rendered;
+  }
+  void report_rotten_cameras(const SceneProxyOptions& options) const {
+    if (rotten_cameras_.empty()) return;
+    options.on_rotten_cameras({rotten_cameras_.begin(), rotten_cameras_.end()});
   }
 
  private:
@@ -152,6 +162,7 @@ class ProxyViews {
   render::LightFieldRenderer renderer_;
   const store::FrameSelection* tick_ = nullptr;
   render::ReconstructionOptions how_;
+  std::set<std::string> rotten_cameras_;
 };
 
 struct CellHash {
@@ -250,7 +261,7 @@ ProxyMesh mesh_of_view(const render::RenderedView& view, const render::VirtualCa
 
 std::vector<ProxyPoint> make_point_cloud(const store::Take& take, const store::Timeline& timeline,
                                          const SceneProxyOptions& options) {
-  const ProxyViews views(take, timeline, options);
+  ProxyViews views(take, timeline, options);
   std::vector<ProxyPoint> points;
   double cell = std::numeric_limits<double>::infinity();
   const std::vector<int> cameras = spread_cameras(take.rig(), options.views);
@@ -265,17 +276,19 @@ std::vector<ProxyPoint> make_point_cloud(const store::Take& take, const store::T
     points.insert(points.end(), added.begin(), added.end());
   }
   options.progress(1);
+  views.report_rotten_cameras(options);
   return thin_out(points, std::isfinite(cell) && cell > 0 ? cell : 1, options.max_points);
 }
 
 ProxyMesh make_proxy_mesh(const store::Take& take, const store::Timeline& timeline,
                           const SceneProxyOptions& options) {
-  const ProxyViews views(take, timeline, options);
+  ProxyViews views(take, timeline, options);
   const int middle = spread_cameras(take.rig(), 1).front();
   const render::VirtualCamera camera = view_at(take.rig().cameras[middle], options.width);
   options.progress(0);
   ProxyMesh mesh = mesh_of_view(views.render(camera), camera);
   options.progress(1);
+  views.report_rotten_cameras(options);
   return mesh;
 }
 

@@ -42,6 +42,10 @@ struct SceneProxyOptions {
   std::filesystem::path cache_folder = {};  ///< as render::RendererOptions
   /// Called with values that rise from 0 to 1.
   std::function<void(double)> progress = [](double) {};
+  /// Called with the ids of cameras, sorted, that are absent because their stored frames are not as
+  /// they were recorded (XXH3); not called if there are none.
+  std::function<void(const std::vector<std::string>&)> on_rotten_cameras =
+      [](const std::vector<std::string>&) {};
   bool is_valid(std::string* reason) const;
 };
 

@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "ingest/record/open_cameras.h"
 #include "ingest/record/record_setup.h"
+#include "ingest/sources/configuration_error.h"
 #include "store/jpeg/encode.h"
 #include "store/take.h"
 #include "testing/ingest/scripted_source.h"
@@ -143,6 +144,40 @@ TEST_F(AbsentCameras, AreThoseWhoseFramesNoMemoryHolds) {
 TEST_F(AbsentCameras, EndARecordingThatEndsWithALostCamera) {
   EXPECT_THROW(record([](int) { return refuse(); }, Policy::kStop), Error);
   EXPECT_FALSE(std::filesystem::exists(path()));
+}
+
+TEST_F(AbsentCameras, AreNotThoseWhoseConfigurationIsWrong) {
+  for (const Policy policy : {Policy::kContinue, Policy::kReconnect, Policy::kStop}) {
+    try {
+      record(
+          [](int) -> std::unique_ptr<FrameSource> {
+            throw ConfigurationError(Error::bad_input("no such option", "bad", "Correct it"));
+          },
+          policy);
+      FAIL() << "recorded";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+      EXPECT_EQ(error.what_happened(), "no such option");
+    }
+    EXPECT_FALSE(std::filesystem::exists(path()));
+  }
+}
+
+TEST_F(AbsentCameras, CountInTheDataRate) {
+  const auto rate_of = [](std::size_t absent) {
+    std::vector<RecorderCamera> cameras(2 + absent);
+    for (std::size_t i = 0; i < cameras.size(); ++i) {
+      cameras[i].source = good(96, 10'000);
+      if (i < 2) continue;
+      cameras[i].source = std::make_unique<StatedSize>(96, 64);
+      cameras[i].absence = "no data arrived in time";
+    }
+    return measure_data_rate(cameras, {}, 0.5);
+  };
+  const auto present = rate_of(0), all = rate_of(2);
+  ASSERT_TRUE(present && all);
+  EXPECT_GT(*present, 0);
+  EXPECT_NEAR(*all / *present, 2, 0.6);
 }
 
 TEST(OpenCameras, AllAbsentIsTheFirstError) {

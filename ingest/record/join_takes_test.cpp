@@ -206,7 +206,8 @@ TEST_F(Join, RefusesCamerasOfOneNameAndDamage) {
     join({part("a"), part("c")});
     FAIL() << "joined";
   } catch (const Error& error) {
-    EXPECT_THAT(error.what(), HasSubstr("right.mkv: frame 1 is not as it was recorded"));
+    EXPECT_THAT(error.what(),
+                HasSubstr("right.mkv: frame 1 of camera \"right\" is not as it was recorded"));
   }
   EXPECT_FALSE(std::filesystem::exists(part("joined")));
 }

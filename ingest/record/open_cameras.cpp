@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "base/parallel.h"
+#include "ingest/sources/configuration_error.h"
 
 namespace raystage::ingest {
 namespace {
@@ -38,6 +39,7 @@ class AbsentSource final : public FrameSource {
 struct Attempt {
   std::unique_ptr<FrameSource> source;
   std::optional<Error> failure;
+  bool is_configuration = false;  ///< another attempt would fail in the same way
 
   void fail(Error error) {
     failure = std::move(error);
@@ -62,6 +64,10 @@ Attempt attempt(const schemas::RecordConfig::Camera& camera, const OpenFrameSour
   Attempt result;
   try {
     result.source = open(camera);
+  } catch (const ConfigurationError& error) {
+    result.fail(error);
+    result.is_configuration = true;
+    return result;
   } catch (const Error& error) {
     result.fail(error);
     return result;
@@ -136,6 +142,8 @@ std::vector<RecorderCamera> open_cameras(const schemas::RecordConfig& config,
   raystage::parallel_for(std::size_t{0}, attempts.size(), [&](std::size_t i) {
     attempts[i] = attempt(config.cameras[i], open, find_geometry(rig, config.cameras[i].id));
   });
+  const auto wrong = std::ranges::find_if(attempts, &Attempt::is_configuration);
+  if (wrong != attempts.end()) throw ConfigurationError(*wrong->failure);
   leave_out_oversized(config, attempts);
   const auto failed =
       std::ranges::find_if(attempts, [](const Attempt& one) { return one.failure.has_value(); });

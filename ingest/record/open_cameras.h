@@ -19,8 +19,8 @@ using OpenFrameSource =
 /// cannot be opened, or whose frames have another size than in `rig` or are too large for the
 /// memory, is absent (RecorderCamera::absence): the others are recorded, and it is tried again.
 /// `rig`: of the take; null: there is none yet, and absent cameras are taken to have the size of
-/// most others. Throws the first Error if all cameras are absent, or one is where a lost camera
-/// stops the recording.
+/// most others. Throws the first ConfigurationError of a camera, as it would never come. Throws the
+/// first Error if all cameras are absent, or one is where a lost camera stops the recording.
 std::vector<RecorderCamera> open_cameras(const schemas::RecordConfig& config,
                                          const OpenFrameSource& open,
                                          const schemas::RigDocument* rig = nullptr);

@@ -291,10 +291,13 @@ std::optional<double> measure_data_rate(std::vector<RecorderCamera>& cameras,
     if (!camera.source->description().live) return std::nullopt;
   }
   std::atomic<std::uint64_t> sum = 0;
+  const auto present = std::ranges::count_if(
+      cameras, [](const RecorderCamera& camera) { return camera.absence.empty(); });
   const auto start = Clock::now();
   {
     std::vector<std::jthread> threads;
     for (RecorderCamera& camera : cameras) {
+      if (!camera.absence.empty()) continue;
       threads.emplace_back([&] {
         store::RawJpegEncoder encoder(jpeg);
         std::vector<std::byte> bytes;
@@ -317,7 +320,10 @@ std::optional<double> measure_data_rate(std::vector<RecorderCamera>& cameras,
       });
     }
   }
-  return static_cast<double>(sum) / std::max(1e-3, seconds_since(start));
+  if (present == 0) return 0;
+  // Absent cameras count as much as the mean of the others: they may come at any time.
+  const double all_per_present = static_cast<double>(cameras.size()) / static_cast<double>(present);
+  return all_per_present * static_cast<double>(sum) / std::max(1e-3, seconds_since(start));
 }
 
 }  // namespace raystage::ingest

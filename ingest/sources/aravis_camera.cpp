@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "base/error.h"
+#include "ingest/sources/configuration_error.h"
 #include "ingest/sources/ffmpeg_pointers.h"
 
 namespace raystage::ingest {
@@ -54,9 +55,9 @@ class Settings {
     double low = 0, high = 0;
     bounds(camera_, &low, &high, error_.clear_and_get());
     if (!error_ && !(value >= low && value <= high)) {
-      throw Error::bad_input(
+      throw ConfigurationError(Error::bad_input(
           fmt::format("{} is {}, the camera allows: {} to {}", name, value, low, high), where_,
-          "Set a value within that range");
+          "Set a value within that range"));
     }
     set(camera_, value, error_.clear_and_get());
     check(name);
@@ -65,9 +66,11 @@ class Settings {
   /// Throws if the previous Aravis call reported an error.
   void check(const char* name, const std::string& allowed = {}) {
     if (!error_) return;
-    throw Error::bad_input(
+    const Error error = Error::bad_input(
         fmt::format("the camera rejected {}: {}", name, error_.text()), where_,
         allowed.empty() ? "Remove it, or see the camera's manual" : "Choose one of: " + allowed);
+    if (error_.is_refusal()) throw ConfigurationError(error);
+    throw Error(error);
   }
   GErrorHolder& error() { return error_; }
 
@@ -96,13 +99,13 @@ void set_pixel_format(ArvCamera* camera, const std::string& wanted, const std::s
       arv_camera_get_pixel_format(camera, settings.error().clear_and_get());
   settings.check("the request for its pixel_format");
   if (av_pixel_format(format) >= 0) return;
-  throw Error::bad_input(
+  throw ConfigurationError(Error::bad_input(
       fmt::format("the camera's pixel_format {} is not supported",
                   text_or_empty(arv_camera_get_pixel_format_as_string(camera, nullptr))),
       where,
       fmt::format("Set it to Mono8, Mono10, Mono12, Mono14, Mono16, RGB8, BGR8, YUV422_8 or an "
                   "8-bit Bayer format; the camera has: {}",
-                  pixel_formats_of(camera)));
+                  pixel_formats_of(camera))));
 }
 
 void set_trigger(ArvCamera* camera, const std::string& trigger, Settings& settings) {

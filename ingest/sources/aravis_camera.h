@@ -35,6 +35,17 @@ class GErrorHolder {
   }
   explicit operator bool() const { return error_ != nullptr; }
   std::string text() const { return error_ == nullptr ? "" : error_->message; }
+  /// Returns whether the camera answered that it has no such setting or value. Otherwise it did not
+  /// answer, or its description of itself is damaged.
+  bool is_refusal() const {
+    for (const int code : {ARV_DEVICE_ERROR_WRONG_FEATURE, ARV_DEVICE_ERROR_FEATURE_NOT_FOUND}) {
+      if (g_error_matches(error_, ARV_DEVICE_ERROR, code)) return true;
+    }
+    for (const int code : {ARV_GC_ERROR_OUT_OF_RANGE, ARV_GC_ERROR_ENUM_ENTRY_NOT_FOUND}) {
+      if (g_error_matches(error_, ARV_GC_ERROR, code)) return true;
+    }
+    return false;
+  }
 
  private:
   GError* error_ = nullptr;

@@ -13,6 +13,7 @@ extern "C" {
 #include <system_error>
 
 #include "base/error.h"
+#include "ingest/sources/configuration_error.h"
 
 namespace raystage::ingest {
 namespace {
@@ -93,9 +94,9 @@ FfmpegAddress resolve_ffmpeg_address(const schemas::RecordConfig::FfmpegSource& 
   if (!format.empty()) {
     address.format = find_format(format);
     if (address.format == nullptr) {
-      throw Error::bad_input(fmt::format("FFmpeg has no input format or protocol \"{}\"", format),
-                             source.url,
-                             "Choose one that `ffmpeg -demuxers` or `ffmpeg -devices` lists");
+      throw ConfigurationError(Error::bad_input(
+          fmt::format("FFmpeg has no input format or protocol \"{}\"", format), source.url,
+          "Choose one that `ffmpeg -demuxers` or `ffmpeg -devices` lists"));
     }
   }
   address.display_url = without_credentials(address.url);

@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cstring>
+#include <string_view>
 #include <utility>
 
 extern "C" {
@@ -12,6 +14,7 @@ extern "C" {
 }
 
 #include "base/error.h"
+#include "ingest/sources/configuration_error.h"
 #include "ingest/sources/ffmpeg_permissions.h"
 #include "ingest/sources/frame_source.h"
 
@@ -28,8 +31,33 @@ constexpr std::size_t kDemuxer = 1 << 20, kNetworkBuffers = 6 << 20;
 constexpr std::size_t kGraphPictures = 4;  // in use by filters, 4 bytes per pixel
 constexpr int kFrameTooLarge = FFERRTAG('B', 'I', 'G', ' ');
 
+/// Returns whether an address of a transport without a default port names none.
+bool lacks_port(const std::string& url) {
+  std::array<char, 16> scheme{};
+  int port = -1;
+  av_url_split(scheme.data(), scheme.size(), nullptr, 0, nullptr, 0, &port, nullptr, 0,
+               url.c_str());
+  const std::string_view name = scheme.data();
+  return port < 0 && (name == "tcp" || name == "udp" || name == "rtp" || name == "srt");
+}
+
 bool is_v4l2(const AVInputFormat* format) {
   return format != nullptr && std::strstr(format->name, "v4l2") != nullptr;
+}
+
+/// Returns whether FFmpeg refuses an address for reasons that no camera can change. What a network
+/// camera sends must never look so.
+bool is_fault_of_configuration(int code, const FfmpegAddress& address) {
+  using Kind = FfmpegAddress::Kind;
+  if (code == AVERROR_PROTOCOL_NOT_FOUND || code == AVERROR_DEMUXER_NOT_FOUND ||
+      code == AVERROR_OPTION_NOT_FOUND) {
+    return true;
+  }
+  if (address.kind == Kind::kNetwork) return code == AVERROR(EINVAL) && lacks_port(address.url);
+  if (code == AVERROR(EACCES) || code == AVERROR(EPERM)) return true;
+  // A device that is not there may be plugged in; one that does not know a value of an option, or a
+  // graph that FFmpeg cannot parse, stays so.
+  return address.kind == Kind::kFile ? code == AVERROR(ENOENT) : code == AVERROR(EINVAL);
 }
 
 }  // namespace
@@ -120,9 +148,12 @@ void FfmpegInput::open(FfmpegOptions& options) {
   int code = avformat_open_input(&context, url, address_.format, options.get());
   if (code < 0) {
     const std::string named = options.names();
-    throw refuse(code, "the source cannot be opened",
-                 named.empty() ? "Check the address, and that the source exists"
-                               : "Check the address and the values of the options " + named);
+    const Error error =
+        refuse(code, "the source cannot be opened",
+               named.empty() ? "Check the address, and that the source exists"
+                             : "Check the address and the values of the options " + named);
+    if (is_fault_of_configuration(code, address_)) throw ConfigurationError(error);
+    throw Error(error);
   }
   context_.reset(context);
   check_redirection();

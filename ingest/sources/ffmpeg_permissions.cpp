@@ -17,6 +17,7 @@ extern "C" {
 #include <utility>
 
 #include "base/error.h"
+#include "ingest/sources/configuration_error.h"
 
 namespace raystage::ingest {
 namespace {
@@ -162,12 +163,13 @@ std::string_view host_of(std::string_view url) {
   return url.substr(0, url.find(':'));
 }
 
-Error refused(const std::string& what, const FfmpegAddress& address, std::string_view option) {
-  return Error::bad_input(
+ConfigurationError refused(const std::string& what, const FfmpegAddress& address,
+                           std::string_view option) {
+  return ConfigurationError(Error::bad_input(
       what, address.display_url,
       fmt::format("Give the address of one camera or file, or allow more by the option {} of the "
                   "source",
-                  option));
+                  option)));
 }
 
 std::string protocols_of(const FfmpegAddress& address) {
@@ -235,10 +237,11 @@ void check_filters(const schemas::RecordConfig::FfmpegSource& source,
                    const FfmpegAddress& address) {
   if (address.format == nullptr || std::string_view(address.format->name) != "lavfi") return;
   const auto refuse = [&](const std::string& what) {
-    return Error::bad_input(what, address.display_url,
-                            "Use other filters, or allow filters with files if you trust the "
-                            "configuration")
-        .concerning({"allow-filters-with-files"});
+    return ConfigurationError(
+        Error::bad_input(what, address.display_url,
+                         "Use other filters, or allow filters with files if you trust the "
+                         "configuration")
+            .concerning({"allow-filters-with-files"}));
   };
   for (const char* option : {"graph_file", "dumpgraph"}) {
     if (source.options.contains(option)) {

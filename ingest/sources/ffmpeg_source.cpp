@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "ingest/sources/configuration_error.h"
 #include "ingest/sources/ffmpeg_input.h"
 #include "ingest/sources/ffmpeg_permissions.h"
 #include "ingest/sources/interruptible_wait.h"
@@ -63,9 +64,10 @@ class FfmpegSource final : public FrameSource {
     const AVCodecParameters& parameters = *input_.stream().codecpar;
     if (parameters.codec_id != AV_CODEC_ID_MJPEG) open_decoder(parameters);
     if (const std::string unknown = options_.names(); !unknown.empty()) {
-      throw Error::bad_input(fmt::format("FFmpeg has no such options for this source: {}", unknown),
-                             input_.address().display_url,
-                             "Remove or correct them; `ffmpeg -h demuxer=NAME` lists the options");
+      throw ConfigurationError(
+          Error::bad_input(fmt::format("FFmpeg has no such options for this source: {}", unknown),
+                           input_.address().display_url,
+                           "Remove or correct them; `ffmpeg -h demuxer=NAME` lists the options"));
     }
     // A wall clock that FFmpeg reads at arrival adds nothing to arrival_utc.
     if (source.options.contains("use_wallclock_as_timestamps")) clock_ = CaptureClock::kNone;

@@ -5,6 +5,7 @@
 
 #include "base/error.h"
 #include "ingest/sources/aravis_source.h"
+#include "ingest/sources/configuration_error.h"
 #include "ingest/sources/ffmpeg_source.h"
 #include "ingest/sources/simulated_source.h"
 
@@ -28,15 +29,19 @@ std::unique_ptr<FrameSource> open(const schemas::RecordConfig::Source& source,
 std::unique_ptr<FrameSource> open_frame_source(const schemas::RecordConfig::Camera& camera,
                                                const std::filesystem::path& base,
                                                SourcePermissions permissions) {
+  const auto at_camera = [&](const Error& error) {
+    const std::string where = fmt::format("camera \"{}\", {}", camera.id, error.where());
+    return error.exit_code() == ExitCode::kBadInput
+               ? Error::bad_input(error.what_happened(), where, error.what_to_do())
+                     .concerning(error.settings())
+               : Error::failed(error.what_happened(), where, error.what_to_do());
+  };
   try {
     return open(camera.source, base, permissions);
+  } catch (const ConfigurationError& error) {
+    throw ConfigurationError(at_camera(error));
   } catch (const Error& error) {
-    const std::string where = fmt::format("camera \"{}\", {}", camera.id, error.where());
-    if (error.exit_code() == ExitCode::kBadInput) {
-      throw Error::bad_input(error.what_happened(), where, error.what_to_do())
-          .concerning(error.settings());
-    }
-    throw Error::failed(error.what_happened(), where, error.what_to_do());
+    throw at_camera(error);
   }
 }
 

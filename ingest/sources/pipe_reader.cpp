@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "ingest/sources/configuration_error.h"
 
 namespace raystage::ingest {
 namespace {
@@ -36,8 +37,9 @@ int open_pipe(const std::string& url) {
 PipeReader::PipeReader(const std::string& url, std::function<bool()> stop)
     : stop_(std::move(stop)), descriptor_(open_pipe(url)) {
   if (descriptor_ < 0) {
-    throw Error::bad_input("the pipe cannot be opened", url,
-                           "Set \"pipe:0\" for standard input, or the path of a named pipe");
+    throw ConfigurationError(
+        Error::bad_input("the pipe cannot be opened", url,
+                         "Set \"pipe:0\" for standard input, or the path of a named pipe"));
   }
   constexpr int kBytes = 1 << 16;
   auto* buffer = static_cast<unsigned char*>(av_malloc(kBytes));

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "base/error.h"
+#include "ingest/sources/configuration_error.h"
 #include "ingest/sources/interruptible_wait.h"
 #include "ingest/sources/shared_simulation.h"
 
@@ -99,9 +100,10 @@ class SimulatedSource final : public FrameSource {
 std::unique_ptr<FrameSource> open_simulated_source(
     const schemas::RecordConfig::SimulatedSource& source) {
   if (source.index < 0 || source.index >= source.rows * source.columns) {
-    throw Error::bad_input(fmt::format("index {} is not in an array of {}x{} cameras", source.index,
-                                       source.rows, source.columns),
-                           "simulated", "Set an index from 0 to rows * columns - 1");
+    throw ConfigurationError(
+        Error::bad_input(fmt::format("index {} is not in an array of {}x{} cameras", source.index,
+                                     source.rows, source.columns),
+                         "simulated", "Set an index from 0 to rows * columns - 1"));
   }
   return std::make_unique<SimulatedSource>(source);
 }

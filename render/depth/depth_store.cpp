@@ -24,7 +24,7 @@
 #include "base/contained_path.h"
 #include "base/error.h"
 #include "base/little_endian.h"
-#include "base/posix_file.h"
+#include "base/mapped_file.h"
 #include "render/depth/depth_file.h"
 
 namespace raystage::render {
@@ -50,7 +50,11 @@ bool read_maps(const ContainedPath& stored, std::uint64_t fingerprint, CameraDep
   try {
     const MappedFile mapped(stored);
     if (!mapped.can_read(mapped.bytes())) return false;
-    depths.maps = decode_depth_maps(mapped.bytes(), fingerprint, depths.pinholes, file.string());
+    depths.maps = read_mapped(
+        [&] {
+          return decode_depth_maps(mapped.bytes(), fingerprint, depths.pinholes, file.string());
+        },
+        mapped);
   } catch (const Error&) {
     return false;  // estimated again and overwritten
   }

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "render/common/row_note.h"
 #include "render/planar/coverage_measures.h"
 #include "render/planar/planar_frame.h"
 #include "render/sampling/needed_mcus.h"
@@ -90,6 +91,7 @@ class FocalPlaneFrame final : public PlanarFrame {
 
   /// Lowers the coverage of rays to which absent cameras would contribute.
   void complete(RenderedView& image) const override {
+    add_row_note(*instant_.complete, image);
     if (instant_.present == instant_.complete) return;
     const RayCells all(view_, *instant_.rig, *instant_.complete);
     std::vector<bool> lacks(all.cells().size());

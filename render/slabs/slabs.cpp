@@ -15,6 +15,7 @@
 #include "base/error.h"
 #include "base/parallel.h"
 #include "render/common/plane_projection.h"
+#include "render/common/row_note.h"
 #include "render/slabs/needed_pixels.h"
 #include "render/slabs/node_image.h"
 #include "render/slabs/slab_coverage.h"
@@ -342,6 +343,7 @@ class SlabsMethod final : public Method {
   RenderedView render(const ViewRequest& request) const override {
     RenderedView image = empty_view(request.view);
     render_rays(request, SumStage::kSampleAndFinish, {}, image);
+    add_row_note(*request.instant.complete, image);
     return image;
   }
   RenderedView render_reference(const ViewRequest& request) const override {

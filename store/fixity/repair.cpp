@@ -13,6 +13,7 @@
 #include "base/atomic_file.h"
 #include "base/contained_path.h"
 #include "base/error.h"
+#include "base/mapped_file.h"
 #include "base/parallel.h"
 #include "base/posix_file.h"
 #include "store/fixity/verify.h"
@@ -54,7 +55,8 @@ void check_new_pair(ArchivePair pair, const SalvageResult& salvaged, const fs::p
   const MappedFile archive_file(archive), journal_file(journal);
   pair.archive = archive_file.bytes();
   pair.journal = journal_file.bytes();
-  const ArchiveFixityReport report = verify_archive(pair, {});
+  const ArchiveFixityReport report =
+      read_mapped([&] { return verify_archive(pair, {}); }, archive_file, journal_file);
   if (report.is_intact() && report.frames == salvaged.frames) return;
   throw Error::failed("the repaired " + pair.archive_name + " differs from what was written" +
                           (report.is_intact() ? "" : ": " + report.problems.front().what),
@@ -82,9 +84,10 @@ class CameraRepair {
     std::optional<OutputFile> lock;
     if (!options_.dry_run) {
       lock.emplace(ContainedPath{folder_, pair_.archive_name});
-      // Of repairs that were killed.
+      // Of repairs that were killed. Whoever writes them holds the lock, if there is one.
+      const Owners owners = lock->is_locked() ? Owners::kAll : Owners::kEnded;
       for (const fs::path& file : {archive_path_, journal_path_}) {
-        remove_abandoned_temporary_files(file);
+        remove_abandoned_temporary_files(file, owners);
       }
     }
     const MappedFile archive(ContainedPath{folder_, pair_.archive_name});
@@ -92,27 +95,40 @@ class CameraRepair {
     if (fs::exists(journal_path_))
       pair_.journal = journal.emplace(ContainedPath{folder_, pair_.journal_name}).bytes();
     pair_.archive = archive.bytes();
+    // Fails where another program truncated a file meanwhile.
+    const auto check_files = [&] {
+      archive.check_read();
+      if (journal) journal->check_read();
+    };
     if (!archive.can_read(archive.bytes())) {
+      check_files();
       throw Error::failed("the disk cannot read all of the archive", archive_path_.string(),
                           "Copy the take to an intact disk with a tool that fills in unreadable "
                           "parts (ddrescue), and repair the copy");
     }
-    if (verify_archive(pair_, {}).is_intact()) {
-      result.was_intact = true;
-      return;
+    try {
+      const bool is_intact = verify_archive(pair_, {}).is_intact();
+      if (!is_intact) result.salvage = salvage_archive(pair_);
+      check_files();
+      result.was_intact = is_intact;
+      if (is_intact || options_.dry_run) return;
+      replace(result, check_files);
+      result.repaired = true;
+    } catch (const Error&) {
+      result.salvage = {};
+      check_files();  // otherwise the error is what it found in zeros
+      throw;
     }
-    result.salvage = salvage_archive(pair_);
-    if (options_.dry_run) return;
-    replace(result);
-    result.repaired = true;
   }
 
  private:
-  void replace(RepairReport::Camera& result) {
+  template <class CheckFiles>
+  void replace(RepairReport::Camera& result, const CheckFiles& check_files) {
     constexpr auto kByWriter = TemporaryFile::Creation::kByWriter;
     TemporaryFile new_archive(archive_path_, kByWriter), new_journal(journal_path_, kByWriter);
     write_salvaged_archive(pair_, result.salvage, new_archive.path(), new_journal.path());
     check_new_pair(pair_, result.salvage, new_archive.path(), new_journal.path());
+    check_files();
     if (!result.salvage.losses.empty()) {
       result.kept.push_back(keep(archive_path_));
       if (pair_.journal) result.kept.push_back(keep(journal_path_));

@@ -319,6 +319,11 @@ TEST_F(RepairTake, ACrashedTakeIsClosedAndLeavesNothingBehind) {
           archive(camera).parent_path() /
           ("." + name + "." + host_name() + "." + std::to_string(ended) + ".0123.tmp" + extension))
           << "left by a repair that was killed";
+      // A process of this ID lives, but it does not hold the archive's lock.
+      std::ofstream(archive(camera).parent_path() /
+                    ("." + name + "." + host_name() + "." + std::to_string(getpid()) +
+                     ".0123456789abcdef.tmp" + extension))
+          << "left by a repair whose process ID was used again";
     }
   }
   const RepairReport report = repair_take(take, {});

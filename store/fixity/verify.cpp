@@ -11,8 +11,8 @@
 #include <system_error>
 
 #include "base/error.h"
+#include "base/mapped_file.h"
 #include "base/parallel.h"
-#include "base/posix_file.h"
 #include "base/stopwatch.h"
 #include "schemas/recording_document.h"
 #include "store/timeline.h"
@@ -70,7 +70,8 @@ void verify_camera(const Take& take, int camera, const TakeVerifyOptions& option
     single.stop = options.stop;
     single.progress = [&](std::uint64_t bytes) { share.advance(bytes); };
     single.can_read = [&](std::span<const std::byte> part) { return archive.can_read(part); };
-    result.report = verify_archive(pair, single);
+    const auto verify = [&] { return verify_archive(pair, single); };
+    result.report = journal ? read_mapped(verify, archive, *journal) : read_mapped(verify, archive);
   } catch (const Error& error) {
     result.error = error.what();
   }

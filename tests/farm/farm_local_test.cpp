@@ -117,7 +117,11 @@ TEST_F(FarmLocal, FramesWithoutRottenCamerasAreNamedAndNotRepeated) {
       "raystage farm submit 'show dir/shot.json' -o out2/s.####.exr --engine local --chunk 12 "
       "--no-preview --no-measure --rotten error");
   EXPECT_EQ(refused.exit_code, 3) << refused.err;
-  EXPECT_EQ(status("out2/s.####.exr")["missing_frames"], rotten);
+  const auto failed = status("out2/s.####.exr");
+  EXPECT_EQ(failed["missing_frames"], rotten);
+  for (const auto& task : failed["tasks"]) {
+    EXPECT_EQ(task["attempts"].size(), 1U) << "rot stays, on every node";
+  }
 }
 
 TEST_F(FarmLocal, DerivesEachInstantOnce) {

@@ -15,56 +15,56 @@ namespace {
 
 constexpr double kMaxGapInTicks = 2.5;
 
-struct Usable {
-  std::int32_t frame;
-  Nanoseconds time;
-};
+}  // namespace
 
-std::vector<Usable> usable_frames(const std::vector<Nanoseconds>& times) {
-  std::vector<Usable> usable;
+RetimePlanner::RetimePlanner(const Timeline& timeline, std::size_t camera,
+                             const std::vector<Nanoseconds>& times, const RetimeOptions& options)
+    : timeline_(timeline), camera_(camera), options_(options) {
   for (std::size_t i = 0; i < times.size(); ++i) {
     if (times[i] == kExcludedTime) continue;
-    if (!usable.empty() && times[i] <= usable.back().time) continue;
-    usable.push_back({static_cast<std::int32_t>(i), times[i]});
+    if (!usable_.empty() && times[i] <= usable_.back().time) continue;
+    usable_.push_back({static_cast<std::int32_t>(i), times[i]});
   }
-  return usable;
 }
 
-}  // namespace
+void RetimePlanner::exclude(std::int32_t frame) {
+  excluded_.insert(frame);
+  std::erase_if(usable_, [frame](const Usable& usable) { return usable.frame == frame; });
+}
+
+RetimedFrame RetimePlanner::plan(std::size_t tick_index) const {
+  const double period = static_cast<double>(kNanosecondsPerSecond) / timeline_.fps;
+  const auto near_enough = static_cast<Nanoseconds>(kTickToleranceFraction * period);
+  const Nanoseconds longest = options_.max_gap > 0
+                                  ? options_.max_gap
+                                  : static_cast<Nanoseconds>(std::llround(kMaxGapInTicks * period));
+  const FrameSelection& tick = timeline_.ticks[tick_index];
+  RetimedFrame planned;
+  const std::int32_t selected = tick.frame[camera_];
+  const std::int32_t nearest = is_excluded(selected) ? -1 : selected;
+  if (nearest >= 0) {
+    planned = {RetimedFrame::Kind::kUnchanged, nearest, -1, 0,
+               tick.time_ns + tick.difference[camera_]};
+  }
+  const bool stays = nearest >= 0 && std::abs(tick.difference[camera_]) <= near_enough;
+  if (options_.method == RetimeMethod::kNearest || stays) return planned;
+  const auto after = std::ranges::upper_bound(usable_, tick.time_ns, {}, &Usable::time);
+  if (after == usable_.begin() || after == usable_.end()) return planned;
+  const Usable &a = *(after - 1), &b = *after;
+  if (b.time - a.time > longest) return planned;
+  return {RetimedFrame::Kind::kInterpolated, a.frame, b.frame,
+          static_cast<double>(tick.time_ns - a.time) / static_cast<double>(b.time - a.time),
+          tick.time_ns};
+}
 
 std::vector<RetimedFrame> plan_retiming(const Timeline& timeline, std::size_t camera,
                                         const std::vector<Nanoseconds>& times,
                                         const RetimeOptions& options) {
-  const double period = static_cast<double>(kNanosecondsPerSecond) / timeline.fps;
-  const auto near_enough = static_cast<Nanoseconds>(kTickToleranceFraction * period);
-  const Nanoseconds longest = options.max_gap > 0
-                                  ? options.max_gap
-                                  : static_cast<Nanoseconds>(std::llround(kMaxGapInTicks * period));
-  const std::vector<Usable> usable = usable_frames(times);
-
+  const RetimePlanner planner(timeline, camera, times, options);
   std::vector<RetimedFrame> plan;
   plan.reserve(timeline.ticks.size());
-  for (const FrameSelection& tick : timeline.ticks) {
-    RetimedFrame planned;
-    const std::int32_t nearest = tick.frame[camera];
-    if (nearest >= 0) {
-      planned = {RetimedFrame::Kind::kUnchanged, nearest, -1, 0,
-                 tick.time_ns + tick.difference[camera]};
-    }
-    const bool stays = nearest >= 0 && std::abs(tick.difference[camera]) <= near_enough;
-    if (options.method != RetimeMethod::kNearest && !stays) {
-      const auto after = std::ranges::upper_bound(usable, tick.time_ns, {}, &Usable::time);
-      if (after != usable.begin() && after != usable.end()) {
-        const Usable &a = *(after - 1), &b = *after;
-        if (b.time - a.time <= longest) {
-          planned = {
-              RetimedFrame::Kind::kInterpolated, a.frame, b.frame,
-              static_cast<double>(tick.time_ns - a.time) / static_cast<double>(b.time - a.time),
-              tick.time_ns};
-        }
-      }
-    }
-    plan.push_back(planned);
+  for (std::size_t tick = 0; tick < timeline.ticks.size(); ++tick) {
+    plan.push_back(planner.plan(tick));
   }
   return plan;
 }

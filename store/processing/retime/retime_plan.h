@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "store/processing/retime/frame_interpolation.h"
+#include "store/rotten_frame.h"
 #include "store/timeline.h"
 
 namespace raystage::store {
@@ -16,6 +18,7 @@ struct RetimeOptions {
   /// frame, but not two.
   Nanoseconds max_gap = 0;
   int quality = 95;  ///< JPEG quality of interpolated frames, 1-100
+  RottenFrames rotten_frames = RottenFrames::kAbsent;
   bool is_valid(std::string* reason) const;
 };
 
@@ -35,10 +38,35 @@ struct RetimedFrame {
 /// A frame within this fraction of a tick's period from its tick is kept unchanged.
 inline constexpr double kTickToleranceFraction = 0.005;
 
-/// Returns the frame of camera `camera` at every tick of `timeline`. If interpolation is impossible
-/// (no frame on the tick's other side, or too far away), a frame that the timeline uses stays
-/// unchanged and keeps its own time. `times`: corrected times of the camera's frames in ns, as in
-/// ResyncResult::times; kExcludedTime: not used.
+/// Plans the ticks of one camera. If interpolation is impossible (no frame on the tick's other
+/// side, or too far away), a frame that the timeline uses stays unchanged and keeps its own time.
+class RetimePlanner {
+ public:
+  /// `timeline` and `options` must outlive this object. `times`: corrected times of the camera's
+  /// frames in ns, as in ResyncResult::times; kExcludedTime: not used.
+  RetimePlanner(const Timeline& timeline, std::size_t camera, const std::vector<Nanoseconds>& times,
+                const RetimeOptions& options);
+
+  /// Returns the frame at a tick of the timeline.
+  RetimedFrame plan(std::size_t tick) const;
+  /// Plans without this frame from now on.
+  void exclude(std::int32_t frame);
+  bool is_excluded(std::int32_t frame) const { return excluded_.contains(frame); }
+
+ private:
+  struct Usable {
+    std::int32_t frame;
+    Nanoseconds time;
+  };
+
+  const Timeline& timeline_;
+  std::size_t camera_;
+  const RetimeOptions& options_;
+  std::vector<Usable> usable_;  ///< in order of time
+  std::set<std::int32_t> excluded_;
+};
+
+/// Returns the frame of camera `camera` at every tick of `timeline`, see RetimePlanner.
 std::vector<RetimedFrame> plan_retiming(const Timeline& timeline, std::size_t camera,
                                         const std::vector<Nanoseconds>& times,
                                         const RetimeOptions& options);

@@ -181,39 +181,52 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
     Retimer retimer(from, name, options);
     RetimeReport& report = results[c].report;
     std::int32_t stored = 0;
-    const std::vector<RetimedFrame> plan = plan_retiming(timeline, c, times[c], options);
-    for (std::size_t k = 0; k < plan.size(); ++k) {
+    RetimePlanner planner(timeline, c, times[c], options);
+    const auto sequence = [](std::int32_t i) {
+      return FrameOrigin{kUnknownTime, static_cast<std::uint64_t>(i)};
+    };
+    // Throws RottenFrame before anything is written.
+    const auto write_frame = [&](const RetimedFrame& frame, Nanoseconds tick) {
+      if (frame.kind == Kind::kUnchanged) {
+        to.append(from.jpeg(frame.first), frame.time + later, sequence(frame.first));
+        ++report.unchanged;
+        return;
+      }
+      const auto start = Clock::now();
+      const std::vector<std::byte> jpeg = retimer.make(frame);
+      results[c].moving_ms +=
+          std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+      to.append(jpeg, tick + later, sequence(frame.part <= 0.5 ? frame.first : frame.second));
+      ++report.interpolated;
+    };
+    for (std::size_t k = 0; k < timeline.ticks.size(); ++k) {
       if (stop.stop_requested()) {
         throw Error::failed("retiming was stopped", folder.string(),
                             "Start it again; no files remain");
       }
-      const RetimedFrame& frame = plan[k];
       const Nanoseconds tick = timeline.ticks[k].time_ns;
-      const auto sequence = [&](std::int32_t i) {
-        return FrameOrigin{kUnknownTime, static_cast<std::uint64_t>(i)};
-      };
+      RetimedFrame frame = planner.plan(k);
+      while (frame.kind != Kind::kMissing) {
+        try {
+          write_frame(frame, tick);
+          retimed.ticks[k].frame[c] = stored++;
+          retimed.ticks[k].difference[c] = frame.time - tick;
+          break;
+        } catch (const RottenFrame& rotten) {
+          if (options.rotten_frames == RottenFrames::kError) throw;
+          planner.exclude(rotten.frame());
+          ++report.rotten;
+          frame = planner.plan(k);
+        }
+      }
       if (frame.kind == Kind::kMissing) {
         // Without a record of the loss the frame is only absent in the timeline.
-        if (const auto reason = reasons.near(tick, half)) {
-          to.append_missing(*reason, tick + later, sequence(0));
-        }
+        std::optional<FrameStatus> reason = reasons.near(tick, half);
+        if (planner.is_excluded(timeline.ticks[k].frame[c])) reason = FrameStatus::kTorn;
+        if (reason) to.append_missing(*reason, tick + later, sequence(0));
         ++report.missing;
-      } else {
-        if (frame.kind == Kind::kUnchanged) {
-          to.append(from.jpeg(frame.first), frame.time + later, sequence(frame.first));
-          ++report.unchanged;
-        } else {
-          const auto start = Clock::now();
-          const std::vector<std::byte> jpeg = retimer.make(frame);
-          results[c].moving_ms +=
-              std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-          to.append(jpeg, tick + later, sequence(frame.part <= 0.5 ? frame.first : frame.second));
-          ++report.interpolated;
-        }
-        retimed.ticks[k].frame[c] = stored++;
-        retimed.ticks[k].difference[c] = frame.time - tick;
       }
-      progress(static_cast<double>(++done) / static_cast<double>(cameras * plan.size()));
+      progress(static_cast<double>(++done) / static_cast<double>(cameras * timeline.ticks.size()));
     }
     to.close();
   };
@@ -230,7 +243,12 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
   RetimeReport sum;
   sum.status = RunStatus::kFinished;
   double moving_ms = 0;
-  for (const CameraResult& result : results) {
+  for (std::size_t c = 0; c < cameras; ++c) {
+    const CameraResult& result = results[c];
+    if (result.report.rotten > 0) {
+      sum.rotten_cameras.push_back(take.document().cameras[c].id);
+      sum.rotten += result.report.rotten;
+    }
     sum.interpolated += result.report.interpolated;
     sum.unchanged += result.report.unchanged;
     sum.missing += result.report.missing;

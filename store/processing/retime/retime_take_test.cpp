@@ -62,6 +62,7 @@ struct RetimeTake : ::testing::Test {
       const std::function<void(double)>& progress = [](double) {}) {
     RetimeOptions options;
     options.method = method;
+    options.rotten_frames = rotten_frames;
     options.quality = 97;
     return retime_take(*take, resync.timeline, resync.times, options, folder.path() / name,
                        "test 1", progress, stop.get_token());
@@ -71,6 +72,18 @@ struct RetimeTake : ::testing::Test {
     return testing::psnr(image, board.at(seconds(time)));
   }
 
+  // Damages bytes of a frame within its archive.
+  void damage(int camera, int frame, std::size_t from, std::size_t count) {
+    const std::filesystem::path archive =
+        folder.path() / "take/archive" / ("c" + std::to_string(camera) + ".mkv");
+    std::string bytes = read_file(archive);
+    const FrameRecord record = take->archive(camera).frames()[frame];
+    for (std::size_t i = 0; i < count; ++i) bytes[record.offset + from + i] ^= 4;
+    testing::overwrite(archive, std::as_bytes(std::span(bytes)));
+    take.emplace(folder.path() / "take");
+  }
+
+  RottenFrames rotten_frames = RottenFrames::kAbsent;
   testing::MovingBoard board{.left = 20, .top = 20, .speed_x = 25, .speed_y = 9};
   testing::TestFolder folder;
   std::optional<Take> take;
@@ -223,35 +236,55 @@ TEST_F(RetimeTake, StopLeavesNothing) {
   EXPECT_EQ(entries, 1);
 }
 
-TEST_F(RetimeTake, RefusesDamagedFramesAndNamesThem) {
+TEST_F(RetimeTake, RefusesRottenFramesOnRequestAndNamesThem) {
   write();
-  const std::filesystem::path archive = folder.path() / "take/archive/c0.mkv";
-  std::string bytes = read_file(archive);
-  const auto frame = take->archive(0).frames()[2];
-  for (std::size_t i = 0; i < 200; ++i) bytes[frame.offset + i] = '\0';
-  testing::overwrite(archive, std::as_bytes(std::span(bytes)));
-  take.emplace(folder.path() / "take");
-  try {
-    retime(RetimeMethod::kFlow, "flow");
-    FAIL() << "took a damaged frame";
-  } catch (const Error& error) {
-    EXPECT_NE(std::string(error.what()).find("c0"), std::string::npos) << error.what();
-    EXPECT_NE(std::string(error.what()).find("frame 2"), std::string::npos) << error.what();
+  damage(1, 2, 300, 1);
+  rotten_frames = RottenFrames::kError;
+  for (const auto method : {RetimeMethod::kNearest, RetimeMethod::kBlend, RetimeMethod::kFlow}) {
+    try {
+      retime(method, "new");
+      FAIL() << "took a rotten frame";
+    } catch (const Error& error) {
+      EXPECT_NE(std::string(error.what()).find("camera \"c1\""), std::string::npos) << error.what();
+      EXPECT_NE(std::string(error.what()).find("frame 2"), std::string::npos) << error.what();
+    }
+    EXPECT_FALSE(std::filesystem::exists(folder.path() / "new"));
   }
-  EXPECT_FALSE(std::filesystem::exists(folder.path() / "flow"));
 }
 
-TEST_F(RetimeTake, RefusesAFrameWithOneBitFlipped) {
+// The take without the frame is retimed in the same way.
+TEST_F(RetimeTake, RottenFramesCountAsMissing) {
   write();
-  const std::filesystem::path archive = folder.path() / "take/archive/c1.mkv";
-  std::string bytes = read_file(archive);
-  const FrameRecord frame = take->archive(1).frames()[2];
-  bytes[frame.offset + frame.size * 2 / 3] ^= 4;
-  testing::overwrite(archive, std::as_bytes(std::span(bytes)));
-  take.emplace(folder.path() / "take");
+  damage(1, 2, 300, 1);  // its neighbours are there
+  damage(2, 2, 0, 200);  // the next two are missing
   for (const auto method : {RetimeMethod::kNearest, RetimeMethod::kBlend, RetimeMethod::kFlow}) {
-    EXPECT_THROW(retime(method, "new"), Error);
-    EXPECT_FALSE(std::filesystem::exists(folder.path() / "new"));
+    const std::string name = "new" + std::to_string(static_cast<int>(method));
+    const RetimeReport report = retime(method, name);
+    EXPECT_EQ(report.rotten, 2U);
+    EXPECT_EQ(report.rotten_cameras, (std::vector<std::string>{"c1", "c2"}));
+    EXPECT_EQ(report.unchanged + report.interpolated + report.missing,
+              3 * resync.timeline.ticks.size());
+    const Take retimed(folder.path() / name);
+    const Timeline timeline = read_timeline(retimed);
+    for (std::size_t k = 0; k < timeline.ticks.size(); ++k) {
+      const FrameSelection& before = resync.timeline.ticks[k];
+      const bool is_bridged = method != RetimeMethod::kNearest;
+      if (before.frame[1] == 2) {
+        EXPECT_EQ(timeline.ticks[k].frame[1] >= 0, is_bridged);
+      }
+      if (before.frame[2] == 2) {
+        EXPECT_LT(timeline.ticks[k].frame[2], 0) << "the gap is too long";
+        const auto records = retimed.archive(2).records();
+        EXPECT_TRUE(std::ranges::any_of(records, [&](const FrameRecord& record) {
+          return record.status == FrameStatus::kTorn && record.time_ns == timeline.ticks[k].time_ns;
+        }));
+      }
+    }
+    for (int c = 0; c < 3; ++c) {
+      for (std::size_t i = 0; i < retimed.archive(c).frames().size(); ++i) {
+        EXPECT_TRUE(retimed.archive(c).verify_frame(static_cast<int>(i)));
+      }
+    }
   }
 }
 

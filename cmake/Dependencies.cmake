@@ -33,6 +33,7 @@ pkg_check_modules(LIBDEFLATE REQUIRED IMPORTED_TARGET libdeflate)         # PkgC
 pkg_check_modules(HWY REQUIRED IMPORTED_TARGET libhwy)                     # PkgConfig::HWY
 pkg_check_modules(FFMPEG REQUIRED IMPORTED_TARGET
                   libavformat libavcodec libavutil libswscale)             # PkgConfig::FFMPEG
+find_package(CURL 7.88 REQUIRED COMPONENTS HTTP HTTPS)    # CURL::libcurl
 pkg_check_modules(ARAVIS REQUIRED IMPORTED_TARGET aravis-0.8)               # PkgConfig::ARAVIS
 # Its -pthread means nothing to glibc any more, but a macro apart from what other files are compiled with.
 get_target_property(aravis_options PkgConfig::ARAVIS INTERFACE_COMPILE_OPTIONS)

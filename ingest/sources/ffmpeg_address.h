@@ -25,6 +25,9 @@ struct FfmpegAddress {
   const AVInputFormat* format = nullptr;  ///< null: FFmpeg detects it
   bool may_redirect = false;              ///< to another host
 
+  bool is_http() const {
+    return kind == Kind::kNetwork && (url.starts_with("http://") || url.starts_with("https://"));
+  }
   bool is_live() const { return kind == Kind::kNetwork || kind == Kind::kDevice; }
 };
 

@@ -9,10 +9,6 @@
 #include <string_view>
 #include <utility>
 
-extern "C" {
-#include <libavutil/opt.h>
-}
-
 #include "base/error.h"
 #include "ingest/sources/configuration_error.h"
 #include "ingest/sources/ffmpeg_permissions.h"
@@ -104,16 +100,11 @@ int FfmpegInput::should_interrupt(void* opaque) {
   return self.stopping() || self.is_frame_too_large() ? 1 : 0;
 }
 
-/// Throws Error (bad input) if the data come from another host than the address names.
+/// Throws Error (bad input) if the data come from another host than the address names: FFmpeg
+/// follows redirections of RTSP. HttpReader checks those of http before it follows them.
 void FfmpegInput::check_redirection() const {
   if (address_.kind != FfmpegAddress::Kind::kNetwork || address_.may_redirect) return;
-  std::string location = context_->url == nullptr ? "" : context_->url;
-  std::uint8_t* of_http = nullptr;
-  if (context_->pb != nullptr &&
-      av_opt_get(context_->pb, "location", AV_OPT_SEARCH_CHILDREN, &of_http) >= 0) {
-    location = reinterpret_cast<const char*>(of_http);
-    av_free(of_http);
-  }
+  const std::string location = context_->url == nullptr ? "" : context_->url;
   if (location.empty() || have_same_host(address_.url, location)) return;
   throw Error::bad_input("the camera redirects to another host, " + without_credentials(location),
                          address_.display_url,
@@ -132,14 +123,18 @@ void FfmpegInput::open(FfmpegOptions& options) {
   };
   AVFormatContext* context = check_allocation(avformat_alloc_context());
   context->interrupt_callback = {should_interrupt, this};
-  if (address_.kind == FfmpegAddress::Kind::kPipe) {
-    try {
+  try {
+    if (address_.kind == FfmpegAddress::Kind::kPipe) {
       pipe_ = std::make_unique<PipeReader>(address_.url, [this] { return stopping(); });
-    } catch (...) {
-      avformat_free_context(context);
-      throw;
+      context->pb = pipe_->context();
+    } else if (address_.is_http()) {
+      http_ = std::make_unique<HttpReader>(address_, options,
+                                           [this] { return should_interrupt(this) != 0; });
+      context->pb = http_->context();
     }
-    context->pb = pipe_->context();
+  } catch (...) {
+    avformat_free_context(context);
+    throw;
   }
   // Otherwise V4L2 waits for a camera that hangs, and cannot be interrupted.
   if (is_v4l2(address_.format)) context->flags |= AVFMT_FLAG_NONBLOCK;
@@ -147,6 +142,7 @@ void FfmpegInput::open(FfmpegOptions& options) {
   // Frees the context itself on failure.
   int code = avformat_open_input(&context, url, address_.format, options.get());
   if (code < 0) {
+    if (http_) http_->rethrow_failure();
     const std::string named = options.names();
     const Error error =
         refuse(code, "the source cannot be opened",
@@ -164,6 +160,7 @@ void FfmpegInput::open(FfmpegOptions& options) {
     // Frames read ahead to determine the rate of a live source would arrive late.
     if (address_.kind != FfmpegAddress::Kind::kFile) context->fps_probe_size = 0;
     code = avformat_find_stream_info(context, nullptr);
+    if (code < 0 && http_) http_->rethrow_failure();
     if (code < 0) throw refuse(code, "the source is damaged", "Check its sender");
   }
   stream_ = av_find_best_stream(context, AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);

@@ -15,6 +15,7 @@
 #include "base/time.h"
 #include "ingest/sources/ffmpeg_address.h"
 #include "ingest/sources/ffmpeg_pointers.h"
+#include "ingest/sources/http_reader.h"
 #include "ingest/sources/pipe_reader.h"
 
 namespace raystage::ingest {
@@ -75,7 +76,8 @@ class FfmpegInput {
   FfmpegAddress address_;
   std::atomic<bool> stop_ = false;
   std::atomic<Clock::rep> deadline_{};  ///< of opening
-  std::unique_ptr<PipeReader> pipe_;
+  std::unique_ptr<PipeReader> pipe_;    // both are used by context_
+  std::unique_ptr<HttpReader> http_;
   AvPtr<AVFormatContext> context_;
   static constexpr std::size_t kMaxFrameOfUnknownSize = 64'000'000;
   std::size_t max_frame_bytes_ = kMaxFrameOfUnknownSize;

@@ -40,8 +40,8 @@ constexpr std::array<std::string_view, 7> kFormatsOfReferences{
 
 /// Protocols of cameras, and what each opens.
 constexpr std::array<std::pair<std::string_view, std::string_view>, 18> kNetworkProtocols{{
-    {"http", "http,https,tcp,tls"},
-    {"https", "https,tcp,tls"},
+    {"http", "none"},  // HttpReader reads them, and FFmpeg opens nothing
+    {"https", "none"},
     {"rtsp", "rtp,udp,tcp"},
     {"rtsps", "rtp,udp,tcp,tls"},
     {"rtp", "rtp,udp"},

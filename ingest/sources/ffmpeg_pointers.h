@@ -39,6 +39,11 @@ class FfmpegOptions {
   void set(const std::string& name, const std::string& value) {
     av_dict_set(&options_, name.c_str(), value.c_str(), 0);
   }
+  /// Returns the value of an option, or an empty text.
+  std::string value(const std::string& name) const {
+    const AVDictionaryEntry* entry = av_dict_get(options_, name.c_str(), nullptr, 0);
+    return entry == nullptr ? std::string() : std::string(entry->value);
+  }
   /// Returns the quoted names of the unused options, separated by commas.
   std::string names() const {
     std::string list;

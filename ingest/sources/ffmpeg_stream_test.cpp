@@ -5,16 +5,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
-#include <csignal>
 #include <future>
 
 #include "base/error.h"
 #include "ingest/sources/ffmpeg_source.h"
 #include "testing/ingest/test_pictures.h"
+#include "testing/ingest/test_program.h"
 #include "testing/ingest/test_server.h"
 #include "testing/test_folder.h"
 
@@ -297,36 +296,9 @@ TEST(FfmpegStream, ANamedPipeMayBeOpenedBeforeItsWriter) {
   EXPECT_EQ(source->next(frame, 2000ms), Outcome::kEnded);
 }
 
-/// A program that runs during the test and is killed at its end.
-class Program {
- public:
-  explicit Program(const std::string& command) {
-    child_ = fork();
-    if (child_ == 0) {
-      setpgid(0, 0);  // so that its child processes are killed too
-      execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
-      _exit(127);
-    }
-  }
-  ~Program() { stop(); }
-  Program(const Program&) = delete;
-  Program& operator=(const Program&) = delete;
-  void stop() {
-    if (child_ <= 0) return;
-    setpgid(child_, child_);  // whichever process runs first
-    kill(-child_, SIGKILL);
-    waitpid(child_, nullptr, 0);
-    child_ = -1;
-  }
-
- private:
-  pid_t child_ = -1;
-};
-
 int free_port() {
   const testing::TestServer server([](const testing::TestConnection&) {});
-  const std::string url = server.url("tcp");
-  return std::stoi(url.substr(url.rfind(':') + 1));
+  return server.port();
 }
 
 class Rtsp : public ::testing::TestWithParam<const char*> {};
@@ -335,7 +307,7 @@ TEST_P(Rtsp, FramesComeWithTheSendersStampsUntilItDies) {
   if (std::system("ffmpeg -version > /dev/null 2>&1") != 0) GTEST_SKIP() << "there is no ffmpeg";
   const std::string url = fmt::format("rtsp://127.0.0.1:{}/camera", free_port());
   // The sender retries until the source listens.
-  Program sender(fmt::format(
+  testing::TestProgram sender(fmt::format(
       "for i in 1 2 3 4 5 6 7 8 9; do ffmpeg -v quiet -nostdin -re -f lavfi -i "
       "testsrc=size=320x240:rate=25 -pix_fmt {} -f rtsp -rtsp_transport tcp {}; sleep 0.3; done",
       GetParam(), url));

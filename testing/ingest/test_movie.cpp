@@ -44,7 +44,8 @@ void write_movie(const std::filesystem::path& file, const MovieDescription& movi
   check(avcodec_open2(codec.get(), encoder, nullptr));
 
   AVFormatContext* context = nullptr;
-  check(avformat_alloc_output_context2(&context, nullptr, "matroska", file.c_str()));
+  const char* muxer = file.extension() == ".mov" ? "mov" : "matroska";
+  check(avformat_alloc_output_context2(&context, nullptr, muxer, file.c_str()));
   const std::unique_ptr<AVFormatContext, Freer> format(context);
   AVStream* stream = avformat_new_stream(context, nullptr);
   stream->time_base = codec->time_base;

@@ -10,7 +10,8 @@ extern "C" {
 
 namespace raystage::testing {
 
-/// A movie of one colour with lossless compression (FFV1, 4:4:4) in Matroska.
+/// A movie of one colour with lossless compression (FFV1, 4:4:4) in Matroska, or
+/// in QuickTime if the file is named .mov: its index is at the end.
 struct MovieDescription {
   int width = 0, height = 0;  ///< pixels
   int frames = 1;

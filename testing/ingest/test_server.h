@@ -9,12 +9,14 @@
 
 #include <atomic>
 #include <functional>
+#include <mutex>
 #include <span>
 #include <stdexcept>
 #include <string>
 #include <string_view>
 #include <thread>
 #include <utility>
+#include <vector>
 
 namespace raystage::testing {
 
@@ -49,14 +51,19 @@ class TestConnection {
   int socket_;
 };
 
-/// A server that calls `talk` with its first client, then closes the connection.
+/// A server that calls `talk` with its clients, one after another, then closes each connection. It
+/// listens on one address of loopback only.
 class TestServer {
  public:
-  explicit TestServer(std::function<void(const TestConnection&)> talk) {
+  static constexpr int kEveryClient = 1 << 30;
+
+  explicit TestServer(std::function<void(const TestConnection&)> talk, int clients = 1,
+                      const char* host = "127.0.0.1")
+      : host_(host) {
     listener_ = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
     sockaddr_in address{};
     address.sin_family = AF_INET;
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    inet_pton(AF_INET, host, &address.sin_addr);
     socklen_t size = sizeof(address);
     auto* generic = reinterpret_cast<sockaddr*>(&address);
     if (listener_ < 0 || bind(listener_, generic, size) != 0 || listen(listener_, 4) != 0 ||
@@ -64,31 +71,52 @@ class TestServer {
       throw std::runtime_error("no server on loopback");
     }
     port_ = ntohs(address.sin_port);
-    thread_ = std::thread([this, talk = std::move(talk)] {
-      client_ = accept(listener_, nullptr, nullptr);
-      if (client_ < 0) return;
-      talk(TestConnection(client_));
-      shutdown(client_, SHUT_RDWR);
+    thread_ = std::thread([this, clients, talk = std::move(talk)] {
+      while (connections_ < clients) {
+        const int client = accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
+        if (client < 0) return;
+        ++connections_;
+        if (!keep(client)) return;
+        talk(TestConnection(client));
+        shutdown(client, SHUT_RDWR);
+      }
     });
   }
   ~TestServer() {
     shutdown(listener_, SHUT_RDWR);
-    if (client_ >= 0) shutdown(client_, SHUT_RDWR);
+    {
+      const std::scoped_lock lock(mutex_);
+      ending_ = true;
+      for (const int client : clients_) shutdown(client, SHUT_RDWR);
+    }
     thread_.join();
-    if (client_ >= 0) close(client_);
+    for (const int client : clients_) close(client);
     close(listener_);
   }
   TestServer(const TestServer&) = delete;
   TestServer& operator=(const TestServer&) = delete;
 
   std::string url(std::string_view scheme) const {
-    return std::string(scheme) + "://127.0.0.1:" + std::to_string(port_);
+    return std::string(scheme) + "://" + host_ + ":" + std::to_string(port_);
   }
+  int port() const { return port_; }
+  /// Returns the number of connections made, including those that no one has spoken on.
+  int connections() const { return connections_; }
 
  private:
+  bool keep(int client) {
+    const std::scoped_lock lock(mutex_);
+    clients_.push_back(client);
+    return !ending_;
+  }
+
+  std::string host_;
   int listener_ = -1;
-  std::atomic<int> client_ = -1;
   int port_ = 0;
+  std::mutex mutex_;
+  std::vector<int> clients_;
+  bool ending_ = false;
+  std::atomic<int> connections_ = 0;
   std::thread thread_;
 };
 

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "images/image_reader.h"
 
+#include <OpenImageIO/imageio.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <array>
+#include <cstdint>
 #include <fstream>
 #include <functional>
 #include <iterator>
@@ -62,6 +65,91 @@ TEST_F(ImageReaderTest, ReadsPropertiesAndValues) {
   EXPECT_EQ(reader.read_codes(file).values[17], 17);
   EXPECT_FLOAT_EQ(reader.read_floats(file).values[17], 17.0F / 255);
   EXPECT_EQ(reader.read_rgb(file).values[17], 17);
+}
+
+/// Returns a raw picture of a camera (DNG): little endian TIFF of one strip of 16-bit codes behind
+/// a Bayer pattern.
+std::string raw_picture(std::uint32_t width, std::uint32_t height) {
+  const auto number = [](std::uint64_t value, int bytes) {
+    std::string text;
+    for (int i = 0; i < bytes; ++i) text += static_cast<char>(value >> (8 * i) & 0xff);
+    return text;
+  };
+  std::string matrix, white, strip;
+  for (const std::uint32_t value : {1, 0, 0, 0, 1, 0, 0, 0, 1})
+    matrix += number(value, 4) + number(1, 4);
+  for (int i = 0; i < 3; ++i) white += number(1, 4) + number(1, 4);
+  for (std::uint32_t i = 0; i < width * height; ++i) strip += number(96 + i * 37 % 4000, 2);
+  struct Entry {
+    std::uint32_t tag, type, count;
+    std::string value;
+  };
+  constexpr std::uint32_t kByte = 1, kText = 2, kShort = 3, kLong = 4, kRatio = 5,
+                          kSignedRatio = 10;
+  std::vector<Entry> entries{{254, kLong, 1, number(0, 4)},
+                             {256, kLong, 1, number(width, 4)},
+                             {257, kLong, 1, number(height, 4)},
+                             {258, kShort, 1, number(16, 2)},
+                             {259, kShort, 1, number(1, 2)},
+                             {262, kShort, 1, number(32803, 2)},
+                             {271, kText, 5, std::string("Test", 5)},
+                             {272, kText, 4, std::string("Cam", 4)},
+                             {273, kLong, 1, ""},
+                             {277, kShort, 1, number(1, 2)},
+                             {278, kLong, 1, number(height, 4)},
+                             {279, kLong, 1, number(strip.size(), 4)},
+                             {33421, kShort, 2, number(2, 2) + number(2, 2)},
+                             {33422, kByte, 4, std::string("\0\1\1\2", 4)},
+                             {50706, kByte, 4, std::string("\1\4\0\0", 4)},
+                             {50708, kText, 9, std::string("Test Cam", 9)},
+                             {50717, kLong, 1, number(4095, 4)},
+                             {50721, kSignedRatio, 9, matrix},
+                             {50728, kRatio, 3, white},
+                             {50778, kShort, 1, number(21, 2)}};
+  const std::size_t end_of_entries = 8 + 2 + 12 * entries.size() + 4;
+  std::size_t values = 0;
+  for (const Entry& entry : entries)
+    values += entry.value.size() > 4 ? (entry.value.size() + 1) / 2 * 2 : 0;
+  entries[8].value = number(end_of_entries + values, 4);
+  std::string text = std::string("II*\0", 4) + number(8, 4) + number(entries.size(), 2), behind;
+  for (Entry& entry : entries) {
+    text += number(entry.tag, 2) + number(entry.type, 2) + number(entry.count, 4);
+    if (entry.value.size() > 4) {
+      text += number(end_of_entries + behind.size(), 4);
+      behind += entry.value + std::string(entry.value.size() % 2, '\0');
+    } else {
+      text += entry.value + std::string(4 - entry.value.size(), '\0');
+    }
+  }
+  return text + number(0, 4) + behind + strip;
+}
+
+TEST_F(ImageReaderTest, ReadsEveryFormatInTheConfinedProcess) {
+  const ImageReader reader;
+  OIIO::ImageSpec spec(48, 32, 3, OIIO::TypeDesc::UINT8);
+  const std::vector<std::uint8_t> codes(std::size_t{48} * 32 * 3, 100);
+  int written = 0;
+  for (const char* extension : {"png", "jpg", "tif", "tga", "bmp", "gif", "webp", "heic", "jp2",
+                                "pnm", "sgi", "iff", "rla", "fits", "ico", "dpx", "psd", "dds"}) {
+    SCOPED_TRACE(extension);
+    const auto file = folder_.path() / ("a." + std::string(extension));
+    const auto output = OIIO::ImageOutput::create(file.string());
+    if (!output || !output->open(file.string(), spec)) continue;  // it is only read
+    ASSERT_TRUE(output->write_image(OIIO::TypeDesc::UINT8, codes.data()) && output->close());
+    ++written;
+    try {
+      const store::RgbImage image = reader.read_rgb(file);
+      ASSERT_EQ(image.width, 48);
+      ASSERT_EQ(image.height, 32);
+      EXPECT_NEAR(image.values[3 * (48 * 16 + 24)], 100, 8);
+    } catch (const Error& error) {
+      ADD_FAILURE() << error.what();
+    }
+  }
+  EXPECT_GE(written, 12);
+  const store::RgbImage raw = reader.read_rgb(write("a.dng", raw_picture(64, 48)));
+  EXPECT_EQ(raw.width, 64);
+  EXPECT_GT(*std::ranges::max_element(raw.values), 20);
 }
 
 TEST_F(ImageReaderTest, WhatIsNoImageIsAnErrorThatNamesTheFile) {

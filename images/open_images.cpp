@@ -37,6 +37,12 @@ OIIO::TypeDesc oiio_type(PixelType type) {
   return kTypes.at(static_cast<std::size_t>(type));
 }
 
+/// Returns the channel of alpha, or -1. OpenImageIO's GIF reader states one beyond the last.
+int alpha_channel_of(const OIIO::ImageSpec& spec) {
+  if (spec.alpha_channel < spec.nchannels) return spec.alpha_channel;
+  return spec.channelindex("A");
+}
+
 ImageProperties properties_of(const OIIO::ImageSpec& spec) {
   return {.x = spec.x,
           .y = spec.y,
@@ -49,7 +55,7 @@ ImageProperties properties_of(const OIIO::ImageSpec& spec) {
           .tile_width = spec.tile_width,
           .tile_height = spec.tile_height,
           .channels = spec.nchannels,
-          .alpha_channel = spec.alpha_channel,
+          .alpha_channel = alpha_channel_of(spec),
           .type = type_of(spec)};
 }
 

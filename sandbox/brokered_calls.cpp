@@ -4,6 +4,7 @@
 #include "sandbox/brokered_calls.h"
 
 #include <fcntl.h>
+#include <sched.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -11,6 +12,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <cerrno>
 #include <csignal>
 #include <cstddef>
@@ -143,6 +145,12 @@ void handle_trap(int /*signal*/, siginfo_t* info, void* context) {
 
 int request_descriptor(std::string_view name) {
   if (name.empty() || name.size() > kMaxText) return -1;
+  // One question at a time, so that each thread gets its own answer. No call below is trapped.
+  static std::atomic_flag is_asking;
+  while (is_asking.test_and_set(std::memory_order_acquire)) sched_yield();
+  struct Release {
+    ~Release() { is_asking.clear(std::memory_order_release); }
+  } release;
   std::array<char, kMaxText + 1> message{};
   message[0] = static_cast<char>(Message::kOpen);
   std::memcpy(message.data() + 1, name.data(), name.size());

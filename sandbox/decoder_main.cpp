@@ -2,6 +2,7 @@
 #include "sandbox/decoder_main.h"
 
 #include <fcntl.h>
+#include <sched.h>
 #include <seccomp.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
@@ -34,17 +35,41 @@ constexpr bool kIsInstrumented = true;  // needs terabytes of addresses, and sys
 constexpr bool kIsInstrumented = false;
 #endif
 
-// What memory, files that are open already, and the end of the process need: no network, no other
-// process. Files are opened by the parent, see brokered_calls.h.
-constexpr std::array kPermittedCalls{
-    SCMP_SYS(read),         SCMP_SYS(pread64),        SCMP_SYS(write),        SCMP_SYS(pwrite64),
-    SCMP_SYS(readv),        SCMP_SYS(lseek),          SCMP_SYS(close),        SCMP_SYS(fstat),
-    SCMP_SYS(ftruncate),    SCMP_SYS(sendto),         SCMP_SYS(recvfrom),     SCMP_SYS(recvmsg),
-    SCMP_SYS(munmap),       SCMP_SYS(mremap),         SCMP_SYS(madvise),      SCMP_SYS(brk),
-    SCMP_SYS(futex),        SCMP_SYS(clock_gettime),  SCMP_SYS(gettimeofday), SCMP_SYS(getrandom),
-    SCMP_SYS(rt_sigaction), SCMP_SYS(rt_sigprocmask), SCMP_SYS(rt_sigreturn), SCMP_SYS(getpid),
-    SCMP_SYS(gettid),       SCMP_SYS(getcwd),         SCMP_SYS(sched_yield),  SCMP_SYS(setitimer),
-    SCMP_SYS(exit),         SCMP_SYS(exit_group)};
+// What memory, threads, files that are open already, and the end of the process need: no network,
+// no other process. Files are opened by the parent, see brokered_calls.h.
+constexpr std::array kPermittedCalls{SCMP_SYS(read),
+                                     SCMP_SYS(pread64),
+                                     SCMP_SYS(write),
+                                     SCMP_SYS(pwrite64),
+                                     SCMP_SYS(readv),
+                                     SCMP_SYS(lseek),
+                                     SCMP_SYS(close),
+                                     SCMP_SYS(fstat),
+                                     SCMP_SYS(ftruncate),
+                                     SCMP_SYS(sendto),
+                                     SCMP_SYS(recvfrom),
+                                     SCMP_SYS(recvmsg),
+                                     SCMP_SYS(munmap),
+                                     SCMP_SYS(mremap),
+                                     SCMP_SYS(madvise),
+                                     SCMP_SYS(brk),
+                                     SCMP_SYS(futex),
+                                     SCMP_SYS(clock_gettime),
+                                     SCMP_SYS(gettimeofday),
+                                     SCMP_SYS(getrandom),
+                                     SCMP_SYS(rt_sigaction),
+                                     SCMP_SYS(rt_sigprocmask),
+                                     SCMP_SYS(rt_sigreturn),
+                                     SCMP_SYS(getpid),
+                                     SCMP_SYS(gettid),
+                                     SCMP_SYS(getcwd),
+                                     SCMP_SYS(sched_yield),
+                                     SCMP_SYS(setitimer),
+                                     SCMP_SYS(exit),
+                                     SCMP_SYS(exit_group),
+                                     SCMP_SYS(rseq),
+                                     SCMP_SYS(set_robust_list),
+                                     SCMP_SYS(sched_getaffinity)};
 constexpr std::array kPermittedFcntls{F_GETFL, F_GETFD, F_SETFD};
 
 std::uint64_t number(const char* text) {
@@ -79,6 +104,12 @@ bool filter_system_calls() {
     is_complete = is_complete && seccomp_rule_add(filter, SCMP_ACT_ALLOW, call, 1,
                                                   SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0)) == 0;
   }
+  // Threads of this process (libheif has some). The C library uses clone() where the kernel lacks
+  // clone3(), whose arguments a filter cannot see.
+  is_complete = is_complete &&
+                seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(clone), 1,
+                                 SCMP_A0(SCMP_CMP_MASKED_EQ, CLONE_THREAD, CLONE_THREAD)) == 0 &&
+                seccomp_rule_add(filter, SCMP_ACT_ERRNO(ENOSYS), SCMP_SYS(clone3), 0) == 0;
   for (const int command : kPermittedFcntls) {
     is_complete = is_complete &&
                   seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(fcntl), 1,

@@ -108,6 +108,13 @@ TEST_F(DecoderProcessTest, LibrariesOpenFilesByNameThroughTheParent) {
   EXPECT_FALSE(only_file(file)(file.string()).open());
 }
 
+TEST_F(DecoderProcessTest, ItsThreadsReadFilesByName) {
+  const auto file = folder_.path() / "file";
+  write_text(file, "contents");
+  open_file_ = only_file(file);
+  EXPECT_EQ(run("in threads: " + file.string()), "8 contents|8 contents|8 contents|8 contents");
+}
+
 TEST_F(DecoderProcessTest, AnswersManyRequestsInOneProcessAndOneAfterACrash) {
   DecoderProcess decoder(options_);
   const std::string process = run_in(decoder, "process");

@@ -6,6 +6,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <csignal>
@@ -15,6 +16,7 @@
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <thread>
 #include <vector>
 
 #include "sandbox/decoder_main.h"
@@ -59,6 +61,19 @@ std::string read_by_name(const std::string& name) {
   return std::to_string(std::filesystem::file_size(name)) + " " + text;
 }
 
+/// Reads a file by name in each of four threads.
+std::string read_in_threads(const std::string& name) {
+  std::array<std::string, 4> texts;
+  std::vector<std::thread> threads;
+  for (std::string& text : texts) {
+    threads.emplace_back([&] {
+      for (int i = 0; i < 50; ++i) text = read_by_name(name);
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  return texts[0] + "|" + texts[1] + "|" + texts[2] + "|" + texts[3];
+}
+
 void wait_for_ever() {
   std::atomic<int> never = 0;
   for (;;) never.wait(0);
@@ -68,6 +83,9 @@ std::vector<std::byte> misbehave(std::span<const std::byte> request) {
   const std::string what(reinterpret_cast<const char*>(request.data()), request.size());
   constexpr std::string_view kByName = "by name: ";
   if (what.starts_with(kByName)) return bytes_of(read_by_name(what.substr(kByName.size())));
+  constexpr std::string_view kInThreads = "in threads: ";
+  if (what.starts_with(kInThreads))
+    return bytes_of(read_in_threads(what.substr(kInThreads.size())));
   if (what == "process") return bytes_of(std::to_string(::getpid()));
   if (what == "environment") return bytes_of(environ[0] == nullptr ? "" : environ[0]);
   if (what == "crash") ::raise(SIGSEGV);

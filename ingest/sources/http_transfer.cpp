@@ -11,6 +11,7 @@
 #include <cstring>
 #include <new>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include "base/error.h"
@@ -204,10 +205,18 @@ std::optional<HttpTransfer::Answer> HttpTransfer::start(const HttpUrl& url, bool
         status == 401 || status == 403 ? "Check the user name and password in the address"
                                        : "Check the address");
   }
-  const char* text = error_text_[0] != '\0' ? error_text_.data()
-                                            : curl_easy_strerror(static_cast<CURLcode>(*result_));
-  throw Error::bad_input(fmt::format("the source cannot be opened: {}", text), where_,
+  throw Error::bad_input("the source cannot be opened: " + failure(), where_,
                          "Check the address, and that the camera is switched on");
+}
+
+std::string HttpTransfer::failure() const {
+  long number = 0;
+  curl_easy_getinfo(easy_.get(), CURLINFO_OS_ERRNO, &number);
+  if (*result_ == CURLE_COULDNT_CONNECT && number > 0) {
+    return std::generic_category().message(static_cast<int>(number));
+  }
+  return error_text_[0] != '\0' ? error_text_.data()
+                                : curl_easy_strerror(static_cast<CURLcode>(*result_));
 }
 
 int HttpTransfer::read(std::uint8_t* buffer, int size) {

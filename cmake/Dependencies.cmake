@@ -33,7 +33,6 @@ pkg_check_modules(LIBDEFLATE REQUIRED IMPORTED_TARGET libdeflate)         # PkgC
 pkg_check_modules(HWY REQUIRED IMPORTED_TARGET libhwy)                     # PkgConfig::HWY
 pkg_check_modules(FFMPEG REQUIRED IMPORTED_TARGET
                   libavformat libavcodec libavutil libswscale)             # PkgConfig::FFMPEG
-find_package(CURL 7.88 REQUIRED COMPONENTS HTTP HTTPS)    # CURL::libcurl
 pkg_check_modules(ARAVIS REQUIRED IMPORTED_TARGET aravis-0.8)               # PkgConfig::ARAVIS
 # Its -pthread means nothing to glibc any more, but a macro apart from what other files are compiled with.
 get_target_property(aravis_options PkgConfig::ARAVIS INTERFACE_COMPILE_OPTIONS)
@@ -50,6 +49,7 @@ foreach(module core imgproc video calib3d features2d aruco mcc dnn)   # opencv_c
 endforeach()
 # Loaded at run time only, by the version that its header names.
 pkg_check_modules(AVDEVICE REQUIRED libavdevice)
+find_package(CURL 7.88 REQUIRED COMPONENTS HTTP HTTPS)    # CURL_INCLUDE_DIRS; libcurl.so.4 is loaded, too
 find_package(MPI REQUIRED COMPONENTS C)            # MPI::MPI_C
 find_package(Boost 1.74 REQUIRED)                  # Boost::headers
 if(RAYSTAGE_TESTS)

@@ -24,7 +24,8 @@ constexpr std::size_t kReadAhead = 8;  // packets
 constexpr std::size_t kInUse = 2;      // packets: one of each thread
 // Bytes of FFmpeg's contexts, and of the packets that wait in a network protocol (udp: 5.4 MB).
 constexpr std::size_t kDemuxer = 1 << 20, kNetworkBuffers = 6 << 20;
-constexpr std::size_t kGraphPictures = 4;  // in use by filters, 4 bytes per pixel
+constexpr std::size_t kHttpBuffers = 2 << 20;  // of HttpTransfer, libcurl and TLS
+constexpr std::size_t kGraphPictures = 4;      // in use by filters, 4 bytes per pixel
 constexpr int kFrameTooLarge = FFERRTAG('B', 'I', 'G', ' ');
 
 /// Returns whether an address of a transport without a default port names none.
@@ -215,7 +216,7 @@ std::size_t FfmpegInput::memory_overhead() const {
   std::size_t bytes = (kReadAhead + kInUse) * packet + kDemuxer;
   // The bytes read while probing wait to be read again.
   if (probed_) bytes += static_cast<std::size_t>(context_->probesize);
-  if (address_.kind == Kind::kNetwork) bytes += kNetworkBuffers;
+  if (address_.kind == Kind::kNetwork) bytes += http_ ? kHttpBuffers : kNetworkBuffers;
   // A frame that does not end.
   if (raw == 0 && (address_.kind == Kind::kNetwork || address_.kind == Kind::kPipe)) {
     bytes += max_frame_bytes_;

@@ -46,7 +46,7 @@ AVOption text_option(const char* name, std::size_t offset, const char* standard 
 const AVClass& fields_class() {
   // Cameras answer as they answered to FFmpeg.
   static constexpr const char* kUserAgent = "Lavf/" AV_STRINGIFY(LIBAVFORMAT_VERSION);
-  static const std::array<AVOption, 20> options{
+  static const std::array<AVOption, 21> options{
       text_option("user_agent", offsetof(Fields, user_agent), kUserAgent),
       text_option("headers", offsetof(Fields, headers)),
       text_option("referer", offsetof(Fields, referer)),
@@ -57,6 +57,7 @@ const AVClass& fields_class() {
       text_option("cert_file", offsetof(Fields, cert_file)),
       text_option("key_file", offsetof(Fields, key_file)),
       text_option("mime_type", offsetof(Fields, mime_type)),
+      text_option("location", offsetof(Fields, location)),
       option("timeout", offsetof(Fields, timeout), AV_OPT_TYPE_INT64, 0, -1, kMost),
       option("rw_timeout", offsetof(Fields, rw_timeout), AV_OPT_TYPE_INT64, 0, 0, 9e18),
       option("tls_verify", offsetof(Fields, tls_verify), AV_OPT_TYPE_INT, 0, 0, 1),
@@ -100,8 +101,8 @@ HttpOptions::HttpOptions(FfmpegOptions& options, const std::string& where) {
     const AVDictionaryEntry* entry = nullptr;
     while ((entry = av_dict_get(*options.get(), "", entry, AV_DICT_IGNORE_SUFFIX)) != nullptr) {
       const std::string name = entry->key;
-      const bool known =
-          name != "mime_type" && av_opt_find(&fields_, name.c_str(), nullptr, 0, 0) != nullptr;
+      const bool known = name != "mime_type" && name != "location" &&
+                         av_opt_find(&fields_, name.c_str(), nullptr, 0, 0) != nullptr;
       if (known) {
         const int code = av_opt_set(&fields_, name.c_str(), entry->value, 0);
         if (code >= 0) continue;
@@ -117,7 +118,7 @@ HttpOptions::HttpOptions(FfmpegOptions& options, const std::string& where) {
       }
     }
     for (const AVOption* known = fields_.av_class->option; known->name != nullptr; ++known) {
-      av_dict_set(options.get(), known->name, nullptr, 0);
+      if (known->type != AV_OPT_TYPE_CONST) av_dict_set(options.get(), known->name, nullptr, 0);
     }
   } catch (...) {
     av_opt_free(&fields_);
@@ -127,9 +128,13 @@ HttpOptions::HttpOptions(FfmpegOptions& options, const std::string& where) {
 
 HttpOptions::~HttpOptions() { av_opt_free(&fields_); }
 
-void HttpOptions::set_mime_type(const char* type) {
-  av_freep(&fields_.mime_type);
-  if (type != nullptr) fields_.mime_type = check_allocation(av_strdup(type));
+void HttpOptions::set_answer(const std::string& mime_type, const std::string& location) {
+  const auto replace = [](char*& text, const std::string& by) {
+    av_freep(&text);
+    if (!by.empty()) text = check_allocation(av_strdup(by.c_str()));
+  };
+  replace(fields_.mime_type, mime_type);
+  replace(fields_.location, location);
 }
 
 }  // namespace raystage::ingest

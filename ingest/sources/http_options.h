@@ -31,8 +31,10 @@ class HttpOptions {
     char* ca_file = nullptr;
     char* cert_file = nullptr;
     char* key_file = nullptr;
-    char* mime_type = nullptr;  ///< of the answer: not an option that users set
-    std::int64_t timeout = 0;   ///< microseconds without data; 0: none
+    // Of the answer: for demuxers to read, not for users to set.
+    char* mime_type = nullptr;
+    char* location = nullptr;  ///< URL after redirections
+    std::int64_t timeout = 0;  ///< microseconds without data; 0: none
     std::int64_t rw_timeout = 0;
     int tls_verify = 0;
     int basic_at_once = 0;  ///< send the password before the camera asks for it
@@ -43,8 +45,8 @@ class HttpOptions {
   const Fields& operator*() const { return fields_; }
   const Fields* operator->() const { return &fields_; }
 
-  void set_mime_type(const char* type);
-  /// For FFmpeg: the object with the option "mime_type".
+  void set_answer(const std::string& mime_type, const std::string& location);
+  /// For FFmpeg: the object with the options "mime_type" and "location".
   void* object() { return &fields_; }
 
  private:

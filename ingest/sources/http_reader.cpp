@@ -88,7 +88,7 @@ bool HttpReader::open(std::int64_t from) {
     trusted_ = trusted_ && url_.shares_secrets_with(next);
     url_ = std::move(next);
   }
-  options_.set_mime_type(answer_.mime_type.empty() ? nullptr : answer_.mime_type.c_str());
+  options_.set_answer(answer_.mime_type, url_.text());
   position_ = from;
   is_open_ = true;
   return true;

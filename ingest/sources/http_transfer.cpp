@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ingest/sources/http_transfer.h"
 
-#include <curl/curl.h>
 #include <fmt/format.h>
 #include <strings.h>
 #include <sys/socket.h>
@@ -11,9 +10,11 @@
 #include <cstring>
 #include <new>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include "base/error.h"
+#include "ingest/sources/libcurl.h"
 
 namespace raystage::ingest {
 namespace {
@@ -23,25 +24,18 @@ constexpr long kReceiveBytes = 1 << 18;
 constexpr std::size_t kMaxWaiting = 1 << 18;
 constexpr int kHttpPollMilliseconds = 100;
 
-void start_libcurl() {
-  static const CURLcode code = curl_global_init(CURL_GLOBAL_DEFAULT);
-  if (code != CURLE_OK) {
-    throw Error::failed(fmt::format("libcurl does not start: {}", curl_easy_strerror(code)), "",
-                        "Install the package libcurl4 again");
-  }
-}
-
 bool is_error(int status) { return status >= 400; }
 
 bool is_redirection(int status) { return status >= 300 && status < 400; }
 
 template <typename Value>
 void set(CURL* easy, CURLoption option, Value value) {
-  const CURLcode code = curl_easy_setopt(easy, option, value);
+  const CURLcode code = libcurl().easy_setopt(easy, option, value);
   if (code == CURLE_OUT_OF_MEMORY) throw std::bad_alloc();
   if (code != CURLE_OK) {
-    throw Error::failed(fmt::format("libcurl lacks what is needed: {}", curl_easy_strerror(code)),
-                        "", "Install the package libcurl4 again");
+    throw Error::failed(
+        fmt::format("libcurl lacks what is needed: {}", libcurl().easy_strerror(code)), "",
+        "Install the package libcurl4 again");
   }
 }
 
@@ -79,16 +73,17 @@ void for_each_line(const char* text, Function&& function) {
 
 }  // namespace
 
-void HttpTransfer::EasyDeleter::operator()(void* easy) const { curl_easy_cleanup(easy); }
-void HttpTransfer::MultiDeleter::operator()(void* multi) const { curl_multi_cleanup(multi); }
-void HttpTransfer::ListDeleter::operator()(curl_slist* list) const { curl_slist_free_all(list); }
+void HttpTransfer::EasyDeleter::operator()(void* easy) const { libcurl().easy_cleanup(easy); }
+void HttpTransfer::MultiDeleter::operator()(void* multi) const { libcurl().multi_cleanup(multi); }
+void HttpTransfer::ListDeleter::operator()(curl_slist* list) const {
+  libcurl().slist_free_all(list);
+}
 
 HttpTransfer::HttpTransfer(const HttpOptions& options, std::function<bool()> stop,
                            std::string where)
     : options_(options), stop_(std::move(stop)), where_(std::move(where)) {
-  start_libcurl();
-  multi_.reset(curl_multi_init());
-  easy_.reset(curl_easy_init());
+  multi_.reset(libcurl().multi_init());
+  easy_.reset(libcurl().easy_init());
   if (!multi_ || !easy_) throw std::bad_alloc();
   error_text_.resize(CURL_ERROR_SIZE);
   waiting_.reserve(kMaxWaiting);
@@ -97,13 +92,13 @@ HttpTransfer::HttpTransfer(const HttpOptions& options, std::function<bool()> sto
 HttpTransfer::~HttpTransfer() { detach(); }
 
 void HttpTransfer::detach() {
-  if (attached_) curl_multi_remove_handle(multi_.get(), easy_.get());
+  if (attached_) libcurl().multi_remove_handle(multi_.get(), easy_.get());
   attached_ = false;
 }
 
 void HttpTransfer::configure(const HttpUrl& url, bool trusted, std::int64_t from) {
   CURL* easy = easy_.get();
-  curl_easy_reset(easy);  // keeps cookies and connections
+  libcurl().easy_reset(easy);  // keeps cookies and connections
   set(easy, CURLOPT_CURLU, url.handle());
   set(easy, CURLOPT_PROTOCOLS_STR, "http,https");
   set(easy, CURLOPT_HTTP_VERSION, CURL_HTTP_VERSION_1_1);
@@ -155,7 +150,7 @@ void HttpTransfer::configure(const HttpUrl& url, bool trusted, std::int64_t from
 void HttpTransfer::configure_secrets(const HttpUrl& url) {
   CURL* easy = easy_.get();
   for_each_line(options_->headers, [&](const std::string& line) {
-    curl_slist* longer = curl_slist_append(headers_.get(), line.c_str());
+    curl_slist* longer = libcurl().slist_append(headers_.get(), line.c_str());
     if (longer == nullptr) throw std::bad_alloc();
     if (longer != headers_.get()) {
       static_cast<void>(headers_.release());
@@ -188,7 +183,7 @@ std::optional<HttpTransfer::Answer> HttpTransfer::start(const HttpUrl& url, bool
   target_size_ = target_filled_ = 0;
   error_text_[0] = '\0';
   configure(url, trusted, from);
-  if (curl_multi_add_handle(multi_.get(), easy_.get()) != CURLM_OK) throw std::bad_alloc();
+  if (libcurl().multi_add_handle(multi_.get(), easy_.get()) != CURLM_OK) throw std::bad_alloc();
   attached_ = true;
   while (!answer_ && !refusal_ && !result_) {
     const int code = work();
@@ -197,17 +192,25 @@ std::optional<HttpTransfer::Answer> HttpTransfer::start(const HttpUrl& url, bool
   if (refusal_) std::rethrow_exception(refusal_);
   if (answer_) return answer_;
   long status = 0;
-  curl_easy_getinfo(easy_.get(), CURLINFO_RESPONSE_CODE, &status);
+  libcurl().easy_getinfo(easy_.get(), CURLINFO_RESPONSE_CODE, &status);
   if (*result_ == CURLE_HTTP_RETURNED_ERROR) {
     throw Error::bad_input(
         fmt::format("the source cannot be opened: the server answers {}", status), where_,
         status == 401 || status == 403 ? "Check the user name and password in the address"
                                        : "Check the address");
   }
-  const char* text = error_text_[0] != '\0' ? error_text_.data()
-                                            : curl_easy_strerror(static_cast<CURLcode>(*result_));
-  throw Error::bad_input(fmt::format("the source cannot be opened: {}", text), where_,
+  throw Error::bad_input("the source cannot be opened: " + failure(), where_,
                          "Check the address, and that the camera is switched on");
+}
+
+std::string HttpTransfer::failure() const {
+  long number = 0;
+  libcurl().easy_getinfo(easy_.get(), CURLINFO_OS_ERRNO, &number);
+  if (*result_ == CURLE_COULDNT_CONNECT && number > 0) {
+    return std::generic_category().message(static_cast<int>(number));
+  }
+  return error_text_[0] != '\0' ? error_text_.data()
+                                : libcurl().easy_strerror(static_cast<CURLcode>(*result_));
 }
 
 int HttpTransfer::read(std::uint8_t* buffer, int size) {
@@ -218,7 +221,7 @@ int HttpTransfer::read(std::uint8_t* buffer, int size) {
   int count = take_waiting(buffer, size);
   if (count == 0 && paused_) {
     paused_ = false;
-    curl_easy_pause(easy_.get(), CURLPAUSE_CONT);  // may call on_data()
+    libcurl().easy_pause(easy_.get(), CURLPAUSE_CONT);  // may call on_data()
   }
   int code = 0;
   while (count == 0 && target_filled_ == 0 && code == 0) {
@@ -237,9 +240,9 @@ int HttpTransfer::work() {
   const std::uint64_t before = received_;
   for (;;) {
     int running = 0;
-    if (curl_multi_perform(multi_.get(), &running) != CURLM_OK) return AVERROR(EIO);
+    if (libcurl().multi_perform(multi_.get(), &running) != CURLM_OK) return AVERROR(EIO);
     int left = 0;
-    while (const CURLMsg* message = curl_multi_info_read(multi_.get(), &left)) {
+    while (const CURLMsg* message = libcurl().multi_info_read(multi_.get(), &left)) {
       if (message->msg == CURLMSG_DONE) result_ = message->data.result;
     }
     if (received_ != before || result_) return 0;
@@ -251,7 +254,7 @@ int HttpTransfer::work() {
       if (remaining <= 0) return AVERROR(ETIMEDOUT);
       milliseconds = static_cast<int>(std::min<std::int64_t>(milliseconds, remaining));
     }
-    if (curl_multi_poll(multi_.get(), nullptr, 0, milliseconds, nullptr) != CURLM_OK) {
+    if (libcurl().multi_poll(multi_.get(), nullptr, 0, milliseconds, nullptr) != CURLM_OK) {
       return AVERROR(EIO);
     }
   }
@@ -261,7 +264,7 @@ int HttpTransfer::error_code() const {
   if (*result_ == CURLE_OK) return AVERROR_EOF;
   if (*result_ == CURLE_OPERATION_TIMEDOUT) return AVERROR(ETIMEDOUT);
   long number = 0;
-  curl_easy_getinfo(easy_.get(), CURLINFO_OS_ERRNO, &number);
+  libcurl().easy_getinfo(easy_.get(), CURLINFO_OS_ERRNO, &number);
   const bool by_system = *result_ == CURLE_RECV_ERROR && number > 0;
   return by_system ? AVERROR(static_cast<int>(number)) : AVERROR(EIO);
 }
@@ -318,7 +321,7 @@ std::size_t HttpTransfer::on_header(char* text, std::size_t unit, std::size_t co
 
 std::string HttpTransfer::header(const char* name) const {
   curl_header* found = nullptr;
-  return curl_easy_header(easy_.get(), name, 0, CURLH_HEADER, -1, &found) == CURLHE_OK
+  return libcurl().easy_header(easy_.get(), name, 0, CURLH_HEADER, -1, &found) == CURLHE_OK
              ? std::string(found->value)
              : std::string();
 }
@@ -326,7 +329,7 @@ std::string HttpTransfer::header(const char* name) const {
 /// Reads the headers of an answer, at their end.
 void HttpTransfer::read_answer() {
   long status = 0;
-  curl_easy_getinfo(easy_.get(), CURLINFO_RESPONSE_CODE, &status);
+  libcurl().easy_getinfo(easy_.get(), CURLINFO_RESPONSE_CODE, &status);
   // libcurl answers a demand for a password, and reports other errors.
   if (status < 200 || is_error(static_cast<int>(status))) return;
   Answer answer;
@@ -347,7 +350,7 @@ void HttpTransfer::read_answer() {
        {std::pair{"Content-Encoding", "identity"}, {"Transfer-Encoding", "chunked"}}) {
     curl_header* found = nullptr;
     for (std::size_t i = 0;
-         curl_easy_header(easy_.get(), name, i, CURLH_HEADER, -1, &found) == CURLHE_OK; ++i) {
+         libcurl().easy_header(easy_.get(), name, i, CURLH_HEADER, -1, &found) == CURLHE_OK; ++i) {
       if (strcasecmp(found->value, harmless) == 0 || strcasecmp(found->value, "identity") == 0) {
         continue;
       }

@@ -74,6 +74,7 @@ class HttpTransfer {
   int take_waiting(std::uint8_t* buffer, int size);
   int work();
   int error_code() const;
+  std::string failure() const;
 
   const HttpOptions& options_;
   std::function<bool()> stop_;

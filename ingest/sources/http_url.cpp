@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ingest/sources/http_url.h"
 
-#include <curl/curl.h>
 #include <fmt/format.h>
 
 extern "C" {
@@ -11,6 +10,7 @@ extern "C" {
 #include <new>
 
 #include "base/error.h"
+#include "ingest/sources/libcurl.h"
 
 namespace raystage::ingest {
 namespace {
@@ -39,15 +39,16 @@ std::string decoded(std::string_view text) {
 }
 
 Error not_a_url(CURLUcode code, const std::string& where) {
-  return Error::bad_input(fmt::format("the address is no URL of http: {}", curl_url_strerror(code)),
-                          where, "Correct it, for example http://10.0.0.1/video");
+  return Error::bad_input(
+      fmt::format("the address is no URL of http: {}", libcurl().url_strerror(code)), where,
+      "Correct it, for example http://10.0.0.1/video");
 }
 
 }  // namespace
 
-void HttpUrl::Deleter::operator()(Curl_URL* url) const { curl_url_cleanup(url); }
+void HttpUrl::Deleter::operator()(Curl_URL* url) const { libcurl().url_cleanup(url); }
 
-HttpUrl::HttpUrl(const std::string& url, const std::string& where) : url_(curl_url()) {
+HttpUrl::HttpUrl(const std::string& url, const std::string& where) : url_(libcurl().url()) {
   if (!url_) throw std::bad_alloc();
   // Passwords with '@' that is not encoded are usual, and libcurl refuses them.
   const std::size_t host = url.find("//");
@@ -63,7 +64,7 @@ HttpUrl::HttpUrl(const std::string& url, const std::string& where) : url_(curl_u
       bare.erase(host + 2, at - host - 1);
     }
   }
-  const CURLUcode code = curl_url_set(url_.get(), CURLUPART_URL, bare.c_str(), kTolerant);
+  const CURLUcode code = libcurl().url_set(url_.get(), CURLUPART_URL, bare.c_str(), kTolerant);
   if (code != CURLUE_OK) throw not_a_url(code, where);
   const std::string scheme = part(CURLUPART_SCHEME);
   if (scheme != "http" && scheme != "https") throw not_a_url(CURLUE_UNSUPPORTED_SCHEME, where);
@@ -72,7 +73,7 @@ HttpUrl::HttpUrl(const std::string& url, const std::string& where) : url_(curl_u
 HttpUrl HttpUrl::redirected(const std::string& location, const RedirectLimits& limits,
                             const std::string& where) const {
   HttpUrl target;
-  target.url_.reset(curl_url_dup(url_.get()));
+  target.url_.reset(libcurl().url_dup(url_.get()));
   if (!target.url_) throw std::bad_alloc();
   const auto refused = [&](const std::string& what) {
     return Error::bad_input(what, where,
@@ -80,7 +81,7 @@ HttpUrl HttpUrl::redirected(const std::string& location, const RedirectLimits& l
                             "protocol_whitelist of the source");
   };
   const CURLUcode code =
-      curl_url_set(target.url_.get(), CURLUPART_URL, location.c_str(), kTolerant);
+      libcurl().url_set(target.url_.get(), CURLUPART_URL, location.c_str(), kTolerant);
   const std::string scheme = code == CURLUE_OK ? target.part(CURLUPART_SCHEME) : "";
   // libcurl decodes a host, and reads the URL again after a password was asked for: another host.
   if (target.part(CURLUPART_HOST).find('%') != std::string::npos) {
@@ -89,8 +90,8 @@ HttpUrl HttpUrl::redirected(const std::string& location, const RedirectLimits& l
   if (scheme != "http" && scheme != "https") {
     throw refused("the camera redirects to what is no URL of http");
   }
-  curl_url_set(target.url_.get(), CURLUPART_USER, nullptr, 0);
-  curl_url_set(target.url_.get(), CURLUPART_PASSWORD, nullptr, 0);
+  libcurl().url_set(target.url_.get(), CURLUPART_USER, nullptr, 0);
+  libcurl().url_set(target.url_.get(), CURLUPART_PASSWORD, nullptr, 0);
   if (!has_same_host(target) && !limits.other_hosts) {
     throw refused("the camera redirects to another host, " + target.text());
   }
@@ -110,8 +111,9 @@ HttpUrl HttpUrl::redirected(const std::string& location, const RedirectLimits& l
 std::string HttpUrl::part(int which) const {
   char* text = nullptr;
   const unsigned flags = which == CURLUPART_PORT ? CURLU_DEFAULT_PORT : 0;
-  if (curl_url_get(url_.get(), static_cast<CURLUPart>(which), &text, flags) != CURLUE_OK) return "";
-  const std::unique_ptr<char, decltype(&curl_free)> owner(text, curl_free);
+  if (libcurl().url_get(url_.get(), static_cast<CURLUPart>(which), &text, flags) != CURLUE_OK)
+    return "";
+  const std::unique_ptr<char, decltype(&curl_free)> owner(text, libcurl().free);
   return text;
 }
 

@@ -24,15 +24,17 @@ namespace raystage::testing {
 class TestConnection {
  public:
   explicit TestConnection(int socket) : socket_(socket) {}
-  void send(std::string_view text) const {
+  /// Returns false if the client has closed the connection.
+  bool send(std::string_view text) const {
     while (!text.empty()) {
       const ssize_t sent = ::send(socket_, text.data(), text.size(), MSG_NOSIGNAL);
-      if (sent <= 0) return;
+      if (sent <= 0) return false;
       text.remove_prefix(static_cast<std::size_t>(sent));
     }
+    return true;
   }
-  void send(std::span<const std::byte> bytes) const {
-    send(std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+  bool send(std::span<const std::byte> bytes) const {
+    return send(std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
   }
   /// Reads an HTTP request up to its empty line.
   std::string request() const {

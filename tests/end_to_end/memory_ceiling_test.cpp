@@ -44,7 +44,9 @@ class RecordCeiling : public ::testing::Test {
   }
   CommandResult record(const std::string& options, const std::string& before = "") const {
     return run("cd '" + folder_.path().string() + "' && " + before +
-               "raystage record record.json -o take --status none --threads 1 " + options);
+               "raystage record record.json -o take --status none --threads 1 "
+               "--allow-filters-with-files " +
+               options);
   }
   json session() const {
     return json::parse(testing::read_text(folder_.path() / "take/recording/one.json"))
@@ -88,6 +90,18 @@ TEST_F(RecordCeiling, AlsoIfItComesBackAgainAndAgain) {
   EXPECT_EQ(result.exit_code, 3) << result.err;
   expect_good_cameras_whole(420);
   EXPECT_GT(session().at("cameras")[3].at("events").size(), 3U);
+}
+
+// The frames of the good cameras wait in memory meanwhile.
+TEST_F(RecordCeiling, AlsoIfTheDiskStalls) {
+  configure("reconnect", kGrowing);
+  const CommandResult result =
+      record("--duration 5 --memory-ceiling 420",
+             "export BAD_DISK_FOLDER=\"$PWD/take\" BAD_DISK='STALL 300000 2' && "
+             "LD_PRELOAD='" RAYSTAGE_BAD_DISK "' ");
+  EXPECT_EQ(result.exit_code, 3) << result.err;
+  expect_good_cameras_whole(420);
+  EXPECT_GT(session().at("memory_peak_bytes"), 500'000) << "the disk did not stall";
 }
 
 TEST_F(RecordCeiling, TooLowOnesAreRefusedBeforeAnythingIsWritten) {

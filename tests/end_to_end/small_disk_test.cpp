@@ -132,7 +132,7 @@ TEST_F(SmallDisk, AFullMirrorCostsNoFrameAndIsCompletedFromTheTake) {
   EXPECT_THAT(result.err, HasSubstr("ONLY ONE COPY IS RECORDED, ./take was stopped: "));
   EXPECT_THAT(result.err, HasSubstr("No space left on device"));
   EXPECT_THAT(result.err, HasSubstr("THIS COPY IS INCOMPLETE: ./take"));
-  EXPECT_THAT(testing::read_text(folder() / "status"), HasSubstr(R"("stopped":"writing failed)"));
+  EXPECT_THAT(testing::read_text(folder() / "status"), HasSubstr(R"("stopped":"./take/archive/)"));
   const auto account = session(folder() / "whole/take");
   expect_valid_audit(account, 9);
   EXPECT_TRUE(account.at("copies")[0].at("complete").get<bool>());

@@ -92,13 +92,13 @@ class Merger {
   void combine(Entry& entry, const FrameRecord& record) {
     Entry second = entry_of(other_, record);
     if (is_stored(entry.record) && is_stored(record)) {
-      combine_frames(entry, std::move(second));
+      combine_frames(entry, second);
     } else if (is_stored(record)) {
       const auto expected = lost_hash(base_.saved, entry.record);
       second.is_verified = second.is_verified || expected == record.xxh3;
       if (second.from_copy && !second.is_verified) return;
       take_origin(second.record, entry.record);
-      entry = std::move(second);
+      entry = second;
     } else if (const auto expected = lost_hash(other_.saved, record)) {
       entry.is_verified = entry.is_verified || *expected == entry.record.xxh3;
       take_origin(entry.record, record);
@@ -122,7 +122,7 @@ class Merger {
     const bool take_second = second.is_verified || (!entry.is_verified && entry.from_copy);
     if (!take_second) return;
     take_origin(second.record, entry.record);
-    entry = std::move(second);
+    entry = second;
   }
 
   void add(const FrameRecord& record) { added_.push_back(entry_of(other_, record)); }
@@ -137,9 +137,9 @@ class Merger {
       if (a.record.time_ns != b.record.time_ns) return a.record.time_ns < b.record.time_ns;
       return is_stored(a.record);
     };
-    for (Entry& entry : result_.entries) {
+    for (const Entry& entry : result_.entries) {
       while (added != added_.end() && comes_before(*added, entry)) all.push_back(*added++);
-      all.push_back(std::move(entry));
+      all.push_back(entry);
     }
     all.insert(all.end(), added, added_.end());
     result_.entries = std::move(all);

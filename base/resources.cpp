@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/resources.h"
 
+#include <fcntl.h>
 #include <sched.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -8,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -96,6 +98,41 @@ std::size_t peak_memory() {
   struct rusage usage {};
   if (getrusage(RUSAGE_SELF, &usage) != 0) return 0;
   return static_cast<std::size_t>(usage.ru_maxrss) * 1024;  // Linux counts in KiB
+}
+
+std::size_t peak_resident_memory() {
+  std::ifstream file("/proc/self/status");
+  std::string word;
+  std::size_t kib = 0;
+  while (file >> word && word != "VmHWM:") {
+  }
+  return file >> kib ? kib * 1024 : 0;
+}
+
+std::optional<std::size_t> control_group_memory() {
+  std::optional<std::size_t> limit;
+  for_each_control_group([&](const std::filesystem::path& folder) {
+    for (const char* name : {"memory.max", "memory.high"}) {
+      std::ifstream file(folder / name);
+      std::size_t bytes = 0;  // "max" (no limit) does not parse as a number
+      if (file >> bytes && bytes > 0) limit = std::min(bytes, limit.value_or(bytes));
+    }
+  });
+  return limit;
+}
+
+MemoryUseReader::MemoryUseReader() : file_(open("/proc/self/statm", O_RDONLY | O_CLOEXEC)) {}
+
+std::optional<MemoryUse> MemoryUseReader::read() const {
+  // proc(5): size, resident, shared, text, lib, data, dt; in pages.
+  constexpr std::size_t kFields = 6, kResident = 1, kData = 5;
+  std::array<char, 256> text{};
+  if (!file_.open() || pread(file_.number(), text.data(), text.size() - 1, 0) <= 0) return {};
+  std::array<std::size_t, kFields> pages{};
+  char* at = text.data();
+  for (std::size_t& number : pages) number = std::strtoull(at, &at, 10);
+  const auto page = static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+  return MemoryUse{pages[kResident] * page, pages[kData] * page};
 }
 
 double cpu_seconds() {

@@ -2,6 +2,7 @@
 // raystage record: records the cameras of one ingest node.
 #include <fmt/format.h>
 #include <malloc.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -25,9 +26,9 @@ namespace raystage::cli {
 namespace {
 
 struct Options {
-  std::filesystem::path config, take;
+  std::filesystem::path config, take, mirror;
   std::string node, start_at, status = "auto";
-  double duration = 0, memory_mb = 0;
+  double duration = 0, memory_mb = 0, memory_ceiling_mb = 0;
   int threads = 0;
   bool hold = false, resume = false, allow_filters_with_files = false;
 };
@@ -54,6 +55,16 @@ void declare(CommandLine& command, Options& options) {
               "Memory for all frames of all cameras, MB = 10^6 bytes (default: from the "
               "configuration, else 1024); other memory is reported at the start")
       .range(1.0, 1e8);
+  command
+      .option(
+          "--memory-ceiling MB", options.memory_ceiling_mb,
+          "Memory that the whole process may take, MB = 10^6 bytes: before it is reached frames "
+          "are dropped and recorded as dropped (default: from the configuration, else none); a "
+          "limit of the control group lowers it")
+      .range(1.0, 1e8);
+  command.option("--mirror FOLDER", options.mirror,
+                 "Existing folder, best on another disk, in which a second copy of the take is "
+                 "recorded, FOLDER/TAKE (default: from the configuration, else none)");
   command.flag("--resume", options.resume, "Continue a take after a crash or a stop");
   command
       .option("--status", options.status,
@@ -71,7 +82,8 @@ void declare(CommandLine& command, Options& options) {
   add_threads_option(command, options.threads);
   command.footer(
       "Exit codes: 0 every received frame is stored; 1 failed, or frames are unaccounted for;\n"
-      "2 bad usage or input; 3 frames were dropped, or a camera was lost or sent none (see TAKE).\n"
+      "2 bad usage or input; 3 frames were dropped, or a camera was lost or sent none (see TAKE);\n"
+      "4 every received frame is stored, but only in one of two copies (--mirror).\n"
       "CONFIG names each camera and its source, \"ffmpeg\", \"aravis\" or \"simulated\":\n"
       "  {\"schema\": \"raystage/record/1\", \"name\": \"take one\", \"memory_mb\": 4000,\n"
       "   \"when_full\": \"drop_newest\" (default) or \"drop_oldest\": frame to drop when memory "
@@ -103,6 +115,27 @@ class StatusPrinter {
     }
     std::fflush(stderr);
   }
+  /// Prints an alarm, whatever the style, if a copy of the take was stopped or refuses frames: at
+  /// once, and then from time to time.
+  void alarm(const ingest::RecorderStatus& status) {
+    constexpr double kEvery = 10;  // seconds
+    std::string text;
+    for (const ingest::RecordingCopies::Status& copy : status.copies) {
+      if (!copy.stop_reason.empty()) {
+        text += fmt::format("raystage record: ONLY ONE COPY IS RECORDED, {} was stopped: {}\n",
+                            copy.folder.string(), copy.stop_reason);
+      } else if (!copy.write_error.empty()) {
+        text += fmt::format("raystage record: {} refuses frames, which wait in memory: {}\n",
+                            copy.folder.string(), copy.write_error);
+      }
+    }
+    const bool is_new = text != last_alarm_;
+    last_alarm_ = text;
+    if (text.empty() || (!is_new && status.seconds < next_alarm_)) return;
+    next_alarm_ = status.seconds + kEvery;
+    finish();
+    print_error("{}", text);
+  }
   void finish() {
     if (open_) std::fputc('\n', stderr);
     open_ = false;
@@ -110,26 +143,101 @@ class StatusPrinter {
 
  private:
   bool json_, none_, terminal_, open_ = false;
-  double next_plain_ = 0;
+  double next_plain_ = 0, next_alarm_ = 0;
+  std::string last_alarm_;
 };
 
 Nanoseconds whole_second(Nanoseconds utc) {
   return utc / kNanosecondsPerSecond * kNanosecondsPerSecond;
 }
 
-ingest::RecordingTake open_take(const Options& options, const schemas::RecordConfig& config,
-                                const std::vector<ingest::RecorderCamera>& cameras,
-                                const std::string& node, std::optional<Nanoseconds> start_utc) {
-  if (options.resume) {
-    std::optional<double> duration_s;
-    if (options.duration > 0) duration_s = options.duration;
-    return ingest::resume_take(options.take, cameras, node, start_utc, duration_s);
-  }
-  const Nanoseconds epoch = whole_second(start_utc.value_or(ingest::host_utc_now()));
+/// What a take and its mirror are opened with.
+struct TakeSetup {
+  const Options& options;
+  const schemas::RecordConfig& config;
+  const std::vector<ingest::RecorderCamera>& cameras;
+  const std::string& node;
+  std::optional<Nanoseconds> start_utc;
+  schemas::TakeDocument document;  ///< of a new take
+};
+
+ingest::RecordingTake create_take(const TakeSetup& setup, const std::filesystem::path& folder) {
   return ingest::RecordingTake::create(
-      options.take,
-      ingest::make_take_document(config, cameras, node, epoch, "raystage " RAYSTAGE_VERSION),
-      ingest::make_recording_rig(config, options.config.parent_path(), cameras), node);
+      folder, setup.document,
+      ingest::make_recording_rig(setup.config, setup.options.config.parent_path(), setup.cameras),
+      setup.node);
+}
+
+ingest::RecordingTake resume_take(const TakeSetup& setup, const std::filesystem::path& folder,
+                                  const std::filesystem::path& other) {
+  std::optional<double> duration_s;
+  if (setup.options.duration > 0) duration_s = setup.options.duration;
+  return ingest::resume_take(folder, setup.cameras, setup.node, setup.start_utc, duration_s, other);
+}
+
+bool is_take(const std::filesystem::path& folder) {
+  return !folder.empty() && std::filesystem::exists(folder / "take.json");
+}
+
+/// `mirror`: folder of the mirror; empty: none.
+ingest::RecordingTake open_take(const TakeSetup& setup, const std::filesystem::path& mirror) {
+  const std::filesystem::path& folder = setup.options.take;
+  if (!setup.options.resume) return create_take(setup, folder);
+  return resume_take(setup, folder, is_take(mirror) ? mirror : std::filesystem::path());
+}
+
+/// Returns the folder of the mirror's copy; empty: there is no mirror. Throws Error (bad input) if
+/// the folder for it does not exist: its disk may not be mounted.
+std::filesystem::path mirror_of(const Options& options, const schemas::RecordConfig& config) {
+  namespace fs = std::filesystem;
+  fs::path folder = options.mirror;
+  if (folder.empty() && !config.mirror.empty()) {
+    folder = options.config.parent_path() / config.mirror;
+  }
+  if (folder.empty()) return {};
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) {
+    throw Error::bad_input("the folder for the mirror does not exist", folder.string(),
+                           "Mount its disk, or create the folder")
+        .concerning({"mirror"});
+  }
+  const fs::path take = fs::absolute(options.take).lexically_normal();
+  const fs::path name = take.has_filename() ? take.filename() : take.parent_path().filename();
+  const fs::path parent =
+      take.has_filename() ? take.parent_path() : take.parent_path().parent_path();
+  if (fs::equivalent(folder, parent, error)) {
+    throw Error::bad_input("the mirror would be the take itself", (folder / name).string(),
+                           "Use another folder, best on another disk")
+        .concerning({"mirror"});
+  }
+  struct stat of_mirror {
+  }, of_take{};
+  if (stat(folder.c_str(), &of_mirror) == 0 && stat(parent.c_str(), &of_take) == 0 &&
+      of_mirror.st_dev == of_take.st_dev) {
+    print_error(
+        "raystage record: the mirror is on the same file system as the take: it does not help "
+        "when that disk fails\n");
+  }
+  return folder / name;
+}
+
+/// Opens the mirror's copy. When a take is resumed, the copy that has fewer frames is completed
+/// from the other.
+std::optional<ingest::RecordingTake> open_mirror(const TakeSetup& setup,
+                                                 const std::filesystem::path& folder,
+                                                 ingest::RecordingTake& take) {
+  if (folder.empty()) return std::nullopt;
+  if (!setup.options.resume) return create_take(setup, folder);
+  std::optional<ingest::RecordingTake> mirror =
+      is_take(folder)
+          ? resume_take(setup, folder, take.folder())
+          : ingest::RecordingTake::create(folder, take.document(), take.rig(), setup.node);
+  const std::size_t to_mirror = mirror->complete_from(take), to_take = take.complete_from(*mirror);
+  if (to_mirror + to_take > 0) {
+    print_error("raystage record: {} records were copied to the mirror and {} from it\n", to_mirror,
+                to_take);
+  }
+  return mirror;
 }
 
 /// Returns the rig that states the sizes of the cameras; none if they become what the sources have.
@@ -214,6 +322,12 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
                            : !config.node.empty() ? config.node
                                                   : host_name();
   ingest::RecorderOptions settings = ingest::make_recorder_options(config);
+  if (options.memory_ceiling_mb > 0) config.memory_ceiling_mb = options.memory_ceiling_mb;
+  if (config.memory_ceiling_mb) {
+    constexpr double kBytesPerMb = 1e6;
+    const auto ceiling = static_cast<std::size_t>(*config.memory_ceiling_mb * kBytesPerMb);
+    settings.memory_ceiling = std::min(ceiling, control_group_memory().value_or(ceiling));
+  }
   ingest::check_recording_memory(settings.memory_bytes, available_memory());
   const std::size_t free_before = free_memory();
   settings.threads = thread_count(options.threads);
@@ -222,6 +336,7 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   if (settings.start_utc) check_start(*settings.start_utc, settings.duration_s);
 
   const std::filesystem::path folder = options.config.parent_path();
+  const std::filesystem::path mirror_folder = mirror_of(options, config);
   const auto check_stop = [&] {  // opening takes long
     if (!stop.stop_requested()) return;
     throw Error::failed("stopped before the recording began", options.take.string(),
@@ -245,9 +360,20 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   const auto rate = config.hold ? ingest::measure_data_rate(cameras, settings.jpeg, kMeasure)
                                 : std::optional<double>();
   check_stop();
-  ingest::RecordingTake take = open_take(options, config, cameras, node, settings.start_utc);
+  const Nanoseconds epoch = whole_second(settings.start_utc.value_or(ingest::host_utc_now()));
+  const TakeSetup setup{
+      options,
+      config,
+      cameras,
+      node,
+      settings.start_utc,
+      ingest::make_take_document(config, cameras, node, epoch, "raystage " RAYSTAGE_VERSION)};
+  ingest::RecordingTake take = open_take(setup, mirror_folder);
+  std::optional<ingest::RecordingTake> mirror = open_mirror(setup, mirror_folder, take);
   const ingest::RecordingMemoryPlan plan = ingest::plan_recording_memory(settings, cameras);
-  ingest::Recorder recorder(settings, std::move(cameras), take, "raystage " RAYSTAGE_VERSION);
+  if (settings.memory_ceiling) ingest::check_memory_ceiling(plan, *settings.memory_ceiling);
+  ingest::Recorder recorder(settings, std::move(cameras), take, "raystage " RAYSTAGE_VERSION,
+                            mirror ? &*mirror : nullptr);
   say_what_memory_it_takes(plan, free_before);
   say_when_it_starts(std::max(settings.start_utc.value_or(0), take.document().epoch_utc),
                      settings.start_utc.has_value());
@@ -255,7 +381,11 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   StatusPrinter printer(options.status);
   Progress writing(config.hold && options.status == "auto");
   const schemas::RecordingDocument::Session session = recorder.run(
-      stop, [&](const ingest::RecorderStatus& status) { printer.show(status); },
+      stop,
+      [&](const ingest::RecorderStatus& status) {
+        printer.alarm(status);
+        printer.show(status);
+      },
       [&](double done) {
         printer.finish();
         writing.report(done);
@@ -272,7 +402,10 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
     is_complete = is_complete && camera.arrived > 0 && camera.dropped.empty() &&
                   camera.skipped_by_source == 0 && !lost;
   }
-  return is_complete ? ExitCode::kSuccess : ExitCode::kSomeFramesFailed;
+  if (!is_complete) return ExitCode::kSomeFramesFailed;
+  const bool all_copies =
+      std::ranges::all_of(session.copies, &schemas::RecordingDocument::Copy::complete);
+  return all_copies ? ExitCode::kSuccess : ExitCode::kFellShort;
 }
 
 }  // namespace

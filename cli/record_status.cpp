@@ -89,6 +89,9 @@ std::string status_line(const ingest::RecorderStatus& status) {
                       status.write_bytes_per_s / kMegabyte);
   if (status.seconds_left) text += "  " + format_duration(*status.seconds_left) + " left";
   if (!status.write_error.empty()) text += "  DISK: " + status.write_error;
+  for (const auto& copy : status.copies) {
+    if (!copy.stop_reason.empty()) text += "  STOPPED: " + copy.folder.string();
+  }
   return text;
 }
 
@@ -103,6 +106,12 @@ std::string status_json(const ingest::RecorderStatus& status) {
     json["seconds_left"] = nullptr;
   }
   json["trouble"] = status.write_error;
+  for (const auto& copy : status.copies) {
+    json["copies"].push_back({{"folder", copy.folder.string()},
+                              {"stopped", copy.stop_reason},
+                              {"trouble", copy.write_error},
+                              {"waiting_bytes", copy.waiting}});
+  }
   auto& cameras = json["cameras"] = nlohmann::ordered_json::array();
   for (const auto& camera : status.cameras) {
     cameras.push_back({{"id", camera.id},
@@ -151,6 +160,11 @@ std::string format_session_summary(const schemas::RecordingDocument::Session& se
                     static_cast<double>(late) * 1e-9);
   }
   text += cameras;
+  for (const auto& copy : session.copies) {
+    if (copy.complete) continue;
+    text += fmt::format("THIS COPY IS INCOMPLETE: {}: {}\n", copy.folder, copy.problem);
+    text += "Run `raystage repair` on it with the other copy (--from).\n";
+  }
   if (session.audit) {
     text += session.audit->holds ? "The audit passed.\n" : "THE AUDIT FAILED:\n";
     for (const std::string& complaint : session.audit->problems) {

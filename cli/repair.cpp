@@ -17,7 +17,7 @@ namespace raystage::cli {
 namespace {
 
 struct Options {
-  std::string take;
+  std::string take, copy;
   bool dry_run = false, quiet = false;
   int threads = 0;
 };
@@ -65,6 +65,7 @@ void print_camera(const store::RepairReport::Camera& camera, bool dry_run) {
   const auto count = [](std::int64_t number, std::string_view what) {
     if (number > 0) print("  {}: {}\n", what, number);
   };
+  count(camera.frames_from_copy, "frames taken from the copy");
   count(s.corrected_records, "journal records with one flipped bit, corrected");
   count(s.reindexed_frames - s.unverified_frames, "frames added to the journal again, verified");
   count(s.unverified_frames, "frames added to the journal again, unverified");
@@ -74,11 +75,20 @@ void print_camera(const store::RepairReport::Camera& camera, bool dry_run) {
   for (const std::string& name : camera.kept) print("  the original is kept as {}\n", name);
 }
 
+void print_file(const store::RepairReport::RestoredFile& file, bool dry_run) {
+  if (!file.error.empty()) {
+    print("{}: cannot be taken from the copy: {}\n", file.path, file.error);
+  } else {
+    print("{}: {} from the copy\n", file.path, dry_run ? "would be taken" : "taken");
+  }
+}
+
 ExitCode repair(const Options& options, const std::stop_token& stop) {
   const ThreadLimit threads(options.threads);
   Progress progress(!options.quiet);
   store::RepairOptions how;
   how.dry_run = options.dry_run;
+  if (!options.copy.empty()) how.copy = options.copy;
   how.progress = [&](double share) { progress.report(share); };
   how.stop = stop;
   const store::RepairReport report = store::repair_take(options.take, how);
@@ -87,6 +97,7 @@ ExitCode repair(const Options& options, const std::stop_token& stop) {
     intact += camera.was_intact ? 1 : 0;
     if (!camera.was_intact && !camera.id.empty()) print_camera(camera, options.dry_run);
   }
+  for (const auto& file : report.files) print_file(file, options.dry_run);
   print("{} of {} cameras were intact and are unchanged\n", intact, report.cameras.size());
   if (!report.renamed_timeline.empty()) {
     print("The timeline no longer matches and was renamed to {}: run `raystage sync`\n",
@@ -105,7 +116,8 @@ int main(int argc, char** argv) {
   CommandLine command(
       "Completes an interrupted recording; rewrites damaged archives and journals from their\n"
       "undamaged frames and reports the lost ones. If anything was lost, the originals are\n"
-      "kept next to the new files as CAMERA.mkv.damaged and CAMERA.journal.damaged. Exit code 0:\n"
+      "kept next to the new files as CAMERA.mkv.damaged and CAMERA.journal.damaged. With --from,\n"
+      "damaged and missing frames and files are taken from another copy of the take. Exit code 0:\n"
       "intact, nothing was lost; 3: intact again, but something was lost; 1: something could not\n"
       "be repaired; 2: no take.",
       "raystage repair");
@@ -114,6 +126,9 @@ int main(int argc, char** argv) {
   command.flag(
       "-n,--dry-run", options.dry_run,
       "Report what would be done, with the same exit code, and write nothing (default: off)");
+  command.option("--from COPY", options.copy,
+                 "Folder of another copy of this take, as a mirror is, which is only read; each "
+                 "frame taken from it is checked first (default: none)");
   add_threads_option(command, options.threads);
   command.flag("-q,--quiet", options.quiet, "No progress on stderr (default: off)");
   return parse_and_run(command, argc, argv, "repair",

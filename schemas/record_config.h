@@ -62,10 +62,12 @@ struct RecordConfig {
   std::string name;
   std::string node;        ///< name of this ingest node; empty: the host name
   std::string rig;         ///< path of rig.json, relative to this file; empty: uncalibrated
+  std::string mirror;      ///< folder for a second copy, relative to this file; empty: none
   double nominal_fps = 0;  ///< 0: as the sources report
   std::string color_space = "srgb_texture";
-  double memory_mb = 1024;  ///< for all frames of all cameras, 10^6 bytes
-  bool hold = false;        ///< keep everything in memory until the end
+  double memory_mb = 1024;                       ///< for all frames of all cameras, 10^6 bytes
+  std::optional<double> memory_ceiling_mb = {};  ///< of the whole process, 10^6 bytes
+  bool hold = false;                             ///< keep everything in memory until the end
   OverflowPolicy when_full = OverflowPolicy::kDropNewest;
   LostSourcePolicy when_lost = LostSourcePolicy::kContinue;
   double lost_after_seconds = 5;  ///< time without a frame after which a source is lost

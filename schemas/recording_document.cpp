@@ -10,6 +10,7 @@ namespace {
 using RecordedCamera = RecordingDocument::Camera;
 using RecordedClock = RecordingDocument::Clock;
 using Audit = RecordingDocument::AuditResult;
+using Copy = RecordingDocument::Copy;
 using Event = RecordingDocument::Event;
 using Session = RecordingDocument::Session;
 
@@ -32,6 +33,9 @@ constexpr Fields kClock(required("source", &RecordedClock::source),
 
 constexpr Fields kAudit(required("passed", &Audit::holds), required("problems", &Audit::problems));
 
+constexpr Fields kCopy(required("folder", &Copy::folder), required("complete", &Copy::complete),
+                       optional("problem", &Copy::problem));
+
 constexpr Fields kSession(required("program", &Session::program),
                           required("started_utc", &Session::started_utc, kUtc),
                           optional("start_at_utc", &Session::start_at_utc, kUtc),
@@ -39,10 +43,13 @@ constexpr Fields kSession(required("program", &Session::program),
                           optional("stop_reason", &Session::stop_reason),
                           required("memory_bytes", &Session::memory_bytes),
                           defaulted("memory_peak_bytes", &Session::memory_peak_bytes),
+                          optional("memory_ceiling_bytes", &Session::memory_ceiling_bytes),
+                          optional("process_peak_bytes", &Session::process_peak_bytes),
                           required("buffered_in_memory", &Session::held),
                           required("clock", &Session::clock, kClock),
                           required("cameras", &Session::cameras, list_with_ids(kRecordedCamera)),
-                          optional("audit", &Session::audit, kAudit));
+                          optional("audit", &Session::audit, kAudit),
+                          defaulted("copies", &Session::copies, list_of(kCopy)));
 
 constexpr Fields kRecording(required("node", &RecordingDocument::node),
                             required("sessions", &RecordingDocument::sessions, list_of(kSession)));

@@ -43,6 +43,12 @@ struct RecordingDocument {
     bool holds = false;
     std::vector<std::string> problems;
   };
+  /// A folder that the session was written to, if there was a mirror.
+  struct Copy {
+    std::string folder;
+    bool complete = false;  ///< whether it has every record of the session
+    std::string problem;    ///< why it was stopped; empty if it was not
+  };
   /// One run of `raystage record`.
   struct Session {
     std::string program;
@@ -51,10 +57,13 @@ struct RecordingDocument {
     std::optional<Nanoseconds> stopped_utc;   ///< absent: running, or killed
     std::string stop_reason;
     std::uint64_t memory_bytes = 0, memory_peak_bytes = 0;
+    std::optional<std::uint64_t> memory_ceiling_bytes;  ///< of the whole process; absent: none
+    std::optional<std::uint64_t> process_peak_bytes;    ///< resident, with libraries
     bool held = false;  ///< whether frames stayed in memory until the end
     Clock clock;
     std::vector<Camera> cameras;
     std::optional<AuditResult> audit;  ///< with stopped_utc
+    std::vector<Copy> copies;          ///< with stopped_utc: the take and its mirror; empty: none
 
     /// Returns the delay after start_at_utc, or 0. Frames of that time are missing on this node,
     /// but other nodes may have them.

@@ -23,16 +23,17 @@ namespace raystage::store {
 /// State of one frame of a camera. The numbers are stored on disk: only append new ones.
 enum class FrameStatus : std::uint8_t {
   kStored = 0,
-  kDroppedBySource = 1,  ///< the camera or its driver skipped it (a gap in its counter)
-  kDroppedRamFull = 2,   ///< arrived, but the memory for frames was full
-  kDroppedEncoder = 3,   ///< arrived, could not be encoded
-  kTorn = 4,             ///< arrived incomplete
-  kStartUp = 5,          ///< lost while the camera started
-  kDroppedDiskFull = 6,  ///< arrived, could not be written
-  kDroppedLate = 7,      ///< arrived after a later frame
-  kUnreadable = 8        ///< arrived, but is no JPEG or one of another size
+  kDroppedBySource = 1,      ///< the camera or its driver skipped it (a gap in its counter)
+  kDroppedRamFull = 2,       ///< arrived, but the memory for frames was full
+  kDroppedEncoder = 3,       ///< arrived, could not be encoded
+  kTorn = 4,                 ///< arrived incomplete
+  kStartUp = 5,              ///< lost while the camera started
+  kDroppedDiskFull = 6,      ///< arrived, could not be written
+  kDroppedLate = 7,          ///< arrived after a later frame
+  kUnreadable = 8,           ///< arrived, but is no JPEG or one of another size
+  kDroppedMemoryCeiling = 9  ///< arrived, but the process could have no more memory
 };
-inline constexpr std::size_t kFrameStatusCount = 9;
+inline constexpr std::size_t kFrameStatusCount = 10;
 const char* name_of(FrameStatus status);
 
 /// Marks a time that was not recorded.

@@ -25,6 +25,8 @@ const char* name_of(FrameStatus status) {
       return "dropped, arrived out of order";
     case FrameStatus::kUnreadable:
       return "no JPEG or of another size";
+    case FrameStatus::kDroppedMemoryCeiling:
+      return "dropped, memory ceiling";
   }
   return "unknown";
 }

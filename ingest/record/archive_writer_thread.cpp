@@ -7,6 +7,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <exception>
+#include <new>
 #include <utility>
 
 namespace raystage::ingest {
@@ -29,7 +30,11 @@ std::string exception_message(const std::function<void()>& attempt) {
   try {
     attempt();
   } catch (const std::exception& error) {
-    return error.what();
+    try {
+      return error.what();
+    } catch (const std::bad_alloc&) {
+      return "no memory";  // short enough to need none
+    }
   }
   return {};
 }
@@ -50,7 +55,7 @@ ArchiveWriterThread::ArchiveWriterThread(std::vector<Camera> cameras, Options op
 ArchiveWriterThread::~ArchiveWriterThread() = default;
 
 void ArchiveWriterThread::write_loop(const std::stop_token& stop) {
-  while (!stop.stop_requested()) {
+  while (!stop.stop_requested() && !stopped_) {
     if (write_pending() != WriteResult::kSome) wait_before_next_pass(stop);
   }
 }
@@ -69,7 +74,7 @@ void ArchiveWriterThread::flush_loop(const std::stop_token& stop) {
   const auto interval = std::chrono::duration<double>(options_.flush_interval_s);
   std::unique_lock lock(mutex);
   while (!never.wait_for(lock, stop, interval, [] { return false; }) && !stop.stop_requested()) {
-    for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    for (std::size_t i = 0; i < cameras_.size() && !stopped_; ++i) {
       const std::string failure = exception_message([&] { cameras_[i].archive.flush(); });
       if (failure.empty()) continue;
       set_write_error(i, failure);
@@ -102,14 +107,14 @@ ArchiveWriterThread::BatchResult ArchiveWriterThread::write_batch(std::size_t ca
   FrameQueue& queue = cameras_[camera].queue;
   std::vector<FrameQueue::Frame> frames;
   const std::string write_error =
-      exception_message([&] { frames = queue.start_writing(kBatchFrames); });
+      exception_message([&] { frames = queue.start_writing(kBatchFrames, options_.writer); });
   if (!write_error.empty()) {
     set_write_error(camera, write_error);
     return {0, true};
   }
   if (frames.empty()) return {};
   const std::size_t written = write(camera, frames);
-  queue.finish_writing(written);
+  queue.finish_writing(written, options_.writer);
   return {written, written < frames.size()};
 }
 
@@ -162,11 +167,15 @@ std::string ArchiveWriterThread::flush_error() const {
 
 std::size_t ArchiveWriterThread::waiting() const {
   std::size_t sum = 0;
-  for (const Camera& camera : cameras_) sum += camera.queue.size();
+  for (const Camera& camera : cameras_) sum += camera.queue.size(options_.writer);
   return sum;
 }
 
 void ArchiveWriterThread::drain(const std::function<void(double)>& progress) {
+  if (!write_remaining(progress)) drop_remaining();
+}
+
+bool ArchiveWriterThread::write_remaining(const std::function<void(double)>& progress) {
   writer_ = {};  // joins: from here on the calling thread writes
   flusher_ = {};
   const std::size_t all = waiting();
@@ -174,13 +183,16 @@ void ArchiveWriterThread::drain(const std::function<void(double)>& progress) {
   while (const std::size_t left = waiting()) {
     if (progress) progress(1 - static_cast<double>(left) / static_cast<double>(all));
     if (write_pending() != WriteResult::kNothing) continue;
-    if (drain_timed_out()) {
-      drop_remaining();
-      break;
-    }
+    if (drain_timed_out()) return false;
     std::this_thread::sleep_for(kDrainPollInterval);
   }
   if (progress) progress(1);
+  return true;
+}
+
+void ArchiveWriterThread::stop() {
+  stopped_ = true;
+  for (const Camera& camera : cameras_) camera.queue.stop_writer(options_.writer);
 }
 
 /// Returns true if all cameras that still have frames timed out. While one of them can still write,
@@ -188,7 +200,7 @@ void ArchiveWriterThread::drain(const std::function<void(double)>& progress) {
 bool ArchiveWriterThread::drain_timed_out() const {
   const auto drain_timeout_s = std::chrono::duration<double>(options_.drain_timeout_s);
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
-    if (cameras_[i].queue.empty()) continue;
+    if (cameras_[i].queue.empty(options_.writer)) continue;
     if (Clock::now() - retry_states_[i].last_write <= drain_timeout_s) return false;
   }
   return true;
@@ -206,7 +218,8 @@ void ArchiveWriterThread::drop_remaining() {
   };
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     FrameQueue& queue = cameras_[i].queue;
-    for (auto front = queue.start_writing(1); !front.empty(); front = queue.start_writing(1)) {
+    const auto next = [&] { return queue.start_writing(1, options_.writer); };
+    for (auto front = next(); !front.empty(); front = next()) {
       const bool picture = front[0]->has_image();
       if (!picture || !reserve_is_whole || !append(i, front)) {
         if (picture) {
@@ -215,7 +228,7 @@ void ArchiveWriterThread::drop_remaining() {
         }
         if (!append_record(i, front)) ++cameras_[i].counters.unrecorded;
       }
-      queue.finish_writing(1);
+      queue.finish_writing(1, options_.writer);
     }
   }
 }

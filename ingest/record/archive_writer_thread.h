@@ -31,7 +31,8 @@ class ArchiveWriterThread {
     CameraCounters& counters;
   };
   struct Options {
-    bool hold = false;  ///< write nothing before drain()
+    bool hold = false;       ///< write nothing before drain()
+    std::size_t writer = 0;  ///< which writer of the queues this is
     /// Frees disk space for the last records if the disk is still full at the end.
     std::function<void()> release_reserved_space = [] {};
     /// How long drain() retries a camera whose archive refuses frames, in seconds.
@@ -50,6 +51,12 @@ class ArchiveWriterThread {
   /// Writes all remaining frames; capture and encoders must have finished. `progress` receives the
   /// fraction done, in [0, 1].
   void drain(const std::function<void(double)>& progress);
+  /// The same in two steps. Returns false if frames remain that the disk refuses.
+  bool write_remaining(const std::function<void(double)>& progress);
+  /// Turns the remaining frames into records of dropped frames. No other writer may use the queues.
+  void drop_remaining();
+  /// Writes no more frames, and lets the queues keep none for this writer. Thread-safe.
+  void stop();
 
   /// Returns the number of records of a status that are written to a camera's archive.
   std::uint64_t written(std::size_t camera, store::FrameStatus status) const;
@@ -82,13 +89,13 @@ class ArchiveWriterThread {
   void set_write_error(std::size_t camera, std::string text);
   std::size_t waiting() const;
   bool drain_timed_out() const;
-  void drop_remaining();
 
   const std::vector<Camera> cameras_;
   const Options options_;
   std::vector<WrittenCounts> written_counts_;
   std::vector<RetryState> retry_states_;  // used by the writer thread, later by drain()
   std::atomic<std::uint64_t> bytes_written_ = 0;
+  std::atomic<bool> stopped_ = false;
   mutable std::mutex write_error_mutex_;
   std::vector<std::string> write_errors_;  // by camera; empty: none
   std::string flush_failure_;

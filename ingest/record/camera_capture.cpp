@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include <new>
 #include <thread>
 #include <utility>
 
@@ -19,6 +20,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr auto kSourceTimeout = 100ms;  // also the longest delay of a stop
 constexpr auto kMemoryPollInterval = 2ms;
+constexpr auto kRecordTimeout = 2s;
 
 double seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
 
@@ -73,7 +75,7 @@ void CameraCapture::run(const std::stop_token& stop) {
   };
   while (!stop.stop_requested()) {
     SourceFrame frame;
-    switch (source_->next(frame, kSourceTimeout)) {
+    switch (next_frame(frame)) {
       case FrameSource::Outcome::kFrame:
         if (silent) {
           pipeline_.counters.add_event(fmt::format("frames arrive again after {:.1f} s",
@@ -176,7 +178,18 @@ void CameraCapture::replace_source(std::unique_ptr<FrameSource> source) {
   // The old source is closed here, outside of the lock, because that may take long.
 }
 
+FrameSource::Outcome CameraCapture::next_frame(SourceFrame& frame) {
+  try {
+    return source_->next(frame, kSourceTimeout);
+  } catch (const std::bad_alloc&) {  // the frame is still to come
+    frame = {};
+    std::this_thread::sleep_for(kMemoryPollInterval);
+    return FrameSource::Outcome::kNoData;
+  }
+}
+
 store::FrameStatus CameraCapture::check(const SourceFrame& frame) {
+  if (frame.no_memory) return store::FrameStatus::kDroppedMemoryCeiling;
   if (frame.torn) return store::FrameStatus::kTorn;
   store::FrameStatus status = store::FrameStatus::kStored;
   if (!frame.jpeg.empty()) {
@@ -194,6 +207,8 @@ store::FrameStatus CameraCapture::check(const SourceFrame& frame) {
 
 MemoryBudget::Reservation CameraCapture::reserve_memory(std::size_t bytes) {
   MemoryBudget::Reservation reservation = pipeline_.memory.try_reserve(bytes);
+  if (!reservation && pipeline_.free_memory && pipeline_.free_memory())
+    reservation = pipeline_.memory.try_reserve(bytes);
   if (!reservation && options_.wait_for_memory > 0ms && memory_was_freed_)
     reservation = wait_for_memory(bytes);
   memory_was_freed_ = memory_was_freed_ || reservation;
@@ -236,19 +251,35 @@ void CameraCapture::take(SourceFrame frame) {
   if (const store::FrameStatus status = check(frame); status != store::FrameStatus::kStored)
     return drop(status);
 
-  const bool raw = frame.jpeg.empty();
-  auto reservation = reserve_memory(kMissingRecordBytes +
-                                    (raw ? frame.raw.bytes_in_memory() : frame.jpeg.capacity()));
+  if (!pipeline_.memory.is_open()) return drop(store::FrameStatus::kDroppedMemoryCeiling);
+  auto reservation =
+      reserve_memory(kMissingRecordBytes +
+                     (frame.jpeg.empty() ? frame.raw.bytes_in_memory() : frame.jpeg.capacity()));
   if (!reservation) return drop(store::FrameStatus::kDroppedRamFull);
-  auto queued = std::make_shared<QueuedFrame>();
-  queued->stage = raw ? QueuedFrame::Stage::kToEncode : QueuedFrame::Stage::kReady;
-  queued->time_ns = stamp.time_ns;
-  queued->origin = origin;
-  queued->raw = std::move(frame.raw);
-  queued->jpeg = std::move(frame.jpeg);
-  queued->memory = std::move(reservation);
-  pipeline_.queue.push(std::move(queued));
+  if (push(frame, stamp, std::move(reservation))) return;
+  frame = {};  // the record of it needs memory
+  drop(store::FrameStatus::kDroppedMemoryCeiling);
+}
+
+/// Puts a frame into the queue. Returns false if there is no memory for that.
+bool CameraCapture::push(SourceFrame& frame, const FrameTimestamper::Stamp& stamp,
+                         MemoryBudget::Reservation reservation) {
+  const bool raw = frame.jpeg.empty();
+  const store::FrameOrigin origin{stamp.arrival_ns, stamp.sequence};
+  try {
+    auto queued = std::make_shared<QueuedFrame>();
+    queued->stage = raw ? QueuedFrame::Stage::kToEncode : QueuedFrame::Stage::kReady;
+    queued->time_ns = stamp.time_ns;
+    queued->origin = origin;
+    queued->raw = std::move(frame.raw);
+    queued->jpeg = std::move(frame.jpeg);
+    queued->memory = std::move(reservation);
+    pipeline_.queue.push(std::move(queued));
+  } catch (const std::bad_alloc&) {
+    return false;
+  }
   if (raw) pipeline_.encoders.encode_next(pipeline_.queue);
+  return true;
 }
 
 void CameraCapture::push_missing_record(store::FrameStatus status, Nanoseconds time,
@@ -266,12 +297,27 @@ void CameraCapture::push_missing_record(store::FrameStatus status, Nanoseconds t
     ++pipeline_.counters.unrecorded;
     return;
   }
-  auto record = std::make_shared<QueuedFrame>();
-  record->status = status;
-  record->time_ns = time;
-  record->origin = origin;
-  record->memory = std::move(reservation);
-  pipeline_.queue.push(std::move(record));
+  // At the memory ceiling a record waits for memory: few bytes, which frames that are written free.
+  for (const auto deadline = Clock::now() + kRecordTimeout;;) {
+    try {
+      auto record = std::make_shared<QueuedFrame>();
+      record->status = status;
+      record->time_ns = time;
+      record->origin = origin;
+      std::swap(record->memory, reservation);
+      try {
+        pipeline_.queue.push(record);
+      } catch (const std::bad_alloc&) {
+        std::swap(record->memory, reservation);
+        throw;
+      }
+      return;
+    } catch (const std::bad_alloc&) {
+      if (Clock::now() > deadline) break;
+    }
+    std::this_thread::sleep_for(kMemoryPollInterval);
+  }
+  ++pipeline_.counters.unrecorded;
 }
 
 }  // namespace raystage::ingest

@@ -82,6 +82,8 @@ class CameraCapture {
     EncoderPool& encoders;
     CameraCounters& counters;
     std::function<void()> stop_recording;  ///< for LostSourcePolicy::kStop
+    /// Called if the memory is full; returns whether it freed some. Null: nothing can be done.
+    std::function<bool()> free_memory = {};
   };
   using Open = std::function<std::unique_ptr<FrameSource>()>;
 
@@ -101,6 +103,9 @@ class CameraCapture {
   bool has_size_of_archive(const SourceDescription& source);
   void pause(const std::stop_token& stop, std::chrono::milliseconds time);
   void replace_source(std::unique_ptr<FrameSource> source);
+  FrameSource::Outcome next_frame(SourceFrame& frame);
+  bool push(SourceFrame& frame, const FrameTimestamper::Stamp& stamp,
+            MemoryBudget::Reservation reservation);
   store::FrameStatus check(const SourceFrame& frame);
   MemoryBudget::Reservation reserve_memory(std::size_t bytes);
   MemoryBudget::Reservation wait_for_memory(std::size_t bytes);

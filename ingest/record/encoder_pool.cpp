@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ingest/record/encoder_pool.h"
 
+#include <new>
 #include <utility>
 
 namespace raystage::ingest {
@@ -19,11 +20,15 @@ void EncoderPool::encode_next(FrameQueue& queue) {
   // Otherwise tasks for dropped frames would accumulate when encoding is too slow.
   if (!queue.needs_encoder()) return;
   tasks_submitted_.fetch_add(1, std::memory_order_release);
-  arena_.enqueue(group_.defer([this, &queue] {
-    tasks_submitted_.load(std::memory_order_acquire);
-    encode_from(queue);
-    tasks_completed_.fetch_add(1, std::memory_order_release);
-  }));
+  try {
+    arena_.enqueue(group_.defer([this, &queue] {
+      tasks_submitted_.load(std::memory_order_acquire);
+      encode_from(queue);
+      tasks_completed_.fetch_add(1, std::memory_order_release);
+    }));
+  } catch (const std::bad_alloc&) {
+    encode_from(queue);  // here: a frame that nobody encodes would hold up all after it
+  }
 }
 
 void EncoderPool::wait() {
@@ -47,16 +52,20 @@ void EncoderPool::encode_from(FrameQueue& queue) {
   const FrameQueue::Frame frame = queue.start_encoding();
   if (!frame) return;  // dropped meanwhile
   std::optional<std::vector<std::byte>> result;
+  auto failure = store::FrameStatus::kDroppedEncoder;
   // No exception may leave a TBB task: after any failure the frame is recorded as missing.
   try {
     auto encoder = acquire_encoder();
     encoder->encode(frame->raw, result.emplace());
     const std::scoped_lock lock(mutex_);
     idle_.push_back(std::move(encoder));
+  } catch (const std::bad_alloc&) {
+    result.reset();
+    failure = store::FrameStatus::kDroppedMemoryCeiling;
   } catch (const std::exception&) {
     result.reset();
   }
-  queue.finish_encoding(frame, std::move(result));
+  queue.finish_encoding(frame, std::move(result), failure);
 }
 
 }  // namespace raystage::ingest

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cassert>
 #include <iterator>
+#include <new>
 #include <utility>
 
 namespace raystage::ingest {
@@ -16,14 +17,24 @@ void QueuedFrame::mark_missing(store::FrameStatus reason) {
   memory.shrink_to(kMissingRecordBytes);
 }
 
+void FrameQueue::set_writers(std::size_t count) {
+  const std::scoped_lock lock(mutex_);
+  assert(frames_.empty() && count > 0);
+  writers_.resize(count);
+}
+
 void FrameQueue::push(Frame frame) {
   const std::scoped_lock lock(mutex_);
   assert(frames_.empty() || frames_.back()->time_ns < frame->time_ns);
-  if (frame->stage == QueuedFrame::Stage::kToEncode) {
-    to_encode_.push_back(frame);
-    ++waiting_;
+  frames_.push_back(frame);
+  if (frame->stage != QueuedFrame::Stage::kToEncode) return;
+  try {
+    to_encode_.push_back(std::move(frame));
+  } catch (const std::bad_alloc&) {
+    frames_.pop_back();
+    throw;
   }
-  frames_.push_back(std::move(frame));
+  ++waiting_;
 }
 
 bool FrameQueue::needs_encoder() {
@@ -47,12 +58,13 @@ FrameQueue::Frame FrameQueue::start_encoding() {
   return nullptr;
 }
 
-void FrameQueue::finish_encoding(const Frame& frame, std::optional<std::vector<std::byte>> jpeg) {
+void FrameQueue::finish_encoding(const Frame& frame, std::optional<std::vector<std::byte>> jpeg,
+                                 store::FrameStatus failure) {
   store::RawImage done;  // freed outside of the lock
   const std::scoped_lock lock(mutex_);
   assert(frame->stage == QueuedFrame::Stage::kEncoding);
   if (!jpeg) {
-    frame->mark_missing(store::FrameStatus::kDroppedEncoder);
+    frame->mark_missing(failure);
     ++encoder_failures_;
     return;
   }
@@ -62,23 +74,61 @@ void FrameQueue::finish_encoding(const Frame& frame, std::optional<std::vector<s
   frame->memory.shrink_to(frame->jpeg.capacity() + kMissingRecordBytes);
 }
 
-std::vector<FrameQueue::Frame> FrameQueue::start_writing(std::size_t max_frames) {
+std::vector<FrameQueue::Frame> FrameQueue::start_writing(std::size_t max_frames,
+                                                         std::size_t writer) {
   std::vector<Frame> ready;
   const std::scoped_lock lock(mutex_);
-  for (const Frame& frame : frames_) {
-    if (ready.size() == max_frames || frame->stage != QueuedFrame::Stage::kReady) break;
-    ready.push_back(frame);
+  Writer& own = writers_[writer];
+  if (own.stopped) return ready;
+  for (std::size_t i = own.done; i < frames_.size(); ++i) {
+    if (ready.size() == max_frames || frames_[i]->stage != QueuedFrame::Stage::kReady) break;
+    ready.push_back(frames_[i]);
   }
-  writing_ = ready.size();
+  own.writing = ready.size();
   return ready;
 }
 
-void FrameQueue::finish_writing(std::size_t written) {
+void FrameQueue::finish_writing(std::size_t written, std::size_t writer) {
   const std::scoped_lock lock(mutex_);
-  assert(written <= writing_);
+  Writer& own = writers_[writer];
+  if (own.stopped) return;
+  assert(written <= own.writing);
+  own.done += written;
+  own.writing = 0;
   // The images are freed outside of the lock, with the writer's own references.
-  frames_.erase(frames_.begin(), frames_.begin() + static_cast<std::ptrdiff_t>(written));
-  writing_ = 0;
+  remove_written();
+}
+
+void FrameQueue::stop_writer(std::size_t writer) {
+  const std::scoped_lock lock(mutex_);
+  writers_[writer] = {.stopped = true};
+  remove_written();
+}
+
+/// Removes the frames that all writers have written. Allocates nothing.
+void FrameQueue::remove_written() {
+  std::size_t all_done = frames_.size();
+  for (const Writer& writer : writers_) {
+    if (!writer.stopped) all_done = std::min(all_done, writer.done);
+  }
+  frames_.erase(frames_.begin(), frames_.begin() + static_cast<std::ptrdiff_t>(all_done));
+  for (Writer& writer : writers_) {
+    if (!writer.stopped) writer.done -= all_done;
+  }
+}
+
+std::size_t FrameQueue::bytes_only_for(std::size_t writer) const {
+  const std::scoped_lock lock(mutex_);
+  if (writers_[writer].stopped) return 0;
+  std::size_t others_done = frames_.size();
+  for (std::size_t i = 0; i < writers_.size(); ++i) {
+    if (i != writer && !writers_[i].stopped) others_done = std::min(others_done, writers_[i].done);
+  }
+  std::size_t bytes = 0;
+  for (std::size_t i = writers_[writer].done; i < others_done; ++i) {
+    bytes += frames_[i]->memory.bytes();
+  }
+  return bytes;
 }
 
 bool FrameQueue::drop_one(bool oldest, store::FrameStatus reason) {
@@ -86,8 +136,14 @@ bool FrameQueue::drop_one(bool oldest, store::FrameStatus reason) {
   const auto waits = [](const Frame& frame) {
     return frame->has_image() && frame->stage != QueuedFrame::Stage::kEncoding;
   };
-  // The first frame is never dropped, because it is the next to be written.
-  const std::size_t kept = std::min(frames_.size(), std::max<std::size_t>(writing_, 1));
+  // A frame that is in one copy must get into the other. The next one to be written is never
+  // dropped.
+  std::size_t kept = 1;
+  for (const Writer& writer : writers_) {
+    if (!writer.stopped)
+      kept = std::max(kept, writer.done + std::max<std::size_t>(writer.writing, 1));
+  }
+  kept = std::min(frames_.size(), kept);
   const auto first = frames_.begin() + static_cast<std::ptrdiff_t>(kept);
   const auto newest = [&] {
     const auto found = std::find_if(frames_.rbegin(), std::make_reverse_iterator(first), waits);
@@ -100,12 +156,12 @@ bool FrameQueue::drop_one(bool oldest, store::FrameStatus reason) {
   return true;
 }
 
-bool FrameQueue::empty() const {
+std::size_t FrameQueue::size(std::size_t writer) const {
   const std::scoped_lock lock(mutex_);
-  return frames_.empty();
+  return writers_[writer].stopped ? 0 : frames_.size() - writers_[writer].done;
 }
 
-std::size_t FrameQueue::size() const {
+std::size_t FrameQueue::size_for_all() const {
   const std::scoped_lock lock(mutex_);
   return frames_.size();
 }

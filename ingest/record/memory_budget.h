@@ -51,6 +51,10 @@ class MemoryBudget {
   /// Waits until is_under_pressure(), a stop or the timeout.
   void wait_for_pressure(const std::stop_token& stop, std::chrono::milliseconds timeout);
 
+  /// While it is closed, no new frames may be taken into memory; reservations are still given.
+  void set_open(bool open) { open_.store(open, std::memory_order_relaxed); }
+  bool is_open() const { return open_.load(std::memory_order_relaxed); }
+
   std::size_t limit() const { return limit_; }
   std::size_t used() const { return used_.load(std::memory_order_relaxed); }
   std::size_t peak() const { return peak_.load(std::memory_order_relaxed); }
@@ -58,6 +62,7 @@ class MemoryBudget {
  private:
   const std::size_t limit_;
   std::atomic<std::size_t> used_ = 0, peak_ = 0;
+  std::atomic<bool> open_ = true;
   std::mutex mutex_;
   std::condition_variable_any pressure_changed_;
 };

@@ -20,8 +20,11 @@ namespace {
 /// Stands for a camera that could not be opened. Its description is a guess until the camera comes.
 class AbsentSource final : public FrameSource {
  public:
-  AbsentSource(SourceDescription description, std::size_t memory_overhead)
-      : description_(std::move(description)), memory_overhead_(memory_overhead) {}
+  AbsentSource(SourceDescription description, std::size_t memory_overhead,
+               bool survives_failed_allocations)
+      : description_(std::move(description)),
+        memory_overhead_(memory_overhead),
+        survives_failed_allocations_(survives_failed_allocations) {}
 
   const SourceDescription& description() const override { return description_; }
   Outcome next(SourceFrame& /*frame*/, std::chrono::milliseconds /*patience*/) override {
@@ -29,10 +32,12 @@ class AbsentSource final : public FrameSource {
   }
   std::string loss_reason() const override { return description_.what; }
   std::size_t memory_overhead() const override { return memory_overhead_; }
+  bool survives_failed_allocations() const override { return survives_failed_allocations_; }
 
  private:
   SourceDescription description_;
   std::size_t memory_overhead_;
+  bool survives_failed_allocations_;
 };
 
 /// A source, or why there is none.
@@ -169,7 +174,10 @@ std::vector<RecorderCamera> open_cameras(const schemas::RecordConfig& config,
       description.width = geometry->width;
       description.height = geometry->height;
     }
-    cameras[i].source = std::make_unique<AbsentSource>(std::move(description), memory_overhead);
+    const bool is_aravis =
+        std::holds_alternative<schemas::RecordConfig::AravisSource>(camera.source);
+    cameras[i].source =
+        std::make_unique<AbsentSource>(std::move(description), memory_overhead, !is_aravis);
   }
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     if (attempts[i].source) cameras[i].source = std::move(attempts[i].source);

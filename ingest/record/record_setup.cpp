@@ -131,7 +131,8 @@ schemas::RigDocument make_recording_rig(const schemas::RecordConfig& config,
 
 RecordingTake resume_take(const std::filesystem::path& folder,
                           const std::vector<RecorderCamera>& cameras, const std::string& node,
-                          std::optional<Nanoseconds> start_utc, std::optional<double> duration_s) {
+                          std::optional<Nanoseconds> start_utc, std::optional<double> duration_s,
+                          const std::filesystem::path& other) {
   check_times(schemas::read_take(ContainedPath{folder, "take.json"}), start_utc, duration_s,
               folder / "take.json");
   const schemas::RigDocument rig = schemas::read_rig(ContainedPath{folder, "rig.json"});
@@ -143,7 +144,7 @@ RecordingTake resume_take(const std::filesystem::path& folder,
   }
   std::vector<std::string> ids;
   for (const RecorderCamera& camera : cameras) ids.push_back(camera.id);
-  return RecordingTake::resume(folder, ids, node);
+  return RecordingTake::resume(folder, ids, node, other);
 }
 
 schemas::TakeDocument make_take_document(const schemas::RecordConfig& config,

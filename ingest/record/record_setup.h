@@ -28,7 +28,8 @@ schemas::RigDocument make_recording_rig(const schemas::RecordConfig& config,
 RecordingTake resume_take(const std::filesystem::path& folder,
                           const std::vector<RecorderCamera>& cameras, const std::string& node,
                           std::optional<Nanoseconds> start_utc = {},
-                          std::optional<double> duration_s = {});
+                          std::optional<double> duration_s = {},
+                          const std::filesystem::path& other = {});
 
 schemas::TakeDocument make_take_document(const schemas::RecordConfig& config,
                                          const std::vector<RecorderCamera>& cameras,

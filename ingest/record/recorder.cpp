@@ -8,14 +8,16 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <new>
+#include <optional>
 #include <thread>
 #include <utility>
 
 #include "base/error.h"
 #include "base/options.h"
-#include "ingest/record/archive_writer_thread.h"
-#include "ingest/record/audit.h"
+#include "base/resources.h"
 #include "ingest/record/clock_sync.h"
+#include "ingest/record/memory_ceiling.h"
 
 namespace raystage::ingest {
 namespace {
@@ -37,14 +39,20 @@ void describe(const SourceDescription& source, schemas::RecordingDocument::Camer
   camera.timestamp_event = source.timestamp_event;
 }
 
+std::vector<RecordingTake*> all_copies(RecordingTake& take, RecordingTake* mirror) {
+  std::vector<RecordingTake*> copies{&take};
+  if (mirror != nullptr) copies.push_back(mirror);
+  return copies;
+}
+
 }  // namespace
 
 struct Recorder::State {
   State(const RecorderOptions& with_options, std::vector<RecorderCamera> with_cameras,
-        RecordingTake& into, std::string by_program)
+        std::vector<RecordingTake*> into, std::string by_program)
       : settings(with_options),
         cameras(std::move(with_cameras)),
-        take(into),
+        takes(std::move(into)),
         program(std::move(by_program)),
         memory(limit() - limit() / kRecordsFraction),
         records(limit() / kRecordsFraction) {}
@@ -52,11 +60,12 @@ struct Recorder::State {
   std::size_t limit() const;
   CameraCapture::Options capture_options(std::size_t camera, Nanoseconds start_utc) const;
   schemas::RecordingDocument::Session make_session() const;
-  RecorderStatus status(const ArchiveWriterThread& writer);
+  RecorderStatus status(const RecordingCopies& copies);
 
   const RecorderOptions settings;
   std::vector<RecorderCamera> cameras;
-  RecordingTake& take;
+  const std::vector<RecordingTake*> takes;
+  const RecordingTake& take = *takes.front();
   const std::string program;
   MemoryBudget memory, records;
   std::vector<FrameQueue> queues = std::vector<FrameQueue>(cameras.size());
@@ -117,6 +126,7 @@ schemas::RecordingDocument::Session Recorder::State::make_session() const {
   session.started_utc = host_utc_now();
   session.start_at_utc = settings.start_utc;
   session.memory_bytes = settings.memory_bytes;
+  session.memory_ceiling_bytes = settings.memory_ceiling;
   session.held = settings.hold;
   session.clock = query_clock_sync();
   for (std::size_t i = 0; i < cameras.size(); ++i) {
@@ -128,7 +138,7 @@ schemas::RecordingDocument::Session Recorder::State::make_session() const {
   return session;
 }
 
-RecorderStatus Recorder::State::status(const ArchiveWriterThread& writer) {
+RecorderStatus Recorder::State::status(const RecordingCopies& copies) {
   RecorderStatus status;
   const double interval = std::max(1e-3, seconds_since(last_status));
   last_status = Clock::now();
@@ -142,17 +152,18 @@ RecorderStatus Recorder::State::status(const ArchiveWriterThread& writer) {
         interval;
     camera.dropped = counters[i].dropped + queues[i].encoder_failures();
     camera.skipped_by_source = counters[i].skipped_by_source;
-    camera.stored = writer.written(i, store::FrameStatus::kStored);
-    camera.in_memory = queues[i].size();
+    camera.stored = copies.written(i, store::FrameStatus::kStored);
+    camera.in_memory = queues[i].size_for_all();
     camera.state = counters[i].state;
     status.cameras.push_back(std::move(camera));
   }
   status.memory_used = memory.used();
   status.memory_limit = memory.limit();
-  const std::uint64_t bytes = writer.bytes_written();
+  const std::uint64_t bytes = copies.bytes_written();
   status.write_bytes_per_s =
       static_cast<double>(bytes - std::exchange(last_bytes, bytes)) / interval;
-  status.write_error = writer.write_error();
+  status.write_error = copies.write_error();
+  if (takes.size() > 1) status.copies = copies.status();
   const double filled = static_cast<double>(status.memory_used) -
                         static_cast<double>(std::exchange(last_memory, status.memory_used));
   if (settings.hold) {
@@ -161,10 +172,12 @@ RecorderStatus Recorder::State::status(const ArchiveWriterThread& writer) {
           static_cast<double>(status.memory_limit - status.memory_used) / (filled / interval);
     }
   } else if (status.write_bytes_per_s > 0) {
-    std::error_code error;
-    const auto space = std::filesystem::space(take.folder(), error);
-    if (!error) {
-      status.seconds_left = static_cast<double>(space.available) / status.write_bytes_per_s;
+    for (const std::filesystem::path& folder : copies.active_folders()) {
+      std::error_code error;
+      const auto space = std::filesystem::space(folder, error);
+      if (error) continue;
+      const double left = static_cast<double>(space.available) / status.write_bytes_per_s;
+      status.seconds_left = std::min(left, status.seconds_left.value_or(left));
     }
   }
   return status;
@@ -179,8 +192,9 @@ bool RecorderOptions::is_valid(std::string* reason) const {
 }
 
 Recorder::Recorder(const RecorderOptions& settings, std::vector<RecorderCamera> cameras,
-                   RecordingTake& take, std::string program)
-    : state_(std::make_unique<State>(settings, std::move(cameras), take, std::move(program))) {
+                   RecordingTake& take, std::string program, RecordingTake* mirror)
+    : state_(std::make_unique<State>(settings, std::move(cameras), all_copies(take, mirror),
+                                     std::move(program))) {
   require_valid(settings, "recording");
   for (const RecorderCamera& camera : state_->cameras) {
     state_->descriptions.push_back(camera.source->description());
@@ -196,20 +210,24 @@ schemas::RecordingDocument::Session Recorder::run(
     const std::function<void(double)>& writing) {
   State& s = *state_;
   schemas::RecordingDocument::Session session = s.make_session();
-  s.take.write_session(session, true);
-  s.take.reserve_disk_space();
-
-  std::vector<ArchiveWriterThread::Camera> writer_cameras;
+  for (RecordingTake* take : s.takes) {
+    take->write_session(session, true);
+    take->reserve_disk_space();
+  }
   for (std::size_t i = 0; i < s.cameras.size(); ++i) {
     s.counters[i].is_absent = !s.cameras[i].absence.empty();
-    writer_cameras.push_back({s.queues[i], s.take.archive(i), s.counters[i]});
   }
-  ArchiveWriterThread writer(std::move(writer_cameras),
-                             {.hold = s.settings.hold,
-                              .release_reserved_space = [&] { s.take.release_disk_space(); },
-                              .drain_timeout_s = s.settings.drain_timeout_s,
-                              .flush_interval_s = s.settings.flush_interval_s,
-                              .memory = &s.memory});
+  RecordingCopies copies(s.takes, {s.queues, s.counters, s.memory},
+                         {.hold = s.settings.hold,
+                          .drain_timeout_s = s.settings.drain_timeout_s,
+                          .flush_interval_s = s.settings.flush_interval_s});
+  std::optional<MemoryCeiling> ceiling;
+  if (s.settings.memory_ceiling) {
+    const bool all_survive = std::ranges::all_of(s.cameras, [](const RecorderCamera& camera) {
+      return camera.source->survives_failed_allocations();
+    });
+    ceiling.emplace(*s.settings.memory_ceiling, s.memory, all_survive);
+  }
   EncoderPool encoders(s.settings.jpeg, s.settings.threads);
 
   // Frames that waited in a source since it was opened are too old. The epoch is in the future if a
@@ -226,12 +244,16 @@ schemas::RecordingDocument::Session Recorder::run(
       auto capture = std::make_unique<CameraCapture>(
           s.capture_options(i, start_utc), std::move(s.cameras[i].source), s.cameras[i].reopen,
           CameraCapture::Pipeline{s.queues[i], s.memory, s.records, encoders, s.counters[i],
-                                  [&a_camera_asks] { a_camera_asks = true; }});
-      threads.emplace_back(
-          [&camera_stop, &finished = is_finished[i], capture = std::move(capture)] {
-            capture->run(camera_stop.get_token());
-            finished = true;
-          });
+                                  [&a_camera_asks] { a_camera_asks = true; },
+                                  [&copies] { return copies.free_memory(); }});
+      threads.emplace_back([&camera_stop, &finished = is_finished[i], &counters = s.counters[i],
+                            capture = std::move(capture)] {
+        // An exception that leaves a thread would end the process and lose all frames in memory.
+        const std::string failure =
+            exception_message([&] { capture->run(camera_stop.get_token()); });
+        if (!failure.empty()) counters.state = CameraCounters::State::kLost;
+        finished = true;
+      });
     }
     const auto all_are_over = [&] {
       for (std::size_t i = 0; i < s.cameras.size(); ++i) {
@@ -256,8 +278,12 @@ schemas::RecordingDocument::Session Recorder::run(
         kSourcePollInterval, std::chrono::duration<double>(s.settings.status_interval_s));
     while ((session.stop_reason = why_over()).empty()) {
       std::this_thread::sleep_for(look);
-      if (status && seconds_since(s.last_status) >= s.settings.status_interval_s)
-        status(s.status(writer));
+      try {
+        copies.watch();
+        if (status && seconds_since(s.last_status) >= s.settings.status_interval_s)
+          status(s.status(copies));
+      } catch (const std::bad_alloc&) {  // no status is worth the recording
+      }
     }
     camera_stop.request_stop();
   }  // joins the cameras' threads
@@ -266,22 +292,15 @@ schemas::RecordingDocument::Session Recorder::run(
   }
   encoders.wait();
   session.stopped_utc = host_utc_now();
-  writer.drain(writing);
-  if (status) status(s.status(writer));
+  ceiling.reset();  // the sources are closed
+  copies.drain(writing);
+  if (status) status(s.status(copies));
 
+  session.process_peak_bytes = peak_resident_memory();
   session.memory_peak_bytes = s.memory.peak() + s.records.peak();
   std::vector<std::string> problems;
-  if (const std::string failure = writer.flush_error(); !failure.empty()) {
-    problems.push_back(failure + " Frames written before that may be lost");
-  }
-  s.take.close(problems);
-  audit_session(s.take, writer, s.counters, session, std::move(problems));
-  try {
-    s.take.write_session(session, false);
-  } catch (const Error& error) {  // the session is returned to the caller anyway
-    session.audit->holds = false;
-    session.audit->problems.emplace_back(error.what());
-  }
+  copies.close(problems);
+  copies.finish(session, std::move(problems));
   return session;
 }
 

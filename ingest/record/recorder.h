@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "ingest/record/camera_capture.h"
+#include "ingest/record/recording_copies.h"
 #include "ingest/record/recording_take.h"
 #include "schemas/recording_document.h"
 #include "store/jpeg/encode.h"
@@ -19,7 +20,9 @@ namespace raystage::ingest {
 
 struct RecorderOptions {
   std::size_t memory_bytes = std::size_t{1} << 30;  ///< of all frames of all cameras
-  bool hold = false;                                ///< frames stay in memory until the end
+  /// Of the whole process, bytes (MemoryCeiling); it may not be reached without one.
+  std::optional<std::size_t> memory_ceiling;
+  bool hold = false;         ///< frames stay in memory until the end
   bool drop_oldest = false;  ///< when memory is full, drop the oldest frame, else the new one
   CameraCapture::LostSourcePolicy when_lost = CameraCapture::LostSourcePolicy::kContinue;
   std::chrono::milliseconds lost_after{5000};
@@ -51,7 +54,9 @@ struct RecorderStatus {
     std::string id;
     double fps = 0;  ///< rate of arrival since the previous status
     std::uint64_t arrived = 0, dropped = 0, skipped_by_source = 0;
-    std::uint64_t stored = 0;   ///< in the archive: survives a crash of this process
+    /// In the archive: survives a crash of this process. With a mirror: in the take's archive, or
+    /// after that was stopped, in the mirror's.
+    std::uint64_t stored = 0;
     std::size_t in_memory = 0;  ///< frames and records of missing frames
     CameraCounters::State state = CameraCounters::State::kRunning;
   };
@@ -61,14 +66,16 @@ struct RecorderStatus {
   double write_bytes_per_s = 0;
   std::optional<double> seconds_left;  ///< until the memory (buffer_in_memory) or the disk is full
   std::string write_error;             ///< of the disk; empty: none
+  std::vector<RecordingCopies::Status> copies;  ///< the take and its mirror; empty without a mirror
 };
 
 /// Runs one recording on one node: a thread per source, encoder threads, a writer thread.
 class Recorder {
  public:
-  /// Throws Error (bad input) if the memory is too small for a few frames per camera.
+  /// `mirror`: receives the same as `take`; null: none. Throws Error (bad input) if the memory is
+  /// too small for a few frames per camera.
   Recorder(const RecorderOptions& options, std::vector<RecorderCamera> cameras, RecordingTake& take,
-           std::string program);
+           std::string program, RecordingTake* mirror = nullptr);
   ~Recorder();
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;

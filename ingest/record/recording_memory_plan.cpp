@@ -6,8 +6,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "base/error.h"
+#include "ingest/record/memory_ceiling.h"
 
 namespace raystage::ingest {
 namespace {
@@ -49,6 +51,26 @@ void check_recording_memory(std::size_t frames, std::size_t machine) {
                   megabytes(frames), megabytes(machine)),
       "memory_mb", "Reduce the memory for frames")
       .concerning({"memory"});
+}
+
+void check_memory_ceiling(const RecordingMemoryPlan& plan, std::size_t ceiling) {
+  const std::size_t usable = MemoryCeiling::usable(ceiling), all = plan.frames + plan.overhead;
+  if (all <= usable) return;
+  const std::size_t excess = all - usable;
+  throw Error::bad_input(
+      fmt::format(
+          "a ceiling of {:.0f} MB leaves {:.0f} MB for the recording, which may need {:.0f} "
+          "MB: {:.0f} MB for frames and {:.0f} MB for decoders, camera buffers and the "
+          "program",
+          megabytes(ceiling), megabytes(usable), megabytes(all), megabytes(plan.frames),
+          megabytes(plan.overhead)),
+      "memory_ceiling_mb",
+      plan.frames > excess
+          ? fmt::format("Raise the ceiling to {:.0f} MB, or reduce memory_mb to {:.0f}",
+                        std::ceil(megabytes(MemoryCeiling::needed(all))),
+                        std::floor(megabytes(plan.frames - excess)))
+          : "Raise the ceiling, or record fewer cameras on this node")
+      .concerning({"memory_ceiling", "memory"});
 }
 
 std::string memory_warning(const RecordingMemoryPlan& plan, std::size_t free_now) {

@@ -29,6 +29,9 @@ std::string format_memory_plan(const RecordingMemoryPlan& plan);
 /// Throws Error (bad input) if `frames` exceed the RAM of the machine. Both in bytes.
 void check_recording_memory(std::size_t frames, std::size_t machine);
 
+/// Throws Error (bad input) if a recording may need more than its process may take (bytes).
+void check_memory_ceiling(const RecordingMemoryPlan& plan, std::size_t ceiling);
+
 /// Returns a warning if the plan needs more than 80 % of the free RAM (in bytes), otherwise an
 /// empty text.
 std::string memory_warning(const RecordingMemoryPlan& plan, std::size_t free_now);

@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "ingest/sources/frame_source.h"
 #include "store/matroska.h"
+#include "store/unlisted_frames.h"
 
 namespace raystage::ingest {
 namespace {
@@ -50,6 +51,17 @@ void check_epoch(Nanoseconds epoch_utc, const fs::path& folder, const std::strin
                   "now ({})",
                   format_utc(epoch_utc), format_utc(now)),
       folder.string(), what_to_do);
+}
+
+/// Returns whether two copies have the same record. A frame whose record was lost in a crash has no
+/// arrival and sequence number.
+bool is_same_record(const store::FrameRecord& a, const store::FrameRecord& b) {
+  store::FrameRecord same = b;
+  if (a.arrival_ns == store::kUnknownTime || b.arrival_ns == store::kUnknownTime) {
+    same.arrival_ns = a.arrival_ns;
+    same.sequence = a.sequence;
+  }
+  return a == same;
 }
 
 }  // namespace
@@ -112,7 +124,7 @@ void RecordingTake::create_files() {
 
 RecordingTake RecordingTake::resume(const fs::path& folder,
                                     const std::vector<std::string>& camera_ids,
-                                    const std::string& node) {
+                                    const std::string& node, const fs::path& other) {
   RecordingTake recording(folder, schemas::read_take(ContainedPath{folder, "take.json"}),
                           schemas::read_rig(ContainedPath{folder, "rig.json"}), node);
   std::vector<std::string> there;
@@ -133,9 +145,15 @@ RecordingTake RecordingTake::resume(const fs::path& folder,
         ContainedPath{folder, recording.recording_file_.lexically_relative(folder)});
   }
   for (std::size_t i = 0; i < there.size(); ++i) {
-    recording.archives_.push_back(
-        store::ArchiveWriter::resume(recording.archive_path(i), recording.journal_path(i),
-                                     description_of(recording.take_, recording.rig_, i)));
+    const fs::path archive = recording.archive_path(i), journal = recording.journal_path(i);
+    const schemas::TakeDocument::Camera& camera = recording.take_.cameras[i];
+    const bool other_has_more =
+        !other.empty() &&
+        store::count_listed_records(other / camera.archive, other / camera.journal) >
+            store::count_listed_records(archive, journal);
+    if (other_has_more) store::discard_unlisted_frames(archive, journal);
+    recording.archives_.push_back(store::ArchiveWriter::resume(
+        archive, journal, description_of(recording.take_, recording.rig_, i)));
     const store::ArchiveReader reader(recording.archive_path(i), recording.journal_path(i));
     recording.last_times_.push_back(reader.records().empty() ? -1
                                                              : reader.records().back().time_ns);
@@ -151,6 +169,43 @@ void RecordingTake::require_contained_files() const {
     files.emplace_back(camera.journal);
   }
   for (const fs::path& file : files) require_contained({folder_, file});
+}
+
+std::size_t RecordingTake::complete_from(const RecordingTake& other) {
+  std::size_t appended = 0;
+  const auto differ = [&](const std::string& what) {
+    return Error::bad_input("the copies of the take differ: " + what, other.folder_.string(),
+                            "Run `raystage repair` on each with the other as its copy")
+        .concerning({"mirror"});
+  };
+  if (take_.name != other.take_.name || take_.epoch_utc != other.take_.epoch_utc ||
+      take_.cameras.size() != other.take_.cameras.size()) {
+    throw differ("name, epoch or cameras in " + (folder_ / "take.json").string());
+  }
+  for (std::size_t i = 0; i < take_.cameras.size(); ++i) {
+    const store::ArchiveReader own(archive_path(i), journal_path(i));
+    const store::ArchiveReader theirs(other.archive_path(i), other.journal_path(i));
+    const auto have = own.records(), wanted = theirs.records();
+    const std::size_t common = std::min(have.size(), wanted.size());
+    if (!std::ranges::equal(have.first(common), wanted.first(common), is_same_record)) {
+      throw differ("the records of camera \"" + take_.cameras[i].id + "\"");
+    }
+    auto frame = static_cast<int>(own.frames().size());
+    for (const store::FrameRecord& record : wanted.subspan(common)) {
+      const store::FrameOrigin origin{record.arrival_ns, record.sequence};
+      if (record.status == store::FrameStatus::kStored) {
+        archives_[i].append(theirs.jpeg(frame++), record.time_ns, origin);
+      } else {
+        archives_[i].append_missing(record.status, record.time_ns, origin);
+      }
+      last_times_[i] = record.time_ns;
+      ++appended;
+    }
+  }
+  if (other.recording_.sessions.size() > recording_.sessions.size()) {
+    recording_ = other.recording_;
+  }
+  return appended;
 }
 
 void RecordingTake::write_session(const schemas::RecordingDocument::Session& session, bool first) {

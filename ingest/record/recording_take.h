@@ -27,8 +27,12 @@ class RecordingTake {
                               const schemas::RigDocument& rig, const std::string& node);
   /// Continues a take after a crash or a stop. Throws Error (bad input) if its cameras differ in id
   /// or order, or its epoch is more than 104 days from now. Sizes are checked by resume_take().
+  /// `other`: folder of another copy, empty if there is none. Frames at the end of an archive whose
+  /// records a crash prevented are discarded if the other copy has more records: complete_from()
+  /// then appends them with these.
   static RecordingTake resume(const std::filesystem::path& folder,
-                              const std::vector<std::string>& camera_ids, const std::string& node);
+                              const std::vector<std::string>& camera_ids, const std::string& node,
+                              const std::filesystem::path& other = {});
 
   const std::filesystem::path& folder() const { return folder_; }
   const schemas::TakeDocument& document() const { return take_; }
@@ -36,6 +40,12 @@ class RecordingTake {
   store::ArchiveWriter& archive(std::size_t camera) { return archives_[camera]; }
   /// Returns the time of the last record before this session, ns since the epoch; -1: no record.
   Nanoseconds last_time(std::size_t camera) const { return last_times_[camera]; }
+
+  /// Appends to each archive the records that `other`, a copy of this take, has in addition, and
+  /// takes its account if that has more sessions. Both must be open but unchanged since then.
+  /// Returns the number of appended records. Throws Error (bad input) if the copies differ
+  /// otherwise, and Error (failed) if the disk fails.
+  std::size_t complete_from(const RecordingTake& other);
 
   /// Writes TAKE/recording/NODE.json: adds the session if `first`, otherwise replaces the last one.
   void write_session(const schemas::RecordingDocument::Session& session, bool first);

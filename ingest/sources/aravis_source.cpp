@@ -136,6 +136,7 @@ class AravisSource final : public FrameSource {
     return control_lost_ ? "the camera no longer responds" : "";
   }
   void interrupt() override { interrupted_ = true; }
+  bool survives_failed_allocations() const override { return false; }  // GLib ends the process
   std::size_t memory_overhead() const override {
     constexpr std::size_t kDriver = 1 << 20;
     return static_cast<std::size_t>(buffers_) * payload_ + kDriver;

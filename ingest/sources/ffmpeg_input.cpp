@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <new>
 #include <string_view>
 #include <utility>
 
@@ -226,7 +227,17 @@ std::size_t FfmpegInput::memory_overhead() const {
 }
 
 void FfmpegInput::start() {
-  reader_ = std::thread([this] { read_packets(); });
+  reader_ = std::thread([this] {
+    try {
+      read_packets();
+    } catch (const std::bad_alloc&) {  // which would end the process
+      {
+        const std::scoped_lock lock(mutex_);
+        over_ = lost_ = true;
+      }
+      changed_.notify_all();
+    }
+  });
 }
 
 /// Reads a packet of the chosen stream, or returns FFmpeg's error code.
@@ -253,13 +264,25 @@ int FfmpegInput::read_packet(AVPacket& packet) {
   }
 }
 
+/// Returns whether reading goes on after an allocation failed: what a camera sends next may find
+/// memory. A filter graph is in an undefined state then, and may be what takes all memory.
+bool FfmpegInput::outlives_lack_of_memory(int& lacks) const {
+  constexpr int kMost = 1000;  // in succession
+  return address_.kind != FfmpegAddress::Kind::kFilterGraph && ++lacks < kMost;
+}
+
 void FfmpegInput::read_packets() {
+  int lacks = 0;
   while (!stop_) {
-    Packet next{AvPtr<AVPacket>(av_packet_alloc()), 0};
+    Packet next{AvPtr<AVPacket>(av_packet_alloc()), 0, false};
     const int code = next.packet ? read_packet(*next.packet) : AVERROR(ENOMEM);
     next.arrival_utc = host_utc_now();
     if (code == kFrameTooLarge) {
       next.packet.reset();
+    } else if (code == AVERROR(ENOMEM) && outlives_lack_of_memory(lacks)) {
+      next.packet.reset();
+      next.no_memory = true;
+      std::this_thread::sleep_for(1ms);
     } else if (code < 0) {
       end(code);
       return;
@@ -276,6 +299,7 @@ void FfmpegInput::read_packets() {
       av_packet_copy_props(copy.get(), next.packet.get());
       next.packet = std::move(copy);
     }
+    if (next.packet) lacks = 0;
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [this] { return stop_ || packets_.size() < kReadAhead; });
     packets_.push_back(std::move(next));

@@ -30,6 +30,7 @@ class FfmpegInput {
   struct Packet {
     AvPtr<AVPacket> packet;  ///< null: a frame was larger than allowed, and its bytes are gone
     Nanoseconds arrival_utc = 0;
+    bool no_memory = false;  ///< null, because memory for it could not be allocated
   };
   enum class Outcome { kPacket, kNoData, kEnded, kLost };
 
@@ -70,6 +71,7 @@ class FfmpegInput {
   void open(FfmpegOptions& options);
   bool needs_probing() const;
   void read_packets();
+  bool outlives_lack_of_memory(int& lacks) const;
   int read_packet(AVPacket& packet);
   void end(int code);
 

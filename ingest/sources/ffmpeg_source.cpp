@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <new>
 #include <utility>
 
 #include "base/error.h"
@@ -82,7 +83,9 @@ class FfmpegSource final : public FrameSource {
     const Clock::time_point deadline = Clock::now() + patience;
     if (since_utc_ == 0) since_utc_ = host_utc_now();
     if (!has_held_) {
-      if (const Outcome outcome = produce(deadline); outcome != Outcome::kFrame) return outcome;
+      if (const Outcome outcome = try_produce(deadline); outcome != Outcome::kFrame) {
+        return outcome;
+      }
       has_held_ = true;
     }
     if (realtime_) {
@@ -183,6 +186,17 @@ class FfmpegSource final : public FrameSource {
     description_.height = codec_ ? held_.raw.height : markers.height;
   }
 
+  /// The same as produce(); a frame for which there is no memory is reported as such.
+  Outcome try_produce(Clock::time_point deadline) {
+    try {
+      return produce(deadline);
+    } catch (const std::bad_alloc&) {
+      hold_torn_frame();
+      held_.no_memory = true;
+      return Outcome::kFrame;
+    }
+  }
+
   /// Waits until `deadline` for the next frame and stores it in held_.
   Outcome produce(Clock::time_point deadline) {
     for (;;) {
@@ -195,6 +209,7 @@ class FfmpegSource final : public FrameSource {
         if (code == AVERROR_EOF) return ending_;
         if (code != AVERROR(EAGAIN)) {
           hold_torn_frame();
+          held_.no_memory = code == AVERROR(ENOMEM);
           return Outcome::kFrame;
         }
       }
@@ -211,9 +226,10 @@ class FfmpegSource final : public FrameSource {
           if (!codec_ || avcodec_send_packet(codec_.get(), nullptr) < 0) return ending_;
           break;
         case FfmpegInput::Outcome::kPacket:
-          if (!next.packet) {  // larger than allowed
+          if (!next.packet) {  // larger than allowed, or there is no memory for it
             packet_arrival_ = next.arrival_utc;
             hold_torn_frame();
+            held_.no_memory = next.no_memory;
             return Outcome::kFrame;
           }
           if (!codec_) {
@@ -238,6 +254,7 @@ class FfmpegSource final : public FrameSource {
 
   void hold_jpeg(const FfmpegInput::Packet& next) {
     held_ = {};
+    packet_arrival_ = next.arrival_utc;
     const auto* bytes = reinterpret_cast<const std::byte*>(next.packet->data);
     held_.jpeg.assign(bytes, bytes + next.packet->size);
     held_.arrival_utc = next.arrival_utc;

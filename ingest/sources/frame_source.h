@@ -24,6 +24,7 @@ struct SourceFrame {
   std::optional<Nanoseconds> device_time;  ///< in ns by the device's clock, from its zero
   std::optional<std::uint64_t> sequence;   ///< the device's frame counter: gaps are drops
   bool torn = false;                       ///< incomplete (lost packets, truncated JPEG)
+  bool no_memory = false;  ///< no data, because memory for them could not be allocated
 };
 
 /// Properties of an open source.
@@ -54,12 +55,16 @@ class FrameSource {
   FrameSource& operator=(const FrameSource&) = delete;
 
   virtual const SourceDescription& description() const = 0;
-  /// Waits for the next frame for about `patience`. Never throws if a device fails.
+  /// Waits for the next frame for about `patience`. Never throws if a device fails,
+  /// only bad_alloc.
   virtual Outcome next(SourceFrame& frame, std::chrono::milliseconds patience) = 0;
   virtual std::string loss_reason() const { return {}; }
   /// Returns an upper estimate of the bytes used in addition to the delivered frames and the next
   /// one: packets read ahead, the decoder's pictures, the driver's buffers.
   virtual std::size_t memory_overhead() const { return 0; }
+  /// Returns whether the process survives if an allocation of the source fails: next() then reports
+  /// the frame or the source as lost, or throws bad_alloc.
+  virtual bool survives_failed_allocations() const { return true; }
   /// Makes a waiting next() return soon.
   virtual void interrupt() {}
 };

@@ -16,6 +16,8 @@
 #include "base/mapped_file.h"
 #include "base/parallel.h"
 #include "base/posix_file.h"
+#include "store/fixity/repair_from_copy.h"
+#include "store/fixity/replace_pair.h"
 #include "store/fixity/verify.h"
 #include "store/timeline.h"
 #include "store/timeline_file.h"
@@ -24,44 +26,6 @@ namespace raystage::store {
 namespace {
 
 namespace fs = std::filesystem;
-
-// Returns "r0c0.mkv.damaged", or after earlier repairs "r0c0.mkv.damaged-2" and so on.
-fs::path damaged_name(const fs::path& file) {
-  fs::path name = file;
-  name += ".damaged";
-  for (int i = 2; fs::exists(fs::symlink_status(name)); ++i) {
-    name = file;
-    name += ".damaged-" + std::to_string(i);
-  }
-  return name;
-}
-
-// Adds a second name by a hard link, so that the file always has a name.
-std::string keep(const fs::path& file) {
-  const fs::path name = damaged_name(file);
-  std::error_code error;
-  fs::create_hard_link(file, name, error);
-  if (error) fs::rename(file, name, error);  // a file system without hard links
-  if (error) {
-    throw Error::failed("the damaged file cannot be set aside: " + error.message(), file.string(),
-                        "Check the folder and its permissions");
-  }
-  return name.filename().string();
-}
-
-// Verifies the new pair before the originals lose their names.
-void check_new_pair(ArchivePair pair, const SalvageResult& salvaged, const fs::path& archive,
-                    const fs::path& journal) {
-  const MappedFile archive_file(archive), journal_file(journal);
-  pair.archive = archive_file.bytes();
-  pair.journal = journal_file.bytes();
-  const ArchiveFixityReport report =
-      read_mapped([&] { return verify_archive(pair, {}); }, archive_file, journal_file);
-  if (report.is_intact() && report.frames == salvaged.frames) return;
-  throw Error::failed("the repaired " + pair.archive_name + " differs from what was written" +
-                          (report.is_intact() ? "" : ": " + report.problems.front().what),
-                      archive.string(), "Check the disk; the damaged files are unchanged");
-}
 
 class CameraRepair {
  public:
@@ -124,19 +88,12 @@ class CameraRepair {
  private:
   template <class CheckFiles>
   void replace(RepairReport::Camera& result, const CheckFiles& check_files) {
-    constexpr auto kByWriter = TemporaryFile::Creation::kByWriter;
-    TemporaryFile new_archive(archive_path_, kByWriter), new_journal(journal_path_, kByWriter);
-    write_salvaged_archive(pair_, result.salvage, new_archive.path(), new_journal.path());
-    check_new_pair(pair_, result.salvage, new_archive.path(), new_journal.path());
-    check_files();
-    if (!result.salvage.losses.empty()) {
-      result.kept.push_back(keep(archive_path_));
-      if (pair_.journal) result.kept.push_back(keep(journal_path_));
-    }
-    // Rename the archive first: after a crash in between, the old journal still has every hash, and
-    // the next repair finds the frames by them.
-    new_archive.commit();
-    new_journal.commit();
+    result.kept = replace_pair(pair_, {archive_path_, journal_path_}, result.salvage.frames,
+                               !result.salvage.losses.empty(),
+                               [&](const fs::path& archive, const fs::path& journal) {
+                                 write_salvaged_archive(pair_, result.salvage, archive, journal);
+                                 check_files();
+                               });
   }
 
   const RepairOptions& options_;
@@ -153,7 +110,7 @@ std::string set_aside_timeline(const fs::path& folder) {
     read_timeline(Take(folder));
     return "";
   } catch (const Error&) {
-    const std::string name = keep(file);
+    const std::string name = keep_original(file);
     std::error_code gone_already;
     fs::remove(file, gone_already);
     return name;
@@ -167,7 +124,8 @@ bool RepairReport::has_losses() const {
 }
 
 bool RepairReport::failed() const {
-  return std::ranges::any_of(cameras, [](const Camera& c) { return !c.error.empty(); });
+  return std::ranges::any_of(cameras, [](const Camera& c) { return !c.error.empty(); }) ||
+         std::ranges::any_of(files, [](const RestoredFile& file) { return !file.error.empty(); });
 }
 
 void write_salvaged_archive(const ArchivePair& pair, const SalvageResult& salvaged,
@@ -187,7 +145,15 @@ void write_salvaged_archive(const ArchivePair& pair, const SalvageResult& salvag
 
 RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
   RepairReport report;
-  const Take take(folder);
+  std::optional<CopyOfTake> copy;
+  if (options.copy) {
+    copy.emplace(folder, *options.copy);
+    report.files = copy->restore_documents(options.dry_run);
+  }
+  // In a dry run take.json may be missing still.
+  const fs::path& described =
+      copy && !copy->has_own_documents() && options.dry_run ? *options.copy : folder;
+  const Take take(described);
   const auto cameras = static_cast<std::size_t>(take.camera_count());
   report.cameras.resize(cameras);
   std::atomic<std::size_t> done = 0;
@@ -199,7 +165,11 @@ RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
         RepairReport::Camera& camera = report.cameras[i];
         camera.id = take.document().cameras[i].id;
         try {
-          CameraRepair(take, static_cast<int>(i), options).run(camera);
+          if (copy) {
+            copy->repair_camera(describe_pair(take, static_cast<int>(i)), options.dry_run, camera);
+          } else {
+            CameraRepair(take, static_cast<int>(i), options).run(camera);
+          }
         } catch (const Error& error) {
           camera.error = error.what();
         }
@@ -209,9 +179,12 @@ RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
         }
       });
   report.status = done < cameras ? RunStatus::kStopped : RunStatus::kFinished;
-  if (!options.dry_run && report.status == RunStatus::kFinished && !report.failed()) {
-    report.renamed_timeline = set_aside_timeline(folder);
+  if (report.status != RunStatus::kFinished || report.failed()) return report;
+  if (copy) {
+    const auto restored = copy->restore_derived(options.dry_run);
+    report.files.insert(report.files.end(), restored.begin(), restored.end());
   }
+  if (!options.dry_run && !report.failed()) report.renamed_timeline = set_aside_timeline(folder);
   return report;
 }
 

@@ -203,6 +203,7 @@ class Salvager {
         lose(record.time_ns, rotten ? "a frame is corrupt: its XXH3 differs"
                                     : "a frame is beyond the archive's end");
         if (rotten) rotten_.emplace(record.offset, record.size);
+        result_.lost_hashes.emplace(record.time_ns, record.xxh3);
         record.status = FrameStatus::kTorn;
       }
     }
@@ -234,6 +235,7 @@ class Salvager {
         --journal_.lost;
       } else if (!by_a_crash) {
         ++result_.unverified_frames;
+        result_.unverified_times.insert(frame.time);
         lose(frame.time, "a frame's record is lost: the frame cannot be verified");
       }
       occupy(frame.offset, frame.size);

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -30,6 +32,10 @@ struct SalvageResult {
   std::int64_t corrected_records = 0;  ///< one flipped bit was corrected
   std::int64_t lost_records = 0;       ///< unreadable, or contradicting the archive
   std::uint64_t lost_bytes = 0;        ///< of the archive: no frame and no known structure
+
+  /// XXH3 of the frames that are lost although their records are not, by time.
+  std::map<Nanoseconds, std::uint64_t> lost_hashes;
+  std::set<Nanoseconds> unverified_times;  ///< of the unverified_frames
 };
 
 /// Returns what can be saved of a pair; accepts any bytes. Throws Error (bad input) if the journal

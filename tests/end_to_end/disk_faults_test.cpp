@@ -53,7 +53,6 @@ class BadDisk : public testing::DiskRecordingTest {
     EXPECT_EQ(here("raystage verify -q --decode take").exit_code, 0);
   }
 
- private:
 #ifdef __SANITIZE_ADDRESS__
   // Here the preloaded library must come before the sanitizer's.
   static constexpr const char* kSanitizer =
@@ -120,6 +119,53 @@ TEST_F(BadDisk, OneThatCouldNotKeepWhatItTookFailsTheAudit) {
   for (const json& camera : account.at("cameras")) {
     EXPECT_EQ(camera.at("stored"), camera.at("arrived"));
   }
+}
+
+// The faults are on the mirror's disk only, and last longer than the recording, but for the first.
+TEST_F(BadDisk, AMirrorThatIsSlowOrFailsCostsNoFrame) {
+  const std::pair<const char*, const char*> faults[] = {{"SLOW 150000", "too slow"},
+                                                        {"EIO 500000 1000", "Input/output error"},
+                                                        {"SYNC 500000 1000", "cannot be synced"}};
+  for (const auto& [fault, reason] : faults) {
+    SCOPED_TRACE(fault);
+    std::filesystem::remove_all(take());
+    std::filesystem::remove_all(folder() / "disk");
+    std::filesystem::create_directory(folder() / "disk");
+    const CommandResult result =
+        here("export BAD_DISK_FOLDER=" + (folder() / "disk").string() + " BAD_DISK='" + fault +
+             "'" + kSanitizer +
+             "; LD_PRELOAD='" RAYSTAGE_BAD_DISK
+             "' raystage record record.json -o take --mirror disk --memory 3 --status none "
+             "--duration 6");
+    EXPECT_EQ(result.exit_code, 4) << result.err;
+    EXPECT_THAT(result.err, HasSubstr("ONLY ONE COPY IS RECORDED, disk/take was stopped: "));
+    EXPECT_THAT(result.err, HasSubstr(reason));
+    const json account = session(take());
+    expect_valid_audit(account, 6);
+    for (const json& camera : account.at("cameras")) {
+      EXPECT_EQ(camera.at("stored"), camera.at("arrived")) << camera.dump(1);
+    }
+    EXPECT_EQ(here("raystage verify -q take").exit_code, 0);
+    EXPECT_EQ(here("raystage repair -q disk/take --from take").exit_code, 0);
+    EXPECT_EQ(here("diff -r disk/take take").exit_code, 0);
+  }
+}
+
+// The take's own disk fails: the mirror has everything, and the take is repaired from it.
+TEST_F(BadDisk, TheMirrorGoesOnWithoutTheTake) {
+  std::filesystem::create_directory(folder() / "disk");
+  const CommandResult result =
+      record("EIO 500000 1000", 6, "--mirror disk --memory 3 --status none");
+  EXPECT_EQ(result.exit_code, 4) << result.err;
+  EXPECT_THAT(result.err, HasSubstr("ONLY ONE COPY IS RECORDED, take was stopped: "));
+  const json account = session(folder() / "disk" / "take");
+  expect_valid_audit(account, 6);
+  for (const json& camera : account.at("cameras")) {
+    EXPECT_EQ(camera.at("stored"), camera.at("arrived")) << camera.dump(1);
+  }
+  EXPECT_EQ(here("raystage verify -q disk/take").exit_code, 0);
+  EXPECT_EQ(here("raystage repair -q take --from disk/take").exit_code, 0);
+  EXPECT_EQ(here("diff -r disk/take take").exit_code, 0);
 }
 
 struct Refusal {

@@ -120,5 +120,33 @@ TEST_F(SmallDisk, ReadOnlyFromTheStartIsSaid) {
   EXPECT_THAT(result.err, HasSubstr("cannot create the folder: Read-only file system"));
 }
 
+TEST_F(SmallDisk, AFullMirrorCostsNoFrameAndIsCompletedFromTheTake) {
+  std::filesystem::create_directory(folder() / "whole");
+  const CommandResult result =
+      on_disk("3m",
+              "raystage record ../record.json -o ../whole/take --mirror . --memory 4 --status json "
+              "--duration 9 >../status" +
+                  kSay + "raystage info take >/dev/null" + kSay);
+  EXPECT_THAT(result.out, ::testing::EndsWith("exit 4\nexit 0\n")) << result.err;
+  EXPECT_THAT(result.err, HasSubstr("refuses frames, which wait in memory: "));
+  EXPECT_THAT(result.err, HasSubstr("ONLY ONE COPY IS RECORDED, ./take was stopped: "));
+  EXPECT_THAT(result.err, HasSubstr("No space left on device"));
+  EXPECT_THAT(result.err, HasSubstr("THIS COPY IS INCOMPLETE: ./take"));
+  EXPECT_THAT(testing::read_text(folder() / "status"), HasSubstr(R"("stopped":"./take/archive/)"));
+  const auto account = session(folder() / "whole/take");
+  expect_valid_audit(account, 9);
+  EXPECT_TRUE(account.at("copies")[0].at("complete").get<bool>());
+  EXPECT_FALSE(account.at("copies")[1].at("complete").get<bool>());
+  for (const auto& camera : account.at("cameras")) EXPECT_EQ(dropped(camera), 0) << camera.dump(1);
+  EXPECT_EQ(here("raystage verify -q whole/take").exit_code, 0);
+
+  const CommandResult planned = here("raystage repair -q --dry-run kept/take --from whole/take");
+  EXPECT_EQ(planned.exit_code, 0) << planned.out << planned.err;
+  EXPECT_THAT(planned.out, HasSubstr("frames taken from the copy: "));
+  EXPECT_NE(here("diff -r kept/take whole/take").exit_code, 0);
+  EXPECT_EQ(here("raystage repair -q kept/take --from whole/take").exit_code, 0);
+  EXPECT_EQ(here("diff -r kept/take whole/take").exit_code, 0);
+}
+
 }  // namespace
 }  // namespace raystage

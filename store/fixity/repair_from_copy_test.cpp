@@ -1,0 +1,365 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/fixity/repair_from_copy.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <map>
+#include <random>
+
+#include "base/error.h"
+#include "store/fixity/verify.h"
+#include "store/timeline.h"
+#include "testing/store/fixity_test_data.h"
+#include "testing/store/take_test_data.h"
+
+namespace raystage::store {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+using Bytes = std::vector<std::byte>;
+/// The files of a folder by relative path, without hidden and set-aside ones.
+using Contents = std::map<std::string, Bytes>;
+
+constexpr int kCopiedCameras = 3, kCopiedFrames = 12;
+
+void write_bytes_to(const fs::path& file, const Bytes& bytes) {
+  fs::create_directories(file.parent_path());
+  std::ofstream out(file, std::ios::binary | std::ios::trunc);
+  out.write(reinterpret_cast<const char*>(bytes.data()),
+            static_cast<std::streamsize>(bytes.size()));
+}
+
+Contents contents_of(const fs::path& folder) {
+  Contents contents;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    if (!entry.is_regular_file() || name.find(".damaged") != std::string::npos) continue;
+    contents.emplace(entry.path().lexically_relative(folder).string(),
+                     testing::bytes_of(entry.path()));
+  }
+  return contents;
+}
+
+class RepairFromCopy : public ::testing::Test {
+ protected:
+  RepairFromCopy() {
+    TakeWriter writer(take, testing::take_document(kCopiedCameras),
+                      testing::rig_document(kCopiedCameras));
+    for (int camera = 0; camera < kCopiedCameras; ++camera) {
+      for (unsigned i = 0; i < kCopiedFrames; ++i) {
+        const auto jpeg = testing::fake_jpeg(100U * static_cast<unsigned>(camera) + i, 40 + i);
+        writer.archive(camera).append(jpeg, testing::frame_time(i), testing::frame_origin(i));
+        if (i % 3 == 2) {
+          writer.archive(camera).append_missing(FrameStatus::kDroppedLate, testing::frame_time(i),
+                                                {1, 100 + i});
+        }
+      }
+    }
+    fs::create_directory(writer.working_folder() / "recording");
+    write_bytes_to(writer.working_folder() / "recording" / "one.json", account(true));
+    write_bytes_to(writer.working_folder() / "notes.txt", Bytes(20, std::byte{'x'}));
+    writer.commit();
+    write_timeline(read_timeline(Take(take)), Take(take));
+    whole = contents_of(take);
+    make_copy();
+  }
+
+  static Bytes account(bool finished) {
+    std::string text = R"({"schema": "raystage/recording/1", "node": "one", "sessions": [{
+      "program": "test", "started_utc": "2026-01-01T00:00:00Z", "memory_bytes": 1,
+      "buffered_in_memory": false, "clock": {"source": "unknown"}, "cameras": [])";
+    text += finished ? R"(, "stopped_utc": "2026-01-01T00:00:01Z"}]})" : "}]}";
+    Bytes bytes(text.size());
+    std::ranges::transform(text, bytes.begin(), [](char c) { return static_cast<std::byte>(c); });
+    return bytes;
+  }
+  void make_copy() const {
+    fs::remove_all(copy);
+    fs::copy(take, copy, fs::copy_options::recursive);
+  }
+  void restore_take() const {
+    fs::remove_all(take);
+    fs::copy(copy, take, fs::copy_options::recursive);
+  }
+  RepairReport repair(bool dry_run = false) const {
+    return repair_take(take, {.dry_run = dry_run, .copy = copy});
+  }
+  std::string refusal() const {
+    try {
+      repair();
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+      return error.what();
+    }
+    return "nothing was thrown";
+  }
+  /// Damages random files of a take: bits, cut ends, zeroed parts, missing files.
+  static void damage(const fs::path& folder, std::mt19937_64& random) {
+    std::vector<std::string> files;
+    for (const auto& [name, bytes] : contents_of(folder)) files.push_back(name);
+    for (auto faults = 1 + random() % 4; faults > 0; --faults) {
+      const std::string& file = files[random() % files.size()];
+      const fs::path path = folder / file;
+      if (!fs::exists(path)) continue;
+      Bytes bytes = testing::bytes_of(path);
+      const bool is_archive = file.starts_with("archive/");
+      const auto kind = random() % 4;
+      if (kind == 0 || bytes.empty() || (!is_archive && kind > 1)) {
+        fs::remove(path);
+        continue;
+      }
+      if (kind == 1) {
+        // A document without its last bytes cannot be parsed.
+        bytes.resize(is_archive ? random() % bytes.size() : bytes.size() - 4);
+        if (file == "notes.txt") continue;
+      } else if (kind == 2) {
+        testing::flip(bytes, random() % (8 * bytes.size()));
+      } else {
+        const std::size_t at = random() % bytes.size();
+        std::fill_n(bytes.begin() + static_cast<std::ptrdiff_t>(at),
+                    std::min<std::size_t>(bytes.size() - at, 1 + random() % 200), std::byte{0});
+      }
+      write_bytes_to(path, bytes);
+    }
+  }
+
+  testing::TestFolder folder;
+  fs::path take = folder.path() / "take", copy = folder.path() / "copy";
+  Contents whole;
+};
+
+TEST_F(RepairFromCopy, AnyDamageOfOneCopyIsRepairedToTheSameBytes) {
+  std::mt19937_64 random(20051);
+  for (int round = 0; round < 120; ++round) {
+    SCOPED_TRACE(round);
+    damage(take, random);
+    // A take of which nothing is left is refused, because any folder looks like that.
+    if (!fs::exists(take / "take.json") && !fs::exists(take / "rig.json")) {
+      write_bytes_to(take / "rig.json", whole["rig.json"]);
+    }
+    const Contents damaged = contents_of(take);
+    const RepairReport planned = repair(true);
+    EXPECT_EQ(contents_of(take), damaged) << "a dry run changed something";
+    EXPECT_FALSE(planned.failed());
+    const RepairReport report = repair();
+    EXPECT_FALSE(report.failed());
+    EXPECT_FALSE(report.has_losses());
+    for (std::size_t i = 0; i < report.cameras.size(); ++i) {
+      EXPECT_EQ(report.cameras[i].frames_from_copy, planned.cameras[i].frames_from_copy);
+    }
+    ASSERT_EQ(contents_of(take), whole);
+    ASSERT_EQ(contents_of(copy), whole) << "the copy was changed";
+  }
+}
+
+// Neither copy is whole, but no frame is damaged in both.
+TEST_F(RepairFromCopy, TwoDamagedCopiesCompleteEachOther) {
+  const auto flip_frame = [&](const fs::path& where, int camera, std::size_t frame) {
+    const std::string name = "archive/c" + std::to_string(camera) + ".mkv";
+    const auto offset = Take(where).archive(camera).frames()[frame].offset;
+    Bytes bytes = testing::bytes_of(where / name);
+    bytes[offset + 3] ^= std::byte{4};
+    write_bytes_to(where / name, bytes);
+  };
+  for (int camera = 0; camera < kCopiedCameras; ++camera) {
+    flip_frame(take, camera, 2);
+    flip_frame(take, camera, 3);
+    flip_frame(copy, camera, 7);
+  }
+  const RepairReport report = repair();
+  EXPECT_FALSE(report.failed() || report.has_losses());
+  for (const auto& camera : report.cameras) EXPECT_EQ(camera.frames_from_copy, 2);
+  EXPECT_EQ(contents_of(take), whole);
+  const RepairReport back = repair_take(copy, {.copy = take});
+  EXPECT_FALSE(back.failed() || back.has_losses());
+  EXPECT_EQ(contents_of(copy), whole);
+}
+
+TEST_F(RepairFromCopy, RandomDamageOfBothNeverMakesOneWorse) {
+  std::mt19937_64 random(7);
+  for (int round = 0; round < 100; ++round) {
+    SCOPED_TRACE(round);
+    const auto hurt = [&](const fs::path& where) {
+      for (int faults = 0; faults < 2; ++faults) {
+        const std::string name = "archive/c" + std::to_string(random() % kCopiedCameras) +
+                                 (random() % 2 == 0 ? ".mkv" : ".journal");
+        Bytes bytes = testing::bytes_of(where / name);
+        testing::flip(bytes, random() % (8 * bytes.size()));
+        write_bytes_to(where / name, bytes);
+      }
+    };
+    hurt(take);
+    hurt(copy);
+    const auto intact_frames = [&](const fs::path& where) {
+      std::map<std::pair<int, Nanoseconds>, std::uint64_t> frames;
+      const Take opened(where);
+      for (int camera = 0; camera < kCopiedCameras; ++camera) {
+        ArchivePair pair = describe_pair(opened, camera);
+        const Bytes archive = testing::bytes_of(where / pair.archive_name);
+        const Bytes journal = testing::bytes_of(where / pair.journal_name);
+        pair.archive = archive;
+        pair.journal = journal;
+        const SalvageResult saved = salvage_archive(pair);
+        for (const FrameRecord& record : saved.records) {
+          if (record.status != FrameStatus::kStored) continue;
+          if (saved.unverified_times.contains(record.time_ns)) continue;
+          frames[{camera, record.time_ns}] = record.xxh3;
+        }
+      }
+      return frames;
+    };
+    auto expected = intact_frames(take);
+    expected.merge(intact_frames(copy));
+    const RepairReport report = repair();
+    EXPECT_FALSE(report.failed());
+    const auto now = intact_frames(take);
+    for (const auto& [key, hash] : expected) {
+      const auto found = now.find(key);
+      ASSERT_NE(found, now.end()) << key.first << " " << key.second;
+      EXPECT_EQ(found->second, hash);
+    }
+    fs::remove_all(take);
+    fs::remove_all(copy);
+    for (const auto& [name, bytes] : whole) {
+      write_bytes_to(take / name, bytes);
+      write_bytes_to(copy / name, bytes);
+    }
+  }
+}
+
+// As a mirror that stopped: every file is valid, but frames are missing at the end.
+TEST_F(RepairFromCopy, AnIntactCopyThatEndsEarlyIsCompleted) {
+  {
+    fs::remove_all(take / "archive");
+    fs::create_directory(take / "archive");
+    const Take other(copy);
+    for (int camera = 0; camera < kCopiedCameras; ++camera) {
+      const std::string name = "archive/c" + std::to_string(camera);
+      ArchiveWriter writer(take / (name + ".mkv"), take / (name + ".journal"),
+                           describe_pair(other, camera).description);
+      for (int i = 0; i < 5; ++i) {
+        const FrameRecord& record = other.archive(camera).frames()[i];
+        const auto jpeg = other.archive(camera).jpeg(i);
+        writer.append(jpeg.bytes(), record.time_ns, {record.arrival_ns, record.sequence});
+        if (i % 3 == 2) {
+          writer.append_missing(FrameStatus::kDroppedLate, record.time_ns,
+                                {1, 100U + static_cast<unsigned>(i)});
+        }
+      }
+      writer.close();
+    }
+  }
+  write_bytes_to(take / "recording" / "one.json", account(false));
+  fs::remove(take / "timeline.zst");
+  ASSERT_TRUE(verify_take(take, {}).is_intact());
+  const RepairReport report = repair();
+  EXPECT_FALSE(report.failed() || report.has_losses());
+  for (const auto& camera : report.cameras) {
+    EXPECT_EQ(camera.frames_from_copy, kCopiedFrames - 5);
+    EXPECT_THAT(camera.kept, IsEmpty());
+  }
+  EXPECT_EQ(contents_of(take), whole);
+}
+
+TEST_F(RepairFromCopy, AnIntactTakeTakesNothingFromADamagedCopy) {
+  fs::resize_file(copy / "archive" / "c1.mkv", 700);
+  fs::remove(copy / "archive" / "c2.mkv");
+  fs::remove(copy / "notes.txt");
+  const RepairReport report = repair();
+  EXPECT_FALSE(report.failed() || report.has_losses());
+  for (const auto& camera : report.cameras) EXPECT_TRUE(camera.was_intact);
+  EXPECT_THAT(report.files, IsEmpty());
+  EXPECT_EQ(contents_of(take), whole);
+}
+
+TEST_F(RepairFromCopy, AnotherTakeIsRefused) {
+  fs::remove_all(copy);
+  schemas::TakeDocument other = testing::take_document(kCopiedCameras);
+  other.name = "another";
+  {
+    TakeWriter writer(copy, other, testing::rig_document(kCopiedCameras));
+    writer.commit();
+  }
+  EXPECT_THAT(refusal(), HasSubstr("another take: its name is \"another\""));
+  other = testing::take_document(kCopiedCameras);
+  other.epoch_utc += kNanosecondsPerSecond;
+  fs::remove_all(copy);
+  {
+    TakeWriter writer(copy, other, testing::rig_document(kCopiedCameras));
+    writer.commit();
+  }
+  EXPECT_THAT(refusal(), HasSubstr("another take: its epoch is"));
+  fs::remove_all(copy);
+  {
+    TakeWriter writer(copy, testing::take_document(kCopiedCameras + 1),
+                      testing::rig_document(kCopiedCameras + 1));
+    writer.commit();
+  }
+  EXPECT_THAT(refusal(), HasSubstr("another take: its cameras differ"));
+  EXPECT_THAT(([&] {
+                try {
+                  repair_take(take, {.copy = take});
+                } catch (const Error& error) {
+                  return std::string(error.what());
+                }
+                return std::string();
+              }()),
+              HasSubstr("the take itself"));
+  EXPECT_EQ(contents_of(take), whole);
+}
+
+// The documents agree, as after a reset of the clock, but the frames do not.
+TEST_F(RepairFromCopy, OtherFramesOfTheSameTimesAreRefused) {
+  fs::remove_all(copy);
+  {
+    TakeWriter writer(copy, testing::take_document(kCopiedCameras),
+                      testing::rig_document(kCopiedCameras));
+    for (int camera = 0; camera < kCopiedCameras; ++camera) {
+      writer.archive(camera).append(testing::fake_jpeg(999, 50), testing::frame_time(3),
+                                    testing::frame_origin(3));
+    }
+    writer.commit();
+  }
+  const RepairReport report = repair();
+  EXPECT_TRUE(report.failed());
+  for (const auto& camera : report.cameras) EXPECT_THAT(camera.error, HasSubstr("another take"));
+  EXPECT_EQ(contents_of(take), whole);
+}
+
+TEST_F(RepairFromCopy, NoLinkIsFollowedInEitherFolder) {
+  const fs::path outside = folder.path() / "outside.mkv";
+  fs::copy(copy / "archive" / "c0.mkv", outside);
+  for (const fs::path& where : {copy, take}) {
+    restore_take();
+    fs::remove(where / "archive" / "c0.mkv");
+    fs::create_symlink(outside, where / "archive" / "c0.mkv");
+    const Bytes before = testing::bytes_of(outside);
+    std::string said;
+    try {
+      said = repair().cameras[0].error;
+    } catch (const Error& error) {
+      said = error.what();
+    }
+    EXPECT_THAT(said, HasSubstr("link")) << where;
+    EXPECT_EQ(testing::bytes_of(outside), before);
+    EXPECT_TRUE(fs::is_symlink(where / "archive" / "c0.mkv"));
+    fs::remove(where / "archive" / "c0.mkv");
+    fs::copy(outside, where / "archive" / "c0.mkv");
+  }
+}
+
+TEST_F(RepairFromCopy, AFolderThatIsNoTakeIsRefused) {
+  fs::remove_all(take);
+  fs::create_directory(take);
+  EXPECT_THAT(refusal(), HasSubstr("this is no take"));
+  EXPECT_TRUE(fs::is_empty(take));
+}
+
+}  // namespace
+}  // namespace raystage::store

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests that a recording with a memory ceiling stays below it whatever a source does, and that the
+// other cameras lose no frame.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "testing/test_folder.h"
+#include "tests/end_to_end/run_command.h"
+
+namespace raystage {
+namespace {
+
+using nlohmann::json;
+using testing::CommandResult;
+using ::testing::HasSubstr;
+using testing::run;
+
+constexpr double kMegabyte = 1e6;
+
+class RecordCeiling : public ::testing::Test {
+ protected:
+  void SetUp() override {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+    GTEST_SKIP() << "sanitizers take memory of their own";
+#endif
+  }
+  /// Three good cameras of raw frames, and perhaps a graph that keeps all of its pictures.
+  void configure(const std::string& when_lost, const std::string& hostile) const {
+    std::string cameras;
+    for (int i = 0; i < 3; ++i) {
+      cameras += R"({"id": "good)" + std::to_string(i) +
+                 R"(", "simulated": {"rows": 1, "columns": 3, "seconds": 0.5, "jpeg": true,
+                   "index": )" +
+                 std::to_string(i) + "}},";
+    }
+    testing::write_text(
+        folder_.path() / "record.json",
+        R"({"schema": "raystage/record/1", "name": "test", "node": "one", "when_lost": ")" +
+            when_lost + R"(", "memory_mb": 40, "cameras": [)" + cameras +
+            R"({"id": "hostile", "ffmpeg": {"url": ")" + hostile + R"("}}]})");
+  }
+  CommandResult record(const std::string& options, const std::string& before = "") const {
+    return run("cd '" + folder_.path().string() + "' && " + before +
+               "raystage record record.json -o take --status none --threads 1 "
+               "--allow-filters-with-files " +
+               options);
+  }
+  json session() const {
+    return json::parse(testing::read_text(folder_.path() / "take/recording/one.json"))
+        .at("sessions")[0];
+  }
+  void expect_good_cameras_whole(double ceiling_mb) const {
+    const json account = session();
+    EXPECT_TRUE(account.at("audit").at("passed").get<bool>()) << account.dump(1);
+    const double peak = account.at("process_peak_bytes").get<double>() / kMegabyte;
+    std::printf("peak %.0f MB below the ceiling of %.0f MB\n", peak, ceiling_mb);
+    EXPECT_LT(peak, ceiling_mb);
+    EXPECT_GT(peak, 0.8 * ceiling_mb) << "the hostile source took nothing";
+    EXPECT_EQ(account.at("memory_ceiling_bytes"), ceiling_mb * kMegabyte);
+    for (const json& camera : account.at("cameras")) {
+      if (camera.at("id") == "hostile") continue;
+      EXPECT_EQ(camera.at("arrived"), camera.at("stored")) << camera.dump(1);
+      EXPECT_EQ(camera.at("skipped_by_source"), 0) << camera.dump(1);
+      EXPECT_GT(camera.at("stored"), 30) << camera.dump(1);
+    }
+    EXPECT_EQ(run("cd '" + folder_.path().string() + "' && raystage verify -q take").exit_code, 0);
+  }
+  static constexpr const char* kGrowing = "lavfi:testsrc2=size=640x480:rate=30,reverse";
+
+  testing::TestFolder folder_;
+};
+
+// Without a ceiling this graph takes all memory of the machine.
+TEST_F(RecordCeiling, ASourceThatGrowsWithoutBoundIsLostAndNoOtherFrameIs) {
+  configure("continue", kGrowing);
+  const CommandResult result = record("--duration 4 --memory-ceiling 420");
+  EXPECT_EQ(result.exit_code, 3) << result.err;
+  EXPECT_LT(static_cast<double>(result.peak_memory) / kMegabyte, 420);
+  expect_good_cameras_whole(420);
+  EXPECT_THAT(session().at("cameras")[3].at("events")[0].at("what").get<std::string>(),
+              HasSubstr("lost: "));
+}
+
+TEST_F(RecordCeiling, AlsoIfItComesBackAgainAndAgain) {
+  configure("reconnect", kGrowing);
+  const CommandResult result = record("--duration 5 --memory-ceiling 420");
+  EXPECT_EQ(result.exit_code, 3) << result.err;
+  expect_good_cameras_whole(420);
+  EXPECT_GT(session().at("cameras")[3].at("events").size(), 3U);
+}
+
+// The frames of the good cameras wait in memory meanwhile.
+TEST_F(RecordCeiling, AlsoIfTheDiskStalls) {
+  configure("reconnect", kGrowing);
+  const CommandResult result =
+      record("--duration 5 --memory-ceiling 420",
+             "export BAD_DISK_FOLDER=\"$PWD/take\" BAD_DISK='STALL 300000 2' && "
+             "LD_PRELOAD='" RAYSTAGE_BAD_DISK "' ");
+  EXPECT_EQ(result.exit_code, 3) << result.err;
+  expect_good_cameras_whole(420);
+  EXPECT_GT(session().at("memory_peak_bytes"), 500'000) << "the disk did not stall";
+}
+
+TEST_F(RecordCeiling, TooLowOnesAreRefusedBeforeAnythingIsWritten) {
+  configure("continue", "lavfi:testsrc2=size=640x480:rate=30");
+  const CommandResult result = record("--duration 1 --memory-ceiling 100");
+  EXPECT_EQ(result.exit_code, 2) << result.err;
+  EXPECT_THAT(result.err, HasSubstr("a ceiling of 100 MB leaves"));
+  EXPECT_FALSE(std::filesystem::exists(folder_.path() / "take"));
+}
+
+}  // namespace
+}  // namespace raystage

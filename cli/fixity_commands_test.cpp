@@ -164,7 +164,7 @@ TEST_F(FixityCommands, ARepairThatWasKilledLeavesNothingHiddenAfterTheNext) {
   const std::filesystem::path large = folder.path() / "large";
   std::vector<std::vector<Nanoseconds>> times(2);
   for (auto& column : times) {
-    for (int i = 0; i < 30'000; ++i) column.push_back(i * 50'000'000);
+    for (int i = 0; i < 30'000; ++i) column.push_back(Nanoseconds{i} * 50'000'000);
   }
   testing::write_take(large, times, 20);
   for (const char* name : {"c0.mkv", "c1.mkv"}) {
@@ -190,7 +190,7 @@ TEST_F(FixityCommands, ARepairThatWasKilledLeavesNothingHiddenAfterTheNext) {
 TEST_F(FixityCommands, TruncationMeanwhileIsAnErrorThatNamesTheFile) {
   const std::filesystem::path large = folder.path() / "large";
   std::vector<std::vector<Nanoseconds>> times(1);
-  for (int i = 0; i < 60'000; ++i) times[0].push_back(i * 50'000'000);
+  for (int i = 0; i < 60'000; ++i) times[0].push_back(Nanoseconds{i} * 50'000'000);
   testing::write_take(large, times, 20);
   const std::filesystem::path archive = large / "archive" / "c0.mkv";
   const auto whole = testing::bytes_of(archive);

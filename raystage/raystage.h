@@ -89,7 +89,9 @@ struct LightFieldOptions {
 };
 
 /// A recorded light field (a synchronised take). Const members are thread-safe; each uses the
-/// threads of the TBB arena in which it is called.
+/// threads of the TBB arena in which it is called. Opening the first one installs a handler of
+/// SIGBUS, for files that another program truncates; it passes on signals of other addresses to the
+/// handler that was there before.
 class RAYSTAGE_API LightField {
  public:
   /// Opens a take. Throws std::invalid_argument if the folder is not a take, or was not

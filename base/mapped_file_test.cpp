@@ -57,7 +57,7 @@ TEST_F(MappedFiles, TruncatedOnesReadAsZerosAndAreAnError) {
   ASSERT_EQ(truncate(file_.c_str(), kRest), 0);
   EXPECT_EQ(count_of(mapped, 'x'), kRest);
   EXPECT_EQ(count_of(mapped, '\0'), kBytes - kRest);
-  for (const MappedFile* each : {&mapped, &another}) {  // also where nobody read the lost part
+  for (const MappedFile* each : {&mapped, &another}) {  // also where the lost part was not read
     EXPECT_THAT(message_of(*each), HasSubstr("another program truncated the file"));
     EXPECT_THAT(message_of(*each), HasSubstr(file_.string()));
   }

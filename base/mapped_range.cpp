@@ -23,6 +23,7 @@ constexpr std::size_t kNone = kMaxRanges;
 
 struct Slot {
   std::atomic<bool> taken = false, has_unread_pages = false;
+  std::atomic<std::uint32_t> changes = 0;  ///< odd while begin and end change
   std::atomic<std::uintptr_t> begin = 0, end = 0;
 };
 
@@ -37,10 +38,21 @@ struct sigaction& former_action() {
   return action;
 }
 
+/// Only the owner of a slot changes it.
+void set_range(Slot& slot, std::uintptr_t begin, std::uintptr_t end) {
+  ++slot.changes;
+  slot.begin = begin;
+  slot.end = end;
+  ++slot.changes;
+}
+
 /// Replaces the pages from `address` to the end of its range. Returns false if it is in none.
 bool replace_by_zeros(std::uintptr_t address) {
   for (Slot& slot : slots()) {
-    const std::uintptr_t begin = slot.begin.load(), end = slot.end.load();
+    // Both of the same range. That of this address does not change: somebody reads it.
+    const std::uint32_t before = slot.changes;
+    const std::uintptr_t begin = slot.begin, end = slot.end;
+    if (before % 2 != 0 || slot.changes != before) continue;
     if (address < begin || address >= end) continue;
     const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
     const std::uintptr_t first = address / page * page;
@@ -88,8 +100,8 @@ MappedRange::MappedRange(std::span<const std::byte> bytes) : slot_(kNone) {
     Slot& slot = slots()[i];
     if (slot.taken.exchange(true)) continue;
     slot.has_unread_pages = false;
-    slot.begin = reinterpret_cast<std::uintptr_t>(bytes.data());
-    slot.end = reinterpret_cast<std::uintptr_t>(bytes.data() + bytes.size());
+    set_range(slot, reinterpret_cast<std::uintptr_t>(bytes.data()),
+              reinterpret_cast<std::uintptr_t>(bytes.data() + bytes.size()));
     slot_ = i;
     return;
   }
@@ -100,8 +112,7 @@ MappedRange::MappedRange(std::span<const std::byte> bytes) : slot_(kNone) {
 MappedRange::~MappedRange() {
   if (slot_ == kNone) return;
   Slot& slot = slots()[slot_];
-  slot.end = 0;
-  slot.begin = 0;
+  set_range(slot, 0, 0);
   slot.taken = false;
 }
 

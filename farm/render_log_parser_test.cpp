@@ -41,7 +41,7 @@ TEST(RenderLogParser, ReadsWhatTheRendererReports) {
   EXPECT_EQ(log.reason(), "frame 3 failed: the disk is full");
 }
 
-TEST(RenderLogParser, TellsRotFromOtherFailures) {
+TEST(RenderLogParser, RotIsNoOtherFailure) {
   const store::RottenFrame rot(
       Error::bad_input(fmt::format("frame 3 of camera \"c1\" {}", store::kRottenFrameText),
                        "c1.mkv", "Repair"),

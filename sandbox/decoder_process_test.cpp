@@ -109,7 +109,8 @@ TEST_F(DecoderProcessTest, LibrariesOpenFilesByNameThroughTheParent) {
 }
 
 TEST_F(DecoderProcessTest, ItsThreadsReadFilesByName) {
-  const auto file = folder_.path() / "file";
+  const raystage::testing::TestFolder folder;
+  const std::filesystem::path file = folder.path() / "a.bin";
   write_text(file, "contents");
   open_file_ = only_file(file);
   EXPECT_EQ(run("in threads: " + file.string()), "8 contents|8 contents|8 contents|8 contents");

@@ -127,7 +127,8 @@ void FfmpegInput::open(FfmpegOptions& options) {
   context->interrupt_callback = {should_interrupt, this};
   try {
     if (address_.kind == FfmpegAddress::Kind::kPipe) {
-      pipe_ = std::make_unique<PipeReader>(address_.url, [this] { return stopping(); });
+      pipe_ = std::make_unique<PipeReader>(address_.url,
+                                           [this] { return should_interrupt(this) != 0; });
       context->pb = pipe_->context();
     } else if (address_.is_http()) {
       http_ = std::make_unique<HttpReader>(address_, options,
@@ -316,6 +317,9 @@ void FfmpegInput::end(int code) {
     over_ = true;
     lost_ = code != AVERROR_EOF || !is_finite_stream();
     loss_reason_ = code == AVERROR_EOF ? at_end : av_error_text(code);
+    if (const std::string failure = http_ ? http_->failure() : ""; !failure.empty()) {
+      loss_reason_ = failure;
+    }
   }
   changed_.notify_all();
 }

@@ -39,7 +39,7 @@ constexpr std::array<std::string_view, 7> kFormatsOfReferences{
     "hls", "dash", "concat", "imf", "sdp", "applehttp", "webm_dash_manifest"};
 
 /// Protocols of cameras, and what each opens.
-constexpr std::array<std::pair<std::string_view, std::string_view>, 18> kNetworkProtocols{{
+constexpr std::array<std::pair<std::string_view, std::string_view>, 17> kNetworkProtocols{{
     {"http", "none"},  // HttpReader reads them, and FFmpeg opens nothing
     {"https", "none"},
     {"rtsp", "rtp,udp,tcp"},
@@ -55,7 +55,6 @@ constexpr std::array<std::pair<std::string_view, std::string_view>, 18> kNetwork
     {"rist", "rist"},
     {"rtmp", "rtmp,tcp"},
     {"rtmps", "rtmps,tls,tcp"},
-    {"mmsh", "mmsh,http,tcp"},
     {"ftp", "ftp,tcp"},
     {"sftp", "sftp"},
 }};

@@ -4,9 +4,12 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <atomic>
+#include <csignal>
 #include <fstream>
+#include <thread>
 
 #include "base/error.h"
 #include "ingest/sources/ffmpeg_source.h"
@@ -149,17 +152,20 @@ std::size_t resident_bytes() {
   return resident * 4096;
 }
 
-TEST(FfmpegPermissions, AFrameThatNeverEndsIsDroppedAndTheNextOneIsWhole) {
-  const auto jpeg = testing::test_jpeg(64, 48, 40);
-  const testing::TestServer server([&](const testing::TestConnection& client) {
-    client.send(jpeg);
-    client.send(std::string_view("\xFF\xD8", 2));
-    const std::string zeros(1 << 20, '\0');
-    for (int i = 0; i < 120; ++i) client.send(zeros);
-    for (int i = 0; i < 20; ++i) client.send(jpeg);
-    client.wait_for_end();
-  });
-  Source source{.url = server.url("tcp"), .format = "mjpeg"};
+/// Sends a frame, 120 MB of one that does not end, and whole frames.
+template <class Send>
+void send_frame_that_never_ends(const std::vector<std::byte>& jpeg, const Send& send) {
+  send(jpeg);
+  std::vector<std::byte> part{std::byte{0xFF}, std::byte{0xD8}};
+  send(part);
+  part.assign(1 << 20, std::byte{});
+  for (int i = 0; i < 120; ++i) send(part);
+  for (int i = 0; i < 20; ++i) send(jpeg);
+}
+
+/// Expects that the frame that never ends is dropped without being kept.
+void expect_frames_around(const std::vector<std::byte>& jpeg, Source source) {
+  source.format = "mjpeg";
   source.max_frame_mb = 2;
   const auto opened = open_ffmpeg_source(source, "/");
   SourceFrame frame;
@@ -178,6 +184,63 @@ TEST(FfmpegPermissions, AFrameThatNeverEndsIsDroppedAndTheNextOneIsWhole) {
   EXPECT_EQ(whole, 5);
   EXPECT_GT(torn, 5);
   EXPECT_LT(most - before, std::size_t{60} << 20) << "of 120 MB";
+}
+
+TEST(FfmpegPermissions, AFrameThatNeverEndsIsDroppedAndTheNextOneIsWhole) {
+  const auto jpeg = testing::test_jpeg(64, 48, 40);
+  const testing::TestServer server([&](const testing::TestConnection& client) {
+    send_frame_that_never_ends(jpeg, [&](const auto& bytes) { client.send(bytes); });
+    client.wait_for_end();
+  });
+  expect_frames_around(jpeg, {.url = server.url("tcp")});
+}
+
+TEST(FfmpegPermissions, AFrameThatNeverEndsOverHttpIsDropped) {
+  const auto jpeg = testing::test_jpeg(64, 48, 40);
+  const testing::TestServer server([&](const testing::TestConnection& client) {
+    client.request();
+    client.send(std::string_view("HTTP/1.0 200 OK\r\nContent-Type: video/x-motion-jpeg\r\n\r\n"));
+    send_frame_that_never_ends(jpeg, [&](const auto& bytes) { client.send(bytes); });
+    client.wait_for_end();
+  });
+  expect_frames_around(jpeg, {.url = server.url("http")});
+}
+
+TEST(FfmpegPermissions, ASenderThatNeverPausesDoesNotHoldUpTheEnd) {
+  const auto jpeg = testing::test_jpeg(64, 48, 40);
+  const testing::TestServer server([&](const testing::TestConnection& client) {
+    client.request();
+    client.send(std::string_view("HTTP/1.0 200 OK\r\n\r\n"));
+    client.send(jpeg);
+    client.send(std::string_view("\xFF\xD8", 2));
+    const std::string zeros(1 << 20, '\0');
+    while (client.send(zeros)) {
+    }
+  });
+  Source source{.url = server.url("http"), .format = "mjpeg"};
+  auto opened = open_ffmpeg_source(source, "/");
+  SourceFrame frame;
+  EXPECT_EQ(opened->next(frame, 10s), Outcome::kFrame);
+  const auto start = std::chrono::steady_clock::now();
+  opened.reset();
+  EXPECT_LT(std::chrono::steady_clock::now() - start, 10s);
+}
+
+TEST(FfmpegPermissions, AFrameThatNeverEndsInAPipeIsDropped) {
+  const auto jpeg = testing::test_jpeg(64, 48, 40);
+  const testing::TestFolder folder;
+  const std::string pipe = (folder.path() / "pipe").string();
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  std::signal(SIGPIPE, SIG_IGN);  // if it is closed early
+  std::thread sender([&] {
+    std::ofstream file(pipe, std::ios::binary);
+    send_frame_that_never_ends(jpeg, [&](const auto& bytes) {
+      file.write(reinterpret_cast<const char*>(bytes.data()),
+                 static_cast<std::streamsize>(bytes.size()));
+    });
+  });
+  expect_frames_around(jpeg, {.url = pipe});
+  sender.join();
 }
 
 }  // namespace

@@ -14,6 +14,7 @@ extern "C" {
 #include <limits>
 
 #include "base/error.h"
+#include "ingest/sources/configuration_error.h"
 
 namespace raystage::ingest {
 namespace {
@@ -106,15 +107,15 @@ HttpOptions::HttpOptions(FfmpegOptions& options, const std::string& where) {
       if (known) {
         const int code = av_opt_set(&fields_, name.c_str(), entry->value, 0);
         if (code >= 0) continue;
-        throw Error::bad_input(
+        throw ConfigurationError(Error::bad_input(
             fmt::format("the option \"{}\" has an impossible value: {}", name, entry->value), where,
-            "Correct it; `ffmpeg -h protocol=http` lists the options");
+            "Correct it; `ffmpeg -h protocol=http` lists the options"));
       }
       if (is_option_of_ffmpegs_protocol(name.c_str())) {
-        throw Error::bad_input(
+        throw ConfigurationError(Error::bad_input(
             fmt::format("the option \"{}\" of http is not supported", name), where,
             "Remove it. To open a lost camera again, set when_lost of the configuration to "
-            "\"reconnect\"");
+            "\"reconnect\""));
       }
     }
     for (const AVOption* known = fields_.av_class->option; known->name != nullptr; ++known) {

@@ -12,6 +12,7 @@ extern "C" {
 #include <utility>
 
 #include "base/error.h"
+#include "ingest/sources/configuration_error.h"
 
 namespace raystage::ingest {
 
@@ -25,8 +26,9 @@ HttpReader::HttpReader(const FfmpegAddress& address, FfmpegOptions& options,
       transfer_(options_, std::move(stop), where_) {
   const char* protocol = url_.is_secure() ? "https" : "http";
   if (av_match_list(protocol, limits_.protocols.c_str(), ',') <= 0) {
-    throw Error::bad_input(fmt::format("the option protocol_whitelist lacks \"{}\"", protocol),
-                           where_, "Add it to the option");
+    throw ConfigurationError(
+        Error::bad_input(fmt::format("the option protocol_whitelist lacks \"{}\"", protocol),
+                         where_, "Add it to the option"));
   }
   if (!open(0)) {
     throw Error::failed("no data arrived in time", where_,
@@ -64,6 +66,17 @@ void HttpReader::rethrow_failure() const {
   if (failure_) std::rethrow_exception(failure_);
 }
 
+std::string HttpReader::failure() const {
+  try {
+    rethrow_failure();
+    return "";
+  } catch (const Error& error) {
+    return error.what_happened();
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+}
+
 /// Asks for the data from byte `from`, and follows redirections within the limits. Returns false if
 /// no answer came in time.
 bool HttpReader::open(std::int64_t from) {
@@ -96,7 +109,7 @@ bool HttpReader::open(std::int64_t from) {
 
 int HttpReader::read(void* opaque, std::uint8_t* buffer, int size) {
   auto& self = *static_cast<HttpReader*>(opaque);
-  if (!self.is_open_) return AVERROR_EOF;
+  if (!self.is_open_) return self.failure_ ? AVERROR(EIO) : AVERROR_EOF;
   const int count = self.transfer_.read(buffer, size);
   if (count > 0) self.position_ += count;
   return count;

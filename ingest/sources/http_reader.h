@@ -31,6 +31,8 @@ class HttpReader {
   AVIOContext* context() { return context_; }
   /// Throws what a failed seek could not throw through FFmpeg, if there is any.
   void rethrow_failure() const;
+  /// Returns what it would throw, as a text; empty: nothing.
+  std::string failure() const;
 
  private:
   static int read(void* self, std::uint8_t* buffer, int size);

@@ -215,6 +215,7 @@ std::string HttpTransfer::failure() const {
 
 int HttpTransfer::read(std::uint8_t* buffer, int size) {
   if (size <= 0) return AVERROR(EINVAL);
+  if (stop_()) return AVERROR_EXIT;
   target_ = buffer;
   target_size_ = static_cast<std::size_t>(size);
   target_filled_ = 0;
@@ -238,6 +239,8 @@ int HttpTransfer::work() {
   const std::int64_t timeout = options_->rw_timeout > 0 ? options_->rw_timeout : options_->timeout;
   const Clock::time_point give_up = Clock::now() + std::chrono::microseconds(timeout);
   const std::uint64_t before = received_;
+  // Also asked where data come without a pause.
+  if (stop_()) return AVERROR_EXIT;
   for (;;) {
     int running = 0;
     if (libcurl().multi_perform(multi_.get(), &running) != CURLM_OK) return AVERROR(EIO);

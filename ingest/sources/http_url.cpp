@@ -10,6 +10,7 @@ extern "C" {
 #include <new>
 
 #include "base/error.h"
+#include "ingest/sources/configuration_error.h"
 #include "ingest/sources/libcurl.h"
 
 namespace raystage::ingest {
@@ -38,10 +39,10 @@ std::string decoded(std::string_view text) {
   return bytes;
 }
 
-Error not_a_url(CURLUcode code, const std::string& where) {
-  return Error::bad_input(
+ConfigurationError not_a_url(CURLUcode code, const std::string& where) {
+  return ConfigurationError(Error::bad_input(
       fmt::format("the address is no URL of http: {}", libcurl().url_strerror(code)), where,
-      "Correct it, for example http://10.0.0.1/video");
+      "Correct it, for example http://10.0.0.1/video"));
 }
 
 }  // namespace
@@ -123,7 +124,9 @@ bool HttpUrl::is_secure() const { return part(CURLUPART_SCHEME) == "https"; }
 
 bool HttpUrl::has_same_host(const HttpUrl& other) const {
   const std::string mine = part(CURLUPART_HOST);
-  return !mine.empty() && av_strcasecmp(mine.c_str(), other.part(CURLUPART_HOST).c_str()) == 0;
+  // Addresses of IPv6 that are local to a link are other machines behind other network interfaces.
+  return !mine.empty() && av_strcasecmp(mine.c_str(), other.part(CURLUPART_HOST).c_str()) == 0 &&
+         part(CURLUPART_ZONEID) == other.part(CURLUPART_ZONEID);
 }
 
 bool HttpUrl::shares_secrets_with(const HttpUrl& other) const {

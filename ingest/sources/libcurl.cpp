@@ -5,15 +5,16 @@
 #include <fmt/format.h>
 
 #include "base/error.h"
+#include "ingest/sources/configuration_error.h"
 
 namespace raystage::ingest {
 namespace {
 
 constexpr const char* kLibcurl = "libcurl.so.4";  // the only ABI since 2006
 
-Error no_libcurl(const std::string& why) {
-  return Error::failed(fmt::format("libcurl cannot be used: {}", why), kLibcurl,
-                       "Install the package libcurl4");
+ConfigurationError no_libcurl(const std::string& why) {
+  return ConfigurationError(Error::failed(fmt::format("libcurl cannot be used: {}", why), kLibcurl,
+                                          "Install the package libcurl4"));
 }
 
 template <typename Function>

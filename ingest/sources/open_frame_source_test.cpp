@@ -41,7 +41,7 @@ TEST(OpenFrameSource, OpensEachKindAndNamesTheCameraInErrors) {
   }
 }
 
-TEST(OpenFrameSource, TellsWrongConfigurationsFromFaultsOfCameras) {
+TEST(OpenFrameSource, WrongConfigurationsAreNoFaultsOfCameras) {
   const testing::TestFolder folder;
   write_file_atomically(folder.path() / "a.jpg", testing::test_jpeg(32, 24, 99));
   write_file_atomically(folder.path() / "garbage.mkv", std::string(5000, 'x'));

@@ -11,7 +11,7 @@ namespace raystage::render {
 inline void add_row_note(const rig::Topology& cells, RenderedView& image) {
   if (cells.kind != rig::Topology::Kind::kSegments) return;
   add_notes(
-      {"the cameras are in a row: each ray is blended from the two cameras beside it, and a view "
+      {"the cameras are in a row: each ray is blended from the two cameras next to it, and a view "
        "from above or below the row has no vertical parallax"},
       image.notes);
 }

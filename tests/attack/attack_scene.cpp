@@ -77,6 +77,15 @@ std::string table_of_detections() {
   return table;
 }
 
+/// Returns a command that runs all of them and ends with the largest of their exit codes.
+std::string all_of(const std::vector<std::string>& commands) {
+  std::string text = "(worst=0; ";
+  for (const std::string& command : commands) {
+    text += command + "; code=$?; [ $code -le $worst ] || worst=$code; ";
+  }
+  return text + "exit $worst)";
+}
+
 }  // namespace
 
 void write_attack_scene(const fs::path& folder) {
@@ -145,9 +154,9 @@ std::vector<AttackedFormat> attacked_formats(const fs::path& folder) {
     throw std::runtime_error("no file " + ending + " below " + below);
   };
   const std::string render = "raystage render -q -j 1 --memory 0.3 -o out/f.####.exr ";
-  const std::string inspect =
-      "raystage info take; c=$?; raystage verify -q --decode take; d=$?; raystage sync -q "
-      "--interpolate take -o out/take; e=$?; for x in $c $d $e; do [ $x -le 4 ] || exit $x; done; ";
+  const std::string inspect = all_of({"raystage info take", "raystage verify -q --decode take",
+                                      "raystage sync -q --interpolate take -o out/take"}) +
+                              "; code=$?; [ $code -le 4 ] || exit $code; ";
   const std::string archive = only("take/archive", ".mkv"), journal = only("take", ".journal");
   std::vector<AttackedFormat> formats{
       {"shot", "shot.json", true, render + "shot.json"},
@@ -156,10 +165,11 @@ std::vector<AttackedFormat> attacked_formats(const fs::path& folder) {
       {"timeline", "take/timeline.zst", false, inspect + render + "shot.json"},
       {"archive", archive, false, inspect + render + "depth.json"},
       {"journal", journal, false, inspect + render + "shot.json"},
-      {"archive to repair", archive, false, "raystage repair -q take -n; " + render + "shot.json"},
+      {"archive to repair", archive, false,
+       "cp -r take out/t && " + all_of({"raystage repair -q out/t", "raystage verify -q out/t"})},
       {"depth", only("take/depth", ".zst"), false, render + "depth.json"},
       {"recording", "recorded/recording/one.json", true,
-       "raystage info recorded; raystage verify -q recorded"},
+       all_of({"raystage info recorded", "raystage verify -q recorded"})},
       {"resumed journal", only("recorded/archive", "a.journal"), false,
        "cp -r recorded out/r && raystage record record.json -o out/r --resume --status none "
        "--duration 0.1"},

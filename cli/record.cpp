@@ -2,7 +2,6 @@
 // raystage record: records the cameras of one ingest node.
 #include <fmt/format.h>
 #include <malloc.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,6 +14,7 @@
 #include "cli/command_line_parsing.h"
 #include "cli/printing.h"
 #include "cli/record_status.h"
+#include "cli/record_takes.h"
 #include "cli/threads.h"
 #include "ingest/record/open_cameras.h"
 #include "ingest/record/record_setup.h"
@@ -151,95 +151,6 @@ Nanoseconds whole_second(Nanoseconds utc) {
   return utc / kNanosecondsPerSecond * kNanosecondsPerSecond;
 }
 
-/// What a take and its mirror are opened with.
-struct TakeSetup {
-  const Options& options;
-  const schemas::RecordConfig& config;
-  const std::vector<ingest::RecorderCamera>& cameras;
-  const std::string& node;
-  std::optional<Nanoseconds> start_utc;
-  schemas::TakeDocument document;  ///< of a new take
-};
-
-ingest::RecordingTake create_take(const TakeSetup& setup, const std::filesystem::path& folder) {
-  return ingest::RecordingTake::create(
-      folder, setup.document,
-      ingest::make_recording_rig(setup.config, setup.options.config.parent_path(), setup.cameras),
-      setup.node);
-}
-
-ingest::RecordingTake resume_take(const TakeSetup& setup, const std::filesystem::path& folder,
-                                  const std::filesystem::path& other) {
-  std::optional<double> duration_s;
-  if (setup.options.duration > 0) duration_s = setup.options.duration;
-  return ingest::resume_take(folder, setup.cameras, setup.node, setup.start_utc, duration_s, other);
-}
-
-bool is_take(const std::filesystem::path& folder) {
-  return !folder.empty() && std::filesystem::exists(folder / "take.json");
-}
-
-/// `mirror`: folder of the mirror; empty: none.
-ingest::RecordingTake open_take(const TakeSetup& setup, const std::filesystem::path& mirror) {
-  const std::filesystem::path& folder = setup.options.take;
-  if (!setup.options.resume) return create_take(setup, folder);
-  return resume_take(setup, folder, is_take(mirror) ? mirror : std::filesystem::path());
-}
-
-/// Returns the folder of the mirror's copy; empty: there is no mirror. Throws Error (bad input) if
-/// the folder for it does not exist: its disk may not be mounted.
-std::filesystem::path mirror_of(const Options& options, const schemas::RecordConfig& config) {
-  namespace fs = std::filesystem;
-  fs::path folder = options.mirror;
-  if (folder.empty() && !config.mirror.empty()) {
-    folder = options.config.parent_path() / config.mirror;
-  }
-  if (folder.empty()) return {};
-  std::error_code error;
-  if (!fs::is_directory(folder, error)) {
-    throw Error::bad_input("the folder for the mirror does not exist", folder.string(),
-                           "Mount its disk, or create the folder")
-        .concerning({"mirror"});
-  }
-  const fs::path take = fs::absolute(options.take).lexically_normal();
-  const fs::path name = take.has_filename() ? take.filename() : take.parent_path().filename();
-  const fs::path parent =
-      take.has_filename() ? take.parent_path() : take.parent_path().parent_path();
-  if (fs::equivalent(folder, parent, error)) {
-    throw Error::bad_input("the mirror would be the take itself", (folder / name).string(),
-                           "Use another folder, best on another disk")
-        .concerning({"mirror"});
-  }
-  struct stat of_mirror {
-  }, of_take{};
-  if (stat(folder.c_str(), &of_mirror) == 0 && stat(parent.c_str(), &of_take) == 0 &&
-      of_mirror.st_dev == of_take.st_dev) {
-    print_error(
-        "raystage record: the mirror is on the same file system as the take: it does not help "
-        "when that disk fails\n");
-  }
-  return folder / name;
-}
-
-/// Opens the mirror's copy. When a take is resumed, the copy that has fewer frames is completed
-/// from the other.
-std::optional<ingest::RecordingTake> open_mirror(const TakeSetup& setup,
-                                                 const std::filesystem::path& folder,
-                                                 ingest::RecordingTake& take) {
-  if (folder.empty()) return std::nullopt;
-  if (!setup.options.resume) return create_take(setup, folder);
-  std::optional<ingest::RecordingTake> mirror =
-      is_take(folder)
-          ? resume_take(setup, folder, take.folder())
-          : ingest::RecordingTake::create(folder, take.document(), take.rig(), setup.node);
-  const std::size_t to_mirror = mirror->complete_from(take), to_take = take.complete_from(*mirror);
-  if (to_mirror + to_take > 0) {
-    print_error("raystage record: {} records were copied to the mirror and {} from it\n", to_mirror,
-                to_take);
-  }
-  return mirror;
-}
-
 /// Returns the rig that states the sizes of the cameras; none if they become what the sources have.
 std::optional<schemas::RigDocument> known_rig(const Options& options,
                                               const schemas::RecordConfig& config) {
@@ -336,7 +247,9 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   if (settings.start_utc) check_start(*settings.start_utc, settings.duration_s);
 
   const std::filesystem::path folder = options.config.parent_path();
-  const std::filesystem::path mirror_folder = mirror_of(options, config);
+  std::filesystem::path mirror_parent = options.mirror;
+  if (mirror_parent.empty() && !config.mirror.empty()) mirror_parent = folder / config.mirror;
+  const std::filesystem::path mirror_folder = mirror_of(options.take, mirror_parent);
   const auto check_stop = [&] {  // opening takes long
     if (!stop.stop_requested()) return;
     throw Error::failed("stopped before the recording began", options.take.string(),
@@ -362,13 +275,15 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   check_stop();
   const Nanoseconds epoch = whole_second(settings.start_utc.value_or(ingest::host_utc_now()));
   const TakeSetup setup{
-      options,
+      options.resume,
+      folder,
       config,
       cameras,
       node,
       settings.start_utc,
+      settings.duration_s,
       ingest::make_take_document(config, cameras, node, epoch, "raystage " RAYSTAGE_VERSION)};
-  ingest::RecordingTake take = open_take(setup, mirror_folder);
+  ingest::RecordingTake take = open_take(setup, options.take, mirror_folder);
   std::optional<ingest::RecordingTake> mirror = open_mirror(setup, mirror_folder, take);
   const ingest::RecordingMemoryPlan plan = ingest::plan_recording_memory(settings, cameras);
   if (settings.memory_ceiling) ingest::check_memory_ceiling(plan, *settings.memory_ceiling);

@@ -210,6 +210,11 @@ bool ArchiveWriterThread::drain_timed_out() const {
 /// Until the reserve is needed each frame is tried once more: a smaller one may fit.
 void ArchiveWriterThread::drop_remaining() {
   bool reserve_is_whole = true;
+  // A stopped writer whose disk hangs may still read a frame, which is thus left as it is. The
+  // record is no allocation: there may be no memory.
+  QueuedFrame missing;
+  const std::array<FrameQueue::Frame, 1> record_of_missing{
+      FrameQueue::Frame(FrameQueue::Frame(), &missing)};
   const auto append_record = [&](std::size_t camera, std::span<const FrameQueue::Frame> record) {
     if (append(camera, record)) return true;
     if (!std::exchange(reserve_is_whole, false)) return false;
@@ -222,11 +227,11 @@ void ArchiveWriterThread::drop_remaining() {
     for (auto front = next(); !front.empty(); front = next()) {
       const bool picture = front[0]->has_image();
       if (!picture || !reserve_is_whole || !append(i, front)) {
-        if (picture) {
-          front[0]->mark_missing(store::FrameStatus::kDroppedDiskFull);
-          ++cameras_[i].counters.dropped;
-        }
-        if (!append_record(i, front)) ++cameras_[i].counters.unrecorded;
+        missing.status = picture ? store::FrameStatus::kDroppedDiskFull : front[0]->status;
+        missing.time_ns = front[0]->time_ns;
+        missing.origin = front[0]->origin;
+        if (picture) ++cameras_[i].counters.dropped;
+        if (!append_record(i, record_of_missing)) ++cameras_[i].counters.unrecorded;
       }
       queue.finish_writing(1, options_.writer);
     }

@@ -53,7 +53,8 @@ class ArchiveWriterThread {
   void drain(const std::function<void(double)>& progress);
   /// The same in two steps. Returns false if frames remain that the disk refuses.
   bool write_remaining(const std::function<void(double)>& progress);
-  /// Turns the remaining frames into records of dropped frames. No other writer may use the queues.
+  /// Turns the remaining frames into records of dropped frames. All other writers of the queues
+  /// must be stopped; their threads may still run.
   void drop_remaining();
   /// Writes no more frames, and lets the queues keep none for this writer. Thread-safe.
   void stop();

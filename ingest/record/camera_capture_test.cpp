@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <thread>
 
@@ -188,7 +190,7 @@ TEST(FrameQueue, KeepsWhatTheWriterCouldNotWrite) {
   EXPECT_TRUE(queue.empty());
 }
 
-TEST(FrameQueue, GivesUpOnlyWhatNobodyHoldsInHands) {
+TEST(FrameQueue, GivesUpOnlyWhatNoThreadHolds) {
   FrameQueue queue;
   queue.push(queued(1, QueuedFrame::Stage::kReady));  // the writer holds it
   queue.push(queued(2, QueuedFrame::Stage::kToEncode));
@@ -274,6 +276,39 @@ TEST(CameraCapture, WaitsForRoomWhereTheSourceWaitsToo) {
   for (int i = 0; i < 100; ++i) patient->take(picture());  // only the first one waits
   EXPECT_EQ(counters.dropped, 101U);
   EXPECT_LT(std::chrono::steady_clock::now() - again, 4s);
+}
+
+// TBB ends the process if it cannot start a thread.
+TEST(EncoderPoolDeathTest, NeedsNoThreadWhenMemoryIsShort) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers take memory of their own";
+#endif
+  ::testing::FLAGS_gtest_death_test_style = "threadsafe";
+  const auto encode_without_memory = [] {
+    constexpr int kFrames = 20;
+    FrameQueue queue;
+    EncoderPool encoders({}, 2);
+    for (int i = 0; i < kFrames; ++i) {
+      auto frame = queued(i + 1, QueuedFrame::Stage::kToEncode);
+      frame->raw.width = frame->raw.height = 8;
+      frame->raw.format = store::PixelFormat::kGray;
+      auto pixels = std::make_shared<Bytes>(64);
+      frame->raw.planes[0] = {pixels->data(), 8};
+      frame->raw.owner = pixels;
+      queue.push(std::move(frame));
+    }
+    rlimit before{};
+    getrlimit(RLIMIT_DATA, &before);
+    const rlimit none{1, before.rlim_max};
+    setrlimit(RLIMIT_DATA, &none);
+    for (int i = 0; i < kFrames; ++i) encoders.encode_next(queue);
+    encoders.wait();
+    setrlimit(RLIMIT_DATA, &before);
+    int ready = 0;
+    while (written(queue) != nullptr) ++ready;
+    _exit(ready == kFrames ? 0 : 1);
+  };
+  EXPECT_EXIT(encode_without_memory(), ::testing::ExitedWithCode(0), "");
 }
 
 TEST(EncoderPool, WhatCannotBeEncodedIsMissing) {

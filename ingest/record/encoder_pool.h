@@ -16,11 +16,12 @@
 
 namespace raystage::ingest {
 
-/// Encodes the raw frames of all cameras as JPEG on TBB threads. encode_next() never waits, so no
-/// source is delayed.
+/// Encodes the raw frames of all cameras as JPEG on TBB threads. encode_next() does not wait, so no
+/// source is delayed, unless TBB refuses the work: then it encodes frames itself.
 class EncoderPool {
  public:
-  /// Prepares the pool. `threads`: the number of frames encoded in parallel.
+  /// Starts the threads, so that none has to be started when memory is short: TBB ends the process
+  /// if that fails. `threads`: the number of frames encoded in parallel.
   EncoderPool(const store::JpegEncodeOptions& options, int threads);
   ~EncoderPool();
   EncoderPool(const EncoderPool&) = delete;
@@ -33,7 +34,10 @@ class EncoderPool {
   void wait();
 
  private:
-  void encode_from(FrameQueue& queue);
+  void start_threads(int threads);
+  void run_tasks();
+  bool encode_from(FrameQueue& queue);
+  void keep(std::unique_ptr<store::RawJpegEncoder> encoder);
   std::unique_ptr<store::RawJpegEncoder> acquire_encoder();
 
   const store::JpegEncodeOptions options_;
@@ -45,6 +49,8 @@ class EncoderPool {
   // These atomics show the thread sanitizer the order of memory accesses between threads, which TBB
   // guarantees as well: Debian's TBB is not instrumented.
   std::atomic<std::uint64_t> tasks_submitted_ = 0, tasks_completed_ = 0;
+  std::atomic<int> threads_started_ = 0;
+  std::atomic<bool> threads_failed_ = false;  // TBB could not start one: tasks may have no thread
 };
 
 }  // namespace raystage::ingest

@@ -91,7 +91,10 @@ std::vector<FrameQueue::Frame> FrameQueue::start_writing(std::size_t max_frames,
 void FrameQueue::finish_writing(std::size_t written, std::size_t writer) {
   const std::scoped_lock lock(mutex_);
   Writer& own = writers_[writer];
-  if (own.stopped) return;
+  if (own.stopped) {
+    own = {.stopped = true};
+    return;
+  }
   assert(written <= own.writing);
   own.done += written;
   own.writing = 0;
@@ -101,7 +104,10 @@ void FrameQueue::finish_writing(std::size_t written, std::size_t writer) {
 
 void FrameQueue::stop_writer(std::size_t writer) {
   const std::scoped_lock lock(mutex_);
-  writers_[writer] = {.stopped = true};
+  // Its thread may still write frames: they are counted until its finish_writing().
+  Writer& own = writers_[writer];
+  own.stopped = true;
+  if (own.writing == 0) own.done = 0;
   remove_written();
 }
 
@@ -113,7 +119,10 @@ void FrameQueue::remove_written() {
   }
   frames_.erase(frames_.begin(), frames_.begin() + static_cast<std::ptrdiff_t>(all_done));
   for (Writer& writer : writers_) {
-    if (!writer.stopped) writer.done -= all_done;
+    // A stopped writer keeps frames that are removed here by its own references.
+    const std::size_t done = std::min(writer.done, all_done);
+    writer.done -= done;
+    writer.writing -= std::min(writer.writing, all_done - done);
   }
 }
 
@@ -137,11 +146,11 @@ bool FrameQueue::drop_one(bool oldest, store::FrameStatus reason) {
     return frame->has_image() && frame->stage != QueuedFrame::Stage::kEncoding;
   };
   // A frame that is in one copy must get into the other. The next one to be written is never
-  // dropped.
+  // dropped, nor one that a stopped writer still reads.
   std::size_t kept = 1;
   for (const Writer& writer : writers_) {
-    if (!writer.stopped)
-      kept = std::max(kept, writer.done + std::max<std::size_t>(writer.writing, 1));
+    const std::size_t least = writer.stopped ? 0 : 1;
+    kept = std::max(kept, writer.done + std::max(writer.writing, least));
   }
   kept = std::min(frames_.size(), kept);
   const auto first = frames_.begin() + static_cast<std::ptrdiff_t>(kept);

@@ -33,7 +33,7 @@ struct QueuedFrame {
   MemoryBudget::Reservation memory;
 
   bool has_image() const { return status == store::FrameStatus::kStored; }
-  /// Frees the image and keeps a record of a missing frame.
+  /// Frees the image and keeps a record of a missing frame. No writer may be using it.
   void mark_missing(store::FrameStatus reason);
 };
 
@@ -67,7 +67,8 @@ class FrameQueue {
   std::vector<Frame> start_writing(std::size_t max_frames, std::size_t writer = 0);
   /// Marks the first `written` of those frames as done; the others wait to be written again.
   void finish_writing(std::size_t written, std::size_t writer = 0);
-  /// Keeps no more frames for a writer, which receives none from now on.
+  /// Keeps no more frames for a writer, which receives none from now on. Frames that it is writing
+  /// are not dropped before its finish_writing().
   void stop_writer(std::size_t writer);
   /// Returns the memory in bytes of the frames that every other writer has written.
   std::size_t bytes_only_for(std::size_t writer) const;

@@ -8,8 +8,8 @@
 
 #include <malloc.h>
 
-#include <atomic>
 #include <cassert>
+#include <mutex>
 
 namespace raystage::ingest {
 namespace {
@@ -20,13 +20,42 @@ constexpr auto kWatchInterval = 10ms;
 constexpr auto kTrimInterval = 250ms;
 constexpr std::size_t kLoan = 1 << 20;
 
+std::size_t difference(std::size_t a, std::size_t b) { return a > b ? a - b : 0; }
+
+/// What the new handler uses. A thread may be in the handler when the ceiling ends, so this lives
+/// as long as the process. Nothing here allocates.
+struct Loans {
+  std::mutex mutex;  // of all below
+  bool active = false;
+  rlimit before{};
+  std::size_t data_limit = 0, rest = 0;  // rest: that allocations of this program may still get
+
+  bool limit_data() const {
+    const rlimit limit{std::min<rlim_t>(data_limit, before.rlim_cur), before.rlim_max};
+    return setrlimit(RLIMIT_DATA, &limit) == 0;
+  }
+};
+
 // A new handler is a plain function.
-std::atomic<MemoryCeiling*>& active_ceiling() {
-  static std::atomic<MemoryCeiling*> active = nullptr;
-  return active;
+Loans& loans() {
+  static Loans only;
+  return only;
 }
 
-std::size_t difference(std::size_t a, std::size_t b) { return a > b ? a - b : 0; }
+/// Raises the limit for an allocation of this program, which is then tried again. Throws bad_alloc
+/// at the third level.
+void handle_failed_new() {
+  Loans& from = loans();
+  const std::scoped_lock lock(from.mutex);
+  if (!from.active) {  // it ended meanwhile: tried again without a limit, and without this handler
+    if (std::get_new_handler() == handle_failed_new) throw std::bad_alloc();
+    return;
+  }
+  if (from.rest < kLoan) throw std::bad_alloc();
+  from.rest -= kLoan;
+  from.data_limit += kLoan;
+  if (!from.limit_data()) throw std::bad_alloc();
+}
 
 }  // namespace
 
@@ -35,13 +64,17 @@ MemoryCeiling::MemoryCeiling(std::size_t ceiling, MemoryBudget& frames, bool lim
       margin_(margin(ceiling)),
       frames_(frames),
       limit_allocations_(limit_allocations) {
-  getrlimit(RLIMIT_DATA, &limit_before_);
-  look();
   if (limit_allocations_) {
-    [[maybe_unused]] const MemoryCeiling* other = active_ceiling().exchange(this);
-    assert(other == nullptr);
+    Loans& own = loans();
+    const std::scoped_lock lock(own.mutex);
+    assert(!own.active);
+    getrlimit(RLIMIT_DATA, &own.before);
+    own.data_limit = static_cast<std::size_t>(own.before.rlim_cur);
+    own.rest = 0;
+    own.active = true;
     handler_before_ = std::set_new_handler(handle_failed_new);
   }
+  look();
   watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
 }
 
@@ -49,9 +82,11 @@ MemoryCeiling::~MemoryCeiling() {
   watcher_ = {};  // joins
   frames_.set_open(true);
   if (!limit_allocations_) return;
-  std::set_new_handler(handler_before_);
-  active_ceiling() = nullptr;
-  setrlimit(RLIMIT_DATA, &limit_before_);
+  Loans& own = loans();
+  const std::scoped_lock lock(own.mutex);
+  std::set_new_handler(handler_before_);  // first: see handle_failed_new()
+  own.active = false;
+  setrlimit(RLIMIT_DATA, &own.before);
 }
 
 void MemoryCeiling::watch(const std::stop_token& stop) {
@@ -74,32 +109,14 @@ void MemoryCeiling::look() {
   const std::size_t second = difference(ceiling_, 2 * margin_),
                     third = difference(ceiling_, margin_);
   if (limit_allocations_) {
-    const std::scoped_lock lock(mutex_);
-    data_limit_ = use->data + difference(second, use->resident);
-    rest_ = difference(third, std::max(second, use->resident));
-    limit_data(data_limit_);
+    Loans& own = loans();
+    const std::scoped_lock lock(own.mutex);
+    own.data_limit = use->data + difference(second, use->resident);
+    own.rest = difference(third, std::max(second, use->resident));
+    own.limit_data();
   }
   if (use->resident > third) frames_.set_open(false);
   if (use->resident <= second) frames_.set_open(true);
-}
-
-bool MemoryCeiling::limit_data(std::size_t bytes) const {
-  const rlimit limit{std::min<rlim_t>(bytes, limit_before_.rlim_cur), limit_before_.rlim_max};
-  return setrlimit(RLIMIT_DATA, &limit) == 0;
-}
-
-/// Raises the limit for an allocation of this program. Returns false at the third level.
-bool MemoryCeiling::lend() {
-  const std::scoped_lock lock(mutex_);
-  if (rest_ < kLoan) return false;
-  rest_ -= kLoan;
-  data_limit_ += kLoan;
-  return limit_data(data_limit_);
-}
-
-void MemoryCeiling::handle_failed_new() {
-  MemoryCeiling* const ceiling = active_ceiling();
-  if (ceiling == nullptr || !ceiling->lend()) throw std::bad_alloc();
 }
 
 }  // namespace raystage::ingest

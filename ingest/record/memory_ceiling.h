@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cstddef>
-#include <mutex>
 #include <new>
 #include <stop_token>
 #include <thread>
@@ -49,22 +48,16 @@ class MemoryCeiling {
 
  private:
   static constexpr std::size_t kLevels = 3;
-  static void handle_failed_new();
   void watch(const std::stop_token& stop);
   void look();
-  bool lend();
-  bool limit_data(std::size_t bytes) const;
 
   const std::size_t ceiling_, margin_;
   MemoryBudget& frames_;
   const bool limit_allocations_;
   const MemoryUseReader reader_;
-  rlimit limit_before_{};
   std::new_handler handler_before_ = nullptr;
   std::chrono::steady_clock::time_point trimmed_;
-  std::mutex mutex_;                       // of the following two
-  std::size_t data_limit_ = 0, rest_ = 0;  // rest_: that allocations of this program may still get
-  std::jthread watcher_;                   // last: it uses all of the above
+  std::jthread watcher_;  // last: it uses all of the above
 };
 
 }  // namespace raystage::ingest

@@ -5,8 +5,11 @@
 #include <gtest/gtest.h>
 #include <sys/mman.h>
 
+#include <atomic>
+#include <chrono>
 #include <cstdlib>
 #include <memory>
+#include <thread>
 #include <vector>
 
 #include "base/error.h"
@@ -59,6 +62,43 @@ TEST(MemoryCeiling, LibrariesFailBeforeThisProgramAndNeitherReachesIt) {
     EXPECT_LT(resident(), ceiling - 60 * kMiB) << "freed memory was not returned";
     EXPECT_TRUE(frames.is_open());
   }
+  getrlimit(RLIMIT_DATA, &after);
+  EXPECT_EQ(after.rlim_cur, before.rlim_cur);
+}
+
+// As the writers' threads do at the end of a recording.
+TEST(MemoryCeiling, MayEndWhileOtherThreadsAllocate) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers take memory of their own";
+#endif
+  MemoryBudget frames(kMiB);
+  rlimit before{}, after{};
+  getrlimit(RLIMIT_DATA, &before);
+  std::atomic<int> failed = 0;
+  constexpr int kRounds = 20;
+  for (int round = 0; round < kRounds; ++round) {
+    auto limited = std::make_unique<MemoryCeiling>(resident() + 48 * kMiB, frames, true);
+    std::atomic<bool> has_ended = false;
+    const int failed_before = failed;
+    const std::jthread allocates([&] {
+      std::vector<std::unique_ptr<std::vector<char>>> held;
+      while (!has_ended) {
+        try {
+          held.push_back(std::make_unique<std::vector<char>>(kMiB / 4, 'x'));
+        } catch (const std::bad_alloc&) {
+          ++failed;
+          held.clear();
+        }
+      }
+    });
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(1);
+    while (failed == failed_before && std::chrono::steady_clock::now() < deadline) {
+      std::this_thread::yield();
+    }
+    limited = nullptr;
+    has_ended = true;
+  }
+  EXPECT_GT(failed, 0);
   getrlimit(RLIMIT_DATA, &after);
   EXPECT_EQ(after.rlim_cur, before.rlim_cur);
 }

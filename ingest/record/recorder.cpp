@@ -221,6 +221,7 @@ schemas::RecordingDocument::Session Recorder::run(
                          {.hold = s.settings.hold,
                           .drain_timeout_s = s.settings.drain_timeout_s,
                           .flush_interval_s = s.settings.flush_interval_s});
+  EncoderPool encoders(s.settings.jpeg, s.settings.threads);  // its threads start without a limit
   std::optional<MemoryCeiling> ceiling;
   if (s.settings.memory_ceiling) {
     const bool all_survive = std::ranges::all_of(s.cameras, [](const RecorderCamera& camera) {
@@ -228,7 +229,6 @@ schemas::RecordingDocument::Session Recorder::run(
     });
     ceiling.emplace(*s.settings.memory_ceiling, s.memory, all_survive);
   }
-  EncoderPool encoders(s.settings.jpeg, s.settings.threads);
 
   // Frames that waited in a source since it was opened are too old. The epoch is in the future if a
   // take is resumed that was stopped before its start time.
@@ -292,10 +292,12 @@ schemas::RecordingDocument::Session Recorder::run(
   }
   encoders.wait();
   session.stopped_utc = host_utc_now();
-  ceiling.reset();  // the sources are closed
+  // The sources are closed, so memory only becomes less. A failed allocation would cost frames now.
+  ceiling.reset();
   copies.drain(writing);
   if (status) status(s.status(copies));
 
+  // Before the audit, which maps the archives: pages of files count as resident.
   session.process_peak_bytes = peak_resident_memory();
   session.memory_peak_bytes = s.memory.peak() + s.records.peak();
   std::vector<std::string> problems;

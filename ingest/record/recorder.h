@@ -20,7 +20,7 @@ namespace raystage::ingest {
 
 struct RecorderOptions {
   std::size_t memory_bytes = std::size_t{1} << 30;  ///< of all frames of all cameras
-  /// Of the whole process, bytes (MemoryCeiling); it may not be reached without one.
+  /// Of the whole process until all sources are closed, bytes (MemoryCeiling); default: none.
   std::optional<std::size_t> memory_ceiling;
   bool hold = false;         ///< frames stay in memory until the end
   bool drop_oldest = false;  ///< when memory is full, drop the oldest frame, else the new one

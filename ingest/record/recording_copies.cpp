@@ -66,6 +66,20 @@ std::size_t RecordingCopies::bytes_only_for(std::size_t copy) const {
   return bytes;
 }
 
+/// Returns the active copy for which the fewest bytes wait; the first one of several.
+std::size_t RecordingCopies::most_complete() const {
+  std::size_t best = copies_.size(), fewest = 0;
+  for (std::size_t i = 0; i < copies_.size(); ++i) {
+    if (!copies_[i].is_active()) continue;
+    // What waits for all copies makes no difference.
+    const std::size_t waiting = bytes_only_for(i);
+    if (best < copies_.size() && waiting >= fewest) continue;
+    best = i;
+    fewest = waiting;
+  }
+  return best;
+}
+
 void RecordingCopies::watch() {
   if (active_count() == 1) return;
   for (Copy& copy : copies_) {
@@ -117,9 +131,9 @@ void RecordingCopies::drain(const std::function<void(double)>& progress) {
   const auto is_whole = [](const Copy& copy) {
     return copy.is_active() && copy.drain && copy.drain->is_whole;
   };
-  // Without a whole copy the first one that is active gets records of what it lacks.
+  // Without a whole copy the one that has most gets records of what it lacks.
   const bool one_is_whole = std::ranges::any_of(copies_, is_whole);
-  const Copy* const kept = one_is_whole ? nullptr : &reference();
+  const Copy* const kept = one_is_whole ? nullptr : &copies_[most_complete()];
   for (Copy& copy : copies_) {
     if (is_whole(copy) || &copy == kept) continue;
     std::string failure = copy.writer->write_error();
@@ -129,7 +143,8 @@ void RecordingCopies::drain(const std::function<void(double)>& progress) {
   watch();
 }
 
-/// Waits until all active copies are written. A copy that hangs is stopped if another is whole.
+/// Waits until all active copies are written. A copy that hangs is stopped if another is over:
+/// whole, or with records of the frames that its disk refuses.
 void RecordingCopies::wait_for_drains() {
   using Clock = std::chrono::steady_clock;
   constexpr auto kPoll = std::chrono::milliseconds(2);
@@ -140,11 +155,11 @@ void RecordingCopies::wait_for_drains() {
   };
   std::vector<Progress> progress(copies_.size());
   for (;;) {
-    bool all_over = true, one_is_whole = false;
+    bool all_over = true, one_is_over = false;
     for (const Copy& copy : copies_) {
       if (!copy.is_active()) continue;
       all_over = all_over && copy.drain->is_over;
-      one_is_whole = one_is_whole || (copy.drain->is_over && copy.drain->is_whole);
+      one_is_over = one_is_over || copy.drain->is_over;
     }
     if (all_over) return;
     for (std::size_t i = 0; i < copies_.size(); ++i) {
@@ -152,7 +167,7 @@ void RecordingCopies::wait_for_drains() {
       std::size_t waiting = 0;
       for (const FrameQueue& queue : frames_.queues) waiting += queue.size(i);
       if (waiting != std::exchange(progress[i].waiting, waiting)) progress[i].since = Clock::now();
-      if (one_is_whole && Clock::now() - progress[i].since > kHangs) {
+      if (one_is_over && Clock::now() - progress[i].since > kHangs) {
         stop(copies_[i], "its disk accepted no data for 30 s");
       }
     }

@@ -55,7 +55,8 @@ class RecordingCopies {
   /// Thread-safe.
   bool free_memory();
   /// Writes all remaining frames to each copy. One whose disk refuses them is stopped if another
-  /// has them all; otherwise they become records of dropped frames.
+  /// has them all; otherwise the copy with most frames goes on, and what it lacks becomes records
+  /// of dropped frames. A copy whose disk hangs for 30 s is stopped if another is done.
   void drain(const std::function<void(double)>& progress);
   /// Closes the archives of the copies, and adds errors of the reference copy to `problems`.
   void close(std::vector<std::string>& problems);
@@ -91,6 +92,7 @@ class RecordingCopies {
   const Copy& reference() const;
   std::size_t active_count() const;
   std::size_t bytes_only_for(std::size_t copy) const;
+  std::size_t most_complete() const;
   bool stop(Copy& copy, std::string reason);
   bool stop_lagging(double share);
   void wait_for_drains();

@@ -183,6 +183,21 @@ TEST_F(MirroredRecording, ACopyThatIsIncompleteAtTheEndIsSaid) {
   EXPECT_EQ(stored(take), 50U * kMirroredCameras);
 }
 
+// The take has no frame, its mirror those of all cameras but the first: it is kept.
+TEST_F(MirroredRecording, WithoutAWholeCopyTheOneWithMostFramesIsKept) {
+  const auto session = record(50, 500, [](BothTakes& both) {
+    refuse(0)(both);
+    both.takes[1].archive(0).close();
+  });
+  ASSERT_TRUE(session.audit);
+  EXPECT_FALSE(session.audit->holds) << "the first camera's archive accepts no records either";
+  ASSERT_EQ(session.copies.size(), 2U);
+  EXPECT_FALSE(session.copies[0].complete);
+  EXPECT_TRUE(session.copies[1].complete);
+  EXPECT_EQ(stored(take), 0U);
+  EXPECT_EQ(stored(mirror), 50U * (kMirroredCameras - 1));
+}
+
 TEST_F(MirroredRecording, AMirrorThatIsAddedLaterGetsAllFrames) {
   record(60, 500);
   fs::remove_all(mirror);
@@ -316,6 +331,35 @@ TEST(FrameQueueOfTwoWriters, KeepsAFrameUntilBothHaveIt) {
   write(2, 0);
   EXPECT_EQ(queue.size_for_all(), 0U);
   EXPECT_EQ(memory.used(), 0U);
+}
+
+// The thread of a stopped writer may still read its frames, and reports them when its disk answers.
+TEST(FrameQueueOfTwoWriters, DropsNoFrameThatAStoppedWriterReads) {
+  FrameQueue queue;
+  queue.set_writers(2);
+  for (int i = 0; i < 6; ++i) {
+    auto frame = std::make_shared<QueuedFrame>();
+    frame->time_ns = i;
+    frame->jpeg.resize(10);
+    queue.push(std::move(frame));
+  }
+  const auto reads = queue.start_writing(3, 1);
+  ASSERT_EQ(reads.size(), 3U);
+  queue.stop_writer(1);
+  const auto drop_all = [&] {
+    int dropped = 0;
+    while (queue.drop_one(true, store::FrameStatus::kDroppedRamFull)) ++dropped;
+    return dropped;
+  };
+  EXPECT_EQ(drop_all(), 3);
+  queue.start_writing(1, 0);
+  queue.finish_writing(1, 0);
+  EXPECT_EQ(queue.size_for_all(), 5U);
+  EXPECT_EQ(drop_all(), 0);
+  for (const auto& frame : reads) EXPECT_EQ(frame->jpeg.size(), 10U);
+  queue.finish_writing(3, 1);
+  EXPECT_TRUE(queue.empty(1));
+  EXPECT_EQ(drop_all(), 1) << "the second of them; the first is the next to be written";
 }
 
 }  // namespace

@@ -53,15 +53,27 @@ void check_epoch(Nanoseconds epoch_utc, const fs::path& folder, const std::strin
       folder.string(), what_to_do);
 }
 
-/// Returns whether two copies have the same record. A frame whose record was lost in a crash has no
-/// arrival and sequence number.
-bool is_same_record(const store::FrameRecord& a, const store::FrameRecord& b) {
-  store::FrameRecord same = b;
-  if (a.arrival_ns == store::kUnknownTime || b.arrival_ns == store::kUnknownTime) {
-    same.arrival_ns = a.arrival_ns;
-    same.sequence = a.sequence;
+Error copies_differ(const fs::path& where, const std::string& what) {
+  return Error::bad_input("the copies of the take differ: " + what, where.string(),
+                          "Run `raystage repair` on each with the other as its copy")
+      .concerning({"mirror"});
+}
+
+/// Throws Error (bad input) if two documents are not of copies of one take.
+void check_same_take(const schemas::TakeDocument& a, const schemas::TakeDocument& b,
+                     const fs::path& folder, const fs::path& other) {
+  const auto same = [](const auto& x, const auto& y) {
+    return x.id == y.id && x.archive == y.archive && x.journal == y.journal;
+  };
+  if (a.name == b.name && a.epoch_utc == b.epoch_utc &&
+      std::ranges::equal(a.cameras, b.cameras, same)) {
+    return;
   }
-  return a == same;
+  throw copies_differ(other, "name, epoch or cameras in " + (folder / "take.json").string());
+}
+
+store::ArchiveFiles files_of(const fs::path& folder, const schemas::TakeDocument::Camera& camera) {
+  return {folder / camera.archive, folder / camera.journal};
 }
 
 }  // namespace
@@ -139,6 +151,9 @@ RecordingTake RecordingTake::resume(const fs::path& folder,
   check_epoch(recording.take_.epoch_utc, folder,
               "Record into a new take, or correct this machine's clock");
   recording.require_contained_files();
+  if (!other.empty()) {
+    recording.compare_with(other, schemas::read_take(ContainedPath{other, "take.json"}));
+  }
   create_folder(folder / "recording");
   if (fs::exists(recording.recording_file_)) {
     recording.recording_ = schemas::read_recording(
@@ -147,11 +162,7 @@ RecordingTake RecordingTake::resume(const fs::path& folder,
   for (std::size_t i = 0; i < there.size(); ++i) {
     const fs::path archive = recording.archive_path(i), journal = recording.journal_path(i);
     const schemas::TakeDocument::Camera& camera = recording.take_.cameras[i];
-    const bool other_has_more =
-        !other.empty() &&
-        store::count_listed_records(other / camera.archive, other / camera.journal) >
-            store::count_listed_records(archive, journal);
-    if (other_has_more) store::discard_unlisted_frames(archive, journal);
+    if (!other.empty()) store::complete_journal({archive, journal}, files_of(other, camera));
     recording.archives_.push_back(store::ArchiveWriter::resume(
         archive, journal, description_of(recording.take_, recording.rig_, i)));
     const store::ArchiveReader reader(recording.archive_path(i), recording.journal_path(i));
@@ -159,6 +170,36 @@ RecordingTake RecordingTake::resume(const fs::path& folder,
                                                              : reader.records().back().time_ns);
   }
   return recording;
+}
+
+void RecordingTake::compare_with(const fs::path& other, const schemas::TakeDocument& there) const {
+  check_same_take(take_, there, folder_, other);
+  for (const schemas::TakeDocument::Camera& camera : take_.cameras) {
+    for (const std::string& file : {camera.archive, camera.journal}) {
+      require_contained({other, file});
+    }
+    const store::ArchiveFiles own_files = files_of(folder_, camera);
+    const store::ArchiveFiles other_files = files_of(other, camera);
+    store::CopyRecords own = store::read_copy_records(own_files);
+    const store::CopyRecords copy = store::read_copy_records(other_files);
+    const auto check_journal = [](const store::CopyRecords& records, const store::CopyRecords& more,
+                                  const fs::path& journal) {
+      if (records.has_journal || more.records.empty()) return;
+      throw copies_differ(journal, "the journal is missing or its header is damaged");
+    };
+    check_journal(own, copy, own_files.journal);
+    check_journal(copy, own, other_files.journal);
+    // As resume() of both will leave them.
+    const auto completed = store::complete_records(own, copy);
+    if (completed) {
+      own.records = *completed;
+      own.listed = completed->size();
+    }
+    const auto completed_copy = completed ? store::complete_records(copy, own) : std::nullopt;
+    if (!completed_copy) {
+      throw copies_differ(own_files.archive, "the records of camera \"" + camera.id + "\"");
+    }
+  }
 }
 
 void RecordingTake::require_contained_files() const {
@@ -173,22 +214,14 @@ void RecordingTake::require_contained_files() const {
 
 std::size_t RecordingTake::complete_from(const RecordingTake& other) {
   std::size_t appended = 0;
-  const auto differ = [&](const std::string& what) {
-    return Error::bad_input("the copies of the take differ: " + what, other.folder_.string(),
-                            "Run `raystage repair` on each with the other as its copy")
-        .concerning({"mirror"});
-  };
-  if (take_.name != other.take_.name || take_.epoch_utc != other.take_.epoch_utc ||
-      take_.cameras.size() != other.take_.cameras.size()) {
-    throw differ("name, epoch or cameras in " + (folder_ / "take.json").string());
-  }
+  check_same_take(take_, other.take_, folder_, other.folder_);
   for (std::size_t i = 0; i < take_.cameras.size(); ++i) {
     const store::ArchiveReader own(archive_path(i), journal_path(i));
     const store::ArchiveReader theirs(other.archive_path(i), other.journal_path(i));
     const auto have = own.records(), wanted = theirs.records();
     const std::size_t common = std::min(have.size(), wanted.size());
-    if (!std::ranges::equal(have.first(common), wanted.first(common), is_same_record)) {
-      throw differ("the records of camera \"" + take_.cameras[i].id + "\"");
+    if (!std::ranges::equal(have.first(common), wanted.first(common), store::is_same_record)) {
+      throw copies_differ(other.folder_, "the records of camera \"" + take_.cameras[i].id + "\"");
     }
     auto frame = static_cast<int>(own.frames().size());
     for (const store::FrameRecord& record : wanted.subspan(common)) {

@@ -27,9 +27,9 @@ class RecordingTake {
                               const schemas::RigDocument& rig, const std::string& node);
   /// Continues a take after a crash or a stop. Throws Error (bad input) if its cameras differ in id
   /// or order, or its epoch is more than 104 days from now. Sizes are checked by resume_take().
-  /// `other`: folder of another copy, empty if there is none. Frames at the end of an archive whose
-  /// records a crash prevented are discarded if the other copy has more records: complete_from()
-  /// then appends them with these.
+  /// `other`: folder of another copy, empty if there is none. Records that a crash prevented are
+  /// taken from it. Throws Error (bad input) before anything is written if the copies differ
+  /// otherwise than in how far they go, or lack a journal.
   static RecordingTake resume(const std::filesystem::path& folder,
                               const std::vector<std::string>& camera_ids, const std::string& node,
                               const std::filesystem::path& other = {});
@@ -85,6 +85,9 @@ class RecordingTake {
   RecordingTake(std::filesystem::path folder, schemas::TakeDocument take, schemas::RigDocument rig,
                 const std::string& node);
   void create_files();
+  /// Throws Error (bad input) unless one copy of each archive is the beginning of the other. Only
+  /// reads.
+  void compare_with(const std::filesystem::path& other, const schemas::TakeDocument& there) const;
   /// Throws Error (bad input) if a file that a recording writes is, or is behind, a link.
   void require_contained_files() const;
   std::filesystem::path archive_path(std::size_t camera) const;

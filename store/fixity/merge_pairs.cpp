@@ -34,6 +34,13 @@ std::optional<std::uint64_t> lost_hash(const SalvageResult& saved, const FrameRe
   return found->second;
 }
 
+/// Returns whether neither file of a pair is longer than that of the other.
+bool goes_no_further(const ArchivePair& pair, const ArchivePair& other) {
+  const std::size_t journal = pair.journal ? pair.journal->size() : 0;
+  const std::size_t other_journal = other.journal ? other.journal->size() : 0;
+  return pair.archive.size() <= other.archive.size() && journal <= other_journal;
+}
+
 void take_origin(FrameRecord& record, const FrameRecord& other) {
   if (record.arrival_ns != kUnknownTime) return;
   record.arrival_ns = other.arrival_ns;
@@ -190,17 +197,21 @@ class Merger {
       const bool is_new = before == had.end() || before->second != entry.record.xxh3;
       result_.frames_from_copy += is_new ? 1 : 0;
     }
-    if (like_copy) return;
+    // What is at most as long as an intact copy of the same contents had nothing in addition.
+    const bool may_drop_unknown =
+        like_copy && (own_.is_intact || goes_no_further(own_.pair, copy_.pair));
     bool some_unknown = false;
     for (const SalvageResult::Loss& loss : own_.saved.losses) {
       const bool unknown = loss.time_ns == kUnknownTime;
       const auto now = stored.find(loss.time_ns);
       const bool is_healed = !unknown && now != stored.end() && now->second;
       if (is_healed) continue;
+      if (unknown && !own_.is_intact) result_.has_unidentified_damage = true;
+      if (unknown && may_drop_unknown) continue;
       some_unknown = some_unknown || unknown;
       result_.losses.push_back(loss);
     }
-    if (!some_unknown) return;
+    if (!some_unknown || like_copy) return;
     for (const SalvageResult::Loss& loss : copy_.saved.losses) {
       if (loss.time_ns == kUnknownTime) {
         result_.losses.push_back({loss.time_ns, "in the copy: " + loss.what});

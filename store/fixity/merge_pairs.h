@@ -31,6 +31,8 @@ struct MergedPair {
   std::int64_t frames_from_copy = 0;
   /// What neither of them has, and what cannot be verified.
   std::vector<SalvageResult::Loss> losses;
+  /// Parts of the own pair are damaged, and nothing says what they were: keep the original.
+  bool has_unidentified_damage = false;
   bool equals_own = false;   ///< the copy adds nothing to the pair, which is intact
   bool equals_copy = false;  ///< the copy is intact and has every record of the result
 };

@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
+#include <span>
 #include <system_error>
 #include <utility>
 #include <vector>
@@ -42,6 +44,58 @@ bool succeeds(const std::function<void()>& attempt) {
   } catch (const Error&) {
     return false;
   }
+}
+
+void check_take(const std::string& text) { schemas::parse_take(text, kTakeFile); }
+void check_rig(const std::string& text) { schemas::parse_rig(text, kRigFile); }
+
+enum class State { kValid, kMissing, kInvalid };
+
+/// Returns the state of a document; `parse` throws Error if its contents are not valid. Throws
+/// Error if that is unknown because the file cannot be read.
+State state_of(const ContainedPath& file, const std::function<void(const std::string&)>& parse) {
+  require_contained(file);
+  std::error_code error;
+  const fs::file_status status = fs::symlink_status(file.path(), error);
+  if (status.type() == fs::file_type::not_found) return State::kMissing;
+  if (error) {
+    throw Error::failed("the file cannot be examined: " + error.message(), file.path().string(),
+                        "Check its permissions");
+  }
+  const std::string text = read_file(file);
+  return succeeds([&] { parse(text); }) ? State::kValid : State::kInvalid;
+}
+
+/// Calls `use` with consecutive parts of a file's bytes. Throws Error (failed) if the disk cannot
+/// read them or another program truncates the file.
+void for_each_part(const MappedFile& file, const fs::path& name,
+                   const std::function<void(std::span<const std::byte>)>& use) {
+  constexpr std::size_t kPart = 1 << 20;  // bytes in memory at a time
+  for (auto rest = file.bytes(); !rest.empty();) {
+    const auto part = rest.first(std::min(rest.size(), kPart));
+    if (!file.can_read(part)) {
+      file.check_read();
+      throw Error::failed("the disk cannot read the file", name.string(),
+                          "Check the disk of the copy");
+    }
+    use(part);
+    rest = rest.subspan(part.size());
+  }
+  file.check_read();
+}
+
+void copy_to(const MappedFile& source, const fs::path& name, const fs::path& target) {
+  OutputFile out(target, OutputFile::Open::kExisting);
+  std::vector<std::byte> buffer;  // the kernel would refuse a truncated map with another error
+  std::uint64_t offset = 0;
+  for_each_part(source, name, [&](std::span<const std::byte> part) {
+    buffer.assign(part.begin(), part.end());
+    if (!out.write_at(offset, buffer)) {
+      throw Error::from_errno("the file cannot be written", target.string(),
+                              "Free space on the disk");
+    }
+    offset += buffer.size();
+  });
 }
 
 Error another_take(const fs::path& copy, const std::string& what) {
@@ -97,11 +151,59 @@ struct PairInFolder {
     if (journal) journal->check_read();
   }
 
+  /// The same, also of an archive that the disk cannot read or another program truncated before.
+  void check_not_truncated() const {
+    if (archive) archive->check_read();
+    if (journal) journal->check_read();
+  }
+
   PairFiles files;
   ArchivePair pair;
   std::optional<MappedFile> archive, journal;
   bool is_readable = true;
 };
+
+/// Merges one archive and its journal with those of the copy, and writes the result over `own`
+/// unless dry_run.
+void merge(const PairInFolder& own, const PairInFolder& copy, bool dry_run,
+           RepairReport::Camera& result) {
+  if (!own.archive && !copy.archive) {
+    throw Error::bad_input("the archive is missing here and in the copy",
+                           own.files.archive.string(), "Restore it from another copy");
+  }
+  const ExaminedPair own_pair = own.examine(), copy_pair = copy.examine();
+  if (!copy.is_readable || (!own.is_readable && !copy_pair.is_intact)) {
+    const fs::path& file = copy.is_readable ? own.files.archive : copy.files.archive;
+    throw Error::failed("the disk cannot read all of the archive", file.string(),
+                        "Copy the take to an intact disk with a tool that fills in unreadable "
+                        "parts (ddrescue), and repair with that");
+  }
+  const MergedPair merged = merge_pairs(own_pair, copy_pair);
+  const auto check_files = [&] {
+    own.check_read();
+    copy.check_read();
+  };
+  check_files();
+  if (merged.equals_own) {
+    result.was_intact = true;
+    return;
+  }
+  result.frames_from_copy = merged.frames_from_copy;
+  result.salvage.frames = merged.frames;
+  result.salvage.losses = merged.losses;
+  if (dry_run) return;
+  create_folder(own.files.archive.parent_path());
+  create_folder(own.files.journal.parent_path());
+  const bool keep_originals =
+      !merged.losses.empty() || merged.has_unidentified_damage || !own.is_readable;
+  result.kept =
+      replace_pair(own.pair, own.files, merged.frames, keep_originals,
+                   [&](const fs::path& archive, const fs::path& journal) {
+                     write_merged_pair(merged, copy.pair, own.pair.description, archive, journal);
+                     check_files();
+                   });
+  result.repaired = true;
+}
 
 /// Returns whether `copy` knows more of the sessions of a recording than `own`.
 bool is_further(const RecordingDocument& copy, const RecordingDocument& own) {
@@ -135,33 +237,39 @@ CopyOfTake::CopyOfTake(fs::path take, fs::path copy)
     for (const char* file : {kTakeFile, kRigFile}) require_contained({folder, file});
   }
   const Take other(copy_);
-  has_own_documents_ = succeeds([&] { schemas::read_rig(ContainedPath{take_, kRigFile}); });
   std::optional<schemas::TakeDocument> own;
-  has_own_documents_ = succeeds([&] {
-                         own = schemas::read_take(ContainedPath{take_, kTakeFile});
-                       }) &&
-                       has_own_documents_;
+  const State take_state = state_of({take_, kTakeFile}, [&](const std::string& text) {
+    own = schemas::parse_take(text, kTakeFile);
+  });
+  const State rig_state = state_of({take_, kRigFile}, check_rig);
+  has_own_documents_ = take_state == State::kValid && rig_state == State::kValid;
   if (own) check_identity(*own, other.document(), copy_);
 }
 
-void CopyOfTake::restore(const std::string& file, bool dry_run,
+void CopyOfTake::restore(const std::string& file, bool dry_run, bool keep_old,
                          std::vector<RepairReport::RestoredFile>& restored,
-                         const std::function<void(const std::string& bytes)>& check) const {
+                         const Check& check) const {
   RepairReport::RestoredFile& entry = restored.emplace_back(RepairReport::RestoredFile{file, {}});
   try {
     for (const fs::path& folder : {take_, copy_}) require_contained({folder, file});
     const MappedFile source(ContainedPath{copy_, file});
-    if (!source.can_read(source.bytes())) {
-      throw Error::failed("the disk cannot read the file", (copy_ / file).string(),
-                          "Check the disk of the copy");
+    std::string text;
+    const bool load = check != nullptr;
+    if (load || dry_run) {
+      for_each_part(source, copy_ / file, [&](std::span<const std::byte> part) {
+        if (load) text.append(reinterpret_cast<const char*>(part.data()), part.size());
+      });
     }
-    if (check) check({reinterpret_cast<const char*>(source.bytes().data()), source.bytes().size()});
-    if (dry_run) return source.check_read();
-    create_folder((take_ / file).parent_path());
-    remove_abandoned_temporary_files(take_ / file);
-    const std::vector<std::byte> bytes(source.bytes().begin(), source.bytes().end());
-    source.check_read();
-    write_file_atomically(take_ / file, bytes);
+    if (load) check(text);
+    if (dry_run) return;
+    const fs::path target = take_ / file;
+    create_folder(target.parent_path());
+    remove_abandoned_temporary_files(target);
+    check_writable(target);
+    TemporaryFile written(target);
+    copy_to(source, copy_ / file, written.path());
+    if (keep_old && fs::exists(target)) keep_original(target);
+    written.commit();
   } catch (const Error& error) {
     entry.error = error.what();
   }
@@ -169,73 +277,66 @@ void CopyOfTake::restore(const std::string& file, bool dry_run,
 
 std::vector<RepairReport::RestoredFile> CopyOfTake::restore_documents(bool dry_run) const {
   std::vector<RepairReport::RestoredFile> restored;
-  if (!succeeds([&] { schemas::read_take(ContainedPath{take_, kTakeFile}); })) {
-    restore(kTakeFile, dry_run, restored,
-            [](const std::string& text) { schemas::parse_take(text, kTakeFile); });
-  }
-  if (!succeeds([&] { schemas::read_rig(ContainedPath{take_, kRigFile}); })) {
-    restore(kRigFile, dry_run, restored,
-            [](const std::string& text) { schemas::parse_rig(text, kRigFile); });
-  }
+  // Restores a document unless it is valid, and nothing if that is unknown.
+  const auto restore_invalid = [&](const std::string& file, const Check& own, const Check& copy,
+                                   const std::function<bool()>& is_behind) {
+    State state = State::kMissing;
+    try {
+      state = state_of({take_, file}, own);
+    } catch (const Error& error) {
+      restored.push_back({file, error.what()});
+      return;
+    }
+    if (state == State::kValid && !is_behind()) return;
+    restore(file, dry_run, state == State::kInvalid, restored, copy);
+  };
+  const auto never = [] { return false; };
+  restore_invalid(kTakeFile, check_take, check_take, never);
+  restore_invalid(kRigFile, check_rig, check_rig, never);
   for (const std::string& file : files_of_take(copy_)) {
     if (!file.starts_with("recording/") || !file.ends_with(".json")) continue;
     std::optional<RecordingDocument> own, copy;
     require_contained({take_, file});
-    succeeds([&] { own = schemas::read_recording(ContainedPath{take_, file}); });
     if (!succeeds([&] { copy = schemas::read_recording(ContainedPath{copy_, file}); })) continue;
-    if (own && !is_further(*copy, *own)) continue;
-    restore(file, dry_run, restored,
-            [&](const std::string& text) { schemas::parse_recording(text, file); });
+    restore_invalid(
+        file, [&](const std::string& text) { own = schemas::parse_recording(text, file); },
+        [&](const std::string& text) { schemas::parse_recording(text, file); },
+        [&] { return is_further(*copy, *own); });
   }
   return restored;
 }
 
 void CopyOfTake::repair_camera(ArchivePair description, bool dry_run,
                                RepairReport::Camera& result) const {
-  const PairInFolder own(take_, description), copy(copy_, description);
-  // Fails while a recorder runs, and prevents its start while this is open.
+  for (const std::string& name : {description.archive_name, description.journal_name}) {
+    require_contained({take_, name});
+  }
+  // Before the files are mapped: fails while a recorder runs, and prevents its start while this is
+  // open. Otherwise what it appends meanwhile would be overwritten.
   std::optional<OutputFile> lock;
   if (!dry_run) {
-    if (own.archive) lock.emplace(ContainedPath{take_, description.archive_name});
-    for (const fs::path& file : {own.files.archive, own.files.journal}) {
-      remove_abandoned_temporary_files(file);
+    const fs::path archive = take_ / description.archive_name;
+    if (fs::exists(archive)) lock.emplace(ContainedPath{take_, description.archive_name});
+    // Of repairs that were killed. Whoever writes them holds the lock, if there is one.
+    const Owners owners = lock && lock->is_locked() ? Owners::kAll : Owners::kEnded;
+    for (const fs::path& file : {archive, take_ / description.journal_name}) {
+      remove_abandoned_temporary_files(file, owners);
     }
   }
-  if (!own.archive && !copy.archive) {
-    throw Error::bad_input("the archive is missing here and in the copy",
-                           own.files.archive.string(), "Restore it from another copy");
+  const PairInFolder own(take_, description), copy(copy_, description);
+  if (!dry_run && own.archive && !lock) {
+    throw Error::failed("another program has created the archive meanwhile",
+                        own.files.archive.string(), "Repair the take when that has ended");
   }
-  const ExaminedPair own_pair = own.examine(), copy_pair = copy.examine();
-  if (!copy.is_readable || (!own.is_readable && !copy_pair.is_intact)) {
-    const fs::path& file = copy.is_readable ? own.files.archive : copy.files.archive;
-    throw Error::failed("the disk cannot read all of the archive", file.string(),
-                        "Copy the take to an intact disk with a tool that fills in unreadable "
-                        "parts (ddrescue), and repair with that");
+  try {
+    merge(own, copy, dry_run, result);
+  } catch (const Error&) {
+    result.salvage = {};
+    result.frames_from_copy = 0;
+    own.check_not_truncated();  // otherwise the error is what it found in zeros
+    copy.check_not_truncated();
+    throw;
   }
-  const MergedPair merged = merge_pairs(own_pair, copy_pair);
-  const auto check_files = [&] {
-    own.check_read();
-    copy.check_read();
-  };
-  check_files();
-  if (merged.equals_own) {
-    result.was_intact = true;
-    return;
-  }
-  result.frames_from_copy = merged.frames_from_copy;
-  result.salvage.frames = merged.frames;
-  result.salvage.losses = merged.losses;
-  if (dry_run) return;
-  create_folder(own.files.archive.parent_path());
-  create_folder(own.files.journal.parent_path());
-  const bool keep_originals = !merged.losses.empty() || !own.is_readable;
-  result.kept = replace_pair(description, own.files, merged.frames, keep_originals,
-                             [&](const fs::path& archive, const fs::path& journal) {
-                               write_merged_pair(merged, copy.pair, description.description,
-                                                 archive, journal);
-                               check_files();
-                             });
-  result.repaired = true;
 }
 
 std::vector<RepairReport::RestoredFile> CopyOfTake::restore_derived(bool dry_run) const {
@@ -243,13 +344,15 @@ std::vector<RepairReport::RestoredFile> CopyOfTake::restore_derived(bool dry_run
   for (const std::string& file : files_of_take(copy_)) {
     const bool elsewhere = file == kTakeFile || file == kRigFile || file == kTimelineFile ||
                            file.starts_with("archive/") || file.starts_with("recording/");
-    if (elsewhere || fs::exists(fs::symlink_status(take_ / file))) continue;
-    restore(file, dry_run, restored, {});
+    // What a repair of the copy has set aside.
+    const bool set_aside = fs::path(file).extension().string().starts_with(".damaged");
+    if (elsewhere || set_aside || fs::exists(fs::symlink_status(take_ / file))) continue;
+    restore(file, dry_run, false, restored, {});
   }
   const std::array<const char*, 2> manifest{kManifestFile, kSignatureFile};
   for (const char* file : manifest) {
     if (fs::exists(take_ / file) || !fs::exists(copy_ / file)) continue;
-    restore(file, dry_run, restored, {});
+    restore(file, dry_run, false, restored, {});
   }
   const std::string timeline(kTimelineFile);
   require_contained({take_, timeline});
@@ -257,7 +360,7 @@ std::vector<RepairReport::RestoredFile> CopyOfTake::restore_derived(bool dry_run
   const auto reads = [&](const fs::path& folder) {
     return fs::exists(folder / timeline) && succeeds([&] { read_timeline(Take(folder)); });
   };
-  if (!reads(take_) && reads(copy_)) restore(timeline, dry_run, restored, {});
+  if (!reads(take_) && reads(copy_)) restore(timeline, dry_run, true, restored, {});
   return restored;
 }
 

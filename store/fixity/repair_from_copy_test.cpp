@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <fstream>
@@ -10,7 +11,9 @@
 #include <random>
 
 #include "base/error.h"
+#include "base/posix_file.h"
 #include "store/fixity/verify.h"
+#include "store/matroska.h"
 #include "store/timeline.h"
 #include "testing/store/fixity_test_data.h"
 #include "testing/store/take_test_data.h"
@@ -265,6 +268,87 @@ TEST_F(RepairFromCopy, AnIntactCopyThatEndsEarlyIsCompleted) {
     EXPECT_THAT(camera.kept, IsEmpty());
   }
   EXPECT_EQ(contents_of(take), whole);
+}
+
+// The take has more frames than the copy, but its end and the records of it are damaged: the
+// original may hold what only an expert can save.
+TEST_F(RepairFromCopy, ADamagedEndThatTheCopyLacksIsLostAndKept) {
+  const std::string name = "archive/c0";
+  {
+    fs::remove(copy / (name + ".mkv"));
+    fs::remove(copy / (name + ".journal"));
+    const Take other(take);
+    ArchiveWriter writer(copy / (name + ".mkv"), copy / (name + ".journal"),
+                         describe_pair(other, 0).description);
+    for (int i = 0; i < 2; ++i) {
+      const FrameRecord& record = other.archive(0).frames()[i];
+      writer.append(other.archive(0).jpeg(i).bytes(), record.time_ns,
+                    {record.arrival_ns, record.sequence});
+    }
+    writer.close();
+  }
+  // The third frame and all after it.
+  const auto begin = static_cast<std::ptrdiff_t>(Take(take).archive(0).frames()[2].offset -
+                                                 matroska::kClusterHeaderBytes);
+  Bytes archive = testing::bytes_of(take / (name + ".mkv"));
+  std::fill(archive.begin() + begin, archive.end(), std::byte{0x55});
+  write_bytes_to(take / (name + ".mkv"), archive);
+  Bytes journal = testing::bytes_of(take / (name + ".journal"));
+  constexpr std::size_t kHeaderAndTwoRecords = 64 + 2 * 48;
+  ASSERT_GT(journal.size(), kHeaderAndTwoRecords);
+  std::fill(journal.begin() + kHeaderAndTwoRecords, journal.end(), std::byte{0x55});
+  write_bytes_to(take / (name + ".journal"), journal);
+  const RepairReport report = repair();
+  EXPECT_FALSE(report.failed());
+  EXPECT_TRUE(report.has_losses());
+  EXPECT_EQ(report.cameras[0].salvage.frames, 2);
+  ASSERT_EQ(report.cameras[0].kept.size(), 2U);
+  EXPECT_EQ(testing::bytes_of(take / "archive" / report.cameras[0].kept[0]), archive);
+  EXPECT_EQ(testing::bytes_of(take / "archive" / report.cameras[0].kept[1]), journal);
+}
+
+TEST_F(RepairFromCopy, AnInvalidDocumentIsKeptBesideTheRestoredOne) {
+  for (const char* file : {"take.json", "rig.json", "recording/one.json", "timeline.zst"}) {
+    SCOPED_TRACE(file);
+    const Bytes invalid(30, std::byte{'{'});
+    write_bytes_to(take / file, invalid);
+    EXPECT_FALSE(repair().failed());
+    EXPECT_EQ(testing::bytes_of(take / (std::string(file) + ".damaged")), invalid);
+    EXPECT_EQ(contents_of(take), whole);
+  }
+}
+
+TEST_F(RepairFromCopy, ADocumentThatCannotBeOpenedIsNotReplaced) {
+  if (geteuid() == 0) GTEST_SKIP() << "root may open every file";
+  const fs::path account_file = take / "recording" / "one.json";
+  fs::permissions(account_file, fs::perms::none);
+  const RepairReport report = repair();
+  EXPECT_TRUE(report.failed());
+  ASSERT_EQ(report.files.size(), 1U);
+  EXPECT_THAT(report.files[0].error, HasSubstr("cannot be read"));
+  fs::permissions(account_file, fs::perms::owner_read | fs::perms::owner_write);
+  fs::permissions(take / "take.json", fs::perms::none);
+  EXPECT_THAT(refusal(), HasSubstr("take.json"));
+  fs::permissions(take / "take.json", fs::perms::owner_read | fs::perms::owner_write);
+  EXPECT_EQ(contents_of(take), whole);
+}
+
+TEST_F(RepairFromCopy, ATakeThatIsRecordedIsNotChanged) {
+  fs::resize_file(take / "archive" / "c0.mkv", 700);
+  const Bytes before = testing::bytes_of(take / "archive" / "c0.mkv");
+  const OutputFile recorder(take / "archive" / "c0.mkv", OutputFile::Open::kExisting);
+  const RepairReport report = repair();
+  EXPECT_THAT(report.cameras[0].error, HasSubstr("another program is writing"));
+  EXPECT_EQ(testing::bytes_of(take / "archive" / "c0.mkv"), before);
+}
+
+// Larger than the parts in which files are copied.
+TEST_F(RepairFromCopy, ALargeFileIsRestored) {
+  Bytes large(3'500'000);
+  for (std::size_t i = 0; i < large.size(); ++i) large[i] = static_cast<std::byte>(i * 7 / 5);
+  write_bytes_to(copy / "matte.bin", large);
+  EXPECT_FALSE(repair().failed());
+  EXPECT_EQ(testing::bytes_of(take / "matte.bin"), large);
 }
 
 TEST_F(RepairFromCopy, AnIntactTakeTakesNothingFromADamagedCopy) {

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <functional>
 #include <optional>
@@ -37,17 +38,21 @@ class Truncation : public ::testing::TestWithParam<const char*> {
     }
   }
 
+  using Result = std::optional<std::string>;
+
   /// Calls `work` while the file is truncated at random moments and lengths. `work` returns the
-  /// text of its error, or nothing if it did not notice.
-  void while_truncated(const std::function<std::optional<std::string>()>& work) {
-    constexpr int kRounds = 12;
+  /// text of its error, or nothing if it did not notice. `check` is called with that after the
+  /// truncation. Continues until an error was seen; skips the test if that takes too many rounds.
+  void while_truncated(const std::function<Result()>& work,
+                       const std::function<void(const Result&)>& check = {}) {
+    constexpr int kRounds = 12, kMostRounds = 100;
     std::mt19937 random(7);
     restore();
     const Stopwatch watch;
     EXPECT_EQ(work().value_or(""), "");
     const double seconds = watch.seconds();
     int noticed = 0;
-    for (int i = 0; i < kRounds; ++i) {
+    for (int i = 0; i < kRounds || (noticed == 0 && i < kMostRounds); ++i) {
       restore();
       const double delay = seconds * std::uniform_real_distribution<double>(0, 1)(random);
       const auto size = static_cast<off_t>(random() % std::filesystem::file_size(file_));
@@ -57,22 +62,86 @@ class Truncation : public ::testing::TestWithParam<const char*> {
       });
       const auto error = work();
       other.join();
+      if (check) check(error);
       if (!error) continue;
       ++noticed;
       EXPECT_THAT(*error, HasSubstr("c0."));
     }
     RecordProperty("noticed", noticed);
+    if (noticed == 0) GTEST_SKIP() << "no truncation came while the files were read";
   }
 
   void restore() const {
-    testing::overwrite(take_ / "archive" / "c0.mkv", whole_[0]);
-    testing::overwrite(take_ / "archive" / "c0.journal", whole_[1]);
+    for (const std::filesystem::path& folder : {take_, copy_}) {
+      const std::filesystem::path archives = folder / "archive";
+      if (!std::filesystem::exists(archives)) continue;
+      std::filesystem::remove_all(archives);
+      std::filesystem::create_directory(archives);
+      testing::overwrite(archives / "c0.mkv", whole_[0]);
+      testing::overwrite(archives / "c0.journal", whole_[1]);
+    }
+  }
+
+  /// Expects that a file has the first bytes of what it had.
+  static void expect_beginning(const std::filesystem::path& file,
+                               const std::vector<std::byte>& whole) {
+    const std::vector<std::byte> now = testing::bytes_of(file);
+    ASSERT_LE(now.size(), whole.size()) << file;
+    EXPECT_TRUE(std::equal(now.begin(), now.end(), whole.begin())) << file;
+  }
+
+  /// Repairs the take. Returns the text of its error.
+  Result repair(const RepairOptions& options) {
+    report_ = {};
+    report_.cameras.resize(1);
+    try {
+      report_ = repair_take(take_, options);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    const RepairReport::Camera& camera = report_.cameras.front();
+    if (camera.error.empty()) return std::nullopt;
+    EXPECT_TRUE(camera.kept.empty());
+    EXPECT_FALSE(camera.repaired);
+    return camera.error;
+  }
+
+  /// Expects that all frames that are there have their bytes, none zeros instead.
+  void expect_right_frames() const {
+    const std::vector<std::byte> expected = testing::fake_jpeg(0, 30);
+    int wrong = 0;
+    try {
+      const ArchiveReader reader(take_ / "archive" / "c0.mkv", take_ / "archive" / "c0.journal");
+      for (std::size_t i = 0; i < reader.frames().size(); ++i) {
+        const auto jpeg = reader.intact_jpeg(static_cast<int>(i));
+        if (!jpeg || !std::ranges::equal(jpeg->bytes(), expected)) ++wrong;
+      }
+    } catch (const Error& error) {  // truncated within the header, after the repair
+      EXPECT_THAT(error.what(), HasSubstr("c0."));
+    }
+    EXPECT_EQ(wrong, 0);
+  }
+
+  /// Expects what must hold after repair().
+  void expect_nothing_destroyed() const {
+    const RepairReport::Camera& camera = report_.cameras.front();
+    if (!camera.repaired) {
+      expect_beginning(take_ / "archive" / "c0.mkv", whole_[0]);
+      expect_beginning(take_ / "archive" / "c0.journal", whole_[1]);
+      return;
+    }
+    expect_right_frames();
+    EXPECT_TRUE(!report_.has_losses() || !camera.kept.empty());
+    for (const std::string& name : camera.kept) {
+      expect_beginning(take_ / "archive" / name, whole_[name.starts_with("c0.mkv") ? 0 : 1]);
+    }
   }
 
   testing::TestFolder folder_;
-  std::filesystem::path take_ = folder_.path() / "take";
+  std::filesystem::path take_ = folder_.path() / "take", copy_ = folder_.path() / "copy";
   std::filesystem::path file_ = take_ / "archive" / GetParam();
   std::vector<std::vector<std::byte>> whole_;
+  RepairReport report_;
 };
 
 TEST_P(Truncation, IsAnErrorOfVerify) {
@@ -91,14 +160,37 @@ TEST_P(Truncation, IsAnErrorOfVerify) {
 }
 
 TEST_P(Truncation, IsAnErrorOfRepairWhichKeepsTheOriginals) {
-  while_truncated([&]() -> std::optional<std::string> {
-    const RepairReport report = repair_take(take_, {});
-    const RepairReport::Camera& camera = report.cameras.front();
-    if (camera.error.empty()) return std::nullopt;
-    EXPECT_TRUE(camera.kept.empty());
-    EXPECT_FALSE(camera.repaired);
-    return camera.error;
-  });
+  while_truncated([&] { return repair({}); },
+                  [&](const Result&) {
+                    expect_nothing_destroyed();
+                    const RepairReport::Camera& camera = report_.cameras.front();
+                    EXPECT_TRUE(!camera.repaired || !camera.kept.empty());
+                  });
+}
+
+TEST_P(Truncation, IsAnErrorOfRepairFromACopyWhichKeepsTheOriginals) {
+  std::filesystem::copy(take_, copy_, std::filesystem::copy_options::recursive);
+  while_truncated([&] { return repair({.copy = copy_}); },
+                  [&](const Result&) { expect_nothing_destroyed(); });
+}
+
+// The take has half of the frames; the copy, of which it takes the others, is truncated.
+TEST_P(Truncation, OfTheCopyIsAnErrorOfRepair) {
+  std::filesystem::copy(take_, copy_, std::filesystem::copy_options::recursive);
+  file_ = copy_ / "archive" / GetParam();
+  const std::filesystem::path archive = take_ / "archive" / "c0.mkv";
+  const auto half = whole_[0].size() / 2;
+  while_truncated(
+      [&] {
+        std::filesystem::resize_file(archive, half);
+        return repair({.copy = copy_});
+      },
+      [&](const Result&) {
+        expect_nothing_destroyed();
+        if (!report_.cameras.front().repaired) {
+          EXPECT_EQ(std::filesystem::file_size(archive), half);
+        }
+      });
 }
 
 TEST_P(Truncation, IsAnErrorOfResume) {

@@ -27,14 +27,14 @@ class RecordCeiling : public ::testing::Test {
     GTEST_SKIP() << "sanitizers take memory of their own";
 #endif
   }
-  /// Three good cameras of raw frames, and perhaps a graph that keeps all of its pictures.
+  /// Three good cameras, of which the last delivers raw frames, and perhaps a graph that keeps all
+  /// of its pictures.
   void configure(const std::string& when_lost, const std::string& hostile) const {
     std::string cameras;
     for (int i = 0; i < 3; ++i) {
       cameras += R"({"id": "good)" + std::to_string(i) +
-                 R"(", "simulated": {"rows": 1, "columns": 3, "seconds": 0.5, "jpeg": true,
-                   "index": )" +
-                 std::to_string(i) + "}},";
+                 R"(", "simulated": {"rows": 1, "columns": 3, "seconds": 0.5, "jpeg": )" +
+                 (i < 2 ? "true" : "false") + R"(, "index": )" + std::to_string(i) + "}},";
     }
     testing::write_text(
         folder_.path() / "record.json",
@@ -62,11 +62,26 @@ class RecordCeiling : public ::testing::Test {
     EXPECT_EQ(account.at("memory_ceiling_bytes"), ceiling_mb * kMegabyte);
     for (const json& camera : account.at("cameras")) {
       if (camera.at("id") == "hostile") continue;
+      if (camera.at("id") == "good2") {
+        expect_raw_camera_accounted(camera);
+        continue;
+      }
       EXPECT_EQ(camera.at("arrived"), camera.at("stored")) << camera.dump(1);
       EXPECT_EQ(camera.at("skipped_by_source"), 0) << camera.dump(1);
       EXPECT_GT(camera.at("stored"), 30) << camera.dump(1);
     }
     EXPECT_EQ(run("cd '" + folder_.path().string() + "' && raystage verify -q take").exit_code, 0);
+  }
+  /// The JPEG library allocates like other libraries: while the hostile source has all memory that
+  /// they may get, a raw frame may be dropped.
+  static void expect_raw_camera_accounted(const json& camera) {
+    double dropped = 0;
+    const json by_reason = camera.value("dropped", json::object());
+    for (const json& count : by_reason) dropped += count.get<double>();
+    EXPECT_EQ(camera.at("arrived").get<double>(), camera.at("stored").get<double>() + dropped)
+        << camera.dump(1);
+    EXPECT_GT(camera.at("stored"), 10) << camera.dump(1);
+    EXPECT_GT(camera.at("stored").get<double>(), dropped) << camera.dump(1);
   }
   static constexpr const char* kGrowing = "lavfi:testsrc2=size=640x480:rate=30,reverse";
 

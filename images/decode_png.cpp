@@ -31,19 +31,15 @@ std::vector<std::byte> answer(std::span<const std::byte> request) {
   if (png_image_begin_read_from_file(png.get(), source.name.c_str()) == 0) {
     throw std::runtime_error(png->message);
   }
-  const bool is_grey = kind == ImageRequest::kReadGrey;
-  if (!is_grey && (png->format & PNG_FORMAT_FLAG_LINEAR) != 0) {
-    throw std::runtime_error("it has 16 bits");
-  }
-  png->format = is_grey ? PNG_FORMAT_GRAY : PNG_FORMAT_RGBA;
+  if ((png->format & PNG_FORMAT_FLAG_LINEAR) != 0) throw std::runtime_error("it has 16 bits");
+  png->format = PNG_FORMAT_RGBA;
   const ImageProperties properties{.width = static_cast<int>(png->width),
                                    .height = static_cast<int>(png->height),
                                    .full_width = static_cast<int>(png->width),
                                    .full_height = static_cast<int>(png->height),
-                                   .channels = is_grey ? 1 : 4,
-                                   .alpha_channel = is_grey ? -1 : 3};
-  const std::size_t bytes =
-      PNG_IMAGE_PIXEL_CHANNELS(png->format) * std::size_t{png->width} * png->height;
+                                   .channels = 4,
+                                   .alpha_channel = 3};
+  const std::size_t bytes = std::size_t{4} * png->width * png->height;
   if (bytes > source.memory_bytes) {
     throw std::runtime_error("its pixels need more memory than is granted");
   }
@@ -51,9 +47,7 @@ std::vector<std::byte> answer(std::span<const std::byte> request) {
   write_properties(result, properties);
   if (kind == ImageRequest::kProperties) return result.take();
   std::vector<std::byte> pixels(bytes);
-  constexpr png_color kBlack{0, 0, 0};  // behind transparent pixels of grey images
-  if (png_image_finish_read(png.get(), is_grey ? &kBlack : nullptr, pixels.data(), 0, nullptr) ==
-      0) {
+  if (png_image_finish_read(png.get(), nullptr, pixels.data(), 0, nullptr) == 0) {
     throw std::runtime_error(png->message);
   }
   result.append(pixels);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "images/image_reader.h"
 
-#include <cerrno>
 #include <cstring>
 #include <span>
 #include <stdexcept>
@@ -37,19 +36,6 @@ auto read_result(std::span<const std::byte> result, const std::filesystem::path&
   }
 }
 
-/// Reads properties and all values of an image.
-template <class Value>
-ImageValues<Value> read_values(sandbox::ByteReader& reader) {
-  ImageValues<Value> image{read_properties(reader), {}};
-  const auto bytes = reader.read_rest();
-  const std::size_t count =
-      image.properties.pixels() * static_cast<std::size_t>(image.properties.channels);
-  sandbox::ByteReader::require(bytes.size() == count * sizeof(Value));
-  image.values.resize(count);
-  std::memcpy(image.values.data(), bytes.data(), bytes.size());
-  return image;
-}
-
 std::size_t granted(std::size_t memory_bytes) {
   return memory_bytes > 0 ? memory_bytes : static_cast<std::size_t>(available_memory() / 2);
 }
@@ -70,45 +56,33 @@ ImageReader ImageReader::of_png_plates(std::size_t memory_bytes) {
   return {bytes, std::move(options)};
 }
 
-ImageReader ImageReader::of_mattes() {
-  sandbox::DecoderOptions options = image_decoder_options("matte", granted(0));
-  options.program = "raystage-decode-png";
-  return {granted(0), std::move(options)};
-}
-
 ImageProperties ImageReader::properties(const std::filesystem::path& file) const {
   require_file(file);
-  const auto result = decoders_.decode(request(ImageRequest::kProperties, file).take(), file,
-                                       sandbox::only_file(file));
+  sandbox::ByteWriter request;
+  request.write(static_cast<std::uint8_t>(ImageRequest::kProperties));
+  write_source(request, {.name = file.string(), .format = {}, .memory_bytes = memory_bytes_});
+  const auto result = decoders_.decode(request.take(), file, sandbox::only_file(file));
   return read_result(result, file, read_properties);
 }
 
 template <class Value>
 ImageValues<Value> ImageReader::read(const std::filesystem::path& file, PixelType type) const {
   require_file(file);
-  sandbox::ByteWriter asked = request(ImageRequest::kRead, file);
-  asked.write(static_cast<std::uint8_t>(type));
-  const auto result = decoders_.decode(asked.take(), file, sandbox::only_file(file));
-  return read_result(result, file, read_values<Value>);
-}
-
-ImageValues<std::uint8_t> ImageReader::read_grey(const ContainedPath& file) const {
-  if (errno = 0; !open_contained_to_read(file).open()) throw contained_open_error(file, errno);
-  const std::filesystem::path path = file.path();
-  const auto result = decoders_.decode(request(ImageRequest::kReadGrey, path).take(), path,
-                                       sandbox::only_file(file));
-  auto image = read_result(result, path, read_values<std::uint8_t>);
-  if (image.properties.channels == 1) return image;
-  throw Error::bad_input("the decoder answered with a colour image", path.string(),
-                         "Save it again");
-}
-
-sandbox::ByteWriter ImageReader::request(ImageRequest kind,
-                                         const std::filesystem::path& file) const {
-  sandbox::ByteWriter writer;
-  writer.write(static_cast<std::uint8_t>(kind));
-  write_source(writer, {.name = file.string(), .format = {}, .memory_bytes = memory_bytes_});
-  return writer;
+  sandbox::ByteWriter request;
+  request.write(static_cast<std::uint8_t>(ImageRequest::kRead));
+  write_source(request, {.name = file.string(), .format = {}, .memory_bytes = memory_bytes_});
+  request.write(static_cast<std::uint8_t>(type));
+  const auto result = decoders_.decode(request.take(), file, sandbox::only_file(file));
+  return read_result(result, file, [](sandbox::ByteReader& reader) {
+    ImageValues<Value> image{read_properties(reader), {}};
+    const auto bytes = reader.read_rest();
+    const std::size_t count =
+        image.properties.pixels() * static_cast<std::size_t>(image.properties.channels);
+    sandbox::ByteReader::require(bytes.size() == count * sizeof(Value));
+    image.values.resize(count);
+    std::memcpy(image.values.data(), bytes.data(), bytes.size());
+    return image;
+  });
 }
 
 ImageValues<std::uint8_t> ImageReader::read_codes(const std::filesystem::path& file) const {

@@ -6,18 +6,11 @@
 #include <filesystem>
 #include <vector>
 
-#include "base/contained_path.h"
 #include "images/image_properties.h"
 #include "sandbox/decoder_pool.h"
 #include "store/jpeg/rgb_image.h"
 
-namespace raystage::sandbox {
-class ByteWriter;
-}
-
 namespace raystage::images {
-
-enum class ImageRequest : std::uint8_t;
 
 /// The values of an image, row by row, pixel by pixel, all channels of each.
 template <class Value>
@@ -38,15 +31,10 @@ class ImageReader {
   /// R, G, B (not premultiplied) and A whatever the file has; its errors name a plate.
   static ImageReader of_png_plates(std::size_t memory_bytes = 0);
 
-  /// Returns a reader of mattes: grey PNG files. Only for read_grey().
-  static ImageReader of_mattes();
-
   /// Returns what the header states.
   ImageProperties properties(const std::filesystem::path& file) const;
   /// Returns values as codes of 8 bits: 0 to 1 becomes 0 to 255.
   ImageValues<std::uint8_t> read_codes(const std::filesystem::path& file) const;
-  /// Returns grey codes of 8 bits, which colours are converted to; transparent pixels are black.
-  ImageValues<std::uint8_t> read_grey(const ContainedPath& file) const;
   /// Returns floats as they are, and integers as shares of full scale.
   ImageValues<float> read_floats(const std::filesystem::path& file) const;
   /// Returns R, G, B codes of 8 bits, without colour conversion; grey becomes R = G = B, alpha is
@@ -57,7 +45,6 @@ class ImageReader {
   ImageReader(std::size_t memory_bytes, sandbox::DecoderOptions options);
   template <class Value>
   ImageValues<Value> read(const std::filesystem::path& file, PixelType type) const;
-  sandbox::ByteWriter request(ImageRequest kind, const std::filesystem::path& file) const;
 
   std::size_t memory_bytes_;
   sandbox::DecoderPool decoders_;

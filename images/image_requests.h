@@ -19,8 +19,7 @@ enum class ImageRequest : std::uint8_t {
   kLevel,       ///< number, subimage, level; result: properties, or nothing if there is none
   kRows,        ///< number, subimage, level, first and last row + 1, pixel type; result: pixels
   kTile,        ///< number, subimage, level, x, y of its corner, pixel type; result: pixels
-  kClose,       ///< number
-  kReadGrey     ///< source; result: properties and grey codes, only of raystage-decode-png
+  kClose        ///< number
 };
 
 /// An image file, or one that is in memory.

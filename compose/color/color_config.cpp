@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <mutex>
 #include <optional>
 
 #include "base/error.h"
@@ -35,6 +36,9 @@ struct GivenConfig {
   std::filesystem::path file;
   std::string rec709_name, description;
   sandbox::DecoderPool decoders{color_decoder_options()};
+  mutable std::mutex mutex;
+  /// A file outside of the config's folder, which was refused. OpenColorIO asks once for each.
+  mutable std::string outside;
 
   GivenConfig(std::filesystem::path of_file, std::string name_of_rec709)
       : file(std::move(of_file)), rec709_name(std::move(name_of_rec709)) {}
@@ -42,31 +46,29 @@ struct GivenConfig {
   ColorRequest request(ColorQuestion question) const {
     return {.question = question, .file = file.string(), .rec709_name = rec709_name, .names = {}};
   }
-  /// `outside`: becomes a file outside of the config's folder that it reads, which is refused.
-  std::vector<std::byte> decode(std::span<const std::byte> bytes, std::string& outside) const {
+  std::vector<std::byte> decode(std::span<const std::byte> bytes) const {
     constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 30;  // of a file
     const auto open =
         [&, permitted = sandbox::files_below_folder_of(file, kMaxBytes)](const std::string& name) {
-          if (outside.empty() && is_file_outside(name)) outside = name;
+          if (is_file_outside(name)) {
+            const std::scoped_lock lock(mutex);
+            outside = name;
+          }
           return permitted(name);
         };
     return decoders.decode(bytes, file, open);
-  }
-  std::vector<std::byte> decode(std::span<const std::byte> bytes) const {
-    std::string outside;
-    return decode(bytes, outside);
   }
   template <class Read>
   auto ask(const ColorRequest& asked, const Read& read) const {
     sandbox::ByteWriter writer;
     write_request(writer, asked);
-    std::string outside;
     try {
       // Errors of the config's contents name it as they would in this process.
-      return sandbox::read_answer(decode(writer.take(), outside), kKind,
+      return sandbox::read_answer(decode(writer.take()), kKind,
                                   description.empty() ? file : std::filesystem::path(description),
                                   read);
     } catch (const Error&) {
+      const std::scoped_lock lock(mutex);
       if (outside.empty()) throw;
       throw Error::bad_input("the colour config reads a file outside of its folder, " + outside,
                              file.string(),

@@ -155,7 +155,7 @@ std::vector<AttackedFormat> attacked_formats(const fs::path& folder) {
   };
   const std::string render = "raystage render -q -j 1 --memory 0.3 -o out/f.####.exr ";
   const std::string inspect = all_of({"raystage info take", "raystage verify -q --decode take",
-                                      "raystage sync -q --interpolate take -o out/take"}) +
+                                      "raystage sync -q take -o out/take"}) +
                               "; code=$?; [ $code -le 4 ] || exit $code; ";
   const std::string archive = only("take/archive", ".mkv"), journal = only("take", ".journal");
   std::vector<AttackedFormat> formats{

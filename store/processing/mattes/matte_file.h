@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "base/contained_path.h"
-#include "images/image_reader.h"
+#include "sandbox/decoder_pool.h"
 #include "store/take.h"
 
 namespace raystage::store {
@@ -17,12 +17,13 @@ ContainedPath matte_file(const Take& take, int camera, int frame);
 /// Reads matte files in confined processes, which stay until the reader ends. Thread-safe.
 class MatteReader {
  public:
+  MatteReader();
   /// Returns the codes of a matte file, one byte per pixel. Throws Error (bad input) if the file is
   /// not a PNG of this size, and Error (failed) as sandbox::DecoderProcess does.
   std::vector<std::uint8_t> read(const ContainedPath& file, int width, int height) const;
 
  private:
-  images::ImageReader images_ = images::ImageReader::of_mattes();
+  sandbox::DecoderPool decoders_;
 };
 
 }  // namespace raystage::store

@@ -306,7 +306,7 @@ std::vector<RepairReport::RestoredFile> CopyOfTake::restore_documents(bool dry_r
   return restored;
 }
 
-void CopyOfTake::repair_camera(ArchivePair description, bool dry_run,
+void CopyOfTake::repair_camera(const ArchivePair& description, bool dry_run,
                                RepairReport::Camera& result) const {
   for (const std::string& name : {description.archive_name, description.journal_name}) {
     require_contained({take_, name});

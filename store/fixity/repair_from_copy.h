@@ -27,7 +27,7 @@ class CopyOfTake {
   std::vector<RepairReport::RestoredFile> restore_documents(bool dry_run) const;
   /// Merges one archive and its journal with those of the copy. Throws Error (bad input) as
   /// merge_pairs(), and if neither of the two archives exists; Error (failed) if a disk fails.
-  void repair_camera(ArchivePair pair, bool dry_run, RepairReport::Camera& result) const;
+  void repair_camera(const ArchivePair& pair, bool dry_run, RepairReport::Camera& result) const;
   /// Restores the timeline if it is missing or does not match, and files that are missing. Call it
   /// after the archives are repaired.
   std::vector<RepairReport::RestoredFile> restore_derived(bool dry_run) const;

@@ -38,7 +38,7 @@ void expect_finite(const images::ExrReader& reader, const fs::path& file) {
 
 TEST(CommandAttack, EveryCaseEndsInAResultOrAnErrorOfOurs) {
   const TestFolder folder;
-  const fs::path scene = folder.path();
+  const fs::path& scene = folder.path();
   write_attack_scene(scene);
   const images::ExrReader reader(100'000'000);
   std::mt19937 random(7);  // NOLINT: the same in every run

@@ -3,11 +3,14 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <stdexcept>
 
 #include "base/atomic_file.h"
+#include "images/png_file.h"
 #include "store/jpeg/encode.h"
 #include "store/jpeg/rgb_image.h"
 #include "tests/end_to_end/run_command.h"
@@ -50,12 +53,41 @@ const std::string kPly =
     "z\n"
     "element face 2\nproperty list uchar int vertex_indices\nend_header\n-1 -1 0\n1 -1 0\n1 1 0\n"
     "-1 1 0\n3 0 1 2\n3 0 2 3\n";
+const std::string kGltf =
+    R"({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"name": "n",
+    "children": [1], "translation": [0, 0, 0]}, {"mesh": 0, "rotation": [0, 0, 0, 1]}], "meshes": [{
+    "primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}], "materials": [{
+    "pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1]}}], "accessors": [{"bufferView": 0,
+    "componentType": 5126, "count": 3, "type": "VEC3", "min": [-1, -1, 0], "max": [1, 1, 0]}, {
+    "bufferView": 1, "componentType": 5123, "count": 3, "type": "SCALAR"}], "bufferViews": [{
+    "buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 6}], "buffers": [{
+    "byteLength": 42, "uri": "mesh.bin"}]})";
 const std::string kOcio =
     "ocio_profile_version: 2\nsearch_path: .\nroles:\n  default: lin_srgb\ndisplays:\n  tv:\n"
     "    - !<View> {name: Film, colorspace: film}\ncolorspaces:\n  - !<ColorSpace>\n"
     "    name: lin_srgb\n  - !<ColorSpace>\n    name: film\n    from_scene_reference: "
     "!<FileTransform> {src: curve.spi1d, interpolation: linear}\n";
 const std::string kCurve = "Version 1\nFrom 0.0 1.0\nLength 3\nComponents 1\n{\n0.0\n0.7\n1.0\n}\n";
+
+/// Returns the buffer of kGltf: three corners (float) and their numbers (16 bits).
+std::string triangle_bytes() {
+  constexpr std::array<float, 9> kCorners{-1, -1, 0, 1, -1, 0, 0, 1, 0};
+  constexpr std::array<std::uint16_t, 3> kNumbers{0, 1, 2};
+  std::string bytes(sizeof kCorners + sizeof kNumbers, '\0');
+  std::memcpy(bytes.data(), kCorners.data(), sizeof kCorners);
+  std::memcpy(bytes.data() + sizeof kCorners, kNumbers.data(), sizeof kNumbers);
+  return bytes;
+}
+
+std::string binary_ply() {
+  constexpr std::array<std::int32_t, 3> kNumbers{0, 1, 2};
+  std::string face(1 + sizeof kNumbers, '\3');
+  std::memcpy(face.data() + 1, kNumbers.data(), sizeof kNumbers);
+  return "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float "
+         "y\n"
+         "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n" +
+         triangle_bytes().substr(0, 36) + face;
+}
 
 void write_jpeg(const fs::path& file) {
   store::RgbImage image(32, 24);
@@ -98,17 +130,28 @@ void write_attack_scene(const fs::path& folder) {
   };
   must(
       "raystage simulate stage -q --rows 2 --columns 2 --width 48 --height 36 --fps 10 --seconds "
-      "0.4 --truth-views 1 -o take && raystage sync -q take && raystage verify -q --manifest write "
+      "0.8 --startup-loss-seconds 0 --truth-views 1 -o take && raystage sync -q take && raystage "
+      "verify -q "
+      "--manifest write "
       "take");
   for (const auto& camera : fs::directory_iterator(folder / "take" / "archive")) {
     if (camera.path().extension() != ".mkv") continue;
-    fs::create_directories(folder / "take" / "mattes" / camera.path().stem());
+    for (int frame = 0; frame < 8; ++frame) {
+      const fs::path matte =
+          folder / "take" / "mattes" / camera.path().stem() / fmt::format("{:06}.png", frame);
+      fs::create_directories(matte.parent_path());
+      images::write_png(store::RgbImage(48, 36, std::vector<std::uint8_t>(48 * 36 * 3, 255)),
+                        matte);
+    }
   }
   write("obj.json", mesh_shot("mesh.obj"));
   write("ply.json", mesh_shot("mesh.ply"));
-  write("proxy_ply.json", mesh_shot("proxy.ply"));
+  write("proxy_ply.json", mesh_shot("binary.ply"));
   write("glb.json", mesh_shot("proxy.glb"));
-  write("gltf.json", mesh_shot("camera.gltf"));
+  write("gltf.json", mesh_shot("mesh.gltf"));
+  write("mesh.gltf", kGltf);
+  write("mesh.bin", triangle_bytes());
+  write("binary.ply", binary_ply());
   write("mesh.obj", kObj);
   write("mesh.mtl", kMtl);
   write("mesh.ply", kPly);
@@ -120,7 +163,7 @@ void write_attack_scene(const fs::path& folder) {
   write("hull.json", shot(R"({"name": "set", "take": "take", "method": "visual_hull"})"));
   write("objects.json", shot(R"({"name": "set", "take": "take", "method": "focal_plane",
              "options": {"objects": "../planes.json"}, "focal_plane": {"depth_m": 4}})"));
-  write("planes.json", R"({"schema": "raystage/planes/1", "objects": [{"name": "wall",
+  write("planes.json", R"({"schema": "raystage/planes/1", "planes": [{"id": "wall",
         "corners": [[-1, -1, -3], [1, -1, -3], [1, 1, -3], [-1, 1, -3]]}]})");
   write("chan.json",
         shot(kLightField, "", R"("film_back_mm": 36, "file": {"path": "camera.chan"})"));
@@ -134,15 +177,15 @@ void write_attack_scene(const fs::path& folder) {
   write("record.json", R"({"schema": "raystage/record/1", "name": "attacked", "node": "one",
         "memory_mb": 20, "cameras": [
         {"id": "a", "ffmpeg": {"url": "lavfi:testsrc=size=32x24:rate=30,realtime"}},
-        {"id": "b", "ffmpeg": {"url": "lavfi:testsrc=size=48x32:rate=20,realtime"},
-         "jpeg": {"quality": 80}}]})");
+        {"id": "b", "ffmpeg": {"url": "lavfi:testsrc=size=48x32:rate=20,realtime"}}]})");
   must("raystage render -q depth.json -o out/plate.####.exr && mv out/plate.0001.exr .");
   must("raystage preview -q plate.####.exr -o plate.####.png && cp plate.0001.png texture.png");
   write_jpeg(folder / "plate.jpg");
   must("raystage camera shot.json -o camera.chan && raystage camera shot.json -o camera.gltf");
   must(
-      "raystage proxy -q take -o proxy.ply --width 32 && raystage proxy -q take -o proxy.glb "
+      "raystage proxy -q take -o proxy.glb "
       "--width 32");
+  must("raystage verify -q --manifest write take");
   must("raystage record record.json -o recorded --status none --duration 0.4");
 }
 
@@ -153,7 +196,7 @@ std::vector<AttackedFormat> attacked_formats(const fs::path& folder) {
     }
     throw std::runtime_error("no file " + ending + " below " + below);
   };
-  const std::string render = "raystage render -q -j 1 --memory 0.3 -o out/f.####.exr ";
+  const std::string render = "raystage render -q -j 1 --memory 0.5 -o out/f.####.exr ";
   const std::string inspect = all_of({"raystage info take", "raystage verify -q --decode take",
                                       "raystage sync -q take -o out/take"}) +
                               "; code=$?; [ $code -le 4 ] || exit $code; ";
@@ -168,6 +211,7 @@ std::vector<AttackedFormat> attacked_formats(const fs::path& folder) {
       {"archive to repair", archive, false,
        "cp -r take out/t && " + all_of({"raystage repair -q out/t", "raystage verify -q out/t"})},
       {"depth", only("take/depth", ".zst"), false, render + "depth.json"},
+      {"matte", only("take/mattes", "000000.png"), false, render + "hull.json"},
       {"recording", "recorded/recording/one.json", true,
        all_of({"raystage info recorded", "raystage verify -q recorded"})},
       {"resumed journal", only("recorded/archive", "a.journal"), false,
@@ -181,12 +225,12 @@ std::vector<AttackedFormat> attacked_formats(const fs::path& folder) {
       {"object planes", "planes.json", true, render + "objects.json"},
       {"chan", "camera.chan", true, render + "chan.json"},
       {"glTF camera", "camera.gltf", true, render + "gltf_camera.json"},
-      {"glTF mesh", "camera.gltf", true, render + "gltf.json"},
+      {"glTF mesh", "mesh.gltf", true, render + "gltf.json"},
       {"glb", "proxy.glb", false, render + "glb.json"},
       {"obj", "mesh.obj", true, render + "obj.json"},
       {"mtl", "mesh.mtl", true, render + "obj.json"},
       {"ply", "mesh.ply", true, render + "ply.json"},
-      {"binary ply", "proxy.ply", false, render + "proxy_ply.json"},
+      {"binary ply", "binary.ply", false, render + "proxy_ply.json"},
       {"texture", "texture.png", false, render + "obj.json"},
       {"EXR plate", "plate.0001.exr", false, render + "exr.json"},
       {"PNG plate", "plate.0001.png", false, render + "png.json"},
@@ -199,9 +243,10 @@ std::vector<AttackedFormat> attacked_formats(const fs::path& folder) {
       {"lookup table", "curve.spi1d", true,
        "raystage preview -q plate.####.exr --ocio config.ocio --display tv --view Film -o "
        "out/p.####.png"},
-      {"detections", "table.csv", true, "raystage calibrate geometry -q table.csv -o out/rig.json"},
+      {"detections", "table.csv", true, "raystage calibrate geometry -q table.csv -o out/rig.json",
+       1},
       {"cameras of detections", "cameras.json", true,
-       "raystage calibrate geometry -q table.csv -o out/rig.json"},
+       "raystage calibrate geometry -q table.csv -o out/rig.json", 1},
   };
   return formats;
 }

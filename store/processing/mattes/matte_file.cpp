@@ -41,14 +41,20 @@ std::vector<std::uint8_t> MatteReader::read(const ContainedPath& file, int width
                                             int height) const {
   if (!open_contained_to_read(file).open()) throw contained_open_error(file, errno);
   const std::string name = file.path().string();
-  const std::vector<std::byte> result =
-      decoders_.decode(std::as_bytes(std::span(name)), file.path(), sandbox::only_file(file));
   const auto matte_error = [&](const std::string& what) {
     return Error::bad_input(what, name,
                             fmt::format("Write an 8-bit grey PNG of {}x{} pixels (see "
                                         "docs/formats/mattes.md)",
                                         width, height));
   };
+  std::vector<std::byte> result;
+  try {
+    result =
+        decoders_.decode(std::as_bytes(std::span(name)), file.path(), sandbox::only_file(file));
+  } catch (const Error& error) {
+    if (error.exit_code() != ExitCode::kBadInput) throw;
+    throw matte_error(error.what_happened());
+  }
   try {
     sandbox::ByteReader reader(result);
     const int its_width = reader.read<int>(), its_height = reader.read<int>();

@@ -48,9 +48,10 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
   void send(std::string text) const {
     if (const auto to = client.lock()) to->send_text(std::move(text));
   }
-  void send_picture(PictureContent content, std::vector<std::byte> message) const {
+  void send_picture(PictureContent content, std::int64_t request,
+                    std::vector<std::byte> message) const {
     if (const auto to = client.lock()) {
-      to->send_picture(static_cast<int>(content), std::move(message));
+      to->send_picture(static_cast<int>(content), request, std::move(message));
     }
   }
 
@@ -168,7 +169,7 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
       options.divisor = resolution.divisor(request.width, request.height);
     }
     double ms = 0;
-    send_picture(options.content, render_picture(*shot, request, options, stop, &ms));
+    send_picture(options.content, request.id, render_picture(*shot, request, options, stop, &ms));
     if (request.quality == ViewerMessage::Quality::kPlaying)
       shot->scene->read_ahead_of(request.frame);
     const std::scoped_lock lock(mutex);
@@ -185,17 +186,17 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
       PictureOptions first;
       first.preview.method = "plane_sweep";
       first.is_final = false;
-      send_picture(first.content, render_picture(*shot, request, first, stop));
+      send_picture(first.content, request.id, render_picture(*shot, request, first, stop));
       reporter.emplace([this, id = request.id, progress = shot->scene->depth_progress()] {
         if (const auto share = progress()) send(progress_message(id, *share));
       });
     }
     PictureOptions options;
     options.is_final = !request.comparison.has_value();
-    send_picture(options.content, render_picture(*shot, request, options, stop));
+    send_picture(options.content, request.id, render_picture(*shot, request, options, stop));
     reporter.reset();
     if (!request.comparison) return;
-    send_picture(PictureContent::kComparison,
+    send_picture(PictureContent::kComparison, request.id,
                  render_comparison(*shot, request, services.files, services.open_scene, stop));
   }
 
@@ -235,7 +236,7 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
       throw;
     }
     if (auto picture = live->picture(request, stop)) {
-      send_picture(picture->content, std::move(picture->message));
+      send_picture(picture->content, request.id, std::move(picture->message));
     }
   }
 
@@ -311,7 +312,7 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
       case Type::kEpi:
         submit(JobKind::kSource, request.id, [request](State& state, const auto&) {
           const SourceAnswer answer = answer_source_request(*state.shown_shot(), request);
-          state.send_picture(answer.content, answer.message);
+          state.send_picture(answer.content, request.id, answer.message);
         });
         break;
       case Type::kFolder:
@@ -324,7 +325,7 @@ struct ViewerSession::State : std::enable_shared_from_this<ViewerSession::State>
         submit(JobKind::kThumbnail, request.id, [request](State& state, const auto&) {
           const SourceAnswer answer =
               answer_thumbnail_request(state.services.files.path(request.file), request);
-          state.send_picture(answer.content, answer.message);
+          state.send_picture(answer.content, request.id, answer.message);
         });
         break;
       case Type::kKeys:

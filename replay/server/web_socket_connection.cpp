@@ -69,14 +69,18 @@ void WebSocketConnection::send_text(std::string message) {
   });
 }
 
-void WebSocketConnection::send_picture(int stream, std::vector<std::byte> message) {
+void WebSocketConnection::send_picture(int stream, std::int64_t request,
+                                       std::vector<std::byte> message) {
   {
     const std::scoped_lock lock(mutex_);
-    std::vector<std::byte>& waiting = pictures_[stream];
-    if (!waiting.empty()) ++pictures_dropped_;
-    waiting = std::move(message);
+    pictures_.push(stream, request, std::move(message));
   }
   boost::asio::post(stream_.get_executor(), [self = shared_from_this()] { self->write(); });
+}
+
+std::int64_t WebSocketConnection::pictures_dropped() const {
+  const std::scoped_lock lock(mutex_);
+  return pictures_.dropped();
 }
 
 std::optional<WebSocketConnection::Message> WebSocketConnection::next_message() {
@@ -86,9 +90,8 @@ std::optional<WebSocketConnection::Message> WebSocketConnection::next_message() 
     queued_bytes_ -= texts_.front().size();
     message = std::move(texts_.front());
     texts_.pop_front();
-  } else if (!pictures_.empty()) {
-    message = std::move(pictures_.begin()->second);
-    pictures_.erase(pictures_.begin());
+  } else if (std::optional<std::vector<std::byte>> picture = pictures_.pop()) {
+    message = std::move(*picture);
   }
   return message;
 }

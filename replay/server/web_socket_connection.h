@@ -2,7 +2,6 @@
 // Internal to replay/server/.
 #pragma once
 
-#include <atomic>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/core/tcp_stream.hpp>
@@ -10,7 +9,6 @@
 #include <boost/beast/http/string_body.hpp>
 #include <boost/beast/websocket/stream.hpp>
 #include <deque>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -19,6 +17,7 @@
 #include <vector>
 
 #include "replay/server/http_server.h"
+#include "replay/server/picture_queue.h"
 
 namespace raystage::replay {
 
@@ -36,8 +35,8 @@ class WebSocketConnection final : public Client,
   void start(const boost::beast::http::request<boost::beast::http::string_body>& upgrade);
 
   void send_text(std::string message) override;
-  void send_picture(int stream, std::vector<std::byte> message) override;
-  std::int64_t pictures_dropped() const override { return pictures_dropped_; }
+  void send_picture(int stream, std::int64_t request, std::vector<std::byte> message) override;
+  std::int64_t pictures_dropped() const override;
 
  private:
   using Message = std::variant<std::string, std::vector<std::byte>>;
@@ -58,11 +57,10 @@ class WebSocketConnection final : public Client,
   Message sending_;
   bool is_writing_ = false, is_closed_ = false;
 
-  std::mutex mutex_;               // guards the queue, which keeps the order of all threads
+  mutable std::mutex mutex_;       // guards the queues, which keep the order of all threads
   std::deque<std::string> texts_;  ///< wait to be sent
-  std::map<int, std::vector<std::byte>> pictures_;  ///< the newest of each stream
-  std::size_t queued_bytes_ = 0;                    ///< of `texts_`
-  std::atomic<std::int64_t> pictures_dropped_ = 0;
+  PictureQueue pictures_;
+  std::size_t queued_bytes_ = 0;  ///< of `texts_`
 };
 
 }  // namespace raystage::replay

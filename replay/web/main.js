@@ -238,6 +238,7 @@ function sendShot() {
     .catch((error) => {
       state.isShotRefused = true;
       say(error.message);
+      view.rest();  // the server dropped the requests before
     });
   panels.refresh();
 }

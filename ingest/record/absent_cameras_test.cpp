@@ -135,6 +135,17 @@ TEST_F(AbsentCameras, AreNotRecordedInAnotherSizeThanTheirArchive) {
               HasSubstr("delivers 112 x 64 pixels, the take has 96 x 64: it is not recorded"));
 }
 
+TEST_F(AbsentCameras, AreTriedAgainWhileTheyHaveNoSize) {
+  const auto session = record([](int attempt) {
+    return attempt < 2 ? std::unique_ptr<FrameSource>(std::make_unique<StatedSize>(0, 0))
+                       : good(96, 25);
+  });
+  expect_good_ones(session);
+  EXPECT_THAT(absence_, HasSubstr("does not report the size of its frames"));
+  EXPECT_EQ(session.cameras[1].stored, 25U);
+  EXPECT_THAT(events(session.cameras[1]), ::testing::Not(HasSubstr("0 x 0")));
+}
+
 TEST_F(AbsentCameras, AreThoseWhoseFramesNoMemoryHolds) {
   const auto session = record([](int) { return std::make_unique<StatedSize>(65535, 65535); });
   expect_good_ones(session);

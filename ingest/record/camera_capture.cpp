@@ -134,6 +134,8 @@ bool CameraCapture::wait_for_absent(const std::stop_token& stop) {
 
 bool CameraCapture::has_size_of_archive(const SourceDescription& source) {
   if (source.width == options_.width && source.height == options_.height) return true;
+  // A source without a size has delivered no picture: it is tried again.
+  if (source.width <= 0 || source.height <= 0) return false;
   if (!std::exchange(size_warning_given_, true)) {
     pipeline_.counters.add_event(
         fmt::format("the source delivers {} x {} pixels, the take has {} x {}: it is not recorded",

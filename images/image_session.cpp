@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/posix_file.h"
 #include "images/image_decoder_options.h"
 #include "images/image_requests.h"
 
@@ -14,6 +15,27 @@ namespace raystage::images {
 namespace {
 
 constexpr std::size_t kSmallest = std::size_t{16} << 20;  // always granted, bytes
+
+constexpr std::string_view kPngSignature = "\x89PNG\r\n\x1a\n", kJpegSignature = "\xff\xd8\xff";
+
+sandbox::DecoderOptions texture_decoder_options(std::size_t memory_bytes) {
+  sandbox::DecoderOptions options = image_decoder_options("texture", memory_bytes);
+  options.program = "raystage-decode-texture";
+  return options;
+}
+
+/// Returns the first bytes of a file, enough for its signature.
+std::string first_bytes(const std::filesystem::path& file) {
+  std::string bytes(kPngSignature.size(), '\0');
+  bytes.resize(read_file_part(file, 0, std::as_writable_bytes(std::span(bytes))));
+  return bytes;
+}
+
+/// Returns which decoder opens an image first. `bytes`: its first ones.
+ImageSession::Decoder decoder_of(std::string_view bytes) {
+  const bool is_common = bytes.starts_with(kPngSignature) || bytes.starts_with(kJpegSignature);
+  return is_common ? ImageSession::Decoder::kPngAndJpeg : ImageSession::Decoder::kAllFormats;
+}
 
 FileDescriptor no_file(const std::string& /*name*/) { return FileDescriptor(-1); }
 
@@ -30,45 +52,77 @@ struct ImageSession::Part {
   PixelType type;
 };
 
+/// What is opened: a file, or an image in memory.
+struct ImageSession::Source {
+  std::string name;
+  std::string format;      ///< of the image in memory; empty: a file
+  std::string_view bytes;  ///< of the image in memory, or the first ones of the file
+  sandbox::OpenFile open_file;
+};
+
 ImageSession::ImageSession(std::size_t memory_bytes)
-    : memory_bytes_(memory_bytes), decoder_(image_decoder_options("texture", memory_bytes)) {
-  decoder_.start();
+    : memory_bytes_(memory_bytes),
+      png_and_jpeg_{{}, sandbox::DecoderProcess(texture_decoder_options(memory_bytes))},
+      all_formats_{{}, sandbox::DecoderProcess(image_decoder_options("texture", memory_bytes))} {}
+
+void ImageSession::start_for(const std::filesystem::path& file) {
+  start_for_bytes(first_bytes(file));
 }
 
-std::vector<std::byte> ImageSession::decode(std::span<const std::byte> request,
+void ImageSession::start_for_bytes(std::string_view bytes) {
+  Process& started = process(decoder_of(bytes));
+  const std::lock_guard lock(started.mutex);
+  started.decoder.start();
+}
+
+std::vector<std::byte> ImageSession::decode(Decoder decoder, std::span<const std::byte> request,
                                             const std::string& name,
                                             const sandbox::OpenFile& open_file) {
-  const std::lock_guard lock(mutex_);
-  return decoder_.decode(request, name, open_file);
+  Process& asked = process(decoder);
+  const std::lock_guard lock(asked.mutex);
+  return asked.decoder.decode(request, name, open_file);
 }
 
-ImageSession::Image ImageSession::open_source(const std::string& name, const std::string& format,
-                                              std::string_view bytes,
-                                              const sandbox::OpenFile& open_file) {
+ImageSession::Image ImageSession::open_by(Decoder decoder, const Source& source) {
   sandbox::ByteWriter request;
   request.write(static_cast<std::uint8_t>(ImageRequest::kOpen));
   // Given here: a process that replaces a crashed one knows none of the earlier numbers.
   const std::uint32_t number = next_number_++;
   request.write(number);
-  write_source(request, {name, format, std::string(bytes), memory_bytes_});
-  const auto result = decode(request.take(), name, open_file);
+  const bool is_file = source.format.empty();
+  write_source(request, {source.name, source.format, is_file ? "" : std::string(source.bytes),
+                         memory_bytes_});
+  const auto result = decode(decoder, request.take(), source.name, source.open_file);
   try {
     sandbox::ByteReader reader(result);
-    Image image{number, name, read_properties(reader)};
+    Image image{number, source.name, read_properties(reader), decoder};
     require_memory(image.properties);
     return image;
   } catch (const std::runtime_error& error) {
-    throw damaged(error, name);
+    throw damaged(error, source.name);
+  }
+}
+
+ImageSession::Image ImageSession::open_source(const Source& source) {
+  const Decoder decoder = decoder_of(source.bytes);
+  if (!source.bytes.starts_with(kJpegSignature)) return open_by(decoder, source);
+  try {
+    return open_by(decoder, source);
+  } catch (const Error& error) {
+    // CMYK, or truncated: OpenImageIO reads more kinds of JPEG.
+    if (error.exit_code() != ExitCode::kBadInput) throw;
+    return open_by(Decoder::kAllFormats, source);
   }
 }
 
 ImageSession::Image ImageSession::open(const std::filesystem::path& file) {
-  return open_source(file.string(), "", "", sandbox::only_file(file));
+  const std::string first = first_bytes(file);
+  return open_source({file.string(), "", first, sandbox::only_file(file)});
 }
 
 ImageSession::Image ImageSession::open_bytes(const std::string& name, const std::string& format,
                                              std::string_view bytes) {
-  return open_source(name, format, bytes, no_file);
+  return open_source({name, format, bytes, no_file});
 }
 
 /// OpenImageIO reads a tile or up to 64 rows at once, as float at most.
@@ -90,7 +144,7 @@ void ImageSession::close(const Image& image) {
   sandbox::ByteWriter request;
   request.write(static_cast<std::uint8_t>(ImageRequest::kClose));
   request.write(image.number);
-  decode(request.take(), image.name, no_file);
+  decode(image.decoder, request.take(), image.name, no_file);
 }
 
 std::optional<ImageProperties> ImageSession::level(const Image& image, int subimage, int level) {
@@ -99,7 +153,7 @@ std::optional<ImageProperties> ImageSession::level(const Image& image, int subim
   request.write(image.number);
   request.write(subimage);
   request.write(level);
-  const auto result = decode(request.take(), image.name, no_file);
+  const auto result = decode(image.decoder, request.take(), image.name, no_file);
   if (result.empty()) return std::nullopt;
   try {
     sandbox::ByteReader reader(result);
@@ -125,7 +179,8 @@ void ImageSession::read_part(const Image& image, const Part& part, std::span<std
     request.write(number);
   }
   request.write(static_cast<std::uint8_t>(part.type));
-  const auto result = decode(request.take(), image.name, sandbox::only_file(image.name));
+  const auto result =
+      decode(image.decoder, request.take(), image.name, sandbox::only_file(image.name));
   if (result.size() != pixels.size()) {
     throw damaged(std::runtime_error("its decoder returned damaged data"), image.name);
   }

@@ -42,12 +42,12 @@ Textures::Handle Textures::open(const std::filesystem::path& file) {
   if (!std::filesystem::is_regular_file(file, error)) {
     throw Error::bad_input("the texture file does not exist", file.string(), "Correct the path");
   }
-  load_lookup();
+  load_lookup([&](images::ImageSession& session) { session.start_for(file); });
   return lookup_->open(file);
 }
 
 Textures::Handle Textures::open(std::shared_ptr<const EmbeddedImage> image) {
-  load_lookup();
+  load_lookup([&](images::ImageSession& session) { session.start_for_bytes(image->bytes); });
   for (const auto& known : images_) {
     if (known->name == image->name)
       return lookup_->open_bytes(known->name, known->format, known->bytes);
@@ -57,10 +57,10 @@ Textures::Handle Textures::open(std::shared_ptr<const EmbeddedImage> image) {
   return lookup_->open_bytes(kept.name, kept.format, kept.bytes);
 }
 
-void Textures::load_lookup() {
+void Textures::load_lookup(const std::function<void(images::ImageSession&)>& start) {
   if (lookup_) return;
-  // Its process starts while the module is loaded.
   session_ = std::make_unique<images::ImageSession>(image_bytes_);
+  start(*session_);  // its process starts while the module is loaded
   lookup_.reset(load_module()(*session_, cache_bytes_));
 }
 

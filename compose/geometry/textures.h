@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -51,7 +52,8 @@ class Textures {
  private:
   std::size_t cache_bytes_, image_bytes_;
   Eigen::Matrix3f working_from_rec709_;
-  void load_lookup();
+  /// `start`: starts the decoder of the first texture.
+  void load_lookup(const std::function<void(images::ImageSession&)>& start);
 
   std::vector<std::shared_ptr<const EmbeddedImage>> images_;  // the lookup refers to their bytes
   std::unique_ptr<images::ImageSession> session_;             // before the lookup, which uses it

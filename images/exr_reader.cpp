@@ -15,13 +15,13 @@ constexpr const char* kKind = "EXR file";
 constexpr float kRequired = std::numeric_limits<float>::quiet_NaN();
 
 sandbox::DecoderOptions exr_decoder_options(std::size_t memory_bytes) {
-  constexpr std::size_t kProgram = std::size_t{1} << 29;
+  constexpr std::size_t kOther = std::size_t{64} << 20;
   sandbox::DecoderOptions options;
   options.program = "raystage-decode-exr";
   options.kind = kKind;
   options.advice = "Save it again";
   // Pixels of data and display window, and the result that holds them.
-  options.memory_bytes = kProgram + 3 * memory_bytes;
+  options.memory_bytes = kOther + 3 * memory_bytes;
   options.result_bytes = memory_bytes + (std::size_t{1} << 20);
   options.time = std::chrono::seconds(60);
   return options;

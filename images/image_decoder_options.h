@@ -12,14 +12,13 @@ namespace raystage::images {
 /// `memory_bytes`: that the pixels of one may need.
 inline sandbox::DecoderOptions image_decoder_options(const std::string& kind,
                                                      std::size_t memory_bytes) {
-  // OpenImageIO and its 260 libraries take 1 GB of addresses. Readers hold pixels as they are
-  // in the file, as they are wanted, and as a result.
-  constexpr std::size_t kProgram = std::size_t{2} << 30;
+  // Readers hold pixels as they are in the file, as they are wanted, and as a result.
+  constexpr std::size_t kOther = std::size_t{64} << 20;
   sandbox::DecoderOptions options;
   options.program = "raystage-decode-image";
   options.kind = kind;
   options.advice = "Check that the file is an image, or save it again";
-  options.memory_bytes = kProgram + 4 * memory_bytes;
+  options.memory_bytes = kOther + 4 * memory_bytes;
   options.result_bytes = memory_bytes + (std::size_t{1} << 20);
   options.time = std::chrono::seconds(120);
   return options;

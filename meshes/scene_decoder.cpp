@@ -22,9 +22,9 @@ namespace fs = std::filesystem;
 
 /// Assimp's data structures are many times as large as the file.
 std::size_t memory_for(std::uint64_t file_bytes) {
-  constexpr std::uint64_t kProgram = 512'000'000, kPerByte = 60;
+  constexpr std::uint64_t kOther = 64'000'000, kPerByte = 60;
   return static_cast<std::size_t>(
-      std::min<std::uint64_t>(kProgram + kPerByte * file_bytes, available_memory()));
+      std::min<std::uint64_t>(kOther + kPerByte * file_bytes, available_memory()));
 }
 
 std::chrono::seconds time_for(std::uint64_t file_bytes) {

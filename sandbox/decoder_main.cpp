@@ -19,6 +19,7 @@
 #include <cstdint>
 #include <cstring>
 #include <exception>
+#include <fstream>
 #include <new>
 #include <stdexcept>
 #include <string_view>
@@ -85,6 +86,18 @@ void limit(__rlimit_resource resource, std::uint64_t value) {
   both.rlim_cur = std::min<rlim_t>(value, both.rlim_max);
   both.rlim_max = both.rlim_cur;
   if (::setrlimit(resource, &both) != 0) _exit(kNoLimits);
+}
+
+/// Limits what the process takes beyond what its program and libraries have taken: writable memory,
+/// and more loosely all addresses, because threads reserve some and files are mapped.
+void limit_memory(std::uint64_t bytes) {
+  constexpr std::uint64_t kReserved = std::uint64_t{1} << 30;
+  std::ifstream file("/proc/self/statm");
+  std::uint64_t size = 0, resident = 0, shared = 0, code = 0, unused = 0, data = 0;  // pages
+  if (!(file >> size >> resident >> shared >> code >> unused >> data)) _exit(kNoLimits);
+  const auto page = static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+  limit(RLIMIT_DATA, data * page + bytes);
+  limit(RLIMIT_AS, size * page + bytes + kReserved);
 }
 
 bool filter_system_calls() {
@@ -218,7 +231,7 @@ int decoder_main(int argc, char** argv, const AnswerRequest& answer) {
   constexpr int kArguments = 5;
   if (argc != kArguments) return kBroken;
   if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) return kNoLimits;
-  if (!kIsInstrumented) limit(RLIMIT_AS, number(argv[2]));
+  if (!kIsInstrumented) limit_memory(number(argv[2]));
   limit(RLIMIT_FSIZE, number(argv[3]));
   limit(RLIMIT_CORE, 0);
   constexpr std::uint64_t kDay = 24 * 3600;  // in case that its parent was killed

@@ -31,10 +31,10 @@ Confinement default_confinement();
 enum class Environment { kNone, kInherited };
 
 struct DecoderOptions {
-  std::string program;                                  ///< name of the program in lib/raystage
-  std::string kind;                                     ///< of the files, named by errors: "mesh"
-  std::string advice = "Export it again";               ///< where a file is refused
-  std::size_t memory_bytes = std::size_t{2} << 30;      ///< address space of the process
+  std::string program;                              ///< name of the program in lib/raystage
+  std::string kind;                                 ///< of the files, named by errors: "mesh"
+  std::string advice = "Export it again";           ///< where a file is refused
+  std::size_t memory_bytes = std::size_t{1} << 30;  ///< that requests may take, besides the program
   std::uint64_t result_bytes = std::uint64_t{4} << 30;  ///< largest request and result
   /// For one request, of the processor; by the clock twice as much and 10 s.
   std::chrono::seconds time{20};

@@ -11,6 +11,7 @@
 #include <cmath>
 
 #include "base/atomic_file.h"
+#include "base/cancellation.h"
 #include "base/error.h"
 #include "render/automatic/automatic.h"
 #include "render/methods.h"

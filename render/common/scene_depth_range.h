@@ -3,6 +3,7 @@
 
 #include <string_view>
 
+#include "render/common/method_options.h"
 #include "store/scene_depth_range.h"
 
 namespace raystage::render {

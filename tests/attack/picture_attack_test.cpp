@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <chrono>
 #include <fstream>
 #include <functional>
+#include <optional>
 #include <random>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -13,6 +16,7 @@
 #include "base/error.h"
 #include "images/exr_reader.h"
 #include "images/image_reader.h"
+#include "images/image_session.h"
 #include "ingest/movie_reader.h"
 #include "testing/ingest/test_movie.h"
 #include "testing/test_folder.h"
@@ -57,6 +61,25 @@ class PictureAttack : public ::testing::Test {
     EXPECT_LT(refused, attack_case_count());
     EXPECT_GT(refused, 0);
   }
+  void TearDown() override {
+    images_.reset();  // its decoders end
+    expect_decoders_within_memory();
+  }
+  /// Expects that no decoder that has ended took more than the memory granted and its libraries'.
+  static void expect_decoders_within_memory() {
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+    // See image_decoder_options(): 64 MiB and four times what is granted; and the libraries.
+    constexpr std::size_t kBytesPerKib = 1024, kLibraries = 150'000'000;
+    constexpr std::size_t kBound = (std::size_t{64} << 20) + 4 * kMemory + kLibraries;
+    rusage usage{};
+    ASSERT_EQ(getrusage(RUSAGE_CHILDREN, &usage), 0);
+    const auto largest = static_cast<std::size_t>(usage.ru_maxrss) * kBytesPerKib;
+    ASSERT_GT(largest, 0U) << "no decoder has ended";
+    EXPECT_LT(largest, kBound);
+    RecordProperty("largest_decoder_bytes", std::to_string(largest));
+    std::printf("largest decoder so far %.0f MB\n", static_cast<double>(largest) / 1e6);
+#endif
+  }
   std::string seed_picture(const std::string& extension, const OIIO::TypeDesc& type,
                            bool has_tiles = false) {
     const auto file = folder_.path() / ("seed" + extension);
@@ -66,12 +89,12 @@ class PictureAttack : public ::testing::Test {
 
   TestFolder folder_;
   static constexpr std::size_t kMemory = 100'000'000;
-  images::ImageReader images_{kMemory};
+  std::optional<images::ImageReader> images_{std::in_place, kMemory};
 };
 
 TEST_F(PictureAttack, PicturesThatOpenImageIoReads) {
   const auto read = [&](const std::filesystem::path& file) {
-    const auto picture = images_.read_floats(file);
+    const auto picture = images_->read_floats(file);
     ASSERT_EQ(picture.values.size(),
               picture.properties.pixels() * static_cast<std::size_t>(picture.properties.channels));
   };
@@ -94,6 +117,24 @@ TEST_F(PictureAttack, Plates) {
            const auto pixels = exr.read(file, kChannels, "");
            ASSERT_EQ(pixels.values.size(), std::size_t{4} * pixels.width * pixels.height);
          });
+}
+
+TEST_F(PictureAttack, Textures) {
+  images::ImageSession session(kMemory);
+  for (const char* extension : {".png", ".jpg"}) {
+    attack(extension, seed_picture(extension, OIIO::TypeDesc::UINT8),
+           [&](const std::filesystem::path& file) {
+             const images::ImageSession::Image image = session.open(file);
+             const images::ImageProperties& size = image.properties;
+             std::vector<float> row(static_cast<std::size_t>(size.width) *
+                                    static_cast<std::size_t>(size.channels));
+             const auto bytes = std::as_writable_bytes(std::span(row));
+             const int last = size.y + size.height - 1;
+             session.read_rows(image, 0, 0, last, last + 1, images::PixelType::kFloat, bytes);
+             for (const float value : row) ASSERT_TRUE(value >= 0 && value <= 1) << value;
+             session.close(image);
+           });
+  }
 }
 
 TEST_F(PictureAttack, Movies) {

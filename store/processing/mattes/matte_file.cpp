@@ -22,7 +22,7 @@ sandbox::DecoderOptions matte_decoder_options() {
   options.kind = "matte";
   options.advice = "Write an 8-bit grey PNG (see docs/formats/mattes.md)";
   // libpng converts whole pictures of 4 bytes per pixel.
-  options.memory_bytes = (std::size_t{1} << 28) + 6 * kMaxPixels;
+  options.memory_bytes = (std::size_t{64} << 20) + 6 * kMaxPixels;
   options.result_bytes = kMaxPixels + 4096;
   options.time = std::chrono::seconds(30);
   return options;

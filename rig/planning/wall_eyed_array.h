@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rig/rig.h"
+
+namespace raystage::rig {
+
+/// The slopes x/-z and y/-z of rays between which a frustum lies, in its own frame.
+struct SlopeRange {
+  Eigen::Vector2d least = Eigen::Vector2d::Zero();
+  Eigen::Vector2d largest = Eigen::Vector2d::Zero();
+
+  /// Returns whether a slope is inside, with a relative tolerance of 1e-12.
+  bool contains(const Eigen::Vector2d& slope) const;
+  /// Returns the slopes of the four corners, counter-clockwise from the lower left.
+  std::vector<Eigen::Vector2d> corners() const;
+};
+
+/// Returns the slopes of a symmetric frustum. Angles: full, radians, above 0 and below pi.
+SlopeRange symmetric_slopes(double horizontal_fov, double vertical_fov);
+/// Returns the slopes of a camera without distortion.
+SlopeRange camera_slopes(const schemas::Intrinsics& intrinsics, int width, int height);
+
+/// An ideal array (thesis 5.1): equal cameras without distortion, with parallel axes, in a plane
+/// perpendicular to them (wall-eyed). Its frame: origin in the middle of the centres' bounding box,
+/// the cameras look along -z, y up as in the cameras.
+struct WallEyedArray {
+  Pose pose;                          ///< of the frame in the world
+  std::vector<Eigen::Vector2d> hull;  ///< convex hull of the centres, metres, counter-clockwise
+  SlopeRange slopes;                  ///< that every camera sees
+
+  Eigen::Vector2d size() const;  ///< width and height of the hull, metres
+};
+
+/// How far an array may differ from an ideal one.
+struct WallEyedTolerance {
+  double position = 1e-9;  ///< from the plane, relative to the array's extent
+  double rotation = 1e-9;  ///< between cameras, radians
+  double slope = 1e-9;     ///< of the borders of the cameras' frusta
+};
+
+/// Returns the ideal array that a rig is; nullopt where it is none. `reason`: why, for people.
+std::optional<WallEyedArray> find_wall_eyed_array(const Rig& rig,
+                                                  const WallEyedTolerance& tolerance = {},
+                                                  std::string* reason = nullptr);
+
+/// Returns the convex hull of points, counter-clockwise, without points within its edges. Fewer
+/// than three points: the ends of the line, or the one point.
+std::vector<Eigen::Vector2d> convex_hull(std::vector<Eigen::Vector2d> points);
+
+}  // namespace raystage::rig

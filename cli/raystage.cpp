@@ -37,6 +37,7 @@ constexpr Command kCommands[] = {
     {"camera", "export the virtual camera of a shot: .nk, .chan, .gltf"},
     {"evaluate", "measure error and time on views with ground truth"},
     {"bench", "compare methods: error against time, as an HTML page"},
+    {"plan", "compute what an array can show: effective resolution"},
     {"replay", "show a take or a shot in the browser: fly, focus, play, save the shot"},
     {"preview", "turn an EXR sequence into a movie and a contact sheet"},
 };

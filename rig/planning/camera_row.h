@@ -15,7 +15,7 @@ struct ArraySampling {
   CameraRow row;            ///< focal length 1; mean pixel pitch and field of view of the cameras
   int pixels = 0;           ///< of a camera along the axis; the most of any camera
   double width = 0;         ///< between the outermost cameras, metres
-  double max_rotation = 0;  ///< of a camera's axis against the mean viewing direction, radians
+  double max_rotation = 0;  ///< of a camera's axis against the array's, radians
   /// Smallest and largest distance of two adjacent pixels' rays on a plane at distance 1 that is
   /// parallel to the array. Rotated cameras sample it unevenly (thesis 5.4, figure 5-31).
   double finest_step = 0, coarsest_step = 0;

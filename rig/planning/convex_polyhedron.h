@@ -19,7 +19,8 @@ struct HalfSpace {
 /// Returns the half-space of the points with normal.x <= offset, for a normal of any length but 0.
 HalfSpace half_space(const Eigen::Vector3d& normal, double offset);
 
-/// A bounded intersection of half-spaces, which may be empty, or flat where it has no volume.
+/// A bounded intersection of half-spaces, which may be empty, or flat where it has no volume. An
+/// intersection that is only an edge or a point counts as empty.
 class ConvexPolyhedron {
  public:
   /// A face: vertices counter-clockwise as seen from outside.
@@ -36,7 +37,8 @@ class ConvexPolyhedron {
   ConvexPolyhedron(std::span<const HalfSpace> half_spaces, double extent);
 
   bool is_empty() const { return vertices_.empty(); }
-  /// Returns whether the box ends the polyhedron: without it, it might be unbounded.
+  /// Returns whether a face of the box bounds the polyhedron: without it, it might be unbounded.
+  /// Not determined for flat ones.
   bool is_cut_by_box() const { return is_cut_by_box_; }
   const std::vector<Eigen::Vector3d>& vertices() const { return vertices_; }
   const std::vector<Face>& faces() const { return faces_; }

@@ -32,10 +32,14 @@ double image_plane_step(const CameraRow& row, const RowView& view, double pitch,
 double exact_sampling_pitch(const CameraRow& row, const RowView& view) {
   const double sine = std::sin(view.rotation), cosine = std::cos(view.rotation);
   const double tangent = std::tan(view.fov / 2);
-  const double step = row.pixel_pitch / std::abs(skew_factor(row, view.depth));
   const double first = cosine - tangent * sine;
-  return view.focal_length * step * first * first /
-         (row.focal_length + step * (tangent * sine * sine - sine * cosine));
+  if (!(first > 0)) return 0;
+  const double skew = std::abs(skew_factor(row, view.depth));
+  if (skew == 0) return std::numeric_limits<double>::infinity();
+  const double step = row.pixel_pitch / skew;
+  const double divisor = row.focal_length + step * (tangent * sine * sine - sine * cosine);
+  if (!(divisor > 0)) return std::numeric_limits<double>::infinity();
+  return view.focal_length * step * first * first / divisor;
 }
 
 EffectiveResolution effective_resolution(const CameraRow& row, const RowView& view) {
@@ -67,15 +71,9 @@ PixelLimitedDepths pixel_limited_depths(const CameraRow& row) {
   // |slope| = spacing / pitch at 1 / depth = 1 / f_fixed +- pitch / (f_r spacing).
   const double reach = row.pixel_pitch / (row.focal_length * row.spacing);
   const double fixed = 1 / row.fixed_focal_distance;
-  const auto depth_of = [](double inverse, double unlimited) {
-    return inverse == 0 ? unlimited : 1 / inverse;
-  };
   const double infinity = std::numeric_limits<double>::infinity();
-  PixelLimitedDepths depths;
-  depths.in_front = depth_of(fixed + reach, infinity);
-  // A fixed plane nearer than that makes the second limit one in front, beyond the first.
-  depths.behind = fixed - reach < 0 ? depth_of(fixed - reach, -infinity) : -infinity;
-  return depths;
+  return {fixed - reach < 0 ? 1 / (fixed - reach) : -infinity,
+          fixed + reach > 0 ? 1 / (fixed + reach) : infinity};
 }
 
 }  // namespace raystage::rig

@@ -31,7 +31,8 @@ double image_plane_step(const CameraRow& row, const RowView& view, double pitch,
 
 /// Returns the pixel pitch with which the first two pixels of a view are one pixel of the cameras
 /// apart (thesis eq. 5.17). The first pixels are on the side of -x. Independent of the view's depth
-/// unless the cameras are skewed.
+/// unless the cameras are skewed. Returns 0 where their rays are parallel to the row or point
+/// behind it, and infinity where no pitch is large enough, as at the fixed focal distance.
 double exact_sampling_pitch(const CameraRow& row, const RowView& view);
 
 /// The pixels of a view whose rays come from distinct samples of a light field (thesis 5.3).
@@ -49,8 +50,9 @@ EffectiveResolution effective_resolution(const CameraRow& row, const RowView& vi
 /// eq. 5.4 and 5.19); infinite at the fixed focal distance.
 double epipolar_slope(const CameraRow& row, double depth);
 
-/// The depths between which the cameras' pixels limit the resolution, and beyond which their
-/// spacing does (thesis 5.3.3 and eq. 5.23), metres, in front of the row and behind it.
+/// The depths next to the row within which the cameras' pixels limit the resolution (thesis 5.3.3
+/// and eq. 5.23), metres. Beyond them the spacing of the cameras does; with a fixed focal plane
+/// that is near, their pixels do again far behind that plane.
 struct PixelLimitedDepths {
   double behind = 0;    ///< at most 0; minus infinity: no limit
   double in_front = 0;  ///< at least 0; infinity: no limit

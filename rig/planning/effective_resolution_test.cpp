@@ -91,6 +91,24 @@ TEST(EffectiveResolution, SpacingLimitsItFarFromTheArray) {
   EXPECT_LT(pixel_limited_depths(row).in_front, 28.16);
   row.fixed_focal_distance = 10;
   EXPECT_TRUE(std::isinf(pixel_limited_depths(row).behind));
+  row.fixed_focal_distance = -10;  // diverging
+  EXPECT_TRUE(std::isinf(pixel_limited_depths(row).in_front));
+  EXPECT_LT(pixel_limited_depths(row).behind, 0);
+}
+
+TEST(EffectiveResolution, EndsWhereRaysDoNotCrossTheRow) {
+  CameraRow row = example();
+  EXPECT_EQ(exact_sampling_pitch(row, view_of(45, 100)), 0);
+  EXPECT_TRUE(std::isinf(effective_resolution(row, view_of(45, 100)).never_undersampled));
+  row.fixed_focal_distance = 4;
+  for (const double rotation : {0.0, 15.0}) {
+    RowView view = view_of(rotation);
+    view.depth = 4;
+    EXPECT_EQ(effective_resolution(row, view).never_oversampled, 0);
+    EXPECT_EQ(effective_resolution(row, view).never_undersampled, 0);
+    view.depth = 4 - 1e-3;  // steps of more than the view
+    EXPECT_GE(effective_resolution(row, view).never_undersampled, 0);
+  }
 }
 
 TEST(EffectiveResolution, OfSkewedCamerasFallsTowardsTheFocalPlane) {

@@ -14,6 +14,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <limits>
 
@@ -99,9 +100,12 @@ RangeOfMotion range_of_motion(const WallEyedArray& array, const ViewFrustum& fru
           angles.x() * kDegreesPerRadian, angles.y() * kDegreesPerRadian));
     }
   }
-  if (array.hull.size() == 1) return {ConvexPolyhedron(Eigen::Vector3d(0, 0, 0)), 0, ""};
-  const std::vector<Edge> edges = edges_of(array.hull);
   const Eigen::Vector3d half_base = array_from_view * Eigen::Vector3d(frustum.interaxial / 2, 0, 0);
+  if (array.hull.size() == 1) {
+    if (frustum.interaxial != 0) return no_position("a single position has no room for two eyes");
+    return {ConvexPolyhedron(Eigen::Vector3d(0, 0, 0)), 0, ""};
+  }
+  const std::vector<Edge> edges = edges_of(array.hull);
   std::vector<HalfSpace> half_spaces;
   double steepest = 0;
   for (const Eigen::Vector2d& slope : slopes) {
@@ -114,7 +118,13 @@ RangeOfMotion range_of_motion(const WallEyedArray& array, const ViewFrustum& fru
   }
   const bool is_row = array.hull.size() == 2;
   if (is_row) {
-    for (const HalfSpace& side : plane_of_row(array.hull)) half_spaces.push_back(side);
+    constexpr double kInPlane = 1e-9;  // of the distance between the eyes
+    for (const HalfSpace& side : plane_of_row(array.hull)) {
+      if (std::abs(side.normal.dot(half_base)) > kInPlane * half_base.norm()) {
+        return no_position("the eyes are not in the plane of the row");
+      }
+      half_spaces.push_back(side);
+    }
   }
   const double depth = farthest_depth(edges, array.hull, slopes);
   const double extent = 2 * (extent_of(array.hull) + depth * std::max(1.0, steepest));
@@ -128,6 +138,8 @@ RangeOfMotion range_of_motion(const WallEyedArray& array, const ViewFrustum& fru
 
 RangeOfMotion range_of_motion_around(const WallEyedArray& array,
                                      std::span<const Eigen::Vector3d> subject, double farthest) {
+  assert(std::isfinite(farthest) && farthest > 0);
+  if (subject.empty()) return no_position("there is no subject");
   if (array.hull.size() < 3) return no_position("the array is a row or a single camera");
   const std::vector<Edge> edges = edges_of(array.hull);
   std::vector<HalfSpace> half_spaces{{Eigen::Vector3d::UnitZ(), farthest}};

@@ -24,7 +24,7 @@ struct ViewFrustum {
 struct RangeOfMotion {
   ConvexPolyhedron positions;  ///< in the array's frame; of a stereo camera: between its eyes
   int dimension = 3;           ///< of `positions`: 3, 2 for a row, 0 for a single centre
-  std::string empty_because;   ///< for people; empty: there are positions
+  std::string empty_because;   ///< why there is no position, for people; empty if there are some
 };
 
 /// Returns the range of motion of a view before an ideal array (thesis 5.2, 7.2). It is a convex
@@ -36,7 +36,7 @@ RangeOfMotion range_of_motion(const WallEyedArray& array, const ViewFrustum& fru
 /// Returns the positions from which every ray to a subject was recorded (thesis 5.4: only rays that
 /// meet the subject count). `subject`: the corners of its convex hull in the array's frame, in
 /// front of the array. The positions are those behind the nearest corner, up to `farthest` metres
-/// behind the array.
+/// (above 0) behind the array.
 RangeOfMotion range_of_motion_around(const WallEyedArray& array,
                                      std::span<const Eigen::Vector3d> subject, double farthest);
 

@@ -187,12 +187,24 @@ TEST(RangeOfMotion, OfARowIsFlatAndOfOneCentreAPoint) {
   expect_vertices(flat.positions, {{0.4, 0, 0}, {-0.4, 0, 0}, {0, 0, depth}, {0, 0, -depth}}, 1e-9);
   // Rounding does not give it a width.
   const Pose turned{rotation(0.4, 0.3, 0.2), {1, 2, 3}};
-  EXPECT_EQ(ideal(grid(1, 9, 0.1, 1, 1, turned)).hull.size(), 2U);
+  for (const double offset : {0.0, 1e3, 1e7}) {
+    const Pose far_away{turned.world_from_camera_rotation, turned.position * (1 + offset)};
+    EXPECT_EQ(ideal(grid(1, 9, 0.1, 1, 1, far_away)).hull.size(), 2U) << offset;
+  }
+  ViewFrustum stereo{symmetric_slopes(0.5, 0.01), Eigen::Matrix3d::Identity(), 0.065};
+  EXPECT_EQ(range_of_motion(row, stereo).empty_because, "");
+  stereo.world_from_camera_rotation = rotation(0, 0, std::numbers::pi / 2);
+  stereo.slopes = symmetric_slopes(0.01, 0.5);
+  EXPECT_THAT(range_of_motion(row, stereo).empty_because, HasSubstr("not in the plane of the row"));
   for (const Rig& rig : {grid(1, 1, 0.1, 1, 1), grid(1, 4, 0, 1, 1)}) {
     const RangeOfMotion point =
         range_of_motion(ideal(rig), {symmetric_slopes(0.5, 0.5), Eigen::Matrix3d::Identity()});
     EXPECT_EQ(point.dimension, 0);
     EXPECT_EQ(point.empty_because, "");
+    EXPECT_THAT(
+        range_of_motion(ideal(rig), {symmetric_slopes(0.5, 0.5), Eigen::Matrix3d::Identity(), 0.06})
+            .empty_because,
+        HasSubstr("two eyes"));
   }
 }
 
@@ -226,6 +238,7 @@ TEST(RangeOfMotion, AroundASubjectNeedsOnlyTheRaysThatMeetIt) {
     inside += depth > 0 ? 1 : 0;
   }
   EXPECT_GT(inside, 500);
+  EXPECT_THAT(range_of_motion_around(array, {}, 3).empty_because, HasSubstr("no subject"));
   EXPECT_THAT(
       range_of_motion_around(array, std::vector<Eigen::Vector3d>{{0, 0, 1}}, 3).empty_because,
       HasSubstr("not in front"));

@@ -29,20 +29,27 @@ void add_side(const std::vector<Eigen::Vector2d>& points, std::vector<Eigen::Vec
   hull.pop_back();  // it begins the other side
 }
 
-/// Removes corners that are within rounding on the edge between their neighbours.
+/// Returns the distance of a point from a segment.
+double distance_from_segment(const Eigen::Vector2d& point, const Eigen::Vector2d& a,
+                             const Eigen::Vector2d& b) {
+  const Eigen::Vector2d side = b - a;
+  const double squared = side.squaredNorm();
+  const double share = squared > 0 ? std::clamp(side.dot(point - a) / squared, 0.0, 1.0) : 0;
+  return (point - a - share * side).norm();
+}
+
 void remove_straight_corners(std::vector<Eigen::Vector2d>& hull, double tolerance) {
   for (std::size_t i = 0; i < hull.size() && hull.size() > 2;) {
     const Eigen::Vector2d& before = hull[(i + hull.size() - 1) % hull.size()];
     const Eigen::Vector2d& after = hull[(i + 1) % hull.size()];
-    const bool is_between = (hull[i] - before).dot(hull[i] - after) <= 0;
-    const double length = (after - before).norm();
-    if (is_between && cross(before, hull[i], after) <= tolerance * length) {
+    if (distance_from_segment(hull[i], before, after) <= tolerance) {
       hull.erase(hull.begin() + static_cast<std::ptrdiff_t>(i));
       i = 0;
     } else {
       ++i;
     }
   }
+  if (hull.size() == 2 && (hull[1] - hull[0]).norm() <= tolerance) hull.pop_back();
 }
 
 double largest_difference(const SlopeRange& a, const SlopeRange& b) {
@@ -85,22 +92,19 @@ Eigen::Vector2d WallEyedArray::size() const {
   return largest - least;
 }
 
-std::vector<Eigen::Vector2d> convex_hull(std::vector<Eigen::Vector2d> points) {
-  constexpr double kRounding = 1e-13;  // of the extent
+std::vector<Eigen::Vector2d> convex_hull(std::vector<Eigen::Vector2d> points, double tolerance) {
   std::ranges::sort(points, [](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
     return a.x() != b.x() ? a.x() < b.x() : a.y() < b.y();
   });
   points.erase(std::unique(points.begin(), points.end()), points.end());
-  if (points.size() < 3) return points;
-  double extent = 0;
-  for (const Eigen::Vector2d& point : points) {
-    extent = std::max(extent, (point - points.front()).norm());
+  std::vector<Eigen::Vector2d> hull = points;
+  if (points.size() > 2) {
+    hull.clear();
+    add_side(points, hull);
+    std::ranges::reverse(points);
+    add_side(points, hull);
   }
-  std::vector<Eigen::Vector2d> hull;
-  add_side(points, hull);
-  std::ranges::reverse(points);
-  add_side(points, hull);
-  remove_straight_corners(hull, kRounding * extent);
+  remove_straight_corners(hull, tolerance);
   return hull;
 }
 
@@ -143,7 +147,8 @@ std::optional<WallEyedArray> find_wall_eyed_array(const Rig& rig,
   // Coordinates far from the world's origin are rounded.
   const double rounding =
       4 * std::numeric_limits<double>::epsilon() * first.pose.position.cwiseAbs().maxCoeff();
-  if (largest.z() - least.z() > tolerance.position * extent + 2 * rounding) {
+  const double on_plane = tolerance.position * extent + 2 * rounding;
+  if (largest.z() - least.z() > on_plane) {
     return refuse(fmt::format("the cameras' centres are up to {:.3g} m in front of each other",
                               largest.z() - least.z()));
   }
@@ -151,7 +156,7 @@ std::optional<WallEyedArray> find_wall_eyed_array(const Rig& rig,
   array.pose.position = first.pose.world_from_camera(middle);
   std::vector<Eigen::Vector2d> points;
   for (const Eigen::Vector3d& centre : centres) points.emplace_back((centre - middle).head<2>());
-  array.hull = convex_hull(std::move(points));
+  array.hull = convex_hull(std::move(points), on_plane);
   return array;
 }
 

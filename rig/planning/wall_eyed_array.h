@@ -49,8 +49,9 @@ std::optional<WallEyedArray> find_wall_eyed_array(const Rig& rig,
                                                   const WallEyedTolerance& tolerance = {},
                                                   std::string* reason = nullptr);
 
-/// Returns the convex hull of points, counter-clockwise, without points within its edges. Fewer
-/// than three points: the ends of the line, or the one point.
-std::vector<Eigen::Vector2d> convex_hull(std::vector<Eigen::Vector2d> points);
+/// Returns the convex hull of points, counter-clockwise, without corners that are within
+/// `tolerance` of the edge between their neighbours. Two points: all are on a line; one: they
+/// coincide.
+std::vector<Eigen::Vector2d> convex_hull(std::vector<Eigen::Vector2d> points, double tolerance);
 
 }  // namespace raystage::rig

@@ -170,7 +170,7 @@ TEST(Usage, UnknownCommandsAndOptionsAreBadUsage) {
                                "libraries: FFmpeg [^\n]+\ncompiler: [^\n]+\n"));
   for (const char* command :
        {"record", "join", "import", "simulate", "sync", "info", "verify", "repair", "render",
-        "prepare", "farm", "camera", "evaluate", "bench", "preview"}) {
+        "prepare", "farm", "camera", "evaluate", "bench", "preview", "plan"}) {
     SCOPED_TRACE(command);
     EXPECT_EQ(run(std::string("raystage ") + command + " --no-such-option").exit_code, 2);
     EXPECT_EQ(run(std::string("raystage ") + command).exit_code, 2);
@@ -180,11 +180,30 @@ TEST(Usage, UnknownCommandsAndOptionsAreBadUsage) {
     EXPECT_THAT(help.out, HasSubstr("--version"));
     // For farm, its sub-commands have the option.
     const std::string name = command;
-    const bool has_no_progress = name == "info" || name == "camera" || name == "farm";
+    const bool has_no_progress =
+        name == "info" || name == "camera" || name == "farm" || name == "plan";
     EXPECT_EQ(help.out.find("-q,--quiet") == std::string::npos, has_no_progress);
     EXPECT_THAT(run("raystage --help").out, HasSubstr(command));
     EXPECT_EQ(run(std::string("raystage ") + command + " --version").out, version.out);
   }
+}
+
+TEST(Usage, AnArrayIsPlanned) {
+  const testing::TestFolder folder;
+  const std::string take = (folder.path() / "take").string();
+  ASSERT_EQ(
+      run("raystage simulate -q still --rows 2 --columns 3 --width 64 --height 48 --seconds 1 "
+          "--truth-views 0 -o " +
+          take)
+          .exit_code,
+      0);
+  const CommandResult planned =
+      run("cd '" + folder.path().string() + "' && raystage plan resolution take --report r.html");
+  EXPECT_EQ(planned.exit_code, 0) << planned.err;
+  EXPECT_THAT(planned.out, HasSubstr("6 cameras, 64 pixels"));
+  EXPECT_THAT(testing::read_text(folder.path() / "r.html"), HasSubstr("<svg"));
+  EXPECT_EQ(run("raystage plan resolution --json " + take + "/rig.json").exit_code, 0);
+  EXPECT_EQ(run("raystage plan resolution " + take + "/take.json").exit_code, 2);
 }
 
 TEST(Usage, NumbersOutOfRangeAreNamed) {

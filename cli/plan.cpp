@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage plan: computes what an array can show, before it is shot or rendered.
+#include "cli/plan.h"
+
+#include <vector>
+
+int main(int argc, char** argv) {
+  using namespace raystage;
+  using namespace raystage::cli;
+  CommandLine command(
+      "Computes what an array of cameras can show, without decoding a picture. docs/planning.md "
+      "explains the results.",
+      "raystage plan");
+  const std::vector<Subcommand> subcommands{declare_plan_resolution(command)};
+  command.footer("Exit codes: 0 computed; 1 failed; 2 bad usage or input.");
+  return parse_and_run(command, argc, argv, "plan", subcommands, {});
+}

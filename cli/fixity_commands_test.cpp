@@ -76,6 +76,12 @@ TEST_F(FixityCommands, AManifestNamesWhatIsNotAsItWas) {
   EXPECT_EQ(json["manifest"]["unlisted"][0], "added.txt");
   EXPECT_EQ(json["intact"], true);
   EXPECT_EQ(run("verify -q --manifest check " + quoted).exit_code, 1);
+  // What the earlier manifest states is not lost.
+  const std::string before = read_file(take / "manifest.sha256");
+  const testing::CommandResult other = run("verify -q --manifest write " + quoted);
+  EXPECT_EQ(other.exit_code, 2) << other.output;
+  EXPECT_THAT(other.output, HasSubstr("another manifest already"));
+  EXPECT_EQ(read_file(take / "manifest.sha256"), before);
 
   // A manifest would state that a damaged take is good.
   flip("c1.mkv", frame_offset(1, 4) + 3);
@@ -95,6 +101,20 @@ TEST_F(FixityCommands, OptionsOfManifestsGoTogether) {
   EXPECT_EQ(run("verify -q --manifest check --sign key " + quoted).exit_code, 2);
   EXPECT_EQ(run("verify -q --manifest check --signers file " + quoted).exit_code, 2);
   EXPECT_EQ(run("verify -q --signer name " + quoted).exit_code, 2);
+  EXPECT_EQ(run("verify -q --depth sizes --manifest write " + quoted).exit_code, 2);
+  EXPECT_FALSE(file_exists(take / "manifest.sha256"));
+}
+
+TEST_F(FixityCommands, AKeyThatFailsCostsNeitherManifestNorSignature) {
+  EXPECT_EQ(run("verify -q --manifest write " + quoted).exit_code, 0);
+  write_file_atomically(take / "manifest.sha256.sig", "an earlier signature");
+  const std::string before = read_file(take / "manifest.sha256");
+  const testing::CommandResult failed =
+      run("verify -q --manifest write --sign /nonexistent/key " + quoted);
+  EXPECT_EQ(failed.exit_code, 1) << failed.output;
+  EXPECT_EQ(read_file(take / "manifest.sha256"), before);
+  EXPECT_EQ(read_file(take / "manifest.sha256.sig"), "an earlier signature");
+  EXPECT_FALSE(file_exists(take / ".manifest.sha256.signing"));
 }
 
 TEST_F(FixityCommands, ARottenFrameIsFoundAndPutOnRecord) {

@@ -5,9 +5,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <string>
 #include <vector>
 
+#include "base/contained_path.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
 #include "cli/printing.h"
@@ -121,6 +123,7 @@ int main(int argc, char** argv) {
       "intact, nothing was lost; 3: intact again, but something was lost; 1: something could not\n"
       "be repaired; 2: no take.",
       "raystage repair");
+  ::unsetenv(kFollowLinksVariable);  // nothing is written through links
   Options options;
   command.option("TAKE", options.take, "Folder of the take").required();
   command.flag(

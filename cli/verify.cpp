@@ -150,6 +150,10 @@ void check_options(const Options& options) {
   if (!options.signing_key.empty() && options.manifest != "write") {
     throw Error::bad_input("--sign signs the manifest that is written", "", "Add --manifest write");
   }
+  if (options.manifest == "write" && options.depth != "hashes") {
+    throw Error::bad_input("a manifest states that the take is good, which hashes show", "",
+                           "Omit --depth, or give --depth hashes");
+  }
   if (options.signers.file.empty()) return;
   if (options.manifest != "check" || options.signers.identity.empty()) {
     throw Error::bad_input("--signers checks the signature of the manifest by one signer", "",
@@ -168,12 +172,19 @@ Json write_manifest(const Options& options, const store::ManifestOptions& hashin
   const std::filesystem::path file = folder / store::kManifestFile;
   require_contained({folder, store::kManifestFile});
   require_contained({folder, store::kSignatureFile});
-  // The signature of an earlier manifest would not fit.
-  std::error_code error;
-  std::filesystem::remove(folder / store::kSignatureFile, error);
-  write_file_atomically(file, store::manifest_as_text(manifest));
+  const std::string text = store::manifest_as_text(manifest);
+  if (file_exists(file) && store::read_manifest(folder) != text) {
+    throw Error::bad_input("the take has another manifest already, which states other files",
+                           file.string(),
+                           "See what changed by --manifest check; move that manifest and its "
+                           "signature away to write a new one");
+  }
   const bool is_signed = !options.signing_key.empty();
-  if (is_signed) store::sign_file(file, options.signing_key);
+  if (is_signed) {
+    store::write_signed(file, text, options.signing_key);
+  } else if (!file_exists(file)) {
+    write_file_atomically(file, text);
+  }
   if (options.json != "-") {
     print("manifest: SHA-256 of {} files written to {}{}\n", manifest.files.size(), file.string(),
           is_signed ? ", signed" : "");

@@ -42,14 +42,16 @@ class ExrReader {
   /// Returns whether a part of the file, or the view if one is named, has all required channels.
   bool has_channels(const std::filesystem::path& file, std::span<const ExrChannel> channels,
                     const std::string& view = {}) const;
-  /// Returns what a rendered file states of itself; its pixels are read but not decompressed.
+  /// Returns what a rendered file states of itself; its pixels are read but not decompressed, so
+  /// that 512 MiB of memory suffice for any size.
   ExrInspection inspect(const std::filesystem::path& file) const;
 
  private:
   struct Request;
-  std::vector<std::byte> decode(const Request& request) const;
+  std::vector<std::byte> decode(const sandbox::DecoderPool& decoders, const Request& request) const;
 
   sandbox::DecoderPool decoders_;
+  sandbox::DecoderPool inspectors_;  ///< processes for inspect()
 };
 
 /// ExrReader::read() for one file, in a process of its own.

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "images/image_requests.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <utility>
 
@@ -26,6 +28,16 @@ void write_source(sandbox::ByteWriter& writer, const ImageSource& source) {
   writer.write_plain(source.format);
   writer.write_plain(source.bytes);
   writer.write(source.memory_bytes);
+}
+
+void require_memory_for_pixels(int width, int height, int channels, std::size_t value_bytes,
+                               std::uint64_t granted_bytes) {
+  const double bytes =
+      static_cast<double>(width) * height * channels * static_cast<double>(value_bytes);
+  if (bytes <= static_cast<double>(granted_bytes)) return;
+  throw std::runtime_error(
+      fmt::format("{} x {} pixels of {} channels need {:.0f} MB of memory; {:.0f} MB are granted",
+                  width, height, channels, bytes / 1e6, static_cast<double>(granted_bytes) / 1e6));
 }
 
 ImageSource read_source(sandbox::ByteReader& reader) {

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "images/image_properties.h"
@@ -11,7 +13,8 @@
 
 namespace raystage::images {
 
-/// What raystage-decode-image is asked for. Texts and numbers follow as named.
+/// What raystage-decode-image and raystage-decode-texture are asked for. Texts and numbers follow
+/// as named. The latter answers kOpen with nothing if only the former reads the image.
 enum class ImageRequest : std::uint8_t {
   kProperties,  ///< source; result: properties
   kRead,        ///< source, pixel type; result: properties and all pixels of the first level
@@ -29,6 +32,14 @@ struct ImageSource {
   std::string bytes = {};          ///< of the image in memory
   std::uint64_t memory_bytes = 0;  ///< that its pixels may need
 };
+
+/// First bytes of files.
+inline constexpr std::string_view kPngSignature = "\x89PNG\r\n\x1a\n";
+inline constexpr std::string_view kJpegSignature = "\xff\xd8\xff";
+
+/// Throws std::runtime_error, which states both, if pixels need more memory than is granted.
+void require_memory_for_pixels(int width, int height, int channels, std::size_t value_bytes,
+                               std::uint64_t granted_bytes);
 
 void write_source(sandbox::ByteWriter& writer, const ImageSource& source);
 ImageSource read_source(sandbox::ByteReader& reader);

@@ -16,8 +16,6 @@ namespace {
 
 constexpr std::size_t kSmallest = std::size_t{16} << 20;  // always granted, bytes
 
-constexpr std::string_view kPngSignature = "\x89PNG\r\n\x1a\n", kJpegSignature = "\xff\xd8\xff";
-
 sandbox::DecoderOptions texture_decoder_options(std::size_t memory_bytes) {
   sandbox::DecoderOptions options = image_decoder_options("texture", memory_bytes);
   options.program = "raystage-decode-texture";
@@ -83,7 +81,7 @@ std::vector<std::byte> ImageSession::decode(Decoder decoder, std::span<const std
   return asked.decoder.decode(request, name, open_file);
 }
 
-ImageSession::Image ImageSession::open_by(Decoder decoder, const Source& source) {
+std::optional<ImageSession::Image> ImageSession::open_by(Decoder decoder, const Source& source) {
   sandbox::ByteWriter request;
   request.write(static_cast<std::uint8_t>(ImageRequest::kOpen));
   // Given here: a process that replaces a crashed one knows none of the earlier numbers.
@@ -93,6 +91,7 @@ ImageSession::Image ImageSession::open_by(Decoder decoder, const Source& source)
   write_source(request, {source.name, source.format, is_file ? "" : std::string(source.bytes),
                          memory_bytes_});
   const auto result = decode(decoder, request.take(), source.name, source.open_file);
+  if (result.empty() && decoder == Decoder::kPngAndJpeg) return std::nullopt;
   try {
     sandbox::ByteReader reader(result);
     Image image{number, source.name, read_properties(reader), decoder};
@@ -104,15 +103,9 @@ ImageSession::Image ImageSession::open_by(Decoder decoder, const Source& source)
 }
 
 ImageSession::Image ImageSession::open_source(const Source& source) {
-  const Decoder decoder = decoder_of(source.bytes);
-  if (!source.bytes.starts_with(kJpegSignature)) return open_by(decoder, source);
-  try {
-    return open_by(decoder, source);
-  } catch (const Error& error) {
-    // CMYK, or truncated: OpenImageIO reads more kinds of JPEG.
-    if (error.exit_code() != ExitCode::kBadInput) throw;
-    return open_by(Decoder::kAllFormats, source);
-  }
+  const Decoder first = decoder_of(source.bytes);
+  if (auto image = open_by(first, source)) return *std::move(image);
+  return open_by(Decoder::kAllFormats, source).value();
 }
 
 ImageSession::Image ImageSession::open(const std::filesystem::path& file) {

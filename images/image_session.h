@@ -18,9 +18,10 @@
 namespace raystage::images {
 
 /// Images that confined processes keep open, to read parts of them: one decodes PNG and JPEG, and
-/// another one, which takes 0.4 s to start, all other formats. Thread-safe. All functions throw
-/// Error (bad input) that names the image if it cannot be read, is damaged, or needs more
-/// memory than was granted, and Error (failed) as sandbox::DecoderProcess does.
+/// another one, which takes 0.4 s to start, all other formats and rare kinds of JPEG (CMYK, without
+/// an end). Thread-safe. All functions throw Error (bad input) that names the image if it cannot be
+/// read, is damaged, or needs more memory than was granted, and Error (failed) as
+/// sandbox::DecoderProcess does.
 class ImageSession {
  public:
   /// `memory_bytes`: that an image without tiles, or a tile, may need.
@@ -56,7 +57,8 @@ class ImageSession {
   struct Part;
   struct Source;
   Image open_source(const Source& source);
-  Image open_by(Decoder decoder, const Source& source);
+  /// Returns nullopt if the image is of a kind that only Decoder::kAllFormats reads.
+  std::optional<Image> open_by(Decoder decoder, const Source& source);
   /// Throws std::runtime_error if reading a part needs more memory than is granted.
   void require_memory(const ImageProperties& properties) const;
   void read_part(const Image& image, const Part& part, std::span<std::byte> pixels);

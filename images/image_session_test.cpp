@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <png.h>
+#include <turbojpeg.h>
 
 #include <cstdint>
 #include <fstream>
@@ -58,6 +59,20 @@ std::string encode_png(int width, int height, int bits, int colors, int interlac
   png_write_image(png, pointers.data());
   png_write_end(png, info);
   png_destroy_write_struct(&png, &info);
+  return bytes;
+}
+
+std::string cmyk_jpeg(int width, int height) {
+  std::vector<unsigned char> inks;
+  for (int i = 0; i < width * height * 4; ++i) inks.push_back(static_cast<unsigned char>(3 * i));
+  unsigned char* compressed = nullptr;
+  unsigned long size = 0;  // NOLINT(google-runtime-int): TurboJPEG's
+  const tjhandle encoder = tjInitCompress();
+  tjCompress2(encoder, inks.data(), width, 0, height, TJPF_CMYK, &compressed, &size, TJSAMP_444, 90,
+              0);
+  std::string bytes(reinterpret_cast<char*>(compressed), size);
+  tjFree(compressed);
+  tjDestroy(encoder);
   return bytes;
 }
 
@@ -200,11 +215,45 @@ TEST_F(SessionFormats, JpegHasTheSameCodesAndOddOnesAreReadAllTheSame) {
   const std::vector<float> found = pixels(session, image);
   ASSERT_EQ(found.size(), 3 * expected.size());
   for (std::size_t i = 0; i < found.size(); ++i) EXPECT_EQ(found[i], expected[i / 3]);
-  // Without its last bytes.
+  // OpenImageIO reads those without an end and CMYK.
   const std::string bytes = read_file(file);
-  const ImageSession::Image cut = session.open(write("cut.jpg", bytes.substr(0, bytes.size() - 2)));
-  EXPECT_EQ(cut.decoder, ImageSession::Decoder::kAllFormats);
-  EXPECT_EQ(cut.properties.width, 13);
+  for (const auto& odd :
+       {write("cut.jpg", bytes.substr(0, bytes.size() - 2)), write("cmyk.jpg", cmyk_jpeg(13, 7))}) {
+    SCOPED_TRACE(odd.filename());
+    const std::vector<float> as_before = reference(odd, size);
+    const ImageSession::Image opened = session.open(odd);
+    EXPECT_EQ(opened.decoder, ImageSession::Decoder::kAllFormats);
+    EXPECT_EQ(opened.properties, size);
+    EXPECT_EQ(pixels(session, opened), as_before);
+  }
+  // A damaged scan is an error.
+  std::string damaged = bytes;
+  for (std::size_t i = damaged.size() - 40; i < damaged.size() - 2; ++i) damaged[i] = 0;
+  const auto with_damage = write("damaged.jpg", damaged);
+  EXPECT_THROW(pixels(session, session.open(with_damage)), Error);
+}
+
+// Before any memory is taken: rows of zeros in one kilobyte cannot be so many pixels.
+TEST_F(SessionFormats, ImagesThatAreTooShortForTheirSizeAreRefused) {
+  ImageSession session(std::size_t{1} << 40);
+  std::string bomb =
+      encode_png(13, 7, 8, PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE, [](png_structp, png_infop) {});
+  // IHDR: width and height, then its CRC.
+  for (const int at : {16, 20})
+    bomb.replace(static_cast<std::size_t>(at), 4, {0, 0, '\xea', '\x60'});
+  std::uint32_t crc = 0xffffffff;  // PNG specification, annex D
+  for (int at = 12; at < 29; ++at) {
+    crc ^= static_cast<std::uint8_t>(bomb[at]);
+    for (int bit = 0; bit < 8; ++bit) crc = (crc >> 1) ^ ((crc & 1) != 0 ? 0xedb88320U : 0U);
+  }
+  crc = ~crc;
+  for (int i = 0; i < 4; ++i) bomb[29 + i] = static_cast<char>(crc >> (24 - 8 * i));
+  try {
+    session.open(write("bomb.png", bomb));
+    FAIL() << "opened";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("60000 x 60000 pixels do not fit in"));
+  }
 }
 
 TEST_F(SessionFormats, MoreImagesThanMemoryHoldsAreDecodedAgain) {

@@ -4,7 +4,6 @@
 
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
-#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
@@ -141,12 +140,7 @@ class OpenImages::Image {
  private:
   void require_memory(const OIIO::ImageSpec& spec, int width, int height,
                       std::size_t value_bytes) const {
-    const double bytes =
-        static_cast<double>(width) * height * spec.nchannels * static_cast<double>(value_bytes);
-    if (bytes <= static_cast<double>(source_.memory_bytes)) return;
-    throw std::runtime_error(fmt::format(
-        "{} x {} pixels of {} channels need {:.0f} MB of memory; {:.0f} MB are granted", width,
-        height, spec.nchannels, bytes / 1e6, static_cast<double>(source_.memory_bytes) / 1e6));
+    require_memory_for_pixels(width, height, spec.nchannels, value_bytes, source_.memory_bytes);
   }
   std::vector<std::byte> rows_of_tiles(const OIIO::ImageSpec& spec, int subimage, int miplevel,
                                        int begin, int end, PixelType type) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads PNG and JPEG images for textures without OpenImageIO, whose libraries take 0.4 s to start.
-// Must give the codes that open_images.cpp gives.
+// Must give the codes that open_images.cpp gives; grey JPEG images have three equal channels.
+// Damaged scans of JPEG images are errors.
 #include "images/open_textures.h"
 
 #include <fmt/format.h>
@@ -8,16 +9,16 @@
 #include <algorithm>
 #include <cstring>
 #include <limits>
+#include <new>
 #include <stdexcept>
 
+#include "base/error.h"
 #include "images/png_codes.h"
 #include "sandbox/decoder_main.h"
 #include "store/jpeg/decode.h"
 
 namespace raystage::images {
 namespace {
-
-constexpr std::string_view kPng = "\x89PNG\r\n\x1a\n", kJpeg = "\xff\xd8\xff";
 
 std::size_t bytes_of(const ImageProperties& image) {
   return image.pixels() * static_cast<std::size_t>(image.channels) * size_of(image.type);
@@ -40,11 +41,17 @@ bool begins_with(std::span<const std::byte> bytes, std::string_view signature) {
 }
 
 void require_memory(const ImageProperties& image, std::size_t granted) {
-  if (bytes_of(image) <= granted) return;
+  require_memory_for_pixels(image.width, image.height, image.channels, size_of(image.type),
+                            granted);
+}
+
+/// Throws if a file is too short to hold all pixels: before memory is taken for them. Deflate makes
+/// data at most 1032 times as large (zlib, "Technical details"), JPEG less.
+void require_bytes_for(const ImageProperties& image, std::size_t file_bytes) {
+  constexpr std::size_t kMaxExpansion = 1032, kShortest = 100;
+  if (bytes_of(image) / kMaxExpansion <= file_bytes + kShortest) return;
   throw std::runtime_error(
-      fmt::format("{} x {} pixels of {} channels need {:.0f} MB of memory; {:.0f} MB are granted",
-                  image.width, image.height, image.channels,
-                  static_cast<double>(bytes_of(image)) / 1e6, static_cast<double>(granted) / 1e6));
+      fmt::format("{} x {} pixels do not fit in {} bytes", image.width, image.height, file_bytes));
 }
 
 enum class Wanted { kProperties, kCodes };
@@ -59,29 +66,40 @@ PngCodes read_png(std::span<const std::byte> bytes, std::size_t granted, Wanted 
   };
   return read_png_codes(read, [&](const ImageProperties& properties) {
     require_memory(properties, granted);
+    require_bytes_for(properties, bytes.size());
     return wanted == Wanted::kCodes;
   });
 }
 
+/// An image that OpenImageIO may read.
+class UnsupportedImage {};
+
 PngCodes read_jpeg(std::span<const std::byte> bytes, std::size_t granted, Wanted wanted) {
-  const store::JpegLayout layout = store::parse_jpeg_layout(bytes, "it");
   PngCodes image;
-  image.properties.width = image.properties.full_width = layout.width;
-  image.properties.height = image.properties.full_height = layout.height;
+  try {
+    const store::JpegLayout layout = store::parse_jpeg_layout(bytes, "");
+    image.properties.width = image.properties.full_width = layout.width;
+    image.properties.height = image.properties.full_height = layout.height;
+  } catch (const Error&) {
+    throw UnsupportedImage();
+  }
   image.properties.channels = 3;
   require_memory(image.properties, granted);
+  require_bytes_for(image.properties, bytes.size());
   if (wanted == Wanted::kProperties) return image;
-  const store::RgbImage decoded = store::JpegDecoder().decode(bytes, "it");
-  const auto codes = std::as_bytes(std::span(decoded.values));
-  image.codes.assign(codes.begin(), codes.end());
+  try {
+    image.codes = std::move(store::JpegDecoder().decode(bytes, "").values);
+  } catch (const Error& error) {
+    throw std::runtime_error(error.what_happened());
+  }
   return image;
 }
 
 PngCodes read_image(const ImageSource& source, Wanted wanted) {
   const std::vector<std::byte> bytes = contents_of(source);
   const auto granted = static_cast<std::size_t>(source.memory_bytes);
-  if (begins_with(bytes, kPng)) return read_png(bytes, granted, wanted);
-  if (begins_with(bytes, kJpeg)) return read_jpeg(bytes, granted, wanted);
+  if (begins_with(bytes, kPngSignature)) return read_png(bytes, granted, wanted);
+  if (begins_with(bytes, kJpegSignature)) return read_jpeg(bytes, granted, wanted);
   throw std::runtime_error("it is neither PNG nor JPEG");
 }
 
@@ -107,24 +125,32 @@ OpenTextures::Image& OpenTextures::image(std::uint32_t number) {
   return found->second;
 }
 
+void OpenTextures::evict(std::size_t bytes) {
+  std::size_t used = 0;
+  for (const std::uint32_t number : decoded_) used += images_.at(number).codes.size();
+  while (used > bytes) {
+    std::vector<std::uint8_t>& codes = images_.at(decoded_.back()).codes;
+    used -= codes.size();
+    codes = {};
+    decoded_.pop_back();
+  }
+}
+
 void OpenTextures::decode(std::uint32_t number) {
   Image& wanted = image(number);
   std::erase(decoded_, number);
   if (wanted.codes.empty()) {
-    std::size_t used = bytes_of(wanted.properties);
-    // Those that were used last are kept.
-    for (auto one = decoded_.begin(); one != decoded_.end();) {
-      Image& other = images_.at(*one);
-      used += other.codes.size();
-      if (used <= 2 * wanted.source.memory_bytes) {
-        ++one;
-        continue;
-      }
-      used -= other.codes.size();
-      other.codes = {};
-      one = decoded_.erase(one);
+    std::size_t needed = bytes_of(wanted.properties);
+    for (const auto& [other, opened] : images_) needed += opened.source.bytes.size();
+    const std::size_t granted = 2 * static_cast<std::size_t>(wanted.source.memory_bytes);
+    evict(granted - std::min(granted, needed));
+    PngCodes decoded;
+    try {
+      decoded = read_image(wanted.source, Wanted::kCodes);
+    } catch (const std::bad_alloc&) {
+      evict(0);
+      decoded = read_image(wanted.source, Wanted::kCodes);
     }
-    PngCodes decoded = read_image(wanted.source, Wanted::kCodes);
     if (decoded.properties != wanted.properties) throw std::runtime_error("it has changed");
     wanted.codes = std::move(decoded.codes);
   }
@@ -139,7 +165,7 @@ std::vector<std::byte> OpenTextures::rows(std::uint32_t number, int begin, int e
   }
   decode(number);
   const std::size_t row = bytes_of(properties) / static_cast<std::size_t>(properties.height);
-  const auto codes = std::span<const std::byte>(image(number).codes)
+  const auto codes = std::as_bytes(std::span(image(number).codes))
                          .subspan(row * static_cast<std::size_t>(begin - properties.y),
                                   row * static_cast<std::size_t>(end - begin));
   if (type == properties.type) return {codes.begin(), codes.end()};
@@ -156,9 +182,13 @@ std::vector<std::byte> OpenTextures::answer(std::span<const std::byte> request) 
   switch (kind) {
     case ImageRequest::kOpen: {
       ImageSource source = read_source(reader);
-      const ImageProperties properties = read_image(source, Wanted::kProperties).properties;
-      write_properties(result, properties);
-      images_[number] = {std::move(source), properties, {}};
+      try {
+        const ImageProperties properties = read_image(source, Wanted::kProperties).properties;
+        write_properties(result, properties);
+        images_[number] = {std::move(source), properties, {}};
+      } catch (const UnsupportedImage&) {
+        return {};
+      }
       return result.take();
     }
     case ImageRequest::kClose:

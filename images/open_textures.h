@@ -13,7 +13,7 @@
 namespace raystage::images {
 
 /// The PNG and JPEG images that raystage-decode-texture has open. They are decoded as a whole when
-/// rows are wanted, and kept while they need at most twice the memory that one may need.
+/// rows are wanted, and kept while all need at most twice the memory that one may need.
 class OpenTextures {
  public:
   /// Answers a request, see ImageRequest. Throws std::runtime_error with the reason if an image
@@ -25,12 +25,14 @@ class OpenTextures {
   struct Image {
     ImageSource source;
     ImageProperties properties;
-    std::vector<std::byte> codes;  ///< empty: not decoded now
+    std::vector<std::uint8_t> codes;  ///< bytes; empty: not decoded now
   };
 
   Image& image(std::uint32_t number);
-  /// Decodes an image unless it is decoded, and forgets others that were not used for long.
+  /// Decodes an image unless it is decoded, and evicts the least recently used others.
   void decode(std::uint32_t number);
+  /// Evicts decoded images, the least recently used first, until they need at most `bytes`.
+  void evict(std::size_t bytes);
   std::vector<std::byte> rows(std::uint32_t number, int begin, int end, PixelType type);
 
   std::map<std::uint32_t, Image> images_;

@@ -3,10 +3,12 @@
 
 #include <png.h>
 
+#include <array>
 #include <bit>
 #include <csetjmp>
+#include <cstring>
+#include <new>
 #include <stdexcept>
-#include <string>
 
 namespace raystage::images {
 namespace {
@@ -60,11 +62,12 @@ class PngReader {
  private:
   template <class Call>
   void guarded(const Call& call) {
-    if (setjmp(png_jmpbuf(png_)) != 0) throw std::runtime_error(error_);
+    if (setjmp(png_jmpbuf(png_)) != 0) throw std::runtime_error(error_.data());
     call();
   }
   static void on_error(png_structp png, png_const_charp text) {
-    static_cast<PngReader*>(png_get_error_ptr(png))->error_ = text;
+    auto& error = static_cast<PngReader*>(png_get_error_ptr(png))->error_;
+    std::strncpy(error.data(), text, error.size() - 1);  // nothing here may throw
     png_longjmp(png, 1);
   }
   static void on_warning(png_structp /*png*/, png_const_charp /*text*/) {}
@@ -78,7 +81,7 @@ class PngReader {
   const ReadBytes& read_;
   png_structp png_ = nullptr;
   png_infop info_ = nullptr;
-  std::string error_;
+  std::array<char, 200> error_{};
 };
 
 }  // namespace
@@ -92,7 +95,7 @@ PngCodes read_png_codes(const ReadBytes& read,
   image.codes.resize(reader.row_bytes() * height);
   std::vector<png_bytep> rows(height);
   for (std::size_t y = 0; y < height; ++y) {
-    rows[y] = reinterpret_cast<png_bytep>(image.codes.data() + y * reader.row_bytes());
+    rows[y] = image.codes.data() + y * reader.row_bytes();
   }
   reader.read_rows(rows);
   return image;

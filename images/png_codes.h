@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <vector>
 
@@ -14,10 +15,12 @@ namespace raystage::images {
 /// less than 8 bits expanded, transparency as alpha. Codes are those of the file.
 struct PngCodes {
   ImageProperties properties;
-  std::vector<std::byte> codes;  ///< rows from the top; empty where only properties were read
+  std::vector<std::uint8_t>
+      codes;  ///< bytes of rows from the top; empty: only properties were read
 };
 
-/// Reads bytes of a file in order. Returns false where there are fewer.
+/// Reads bytes of a file in order. Returns false where there are fewer. Must not throw: libpng
+/// calls it.
 using ReadBytes = std::function<bool(std::byte* to, std::size_t count)>;
 
 /// Reads a PNG image. `accept`: called with the properties before pixels are allocated; false: they

@@ -2,6 +2,7 @@
 #include "sandbox/decoder_main.h"
 
 #include <fcntl.h>
+#include <pthread.h>
 #include <sched.h>
 #include <seccomp.h>
 #include <sys/mman.h>
@@ -89,12 +90,19 @@ void limit(__rlimit_resource resource, std::uint64_t value) {
 }
 
 /// Limits what the process takes beyond what its program and libraries have taken: writable memory,
-/// and more loosely all addresses, because threads reserve some and files are mapped.
+/// and more loosely all addresses, because files are mapped and heaps of threads reserve some.
+/// Stacks of threads are small, because they count as a whole.
 void limit_memory(std::uint64_t bytes) {
+  constexpr std::size_t kStackBytes = std::size_t{1} << 20;
+  pthread_attr_t attributes;
+  pthread_attr_init(&attributes);
+  pthread_attr_setstacksize(&attributes, kStackBytes);
+  if (pthread_setattr_default_np(&attributes) != 0) _exit(kNoLimits);
+  pthread_attr_destroy(&attributes);
   constexpr std::uint64_t kReserved = std::uint64_t{1} << 30;
   std::ifstream file("/proc/self/statm");
   std::uint64_t size = 0, resident = 0, shared = 0, code = 0, unused = 0, data = 0;  // pages
-  if (!(file >> size >> resident >> shared >> code >> unused >> data)) _exit(kNoLimits);
+  if (!(file >> size >> resident >> shared >> code >> unused >> data)) _exit(kNoProc);
   const auto page = static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
   limit(RLIMIT_DATA, data * page + bytes);
   limit(RLIMIT_AS, size * page + bytes + kReserved);
@@ -113,10 +121,12 @@ bool filter_system_calls() {
   is_complete = is_complete &&
                 seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(tgkill), 1,
                                  SCMP_A0(SCMP_CMP_EQ, static_cast<scmp_datum_t>(::getpid()))) == 0;
-  for (const int call : {SCMP_SYS(mmap), SCMP_SYS(mprotect)}) {
-    is_complete = is_complete && seccomp_rule_add(filter, SCMP_ACT_ALLOW, call, 1,
-                                                  SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0)) == 0;
-  }
+  is_complete = is_complete && seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(mprotect), 1,
+                                                SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0)) == 0;
+  // Shared memory would not count.
+  is_complete = is_complete && seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(mmap), 2,
+                                                SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0),
+                                                SCMP_A3(SCMP_CMP_MASKED_EQ, MAP_SHARED, 0)) == 0;
   // Threads of this process (libheif has some). The C library uses clone() where the kernel lacks
   // clone3(), whose arguments a filter cannot see.
   is_complete = is_complete &&

@@ -215,6 +215,11 @@ class DecoderProcess::Exchange {
       return refusal(fmt::format("its decoder crashed ({})", ::strsignal(signal)), kIsDamaged);
     }
     switch (WEXITSTATUS(*status)) {
+      case kNoProc:
+        return Error::failed(
+            fmt::format("the {} cannot be read safely: /proc/self/statm cannot be read",
+                        options_.kind),
+            file_.string(), "Mount /proc");
       case kNoLimits:
         return cannot_start("its limits cannot be set", child_.program());
       case kNoFilter:

@@ -29,6 +29,7 @@ inline constexpr std::size_t kMaxText = 4096;
 enum DecoderExit {
   kEnded = 0,     ///< the parent has no more requests
   kNoFilter = 2,  ///< the kernel offers no filter of system calls
+  kNoProc = 3,    ///< /proc/self/statm cannot be read
   kNoLimits = 4,  ///< of memory, time and files
   kBroken = 5     ///< the parent sent no request
 };

@@ -26,6 +26,7 @@ sandbox::DecoderOptions color_decoder_options() {
   options.program = "raystage-apply-ocio";
   options.kind = kKind;
   options.advice = "Give a valid OpenColorIO config (.ocio)";
+  options.memory_bytes = std::size_t{2} << 30;  // tables of up to 1 GiB
   options.time = std::chrono::seconds(20);
   options.environment = sandbox::Environment::kInherited;  // contexts of configs
   return options;

@@ -53,6 +53,9 @@ OIIO::TypeDesc oiio_type(images::PixelType type) {
   return kTypes.at(static_cast<std::size_t>(type));
 }
 
+/// OpenImageIO appends a line for each attempt.
+std::string first_line(const std::string& text) { return text.substr(0, text.find('\n')); }
+
 constexpr const char* kTexture = "raystage:texture";  // attribute: pointer to a Texture
 
 /// Gives OpenImageIO the pixels that a confined process decodes, as linear light, so that linear
@@ -222,8 +225,10 @@ class OiioTextureLookup : public TextureLookup {
     float rgb[3] = {};
     // Rows of an image are top-down.
     if (!system_->texture(texture.handle, nullptr, options, u, 1 - v, du, 0, 0, dv, 3, rgb)) {
-      throw Error::bad_input("the texture is damaged: " + system_->geterror(), texture.name,
-                             "Save it again");
+      const std::string reason = system_->geterror();
+      throw Error::bad_input(
+          "the texture cannot be read" + (reason.empty() ? "" : ": " + first_line(reason)),
+          texture.name, "Save it again");
     }
     return {rgb[0], rgb[1], rgb[2]};
   }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "farm/ranks/messages.h"
 
+#include <array>
+#include <cstdint>
 #include <cstring>
 #include <nlohmann/json.hpp>
 #include <type_traits>
@@ -69,6 +71,39 @@ auto decoded(std::span<const std::byte> message, const Decode& decode) {
   }
 }
 
+/// Returns a value, or values in an array or vector. Throws Error (failed) for an integer that the
+/// type does not hold: nlohmann/json converts any number without a check.
+template <class T>
+T value_of(const Json& json) {
+  if constexpr (std::is_integral_v<T> && !std::is_same_v<T, bool>) {
+    if (json.is_number_unsigned()) {
+      const auto value = json.get<std::uint64_t>();
+      if (std::in_range<T>(value)) return static_cast<T>(value);
+    } else if (json.is_number_integer()) {
+      const auto value = json.get<std::int64_t>();
+      if (std::in_range<T>(value)) return static_cast<T>(value);
+    }
+    throw damaged();
+  } else if constexpr (requires(T t) {
+                         typename T::value_type;
+                         t.resize(1);
+                       } &&
+                       !std::is_same_v<T, std::string>) {
+    T values;
+    if (!json.is_array()) throw damaged();
+    for (const Json& one : json) values.push_back(value_of<typename T::value_type>(one));
+    return values;
+  } else if constexpr (requires { std::tuple_size<T>::value; }) {
+    T values;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      values[i] = value_of<typename T::value_type>(json.at(i));
+    }
+    return values;
+  } else {
+    return json.get<T>();
+  }
+}
+
 template <class T>
 std::span<const std::byte> bytes_of(const std::vector<T>& values) {
   static_assert(std::is_trivially_copyable_v<T>);
@@ -96,11 +131,11 @@ Json json_of(const render::VirtualCamera& view) {
 }
 
 render::VirtualCamera view_from(const Json& json) {
-  const auto k = json.at("intrinsics").get<std::array<double, 9>>();
-  return {json.at("width").get<int>(),
-          json.at("height").get<int>(),
+  const auto k = value_of<std::array<double, 9>>(json.at("intrinsics"));
+  return {value_of<int>(json.at("width")),
+          value_of<int>(json.at("height")),
           {k[0], k[1], k[2], k[3], {k[4], k[5], k[6], k[7], k[8]}},
-          rig::pose_from_matrix(json.at("pose").get<schemas::Matrix4>())};
+          rig::pose_from_matrix(value_of<schemas::Matrix4>(json.at("pose")))};
 }
 
 Json json_of(const schemas::OptionValues& options) {
@@ -114,9 +149,9 @@ Json json_of(const schemas::OptionValues& options) {
 schemas::OptionValues options_from(const Json& json) {
   schemas::OptionValues options;
   for (const auto& [name, value] : json.items()) {
-    if (value.is_boolean()) options[name] = value.get<bool>();
-    if (value.is_number()) options[name] = value.get<double>();
-    if (value.is_string()) options[name] = value.get<std::string>();
+    if (value.is_boolean()) options[name] = value_of<bool>(value);
+    if (value.is_number()) options[name] = value_of<double>(value);
+    if (value.is_string()) options[name] = value_of<std::string>(value);
   }
   return options;
 }
@@ -139,18 +174,18 @@ Json json_of(const render::DistributedViewRequest& view) {
 render::DistributedViewRequest distributed_view_request_from(const Json& json) {
   render::DistributedViewRequest view;
   view.view = view_from(json.at("view"));
-  view.frames.time_ns = json.at("time").get<Nanoseconds>();
-  view.frames.frame = json.at("frames").get<std::vector<std::int32_t>>();
+  view.frames.time_ns = value_of<Nanoseconds>(json.at("time"));
+  view.frames.frame = value_of<std::vector<std::int32_t>>(json.at("frames"));
   view.frames.difference.assign(view.frames.frame.size(), 0);
-  view.adjacent_frames = json.at("frames beside").get<std::vector<std::vector<int>>>();
-  view.method = json.at("method").get<std::string>();
+  view.adjacent_frames = value_of<std::vector<std::vector<int>>>(json.at("frames beside"));
+  view.method = value_of<std::string>(json.at("method"));
   view.options = options_from(json.at("options"));
-  const auto plane = json.at("plane").get<std::array<double, 4>>();
+  const auto plane = value_of<std::array<double, 4>>(json.at("plane"));
   view.focal_plane = {plane[0], plane[1], plane[2], plane[3]};
-  view.supersampling = json.at("supersampling").get<int>();
-  view.first_row = json.at("first row").get<int>();
-  view.full_height = json.at("whole height").get<int>();
-  view.is_lockstep = json.at("in step").get<bool>();
+  view.supersampling = value_of<int>(json.at("supersampling"));
+  view.first_row = value_of<int>(json.at("first row"));
+  view.full_height = value_of<int>(json.at("whole height"));
+  view.is_lockstep = value_of<bool>(json.at("in step"));
   return view;
 }
 
@@ -161,13 +196,13 @@ Json json_of(const render::RenderStatistics& s) {
 
 render::RenderStatistics statistics_from(const Json& json) {
   render::RenderStatistics s;
-  s.plan_ms = json.at(0).get<double>();
-  s.decode_ms = json.at(1).get<double>();
-  s.render_ms = json.at(2).get<double>();
-  s.pixels_decoded = json.at(3).get<std::int64_t>();
-  s.pixels_needed = json.at(4).get<std::int64_t>();
-  s.cameras_used = json.at(5).get<int>();
-  s.working_bytes = json.at(6).get<std::size_t>();
+  s.plan_ms = value_of<double>(json.at(0));
+  s.decode_ms = value_of<double>(json.at(1));
+  s.render_ms = value_of<double>(json.at(2));
+  s.pixels_decoded = value_of<std::int64_t>(json.at(3));
+  s.pixels_needed = value_of<std::int64_t>(json.at(4));
+  s.cameras_used = value_of<int>(json.at(5));
+  s.working_bytes = value_of<std::size_t>(json.at(6));
   return s;
 }
 
@@ -185,25 +220,25 @@ Json json_of(const store::JpegLayout& l) {
 
 store::JpegLayout layout_from(const Json& json) {
   store::JpegLayout l;
-  l.width = json.at("size").at(0).get<int>();
-  l.height = json.at("size").at(1).get<int>();
-  l.components = json.at("components").get<int>();
+  l.width = value_of<int>(json.at("size").at(0));
+  l.height = value_of<int>(json.at("size").at(1));
+  l.components = value_of<int>(json.at("components"));
   for (std::size_t i = 0; i < 3; ++i) {
-    l.h[i] = json.at("h").at(i).get<int>();
-    l.v[i] = json.at("v").at(i).get<int>();
+    l.h[i] = value_of<int>(json.at("h").at(i));
+    l.v[i] = value_of<int>(json.at("v").at(i));
   }
-  const auto mcu = json.at("mcu").get<std::array<int, 4>>();
+  const auto mcu = value_of<std::array<int, 4>>(json.at("mcu"));
   l.mcu_width = mcu[0];
   l.mcu_height = mcu[1];
   l.mcus_per_row = mcu[2];
   l.mcu_rows = mcu[3];
-  l.restart_interval = json.at("restart").get<int>();
-  l.baseline_ycc = json.at("baseline").get<bool>();
-  const auto offsets = json.at("offsets").get<std::array<std::size_t, 3>>();
+  l.restart_interval = value_of<int>(json.at("restart"));
+  l.baseline_ycc = value_of<bool>(json.at("baseline"));
+  const auto offsets = value_of<std::array<std::size_t, 3>>(json.at("offsets"));
   l.sof_offset = offsets[0];
   l.scan_offset = offsets[1];
   l.scan_end = offsets[2];
-  l.segment_offset = json.at("segments").get<std::vector<std::uint32_t>>();
+  l.segment_offset = value_of<std::vector<std::uint32_t>>(json.at("segments"));
   return l;
 }
 
@@ -227,18 +262,18 @@ Request decode_request(std::span<const std::byte> message) {
   return decoded(message, [](const Unpacked& parts) {
     const Json& head = parts.head;
     Request r;
-    r.kind = static_cast<Request::Kind>(head.at("kind").get<int>());
-    r.reply_tag = head.at("reply").get<int>();
-    r.take = head.at("take").get<int>();
-    r.light_field = head.at("light field").get<int>();
+    r.kind = static_cast<Request::Kind>(value_of<int>(head.at("kind")));
+    r.reply_tag = value_of<int>(head.at("reply"));
+    r.take = value_of<int>(head.at("take"));
+    r.light_field = value_of<int>(head.at("light field"));
     const auto& folder = head.at("folder").get_binary();
     r.folder.assign(folder.begin(), folder.end());
-    r.cache_bytes = head.at("memory").at(0).get<std::uint64_t>();
-    r.result_cache_bytes = head.at("memory").at(1).get<std::uint64_t>();
-    r.working_bytes = head.at("memory").at(2).get<std::uint64_t>();
-    r.camera_owners = head.at("holders").get<std::vector<int>>();
-    r.ranks = head.at("ranks").get<std::vector<int>>();
-    r.view_number = head.at("number").get<std::uint32_t>();
+    r.cache_bytes = value_of<std::uint64_t>(head.at("memory").at(0));
+    r.result_cache_bytes = value_of<std::uint64_t>(head.at("memory").at(1));
+    r.working_bytes = value_of<std::uint64_t>(head.at("memory").at(2));
+    r.camera_owners = value_of<std::vector<int>>(head.at("holders"));
+    r.ranks = value_of<std::vector<int>>(head.at("ranks"));
+    r.view_number = value_of<std::uint32_t>(head.at("number"));
     if (r.kind == Request::Kind::kView) r.view = distributed_view_request_from(head.at("view"));
     return r;
   });
@@ -260,14 +295,14 @@ MessageBytes encode(const TakeTable& table) {
 TakeTable decode_take_table(std::span<const std::byte> message) {
   return decoded(message, [](Unpacked& parts) {
     TakeTable table;
-    table.documents = parts.head.at("documents").get<std::string>();
-    table.error = parts.head.at("error").get<std::string>();
+    table.documents = value_of<std::string>(parts.head.at("documents"));
+    table.error = value_of<std::string>(parts.head.at("error"));
     for (const Json& entry : parts.head.at("cameras")) {
       TakeTable::Camera camera;
-      camera.is_local = entry.at(0).get<bool>();
-      camera.description = {entry.at(1).get<std::string>(), entry.at(2).get<int>(),
-                            entry.at(3).get<int>(), entry.at(4).get<Nanoseconds>()};
-      camera.frames = values_of<store::FrameRecord>(parts, entry.at(5).get<std::size_t>());
+      camera.is_local = value_of<bool>(entry.at(0));
+      camera.description = {value_of<std::string>(entry.at(1)), value_of<int>(entry.at(2)),
+                            value_of<int>(entry.at(3)), value_of<Nanoseconds>(entry.at(4))};
+      camera.frames = values_of<store::FrameRecord>(parts, value_of<std::size_t>(entry.at(5)));
       table.cameras.push_back(std::move(camera));
     }
     return table;
@@ -282,8 +317,9 @@ MessageBytes encode(const RankCosts& costs) {
 
 RankCosts decode_rank_costs(std::span<const std::byte> message) {
   return decoded(message, [](const Unpacked& parts) {
-    return RankCosts{parts.head.at("cpu").get<double>(), parts.head.at("waiting").get<double>(),
-                     parts.head.at("sent").get<std::int64_t>()};
+    return RankCosts{value_of<double>(parts.head.at("cpu")),
+                     value_of<double>(parts.head.at("waiting")),
+                     value_of<std::int64_t>(parts.head.at("sent"))};
   });
 }
 
@@ -312,15 +348,15 @@ MessageBytes encode(const PartialView& view) {
 PartialView decode_partial_view(std::span<const std::byte> message) {
   return decoded(message, [](Unpacked& parts) {
     PartialView view;
-    view.error = parts.head.at("error").get<std::string>();
-    view.is_bad_input = parts.head.at("bad input").get<bool>();
+    view.error = value_of<std::string>(parts.head.at("error"));
+    view.is_bad_input = value_of<bool>(parts.head.at("bad input"));
     view.statistics = statistics_from(parts.head.at("statistics"));
-    view.notes = parts.head.at("notes").get<std::vector<std::string>>();
-    const auto counts = parts.head.at("counts").get<std::array<std::int64_t, 3>>();
+    view.notes = value_of<std::vector<std::string>>(parts.head.at("notes"));
+    const auto counts = value_of<std::array<std::int64_t, 3>>(parts.head.at("counts"));
     view.counts = {counts[0], counts[1], counts[2]};
-    const auto times = parts.head.at("times").get<std::array<double, 3>>();
+    const auto times = value_of<std::array<double, 3>>(parts.head.at("times"));
     view.slowest = {times[0], times[1], times[2]};
-    for (const auto size : parts.head.at("planes").get<std::vector<std::size_t>>()) {
+    for (const auto size : value_of<std::vector<std::size_t>>(parts.head.at("planes"))) {
       view.planes.push_back(values_of<std::byte>(parts, size));
     }
     return view;
@@ -337,13 +373,13 @@ MessageBytes encode(const FrameRequest& r) {
 FrameRequest decode_frame_request(std::span<const std::byte> message) {
   return decoded(message, [](const Unpacked& parts) {
     FrameRequest r;
-    r.kind = static_cast<FrameRequest::Kind>(parts.head.at("kind").get<int>());
-    r.reply_tag = parts.head.at("reply").get<int>();
-    const auto frame = parts.head.at("frame").get<std::array<int, 3>>();
+    r.kind = static_cast<FrameRequest::Kind>(value_of<int>(parts.head.at("kind")));
+    r.reply_tag = value_of<int>(parts.head.at("reply"));
+    const auto frame = value_of<std::array<int, 3>>(parts.head.at("frame"));
     r.take = frame[0];
     r.camera = frame[1];
     r.frame = frame[2];
-    r.segments = parts.head.at("segments").get<std::vector<std::uint32_t>>();
+    r.segments = value_of<std::vector<std::uint32_t>>(parts.head.at("segments"));
     return r;
   });
 }
@@ -356,7 +392,7 @@ MessageBytes encode(const FrameReply& reply) {
 FrameReply decode_frame_reply(std::span<const std::byte> message) {
   return decoded(message, [](Unpacked& parts) {
     FrameReply reply;
-    reply.error = parts.head.at("error").get<std::string>();
+    reply.error = value_of<std::string>(parts.head.at("error"));
     reply.layout = layout_from(parts.head.at("layout"));
     reply.bytes = values_of<std::byte>(parts, parts.rest.size());
     return reply;

@@ -84,7 +84,8 @@ Attempt attempt(const schemas::RecordConfig::Camera& camera, const OpenFrameSour
   const SourceDescription& source = result.source->description();
   if (source.width <= 0 || source.height <= 0) {
     result.fail(Error::failed("the source does not report the size of its frames", camera.id,
-                              "Set the size in the source's options"));
+                              "Check that it sends whole pictures, or set the size in the "
+                              "source's options"));
   } else if (geometry != nullptr &&
              (geometry->width != source.width || geometry->height != source.height)) {
     result.fail(Error::bad_input(

@@ -147,10 +147,13 @@ void FfmpegInput::open(FfmpegOptions& options) {
   if (code < 0) {
     if (http_) http_->rethrow_failure();
     const std::string named = options.names();
-    const Error error =
-        refuse(code, "the source cannot be opened",
-               named.empty() ? "Check the address, and that the source exists"
-                             : "Check the address and the values of the options " + named);
+    std::string advice = "Check the address, and that the source exists";
+    if (code == AVERROR_INVALIDDATA) {
+      advice = "Check that it sends video or pictures; playlists are not read";
+    } else if (!named.empty()) {
+      advice = "Check the address and the values of the options " + named;
+    }
+    const Error error = refuse(code, "the source cannot be opened", advice);
     if (is_fault_of_configuration(code, address_)) throw ConfigurationError(error);
     throw Error(error);
   }

@@ -40,9 +40,9 @@ class Client {
  public:
   virtual ~Client() = default;
   virtual void send_text(std::string message) = 0;
-  /// Sends the picture of a request, whose number is at least those before. It replaces a picture
-  /// of the same stream that is still waiting, so that a slow connection shows fewer pictures and
-  /// not older ones; it is dropped if a newer request of the stream was answered already.
+  /// Sends the picture of a request; newer requests have larger numbers. It replaces a picture of
+  /// the same stream that is still waiting, so that a slow connection shows fewer pictures and not
+  /// older ones. It is dropped if a newer request of the stream was answered already.
   virtual void send_picture(int stream, std::int64_t request, std::vector<std::byte> message) = 0;
   /// Returns the pictures that were replaced or dropped before they were sent.
   virtual std::int64_t pictures_dropped() const = 0;

@@ -2,7 +2,7 @@
 // The viewer's page: connects the shot, the picture, the timeline and the panels.
 import * as cam from "./camera.js";
 import { Comparison } from "./comparison.js";
-import { Connection, errorText } from "./connection.js";
+import { Connection, errorText, kReplaced } from "./connection.js";
 import { Cursor } from "./cursor.js";
 import { ShotText } from "./document.js";
 import { Files } from "./files.js";
@@ -236,9 +236,10 @@ function sendShot() {
   connection.ask("shot", { file: shotText.file, text: shotText.text() })
     .then(() => { if (timeline.frame === frame) view.rest(); })
     .catch((error) => {
+      if (error.message === kReplaced) return;
       state.isShotRefused = true;
       say(error.message);
-      view.rest();  // the server dropped the requests before
+      if (timeline.frame === frame) view.rest();  // the server dropped the requests before
     });
   panels.refresh();
 }

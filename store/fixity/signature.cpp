@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/fixity/signature.h"
 
+#include "base/atomic_file.h"
 #include "base/child_process.h"
 #include "base/error.h"
 
@@ -35,6 +36,25 @@ void sign_file(const fs::path& file, const fs::path& key) {
   throw Error::failed("the file cannot be signed: " + one_line(result.out), key.string(),
                       "Give an SSH key that ssh-keygen can use; load it into an agent if it has a "
                       "passphrase");
+}
+
+void write_signed(const fs::path& file, const std::string& text, const fs::path& key) {
+  // Signed under another name, so that a key that fails costs neither file.
+  const fs::path staged = file.parent_path() / ("." + file.filename().string() + ".signing");
+  const auto remove_staged = [&] {
+    std::error_code error;
+    fs::remove(staged, error);
+    fs::remove(signature_of(staged), error);
+  };
+  try {
+    write_file_atomically(staged, text);
+    sign_file(staged, key);
+    fs::rename(staged, file);
+    fs::rename(signature_of(staged), signature_of(file));
+  } catch (...) {
+    remove_staged();
+    throw;
+  }
 }
 
 std::string signature_fault(const std::string& text, const fs::path& signature,

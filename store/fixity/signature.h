@@ -11,6 +11,10 @@ namespace raystage::store {
 /// Error (failed) with what ssh-keygen says.
 void sign_file(const std::filesystem::path& file, const std::filesystem::path& key);
 
+/// Writes a file and its signature FILE.sig, both or none. Throws as sign_file().
+void write_signed(const std::filesystem::path& file, const std::string& text,
+                  const std::filesystem::path& key);
+
 /// Who may sign: a file of allowed signers (ssh-keygen(1)), and the identity that must have signed.
 struct Signers {
   std::filesystem::path file;

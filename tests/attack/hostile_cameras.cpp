@@ -22,10 +22,6 @@ void send_forever(const TestConnection& client, const std::function<std::string(
   while (client.send(piece())) std::this_thread::sleep_for(pause);
 }
 
-std::string text_of(std::span<const std::byte> bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-}
-
 /// Returns a JPEG whose header states another size.
 std::vector<std::byte> jpeg_stating(int width, int height) {
   std::vector<std::byte> jpeg = test_jpeg(64, 48, 90);
@@ -38,12 +34,6 @@ std::vector<std::byte> jpeg_stating(int width, int height) {
     return jpeg;
   }
   return jpeg;
-}
-
-void send_part(const TestConnection& client, std::span<const std::byte> jpeg) {
-  client.send(fmt::format("Content-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n", jpeg.size()));
-  client.send(jpeg);
-  client.send("\r\n--frame\r\n");
 }
 
 void never_ending_frame(const TestConnection& client) {
@@ -104,15 +94,19 @@ void endless_part_headers(const TestConnection& client) {
 
 }  // namespace
 
-MultipartSender::MultipartSender(const TestConnection& client) : client_(client) {
+std::string text_of(std::span<const std::byte> bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+void begin_multipart(const TestConnection& client) {
   client.request();
   client.send(
       "HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace;boundary=frame\r\n\r\n"
       "--frame\r\n");
 }
 
-bool MultipartSender::send(std::span<const std::byte> jpeg) const {
-  return client_.send(
+bool send_part(const TestConnection& client, std::span<const std::byte> jpeg) {
+  return client.send(
       fmt::format("Content-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n{}\r\n--frame\r\n",
                   jpeg.size(), text_of(jpeg)));
 }

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -9,19 +11,11 @@
 
 namespace raystage::testing {
 
-/// Sends frames as a camera of MJPEG over http.
-class MultipartSender {
- public:
-  /// Waits for the request and answers it.
-  explicit MultipartSender(const TestConnection& client);
-  /// Returns false if the client has closed the connection.
-  bool send(std::span<const std::byte> jpeg) const;
-  /// Sends the headers of a part, which says how many bytes follow.
-  bool begin_part(const std::string& length) const;
-
- private:
-  const TestConnection& client_;
-};
+std::string text_of(std::span<const std::byte> bytes);
+/// Waits for a request of http and answers it as a camera of MJPEG.
+void begin_multipart(const TestConnection& client);
+/// Sends a frame of MJPEG. Returns false if the client has closed the connection.
+bool send_part(const TestConnection& client, std::span<const std::byte> jpeg);
 
 /// A camera that attacks the recorder.
 struct HostileCamera {

@@ -6,13 +6,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <cstdio>
 #include <cstdlib>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <regex>
-#include <set>
+#include <thread>
 
 #include "store/take.h"
 #include "testing/ingest/test_pictures.h"
@@ -30,6 +33,9 @@ using ::testing::HasSubstr;
 constexpr int kGoodFrames = 150;
 constexpr auto kGoodInterval = 33ms;
 constexpr double kMegabyte = 1e6;
+
+/// The contents of a local file that no camera may have recorded.
+const std::vector<std::byte> kSecret = test_jpeg(96, 64, 201);
 
 /// When a hostile camera begins to attack.
 enum class Begin { kFirstByte, kAfterGoodFrames };
@@ -56,9 +62,10 @@ class HostileCameras : public ::testing::TestWithParam<Begin> {
     for (int i = 0; i < 2; ++i) {
       frames_.push_back(good_frames(i));
       add_camera("good" + std::to_string(i), "http", "", [this, i](const TestConnection& client) {
-        const MultipartSender sender(client);
-        for (const auto& jpeg : frames_[i]) {
-          if (!sender.send(jpeg)) return;
+        begin_multipart(client);
+        // The recorder connects again when no more frames come: none is sent twice.
+        for (std::size_t at = 0; at < frames_[i].size() && !has_sent_[i]; ++at) {
+          if (!send_part(client, frames_[i][at])) return;
           std::this_thread::sleep_for(kGoodInterval);
         }
         has_sent_[i] = true;
@@ -89,7 +96,7 @@ class HostileCameras : public ::testing::TestWithParam<Begin> {
     }
   }
   void add_hostile_cameras(Begin begin, const std::string& other_host) {
-    write_text(folder_.path() / "secret.jpg", "a local file");
+    write_text(folder_.path() / "secret.jpg", text_of(kSecret));
     for (const HostileCamera& hostile :
          hostile_cameras((folder_.path() / "secret.jpg").string(), other_host)) {
       add_camera(hostile.id, hostile.scheme, hostile.format, [=](const TestConnection& client) {
@@ -102,9 +109,9 @@ class HostileCameras : public ::testing::TestWithParam<Begin> {
           }
           return hostile.attack(client);
         }
-        const MultipartSender sender(client);
+        begin_multipart(client);
         for (int i = 0; i < 30 && begin == Begin::kAfterGoodFrames; ++i) {
-          sender.send(test_jpeg(96, 64, i));
+          send_part(client, test_jpeg(96, 64, i));
           std::this_thread::sleep_for(kGoodInterval);
         }
         hostile.attack(client);
@@ -123,19 +130,26 @@ class HostileCameras : public ::testing::TestWithParam<Begin> {
     return run("cd '" + folder_.path().string() + "' && ulimit -v 8000000 && timeout 120 " +
                "raystage record record.json --status none --duration 10 -o " + take.string());
   }
+  /// Returns the frames of a camera in the order of their times.
+  static std::vector<std::vector<std::byte>> stored_frames(const store::Take& take, int camera) {
+    std::vector<std::vector<std::byte>> frames;
+    const store::ArchiveReader& archive = take.archive(camera);
+    for (int i = 0; i < static_cast<int>(archive.frames().size()); ++i) {
+      const store::FrameBytes bytes = archive.jpeg(i);
+      frames.emplace_back(bytes.begin(), bytes.end());
+    }
+    return frames;
+  }
   void expect_good_cameras_whole(const fs::path& folder) const {
     const store::Take take(folder);
     for (int camera = 0; camera < 2; ++camera) {
-      std::set<std::vector<std::byte>> stored;
-      const store::ArchiveReader& archive = take.archive(camera);
-      for (int i = 0; i < static_cast<int>(archive.frames().size()); ++i) {
-        const store::FrameBytes bytes = archive.jpeg(i);
-        const std::span<const std::byte> jpeg = bytes;
-        stored.emplace(jpeg.begin(), jpeg.end());
-      }
-      std::size_t missing = 0;
-      for (const auto& jpeg : frames_[camera]) missing += stored.contains(jpeg) ? 0 : 1;
-      EXPECT_EQ(missing, 0U) << "of " << kGoodFrames << " frames of good camera " << camera;
+      const auto stored = stored_frames(take, camera);
+      EXPECT_EQ(stored.size(), frames_[camera].size()) << "frames of good camera " << camera;
+      EXPECT_TRUE(stored == frames_[camera]) << "good camera " << camera;
+    }
+    for (int camera = 2; camera < static_cast<int>(take.document().cameras.size()); ++camera) {
+      const auto stored = stored_frames(take, camera);
+      EXPECT_EQ(std::ranges::count(stored, kSecret), 0) << "a local file was recorded";
     }
   }
   static json session(const fs::path& take) {
@@ -154,7 +168,6 @@ TEST_P(HostileCameras, CostTheGoodOnesNoFrame) {
                               TestServer::kEveryClient, "127.0.0.2");
   add_simulated_cameras();
   add_hostile_cameras(GetParam(), other_host.url("http"));
-  double largest = 0;
   for (int i = 0; i < run_count(); ++i) {
     SCOPED_TRACE(i);
     for (std::atomic<bool>& has_sent : has_sent_) has_sent = false;
@@ -174,7 +187,6 @@ TEST_P(HostileCameras, CostTheGoodOnesNoFrame) {
         continue;
       }
       EXPECT_EQ(camera.at("arrived"), camera.at("stored")) << camera.dump(1);
-      EXPECT_EQ(camera.at("skipped_by_source"), 0) << camera.dump(1);
       EXPECT_GT(camera.at("stored"), 100) << camera.dump(1);
     }
     std::smatch stated;
@@ -184,7 +196,6 @@ TEST_P(HostileCameras, CostTheGoodOnesNoFrame) {
     const double announced = std::stod(stated[1]) + std::stod(stated[2]);
     const double peak = static_cast<double>(result.peak_memory) / kMegabyte;
     EXPECT_LE(peak, announced);
-    largest = std::max(largest, peak / announced);
     std::printf("peak %.0f MB of %.0f MB stated\n", peak, announced);
     EXPECT_EQ(run("raystage verify -q '" + take.string() + "'").exit_code, 0);
     fs::remove_all(take);

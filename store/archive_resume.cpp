@@ -21,6 +21,11 @@ namespace {
 using Bytes = std::span<const std::byte>;
 using Description = ArchiveWriter::Description;
 
+Error damaged_header(const std::filesystem::path& path) {
+  return Error::bad_input("the archive's header is damaged", path.string() + " @0",
+                          "Run `raystage repair` on the take");
+}
+
 void check_header(Bytes file, const matroska::Header& header, const Description& wanted,
                   const Description& found, const std::filesystem::path& path) {
   if (matroska::begins_with(file, header)) return;
@@ -34,8 +39,7 @@ void check_header(Bytes file, const matroska::Header& header, const Description&
             std::to_string(wanted.height) + ", " + format_utc(wanted.epoch_utc) + " is expected",
         path.string(), "Resume the archive of that camera, or begin a new take");
   }
-  throw Error::bad_input("the archive's header is damaged", path.string() + " @0",
-                         "Run `raystage repair` on the take");
+  throw damaged_header(path);
 }
 
 struct Found {
@@ -50,6 +54,11 @@ Found examine(Bytes archive, std::optional<Bytes> journal_bytes,
   Found found;
   found.index = index_archive(archive, journal_bytes, archive_path.string(), journal_path.string());
   check_header(archive, header, description, found.index.description, archive_path);
+  // A frame in the space of the header would be overwritten when the archive is closed.
+  const bool has_space = std::ranges::all_of(found.index.frames, [&](const FrameRecord& frame) {
+    return frame.offset >= header.bytes.size() + matroska::kClusterHeaderBytes;
+  });
+  if (!has_space) throw damaged_header(archive_path);
   found.header_is_whole = archive.size() >= header.bytes.size();
 
   const auto add = [&](const auto& bytes) {

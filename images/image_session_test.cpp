@@ -162,7 +162,7 @@ class SessionFormats : public ::testing::Test {
     EXPECT_EQ(pixels(session, image), expected);
     session.close(image);
   }
-  std::filesystem::path write_oiio(const std::string& name, OIIO::ImageSpec spec,
+  std::filesystem::path write_oiio(const std::string& name, const OIIO::ImageSpec& spec,
                                    const std::vector<float>& values) const {
     const auto file = folder_.path() / name;
     const auto output = OIIO::ImageOutput::create(file.string());

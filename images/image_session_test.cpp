@@ -51,7 +51,7 @@ std::string encode_png(int width, int height, int bits, int colors, int interlac
       rows.push_back(static_cast<std::uint8_t>(37 * y + 11 * i));
   }
   if (colors == PNG_COLOR_TYPE_PALETTE) {
-    for (std::uint8_t& code : rows) code &= 0x33;
+    for (std::uint8_t& code : rows) code &= bits == 1 ? 0 : 0x33;
   }
   std::vector<png_bytep> pointers;
   for (int y = 0; y < height; ++y)
@@ -249,6 +249,17 @@ TEST_F(SessionFormats, ImagesThatAreTooShortForTheirSizeAreRefused) {
   } catch (const Error& error) {
     EXPECT_THAT(error.what(), HasSubstr("60000 x 60000 pixels do not fit in"));
   }
+}
+
+TEST_F(SessionFormats, LargePlainPalettesOfOneBitAreShortAndRead) {
+  ImageSession session(100'000'000);
+  const auto white = [](png_structp png, png_infop info) {
+    const png_color colors[2] = {{255, 255, 255}, {255, 255, 255}};
+    png_set_PLTE(png, info, colors, 2);
+  };
+  const auto file = write(
+      "white.png", encode_png(2000, 2000, 1, PNG_COLOR_TYPE_PALETTE, PNG_INTERLACE_NONE, white));
+  expect_as_openimageio(session, file);
 }
 
 TEST_F(SessionFormats, MoreImagesThanMemoryHoldsAreDecodedAgain) {

@@ -46,9 +46,10 @@ void require_memory(const ImageProperties& image, std::size_t granted) {
 }
 
 /// Throws if a file is too short to hold all pixels: before memory is taken for them. Deflate makes
-/// data at most 1032 times as large (zlib, "Technical details"), JPEG less.
+/// data at most 1032 times as large (zlib, "Technical details"), and palettes of 1 bit become 32
+/// bits. JPEG stays far below that.
 void require_bytes_for(const ImageProperties& image, std::size_t file_bytes) {
-  constexpr std::size_t kMaxExpansion = 1032, kShortest = 100;
+  constexpr std::size_t kMaxExpansion = 1032 * 32, kShortest = 100;
   if (bytes_of(image) / kMaxExpansion <= file_bytes + kShortest) return;
   throw std::runtime_error(
       fmt::format("{} x {} pixels do not fit in {} bytes", image.width, image.height, file_bytes));

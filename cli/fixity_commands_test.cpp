@@ -253,6 +253,24 @@ TEST_F(FixityCommands, LossesOfOneKindAreOneLine) {
   EXPECT_EQ(repair.output.find("lost or unverified", line + 1), std::string::npos) << repair.output;
 }
 
+TEST_F(FixityCommands, FramesOfALostJournalStayUnverified) {
+  std::filesystem::remove(take / "archive" / "c1.journal");
+  EXPECT_EQ(run("repair -q " + quoted).exit_code, 3);
+  for (const char* depth : {"", "--depth journal "}) {
+    const testing::CommandResult verify = run("verify -q " + std::string(depth) + quoted);
+    EXPECT_EQ(verify.exit_code, 0) << verify.output;
+    EXPECT_THAT(verify.output, HasSubstr("3 cameras: 3 intact"));
+    EXPECT_THAT(verify.output, HasSubstr("c1: 10 frames are unverified: their records were lost"));
+  }
+  const auto json = nlohmann::json::parse(run("verify -q --json - " + quoted).output);
+  EXPECT_EQ(json["cameras"][0]["unverified_frames"], 0);
+  EXPECT_EQ(json["cameras"][1]["unverified_frames"], 10);
+  EXPECT_THAT(run("info " + quoted).output, HasSubstr("10 frames are unverified"));
+  EXPECT_EQ(
+      nlohmann::json::parse(run("info --json " + quoted).output)["cameras"][1]["unverified_frames"],
+      10);
+}
+
 TEST_F(FixityCommands, RepairIsAdvisedWhereItHelps) {
   ASSERT_EQ(run("sync -q " + quoted).exit_code, 0);
   auto timeline = testing::bytes_of(take / "timeline.zst");

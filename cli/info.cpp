@@ -118,6 +118,10 @@ void print_archives(const store::TakeSummary& summary, const std::string& folder
       print("  {:<10}{} frames not in the journal, {} damaged journal records\n", camera.id,
             camera.recovered, camera.damaged_records);
     }
+    if (camera.unverified > 0) {
+      print("  {:<10}{} frames are unverified: their records were lost\n", camera.id,
+            camera.unverified);
+    }
   }
 }
 
@@ -221,7 +225,8 @@ Json json_of(const Camera& camera) {
             {"closed", camera.closed},
             {"bytes", camera.bytes},
             {"recovered_frames", camera.recovered},
-            {"damaged_records", camera.damaged_records}};
+            {"damaged_records", camera.damaged_records},
+            {"unverified_frames", camera.unverified}};
   json["restart_markers"] = camera.restart_markers ? Json(*camera.restart_markers) : Json();
   if (!camera.error.empty()) json["error"] = camera.error;
   return json;

@@ -93,6 +93,12 @@ void print_text(const Options& options, const store::TakeFixityReport& report) {
     if (camera.report.omitted_problems > 0) {
       print("  {}: {} more problems\n", camera.id, camera.report.omitted_problems);
     }
+    if (camera.report.unverified_frames > 0) {
+      print(
+          "  {}: {} frames are unverified: their records were lost, and nothing shows whether they "
+          "are as recorded\n",
+          camera.id, camera.report.unverified_frames);
+    }
   }
   const double megabytes = static_cast<double>(report.bytes()) / kBytesPerMb;
   print("{:.1f} MB in {:.3f} s, {:.0f} MB/s\n", megabytes, report.seconds,
@@ -124,7 +130,10 @@ Json json_of(const Options& options, const store::TakeFixityReport& report) {
     Json json{{"id", camera.id},
               {"intact", camera.error.empty() && camera.report.is_intact()},
               {"bytes", camera.bytes}};
-    if (options.depth != "sizes") json["frames"] = camera.report.frames;
+    if (options.depth != "sizes") {
+      json["frames"] = camera.report.frames;
+      json["unverified_frames"] = camera.report.unverified_frames;
+    }
     json["problems"] = json_of(camera.report.problems);
     if (camera.report.omitted_problems > 0)
       json["omitted_problems"] = camera.report.omitted_problems;

@@ -54,6 +54,9 @@ struct FrameRecord {
   std::uint64_t xxh3 = 0;                 ///< XXH3-64 of the JPEG bytes; 0 when not stored
   Nanoseconds arrival_ns = kUnknownTime;  ///< see FrameOrigin; journals of version 1 have none
   std::uint64_t sequence = 0;             ///< see FrameOrigin; 0 in journals of version 1
+  /// The frame's record was lost and made anew: `xxh3` is that of the bytes found in the archive,
+  /// and nothing shows whether these are the recorded ones.
+  bool is_unverified = false;
   bool operator==(const FrameRecord&) const = default;
 };
 
@@ -63,6 +66,7 @@ struct NewFrame {
   std::span<const std::byte> jpeg;  ///< of a frame to store; otherwise ignored
   FrameStatus status = FrameStatus::kStored;
   FrameOrigin origin;
+  bool is_unverified = false;  ///< see FrameRecord
 };
 
 /// Writes one camera's Matroska archive and its journal: 1 ns time scale, one cluster per frame.
@@ -101,6 +105,9 @@ class ArchiveWriter {
   /// the previous record, stored or missing. For a late frame pass last_time() and its own
   /// `origin`.
   void append_missing(FrameStatus status, Nanoseconds time, FrameOrigin origin = {});
+  /// Appends the record of another archive again, at its own time; `jpeg`: its frame if it is
+  /// stored. Throws as the functions above do.
+  void append_again(const FrameRecord& record, std::span<const std::byte> jpeg);
   /// Appends several frames by the same rules, all or none, with one write to each file. Throws as
   /// the functions above do.
   void append(std::span<const NewFrame> frames);

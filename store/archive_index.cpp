@@ -160,6 +160,10 @@ ArchiveIndex index_archive(Bytes archive, std::optional<Bytes> journal,
   for (const FrameRecord& record : index.records) {
     if (record.status == FrameStatus::kStored) index.frames.push_back(record);
   }
+  const bool is_last_unlisted = !index.frames.empty() && index.frames.back().xxh3 == 0;
+  index.ends_as_in_a_crash = !index.closed && contents.header && index.recovered == 1 &&
+                             is_last_unlisted &&
+                             index.damaged_records == (contents.has_torn_end ? 1 : 0);
   return index;
 }
 

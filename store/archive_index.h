@@ -20,6 +20,9 @@ struct ArchiveIndex {
   bool closed = false;
   int recovered = 0;        ///< frames found in the archive that the journal does not list
   int damaged_records = 0;  ///< of the journal: torn, corrupt, or contradicting the archive
+  /// What a crash between a frame and its record leaves: the last frame has no record, or a torn
+  /// one, and nothing else is missing.
+  bool ends_as_in_a_crash = false;
 };
 
 /// Returns the index of an archive. Uses the journal's records where they are consistent, and scans

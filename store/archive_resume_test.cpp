@@ -280,6 +280,38 @@ TEST_F(Resume, ATornTailIsCutAndUnlistedFramesAreListed) {
   }
 }
 
+// A crash leaves at most the last frame without a record. Others were listed once, and nothing
+// shows whether they are as recorded.
+TEST_F(Resume, FramesWhoseRecordsAreLostAreUnverified) {
+  constexpr std::size_t kFrames = 9;
+  constexpr std::size_t kListed[] = {kFrames, kFrames - 1, kFrames - 2, 0};
+  constexpr int kUnverified[] = {0, 0, 2, kFrames};
+  for (std::size_t i = 0; i < std::size(kListed); ++i) {
+    for (const bool torn : {false, true}) {
+      if (torn && kListed[i] == kFrames) continue;
+      std::filesystem::remove(mkv);
+      std::filesystem::remove(journal);
+      {
+        ArchiveWriter out = writer();
+        for (std::size_t frame = 0; frame < kFrames; ++frame) {
+          out.append(jpeg(frame), time(frame), origin(frame));
+        }
+        std::filesystem::copy_file(mkv, mkv.string() + ".open",
+                                   std::filesystem::copy_options::overwrite_existing);
+      }
+      std::filesystem::rename(mkv.string() + ".open", mkv);
+      std::filesystem::resize_file(journal, journal::kHeaderBytes +
+                                                kListed[i] * journal::kRecordBytes +
+                                                (torn ? journal::kRecordBytes / 2 : 0));
+      resume().close();
+      EXPECT_EQ(std::ranges::count_if(reader().frames(), &FrameRecord::is_unverified),
+                kUnverified[i])
+          << kListed[i] << " listed";
+      EXPECT_EQ(reader().frames().size(), kFrames);
+    }
+  }
+}
+
 TEST_F(Resume, RefusesWhatIsNotItsOwn) {
   const auto refused = [&](const ArchiveWriter::Description& other) -> std::string {
     try {

@@ -76,6 +76,15 @@ void ArchiveWriter::append_missing(FrameStatus status, Nanoseconds time, FrameOr
   append(std::span(&frame, 1));
 }
 
+void ArchiveWriter::append_again(const FrameRecord& record, std::span<const std::byte> jpeg) {
+  const NewFrame frame{record.time_ns,
+                       jpeg,
+                       record.status,
+                       {record.arrival_ns, record.sequence},
+                       record.is_unverified};
+  append(std::span(&frame, 1));
+}
+
 Nanoseconds ArchiveWriter::last_time() const { return open_files().last_time; }
 
 void ArchiveWriter::flush() { open_files().flush(); }

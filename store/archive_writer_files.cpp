@@ -110,6 +110,7 @@ void ArchiveWriter::Files::append(std::span<const NewFrame> frames) {
       record.offset = end + matroska::kClusterHeaderBytes;
       record.size = static_cast<std::uint32_t>(frame.jpeg.size());
       record.xxh3 = XXH3_64bits(frame.jpeg.data(), frame.jpeg.size());
+      record.is_unverified = frame.is_unverified;
       heads[i] = matroska::make_cluster_header(frame.time_ns, frame.jpeg.size());
       parts.insert(parts.end(), {heads[i], frame.jpeg});
       points.push_back({frame.time_ns, end});

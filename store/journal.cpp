@@ -23,6 +23,9 @@ constexpr std::size_t kTimeAt = 0, kOffsetAt = 8, kSizeAt = 16, kStatusAt = 20, 
                       kArrivalAt = 32, kSequenceAt = 40;
 constexpr std::uint32_t kStatusMask = 0xFF;
 constexpr auto kLastStatus = static_cast<std::uint32_t>(kFrameStatusCount - 1);
+// On disk alone: stored, and is_unverified.
+constexpr std::uint32_t kStoredUnverified = 10;
+static_assert(kStoredUnverified >= kFrameStatusCount);
 
 // CRC-24 of OpenPGP (RFC 9580, section 6.1): detects one, two or three flipped bits in a record.
 constexpr std::uint32_t kCrcPolynomial = 0x864CFB, kCrcStart = 0xB704CE, kCrcTop = 0x800000;
@@ -61,7 +64,8 @@ void encode_fields(std::span<std::byte> bytes, const FrameRecord& record) {
   store_little_endian(bytes, kTimeAt, record.time_ns);
   store_little_endian(bytes, kOffsetAt, record.offset);
   store_little_endian(bytes, kSizeAt, record.size);
-  const auto status = static_cast<std::uint32_t>(record.status);
+  const bool is_unverified = record.status == FrameStatus::kStored && record.is_unverified;
+  const auto status = is_unverified ? kStoredUnverified : static_cast<std::uint32_t>(record.status);
   store_little_endian(bytes, kStatusAt, status);
   store_little_endian(bytes, kHashAt, record.xxh3);
   if (bytes.size() == kRecordBytes) {
@@ -79,15 +83,16 @@ std::size_t record_bytes(std::uint32_t version) {
 
 std::optional<FrameRecord> decode_record(std::span<const std::byte> bytes, std::uint32_t version) {
   assert(bytes.size() == record_bytes(version));
-  const auto status = load_little_endian<std::uint32_t>(bytes, kStatusAt);
-  if ((status & ~kStatusMask) != check_of(bytes) || (status & kStatusMask) > kLastStatus) {
-    return std::nullopt;
-  }
+  const auto field = load_little_endian<std::uint32_t>(bytes, kStatusAt);
+  const std::uint32_t status = field & kStatusMask;
+  if ((field & ~kStatusMask) != check_of(bytes)) return std::nullopt;
+  if (status > kLastStatus && status != kStoredUnverified) return std::nullopt;
   FrameRecord record;
+  record.is_unverified = status == kStoredUnverified;
   record.time_ns = load_little_endian<std::int64_t>(bytes, kTimeAt);
   record.offset = load_little_endian<std::uint64_t>(bytes, kOffsetAt);
   record.size = load_little_endian<std::uint32_t>(bytes, kSizeAt);
-  record.status = static_cast<FrameStatus>(status & kStatusMask);
+  record.status = record.is_unverified ? FrameStatus::kStored : static_cast<FrameStatus>(status);
   record.xxh3 = load_little_endian<std::uint64_t>(bytes, kHashAt);
   if (version >= 2) {
     record.arrival_ns = load_little_endian<std::int64_t>(bytes, kArrivalAt);
@@ -163,7 +168,8 @@ Contents decode(std::span<const std::byte> file, std::string_view name) {
       ++contents.damaged;
     }
   }
-  if (!rest.empty()) ++contents.damaged;
+  contents.has_torn_end = !rest.empty();
+  if (contents.has_torn_end) ++contents.damaged;
   return contents;
 }
 

@@ -44,6 +44,7 @@ struct Contents {
   std::optional<Header> header;
   std::vector<FrameRecord> records;  ///< those that pass their check, in file order
   std::size_t damaged = 0;           ///< records that failed it or are truncated
+  bool has_torn_end = false;         ///< the last one is truncated
 };
 
 /// Returns the contents of a journal; accepts any bytes. A journal without an intact header has no

@@ -60,6 +60,30 @@ TEST_F(Journal, EveryStatusComesBackAndHasAName) {
   EXPECT_STREQ(name_of(FrameStatus::kUnreadable), "no JPEG or of another size");
 }
 
+TEST_F(Journal, KeepsThatAFrameIsUnverified) {
+  {
+    ArchiveWriter out = writer();
+    FrameRecord record{.time_ns = 5, .arrival_ns = 7, .sequence = 9, .is_unverified = true};
+    out.append_again(record, fake_jpeg(1));
+    record.time_ns = 6;
+    record.is_unverified = false;
+    out.append_again(record, fake_jpeg(2));
+    out.append_again({.time_ns = 7, .status = FrameStatus::kTorn, .is_unverified = true}, {});
+  }
+  const ArchiveReader in = reader();
+  ASSERT_EQ(in.records().size(), 3u);
+  EXPECT_EQ(in.damaged_records(), 0);
+  EXPECT_TRUE(in.records()[0].is_unverified);
+  EXPECT_EQ(in.records()[0].status, FrameStatus::kStored);
+  EXPECT_EQ(in.records()[0].arrival_ns, 7);
+  EXPECT_EQ(in.records()[0].sequence, 9u);
+  EXPECT_TRUE(std::ranges::equal(in.jpeg(0), fake_jpeg(1)));
+  EXPECT_FALSE(in.records()[1].is_unverified);
+  // A missing frame has nothing to verify.
+  EXPECT_EQ(in.records()[2].status, FrameStatus::kTorn);
+  EXPECT_FALSE(in.records()[2].is_unverified);
+}
+
 TEST_F(Journal, MissingFramesMayShareATime) {
   {
     ArchiveWriter out = writer();

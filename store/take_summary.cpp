@@ -38,6 +38,7 @@ TakeSummary::Camera summary_of(const Take& take, int camera) {
     result.frames = static_cast<int>(archive.frames().size());
     for (const FrameRecord& record : archive.records()) {
       ++result.by_status.at(static_cast<std::size_t>(record.status));
+      result.unverified += record.is_unverified ? 1 : 0;
     }
     result.recovered = archive.recovered_frames();
     result.damaged_records = archive.damaged_records();

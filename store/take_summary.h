@@ -21,6 +21,7 @@ struct TakeSummary {
     int frames = 0;             ///< stored
     std::array<int, kFrameStatusCount> by_status{};
     int recovered = 0, damaged_records = 0;  ///< see ArchiveReader
+    int unverified = 0;                      ///< see FrameRecord::is_unverified
     bool closed = false;
     std::uint64_t bytes = 0;  ///< of the archive
     /// Whether the first frame has restart markers; nullopt if there is no frame or it is not a

@@ -62,6 +62,7 @@ bool is_same_record(const FrameRecord& a, const FrameRecord& b) {
     same.arrival_ns = a.arrival_ns;
     same.sequence = a.sequence;
   }
+  same.is_unverified = a.is_unverified;
   return a == same;
 }
 
@@ -83,6 +84,8 @@ std::optional<std::vector<FrameRecord>> complete_records(const CopyRecords& own,
       complete.push_back(known.front());
       known = known.subspan(1);
     }
+    // A crash between a frame and its record leaves one such frame.
+    frame.is_unverified = known.empty() && here.size() - own.listed > 1;
     if (!known.empty()) {
       if (!is_same_frame(frame, known.front())) return std::nullopt;
       frame.arrival_ns = known.front().arrival_ns;

@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "base/resources.h"
+#include "store/journal.h"
 
 namespace raystage::farm {
 namespace {
@@ -281,13 +282,19 @@ Request decode_request(std::span<const std::byte> message) {
 
 MessageBytes encode(const TakeTable& table) {
   Json cameras = Json::array();
+  std::vector<std::vector<std::byte>> records;  // of each camera
   std::vector<std::span<const std::byte>> arrays;
   for (const TakeTable::Camera& camera : table.cameras) {
     const store::ArchiveWriter::Description& d = camera.description;
     cameras.push_back(
         {camera.is_local, d.camera_id, d.width, d.height, d.epoch_utc, camera.frames.size()});
-    arrays.push_back(bytes_of(camera.frames));
+    std::vector<std::byte>& bytes = records.emplace_back();
+    for (const store::FrameRecord& record : camera.frames) {
+      const auto encoded = store::journal::encode_record(record);
+      bytes.insert(bytes.end(), encoded.begin(), encoded.end());
+    }
   }
+  for (const auto& bytes : records) arrays.push_back(bytes);
   return packed({{"cameras", cameras}, {"documents", table.documents}, {"error", table.error}},
                 arrays);
 }
@@ -302,7 +309,14 @@ TakeTable decode_take_table(std::span<const std::byte> message) {
       camera.is_local = value_of<bool>(entry.at(0));
       camera.description = {value_of<std::string>(entry.at(1)), value_of<int>(entry.at(2)),
                             value_of<int>(entry.at(3)), value_of<Nanoseconds>(entry.at(4))};
-      camera.frames = values_of<store::FrameRecord>(parts, value_of<std::size_t>(entry.at(5)));
+      const auto count = value_of<std::size_t>(entry.at(5));
+      if (count > parts.rest.size() / store::journal::kRecordBytes) throw damaged();
+      for (std::size_t i = 0; i < count; ++i) {
+        const auto record = store::journal::decode_record(parts.take(store::journal::kRecordBytes),
+                                                          store::journal::kVersion);
+        if (!record) throw damaged();
+        camera.frames.push_back(*record);
+      }
       table.cameras.push_back(std::move(camera));
     }
     return table;

@@ -187,9 +187,10 @@ schemas::TakeDocument joined_document(const std::vector<Part>& parts, const std:
   return joined;
 }
 
-store::FrameOrigin shifted_origin(const store::FrameRecord& record, Nanoseconds by) {
-  const bool known = record.arrival_ns != store::kUnknownTime;
-  return {known ? record.arrival_ns + by : store::kUnknownTime, record.sequence};
+store::FrameRecord shifted(store::FrameRecord record, Nanoseconds by) {
+  record.time_ns += by;
+  if (record.arrival_ns != store::kUnknownTime) record.arrival_ns += by;
+  return record;
 }
 
 /// Copies the session documents; of two nodes with the same name both are kept.
@@ -274,12 +275,11 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
                               "Start it again; no take was left behind");
         }
         if (record.status != store::FrameStatus::kStored) {
-          to.append_missing(record.status, record.time_ns + time_shift,
-                            shifted_origin(record, time_shift));
+          to.append_again(shifted(record, time_shift), {});
           ++report.missing;
         } else {
           const auto jpeg = from.jpeg(frame++);
-          to.append(jpeg, record.time_ns + time_shift, shifted_origin(record, time_shift));
+          to.append_again(shifted(record, time_shift), jpeg);
           ++report.frames;
           report.bytes += jpeg.size();
         }

@@ -225,11 +225,10 @@ std::size_t RecordingTake::complete_from(const RecordingTake& other) {
     }
     auto frame = static_cast<int>(own.frames().size());
     for (const store::FrameRecord& record : wanted.subspan(common)) {
-      const store::FrameOrigin origin{record.arrival_ns, record.sequence};
       if (record.status == store::FrameStatus::kStored) {
-        archives_[i].append(theirs.jpeg(frame++), record.time_ns, origin);
+        archives_[i].append_again(record, theirs.jpeg(frame++));
       } else {
-        archives_[i].append_missing(record.status, record.time_ns, origin);
+        archives_[i].append_again(record, {});
       }
       last_times_[i] = record.time_ns;
       ++appended;

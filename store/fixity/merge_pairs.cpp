@@ -73,6 +73,9 @@ class Merger {
     }
     insert_added();
     leave_out_unverified();
+    for (Entry& entry : result_.entries) {
+      entry.record.is_unverified = is_stored(entry.record) && !entry.is_verified;
+    }
     count();
     return std::move(result_);
   }
@@ -102,14 +105,21 @@ class Merger {
       combine_frames(entry, second);
     } else if (is_stored(record)) {
       const auto expected = lost_hash(base_.saved, entry.record);
-      second.is_verified = second.is_verified || expected == record.xxh3;
+      second.is_verified =
+          second.is_verified || (expected == record.xxh3 && was_verified(base_, entry.record));
       if (second.from_copy && !second.is_verified) return;
       take_origin(second.record, entry.record);
       entry = second;
     } else if (const auto expected = lost_hash(other_.saved, record)) {
-      entry.is_verified = entry.is_verified || *expected == entry.record.xxh3;
+      entry.is_verified =
+          entry.is_verified || (*expected == entry.record.xxh3 && was_verified(other_, record));
       take_origin(entry.record, record);
     }
+  }
+
+  /// Returns whether the XXH3 that a side has of a lost frame is that of the recorded bytes.
+  static bool was_verified(const ExaminedPair& side, const FrameRecord& record) {
+    return !side.saved.unverified_times.contains(record.time_ns);
   }
 
   void combine_frames(Entry& entry, Entry second) const {
@@ -177,7 +187,8 @@ class Merger {
       const Entry& entry = result_.entries[i];
       const auto is_like = [&](const FrameRecord& record) {
         return key_of(record) == key_of(entry.record) && record.status == entry.record.status &&
-               record.size == entry.record.size && record.xxh3 == entry.record.xxh3;
+               record.size == entry.record.size && record.xxh3 == entry.record.xxh3 &&
+               record.is_unverified == entry.record.is_unverified;
       };
       like_own = like_own && is_like(own[i]);
       like_copy = like_copy && is_like(copy[i]);
@@ -247,14 +258,7 @@ void write_merged_pair(const MergedPair& merged, const ArchivePair& copy,
     return;
   }
   ArchiveWriter out(archive, journal, description);
-  for (const Entry& entry : merged.entries) {
-    const FrameOrigin origin{entry.record.arrival_ns, entry.record.sequence};
-    if (is_stored(entry.record)) {
-      out.append(entry.jpeg, entry.record.time_ns, origin);
-    } else {
-      out.append_missing(entry.record.status, entry.record.time_ns, origin);
-    }
-  }
+  for (const Entry& entry : merged.entries) out.append_again(entry.record, entry.jpeg);
   out.close();
 }
 

@@ -132,13 +132,9 @@ void write_salvaged_archive(const ArchivePair& pair, const SalvageResult& salvag
                             const fs::path& archive, const fs::path& journal) {
   ArchiveWriter out(archive, journal, pair.description);
   for (const FrameRecord& record : salvaged.records) {
-    const FrameOrigin origin{record.arrival_ns, record.sequence};
-    if (record.status == FrameStatus::kStored) {
-      out.append(pair.archive.subspan(static_cast<std::size_t>(record.offset), record.size),
-                 record.time_ns, origin);
-    } else {
-      out.append_missing(record.status, record.time_ns, origin);
-    }
+    // Offset and size of a missing frame are 0.
+    out.append_again(record,
+                     pair.archive.subspan(static_cast<std::size_t>(record.offset), record.size));
   }
   out.close();
 }

@@ -236,6 +236,29 @@ TEST_F(RepairFromCopy, RandomDamageOfBothNeverMakesOneWorse) {
   }
 }
 
+// A copy with the journals shows which unverified frames are the recorded ones.
+TEST_F(RepairFromCopy, UnverifiedFramesAreVerifiedOrReplaced) {
+  const fs::path journal = take / "archive" / "c1.journal", archive = take / "archive" / "c1.mkv";
+  const auto rotten = static_cast<std::size_t>(Take(take).archive(1).frames()[4].offset) + 3;
+  fs::remove(journal);
+  Bytes bytes = testing::bytes_of(archive);
+  bytes[rotten] ^= std::byte{1};  // nothing notices this without the journal
+  write_bytes_to(archive, bytes);
+  EXPECT_TRUE(repair_take(take, {}).has_losses());
+  const auto unverified = [&] {
+    const Take repaired(take);
+    return std::ranges::count_if(repaired.archive(1).frames(), &FrameRecord::is_unverified);
+  };
+  EXPECT_EQ(unverified(), kCopiedFrames);
+  EXPECT_TRUE(verify_take(take, {}).is_intact());
+
+  const RepairReport report = repair();
+  EXPECT_FALSE(report.failed());
+  EXPECT_EQ(unverified(), 0);
+  EXPECT_EQ(testing::bytes_of(archive), whole.at("archive/c1.mkv"));
+  EXPECT_EQ(testing::bytes_of(journal), whole.at("archive/c1.journal"));
+}
+
 // As a mirror that stopped: every file is valid, but frames are missing at the end.
 TEST_F(RepairFromCopy, AnIntactCopyThatEndsEarlyIsCompleted) {
   {

@@ -221,6 +221,34 @@ TEST(SalvageResult, AnArchiveOfTheFirstVersionIsWrittenInTheNewForm) {
   }
 }
 
+std::int64_t unverified_in(const PairBytes& pair) {
+  return std::ranges::count_if(journal::decode(pair.journal, "journal").records,
+                               [](const FrameRecord& record) { return record.is_unverified; });
+}
+
+// What a lost journal no longer shows stays unknown, whatever happens to the archive later.
+TEST(SalvageResult, UnverifiedFramesStayUnverified) {
+  PairBytes pair = make_pair(kFrames, true);
+  pair.has_journal = false;
+  SalvageResult saved = salvage_archive(pair.pair());
+  EXPECT_EQ(saved.unverified_frames, kFrames);
+  pair = repaired(pair, saved);
+  EXPECT_EQ(unverified_in(pair), kFrames);
+  const ArchiveFixityReport report = verify_archive(pair.pair(), {});
+  EXPECT_TRUE(report.is_intact());
+  EXPECT_EQ(report.unverified_frames, kFrames);
+
+  // Rot after the repair is still found. The frame is lost then.
+  const auto records = journal::decode(pair.journal, "journal").records;
+  testing::flip(pair.archive, 8 * (records[3].offset + 2));
+  EXPECT_FALSE(verify_archive(pair.pair(), {}).is_intact());
+  saved = salvage_archive(pair.pair());
+  EXPECT_EQ(saved.unverified_frames, 0);  // none in addition
+  EXPECT_EQ(saved.corrupt_frames, 1);
+  pair = repaired(pair, saved);
+  EXPECT_EQ(unverified_in(pair), kFrames - 1);
+}
+
 TEST(SalvageResult, RefusesTheFilesOfAnotherCamera) {
   PairBytes pair = make_pair(3, true);
   ArchivePair foreign = pair.pair();
@@ -388,7 +416,13 @@ TEST_F(RepairTake, CanBeInterruptedBetweenTheTwoRenames) {
 
 TEST_F(RepairTake, ALostJournalIsMadeAgain) {
   const auto original = testing::bytes_of(archive(0));
-  const auto lines = testing::bytes_of(journal(0));
+  const auto header = journal::encode_header(describe_pair(Take(take), 0).description);
+  std::vector<std::byte> lines(header.begin(), header.end());
+  for (FrameRecord record : journal::decode(testing::bytes_of(journal(0)), "journal").records) {
+    record.is_unverified = true;
+    const auto line = journal::encode_record(record);
+    lines.insert(lines.end(), line.begin(), line.end());
+  }
   std::filesystem::remove(journal(0));
   const RepairReport report = repair_take(take, {});
   EXPECT_EQ(report.cameras[0].salvage.reindexed_frames, 10);

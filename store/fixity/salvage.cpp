@@ -194,6 +194,7 @@ class Salvager {
     }
     if (record.status == FrameStatus::kStored) {
       listed_times_.insert(record.time_ns);
+      if (record.is_unverified) result_.unverified_times.insert(record.time_ns);
       last_listed_ = std::max(last_listed_, record.offset);
       if (locate(record)) {
         occupy(static_cast<std::size_t>(record.offset), record.size);
@@ -205,6 +206,7 @@ class Salvager {
         if (rotten) rotten_.emplace(record.offset, record.size);
         result_.lost_hashes.emplace(record.time_ns, record.xxh3);
         record.status = FrameStatus::kTorn;
+        record.is_unverified = false;
       }
     }
     if (record.status != FrameStatus::kStored) record.offset = record.size = record.xxh3 = 0;
@@ -236,6 +238,7 @@ class Salvager {
       } else if (!by_a_crash) {
         ++result_.unverified_frames;
         result_.unverified_times.insert(frame.time);
+        record.is_unverified = true;
         lose(frame.time, "a frame's record is lost: the frame cannot be verified");
       }
       occupy(frame.offset, frame.size);

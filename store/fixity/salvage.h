@@ -35,7 +35,8 @@ struct SalvageResult {
 
   /// XXH3 of the frames that are lost although their records are not, by time.
   std::map<Nanoseconds, std::uint64_t> lost_hashes;
-  std::set<Nanoseconds> unverified_times;  ///< of the unverified_frames
+  /// Of the unverified_frames, and of those whose records say that they are.
+  std::set<Nanoseconds> unverified_times;
 };
 
 /// Returns what can be saved of a pair; accepts any bytes. Throws Error (bad input) if the journal

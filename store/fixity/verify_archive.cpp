@@ -227,6 +227,7 @@ void Verifier::check_stored(std::uint64_t at, const FrameRecord& record) {
   const auto cluster = static_cast<std::size_t>(record.offset) - kHeader;
   if (cluster > cursor_) check_gap(cluster);
   damaged_records_.clear();
+  report_.unverified_frames += record.is_unverified ? 1 : 0;
   check_frame(record);
   take_frame(record.time_ns, cluster, cluster + kHeader + record.size);
 }

@@ -44,6 +44,7 @@ Bytes seal(std::span<const std::byte> fields, std::uint32_t version) {
     record.size = load_little_endian<std::uint16_t>(fields, 4);
     record.status =
         static_cast<store::FrameStatus>(load_little_endian<std::uint8_t>(fields, 6) % 10);
+    record.is_unverified = load_little_endian<std::uint8_t>(fields, 6) >= 200;
     record.xxh3 = load_little_endian<std::uint8_t>(fields, 7);
     // Sometimes the limits of the ranges.
     if (load_little_endian<std::uint8_t>(fields, 8) > 250) record.offset = ~record.offset;

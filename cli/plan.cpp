@@ -11,7 +11,10 @@ int main(int argc, char** argv) {
       "Computes what an array of cameras can show, without decoding a picture. docs/planning.md "
       "explains the results.",
       "raystage plan");
-  const std::vector<Subcommand> subcommands{declare_plan_resolution(command)};
-  command.footer("Exit codes: 0 computed; 1 failed; 2 bad usage or input.");
+  const std::vector<Subcommand> subcommands{declare_plan_check(command),
+                                            declare_plan_resolution(command)};
+  command.footer(
+      "Exit codes: 0 computed; 1 failed; 2 bad usage or input; 4 the shot falls short of what\n"
+      "--least-coverage or --least-resolution ask for.");
   return parse_and_run(command, argc, argv, "plan", subcommands, {});
 }

@@ -6,6 +6,7 @@
 
 namespace raystage::cli {
 
+Subcommand declare_plan_check(CommandLine& plan);
 Subcommand declare_plan_resolution(CommandLine& plan);
 
 }  // namespace raystage::cli

@@ -17,6 +17,9 @@
 #include "compose/derived_data.h"
 #include "compose/frame_range.h"
 #include "compose/sequence.h"
+#include "compose/shot_plan.h"
+#include "planning/shot_check.h"
+#include "planning/shot_check_report.h"
 #include "raystage_version.h"
 #include "render/common/method_options.h"
 #include "render/methods.h"
@@ -182,6 +185,20 @@ void declare_render_options(CommandLine& command, RenderOptions& options, char**
       "128+n stopped by signal n.");
 }
 
+namespace {
+
+/// States in one line what the cameras recorded of the frames, if a perspective camera looks at a
+/// light field.
+void say_verdict(const compose::ShotPlan& plan, std::span<const compose::PlannedFrame> frames,
+                 Progress& progress) {
+  if (plan.shot_camera().is_equirectangular() || plan.light_fields().empty()) return;
+  const planning::ShotCheck check =
+      planning::check_shot(plan, plan.shot().name, frames, {.finds_field_of_view = false});
+  if (!check.layers.empty()) progress.say(planning::shot_check_verdict(check));
+}
+
+}  // namespace
+
 ExitCode render(const RenderOptions& options, Progress& progress, render::DistributedTakes* hosts,
                 std::string_view hosts_description, std::stop_token stop) {
   const int threads = thread_count(options.threads);
@@ -220,6 +237,11 @@ ExitCode render(const RenderOptions& options, Progress& progress, render::Distri
   sequence.fingerprints_file = options.fingerprints;
   sequence.progress = [&](double done) { progress.report(done); };
   sequence.on_message = [&](std::string_view line) { progress.say(line); };
+
+  sequence.on_plan = [&](const compose::ShotPlan& plan,
+                         std::span<const compose::PlannedFrame> frames) {
+    say_verdict(plan, frames, progress);
+  };
 
   const ThreadLimit limit(threads);
   tbb::task_arena arena(threads);

@@ -413,6 +413,7 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
   const ShotPlan& plan = *checked.plan;
   const SequenceMemoryPlan& memory = checked.memory;
   if (!options.fingerprints_file.empty()) write_fingerprints(checked, options);
+  options.on_plan(plan, checked.frames);
   const FrameCompositor compositor(plan, memory);
 
   report_sequence_warnings(plan, checked.frames, options);

@@ -59,6 +59,9 @@ struct SequenceOptions {
   std::function<void(double)> progress = [](double) {};
   /// Called with one line for the log (clamped, held, skipped, failed), from many threads.
   std::function<void(std::string_view)> on_message = [](std::string_view) {};
+  /// Called once with what will be rendered, after all checks and before the first frame.
+  std::function<void(const ShotPlan&, std::span<const PlannedFrame>)> on_plan =
+      [](const ShotPlan&, std::span<const PlannedFrame>) {};
 };
 
 /// Wall-clock time of each stage, milliseconds, summed over the frames. Several frames are in

@@ -292,6 +292,10 @@ render::MethodOptions LightFieldLayer::method_options() const {
   return {method().options(), reconstruction_.options, reconstruction_.method};
 }
 
+std::optional<schemas::DepthRange> LightFieldLayer::depth_range() const {
+  return depth_range_of(reconstruction_, take_);
+}
+
 bool LightFieldLayer::reads_adjacent_frames() const {
   return method().reads_adjacent_frames(method_options());
 }

@@ -48,6 +48,8 @@ class LightFieldLayer final : public Layer {
   const render::Method& method() const;
   render::MethodOptions method_options() const;  ///< of `reconstruction`, with defaults
   bool reads_adjacent_frames() const;            ///< see Method
+  /// Returns the depth range of the scene: that of the method's options, else the take's.
+  std::optional<schemas::DepthRange> depth_range() const;
   /// Returns the settings at a frame. If the focal plane follows the camera, it is at the camera's
   /// focus distance, and methods with a lens get its f-number.
   render::ReconstructionOptions reconstruction_for(const ExrCamera& camera, int frame) const;

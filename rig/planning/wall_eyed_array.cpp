@@ -7,6 +7,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <utility>
+
+#include "rig/array_plane.h"
 
 namespace raystage::rig {
 namespace {
@@ -55,6 +59,118 @@ void remove_straight_corners(std::vector<Eigen::Vector2d>& hull, double toleranc
 double largest_difference(const SlopeRange& a, const SlopeRange& b) {
   return std::max((a.least - b.least).cwiseAbs().maxCoeff(),
                   (a.largest - b.largest).cwiseAbs().maxCoeff());
+}
+
+/// Narrows `slopes` to those that a camera sees, with lens distortion. Returns false where it does
+/// not look to where the array looks.
+bool keep_common_slopes(const Rig::Camera& camera, const Eigen::Matrix3d& array_from_world,
+                        SlopeRange& slopes) {
+  constexpr int kParts = 32;  // of each border
+  const Eigen::Matrix3d array_from_camera =
+      array_from_world * camera.pose.world_from_camera_rotation;
+  const double width = camera.model.width(), height = camera.model.height();
+  const auto slope_at = [&](double x, double y) -> std::optional<Eigen::Vector2d> {
+    const auto ray = camera.model.unproject({x, y});
+    if (!ray) return std::nullopt;
+    const Eigen::Vector3d in_array = array_from_camera * *ray;
+    if (!(in_array.z() < 0)) return std::nullopt;
+    return in_array.head<2>() / -in_array.z();
+  };
+  for (int i = 0; i <= kParts; ++i) {
+    const double x = width * i / kParts, y = height * i / kParts;
+    const auto left = slope_at(0, y), right = slope_at(width, y), top = slope_at(x, 0),
+               bottom = slope_at(x, height);
+    if (!left || !right || !top || !bottom) return false;
+    slopes.least.x() = std::max(slopes.least.x(), left->x());
+    slopes.largest.x() = std::min(slopes.largest.x(), right->x());
+    slopes.least.y() = std::max(slopes.least.y(), bottom->y());
+    slopes.largest.y() = std::min(slopes.largest.y(), top->y());
+  }
+  return true;
+}
+
+/// Moves side i of a convex polygon inwards by `distances[i]`, metres. Returns an empty one where
+/// nothing is left.
+std::vector<Eigen::Vector2d> inset(const std::vector<Eigen::Vector2d>& hull,
+                                   const std::vector<double>& distances) {
+  std::vector<Eigen::Vector2d> inner = hull;
+  for (std::size_t i = 0; i < hull.size(); ++i) {
+    const Eigen::Vector2d side = (hull[(i + 1) % hull.size()] - hull[i]).normalized();
+    const Eigen::Vector2d inwards(-side.y(), side.x());
+    const auto depth = [&](const Eigen::Vector2d& point) {
+      return inwards.dot(point - hull[i]) - distances[i];
+    };
+    std::vector<Eigen::Vector2d> kept;
+    for (std::size_t k = 0; k < inner.size(); ++k) {
+      const Eigen::Vector2d &from = inner[k], &to = inner[(k + 1) % inner.size()];
+      const double at_from = depth(from), at_to = depth(to);
+      if (at_from >= 0) kept.push_back(from);
+      if ((at_from >= 0) != (at_to >= 0)) {
+        kept.push_back(from + at_from / (at_from - at_to) * (to - from));
+      }
+    }
+    inner = std::move(kept);
+  }
+  return inner.size() < 3 ? std::vector<Eigen::Vector2d>{} : inner;
+}
+
+/// Returns the cameras at the border of the cells: those of sides that only one triangle has.
+std::vector<int> border_cameras(const Topology& topology) {
+  std::map<std::pair<int, int>, int> uses;
+  for (const Topology::Cell& cell : topology.cells) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto [low, high] = std::minmax(cell[i], cell[(i + 1) % 3]);
+      ++uses[{low, high}];
+    }
+  }
+  std::vector<int> cameras;
+  for (const auto& [side, count] : uses) {
+    if (count == 1) cameras.insert(cameras.end(), {side.first, side.second});
+  }
+  std::ranges::sort(cameras);
+  cameras.erase(std::unique(cameras.begin(), cameras.end()), cameras.end());
+  return cameras;
+}
+
+/// Returns for each side of the hull how far the border of the cells lies inside of it, metres.
+std::vector<double> border_depths(const std::vector<Eigen::Vector2d>& hull,
+                                  const std::vector<Eigen::Vector2d>& border) {
+  std::vector<double> depths(hull.size(), 0);
+  for (const Eigen::Vector2d& point : border) {
+    std::size_t nearest = 0;
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t i = 0; i < hull.size(); ++i) {
+      const double distance = distance_from_segment(point, hull[i], hull[(i + 1) % hull.size()]);
+      if (distance < least) {
+        least = distance;
+        nearest = i;
+      }
+    }
+    depths[nearest] = std::max(depths[nearest], least);
+  }
+  return depths;
+}
+
+double plane_extent(const std::vector<Eigen::Vector3d>& centres) {
+  Eigen::AlignedBox3d box;
+  for (const Eigen::Vector3d& centre : centres) box.extend(centre);
+  return box.diagonal().norm();
+}
+
+/// Returns axes of an array: z against the mean viewing direction and normal to its plane, x as the
+/// cameras' on the mean.
+Eigen::Matrix3d world_from_array_axes(const Rig& rig, const Eigen::Vector3d& normal) {
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  for (const Rig::Camera& camera : rig.cameras) {
+    right += camera.pose.world_from_camera_rotation.col(0);
+  }
+  right -= right.dot(normal) * normal;
+  if (right.norm() < 1e-9) right = normal.unitOrthogonal();
+  Eigen::Matrix3d axes;
+  axes.col(0) = right.normalized();
+  axes.col(1) = normal.cross(axes.col(0));
+  axes.col(2) = normal;
+  return axes;
 }
 
 }  // namespace
@@ -157,6 +273,60 @@ std::optional<WallEyedArray> find_wall_eyed_array(const Rig& rig,
   std::vector<Eigen::Vector2d> points;
   for (const Eigen::Vector3d& centre : centres) points.emplace_back((centre - middle).head<2>());
   array.hull = convex_hull(std::move(points), on_plane);
+  return array;
+}
+
+std::optional<WallEyedArray> inscribed_wall_eyed_array(const Rig& rig, const Topology& topology,
+                                                       std::string* reason) {
+  const auto refuse = [&](std::string why) {
+    if (reason != nullptr) *reason = std::move(why);
+    return std::nullopt;
+  };
+  if (rig.cameras.empty()) return refuse("it has no cameras");
+  std::vector<Eigen::Vector3d> centres, directions;
+  for (const Rig::Camera& camera : rig.cameras) {
+    centres.push_back(camera.pose.position);
+    directions.emplace_back(-camera.pose.world_from_camera_rotation.col(2));
+  }
+  const ArrayPlane plane = fit_array_plane(centres, directions);
+  WallEyedArray array;
+  array.pose.world_from_camera_rotation = world_from_array_axes(rig, plane.normal);
+  array.pose.position = rig.centre();
+  const Eigen::Matrix3d array_from_world = array.pose.world_from_camera_rotation.transpose();
+  constexpr double kAll = std::numeric_limits<double>::max();
+  array.slopes = {{-kAll, -kAll}, {kAll, kAll}};
+  for (const Rig::Camera& camera : rig.cameras) {
+    if (!keep_common_slopes(camera, array_from_world, array.slopes)) {
+      return refuse(fmt::format("camera {} does not look to where the array looks", camera.id));
+    }
+  }
+  if (!(array.slopes.least.array() < array.slopes.largest.array()).all()) {
+    return refuse("the cameras see no direction in common");
+  }
+  std::vector<Eigen::Vector2d> points;
+  double off_plane = 0;
+  for (const Eigen::Vector3d& centre : centres) {
+    const Eigen::Vector3d in_array = array.pose.camera_from_world(centre);
+    points.emplace_back(in_array.head<2>());
+    off_plane = std::max(off_plane, std::abs(in_array.z()));
+  }
+  if (plane.dimension < 2) {  // a row or one position: on its line
+    const Eigen::Vector2d along = (array_from_world * plane.along).head<2>();
+    for (Eigen::Vector2d& point : points) point = point.dot(along) * along;
+    if (plane.dimension == 0) points.assign(1, Eigen::Vector2d::Zero());
+  }
+  array.hull = convex_hull(points, 1e-9 * plane_extent(centres));
+  if (array.hull.size() < 3) return array;
+  // Between the plane and a centre in front of or behind it a ray moves by at most that much.
+  const double steepest =
+      std::hypot(std::max(std::abs(array.slopes.least.x()), std::abs(array.slopes.largest.x())),
+                 std::max(std::abs(array.slopes.least.y()), std::abs(array.slopes.largest.y())));
+  std::vector<Eigen::Vector2d> border;
+  for (const int camera : border_cameras(topology)) border.push_back(points[camera]);
+  std::vector<double> distances = border_depths(array.hull, border);
+  for (double& distance : distances) distance += off_plane * steepest;
+  array.hull = inset(array.hull, distances);
+  if (array.hull.empty()) return refuse("the cameras are too far in front of each other");
   return array;
 }
 

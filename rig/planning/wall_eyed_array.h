@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "rig/rig.h"
+#include "rig/topology.h"
 
 namespace raystage::rig {
 
@@ -48,6 +49,13 @@ struct WallEyedTolerance {
 std::optional<WallEyedArray> find_wall_eyed_array(const Rig& rig,
                                                   const WallEyedTolerance& tolerance = {},
                                                   std::string* reason = nullptr);
+
+/// Returns an ideal array whose rays the cameras of a rig recorded, for real rigs: cameras that are
+/// distorted, slightly rotated or not quite in a plane. Its slopes are those that every camera
+/// sees, and its hull is smaller where the centres are not in its plane. The rig may have recorded
+/// more rays. Nullopt where the cameras see no slopes in common; `reason`: why, for people.
+std::optional<WallEyedArray> inscribed_wall_eyed_array(const Rig& rig, const Topology& topology,
+                                                       std::string* reason = nullptr);
 
 /// Returns the convex hull of points, counter-clockwise, without corners that are within
 /// `tolerance` of the edge between their neighbours. Two points: all are on a line; one: they

@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage plan check: states what the cameras recorded of the frames of a shot, before it is
+// rendered.
+#include <fmt/format.h>
+#include <tbb/task_arena.h>
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/atomic_file.h"
+#include "cli/follow_links_option.h"
+#include "cli/plan.h"
+#include "cli/printing.h"
+#include "cli/shot_options.h"
+#include "cli/threads.h"
+#include "compose/frame_range.h"
+#include "compose/sequence.h"
+#include "compose/shot_plan.h"
+#include "planning/nearest_path.h"
+#include "planning/shot_check.h"
+#include "planning/shot_check_report.h"
+#include "schemas/shot_document.h"
+
+namespace raystage::cli {
+namespace {
+
+struct CheckCommand {
+  std::filesystem::path shot, report, nearest_path, relative_to;
+  std::string frames;
+  compose::MissingFrames missing = compose::MissingFrames::kError;
+  double least_coverage = 0, least_resolution = 0;  ///< percent
+  int threads = 0;
+  bool json = false;
+};
+
+constexpr double kPercent = 100;
+
+/// Returns whether the shot reaches what is asked for.
+bool is_enough(const planning::ShotCheck& check, const CheckCommand& command) {
+  const double coverage = kPercent * (1 - check.worst_unrecorded_share());
+  const double resolution = kPercent * check.worst_resolution().value_or(0);
+  return coverage >= command.least_coverage && resolution >= command.least_resolution;
+}
+
+/// Returns the numbers of the layers with a take. Meshes and plates need not be read.
+std::vector<std::string> light_field_layers(const schemas::ShotDocument& shot) {
+  std::vector<std::string> layers;
+  for (std::size_t i = 0; i < shot.layers.size(); ++i) {
+    if (shot.layers[i].is_light_field()) layers.push_back(std::to_string(i));
+  }
+  return layers;
+}
+
+/// Writes the given shot with the camera of the nearest path.
+void write_nearest_path(const CheckCommand& command, schemas::ShotDocument shot,
+                        const compose::ShotPlan& plan,
+                        std::span<const compose::PlannedFrame> frames) {
+  planning::NearestPath path = planning::find_nearest_path(plan, command.shot.string(), frames);
+  shot.camera = std::move(path.shot.camera);  // the plan hides layers without a take
+  write_file_atomically(command.nearest_path, schemas::format_shot(shot));
+  print_error("{}: the camera is shifted by up to {:.3f} m, most at frame {}\n",
+              command.nearest_path.string(), path.largest_shift, path.largest_shift_frame);
+}
+
+ExitCode run_check(const CheckCommand& command, const std::stop_token& stop) {
+  std::optional<std::vector<int>> requested;
+  if (!command.frames.empty()) requested = compose::parse_frame_range(command.frames);
+  compose::ShotPlanOptions options;
+  options.frames = requested;
+  options.folder = command.relative_to;
+  const schemas::ShotDocument shot = schemas::read_shot(command.shot);
+  options.draft.layers = light_field_layers(shot);
+  const compose::ShotPlan plan(shot, command.shot, options);
+  const std::vector<int> numbers = compose::frames_to_render(
+      plan.shot(), requested, [](std::string_view warning) { print_error("{}\n", warning); });
+  const auto frames = plan.plan(numbers, command.missing);
+  const planning::ShotCheck check =
+      planning::check_shot(plan, command.shot.string(), frames, {}, stop);
+  if (!command.report.empty()) {
+    write_file_atomically(command.report, planning::shot_check_as_page(check));
+  }
+  if (!command.nearest_path.empty()) write_nearest_path(command, shot, plan, frames);
+  print("{}",
+        command.json ? planning::shot_check_as_json(check) : planning::format_shot_check(check));
+  return is_enough(check, command) ? ExitCode::kSuccess : ExitCode::kFellShort;
+}
+
+}  // namespace
+
+Subcommand declare_plan_check(CommandLine& plan) {
+  auto options = std::make_shared<CheckCommand>();
+  CommandLine command = plan.subcommand(
+      "check", "Compute what the cameras recorded of the frames of a shot, before it is rendered");
+  command.option("SHOT", options->shot, "the shot (shot.json)").required();
+  command.option("--frames RANGE", options->frames,
+                 "frames to check, e.g. 1-48 or 1,5,10-20x2 (default: all of the shot)");
+  add_missing_option(command, options->missing);
+  add_relative_to_option(command, options->relative_to);
+  command
+      .option("--least-coverage PERCENT", options->least_coverage,
+              "exit with 4 if fewer of the rays of a frame were recorded, percent (default: 0)")
+      .limits(0.0, 100.0);
+  command
+      .option("--least-resolution PERCENT", options->least_resolution,
+              "exit with 4 if the effective resolution of a frame is less, percent of the "
+              "shot's\n(default: 0)")
+      .limits(0.0, 100.0);
+  command.option("--report FILE.html", options->report, "write the result as a page with charts");
+  command.option(
+      "--nearest-path FILE.json", options->nearest_path,
+      "write the shot with its camera moved as little as needed for every ray to have "
+      "been recorded,\nfor arrays of parallel cameras in a plane; paths stay relative to "
+      "the folder of SHOT");
+  command.flag("--json", options->json, "print the result as JSON");
+  add_threads_option(command, options->threads);
+  add_follow_links_option(command);
+  return {command, [options](const std::stop_token& stop) {
+            const int threads = thread_count(options->threads);
+            const ThreadLimit limit(threads);
+            tbb::task_arena arena(threads);
+            return arena.execute([&] { return run_check(*options, stop); });
+          }};
+}
+
+}  // namespace raystage::cli

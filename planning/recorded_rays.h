@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+#include "render/common/view.h"
+#include "rig/rig.h"
+#include "rig/topology.h"
+
+namespace raystage::planning {
+
+/// Returns the share, 0 to 1, of a view's rays that no camera recorded: those that miss the array,
+/// and those of which no camera of their cell sees the point on `plane` (thesis 4.1.2).
+/// `focal_plane` leaves these pixels at alpha 0. `view`: a perspective camera, rendered without its
+/// distortion. `plane`: a x + b y + c z + d = 0 in the world; (0, 0, 0, d) is at infinity. Reads no
+/// frames. Throws Error (bad input) for a plane that is none.
+double unrecorded_share(const render::VirtualCamera& view, const rig::Rig& rig,
+                        const rig::Topology& topology, const Eigen::Vector4d& plane);
+
+/// Returns the same by testing the ray through each pixel's centre: the reference.
+double unrecorded_share_reference(const render::VirtualCamera& view, const rig::Rig& rig,
+                                  const rig::Topology& topology, const Eigen::Vector4d& plane);
+
+}  // namespace raystage::planning

@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: Apache-2.0
+// Checks each frame of a shot against the array of each take: rays that no camera recorded, the
+// distance from the border of the range of motion, effective resolution and ghosting
+// (thesis 2.2, 5.2, 5.3). Frames are independent and run in parallel. Cost: well below a
+// millisecond a frame for 64 cameras.
+#include "planning/shot_check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <utility>
+
+#include "base/error.h"
+#include "base/parallel.h"
+#include "planning/recorded_rays.h"
+#include "planning/view_sampling.h"
+#include "rig/planning/range_of_motion.h"
+#include "rig/planning/wall_eyed_array.h"
+#include "rig/plenoptic_sampling.h"
+#include "rig/rig.h"
+
+namespace raystage::planning {
+namespace {
+
+/// What a take recorded at one frame, as one eye sees it.
+struct EyeView {
+  render::VirtualCamera view;
+  Eigen::Vector4d plane;
+};
+
+/// A frame of a layer: the eyes that look at it, and the cameras that are there.
+struct LayerFrame {
+  int frame = 0;
+  std::vector<EyeView> eyes;
+  const rig::Topology* topology = nullptr;
+};
+
+/// Returns the view with its field of view multiplied by `factor` (on the tangent).
+render::VirtualCamera narrowed(render::VirtualCamera view, double factor) {
+  view.intrinsics.fx /= factor;
+  view.intrinsics.fy /= factor;
+  return view;
+}
+
+class LayerChecker {
+ public:
+  LayerChecker(const compose::ShotPlan& plan, const compose::LightFieldLayer& light_field)
+      : plan_(plan), light_field_(light_field), rig_(light_field.take().rig()) {
+    const std::size_t index = light_field.index();
+    const schemas::ShotDocument::Layer& layer = plan.shot().layers[index];
+    check_.layer = index;
+    check_.name = layer.name.empty() ? fmt::format("layer {}", index) : layer.name;
+    check_.volume = layer.volume;
+    check_.method = light_field.reconstruction().method;
+    check_.cameras = static_cast<int>(rig_.cameras.size());
+    check_.depth_range = light_field.depth_range();
+    check_.spacing = rig::max_neighbour_baseline(rig_, topology_of(all_cameras()));
+    array_ = rig::find_wall_eyed_array(rig_);
+    check_.is_range_exact = array_.has_value();
+    if (!array_)
+      array_ = rig::inscribed_wall_eyed_array(rig_, topology_of(all_cameras()),
+                                              &check_.no_range_because);
+    if (array_) check_.no_range_because.clear();
+  }
+
+  LayerCheck run(std::span<const compose::PlannedFrame> frames, const ShotCheckOptions& options,
+                 const std::stop_token& stop) {
+    std::vector<LayerFrame> shown;
+    for (const compose::PlannedFrame& frame : frames) {
+      if (auto found = find_frame(frame)) shown.push_back(std::move(*found));
+    }
+    check_.frames.resize(shown.size());
+    raystage::parallel_for(std::size_t{0}, shown.size(), [&](std::size_t i) {
+      if (!stop.stop_requested()) check_.frames[i] = check_frame(shown[i]);
+    });
+    if (stop.stop_requested()) throw Error::failed("the check was stopped", check_.name, "");
+    if (options.finds_field_of_view) check_.field_of_view_factor = find_field_of_view(shown);
+    return std::move(check_);
+  }
+
+ private:
+  std::vector<int> all_cameras() const {
+    std::vector<int> cameras(rig_.cameras.size());
+    for (std::size_t i = 0; i < cameras.size(); ++i) cameras[i] = static_cast<int>(i);
+    return cameras;
+  }
+
+  const rig::Topology& topology_of(const std::vector<int>& cameras) {
+    const auto found = topologies_.find(cameras);
+    if (found != topologies_.end()) return found->second;
+    return topologies_.emplace(cameras, rig::make_topology(rig_, cameras)).first->second;
+  }
+
+  std::optional<LayerFrame> find_frame(const compose::PlannedFrame& planned) {
+    const std::size_t index = light_field_.index();
+    if (!plan_.is_visible(index, planned.frame) || !planned.shown[index].tick) return std::nullopt;
+    const store::FrameSelection& tick = light_field_.tick(planned.shown[index]);
+    std::vector<int> present;
+    for (std::size_t camera = 0; camera < tick.frame.size(); ++camera) {
+      if (tick.frame[camera] >= 0) present.push_back(static_cast<int>(camera));
+    }
+    if (present.empty()) return std::nullopt;
+    LayerFrame frame;
+    frame.frame = planned.frame;
+    frame.topology = &topology_of(present);
+    for (const compose::Eye eye : plan_.eyes()) {
+      const compose::ExrCamera camera = plan_.exr_camera(planned.frame, eye);
+      frame.eyes.push_back(
+          {camera.view, light_field_.reconstruction_for(camera, planned.frame).focal_plane});
+    }
+    return frame;
+  }
+
+  FrameCheck check_frame(const LayerFrame& frame) const {
+    FrameCheck result;
+    result.frame = frame.frame;
+    for (const EyeView& eye : frame.eyes) {
+      const double missing = unrecorded_share(eye.view, rig_, *frame.topology, eye.plane);
+      result.unrecorded_share = std::max(result.unrecorded_share, missing);
+      take_less(result.boundary_distance, boundary_distance(eye.view));
+      take_less(result.resolution, resolution(eye, *frame.topology));
+      if (!check_.depth_range) continue;
+      take_more(result.near_ghosting, ghosting(eye, check_.depth_range->near));
+      take_more(result.far_ghosting, ghosting(eye, check_.depth_range->far));
+    }
+    return result;
+  }
+
+  static void take_less(std::optional<double>& to, std::optional<double> value) {
+    if (value && (!to || *value < *to)) to = value;
+  }
+  static void take_more(std::optional<double>& to, std::optional<double> value) {
+    if (value && (!to || *value > *to)) to = value;
+  }
+
+  std::optional<double> boundary_distance(const render::VirtualCamera& view) const {
+    if (!array_) return std::nullopt;
+    const rig::ViewFrustum frustum{rig::camera_slopes(view.intrinsics, view.width, view.height),
+                                   view.pose.world_from_camera_rotation};
+    const rig::RangeOfMotion range = rig::range_of_motion(*array_, frustum);
+    if (range.positions.is_empty()) return std::nullopt;
+    const rig::Pose& pose = array_->pose;
+    return range.positions.signed_distance(pose.world_from_camera_rotation.transpose() *
+                                           (view.pose.position - pose.position));
+  }
+
+  std::optional<double> resolution(const EyeView& eye, const rig::Topology& topology) const {
+    const auto ratio = least_source_pixels_per_pixel(eye.view, rig_, topology, eye.plane);
+    return ratio ? std::optional(std::min(1.0, *ratio)) : std::nullopt;
+  }
+
+  std::optional<double> ghosting(const EyeView& eye, double depth) const {
+    return ghosting_pixels(eye.view, rig_, eye.plane, depth, check_.spacing);
+  }
+
+  /// Returns the largest factor at which no frame lacks rays, to 0.1 %.
+  std::optional<double> find_field_of_view(const std::vector<LayerFrame>& frames) const {
+    constexpr double kNarrowest = 0.01, kStep = 1e-3;
+    double factor = 1;
+    const auto is_recorded = [&](const LayerFrame& frame, double narrower) {
+      return std::ranges::all_of(frame.eyes, [&](const EyeView& eye) {
+        return unrecorded_share(narrowed(eye.view, narrower), rig_, *frame.topology, eye.plane) ==
+               0;
+      });
+    };
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      if (check_.frames[i].unrecorded_share == 0 || is_recorded(frames[i], factor)) continue;
+      if (!is_recorded(frames[i], kNarrowest)) return std::nullopt;
+      double enough = kNarrowest;
+      while (factor - enough > kStep * factor) {
+        const double middle = (enough + factor) / 2;
+        (is_recorded(frames[i], middle) ? enough : factor) = middle;
+      }
+      factor = enough;
+    }
+    return factor;
+  }
+
+  const compose::ShotPlan& plan_;
+  const compose::LightFieldLayer& light_field_;
+  const rig::Rig& rig_;
+  std::optional<rig::WallEyedArray> array_;
+  std::map<std::vector<int>, rig::Topology> topologies_;  // by the cameras that are there
+  LayerCheck check_;
+};
+
+}  // namespace
+
+std::optional<double> LayerCheck::worst_ghosting() const {
+  std::optional<double> worst;
+  for (const FrameCheck& frame : frames) {
+    for (const auto& ghosting : {frame.near_ghosting, frame.far_ghosting}) {
+      if (ghosting && *ghosting > worst.value_or(-1)) worst = ghosting;
+    }
+  }
+  return worst;
+}
+
+double LayerCheck::worst_unrecorded_share() const {
+  double worst = 0;
+  for (const FrameCheck& frame : frames) worst = std::max(worst, frame.unrecorded_share);
+  return worst;
+}
+
+std::optional<double> LayerCheck::worst_resolution() const {
+  std::optional<double> worst;
+  for (const FrameCheck& frame : frames) {
+    if (frame.resolution && *frame.resolution < worst.value_or(2)) worst = frame.resolution;
+  }
+  return worst;
+}
+
+double ShotCheck::worst_unrecorded_share() const {
+  // By frame and volume; a layer without a volume stands for itself.
+  std::map<std::pair<int, std::string>, double> shares;
+  for (const LayerCheck& layer : layers) {
+    const std::string group =
+        layer.volume.empty() ? fmt::format("{}", layer.layer) : "volume " + layer.volume;
+    for (const FrameCheck& frame : layer.frames) {
+      const auto [known, is_new] = shares.try_emplace({frame.frame, group}, frame.unrecorded_share);
+      if (!is_new) known->second = std::min(known->second, frame.unrecorded_share);
+    }
+  }
+  double worst = 0;
+  for (const auto& [key, share] : shares) worst = std::max(worst, share);
+  return worst;
+}
+
+std::optional<double> ShotCheck::worst_resolution() const {
+  std::optional<double> worst;
+  for (const LayerCheck& layer : layers) {
+    const auto of_layer = layer.worst_resolution();
+    if (of_layer && *of_layer < worst.value_or(2)) worst = of_layer;
+  }
+  return worst;
+}
+
+ShotCheck check_shot(const compose::ShotPlan& plan, const std::string& name,
+                     std::span<const compose::PlannedFrame> frames, const ShotCheckOptions& options,
+                     const std::stop_token& stop) {
+  const auto start = std::chrono::steady_clock::now();
+  if (plan.shot_camera().is_equirectangular()) {
+    throw Error::bad_input(
+        "the shot's camera sees all directions, and no array records all of them", name,
+        "Check a shot with a perspective camera");
+  }
+  const auto light_fields = plan.light_fields();
+  if (light_fields.empty()) {
+    throw Error::bad_input("no light field is visible in the shot", name,
+                           "Check a shot that has a layer with a take");
+  }
+  ShotCheck check;
+  check.shot = name;
+  for (const compose::PlannedFrame& frame : frames) check.frames.push_back(frame.frame);
+  if (!frames.empty()) {
+    const render::VirtualCamera view = plan.camera(frames.front().frame, plan.eyes().front());
+    check.width = view.width;
+    check.height = view.height;
+  }
+  for (const compose::LightFieldLayer* light_field : light_fields) {
+    if (plan.is_light(light_field->index())) continue;
+    check.layers.push_back(LayerChecker(plan, *light_field).run(frames, options, stop));
+  }
+  check.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return check;
+}
+
+}  // namespace raystage::planning

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "compose/shot_plan.h"
+#include "schemas/geometry.h"
+
+namespace raystage::planning {
+
+/// What the cameras of a take recorded of one frame of a shot. With stereo, that of the worse eye.
+struct FrameCheck {
+  int frame = 0;
+  double unrecorded_share = 0;  ///< of the rays, see unrecorded_share(); 0 to 1
+  /// Distance of the camera from the border of its range of motion, metres; negative outside.
+  /// Nullopt where the range is empty or not known.
+  std::optional<double> boundary_distance = {};
+  /// Effective resolution relative to the shot's, along an axis: see
+  /// least_source_pixels_per_pixel(); at most 1. Nullopt where no camera sees the view.
+  std::optional<double> resolution = {};
+  /// See ghosting_pixels(): at the nearest and the farthest depth of the scene.
+  std::optional<double> near_ghosting = {}, far_ghosting = {};
+};
+
+/// What a take contributes to a shot.
+struct LayerCheck {
+  std::size_t layer = 0;
+  std::string name;    ///< of the layer, or "layer N"
+  std::string volume;  ///< as in the shot: takes that complement each other
+  std::string method;
+  int cameras = 0;
+  double spacing = 0;  ///< largest distance of neighbours, metres
+  std::optional<schemas::DepthRange> depth_range;
+  std::string no_range_because;  ///< why no range of motion is known; empty if it is
+  /// Whether the range of motion is exact; otherwise it is that of inscribed_wall_eyed_array(), and
+  /// the camera may move further.
+  bool is_range_exact = true;
+  std::vector<FrameCheck> frames;  ///< those in which the layer is visible
+  /// The largest factor, at most 1, by which the field of view must become narrower (factor on the
+  /// tangent of its half) so that every ray was recorded; nullopt: none is enough.
+  std::optional<double> field_of_view_factor = {};
+
+  /// Returns the largest disparity error of the frames in pixels; nullopt without a depth range.
+  std::optional<double> worst_ghosting() const;
+  double worst_unrecorded_share() const;  ///< 0 without frames
+  std::optional<double> worst_resolution() const;
+};
+
+/// What takes recorded of the frames of a shot (thesis 5).
+struct ShotCheck {
+  std::string shot;
+  int width = 0, height = 0;  ///< pixels, with overscan
+  std::vector<int> frames;
+  std::vector<LayerCheck> layers;
+  double seconds = 0;  ///< that the computation took
+
+  /// Returns the largest share of rays of a frame that no take recorded. Of takes around a volume
+  /// the best one counts.
+  double worst_unrecorded_share() const;
+  std::optional<double> worst_resolution() const;
+};
+
+/// How much of a shot is checked.
+struct ShotCheckOptions {
+  bool finds_field_of_view = true;  ///< LayerCheck::field_of_view_factor
+};
+
+/// Checks frames of a shot against the arrays that recorded its takes. Decodes no picture. Throws
+/// Error (bad input) for a shot without a take, or an equirectangular camera.
+ShotCheck check_shot(const compose::ShotPlan& plan, const std::string& name,
+                     std::span<const compose::PlannedFrame> frames,
+                     const ShotCheckOptions& options = {}, const std::stop_token& stop = {});
+
+}  // namespace raystage::planning

@@ -1,0 +1,262 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planning/shot_check_report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <string_view>
+#include <vector>
+
+#include "charts/html_page.h"
+#include "charts/svg_chart.h"
+#include "compose/frame_range.h"
+#include "rig/plenoptic_sampling.h"
+
+namespace raystage::planning {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr double kPercent = 100;
+constexpr double kGhostFree = rig::kMaxAliasFreeDisparity / 2;  // pixels, on each side of the plane
+
+/// Returns a share in percent, with enough digits to tell it from 0.
+std::string percent(double share) {
+  return share > 0 && share < 1e-4 ? "less than 0.01 %" : fmt::format("{:.2f} %", kPercent * share);
+}
+
+std::string depth_text(double metres) {
+  return std::isinf(metres) ? "infinity" : fmt::format("{:.3g} m", metres);
+}
+
+/// The frames of a layer at which a value is the least or the largest.
+const FrameCheck& worst_frame(const LayerCheck& layer) {
+  return *std::ranges::max_element(layer.frames, {}, &FrameCheck::unrecorded_share);
+}
+
+std::vector<int> frames_that_lack_rays(const LayerCheck& layer) {
+  std::vector<int> frames;
+  for (const FrameCheck& frame : layer.frames) {
+    if (frame.unrecorded_share > 0) frames.push_back(frame.frame);
+  }
+  return frames;
+}
+
+std::string coverage_text(const LayerCheck& layer) {
+  const std::vector<int> lacking = frames_that_lack_rays(layer);
+  if (lacking.empty()) return "Every ray was recorded.\n";
+  const FrameCheck& worst = worst_frame(layer);
+  std::string text = fmt::format(
+      "No camera recorded up to {} of the rays, most at frame {}; rays lack in {} of {} frames: "
+      "{}.\n",
+      percent(worst.unrecorded_share), worst.frame, lacking.size(), layer.frames.size(),
+      compose::format_frame_range(lacking));
+  text += layer.field_of_view_factor
+              ? fmt::format("With {:.3f} times the field of view every ray was recorded.\n",
+                            *layer.field_of_view_factor)
+              : std::string(
+                    "No narrower field of view suffices: the camera stands or looks "
+                    "beside the array.\n");
+  return text;
+}
+
+std::string range_text(const LayerCheck& layer) {
+  if (!layer.no_range_because.empty()) {
+    return "The range of motion is not known: " + layer.no_range_because + ".\n";
+  }
+  const FrameCheck* nearest = nullptr;
+  int unknown = 0;
+  for (const FrameCheck& frame : layer.frames) {
+    if (!frame.boundary_distance) {
+      ++unknown;
+    } else if (nearest == nullptr || *frame.boundary_distance < *nearest->boundary_distance) {
+      nearest = &frame;
+    }
+  }
+  if (nearest == nullptr) return "No position of the camera is known to have these views.\n";
+  const bool outside = *nearest->boundary_distance < 0;
+  const std::string_view bound = layer.is_range_exact ? "" : outside ? "at most " : "at least ";
+  std::string text = fmt::format("The camera is {}{:.3f} m {} its range of motion at frame {}.\n",
+                                 bound, std::abs(*nearest->boundary_distance),
+                                 outside ? "outside of" : "within", nearest->frame);
+  if (unknown > 0) text += fmt::format("{} frames have views from no known position.\n", unknown);
+  return text;
+}
+
+std::string resolution_text(const ShotCheck& check, const LayerCheck& layer) {
+  const auto worst = layer.worst_resolution();
+  if (!worst) return "The effective resolution is not known: no camera sees the views.\n";
+  return fmt::format(
+      "The effective resolution is {:.0f} % of the shot's at least, {:.0f} of {} "
+      "pixels.\n",
+      kPercent * *worst, *worst * check.width, check.width);
+}
+
+std::string ghosting_text(const LayerCheck& layer) {
+  const auto worst = layer.worst_ghosting();
+  if (!layer.depth_range) {
+    return "Ghosting is not known: the take has no depth range (depth_range in take.json).\n";
+  }
+  if (!worst) return "Ghosting is not known: the camera does not look at the focal plane.\n";
+  std::string text = fmt::format(
+      "Ghosting on one focal plane is up to {:.2f} pixels between {} and {} (eq. 2.1).\n", *worst,
+      depth_text(layer.depth_range->near), depth_text(layer.depth_range->far));
+  text += *worst <= kGhostFree
+              ? "One focal plane suffices (focal_plane).\n"
+              : "A method with depths is needed (plane_sweep, depth); its accuracy is not measured "
+                "here (raystage bench).\n";
+  return text;
+}
+
+ordered_json json_of(const std::optional<double>& value) {
+  return value && std::isfinite(*value) ? ordered_json(*value) : ordered_json(nullptr);
+}
+
+ordered_json json_of(const LayerCheck& layer) {
+  ordered_json frames = ordered_json::array();
+  for (const FrameCheck& frame : layer.frames) {
+    frames.push_back({{"frame", frame.frame},
+                      {"unrecorded_share", frame.unrecorded_share},
+                      {"boundary_distance_m", json_of(frame.boundary_distance)},
+                      {"resolution", json_of(frame.resolution)},
+                      {"near_ghosting_px", json_of(frame.near_ghosting)},
+                      {"far_ghosting_px", json_of(frame.far_ghosting)}});
+  }
+  ordered_json json{
+      {"layer", layer.layer},       {"name", layer.name},
+      {"method", layer.method},     {"cameras", layer.cameras},
+      {"spacing_m", layer.spacing}, {"field_of_view_factor", json_of(layer.field_of_view_factor)}};
+  if (!layer.volume.empty()) json["volume"] = layer.volume;
+  if (layer.depth_range) {
+    json["depth_range_m"] = {layer.depth_range->near, json_of(layer.depth_range->far)};
+  }
+  json["is_range_exact"] = layer.is_range_exact;
+  if (!layer.no_range_because.empty()) json["no_range_because"] = layer.no_range_because;
+  json["frames"] = std::move(frames);
+  return json;
+}
+
+/// A value over the frames of a layer.
+struct Strip {
+  std::string_view title, unit, css_class;
+  std::vector<charts::SvgChart::Point> points;
+};
+
+std::string chart_of(const Strip& strip) {
+  double low = 0, high = 0;
+  for (const charts::SvgChart::Point& point : strip.points) {
+    low = std::min(low, point.y);
+    high = std::max(high, point.y);
+  }
+  if (high == low) high = low + 1;
+  const double margin = 0.1 * (high - low);
+  const double first = strip.points.front().x, last = strip.points.back().x;
+  charts::SvgChart chart(std::string(strip.title), {first, std::max(last, first + 1), "frame"},
+                         {low < 0 ? low - margin : low, high + margin, std::string(strip.unit)});
+  chart.line(strip.points, strip.css_class);
+  if (low < 0) chart.horizontal(0, "border");
+  return chart.str();
+}
+
+std::string charts_of(const LayerCheck& layer) {
+  Strip missing{"Rays that no camera recorded", "percent of the rays", "missing", {}};
+  Strip distance{"Distance from the border of the range of motion",
+                 "metres, negative: outside",
+                 "distance",
+                 {}};
+  Strip resolution{"Effective resolution", "percent of the shot's", "resolution", {}};
+  Strip ghosting{
+      "Ghosting on one focal plane", "pixels, the worse end of the scene", "ghosting", {}};
+  for (const FrameCheck& frame : layer.frames) {
+    const double x = frame.frame;
+    missing.points.push_back({x, kPercent * frame.unrecorded_share});
+    if (frame.boundary_distance) distance.points.push_back({x, *frame.boundary_distance});
+    if (frame.resolution) resolution.points.push_back({x, kPercent * *frame.resolution});
+    if (frame.near_ghosting || frame.far_ghosting) {
+      ghosting.points.push_back(
+          {x, std::max(frame.near_ghosting.value_or(0), frame.far_ghosting.value_or(0))});
+    }
+  }
+  std::string charts;
+  for (const Strip* strip : {&missing, &distance, &resolution, &ghosting}) {
+    if (strip->points.empty()) continue;
+    charts += fmt::format("<h3>{}</h3>\n", strip->title) + chart_of(*strip);
+  }
+  return charts;
+}
+
+std::string lines_as_html(const std::string& text) {
+  std::string html;
+  for (const char c : charts::escape_html(text)) html += c == '\n' ? "<br>\n" : std::string(1, c);
+  return html;
+}
+
+std::string layer_text(const ShotCheck& check, const LayerCheck& layer) {
+  if (layer.frames.empty()) return "It shows nothing in these frames.\n";
+  return coverage_text(layer) + range_text(layer) + resolution_text(check, layer) +
+         ghosting_text(layer);
+}
+
+constexpr std::string_view kCheckPageStyle = R"(
+polyline.missing { stroke:var(--amber); stroke-width:2 }
+polyline.distance, polyline.resolution, polyline.ghosting { stroke:var(--teal); stroke-width:2 }
+)";
+
+}  // namespace
+
+std::string shot_check_verdict(const ShotCheck& check) {
+  const double missing = check.worst_unrecorded_share();
+  const auto resolution = check.worst_resolution();
+  std::string text = missing > 0 ? fmt::format("no camera recorded up to {} of the rays of a frame",
+                                               percent(missing))
+                                 : std::string("every ray was recorded");
+  if (resolution) {
+    text += fmt::format("; effective resolution {:.0f} % of the shot's at least",
+                        kPercent * *resolution);
+  }
+  return text;
+}
+
+std::string format_shot_check(const ShotCheck& check) {
+  std::string text =
+      fmt::format("{}: {} frames ({}), {}x{} pixels\n", check.shot, check.frames.size(),
+                  compose::format_frame_range(check.frames), check.width, check.height);
+  for (const LayerCheck& layer : check.layers) {
+    text += fmt::format("\n{}: method {}, {} cameras up to {:.1f} mm apart\n", layer.name,
+                        layer.method, layer.cameras, 1e3 * layer.spacing);
+    text += layer_text(check, layer);
+  }
+  return text + fmt::format("\n{} ({:.3f} s)\n", shot_check_verdict(check), check.seconds);
+}
+
+std::string shot_check_as_json(const ShotCheck& check) {
+  ordered_json layers = ordered_json::array();
+  for (const LayerCheck& layer : check.layers) layers.push_back(json_of(layer));
+  const ordered_json json{{"schema", "raystage/shot_check/1"},
+                          {"shot", check.shot},
+                          {"width", check.width},
+                          {"height", check.height},
+                          {"frames", check.frames.size()},
+                          {"unrecorded_share", check.worst_unrecorded_share()},
+                          {"resolution", json_of(check.worst_resolution())},
+                          {"seconds", check.seconds},
+                          {"layers", layers}};
+  return json.dump(2) + "\n";
+}
+
+std::string shot_check_as_page(const ShotCheck& check) {
+  std::string body;
+  for (const LayerCheck& layer : check.layers) {
+    body +=
+        charts::html_section(layer.name, lines_as_html(layer_text(check, layer)), charts_of(layer));
+  }
+  return charts::html_page(
+      "Check of the shot: " + check.shot,
+      fmt::format("frames {}, {}x{} pixels; {}", compose::format_frame_range(check.frames),
+                  check.width, check.height, shot_check_verdict(check)),
+      body, kCheckPageStyle);
+}
+
+}  // namespace raystage::planning

@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planning/shot_check.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <numeric>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "planning/nearest_path.h"
+#include "planning/shot_check_report.h"
+#include "testing/compose/sequence_test_data.h"
+#include "testing/test_folder.h"
+
+namespace raystage::planning {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class ShotCheckTest : public ::testing::Test {
+ protected:
+  ShotCheckTest() {
+    testing::write_wall_take(folder_.path() / "take");
+    shot_ = testing::wall_shot();
+    shot_.camera.keys = {testing::camera_key(101, {0.05, -0.05, 0}, 40),
+                         testing::camera_key(106, {0.25, -0.05, 0}, 40)};
+  }
+
+  ShotCheck check() const {
+    const compose::ShotPlan plan(shot_, folder_.path() / "shot.json", {});
+    std::vector<int> numbers(static_cast<std::size_t>(shot_.last_frame - shot_.first_frame + 1));
+    std::iota(numbers.begin(), numbers.end(), shot_.first_frame);
+    return check_shot(plan, "shot.json", plan.plan(numbers, compose::MissingFrames::kHold));
+  }
+
+  testing::TestFolder folder_;
+  schemas::ShotDocument shot_;
+};
+
+TEST_F(ShotCheckTest, FollowsTheCameraOutOfTheArray) {
+  const ShotCheck check = this->check();
+  ASSERT_EQ(check.layers.size(), 1U);
+  const LayerCheck& layer = check.layers[0];
+  EXPECT_EQ(layer.cameras, 4);
+  EXPECT_NEAR(layer.spacing, 0.1, 1e-12);
+  ASSERT_EQ(layer.frames.size(), 6U);
+  EXPECT_EQ(layer.frames.front().unrecorded_share, 0);
+  EXPECT_GT(layer.frames.front().boundary_distance.value(), 0);
+  EXPECT_LT(layer.frames.back().boundary_distance.value(), -0.1);
+  EXPECT_EQ(layer.frames.back().unrecorded_share, 1) << "all rays miss the array";
+  for (std::size_t i = 1; i < layer.frames.size(); ++i) {
+    const FrameCheck &before = layer.frames[i - 1], &frame = layer.frames[i];
+    EXPECT_LT(frame.boundary_distance.value(), before.boundary_distance.value());
+    EXPECT_GE(frame.unrecorded_share, before.unrecorded_share);
+    // In the plane of the array every ray passes where the camera is.
+    EXPECT_EQ(frame.unrecorded_share > 0, frame.boundary_distance.value() < -1e-9) << frame.frame;
+  }
+  EXPECT_FALSE(layer.field_of_view_factor) << "the camera stands beside the array";
+  EXPECT_EQ(check.worst_unrecorded_share(), 1);
+}
+
+TEST_F(ShotCheckTest, CamerasThatAreAbsentRecordNothing) {
+  shot_.camera.keys = {testing::camera_key(101, {0.08, -0.08, 0}, 40)};
+  const ShotCheck check = this->check();
+  const auto& frames = check.layers[0].frames;
+  for (const FrameCheck& frame : frames) {
+    // The last camera has no frame at the third instant.
+    EXPECT_EQ(frame.unrecorded_share, frame.frame == 103 ? 1 : 0) << frame.frame;
+  }
+}
+
+TEST_F(ShotCheckTest, SuggestsTheFieldOfViewThatWasRecorded) {
+  shot_.camera.keys = {testing::camera_key(101, {0.03, -0.03, 0.1}, 60)};
+  ShotCheck check = this->check();
+  ASSERT_GT(check.worst_unrecorded_share(), 0.01);
+  ASSERT_TRUE(check.layers[0].field_of_view_factor);
+  const double factor = *check.layers[0].field_of_view_factor;
+  ASSERT_LT(factor, 1);
+  const auto fov = [&](double narrower) {
+    return 360 / std::numbers::pi * std::atan(narrower * std::tan(30 * std::numbers::pi / 180));
+  };
+  shot_.camera.keys[0].horizontal_fov_deg = fov(factor);
+  EXPECT_EQ(this->check().worst_unrecorded_share(), 0);
+  shot_.camera.keys[0].horizontal_fov_deg = fov(factor * 1.01);
+  EXPECT_GT(this->check().worst_unrecorded_share(), 0);
+  const std::string text = format_shot_check(check);
+  EXPECT_THAT(text, HasSubstr(fmt::format("With {:.3f} times the field of view", factor)));
+}
+
+// The path leaves the array to the right; the nearest one stays at its border, and begins to turn
+// away before.
+TEST_F(ShotCheckTest, TheNearestPathLacksNoRays) {
+  shot_.camera.keys = {testing::camera_key(101, {0.05, -0.05, 0.02}, 40),
+                       testing::camera_key(106, {0.15, -0.05, 0.02}, 40)};
+  ASSERT_GT(check().worst_unrecorded_share(), 0.5);
+  const compose::ShotPlan plan(shot_, folder_.path() / "shot.json", {});
+  std::vector<int> numbers{101, 102, 103, 104, 105, 106};
+  const auto frames = plan.plan(numbers, compose::MissingFrames::kHold);
+  const NearestPath path = find_nearest_path(plan, "shot.json", frames);
+  EXPECT_GT(path.largest_shift, 0.05);
+  EXPECT_LT(path.largest_shift, 0.08);
+  EXPECT_EQ(path.largest_shift_frame, 106);
+  ASSERT_EQ(path.shot.camera.keys.size(), 6U);
+  EXPECT_NEAR(path.shot.camera.keys[0].position.value()[0], 0.05, 0.02) << "far from the border";
+  double before = 0.03;
+  for (const auto& key : path.shot.camera.keys) {
+    EXPECT_GE(key.position.value()[0], before - 1e-12) << "never back";
+    before = key.position.value()[0];
+  }
+  shot_ = path.shot;
+  for (const FrameCheck& frame : check().layers[0].frames) {
+    if (frame.frame == 103) continue;  // a camera is absent
+    EXPECT_LT(frame.unrecorded_share, 1e-6) << frame.frame;
+    EXPECT_GT(frame.boundary_distance.value(), -1e-9) << frame.frame;
+  }
+}
+
+TEST_F(ShotCheckTest, NoPathHasAViewThatLooksAway) {
+  shot_.camera.keys[0].orientation = std::array<double, 4>{0, 0, 1, 0};
+  const compose::ShotPlan plan(shot_, folder_.path() / "shot.json", {});
+  const std::vector<int> numbers{101};
+  const auto frames = plan.plan(numbers, compose::MissingFrames::kHold);
+  EXPECT_THROW(find_nearest_path(plan, "shot.json", frames), Error);
+}
+
+TEST_F(ShotCheckTest, ReportsHoldTheSameNumbers) {
+  const ShotCheck check = this->check();
+  const std::string text = format_shot_check(check);
+  EXPECT_THAT(text, HasSubstr("6 frames (101-106), 40x30 pixels"));
+  EXPECT_THAT(text, HasSubstr("outside of its range of motion at frame 106"));
+  EXPECT_THAT(text, HasSubstr("4 cameras up to 100.0 mm apart"));
+  const auto json = nlohmann::json::parse(shot_check_as_json(check));
+  EXPECT_EQ(json.at("schema"), "raystage/shot_check/1");
+  EXPECT_EQ(json.at("unrecorded_share"), 1);
+  const auto& frames = json.at("layers")[0].at("frames");
+  ASSERT_EQ(frames.size(), 6U);
+  EXPECT_EQ(frames[5].at("frame"), 106);
+  EXPECT_TRUE(json.at("layers")[0].at("field_of_view_factor").is_null());
+  const std::string page = shot_check_as_page(check);
+  EXPECT_THAT(page, HasSubstr("Rays that no camera recorded"));
+  EXPECT_THAT(page, HasSubstr("<svg"));
+}
+
+TEST_F(ShotCheckTest, NamesInDocumentsAreNoMarkup) {
+  shot_.layers[0].name = "<script>alert(1)</script>";
+  EXPECT_THAT(shot_check_as_page(check()), Not(HasSubstr("<script>alert")));
+}
+
+TEST_F(ShotCheckTest, RefusesWhatItCannotCheck) {
+  shot_.camera.projection = schemas::ShotDocument::Camera::Projection::kEquirectangular;
+  EXPECT_THROW(check(), Error);
+}
+
+}  // namespace
+}  // namespace raystage::planning

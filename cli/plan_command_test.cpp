@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage plan as users run it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "base/atomic_file.h"
+#include "schemas/shot_document.h"
+#include "testing/cli/test_command.h"
+#include "testing/compose/sequence_test_data.h"
+#include "testing/test_folder.h"
+
+namespace raystage::cli {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class PlanCommand : public ::testing::Test {
+ protected:
+  PlanCommand() {
+    testing::write_wall_take(folder_.path() / "take");
+    shot_ = testing::wall_shot();
+    shot_.camera.keys = {testing::camera_key(101, {0.05, -0.05, 0.01}, 40),
+                         testing::camera_key(106, {0.15, -0.05, 0.01}, 40)};
+  }
+
+  std::string path(const std::string& name) const {
+    return "'" + (folder_.path() / name).string() + "'";
+  }
+  testing::CommandResult check(const std::string& options = "") const {
+    schemas::write_shot(shot_, folder_.path() / "shot.json");
+    return testing::run_raystage("plan check " + path("shot.json") + " " + options);
+  }
+
+  testing::TestFolder folder_;
+  schemas::ShotDocument shot_;
+};
+
+TEST_F(PlanCommand, CheckSaysWhatFallsShort) {
+  const testing::CommandResult all = check();
+  EXPECT_EQ(all.exit_code, 0) << all.output;
+  EXPECT_THAT(all.output, HasSubstr("No camera recorded up to"));
+  EXPECT_THAT(all.output, HasSubstr("outside of its range of motion at frame 106"));
+  EXPECT_EQ(check("--least-coverage 99").exit_code, 4);
+  EXPECT_EQ(check("--frames 101 --least-coverage 100").exit_code, 0);
+  EXPECT_EQ(check("--frames 101 --least-resolution 99").exit_code, 0);
+  shot_.width = 400;
+  shot_.height = 300;
+  EXPECT_EQ(check("--frames 101 --least-resolution 99").exit_code, 4);
+}
+
+TEST_F(PlanCommand, CheckWritesReportAndNearestPath) {
+  const testing::CommandResult result =
+      check("--json --report " + path("r.html") + " --nearest-path " + path("near.json"));
+  EXPECT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_THAT(result.output, HasSubstr("the camera is shifted by up to"));
+  const auto json = nlohmann::json::parse(result.output.substr(result.output.find('{')));
+  EXPECT_GT(json.at("unrecorded_share"), 0.5);
+  EXPECT_THAT(read_file(folder_.path() / "r.html"), HasSubstr("Effective resolution"));
+  // At the third instant a camera is absent.
+  const testing::CommandResult near = testing::run_raystage(
+      "plan check " + path("near.json") + " --frames 101-102,104-106 --least-coverage 99.9999");
+  EXPECT_EQ(near.exit_code, 0) << near.output;
+  EXPECT_EQ(schemas::read_shot(folder_.path() / "near.json").layers.size(), shot_.layers.size());
+}
+
+TEST_F(PlanCommand, CheckReadsNoMeshes) {
+  schemas::ShotDocument::Layer mesh;
+  mesh.name = "mesh";
+  mesh.geometry.emplace();
+  mesh.geometry->file = "missing.obj";
+  shot_.layers.push_back(mesh);
+  const testing::CommandResult result = check();
+  EXPECT_EQ(result.exit_code, 0) << result.output;
+  const testing::CommandResult path_result = check("--nearest-path " + path("near.json"));
+  EXPECT_EQ(path_result.exit_code, 0) << path_result.output;
+  EXPECT_EQ(schemas::read_shot(folder_.path() / "near.json").layers.size(), 2U);
+}
+
+TEST_F(PlanCommand, WhatIsWrongIsBadInput) {
+  EXPECT_EQ(testing::run_raystage("plan check " + path("none.json")).exit_code, 2);
+  EXPECT_EQ(check("--least-coverage 101").exit_code, 2);
+  EXPECT_EQ(check("--least-coverage nan").exit_code, 2);
+  shot_.layers[0].take = "elsewhere";
+  EXPECT_EQ(check().exit_code, 2);
+}
+
+TEST_F(PlanCommand, RenderBeginsWithTheVerdict) {
+  schemas::write_shot(shot_, folder_.path() / "shot.json");
+  const testing::CommandResult result = testing::run_raystage(
+      "render " + path("shot.json") + " --progress plain -o " + path("out/f.####.exr"));
+  EXPECT_EQ(result.exit_code, 0) << result.output;
+  const auto verdict = result.output.find("no camera recorded up to");
+  ASSERT_NE(verdict, std::string::npos) << result.output;
+  EXPECT_LT(verdict, result.output.find("writing 6 frames"));
+}
+
+TEST_F(PlanCommand, ResolutionOfATake) {
+  const testing::CommandResult result =
+      testing::run_raystage("plan resolution " + path("take") + " --report " + path("r.html"));
+  EXPECT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_THAT(result.output, HasSubstr("4 cameras, 64 pixels"));
+  EXPECT_THAT(read_file(folder_.path() / "r.html"), Not(HasSubstr("nan")));
+}
+
+}  // namespace
+}  // namespace raystage::cli

@@ -12,6 +12,7 @@ int main(int argc, char** argv) {
       "explains the results.",
       "raystage plan");
   const std::vector<Subcommand> subcommands{declare_plan_check(command),
+                                            declare_plan_coverage(command),
                                             declare_plan_resolution(command)};
   command.footer(
       "Exit codes: 0 computed; 1 failed; 2 bad usage or input; 4 the shot falls short of what\n"

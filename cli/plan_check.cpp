@@ -38,8 +38,6 @@ struct CheckCommand {
   bool json = false;
 };
 
-constexpr double kPercent = 100;
-
 /// Returns whether the shot reaches what is asked for.
 bool is_enough(const planning::ShotCheck& check, const CheckCommand& command) {
   const double coverage = kPercent * (1 - check.worst_unrecorded_share());

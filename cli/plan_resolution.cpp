@@ -6,12 +6,10 @@
 #include <memory>
 
 #include "base/atomic_file.h"
-#include "base/contained_path.h"
 #include "cli/follow_links_option.h"
 #include "cli/plan.h"
 #include "cli/printing.h"
 #include "planning/resolution_plan.h"
-#include "schemas/rig_document.h"
 
 namespace raystage::cli {
 namespace {
@@ -22,18 +20,10 @@ struct ResolutionCommand {
   bool json = false;
 };
 
-/// Reads a rig, or that of a take.
-schemas::RigDocument read_rig_of(const std::filesystem::path& path) {
-  if (std::filesystem::is_directory(path))
-    return schemas::read_rig(ContainedPath{path, "rig.json"});
-  return schemas::read_rig(path);
-}
-
 ExitCode run_plan(const ResolutionCommand& command) {
-  const schemas::RigDocument document = read_rig_of(command.rig);
-  const std::string name = document.name.empty() ? command.rig.string() : document.name;
+  const NamedRig named = read_named_rig(command.rig);
   const planning::ResolutionPlan plan =
-      planning::plan_resolution(name, rig::rig_from_document(document), command.options);
+      planning::plan_resolution(named.name, named.rig, command.options);
   if (!command.report.empty()) {
     write_file_atomically(command.report, planning::resolution_plan_as_page(plan));
   }

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage plan coverage: computes where a virtual camera may stand before an array.
+#include <fmt/format.h>
+#include <tbb/task_arena.h>
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "cli/follow_links_option.h"
+#include "cli/plan.h"
+#include "cli/printing.h"
+#include "cli/threads.h"
+#include "planning/coverage_plan.h"
+#include "planning/coverage_report.h"
+
+namespace raystage::cli {
+namespace {
+
+struct CoverageCommand {
+  std::filesystem::path rig, report, gltf;
+  planning::CoverageOptions options;
+  std::vector<double> shares_percent{100, 99, 90};
+  double interaxial_mm = 0, tolerance_mm = 1;
+  int threads = 0;
+  bool json = false;
+};
+
+constexpr double kMillimetres = 1000;
+
+ExitCode run_coverage(const CoverageCommand& command, const std::stop_token& stop) {
+  planning::CoverageOptions options = command.options;
+  options.shares.clear();
+  for (const double share : command.shares_percent) options.shares.push_back(share / kPercent);
+  options.interaxial_m = command.interaxial_mm / kMillimetres;
+  options.tolerance_m = command.tolerance_mm / kMillimetres;
+  const NamedRig named = read_named_rig(command.rig);
+  const planning::CoveragePlan plan = planning::plan_coverage(named.name, named.rig, options, stop);
+  if (!command.report.empty()) {
+    write_file_atomically(command.report, planning::coverage_plan_as_page(plan));
+  }
+  if (!command.gltf.empty()) {
+    write_file_atomically(command.gltf, planning::coverage_plan_as_gltf(plan, named.rig));
+  }
+  print("{}", command.json ? planning::coverage_plan_as_json(plan)
+                           : planning::format_coverage_plan(plan));
+  return ExitCode::kSuccess;
+}
+
+}  // namespace
+
+Subcommand declare_plan_coverage(CommandLine& plan) {
+  auto options = std::make_shared<CoverageCommand>();
+  CommandLine command = plan.subcommand(
+      "coverage", "Compute where a virtual camera may stand so that its rays were recorded");
+  command.option("RIG|TAKE", options->rig, "the rig (rig.json), or a take").required();
+  command.option("--view-fov-deg DEG...", options->options.view_fov_deg,
+                 "horizontal fields of view, degrees; one range for each (default: 30 45 60)");
+  command.option(
+      "--shares PERCENT...", options->shares_percent,
+      "shares of a view's rays that must have been recorded, percent (default: 100 99 90)");
+  command
+      .option("--aspect RATIO", options->options.aspect,
+              "width / height of the views (default: 1.333)")
+      .limits(0.01, 100.0);
+  command
+      .option("--yaw-deg", options->options.yaw_deg,
+              "turn of the views to the left against the array, degrees (default: 0)")
+      .limits(-89.9, 89.9);
+  command
+      .option("--pitch-deg", options->options.pitch_deg,
+              "turn of the views upwards, degrees (default: 0)")
+      .limits(-89.9, 89.9);
+  command
+      .option("--max-yaw-deg", options->options.max_yaw_deg,
+              "the views turn by up to that to both sides, degrees (default: 0)")
+      .limits(0.0, 89.9);
+  command
+      .option("--interaxial-mm", options->interaxial_mm,
+              "distance of the eyes of a stereo camera, millimetres (default: 0, one eye)")
+      .limits(0.0, 1e6);
+  command
+      .option("--focal-depth", options->options.focal_depth_m,
+              "focal plane in front of the array, metres (default: infinity)")
+      .limits(1e-3, 1e9);
+  command
+      .option("--tolerance-mm", options->tolerance_mm,
+              "accuracy of ranges that are not exact, millimetres (default: 1)")
+      .limits(0.01, 1e4);
+  command.option("--gltf FILE.gltf", options->gltf,
+                 "write the ranges and the array's cameras for Blender and other programs");
+  command.option("--report FILE.html", options->report, "write the result as a page with drawings");
+  command.flag("--json", options->json, "print the result with the surfaces as JSON");
+  add_threads_option(command, options->threads);
+  add_follow_links_option(command);
+  return {command, [options](const std::stop_token& stop) {
+            const int threads = thread_count(options->threads);
+            const ThreadLimit limit(threads);
+            tbb::task_arena arena(threads);
+            return arena.execute([&] { return run_coverage(*options, stop); });
+          }};
+}
+
+}  // namespace raystage::cli

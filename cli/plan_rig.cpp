@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "base/contained_path.h"
+#include "cli/plan.h"
+#include "schemas/rig_document.h"
+
+namespace raystage::cli {
+
+NamedRig read_named_rig(const std::filesystem::path& path) {
+  const schemas::RigDocument document = std::filesystem::is_directory(path)
+                                            ? schemas::read_rig(ContainedPath{path, "rig.json"})
+                                            : schemas::read_rig(path);
+  return {document.name.empty() ? path.string() : document.name, rig::rig_from_document(document)};
+}
+
+}  // namespace raystage::cli

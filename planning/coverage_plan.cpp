@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: Apache-2.0
+// Computes from where a view can be rendered (thesis 5.2, 7.2). A position counts if the cameras
+// recorded the share of the rays of every orientation and eye. For ideal arrays and all rays the
+// range is the intersection of convex polyhedra; otherwise its border is searched for along
+// directions from the array's middle. Cost: some 30 evaluations of unrecorded_share() a vertex.
+#include "planning/coverage_plan.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <numeric>
+#include <utility>
+
+#include "base/error.h"
+#include "planning/recorded_rays.h"
+#include "rig/planning/range_of_motion.h"
+#include "rig/planning/wall_eyed_array.h"
+#include "rig/topology.h"
+
+namespace raystage::planning {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kRadiansPerDegree = std::numbers::pi / 180;
+constexpr int kViewWidth = 1024;  // shares are areas and do not depend on it
+
+/// The frame of any array: in the middle of its centres, its cameras look along -z.
+rig::Pose frame_of(const rig::Rig& rig, const rig::Topology& topology) {
+  if (const auto ideal = rig::find_wall_eyed_array(rig)) return ideal->pose;
+  if (const auto inner = rig::inscribed_wall_eyed_array(rig, topology)) return inner->pose;
+  rig::Pose pose;
+  pose.position = rig.centre();
+  pose.world_from_camera_rotation =
+      Eigen::Quaterniond::FromTwoVectors(-Vector3d::UnitZ(), rig.mean_viewing_direction())
+          .toRotationMatrix();
+  return pose;
+}
+
+/// Returns the rotations of the views in the array's frame: the middle and both ends of their yaw.
+std::vector<Eigen::Matrix3d> rotations_of(const CoverageOptions& options) {
+  std::vector<double> yaws{options.yaw_deg};
+  if (options.max_yaw_deg > 0) {
+    yaws.insert(yaws.end(),
+                {options.yaw_deg - options.max_yaw_deg, options.yaw_deg + options.max_yaw_deg});
+  }
+  std::vector<Eigen::Matrix3d> rotations;
+  for (const double yaw : yaws) {
+    rotations.emplace_back(
+        Eigen::AngleAxisd(yaw * kRadiansPerDegree, Vector3d::UnitY()) *
+        Eigen::AngleAxisd(options.pitch_deg * kRadiansPerDegree, Vector3d::UnitX()));
+  }
+  return rotations;
+}
+
+render::VirtualCamera view_of(double fov_deg, double aspect) {
+  return render::virtual_camera_with_fov(kViewWidth,
+                                         std::max(1, static_cast<int>(kViewWidth / aspect)),
+                                         fov_deg * kRadiansPerDegree, {});
+}
+
+class CoveragePlanner {
+ public:
+  CoveragePlanner(const rig::Rig& rig, const CoverageOptions& options)
+      : rig_(rig), options_(options), ideal_(rig::find_wall_eyed_array(rig)) {
+    std::vector<int> all(rig.cameras.size());
+    std::iota(all.begin(), all.end(), 0);
+    topology_ = rig::make_topology(rig, all);
+    array_ = frame_of(rig, topology_);
+    rotations_ = rotations_of(options);
+    const Vector3d ahead = -array_.world_from_camera_rotation.col(2);
+    plane_ = std::isinf(options.focal_depth_m)
+                 ? Eigen::Vector4d(0, 0, 0, 1)
+                 : Eigen::Vector4d(ahead.x(), ahead.y(), ahead.z(),
+                                   -ahead.dot(array_.position) - options.focal_depth_m);
+  }
+
+  const rig::Pose& array() const { return array_; }
+
+  CoverageVolume volume(double fov_deg, double share) const {
+    CoverageVolume volume;
+    volume.view_fov_deg = fov_deg;
+    volume.share = share;
+    const render::VirtualCamera view = view_of(fov_deg, options_.aspect);
+    if (ideal_ && share == 1) {
+      volume.is_exact = true;
+      volume.surface = exact_surface(view, volume.empty_because);
+      return volume;
+    }
+    const auto has_share = [&](const Vector3d& position) {
+      return recorded_share(view, position) >= share - 1e-12;
+    };
+    const std::optional<Vector3d> centre = find_centre(has_share);
+    if (!centre) {
+      volume.empty_because = "no position was found from which these rays were recorded";
+      return volume;
+    }
+    RadialSurface found = radial_surface(has_share, *centre,
+                                         {.reach = reach(view), .tolerance = options_.tolerance_m});
+    volume.surface = std::move(found.surface);
+    volume.error_m = found.error;
+    return volume;
+  }
+
+ private:
+  /// Intersects the ranges of all orientations.
+  ClosedSurface exact_surface(const render::VirtualCamera& view, std::string& empty_because) const {
+    std::vector<rig::HalfSpace> half_spaces;
+    double extent = 0;
+    for (const Eigen::Matrix3d& rotation : rotations_) {
+      const rig::ViewFrustum frustum{rig::camera_slopes(view.intrinsics, view.width, view.height),
+                                     array_.world_from_camera_rotation * rotation,
+                                     options_.interaxial_m};
+      const rig::RangeOfMotion range = rig::range_of_motion(*ideal_, frustum);
+      if (range.positions.is_empty()) {
+        empty_because = range.empty_because;
+        return {};
+      }
+      if (rotations_.size() == 1 || range.dimension < 3) return surface_of(range.positions);
+      for (const rig::ConvexPolyhedron::Face& face : range.positions.faces()) {
+        half_spaces.push_back(face.half_space);
+      }
+      for (const Vector3d& vertex : range.positions.vertices()) {
+        extent = std::max(extent, vertex.cwiseAbs().maxCoeff());
+      }
+    }
+    const rig::ConvexPolyhedron common(half_spaces, 2 * extent);
+    if (common.is_empty()) empty_because = "no position has the views of all rotations";
+    return surface_of(common);
+  }
+
+  /// Returns the share of the rays of the worst orientation and eye. `position`: array's frame.
+  double recorded_share(render::VirtualCamera view, const Vector3d& position) const {
+    double least = 1;
+    const int eyes = options_.interaxial_m > 0 ? 2 : 1;
+    for (const Eigen::Matrix3d& rotation : rotations_) {
+      view.pose.world_from_camera_rotation = array_.world_from_camera_rotation * rotation;
+      for (int eye = 0; eye < eyes; ++eye) {
+        const double side = eyes == 1 ? 0 : (eye - 0.5) * options_.interaxial_m;
+        view.pose.position =
+            array_.world_from_camera(position) + side * view.pose.world_from_camera_rotation.col(0);
+        least = std::min(least, 1 - unrecorded_share(view, rig_, topology_, plane_));
+      }
+    }
+    return least;
+  }
+
+  /// Searches the array's middle and places along its axis for a position inside.
+  template <class IsInside>
+  std::optional<Vector3d> find_centre(const IsInside& is_inside) const {
+    const double size = extent_of_array();
+    for (const double depth : {0.0, 0.02, -0.02, 0.1, -0.1, 0.3, -0.3, 1.0, -1.0}) {
+      const Vector3d position(0, 0, depth * size);
+      if (is_inside(position)) return position;
+    }
+    return std::nullopt;
+  }
+
+  double extent_of_array() const {
+    double extent = 0;
+    for (const rig::Rig::Camera& camera : rig_.cameras) {
+      extent = std::max(extent, (camera.pose.position - array_.position).norm());
+    }
+    return 2 * extent;
+  }
+
+  /// Returns how far from the array a view may be: where its outermost rays cross the array's ends.
+  double reach(const render::VirtualCamera& view) const {
+    const double half = view.width / 2.0 / view.intrinsics.fx;
+    return std::max(1e-3, extent_of_array() * (1 + 1 / (half * 0.75)));
+  }
+
+  const rig::Rig& rig_;
+  const CoverageOptions& options_;
+  std::optional<rig::WallEyedArray> ideal_;
+  rig::Topology topology_;
+  rig::Pose array_;
+  std::vector<Eigen::Matrix3d> rotations_;  // of the views, in the array's frame
+  Eigen::Vector4d plane_;
+};
+
+}  // namespace
+
+bool CoverageOptions::is_valid(std::string* reason) const {
+  const auto refuse = [&](const char* why) {
+    if (reason != nullptr) *reason = why;
+    return false;
+  };
+  for (const double fov : view_fov_deg) {
+    if (!(fov >= 0.01 && fov <= 179)) {
+      return refuse("a field of view must be 0.01 to 179 degrees");
+    }
+  }
+  for (const double share : shares) {
+    if (!(share > 0 && share <= 1)) return refuse("a share must be above 0 and at most 1");
+  }
+  if (view_fov_deg.empty() || shares.empty()) return refuse("give a field of view and a share");
+  if (!(aspect >= 0.01 && aspect <= 100)) return refuse("the aspect ratio must be 0.01 to 100");
+  for (const double angle : {yaw_deg - max_yaw_deg, yaw_deg + max_yaw_deg, pitch_deg}) {
+    if (!(std::abs(angle) < 90)) return refuse("the views must turn by less than 90 degrees");
+  }
+  if (!(max_yaw_deg >= 0)) return refuse("the range of the yaw must not be negative");
+  if (!(interaxial_m >= 0 && std::isfinite(interaxial_m))) {
+    return refuse("the distance of the eyes must be 0 or more");
+  }
+  if (!(focal_depth_m > 0)) return refuse("the focal plane must be in front of the array");
+  if (!(tolerance_m >= 1e-5)) return refuse("the tolerance must be at least 0.01 mm");
+  return true;
+}
+
+Vector3d CoverageVolume::extent() const {
+  if (surface.vertices.empty()) return Vector3d::Zero();
+  Eigen::AlignedBox3d box;
+  for (const Vector3d& vertex : surface.vertices) box.extend(vertex);
+  return box.diagonal();
+}
+
+CoveragePlan plan_coverage(const std::string& name, const rig::Rig& rig,
+                           const CoverageOptions& options, const std::stop_token& stop) {
+  std::string reason;
+  if (!options.is_valid(&reason)) throw Error::bad_input(reason, name, "Correct the views");
+  if (rig.cameras.empty()) {
+    throw Error::bad_input("the rig has no cameras", name, "Give a rig with cameras");
+  }
+  const CoveragePlanner planner(rig, options);
+  CoveragePlan plan;
+  plan.name = name;
+  plan.options = options;
+  plan.array = planner.array();
+  for (const rig::Rig::Camera& camera : rig.cameras) {
+    plan.cameras.push_back(plan.array.camera_from_world(camera.pose.position));
+  }
+  for (const double fov : options.view_fov_deg) {
+    for (const double share : options.shares) {
+      if (stop.stop_requested()) throw Error::failed("the computation was stopped", name, "");
+      plan.volumes.push_back(planner.volume(fov, share));
+    }
+  }
+  return plan;
+}
+
+}  // namespace raystage::planning

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <limits>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "planning/radial_surface.h"
+#include "rig/rig.h"
+
+namespace raystage::planning {
+
+/// The views whose range of motion is computed. Angles in degrees, distances in metres.
+struct CoverageOptions {
+  std::vector<double> view_fov_deg = {30, 45, 60};  ///< horizontal, of each family member
+  double aspect = 4.0 / 3;                          ///< width / height of the picture
+  double yaw_deg = 0, pitch_deg = 0;  ///< of the views against the array: to the left, upwards
+  double max_yaw_deg = 0;             ///< the views turn by up to that to both sides of their yaw
+  double interaxial_m = 0;            ///< between the eyes of a stereo camera; 0: one eye
+  /// Of the focal plane in front of the array; infinite: every ray as far as the horizon.
+  double focal_depth_m = std::numeric_limits<double>::infinity();
+  std::vector<double> shares = {1, 0.99, 0.9};  ///< of the rays that must have been recorded
+  double tolerance_m = 1e-3;                    ///< of volumes that are not exact
+
+  /// Returns whether the options are in range; otherwise `reason` says what is not.
+  bool is_valid(std::string* reason) const;
+};
+
+/// The positions from which a share of a view's rays was recorded, in the array's frame.
+struct CoverageVolume {
+  double view_fov_deg = 0;
+  double share = 1;
+  bool is_exact = false;      ///< a polyhedron in closed form (thesis 5.2)
+  double error_m = 0;         ///< of the surface, if it is not exact
+  ClosedSurface surface;      ///< empty: there is no position
+  std::string empty_because;  ///< why, for people
+
+  Eigen::Vector3d extent() const;  ///< of the bounding box, metres
+};
+
+/// The ranges of motion before an array (thesis 5.1, 5.2 and 7.2). In the array's frame its cameras
+/// look along -z.
+struct CoveragePlan {
+  std::string name;  ///< of the rig
+  CoverageOptions options;
+  rig::Pose array;                       ///< of its frame in the world
+  std::vector<Eigen::Vector3d> cameras;  ///< centres in the array's frame
+  std::vector<CoverageVolume> volumes;   ///< by field of view, then by share
+};
+
+/// Computes the ranges. Those of ideal arrays for all rays are exact; others are measured by the
+/// rays that the cameras' frusta contain, with lens distortion. Throws Error (bad input) for
+/// invalid options or a rig without cameras, and Error (failed) if stopped.
+CoveragePlan plan_coverage(const std::string& name, const rig::Rig& rig,
+                           const CoverageOptions& options, const std::stop_token& stop = {});
+
+}  // namespace raystage::planning

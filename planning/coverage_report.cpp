@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planning/coverage_report.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <string_view>
+#include <vector>
+
+#include "charts/html_page.h"
+#include "rig/planning/wall_eyed_array.h"
+
+namespace raystage::planning {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr double kMillimetres = 1000;
+
+ordered_json json_of(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+std::string views_text(const CoverageOptions& options) {
+  std::string text = fmt::format("Views of width / height {:.3g}", options.aspect);
+  if (options.yaw_deg != 0 || options.pitch_deg != 0) {
+    text += fmt::format(", turned by {:.4g} deg to the left and {:.4g} deg upwards",
+                        options.yaw_deg, options.pitch_deg);
+  }
+  if (options.max_yaw_deg > 0) {
+    text += fmt::format(", that turn by up to {:.4g} deg to both sides", options.max_yaw_deg);
+  }
+  if (options.interaxial_m > 0) {
+    text += fmt::format(", for two eyes {:.1f} mm apart", kMillimetres * options.interaxial_m);
+  }
+  return text + (std::isinf(options.focal_depth_m)
+                     ? std::string("; rays as far as the horizon.")
+                     : fmt::format("; rays to a focal plane {:.4g} m in front of the array.",
+                                   options.focal_depth_m));
+}
+
+std::string size_text(const CoverageVolume& volume) {
+  if (volume.surface.vertices.empty()) return volume.empty_because;
+  const Eigen::Vector3d extent = volume.extent();
+  return fmt::format("{:.3f} x {:.3f} x {:.3f} m, {:.5f} m3", extent.x(), extent.y(), extent.z(),
+                     volume.surface.volume());
+}
+
+std::string accuracy_text(const CoverageVolume& volume) {
+  if (volume.surface.vertices.empty()) return "";
+  return volume.is_exact ? "exact" : fmt::format("within {:.1f} mm", kMillimetres * volume.error_m);
+}
+
+/// A drawing in metres with equal scales.
+class Drawing {
+ public:
+  using Project = std::function<Eigen::Vector2d(const Eigen::Vector3d&)>;
+
+  Drawing(std::string_view title, Project project) : title_(title), project_(std::move(project)) {}
+
+  void add(const CoverageVolume& volume, std::size_t color) {
+    std::vector<Eigen::Vector2d> points;
+    for (const Eigen::Vector3d& vertex : volume.surface.vertices)
+      points.push_back(project_(vertex));
+    if (points.empty()) return;
+    for (const Eigen::Vector2d& point : points) box_.extend(point);
+    outlines_.push_back(
+        {rig::convex_hull(std::move(points), 0), color, volume.share == 1, name_of(volume)});
+  }
+  void add_camera(const Eigen::Vector3d& centre) {
+    cameras_.push_back(project_(centre));
+    box_.extend(cameras_.back());
+  }
+
+  std::string str() const {
+    if (box_.isEmpty()) return "";
+    constexpr double kWidth = 500, kHeight = 360, kMargin = 30;
+    const Eigen::Vector2d size = box_.diagonal().cwiseMax(1e-6);
+    const double scale =
+        std::min((kWidth - 2 * kMargin) / size.x(), (kHeight - 2 * kMargin) / size.y());
+    const Eigen::Vector2d middle = box_.center();
+    const auto at = [&](const Eigen::Vector2d& p) {
+      return fmt::format("{:.2f},{:.2f}", kWidth / 2 + scale * (p.x() - middle.x()),
+                         kHeight / 2 - scale * (p.y() - middle.y()));
+    };
+    std::string svg =
+        fmt::format("<figure><svg viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{}\">", kWidth,
+                    kHeight, title_);
+    for (const Outline& outline : outlines_) {
+      std::string points;
+      for (const Eigen::Vector2d& corner : outline.corners) points += at(corner) + " ";
+      svg += fmt::format(
+          "<polygon class=\"volume fov{} {}\" points=\"{}\"><title>{}</title>"
+          "</polygon>",
+          outline.color % 4, outline.is_whole ? "whole" : "part", points, outline.name);
+    }
+    for (const Eigen::Vector2d& camera : cameras_) {
+      const std::string place = at(camera);
+      const auto comma = place.find(',');
+      svg += fmt::format("<circle class=\"camera\" cx=\"{}\" cy=\"{}\" r=\"1.6\"/>",
+                         place.substr(0, comma), place.substr(comma + 1));
+    }
+    // A bar of one, two or five times a power of ten, about a quarter of the width.
+    const double wanted = kWidth / 4 / scale, power = std::pow(10, std::floor(std::log10(wanted)));
+    const double bar = wanted >= 5 * power ? 5 * power : wanted >= 2 * power ? 2 * power : power;
+    svg += fmt::format(
+        "<path class=\"scale\" d=\"M{} {} h{:.2f}\"/><text x=\"{}\" y=\"{}\">{:.3g} "
+        "m</text>",
+        kMargin, kHeight - 10, bar * scale, kMargin, kHeight - 15, bar);
+    return svg + fmt::format("</svg><figcaption>{}</figcaption></figure>\n", title_);
+  }
+
+ private:
+  struct Outline {
+    std::vector<Eigen::Vector2d> corners;
+    std::size_t color;
+    bool is_whole;
+    std::string name;
+  };
+  std::string title_;
+  Project project_;
+  Eigen::AlignedBox2d box_;
+  std::vector<Outline> outlines_;
+  std::vector<Eigen::Vector2d> cameras_;
+};
+
+std::string drawings_of(const CoveragePlan& plan) {
+  // Seen from the front, left and above.
+  const Eigen::Vector3d right = Eigen::Vector3d(0.8, 0, 0.6).normalized(),
+                        away = Eigen::Vector3d(-0.5, -0.35, 0.67).normalized(),
+                        up = away.cross(right).normalized() * -1;
+  std::vector<Drawing> drawings;
+  drawings.emplace_back("Plan: the array looks up",
+                        [](const Eigen::Vector3d& p) { return Eigen::Vector2d(p.x(), -p.z()); });
+  drawings.emplace_back("Elevation: the array looks to the left",
+                        [](const Eigen::Vector3d& p) { return Eigen::Vector2d(p.z(), p.y()); });
+  drawings.emplace_back("From the front",
+                        [](const Eigen::Vector3d& p) { return Eigen::Vector2d(p.x(), p.y()); });
+  drawings.emplace_back("Perspective", [right, up](const Eigen::Vector3d& p) {
+    return Eigen::Vector2d(p.dot(right), p.dot(up));
+  });
+  std::string html = "<div class=\"drawings\">\n";
+  for (Drawing& drawing : drawings) {
+    std::size_t color = 0;
+    double last_fov = plan.volumes.empty() ? 0 : plan.volumes.front().view_fov_deg;
+    for (const CoverageVolume& volume : plan.volumes) {
+      if (volume.view_fov_deg != last_fov) ++color;
+      last_fov = volume.view_fov_deg;
+      drawing.add(volume, color);
+    }
+    for (const Eigen::Vector3d& camera : plan.cameras) drawing.add_camera(camera);
+    html += drawing.str();
+  }
+  return html + "</div>\n";
+}
+
+std::string table_of(const CoveragePlan& plan) {
+  std::string table =
+      "<table><thead><tr><th>field of view, deg</th><th>rays recorded</th><th>width x height x "
+      "depth, volume</th><th>accuracy</th></tr></thead><tbody>\n";
+  for (const CoverageVolume& volume : plan.volumes) {
+    table += fmt::format("<tr><td>{:.4g}</td><td>{:.4g} %</td><td>{}</td><td>{}</td></tr>\n",
+                         volume.view_fov_deg, 100 * volume.share,
+                         charts::escape_html(size_text(volume)), accuracy_text(volume));
+  }
+  return table + "</tbody></table>\n";
+}
+
+constexpr std::string_view kCoveragePageStyle = R"(
+.drawings { display:grid; grid-template-columns:repeat(auto-fit, minmax(380px, 1fr)); gap:12px }
+.drawings figure { margin:0 }
+.volume { fill-opacity:.15; stroke-width:1.5 }
+.volume.part { fill-opacity:.05; stroke-dasharray:4 3 }
+.fov0 { fill:var(--teal); stroke:var(--teal) }
+.fov1 { fill:var(--amber); stroke:var(--amber) }
+.fov2 { fill:#7a5fd0; stroke:#7a5fd0 }
+.fov3 { fill:#c04060; stroke:#c04060 }
+.camera { fill:currentColor }
+.scale { stroke:currentColor; stroke-width:2; fill:none }
+)";
+
+}  // namespace
+
+std::string name_of(const CoverageVolume& volume) {
+  return fmt::format("{:.4g} deg, {:.4g} %", volume.view_fov_deg, 100 * volume.share);
+}
+
+std::string format_coverage_plan(const CoveragePlan& plan) {
+  std::string text = fmt::format("{}: {} cameras\n{}\n\n", plan.name, plan.cameras.size(),
+                                 views_text(plan.options));
+  text += "field of view    rays  range of motion: width x height x depth, volume\n";
+  for (const CoverageVolume& volume : plan.volumes) {
+    text += fmt::format("{:>9.4g} deg {:>6.4g} %  {}{}{}\n", volume.view_fov_deg,
+                        100 * volume.share, size_text(volume),
+                        volume.surface.vertices.empty() ? "" : ", ", accuracy_text(volume));
+  }
+  return text;
+}
+
+std::string coverage_plan_as_json(const CoveragePlan& plan) {
+  const CoverageOptions& options = plan.options;
+  ordered_json volumes = ordered_json::array();
+  for (const CoverageVolume& volume : plan.volumes) {
+    ordered_json vertices = ordered_json::array();
+    for (const Eigen::Vector3d& vertex : volume.surface.vertices) {
+      vertices.push_back(json_of(plan.array.world_from_camera(vertex)));
+    }
+    ordered_json json{
+        {"view_fov_deg", volume.view_fov_deg},  {"share", volume.share},
+        {"is_exact", volume.is_exact},          {"error_m", volume.error_m},
+        {"volume_m3", volume.surface.volume()}, {"extent_m", json_of(volume.extent())}};
+    if (!volume.empty_because.empty()) json["empty_because"] = volume.empty_because;
+    json["vertices_m"] = std::move(vertices);
+    json["triangles"] = volume.surface.triangles;
+    volumes.push_back(std::move(json));
+  }
+  const ordered_json json{
+      {"schema", "raystage/coverage_plan/1"},
+      {"rig", plan.name},
+      {"cameras", plan.cameras.size()},
+      {"aspect", options.aspect},
+      {"yaw_deg", options.yaw_deg},
+      {"pitch_deg", options.pitch_deg},
+      {"max_yaw_deg", options.max_yaw_deg},
+      {"interaxial_m", options.interaxial_m},
+      {"focal_depth_m", std::isfinite(options.focal_depth_m) ? ordered_json(options.focal_depth_m)
+                                                             : ordered_json(nullptr)},
+      {"volumes", volumes}};
+  return json.dump(1) + "\n";
+}
+
+std::string coverage_plan_as_page(const CoveragePlan& plan) {
+  return charts::html_page("Range of motion: " + plan.name,
+                           fmt::format("{} cameras", plan.cameras.size()),
+                           charts::html_section("Where the virtual camera may stand",
+                                                charts::escape_html(views_text(plan.options)),
+                                                drawings_of(plan) + table_of(plan)),
+                           kCoveragePageStyle);
+}
+
+}  // namespace raystage::planning

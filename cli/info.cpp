@@ -119,8 +119,7 @@ void print_archives(const store::TakeSummary& summary, const std::string& folder
             camera.recovered, camera.damaged_records);
     }
     if (camera.unverified > 0) {
-      print("  {:<10}{} frames are unverified: their records were lost\n", camera.id,
-            camera.unverified);
+      print("  {:<10}{}\n", camera.id, unverified_text(camera.unverified));
     }
   }
 }

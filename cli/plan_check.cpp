@@ -2,17 +2,17 @@
 // raystage plan check: states what the cameras recorded of the frames of a shot, before it is
 // rendered.
 #include <fmt/format.h>
-#include <tbb/task_arena.h>
 
 #include <filesystem>
 #include <memory>
 #include <optional>
-#include <span>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
 #include "base/atomic_file.h"
+#include "base/error.h"
 #include "cli/follow_links_option.h"
 #include "cli/plan.h"
 #include "cli/printing.h"
@@ -33,16 +33,16 @@ struct CheckCommand {
   std::filesystem::path shot, report, nearest_path, relative_to;
   std::string frames;
   compose::MissingFrames missing = compose::MissingFrames::kError;
-  double least_coverage = 0, least_resolution = 0;  ///< percent
+  double least_coverage = 0, least_resolution = 0;  ///< shares
   int threads = 0;
   bool json = false;
 };
 
 /// Returns whether the shot reaches what is asked for.
 bool is_enough(const planning::ShotCheck& check, const CheckCommand& command) {
-  const double coverage = kPercent * (1 - check.worst_unrecorded_share());
-  const double resolution = kPercent * check.worst_resolution().value_or(0);
-  return coverage >= command.least_coverage && resolution >= command.least_resolution;
+  if (command.least_coverage == 0 && command.least_resolution == 0) return true;
+  return check.has_frames() && 1 - check.worst_unrecorded_share() >= command.least_coverage &&
+         check.worst_resolution() >= command.least_resolution;
 }
 
 /// Returns the numbers of the layers with a take. Meshes and plates need not be read.
@@ -54,15 +54,29 @@ std::vector<std::string> light_field_layers(const schemas::ShotDocument& shot) {
   return layers;
 }
 
+/// Throws Error (bad input) if a file that is written is the shot.
+void check_target(const std::filesystem::path& target, const std::filesystem::path& shot) {
+  std::error_code none;
+  if (target.empty() || !std::filesystem::equivalent(target, shot, none)) return;
+  throw Error::bad_input("the result would replace the shot", target.string(), "Give another file");
+}
+
 /// Writes the given shot with the camera of the nearest path.
 void write_nearest_path(const CheckCommand& command, schemas::ShotDocument shot,
-                        const compose::ShotPlan& plan,
-                        std::span<const compose::PlannedFrame> frames) {
-  planning::NearestPath path = planning::find_nearest_path(plan, command.shot.string(), frames);
+                        const compose::ShotPlan& plan, const std::stop_token& stop) {
+  planning::NearestPath path = planning::find_nearest_path(plan, command.shot.string(), stop);
+  for (const std::string& ignored : path.ignored_takes) {
+    print_error("warning: the range of motion of a take is not known, {}\n", ignored);
+  }
   shot.camera = std::move(path.shot.camera);  // the plan hides layers without a take
   write_file_atomically(command.nearest_path, schemas::format_shot(shot));
-  print_error("{}: the camera is shifted by up to {:.3f} m, most at frame {}\n",
-              command.nearest_path.string(), path.largest_shift, path.largest_shift_frame);
+  const std::string file = command.nearest_path.string();
+  if (path.largest_shift == 0) {
+    print_error("{}: no shift of the camera is needed\n", file);
+  } else {
+    print_error("{}: the camera is shifted by up to {:.3f} m, most at frame {}\n", file,
+                path.largest_shift, path.largest_shift_frame);
+  }
 }
 
 ExitCode run_check(const CheckCommand& command, const std::stop_token& stop) {
@@ -71,6 +85,8 @@ ExitCode run_check(const CheckCommand& command, const std::stop_token& stop) {
   compose::ShotPlanOptions options;
   options.frames = requested;
   options.folder = command.relative_to;
+  check_target(command.report, command.shot);
+  check_target(command.nearest_path, command.shot);
   const schemas::ShotDocument shot = schemas::read_shot(command.shot);
   options.draft.layers = light_field_layers(shot);
   const compose::ShotPlan plan(shot, command.shot, options);
@@ -82,9 +98,9 @@ ExitCode run_check(const CheckCommand& command, const std::stop_token& stop) {
   if (!command.report.empty()) {
     write_file_atomically(command.report, planning::shot_check_as_page(check));
   }
-  if (!command.nearest_path.empty()) write_nearest_path(command, shot, plan, frames);
   print("{}",
         command.json ? planning::shot_check_as_json(check) : planning::format_shot_check(check));
+  if (!command.nearest_path.empty()) write_nearest_path(command, shot, plan, stop);
   return is_enough(check, command) ? ExitCode::kSuccess : ExitCode::kFellShort;
 }
 
@@ -100,28 +116,25 @@ Subcommand declare_plan_check(CommandLine& plan) {
   add_missing_option(command, options->missing);
   add_relative_to_option(command, options->relative_to);
   command
-      .option("--least-coverage PERCENT", options->least_coverage,
-              "exit with 4 if fewer of the rays of a frame were recorded, percent (default: 0)")
-      .limits(0.0, 100.0);
+      .option("--least-coverage SHARE", options->least_coverage,
+              "exit with 4 if fewer of the rays of a frame were recorded, 0 to 1 (default: 0)")
+      .limits(0.0, 1.0);
   command
-      .option("--least-resolution PERCENT", options->least_resolution,
-              "exit with 4 if the effective resolution of a frame is less, percent of the "
-              "shot's\n(default: 0)")
-      .limits(0.0, 100.0);
+      .option("--least-resolution SHARE", options->least_resolution,
+              "exit with 4 if the effective resolution of a frame is less than that share of the "
+              "shot's,\n0 to 1 (default: 0)")
+      .limits(0.0, 1.0);
+  command
+      .option("--nearest-path FILE.json", options->nearest_path,
+              "write the shot, all of its frames, with its camera moved into the range of motion; "
+              "paths stay\nrelative to the folder of SHOT")
+      .excludes("--frames");
   command.option("--report FILE.html", options->report, "write the result as a page with charts");
-  command.option(
-      "--nearest-path FILE.json", options->nearest_path,
-      "write the shot with its camera moved as little as needed for every ray to have "
-      "been recorded,\nfor arrays of parallel cameras in a plane; paths stay relative to "
-      "the folder of SHOT");
   command.flag("--json", options->json, "print the result as JSON");
   add_threads_option(command, options->threads);
   add_follow_links_option(command);
   return {command, [options](const std::stop_token& stop) {
-            const int threads = thread_count(options->threads);
-            const ThreadLimit limit(threads);
-            tbb::task_arena arena(threads);
-            return arena.execute([&] { return run_check(*options, stop); });
+            return run_with_threads(options->threads, [&] { return run_check(*options, stop); });
           }};
 }
 

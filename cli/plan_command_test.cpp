@@ -44,12 +44,12 @@ TEST_F(PlanCommand, CheckSaysWhatFallsShort) {
   EXPECT_EQ(all.exit_code, 0) << all.output;
   EXPECT_THAT(all.output, HasSubstr("No camera recorded up to"));
   EXPECT_THAT(all.output, HasSubstr("outside of its range of motion at frame 106"));
-  EXPECT_EQ(check("--least-coverage 99").exit_code, 4);
-  EXPECT_EQ(check("--frames 101 --least-coverage 100").exit_code, 0);
-  EXPECT_EQ(check("--frames 101 --least-resolution 99").exit_code, 0);
+  EXPECT_EQ(check("--least-coverage 0.99").exit_code, 4);
+  EXPECT_EQ(check("--frames 101 --least-coverage 1").exit_code, 0);
+  EXPECT_EQ(check("--frames 101 --least-resolution 0.99").exit_code, 0);
   shot_.width = 400;
   shot_.height = 300;
-  EXPECT_EQ(check("--frames 101 --least-resolution 99").exit_code, 4);
+  EXPECT_EQ(check("--frames 101 --least-resolution 0.99").exit_code, 4);
 }
 
 TEST_F(PlanCommand, CheckWritesReportAndNearestPath) {
@@ -62,7 +62,7 @@ TEST_F(PlanCommand, CheckWritesReportAndNearestPath) {
   EXPECT_THAT(read_file(folder_.path() / "r.html"), HasSubstr("Effective resolution"));
   // At the third instant a camera is absent.
   const testing::CommandResult near = testing::run_raystage(
-      "plan check " + path("near.json") + " --frames 101-102,104-106 --least-coverage 99.9999");
+      "plan check " + path("near.json") + " --frames 101-102,104-106 --least-coverage 0.999999");
   EXPECT_EQ(near.exit_code, 0) << near.output;
   EXPECT_EQ(schemas::read_shot(folder_.path() / "near.json").layers.size(), shot_.layers.size());
 }
@@ -80,9 +80,22 @@ TEST_F(PlanCommand, CheckReadsNoMeshes) {
   EXPECT_EQ(schemas::read_shot(folder_.path() / "near.json").layers.size(), 2U);
 }
 
+TEST_F(PlanCommand, ReplacesNeitherTheShotNorItsResult) {
+  const testing::CommandResult same = check("--nearest-path " + path("shot.json"));
+  EXPECT_EQ(same.exit_code, 2) << same.output;
+  EXPECT_THAT(same.output, HasSubstr("would replace the shot"));
+  EXPECT_EQ(schemas::read_shot(folder_.path() / "shot.json").camera.keys.size(), 2U);
+  EXPECT_EQ(check("--report " + path("shot.json")).exit_code, 2);
+  EXPECT_EQ(check("--frames 101 --nearest-path " + path("near.json")).exit_code, 2);
+  shot_.camera.keys = {testing::camera_key(101, {0.05, -0.05, 0}, 40)};
+  EXPECT_THAT(check("--nearest-path " + path("near.json")).output,
+              HasSubstr("no shift of the camera is needed"));
+  EXPECT_THAT(check("--frames 101").output, HasSubstr("1 frame (101)"));
+}
+
 TEST_F(PlanCommand, WhatIsWrongIsBadInput) {
   EXPECT_EQ(testing::run_raystage("plan check " + path("none.json")).exit_code, 2);
-  EXPECT_EQ(check("--least-coverage 101").exit_code, 2);
+  EXPECT_EQ(check("--least-coverage 1.1").exit_code, 2);
   EXPECT_EQ(check("--least-coverage nan").exit_code, 2);
   shot_.layers[0].take = "elsewhere";
   EXPECT_EQ(check().exit_code, 2);

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // raystage plan coverage: computes where a virtual camera may stand before an array.
 #include <fmt/format.h>
-#include <tbb/task_arena.h>
 
 #include <filesystem>
 #include <memory>
@@ -97,10 +96,7 @@ Subcommand declare_plan_coverage(CommandLine& plan) {
   add_threads_option(command, options->threads);
   add_follow_links_option(command);
   return {command, [options](const std::stop_token& stop) {
-            const int threads = thread_count(options->threads);
-            const ThreadLimit limit(threads);
-            tbb::task_arena arena(threads);
-            return arena.execute([&] { return run_coverage(*options, stop); });
+            return run_with_threads(options->threads, [&] { return run_coverage(*options, stop); });
           }};
 }
 

@@ -26,4 +26,10 @@ void print(std::FILE* to, std::string_view text) {
   std::fwrite(safe.data(), 1, safe.size(), to);
 }
 
+std::string unverified_text(std::int64_t frames) {
+  return fmt::format("{} unverified: {} lost, and nothing shows whether the bytes are as recorded",
+                     frames == 1 ? "1 frame is" : fmt::format("{} frames are", frames),
+                     frames == 1 ? "its record was" : "their records were");
+}
+
 }  // namespace raystage::cli

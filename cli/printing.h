@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <cstdint>
 #include <cstdio>
 #include <string>
 #include <string_view>
@@ -16,6 +17,9 @@ std::string printable(std::string_view text);
 
 /// Prints what printable() returns. run_command() reports write errors.
 void print(std::FILE* to, std::string_view text);
+
+/// Returns "3 frames are unverified: ...", for FrameRecord::is_unverified.
+std::string unverified_text(std::int64_t frames);
 
 /// Prints to standard output.
 inline void print(const std::string& text) { print(stdout, text); }

@@ -187,14 +187,16 @@ void declare_render_options(CommandLine& command, RenderOptions& options, char**
 
 namespace {
 
-/// States in one line what the cameras recorded of the frames, if a perspective camera looks at a
-/// light field.
-void say_verdict(const compose::ShotPlan& plan, std::span<const compose::PlannedFrame> frames,
-                 Progress& progress) {
+/// Reports in one line what the cameras recorded of the frames, if a perspective camera looks at a
+/// light field. What cannot be checked is an error of the frames, which report it.
+void report_verdict(const compose::ShotPlan& plan, std::span<const compose::PlannedFrame> frames,
+                    Progress& progress, const std::stop_token& stop) {
   if (plan.shot_camera().is_equirectangular() || plan.light_fields().empty()) return;
-  const planning::ShotCheck check =
-      planning::check_shot(plan, plan.shot().name, frames, {.finds_field_of_view = false});
-  if (!check.layers.empty()) progress.say(planning::shot_check_verdict(check));
+  try {
+    progress.say(planning::shot_check_verdict(planning::check_shot(
+        plan, plan.shot().name, frames, {.finds_field_of_view = false}, stop)));
+  } catch (const Error&) {
+  }
 }
 
 }  // namespace
@@ -240,7 +242,7 @@ ExitCode render(const RenderOptions& options, Progress& progress, render::Distri
 
   sequence.on_plan = [&](const compose::ShotPlan& plan,
                          std::span<const compose::PlannedFrame> frames) {
-    say_verdict(plan, frames, progress);
+    report_verdict(plan, frames, progress, stop);
   };
 
   const ThreadLimit limit(threads);

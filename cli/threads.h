@@ -2,9 +2,11 @@
 #pragma once
 
 #include <tbb/global_control.h>
+#include <tbb/task_arena.h>
 
 #include <cstddef>
 
+#include "base/error.h"
 #include "base/resources.h"
 #include "cli/command_line.h"
 
@@ -32,5 +34,13 @@ class ThreadLimit {
  private:
   tbb::global_control limit_;
 };
+
+/// Returns what `run()` returns, run with this number of threads.
+template <class Run>
+ExitCode run_with_threads(int threads_option, const Run& run) {
+  const ThreadLimit limit(threads_option);
+  tbb::task_arena arena(thread_count(threads_option));
+  return arena.execute(run);
+}
 
 }  // namespace raystage::cli

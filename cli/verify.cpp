@@ -94,10 +94,7 @@ void print_text(const Options& options, const store::TakeFixityReport& report) {
       print("  {}: {} more problems\n", camera.id, camera.report.omitted_problems);
     }
     if (camera.report.unverified_frames > 0) {
-      print(
-          "  {}: {} frames are unverified: their records were lost, and nothing shows whether they "
-          "are as recorded\n",
-          camera.id, camera.report.unverified_frames);
+      print("  {}: {}\n", camera.id, unverified_text(camera.report.unverified_frames));
     }
   }
   const double megabytes = static_cast<double>(report.bytes()) / kBytesPerMb;

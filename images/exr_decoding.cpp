@@ -18,6 +18,7 @@
 #include <new>
 
 #include "base/error.h"
+#include "images/exr_header_check.h"
 #include "images/exr_slice.h"
 
 namespace raystage::images {
@@ -212,6 +213,7 @@ auto read_file_with(const std::filesystem::path& file, const std::string& what_t
                     const Read& read) {
   constexpr int kNoThreads = 0;  // callers already run in parallel
   try {
+    require_plausible_exr_header(file);
     Imf::MultiPartInputFile input(file.c_str(), kNoThreads);
     return read(input);
   } catch (const Error&) {

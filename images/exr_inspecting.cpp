@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "images/exr_decoding.h"
+#include "images/exr_header_check.h"
 
 namespace raystage::images {
 namespace {
@@ -79,6 +80,7 @@ std::string fingerprint_of(const Imf::Header& header) {
 ExrInspection decode_exr_inspection(const std::filesystem::path& file) {
   constexpr int kNoThreads = 0;
   try {
+    require_plausible_exr_header(file);
     Imf::MultiPartInputFile input(file.c_str(), kNoThreads);
     const Imf::Header& header = input.header(0);
     ExrInspection result;

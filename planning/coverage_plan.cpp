@@ -12,10 +12,10 @@
 #include <cmath>
 #include <functional>
 #include <numbers>
-#include <numeric>
 #include <utility>
 
 #include "base/error.h"
+#include "planning/complete_topology.h"
 #include "planning/recorded_rays.h"
 #include "rig/planning/range_of_motion.h"
 #include "rig/planning/wall_eyed_array.h"
@@ -67,9 +67,7 @@ class CoveragePlanner {
  public:
   CoveragePlanner(const rig::Rig& rig, const CoverageOptions& options)
       : rig_(rig), options_(options), ideal_(rig::find_wall_eyed_array(rig)) {
-    std::vector<int> all(rig.cameras.size());
-    std::iota(all.begin(), all.end(), 0);
-    topology_ = rig::make_topology(rig, all);
+    topology_ = complete_topology(rig);
     array_ = frame_of(rig, topology_);
     rotations_ = rotations_of(options);
     const Vector3d ahead = -array_.world_from_camera_rotation.col(2);

@@ -15,6 +15,7 @@
 
 #include "base/error.h"
 #include "compose/camera/gltf_file.h"
+#include "planning/complete_topology.h"
 #include "planning/coverage_report.h"
 #include "planning/radial_surface.h"
 #include "planning/recorded_rays.h"
@@ -140,9 +141,7 @@ TEST(CoveragePlan, TheMeasuredSurfaceIsTheExactOne) {
   const rig::Rig rig = grid_rig(5, 5);
   const auto ideal = rig::find_wall_eyed_array(rig);
   ASSERT_TRUE(ideal);
-  std::vector<int> all(rig.cameras.size());
-  for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<int>(i);
-  const rig::Topology topology = rig::make_topology(rig, all);
+  const rig::Topology topology = complete_topology(rig);
   const render::VirtualCamera front = render::virtual_camera_with_fov(640, 480, 40 * kDegree, {});
   const rig::RangeOfMotion range = rig::range_of_motion(
       *ideal, {rig::camera_slopes(front.intrinsics, front.width, front.height)});
@@ -177,9 +176,7 @@ TEST(CoveragePlan, OfARealArrayIsWhereRaysEnd) {
   options.shares = {1, 0.95};
   options.tolerance_m = 2e-3;
   const CoveragePlan plan = plan_coverage("real", rig, options);
-  std::vector<int> all(rig.cameras.size());
-  for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<int>(i);
-  const rig::Topology topology = rig::make_topology(rig, all);
+  const rig::Topology topology = complete_topology(rig);
   const render::VirtualCamera front = render::virtual_camera_with_fov(1024, 768, 35 * kDegree, {});
   for (const CoverageVolume& volume : plan.volumes) {
     EXPECT_FALSE(volume.is_exact);

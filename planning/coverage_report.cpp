@@ -139,7 +139,7 @@ std::string drawings_of(const CoveragePlan& plan) {
                         [](const Eigen::Vector3d& p) { return Eigen::Vector2d(p.z(), p.y()); });
   drawings.emplace_back("From the front",
                         [](const Eigen::Vector3d& p) { return Eigen::Vector2d(p.x(), p.y()); });
-  drawings.emplace_back("Perspective", [right, up](const Eigen::Vector3d& p) {
+  drawings.emplace_back("Seen from the left and above", [right, up](const Eigen::Vector3d& p) {
     return Eigen::Vector2d(p.dot(right), p.dot(up));
   });
   std::string html = "<div class=\"drawings\">\n";
@@ -158,13 +158,20 @@ std::string drawings_of(const CoveragePlan& plan) {
 }
 
 std::string table_of(const CoveragePlan& plan) {
+  std::size_t color = 0;
+  double last_fov = plan.volumes.empty() ? 0 : plan.volumes.front().view_fov_deg;
   std::string table =
       "<table><thead><tr><th>field of view, deg</th><th>rays recorded</th><th>width x height x "
       "depth, volume</th><th>accuracy</th></tr></thead><tbody>\n";
   for (const CoverageVolume& volume : plan.volumes) {
-    table += fmt::format("<tr><td>{:.4g}</td><td>{:.4g} %</td><td>{}</td><td>{}</td></tr>\n",
-                         volume.view_fov_deg, 100 * volume.share,
-                         charts::escape_html(size_text(volume)), accuracy_text(volume));
+    if (volume.view_fov_deg != last_fov) ++color;
+    last_fov = volume.view_fov_deg;
+    table += fmt::format(
+        "<tr><td><svg class=\"key\" viewBox=\"0 0 24 12\"><rect class=\"volume fov{} {}\" x=\"1\" "
+        "y=\"1\" width=\"22\" height=\"10\"/></svg>{:.4g}</td><td>{:.4g} "
+        "%</td><td>{}</td><td>{}</td></tr>\n",
+        color % 4, volume.share == 1 ? "whole" : "part", volume.view_fov_deg, 100 * volume.share,
+        charts::escape_html(size_text(volume)), accuracy_text(volume));
   }
   return table + "</tbody></table>\n";
 }
@@ -178,6 +185,7 @@ constexpr std::string_view kCoveragePageStyle = R"(
 .fov1 { fill:var(--amber); stroke:var(--amber) }
 .fov2 { fill:#7a5fd0; stroke:#7a5fd0 }
 .fov3 { fill:#c04060; stroke:#c04060 }
+.key { width:24px; height:12px; margin-right:8px }
 .camera { fill:currentColor }
 .scale { stroke:currentColor; stroke-width:2; fill:none }
 )";

@@ -9,7 +9,7 @@
 namespace raystage::planning {
 
 /// Return the ranges of motion for people, as JSON (raystage/coverage_plan/1), and as one
-/// self-contained HTML page with plan, elevation and perspective.
+/// self-contained HTML page with plan, elevation, front and oblique view.
 std::string format_coverage_plan(const CoveragePlan& plan);
 std::string coverage_plan_as_json(const CoveragePlan& plan);
 std::string coverage_plan_as_page(const CoveragePlan& plan);

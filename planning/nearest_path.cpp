@@ -11,10 +11,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
+#include <limits>
+#include <map>
+#include <utility>
 #include <vector>
 
 #include "base/error.h"
+#include "planning/complete_topology.h"
 #include "rig/planning/range_of_motion.h"
 #include "rig/planning/wall_eyed_array.h"
 
@@ -29,60 +32,136 @@ struct EyeRange {
   const rig::WallEyedArray* array = nullptr;
   Vector3d eye_offset = Vector3d::Zero();  ///< from the centre, world
 
+  Vector3d in_array(const Vector3d& centre) const {
+    return array->pose.world_from_camera_rotation.transpose() *
+           (centre + eye_offset - array->pose.position);
+  }
   Vector3d projected(const Vector3d& centre) const {
-    const rig::Pose& pose = array->pose;
-    const Vector3d in_array =
-        pose.world_from_camera_rotation.transpose() * (centre + eye_offset - pose.position);
-    if (positions.signed_distance(in_array) >= 0) return centre;
-    return pose.world_from_camera_rotation * positions.nearest_point(in_array) + pose.position -
-           eye_offset;
+    const Vector3d point = in_array(centre);
+    if (positions.signed_distance(point) >= 0) return centre;
+    return array->pose.world_from_camera(positions.nearest_point(point)) - eye_offset;
   }
 };
+
+/// The ranges of the eyes before one take.
+using TakeRanges = std::vector<EyeRange>;
+
+/// Takes of which one must have recorded the view: those around a volume, or a single one.
+using Alternatives = std::vector<TakeRanges>;
 
 struct PathFrame {
   int frame = 0;
   Vector3d position = Vector3d::Zero();  ///< of the given path, world
-  std::vector<EyeRange> ranges;
+  std::vector<Alternatives> takes;
 
-  /// Returns the nearest position that is in all ranges.
+  /// Returns a position near to `centre` that is in the ranges of a take of each group.
   Vector3d projected(Vector3d centre) const {
     constexpr int kRounds = 40;  // of alternating projections; one range needs one
     for (int round = 0; round < kRounds; ++round) {
       const Vector3d before = centre;
-      for (const EyeRange& range : ranges) centre = range.projected(centre);
-      if ((centre - before).norm() < 1e-12 || ranges.size() == 1) break;
+      for (const Alternatives& group : takes) centre = projected(group, centre);
+      if ((centre - before).norm() < 1e-12) break;
     }
     return centre;
   }
+
+  /// Returns how far a position is outside of the ranges, metres; at most 0 inside.
+  double distance_outside(const Vector3d& centre) const {
+    double outside = -std::numeric_limits<double>::infinity();
+    for (const Alternatives& group : takes) {
+      double best = std::numeric_limits<double>::infinity();
+      for (const TakeRanges& eyes : group) {
+        double worst = -std::numeric_limits<double>::infinity();
+        for (const EyeRange& eye : eyes) {
+          worst = std::max(worst, -eye.positions.signed_distance(eye.in_array(centre)));
+        }
+        best = std::min(best, worst);
+      }
+      outside = std::max(outside, best);
+    }
+    return outside;
+  }
+
+ private:
+  static Vector3d projected(const Alternatives& group, const Vector3d& centre) {
+    Vector3d nearest = centre;
+    double least = std::numeric_limits<double>::infinity();
+    for (const TakeRanges& eyes : group) {
+      Vector3d found = centre;
+      for (const EyeRange& eye : eyes) found = eye.projected(found);
+      const double distance = (found - centre).norm();
+      if (distance >= least) continue;
+      least = distance;
+      nearest = found;
+    }
+    return nearest;
+  }
 };
 
-std::vector<PathFrame> frames_of(const compose::ShotPlan& plan, const std::string& name,
-                                 std::span<const compose::PlannedFrame> frames,
-                                 const std::vector<rig::WallEyedArray>& arrays) {
-  std::vector<PathFrame> path;
-  for (const compose::PlannedFrame& planned : frames) {
-    PathFrame frame;
-    frame.frame = planned.frame;
-    frame.position = plan.shot_camera().state(planned.frame).pose.position;
-    for (const compose::Eye eye : plan.eyes()) {
-      const render::VirtualCamera view = plan.camera(planned.frame, eye);
-      const rig::ViewFrustum frustum{rig::camera_slopes(view.intrinsics, view.width, view.height),
-                                     view.pose.world_from_camera_rotation};
-      for (const rig::WallEyedArray& array : arrays) {
-        rig::RangeOfMotion range = rig::range_of_motion(array, frustum);
-        if (range.positions.is_empty()) {
-          throw Error::bad_input(fmt::format("no position has the view of frame {}: {}",
-                                             planned.frame, range.empty_because),
-                                 name,
-                                 "Turn the camera towards the array, or narrow its field of view");
-        }
-        frame.ranges.push_back(
-            {std::move(range.positions), &array, view.pose.position - frame.position});
-      }
+/// The array of a take, by its layer; those whose range of motion is not known are left out.
+using Arrays = std::map<std::size_t, rig::WallEyedArray>;
+
+Arrays arrays_of(const compose::ShotPlan& plan, NearestPath& result) {
+  Arrays arrays;
+  for (const compose::LightFieldLayer* light_field : plan.light_fields()) {
+    if (plan.is_light(light_field->index())) continue;
+    const rig::Rig& rig = light_field->take().rig();
+    std::string reason;
+    auto array = rig::find_wall_eyed_array(rig);
+    if (!array) {
+      array = rig::inscribed_wall_eyed_array(rig, complete_topology(rig), &reason);
     }
-    path.push_back(std::move(frame));
+    if (array) {
+      arrays.emplace(light_field->index(), std::move(*array));
+    } else {
+      result.ignored_takes.push_back(fmt::format("layer {}: {}", light_field->index(), reason));
+    }
   }
-  return path;
+  return arrays;
+}
+
+/// Returns the ranges of all eyes before a take; empty where one has none, because of `reason`.
+TakeRanges ranges_before(const rig::WallEyedArray& array, const compose::ShotPlan& plan,
+                         const PathFrame& frame, std::string& reason) {
+  TakeRanges ranges;
+  for (const compose::Eye eye : plan.eyes()) {
+    const render::VirtualCamera view = plan.camera(frame.frame, eye);
+    const rig::ViewFrustum frustum{rig::camera_slopes(view.intrinsics, view.width, view.height),
+                                   view.pose.world_from_camera_rotation};
+    rig::RangeOfMotion range = rig::range_of_motion(array, frustum);
+    if (range.positions.is_empty()) {
+      reason = range.empty_because;
+      return {};
+    }
+    ranges.push_back({std::move(range.positions), &array, view.pose.position - frame.position});
+  }
+  return ranges;
+}
+
+PathFrame frame_of_path(const compose::ShotPlan& plan, const std::string& name, int number,
+                        const Arrays& arrays) {
+  PathFrame frame;
+  frame.frame = number;
+  frame.position = plan.shot_camera().state(number).pose.position;
+  std::map<std::string, Alternatives> groups;
+  std::map<std::string, std::string> reasons;
+  for (const auto& [layer, array] : arrays) {
+    if (!plan.is_visible(layer, number)) continue;
+    const std::string& volume = plan.shot().layers[layer].volume;
+    const std::string group = volume.empty() ? fmt::format("{}", layer) : "volume " + volume;
+    TakeRanges ranges = ranges_before(array, plan, frame, reasons[group]);
+    groups[group];
+    if (!ranges.empty()) groups[group].push_back(std::move(ranges));
+  }
+  for (auto& [group, alternatives] : groups) {
+    if (alternatives.empty()) {
+      throw Error::bad_input(
+          fmt::format("no position has the view of frame {}: {}", number, reasons[group]), name,
+          "Turn the camera towards the array, or make its field of view narrower");
+    }
+    frame.takes.push_back(std::move(alternatives));
+  }
+  return frame;
 }
 
 /// Replaces each shift by a weighted mean over its neighbours; the ends repeat.
@@ -123,33 +202,27 @@ schemas::ShotDocument::CameraKey key_at(const compose::ShotCamera& camera, int f
 }  // namespace
 
 NearestPath find_nearest_path(const compose::ShotPlan& plan, const std::string& name,
-                              std::span<const compose::PlannedFrame> frames) {
-  std::vector<rig::WallEyedArray> arrays;
-  std::string reason = "no light field is visible";
-  for (const compose::LightFieldLayer* light_field : plan.light_fields()) {
-    const rig::Rig& rig = light_field->take().rig();
-    auto array = rig::find_wall_eyed_array(rig);
-    if (!array) {
-      std::vector<int> all(rig.cameras.size());
-      std::iota(all.begin(), all.end(), 0);
-      array = rig::inscribed_wall_eyed_array(rig, rig::make_topology(rig, all), &reason);
-    }
-    if (array) arrays.push_back(std::move(*array));
-  }
+                              const std::stop_token& stop) {
+  NearestPath result;
+  const Arrays arrays = arrays_of(plan, result);
   if (arrays.empty()) {
-    throw Error::bad_input("no range of motion is known: " + reason, name,
+    throw Error::bad_input("no range of motion is known", name,
                            "Move the camera by hand, and check the shot again");
   }
-  const std::vector<PathFrame> path = frames_of(plan, name, frames, arrays);
+  std::vector<PathFrame> path;
+  for (int frame = plan.shot().first_frame; frame <= plan.shot().last_frame; ++frame) {
+    if (stop.stop_requested()) throw Error::failed("the search was stopped", name, "");
+    path.push_back(frame_of_path(plan, name, frame, arrays));
+  }
   std::vector<Vector3d> shifts(path.size(), Vector3d::Zero());
   constexpr int kRounds = 8;  // a shift extends over some eight frames before and after
   for (int round = 0; round < kRounds; ++round) {
     if (round > 0) shifts = smoothed(shifts);
     for (std::size_t i = 0; i < path.size(); ++i) {
+      if (stop.stop_requested()) throw Error::failed("the search was stopped", name, "");
       shifts[i] = path[i].projected(path[i].position + shifts[i]) - path[i].position;
     }
   }
-  NearestPath result;
   result.shot = plan.shot();
   schemas::ShotDocument::Camera& camera = result.shot.camera;
   camera.keys.clear();
@@ -157,7 +230,16 @@ NearestPath find_nearest_path(const compose::ShotPlan& plan, const std::string& 
   camera.orbit.reset();
   camera.dolly_zoom.reset();
   for (std::size_t i = 0; i < path.size(); ++i) {
-    camera.keys.push_back(key_at(plan.shot_camera(), path[i].frame, path[i].position + shifts[i]));
+    const Vector3d position = path[i].position + shifts[i];
+    constexpr double kInside = 1e-6;  // metres
+    if (path[i].distance_outside(position) > kInside) {
+      throw Error::bad_input(
+          fmt::format("no position was found that has the view of frame {} before all takes and "
+                      "for both eyes",
+                      path[i].frame),
+          name, "Make the field of view narrower, or the eyes closer");
+    }
+    camera.keys.push_back(key_at(plan.shot_camera(), path[i].frame, position));
     if (shifts[i].norm() > result.largest_shift) {
       result.largest_shift = shifts[i].norm();
       result.largest_shift_frame = path[i].frame;

@@ -2,7 +2,7 @@
 // Finds the border of a volume along directions from its centre: in steps, then by bisection. The
 // directions begin as an icosahedron. Where the border in the middle of a side is further from the
 // side than the tolerance, the side is divided; triangles with one, two or three divided sides
-// become two, three or four. Cost: some 30 tests for each vertex.
+// become two, three or four. Cost: some 40 tests for each vertex.
 #include "planning/radial_surface.h"
 
 #include <Eigen/Geometry>
@@ -63,7 +63,7 @@ class Search {
   RadialSurface run() {
     result_.surface = icosahedron();
     directions_ = result_.surface.vertices;
-    find_border(0);
+    find_border();
     // Coarse sides are divided before the border decides, so that a volume that is thin in some
     // directions is not missed.
     constexpr int kUnconditional = 3, kMaxRounds = 14;
@@ -74,30 +74,40 @@ class Search {
   }
 
  private:
-  double border(const Vector3d& direction) const {
-    constexpr int kSteps = 100;
-    const auto inside = [&](double distance) { return is_inside_(centre_ + distance * direction); };
-    const double step = options_.reach / kSteps;
-    double low = 0, high = options_.reach;
-    for (int i = 1; i <= kSteps; ++i) {
-      if (inside(i * step)) {
-        low = i * step;
-      } else {
-        high = i * step;
-        break;
-      }
-    }
-    if (low == options_.reach) return low;
+  bool is_inside_at(const Vector3d& direction, double distance) const {
+    return is_inside_(centre_ + distance * direction);
+  }
+
+  double bisect(const Vector3d& direction, double low, double high) const {
     while (high - low > options_.tolerance / 20) {
       const double middle = (low + high) / 2;
-      (inside(middle) ? low : high) = middle;
+      (is_inside_at(direction, middle) ? low : high) = middle;
     }
     return low;
   }
 
-  void find_border(std::size_t first) {
-    result_.surface.vertices.resize(directions_.size());
-    raystage::parallel_for(first, directions_.size(), [&](std::size_t i) {
+  /// Returns the distance of the border along a direction, searched for in steps from the centre.
+  double border(const Vector3d& direction) const {
+    constexpr int kSteps = 100;
+    const double step = options_.reach / kSteps;
+    for (int i = 1; i <= kSteps; ++i) {
+      if (!is_inside_at(direction, i * step)) return bisect(direction, (i - 1) * step, i * step);
+    }
+    return options_.reach;
+  }
+
+  /// Returns the same where the border is probably near to those of two neighbours.
+  double border_between(const Vector3d& direction, double a, double b) const {
+    constexpr double kMargin = 0.1;
+    const double low = (1 - kMargin) * std::min(a, b);
+    const double high = std::min(options_.reach, (1 + kMargin) * std::max(a, b));
+    const bool is_bracketed =
+        is_inside_at(direction, low) && (high >= options_.reach || !is_inside_at(direction, high));
+    return is_bracketed ? bisect(direction, low, high) : border(direction);
+  }
+
+  void find_border() {
+    raystage::parallel_for(std::size_t{0}, directions_.size(), [&](std::size_t i) {
       result_.surface.vertices[i] = centre_ + border(directions_[i]) * directions_[i];
     });
   }
@@ -112,50 +122,68 @@ class Search {
     return (point - from - share * along).norm();
   }
 
+  /// The border in the middle of a side.
+  struct Middle {
+    Vector3d direction, point;
+    double error = 0;  ///< from the side
+    int vertex = -1;   ///< of the surface, if the side is divided
+  };
+
+  Middle middle_of(const Side& side) const {
+    Middle middle;
+    middle.direction = (directions_[side.first] + directions_[side.second]).normalized();
+    const auto distance = [&](int vertex) {
+      return (result_.surface.vertices[vertex] - centre_).norm();
+    };
+    middle.point =
+        centre_ + border_between(middle.direction, distance(side.first), distance(side.second)) *
+                      middle.direction;
+    middle.error = distance_from_side(side, middle.point);
+    return middle;
+  }
+
   /// Divides all sides, or those that are too far from the border. Returns false if none was.
   bool divide(bool all) {
-    std::map<Side, int> middles;  // by side: index of the vertex in its middle
-    std::vector<Side> sides;
+    std::map<Side, Middle> middles;
+    std::vector<Side> unknown;
     for (const Triangle& triangle : result_.surface.triangles) {
       for (std::size_t i = 0; i < 3; ++i) {
         const Side side = side_of(triangle[i], triangle[(i + 1) % 3]);
-        if (middles.try_emplace(side, -1).second) sides.push_back(side);
+        const auto known = middles_.find(side);
+        const bool is_new =
+            middles.emplace(side, known == middles_.end() ? Middle{} : known->second).second;
+        if (is_new && known == middles_.end()) unknown.push_back(side);
       }
     }
-    std::vector<Vector3d> points(sides.size());
-    std::vector<double> errors(sides.size());
-    raystage::parallel_for(std::size_t{0}, sides.size(), [&](std::size_t i) {
-      const Vector3d direction =
-          (directions_[sides[i].first] + directions_[sides[i].second]).normalized();
-      points[i] = centre_ + border(direction) * direction;
-      errors[i] = distance_from_side(sides[i], points[i]);
-    });
+    std::vector<Middle> found(unknown.size());
+    raystage::parallel_for(std::size_t{0}, unknown.size(),
+                           [&](std::size_t i) { found[i] = middle_of(unknown[i]); });
+    for (std::size_t i = 0; i < unknown.size(); ++i) middles[unknown[i]] = found[i];
+    middles_ = std::move(middles);
     result_.error = 0;
     bool divided = false;
-    for (std::size_t i = 0; i < sides.size(); ++i) {
+    for (auto& [side, middle] : middles_) {
       const bool room = static_cast<int>(directions_.size()) < options_.max_vertices;
-      if ((!all && errors[i] <= options_.tolerance) || !room) {
-        result_.error = std::max(result_.error, errors[i]);
+      if ((!all && middle.error <= options_.tolerance) || !room) {
+        result_.error = std::max(result_.error, middle.error);
         continue;
       }
-      middles[sides[i]] = static_cast<int>(directions_.size());
-      directions_.push_back((points[i] - centre_).norm() > 0
-                                ? Vector3d((points[i] - centre_).normalized())
-                                : directions_[sides[i].first]);
-      result_.surface.vertices.push_back(points[i]);
+      middle.vertex = static_cast<int>(directions_.size());
+      directions_.push_back(middle.direction);
+      result_.surface.vertices.push_back(middle.point);
       divided = true;
     }
-    if (divided) split_triangles(middles);
+    if (divided) split_triangles();
     return divided;
   }
 
-  void split_triangles(const std::map<Side, int>& middles) {
+  void split_triangles() {
     std::vector<Triangle> triangles;
     for (const Triangle& t : result_.surface.triangles) {
       std::array<int, 3> middle{};
       int count = 0;
       for (std::size_t i = 0; i < 3; ++i) {
-        middle[i] = middles.at(side_of(t[i], t[(i + 1) % 3]));
+        middle[i] = middles_.at(side_of(t[i], t[(i + 1) % 3])).vertex;
         count += middle[i] >= 0 ? 1 : 0;
       }
       // Turned so that the first side is divided, and the last one is not if there is one.
@@ -181,7 +209,8 @@ class Search {
   const std::function<bool(const Vector3d&)>& is_inside_;
   Vector3d centre_;
   RadialSurfaceOptions options_;
-  std::vector<Vector3d> directions_;
+  std::vector<Vector3d> directions_;  // of the vertices
+  std::map<Side, Middle> middles_;
   RadialSurface result_;
 };
 

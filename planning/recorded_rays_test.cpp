@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "planning/complete_topology.h"
 #include "planning/view_sampling.h"
 #include "render/renderer.h"
 #include "rig/planning/range_of_motion.h"
@@ -34,19 +35,13 @@ struct Array {
   rig::Topology topology;
 };
 
-rig::Topology topology_of(const rig::Rig& rig) {
-  std::vector<int> all(rig.cameras.size());
-  for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<int>(i);
-  return rig::make_topology(rig, all);
-}
-
 Array grid(int rows, int columns, const schemas::Distortion& distortion = {}) {
   schemas::RigDocument document;
   for (const auto& camera : testing::camera_grid(rows, columns, 0.06, 320, 240, distortion)) {
     document.cameras.push_back({camera, {}});
   }
   Array array{rig::rig_from_document(document), {}};
-  array.topology = topology_of(array.rig);
+  array.topology = complete_topology(array.rig);
   return array;
 }
 
@@ -59,7 +54,7 @@ Array imperfect(std::mt19937& random, const schemas::Distortion& distortion) {
     camera.pose.world_from_camera_rotation =
         make_pose(Vector3d::Zero(), 12 * any(random), 8 * any(random)).world_from_camera_rotation;
   }
-  array.topology = topology_of(array.rig);
+  array.topology = complete_topology(array.rig);
   return array;
 }
 
@@ -188,7 +183,7 @@ TEST(UnrecordedShare, OfRowsSingleCamerasAndFoldedArrays) {
     const Eigen::Vector2d at = camera.pose.position.head<2>() - bowl.rig.centre().head<2>();
     camera.pose.position.z() = 8 * at.squaredNorm();
   }
-  bowl.topology = topology_of(bowl.rig);
+  bowl.topology = complete_topology(bowl.rig);
   const render::VirtualCamera beside =
       render::virtual_camera_with_fov(640, 480, 60 * kDegree, make_pose({-0.5, 0.1, 0.1}, -60));
   EXPECT_NEAR(unrecorded_share(beside, bowl.rig, bowl.topology, plane_at(3)),
@@ -216,7 +211,7 @@ TEST(UnrecordedShare, EqualsTheTransparentPixelsOfFocalPlane) {
   const store::Take take(folder.path() / "take");
   const store::FrameSelection frames = store::select_frames(take, 0, 30'000'000);
   const render::LightFieldRenderer renderer(take, {});
-  const rig::Topology topology = topology_of(take.rig());
+  const rig::Topology topology = complete_topology(take.rig());
   std::mt19937 random(5);
   for (int round = 0; round < 20; ++round) {
     const render::VirtualCamera view = random_view(random);

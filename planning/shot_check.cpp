@@ -16,6 +16,7 @@
 
 #include "base/error.h"
 #include "base/parallel.h"
+#include "planning/complete_topology.h"
 #include "planning/recorded_rays.h"
 #include "planning/view_sampling.h"
 #include "rig/planning/range_of_motion.h"
@@ -26,17 +27,17 @@
 namespace raystage::planning {
 namespace {
 
-/// What a take recorded at one frame, as one eye sees it.
+/// The view of one eye, and the focal plane of the take.
 struct EyeView {
   render::VirtualCamera view;
   Eigen::Vector4d plane;
 };
 
-/// A frame of a layer: the eyes that look at it, and the cameras that are there.
+/// A frame of a layer: the eyes that look at it, and the cameras that have a frame at its time.
 struct LayerFrame {
   int frame = 0;
   std::vector<EyeView> eyes;
-  const rig::Topology* topology = nullptr;
+  const rig::Topology* topology = nullptr;  ///< of these cameras; null: there are none
 };
 
 /// Returns the view with its field of view multiplied by `factor` (on the tangent).
@@ -58,12 +59,11 @@ class LayerChecker {
     check_.method = light_field.reconstruction().method;
     check_.cameras = static_cast<int>(rig_.cameras.size());
     check_.depth_range = light_field.depth_range();
-    check_.spacing = rig::max_neighbour_baseline(rig_, topology_of(all_cameras()));
+    const rig::Topology complete = complete_topology(rig_);
+    check_.spacing = rig::max_neighbour_baseline(rig_, complete);
     array_ = rig::find_wall_eyed_array(rig_);
     check_.is_range_exact = array_.has_value();
-    if (!array_)
-      array_ = rig::inscribed_wall_eyed_array(rig_, topology_of(all_cameras()),
-                                              &check_.no_range_because);
+    if (!array_) array_ = rig::inscribed_wall_eyed_array(rig_, complete, &check_.no_range_because);
     if (array_) check_.no_range_because.clear();
   }
 
@@ -77,16 +77,16 @@ class LayerChecker {
     raystage::parallel_for(std::size_t{0}, shown.size(), [&](std::size_t i) {
       if (!stop.stop_requested()) check_.frames[i] = check_frame(shown[i]);
     });
-    if (stop.stop_requested()) throw Error::failed("the check was stopped", check_.name, "");
-    if (options.finds_field_of_view) check_.field_of_view_factor = find_field_of_view(shown);
+    throw_if_stopped(stop);
+    if (options.finds_field_of_view) check_.field_of_view_factor = find_field_of_view(shown, stop);
     return std::move(check_);
   }
 
  private:
-  std::vector<int> all_cameras() const {
-    std::vector<int> cameras(rig_.cameras.size());
-    for (std::size_t i = 0; i < cameras.size(); ++i) cameras[i] = static_cast<int>(i);
-    return cameras;
+  void throw_if_stopped(const std::stop_token& stop) const {
+    if (stop.stop_requested()) {
+      throw Error::failed("the check was stopped", check_.name, "Start it again");
+    }
   }
 
   const rig::Topology& topology_of(const std::vector<int>& cameras) {
@@ -97,15 +97,16 @@ class LayerChecker {
 
   std::optional<LayerFrame> find_frame(const compose::PlannedFrame& planned) {
     const std::size_t index = light_field_.index();
-    if (!plan_.is_visible(index, planned.frame) || !planned.shown[index].tick) return std::nullopt;
+    if (!plan_.is_visible(index, planned.frame)) return std::nullopt;
+    LayerFrame frame;
+    frame.frame = planned.frame;
+    if (!planned.shown[index].tick) return frame;
     const store::FrameSelection& tick = light_field_.tick(planned.shown[index]);
     std::vector<int> present;
     for (std::size_t camera = 0; camera < tick.frame.size(); ++camera) {
       if (tick.frame[camera] >= 0) present.push_back(static_cast<int>(camera));
     }
-    if (present.empty()) return std::nullopt;
-    LayerFrame frame;
-    frame.frame = planned.frame;
+    if (present.empty()) return frame;
     frame.topology = &topology_of(present);
     for (const compose::Eye eye : plan_.eyes()) {
       const compose::ExrCamera camera = plan_.exr_camera(planned.frame, eye);
@@ -118,11 +119,17 @@ class LayerChecker {
   FrameCheck check_frame(const LayerFrame& frame) const {
     FrameCheck result;
     result.frame = frame.frame;
+    if (frame.topology == nullptr) {
+      result.unrecorded_share = 1;
+      return result;
+    }
+    result.resolution = 1;
     for (const EyeView& eye : frame.eyes) {
       const double missing = unrecorded_share(eye.view, rig_, *frame.topology, eye.plane);
       result.unrecorded_share = std::max(result.unrecorded_share, missing);
       take_less(result.boundary_distance, boundary_distance(eye.view));
-      take_less(result.resolution, resolution(eye, *frame.topology));
+      const auto ratio = least_source_pixels_per_pixel(eye.view, rig_, *frame.topology, eye.plane);
+      result.resolution = std::min(result.resolution, ratio.value_or(0));
       if (!check_.depth_range) continue;
       take_more(result.near_ghosting, ghosting(eye, check_.depth_range->near));
       take_more(result.far_ghosting, ghosting(eye, check_.depth_range->far));
@@ -148,17 +155,13 @@ class LayerChecker {
                                            (view.pose.position - pose.position));
   }
 
-  std::optional<double> resolution(const EyeView& eye, const rig::Topology& topology) const {
-    const auto ratio = least_source_pixels_per_pixel(eye.view, rig_, topology, eye.plane);
-    return ratio ? std::optional(std::min(1.0, *ratio)) : std::nullopt;
-  }
-
   std::optional<double> ghosting(const EyeView& eye, double depth) const {
     return ghosting_pixels(eye.view, rig_, eye.plane, depth, check_.spacing);
   }
 
   /// Returns the largest factor at which no frame lacks rays, to 0.1 %.
-  std::optional<double> find_field_of_view(const std::vector<LayerFrame>& frames) const {
+  std::optional<double> find_field_of_view(const std::vector<LayerFrame>& frames,
+                                           const std::stop_token& stop) const {
     constexpr double kNarrowest = 0.01, kStep = 1e-3;
     double factor = 1;
     const auto is_recorded = [&](const LayerFrame& frame, double narrower) {
@@ -168,6 +171,8 @@ class LayerChecker {
       });
     };
     for (std::size_t i = 0; i < frames.size(); ++i) {
+      throw_if_stopped(stop);
+      if (frames[i].topology == nullptr) return std::nullopt;
       if (check_.frames[i].unrecorded_share == 0 || is_recorded(frames[i], factor)) continue;
       if (!is_recorded(frames[i], kNarrowest)) return std::nullopt;
       double enough = kNarrowest;
@@ -206,37 +211,52 @@ double LayerCheck::worst_unrecorded_share() const {
   return worst;
 }
 
-std::optional<double> LayerCheck::worst_resolution() const {
-  std::optional<double> worst;
-  for (const FrameCheck& frame : frames) {
-    if (frame.resolution && *frame.resolution < worst.value_or(2)) worst = frame.resolution;
-  }
+double LayerCheck::worst_resolution() const {
+  double worst = 1;
+  for (const FrameCheck& frame : frames) worst = std::min(worst, frame.resolution);
   return worst;
 }
 
-double ShotCheck::worst_unrecorded_share() const {
-  // By frame and volume; a layer without a volume stands for itself.
-  std::map<std::pair<int, std::string>, double> shares;
+namespace {
+
+/// Combines a value of all layers: the better one in each frame of takes around a volume, and the
+/// worst one of all frames and volumes. `better`: of two values.
+template <class Value, class Better>
+double worst_of(const std::vector<LayerCheck>& layers, double none, const Value& value,
+                const Better& better) {
+  std::map<std::pair<int, std::string>, double> best;  // by frame and volume
   for (const LayerCheck& layer : layers) {
+    // A layer without a volume stands for itself.
     const std::string group =
         layer.volume.empty() ? fmt::format("{}", layer.layer) : "volume " + layer.volume;
     for (const FrameCheck& frame : layer.frames) {
-      const auto [known, is_new] = shares.try_emplace({frame.frame, group}, frame.unrecorded_share);
-      if (!is_new) known->second = std::min(known->second, frame.unrecorded_share);
+      const auto [known, is_new] = best.try_emplace({frame.frame, group}, value(frame));
+      if (!is_new) known->second = better(known->second, value(frame));
     }
   }
-  double worst = 0;
-  for (const auto& [key, share] : shares) worst = std::max(worst, share);
+  double worst = none;
+  for (const auto& [key, of_frame] : best) {
+    if (better(worst, of_frame) == worst) worst = of_frame;
+  }
   return worst;
 }
 
-std::optional<double> ShotCheck::worst_resolution() const {
-  std::optional<double> worst;
-  for (const LayerCheck& layer : layers) {
-    const auto of_layer = layer.worst_resolution();
-    if (of_layer && *of_layer < worst.value_or(2)) worst = of_layer;
-  }
-  return worst;
+}  // namespace
+
+double ShotCheck::worst_unrecorded_share() const {
+  return worst_of(
+      layers, 0, [](const FrameCheck& frame) { return frame.unrecorded_share; },
+      [](double a, double b) { return std::min(a, b); });
+}
+
+double ShotCheck::worst_resolution() const {
+  return worst_of(
+      layers, 1, [](const FrameCheck& frame) { return frame.resolution; },
+      [](double a, double b) { return std::max(a, b); });
+}
+
+bool ShotCheck::has_frames() const {
+  return std::ranges::any_of(layers, [](const LayerCheck& layer) { return !layer.frames.empty(); });
 }
 
 ShotCheck check_shot(const compose::ShotPlan& plan, const std::string& name,
@@ -248,7 +268,8 @@ ShotCheck check_shot(const compose::ShotPlan& plan, const std::string& name,
         "the shot's camera sees all directions, and no array records all of them", name,
         "Check a shot with a perspective camera");
   }
-  const auto light_fields = plan.light_fields();
+  std::vector<const compose::LightFieldLayer*> light_fields = plan.light_fields();
+  std::erase_if(light_fields, [&](const auto* layer) { return plan.is_light(layer->index()); });
   if (light_fields.empty()) {
     throw Error::bad_input("no light field is visible in the shot", name,
                            "Check a shot that has a layer with a take");
@@ -262,7 +283,6 @@ ShotCheck check_shot(const compose::ShotPlan& plan, const std::string& name,
     check.height = view.height;
   }
   for (const compose::LightFieldLayer* light_field : light_fields) {
-    if (plan.is_light(light_field->index())) continue;
     check.layers.push_back(LayerChecker(plan, *light_field).run(frames, options, stop));
   }
   check.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

@@ -15,13 +15,14 @@ namespace raystage::planning {
 /// What the cameras of a take recorded of one frame of a shot. With stereo, that of the worse eye.
 struct FrameCheck {
   int frame = 0;
-  double unrecorded_share = 0;  ///< of the rays, see unrecorded_share(); 0 to 1
+  /// Of the rays, see unrecorded_share(); 0 to 1. 1 where the take has no frame at that time.
+  double unrecorded_share = 0;
   /// Distance of the camera from the border of its range of motion, metres; negative outside.
   /// Nullopt where the range is empty or not known.
   std::optional<double> boundary_distance = {};
   /// Effective resolution relative to the shot's, along an axis: see
-  /// least_source_pixels_per_pixel(); at most 1. Nullopt where no camera sees the view.
-  std::optional<double> resolution = {};
+  /// least_source_pixels_per_pixel(); at most 1. 0 where no camera sees the view.
+  double resolution = 0;
   /// See ghosting_pixels(): at the nearest and the farthest depth of the scene.
   std::optional<double> near_ghosting = {}, far_ghosting = {};
 };
@@ -30,12 +31,13 @@ struct FrameCheck {
 struct LayerCheck {
   std::size_t layer = 0;
   std::string name;    ///< of the layer, or "layer N"
-  std::string volume;  ///< as in the shot: takes that complement each other
+  std::string volume;  ///< as in the shot: takes around one volume
   std::string method;
   int cameras = 0;
-  double spacing = 0;  ///< largest distance of neighbours, metres
+  double spacing = 0;  ///< largest distance of neighbours of the complete array, metres
   std::optional<schemas::DepthRange> depth_range;
-  std::string no_range_because;  ///< why no range of motion is known; empty if it is
+  /// Why no range of motion is known; empty if it is: that of the complete array.
+  std::string no_range_because;
   /// Whether the range of motion is exact; otherwise it is that of inscribed_wall_eyed_array(), and
   /// the camera may move further.
   bool is_range_exact = true;
@@ -47,7 +49,7 @@ struct LayerCheck {
   /// Returns the largest disparity error of the frames in pixels; nullopt without a depth range.
   std::optional<double> worst_ghosting() const;
   double worst_unrecorded_share() const;  ///< 0 without frames
-  std::optional<double> worst_resolution() const;
+  double worst_resolution() const;        ///< 1 without frames
 };
 
 /// What takes recorded of the frames of a shot (thesis 5).
@@ -61,7 +63,10 @@ struct ShotCheck {
   /// Returns the largest share of rays of a frame that no take recorded. Of takes around a volume
   /// the best one counts.
   double worst_unrecorded_share() const;
-  std::optional<double> worst_resolution() const;
+  /// Returns the lowest resolution of a frame; of takes around a volume the best one counts.
+  double worst_resolution() const;
+  /// Returns whether a take is visible in any of the frames.
+  bool has_frames() const;
 };
 
 /// How much of a shot is checked.
@@ -70,7 +75,8 @@ struct ShotCheckOptions {
 };
 
 /// Checks frames of a shot against the arrays that recorded its takes. Decodes no picture. Throws
-/// Error (bad input) for a shot without a take, or an equirectangular camera.
+/// Error (bad input) for a shot without a take, or an equirectangular camera, and Error (failed) if
+/// stopped.
 ShotCheck check_shot(const compose::ShotPlan& plan, const std::string& name,
                      std::span<const compose::PlannedFrame> frames,
                      const ShotCheckOptions& options = {}, const std::stop_token& stop = {});

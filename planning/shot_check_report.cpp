@@ -27,16 +27,20 @@ std::string percent(double share) {
   return share > 0 && share < 1e-4 ? "less than 0.01 %" : fmt::format("{:.2f} %", kPercent * share);
 }
 
+std::string frame_count(std::size_t count) {
+  return count == 1 ? "1 frame" : fmt::format("{} frames", count);
+}
+
 std::string depth_text(double metres) {
   return std::isinf(metres) ? "infinity" : fmt::format("{:.3g} m", metres);
 }
 
-/// The frames of a layer at which a value is the least or the largest.
+/// Returns the frame of a layer in which most rays are missing.
 const FrameCheck& worst_frame(const LayerCheck& layer) {
   return *std::ranges::max_element(layer.frames, {}, &FrameCheck::unrecorded_share);
 }
 
-std::vector<int> frames_that_lack_rays(const LayerCheck& layer) {
+std::vector<int> frames_with_missing_rays(const LayerCheck& layer) {
   std::vector<int> frames;
   for (const FrameCheck& frame : layer.frames) {
     if (frame.unrecorded_share > 0) frames.push_back(frame.frame);
@@ -45,20 +49,20 @@ std::vector<int> frames_that_lack_rays(const LayerCheck& layer) {
 }
 
 std::string coverage_text(const LayerCheck& layer) {
-  const std::vector<int> lacking = frames_that_lack_rays(layer);
+  const std::vector<int> lacking = frames_with_missing_rays(layer);
   if (lacking.empty()) return "Every ray was recorded.\n";
   const FrameCheck& worst = worst_frame(layer);
   std::string text = fmt::format(
-      "No camera recorded up to {} of the rays, most at frame {}; rays lack in {} of {} frames: "
+      "No camera recorded up to {} of the rays, most at frame {}; rays are missing in {} of {}: "
       "{}.\n",
-      percent(worst.unrecorded_share), worst.frame, lacking.size(), layer.frames.size(),
-      compose::format_frame_range(lacking));
+      percent(worst.unrecorded_share), worst.frame, lacking.size(),
+      frame_count(layer.frames.size()), compose::format_frame_range(lacking));
   text += layer.field_of_view_factor
               ? fmt::format("With {:.3f} times the field of view every ray was recorded.\n",
                             *layer.field_of_view_factor)
               : std::string(
-                    "No narrower field of view suffices: the camera stands or looks "
-                    "beside the array.\n");
+                    "No narrower field of view suffices: the middle of a view is outside "
+                    "the array.\n");
   return text;
 }
 
@@ -67,7 +71,7 @@ std::string range_text(const LayerCheck& layer) {
     return "The range of motion is not known: " + layer.no_range_because + ".\n";
   }
   const FrameCheck* nearest = nullptr;
-  int unknown = 0;
+  std::size_t unknown = 0;
   for (const FrameCheck& frame : layer.frames) {
     if (!frame.boundary_distance) {
       ++unknown;
@@ -81,17 +85,17 @@ std::string range_text(const LayerCheck& layer) {
   std::string text = fmt::format("The camera is {}{:.3f} m {} its range of motion at frame {}.\n",
                                  bound, std::abs(*nearest->boundary_distance),
                                  outside ? "outside of" : "within", nearest->frame);
-  if (unknown > 0) text += fmt::format("{} frames have views from no known position.\n", unknown);
+  if (unknown > 0)
+    text += fmt::format("In {} the view is from no known position.\n", frame_count(unknown));
   return text;
 }
 
 std::string resolution_text(const ShotCheck& check, const LayerCheck& layer) {
-  const auto worst = layer.worst_resolution();
-  if (!worst) return "The effective resolution is not known: no camera sees the views.\n";
+  const double worst = layer.worst_resolution();
   return fmt::format(
       "The effective resolution is {:.0f} % of the shot's at least, {:.0f} of {} "
       "pixels.\n",
-      kPercent * *worst, *worst * check.width, check.width);
+      kPercent * worst, worst * check.width, check.width);
 }
 
 std::string ghosting_text(const LayerCheck& layer) {
@@ -120,7 +124,7 @@ ordered_json json_of(const LayerCheck& layer) {
     frames.push_back({{"frame", frame.frame},
                       {"unrecorded_share", frame.unrecorded_share},
                       {"boundary_distance_m", json_of(frame.boundary_distance)},
-                      {"resolution", json_of(frame.resolution)},
+                      {"resolution", frame.resolution},
                       {"near_ghosting_px", json_of(frame.near_ghosting)},
                       {"far_ghosting_px", json_of(frame.far_ghosting)}});
   }
@@ -173,7 +177,7 @@ std::string charts_of(const LayerCheck& layer) {
     const double x = frame.frame;
     missing.points.push_back({x, kPercent * frame.unrecorded_share});
     if (frame.boundary_distance) distance.points.push_back({x, *frame.boundary_distance});
-    if (frame.resolution) resolution.points.push_back({x, kPercent * *frame.resolution});
+    resolution.points.push_back({x, kPercent * frame.resolution});
     if (frame.near_ghosting || frame.far_ghosting) {
       ghosting.points.push_back(
           {x, std::max(frame.near_ghosting.value_or(0), frame.far_ghosting.value_or(0))});
@@ -194,7 +198,7 @@ std::string lines_as_html(const std::string& text) {
 }
 
 std::string layer_text(const ShotCheck& check, const LayerCheck& layer) {
-  if (layer.frames.empty()) return "It shows nothing in these frames.\n";
+  if (layer.frames.empty()) return "It is not visible in these frames.\n";
   return coverage_text(layer) + range_text(layer) + resolution_text(check, layer) +
          ghosting_text(layer);
 }
@@ -207,21 +211,18 @@ polyline.distance, polyline.resolution, polyline.ghosting { stroke:var(--teal); 
 }  // namespace
 
 std::string shot_check_verdict(const ShotCheck& check) {
+  if (!check.has_frames()) return "no light field is visible in these frames";
   const double missing = check.worst_unrecorded_share();
-  const auto resolution = check.worst_resolution();
-  std::string text = missing > 0 ? fmt::format("no camera recorded up to {} of the rays of a frame",
+  return fmt::format("{}; effective resolution {:.0f} % of the shot's at least",
+                     missing > 0 ? fmt::format("no camera recorded up to {} of the rays of a frame",
                                                percent(missing))
-                                 : std::string("every ray was recorded");
-  if (resolution) {
-    text += fmt::format("; effective resolution {:.0f} % of the shot's at least",
-                        kPercent * *resolution);
-  }
-  return text;
+                                 : "every ray was recorded",
+                     kPercent * check.worst_resolution());
 }
 
 std::string format_shot_check(const ShotCheck& check) {
   std::string text =
-      fmt::format("{}: {} frames ({}), {}x{} pixels\n", check.shot, check.frames.size(),
+      fmt::format("{}: {} ({}), {}x{} pixels\n", check.shot, frame_count(check.frames.size()),
                   compose::format_frame_range(check.frames), check.width, check.height);
   for (const LayerCheck& layer : check.layers) {
     text += fmt::format("\n{}: method {}, {} cameras up to {:.1f} mm apart\n", layer.name,
@@ -240,7 +241,7 @@ std::string shot_check_as_json(const ShotCheck& check) {
                           {"height", check.height},
                           {"frames", check.frames.size()},
                           {"unrecorded_share", check.worst_unrecorded_share()},
-                          {"resolution", json_of(check.worst_resolution())},
+                          {"resolution", check.worst_resolution()},
                           {"seconds", check.seconds},
                           {"layers", layers}};
   return json.dump(2) + "\n";

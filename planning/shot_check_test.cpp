@@ -16,6 +16,7 @@
 #include "base/error.h"
 #include "planning/nearest_path.h"
 #include "planning/shot_check_report.h"
+#include "schemas/rig_document.h"
 #include "testing/compose/sequence_test_data.h"
 #include "testing/test_folder.h"
 
@@ -102,9 +103,7 @@ TEST_F(ShotCheckTest, TheNearestPathLacksNoRays) {
                        testing::camera_key(106, {0.15, -0.05, 0.02}, 40)};
   ASSERT_GT(check().worst_unrecorded_share(), 0.5);
   const compose::ShotPlan plan(shot_, folder_.path() / "shot.json", {});
-  std::vector<int> numbers{101, 102, 103, 104, 105, 106};
-  const auto frames = plan.plan(numbers, compose::MissingFrames::kHold);
-  const NearestPath path = find_nearest_path(plan, "shot.json", frames);
+  const NearestPath path = find_nearest_path(plan, "shot.json");
   EXPECT_GT(path.largest_shift, 0.05);
   EXPECT_LT(path.largest_shift, 0.08);
   EXPECT_EQ(path.largest_shift_frame, 106);
@@ -116,19 +115,67 @@ TEST_F(ShotCheckTest, TheNearestPathLacksNoRays) {
     before = key.position.value()[0];
   }
   shot_ = path.shot;
-  for (const FrameCheck& frame : check().layers[0].frames) {
+  const ShotCheck moved = check();
+  for (const FrameCheck& frame : moved.layers[0].frames) {
     if (frame.frame == 103) continue;  // a camera is absent
     EXPECT_LT(frame.unrecorded_share, 1e-6) << frame.frame;
     EXPECT_GT(frame.boundary_distance.value(), -1e-9) << frame.frame;
   }
 }
 
+// Takes that are hidden, and the far side of a volume, do not move the camera.
+TEST_F(ShotCheckTest, OnlyVisibleTakesLimitThePath) {
+  schemas::ShotDocument::Layer behind = shot_.layers[0];
+  shot_.camera.keys = {testing::camera_key(101, {0.05, -0.05, 0}, 40)};
+  shot_.layers[0].volume = behind.volume = "v";
+  testing::write_wall_take(folder_.path() / "behind");
+  auto rig = schemas::read_rig(folder_.path() / "behind" / "rig.json");
+  for (auto& camera : rig.cameras) camera.geometry.world_from_camera[3] += 5;
+  schemas::write_rig(rig, folder_.path() / "behind" / "rig.json");
+  behind.take = "behind";
+  shot_.layers.push_back(behind);
+  const auto shift = [&] {
+    const compose::ShotPlan plan(shot_, folder_.path() / "shot.json", {});
+    return find_nearest_path(plan, "shot.json").largest_shift;
+  };
+  EXPECT_EQ(shift(), 0);
+  shot_.last_frame = 102;
+  EXPECT_EQ(check().worst_unrecorded_share(), 0) << "the nearer take counts";
+  EXPECT_GT(check().worst_resolution(), 0.9);
+  shot_.layers[0].volume = shot_.layers[1].volume = "";
+  EXPECT_EQ(check().worst_unrecorded_share(), 1);
+  {
+    const compose::ShotPlan plan(shot_, folder_.path() / "shot.json", {});
+    EXPECT_THROW(find_nearest_path(plan, "shot.json"), Error) << "it cannot be before both";
+  }
+  shot_.layers[1].first_frame = 200;  // never visible
+  EXPECT_EQ(shift(), 0);
+}
+
+TEST_F(ShotCheckTest, TimesOutsideOfTheTakeHaveNoRays) {
+  shot_.camera.keys = {testing::camera_key(101, {0.03, -0.03, 0}, 40)};
+  shot_.last_frame = 200;
+  const compose::ShotPlan plan(shot_, folder_.path() / "shot.json", {});
+  const std::vector<int> numbers{101, 200};
+  const ShotCheck check =
+      check_shot(plan, "shot.json", plan.plan(numbers, compose::MissingFrames::kBlack));
+  ASSERT_EQ(check.layers[0].frames.size(), 2U);
+  EXPECT_EQ(check.layers[0].frames[0].unrecorded_share, 0);
+  EXPECT_EQ(check.layers[0].frames[1].unrecorded_share, 1);
+  EXPECT_EQ(check.layers[0].frames[1].resolution, 0);
+  EXPECT_FALSE(check.layers[0].field_of_view_factor);
+  shot_.layers[0].last_frame = 150;
+  const compose::ShotPlan hidden(shot_, folder_.path() / "shot.json", {});
+  const ShotCheck nothing = check_shot(
+      hidden, "shot.json", hidden.plan(std::vector{200}, compose::MissingFrames::kBlack));
+  EXPECT_FALSE(nothing.has_frames());
+  EXPECT_EQ(shot_check_verdict(nothing), "no light field is visible in these frames");
+}
+
 TEST_F(ShotCheckTest, NoPathHasAViewThatLooksAway) {
   shot_.camera.keys[0].orientation = std::array<double, 4>{0, 0, 1, 0};
   const compose::ShotPlan plan(shot_, folder_.path() / "shot.json", {});
-  const std::vector<int> numbers{101};
-  const auto frames = plan.plan(numbers, compose::MissingFrames::kHold);
-  EXPECT_THROW(find_nearest_path(plan, "shot.json", frames), Error);
+  EXPECT_THROW(find_nearest_path(plan, "shot.json"), Error);
 }
 
 TEST_F(ShotCheckTest, ReportsHoldTheSameNumbers) {

@@ -59,21 +59,25 @@ std::optional<double> least_source_pixels_per_pixel(const render::VirtualCamera&
   constexpr int kPlaces = 3;
   for (int row = 0; row < kPlaces; ++row) {
     for (int column = 0; column < kPlaces; ++column) {
-      // From 0.5 to the last pixel's centre, one pixel within the picture for the differences.
-      const Vector2d at(1 + (view.width - 2) * column / (kPlaces - 1.0),
-                        1 + (view.height - 2) * row / (kPlaces - 1.0));
+      // One pixel within the picture, where the differences are in it.
+      const Vector2d at(1 + std::max(0, view.width - 2) * column / (kPlaces - 1.0),
+                        1 + std::max(0, view.height - 2) * row / (kPlaces - 1.0));
       if (!(projection.depth(at.x(), at.y()) > 0)) continue;
       const auto crossing = cells.locate(at.x(), at.y());
       if (!crossing) continue;
       const render::RayCells::Cell& cell = cells.cells()[crossing->cell];
+      // The nearest camera, or where it does not see the point, the one with the largest weight.
+      auto weights = crossing->weight;
+      const auto first = cells.nearest(*crossing).weight;
+      weights[std::ranges::max_element(first) - first.begin()] = 2;
       double weight = 0;
       std::optional<double> nearest;
       for (int i = 0; i < cell.count; ++i) {
-        if (crossing->weight[i] < weight) continue;
+        if (weights[i] < weight) continue;
         const auto stretch = stretch_in(rig.cameras[cell.camera[i]], projection, at);
         if (!stretch) continue;
         nearest = stretch;
-        weight = crossing->weight[i];
+        weight = weights[i];
       }
       if (nearest) least = std::min(least.value_or(*nearest), *nearest);
     }

@@ -60,6 +60,10 @@ struct FrameRecord {
   bool operator==(const FrameRecord&) const = default;
 };
 
+/// Most frames of one append(): the frames are written before their records, so that a crash leaves
+/// at most so many whole frames at the end without a record.
+inline constexpr int kMaxBatchFrames = 16;
+
 /// One frame to append, or the record that it is missing.
 struct NewFrame {
   Nanoseconds time_ns = 0;          ///< since the take's epoch
@@ -108,8 +112,8 @@ class ArchiveWriter {
   /// Appends the record of another archive again, at its own time; `jpeg`: its frame if it is
   /// stored. Throws as the functions above do.
   void append_again(const FrameRecord& record, std::span<const std::byte> jpeg);
-  /// Appends several frames by the same rules, all or none, with one write to each file. Throws as
-  /// the functions above do.
+  /// Appends up to kMaxBatchFrames frames by the same rules, all or none, with one write to each
+  /// file. Throws as the functions above do.
   void append(std::span<const NewFrame> frames);
   /// Returns the time of the last record, stored or missing; -1 before the first.
   Nanoseconds last_time() const;

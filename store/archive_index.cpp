@@ -127,6 +127,22 @@ void drop_unwritten_tail(Bytes archive, ArchiveIndex& index) {
   }
 }
 
+/// Marks the frames without a record as unverified, unless they are what a crash leaves between
+/// frames and their records.
+void mark_unverified(const journal::Contents& contents, ArchiveIndex& index) {
+  const auto is_unlisted = [](const FrameRecord& record) {
+    return record.status == FrameStatus::kStored && record.xxh3 == 0;
+  };
+  const auto first = std::ranges::find_if(index.records, is_unlisted);
+  const bool is_at_end = std::all_of(first, index.records.end(), is_unlisted);
+  const bool by_a_crash = !index.closed && contents.header && is_at_end &&
+                          index.recovered <= kMaxBatchFrames &&
+                          index.damaged_records == (contents.has_torn_end ? 1 : 0);
+  if (by_a_crash) return;
+  for (FrameRecord& record : index.records)
+    if (is_unlisted(record)) record.is_unverified = true;
+}
+
 }  // namespace
 
 ArchiveIndex index_archive(Bytes archive, std::optional<Bytes> journal,
@@ -155,15 +171,12 @@ ArchiveIndex index_archive(Bytes archive, std::optional<Bytes> journal,
   for (const FrameRecord& record : contents.records) merger.add(record);
   merger.finish();
   if (!index.closed) drop_unwritten_tail(archive, index);
+  mark_unverified(contents, index);
 
   index.frames.reserve(index.records.size());
   for (const FrameRecord& record : index.records) {
     if (record.status == FrameStatus::kStored) index.frames.push_back(record);
   }
-  const bool is_last_unlisted = !index.frames.empty() && index.frames.back().xxh3 == 0;
-  index.ends_as_in_a_crash = !index.closed && contents.header && index.recovered == 1 &&
-                             is_last_unlisted &&
-                             index.damaged_records == (contents.has_torn_end ? 1 : 0);
   return index;
 }
 

@@ -15,14 +15,14 @@ namespace raystage::store {
 /// memory, so that fuzz tests can pass any bytes.
 struct ArchiveIndex {
   ArchiveWriter::Description description;
-  std::vector<FrameRecord> records;  ///< see ArchiveReader; the archive has all stored ones
-  std::vector<FrameRecord> frames;   ///< the stored ones
+  /// See ArchiveReader; the archive has all stored ones. Frames without a record have XXH3 0. They
+  /// are unverified unless a crash explains that: at most kMaxBatchFrames at the end of an archive
+  /// that was not closed, with nothing else missing from its journal.
+  std::vector<FrameRecord> records;
+  std::vector<FrameRecord> frames;  ///< the stored ones
   bool closed = false;
   int recovered = 0;        ///< frames found in the archive that the journal does not list
   int damaged_records = 0;  ///< of the journal: torn, corrupt, or contradicting the archive
-  /// What a crash between a frame and its record leaves: the last frame has no record, or a torn
-  /// one, and nothing else is missing.
-  bool ends_as_in_a_crash = false;
 };
 
 /// Returns the index of an archive. Uses the journal's records where they are consistent, and scans

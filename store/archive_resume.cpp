@@ -68,7 +68,6 @@ Found examine(Bytes archive, std::optional<Bytes> journal_bytes,
   for (FrameRecord& record : found.index.records) {
     if (record.status == FrameStatus::kStored && record.xxh3 == 0) {
       record.xxh3 = XXH3_64bits(archive.data() + record.offset, record.size);
-      record.is_unverified = !found.index.ends_as_in_a_crash;
     }
     add(journal::encode_record(record));
   }

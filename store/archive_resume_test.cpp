@@ -280,12 +280,13 @@ TEST_F(Resume, ATornTailIsCutAndUnlistedFramesAreListed) {
   }
 }
 
-// A crash leaves at most the last frame without a record. Others were listed once, and nothing
-// shows whether they are as recorded.
+// A crash leaves at most a batch of frames at the end without records. Others were listed once, and
+// nothing shows whether they are as recorded.
 TEST_F(Resume, FramesWhoseRecordsAreLostAreUnverified) {
-  constexpr std::size_t kFrames = 9;
-  constexpr std::size_t kListed[] = {kFrames, kFrames - 1, kFrames - 2, 0};
-  constexpr int kUnverified[] = {0, 0, 2, kFrames};
+  constexpr std::size_t kFrames = 30;
+  constexpr std::size_t kListed[] = {kFrames, kFrames - 1, kFrames - kMaxBatchFrames,
+                                     kFrames - kMaxBatchFrames - 1, 0};
+  constexpr int kUnverified[] = {0, 0, 0, kMaxBatchFrames + 1, kFrames};
   for (std::size_t i = 0; i < std::size(kListed); ++i) {
     for (const bool torn : {false, true}) {
       if (torn && kListed[i] == kFrames) continue;

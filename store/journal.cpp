@@ -86,13 +86,14 @@ std::optional<FrameRecord> decode_record(std::span<const std::byte> bytes, std::
   const auto field = load_little_endian<std::uint32_t>(bytes, kStatusAt);
   const std::uint32_t status = field & kStatusMask;
   if ((field & ~kStatusMask) != check_of(bytes)) return std::nullopt;
-  if (status > kLastStatus && status != kStoredUnverified) return std::nullopt;
+  const bool is_unverified = version >= 2 && status == kStoredUnverified;
+  if (status > kLastStatus && !is_unverified) return std::nullopt;
   FrameRecord record;
-  record.is_unverified = status == kStoredUnverified;
+  record.is_unverified = is_unverified;
   record.time_ns = load_little_endian<std::int64_t>(bytes, kTimeAt);
   record.offset = load_little_endian<std::uint64_t>(bytes, kOffsetAt);
   record.size = load_little_endian<std::uint32_t>(bytes, kSizeAt);
-  record.status = record.is_unverified ? FrameStatus::kStored : static_cast<FrameStatus>(status);
+  record.status = is_unverified ? FrameStatus::kStored : static_cast<FrameStatus>(status);
   record.xxh3 = load_little_endian<std::uint64_t>(bytes, kHashAt);
   if (version >= 2) {
     record.arrival_ns = load_little_endian<std::int64_t>(bytes, kArrivalAt);

@@ -84,6 +84,13 @@ TEST_F(Journal, KeepsThatAFrameIsUnverified) {
   EXPECT_FALSE(in.records()[2].is_unverified);
 }
 
+// Version 1 never had the mark, so that there it is damage.
+TEST_F(Journal, VersionOneHasNoUnverifiedFrames) {
+  const FrameRecord record{.time_ns = 5, .offset = 99, .size = 3, .xxh3 = 7, .is_unverified = true};
+  EXPECT_TRUE(journal::decode_record(journal::encode_record(record), 2));
+  EXPECT_FALSE(journal::decode_record(journal::encode_record_v1(record), 1));
+}
+
 TEST_F(Journal, MissingFramesMayShareATime) {
   {
     ArchiveWriter out = writer();

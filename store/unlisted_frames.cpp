@@ -84,12 +84,12 @@ std::optional<std::vector<FrameRecord>> complete_records(const CopyRecords& own,
       complete.push_back(known.front());
       known = known.subspan(1);
     }
-    // A crash between a frame and its record leaves one such frame.
-    frame.is_unverified = known.empty() && here.size() - own.listed > 1;
     if (!known.empty()) {
       if (!is_same_frame(frame, known.front())) return std::nullopt;
       frame.arrival_ns = known.front().arrival_ns;
       frame.sequence = known.front().sequence;
+      const bool is_listed = there.size() - known.size() < other.listed;
+      if (is_listed) frame.is_unverified = known.front().is_unverified;
       known = known.subspan(1);
     }
     complete.push_back(frame);

@@ -22,7 +22,8 @@ constexpr auto kDrainPollInterval = 5ms;
 // several frames of a camera in one batch cost little more than one.
 constexpr auto kPollInterval = 30ms;
 constexpr auto kPollIntervalUnderPressure = 5ms;
-constexpr std::size_t kBatchFrames = 16;  // frames of one camera before those of the next
+// Frames of one camera before those of the next.
+constexpr std::size_t kBatchFrames = store::kMaxBatchFrames;
 
 }  // namespace
 

@@ -137,6 +137,21 @@ TEST_F(Join, KeepsEveryRecordAtItsInstant) {
   EXPECT_EQ(schemas::read_recording(part("joined") / "recording" / "two.json").node, "two");
 }
 
+TEST_F(Join, FramesWhoseRecordsAreLostAreUnverified) {
+  write_part(part("a"), "left", 0, "one");
+  write_part(part("b"), "right", 0, "two");
+  std::filesystem::remove(part("a") / store::Take(part("a")).document().cameras[0].journal);
+  join({part("a"), part("b")});
+  const store::Take joined(part("joined"));
+  for (int camera = 0; camera < 2; ++camera) {
+    ASSERT_EQ(joined.archive(camera).frames().size(), 2U);
+    for (const store::FrameRecord& frame : joined.archive(camera).frames()) {
+      EXPECT_EQ(frame.is_unverified, camera == 0);
+      EXPECT_NE(frame.xxh3, 0U);
+    }
+  }
+}
+
 TEST_F(Join, SaysThatPartsDoNotOverlap) {
   write_part(part("a"), "left", 10 * kNanosecondsPerSecond, "one");
   write_part(part("b"), "right", 0, "two");

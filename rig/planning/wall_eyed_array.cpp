@@ -316,11 +316,18 @@ std::optional<WallEyedArray> inscribed_wall_eyed_array(const Rig& rig, const Top
     if (plane.dimension == 0) points.assign(1, Eigen::Vector2d::Zero());
   }
   array.hull = convex_hull(points, 1e-9 * plane_extent(centres));
-  if (array.hull.size() < 3) return array;
+  if (array.hull.size() == 1) return array;
   // Between the plane and a centre in front of or behind it a ray moves by at most that much.
   const double steepest =
       std::hypot(std::max(std::abs(array.slopes.least.x()), std::abs(array.slopes.largest.x())),
                  std::max(std::abs(array.slopes.least.y()), std::abs(array.slopes.largest.y())));
+  if (array.hull.size() == 2) {
+    const Eigen::Vector2d along = array.hull[1] - array.hull[0];
+    const double shorter = off_plane * steepest / along.norm();
+    if (!(shorter < 0.5)) return refuse("the cameras are too far in front of each other");
+    array.hull = {array.hull[0] + shorter * along, array.hull[1] - shorter * along};
+    return array;
+  }
   std::vector<Eigen::Vector2d> border;
   for (const int camera : border_cameras(topology)) border.push_back(points[camera]);
   std::vector<double> distances = border_depths(array.hull, border);

@@ -74,7 +74,7 @@ class Merger {
     insert_added();
     leave_out_unverified();
     for (Entry& entry : result_.entries) {
-      entry.record.is_unverified = is_stored(entry.record) && !entry.is_verified;
+      entry.record.is_unverified = is_stored(entry.record) && entry.trust != FrameTrust::kRecorded;
     }
     count();
     return std::move(result_);
@@ -82,11 +82,12 @@ class Merger {
 
  private:
   Entry entry_of(const ExaminedPair& side, const FrameRecord& record) const {
-    Entry entry{record, {}, true, &side == &copy_};
-    if (is_stored(record)) {
-      entry.jpeg = side.pair.archive.subspan(static_cast<std::size_t>(record.offset), record.size);
-      entry.is_verified = !side.saved.unverified_times.contains(record.time_ns);
-    }
+    Entry entry{record, {}, FrameTrust::kRecorded, &side == &copy_};
+    if (!is_stored(record)) return entry;
+    entry.jpeg = side.pair.archive.subspan(static_cast<std::size_t>(record.offset), record.size);
+    entry.trust = side.saved.unverified_times.contains(record.time_ns) ? FrameTrust::kNone
+                  : record.is_unverified                               ? FrameTrust::kRepaired
+                                                                       : FrameTrust::kRecorded;
     return entry;
   }
 
@@ -104,39 +105,51 @@ class Merger {
     if (is_stored(entry.record) && is_stored(record)) {
       combine_frames(entry, second);
     } else if (is_stored(record)) {
-      const auto expected = lost_hash(base_.saved, entry.record);
-      second.is_verified =
-          second.is_verified || (expected == record.xxh3 && was_verified(base_, entry.record));
-      if (second.from_copy && !second.is_verified) return;
+      if (const auto expected = lost_hash(base_.saved, entry.record)) {
+        const FrameTrust lost = trust_of_lost(base_, entry.record);
+        if (*expected == record.xxh3) {
+          second.trust = std::max(second.trust, lost);
+        } else if (lost > second.trust) {
+          return;  // other bytes than the recorded ones
+        }
+      }
+      if (second.from_copy && second.trust == FrameTrust::kNone) return;
       take_origin(second.record, entry.record);
       entry = second;
     } else if (const auto expected = lost_hash(other_.saved, record)) {
-      entry.is_verified =
-          entry.is_verified || (*expected == entry.record.xxh3 && was_verified(other_, record));
+      if (*expected == entry.record.xxh3) {
+        entry.trust = std::max(entry.trust, trust_of_lost(other_, record));
+      }
       take_origin(entry.record, record);
     }
   }
 
-  /// Returns whether the XXH3 that a side has of a lost frame is that of the recorded bytes.
-  static bool was_verified(const ExaminedPair& side, const FrameRecord& record) {
-    return !side.saved.unverified_times.contains(record.time_ns);
+  /// Returns what the XXH3 that a side has of a lost frame shows.
+  static FrameTrust trust_of_lost(const ExaminedPair& side, const FrameRecord& record) {
+    return side.saved.lost_unverified_times.contains(record.time_ns) ? FrameTrust::kRepaired
+                                                                     : FrameTrust::kRecorded;
   }
 
   void combine_frames(Entry& entry, Entry second) const {
     const bool same =
         entry.record.size == second.record.size && entry.record.xxh3 == second.record.xxh3;
     if (same) {
-      entry.is_verified = entry.is_verified || second.is_verified;
+      entry.trust = std::max(entry.trust, second.trust);
       take_origin(entry.record, second.record);
+      if (entry.from_copy) {  // own bytes, which are the same
+        entry.jpeg = second.jpeg;
+        entry.from_copy = second.from_copy;
+      }
       return;
     }
-    if (entry.is_verified && second.is_verified) {
+    if (entry.trust == FrameTrust::kRecorded && second.trust == FrameTrust::kRecorded) {
       throw Error::bad_input("the copy has another frame at " +
                                  std::to_string(entry.record.time_ns) +
                                  " ns, and both have their XXH3: it is the copy of another take",
                              copy_.pair.archive_name, "Use a copy of this take");
     }
-    const bool take_second = second.is_verified || (!entry.is_verified && entry.from_copy);
+    const bool take_second =
+        second.trust > entry.trust || (second.trust == entry.trust && entry.from_copy);
     if (!take_second) return;
     take_origin(second.record, entry.record);
     entry = second;
@@ -162,10 +175,10 @@ class Merger {
     result_.entries = std::move(all);
   }
 
-  /// A frame of the copy whose XXH3 nothing confirms is not taken.
+  /// A frame of the copy of which no journal has the XXH3 is not taken.
   void leave_out_unverified() {
     std::erase_if(result_.entries, [&](const Entry& entry) {
-      const bool leave_out = entry.from_copy && !entry.is_verified;
+      const bool leave_out = entry.from_copy && entry.trust == FrameTrust::kNone;
       if (leave_out) {
         result_.losses.push_back({entry.record.time_ns,
                                   "a frame of the copy has no record, so that it cannot be "
@@ -194,7 +207,7 @@ class Merger {
       like_copy = like_copy && is_like(copy[i]);
       if (!is_stored(entry.record)) continue;
       ++result_.frames;
-      stored.emplace(entry.record.time_ns, entry.is_verified);
+      stored.emplace(entry.record.time_ns, entry.trust == FrameTrust::kRecorded);
     }
     result_.equals_own = like_own;
     result_.equals_copy = like_copy;

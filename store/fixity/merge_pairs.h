@@ -18,12 +18,19 @@ struct ExaminedPair {
   SalvageResult saved;
 };
 
+/// What shows that the bytes of a frame are the recorded ones; each is better than those before it.
+enum class FrameTrust {
+  kNone,      ///< nothing: no journal has a record
+  kRepaired,  ///< a record made after the first was lost: they have not changed since then
+  kRecorded   ///< the record of the recording
+};
+
 /// A camera's records from two copies of its archive.
 struct MergedPair {
   struct Entry {
     FrameRecord record;
     std::span<const std::byte> jpeg;  ///< of a stored frame, in the archive that has it
-    bool is_verified = true;          ///< its bytes have an XXH3 that a journal recorded
+    FrameTrust trust = FrameTrust::kRecorded;
     bool from_copy = false;
   };
   std::vector<Entry> entries;  ///< in order
@@ -38,9 +45,9 @@ struct MergedPair {
 };
 
 /// Merges two copies of a camera's archive, of which each may be damaged or end early. A frame is
-/// taken from the copy only if its bytes have the XXH3 that either journal recorded. Nothing that
-/// `own` has is dropped, except unverified frames of which the copy has verified ones. Throws Error
-/// (bad input) if both have a verified frame of one time, and the two differ: these are two takes.
+/// taken from the copy only if its bytes have the XXH3 that either journal states. Nothing that
+/// `own` has is dropped, except frames of which the copy has more trusted ones. Throws Error (bad
+/// input) if both have a frame of one time as recorded, and the two differ: these are two takes.
 MergedPair merge_pairs(const ExaminedPair& own, const ExaminedPair& copy);
 
 /// Writes the result as a new pair of closed files; that of the copy byte for byte if it equals the

@@ -3,6 +3,8 @@
 // documents are taken from the copy if they cannot be read here and can be read there.
 #include "store/fixity/repair_from_copy.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cstddef>
@@ -184,6 +186,12 @@ void merge(const PairInFolder& own, const PairInFolder& copy, bool dry_run,
     copy.check_read();
   };
   check_files();
+  if (merged.frames < own_pair.saved.frames) {
+    throw Error::failed(fmt::format("the result would have {} frames instead of the {} that are "
+                                    "here; nothing was changed",
+                                    merged.frames, own_pair.saved.frames),
+                        own.files.archive.string(), "Report this with both files");
+  }
   if (merged.equals_own) {
     result.was_intact = true;
     return;

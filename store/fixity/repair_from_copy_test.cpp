@@ -259,6 +259,50 @@ TEST_F(RepairFromCopy, UnverifiedFramesAreVerifiedOrReplaced) {
   EXPECT_EQ(testing::bytes_of(journal), whole.at("archive/c1.journal"));
 }
 
+// Both copies lost their first journals. What one of them has is still better than nothing.
+TEST_F(RepairFromCopy, UnverifiedFramesOfTheCopyAreTakenButStayUnverified) {
+  const fs::path archive = take / "archive" / "c1.mkv", journal = take / "archive" / "c1.journal";
+  fs::remove(journal);
+  repair_take(take, {});
+  const Bytes repaired = testing::bytes_of(archive), records = testing::bytes_of(journal);
+  make_copy();
+  EXPECT_EQ(repair().cameras[1].was_intact, true);
+  EXPECT_EQ(testing::bytes_of(archive), repaired);
+
+  const auto rotten = static_cast<std::size_t>(Take(take).archive(1).frames()[4].offset) + 3;
+  for (const int fault : {0, 1, 2, 3}) {
+    Bytes bytes = repaired;
+    bytes[rotten] ^= std::byte{1};
+    write_bytes_to(archive, bytes);  // since the repair, so that its hash shows it
+    if (fault == 1) fs::remove(archive);
+    if (fault == 2) fs::remove(journal);
+    if (fault == 3) fs::remove_all(take / "archive");
+    const RepairReport report = repair();
+    EXPECT_FALSE(report.failed()) << fault;
+    EXPECT_EQ(testing::bytes_of(archive), repaired) << fault;
+    EXPECT_EQ(testing::bytes_of(journal), records) << fault;
+    EXPECT_TRUE(verify_take(take, {}).is_intact());
+  }
+}
+
+// The record of the recording shows that the copy's frame, which has a later one, is another.
+TEST_F(RepairFromCopy, AnUnverifiedFrameThatIsNotTheRecordedOneIsNotTaken) {
+  const auto offset = static_cast<std::size_t>(Take(take).archive(1).frames()[4].offset) + 3;
+  Bytes bytes = testing::bytes_of(copy / "archive" / "c1.mkv");
+  bytes[offset] ^= std::byte{1};
+  write_bytes_to(copy / "archive" / "c1.mkv", bytes);
+  fs::remove(copy / "archive" / "c1.journal");
+  repair_take(copy, {});
+  bytes = testing::bytes_of(take / "archive" / "c1.mkv");
+  bytes[offset + 1] ^= std::byte{1};
+  write_bytes_to(take / "archive" / "c1.mkv", bytes);
+  const RepairReport report = repair();
+  EXPECT_TRUE(report.has_losses());
+  const Take repaired(take);
+  EXPECT_EQ(repaired.archive(1).frames().size(), kCopiedFrames - 1U);
+  EXPECT_EQ(std::ranges::count_if(repaired.archive(1).frames(), &FrameRecord::is_unverified), 0);
+}
+
 // As a mirror that stopped: every file is valid, but frames are missing at the end.
 TEST_F(RepairFromCopy, AnIntactCopyThatEndsEarlyIsCompleted) {
   {

@@ -249,6 +249,46 @@ TEST(SalvageResult, UnverifiedFramesStayUnverified) {
   EXPECT_EQ(unverified_in(pair), kFrames - 1);
 }
 
+TEST(SalvageResult, ADamagedRecordOfAnUnverifiedFrameProvesNothing) {
+  PairBytes pair = make_pair(kFrames, true);
+  pair.has_journal = false;
+  pair = repaired(pair, salvage_archive(pair.pair()));
+  // Two flipped bits in the time of a record: the hash is still readable.
+  const std::size_t at = 8 * (journal::kHeaderBytes + 5 * journal::kRecordBytes);
+  testing::flip(pair.journal, at + 3);
+  testing::flip(pair.journal, at + 9);
+  const SalvageResult saved = salvage_archive(pair.pair());
+  EXPECT_EQ(saved.reindexed_frames, 1);
+  pair = repaired(pair, saved);
+  EXPECT_EQ(unverified_in(pair), kFrames);
+}
+
+// A recorder writes several frames, then their records.
+TEST(SalvageResult, ACrashLeavesAtMostABatchWithoutRecords) {
+  const testing::TestFolder folder;
+  const auto archive = folder.path() / "a.mkv", file = folder.path() / "a.journal";
+  for (const int lacking : {1, kMaxBatchFrames, kMaxBatchFrames + 1}) {
+    std::filesystem::remove(archive);
+    std::filesystem::remove(file);
+    ArchiveWriter out(archive, file, testing::description());
+    std::vector<std::vector<std::byte>> jpegs;
+    std::vector<NewFrame> frames;
+    for (unsigned i = 0; i < 40; ++i) jpegs.push_back(testing::frame_bytes(i));
+    for (unsigned i = 0; i < 40; ++i)
+      frames.push_back({testing::frame_time(i), jpegs[i], FrameStatus::kStored, {}, false});
+    for (const auto& frame : frames) out.append(std::span(&frame, 1));
+    PairBytes pair{testing::bytes_of(archive), testing::bytes_of(file), true};
+    pair.journal.resize(journal::kHeaderBytes +
+                        static_cast<std::size_t>(40 - lacking) * journal::kRecordBytes);
+    const bool by_a_crash = lacking <= kMaxBatchFrames;
+    const SalvageResult saved = salvage_archive(pair.pair());
+    EXPECT_EQ(saved.unverified_frames, by_a_crash ? 0 : lacking);
+    EXPECT_EQ(unverified_in(repaired(pair, saved)), by_a_crash ? 0 : lacking);
+    const auto problems = verify_archive(pair.pair(), {}).problems;
+    EXPECT_EQ(std::ranges::all_of(problems, &FixityProblem::not_closed), by_a_crash) << lacking;
+  }
+}
+
 TEST(SalvageResult, RefusesTheFilesOfAnotherCamera) {
   PairBytes pair = make_pair(3, true);
   ArchivePair foreign = pair.pair();

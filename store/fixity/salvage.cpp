@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 #include <set>
 #include <utility>
 
@@ -22,7 +23,7 @@ namespace raystage::store {
 namespace {
 
 using Bytes = std::span<const std::byte>;
-constexpr std::size_t kHashAt = 24;  // in a record, docs/formats/journal.md
+constexpr std::size_t kStatusAt = 20, kHashAt = 24;  // in a record, docs/formats/journal.md
 
 std::uint64_t hash_of(Bytes archive, const FrameRecord& record) {
   return XXH3_64bits(archive.data() + record.offset, record.size);
@@ -45,7 +46,9 @@ std::optional<FrameRecord> mend(Bytes slot, std::uint32_t version) {
 
 struct Journal {
   std::vector<FrameRecord> records;
-  std::set<std::uint64_t> stray_hashes;  ///< hash fields of lost records
+  /// Hash fields of lost records, and whether their status field says that they are stored and
+  /// verified.
+  std::map<std::uint64_t, bool> stray_hashes;
   std::int64_t mended = 0, lost = 0;
 };
 
@@ -86,7 +89,9 @@ Journal read_journal(Bytes file, std::uint32_t version) {
       journal.mended += slot.mended ? 1 : 0;
     } else {
       ++journal.lost;
-      journal.stray_hashes.insert(load_little_endian<std::uint64_t>(slot.bytes, kHashAt));
+      const bool is_verified = slot.bytes[kStatusAt] == std::byte{0};
+      journal.stray_hashes.emplace(load_little_endian<std::uint64_t>(slot.bytes, kHashAt),
+                                   is_verified);
     }
   }
   return journal;
@@ -194,7 +199,6 @@ class Salvager {
     }
     if (record.status == FrameStatus::kStored) {
       listed_times_.insert(record.time_ns);
-      if (record.is_unverified) result_.unverified_times.insert(record.time_ns);
       last_listed_ = std::max(last_listed_, record.offset);
       if (locate(record)) {
         occupy(static_cast<std::size_t>(record.offset), record.size);
@@ -205,6 +209,7 @@ class Salvager {
                                     : "a frame is beyond the archive's end");
         if (rotten) rotten_.emplace(record.offset, record.size);
         result_.lost_hashes.emplace(record.time_ns, record.xxh3);
+        if (record.is_unverified) result_.lost_unverified_times.insert(record.time_ns);
         record.status = FrameStatus::kTorn;
         record.is_unverified = false;
       }
@@ -226,15 +231,19 @@ class Salvager {
   // Adds frames without a record.
   void take_unlisted() {
     std::erase_if(found_, [&](const matroska::FoundFrame& frame) { return is_taken(frame); });
-    // A crash between a frame and its record leaves one such whole frame at the end.
-    const bool by_a_crash = found_.size() == 1 && found_[0].offset > last_listed_ &&
-                            pair_.journal && journal_.lost == 0 && !was_closed(pair_, header_);
+    // A crash between frames and their records leaves such whole frames at the end.
+    const bool are_last =
+        std::ranges::all_of(found_, [&](const auto& frame) { return frame.offset > last_listed_; });
+    const bool by_a_crash = found_.size() <= kMaxBatchFrames && are_last && pair_.journal &&
+                            journal_.lost == 0 && !was_closed(pair_, header_);
     for (const auto& frame : found_) {
       FrameRecord record{frame.time, frame.offset, static_cast<std::uint32_t>(frame.size)};
       record.xxh3 = hash_of(archive_, record);
       ++result_.reindexed_frames;
-      if (journal_.stray_hashes.contains(record.xxh3)) {
+      const auto stray = journal_.stray_hashes.find(record.xxh3);
+      if (stray != journal_.stray_hashes.end()) {
         --journal_.lost;
+        record.is_unverified = !stray->second;
       } else if (!by_a_crash) {
         ++result_.unverified_frames;
         result_.unverified_times.insert(frame.time);

@@ -35,8 +35,9 @@ struct SalvageResult {
 
   /// XXH3 of the frames that are lost although their records are not, by time.
   std::map<Nanoseconds, std::uint64_t> lost_hashes;
-  /// Of the unverified_frames, and of those whose records say that they are.
-  std::set<Nanoseconds> unverified_times;
+  std::set<Nanoseconds> unverified_times;  ///< of the unverified_frames
+  /// Of the lost frames whose hash was that of the bytes found by an earlier repair.
+  std::set<Nanoseconds> lost_unverified_times;
 };
 
 /// Returns what can be saved of a pair; accepts any bytes. Throws Error (bad input) if the journal

@@ -331,8 +331,9 @@ void Verifier::check_end() {
     take_frame(frame->time, cursor_, frame->offset + frame->size);
   }
   for (const std::size_t problem : damaged_records_) report_.problems[problem].frames = unlisted;
-  // A crash between a frame and its record leaves one such frame; more are damage.
-  const bool as_a_crash = !claims_closed_ && damaged_records_.empty() && pair_.journal;
+  // A crash between frames and their records leaves some such frames; more are damage.
+  const bool as_a_crash = !claims_closed_ && damaged_records_.empty() && pair_.journal &&
+                          unlisted.size() <= kMaxBatchFrames;
   if (!unlisted.empty() && !as_a_crash && damaged_records_.empty()) {
     add(pair_.journal_name, pair_.journal ? pair_.journal->size() : 0,
         "frames in the archive are not in the journal", unlisted);

@@ -127,8 +127,7 @@ void drop_unwritten_tail(Bytes archive, ArchiveIndex& index) {
   }
 }
 
-/// Marks the frames without a record as unverified, unless they are what a crash leaves between
-/// frames and their records.
+/// Marks the frames without a record as unverified, unless an interrupted write explains that.
 void mark_unverified(const journal::Contents& contents, ArchiveIndex& index) {
   const auto is_unlisted = [](const FrameRecord& record) {
     return record.status == FrameStatus::kStored && record.xxh3 == 0;
@@ -136,7 +135,7 @@ void mark_unverified(const journal::Contents& contents, ArchiveIndex& index) {
   const auto first = std::ranges::find_if(index.records, is_unlisted);
   const bool is_at_end = std::all_of(first, index.records.end(), is_unlisted);
   const bool by_a_crash = !index.closed && contents.header && is_at_end &&
-                          index.recovered <= kMaxBatchFrames &&
+                          index.recovered <= journal::kMaxTrustedUnlistedFrames &&
                           index.damaged_records == (contents.has_torn_end ? 1 : 0);
   if (by_a_crash) return;
   for (FrameRecord& record : index.records)

@@ -16,8 +16,8 @@ namespace raystage::store {
 struct ArchiveIndex {
   ArchiveWriter::Description description;
   /// See ArchiveReader; the archive has all stored ones. Frames without a record have XXH3 0. They
-  /// are unverified unless a crash explains that: at most kMaxBatchFrames at the end of an archive
-  /// that was not closed, with nothing else missing from its journal.
+  /// are unverified unless an interrupted write explains that: at most kMaxTrustedUnlistedFrames at
+  /// the end of an archive that was not closed, with nothing else missing from its journal.
   std::vector<FrameRecord> records;
   std::vector<FrameRecord> frames;  ///< the stored ones
   bool closed = false;

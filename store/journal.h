@@ -18,6 +18,11 @@ inline constexpr std::uint32_t kVersion = 2;
 inline constexpr std::size_t kHeaderBytes = 64;
 inline constexpr std::size_t kRecordBytes = 48, kRecordBytesV1 = 32;
 
+/// Frames at the end of an archive that was not closed that may lack their records and still count
+/// as recorded: what an interrupted write leaves. More may be the remains of a power loss, and
+/// nothing shows whether their bytes are the recorded ones.
+inline constexpr int kMaxTrustedUnlistedFrames = 1;
+
 /// Returns the bytes per record; `version` is 1 or 2.
 std::size_t record_bytes(std::uint32_t version);
 

@@ -117,8 +117,12 @@ class Merger {
       take_origin(second.record, entry.record);
       entry = second;
     } else if (const auto expected = lost_hash(other_.saved, record)) {
+      const FrameTrust lost = trust_of_lost(other_, record);
       if (*expected == entry.record.xxh3) {
-        entry.trust = std::max(entry.trust, trust_of_lost(other_, record));
+        entry.trust = std::max(entry.trust, lost);
+      } else if (lost > entry.trust) {
+        entry = second;  // lost: other bytes than the recorded ones are no replacement
+        return;
       }
       take_origin(entry.record, record);
     }

@@ -263,11 +263,12 @@ TEST(SalvageResult, ADamagedRecordOfAnUnverifiedFrameProvesNothing) {
   EXPECT_EQ(unverified_in(pair), kFrames);
 }
 
-// A recorder writes several frames, then their records.
-TEST(SalvageResult, ACrashLeavesAtMostABatchWithoutRecords) {
+// Of a frame without a record nothing shows whether it is the recorded one. A single one at the end
+// of an open archive is what an interrupted write leaves.
+TEST(SalvageResult, OnlyAnInterruptedWriteIsTrustedWithoutItsRecord) {
   const testing::TestFolder folder;
   const auto archive = folder.path() / "a.mkv", file = folder.path() / "a.journal";
-  for (const int lacking : {1, kMaxBatchFrames, kMaxBatchFrames + 1}) {
+  for (const int lacking : {1, 2, kMaxBatchFrames}) {
     std::filesystem::remove(archive);
     std::filesystem::remove(file);
     ArchiveWriter out(archive, file, testing::description());
@@ -280,12 +281,12 @@ TEST(SalvageResult, ACrashLeavesAtMostABatchWithoutRecords) {
     PairBytes pair{testing::bytes_of(archive), testing::bytes_of(file), true};
     pair.journal.resize(journal::kHeaderBytes +
                         static_cast<std::size_t>(40 - lacking) * journal::kRecordBytes);
-    const bool by_a_crash = lacking <= kMaxBatchFrames;
+    const bool by_a_crash = lacking == 1;
     const SalvageResult saved = salvage_archive(pair.pair());
     EXPECT_EQ(saved.unverified_frames, by_a_crash ? 0 : lacking);
     EXPECT_EQ(unverified_in(repaired(pair, saved)), by_a_crash ? 0 : lacking);
     const auto problems = verify_archive(pair.pair(), {}).problems;
-    EXPECT_EQ(std::ranges::all_of(problems, &FixityProblem::not_closed), by_a_crash) << lacking;
+    EXPECT_TRUE(std::ranges::all_of(problems, &FixityProblem::not_closed)) << lacking;
   }
 }
 

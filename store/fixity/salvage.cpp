@@ -231,11 +231,11 @@ class Salvager {
   // Adds frames without a record.
   void take_unlisted() {
     std::erase_if(found_, [&](const matroska::FoundFrame& frame) { return is_taken(frame); });
-    // A crash between frames and their records leaves such whole frames at the end.
+    // A write that was interrupted between a frame and its record leaves such a frame at the end.
     const bool are_last =
         std::ranges::all_of(found_, [&](const auto& frame) { return frame.offset > last_listed_; });
-    const bool by_a_crash = found_.size() <= kMaxBatchFrames && are_last && pair_.journal &&
-                            journal_.lost == 0 && !was_closed(pair_, header_);
+    const bool by_a_crash = found_.size() <= journal::kMaxTrustedUnlistedFrames && are_last &&
+                            pair_.journal && journal_.lost == 0 && !was_closed(pair_, header_);
     for (const auto& frame : found_) {
       FrameRecord record{frame.time, frame.offset, static_cast<std::uint32_t>(frame.size)};
       record.xxh3 = hash_of(archive_, record);

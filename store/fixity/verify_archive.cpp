@@ -332,8 +332,7 @@ void Verifier::check_end() {
   }
   for (const std::size_t problem : damaged_records_) report_.problems[problem].frames = unlisted;
   // A crash between frames and their records leaves some such frames; more are damage.
-  const bool as_a_crash = !claims_closed_ && damaged_records_.empty() && pair_.journal &&
-                          unlisted.size() <= kMaxBatchFrames;
+  const bool as_a_crash = !claims_closed_ && damaged_records_.empty() && pair_.journal;
   if (!unlisted.empty() && !as_a_crash && damaged_records_.empty()) {
     add(pair_.journal_name, pair_.journal ? pair_.journal->size() : 0,
         "frames in the archive are not in the journal", unlisted);

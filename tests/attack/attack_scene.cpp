@@ -234,7 +234,8 @@ std::vector<AttackedFormat> attacked_formats(const fs::path& folder) {
       {"JPEG plate", "plate.jpg", false, render + "jpg.json"},
       {"EXR of an earlier run", "plate.0001.exr", false,
        "mkdir -p out && cp plate.0001.exr out/f.0001.exr && " + render +
-           "depth.json --existing skip"},
+           "depth.json --existing skip",
+       0, true},
       {"preview", "plate.0001.exr", false, "raystage preview -q plate.####.exr -o out/p.####.png"},
       {"OpenColorIO", "config.ocio", true, render + "shot.json --ocio config.ocio"},
       {"lookup table", "curve.spi1d", true,

@@ -12,8 +12,9 @@ struct AttackedFormat {
   std::string name;
   std::string file;  ///< relative to the scene; it is replaced by mutations of itself
   bool is_text = true;
-  std::string command;     ///< run in the scene; its pictures are out/*.exr
-  int seed_exit_code = 0;  ///< of the command with the file as it is
+  std::string command;                  ///< run in the scene; its pictures are out/*.exr
+  int seed_exit_code = 0;               ///< of the command with the file as it is
+  bool keeps_earlier_pictures = false;  ///< the command may keep a picture that it did not render
 };
 
 /// Writes a small take, shots, meshes, pictures and documents into `folder`, by Raystage's

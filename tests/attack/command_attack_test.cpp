@@ -8,6 +8,7 @@
 #include <random>
 #include <string>
 
+#include "base/error.h"
 #include "images/exr_reader.h"
 #include "testing/test_folder.h"
 #include "tests/attack/attack_scene.h"
@@ -27,10 +28,18 @@ int command_case_count() {
   return std::getenv("RAYSTAGE_ATTACK_CASES") == nullptr ? 4 : attack_case_count();
 }
 
-/// Expects that R, G, B and A of a picture are finite.
-void expect_finite(const images::ExrReader& reader, const fs::path& file) {
+/// Expects that R, G, B and A of a picture are finite. A picture of an earlier run may be one that
+/// cannot be decoded: what is kept is checked for its header and chunks, not for its pixels.
+void expect_finite(const images::ExrReader& reader, const fs::path& file,
+                   const AttackedFormat& format) {
   constexpr images::ExrChannel kChannels[] = {{"R"}, {"G"}, {"B"}, {"A", 1.0F}};
-  const images::ExrChannelData pixels = reader.read(file, kChannels, "");
+  images::ExrChannelData pixels;
+  try {
+    pixels = reader.read(file, kChannels, "");
+  } catch (const Error& error) {
+    EXPECT_TRUE(format.keeps_earlier_pictures) << error.what();
+    return;
+  }
   for (const float value : pixels.values) {
     ASSERT_TRUE(std::isfinite(value)) << file;
   }
@@ -73,7 +82,7 @@ TEST(CommandAttack, EveryCaseEndsInAResultOrAnErrorOfOurs) {
       refused += result.exit_code != 0 ? 1 : 0;
       largest = std::max(largest, result.peak_memory);
       for (const fs::path& picture : find_files(scene / "out", ".exr")) {
-        if (picture.filename().string().starts_with("f.")) expect_finite(reader, picture);
+        if (picture.filename().string().starts_with("f.")) expect_finite(reader, picture, format);
       }
       if (HasFailure()) {
         const fs::path kept =

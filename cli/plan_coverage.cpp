@@ -12,6 +12,7 @@
 #include "cli/follow_links_option.h"
 #include "cli/plan.h"
 #include "cli/printing.h"
+#include "cli/shot_options.h"
 #include "cli/threads.h"
 #include "planning/coverage_plan.h"
 #include "planning/coverage_report.h"
@@ -26,6 +27,7 @@ struct CoverageCommand {
   double interaxial_mm = 0, tolerance_mm = 1;
   int threads = 0;
   bool json = false;
+  ProgressStyle progress = ProgressStyle::kAuto;
 };
 
 constexpr double kMillimetres = 1000;
@@ -37,7 +39,10 @@ ExitCode run_coverage(const CoverageCommand& command, const std::stop_token& sto
   options.interaxial_m = command.interaxial_mm / kMillimetres;
   options.tolerance_m = command.tolerance_mm / kMillimetres;
   const NamedRig named = read_named_rig(command.rig);
-  const planning::CoveragePlan plan = planning::plan_coverage(named.name, named.rig, options, stop);
+  Progress progress(command.progress);
+  const auto report_progress = [&](double done) { progress.report(done); };
+  const planning::CoveragePlan plan =
+      planning::plan_coverage(named.name, named.rig, options, report_progress, stop);
   if (!command.report.empty()) {
     write_file_atomically(command.report, planning::coverage_plan_as_page(plan));
   }
@@ -94,6 +99,7 @@ Subcommand declare_plan_coverage(CommandLine& plan) {
   command.option("--report FILE.html", options->report, "write the result as a page with drawings");
   command.flag("--json", options->json, "print the result with the surfaces as JSON");
   add_threads_option(command, options->threads);
+  add_progress_option(command, options->progress);
   add_follow_links_option(command);
   return {command, [options](const std::stop_token& stop) {
             return run_with_threads(options->threads, [&] { return run_coverage(*options, stop); });

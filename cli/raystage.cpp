@@ -37,7 +37,7 @@ constexpr Command kCommands[] = {
     {"camera", "export the virtual camera of a shot: .nk, .chan, .gltf"},
     {"evaluate", "measure error and time on views with ground truth"},
     {"bench", "compare methods: error against time, as an HTML page"},
-    {"plan", "compute what an array can show: effective resolution"},
+    {"plan", "compute what an array can show: range of motion, resolution, the check of a shot"},
     {"replay", "show a take or a shot in the browser: fly, focus, play, save the shot"},
     {"preview", "turn an EXR sequence into a movie and a contact sheet"},
 };

@@ -27,7 +27,8 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180;
-constexpr int kViewWidth = 1024;  // shares are areas and do not depend on it
+constexpr int kMaxVertices = 4000;  // of a surface that is measured
+constexpr int kViewWidth = 1024;    // shares are areas and do not depend on it
 
 /// The frame of any array: in the middle of its centres, its cameras look along -z.
 rig::Pose frame_of(const rig::Rig& rig, const rig::Topology& topology) {
@@ -79,7 +80,7 @@ class CoveragePlanner {
 
   const rig::Pose& array() const { return array_; }
 
-  CoverageVolume volume(double fov_deg, double share) const {
+  CoverageVolume volume(double fov_deg, double share, const std::stop_token& stop) const {
     CoverageVolume volume;
     volume.view_fov_deg = fov_deg;
     volume.share = share;
@@ -90,15 +91,18 @@ class CoveragePlanner {
       return volume;
     }
     const auto has_share = [&](const Vector3d& position) {
-      return recorded_share(view, position) >= share - 1e-12;
+      return has_recorded_share(view, position, share);
     };
     const std::optional<Vector3d> centre = find_centre(has_share);
     if (!centre) {
-      volume.empty_because = "no position was found from which these rays were recorded";
+      volume.empty_because = why_empty(view, share);
       return volume;
     }
     RadialSurface found = radial_surface(has_share, *centre,
-                                         {.reach = reach(view), .tolerance = options_.tolerance_m});
+                                         {.reach = reach(view),
+                                          .tolerance = options_.tolerance_m,
+                                          .max_vertices = kMaxVertices,
+                                          .stop = stop});
     volume.surface = std::move(found.surface);
     volume.error_m = found.error;
     return volume;
@@ -131,9 +135,10 @@ class CoveragePlanner {
     return surface_of(common);
   }
 
-  /// Returns the share of the rays of the worst orientation and eye. `position`: array's frame.
-  double recorded_share(render::VirtualCamera view, const Vector3d& position) const {
-    double least = 1;
+  /// Calls test(view) for the views of all orientations and eyes at a position in the array's
+  /// frame, until one returns false; returns whether none did.
+  template <class Test>
+  bool all_views(render::VirtualCamera view, const Vector3d& position, const Test& test) const {
     const int eyes = options_.interaxial_m > 0 ? 2 : 1;
     for (const Eigen::Matrix3d& rotation : rotations_) {
       view.pose.world_from_camera_rotation = array_.world_from_camera_rotation * rotation;
@@ -141,10 +146,30 @@ class CoveragePlanner {
         const double side = eyes == 1 ? 0 : (eye - 0.5) * options_.interaxial_m;
         view.pose.position =
             array_.world_from_camera(position) + side * view.pose.world_from_camera_rotation.col(0);
-        least = std::min(least, 1 - unrecorded_share(view, rig_, topology_, plane_));
+        if (!test(view)) return false;
       }
     }
-    return least;
+    return true;
+  }
+
+  bool has_recorded_share(const render::VirtualCamera& view, const Vector3d& position,
+                          double share) const {
+    return all_views(view, position, [&](const render::VirtualCamera& eye) {
+      return is_recorded(eye, rig_, topology_, plane_, share);
+    });
+  }
+
+  /// States the share that was recorded in the array's middle.
+  std::string why_empty(const render::VirtualCamera& view, double share) const {
+    double recorded = 1;
+    all_views(view, Vector3d::Zero(), [&](const render::VirtualCamera& eye) {
+      recorded = std::min(recorded, 1 - unrecorded_share(eye, rig_, topology_, plane_));
+      return true;
+    });
+    return fmt::format(
+        "no position was found with {:.4g} % of the rays; in the array's middle "
+        "{:.1f} % were recorded",
+        100 * share, 100 * recorded);
   }
 
   /// Searches the array's middle and places along its axis for a position inside.
@@ -194,7 +219,7 @@ bool CoverageOptions::is_valid(std::string* reason) const {
     }
   }
   for (const double share : shares) {
-    if (!(share > 0 && share <= 1)) return refuse("a share must be above 0 and at most 1");
+    if (!(share > 0 && share <= 1)) return refuse("a share must be above 0 and at most 100 %");
   }
   if (view_fov_deg.empty() || shares.empty()) return refuse("give a field of view and a share");
   if (!(aspect >= 0.01 && aspect <= 100)) return refuse("the aspect ratio must be 0.01 to 100");
@@ -218,7 +243,9 @@ Vector3d CoverageVolume::extent() const {
 }
 
 CoveragePlan plan_coverage(const std::string& name, const rig::Rig& rig,
-                           const CoverageOptions& options, const std::stop_token& stop) {
+                           const CoverageOptions& options,
+                           const std::function<void(double)>& progress,
+                           const std::stop_token& stop) {
   std::string reason;
   if (!options.is_valid(&reason)) throw Error::bad_input(reason, name, "Correct the views");
   if (rig.cameras.empty()) {
@@ -234,8 +261,14 @@ CoveragePlan plan_coverage(const std::string& name, const rig::Rig& rig,
   }
   for (const double fov : options.view_fov_deg) {
     for (const double share : options.shares) {
-      if (stop.stop_requested()) throw Error::failed("the computation was stopped", name, "");
-      plan.volumes.push_back(planner.volume(fov, share));
+      plan.volumes.push_back(planner.volume(fov, share, stop));
+      if (progress) {
+        progress(static_cast<double>(plan.volumes.size()) /
+                 static_cast<double>(options.view_fov_deg.size() * options.shares.size()));
+      }
+      if (stop.stop_requested()) {
+        throw Error::failed("the computation was stopped", name, "Start it again");
+      }
     }
   }
   return plan;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <limits>
 #include <optional>
 #include <stop_token>
@@ -54,7 +55,10 @@ struct CoveragePlan {
 /// Computes the ranges. Those of ideal arrays for all rays are exact; others are measured by the
 /// rays that the cameras' frusta contain, with lens distortion. Throws Error (bad input) for
 /// invalid options or a rig without cameras, and Error (failed) if stopped.
+/// `progress`: called with the share of the ranges that are done.
 CoveragePlan plan_coverage(const std::string& name, const rig::Rig& rig,
-                           const CoverageOptions& options, const std::stop_token& stop = {});
+                           const CoverageOptions& options,
+                           const std::function<void(double)>& progress = {},
+                           const std::stop_token& stop = {});
 
 }  // namespace raystage::planning

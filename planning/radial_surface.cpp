@@ -67,8 +67,9 @@ class Search {
     // Coarse sides are divided before the border decides, so that a volume that is thin in some
     // directions is not missed.
     constexpr int kUnconditional = 3, kMaxRounds = 14;
-    for (int round = 0; round < kMaxRounds; ++round) {
+    for (int round = 0; round < kMaxRounds && !options_.stop.stop_requested(); ++round) {
       if (!divide(round < kUnconditional)) break;
+      options_.on_round();
     }
     return std::move(result_);
   }
@@ -156,8 +157,10 @@ class Search {
       }
     }
     std::vector<Middle> found(unknown.size());
-    raystage::parallel_for(std::size_t{0}, unknown.size(),
-                           [&](std::size_t i) { found[i] = middle_of(unknown[i]); });
+    raystage::parallel_for(std::size_t{0}, unknown.size(), [&](std::size_t i) {
+      if (!options_.stop.stop_requested()) found[i] = middle_of(unknown[i]);
+    });
+    if (options_.stop.stop_requested()) return false;
     for (std::size_t i = 0; i < unknown.size(); ++i) middles[unknown[i]] = found[i];
     middles_ = std::move(middles);
     result_.error = 0;

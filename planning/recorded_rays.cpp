@@ -37,8 +37,10 @@ constexpr Borders kNowhere{-1, -1, -1, -1};
 /// A camera that looks at the focal plane, as seen by the view.
 class PlaneView {
  public:
-  PlaneView(const render::PlaneProjection& projection, const rig::Rig::Camera& camera)
+  /// `bend`: how far from straight a border may be taken for straight, in widths of the picture.
+  PlaneView(const render::PlaneProjection& projection, const rig::Rig::Camera& camera, double bend)
       : model_(&camera.model),
+        tolerance_(bend * camera.model.width()),
         ideal_from_pixel_(projection.ideal_from_pixel(camera.pose)),
         is_straight_(!camera.model.has_distortion()) {
     const schemas::Intrinsics& k = camera.model.intrinsics();
@@ -52,8 +54,10 @@ class PlaneView {
 
   /// Returns whether the borders are linear in the view's pixel.
   bool is_straight() const { return is_straight_; }
-  /// Returns how far from linear, in units of the borders, an area may be taken for linear.
-  double tolerance() const { return 1e-4 * model_->width(); }
+  /// Returns how far from linear, pixels, the borders may be taken for linear.
+  double tolerance() const { return tolerance_; }
+  /// Returns how far inside its borders, in their units, a place certainly stays between others.
+  double far_inside() const { return is_straight_ ? 0 : 0.15 * model_->width(); }
 
   Borders borders_at(const Vector2d& pixel) const {
     const Vector3d at(pixel.x(), pixel.y(), 1);
@@ -76,6 +80,7 @@ class PlaneView {
   }
 
   const rig::CameraModel* model_;
+  double tolerance_;
   Matrix3d ideal_from_pixel_;
   Eigen::Matrix<double, kBorders, 3> borders_;
   bool is_straight_;
@@ -176,10 +181,24 @@ class CellCameras {
     return most;
   }
 
+  /// Returns whether a camera sees all of a triangle, so far from its borders that no bend of
+  /// theirs matters.
+  bool is_clearly_inside(const Corners& corners) const {
+    for (std::size_t i = 0; i < count_; ++i) {
+      double least = corners[0].borders[i][0];
+      for (const Corner& corner : corners) {
+        for (const double border : corner.borders[i]) least = std::min(least, border);
+      }
+      if (least >= cameras_[i]->far_inside()) return true;
+    }
+    return false;
+  }
+
   double seen_area(const Corners& corners, int depth) const {
     constexpr int kMaxDepth = 7;
     const bool is_curved = std::any_of(cameras_.begin(), cameras_.begin() + count_,
                                        [](const auto* camera) { return !camera->is_straight(); });
+    if (is_clearly_inside(corners)) return area_of(corners);
     std::array<double, kMaxCameras> margin{};
     Corners middles;
     bool divide = false;
@@ -306,7 +325,7 @@ double sampled_share(const render::VirtualCamera& view, const rig::Rig& rig, con
                      const render::PlaneProjection& projection, int columns, int rows) {
   std::vector<PlaneView> cameras;
   cameras.reserve(rig.cameras.size());
-  for (const rig::Rig::Camera& camera : rig.cameras) cameras.emplace_back(projection, camera);
+  for (const rig::Rig::Camera& camera : rig.cameras) cameras.emplace_back(projection, camera, 0);
   const auto is_recorded = [&](const Vector2d& pixel) {
     const auto crossing = cells.locate(pixel.x(), pixel.y());
     if (!crossing || !(projection.depth(pixel.x(), pixel.y()) > 0)) return false;
@@ -327,8 +346,18 @@ double sampled_share(const render::VirtualCamera& view, const rig::Rig& rig, con
 
 }  // namespace
 
-double unrecorded_share(const render::VirtualCamera& given, const rig::Rig& rig,
-                        const rig::Topology& topology, const Eigen::Vector4d& plane) {
+namespace {
+
+/// How precisely the unrecorded part of a view's rays is computed.
+struct Precision {
+  double bend = 2e-4;  ///< see PlaneView
+  double enough = 1;   ///< where it is larger, any larger number will do
+};
+
+/// Returns the unrecorded part of a view's rays, 0 to 1.
+double unrecorded_part(const render::VirtualCamera& given, const rig::Rig& rig,
+                       const rig::Topology& topology, const Eigen::Vector4d& plane,
+                       const Precision& precision) {
   const render::VirtualCamera view = ideal_view(given);
   const render::PlaneProjection projection(view, plane);
   if (!projection.at_infinity() && projection.distance() == 0) return 1;
@@ -344,30 +373,54 @@ double unrecorded_share(const render::VirtualCamera& given, const rig::Rig& rig,
   const RayCells cells(view, rig, topology);
   const std::vector<Region> regions = regions_of(cells, picture);
   const bool overlap = is_folded(rig, topology, view.pose.position);
+  const double total = static_cast<double>(view.width) * view.height;
+  // Of folded arrays the areas of the regions are only known after subtraction.
+  double missing = total;
+  if (!overlap) {
+    for (const Region& region : regions) missing -= region.polygon.area();
+  }
   std::vector<std::optional<PlaneView>> cameras(rig.cameras.size());
-  double seen = 0;
   for (std::size_t r = 0; r < regions.size(); ++r) {
+    if (!overlap && missing > precision.enough * total) break;
     const RayCells::Cell& cell = *regions[r].cell;
     CellCameras sources;
     for (int i = 0; i < cell.count; ++i) {
       std::optional<PlaneView>& camera = cameras[cell.camera[i]];
-      if (!camera) camera.emplace(projection, rig.cameras[cell.camera[i]]);
+      if (!camera) camera.emplace(projection, rig.cameras[cell.camera[i]], precision.bend);
       sources.add(*camera);
     }
-    const auto add = [&](const Polygon& polygon) {
+    const auto seen_in = [&](const Polygon& polygon) {
+      double seen = 0;
       for (std::size_t i = 2; i < polygon.size(); ++i) {
         seen += sources.seen_area({polygon[0], polygon[i - 1], polygon[i]});
       }
+      return seen;
     };
     if (!overlap) {
-      add(regions[r].polygon);
+      missing += regions[r].polygon.area() - seen_in(regions[r].polygon);
       continue;
     }
-    for (const Polygon& part : uncovered_parts(std::span(regions).first(r), regions[r])) add(part);
+    for (const Polygon& part : uncovered_parts(std::span(regions).first(r), regions[r])) {
+      missing -= seen_in(part);
+    }
   }
-  const double share = 1 - seen / (static_cast<double>(view.width) * view.height);
   constexpr double kRounding = 1e-9;
+  const double share = missing / total;
   return share < kRounding ? 0 : std::min(share, 1.0);
+}
+
+}  // namespace
+
+double unrecorded_share(const render::VirtualCamera& view, const rig::Rig& rig,
+                        const rig::Topology& topology, const Eigen::Vector4d& plane) {
+  return unrecorded_part(view, rig, topology, plane, {});
+}
+
+bool is_recorded(const render::VirtualCamera& view, const rig::Rig& rig,
+                 const rig::Topology& topology, const Eigen::Vector4d& plane, double share) {
+  const double most_missing = 1 - share;
+  constexpr double kBend = 5e-4;
+  return unrecorded_part(view, rig, topology, plane, {kBend, most_missing}) <= most_missing + 1e-12;
 }
 
 double unrecorded_share_reference(const render::VirtualCamera& given, const rig::Rig& rig,

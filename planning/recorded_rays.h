@@ -17,7 +17,12 @@ namespace raystage::planning {
 double unrecorded_share(const render::VirtualCamera& view, const rig::Rig& rig,
                         const rig::Topology& topology, const Eigen::Vector4d& plane);
 
-/// Returns the same by testing the ray through each pixel's centre: the reference.
+/// Returns whether at least a share, 0 to 1, of a view's rays was recorded; faster, and at the
+/// borders of distorted pictures less precise than unrecorded_share(). Throws likewise.
+bool is_recorded(const render::VirtualCamera& view, const rig::Rig& rig,
+                 const rig::Topology& topology, const Eigen::Vector4d& plane, double share);
+
+/// Returns the unrecorded share by testing the ray through each pixel's centre: the reference.
 double unrecorded_share_reference(const render::VirtualCamera& view, const rig::Rig& rig,
                                   const rig::Topology& topology, const Eigen::Vector4d& plane);
 

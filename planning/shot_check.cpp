@@ -57,6 +57,7 @@ class LayerChecker {
     check_.name = layer.name.empty() ? fmt::format("layer {}", index) : layer.name;
     check_.volume = layer.volume;
     check_.method = light_field.reconstruction().method;
+    check_.uses_focal_plane = light_field.method().uses_focal_plane();
     check_.cameras = static_cast<int>(rig_.cameras.size());
     check_.depth_range = light_field.depth_range();
     const rig::Topology complete = complete_topology(rig_);
@@ -121,9 +122,12 @@ class LayerChecker {
     result.frame = frame.frame;
     if (frame.topology == nullptr) {
       result.unrecorded_share = 1;
+      result.has_cameras = false;
       return result;
     }
     result.resolution = 1;
+    const render::VirtualCamera& first = frame.eyes.front().view;
+    result.horizontal_fov = 2 * std::atan(first.width / 2.0 / first.intrinsics.fx);
     for (const EyeView& eye : frame.eyes) {
       const double missing = unrecorded_share(eye.view, rig_, *frame.topology, eye.plane);
       result.unrecorded_share = std::max(result.unrecorded_share, missing);

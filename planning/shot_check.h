@@ -15,6 +15,8 @@ namespace raystage::planning {
 /// What the cameras of a take recorded of one frame of a shot. With stereo, that of the worse eye.
 struct FrameCheck {
   int frame = 0;
+  bool has_cameras = true;    ///< whether the take has frames of any camera at that time
+  double horizontal_fov = 0;  ///< of the view, radians
   /// Of the rays, see unrecorded_share(); 0 to 1. 1 where the take has no frame at that time.
   double unrecorded_share = 0;
   /// Distance of the camera from the border of its range of motion, metres; negative outside.
@@ -33,6 +35,7 @@ struct LayerCheck {
   std::string name;    ///< of the layer, or "layer N"
   std::string volume;  ///< as in the shot: takes around one volume
   std::string method;
+  bool uses_focal_plane = true;  ///< whether the method samples rays on one focal plane
   int cameras = 0;
   double spacing = 0;  ///< largest distance of neighbours of the complete array, metres
   std::optional<schemas::DepthRange> depth_range;

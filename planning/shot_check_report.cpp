@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <string_view>
 #include <vector>
 
@@ -48,6 +49,20 @@ std::vector<int> frames_with_missing_rays(const LayerCheck& layer) {
   return frames;
 }
 
+double narrowed_degrees(double horizontal_fov, double factor) {
+  return 2 * std::atan(factor * std::tan(horizontal_fov / 2)) * 180 / std::numbers::pi;
+}
+
+std::string without_frames_text(const LayerCheck& layer) {
+  std::vector<int> frames;
+  for (const FrameCheck& frame : layer.frames) {
+    if (!frame.has_cameras) frames.push_back(frame.frame);
+  }
+  if (frames.empty()) return "";
+  return fmt::format("The take has nothing at the time of {}: {}.\n", frame_count(frames.size()),
+                     compose::format_frame_range(frames));
+}
+
 std::string coverage_text(const LayerCheck& layer) {
   const std::vector<int> lacking = frames_with_missing_rays(layer);
   if (lacking.empty()) return "Every ray was recorded.\n";
@@ -57,12 +72,16 @@ std::string coverage_text(const LayerCheck& layer) {
       "{}.\n",
       percent(worst.unrecorded_share), worst.frame, lacking.size(),
       frame_count(layer.frames.size()), compose::format_frame_range(lacking));
-  text += layer.field_of_view_factor
-              ? fmt::format("With {:.3f} times the field of view every ray was recorded.\n",
-                            *layer.field_of_view_factor)
-              : std::string(
-                    "No narrower field of view suffices: the middle of a view is outside "
-                    "the array.\n");
+  if (layer.field_of_view_factor) {
+    text += fmt::format(
+        "Every ray was recorded with {:.3f} times the field of view (its tangent), as with {:.1f} "
+        "instead of {:.1f} deg at frame {}.\n",
+        *layer.field_of_view_factor,
+        narrowed_degrees(worst.horizontal_fov, *layer.field_of_view_factor),
+        narrowed_degrees(worst.horizontal_fov, 1), worst.frame);
+  } else {
+    text += "No narrower field of view would have all of its rays recorded.\n";
+  }
   return text;
 }
 
@@ -73,6 +92,7 @@ std::string range_text(const LayerCheck& layer) {
   const FrameCheck* nearest = nullptr;
   std::size_t unknown = 0;
   for (const FrameCheck& frame : layer.frames) {
+    if (!frame.has_cameras) continue;
     if (!frame.boundary_distance) {
       ++unknown;
     } else if (nearest == nullptr || *frame.boundary_distance < *nearest->boundary_distance) {
@@ -80,11 +100,19 @@ std::string range_text(const LayerCheck& layer) {
     }
   }
   if (nearest == nullptr) return "No position of the camera is known to have these views.\n";
-  const bool outside = *nearest->boundary_distance < 0;
-  const std::string_view bound = layer.is_range_exact ? "" : outside ? "at most " : "at least ";
-  std::string text = fmt::format("The camera is {}{:.3f} m {} its range of motion at frame {}.\n",
-                                 bound, std::abs(*nearest->boundary_distance),
-                                 outside ? "outside of" : "within", nearest->frame);
+  constexpr double kOnBorder = 1e-6;  // metres
+  const double distance = *nearest->boundary_distance;
+  std::string text;
+  if (std::abs(distance) < kOnBorder) {
+    text = fmt::format("The camera is on the border of its range of motion at frame {}.\n",
+                       nearest->frame);
+  } else {
+    const std::string_view bound = layer.is_range_exact ? ""
+                                   : distance < 0       ? "at most "
+                                                        : "at least ";
+    text = fmt::format("The camera is {}{:.3f} m {} its range of motion at frame {}.\n", bound,
+                       std::abs(distance), distance < 0 ? "outside of" : "within", nearest->frame);
+  }
   if (unknown > 0)
     text += fmt::format("In {} the view is from no known position.\n", frame_count(unknown));
   return text;
@@ -107,6 +135,9 @@ std::string ghosting_text(const LayerCheck& layer) {
   std::string text = fmt::format(
       "Ghosting on one focal plane is up to {:.2f} pixels between {} and {} (eq. 2.1).\n", *worst,
       depth_text(layer.depth_range->near), depth_text(layer.depth_range->far));
+  if (!layer.uses_focal_plane) {
+    return text + "Method " + layer.method + " finds depths instead.\n";
+  }
   text += *worst <= kGhostFree
               ? "One focal plane suffices (focal_plane).\n"
               : "A method with depths is needed (plane_sweep, depth); its accuracy is not measured "
@@ -199,8 +230,8 @@ std::string lines_as_html(const std::string& text) {
 
 std::string layer_text(const ShotCheck& check, const LayerCheck& layer) {
   if (layer.frames.empty()) return "It is not visible in these frames.\n";
-  return coverage_text(layer) + range_text(layer) + resolution_text(check, layer) +
-         ghosting_text(layer);
+  return without_frames_text(layer) + coverage_text(layer) + range_text(layer) +
+         resolution_text(check, layer) + ghosting_text(layer);
 }
 
 constexpr std::string_view kCheckPageStyle = R"(

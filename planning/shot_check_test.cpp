@@ -93,7 +93,7 @@ TEST_F(ShotCheckTest, SuggestsTheFieldOfViewThatWasRecorded) {
   shot_.camera.keys[0].horizontal_fov_deg = fov(factor * 1.01);
   EXPECT_GT(this->check().worst_unrecorded_share(), 0);
   const std::string text = format_shot_check(check);
-  EXPECT_THAT(text, HasSubstr(fmt::format("With {:.3f} times the field of view", factor)));
+  EXPECT_THAT(text, HasSubstr(fmt::format("with {:.3f} times the field of view", factor)));
 }
 
 // The path leaves the array to the right; the nearest one stays at its border, and begins to turn

@@ -95,9 +95,9 @@ RangeOfMotion range_of_motion(const WallEyedArray& array, const ViewFrustum& fru
     if (!array.slopes.contains(slopes.back())) {
       const Eigen::Vector2d angles(std::atan(slopes.back().x()), std::atan(slopes.back().y()));
       return no_position(fmt::format(
-          "a corner of the view points {:.2f} deg to the right and {:.2f} deg up, which no camera "
-          "sees",
-          angles.x() * kDegreesPerRadian, angles.y() * kDegreesPerRadian));
+          "a corner of the view points {:.2f} deg {} and {:.2f} deg {}, which no camera sees",
+          std::abs(angles.x()) * kDegreesPerRadian, angles.x() < 0 ? "to the left" : "to the right",
+          std::abs(angles.y()) * kDegreesPerRadian, angles.y() < 0 ? "down" : "up"));
     }
   }
   const Eigen::Vector3d half_base = array_from_view * Eigen::Vector3d(frustum.interaxial / 2, 0, 0);

@@ -70,8 +70,9 @@ TEST_F(PlanCommand, CheckWritesReportAndNearestPath) {
 TEST_F(PlanCommand, CheckReadsNoMeshes) {
   schemas::ShotDocument::Layer mesh;
   mesh.name = "mesh";
-  mesh.geometry.emplace();
-  mesh.geometry->file = "missing.obj";
+  schemas::ShotDocument::Geometry geometry;
+  geometry.file = "missing.obj";
+  mesh.geometry = geometry;
   shot_.layers.push_back(mesh);
   const testing::CommandResult result = check();
   EXPECT_EQ(result.exit_code, 0) << result.output;

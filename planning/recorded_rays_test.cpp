@@ -202,7 +202,7 @@ TEST(UnrecordedShare, OfViewsThatSeeNothing) {
   EXPECT_THROW(share(make_pose({0, 0, 0.1}, 0), Eigen::Vector4d::Zero()), Error);
 }
 
-// What the renderer leaves transparent is what nobody recorded.
+// The renderer leaves the rays transparent that no camera recorded.
 TEST(UnrecordedShare, EqualsTheTransparentPixelsOfFocalPlane) {
   const testing::TestFolder folder;
   testing::SyntheticTake options;

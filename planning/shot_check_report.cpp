@@ -136,7 +136,7 @@ std::string ghosting_text(const LayerCheck& layer) {
       "Ghosting on one focal plane is up to {:.2f} pixels between {} and {} (eq. 2.1).\n", *worst,
       depth_text(layer.depth_range->near), depth_text(layer.depth_range->far));
   if (!layer.uses_focal_plane) {
-    return text + "Method " + layer.method + " finds depths instead.\n";
+    return text + "Method " + layer.method + " does not sample rays on one focal plane.\n";
   }
   text += *worst <= kGhostFree
               ? "One focal plane suffices (focal_plane).\n"
@@ -153,6 +153,7 @@ ordered_json json_of(const LayerCheck& layer) {
   ordered_json frames = ordered_json::array();
   for (const FrameCheck& frame : layer.frames) {
     frames.push_back({{"frame", frame.frame},
+                      {"has_cameras", frame.has_cameras},
                       {"unrecorded_share", frame.unrecorded_share},
                       {"boundary_distance_m", json_of(frame.boundary_distance)},
                       {"resolution", frame.resolution},

@@ -120,7 +120,7 @@ class Merger {
       const FrameTrust lost = trust_of_lost(other_, record);
       if (*expected == entry.record.xxh3) {
         entry.trust = std::max(entry.trust, lost);
-      } else if (lost > entry.trust) {
+      } else if (entry.from_copy && lost > entry.trust) {
         entry = second;  // lost: other bytes than the recorded ones are no replacement
         return;
       }

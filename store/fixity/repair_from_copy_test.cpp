@@ -303,6 +303,26 @@ TEST_F(RepairFromCopy, AnUnverifiedFrameThatIsNotTheRecordedOneIsNotTaken) {
   EXPECT_EQ(std::ranges::count_if(repaired.archive(1).frames(), &FrameRecord::is_unverified), 0);
 }
 
+// The copy's record shows that the own frame is another, but its bytes are rotten, too.
+TEST_F(RepairFromCopy, AnUnverifiedFrameIsKeptWhereTheCopyHasNoBetterOne) {
+  const auto offset = static_cast<std::size_t>(Take(take).archive(1).frames()[4].offset) + 3;
+  const auto flip_in = [&](const fs::path& side, std::size_t byte) {
+    Bytes bytes = testing::bytes_of(side / "archive" / "c1.mkv");
+    bytes[byte] ^= std::byte{1};
+    write_bytes_to(side / "archive" / "c1.mkv", bytes);
+  };
+  flip_in(take, offset);
+  fs::remove(take / "archive" / "c1.journal");
+  repair_take(take, {});
+  flip_in(copy, offset + 1);
+  EXPECT_FALSE(repair().failed());
+  const Take repaired(take);
+  ASSERT_EQ(repaired.archive(1).frames().size(), kCopiedFrames);
+  for (int i = 0; i < kCopiedFrames; ++i) {
+    EXPECT_EQ(repaired.archive(1).frames()[i].is_unverified, i == 4) << i;
+  }
+}
+
 // As a mirror that stopped: every file is valid, but frames are missing at the end.
 TEST_F(RepairFromCopy, AnIntactCopyThatEndsEarlyIsCompleted) {
   {

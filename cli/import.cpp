@@ -11,6 +11,7 @@
 
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/depth_range_hint.h"
 #include "cli/printing.h"
 #include "cli/sandbox_option.h"
 #include "cli/threads.h"
@@ -119,6 +120,7 @@ ExitCode run(const Options& options, std::stop_token stop) {
         options.take.string(), summary.cameras, summary.frames,
         static_cast<double>(summary.jpeg_bytes) / kMegabyte, summary.copied, summary.rewritten,
         summary.encoded);
+  print_depth_range_hint(options.take);
   return ExitCode::kSuccess;
 }
 

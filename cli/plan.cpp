@@ -11,11 +11,11 @@ int main(int argc, char** argv) {
       "Computes what an array of cameras can show, without decoding a picture. docs/planning.md "
       "explains the results.",
       "raystage plan");
-  const std::vector<Subcommand> subcommands{declare_plan_check(command),
-                                            declare_plan_coverage(command),
-                                            declare_plan_resolution(command)};
+  const std::vector<Subcommand> subcommands{
+      declare_plan_check(command), declare_plan_coverage(command), declare_plan_epi(command),
+      declare_plan_resolution(command)};
   command.footer(
       "Exit codes: 0 computed; 1 failed; 2 bad usage or input; 4 the shot falls short of what\n"
-      "--least-coverage or --least-resolution ask for.");
+      "--least-coverage or --least-resolution ask for, or epi found no depth range.");
   return parse_and_run(command, argc, argv, "plan", subcommands, {});
 }

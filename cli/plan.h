@@ -22,6 +22,7 @@ NamedRig read_named_rig(const std::filesystem::path& path);
 
 Subcommand declare_plan_check(CommandLine& plan);
 Subcommand declare_plan_coverage(CommandLine& plan);
+Subcommand declare_plan_epi(CommandLine& plan);
 Subcommand declare_plan_resolution(CommandLine& plan);
 
 }  // namespace raystage::cli

@@ -8,6 +8,7 @@
 
 #include "base/atomic_file.h"
 #include "schemas/shot_document.h"
+#include "schemas/take_document.h"
 #include "testing/cli/test_command.h"
 #include "testing/compose/sequence_test_data.h"
 #include "testing/test_folder.h"
@@ -118,6 +119,51 @@ TEST_F(PlanCommand, ResolutionOfATake) {
   EXPECT_EQ(result.exit_code, 0) << result.output;
   EXPECT_THAT(result.output, HasSubstr("4 cameras, 64 pixels"));
   EXPECT_THAT(read_file(folder_.path() / "r.html"), Not(HasSubstr("nan")));
+}
+
+TEST_F(PlanCommand, EpiMeasuresAndWritesTheDepthRange) {
+  const std::string take = path("measured");
+  ASSERT_EQ(
+      testing::run_raystage("simulate chart -q --rows 3 --columns 3 --seconds 0.7 --truth-views 0 "
+                            "--spacing-mm 100 -o " +
+                            take)
+          .exit_code,
+      0);
+  const testing::CommandResult unsynced = testing::run_raystage("plan epi " + take);
+  EXPECT_EQ(unsynced.exit_code, 2);
+  EXPECT_THAT(unsynced.output, HasSubstr("raystage sync"));
+  schemas::TakeDocument document = schemas::read_take(folder_.path() / "measured/take.json");
+  document.depth_range.reset();
+  schemas::write_take(document, folder_.path() / "measured/take.json");
+  const testing::CommandResult sync = testing::run_raystage("sync " + take);
+  EXPECT_EQ(sync.exit_code, 0) << sync.output;
+  EXPECT_THAT(sync.output, HasSubstr("raystage plan epi"));
+  const testing::CommandResult result =
+      testing::run_raystage("plan epi " + take + " --write -q --json --report " + path("epi.html"));
+  EXPECT_EQ(result.exit_code, 0) << result.output;
+  const auto json = nlohmann::json::parse(result.output.substr(result.output.find('{')));
+  const auto range = schemas::read_take(folder_.path() / "measured/take.json").depth_range;
+  ASSERT_TRUE(range);
+  EXPECT_EQ(json["depth_range_m"], (nlohmann::json{range->near, range->far}));
+  EXPECT_NEAR(range->near, 1.94, 0.15);  // a ball
+  EXPECT_GT(range->far, 4);              // the wall
+  EXPECT_EQ(json["epipolar_images"].size(), 2U);
+  EXPECT_GE(json["epipolar_images"][0]["cameras"].size(), 2U);  // one may lack its frame
+  EXPECT_THAT(read_file(folder_.path() / "epi.html"), HasSubstr("data:image/jpeg;base64,"));
+  EXPECT_THAT(testing::run_raystage("sync " + take).output, Not(HasSubstr("raystage plan epi")));
+}
+
+TEST_F(PlanCommand, EpiSaysWhereNothingCanBeMeasured) {
+  const std::string take = path("dark");
+  ASSERT_EQ(testing::run_raystage(
+                "simulate black -q --rows 2 --columns 2 --seconds 0.7 --truth-views 0 -o " + take)
+                .exit_code,
+            0);
+  ASSERT_EQ(testing::run_raystage("sync " + take).exit_code, 0);
+  const testing::CommandResult result =
+      testing::run_raystage("plan epi " + take + " --report " + path("epi.html"));
+  EXPECT_EQ(result.exit_code, 4);
+  EXPECT_THAT(result.output, HasSubstr("No depth range: 0 pixels have a clear slope"));
 }
 
 }  // namespace

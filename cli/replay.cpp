@@ -7,6 +7,7 @@
 
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/depth_range_hint.h"
 #include "cli/follow_links_option.h"
 #include "cli/printing.h"
 #include "cli/sandbox_option.h"
@@ -59,6 +60,7 @@ int main(int argc, char** argv) {
         options.program_version = "raystage " RAYSTAGE_VERSION;
         replay::Viewer viewer(options);
         print("Open {}\n", viewer.url());
+        print_depth_range_hint(options.target);
         std::fflush(stdout);
         viewer.run(stop);
         return ExitCode::kSuccess;

@@ -13,6 +13,7 @@
 #include "base/atomic_file.h"
 #include "cli/command.h"
 #include "cli/command_line_parsing.h"
+#include "cli/depth_range_hint.h"
 #include "cli/follow_links_option.h"
 #include "cli/printing.h"
 #include "cli/threads.h"
@@ -198,6 +199,7 @@ ExitCode sync(const Options& options, std::stop_token stop) {
   } else {
     print_text(resync, store::resync_findings(resync, flash));
     if (retimed) print_text(*retimed, options.output);
+    print_depth_range_hint(options.output.empty() ? options.take : options.output);
   }
   return retimed && retimed->rotten > 0 ? ExitCode::kFellShort : ExitCode::kSuccess;
 }

@@ -26,7 +26,9 @@ std::filesystem::path mesh_file(const MethodOptions& options, const store::Take&
 
 schemas::DepthRange scene_of(const store::Take& take) {
   return store::scene_depth_range(
-      take, {}, "proxy depth", "Set depth_range_m in take.json, in metres in front of the array");
+      take, {}, "proxy depth",
+      "Set depth_range_m in take.json, in metres in front of the array, or measure it with "
+      "`raystage plan epi`");
 }
 
 void check_proxy(const MethodOptions& options, const store::Take& take) {

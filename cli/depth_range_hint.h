@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+
+#include "base/contained_path.h"
+#include "cli/printing.h"
+#include "schemas/take_document.h"
+
+namespace raystage::cli {
+
+/// Prints how to measure the depth range of a take that states none; nothing for another folder.
+inline void print_depth_range_hint(const std::filesystem::path& folder) {
+  if (!std::filesystem::is_regular_file(folder / "take.json")) return;
+  const schemas::TakeDocument take = schemas::read_take(ContainedPath{folder, "take.json"});
+  if (take.depth_range || take.cameras.size() < 2) return;
+  print(
+      "The take states no depth range, which depth, plane_sweep and auto need. To measure it:\n"
+      "  raystage plan epi {} --write\n",
+      folder.string());
+}
+
+}  // namespace raystage::cli

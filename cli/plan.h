@@ -20,6 +20,7 @@ struct NamedRig {
 /// Reads a rig, or that of a take. Throws Error (bad input) as the documents do.
 NamedRig read_named_rig(const std::filesystem::path& path);
 
+Subcommand declare_plan_array(CommandLine& plan);
 Subcommand declare_plan_check(CommandLine& plan);
 Subcommand declare_plan_coverage(CommandLine& plan);
 Subcommand declare_plan_epi(CommandLine& plan);

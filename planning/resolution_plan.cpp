@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "charts/html_page.h"
 #include "charts/svg_chart.h"
+#include "schemas/json_text.h"
 
 namespace raystage::planning {
 namespace {
@@ -30,10 +31,6 @@ rig::RowView view_of(const ResolutionOptions& options, double rotation_deg) {
 
 bool is_uneven(const ResolutionPlan& plan) {
   return plan.sampling.coarsest_step > kUneven * plan.sampling.finest_step;
-}
-
-ordered_json number_or_null(double value) {
-  return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
 }
 
 /// Describes the array and its views in sentences.
@@ -216,13 +213,13 @@ std::string resolution_plan_as_json(const ResolutionPlan& plan) {
       {"spacing_m", sampling.row.spacing},
       {"width_m", sampling.width},
       {"max_camera_rotation_deg", sampling.max_rotation / kRadians},
-      {"fixed_focal_distance_m", number_or_null(sampling.row.fixed_focal_distance)},
+      {"fixed_focal_distance_m", schemas::number_or_null(sampling.row.fixed_focal_distance)},
       {"view_fov_deg", plan.options.view_fov_deg},
       {"view_depth_m", plan.options.depth_m},
       {"coarsest_px", plan.coarsest_pixels},
       {"finest_px", plan.finest_pixels},
-      {"pixel_limited_in_front_m", number_or_null(plan.depths.in_front)},
-      {"pixel_limited_behind_m", number_or_null(-plan.depths.behind)},
+      {"pixel_limited_in_front_m", schemas::number_or_null(plan.depths.in_front)},
+      {"pixel_limited_behind_m", schemas::number_or_null(-plan.depths.behind)},
       {"rotations", rows}};
   return json.dump(2) + "\n";
 }

@@ -10,6 +10,7 @@
 
 #include "base/atomic_file.h"
 #include "base/error.h"
+#include "schemas/array_specification.h"
 #include "schemas/bench_document.h"
 #include "schemas/import_manifest.h"
 #include "schemas/planes_document.h"
@@ -61,6 +62,33 @@ json good(const std::string& kind) {
          {"options", {{"planes", 96}, {"aggregation", "box"}, {"subplane_refinement", true}}}}};
     return document;
   }
+  if (kind == "array_specification") {
+    document.update({{"name", "wall"},
+                     {"views",
+                      {{"width_px", 640},
+                       {"height_px", 480},
+                       {"least_fov_deg", 30},
+                       {"largest_fov_deg", 45.5},
+                       {"max_yaw_deg", 5}}},
+                     {"positions",
+                      {{{"x_m", -0.5}, {"y_m", 0}, {"depth_m", -1}},
+                       {{"x_m", 0.5}, {"y_m", 0}, {"depth_m", 1}, {"yaw_deg", 3}}}},
+                     {"depth_range_m", {2, nullptr}},
+                     {"subject", {{"depth_m", 3}, {"radius_m", 0.5}}},
+                     {"fps", 24},
+                     {"minutes", 10},
+                     {"cameras",
+                      {{{"id", "a"},
+                        {"width_px", 640},
+                        {"height_px", 480},
+                        {"sensor_width_mm", 4.8},
+                        {"focal_lengths_mm", {4, 6}},
+                        {"max_fps", 30},
+                        {"price", 100}}}},
+                     {"node", {{"cameras", 8}, {"megabytes_per_s", 200}, {"price", 1000}}},
+                     {"disk", {{"gigabytes", 500}, {"megabytes_per_s", 100}, {"price", 50}}}});
+    return document;
+  }
   if (kind == "planes") {
     document["planes"] = {
         {{"id", "door"}, {"corners", {{0, 0, -3}, {1, 0, -3}, {1, 2.5, -3}, {0, 2.5, -3}}}},
@@ -110,6 +138,9 @@ std::string rewritten(const std::string& kind, const std::string& text) {
   if (kind == "take") return format_take(parse_take(text, "f.json"));
   if (kind == "shot") return format_shot(parse_shot(text, "f.json"));
   if (kind == "bench") return format_bench(parse_bench(text, "f.json"));
+  if (kind == "array_specification") {
+    return format_array_specification(parse_array_specification(text, "f.json"));
+  }
   if (kind == "planes") return format_planes(parse_planes(text, "f.json"));
   if (kind == "views") return format_views(parse_views(text, "f.json"));
   return format_import_manifest(parse_import_manifest(text, "f.json"));
@@ -129,7 +160,7 @@ std::string refusal(const std::string& kind, const json& document) {
 class EveryDocument : public ::testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Kinds, EveryDocument,
                          ::testing::Values("rig", "take", "shot", "import", "views", "bench",
-                                           "planes"));
+                                           "planes", "array_specification"));
 
 TEST_P(EveryDocument, ComesBackTheSame) {
   const std::string once = rewritten(GetParam(), good(GetParam()).dump());

@@ -2,6 +2,7 @@
 // Include in .cpp files only: nlohmann's types take a second to compile.
 #pragma once
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
@@ -17,6 +18,11 @@ nlohmann::json parse_json(std::string_view text, std::string_view name);
 /// Returns JSON indented by two spaces; doubles round-trip exactly. Arrays and objects of plain
 /// values are on one line if they fit into 100 columns: a matrix has one row per line.
 std::string format_json(const nlohmann::ordered_json& value);
+
+/// Returns a number, or null if it is not finite: JSON has no infinity.
+inline nlohmann::ordered_json number_or_null(double value) {
+  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+}
 
 /// Returns `pointer` extended by one reference token (RFC 6901).
 std::string append_json_pointer(std::string_view pointer, std::string_view key);

@@ -11,16 +11,13 @@
 #include "base/base64.h"
 #include "charts/html_page.h"
 #include "charts/svg_chart.h"
+#include "schemas/json_text.h"
 #include "store/jpeg/encode.h"
 
 namespace raystage::planning {
 namespace {
 
 using nlohmann::ordered_json;
-
-ordered_json number_or_null(double value) {
-  return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
-}
 
 std::string range_text(const schemas::DepthRange& range) {
   return fmt::format("{:.4g} m to {}", range.near,
@@ -129,7 +126,8 @@ std::string format_measured_depths(const MeasuredDepths& depths) {
 
 std::string measured_depths_as_json(const MeasuredDepths& depths) {
   const auto range_json = [](const std::optional<schemas::DepthRange>& range) {
-    return range ? ordered_json{range->near, number_or_null(range->far)} : ordered_json(nullptr);
+    return range ? ordered_json{range->near, schemas::number_or_null(range->far)}
+                 : ordered_json(nullptr);
   };
   ordered_json images = ordered_json::array();
   for (const EpipolarImage& image : depths.images) {

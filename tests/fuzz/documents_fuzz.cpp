@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "base/time.h"
+#include "schemas/array_specification.h"
 #include "schemas/bench_document.h"
 #include "schemas/farm_job_document.h"
 #include "schemas/farm_records.h"
@@ -59,7 +60,7 @@ void read_offsets(std::string_view text) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   const std::string text(data + 1, data + size);
-  switch (static_cast<std::uint8_t>(data[0] - '0') % 16) {
+  switch (static_cast<std::uint8_t>(data[0] - '0') % 18) {
     case 0:
       round_trip(text, raystage::schemas::parse_rig, raystage::schemas::format_rig);
       break;
@@ -111,6 +112,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       break;
     case 16:
       round_trip(text, raystage::schemas::parse_shot_notes, raystage::schemas::format_shot_notes);
+      break;
+    case 17:
+      round_trip(text, raystage::schemas::parse_array_specification,
+                 raystage::schemas::format_array_specification);
       break;
     default:
       round_trip(

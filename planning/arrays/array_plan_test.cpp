@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planning/arrays/array_plan.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "base/error.h"
+#include "planning/arrays/array_report.h"
+#include "rig/planning/wall_eyed_array.h"
+#include "rig/rig.h"
+
+namespace raystage::planning {
+namespace {
+
+using ::testing::HasSubstr;
+
+/// The capabilities of the thesis' prototype: 64 cameras of 320 x 240 pixels and 62 degrees, whose
+/// views are free of ghosting beyond 7.99 m.
+schemas::ArraySpecification prototype() {
+  schemas::ArraySpecification wanted;
+  wanted.name = "prototype";
+  wanted.views = {320, 240, 62, 62, 0, 0, 0};
+  for (const double x : {-0.21, 0.21}) {
+    for (const double y : {-0.21, 0.21}) wanted.positions.push_back({x, y, 0, {}, {}});
+  }
+  wanted.depth_range = {7.99, std::numeric_limits<double>::infinity()};
+  wanted.fps = 15;
+  wanted.minutes = 60;
+  schemas::ArraySpecification::Camera camera;
+  camera.id = "webcam";
+  camera.width_px = 320;
+  camera.height_px = 240;
+  camera.sensor_width_mm = 3.6;
+  camera.focal_lengths_mm = {2, 3.6 / (2 * std::tan(31 * M_PI / 180)), 4};
+  camera.price = 100;
+  wanted.cameras = {camera};
+  wanted.node = {16, 100, 1000};
+  wanted.disk = {500, 50, 100};
+  return wanted;
+}
+
+TEST(ArrayPlan, ReturnsThePrototypeForItsCapabilities) {
+  const ArrayPlan plan = plan_array(prototype(), "test");
+  const ArrayAlternative& best = plan.alternatives[*plan.best];
+  EXPECT_EQ(best.columns, 8);
+  EXPECT_EQ(best.rows, 8);
+  EXPECT_NEAR(best.spacing.x(), 0.06, 1e-12);
+  EXPECT_NEAR(best.horizontal_fov * 180 / M_PI, 62, 1e-9);
+  EXPECT_TRUE(best.is_sufficient);
+  EXPECT_TRUE(best.is_on_front);
+  EXPECT_NEAR(best.ghosting_px, 1, 1e-3);
+  EXPECT_NEAR(best.resolution, 1, 1e-12);
+  EXPECT_EQ(best.nodes, 4);
+  EXPECT_NEAR(best.megapixels_per_s, 64 * 320 * 240 * 15e-6, 1e-9);
+  EXPECT_EQ(best.price, 64 * 100 + 4 * 1000 + 4 * 100);
+  const auto array =
+      rig::find_wall_eyed_array(rig::rig_from_document(rig_of_alternative(plan, best)));
+  ASSERT_TRUE(array);
+  EXPECT_NEAR(array->size().x(), 0.42, 1e-12);
+}
+
+TEST(ArrayPlan, SaysWhyACameraCannotBeUsed) {
+  schemas::ArraySpecification wanted = prototype();
+  wanted.cameras.push_back(wanted.cameras[0]);
+  wanted.cameras[1].id = "slow";
+  wanted.cameras[1].max_fps = 10;
+  wanted.cameras.push_back(wanted.cameras[0]);
+  wanted.cameras[2].id = "narrow";
+  wanted.cameras[2].focal_lengths_mm = {4};
+  const ArrayPlan plan = plan_array(wanted, "test");
+  ASSERT_EQ(plan.unusable.size(), 2U);
+  EXPECT_THAT(plan.unusable[0].because, HasSubstr("10 frames a second"));
+  EXPECT_THAT(plan.unusable[1].because, HasSubstr("48.5 x 37.3 deg at most, 62.0 x 48.5 deg"));
+  wanted.cameras.erase(wanted.cameras.begin());
+  EXPECT_THROW(plan_array(wanted, "test"), Error);
+  wanted = prototype();
+  wanted.views.max_yaw_deg = 70;
+  EXPECT_THROW(plan_array(wanted, "test"), Error);
+}
+
+TEST(ArrayPlan, BodiesLimitTheSpacing) {
+  schemas::ArraySpecification wanted = prototype();
+  wanted.cameras[0].body_mm = 100;
+  const ArrayPlan plan = plan_array(wanted, "test");
+  const ArrayAlternative& best = plan.alternatives[*plan.best];
+  EXPECT_EQ(best.columns, 5);
+  EXPECT_TRUE(best.is_limited_by_bodies);
+  EXPECT_FALSE(best.is_sufficient);
+  EXPECT_NEAR(best.ghosting_px, 0.42 / 4 / 0.06, 2e-3);
+  EXPECT_THAT(format_array_plan(plan, {}), HasSubstr("bodies are too wide"));
+}
+
+TEST(ArrayPlan, RotatedCamerasNeedASmallerFieldOfView) {
+  schemas::ArraySpecification wanted = prototype();
+  wanted.subject = {8, 0.5};
+  wanted.cameras[0].focal_lengths_mm = {20};
+  const ArrayPlan plan = plan_array(wanted, "test");
+  const ArrayAlternative& best = plan.alternatives[*plan.best];
+  EXPECT_TRUE(best.is_rotated);
+  const rig::Rig rig = rig::rig_from_document(rig_of_alternative(plan, best));
+  for (const rig::Rig::Camera& camera : rig.cameras) {
+    const Eigen::Vector3d to_subject =
+        (Eigen::Vector3d(0, 0, -8) - camera.pose.position).normalized();
+    EXPECT_NEAR(camera.pose.viewing_direction().dot(to_subject), 1, 1e-12);
+    EXPECT_NEAR(camera.pose.world_from_camera_rotation.determinant(), 1, 1e-12);
+  }
+}
+
+// Thesis 8.2: at one total rate more cameras have less ghosting, and less resolution.
+TEST(ArrayPlan, TradesCamerasForResolution) {
+  const ArrayPlan plan = plan_array(prototype(), "test");
+  ASSERT_GE(plan.trade.size(), 5U);
+  for (std::size_t i = 0; i < plan.trade.size(); ++i) {
+    const RateTrade& one = plan.trade[i];
+    EXPECT_NEAR(one.columns * one.rows * one.width_px * one.height_px * 15e-6,
+                plan.trade_megapixels_per_s, 1e-9);
+    if (i == 0) continue;
+    EXPECT_LT(one.ghosting_px, plan.trade[i - 1].ghosting_px);
+    EXPECT_LE(one.resolution, plan.trade[i - 1].resolution);
+  }
+}
+
+TEST(ArrayPlan, HoldsAtTheExtremes) {
+  schemas::ArraySpecification wanted = prototype();
+  wanted.depth_range = {3, 3};  // flat
+  EXPECT_EQ(plan_array(wanted, "test").alternatives[0].columns, 2);
+  EXPECT_EQ(plan_array(wanted, "test").alternatives[0].ghosting_px, 0);
+  wanted = prototype();
+  wanted.positions = {{0, 0, 0, {}, {}}};  // one position on the plane of the array
+  EXPECT_EQ(plan_array(wanted, "test").alternatives[0].cameras(), 1);
+  wanted = prototype();
+  for (auto& position : wanted.positions) position.depth_m = -1e6;
+  EXPECT_THROW(plan_array(wanted, "test"), Error);  // more cameras than can be counted
+}
+
+}  // namespace
+}  // namespace raystage::planning

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rig/planning/array_design.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace raystage::rig {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+/// Returns the extreme values of a range, and 0 where it is inside: there the eyes of a stereo
+/// camera are farthest apart.
+std::vector<double> extremes_of(const std::pair<double, double>& range) {
+  std::vector<double> values{range.first, range.second};
+  if (range.first < 0 && range.second > 0) values.push_back(0);
+  return values;
+}
+
+}  // namespace
+
+std::optional<ArrayRequirements> array_requirements(std::span<const PlannedView> views,
+                                                    const PlannedPicture& picture) {
+  const double half_width = std::tan(picture.horizontal_fov / 2);
+  const double half_height = half_width / picture.aspect;
+  ArrayRequirements needed;
+  double widest = 0, highest = 0;  // slopes
+  for (const PlannedView& view : views) {
+    for (const double yaw : extremes_of(view.yaw)) {
+      for (const double pitch : extremes_of(view.pitch)) {
+        const Eigen::Matrix3d array_from_view = (Eigen::AngleAxisd(yaw, Vector3d::UnitY()) *
+                                                 Eigen::AngleAxisd(pitch, Vector3d::UnitX()))
+                                                    .toRotationMatrix();
+        for (const double x : {-half_width, half_width}) {
+          for (const double y : {-half_height, half_height}) {
+            const Vector3d ray = array_from_view * Vector3d(x, y, -1);
+            if (!(ray.z() < 0)) return std::nullopt;
+            const Vector2d slope = ray.head<2>() / -ray.z();
+            widest = std::max(widest, std::abs(slope.x()));
+            highest = std::max(highest, std::abs(slope.y()));
+            for (const double eye : {-picture.interaxial / 2, picture.interaxial / 2}) {
+              const Vector3d at = view.position + eye * array_from_view.col(0);
+              needed.extent.extend(Vector2d(at.head<2>() + at.z() * slope));
+            }
+          }
+        }
+      }
+    }
+  }
+  needed.horizontal_fov = 2 * std::atan(widest);
+  needed.vertical_fov = 2 * std::atan(highest);
+  return needed;
+}
+
+double largest_spacing(double pitch, schemas::DepthRange scene, double error) {
+  const double depths = 1 / scene.near - 1 / scene.far;
+  return depths > 0 ? 2 * error * pitch / depths : std::numeric_limits<double>::infinity();
+}
+
+double ghosting_at_spacing(double pitch, schemas::DepthRange scene, double spacing) {
+  return spacing * (1 / scene.near - 1 / scene.far) / (2 * pitch);
+}
+
+std::optional<double> fov_of_rotated_cameras(const Eigen::AlignedBox2d& extent, double depth,
+                                             double radius) {
+  // The nearest camera sees the sphere under the largest angle.
+  const Vector2d nearest = Vector2d::Zero().cwiseMax(extent.min()).cwiseMin(extent.max());
+  const double distance = std::hypot(depth, nearest.norm());
+  if (!(distance > radius)) return std::nullopt;
+  return 2 * std::asin(radius / distance);
+}
+
+}  // namespace raystage::rig

@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 
 #include <filesystem>
+#include <limits>
 #include <memory>
+#include <numbers>
 #include <optional>
 #include <string>
 #include <system_error>
@@ -21,6 +23,7 @@
 #include "compose/frame_range.h"
 #include "compose/sequence.h"
 #include "compose/shot_plan.h"
+#include "planning/camera_motion.h"
 #include "planning/nearest_path.h"
 #include "planning/shot_check.h"
 #include "planning/shot_check_report.h"
@@ -29,14 +32,33 @@
 namespace raystage::cli {
 namespace {
 
+constexpr double kNoLimit = std::numeric_limits<double>::infinity();
+
 struct CheckCommand {
-  std::filesystem::path shot, report, nearest_path, relative_to;
+  std::filesystem::path shot, report, nearest_path, relative_to, bench;
   std::string frames;
   compose::MissingFrames missing = compose::MissingFrames::kError;
   double least_coverage = 0, least_resolution = 0;  ///< shares
   int threads = 0;
   bool json = false;
+  bool is_milo = false;           // the limits of a known rig
+  planning::MotionLimits limits;  // in place of those
+  double turn_speed_deg = kNoLimit;
 };
+
+planning::MotionLimits motion_limits_of(const CheckCommand& command) {
+  planning::MotionLimits limits =
+      command.is_milo ? planning::milo_motion_limits() : planning::MotionLimits{};
+  const auto replace = [](double& limit, double given) {
+    if (given < kNoLimit) limit = given;
+  };
+  replace(limits.reach, command.limits.reach);
+  replace(limits.extension_speed, command.limits.extension_speed);
+  replace(limits.track_speed, command.limits.track_speed);
+  replace(limits.acceleration, command.limits.acceleration);
+  replace(limits.turn_speed, command.turn_speed_deg * std::numbers::pi / 180);
+  return limits;
+}
 
 /// Returns whether the shot reaches what is asked for.
 bool is_enough(const planning::ShotCheck& check, const CheckCommand& command) {
@@ -93,8 +115,13 @@ ExitCode run_check(const CheckCommand& command, const std::stop_token& stop) {
   const std::vector<int> numbers = compose::frames_to_render(
       plan.shot(), requested, [](std::string_view warning) { print_error("{}\n", warning); });
   const auto frames = plan.plan(numbers, command.missing);
+  planning::ShotCheckOptions checked;
+  checked.motion_limits = motion_limits_of(command);
+  if (!command.bench.empty()) {
+    checked.measured_settings = planning::read_measured_settings(command.bench);
+  }
   const planning::ShotCheck check =
-      planning::check_shot(plan, command.shot.string(), frames, {}, stop);
+      planning::check_shot(plan, command.shot.string(), frames, checked, stop);
   if (!command.report.empty()) {
     write_file_atomically(command.report, planning::shot_check_as_page(check));
   }
@@ -129,6 +156,23 @@ Subcommand declare_plan_check(CommandLine& plan) {
               "write the shot, all of its frames, with its camera moved into the range of motion; "
               "paths stay\nrelative to the folder of SHOT")
       .excludes("--frames");
+  command.option(
+      "--bench trade.json", options->bench,
+      "state what a bench of the take measured (raystage bench), and the setting that it "
+      "suggests");
+  command.flag("--milo", options->is_milo,
+               "compare the path with what the motion control rig of thesis 7.3.2 can do");
+  command
+      .option("--rig-reach", options->limits.reach, "reach of a motion control rig's arm, metres")
+      .limits(0.0, 1e6);
+  command.option("--rig-extension-speed", options->limits.extension_speed, "speed of its arm, m/s")
+      .limits(0.0, 1e6);
+  command.option("--rig-track-speed", options->limits.track_speed, "speed on its track, m/s")
+      .limits(0.0, 1e6);
+  command.option("--rig-acceleration", options->limits.acceleration, "its acceleration, m/s2")
+      .limits(0.0, 1e6);
+  command.option("--rig-turn-speed-deg", options->turn_speed_deg, "its rotation, degrees/s")
+      .limits(0.0, 1e6);
   command.option("--report FILE.html", options->report, "write the result as a page with charts");
   command.flag("--json", options->json, "print the result as JSON");
   add_threads_option(command, options->threads);

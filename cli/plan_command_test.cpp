@@ -68,6 +68,22 @@ TEST_F(PlanCommand, CheckWritesReportAndNearestPath) {
   EXPECT_EQ(schemas::read_shot(folder_.path() / "near.json").layers.size(), shot_.layers.size());
 }
 
+TEST_F(PlanCommand, CheckComparesWithAMotionRigAndABench) {
+  EXPECT_THAT(check().output, HasSubstr("Accuracy, time and memory are not measured"));
+  EXPECT_THAT(check("--milo").output, HasSubstr("The motion control rig could follow it."));
+  const testing::CommandResult slow = check("--milo --rig-track-speed 0.1 --rig-reach 0.5");
+  EXPECT_EQ(slow.exit_code, 0);
+  EXPECT_THAT(slow.output, HasSubstr("m/s at frame 10"));
+  EXPECT_THAT(slow.output, HasSubstr("; the rig does 0.1 m/s."));
+  write_file_atomically(folder_.path() / "trade.json", R"({"schema": "raystage/trade/1", "rows": [
+      {"label": "one plane", "method": "focal_plane", "psnr_db": 24, "seconds_per_frame": 30,
+       "on_psnr_front": true}]})");
+  EXPECT_THAT(check("--bench " + path("trade.json")).output,
+              HasSubstr("Measured with one plane in views of the bench: 24.0 dB, 30 s a frame, "
+                        "3 min for 6 frames."));
+  EXPECT_EQ(check("--bench " + path("shot.json")).exit_code, 2);
+}
+
 TEST_F(PlanCommand, CheckReadsNoMeshes) {
   schemas::ShotDocument::Layer mesh;
   mesh.name = "mesh";

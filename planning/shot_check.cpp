@@ -286,6 +286,13 @@ ShotCheck check_shot(const compose::ShotPlan& plan, const std::string& name,
     check.width = view.width;
     check.height = view.height;
   }
+  std::vector<FramePose> path;
+  for (const compose::PlannedFrame& frame : frames) {
+    path.push_back({frame.frame, plan.camera(frame.frame, plan.eyes().front()).pose});
+  }
+  if (!path.empty()) check.motion = measure_motion(path, plan.shot().fps);
+  check.motion_limits = options.motion_limits;
+  check.measured_settings = options.measured_settings;
   for (const compose::LightFieldLayer* light_field : light_fields) {
     check.layers.push_back(LayerChecker(plan, *light_field).run(frames, options, stop));
   }

@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "compose/shot_plan.h"
+#include "planning/camera_motion.h"
+#include "planning/measured_settings.h"
 #include "schemas/geometry.h"
 
 namespace raystage::planning {
@@ -61,7 +63,10 @@ struct ShotCheck {
   int width = 0, height = 0;  ///< pixels, with overscan
   std::vector<int> frames;
   std::vector<LayerCheck> layers;
-  double seconds = 0;  ///< that the computation took
+  CameraMotion motion;                             ///< of the camera, between adjacent frames
+  MotionLimits motion_limits;                      ///< that it is compared with
+  std::vector<MeasuredSetting> measured_settings;  ///< ShotCheckOptions::measured_settings
+  double seconds = 0;                              ///< that the computation took
 
   /// Returns the largest share of rays of a frame that no take recorded. Of takes around a volume
   /// the best one counts.
@@ -75,6 +80,9 @@ struct ShotCheck {
 /// How much of a shot is checked.
 struct ShotCheckOptions {
   bool finds_field_of_view = true;  ///< LayerCheck::field_of_view_factor
+  MotionLimits motion_limits = {};  ///< of a rig that could follow the path
+  /// Of a bench of the take; empty: nothing was measured.
+  std::vector<MeasuredSetting> measured_settings = {};
 };
 
 /// Checks frames of a shot against the arrays that recorded its takes. Decodes no picture. Throws

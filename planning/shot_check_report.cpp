@@ -138,10 +138,8 @@ std::string ghosting_text(const LayerCheck& layer) {
   if (!layer.uses_focal_plane) {
     return text + "Method " + layer.method + " does not sample rays on one focal plane.\n";
   }
-  text += *worst <= kGhostFree
-              ? "One focal plane suffices (focal_plane).\n"
-              : "A method with depths is needed (plane_sweep, depth); its accuracy is not measured "
-                "here (raystage bench).\n";
+  text += *worst <= kGhostFree ? "One focal plane suffices (focal_plane).\n"
+                               : "A method with depths is needed (plane_sweep, depth).\n";
   return text;
 }
 
@@ -172,6 +170,14 @@ ordered_json json_of(const LayerCheck& layer) {
   if (!layer.no_range_because.empty()) json["no_range_because"] = layer.no_range_because;
   json["frames"] = std::move(frames);
   return json;
+}
+
+ordered_json json_of(const MeasuredSetting& setting) {
+  return {{"label", setting.label},
+          {"method", setting.method},
+          {"psnr_db", setting.psnr_db},
+          {"seconds_per_frame", setting.seconds_per_frame},
+          {"peak_memory_bytes", json_of(setting.peak_memory_bytes)}};
 }
 
 /// A value over the frames of a layer.
@@ -229,10 +235,58 @@ std::string lines_as_html(const std::string& text) {
   return html;
 }
 
+std::string seconds_text(double seconds) {
+  constexpr double kMinute = 60, kHour = 3600;
+  if (seconds < 2 * kMinute) return fmt::format("{:.3g} s", seconds);
+  return seconds < 2 * kHour ? fmt::format("{:.0f} min", seconds / kMinute)
+                             : fmt::format("{:.1f} h", seconds / kHour);
+}
+
+/// States what a bench measured of the layer's method, and what it suggests.
+std::string bench_text(const ShotCheck& check, const LayerCheck& layer) {
+  const auto& settings = check.measured_settings;
+  if (settings.empty()) return "Accuracy, time and memory are not measured (raystage bench).\n";
+  std::string text;
+  if (const MeasuredSetting* own = setting_of_method(settings, layer.method)) {
+    text =
+        fmt::format("Measured with {} in views of the bench: {:.1f} dB, {} a frame, {} for {}{}.\n",
+                    own->label, own->psnr_db, seconds_text(own->seconds_per_frame),
+                    seconds_text(own->seconds_per_frame * static_cast<double>(layer.frames.size())),
+                    frame_count(layer.frames.size()),
+                    own->peak_memory_bytes
+                        ? fmt::format(", {:.1f} GB of memory", *own->peak_memory_bytes * 1e-9)
+                        : "");
+  } else {
+    text = fmt::format("The bench did not measure method {}.\n", layer.method);
+  }
+  if (const MeasuredSetting* best = suggested_setting(settings)) {
+    text += fmt::format("It suggests {} (method {}): {:.1f} dB, {} a frame.\n", best->label,
+                        best->method, best->psnr_db, seconds_text(best->seconds_per_frame));
+  }
+  return text;
+}
+
 std::string layer_text(const ShotCheck& check, const LayerCheck& layer) {
   if (layer.frames.empty()) return "It is not visible in these frames.\n";
   return without_frames_text(layer) + coverage_text(layer) + range_text(layer) +
-         resolution_text(check, layer) + ghosting_text(layer);
+         resolution_text(check, layer) + ghosting_text(layer) + bench_text(check, layer);
+}
+
+/// States how the camera moves, and what a motion control rig could not do.
+std::string motion_text(const ShotCheck& check) {
+  const CameraMotion& motion = check.motion;
+  std::string text = fmt::format(
+      "The camera moves over {:.3g} m, {:.3g} m wide; up to {:.3g} m/s, {:.3g} m/s2 and {:.3g} "
+      "deg/s.\n",
+      motion.track_length, motion.reach,
+      std::max(motion.track_speed.value, motion.extension_speed.value), motion.acceleration.value,
+      motion.turn_speed.value * 180 / std::numbers::pi);
+  const std::vector<std::string> exceeded = exceeded_limits(motion, check.motion_limits);
+  for (const std::string& sentence : exceeded) text += sentence + "\n";
+  if (exceeded.empty() && check.motion_limits.is_limited()) {
+    text += "The motion control rig could follow it.\n";
+  }
+  return text;
 }
 
 constexpr std::string_view kCheckPageStyle = R"(
@@ -261,21 +315,37 @@ std::string format_shot_check(const ShotCheck& check) {
                         layer.method, layer.cameras, 1e3 * layer.spacing);
     text += layer_text(check, layer);
   }
+  text += "\n" + motion_text(check);
   return text + fmt::format("\n{} ({:.3f} s)\n", shot_check_verdict(check), check.seconds);
 }
 
 std::string shot_check_as_json(const ShotCheck& check) {
   ordered_json layers = ordered_json::array();
-  for (const LayerCheck& layer : check.layers) layers.push_back(json_of(layer));
-  const ordered_json json{{"schema", "raystage/shot_check/1"},
-                          {"shot", check.shot},
-                          {"width", check.width},
-                          {"height", check.height},
-                          {"frames", check.frames.size()},
-                          {"unrecorded_share", check.worst_unrecorded_share()},
-                          {"resolution", check.worst_resolution()},
-                          {"seconds", check.seconds},
-                          {"layers", layers}};
+  for (const LayerCheck& layer : check.layers) {
+    layers.push_back(json_of(layer));
+    const MeasuredSetting* own = setting_of_method(check.measured_settings, layer.method);
+    layers.back()["measured"] = own == nullptr ? ordered_json(nullptr) : json_of(*own);
+  }
+  const MeasuredSetting* suggested = suggested_setting(check.measured_settings);
+  const ordered_json json{
+      {"schema", "raystage/shot_check/1"},
+      {"shot", check.shot},
+      {"width", check.width},
+      {"height", check.height},
+      {"frames", check.frames.size()},
+      {"unrecorded_share", check.worst_unrecorded_share()},
+      {"resolution", check.worst_resolution()},
+      {"motion",
+       {{"track_length_m", check.motion.track_length},
+        {"reach_m", check.motion.reach},
+        {"track_speed_m_per_s", check.motion.track_speed.value},
+        {"extension_speed_m_per_s", check.motion.extension_speed.value},
+        {"acceleration_m_per_s2", check.motion.acceleration.value},
+        {"turn_speed_deg_per_s", check.motion.turn_speed.value * 180 / std::numbers::pi},
+        {"exceeded", exceeded_limits(check.motion, check.motion_limits)}}},
+      {"suggested", suggested == nullptr ? ordered_json(nullptr) : json_of(*suggested)},
+      {"seconds", check.seconds},
+      {"layers", layers}};
   return json.dump(2) + "\n";
 }
 
@@ -285,6 +355,7 @@ std::string shot_check_as_page(const ShotCheck& check) {
     body +=
         charts::html_section(layer.name, lines_as_html(layer_text(check, layer)), charts_of(layer));
   }
+  body += charts::html_section("Motion of the camera", lines_as_html(motion_text(check)), "");
   return charts::html_page(
       "Check of the shot: " + check.shot,
       fmt::format("frames {}, {}x{} pixels; {}", compose::format_frame_range(check.frames),

@@ -2,6 +2,7 @@
 // raystage plan coverage: computes where a virtual camera may stand before an array.
 #include <fmt/format.h>
 
+#include <array>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -25,6 +26,8 @@ struct CoverageCommand {
   planning::CoverageOptions options;
   std::vector<double> shares_percent{100, 99, 90};
   double interaxial_mm = 0, tolerance_mm = 1;
+  std::array<double, 3> subject{};  // no subject is at depth 0
+  double subject_size = 0.5;
   int threads = 0;
   bool json = false;
   ProgressStyle progress = ProgressStyle::kAuto;
@@ -38,6 +41,10 @@ ExitCode run_coverage(const CoverageCommand& command, const std::stop_token& sto
   for (const double share : command.shares_percent) options.shares.push_back(share / kPercent);
   options.interaxial_m = command.interaxial_mm / kMillimetres;
   options.tolerance_m = command.tolerance_mm / kMillimetres;
+  const auto [x, y, depth] = command.subject;
+  if (command.subject != std::array<double, 3>{}) {
+    options.subject = planning::CoverageSubject{x, y, depth, command.subject_size};
+  }
   const NamedRig named = read_named_rig(command.rig);
   Progress progress(command.progress);
   const auto report_progress = [&](double done) { progress.report(done); };
@@ -90,6 +97,14 @@ Subcommand declare_plan_coverage(CommandLine& plan) {
       .option("--focal-depth", options->options.focal_depth_m,
               "focal plane in front of the array, metres (default: infinity)")
       .limits(1e-3, 1e9);
+  command.option(
+      "--subject X,Y,DEPTH", options->subject,
+      "adds the range of views that must see a subject only: the middle of a cube, metres "
+      "to the right,\nupwards and in front of the array");
+  command
+      .option("--subject-size", options->subject_size,
+              "edges of the subject's cube, metres (default: 0.5)")
+      .limits(1e-6, 1e6);
   command
       .option("--tolerance-mm", options->tolerance_mm,
               "accuracy of ranges that are not exact, millimetres (default: 1)")

@@ -108,6 +108,31 @@ class CoveragePlanner {
     return volume;
   }
 
+  /// Returns the positions from which the subject is seen, up to as far behind the array as thrice
+  /// its extent.
+  CoverageVolume volume_of_subject(const CoverageSubject& subject) const {
+    constexpr double kFarthest = 3;
+    CoverageVolume volume;
+    volume.is_of_subject = true;
+    volume.is_exact = ideal_.has_value();
+    volume.is_lower_bound = !volume.is_exact;
+    const std::optional<rig::WallEyedArray> array =
+        ideal_ ? ideal_ : rig::inscribed_wall_eyed_array(rig_, topology_, &volume.empty_because);
+    if (!array) return volume;
+    std::vector<Vector3d> corners;
+    for (int corner = 0; corner < 8; ++corner) {
+      const Vector3d side((corner & 1) != 0 ? 1 : -1, (corner & 2) != 0 ? 1 : -1,
+                          (corner & 4) != 0 ? 1 : -1);
+      corners.emplace_back(Vector3d(subject.x_m, subject.y_m, -subject.depth_m) +
+                           subject.size_m / 2 * side);
+    }
+    const rig::RangeOfMotion range =
+        rig::range_of_motion_around(*array, corners, std::max(1e-6, kFarthest * extent_of_array()));
+    volume.empty_because = range.empty_because;
+    if (!range.positions.is_empty()) volume.surface = surface_of(range.positions);
+    return volume;
+  }
+
  private:
   /// Intersects the ranges of all orientations.
   ClosedSurface exact_surface(const render::VirtualCamera& view, std::string& empty_because) const {
@@ -231,6 +256,11 @@ bool CoverageOptions::is_valid(std::string* reason) const {
     return refuse("the distance of the eyes must be 0 or more");
   }
   if (!(focal_depth_m > 0)) return refuse("the focal plane must be in front of the array");
+  if (subject && !(subject->size_m > 0 && subject->depth_m > subject->size_m / 2 &&
+                   std::isfinite(subject->x_m) && std::isfinite(subject->y_m) &&
+                   std::isfinite(subject->depth_m))) {
+    return refuse("the subject must have a size and be in front of the array");
+  }
   if (!(tolerance_m >= 1e-5)) return refuse("the tolerance must be at least 0.01 mm");
   return true;
 }
@@ -271,6 +301,7 @@ CoveragePlan plan_coverage(const std::string& name, const rig::Rig& rig,
       }
     }
   }
+  if (options.subject) plan.volumes.push_back(planner.volume_of_subject(*options.subject));
   return plan;
 }
 

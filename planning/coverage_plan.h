@@ -14,6 +14,13 @@
 
 namespace raystage::planning {
 
+/// What views must see: a cube that is parallel to the array.
+struct CoverageSubject {
+  double x_m = 0, y_m = 0;  ///< of its middle, to the right and upwards from the array's middle
+  double depth_m = 0;       ///< of its middle, in front of the array
+  double size_m = 0;        ///< of its edges
+};
+
 /// The views whose range of motion is computed. Angles in degrees, distances in metres.
 struct CoverageOptions {
   std::vector<double> view_fov_deg = {30, 45, 60};  ///< horizontal, of each family member
@@ -24,6 +31,7 @@ struct CoverageOptions {
   /// Of the focal plane in front of the array; infinite: every ray as far as the horizon.
   double focal_depth_m = std::numeric_limits<double>::infinity();
   std::vector<double> shares = {1, 0.99, 0.9};  ///< of the rays that must have been recorded
+  std::optional<CoverageSubject> subject = {};  ///< adds the range of views of that alone
   double tolerance_m = 1e-3;                    ///< of volumes that are not exact
 
   /// Returns whether the options are in range; otherwise `reason` says what is not.
@@ -34,10 +42,14 @@ struct CoverageOptions {
 struct CoverageVolume {
   double view_fov_deg = 0;
   double share = 1;
-  bool is_exact = false;      ///< a polyhedron in closed form (thesis 5.2)
-  double error_m = 0;         ///< of the surface, if it is not exact
-  ClosedSurface surface;      ///< empty: there is no position
-  std::string empty_because;  ///< why, for people
+  /// The positions from which every ray to the subject was recorded (thesis 5.4), not those to the
+  /// other parts of a view; field of view and share have no meaning then.
+  bool is_of_subject = false;
+  bool is_exact = false;        ///< a polyhedron in closed form (thesis 5.2)
+  bool is_lower_bound = false;  ///< that of an ideal array whose rays the cameras recorded
+  double error_m = 0;           ///< of the surface, if it is not exact
+  ClosedSurface surface;        ///< empty: there is no position
+  std::string empty_because;    ///< why, for people
 
   Eigen::Vector3d extent() const;  ///< of the bounding box, metres
 };

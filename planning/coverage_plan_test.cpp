@@ -259,5 +259,68 @@ TEST(CoveragePlan, RefusesWhatItCannotCompute) {
   EXPECT_TRUE(refused([](CoverageOptions& o) { o.tolerance_m = 0; }));
 }
 
+// Thesis 5.4: a position counts if every ray from it to the subject passes between the cameras,
+// which see its direction. The corners of the subject decide.
+TEST(PlanCoverage, OfASubjectEqualsTracingItsCorners) {
+  const rig::Rig rig = grid_rig(4, 4);
+  CoverageOptions options;
+  options.view_fov_deg = {45};
+  options.shares = {1};
+  options.subject = CoverageSubject{0.1, 0, 2, 0.2};
+  const CoveragePlan plan = plan_coverage("rig", rig, options);
+  ASSERT_EQ(plan.volumes.size(), 2U);
+  const CoverageVolume& volume = plan.volumes.back();
+  EXPECT_TRUE(volume.is_of_subject);
+  EXPECT_TRUE(volume.is_exact);
+  EXPECT_TRUE(is_closed(volume.surface));
+  const auto array = rig::find_wall_eyed_array(rig);
+  ASSERT_TRUE(array);
+  const double half = 0.09;  // of the array
+  const auto is_seen_from = [&](const Vector3d& position) {
+    for (int corner = 0; corner < 8; ++corner) {
+      const Vector3d at(0.1 + ((corner & 1) != 0 ? 0.1 : -0.1), (corner & 2) != 0 ? 0.1 : -0.1,
+                        -2 + ((corner & 4) != 0 ? 0.1 : -0.1));
+      const Vector3d ray = at - position;
+      if (!(ray.z() < 0)) return false;
+      const Eigen::Vector2d slope = ray.head<2>() / -ray.z();
+      const Eigen::Vector2d crossing = position.head<2>() + position.z() * slope;
+      if (crossing.cwiseAbs().maxCoeff() > half || !array->slopes.contains(slope)) return false;
+    }
+    return true;
+  };
+  const Vector3d centre(0, 0, 0);
+  ASSERT_TRUE(is_seen_from(centre));
+  std::mt19937 random(3);
+  int inside = 0;
+  constexpr int kPoints = 3000;
+  for (int i = 0; i < kPoints; ++i) {
+    const Vector3d direction = random_direction(random);
+    const double distance = std::uniform_real_distribution<>(0, 0.3)(random);
+    const auto border = distance_to(volume.surface, centre, direction);
+    ASSERT_TRUE(border);
+    if (std::abs(distance - *border) < 1e-6) continue;
+    const bool is_inside = distance < *border;
+    inside += is_inside ? 1 : 0;
+    EXPECT_EQ(is_inside, is_seen_from(distance * direction)) << (distance * direction).transpose();
+  }
+  EXPECT_GT(inside, kPoints / 20);
+  options.subject->depth_m = 0.05;
+  EXPECT_THROW(plan_coverage("rig", rig, options), Error);
+}
+
+TEST(PlanCoverage, OfASubjectIsALowerBoundForRealRigs) {
+  schemas::Distortion distortion;
+  distortion.k1 = -0.1;
+  CoverageOptions options;
+  options.view_fov_deg = {30};
+  options.shares = {0.9};
+  options.tolerance_m = 0.05;
+  options.subject = CoverageSubject{0, 0, 2, 0.2};
+  const CoveragePlan plan = plan_coverage("rig", grid_rig(4, 4, distortion), options);
+  EXPECT_TRUE(plan.volumes.back().is_lower_bound);
+  EXPECT_GT(plan.volumes.back().surface.volume(), 0);
+  EXPECT_THAT(format_coverage_plan(plan), HasSubstr("at least"));
+}
+
 }  // namespace
 }  // namespace raystage::planning::coverage_plan_test

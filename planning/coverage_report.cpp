@@ -51,6 +51,7 @@ std::string size_text(const CoverageVolume& volume) {
 
 std::string accuracy_text(const CoverageVolume& volume) {
   if (volume.surface.vertices.empty()) return "";
+  if (volume.is_lower_bound) return "at least";
   return volume.is_exact ? "exact" : fmt::format("within {:.1f} mm", kMillimetres * volume.error_m);
 }
 
@@ -168,10 +169,12 @@ std::string table_of(const CoveragePlan& plan) {
     last_fov = volume.view_fov_deg;
     table += fmt::format(
         "<tr><td><svg class=\"key\" viewBox=\"0 0 24 12\"><rect class=\"volume fov{} {}\" x=\"1\" "
-        "y=\"1\" width=\"22\" height=\"10\"/></svg>{:.4g}</td><td>{:.4g} "
-        "%</td><td>{}</td><td>{}</td></tr>\n",
-        color % 4, volume.share == 1 ? "whole" : "part", volume.view_fov_deg, 100 * volume.share,
-        charts::escape_html(size_text(volume)), accuracy_text(volume));
+        "y=\"1\" width=\"22\" height=\"10\"/></svg>{}</td><td>{}</td>"
+        "<td>{}</td><td>{}</td></tr>\n",
+        color % 4, volume.share == 1 ? "whole" : "part",
+        volume.is_of_subject ? std::string("subject") : fmt::format("{:.4g}", volume.view_fov_deg),
+        fmt::format("{:.4g} %", 100 * volume.share), charts::escape_html(size_text(volume)),
+        accuracy_text(volume));
   }
   return table + "</tbody></table>\n";
 }
@@ -193,6 +196,7 @@ constexpr std::string_view kCoveragePageStyle = R"(
 }  // namespace
 
 std::string name_of(const CoverageVolume& volume) {
+  if (volume.is_of_subject) return "subject";
   return fmt::format("{:.4g} deg, {:.4g} %", volume.view_fov_deg, 100 * volume.share);
 }
 
@@ -201,9 +205,11 @@ std::string format_coverage_plan(const CoveragePlan& plan) {
                                  views_text(plan.options));
   text += "field of view    rays  range of motion: width x height x depth, volume\n";
   for (const CoverageVolume& volume : plan.volumes) {
-    text += fmt::format("{:>9.4g} deg {:>6.4g} %  {}{}{}\n", volume.view_fov_deg,
-                        100 * volume.share, size_text(volume),
-                        volume.surface.vertices.empty() ? "" : ", ", accuracy_text(volume));
+    text += volume.is_of_subject
+                ? fmt::format("{:>22}  ", "of the subject")
+                : fmt::format("{:>9.4g} deg {:>6.4g} %  ", volume.view_fov_deg, 100 * volume.share);
+    text += fmt::format("{}{}{}\n", size_text(volume), volume.surface.vertices.empty() ? "" : ", ",
+                        accuracy_text(volume));
   }
   return text;
 }
@@ -220,6 +226,8 @@ std::string coverage_plan_as_json(const CoveragePlan& plan) {
         {"view_fov_deg", volume.view_fov_deg},  {"share", volume.share},
         {"is_exact", volume.is_exact},          {"error_m", volume.error_m},
         {"volume_m3", volume.surface.volume()}, {"extent_m", json_of(volume.extent())}};
+    json["of_subject"] = volume.is_of_subject;
+    json["is_lower_bound"] = volume.is_lower_bound;
     if (!volume.empty_because.empty()) json["empty_because"] = volume.empty_because;
     json["vertices_m"] = std::move(vertices);
     json["triangles"] = volume.surface.triangles;

@@ -3,8 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <tuple>
 
 #include "base/atomic_file.h"
 #include "schemas/shot_document.h"
@@ -78,9 +80,10 @@ TEST_F(PlanCommand, CheckComparesWithAMotionRigAndABench) {
   write_file_atomically(folder_.path() / "trade.json", R"({"schema": "raystage/trade/1", "rows": [
       {"label": "one plane", "method": "focal_plane", "psnr_db": 24, "seconds_per_frame": 30,
        "on_psnr_front": true}]})");
-  EXPECT_THAT(check("--bench " + path("trade.json")).output,
-              HasSubstr("Measured with one plane in views of the bench: 24.0 dB, 30 s a frame, "
-                        "3 min for 6 frames."));
+  EXPECT_THAT(
+      check("--bench " + path("trade.json")).output,
+      HasSubstr("Measured with one plane at the size of the bench's views: 24.0 dB, 30 s a frame, "
+                "3 min for 6 frames."));
   EXPECT_EQ(check("--bench " + path("shot.json")).exit_code, 2);
 }
 
@@ -179,7 +182,44 @@ TEST_F(PlanCommand, EpiSaysWhereNothingCanBeMeasured) {
   const testing::CommandResult result =
       testing::run_raystage("plan epi " + take + " --report " + path("epi.html"));
   EXPECT_EQ(result.exit_code, 4);
-  EXPECT_THAT(result.output, HasSubstr("No depth range: 0 pixels have a clear slope"));
+  EXPECT_THAT(result.output, HasSubstr("No depth range: only 0 of the pixels have a clear slope"));
+}
+
+// docs/planning.md states the results of the examples.
+TEST_F(PlanCommand, ArrayOfTheExamples) {
+  const std::filesystem::path examples =
+      std::filesystem::path(RAYSTAGE_SOURCE_DIR) / "examples/arrays";
+  for (const auto& [name, columns, rows] :
+       {std::tuple{"prototype", 8, 8}, {"cinema_wall", 18, 7}, {"immersive_face", 17, 17}}) {
+    const testing::CommandResult result = testing::run_raystage(
+        "plan array '" + (examples / (std::string(name) + ".json")).string() +
+        "' --json --report " + path("array.html") + " --rig " + path("rig.json"));
+    EXPECT_EQ(result.exit_code, 0) << result.output;
+    const auto json = nlohmann::json::parse(result.output);
+    const auto& best = json["alternatives"][json["best"].get<std::size_t>()];
+    EXPECT_EQ(best["columns"], columns) << name;
+    EXPECT_EQ(best["rows"], rows) << name;
+    EXPECT_THAT(read_file(folder_.path() / "array.html"), HasSubstr("Ghosting against price"));
+    EXPECT_EQ(testing::run_raystage("plan resolution " + path("rig.json")).exit_code, 0);
+  }
+}
+
+TEST_F(PlanCommand, ArrayThatIsNotSufficientOrWrong) {
+  std::string text =
+      read_file(std::filesystem::path(RAYSTAGE_SOURCE_DIR) / "examples/arrays/prototype.json");
+  const auto with = [&](const std::string& from, const std::string& to) {
+    std::string changed = text;
+    changed.replace(changed.find(from), from.size(), to);
+    write_file_atomically(folder_.path() / "array.json", changed);
+    return testing::run_raystage("plan array " + path("array.json"));
+  };
+  EXPECT_EQ(with("\"body_mm\": 40", "\"body_mm\": 80").exit_code, 4);
+  const testing::CommandResult narrow = with("[2.8, 2.9957, 4]", "[4]");
+  EXPECT_EQ(narrow.exit_code, 2);
+  EXPECT_THAT(narrow.output,
+              HasSubstr("no camera can be used (webcam-320x240: sees 48.5 x 37.3 deg"));
+  EXPECT_EQ(with("[7.99", "[0").exit_code, 2);
+  EXPECT_EQ(with("\"largest_fov_deg\": 62", "\"largest_fov_deg\": 60").exit_code, 2);
 }
 
 }  // namespace

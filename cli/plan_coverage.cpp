@@ -97,10 +97,11 @@ Subcommand declare_plan_coverage(CommandLine& plan) {
       .option("--focal-depth", options->options.focal_depth_m,
               "focal plane in front of the array, metres (default: infinity)")
       .limits(1e-3, 1e9);
-  command.option(
-      "--subject X,Y,DEPTH", options->subject,
-      "adds the range of views that must see a subject only: the middle of a cube, metres "
-      "to the right,\nupwards and in front of the array");
+  command
+      .option("--subject X,Y,DEPTH", options->subject,
+              "adds the range of views that must see a subject only: the middle of a cube, metres "
+              "to the right,\nupwards and in front of the array")
+      .comma_separated();
   command
       .option("--subject-size", options->subject_size,
               "edges of the subject's cube, metres (default: 0.5)")

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "base/atomic_file.h"
+#include "base/error.h"
 #include "cli/follow_links_option.h"
 #include "cli/plan.h"
 #include "cli/printing.h"
@@ -30,6 +31,10 @@ struct EpiCommand {
 
 ExitCode run_epi(const EpiCommand& command, const std::stop_token& stop) {
   const store::Take take(command.take);
+  if (command.write && std::filesystem::is_symlink(take.folder() / "take.json")) {
+    throw Error::bad_input("take.json is a link, and nothing is written through links",
+                           command.take.string(), "Measure the take that it refers to");
+  }
   Progress progress(command.progress);
   const auto report_progress = [&](double done) { progress.report(done); };
   const planning::MeasuredDepths depths =
@@ -38,9 +43,10 @@ ExitCode run_epi(const EpiCommand& command, const std::stop_token& stop) {
     write_file_atomically(command.report, planning::measured_depths_as_page(depths));
   }
   if (command.write && depths.range) {
-    schemas::TakeDocument document = take.document();
+    // Read again: the measurement takes long enough for somebody else to change the document.
+    schemas::TakeDocument document = schemas::read_take(take.file("take.json"));
     document.depth_range = depths.range;
-    write_file_atomically(take.folder() / "take.json", schemas::format_take(document));
+    schemas::write_take(document, take.folder() / "take.json");
   }
   print("{}", command.json ? planning::measured_depths_as_json(depths)
                            : planning::format_measured_depths(depths));

@@ -2,6 +2,7 @@
 #include "planning/measured_settings.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "base/atomic_file.h"
 #include "base/error.h"
@@ -59,7 +60,7 @@ std::vector<MeasuredSetting> read_measured_settings(const std::filesystem::path&
 
 const MeasuredSetting* suggested_setting(const std::vector<MeasuredSetting>& settings) {
   constexpr double kAsGood = 0.5;  // dB
-  double best = 0;
+  double best = -std::numeric_limits<double>::infinity();
   for (const MeasuredSetting& setting : settings) {
     if (setting.is_on_front) best = std::max(best, setting.psnr_db);
   }

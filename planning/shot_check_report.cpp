@@ -248,14 +248,14 @@ std::string bench_text(const ShotCheck& check, const LayerCheck& layer) {
   if (settings.empty()) return "Accuracy, time and memory are not measured (raystage bench).\n";
   std::string text;
   if (const MeasuredSetting* own = setting_of_method(settings, layer.method)) {
-    text =
-        fmt::format("Measured with {} in views of the bench: {:.1f} dB, {} a frame, {} for {}{}.\n",
-                    own->label, own->psnr_db, seconds_text(own->seconds_per_frame),
-                    seconds_text(own->seconds_per_frame * static_cast<double>(layer.frames.size())),
-                    frame_count(layer.frames.size()),
-                    own->peak_memory_bytes
-                        ? fmt::format(", {:.1f} GB of memory", *own->peak_memory_bytes * 1e-9)
-                        : "");
+    text = fmt::format(
+        "Measured with {} at the size of the bench's views: {:.1f} dB, {} a frame, {} for {}{}.\n",
+        own->label, own->psnr_db, seconds_text(own->seconds_per_frame),
+        seconds_text(own->seconds_per_frame * static_cast<double>(layer.frames.size())),
+        frame_count(layer.frames.size()),
+        own->peak_memory_bytes
+            ? fmt::format(", {:.1f} GB of memory", *own->peak_memory_bytes * 1e-9)
+            : "");
   } else {
     text = fmt::format("The bench did not measure method {}.\n", layer.method);
   }

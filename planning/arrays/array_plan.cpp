@@ -24,7 +24,7 @@ using CatalogueCamera = ArraySpecification::Camera;
 constexpr double kRadians = std::numbers::pi / 180;
 constexpr double kMillimetresPerMetre = 1000;
 constexpr double kAsGood = 1e-9;  // relative, for comparisons of computed lengths and angles
-constexpr int kMostCameras = 1'000'000;
+constexpr int kMostCameras = 100'000;
 /// Spacings of the alternatives, relative to the largest one without ghosting.
 constexpr std::array<double, 17> kSpacings{0.25, 0.354, 0.5,  0.707, 1,    1.414, 2,    2.83, 4,
                                            5.66, 8,     11.3, 16,    22.6, 32,    45.3, 64};
@@ -117,6 +117,12 @@ class ArrayPlanner {
           {camera.id, fmt::format("records {:.4g} frames a second", *camera.max_fps)});
       return;
     }
+    if (rate_of(camera) > specification_.node.megabytes_per_s * (1 + kAsGood)) {
+      plan_.unusable.push_back(
+          {camera.id, fmt::format("sends {:.4g} MB/s, a node receives {:.4g}", rate_of(camera),
+                                  specification_.node.megabytes_per_s)});
+      return;
+    }
     const auto parallel =
         longest_focal_length(camera, plan_.needed.horizontal_fov, plan_.needed.vertical_fov);
     if (parallel) add_spacings(camera, *parallel, false);
@@ -182,11 +188,13 @@ class ArrayPlanner {
                                                  array.spacing.maxCoeff());
     array.resolution = resolution_of(array.horizontal_fov, camera.width_px);
     add_costs(camera, array);
-    array.is_sufficient =
-        array.ghosting_px <= specification_.largest_error_px * (1 + kAsGood) &&
-        array.resolution * specification_.views.width_px > specification_.views.width_px - 0.5;
+    array.is_sufficient = array.ghosting_px <= specification_.largest_error_px * (1 + kAsGood) &&
+                          array.resolution >= least_resolution();
     return array;
   }
+
+  /// Returns the least resolution that lacks no whole pixel.
+  double least_resolution() const { return 1 - 0.5 / specification_.views.width_px; }
 
   double resolution_of(double fov, double pixels) const {
     rig::CameraRow row;
@@ -199,17 +207,25 @@ class ArrayPlanner {
     return std::min(1.0, distinct / specification_.views.width_px);
   }
 
+  /// Returns the megabytes a second of one camera.
+  double rate_of(const CatalogueCamera& camera) const {
+    constexpr double kBitsPerByte = 8;
+    return 1e-6 * camera.width_px * camera.height_px * specification_.fps * camera.bits_per_pixel /
+           kBitsPerByte;
+  }
+
   void add_costs(const CatalogueCamera& camera, ArrayAlternative& array) const {
     const ArraySpecification::Node& node = specification_.node;
     const ArraySpecification::Disk& disk = specification_.disk;
-    constexpr double kBitsPerByte = 8, kSecondsPerMinute = 60, kMegaPerGiga = 1000;
+    constexpr double kSecondsPerMinute = 60, kMegaPerGiga = 1000;
     const double cameras = array.cameras();
     array.megapixels_per_s =
         cameras * camera.width_px * camera.height_px * specification_.fps * 1e-6;
-    array.megabytes_per_s = array.megapixels_per_s * camera.bits_per_pixel / kBitsPerByte;
-    const double nodes = std::max(std::ceil(cameras / node.cameras),
-                                  std::ceil(array.megabytes_per_s / node.megabytes_per_s));
-    const double each = array.megabytes_per_s / nodes;  // of a node
+    array.megabytes_per_s = cameras * rate_of(camera);
+    const double per_node = std::min<double>(
+        node.cameras, std::floor(node.megabytes_per_s / rate_of(camera) * (1 + kAsGood)));
+    const double nodes = std::ceil(cameras / per_node);
+    const double each = std::min(cameras, per_node) * rate_of(camera);  // of a full node
     const double gigabytes = each * specification_.minutes * kSecondsPerMinute / kMegaPerGiga;
     const double disks = std::max(
         {1.0, std::ceil(each / disk.megabytes_per_s), std::ceil(gigabytes / disk.gigabytes)});

@@ -6,9 +6,11 @@
 
 #include <cmath>
 #include <limits>
+#include <nlohmann/json.hpp>
 
 #include "base/error.h"
 #include "planning/arrays/array_report.h"
+#include "planning/arrays/array_trial.h"
 #include "rig/planning/wall_eyed_array.h"
 #include "rig/rig.h"
 
@@ -134,6 +136,55 @@ TEST(ArrayPlan, HoldsAtTheExtremes) {
   wanted = prototype();
   for (auto& position : wanted.positions) position.depth_m = -1e6;
   EXPECT_THROW(plan_array(wanted, "test"), Error);  // more cameras than can be counted
+}
+
+TEST(ArrayPlan, ACameraStaysOnOneNode) {
+  schemas::ArraySpecification wanted = prototype();
+  const double rate = 320 * 240 * 15e-6 * 2 / 8;  // MB/s of a camera
+  wanted.node = {16, 1.67 * rate, 1000};          // two cameras do not fit
+  EXPECT_EQ(plan_array(wanted, "test").alternatives[0].cameras(),
+            plan_array(wanted, "test").alternatives[0].nodes);
+  wanted.node.megabytes_per_s = 0.9 * rate;
+  EXPECT_THROW(plan_array(wanted, "test"), Error);
+}
+
+TEST(ArrayPlan, AMissingPixelIsReported) {
+  schemas::ArraySpecification wanted = prototype();
+  wanted.views.width_px = 321;
+  const ArrayPlan plan = plan_array(wanted, "test");
+  EXPECT_FALSE(plan.alternatives[*plan.best].is_sufficient);
+  EXPECT_THAT(format_array_plan(plan, {}), HasSubstr("320 distinct pixels of the 321"));
+}
+
+TEST(ArrayPlan, ReportsOfManyCamerasAndHostileNamesAreBounded) {
+  schemas::ArraySpecification wanted = prototype();
+  wanted.name = "<b>name";
+  wanted.positions = {{-100, 0, 0, {}, {}}, {100, 0, 0, {}, {}}};  // one row of 3333
+  const ArrayPlan plan = plan_array(wanted, "test");
+  EXPECT_EQ(plan.alternatives[*plan.best].rows, 1);
+  EXPECT_GT(plan.alternatives[*plan.best].columns, 3000);
+  const std::string page = array_plan_as_page(plan, {});
+  EXPECT_LT(page.size(), 300'000U);
+  EXPECT_EQ(page.find("<b>name"), std::string::npos);
+  const auto json = nlohmann::json::parse(array_plan_as_json(plan, {}));
+  EXPECT_EQ(json["alternatives"].size(), plan.alternatives.size());
+  EXPECT_EQ(json["alternatives"][json["best"].get<std::size_t>()]["sufficient"], true);
+}
+
+// The simulated array has the same ghosting as the planned one, and its error is as predicted.
+TEST(ArrayTrials, MeasureWhatIsPredicted) {
+  schemas::ArraySpecification wanted = prototype();
+  wanted.depth_range.near = 3;
+  wanted.largest_error_px = 3;
+  const ArrayPlan plan = plan_array(wanted, "test");
+  const std::vector<ArrayTrial> trials = try_arrays(plan, {*plan.best}, "test");
+  ASSERT_EQ(trials.size(), 1U);
+  const ArrayAlternative& best = plan.alternatives[*plan.best];
+  EXPECT_NEAR(trials[0].ghosting_px / best.ghosting_px, 1, 0.1);
+  EXPECT_NEAR(trials[0].focal_plane_db, trials[0].predicted_db, 1);
+  EXPECT_GT(trials[0].depth_db, trials[0].focal_plane_db + 1);
+  wanted.depth_range = {3, 3};
+  EXPECT_TRUE(try_arrays(plan_array(wanted, "test"), {0}, "test").empty());
 }
 
 }  // namespace

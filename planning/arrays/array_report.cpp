@@ -62,8 +62,10 @@ std::string best_text(const ArrayPlan& plan) {
               "(`plane_sweep`, `depth`) allows for more.\n"
             : "No alternative has as little ghosting as specified.\n";
   }
-  if (best.resolution < 0.995) {
-    text += "The cameras have fewer pixels than the views need.\n";
+  const int wanted = plan.specification.views.width_px;
+  if (std::lround(best.resolution * wanted) < wanted) {
+    text += fmt::format("The cameras give {:.0f} distinct pixels of the {} that are wanted.\n",
+                        best.resolution * wanted, wanted);
   }
   return text;
 }
@@ -74,7 +76,7 @@ std::string trial_text(const ArrayPlan& plan, const ArrayTrial& trial) {
       "cameras of 320 x 240{}\n",
       array_text(plan.alternatives[trial.alternative]), trial.focal_plane_db, trial.predicted_db,
       trial.depth_db, trial.columns, trial.rows,
-      trial.is_extrapolated ? "; extrapolated: the array is larger" : "");
+      trial.is_extrapolated ? "; extrapolated: the array has more cameras or pixels" : "");
 }
 
 /// Returns the alternatives that people should see: the front, and the best one.
@@ -97,9 +99,12 @@ std::string pareto_chart(const ArrayPlan& plan) {
                          {lowest_price * 0.8, highest_price * 1.25, "price", true, true},
                          {0, std::max(1e-3, 1.1 * most), "ghosting, pixels"});
   chart.horizontal(plan.specification.largest_error_px, "allowed");
+  constexpr std::size_t kMostOthers = 300;
+  std::size_t others = 0;
   for (std::size_t i = 0; i < plan.alternatives.size(); ++i) {
     const ArrayAlternative& one = plan.alternatives[i];
     const bool is_best = i == plan.best;
+    if (!is_best && !one.is_on_front && ++others > kMostOthers) continue;
     charts::SvgChart::Dot dot;
     dot.x = std::max(1.0, one.price);
     dot.y = one.ghosting_px;
@@ -163,7 +168,13 @@ std::string floor_plan(const ArrayPlan& plan) {
   charts::SvgChart chart("The array and the positions of the views from above",
                          {low - margin, high + margin, "to the right, metres"},
                          {back - margin, front + margin, "in front of the array, metres"});
-  for (int column = 0; column < best.columns; ++column) {
+  constexpr int kMostDots = 200;  // more cameras than that are drawn as a line
+  if (best.columns > kMostDots) {
+    const std::vector<charts::SvgChart::Point> row{
+        {left, 0}, {left + (best.columns - 1) * best.spacing.x(), 0}};
+    chart.line(row, "camera");
+  }
+  for (int column = 0; column < best.columns && best.columns <= kMostDots; ++column) {
     chart.dot({left + column * best.spacing.x(), 0, "camera", "", "camera"});
   }
   for (const auto& position : plan.specification.positions) {
@@ -179,6 +190,7 @@ circle.other { fill:var(--line) }
 circle.front { fill:var(--teal) }
 circle.best { fill:var(--amber) }
 circle.camera { fill:var(--teal) }
+polyline.camera { stroke:var(--teal); stroke-width:3 }
 circle.view { fill:var(--amber) }
 tr.chosen td { font-weight:600 }
 )";

@@ -121,6 +121,13 @@ ArrayTrial try_array(const ArrayPlan& plan, std::size_t index, const std::string
   return trial;
 }
 
+/// Returns whether a simulated array shows what a planned one does: neighbours exist, and do not
+/// stand so far apart that the small stage is between them.
+bool can_be_simulated(const ArrayAlternative& planned) {
+  constexpr double kMostGhosting = 16;  // pixels of 320
+  return planned.cameras() > 1 && planned.ghosting_px > 0 && planned.ghosting_px <= kMostGhosting;
+}
+
 }  // namespace
 
 double predicted_focal_plane_db(double ghosting_px) {
@@ -138,10 +145,13 @@ std::vector<ArrayTrial> try_arrays(const ArrayPlan& plan,
                                    const std::function<void(double)>& progress,
                                    const std::stop_token& stop) {
   std::vector<ArrayTrial> trials;
+  std::size_t tried = 0;
   for (const std::size_t index : alternatives) {
-    trials.push_back(try_array(plan, index, created_by, stop));
+    if (can_be_simulated(plan.alternatives[index])) {
+      trials.push_back(try_array(plan, index, created_by, stop));
+    }
     if (progress) {
-      progress(static_cast<double>(trials.size()) / static_cast<double>(alternatives.size()));
+      progress(static_cast<double>(++tried) / static_cast<double>(alternatives.size()));
     }
   }
   return trials;

@@ -10,8 +10,8 @@
 
 namespace raystage::planning {
 
-/// Errors that were measured of a simulated array in place of a planned one. It has at most 8 x 8
-/// cameras of 320 x 240 pixels, and a spacing with which neighbouring cameras see the same
+/// Errors that were measured with a simulated array that stands for a planned one. It has at most 8
+/// x 8 cameras of 320 x 240 pixels, and a spacing with which neighbouring cameras see the same
 /// differences of disparity, in pixels of the view, as those of the planned array.
 struct ArrayTrial {
   std::size_t alternative = 0;              ///< in ArrayPlan::alternatives
@@ -24,7 +24,8 @@ struct ArrayTrial {
   bool is_extrapolated = false;
 };
 
-/// Simulates arrays in place of some alternatives and measures `focal_plane` and `depth`. Throws
+/// Simulates arrays for some alternatives and measures `focal_plane` and `depth`. Leaves out those
+/// with a single camera, without ghosting, or with more than 16 pixels of it. Throws
 /// Error (failed) if stopped. `progress`: called with the share that is done.
 std::vector<ArrayTrial> try_arrays(const ArrayPlan& plan,
                                    const std::vector<std::size_t>& alternatives,

@@ -73,7 +73,11 @@ EpipolarImage make_epipolar_image(std::span<const render::VirtualCamera> pinhole
       image.luma.at(along, row) =
           from.is_row() ? to.code(column, line_of_pixels) : to.code(line_of_pixels, column);
     }
-    image.shift_at_one_metre.push_back(transfer.parallax[from.is_row() ? 0 : 1]);
+    // Where a point in the middle of the line lies in this picture, traced back to the line. The
+    // parallax of the opposite transfer has the opposite sign.
+    const auto& back = render::pixel_transfer(from.camera, to.camera).parallax;
+    const double middle_of_line = from.length() / 2.0;
+    image.shift_at_one_metre.push_back(middle_of_line * back[2] - back[from.is_row() ? 0 : 1]);
   }
   return image;
 }

@@ -48,8 +48,8 @@ std::vector<int> spread_cameras(const std::vector<render::VirtualCamera>& camera
 
 /// Returns by how many pixels a point at 1 m moves from one camera to another.
 double disparity_at_one_metre(const render::VirtualCamera& to, const render::VirtualCamera& from) {
-  const render::PixelTransfer transfer = render::pixel_transfer(to, from);
-  return std::hypot(transfer.parallax[0], transfer.parallax[1]);
+  const auto& p = render::pixel_transfer(to, from).parallax;
+  return std::hypot(p[0] - to.intrinsics.cx * p[2], p[1] - to.intrinsics.cy * p[2]);
 }
 
 }  // namespace
@@ -118,7 +118,7 @@ std::vector<double> InstantMeasurement::first_pass(const std::function<void()>& 
   const double pixels = (1 - kLeastInCommon) * longer_side() / factor;
   return search(
       factor, 1,
-      [&](int, double per_pixel) {
+      [&](int, int, double per_pixel) {
         SlopeHypotheses range;
         range.farthest = -2 * kFirstStep * per_pixel;
         range.nearest = pixels * per_pixel;
@@ -137,20 +137,32 @@ std::vector<double> InstantMeasurement::second_pass(schemas::DepthRange scene,
   }
   return search(
       factor, kSecondNeighbours,
-      [&](int camera, double per_pixel) { return second_hypotheses(camera, scene, per_pixel); },
+      [&](int camera, int reduced, double per_pixel) {
+        return second_hypotheses(camera, scene, reduced, per_pixel);
+      },
       done);
 }
 
-SlopeHypotheses InstantMeasurement::second_hypotheses(int camera, schemas::DepthRange scene,
-                                                      double per_pixel) const {
+double InstantMeasurement::pixels_of(int camera, int factor) const {
+  const render::VirtualCamera& view = pinholes_[static_cast<std::size_t>(camera)];
+  return static_cast<double>(view.width / factor) * (view.height / factor);
+}
+
+std::optional<SlopeHypotheses> InstantMeasurement::second_hypotheses(int camera,
+                                                                     schemas::DepthRange scene,
+                                                                     int factor,
+                                                                     double per_pixel) const {
   const auto seen =
       render::inverse_depth_range_in_view(pinholes_[static_cast<std::size_t>(camera)], rig_, scene);
+  if (seen.empty()) return std::nullopt;
   const double step = kSecondStep * per_pixel;
   SlopeHypotheses range;
   range.farthest = seen.farthest - kExtraHypotheses * step;
   range.nearest = seen.nearest + kExtraHypotheses * step;
-  const double most = kMostValues;  // more than any picture allows; bounds what a bad rig asks for
-  range.count = 2 + static_cast<int>(std::min(most, (range.nearest - range.farthest) / step));
+  // Fewer hypotheses where they would not fit even in the smallest pictures.
+  const double most = kMostValues / std::max(1.0, pixels_of(camera, factor));
+  const double count = (range.nearest - range.farthest) / step;
+  range.count = 2 + static_cast<int>(std::min(std::max(most, 1.0), count));
   return range;
 }
 
@@ -161,9 +173,12 @@ double InstantMeasurement::values_of_second_pass(schemas::DepthRange scene, int 
         inverse_depth_step(epipolar_neighbours(pinholes_, present_, camera, kSecondNeighbours),
                            camera, factor, kSecondNeighbours - 1);
     if (!std::isfinite(per_pixel)) continue;
-    const render::VirtualCamera& view = pinholes_[static_cast<std::size_t>(camera)];
-    most = std::max(most, static_cast<double>(view.width / factor) * (view.height / factor) *
-                              second_hypotheses(camera, scene, per_pixel).count);
+    const auto seen = render::inverse_depth_range_in_view(
+        pinholes_[static_cast<std::size_t>(camera)], rig_, scene);
+    if (seen.empty()) continue;
+    const double hypotheses =
+        (seen.nearest - seen.farthest) / (kSecondStep * per_pixel) + 2 * kExtraHypotheses + 2;
+    most = std::max(most, pixels_of(camera, factor) * hypotheses);
   }
   return most;
 }
@@ -182,29 +197,32 @@ std::vector<double> InstantMeasurement::search(int factor, std::size_t neighbour
     const EpipolarNeighbours neighbours =
         epipolar_neighbours(pinholes_, present_, camera, neighbour_count);
     const double per_pixel = inverse_depth_step(neighbours, camera, factor, neighbour_count - 1);
-    if (std::isfinite(per_pixel)) {
-      maps[i] = search_slopes(images, camera, neighbours, hypotheses(camera, per_pixel));
-    }
+    const auto range = std::isfinite(per_pixel) ? hypotheses(camera, factor, per_pixel)
+                                                : std::optional<SlopeHypotheses>();
+    if (range) maps[i] = search_slopes(images, camera, neighbours, *range);
     done();
   });
   std::vector<double> all;
   for (const MeasuredMap& map : maps) {
     for (const MeasuredPixel& pixel : confirmed_pixels(map, maps)) {
-      all.push_back(in_front_of_array(map.camera, pixel));
+      if (const auto depth = in_front_of_array(map.camera, pixel)) all.push_back(*depth);
     }
   }
   std::ranges::sort(all);
   return all;
 }
 
-double InstantMeasurement::in_front_of_array(const render::VirtualCamera& camera,
-                                             const MeasuredPixel& pixel) const {
+std::optional<double> InstantMeasurement::in_front_of_array(const render::VirtualCamera& camera,
+                                                            const MeasuredPixel& pixel) const {
   const Eigen::Vector3d axis = rig_.mean_viewing_direction();
   const Eigen::Vector3d at_one_metre =
       render::point_at_depth(camera, pixel.x + 0.5, pixel.y + 0.5, 1) - camera.pose.position;
   // 1 / (eye + at_one_metre . axis / q), written so that points at infinity give 0.
   const double eye = (camera.pose.position - rig_.centre()).dot(axis);
-  return pixel.inverse_depth / (at_one_metre.dot(axis) + eye * pixel.inverse_depth);
+  const double ahead = at_one_metre.dot(axis) + eye * pixel.inverse_depth;
+  const double inverse_depth = pixel.inverse_depth / ahead;
+  if (!(ahead > 0 && std::isfinite(inverse_depth))) return std::nullopt;
+  return inverse_depth;
 }
 
 EpipolarNeighbours InstantMeasurement::cameras_in_line(int camera) const {

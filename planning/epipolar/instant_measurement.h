@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "planning/epipolar/epipolar_image.h"
@@ -20,8 +21,9 @@ namespace raystage::planning {
 /// x hypotheses x neighbours) for each camera and pass.
 class InstantMeasurement {
  public:
-  /// Decodes the frames of an instant. At most `camera_count` cameras are measured, spread over
-  /// the array. Keeps a reference to the take. Throws Error (bad input) for a damaged frame.
+  /// Decodes the frames of an instant, which some camera must have. At most `camera_count` cameras
+  /// are measured, spread over the array. Keeps a reference to the take. Throws Error (bad input)
+  /// for a damaged frame.
   InstantMeasurement(const store::Take& take, const store::FrameSelection& instant,
                      std::size_t camera_count);
 
@@ -43,7 +45,9 @@ class InstantMeasurement {
   std::vector<EpipolarImage> epipolar_images() const;
 
  private:
-  using Hypotheses = std::function<SlopeHypotheses(int camera, double inverse_depth_per_pixel)>;
+  /// Of a camera whose pictures are reduced; nullopt: it sees nothing of the range.
+  using Hypotheses = std::function<std::optional<SlopeHypotheses>(int camera, int factor,
+                                                                  double inverse_depth_per_pixel)>;
 
   /// Returns the cameras of the same row and column, as epipolar_neighbours().
   EpipolarNeighbours cameras_in_line(int camera) const;
@@ -54,11 +58,16 @@ class InstantMeasurement {
   /// where it moves most; infinite without neighbours.
   double inverse_depth_step(const EpipolarNeighbours& neighbours, int camera, int factor,
                             std::size_t index) const;
-  SlopeHypotheses second_hypotheses(int camera, schemas::DepthRange scene, double per_pixel) const;
+  std::optional<SlopeHypotheses> second_hypotheses(int camera, schemas::DepthRange scene,
+                                                   int factor, double per_pixel) const;
+  /// Returns the pixels of a camera's reduced picture.
+  double pixels_of(int camera, int factor) const;
   double values_of_second_pass(schemas::DepthRange scene, int factor) const;
   std::vector<double> search(int factor, std::size_t neighbour_count, const Hypotheses& hypotheses,
                              const std::function<void()>& done) const;
-  double in_front_of_array(const render::VirtualCamera& camera, const MeasuredPixel& pixel) const;
+  /// Nullopt: the point is behind the array, or in its plane.
+  std::optional<double> in_front_of_array(const render::VirtualCamera& camera,
+                                          const MeasuredPixel& pixel) const;
 
   const rig::Rig& rig_;
   std::vector<render::VirtualCamera> pinholes_;  ///< by camera, without distortion

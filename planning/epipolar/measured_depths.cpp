@@ -32,14 +32,16 @@ std::pair<double, double> without_outliers(const std::vector<double>& sorted) {
 }
 
 schemas::DepthRange range_from(double farthest, double nearest) {
-  return {1 / nearest, farthest > 0 ? 1 / farthest : std::numeric_limits<double>::infinity()};
+  constexpr double kInfinitelyFar = 1e-9;  // 1/m
+  return {1 / nearest,
+          farthest > kInfinitelyFar ? 1 / farthest : std::numeric_limits<double>::infinity()};
 }
 
 }  // namespace
 
 bool DepthMeasurementOptions::is_valid(std::string* reason) const {
-  if (instants >= 1 && cameras >= 1) return true;
-  if (reason != nullptr) *reason = "at least one instant and one camera are needed";
+  if (instants >= 1 && cameras >= 2) return true;
+  if (reason != nullptr) *reason = "at least one instant and two cameras are needed";
   return false;
 }
 
@@ -58,6 +60,7 @@ MeasuredDepths measure_depths(const store::Take& take, const DepthMeasurementOpt
   measured.stated = take.document().depth_range;
   const auto instants = std::min(static_cast<std::size_t>(options.instants), timeline.ticks.size());
   std::atomic<int> parts_done = 0;
+  bool has_neighbours = false;
   const CancellationScope scope(stop);
   for (std::size_t i = 0; i < instants; ++i) {
     const std::size_t tick = instants == 1 ? timeline.ticks.size() / 2
@@ -65,9 +68,12 @@ MeasuredDepths measure_depths(const store::Take& take, const DepthMeasurementOpt
     const store::FrameSelection& selection = timeline.ticks[tick];
     if (selection.present() == 0) continue;
     const InstantMeasurement instant(take, selection, static_cast<std::size_t>(options.cameras));
+    const double per_pixel = instant.inverse_depth_per_pixel();
+    if (per_pixel == 0) continue;
+    has_neighbours = true;
     measured.instants.push_back(selection.time_ns);
     measured.cameras = std::max(measured.cameras, instant.cameras());
-    measured.inverse_depth_per_pixel = instant.inverse_depth_per_pixel();
+    measured.inverse_depth_per_pixel = per_pixel;
     if (measured.images.empty()) measured.images = instant.epipolar_images();
     const auto done = [&, parts = 2.0 * instant.cameras() * static_cast<double>(instants)] {
       const int count = ++parts_done;
@@ -81,9 +87,14 @@ MeasuredDepths measure_depths(const store::Take& take, const DepthMeasurementOpt
     measured.inverse_depths.insert(measured.inverse_depths.end(), second.begin(), second.end());
   }
   std::ranges::sort(measured.inverse_depths);
+  if (!has_neighbours) {
+    measured.no_range_because = "no camera has another one next to it or above it at that instant";
+    return measured;
+  }
   if (measured.inverse_depths.size() < kMinPixels) {
-    measured.no_range_because = fmt::format("{} pixels have a clear slope, {} are needed",
-                                            measured.inverse_depths.size(), kMinPixels);
+    measured.no_range_because =
+        fmt::format("only {} of the pixels have a clear slope, {} are needed",
+                    measured.inverse_depths.size(), kMinPixels);
     return measured;
   }
   auto [farthest, nearest] = without_outliers(measured.inverse_depths);
@@ -91,6 +102,12 @@ MeasuredDepths measure_depths(const store::Take& take, const DepthMeasurementOpt
       std::max(kMargin * (nearest - farthest), kMarginPixels * measured.inverse_depth_per_pixel);
   farthest -= margin;
   nearest += margin;
+  constexpr double kLeast = 1e-9, kMost = 1e6;  // 1/m, what a take may state
+  if (!(nearest > kLeast && nearest < kMost)) {
+    measured.no_range_because =
+        fmt::format("the nearest depth would be {:.3g} m, which is not credible", 1 / nearest);
+    return measured;
+  }
   measured.range = range_from(farthest, nearest);
   return measured;
 }

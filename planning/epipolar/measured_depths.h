@@ -17,7 +17,7 @@ namespace raystage::planning {
 /// How much of a take is looked at.
 struct DepthMeasurementOptions {
   int instants = 3;  ///< evenly spaced over the take; at least 1
-  int cameras = 16;  ///< of each instant, spread over the array; at least 1
+  int cameras = 16;  ///< of each instant, spread over the array; at least 2
 
   /// Returns whether the options are in range; otherwise `reason` says what is not.
   bool is_valid(std::string* reason) const;

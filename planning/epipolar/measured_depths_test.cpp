@@ -1,15 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planning/epipolar/measured_depths.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <functional>
 #include <string>
 
 #include "base/error.h"
 #include "rig/camera_model.h"
 #include "rig/rig.h"
+#include "schemas/rig_document.h"
 #include "simulate/camera_renderer.h"
 #include "simulate/scene.h"
 #include "simulate/simulate.h"
@@ -112,6 +116,68 @@ INSTANTIATE_TEST_SUITE_P(Scenes, MeasuredDepthsOfSimulatedTakes,
                            return of.param.scene + std::to_string(of.param.rows) + "x" +
                                   std::to_string(of.param.columns);
                          });
+
+/// A take of the static stage whose rig is replaced.
+class MeasuredDepthsOfStrangeRigs : public ::testing::Test {
+ protected:
+  std::string reason_with(const std::function<void(schemas::RigDocument&)>& change) {
+    simulate::SimulationOptions options;
+    options.scene = "still";
+    options.rows = 2;
+    options.columns = 3;
+    options.width = 160;
+    options.height = 120;
+    options.seconds = 0.7;
+    options.startup_loss_s = 0.1;
+    options.drop_probability = 0;
+    options.truth_views = 0;
+    const std::filesystem::path folder = folder_.path() / "take";
+    std::filesystem::remove_all(folder);
+    simulate::simulate(options, folder, "test");
+    schemas::RigDocument rig = schemas::read_rig(folder / "rig.json");
+    change(rig);
+    schemas::write_rig(rig, folder / "rig.json");
+    const store::Take take(folder);
+    store::write_timeline(store::build_timeline(take, 0, 0), take);
+    const MeasuredDepths measured = measure_depths(take, {});
+    for (const double depth : measured.inverse_depths) EXPECT_TRUE(std::isfinite(depth));
+    if (measured.range) {
+      EXPECT_GT(measured.range->near, 0);
+      EXPECT_GE(measured.range->far, measured.range->near);
+    }
+    EXPECT_EQ(measured.range.has_value(), measured.no_range_because.empty());
+    return measured.no_range_because;
+  }
+
+  testing::TestFolder folder_;
+};
+
+TEST_F(MeasuredDepthsOfStrangeRigs, HaveNoRangeOrACredibleOne) {
+  EXPECT_EQ(reason_with([](schemas::RigDocument&) {}), "");
+  // All cameras at one place.
+  EXPECT_THAT(reason_with([](schemas::RigDocument& rig) {
+                for (auto& camera : rig.cameras) {
+                  for (const std::size_t i : {3, 7, 11}) camera.geometry.world_from_camera[i] = 0;
+                }
+              }),
+              ::testing::HasSubstr("no camera has another one"));
+  // One looks back; a pair is a micrometre apart; the array is huge or tiny.
+  reason_with([](schemas::RigDocument& rig) {
+    auto& matrix = rig.cameras[1].geometry.world_from_camera;
+    for (const std::size_t i : {0, 2, 4, 6, 8, 10}) matrix[i] = -matrix[i];
+  });
+  reason_with([](schemas::RigDocument& rig) {
+    rig.cameras[1].geometry.world_from_camera[3] =
+        rig.cameras[0].geometry.world_from_camera[3] + 1e-6;
+  });
+  for (const double scale : {1e-9, 1e7}) {
+    reason_with([&](schemas::RigDocument& rig) {
+      for (auto& camera : rig.cameras) {
+        for (const std::size_t i : {3, 7, 11}) camera.geometry.world_from_camera[i] *= scale;
+      }
+    });
+  }
+}
 
 }  // namespace
 }  // namespace raystage::planning

@@ -200,12 +200,13 @@ EpipolarNeighbours epipolar_neighbours(std::span<const render::VirtualCamera> ca
 
 MeasuredMap search_slopes(std::span<const DetailImage> images, int camera,
                           const EpipolarNeighbours& neighbours, const SlopeHypotheses& range) {
+  const DetailImage& from = images[static_cast<std::size_t>(camera)];
+  const bool is_alone = std::ranges::all_of(neighbours, &std::vector<int>::empty);
+  if (is_alone || range.count < 2) return {from.camera, {}, 0};
   std::vector<Image<float>> costs;
   for (int i = 0; i < range.count; ++i) {
     costs.push_back(slope_cost(images, camera, neighbours, range.at(i)));
   }
-  const DetailImage& from = images[static_cast<std::size_t>(camera)];
-  if (costs.front().values.empty()) return {from.camera, {}, range.step()};
   const Image<float> structure = structure_of(from);
   Image<float> found(structure.width, structure.height, kNotMeasured);
   for (std::size_t i = 0; i < structure.values.size(); ++i) {

@@ -3,11 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <random>
+
+#include "planning/epipolar/epipolar_image.h"
 
 namespace raystage::planning {
 namespace {
@@ -111,6 +114,7 @@ TEST(SearchSlopes, MeasuresNothingOutsideOfTheRangeOrWithoutStructure) {
   }
   EXPECT_EQ(count(search_slopes(flat, 1, neighbours, {0, 1, 60})), 0);
   EXPECT_TRUE(search_slopes(images, 1, {}, {0, 1, 60}).inverse_depth.values.empty());
+  EXPECT_TRUE(search_slopes(images, 1, neighbours, {0, 1, 1}).inverse_depth.values.empty());
 }
 
 TEST(ConfirmedPixels, AreThoseThatAnotherCameraMeasuredAlike) {
@@ -150,6 +154,37 @@ TEST(BoxFilter, EqualsTheMeanOfTheWindow) {
       }
     }
   }
+}
+
+// A point in the middle of the line moves as the image says, also between cameras of other focal
+// lengths, depths and rotations.
+TEST(EpipolarImages, ShiftsAreThoseOfPoints) {
+  std::vector<render::VirtualCamera> cameras;
+  for (int i = 0; i < 3; ++i) {
+    rig::Pose pose;
+    pose.position = {0.1 * i, 0, 0.03 * (i % 2)};
+    pose.world_from_camera_rotation =
+        Eigen::AngleAxisd(0.05 * i, Eigen::Vector3d::UnitY()).toRotationMatrix();
+    cameras.push_back(render::virtual_camera_with_fov(kWidth, kHeight, 1 + 0.1 * i, pose));
+  }
+  const std::vector<std::vector<std::uint8_t>> luma(
+      3, std::vector<std::uint8_t>(std::size_t{kWidth} * kHeight, 100));
+  const EpipolarImage image =
+      make_epipolar_image(cameras, luma, std::vector{0, 1, 2}, 1, EpipolarAxis::kRow);
+  ASSERT_EQ(image.shift_at_one_metre.size(), 3U);
+  EXPECT_EQ(image.shift_at_one_metre[1], 0);
+  for (std::size_t i = 0; i < 3; ++i) {
+    // The point at a small inverse depth behind the middle of line and picture, as the camera sees
+    // it; its direction alone decides where the camera's pixel is drawn.
+    constexpr double kInverseDepth = 1e-4;
+    const Eigen::Vector3d point =
+        render::point_at_depth(cameras[1], kWidth / 2.0, kHeight / 2.0, 1 / kInverseDepth);
+    const Eigen::Vector3d direction = point - cameras[i].pose.position;
+    const Eigen::Vector3d seen = cameras[1].pose.world_from_camera_rotation.transpose() * direction;
+    const double x = kWidth / 2.0 + cameras[1].intrinsics.fx * seen.x() / -seen.z();
+    EXPECT_NEAR((x - kWidth / 2.0) / kInverseDepth, image.shift_at_one_metre[i], 1e-2);
+  }
+  for (const std::uint8_t code : image.luma.row(1)) EXPECT_EQ(code, 100);
 }
 
 }  // namespace

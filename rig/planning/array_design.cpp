@@ -65,11 +65,9 @@ double ghosting_at_spacing(double pitch, schemas::DepthRange scene, double spaci
 
 std::optional<double> fov_of_rotated_cameras(const Eigen::AlignedBox2d& extent, double depth,
                                              double radius) {
-  // The nearest camera sees the sphere under the largest angle.
-  const Vector2d nearest = Vector2d::Zero().cwiseMax(extent.min()).cwiseMin(extent.max());
-  const double distance = std::hypot(depth, nearest.norm());
-  if (!(distance > radius)) return std::nullopt;
-  return 2 * std::asin(radius / distance);
+  // The nearest camera, that in the middle, sees the sphere under the largest angle.
+  if (extent.isEmpty() || !(depth > radius)) return std::nullopt;
+  return 2 * std::asin(radius / depth);
 }
 
 }  // namespace raystage::rig

@@ -48,8 +48,8 @@ double largest_spacing(double pitch, schemas::DepthRange scene, double error);
 double ghosting_at_spacing(double pitch, schemas::DepthRange scene, double spacing);
 
 /// Returns the full angle, radians, that cameras need which are rotated towards the middle of a
-/// sphere: from everywhere in `extent` they see all of it. `depth`: of the sphere's middle in front
-/// of the array, metres. Nullopt if a camera is inside of it.
+/// sphere: from everywhere in `extent` they see all of it. The sphere is in front of the middle of
+/// `extent`; `depth`: of its middle, metres. Nullopt if a camera is inside of it.
 std::optional<double> fov_of_rotated_cameras(const Eigen::AlignedBox2d& extent, double depth,
                                              double radius);
 

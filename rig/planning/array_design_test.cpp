@@ -100,7 +100,7 @@ TEST(LargestSpacing, EqualsThesisEquations) {
 
 TEST(FovOfRotatedCameras, IsThatOfTheNearestCamera) {
   const Eigen::AlignedBox2d extent(Eigen::Vector2d(1, -1), Eigen::Vector2d(2, 1));
-  EXPECT_NEAR(*fov_of_rotated_cameras(extent, 3, 0.5), 2 * std::asin(0.5 / std::sqrt(10.0)), 1e-12);
+  EXPECT_NEAR(*fov_of_rotated_cameras(extent, 3, 0.5), 2 * std::asin(0.5 / 3), 1e-12);
   EXPECT_FALSE(fov_of_rotated_cameras(extent, 0.1, 2));
 }
 

@@ -117,6 +117,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       round_trip(text, raystage::schemas::parse_array_specification,
                  raystage::schemas::format_array_specification);
       break;
+    case 5:
     default:
       round_trip(
           text, [](std::string_view time, auto) { return raystage::parse_utc(time); },

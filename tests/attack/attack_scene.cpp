@@ -171,6 +171,16 @@ void write_attack_scene(const fs::path& folder) {
         {"id": "c0", "width": 640, "height": 480}, {"id": "c1", "width": 640, "height": 480},
         {"id": "c2", "width": 640, "height": 480}]})");
   write("table.csv", table_of_detections());
+  write("array.json", R"({"schema": "raystage/array_specification/1",
+        "views": {"width_px": 320, "height_px": 240, "least_fov_deg": 40, "largest_fov_deg": 50},
+        "positions": [{"x_m": -0.2, "y_m": 0, "depth_m": 0}, {"x_m": 0.2, "y_m": 0.1, "depth_m": -1}],
+        "depth_range_m": [2, 8], "largest_error_px": 8, "fps": 15, "minutes": 10,
+        "cameras": [{"id": "a", "width_px": 640, "height_px": 480, "sensor_width_mm": 4.8,
+                     "focal_lengths_mm": [4, 6], "price": 100}],
+        "node": {"cameras": 8, "megabytes_per_s": 200, "price": 1000},
+        "disk": {"gigabytes": 500, "megabytes_per_s": 100, "price": 50}})");
+  write("trade.json", R"({"schema": "raystage/trade/1", "rows": [{"label": "one",
+        "method": "focal_plane", "psnr_db": 24, "seconds_per_frame": 3, "on_psnr_front": true}]})");
   write("record.json", R"({"schema": "raystage/record/1", "name": "attacked", "node": "one",
         "memory_mb": 20, "cameras": [
         {"id": "a", "ffmpeg": {"url": "lavfi:testsrc=size=32x24:rate=30,realtime"}},
@@ -243,6 +253,12 @@ std::vector<AttackedFormat> attacked_formats(const fs::path& folder) {
        "out/p.####.png"},
       {"detections", "table.csv", true, "raystage calibrate geometry -q table.csv -o out/rig.json",
        1},
+      {"array specification", "array.json", true,
+       "raystage plan array array.json --report out/a.html --rig out/rig.json"},
+      {"bench result", "trade.json", true, "raystage plan check shot.json --bench trade.json"},
+      {"rig to plan with", "take/rig.json", true,
+       "raystage plan resolution take --report out/r.html; code=$?; [ $code -le 4 ] || exit $code; "
+       "raystage plan epi -q take --report out/e.html"},
       {"cameras of detections", "cameras.json", true,
        "raystage calibrate geometry -q table.csv -o out/rig.json", 1},
   };

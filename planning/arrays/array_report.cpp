@@ -186,7 +186,7 @@ std::string floor_plan(const ArrayPlan& plan) {
 }
 
 constexpr std::string_view kPageStyle = R"(
-circle.other { fill:var(--line) }
+circle.other { fill:var(--grey) }
 circle.front { fill:var(--teal) }
 circle.best { fill:var(--amber) }
 circle.camera { fill:var(--teal) }

@@ -133,7 +133,7 @@ bool can_be_simulated(const ArrayAlternative& planned) {
 double predicted_focal_plane_db(double ghosting_px) {
   // Mean squared errors add: that of resampling, and that of ghosting, which grows with its square
   // while it is smaller than the details of the picture, and in proportion beyond.
-  constexpr double kResampling = 2.75e-3, kGhosting = 5.4e-4, kDetail = 4;  // measured; pixels
+  constexpr double kResampling = 2.77e-3, kGhosting = 6.4e-4, kDetail = 4;  // measured; pixels
   const double ghosting =
       ghosting_px * ghosting_px / std::sqrt(1 + std::pow(ghosting_px / kDetail, 2));
   return -10 * std::log10(kResampling + kGhosting * ghosting);

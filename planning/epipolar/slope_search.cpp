@@ -139,12 +139,13 @@ bool is_supported(const Image<float>& found, int x, int y) {
   return support >= kMinSupport;
 }
 
-/// A camera that may confirm what another one measured.
-struct Witness {
+/// The map of another camera.
+struct OtherMap {
   const MeasuredMap& map;
   render::PixelTransfer transfer;  ///< from the other camera
 
-  bool confirms(const MeasuredPixel& pixel) const {
+  /// Returns whether the map has a similar inverse depth where its camera sees the point.
+  bool has_similar_depth(const MeasuredPixel& pixel) const {
     const auto& m = transfer.direction;
     const auto& p = transfer.parallax;
     const double u = pixel.x + 0.5, v = pixel.y + 0.5, q = pixel.inverse_depth;
@@ -228,17 +229,19 @@ MeasuredMap search_slopes(std::span<const DetailImage> images, int camera,
 std::vector<MeasuredPixel> confirmed_pixels(const MeasuredMap& map,
                                             std::span<const MeasuredMap> maps) {
   std::vector<MeasuredPixel> confirmed;
-  std::vector<Witness> witnesses;
+  std::vector<OtherMap> others;
   for (const MeasuredMap& other : maps) {
     if (&other == &map || other.inverse_depth.values.empty()) continue;
-    witnesses.push_back({other, render::pixel_transfer(other.camera, map.camera)});
+    others.push_back({other, render::pixel_transfer(other.camera, map.camera)});
   }
   for (int y = 0; y < map.inverse_depth.height; ++y) {
     for (int x = 0; x < map.inverse_depth.width; ++x) {
       const MeasuredPixel pixel{x, y, static_cast<double>(map.inverse_depth.at(x, y))};
       if (std::isnan(pixel.inverse_depth)) continue;
-      const auto confirms = [&](const Witness& witness) { return witness.confirms(pixel); };
-      if (std::ranges::any_of(witnesses, confirms)) confirmed.push_back(pixel);
+      if (std::ranges::any_of(
+              others, [&](const OtherMap& other) { return other.has_similar_depth(pixel); })) {
+        confirmed.push_back(pixel);
+      }
     }
   }
   return confirmed;

@@ -126,12 +126,16 @@ TEST_F(Resume, SurvivesBeingKilledAtAnyMoment) {
     if (!std::filesystem::exists(mkv) || !std::filesystem::exists(journal)) continue;
     ASSERT_NO_FATAL_FAILURE(expect_frames(acknowledged)) << "round " << round;
     while_open += reader().was_closed() ? 0 : 1;
-    // A frame that was stored but not acknowledged is kept.
+    // A frame that was stored but not acknowledged is kept. Its record may be missing.
+    const std::size_t stored = reader().frames().size();
+    ASSERT_LE(stored, acknowledged + 1);
     if (reader().recovered_frames() > 0) {
       ASSERT_EQ(reader().recovered_frames(), 1);
-      ASSERT_EQ(reader().frames().size(), acknowledged + 1);
+      ASSERT_EQ(stored, acknowledged + 1);
       unlisted.insert(acknowledged);
     }
+    // What was read once must stay: the next recorder goes on behind it.
+    acknowledged = stored;
   }
   ASSERT_GT(acknowledged, 100u);
   EXPECT_GT(while_open, 0);

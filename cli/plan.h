@@ -6,19 +6,15 @@
 #include <string>
 
 #include "cli/command_line_parsing.h"
-#include "rig/rig.h"
+#include "planning/combined_coverage.h"
 
 namespace raystage::cli {
 
 inline constexpr double kPercent = 100;
 
-/// A rig, and its name or else that of its file.
-struct NamedRig {
-  std::string name;
-  rig::Rig rig;
-};
-/// Reads a rig, or that of a take. Throws Error (bad input) as the documents do.
-NamedRig read_named_rig(const std::filesystem::path& path);
+/// Reads a rig, or that of a take, with its name or else that of its file. Throws Error (bad input)
+/// as the documents do.
+planning::NamedRig read_named_rig(const std::filesystem::path& path);
 
 Subcommand declare_plan_array(CommandLine& plan);
 Subcommand declare_plan_check(CommandLine& plan);

@@ -190,7 +190,7 @@ TEST_F(PlanCommand, ArrayOfTheExamples) {
   const std::filesystem::path examples =
       std::filesystem::path(RAYSTAGE_SOURCE_DIR) / "examples/arrays";
   for (const auto& [name, columns, rows] :
-       {std::tuple{"prototype", 8, 8}, {"cinema_wall", 18, 7}, {"immersive_face", 17, 17}}) {
+       {std::tuple{"prototype", 8, 8}, {"cinema_wall", 18, 7}, {"immersive_box", 17, 17}}) {
     const testing::CommandResult result = testing::run_raystage(
         "plan array '" + (examples / (std::string(name) + ".json")).string() +
         "' --json --report " + path("array.html") + " --rig " + path("rig.json"));
@@ -202,6 +202,46 @@ TEST_F(PlanCommand, ArrayOfTheExamples) {
     EXPECT_THAT(read_file(folder_.path() / "array.html"), HasSubstr("Ghosting against price"));
     EXPECT_EQ(testing::run_raystage("plan resolution " + path("rig.json")).exit_code, 0);
   }
+  // The last one: its six sides intersect (thesis 6.2).
+  const std::string coverage =
+      "plan coverage " + path("rig.json") + " --all-directions --shares 100 --subject 0.2,0.2,0 ";
+  const testing::CommandResult still =
+      testing::run_raystage(coverage + "--transparent-arrays --json --progress none --report " +
+                            path("box.html") + " --gltf " + path("box.gltf"));
+  ASSERT_EQ(still.exit_code, 0) << still.output;
+  const auto json = nlohmann::json::parse(still.output);
+  EXPECT_EQ(json["arrays"].size(), 6U);
+  EXPECT_EQ(json["subject"]["arrays"], 2);
+  const double edge = 0.3;  // of the cube in which the head moves
+  EXPECT_NEAR(json["volumes"][0]["volume_m3"], 2 * edge * edge * edge, 0.002);
+  EXPECT_THAT(read_file(folder_.path() / "box.html"), HasSubstr("is seen from 33.3 % of all"));
+  EXPECT_TRUE(std::filesystem::exists(folder_.path() / "box.gltf"));
+  const testing::CommandResult real = testing::run_raystage(coverage);
+  EXPECT_EQ(real.exit_code, 0);
+  EXPECT_THAT(real.output, HasSubstr("no position was found with 100 % of the rays"));
+}
+
+TEST_F(PlanCommand, CoverageOfSeveralRigs) {
+  const std::string rigs = "'" + path("rig.json") + "' '" + path("other.json") + "' ";
+  ASSERT_EQ(testing::run_raystage("plan array '" + std::string(RAYSTAGE_SOURCE_DIR) +
+                                  "/examples/arrays/prototype.json' --rig " + path("rig.json"))
+                .exit_code,
+            0);
+  // The second one stands beside the first one.
+  auto other = nlohmann::json::parse(read_file(folder_.path() / "rig.json"));
+  for (auto& camera : other["cameras"]) {
+    auto& x = camera["world_from_camera"][0][3];
+    x = x.get<double>() + 0.42;
+  }
+  write_file_atomically(folder_.path() / "other.json", other.dump());
+  const auto extent = [&](const std::string& arguments) {
+    const testing::CommandResult result = testing::run_raystage(
+        "plan coverage " + arguments +
+        " --view-fov-deg 40 --shares 90 --tolerance-mm 4 --json --progress none");
+    EXPECT_EQ(result.exit_code, 0) << result.output;
+    return nlohmann::json::parse(result.output)["volumes"][0]["extent_m"][0].get<double>();
+  };
+  EXPECT_GT(extent(rigs), 1.5 * extent(path("rig.json")));
 }
 
 TEST_F(PlanCommand, ArrayThatIsNotSufficientOrWrong) {

@@ -22,14 +22,15 @@ namespace raystage::cli {
 namespace {
 
 struct CoverageCommand {
-  std::filesystem::path rig, report, gltf;
+  std::vector<std::filesystem::path> rigs;
+  std::filesystem::path report, gltf;
   planning::CoverageOptions options;
   std::vector<double> shares_percent{100, 99, 90};
   double interaxial_mm = 0, tolerance_mm = 1;
   std::array<double, 3> subject{};  // no subject is at depth 0
   double subject_size = 0.5;
   int threads = 0;
-  bool json = false;
+  bool json = false, transparent_arrays = false;
   ProgressStyle progress = ProgressStyle::kAuto;
 };
 
@@ -45,16 +46,29 @@ ExitCode run_coverage(const CoverageCommand& command, const std::stop_token& sto
   if (command.subject != std::array<double, 3>{}) {
     options.subject = planning::CoverageSubject{x, y, depth, command.subject_size};
   }
-  const NamedRig named = read_named_rig(command.rig);
+  options.arrays_hide_each_other = !command.transparent_arrays;
+  planning::NamedRig all;
+  std::vector<planning::NamedRig> arrays;
+  for (const std::filesystem::path& path : command.rigs) {
+    planning::NamedRig named = read_named_rig(path);
+    all.name += (all.name.empty() ? "" : ", ") + named.name;
+    all.rig.cameras.insert(all.rig.cameras.end(), named.rig.cameras.begin(),
+                           named.rig.cameras.end());
+    for (planning::NamedRig& side : planning::split_by_direction(named)) {
+      arrays.push_back(std::move(side));
+    }
+  }
   Progress progress(command.progress);
   const auto report_progress = [&](double done) { progress.report(done); };
   const planning::CoveragePlan plan =
-      planning::plan_coverage(named.name, named.rig, options, report_progress, stop);
+      arrays.size() == 1 && !options.all_directions
+          ? planning::plan_coverage(all.name, arrays[0].rig, options, report_progress, stop)
+          : planning::plan_combined_coverage(all.name, arrays, options, report_progress, stop);
   if (!command.report.empty()) {
     write_file_atomically(command.report, planning::coverage_plan_as_page(plan));
   }
   if (!command.gltf.empty()) {
-    write_file_atomically(command.gltf, planning::coverage_plan_as_gltf(plan, named.rig));
+    write_file_atomically(command.gltf, planning::coverage_plan_as_gltf(plan, all.rig));
   }
   print("{}", command.json ? planning::coverage_plan_as_json(plan)
                            : planning::format_coverage_plan(plan));
@@ -67,7 +81,12 @@ Subcommand declare_plan_coverage(CommandLine& plan) {
   auto options = std::make_shared<CoverageCommand>();
   CommandLine command = plan.subcommand(
       "coverage", "Compute where a virtual camera may stand so that its rays were recorded");
-  command.option("RIG|TAKE", options->rig, "the rig (rig.json), or a take").required();
+  command
+      .option(
+          "RIG|TAKE...", options->rigs,
+          "the rig (rig.json), or a take; several ones, or cameras that look to all sides, count "
+          "together")
+      .required();
   command.option("--view-fov-deg DEG...", options->options.view_fov_deg,
                  "horizontal fields of view, degrees; one range for each (default: 30 45 60)");
   command.option(
@@ -89,6 +108,12 @@ Subcommand declare_plan_coverage(CommandLine& plan) {
       .option("--max-yaw-deg", options->options.max_yaw_deg,
               "the views turn by up to that to both sides, degrees (default: 0)")
       .limits(0.0, 89.9);
+  command.flag("--all-directions", options->options.all_directions,
+               "views of all directions instead of those of a field of view");
+  command.flag(
+      "--transparent-arrays", options->transparent_arrays,
+      "several arrays do not hide anything from each other, as where they record one after "
+      "the\nother (default: one does not see through another)");
   command
       .option("--interaxial-mm", options->interaxial_mm,
               "distance of the eyes of a stereo camera, millimetres (default: 0, one eye)")
@@ -100,7 +125,8 @@ Subcommand declare_plan_coverage(CommandLine& plan) {
   command
       .option("--subject X,Y,DEPTH", options->subject,
               "adds the range of views that must see a subject only: the middle of a cube, metres "
-              "to the right,\nupwards and in front of the array")
+              "to the right,\nupwards and in front of the array; of several arrays, the directions "
+              "from which they see its middle")
       .comma_separated();
   command
       .option("--subject-size", options->subject_size,

@@ -21,7 +21,7 @@ struct ResolutionCommand {
 };
 
 ExitCode run_plan(const ResolutionCommand& command) {
-  const NamedRig named = read_named_rig(command.rig);
+  const planning::NamedRig named = read_named_rig(command.rig);
   const planning::ResolutionPlan plan =
       planning::plan_resolution(named.name, named.rig, command.options);
   if (!command.report.empty()) {

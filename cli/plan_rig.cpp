@@ -5,7 +5,7 @@
 
 namespace raystage::cli {
 
-NamedRig read_named_rig(const std::filesystem::path& path) {
+planning::NamedRig read_named_rig(const std::filesystem::path& path) {
   const schemas::RigDocument document = std::filesystem::is_directory(path)
                                             ? schemas::read_rig(ContainedPath{path, "rig.json"})
                                             : schemas::read_rig(path);

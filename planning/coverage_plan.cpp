@@ -11,11 +11,11 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <numbers>
 #include <utility>
 
 #include "base/error.h"
 #include "planning/complete_topology.h"
+#include "planning/coverage_views.h"
 #include "planning/recorded_rays.h"
 #include "rig/planning/range_of_motion.h"
 #include "rig/planning/wall_eyed_array.h"
@@ -26,9 +26,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kRadiansPerDegree = std::numbers::pi / 180;
 constexpr int kMaxVertices = 4000;  // of a surface that is measured
-constexpr int kViewWidth = 1024;    // shares are areas and do not depend on it
 
 /// The frame of any array: in the middle of its centres, its cameras look along -z.
 rig::Pose frame_of(const rig::Rig& rig, const rig::Topology& topology) {
@@ -42,35 +40,13 @@ rig::Pose frame_of(const rig::Rig& rig, const rig::Topology& topology) {
   return pose;
 }
 
-/// Returns the rotations of the views in the array's frame: the middle and both ends of their yaw.
-std::vector<Eigen::Matrix3d> rotations_of(const CoverageOptions& options) {
-  std::vector<double> yaws{options.yaw_deg};
-  if (options.max_yaw_deg > 0) {
-    yaws.insert(yaws.end(),
-                {options.yaw_deg - options.max_yaw_deg, options.yaw_deg + options.max_yaw_deg});
-  }
-  std::vector<Eigen::Matrix3d> rotations;
-  for (const double yaw : yaws) {
-    rotations.emplace_back(
-        Eigen::AngleAxisd(yaw * kRadiansPerDegree, Vector3d::UnitY()) *
-        Eigen::AngleAxisd(options.pitch_deg * kRadiansPerDegree, Vector3d::UnitX()));
-  }
-  return rotations;
-}
-
-render::VirtualCamera view_of(double fov_deg, double aspect) {
-  return render::virtual_camera_with_fov(kViewWidth,
-                                         std::max(1, static_cast<int>(kViewWidth / aspect)),
-                                         fov_deg * kRadiansPerDegree, {});
-}
-
 class CoveragePlanner {
  public:
   CoveragePlanner(const rig::Rig& rig, const CoverageOptions& options)
       : rig_(rig), options_(options), ideal_(rig::find_wall_eyed_array(rig)) {
     topology_ = complete_topology(rig);
     array_ = frame_of(rig, topology_);
-    rotations_ = rotations_of(options);
+    rotations_ = view_rotations(options);
     const Vector3d ahead = -array_.world_from_camera_rotation.col(2);
     plane_ = std::isinf(options.focal_depth_m)
                  ? Eigen::Vector4d(0, 0, 0, 1)
@@ -84,7 +60,7 @@ class CoveragePlanner {
     CoverageVolume volume;
     volume.view_fov_deg = fov_deg;
     volume.share = share;
-    const render::VirtualCamera view = view_of(fov_deg, options_.aspect);
+    const render::VirtualCamera view = coverage_view(fov_deg, options_.aspect);
     if (ideal_ && share == 1) {
       volume.is_exact = true;
       volume.surface = exact_surface(view, volume.empty_because);
@@ -256,10 +232,10 @@ bool CoverageOptions::is_valid(std::string* reason) const {
     return refuse("the distance of the eyes must be 0 or more");
   }
   if (!(focal_depth_m > 0)) return refuse("the focal plane must be in front of the array");
-  if (subject && !(subject->size_m > 0 && subject->depth_m > subject->size_m / 2 &&
-                   std::isfinite(subject->x_m) && std::isfinite(subject->y_m) &&
-                   std::isfinite(subject->depth_m))) {
-    return refuse("the subject must have a size and be in front of the array");
+  if (subject &&
+      !(subject->size_m > 0 && std::isfinite(subject->size_m) && std::isfinite(subject->x_m) &&
+        std::isfinite(subject->y_m) && std::isfinite(subject->depth_m))) {
+    return refuse("the subject must have a size and a finite place");
   }
   if (!(tolerance_m >= 1e-5)) return refuse("the tolerance must be at least 0.01 mm");
   return true;
@@ -280,6 +256,10 @@ CoveragePlan plan_coverage(const std::string& name, const rig::Rig& rig,
   if (!options.is_valid(&reason)) throw Error::bad_input(reason, name, "Correct the views");
   if (rig.cameras.empty()) {
     throw Error::bad_input("the rig has no cameras", name, "Give a rig with cameras");
+  }
+  if (options.subject && !(options.subject->depth_m > options.subject->size_m / 2)) {
+    throw Error::bad_input("the subject must be in front of the array", name,
+                           "Give a larger depth");
   }
   const CoveragePlanner planner(rig, options);
   CoveragePlan plan;

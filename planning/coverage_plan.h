@@ -14,7 +14,8 @@
 
 namespace raystage::planning {
 
-/// What views must see: a cube that is parallel to the array.
+/// What views must see: a cube that is parallel to the array. Of several arrays, the first one's
+/// axes count, and the middle of all cameras.
 struct CoverageSubject {
   double x_m = 0, y_m = 0;  ///< of its middle, to the right and upwards from the array's middle
   double depth_m = 0;       ///< of its middle, in front of the array
@@ -27,12 +28,15 @@ struct CoverageOptions {
   double aspect = 4.0 / 3;                          ///< width / height of the picture
   double yaw_deg = 0, pitch_deg = 0;  ///< of the views against the array: to the left, upwards
   double max_yaw_deg = 0;             ///< the views turn by up to that to both sides of their yaw
+  bool all_directions = false;        ///< views of all directions, whatever the members above say
   double interaxial_m = 0;            ///< between the eyes of a stereo camera; 0: one eye
   /// Of the focal plane in front of the array; infinite: every ray as far as the horizon.
   double focal_depth_m = std::numeric_limits<double>::infinity();
   std::vector<double> shares = {1, 0.99, 0.9};  ///< of the rays that must have been recorded
   std::optional<CoverageSubject> subject = {};  ///< adds the range of views of that alone
   double tolerance_m = 1e-3;                    ///< of volumes that are not exact
+  /// Of several arrays: one does not see through another, as where all are there at a time.
+  bool arrays_hide_each_other = true;
 
   /// Returns whether the options are in range; otherwise `reason` says what is not.
   bool is_valid(std::string* reason) const;
@@ -47,6 +51,7 @@ struct CoverageVolume {
   bool is_of_subject = false;
   bool is_exact = false;        ///< a polyhedron in closed form (thesis 5.2)
   bool is_lower_bound = false;  ///< that of an ideal array whose rays the cameras recorded
+  bool is_in_parts = false;     ///< there are positions apart from the surface, which has one part
   double error_m = 0;           ///< of the surface, if it is not exact
   ClosedSurface surface;        ///< empty: there is no position
   std::string empty_because;    ///< why, for people
@@ -54,14 +59,31 @@ struct CoverageVolume {
   Eigen::Vector3d extent() const;  ///< of the bounding box, metres
 };
 
-/// The ranges of motion before an array (thesis 5.1, 5.2 and 7.2). In the array's frame its cameras
-/// look along -z.
+/// One of several arrays.
+struct CoverageArray {
+  std::string name;
+  int cameras = 0;
+  bool is_ideal = false;  ///< otherwise it counts with the rays of an ideal one inside of it
+  Eigen::Vector2d size_m = Eigen::Vector2d::Zero();   ///< between its outermost cameras
+  Eigen::Vector2d fov_deg = Eigen::Vector2d::Zero();  ///< that all of its cameras see
+};
+
+/// From where several arrays see the middle of a subject.
+struct CoverageSubjectView {
+  double share_of_directions = 0;  ///< of the whole sphere
+  int arrays = 0;                  ///< that see it
+};
+
+/// The ranges of motion before an array (thesis 5.1, 5.2 and 7.2), or of several ones (6.2). In the
+/// array's frame its cameras look along -z.
 struct CoveragePlan {
   std::string name;  ///< of the rig
   CoverageOptions options;
-  rig::Pose array;                       ///< of its frame in the world
-  std::vector<Eigen::Vector3d> cameras;  ///< centres in the array's frame
-  std::vector<CoverageVolume> volumes;   ///< by field of view, then by share
+  rig::Pose array;                                  ///< of its frame in the world
+  std::vector<Eigen::Vector3d> cameras;             ///< centres in the array's frame
+  std::vector<CoverageVolume> volumes;              ///< by field of view, then by share
+  std::vector<CoverageArray> arrays;                ///< empty for a single one
+  std::optional<CoverageSubjectView> subject_view;  ///< of several arrays
 };
 
 /// Computes the ranges. Those of ideal arrays for all rays are exact; others are measured by the

@@ -25,6 +25,7 @@ constexpr double kMillimetres = 1000;
 ordered_json json_of(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 std::string views_text(const CoverageOptions& options) {
+  if (options.all_directions) return "Views of all directions; rays as far as the horizon.";
   std::string text = fmt::format("Views of width / height {:.3g}", options.aspect);
   if (options.yaw_deg != 0 || options.pitch_deg != 0) {
     text += fmt::format(", turned by {:.4g} deg to the left and {:.4g} deg upwards",
@@ -45,14 +46,59 @@ std::string views_text(const CoverageOptions& options) {
 std::string size_text(const CoverageVolume& volume) {
   if (volume.surface.vertices.empty()) return volume.empty_because;
   const Eigen::Vector3d extent = volume.extent();
-  return fmt::format("{:.3f} x {:.3f} x {:.3f} m, {:.5f} m3", extent.x(), extent.y(), extent.z(),
-                     volume.surface.volume());
+  return fmt::format("{:.3f} x {:.3f} x {:.3f} m, {:.5f} m3{}", extent.x(), extent.y(), extent.z(),
+                     volume.surface.volume(),
+                     volume.is_in_parts ? " (one part: there are positions apart from it)" : "");
 }
 
 std::string accuracy_text(const CoverageVolume& volume) {
   if (volume.surface.vertices.empty()) return "";
-  if (volume.is_lower_bound) return "at least";
+  if (volume.is_lower_bound) {
+    return volume.error_m > 0
+               ? fmt::format("at least, within {:.1f} mm", kMillimetres * volume.error_m)
+               : std::string("at least");
+  }
   return volume.is_exact ? "exact" : fmt::format("within {:.1f} mm", kMillimetres * volume.error_m);
+}
+
+/// Describes several arrays, a line each, and from where they see the subject.
+std::string arrays_text(const CoveragePlan& plan) {
+  std::string text;
+  for (const CoverageArray& array : plan.arrays) {
+    text += fmt::format("{}: {} cameras, {:.3f} x {:.3f} m, {:.1f} x {:.1f} deg{}\n", array.name,
+                        array.cameras, array.size_m.x(), array.size_m.y(), array.fov_deg.x(),
+                        array.fov_deg.y(), array.is_ideal ? "" : " (at least)");
+  }
+  if (plan.arrays.size() > 1) {
+    text += plan.options.arrays_hide_each_other
+                ? "Rays that pass through another array do not count.\n"
+                : "The arrays do not hide anything from each other.\n";
+  }
+  if (plan.subject_view) {
+    text += fmt::format(
+        "The middle of the subject is seen from {:.1f} % of all directions, by {} "
+        "array{}.\n",
+        100 * plan.subject_view->share_of_directions, plan.subject_view->arrays,
+        plan.subject_view->arrays == 1 ? "" : "s");
+  }
+  return text;
+}
+
+/// Returns the lines of a text as paragraphs.
+std::string paragraphs(std::string_view text) {
+  std::string html;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find('\n'), text.size());
+    html += fmt::format("<p class=\"arrays\">{}</p>\n", charts::escape_html(text.substr(0, end)));
+    text.remove_prefix(std::min(text.size(), end + 1));
+  }
+  return html;
+}
+
+/// Describes the views of a volume.
+std::string fov_text(const CoverageVolume& volume, bool all_directions) {
+  if (volume.is_of_subject) return "of the subject";
+  return all_directions ? "all directions" : fmt::format("{:.4g} deg", volume.view_fov_deg);
 }
 
 /// A drawing in metres with equal scales.
@@ -162,7 +208,7 @@ std::string table_of(const CoveragePlan& plan) {
   std::size_t color = 0;
   double last_fov = plan.volumes.empty() ? 0 : plan.volumes.front().view_fov_deg;
   std::string table =
-      "<table><thead><tr><th>field of view, deg</th><th>rays recorded</th><th>width x height x "
+      "<table><thead><tr><th>field of view</th><th>rays recorded</th><th>width x height x "
       "depth, volume</th><th>accuracy</th></tr></thead><tbody>\n";
   for (const CoverageVolume& volume : plan.volumes) {
     if (volume.view_fov_deg != last_fov) ++color;
@@ -172,15 +218,15 @@ std::string table_of(const CoveragePlan& plan) {
         "y=\"1\" width=\"22\" height=\"10\"/></svg>{}</td><td>{}</td>"
         "<td>{}</td><td>{}</td></tr>\n",
         color % 4, volume.share == 1 ? "whole" : "part",
-        volume.is_of_subject ? std::string("subject") : fmt::format("{:.4g}", volume.view_fov_deg),
-        fmt::format("{:.4g} %", 100 * volume.share), charts::escape_html(size_text(volume)),
-        accuracy_text(volume));
+        fov_text(volume, plan.options.all_directions), fmt::format("{:.4g} %", 100 * volume.share),
+        charts::escape_html(size_text(volume)), accuracy_text(volume));
   }
   return table + "</tbody></table>\n";
 }
 
 constexpr std::string_view kCoveragePageStyle = R"(
 .drawings { display:grid; grid-template-columns:repeat(auto-fit, minmax(380px, 1fr)); gap:12px }
+.arrays { margin:2px 0 }
 .drawings figure { margin:0 }
 .volume { fill-opacity:.15; stroke-width:1.5 }
 .volume.part { fill-opacity:.05; stroke-dasharray:4 3 }
@@ -197,17 +243,19 @@ constexpr std::string_view kCoveragePageStyle = R"(
 
 std::string name_of(const CoverageVolume& volume) {
   if (volume.is_of_subject) return "subject";
+  if (volume.view_fov_deg == 360)
+    return fmt::format("all directions, {:.4g} %", 100 * volume.share);
   return fmt::format("{:.4g} deg, {:.4g} %", volume.view_fov_deg, 100 * volume.share);
 }
 
 std::string format_coverage_plan(const CoveragePlan& plan) {
-  std::string text = fmt::format("{}: {} cameras\n{}\n\n", plan.name, plan.cameras.size(),
-                                 views_text(plan.options));
-  text += "field of view    rays  range of motion: width x height x depth, volume\n";
+  std::string text = fmt::format("{}: {} cameras\n{}\n{}\n", plan.name, plan.cameras.size(),
+                                 views_text(plan.options), arrays_text(plan));
+  text += "field of view     rays  range of motion: width x height x depth, volume\n";
   for (const CoverageVolume& volume : plan.volumes) {
-    text += volume.is_of_subject
-                ? fmt::format("{:>22}  ", "of the subject")
-                : fmt::format("{:>9.4g} deg {:>6.4g} %  ", volume.view_fov_deg, 100 * volume.share);
+    const std::string views = fov_text(volume, plan.options.all_directions);
+    text += volume.is_of_subject ? fmt::format("{:>22}  ", views)
+                                 : fmt::format("{:>13} {:>6.4g} %  ", views, 100 * volume.share);
     text += fmt::format("{}{}{}\n", size_text(volume), volume.surface.vertices.empty() ? "" : ", ",
                         accuracy_text(volume));
   }
@@ -228,12 +276,13 @@ std::string coverage_plan_as_json(const CoveragePlan& plan) {
         {"volume_m3", volume.surface.volume()}, {"extent_m", json_of(volume.extent())}};
     json["of_subject"] = volume.is_of_subject;
     json["is_lower_bound"] = volume.is_lower_bound;
+    json["is_in_parts"] = volume.is_in_parts;
     if (!volume.empty_because.empty()) json["empty_because"] = volume.empty_because;
     json["vertices_m"] = std::move(vertices);
     json["triangles"] = volume.surface.triangles;
     volumes.push_back(std::move(json));
   }
-  const ordered_json json{
+  ordered_json json{
       {"schema", "raystage/coverage_plan/1"},
       {"rig", plan.name},
       {"cameras", plan.cameras.size()},
@@ -244,17 +293,32 @@ std::string coverage_plan_as_json(const CoveragePlan& plan) {
       {"interaxial_m", options.interaxial_m},
       {"focal_depth_m", std::isfinite(options.focal_depth_m) ? ordered_json(options.focal_depth_m)
                                                              : ordered_json(nullptr)},
+      {"all_directions", options.all_directions},
       {"volumes", volumes}};
+  if (!plan.arrays.empty()) {
+    json["arrays_hide_each_other"] = options.arrays_hide_each_other;
+    for (const CoverageArray& array : plan.arrays) {
+      json["arrays"].push_back({{"name", array.name},
+                                {"cameras", array.cameras},
+                                {"is_ideal", array.is_ideal},
+                                {"size_m", {array.size_m.x(), array.size_m.y()}},
+                                {"fov_deg", {array.fov_deg.x(), array.fov_deg.y()}}});
+    }
+  }
+  if (plan.subject_view) {
+    json["subject"] = {{"share_of_directions", plan.subject_view->share_of_directions},
+                       {"arrays", plan.subject_view->arrays}};
+  }
   return json.dump(1) + "\n";
 }
 
 std::string coverage_plan_as_page(const CoveragePlan& plan) {
-  return charts::html_page("Range of motion: " + plan.name,
-                           fmt::format("{} cameras", plan.cameras.size()),
-                           charts::html_section("Where the virtual camera may stand",
-                                                charts::escape_html(views_text(plan.options)),
-                                                drawings_of(plan) + table_of(plan)),
-                           kCoveragePageStyle);
+  return charts::html_page(
+      "Range of motion: " + plan.name, fmt::format("{} cameras", plan.cameras.size()),
+      charts::html_section("Where the virtual camera may stand",
+                           charts::escape_html(views_text(plan.options)),
+                           paragraphs(arrays_text(plan)) + drawings_of(plan) + table_of(plan)),
+      kCoveragePageStyle);
 }
 
 }  // namespace raystage::planning

@@ -50,7 +50,8 @@ Scene::Scene(const schemas::ShotDocument& shot, const std::filesystem::path& sho
     : plan_(shot, shot_file, plan_options(options)),
       memory_(compose::plan_sequence_memory(plan_, all_frames(plan_),
                                             {options.memory_bytes, kViewsInFlight, false})),
-      compositor_(plan_, memory_) {
+      compositor_(plan_, memory_),
+      ranges_of_motion_(plan_) {
   if (plan_.shot_camera().is_equirectangular()) {
     throw Error::bad_input("the viewer shows perspective cameras only, this one is equirectangular",
                            shot_file.string() + "#/camera/projection",

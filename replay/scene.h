@@ -13,6 +13,7 @@
 #include "compose/frame_compositor.h"
 #include "compose/sequence_memory_plan.h"
 #include "compose/shot_plan.h"
+#include "replay/ranges_of_motion.h"
 #include "schemas/shot_document.h"
 
 namespace raystage::replay {
@@ -39,6 +40,7 @@ class Scene {
         const SceneOptions& options);
 
   const compose::ShotPlan& plan() const { return plan_; }
+  const RangesOfMotion& ranges_of_motion() const { return ranges_of_motion_; }
   /// Renders a view. At frames without an instant the takes show the nearest one. Throws Cancelled
   /// once `stop` is requested, and Error as FrameCompositor.
   compose::CompositedView render(const SceneView& view, const std::stop_token& stop) const;
@@ -61,6 +63,7 @@ class Scene {
   compose::ShotPlan plan_;
   compose::SequenceMemoryPlan memory_;
   compose::FrameCompositor compositor_;
+  RangesOfMotion ranges_of_motion_;
 };
 
 /// Returns the camera of a view of this size for a camera state of a shot. Pixels are square: the

@@ -108,6 +108,18 @@ Json json_from(const EpipolarImage& epi) {
   return {{"cameras", epi.camera_ids}, {"view_line", epi.view_line}, {"focus_columns", columns}};
 }
 
+Json json_from(const std::vector<RangesOfMotion::Range>& ranges) {
+  Json list = Json::array();
+  for (const RangesOfMotion::Range& range : ranges) {
+    Json vertices = Json::array();
+    for (const Eigen::Vector3d& vertex : range.vertices) {
+      vertices.push_back({vertex.x(), vertex.y(), vertex.z()});
+    }
+    list.push_back({{"layer", range.layer}, {"vertices", vertices}, {"is_exact", range.is_exact}});
+  }
+  return list;
+}
+
 Json json_from(const LiveStatus& live) {
   Json cameras = Json::array();
   for (const LiveStatus::Camera& camera : live.cameras) {
@@ -321,6 +333,7 @@ std::vector<std::byte> picture_message(const PictureMessage& header,
   if (!header.absent_cameras.empty()) json["absent_cameras"] = header.absent_cameras;
   if (header.is_held) json["held"] = true;
   if (!header.notes.empty()) json["notes"] = header.notes;
+  if (!header.ranges.empty()) json["ranges"] = json_from(header.ranges);
   return with_header(json, jpeg);
 }
 

@@ -19,6 +19,7 @@
 #include "replay/live/live_status.h"
 #include "replay/measurements.h"
 #include "replay/picture.h"
+#include "replay/ranges_of_motion.h"
 #include "replay/source_pictures.h"
 #include "replay/take_shot.h"
 #include "schemas/shot_document.h"
@@ -56,6 +57,7 @@ struct PictureMessage {
   std::vector<std::string> absent_cameras;
   bool is_held = false;  ///< the nearest instant replaces a missing one
   std::vector<std::string> notes;
+  std::vector<RangesOfMotion::Range> ranges;  ///< of the view; of resting ones only
 };
 
 /// A picture of source frames, in front of its JPEG.

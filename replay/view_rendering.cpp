@@ -273,6 +273,10 @@ std::vector<std::byte> render_picture(const ShownShot& shown, const ViewerMessag
   const store::RgbImage picture =
       render_arranged(shown, request, size, options.preview, stop, message);
   add_instant(shown, message.frame, message);
+  if (request.quality == ViewerMessage::Quality::kResting) {
+    message.ranges = shown.scene->ranges_of_motion().of_view(
+        requested_camera(shown, request, request.width, request.height).view);
+  }
   message.width = picture.width;
   message.height = picture.height;
   const std::vector<std::byte> jpeg = store::encode_jpeg(picture, jpeg_options(request.quality));

@@ -55,6 +55,7 @@ constexpr Fields kSpecification(
     defaulted("name", &ArraySpecification::name),
     required("views", &ArraySpecification::views, kViews),
     required("positions", &ArraySpecification::positions, list_of(kPosition)),
+    defaulted("sides", &ArraySpecification::sides),
     required("depth_range_m", &ArraySpecification::depth_range, kDepthRange),
     defaulted("largest_error_px", &ArraySpecification::largest_error_px),
     optional("subject", &ArraySpecification::subject, kSubject),

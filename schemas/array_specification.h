@@ -52,6 +52,7 @@ struct ArraySpecification {
   std::string name;
   Views views;
   std::vector<Position> positions;
+  int sides = 1;  ///< 6: the array is on each side of a cube around the middle of the positions
   DepthRange depth_range;
   double largest_error_px = 1;     ///< of the views, on one focal plane
   std::optional<Subject> subject;  ///< nullopt: all rays of a view are needed

@@ -184,6 +184,7 @@ class ArrayPlanner {
     array.height_px = camera.height_px;
     array.columns = static_cast<int>(counts[0]);
     array.rows = static_cast<int>(counts[1]);
+    array.sides = specification_.sides;
     array.ghosting_px = rig::ghosting_at_spacing(plan_.view_pitch, specification_.depth_range,
                                                  array.spacing.maxCoeff());
     array.resolution = resolution_of(array.horizontal_fov, camera.width_px);
@@ -266,7 +267,8 @@ class ArrayPlanner {
   void add_trade() {
     const ArrayAlternative& best = plan_.alternatives[*plan_.best];
     plan_.trade_megapixels_per_s = specification_.megapixels_per_s.value_or(best.megapixels_per_s);
-    const double pixels = plan_.trade_megapixels_per_s * 1e6 / specification_.fps;
+    const double pixels =
+        plan_.trade_megapixels_per_s * 1e6 / specification_.fps / specification_.sides;
     const double aspect = static_cast<double>(best.width_px) / best.height_px;
     std::set<std::pair<int, int>> seen;
     for (const double factor : kSpacings) {
@@ -301,26 +303,73 @@ ArrayPlan plan_array(const ArraySpecification& specification, const std::string&
   return ArrayPlanner(specification, name).plan(name);
 }
 
+namespace {
+
+/// Returns the rotations of the sides of a cube against its first one.
+std::vector<Eigen::Matrix3d> rotations_of_sides(int sides) {
+  constexpr double kRight = std::numbers::pi / 2;
+  std::vector<Eigen::Matrix3d> rotations{Eigen::Matrix3d::Identity()};
+  if (sides == 1) return rotations;
+  for (const int quarter : {1, 2, 3}) {
+    rotations.push_back(
+        Eigen::AngleAxisd(quarter * kRight, Eigen::Vector3d::UnitY()).toRotationMatrix());
+  }
+  for (const int quarter : {1, -1}) {
+    rotations.push_back(
+        Eigen::AngleAxisd(quarter * kRight, Eigen::Vector3d::UnitX()).toRotationMatrix());
+  }
+  return rotations;
+}
+
+/// Returns the middle of the specified positions.
+Eigen::Vector3d middle_of_positions(const ArraySpecification& specification) {
+  Eigen::AlignedBox3d box;
+  for (const ArraySpecification::Position& position : specification.positions) {
+    box.extend(Eigen::Vector3d(position.x_m, position.y_m, -position.depth_m));
+  }
+  return box.center();
+}
+
+/// Returns the poses of an array's cameras, row by row.
+std::vector<rig::Pose> poses_of_side(const ArrayPlan& plan, const ArrayAlternative& of) {
+  const Eigen::Vector2d middle = plan.needed.extent.center();
+  std::vector<rig::Pose> poses;
+  for (int row = 0; row < of.rows; ++row) {
+    for (int column = 0; column < of.columns; ++column) {
+      rig::Pose& pose = poses.emplace_back();
+      pose.position = {middle.x() + (column - (of.columns - 1) / 2.0) * of.spacing.x(),
+                       middle.y() - (row - (of.rows - 1) / 2.0) * of.spacing.y(), 0};
+      if (!of.is_rotated) continue;
+      const Eigen::Vector3d target(middle.x(), middle.y(), -plan.specification.subject->depth_m);
+      const Eigen::Vector3d back = (pose.position - target).normalized();
+      pose.world_from_camera_rotation.col(2) = back;
+      pose.world_from_camera_rotation.col(0) = Eigen::Vector3d::UnitY().cross(back).normalized();
+      pose.world_from_camera_rotation.col(1) = back.cross(pose.world_from_camera_rotation.col(0));
+    }
+  }
+  return poses;
+}
+
+}  // namespace
+
 schemas::RigDocument rig_of_alternative(const ArrayPlan& plan, const ArrayAlternative& of) {
   schemas::RigDocument rig;
   rig.name = plan.specification.name.empty() ? "planned" : plan.specification.name;
-  rig.topology = of.columns > 1 && of.rows > 1 ? "grid" : "auto";
-  const Eigen::Vector2d middle = plan.needed.extent.center();
+  // Rows and columns of several sides do not form one grid.
+  rig.topology = of.sides == 1 && of.columns > 1 && of.rows > 1 ? "grid" : "auto";
   const double focal_length = of.width_px / (2 * std::tan(of.horizontal_fov / 2));
-  for (int row = 0; row < of.rows; ++row) {
-    for (int column = 0; column < of.columns; ++column) {
-      rig::Pose pose;
-      pose.position = {middle.x() + (column - (of.columns - 1) / 2.0) * of.spacing.x(),
-                       middle.y() - (row - (of.rows - 1) / 2.0) * of.spacing.y(), 0};
-      if (of.is_rotated) {
-        const Eigen::Vector3d target(middle.x(), middle.y(), -plan.specification.subject->depth_m);
-        const Eigen::Vector3d back = (pose.position - target).normalized();
-        pose.world_from_camera_rotation.col(2) = back;
-        pose.world_from_camera_rotation.col(0) = Eigen::Vector3d::UnitY().cross(back).normalized();
-        pose.world_from_camera_rotation.col(1) = back.cross(pose.world_from_camera_rotation.col(0));
-      }
+  const std::vector<rig::Pose> poses = poses_of_side(plan, of);
+  const Eigen::Vector3d pivot = middle_of_positions(plan.specification);
+  const std::vector<Eigen::Matrix3d> rotations = rotations_of_sides(of.sides);
+  for (std::size_t side = 0; side < rotations.size(); ++side) {
+    for (int i = 0; i < of.columns * of.rows; ++i) {
+      rig::Pose pose = poses[static_cast<std::size_t>(i)];
+      pose.position = rotations[side] * (pose.position - pivot) + pivot;
+      pose.world_from_camera_rotation = rotations[side] * pose.world_from_camera_rotation;
+      const int row = i / of.columns, column = i % of.columns;
       schemas::RigDocument::Camera camera;
-      camera.geometry.id = fmt::format("r{}c{}", row, column);
+      camera.geometry.id =
+          fmt::format("{}r{}c{}", of.sides == 1 ? "" : fmt::format("s{}", side), row, column);
       camera.geometry.width = of.width_px;
       camera.geometry.height = of.height_px;
       camera.geometry.intrinsics = {

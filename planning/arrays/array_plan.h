@@ -18,7 +18,8 @@ struct ArrayAlternative {
   double horizontal_fov = 0;  ///< of the cameras, full angle, radians
   bool is_rotated = false;    ///< towards the subject; otherwise parallel (wall-eyed)
   int width_px = 0, height_px = 0;
-  int columns = 1, rows = 1;
+  int columns = 1, rows = 1;                          ///< of each side
+  int sides = 1;                                      ///< of a cube, with such an array each
   Eigen::Vector2d spacing = Eigen::Vector2d::Zero();  ///< between columns and rows, metres
   bool is_limited_by_bodies = false;                  ///< cameras touch each other along an axis
   double ghosting_px = 0;  ///< on the best focal plane, pixels of the view (thesis eq. 2.1)
@@ -30,12 +31,12 @@ struct ArrayAlternative {
   bool is_sufficient = false;  ///< ghosting and resolution are as specified
   bool is_on_front = false;    ///< no other one is as good for less
 
-  int cameras() const { return columns * rows; }
+  int cameras() const { return sides * columns * rows; }
 };
 
 /// An array with the same total rate and other numbers of cameras (thesis 8.2).
 struct RateTrade {
-  int columns = 1, rows = 1;
+  int columns = 1, rows = 1;           ///< of each side
   double width_px = 0, height_px = 0;  ///< of a camera
   double spacing_m = 0;                ///< the larger one
   double ghosting_px = 0, resolution = 1;
@@ -63,8 +64,8 @@ struct ArrayPlan {
 /// back at the array, or no camera can be used.
 ArrayPlan plan_array(const schemas::ArraySpecification& specification, const std::string& name);
 
-/// Returns the rig of an alternative: its centre is that of the specified extent, it looks along
-/// -z.
+/// Returns the rig of an alternative: the centre of its first side is that of the specified extent,
+/// and looks along -z. Of six sides, the others look to the left, back, right, up and down.
 schemas::RigDocument rig_of_alternative(const ArrayPlan& plan, const ArrayAlternative& of);
 
 }  // namespace raystage::planning

@@ -111,6 +111,37 @@ TEST(ArrayPlan, RotatedCamerasNeedASmallerFieldOfView) {
   }
 }
 
+// Thesis 6.2: an array on each side of a cube around the positions.
+TEST(ArrayPlan, SixSidesSurroundThePositions) {
+  schemas::ArraySpecification wanted = prototype();
+  wanted.positions.clear();
+  for (const double x : {-0.1, 0.1}) {
+    for (const double y : {-0.1, 0.1}) {
+      wanted.positions.push_back({x, y, 0, {}, {}});
+      wanted.positions.push_back({x, y, -0.2, {}, {}});
+    }
+  }
+  const ArrayPlan one = plan_array(wanted, "test");
+  wanted.sides = 6;
+  const ArrayPlan plan = plan_array(wanted, "test");
+  const ArrayAlternative &single = one.alternatives[*one.best],
+                         &best = plan.alternatives[*plan.best];
+  EXPECT_EQ(best.columns, single.columns);
+  EXPECT_EQ(best.cameras(), 6 * single.cameras());
+  EXPECT_NEAR(best.megapixels_per_s, 6 * single.megapixels_per_s, 1e-9);
+  EXPECT_NEAR(plan.trade[0].width_px, one.trade[0].width_px, 1e-9);
+  EXPECT_THAT(format_array_plan(plan, {}), HasSubstr("6 sides of "));
+  const schemas::RigDocument document = rig_of_alternative(plan, best);
+  const rig::Rig rig = rig::rig_from_document(document);
+  ASSERT_EQ(static_cast<int>(rig.cameras.size()), best.cameras());
+  EXPECT_LT((rig.centre() - Eigen::Vector3d(0, 0, 0.1)).norm(), 1e-12);
+  for (const rig::Rig::Camera& camera : rig.cameras) {
+    // It looks outwards, from the plane of its side.
+    EXPECT_NEAR((camera.pose.position - rig.centre()).dot(camera.pose.viewing_direction()), 0.1,
+                1e-12);
+  }
+}
+
 // Thesis 8.2: at one total rate more cameras have less ghosting, and less resolution.
 TEST(ArrayPlan, TradesCamerasForResolution) {
   const ArrayPlan plan = plan_array(prototype(), "test");

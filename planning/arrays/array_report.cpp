@@ -38,9 +38,10 @@ std::string needs_text(const ArrayPlan& plan) {
 }
 
 std::string array_text(const ArrayAlternative& one) {
-  return fmt::format("{} x {} {} of {}, {:.1f} deg ({:.4g} mm lens), {:.1f} x {:.1f} mm apart",
-                     one.columns, one.rows, one.is_rotated ? "rotated cameras" : "cameras",
-                     one.camera, one.horizontal_fov * kDegrees, one.focal_length_mm,
+  return fmt::format("{}{} x {} {} of {}, {:.1f} deg ({:.4g} mm lens), {:.1f} x {:.1f} mm apart",
+                     one.sides == 1 ? "" : fmt::format("{} sides of ", one.sides), one.columns,
+                     one.rows, one.is_rotated ? "rotated cameras" : "cameras", one.camera,
+                     one.horizontal_fov * kDegrees, one.focal_length_mm,
                      one.spacing.x() * kMillimetres, one.spacing.y() * kMillimetres);
 }
 
@@ -204,11 +205,11 @@ std::string format_array_plan(const ArrayPlan& plan, const std::vector<ArrayTria
   }
   text +=
       "\nAlternatives (no other one has as little ghosting for less):\n"
-      "camera                columns x rows  spacing, mm  ghosting, px  resolution  MB/s  nodes  "
+      "camera                columns x rows  spacing, mm  ghosting, px  resolution    MB/s  nodes  "
       "disks     price\n";
   for (const std::size_t i : shown_alternatives(plan)) {
     const ArrayAlternative& one = plan.alternatives[i];
-    text += fmt::format("{:<22}{:>14}{:>13}{:>14.2f}{:>10.0f} %{:>6.0f}{:>7}{:>7}{:>10.0f}{}\n",
+    text += fmt::format("{:<22}{:>14}{:>13}{:>14.2f}{:>10.0f} %{:>8.0f}{:>7}{:>7}{:>10.0f}{}\n",
                         one.camera + (one.is_rotated ? " (rotated)" : ""),
                         fmt::format("{} x {}", one.columns, one.rows),
                         fmt::format("{:.1f}", one.spacing.maxCoeff() * kMillimetres),
@@ -235,6 +236,7 @@ std::string array_plan_as_json(const ArrayPlan& plan, const std::vector<ArrayTri
                             {"focal_length_mm", one.focal_length_mm},
                             {"fov_deg", one.horizontal_fov * kDegrees},
                             {"rotated", one.is_rotated},
+                            {"sides", one.sides},
                             {"columns", one.columns},
                             {"rows", one.rows},
                             {"spacing_m", {one.spacing.x(), one.spacing.y()}},

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plan (from above) and elevation (from the right): cameras of the array, the virtual camera with its
-// field of view and focal plane, and its path.
+// Plan (from above) and elevation (from the right): cameras of the array, the range of motion of the
+// view, the virtual camera with its field of view and focal plane, and its path.
 import { ahead, fieldOfView, focusDistance, right, up } from "./camera.js";
 
 /** `axes`: for each of plan and elevation, the world's axes to the right and up on the map. */
@@ -11,7 +11,23 @@ const kPanels = [
 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
-export function drawMap(canvas, arrayCameras, camera, path) {
+/** Returns the convex outline of points in a plane (Andrew 1979). */
+function outline(points) {
+  const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+  const turn = (a, b, c) => (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+  const side = (ordered) => {
+    const kept = [];
+    for (const point of ordered) {
+      while (kept.length > 1 && turn(kept.at(-2), kept.at(-1), point) <= 0) kept.pop();
+      kept.push(point);
+    }
+    return kept.slice(0, -1);
+  };
+  return [...side(sorted), ...side(sorted.reverse())];
+}
+
+/** `ranges`: vertices of the convex ranges of motion. */
+export function drawMap(canvas, arrayCameras, camera, path, ranges) {
   const context = canvas.getContext("2d");
   context.clearRect(0, 0, canvas.width, canvas.height);
   if (!camera) return;
@@ -33,6 +49,16 @@ export function drawMap(canvas, arrayCameras, camera, path) {
     context.clip();
     context.fillStyle = "#191a1c";
     context.fill();
+    for (const { vertices } of ranges) {
+      if (vertices.length < 2) continue;
+      context.beginPath();
+      outline(vertices.map(at)).forEach(([x, y], i) => (i ? context.lineTo(x, y) : context.moveTo(x, y)));
+      context.closePath();
+      context.fillStyle = "#3fae9a30";
+      context.fill();
+      context.strokeStyle = "#3fae9a90";
+      context.stroke();
+    }
     context.fillStyle = "#6ea3dc";
     for (const { position } of arrayCameras) {
       const [x, y] = at(position);

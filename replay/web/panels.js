@@ -82,6 +82,11 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
   element("focus-slider").addEventListener("input", (event) =>
     setCamera({ ...cam.copy(camera()), focus_m: 1 / Math.max(0.001, Number(event.target.value)) }, event.timeStamp));
 
+  function drawShotMap() {
+    const cameras = state.shot.layers.flatMap((layer) => layer.cameras ?? []);
+    drawMap(element("map"), cameras, camera(), state.shot.path, state.ranges ?? []);
+  }
+
   function refresh() {
     if (!state.shot) return;
     for (const update of updateFields) update();
@@ -104,7 +109,7 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
     element("key-fields").hidden = !shotText.keyAt(timeline.frame);
     changed();
     timeline.draw();
-    drawMap(element("map"), state.shot.layers.flatMap((layer) => layer.cameras ?? []), camera(), state.shot.path);
+    drawShotMap();
   }
 
   let updateTimeFields = [];
@@ -216,6 +221,10 @@ export function makePanels({ state, shotText, timeline, camera, setCamera, sendS
     const now = performance.now();
     if (header.quality !== "resting" && now - factsTime < kMotionInterval) return;
     factsTime = now;
+    if (header.quality === "resting") {
+      state.ranges = header.ranges ?? [];
+      drawShotMap();
+    }
     const facts = [
       ["Rendered", `${header.width} x ${header.height}${header.method ? ", " + header.method : ""}`],
       ["Time", `${header.render_ms.toFixed(1)} + ${header.picture_ms.toFixed(1)} ms`],

@@ -42,6 +42,22 @@ class Flying(PageTest):
         self.assertGreater(len(set(self.pixels())), 50, "the picture shows something")
         self.screenshot("take")
 
+    def test_the_map_draws_the_range_of_motion(self) -> None:
+        self.refined()
+        (wide,) = self.js("return raystage.state.ranges")
+        self.assertEqual(wide["layer"], 0)
+        self.js("raystage.setCamera({ ...raystage.camera(), focal_length_mm: 2.5 * raystage.camera().focal_length_mm })")
+        self.refined()
+        (narrow,) = self.js("return raystage.state.ranges")
+        extent = lambda found: [max(v[i] for v in found["vertices"]) - min(v[i] for v in found["vertices"]) for i in range(3)]
+        self.assertGreater(extent(narrow)[2], 0.1, "it is as deep as the array is wide, over twice the tangent")
+        if wide["vertices"]:
+            self.assertGreater(extent(narrow)[2], 1.5 * extent(wide)[2])
+        green = """const c = document.getElementById('map'), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+          let n = 0; for (let i = 0; i < d.length; i += 4) n += d[i + 1] > d[i] + 8 && d[i + 1] > d[i + 2] + 4; return n"""
+        self.assertGreater(self.js(green), 200)
+        self.screenshot("range of motion")
+
     def test_dragging_orbits_about_the_focus_point(self) -> None:
         before, seen, point = self.camera(), self.pixels(), self.focus_point()
         self.drag(50, 0)

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "planning/coverage_plan.h"
+#include "rig/rig.h"
+
+namespace raystage::planning {
+
+/// A rig in the world that it shares with others.
+struct NamedRig {
+  std::string name;
+  rig::Rig rig;
+};
+
+/// Returns the rigs of the cameras that face alike: those of one side of a box each. A rig whose
+/// cameras are all turned by less than 80 degrees from their mean direction is one array.
+std::vector<NamedRig> split_by_direction(const NamedRig& rig);
+
+/// Computes the positions from which the arrays together recorded the views (thesis 6.2): each ray
+/// counts if an array recorded it that is not hidden by another one. Arrays that are not ideal
+/// count with the rays of an ideal array inside of them. The frame of the plan is in the middle of
+/// all cameras, with the axes of the first array. Throws Error (bad input) for invalid options, and
+/// for arrays whose cameras are on a line or see no directions in common; Error (failed) if
+/// stopped. `progress`: called with the share of the ranges that are done.
+CoveragePlan plan_combined_coverage(const std::string& name, std::span<const NamedRig> arrays,
+                                    const CoverageOptions& options,
+                                    const std::function<void(double)>& progress = {},
+                                    const std::stop_token& stop = {});
+
+}  // namespace raystage::planning

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "rig/planning/direction_polygon.h"
+#include "rig/planning/range_of_motion.h"
+#include "rig/planning/wall_eyed_array.h"
+
+namespace raystage::rig {
+
+/// One of several arrays.
+struct MemberArray {
+  WallEyedArray rays;  ///< that it recorded; its hull has an area
+  /// Convex outline of its cameras in its frame and plane, counter-clockwise: what hides others.
+  std::vector<Eigen::Vector2d> outline;
+};
+
+/// Several ideal arrays that record one scene, for example the six sides of a box (thesis 6.2).
+class CombinedArrays {
+ public:
+  /// `hide_each_other`: an array does not record a ray that passes through another one in front of
+  /// it, as where all of them are there at the same time.
+  CombinedArrays(std::vector<MemberArray> arrays, bool hide_each_other);
+
+  /// Returns the share of a view's picture whose rays through a position some array recorded, 0 to
+  /// 1. `view`: one eye.
+  double recorded_share(const Eigen::Vector3d& position, const ViewFrustum& view) const;
+  /// Returns the share of the solid angle of all rays through a position.
+  double recorded_share_of_all(const Eigen::Vector3d& position) const;
+
+  /// From where a point is seen.
+  struct SeenPoint {
+    double share = 0;  ///< of all directions, those in which a ray of the point was recorded
+    int arrays = 0;    ///< that see it
+  };
+  SeenPoint seen_point(const Eigen::Vector3d& point) const;
+
+ private:
+  /// A convex set of directions: those with n.d >= 0 for every normal.
+  using Cone = std::vector<Eigen::Vector3d>;
+
+  std::vector<DirectionPolygon> unrecorded(const Eigen::Vector3d& position,
+                                           std::vector<DirectionPolygon> directions) const;
+  std::vector<Cone> hidden(std::size_t array, const Eigen::Vector3d& position) const;
+
+  std::vector<MemberArray> arrays_;
+  bool hide_each_other_;
+};
+
+}  // namespace raystage::rig

@@ -167,8 +167,11 @@ class Search {
     bool divided = false;
     for (auto& [side, middle] : middles_) {
       const bool room = static_cast<int>(directions_.size()) < options_.max_vertices;
-      if ((!all && middle.error <= options_.tolerance) || !room) {
-        result_.error = std::max(result_.error, middle.error);
+      // Elsewhere on a side or in a triangle the border may be further away than in the middle.
+      constexpr double kElsewhere = 1 / 0.7;
+      const double error = kElsewhere * middle.error;
+      if ((!all && error <= options_.tolerance) || !room) {
+        result_.error = std::max(result_.error, error);
         continue;
       }
       middle.vertex = static_cast<int>(directions_.size());

@@ -11,12 +11,21 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-/// Returns the extreme values of a range, and 0 where it is inside: there the eyes of a stereo
-/// camera are farthest apart.
-std::vector<double> extremes_of(const std::pair<double, double>& range) {
+/// Returns the extreme values of a range, and `other` where it is inside.
+std::vector<double> extremes_of(const std::pair<double, double>& range, double other) {
   std::vector<double> values{range.first, range.second};
-  if (range.first < 0 && range.second > 0) values.push_back(0);
+  if (range.first < other && range.second > other) values.push_back(other);
   return values;
+}
+
+/// Returns the angles of yaw at which a ray of a view, turned by its pitch alone, is most inclined
+/// along an axis of the array: the ends of the range; where it is in the array's yz plane, and
+/// least inclined along y; and 0, where the eyes of a stereo camera are farthest apart.
+std::vector<double> extreme_yaws(const std::pair<double, double>& range, const Vector3d& ray) {
+  std::vector<double> yaws = extremes_of(range, 0);
+  const double across = std::atan2(ray.x(), -ray.z());
+  if (range.first < across && range.second > across) yaws.push_back(across);
+  return yaws;
 }
 
 }  // namespace
@@ -28,20 +37,20 @@ std::optional<ArrayRequirements> array_requirements(std::span<const PlannedView>
   ArrayRequirements needed;
   double widest = 0, highest = 0;  // slopes
   for (const PlannedView& view : views) {
-    for (const double yaw : extremes_of(view.yaw)) {
-      for (const double pitch : extremes_of(view.pitch)) {
-        const Eigen::Matrix3d array_from_view = (Eigen::AngleAxisd(yaw, Vector3d::UnitY()) *
-                                                 Eigen::AngleAxisd(pitch, Vector3d::UnitX()))
-                                                    .toRotationMatrix();
-        for (const double x : {-half_width, half_width}) {
-          for (const double y : {-half_height, half_height}) {
-            const Vector3d ray = array_from_view * Vector3d(x, y, -1);
+    for (const double pitch : extremes_of(view.pitch, 0)) {
+      for (const double x : {-half_width, half_width}) {
+        for (const double y : {-half_height, half_height}) {
+          const Vector3d pitched = Eigen::AngleAxisd(pitch, Vector3d::UnitX()) * Vector3d(x, y, -1);
+          for (const double yaw : extreme_yaws(view.yaw, pitched)) {
+            const Eigen::Matrix3d turn =
+                Eigen::AngleAxisd(yaw, Vector3d::UnitY()).toRotationMatrix();
+            const Vector3d ray = turn * pitched;
             if (!(ray.z() < 0)) return std::nullopt;
             const Vector2d slope = ray.head<2>() / -ray.z();
             widest = std::max(widest, std::abs(slope.x()));
             highest = std::max(highest, std::abs(slope.y()));
             for (const double eye : {-picture.interaxial / 2, picture.interaxial / 2}) {
-              const Vector3d at = view.position + eye * array_from_view.col(0);
+              const Vector3d at = view.position + eye * turn.col(0);
               needed.extent.extend(Vector2d(at.head<2>() + at.z() * slope));
             }
           }

@@ -85,6 +85,49 @@ TEST(ArrayRequirements, ContainTheViewsTightly) {
   }
 }
 
+// Views that turn in both directions, also to one side only: no ray of any orientation crosses the
+// array's plane outside of the extent, and the extent is where some do.
+TEST(ArrayRequirements, ContainEveryOrientation) {
+  std::mt19937 random(8);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<>(low, high)(random);
+  };
+  for (int round = 0; round < 40; ++round) {
+    const PlannedPicture picture{uniform(10, 40) * kOneDegree, uniform(0.6, 2), 0};
+    PlannedView view = view_at(0, 0, uniform(0.2, 2) * (round % 2 == 0 ? 1 : -1));
+    const double least_yaw = uniform(-40, 20), least_pitch = uniform(-30, 20);
+    view.yaw = {least_yaw * kOneDegree, (least_yaw + uniform(0, 20)) * kOneDegree};
+    view.pitch = {least_pitch * kOneDegree, (least_pitch + uniform(0, 10)) * kOneDegree};
+    const auto needed = array_requirements(std::span(&view, 1), picture);
+    ASSERT_TRUE(needed);
+    Eigen::AlignedBox2d traced;
+    constexpr int kSteps = 40;
+    for (int i = 0; i <= kSteps; ++i) {
+      for (int j = 0; j <= kSteps; ++j) {
+        const Eigen::Matrix3d turn =
+            (Eigen::AngleAxisd(std::lerp(view.yaw.first, view.yaw.second, 1.0 * i / kSteps),
+                               Eigen::Vector3d::UnitY()) *
+             Eigen::AngleAxisd(std::lerp(view.pitch.first, view.pitch.second, 1.0 * j / kSteps),
+                               Eigen::Vector3d::UnitX()))
+                .toRotationMatrix();
+        for (const double x : {-1.0, 1.0}) {
+          for (const double y : {-1.0, 1.0}) {
+            const double half = std::tan(picture.horizontal_fov / 2);
+            const Eigen::Vector3d ray =
+                turn * Eigen::Vector3d(x * half, y * half / picture.aspect, -1);
+            traced.extend(Eigen::Vector2d(view.position.z() * ray.head<2>() / -ray.z()));
+          }
+        }
+      }
+    }
+    EXPECT_LT((needed->extent.min() - traced.min()).maxCoeff(), 1e-12) << round;
+    EXPECT_GT((needed->extent.max() - traced.max()).minCoeff(), -1e-12) << round;
+    // Steps of half a degree miss the extreme by little.
+    EXPECT_LT((needed->extent.min() - traced.min()).norm(), 1e-3) << round;
+    EXPECT_LT((needed->extent.max() - traced.max()).norm(), 1e-3) << round;
+  }
+}
+
 // Thesis 4.4: 62 degrees, 320 pixels, 60 mm: alias-free from 7.99 m (eq. 4.3).
 TEST(LargestSpacing, EqualsThesisEquations) {
   const double pitch = 2 * std::tan(31 * kOneDegree) / 320;
